@@ -1,0 +1,73 @@
+"""Typed text to values: strict numbers, and one entry of a vector or matrix replaced."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+import pgraph_core as pg
+
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+LONGEST_NAME = 100
+
+
+class Refusal(ValueError):
+    """Typed text that is no value; its text is the sentence for the person who typed."""
+
+
+def number(text: str) -> float:
+    """The number typed, exactly: 1e-6 is 1e-6. Raises Refusal with what would do."""
+    typed = text.strip()
+    if not NUMBER.fullmatch(typed):
+        hint = "; write the decimal point as '.'" if "," in typed else " such as 0.25 or 1e-6"
+        raise Refusal(f"needs a number{hint}; given {_quoted(typed)}")
+    value = float(typed)
+    if not math.isfinite(value):
+        raise Refusal(f"{_quoted(typed)} is too large for a number; use less than 1.8e308")
+    return value
+
+
+def whole(text: str, low: int, high: int) -> int:
+    """The whole number typed, within [low, high]. Raises Refusal."""
+    typed = text.strip()
+    if not re.fullmatch(r"\d{1,9}", typed) or not low <= int(typed) <= high:
+        raise Refusal(f"needs a whole number from {low} to {high}; given {_quoted(typed)}")
+    return int(typed)
+
+
+def change(body: pg.Body, field: str, index: tuple[int, ...], text: str) -> dict[str, Any]:
+    """The keyword arguments of `model.edit` that put `text` into a cell of `body`."""
+    match field:
+        case "name":
+            if len(text) > LONGEST_NAME:
+                raise Refusal(f"a name has at most {LONGEST_NAME} characters; given {len(text)}")
+            return {"name": text.strip()}
+        case "parent" | "joint":
+            return {field: text}
+        case "dof":
+            return {"dof": whole(text, 0, 6)}
+        case "tip" if not text.strip():
+            return {"tip": None}
+        case "tip":
+            return {"tip": _replaced(body.tip_point, index, number(text))}
+        case "inertia" if len(index) == 2:
+            upper = _replaced(body.inertia, index, number(text))
+            return {"inertia": _replaced(upper, (index[1], index[0]), number(text))}
+    return {field: _replaced(getattr(body, field), index, number(text))}
+
+
+def _replaced(value: Any, index: tuple[int, ...], new: float) -> Any:
+    """`value` with the entry at `index` replaced by `new`."""
+    if not index:
+        if isinstance(value, tuple):
+            raise Refusal("has several numbers; say which")
+        return new
+    first, *rest = index
+    if not isinstance(value, tuple) or first >= len(value):
+        raise Refusal("has no such entry any more")
+    return (*value[:first], _replaced(value[first], tuple(rest), new), *value[first + 1 :])
+
+
+def _quoted(text: str) -> str:
+    return repr(text if len(text) <= 40 else text[:37] + "...")

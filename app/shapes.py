@@ -1,0 +1,195 @@
+"""What a body looks like (pure): simple pieces in its frame, and those as a trimesh mesh."""
+
+from __future__ import annotations
+
+import colorsys
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+import pgraph_core as pg
+
+Color = tuple[int, int, int]
+TRUNK_HUE = 0.63  # bodies that carry several tips
+TIP_HUES = (0.56, 0.09, 0.40, 0.99, 0.80, 0.14, 0.48, 0.90, 0.30, 0.70)  # one a branch
+SLENDER, THINNEST = 0.13, 0.004  # radius of a link over its length; least radius [m]
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A solid in body axes; `size` are the edges of its bounding box, along its own axes."""
+
+    kind: Literal["box", "sphere", "cylinder", "capsule", "mesh"]
+    size: tuple[float, float, float]  # [m]
+    position: tuple[float, float, float]  # its middle [m]
+    rotation: np.ndarray  # (3, 3)
+    file: str = ""
+
+
+def children_of(parent: Sequence[int]) -> tuple[tuple[int, ...], ...]:
+    """Numbers of the children of the ground (0) and of bodies 1..nb, left to right."""
+    found: list[list[int]] = [[] for _ in range(len(parent) + 1)]
+    for k, p in enumerate(parent, 1):
+        found[p].append(k)
+    return tuple(map(tuple, found))
+
+
+def pieces(body: pg.Body, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
+    """The body's own shape, or slender links from its origin to its children, tip or com."""
+    if body.shape is not None:
+        return (_own(body.shape),)
+    ends = [np.asarray(link) for link in links] or [np.asarray(body.tip_point)]
+    longest = max(float(np.linalg.norm(end)) for end in ends)
+    if longest < 10 * THINNEST:
+        ends = [2 * np.asarray(body.com)]
+        longest = float(np.linalg.norm(ends[0]))
+    if longest < 10 * THINNEST:
+        edge = 0.4 * max(body.mass, 0.1) ** (1 / 3) * 0.2
+        return (Piece("box", (edge, edge, edge), (0.0, 0.0, 0.0), np.eye(3)),)
+    radius = max(SLENDER * longest, THINNEST)
+    return tuple(_rod(end, radius) for end in ends if np.linalg.norm(end) > radius / 2)
+
+
+def _rod(end: np.ndarray, radius: float) -> Piece:
+    """A capsule from the origin to `end`, its caps inside the length."""
+    length = float(np.linalg.norm(end))
+    width = min(2 * radius, length)
+    x, y, z = (float(c) / 2 for c in end)
+    return Piece("capsule", (width, width, length), (x, y, z), z_to(end / length))
+
+
+def _own(shape: pg.Shape) -> Piece:
+    size = shape.size or (1.0, 1.0, 1.0)
+    if shape.radius is not None:
+        d, caps = 2 * shape.radius, 2 * shape.radius if shape.kind == "capsule" else 0.0
+        size = (d, d, (shape.length or 0.0) + caps if shape.kind != "sphere" else d)
+    if shape.kind == "mesh":
+        size = (shape.scale,) * 3
+    rotation = to_matrix(np.asarray(shape.rotation))
+    return Piece(shape.kind, size, shape.position, rotation, shape.file or "")
+
+
+def mesh(parts: Sequence[Piece]) -> Any:
+    """The pieces as one trimesh.Trimesh in body axes."""
+    import trimesh
+
+    return trimesh.util.concatenate([_solid(part) for part in parts])
+
+
+def unit(kind: str) -> Any:
+    """A trimesh whose bounding box is the unit cube: what batched bodies are scaled from."""
+    tall = (1.0, 1.0, 2.0) if kind == "capsule" else (1.0, 1.0, 1.0)
+    solid = _solid(Piece("box" if kind == "mesh" else kind, tall, (0.0,) * 3, np.eye(3)))  # type: ignore[arg-type]
+    solid.apply_scale([1.0, 1.0, 1.0 / tall[2]])
+    return solid
+
+
+def _solid(part: Piece) -> Any:
+    import trimesh
+
+    x, y, z = part.size
+    match part.kind:
+        case "box":
+            solid = trimesh.creation.box(extents=part.size)
+        case "sphere":
+            solid = trimesh.creation.icosphere(subdivisions=3, radius=x / 2)
+        case "cylinder":
+            solid = trimesh.creation.cylinder(radius=x / 2, height=z, sections=24)
+        case "capsule":
+            solid = trimesh.creation.capsule(radius=x / 2, height=max(z - x, 0.0), count=(16, 24))
+            solid.apply_translation(-solid.bounds.mean(axis=0))
+        case "mesh":
+            solid = _file(part.file)
+            solid.apply_scale(x)
+    placed = np.eye(4)
+    placed[:3, :3], placed[:3, 3] = part.rotation, part.position
+    solid.apply_transform(placed)
+    return solid
+
+
+def _file(name: str) -> Any:
+    """The mesh in a file; a small box where it cannot be read, so that the body is still there."""
+    import trimesh
+
+    try:
+        return trimesh.load(name, force="mesh")
+    except (OSError, ValueError, TypeError, NotImplementedError):
+        return trimesh.creation.box(extents=(0.1, 0.1, 0.1))
+
+
+def reach(
+    bodies: Sequence[pg.Body], children: Sequence[Sequence[int]],
+    positions: np.ndarray, rotations: np.ndarray,
+) -> tuple[np.ndarray, float]:  # fmt: skip
+    """Middle of the model at home, and how far it reaches from there [m]."""
+    points = [np.asarray(p) for p in positions]
+    for body, p, R in zip(bodies, positions, rotations):
+        points += [p + R @ np.asarray(body.tip_point), p + R @ np.asarray(body.com)]
+    if not points:
+        return np.zeros(3), 1.0
+    low, high = np.min(points, axis=0), np.max(points, axis=0)
+    return (low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, 0.05)
+
+
+def branch_colors(parent: Sequence[int]) -> tuple[Color, ...]:
+    """One calm colour a body: a hue for each branch that ends in a tip, one for the trunk."""
+    n = len(parent)
+    tips = [0] * (n + 1)
+    for k in range(n, 0, -1):
+        tips[k] = max(tips[k], 1)
+        tips[parent[k - 1]] += tips[k]
+    hues, colors = itertools.cycle(TIP_HUES), []
+    hue, rank = [TRUNK_HUE] * (n + 1), [0] * (n + 1)
+    for k, p in enumerate(parent, 1):
+        trunk = tips[k] > 1
+        follows = p > 0 and (trunk or tips[p] == 1)
+        hue[k] = hue[p] if follows else TRUNK_HUE if trunk else next(hues)
+        rank[k] = rank[p] + 1 if follows else 0
+        light = 0.42 + 0.05 * (rank[k] % 5)
+        colors.append(_rgb(hue[k], light, 0.36 if trunk else 0.52))
+    return tuple(colors)
+
+
+def _rgb(hue: float, light: float, saturation: float) -> Color:
+    r, g, b = colorsys.hls_to_rgb(hue, light, saturation)
+    return round(255 * r), round(255 * g), round(255 * b)
+
+
+def z_to(direction: np.ndarray) -> np.ndarray:
+    """A rotation that takes z to the unit vector `direction`."""
+    a = np.eye(3)[int(np.argmin(np.abs(direction)))]
+    x = np.cross(a, direction)
+    x /= np.linalg.norm(x)
+    return np.column_stack((x, np.cross(direction, x), direction))
+
+
+def to_matrix(wxyz: np.ndarray) -> np.ndarray:
+    """Rotation matrices (..., 3, 3) of quaternions (..., 4)."""
+    w, x, y, z = np.moveaxis(wxyz / np.linalg.norm(wxyz, axis=-1, keepdims=True), -1, 0)
+    rows = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def to_wxyz(R: np.ndarray) -> np.ndarray:
+    """Quaternions (n, 4) of rotation matrices (n, 3, 3), w >= 0."""
+    from scipy.spatial.transform import Rotation
+
+    if len(R) == 0:
+        return np.zeros((0, 4))
+    xyzw = Rotation.from_matrix(R).as_quat()
+    wxyz = np.concatenate((xyzw[:, 3:], xyzw[:, :3]), axis=1)
+    return wxyz * np.where(wxyz[:, :1] < 0, -1.0, 1.0)
+
+
+def spaced(size: float) -> float:
+    """A round grid spacing (1, 2 or 5 times a power of ten) for a model of this size [m]."""
+    power = 10.0 ** math.floor(math.log10(size))
+    return next(f * power for f in (1.0, 2.0, 5.0, 10.0) if f * power >= size / 2)

@@ -1,0 +1,248 @@
+"""What the page shows, as frozen values: the model, what follows from it, and who looks at it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+import pgraph_core as pg
+
+from .digraph import Layout, layout
+from .shapes import Color, branch_colors, children_of, reach, to_wxyz
+
+SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
+SHOWN_AT_FIRST = frozenset({"axes"})
+SHOWABLE = frozenset({"axes", "links", "coms", "names", "forces"})
+FREE_RUN = ""  # the scenario of a run that has none
+METHODS = ("auto", "rk4", "semi_implicit_euler")
+
+
+@dataclass(frozen=True)
+class Derived:
+    """Everything that follows from the model alone; in number order unless said otherwise."""
+
+    names: tuple[str, ...]  # depth-first, from body 1
+    number: Mapping[str, int]  # name -> 1..nb
+    parent: tuple[int, ...]  # numbers, 0 is the ground
+    children: tuple[tuple[int, ...], ...]  # of body 0 (ground), 1, ...
+    pgraph: tuple[int, ...]
+    jdof: tuple[int, ...]
+    tips: frozenset[int]
+    separation: frozenset[int]
+    dof: int
+    constraints: Mapping[str, tuple[str, ...]]  # body name -> names of what touches it
+    layout: Layout
+    colors: tuple[Color, ...]
+    positions: np.ndarray  # (nb, 3) body origins at home, world axes [m]
+    wxyz: np.ndarray  # (nb, 4) orientations at home
+    center: np.ndarray  # (3,) what the camera looks at [m]
+    size: float  # how far the model reaches from there [m]
+
+    def descendants(self, name: str) -> frozenset[str]:
+        """The names in the subtree of `name`, itself included: what cannot be its parent."""
+        found, stack = set(), [self.number[name]]
+        while stack:
+            k = stack.pop()
+            found.add(self.names[k - 1])
+            stack += self.children[k]
+        return frozenset(found)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One user action, as an undo step: the model before it and what the action was."""
+
+    model: pg.Model
+    label: str
+
+
+@dataclass(frozen=True)
+class Reply:
+    """The answer to a typed cell: "" where it was taken, else the sentence that refuses it."""
+
+    serial: int
+    text: str
+
+
+@dataclass(frozen=True)
+class Notice:
+    """Something to tell one person in passing."""
+
+    title: str
+    text: str = ""
+    bad: bool = False
+
+
+@dataclass(frozen=True)
+class Client:
+    """One open page: what it selected and what it was told last."""
+
+    selection: str | None = None
+    dark: bool = False
+    reply: Reply | None = None
+    notice: Notice | None = None
+    downloads: int = 0  # how often the model was asked for as a file
+
+
+@dataclass(frozen=True)
+class Saving:
+    """A file to be written for one page."""
+
+    client: int
+    serial: int
+    path: str
+    model: pg.Model
+
+
+@dataclass(frozen=True)
+class Request:
+    """How to simulate: a named scenario with its own settings, or a free run with these."""
+
+    scenario: str = FREE_RUN
+    t_end: float = 2.0  # [s]
+    step: float = 1e-3  # [s]
+    method: str = "auto"
+
+
+@dataclass(frozen=True)
+class Job:
+    """A simulation under way, for the model it was asked for."""
+
+    id: int
+    model: pg.Model
+    request: Request
+    fraction: float = 0.0
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished simulation and the model it is of."""
+
+    model: pg.Model
+    request: Request
+    result: Any  # pgraph_core's result
+
+
+@dataclass(frozen=True)
+class Playback:
+    time: float = 0.0  # [s]
+    playing: bool = False
+    speed: float = 1.0
+    loop: bool = True
+
+
+@dataclass(frozen=True)
+class Kernels:
+    """How far the compiled code is: `done` of `total`, `name` under way."""
+
+    done: int = 0
+    total: int = 0
+    name: str = ""
+    ready: bool = False
+    problem: str = ""
+
+
+@dataclass(frozen=True)
+class State:
+    model: pg.Model
+    derived: Derived
+    request: Request
+    gallery: Mapping[str, str] = field(default_factory=dict)  # built-in name -> JSON text
+    clients: Mapping[int, Client] = field(default_factory=dict)
+    undo: tuple[Step, ...] = ()
+    redo: tuple[Step, ...] = ()
+    last_run: Run | None = None
+    job: Job | None = None
+    jobs: int = 0  # how many were asked for; the last one's id
+    run_problem: str = ""  # why the last job gave no result
+    playback: Playback = Playback()
+    kernels: Kernels = Kernels()
+    saving: Saving | None = None
+    shown: frozenset[str] = SHOWN_AT_FIRST
+    framed: int = 0  # counts the models opened; the camera is set anew for each
+
+    @property
+    def run(self) -> Run | None:
+        """The run to play: the last one, if it is of the model as it stands."""
+        run = self.last_run
+        return run if run is not None and run.model is self.model else None
+
+    @property
+    def t_end(self) -> float:
+        """How long the run to play is [s]; 0 without one."""
+        return float(self.run.result.t[-1]) if self.run is not None else 0.0
+
+
+def initial(model: pg.Model, gallery: Mapping[str, str] | None = None) -> State:
+    """The state the server starts with."""
+    return State(model, derive(model), first_request(model), gallery or {})
+
+
+def first_request(model: pg.Model) -> Request:
+    """What Simulate offers at first: the model's first scenario, or a free run."""
+    if not model.scenarios:
+        return Request()
+    s = model.scenarios[0]
+    return Request(s.name, s.t_end, s.step, s.method if s.method in METHODS else "auto")
+
+
+def derive(model: pg.Model) -> Derived:
+    """Topology, layout, home poses, colours and the constraint column of a model."""
+    top = pg.Topology(model)
+    names, parent = tuple(top.names), tuple(int(p) for p in top.parent)
+    separation = frozenset(int(k) for k in top.separation_bodies)
+    children = children_of(parent)
+    bodies = [model.body(name) for name in names]
+    positions, rotations = pg.home_poses(model)
+    center, size = reach(bodies, children, positions, rotations)
+    touching = {name: [c.name for c in model.constraints if name in (c.body, c.other)]
+                for name in names}
+    return Derived(
+        names=names,
+        number={name: k for k, name in enumerate(names, 1)},
+        parent=parent,
+        children=children,
+        pgraph=tuple(int(k) for k in top.pgraph),
+        jdof=tuple(int(k) for k in top.jdof),
+        tips=frozenset(int(k) for k in top.tips),
+        separation=separation,
+        dof=sum(body.dof for body in bodies),
+        constraints={name: tuple(found) for name, found in touching.items()},
+        layout=layout(parent, tuple(len(name) for name in names)),
+        colors=branch_colors(parent),
+        positions=np.asarray(positions, dtype=float),
+        wxyz=to_wxyz(np.asarray(rotations, dtype=float)),
+        center=center,
+        size=size,
+    )  # fmt: skip
+
+
+def poses(state: State) -> tuple[np.ndarray, np.ndarray]:
+    """(nb, 3) positions and (nb, 4) orientations to draw: home, or the run at its time."""
+    if state.run is None:
+        return state.derived.positions, state.derived.wxyz
+    result = state.run.result
+    return between(np.asarray(result.t), np.asarray(result.body_pose), state.playback.time)
+
+
+def between(t: np.ndarray, pose: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
+    """`pose` (len(t), nb, 7) at `time`: straight lines, normalised for the quaternions."""
+    k = int(np.clip(np.searchsorted(t, time, side="right") - 1, 0, max(len(t) - 2, 0)))
+    last = min(k + 1, len(t) - 1)
+    span = t[last] - t[k]
+    s = min(max((time - t[k]) / span, 0.0), 1.0) if span > 0 else 0.0
+    a, b = pose[k], pose[last]
+    sign = np.where((a[:, 3:] * b[:, 3:]).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
+    wxyz = (1 - s) * a[:, 3:] + s * sign * b[:, 3:]
+    return (1 - s) * a[:, :3] + s * b[:, :3], wxyz / np.linalg.norm(wxyz, axis=1, keepdims=True)
+
+
+def with_client(state: State, client: int, **changes: Any) -> State:
+    """`state` with one page's own part changed; unknown pages are left out."""
+    if client not in state.clients:
+        return state
+    changed = replace(state.clients[client], **changes)
+    return replace(state, clients={**state.clients, client: changed})

@@ -1,0 +1,46 @@
+"""What can go wrong, as sentences for the person who typed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing wrong with a description: where, which field, and a sentence that helps."""
+
+    where: str  # "body 'knee'", "constraint 'paw'", "model", "file mine.json, line 3"
+    field: str  # "mass", or "" where no single field is at fault
+    text: str  # what was given and what would do
+
+    def __str__(self) -> str:
+        place = f"{self.where}, {self.field}" if self.field else self.where
+        return f"{place}: {self.text}"
+
+
+class PgraphError(Exception):
+    """Bad input. Its text is one sentence a problem; `problems` holds them one by one."""
+
+    def __init__(self, problems: Iterable[Problem] | Problem):
+        self.problems = (problems,) if isinstance(problems, Problem) else tuple(problems)
+        super().__init__("\n".join(map(str, self.problems)))
+
+
+class ModelError(PgraphError):
+    """A description that is not a multibody system."""
+
+
+class FileError(PgraphError):
+    """A file that cannot be read or written, or that holds no model."""
+
+
+class InputError(PgraphError):
+    """An argument of a call that does not fit the mechanism."""
+
+
+def choices(names: Iterable[str], limit: int = 12) -> str:
+    """The valid names, comma-separated, for the end of a sentence; cut after `limit`."""
+    listed = list(names)
+    more = f" and {len(listed) - limit} more" if len(listed) > limit else ""
+    return ", ".join(listed[:limit]) + more

@@ -1,0 +1,60 @@
+"""Quaternions [w, x, y, z] in plain Python, for descriptions and oracles (not for kernels)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array: TypeAlias = "NDArray[np.float64]"
+Quaternion: TypeAlias = "tuple[float, float, float, float]"
+
+
+def multiply(p: Sequence[float], q: Sequence[float]) -> Quaternion:
+    """The Hamilton product p q: first q, then p."""
+    (a, b, c, d), (w, x, y, z) = p, q
+    return (
+        a * w - b * x - c * y - d * z,
+        a * x + b * w + c * z - d * y,
+        a * y - b * z + c * w + d * x,
+        a * z + b * y - c * x + d * w,
+    )
+
+
+def unit(q: Sequence[float]) -> Quaternion:
+    """`q` at length one."""
+    w, x, y, z = q
+    norm = math.hypot(w, x, y, z)
+    return (w / norm, x / norm, y / norm, z / norm)
+
+
+def matrix(q: Sequence[float]) -> Array:
+    """(3, 3) rotation matrix of a quaternion of any length but zero."""
+    w, x, y, z = unit(q)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def rotate(q: Sequence[float], x: Sequence[float]) -> tuple[float, float, float]:
+    """The vector x turned by the quaternion q."""
+    a, b, c = matrix(q) @ np.asarray(x, dtype=float)
+    return (float(a), float(b), float(c))
+
+
+def skew(x: Sequence[float]) -> Array:
+    """(3, 3) matrix of the cross product: skew(x) y = x × y."""
+    return np.array([[0.0, -x[2], x[1]], [x[2], 0.0, -x[0]], [-x[1], x[0], 0.0]])
+
+
+def rodrigues(axis: Sequence[float], angle: float) -> Array:
+    """(3, 3) rotation about a unit axis: Rot(h, θ) = I + (h×) sin θ + (h×)² (1 - cos θ), Fig. 7."""
+    h = skew(axis)
+    return np.eye(3) + math.sin(angle) * h + (1.0 - math.cos(angle)) * (h @ h)

@@ -1,0 +1,234 @@
+"""One row of the table: a body, and the joint that ties it to its parent."""
+
+from __future__ import annotations
+
+import math
+from functools import cached_property
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from .. import joints
+from ..joints import JointKind, Motion, MotionKind
+from .checks import GROUND, body_problems
+from .fields import (
+    Described,
+    Frozen,
+    Mat3,
+    Number,
+    PerMotion,
+    Quat,
+    Vec3,
+    listed,
+    refuse,
+    shown,
+)
+
+
+class Shape(Frozen):
+    """What is drawn, in the body's frame [m]."""
+
+    kind: Literal["box", "sphere", "cylinder", "capsule", "mesh"] = Field(
+        description="one of box, sphere, cylinder, capsule, mesh"
+    )
+    size: Vec3 | None = Field(None, description="the three edge lengths of a box [m]")
+    radius: Annotated[Number, Field(gt=0)] | None = Field(None, description="a radius > 0 [m]")
+    length: Annotated[Number, Field(gt=0)] | None = Field(
+        None, description="a length > 0 along z [m], a capsule's without its caps"
+    )
+    file: str | None = Field(None, description="the name of a mesh file")
+    scale: Annotated[Number, Field(gt=0)] = Field(1.0, description="a factor > 0 on the mesh")
+    position: Vec3 = Field((0.0, 0.0, 0.0), description="three finite numbers [x, y, z] [m]")
+    rotation: Quat = Field((1.0, 0.0, 0.0, 0.0), description="a quaternion [w, x, y, z]")
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        needed = {"box": ("size",), "sphere": ("radius",), "mesh": ("file",)}
+        missing = [
+            name
+            for name in needed.get(self.kind, ("radius", "length"))
+            if getattr(self, name) is None
+        ]
+        problems = [("shape", f"a {self.kind} needs {name}") for name in missing]
+        if self.size is not None and min(self.size) <= 0:
+            problems.append(("shape", f"a box's edges must be > 0 [m]; given {self.size}"))
+        refuse(problems)
+        return self
+
+
+class Body(Described):
+    """A rigid body and its joint. SI units; the frames are those of docs/conventions.md."""
+
+    name: str = Field(description="text that is not empty")
+    parent: str = Field(GROUND, description="the name of a body, or 'ground'")
+    joint: JointKind = Field(
+        "revolute", description="one of " + ", ".join(joints.DEFAULT) + ", or give dof 0 to 6"
+    )
+    axes: tuple[Vec3, ...] = Field(
+        (), description="one direction [x, y, z] a motion, in the body's axes at q = 0"
+    )
+    motions: tuple[tuple[MotionKind, Vec3], ...] = Field(
+        (), description="('rotate' | 'translate' | 'ball', [x, y, z]) pairs of a compound joint"
+    )
+    link: Vec3 = Field(
+        (0.0, 0.0, 0.0), description="three finite numbers [x, y, z] from the parent's origin [m]"
+    )
+    rotation: Quat = Field(
+        (1.0, 0.0, 0.0, 0.0), description="a unit quaternion [w, x, y, z] in the parent's axes"
+    )
+    mass: Annotated[Number, Field(ge=0)] = Field(1.0, description="a finite number >= 0 [kg]")
+    com: Vec3 = Field(
+        (0.0, 0.0, 0.0), description="three finite numbers [x, y, z] in body axes [m]"
+    )
+    inertia: Mat3 = Field(
+        ((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01)),
+        description="a symmetric 3x3 matrix of finite numbers about the centre of mass [kg m^2]",
+    )
+    tip: Vec3 | None = Field(
+        None, description="three finite numbers [x, y, z] in body axes [m], or nothing"
+    )
+    q: PerMotion = Field((), description="one finite number a position coordinate [rad, m]")
+    v: PerMotion = Field((), description="one finite number a degree of freedom [rad/s, m/s]")
+    stiffness: PerMotion = Field((), description="numbers >= 0, one for all or one a motion")
+    damping: PerMotion = Field((), description="numbers >= 0, one for all or one a motion")
+    rest: PerMotion = Field((), description="finite numbers, one for all or one a motion")
+    armature: PerMotion = Field((), description="numbers >= 0, one for all or one a motion")
+    shape: Shape | None = Field(None, description="a shape such as {'kind': 'sphere', ...}")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _joint_from_dof(cls, data: Any) -> Any:
+        """`dof` picks the joint; the short forms of axes, motions, q, v, ... are filled in."""
+        if not isinstance(data, dict):
+            return data
+        data = {key: value for key, value in data.items() if value is not None or key == "name"}
+        dof = data.pop("dof", None)
+        if dof is not None:
+            _pick_joint(data, dof)
+        kind = data.get("joint", "revolute")
+        if isinstance(kind, str) and kind in joints.DEFAULT:
+            _fill_motions(data, kind)
+        return data
+
+    @model_validator(mode="after")
+    def _physical(self) -> Self:
+        refuse(body_problems(self))
+        return self
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom of the joint, 0 to 6."""
+        return joints.nv(self.sequence)
+
+    @cached_property
+    def sequence(self) -> tuple[Motion, ...]:
+        return tuple(Motion(kind, axis) for kind, axis in self.motions)
+
+    @cached_property
+    def tip_point(self) -> tuple[float, float, float]:
+        """`tip`, or the centre of mass where none is given, in body axes [m]."""
+        return self.com if self.tip is None else self.tip
+
+    @cached_property
+    def record(self) -> bytes:
+        """The numbers of the body as float64: link 3, rotation 4, mass, com 3, inertia 6, motions.
+
+        Made once per (frozen) body: packing a model joins records instead of reading fields.
+        """
+        i = self.inertia
+        return np.array(
+            (
+                *self.link,
+                *_unit(self.rotation),
+                self.mass,
+                *self.com,
+                *(i[0][0], i[1][1], i[2][2], i[0][1], i[0][2], i[1][2]),
+                len(self.motions),
+            )
+        ).tobytes()
+
+    @cached_property
+    def motion_record(self) -> bytes:
+        """The numbers of its motions as float64, 8 each: kind, axis 3, armature, spring 3."""
+        numbers = [
+            (
+                KIND_CODE[motion.kind],
+                *(_unit(motion.axis) if motion.kind in ("rotate", "translate") else motion.axis),
+                *(values[k] for values in (self.armature, self.stiffness, self.damping, self.rest)),
+            )
+            for k, motion in enumerate(self.sequence)
+        ]
+        return np.array(numbers, dtype=float).tobytes()
+
+    @cached_property
+    def home_record(self) -> tuple[bytes, bytes]:
+        """q and v as float64."""
+        return np.array(self.q, dtype=float).tobytes(), np.array(self.v, dtype=float).tobytes()
+
+
+KIND_CODE: dict[MotionKind, float] = {"rotate": 0.0, "translate": 1.0, "ball": 2.0, "free": 3.0}
+
+
+def _unit(x: tuple[float, ...]) -> tuple[float, ...]:
+    norm = math.hypot(*x)
+    return tuple(c / norm for c in x) if norm != 1.0 else x
+
+
+def _pick_joint(data: dict[str, Any], dof: Any) -> None:
+    whole = isinstance(dof, int) and not isinstance(dof, bool)
+    if not whole or not 0 <= dof <= 6:
+        refuse([("dof", f"must be a whole number from 0 to 6; given {shown(dof)}")])
+    kind, motions = joints.OF_DOF[dof]
+    given = data.get("joint", kind)
+    if given not in joints.DEFAULT:
+        return
+    motions = data.get("motions") or (motions if given == kind else joints.DEFAULT[given])
+    data["joint"], data["motions"] = given, motions
+    try:
+        agrees = joints.nv(tuple(Motion(m[0], m[1]) for m in motions)) == dof
+    except (KeyError, IndexError, TypeError):
+        return  # ill-formed motions are refused by their own field
+    if not agrees:
+        refuse([("dof", f"{dof} disagrees with joint '{given}'; give one of the two")])
+
+
+def _fill_motions(data: dict[str, Any], kind: JointKind) -> None:
+    """`motions` is what the joint does; `axes` alone picks the directions of the kind's own."""
+    motions = listed(data.get("motions")) or joints.DEFAULT[kind]
+    try:
+        motions = tuple(Motion(m[0], (m[1] if len(m) > 1 else None) or joints.Z) for m in motions)
+    except (IndexError, TypeError):
+        return
+    axes = listed(data.get("axes"))
+    if axes and len(axes) == 3 and all(isinstance(a, (int, float)) for a in axes):
+        axes = (axes,)  # one direction written without its outer brackets
+    moving = [m for m in motions if m.kind in ("rotate", "translate")]
+    if axes and kind != "weld":
+        if not isinstance(axes, tuple) or len(axes) != len(moving):
+            refuse([("axes", f"a {kind} joint takes {_count(len(moving))}; given {shown(axes)}")])
+        left = iter(axes)
+        motions = tuple(
+            Motion(m.kind, next(left)) if m.kind in ("rotate", "translate") else m for m in motions
+        )
+    data["motions"] = motions
+    data["axes"] = tuple(m.axis for m in motions if m.kind in ("rotate", "translate"))
+    try:
+        _fill_coordinates(data, motions)
+    except KeyError:
+        return
+
+
+def _fill_coordinates(data: dict[str, Any], motions: tuple[Motion, ...]) -> None:
+    if listed(data.get("q", ())) == ():
+        data["q"] = joints.home(motions)
+    if listed(data.get("v", ())) == ():
+        data["v"] = (0.0,) * joints.nv(motions)
+    for name in ("stiffness", "damping", "rest", "armature"):
+        value = listed(data.get(name, ()))
+        value = value if isinstance(value, tuple) else (value,)
+        data[name] = value * len(motions) if len(value) == 1 else value or (0.0,) * len(motions)
+
+
+def _count(n: int) -> str:
+    return {0: "no axes", 1: "one axis [x, y, z]"}.get(n, f"{n} axes, each [x, y, z]")

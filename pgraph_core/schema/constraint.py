@@ -1,0 +1,28 @@
+"""Constraints between two bodies, or a body and the ground, beside the joints of the tree."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field
+
+from .checks import GROUND
+from .fields import Described, Vec3
+
+
+class Constraint(Described):
+    """`point` of `body` stays at `other_point` of `other` (three rows, bilateral)."""
+
+    name: str = Field(description="text that is not empty")
+    kind: Literal["point"] = Field("point", description="'point'")
+    body: str = Field(description="the name of a body")
+    other: str = Field(GROUND, description="the name of a body, or 'ground'")
+    point: Vec3 | None = Field(
+        None, description="three finite numbers in the axes of `body` [m]; left out: its tip"
+    )
+    other_point: Vec3 | None = Field(
+        None,
+        description="three finite numbers in the axes of `other` [m]; left out: where `point` is "
+        "in the initial state",
+    )
+    active: bool = Field(True, description="true or false")

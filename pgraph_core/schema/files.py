@@ -1,0 +1,111 @@
+"""Model files: JSON with a schema version, one part a line, written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import FileError, Problem
+from .fields import shown
+
+if TYPE_CHECKING:
+    from .model import Model
+
+SCHEMA_VERSION = 1
+SCHEMA = "pgraph-model"
+
+
+def to_json(model: Model) -> str:
+    """JSON text of a model. Fields without a value are left out; all others are written."""
+    data = {"$schema": SCHEMA, "schema_version": SCHEMA_VERSION}
+    data |= model.model_dump(mode="json", exclude_none=True)
+    lines = []
+    for key, value in data.items():
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            rows = ",\n".join("    " + json.dumps(item) for item in value)
+            lines.append(f"  {json.dumps(key)}: [\n{rows}\n  ]")
+        else:
+            lines.append(f"  {json.dumps(key)}: {json.dumps(value)}")
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def parse(text: str, source: str) -> dict[str, Any]:
+    """The fields in JSON text, its version checked. Raises FileError."""
+    try:
+        data = json.loads(text, parse_constant=_no_constant, object_pairs_hook=_no_twins)
+    except json.JSONDecodeError as error:
+        where = f"{source}, line {error.lineno}"
+        found = f"not JSON: {error.msg} at column {error.colno}"
+        raise FileError(Problem(where, "", f"{found}; give a model file of Pgraph")) from None
+    except (ValueError, RecursionError) as error:
+        raise FileError(Problem(source, "", f"not a model file: {error}")) from None
+    if not isinstance(data, dict):
+        given = type(data).__name__
+        raise FileError(Problem(source, "", f"must hold a JSON object; given a {given}"))
+    data.pop("$schema", None)
+    version = data.pop("schema_version", SCHEMA_VERSION)
+    if not isinstance(version, int) or isinstance(version, bool) or version < 1:
+        text = f"must be a whole number >= 1; given {shown(version)}"
+        raise FileError(Problem(source, "schema_version", text))
+    if version > SCHEMA_VERSION:
+        text = f"is {version}, newer than {SCHEMA_VERSION}, the newest known; update Pgraph"
+        raise FileError(Problem(source, "schema_version", text))
+    return data
+
+
+def read(path: str | Path) -> str:
+    """The text of a file. Raises FileError."""
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        text = f"not text in UTF-8 (byte {error.start}); give a model file of Pgraph"
+        raise FileError(Problem(str(path), "", text)) from None
+    except OSError as error:
+        text = f"cannot be read: {error.strerror}; give the path of a model file"
+        raise FileError(Problem(str(path), "", text)) from None
+
+
+def write_atomic(path: str | Path, content: str | bytes) -> None:
+    """Write a file so that its path holds the old content or the new, never a part.
+
+    Raises FileError.
+    """
+    path = Path(path)
+    data = content.encode() if isinstance(content, str) else content
+    temporary = None
+    try:
+        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        mode = path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask()
+        os.chmod(temporary, mode)
+        os.replace(temporary, path)
+    except OSError as error:
+        if temporary is not None:
+            Path(temporary).unlink(missing_ok=True)
+        text = f"cannot be written: {error.strerror}; choose another place"
+        raise FileError(Problem(str(path), "", text)) from None
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def _no_constant(name: str) -> float:
+    raise ValueError(f"{name} is not a finite number")
+
+
+def _no_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    data = dict(pairs)
+    if len(data) < len(pairs):
+        names = [key for key, _ in pairs]
+        twin = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"field '{twin}' is given twice in one object")
+    return data

@@ -1,0 +1,184 @@
+"""The whole description, and the edits that make a new one from it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal, Self
+
+from pydantic import Field, ValidationError
+
+from ..errors import ModelError, Problem, choices
+from . import files
+from .body import Body
+from .checks import model_problems
+from .constraint import Constraint
+from .editing import attached, edited, renamed_all, without
+from .fields import fields_of, listed
+from .force import Force
+from .problems import problems
+from .scenario import Scenario
+from .world import World
+
+# serial(n): slender rods of 0.2 m along x, hinged about y, so that they swing under gravity.
+ROD = 0.2
+ROD_INERTIA = ((2e-4, 0.0, 0.0), (0.0, 3.4e-3, 0.0), (0.0, 0.0, 3.4e-3))
+
+
+class Model(World):
+    """A multibody system: the rows of the table, in order, and what acts on them.
+
+    Bodies stand in the order of the table, which is also the order of left children. Every
+    change makes a new, validated model; the old one stays as it was.
+    """
+
+    bodies: tuple[Body, ...] = Field((), description="a list of bodies")
+    constraints: tuple[Constraint, ...] = Field((), description="a list of constraints")
+    forces: tuple[Force, ...] = Field((), description="a list of forces")
+    scenarios: tuple[Scenario, ...] = Field((), description="a list of scenarios")
+
+    def __init__(self, **data: Any):
+        """A validated model. Raises ModelError with every problem found."""
+        data = {key: listed(value) for key, value in data.items()}
+        try:
+            super(World, self).__init__(**data)
+        except (ValidationError, ModelError):
+            raise ModelError(problems(data, type(self).model_fields)) from None
+        if found := model_problems(self):
+            raise ModelError(found)
+
+    # -- reading -----------------------------------------------------------------------------
+
+    @cached_property
+    def row(self) -> Mapping[str, int]:
+        """Row of the table, from 0, by body name."""
+        return {body.name: i for i, body in enumerate(self.bodies)}
+
+    @cached_property
+    def notices(self) -> tuple[str, ...]:
+        """What the edit that made this model changed besides what was asked."""
+        return ()
+
+    def body(self, name: str) -> Body:
+        """The body called `name`. Raises ModelError naming the ones there are."""
+        if name not in self.row:
+            text = f"no body has this name; choose one of {choices(self.row)}"
+            raise ModelError(Problem(f"body '{name}'", "", text))
+        return self.bodies[self.row[name]]
+
+    def scenario(self, name: str) -> Scenario:
+        """The scenario called `name`. Raises ModelError naming the ones there are."""
+        found = next((s for s in self.scenarios if s.name == name), None)
+        if found is None:
+            known = choices(s.name for s in self.scenarios) or "none: the model has no scenario"
+            raise ModelError(Problem(f"scenario '{name}'", "", f"is not there; choose {known}"))
+        return found
+
+    @cached_property
+    def hash(self) -> str:
+        """SHA-256 of the description: equal hashes, equal physics."""
+        return hashlib.sha256(self.to_json().encode()).hexdigest()
+
+    # -- making and editing ------------------------------------------------------------------
+
+    @classmethod
+    def serial(cls, n: int) -> Self:
+        """Sec. 4.1's first table: n bodies in a row, one hinge each, named "1" to "n"."""
+        if isinstance(n, bool) or not isinstance(n, int) or n < 1:
+            raise ModelError(Problem("model", "n", f"must be a whole number >= 1; given {n!r}"))
+        rod = Body(
+            name="1", axes=((0, 1, 0),), com=(ROD / 2, 0, 0), inertia=ROD_INERTIA, tip=(ROD, 0, 0)
+        )
+        rows = [rod.model_copy(update={"name": "1"})]
+        linked = Body(**{**fields_of(rod), "link": (ROD, 0, 0)})
+        for i in range(2, n + 1):
+            rows.append(linked.model_copy(update={"name": str(i), "parent": str(i - 1)}))
+        return cls(name=f"serial {n}", bodies=tuple(rows))
+
+    def edit(self, name: str, /, **changes: Any) -> Self:
+        """A new model in which body `name` has the changed fields; a new name is followed.
+
+        A new `joint` or `dof` resets that joint's axes, q, v and springs (`notices` says so).
+        Raises ModelError; this model stays as it is.
+        """
+        old = self.body(name)
+        new, notices = edited(old, changes)
+        if new == old:
+            return self
+        bodies = [new if b is old else b for b in self.bodies]
+        parts: dict[str, Any] = {"bodies": tuple(bodies)}
+        if new.name != old.name:
+            if new.name in self.row:
+                text = f"'{new.name}' is already the name of row {self.row[new.name] + 1}"
+                raise ModelError(Problem(f"body '{name}'", "name", f"{text}; choose another"))
+            others = {key: getattr(self, key) for key in ("constraints", "forces", "scenarios")}
+            parts = renamed_all({**parts, **others}, old.name, new.name)
+        return self._with(notices, **parts)
+
+    def add(self, body: Body, /, *, after: str | None = None) -> Self:
+        """A new model with one more row, last or below the row of `after`."""
+        at = len(self.bodies) if after is None else self.row[self.body(after).name] + 1
+        return self._with((), bodies=(*self.bodies[:at], body, *self.bodies[at:]))
+
+    def remove(self, name: str, /, *, children: Literal["attach", "delete"] = "attach") -> Self:
+        """A new model without body `name`; what referred to it goes too (`notices` says so).
+
+        Its children are attached to its parent, at the same place at q = 0, or deleted too.
+        """
+        gone = self.body(name)
+        if children == "delete":
+            names = self._subtree(name)
+            bodies = tuple(b for b in self.bodies if b.name not in names)
+        else:
+            names = {name}
+            bodies = tuple(attached(b, gone) for b in self.bodies if b.name != name)
+        kept, notices = without(self.constraints, self.forces, self.scenarios, names)
+        return self._with(notices, bodies=bodies, **kept)
+
+    def move(self, name: str, /, to: int) -> Self:
+        """A new model with body `name` in row `to` (from 0): the order of left children."""
+        body = self.body(name)
+        rest = [b for b in self.bodies if b.name != name]
+        rest.insert(to, body)
+        return self._with((), bodies=tuple(rest))
+
+    def replace(self, **fields: Any) -> Self:
+        """A new model with other `gravity`, `up`, `constraints`, `forces`, `scenarios`, ..."""
+        return type(self)(**{**fields_of(self), **fields})
+
+    def _with(self, notices: Iterable[str], **fields: Any) -> Self:
+        """A copy with validated parts replaced: only what ties the parts together is checked."""
+        model = type(self).model_construct(None, **{**fields_of(self), **fields})
+        if found := model_problems(model):
+            raise ModelError(found)
+        model.__dict__["notices"] = tuple(notices)  # beside the fields: equality ignores it
+        return model
+
+    def _subtree(self, name: str) -> set[str]:
+        names, grown = {name}, True
+        while grown:
+            more = {b.name for b in self.bodies if b.parent in names} - names
+            names, grown = names | more, bool(more)
+        return names
+
+    # -- files -------------------------------------------------------------------------------
+
+    def to_json(self) -> str:
+        """The description as JSON text, one body a line."""
+        return files.to_json(self)
+
+    @classmethod
+    def from_json(cls, text: str, /, *, source: str = "text") -> Self:
+        """The model in JSON text. Raises FileError (not JSON, too new) or ModelError."""
+        return cls(**files.parse(text, source))
+
+    @classmethod
+    def load(cls, path: str | Path, /) -> Self:
+        """The model in a file. Raises FileError or ModelError."""
+        return cls.from_json(files.read(path), source=str(path))
+
+    def save(self, path: str | Path, /) -> None:
+        """Write the description; a file that is there is replaced whole or not at all."""
+        files.write_atomic(path, self.to_json())

@@ -1,0 +1,26 @@
+"""A named run of a model: initial state, drives, active constraints, duration, method."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field
+
+from .fields import Described, Number, PerMotion
+from .force import Force
+
+
+class Scenario(Described):
+    """What `simulate(mech, scenario=name)` runs."""
+
+    name: str = Field(description="text that is not empty")
+    description: str = Field("", description="a sentence")
+    q: dict[str, PerMotion] = Field(default={}, description="body name -> initial q")
+    v: dict[str, PerMotion] = Field(default={}, description="body name -> initial v")
+    forces: tuple[Force, ...] = Field((), description="forces beside those of the model")
+    constraints: tuple[str, ...] | None = Field(
+        None, description="names of the active constraints; left out: the model's own choice"
+    )
+    t_end: Annotated[Number, Field(gt=0)] = Field(1.0, description="a duration > 0 [s]")
+    step: Annotated[Number, Field(gt=0)] = Field(1e-3, description="a step > 0 [s]")
+    method: str = Field("auto", description="the name of an integrator")

@@ -1,0 +1,184 @@
+"""The digraph: depth-first numbers, Pgraph and jdof by the paper's seven steps, and back.
+
+Numbers are the paper's: bodies from 1, the ground 0. `parent[i - 1]` is the parent of body i.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from .errors import InputError, Problem, choices
+from .schema import Model
+from .schema.checks import GROUND
+
+Ints: TypeAlias = "NDArray[np.int64]"
+
+
+@dataclass(frozen=True)
+class Topology:
+    """A model's bodies numbered depth-first in pre-order, left child (upper row) first."""
+
+    names: tuple[str, ...]  # by number
+    row: Ints  # (nb,) row of the table, from 0, by number
+    parent: Ints  # (nb,) numbers of the parents, 0 = ground
+    dof: Ints  # (nb,) degrees of freedom of the joint to the parent
+    _number: dict[str, int] = field(repr=False)
+
+    @classmethod
+    def of(cls, model: Model) -> Topology:
+        """The topology of a valid model; O(n)."""
+        bodies, rows = model.bodies, model.row
+        given = [0 if b.parent == GROUND else rows[b.parent] + 1 for b in bodies]
+        order = depth_first(given)
+        number = {bodies[row].name: i + 1 for i, row in enumerate(order)}
+        number[GROUND] = 0
+        return cls(
+            names=tuple(bodies[row].name for row in order),
+            row=np.array(order, dtype=np.int64),
+            parent=np.array([number[bodies[row].parent] for row in order], dtype=np.int64),
+            dof=np.array([bodies[row].dof for row in order], dtype=np.int64),
+            _number=number,
+        )
+
+    @property
+    def nb(self) -> int:
+        """Number of bodies: every row of the table, welds too."""
+        return len(self.names)
+
+    def number(self, name: str) -> int:
+        """The number of a body, 0 for 'ground'. Raises InputError naming the bodies."""
+        if name not in self._number:
+            text = f"no body has this name; choose one of {choices(self.names)}"
+            raise InputError(Problem(f"body '{name}'", "", text))
+        return self._number[name]
+
+    @property
+    def pgraph(self) -> Ints:
+        """The path-defined directed graph vector, Fig. 4."""
+        return pgraph_of(self.parent)
+
+    @property
+    def jdof(self) -> Ints:
+        """The joint degrees of freedom along Pgraph, 0 at every re-entry, Fig. 4."""
+        return jdof_of(self.pgraph, self.dof)
+
+    @property
+    def tips(self) -> Ints:
+        """Numbers of the bodies without children, ascending."""
+        return np.flatnonzero(self._children() == 0)
+
+    @property
+    def separation_bodies(self) -> Ints:
+        """Numbers of the bodies with more than one child, ascending; never the ground."""
+        many = np.flatnonzero(self._children() > 1)
+        return many[many > 0]
+
+    def _children(self) -> Ints:
+        """(nb + 1,) number of children; the ground is never taken for a tip."""
+        count = np.bincount(self.parent, minlength=self.nb + 1)
+        count[0] = max(count[0], 1)
+        return count
+
+    def adjacency(self) -> Any:
+        """S, eq. (1): (nb, nb) sparse, 1 where the row's body is a child of the column's."""
+        child = np.flatnonzero(self.parent)
+        ones = np.ones(len(child))
+        return sparse.csr_array((ones, (child, self.parent[child] - 1)), shape=(self.nb, self.nb))
+
+
+def children_of(parent: Sequence[int] | Ints) -> list[list[int]]:
+    """Children of the ground and of every body, ascending (left child = smaller number)."""
+    children: list[list[int]] = [[] for _ in range(len(parent) + 1)]
+    for i, p in enumerate(np.asarray(parent, dtype=np.int64).tolist(), start=1):
+        children[p].append(i)
+    return children
+
+
+def depth_first(parent: Sequence[int]) -> list[int]:
+    """Indices (from 0) of the bodies in depth-first pre-order, left child first."""
+    children = children_of(parent)
+    order: list[int] = []
+    stack = children[0][::-1]
+    while stack:
+        i = stack.pop()
+        order.append(i - 1)
+        stack.extend(reversed(children[i]))
+    return order
+
+
+def pgraph_of(parent: Sequence[int] | Ints) -> Ints:
+    """Pgraph of a tree on the numbers as given, by the seven steps of Fig. 4.
+
+    The left child is the one with the smaller number. Several roots make the ground, 0, the
+    first separation body (checklist R20). Raises InputError where `parent` is not a forest.
+    """
+    children = _untraversed(parent)
+    roots = children[0]
+    pgraph: list[int] = []
+    if not roots:
+        return np.array(pgraph, dtype=np.int64)
+    separation_stack: list[int] = []
+    i = 0 if len(roots) > 1 else roots.pop()  # step 1: the root
+    while True:
+        pgraph.append(i)  # step 2
+        if len(children[i]) > 1:  # step 3: a separation body
+            separation_stack.append(i)
+        if not children[i]:  # step 4: a tip body
+            if not separation_stack:  # step 5
+                break
+            i = separation_stack.pop()
+            pgraph.append(i)  # step 5: back to the last separation body; it adds no DoF
+            if len(children[i]) > 1:
+                separation_stack.append(i)
+        i = children[i].pop()  # steps 4 and 6: an untraversed child, the left one
+    return np.array(pgraph, dtype=np.int64)  # step 7
+
+
+def _untraversed(parent: Sequence[int] | Ints) -> list[list[int]]:
+    """Children, the left one last, so that pop() takes it. Raises InputError."""
+    numbers = np.asarray(parent)
+    nb = len(numbers)
+    if numbers.ndim != 1 or (nb and numbers.dtype.kind not in "iu"):
+        raise InputError(Problem("parent", "", "must be a list of whole numbers, 0 for the ground"))
+    for i, p in enumerate(numbers.tolist(), start=1):
+        if not 0 <= p <= nb:
+            raise InputError(Problem(f"body {i}", "parent", f"must be from 0 to {nb}; given {p}"))
+    if len(depth_first(numbers.tolist())) < nb:
+        reached = {row + 1 for row in depth_first(numbers.tolist())}
+        lost = next(i for i in range(1, nb + 1) if i not in reached)
+        raise InputError(
+            Problem(f"body {lost}", "parent", "its path does not lead to the ground (a cycle)")
+        )
+    return [c[::-1] for c in children_of(numbers)]
+
+
+def jdof_of(pgraph: Sequence[int] | Ints, dof: Sequence[int] | Ints) -> Ints:
+    """jdof along Pgraph: `dof[i - 1]` at the first occurrence of body i, else 0 (R2)."""
+    pgraph = np.asarray(pgraph, dtype=np.int64)
+    jdof = np.zeros(len(pgraph), dtype=np.int64)
+    first = find(pgraph)
+    bodies = pgraph[first] > 0
+    jdof[first[bodies]] = np.asarray(dof, dtype=np.int64)[pgraph[first[bodies]] - 1]
+    return jdof
+
+
+def find(pgraph: Sequence[int] | Ints) -> Ints:
+    """First place (from 0) of every body in Pgraph, in order of appearance (Fig. 7's find)."""
+    return np.sort(np.unique(np.asarray(pgraph, dtype=np.int64), return_index=True)[1])
+
+
+def parent_of(pgraph: Sequence[int] | Ints) -> Ints:
+    """The tree from Pgraph alone: the parent of a body's first occurrence stands before it."""
+    pgraph = np.asarray(pgraph, dtype=np.int64)
+    first = find(pgraph)
+    first = first[pgraph[first] > 0]
+    parent = np.zeros(len(first), dtype=np.int64)
+    before = np.where(first > 0, pgraph[np.maximum(first - 1, 0)], 0)
+    parent[pgraph[first] - 1] = before
+    return parent
