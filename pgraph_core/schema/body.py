@@ -32,15 +32,21 @@ class Shape(Frozen):
     kind: Literal["box", "sphere", "cylinder", "capsule", "mesh"] = Field(
         description="one of box, sphere, cylinder, capsule, mesh"
     )
-    size: Vec3 | None = Field(None, description="the three edge lengths of a box [m]")
-    radius: Annotated[Number, Field(gt=0)] | None = Field(None, description="a radius > 0 [m]")
-    length: Annotated[Number, Field(gt=0)] | None = Field(
-        None, description="a length > 0 along z [m], a capsule's without its caps"
+    size: Vec3 | None = Field(default=None, description="the three edge lengths of a box [m]")
+    radius: Annotated[Number, Field(gt=0)] | None = Field(
+        default=None, description="a radius > 0 [m]"
     )
-    file: str | None = Field(None, description="the name of a mesh file")
-    scale: Annotated[Number, Field(gt=0)] = Field(1.0, description="a factor > 0 on the mesh")
-    position: Vec3 = Field((0.0, 0.0, 0.0), description="three finite numbers [x, y, z] [m]")
-    rotation: Quat = Field((1.0, 0.0, 0.0, 0.0), description="a quaternion [w, x, y, z]")
+    length: Annotated[Number, Field(gt=0)] | None = Field(
+        default=None, description="a length > 0 along z [m], a capsule's without its caps"
+    )
+    file: str | None = Field(default=None, description="the name of a mesh file")
+    scale: Annotated[Number, Field(gt=0)] = Field(
+        default=1.0, description="a factor > 0 on the mesh"
+    )
+    position: Vec3 = Field(
+        default=(0.0, 0.0, 0.0), description="three finite numbers [x, y, z] [m]"
+    )
+    rotation: Quat = Field(default=(1.0, 0.0, 0.0, 0.0), description="a quaternion [w, x, y, z]")
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -61,40 +67,50 @@ class Body(Described):
     """A rigid body and its joint. SI units; the frames are those of docs/conventions.md."""
 
     name: str = Field(description="text that is not empty")
-    parent: str = Field(GROUND, description="the name of a body, or 'ground'")
+    parent: str = Field(default=GROUND, description="the name of a body, or 'ground'")
     joint: JointKind = Field(
-        "revolute", description="one of " + ", ".join(joints.DEFAULT) + ", or give dof 0 to 6"
+        default="revolute",
+        description="one of " + ", ".join(joints.DEFAULT) + ", or give dof 0 to 6",
     )
     axes: tuple[Vec3, ...] = Field(
-        (), description="one direction [x, y, z] a motion, in the body's axes at q = 0"
+        default=(), description="one direction [x, y, z] a motion, in the body's axes at q = 0"
     )
     motions: tuple[tuple[MotionKind, Vec3], ...] = Field(
-        (), description="('rotate' | 'translate' | 'ball', [x, y, z]) pairs of a compound joint"
+        default=(),
+        description="('rotate' | 'translate' | 'ball', [x, y, z]) pairs of a compound joint",
     )
     link: Vec3 = Field(
-        (0.0, 0.0, 0.0), description="three finite numbers [x, y, z] from the parent's origin [m]"
+        default=(0.0, 0.0, 0.0),
+        description="three finite numbers [x, y, z] from the parent's origin [m]",
     )
     rotation: Quat = Field(
-        (1.0, 0.0, 0.0, 0.0), description="a unit quaternion [w, x, y, z] in the parent's axes"
+        default=(1.0, 0.0, 0.0, 0.0),
+        description="a unit quaternion [w, x, y, z] in the parent's axes",
     )
-    mass: Annotated[Number, Field(ge=0)] = Field(1.0, description="a finite number >= 0 [kg]")
+    mass: Annotated[Number, Field(ge=0)] = Field(
+        default=1.0, description="a finite number >= 0 [kg]"
+    )
     com: Vec3 = Field(
-        (0.0, 0.0, 0.0), description="three finite numbers [x, y, z] in body axes [m]"
+        default=(0.0, 0.0, 0.0), description="three finite numbers [x, y, z] in body axes [m]"
     )
     inertia: Mat3 = Field(
-        ((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01)),
+        default=((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01)),
         description="a symmetric 3x3 matrix of finite numbers about the centre of mass [kg m^2]",
     )
     tip: Vec3 | None = Field(
-        None, description="three finite numbers [x, y, z] in body axes [m], or nothing"
+        default=None, description="three finite numbers [x, y, z] in body axes [m], or nothing"
     )
-    q: PerMotion = Field((), description="one finite number a position coordinate [rad, m]")
-    v: PerMotion = Field((), description="one finite number a degree of freedom [rad/s, m/s]")
-    stiffness: PerMotion = Field((), description="numbers >= 0, one for all or one a motion")
-    damping: PerMotion = Field((), description="numbers >= 0, one for all or one a motion")
-    rest: PerMotion = Field((), description="finite numbers, one for all or one a motion")
-    armature: PerMotion = Field((), description="numbers >= 0, one for all or one a motion")
-    shape: Shape | None = Field(None, description="a shape such as {'kind': 'sphere', ...}")
+    q: PerMotion = Field(default=(), description="one finite number a position coordinate [rad, m]")
+    v: PerMotion = Field(
+        default=(), description="one finite number a degree of freedom [rad/s, m/s]"
+    )
+    stiffness: PerMotion = Field(
+        default=(), description="numbers >= 0, one for all or one a motion"
+    )
+    damping: PerMotion = Field(default=(), description="numbers >= 0, one for all or one a motion")
+    rest: PerMotion = Field(default=(), description="finite numbers, one for all or one a motion")
+    armature: PerMotion = Field(default=(), description="numbers >= 0, one for all or one a motion")
+    shape: Shape | None = Field(default=None, description="a shape such as {'kind': 'sphere', ...}")
 
     @model_validator(mode="before")
     @classmethod

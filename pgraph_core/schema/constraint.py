@@ -14,15 +14,16 @@ class Constraint(Described):
     """`point` of `body` stays at `other_point` of `other` (three rows, bilateral)."""
 
     name: str = Field(description="text that is not empty")
-    kind: Literal["point"] = Field("point", description="'point'")
+    kind: Literal["point"] = Field(default="point", description="'point'")
     body: str = Field(description="the name of a body")
-    other: str = Field(GROUND, description="the name of a body, or 'ground'")
+    other: str = Field(default=GROUND, description="the name of a body, or 'ground'")
     point: Vec3 | None = Field(
-        None, description="three finite numbers in the axes of `body` [m]; left out: its tip"
+        default=None,
+        description="three finite numbers in the axes of `body` [m]; left out: its tip",
     )
     other_point: Vec3 | None = Field(
-        None,
+        default=None,
         description="three finite numbers in the axes of `other` [m]; left out: where `point` is "
         "in the initial state",
     )
-    active: bool = Field(True, description="true or false")
+    active: bool = Field(default=True, description="true or false")

@@ -19,9 +19,10 @@ SCHEMA = "pgraph-model"
 
 
 def to_json(model: Model) -> str:
-    """JSON text of a model. Fields without a value are left out; all others are written."""
+    """JSON text of a model, without what a body would have anyway (its kind's motions, zeros)."""
     data = {"$schema": SCHEMA, "schema_version": SCHEMA_VERSION}
     data |= model.model_dump(mode="json", exclude_none=True)
+    data["bodies"] = [_concise(body) for body in data["bodies"]]
     lines = []
     for key, value in data.items():
         if isinstance(value, list) and value and isinstance(value[0], dict):
@@ -30,6 +31,15 @@ def to_json(model: Model) -> str:
         else:
             lines.append(f"  {json.dumps(key)}: {json.dumps(value)}")
     return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _concise(body: dict[str, Any]) -> dict[str, Any]:
+    """Without what follows from the rest: a named kind's motions, a compound's axes, zeros."""
+    implied = {"axes"} if body["joint"] == "compound" else {"motions"}
+    for field in ("stiffness", "damping", "rest", "armature", "v"):
+        if not any(body[field]):
+            implied.add(field)
+    return {key: value for key, value in body.items() if key not in implied}
 
 
 def parse(text: str, source: str) -> dict[str, Any]:

@@ -33,17 +33,25 @@ class Force(Described):
     """
 
     name: str = Field(description="text that is not empty")
-    kind: Literal["motor", "servo"] = Field("motor", description="'motor' or 'servo'")
+    kind: Literal["motor", "servo"] = Field(default="motor", description="'motor' or 'servo'")
     body: str = Field(description="the name of a body, whose joint to its parent is driven")
     coordinate: Annotated[int, Field(ge=0, le=5)] = Field(
-        0, description="the number of a degree of freedom of the joint, from 0"
+        default=0, description="the number of a degree of freedom of the joint, from 0"
     )
-    torque: Number | Table = Field(0.0, description="a number or a table over time [N m, N]")
-    kp: Annotated[Number, Field(ge=0)] = Field(0.0, description="a number >= 0 [N m/rad, N/m]")
-    kd: Annotated[Number, Field(ge=0)] = Field(0.0, description="a number >= 0 [N m s/rad, N s/m]")
-    target: Number | Table = Field(0.0, description="a number or a table over time [rad, m]")
+    torque: Number | Table = Field(
+        default=0.0, description="a number or a table over time [N m, N]"
+    )
+    kp: Annotated[Number, Field(ge=0)] = Field(
+        default=0.0, description="a number >= 0 [N m/rad, N/m]"
+    )
+    kd: Annotated[Number, Field(ge=0)] = Field(
+        default=0.0, description="a number >= 0 [N m s/rad, N s/m]"
+    )
+    target: Number | Table = Field(
+        default=0.0, description="a number or a table over time [rad, m]"
+    )
     torque_limit: Annotated[Number, Field(gt=0)] | None = Field(
-        None, description="a number > 0 [N m, N], or nothing"
+        default=None, description="a number > 0 [N m, N], or nothing"
     )
 
     @model_validator(mode="after")

@@ -34,10 +34,10 @@ class Model(World):
     change makes a new, validated model; the old one stays as it was.
     """
 
-    bodies: tuple[Body, ...] = Field((), description="a list of bodies")
-    constraints: tuple[Constraint, ...] = Field((), description="a list of constraints")
-    forces: tuple[Force, ...] = Field((), description="a list of forces")
-    scenarios: tuple[Scenario, ...] = Field((), description="a list of scenarios")
+    bodies: tuple[Body, ...] = Field(default=(), description="a list of bodies")
+    constraints: tuple[Constraint, ...] = Field(default=(), description="a list of constraints")
+    forces: tuple[Force, ...] = Field(default=(), description="a list of forces")
+    scenarios: tuple[Scenario, ...] = Field(default=(), description="a list of scenarios")
 
     def __init__(self, **data: Any):
         """A validated model. Raises ModelError with every problem found."""
@@ -153,7 +153,7 @@ class Model(World):
         model = type(self).model_construct(None, **{**fields_of(self), **fields})
         if found := model_problems(model):
             raise ModelError(found)
-        model.__dict__["notices"] = tuple(notices)  # beside the fields: equality ignores it
+        vars(model)["notices"] = tuple(notices)  # beside the fields: equality ignores it
         return model
 
     def _subtree(self, name: str) -> set[str]:

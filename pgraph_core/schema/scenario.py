@@ -14,13 +14,14 @@ class Scenario(Described):
     """What `simulate(mech, scenario=name)` runs."""
 
     name: str = Field(description="text that is not empty")
-    description: str = Field("", description="a sentence")
+    description: str = Field(default="", description="a sentence")
     q: dict[str, PerMotion] = Field(default={}, description="body name -> initial q")
     v: dict[str, PerMotion] = Field(default={}, description="body name -> initial v")
-    forces: tuple[Force, ...] = Field((), description="forces beside those of the model")
+    forces: tuple[Force, ...] = Field(default=(), description="forces beside those of the model")
     constraints: tuple[str, ...] | None = Field(
-        None, description="names of the active constraints; left out: the model's own choice"
+        default=None,
+        description="names of the active constraints; left out: the model's own choice",
     )
-    t_end: Annotated[Number, Field(gt=0)] = Field(1.0, description="a duration > 0 [s]")
-    step: Annotated[Number, Field(gt=0)] = Field(1e-3, description="a step > 0 [s]")
-    method: str = Field("auto", description="the name of an integrator")
+    t_end: Annotated[Number, Field(gt=0)] = Field(default=1.0, description="a duration > 0 [s]")
+    step: Annotated[Number, Field(gt=0)] = Field(default=1e-3, description="a step > 0 [s]")
+    method: str = Field(default="auto", description="the name of an integrator")

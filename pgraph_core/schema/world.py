@@ -14,9 +14,9 @@ DOWN: dict[str, Vec3] = {"x": (-9.81, 0.0, 0.0), "y": (0.0, -9.81, 0.0), "z": (0
 class World(Described):
     """Gravity points down along `up` unless it is given."""
 
-    name: str = Field("model", description="text")
-    up: Literal["x", "y", "z"] = Field("z", description="'x', 'y' or 'z'")
-    gravity: Vec3 = Field(DOWN["z"], description="three finite numbers [x, y, z] [m/s^2]")
+    name: str = Field(default="model", description="text")
+    up: Literal["x", "y", "z"] = Field(default="z", description="'x', 'y' or 'z'")
+    gravity: Vec3 = Field(default=DOWN["z"], description="three finite numbers [x, y, z] [m/s^2]")
 
     @model_validator(mode="before")
     @classmethod
