@@ -1,0 +1,49 @@
+# `make run` and `make test` set up all they need from a fresh clone; a second call is quick.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+.DEFAULT_GOAL := help
+.PHONY: help run test check nightly format clean
+
+help: ## this list
+	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' Makefile
+
+run: $(VENV)/installed ## start the app with the quadruped and open the browser
+	@$(BIN)/python -m app
+
+test: check ## set up everything that the tests need, and run them
+	@$(BIN)/python -m pytest
+
+nightly: check ## every test, the long ones too
+	@$(BIN)/python -m pytest -m "nightly or not nightly"
+
+check: $(VENV)/installed-for-tests
+	@.ci/browser $(BIN)/python
+	@$(BIN)/ruff format --check .
+	@$(BIN)/ruff check .
+	@$(BIN)/pyright --pythonpath $(BIN)/python
+	@$(BIN)/lint-imports
+
+format: $(VENV)/installed-for-tests ## put the source into the project's form
+	@$(BIN)/ruff format .
+	@$(BIN)/ruff check --fix .
+
+clean: ## remove the virtual environment and all caches
+	@rm -rf $(VENV) .pytest_cache .ruff_cache .hypothesis .import_linter_cache *.egg-info build
+
+# An interrupted set-up leaves no stamp and starts over; a changed pyproject.toml installs again.
+$(VENV)/made:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Pgraph needs Python 3.11 or newer; $(PYTHON) is not: name one with make PYTHON=python3.12 ..." >&2; exit 1; }
+	@$(PYTHON) -m venv --clear $(VENV) || { echo "Python's venv is missing; on Debian: apt-get install python3-venv" >&2; exit 1; }
+	@touch $@
+
+$(VENV)/installed: $(VENV)/made pyproject.toml
+	@echo "Installing Pgraph into $(VENV) ..."
+	@$(PIP) install --editable .
+	@touch $@
+
+$(VENV)/installed-for-tests: $(VENV)/made pyproject.toml
+	@echo "Installing Pgraph and what its tests need into $(VENV) ..."
+	@$(PIP) install --editable '.[test]'
+	@touch $@ $(VENV)/installed

@@ -1,0 +1,119 @@
+"""The quadruped: bodies from quadruped.csv, four feet on the ground, a push and a stand."""
+
+from __future__ import annotations
+
+import csv
+
+import pgraph_core as pg
+
+from . import FOLDER
+from .shapes import block, limb
+from .stance import FEET, holding_torques, push
+
+TRUNK = ("pelvis", "lumbar", "thorax", "shoulder_neck_head")
+DURATION, KNOTS = 0.25, 11  # of the push [s], and of its tables
+
+# Gains of the servos [N m/rad], [N m s/rad]: as stiff as RK4 takes at 1 ms with much to spare.
+# The fastest mode of the standing body decays at less than 500 1/s (docs/conventions.md, stiffness).
+PUSH_GAINS = {"trunk": (800.0, 6.0), "leg": (600.0, 2.5), "paw": (400.0, 1.5)}
+STAND_GAINS = {"trunk": (200.0, 3.0), "leg": (150.0, 2.0), "paw": (150.0, 1.5)}
+
+
+def quadruped() -> pg.Model:
+    """Sixteen bodies, a free root, hinges about z, y up; values plausible, not the paper's."""
+    with (FOLDER / "quadruped.csv").open(newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    names = ["ground", *(row["name"] for row in rows)]
+    bodies = [_body(row, names[int(row["parent"])]) for row in rows]
+    feet = tuple(_foot(body) for body in bodies if body.name in FEET)
+    return pg.Model(
+        name="quadruped",
+        up="y",
+        bodies=tuple(_with_shape(body, bodies) for body in bodies),
+        constraints=tuple(sorted(feet, key=lambda foot: FEET.index(foot.name))),
+        scenarios=(_stance(bodies), _stand(bodies)),
+    )
+
+
+def _body(row: dict[str, str], parent: str) -> pg.Body:
+    xx, yy, zz, xy = (float(row[key]) for key in ("Ixx", "Iyy", "Izz", "Ixy"))
+    return pg.Body(
+        name=row["name"],
+        parent=parent,
+        joint="free" if parent == "ground" else "revolute",
+        link=_vector(row, "link"),
+        mass=float(row["mass"]),
+        com=_vector(row, "com"),
+        inertia=((xx, xy, 0), (xy, yy, 0), (0, 0, zz)),
+        tip=_vector(row, "tip") if row["tip_x"] else None,
+    )
+
+
+def _vector(row: dict[str, str], name: str) -> tuple[float, ...]:
+    return tuple(float(row[f"{name}_{axis}"]) for axis in "xyz")
+
+
+def _with_shape(body: pg.Body, bodies: list[pg.Body]) -> pg.Body:
+    if body.name in TRUNK:
+        return body.model_copy(update={"shape": block(body)})
+    child = next((b.link for b in bodies if b.parent == body.name), body.tip_point)
+    return body.model_copy(update={"shape": limb(body, child)})
+
+
+def _foot(body: pg.Body) -> pg.Constraint:
+    return pg.Constraint(name=body.name, body=body.name, point=body.tip_point)
+
+
+def _stance(bodies: list[pg.Body]) -> pg.Scenario:
+    goal = push(bodies)
+    return pg.Scenario(
+        name="stance",
+        description="a push on four feet: the spine flexes and the legs extend",
+        forces=_servos(bodies, PUSH_GAINS, {name: _smooth(goal[name]) for name in goal}),
+        constraints=FEET,
+        t_end=DURATION,
+        step=1e-3,
+        method="rk4",
+    )
+
+
+def _stand(bodies: list[pg.Body]) -> pg.Scenario:
+    return pg.Scenario(
+        name="stand",
+        description="standing still: holding torques and a soft posture control",
+        forces=_servos(bodies, STAND_GAINS, {}),
+        constraints=FEET,
+        t_end=1.0,
+        step=1e-3,
+        method="rk4",
+    )
+
+
+def _servos(
+    bodies: list[pg.Body], gains: dict[str, tuple[float, float]], target: dict[str, pg.Table]
+) -> tuple[pg.Force, ...]:
+    """One servo a hinge, which also holds the weight."""
+    torque = holding_torques(bodies)
+    servos = []
+    for name in torque:
+        kp, kd = gains["trunk" if name in TRUNK else "paw" if "paw" in name else "leg"]
+        servo = pg.Force(
+            name=name,
+            kind="servo",
+            body=name,
+            torque=round(torque[name], 6) + 0.0,
+            kp=kp,
+            kd=kd,
+            target=target.get(name, 0.0),
+        )
+        servos.append(servo)
+    return tuple(servos)
+
+
+def _smooth(goal: float) -> pg.Table:
+    """From 0 to `goal` along s = 3 x² - 2 x³, at rest at both ends."""
+    x = [i / (KNOTS - 1) for i in range(KNOTS)]
+    return pg.Table(
+        t=tuple(round(DURATION * s, 6) for s in x),
+        value=tuple(round(goal * s * s * (3 - 2 * s), 6) + 0.0 for s in x),
+    )
