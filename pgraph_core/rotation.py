@@ -49,12 +49,12 @@ def rotate(q: Sequence[float], x: Sequence[float]) -> tuple[float, float, float]
     return (float(a), float(b), float(c))
 
 
-def skew(x: Sequence[float]) -> Array:
+def skew(x: Sequence[float] | Array) -> Array:
     """(3, 3) matrix of the cross product: skew(x) y = x × y."""
     return np.array([[0.0, -x[2], x[1]], [x[2], 0.0, -x[0]], [-x[1], x[0], 0.0]])
 
 
-def rodrigues(axis: Sequence[float], angle: float) -> Array:
+def rodrigues(axis: Sequence[float] | Array, angle: float) -> Array:
     """(3, 3) rotation about a unit axis: Rot(h, θ) = I + (h×) sin θ + (h×)² (1 - cos θ), Fig. 7."""
     h = skew(axis)
     return np.eye(3) + math.sin(angle) * h + (1.0 - math.cos(angle)) * (h @ h)

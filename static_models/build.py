@@ -69,7 +69,7 @@ def _hanging_rod(name: str, parent: str, link: Vector, q: float) -> pg.Body:
         com=(0, 0, -0.5),
         inertia=((1 / 12, 0, 0), (0, 1 / 12, 0), (0, 0, 1.25e-3)),
         tip=(0, 0, -1),
-        q=q,
+        q=(q,),
         shape=bar((0, 0, -1), radius=0.05),
     )
 

@@ -7,14 +7,14 @@ import csv
 import pgraph_core as pg
 
 from . import FOLDER
-from .shapes import block, limb
+from .shapes import Vector, block, limb, rounded
 from .stance import FEET, holding_torques, push
 
 TRUNK = ("pelvis", "lumbar", "thorax", "shoulder_neck_head")
 DURATION, KNOTS = 0.25, 11  # of the push [s], and of its tables
 
 # Gains of the servos [N m/rad], [N m s/rad]: as stiff as RK4 takes at 1 ms with much to spare.
-# The fastest mode of the standing body decays at less than 500 1/s (docs/conventions.md, stiffness).
+# The fastest mode of the standing body decays at less than 500 1/s, in both scenarios.
 PUSH_GAINS = {"trunk": (800.0, 6.0), "leg": (600.0, 2.5), "paw": (400.0, 1.5)}
 STAND_GAINS = {"trunk": (200.0, 3.0), "leg": (150.0, 2.0), "paw": (150.0, 1.5)}
 
@@ -49,8 +49,8 @@ def _body(row: dict[str, str], parent: str) -> pg.Body:
     )
 
 
-def _vector(row: dict[str, str], name: str) -> tuple[float, ...]:
-    return tuple(float(row[f"{name}_{axis}"]) for axis in "xyz")
+def _vector(row: dict[str, str], name: str) -> Vector:
+    return float(row[f"{name}_x"]), float(row[f"{name}_y"]), float(row[f"{name}_z"])
 
 
 def _with_shape(body: pg.Body, bodies: list[pg.Body]) -> pg.Body:
@@ -101,7 +101,7 @@ def _servos(
             name=name,
             kind="servo",
             body=name,
-            torque=round(torque[name], 6) + 0.0,
+            torque=rounded(torque[name]),
             kp=kp,
             kd=kd,
             target=target.get(name, 0.0),
@@ -114,6 +114,6 @@ def _smooth(goal: float) -> pg.Table:
     """From 0 to `goal` along s = 3 x² - 2 x³, at rest at both ends."""
     x = [i / (KNOTS - 1) for i in range(KNOTS)]
     return pg.Table(
-        t=tuple(round(DURATION * s, 6) for s in x),
-        value=tuple(round(goal * s * s * (3 - 2 * s), 6) + 0.0 for s in x),
+        t=tuple(rounded(DURATION * s) for s in x),
+        value=tuple(rounded(goal * s * s * (3 - 2 * s)) for s in x),
     )
