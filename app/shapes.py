@@ -193,3 +193,18 @@ def spaced(size: float) -> float:
     """A round grid spacing (1, 2 or 5 times a power of ten) for a model of this size [m]."""
     power = 10.0 ** math.floor(math.log10(size))
     return next(f * power for f in (1.0, 2.0, 5.0, 10.0) if f * power >= size / 2)
+
+
+def times(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Products a b of quaternions (n, 4): first b, then a."""
+    w1, x1, y1, z1 = np.moveaxis(a, -1, 0)
+    w2, x2, y2, z2 = np.moveaxis(b, -1, 0)
+    return np.stack(
+        (
+            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
+            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
+            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
+            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
+        ),
+        axis=-1,
+    )

@@ -13,7 +13,7 @@ import pgraph_core as pg
 from .digraph import Layout, layout
 from .shapes import Color, branch_colors, children_of, reach, to_wxyz
 
-SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
+SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # of playback
 SHOWN_AT_FIRST = frozenset({"axes"})
 SHOWABLE = frozenset({"axes", "links", "coms", "names", "forces"})
 FREE_RUN = ""  # the scenario of a run that has none
@@ -191,7 +191,7 @@ def first_request(model: pg.Model) -> Request:
 
 def derive(model: pg.Model) -> Derived:
     """Topology, layout, home poses, colours and the constraint column of a model."""
-    top = pg.Topology(model)
+    top = pg.Topology.of(model)
     names, parent = tuple(top.names), tuple(int(p) for p in top.parent)
     separation = frozenset(int(k) for k in top.separation_bodies)
     children = children_of(parent)

@@ -1,0 +1,120 @@
+// Cells that a person types into. A cell commits on Enter or leaving, reverts on Escape, keeps
+// refused text with the sentence beside it, and is never overwritten while it is being typed in.
+pgraph.cells = (() => {
+  const { make } = pgraph;
+  const pending = new Map(); // serial -> the cell waiting for an answer
+
+  const dirty = (cell) => cell.value !== cell.dataset.shown;
+  const digits = (x) => (typeof x === "number" ? String(Number(x.toPrecision(7))) : x);
+
+  // The current value of the model; typed text that is not yet taken stays.
+  function set(cell, value, title = "") {
+    const untouched = !dirty(cell) || cell.dataset.shown === undefined;
+    cell.dataset.full = String(value);
+    if (!cell.classList.contains("refused")) cell.title = title || cell.dataset.full;
+    if (!untouched || cell.classList.contains("refused")) return;
+    show(cell, document.activeElement === cell ? cell.dataset.full : digits(value));
+  }
+  function show(cell, text) { cell.value = cell.dataset.shown = text; }
+  function settled(cell) {
+    const full = cell.dataset.full ?? "";
+    return cell.dataset.numeric && full !== "" ? digits(Number(full)) : full;
+  }
+
+  function revert(cell) {
+    cell.classList.remove("refused", "waiting");
+    cell.removeAttribute("aria-invalid");
+    sentence(cell, "");
+    show(cell, document.activeElement === cell ? cell.dataset.full : settled(cell));
+  }
+
+  function commit(cell, send) {
+    if (!dirty(cell)) { if (!cell.classList.contains("refused")) revert(cell); return; }
+    if (cell.dataset.sent === cell.value && cell.classList.contains("refused")) return;
+    const serial = pgraph.nextSerial();
+    pending.set(serial, cell);
+    cell.dataset.sent = cell.value;
+    cell.classList.add("waiting");
+    send(serial, cell.value);
+  }
+
+  // Python's answer: taken, or the sentence that says why not.
+  function reply({ serial, text }) {
+    const cell = pending.get(serial);
+    pending.delete(serial);
+    if (!cell?.isConnected) { if (text) pgraph.toast(text); return; }
+    cell.classList.remove("waiting");
+    if (!text) {
+      cell.onaccept?.();
+      if (cell.value === cell.dataset.sent) revert(cell);
+      return;
+    }
+    cell.classList.add("refused");
+    cell.setAttribute("aria-invalid", "true");
+    cell.title = text;
+    sentence(cell, text);
+  }
+
+  // The sentence stands below the row of the cell.
+  function sentence(cell, text) {
+    const row = cell.closest("tr, .field, .ask") ?? cell.parentElement;
+    let note = row.nextElementSibling;
+    if (!note?.classList.contains("sentence")) note = null;
+    if (!text) { note?.remove(); return; }
+    if (!note) {
+      note = row.matches("tr")
+        ? make("tr", { className: "sentence" }, make("td", { colSpan: row.cells.length, role: "alert" }))
+        : make("div", { className: "sentence", role: "alert" });
+      row.after(note);
+    }
+    (note.querySelector("td") ?? note).textContent = text;
+  }
+
+  // A text cell; `send(serial, text)` sends its event.
+  function input(send, { label, numeric = false, className = "", leaving = true } = {}) {
+    const cell = make("input", {
+      type: "text", className: `cell ${className}`, spellcheck: false, autocomplete: "off", "aria-label": label,
+    });
+    if (numeric) { cell.dataset.numeric = "1"; cell.inputMode = "decimal"; }
+    cell.addEventListener("focus", () => {
+      if (!dirty(cell) && leaving) show(cell, cell.dataset.full ?? "");
+      cell.select();
+    });
+    if (leaving) cell.addEventListener("blur", () => commit(cell, send));
+    cell.addEventListener("keydown", (event) => {
+      if (event.key === "Enter") { commit(cell, send); if (!dirty(cell)) cell.dispatchEvent(new Event("entered")); }
+      else if (event.key === "Escape" && leaving) revert(cell);
+      else return;
+      event.stopPropagation();
+    });
+    return cell;
+  }
+
+  // A drop-down that holds its one value and is filled by `options()` when it is opened.
+  function choice(options, send, { label, className = "" } = {}) {
+    const cell = make("select", { className: `cell ${className}`, "aria-label": label });
+    const fill = () => {
+      const known = options();
+      const current = cell.value;
+      cell.replaceChildren(...known.map(([value, text]) => make("option", { value, textContent: text })));
+      cell.value = current;
+    };
+    cell.addEventListener("mousedown", fill);
+    cell.addEventListener("focus", fill);
+    cell.addEventListener("keydown", (event) => { if (event.key === "Escape") revert(cell); });
+    cell.addEventListener("change", () => commit(cell, send));
+    cell.textOf = (value) => options().find(([known]) => known === value)?.[1] ?? value;
+    return cell;
+  }
+  function choose(cell, value) {
+    cell.dataset.full = value;
+    if (cell.classList.contains("refused") || cell.classList.contains("waiting")) return;
+    if (![...cell.options].some((option) => option.value === value)) {
+      cell.replaceChildren(make("option", { value, textContent: cell.textOf(value) }));
+    }
+    show(cell, value);
+  }
+
+  return { set, reply, input, choice, choose, commit };
+})();
+pgraph.on("reply", pgraph.cells.reply);

@@ -1,0 +1,56 @@
+// The playback bar: play, step, scrub, speed, loop.
+(() => {
+  const { make, send } = pgraph;
+  let dragging = false;
+
+  function build(host) {
+    const button = (className, textContent, title, onclick) =>
+      make("button", { className: `action ${className}`, textContent, title, onclick, "aria-label": title });
+    const slider = make("input", { type: "range", min: 0, max: 1, step: "any", className: "scrub", "aria-label": "time" });
+    slider.addEventListener("pointerdown", () => { dragging = true; });
+    window.addEventListener("pointerup", () => { dragging = false; });
+    slider.addEventListener("input", () => { send("Scrub", { time: Number(slider.value) }); told(host, Number(slider.value)); });
+    const speed = make("select", { className: "cell speed", title: "speed", "aria-label": "speed", onchange: () => send("Speed", { speed: Number(speed.value) }) });
+    host.replaceChildren(make("div", { className: "transport" },
+      button("back", "⏮", "to the start", () => send("Scrub", { time: 0 })),
+      button("less", "‹", "one frame back", () => send("StepFrames", { frames: -1 })),
+      button("primary play", "▶", "play (space)", () => send(pgraph.latest.playback.playing ? "Pause" : "Play")),
+      button("more", "›", "one frame on", () => send("StepFrames", { frames: 1 })),
+      slider, make("output", { className: "time" }), speed,
+      button("loop", "⟳", "repeat", () => send("Loop", { loop: !pgraph.latest.playback.loop }))),
+    make("div", { className: "muted none" }));
+  }
+
+  function draw(host, data) {
+    const $ = (selector) => host.querySelector(selector);
+    const none = data.t_end <= 0;
+    for (const control of host.querySelectorAll("button, input, select")) control.disabled = none;
+    $(".none").hidden = !none;
+    $(".none").textContent = data.hint;
+    $(".transport").classList.toggle("off", none);
+    $(".play").textContent = data.playing ? "⏸" : "▶";
+    $(".play").title = data.playing ? "pause (space)" : "play (space)";
+    $(".play").setAttribute("aria-label", data.playing ? "pause" : "play");
+    $(".loop").classList.toggle("on", data.loop);
+    $(".loop").setAttribute("aria-pressed", data.loop);
+    $(".scrub").max = data.t_end || 1;
+    const speed = $(".speed");
+    if (speed.options.length !== data.speeds.length) {
+      speed.replaceChildren(...data.speeds.map((s) => make("option", { value: s, textContent: `${s}×` })));
+    }
+    speed.value = String(data.speed);
+    if (!dragging) move(host, data.time);
+  }
+
+  function move(host, time) {
+    if (dragging) return;
+    host.querySelector(".scrub").value = time;
+    told(host, time);
+  }
+  function told(host, time) {
+    const end = pgraph.latest.playback?.t_end ?? 0;
+    host.querySelector(".time").textContent = `${time.toFixed(3)} / ${end.toFixed(3)} s`;
+  }
+
+  pgraph.view("playback", { build, playback: draw, time: move });
+})();

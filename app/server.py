@@ -1,0 +1,74 @@
+"""The running app: a model on a page at an address."""
+
+from __future__ import annotations
+
+import threading
+import webbrowser
+
+import pgraph_core as pg
+import static_models
+
+from .client.bridge import Bridge, open_server, quiet, token_for
+from .events import Event, from_page
+from .state import initial
+from .store import Store
+from .views.page import Page
+from .work import Compiler, Files, Simulator
+
+
+class Server:
+    """A page on which people edit and simulate one shared model."""
+
+    def __init__(self, model: pg.Model, host: str, port: int):
+        token = token_for(host)
+        viser = open_server(host, port, token)
+        self.viser = viser
+        self.port = viser.get_port()
+        query = f"?token={token}" if token else ""
+        self.url = f"http://{host}:{self.port}/{query}"
+        self.store = Store(initial(model, built_in()))
+        bridge = Bridge(viser, lambda client, text: self.send(from_page(client, text)))
+        page = Page(bridge, self.send)
+        self.store.start((*page.views, Simulator(self.send), Files(self.send)))
+        self._compiler = Compiler(self.send)
+        self._stopped = threading.Event()
+
+    def send(self, event: Event) -> None:
+        """Queue an event, from any thread."""
+        self.store.send(event)
+
+    def wait(self) -> None:
+        """Return when the server is stopped, or at Ctrl+C."""
+        try:
+            self._stopped.wait()
+        except KeyboardInterrupt:
+            self.stop()
+
+    def stop(self) -> None:
+        """Close every page's connection and end the background work."""
+        self._stopped.set()
+        self._compiler.stop()
+        self.store.stop()
+        with quiet():
+            self.viser.stop()
+
+
+def serve(
+    model: pg.Model, *, host: str = "127.0.0.1", port: int = 8080, open_browser: bool = True
+) -> Server:
+    """Serve `model` at `http://host:port`, or on the next free port where that one is taken.
+
+    Hosts other than this machine's own get an address with a secret token in it.
+    """
+    server = Server(model, host, port)
+    if port and server.port != port:
+        print(f"Port {port} is taken; using {server.port}.")
+    print(f"Pgraph is at {server.url}", flush=True)
+    if open_browser and not webbrowser.open(server.url):
+        print("No browser could be opened; open the address yourself.")
+    return server
+
+
+def built_in() -> dict[str, str]:
+    """The text of every built-in model, by name."""
+    return {name: static_models.path(name).read_text("utf-8") for name in static_models.names()}

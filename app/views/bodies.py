@@ -1,0 +1,134 @@
+"""The bodies in 3D: a node each in small models, batches of scaled unit solids in large ones."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+import viser
+
+from .. import shapes
+from ..state import State
+
+SEPARATE = 50  # bodies up to which each is a node of its own
+Clicked = Callable[[int, int], None]  # client, number of the body
+
+
+class Bodies(Protocol):
+    """The drawn bodies of one model."""
+
+    def show(self, state: State) -> None: ...
+    def place(self, positions: np.ndarray, wxyz: np.ndarray) -> None: ...
+    def remove(self) -> None: ...
+
+
+def links(state: State, number: int) -> tuple[tuple[float, float, float], ...]:
+    """Link vectors of the children of a body: where they hang on it, in its axes at q = 0."""
+    d = state.derived
+    return tuple(state.model.body(d.names[k - 1]).link for k in d.children[number])
+
+
+def pieces(state: State, number: int) -> tuple[shapes.Piece, ...]:
+    """What body `number` is drawn as."""
+    return shapes.pieces(state.model.body(state.derived.names[number - 1]), links(state, number))
+
+
+class SeparateBodies:
+    """A node a body; only bodies that look different are sent again."""
+
+    def __init__(self, server: viser.ViserServer, clicked: Clicked):
+        self._server = server
+        self._clicked = clicked
+        self._drawn: list[tuple[Any, viser.SceneNodeHandle]] = []  # (looks, node) by number
+
+    def show(self, state: State) -> None:
+        d = state.derived
+        for _, node in self._drawn[len(d.names) :]:
+            node.remove()
+        del self._drawn[len(d.names) :]
+        for k, name in enumerate(d.names, 1):
+            body = state.model.body(name)
+            looks = (body.shape, links(state, k), body.tip, body.com, body.mass, d.colors[k - 1])
+            if k > len(self._drawn) or self._drawn[k - 1][0] != looks:
+                self._drawn[k - 1 : k] = [(looks, self._node(state, k))]
+
+    def _node(self, state: State, number: int) -> viser.SceneNodeHandle:
+        solid = shapes.mesh(pieces(state, number))
+        node = self._server.scene.add_mesh_simple(
+            f"/bodies/{number}",
+            solid.vertices,
+            solid.faces,
+            color=state.derived.colors[number - 1],
+            flat_shading=len(solid.faces) < 100,
+        )
+
+        @node.on_click
+        async def _(event: viser.SceneNodePointerEvent) -> None:
+            self._clicked(event.client_id, number)
+
+        return node
+
+    def place(self, positions: np.ndarray, wxyz: np.ndarray) -> None:
+        for (_, node), p, quaternion in zip(self._drawn, positions, wxyz):
+            node.position, node.wxyz = p, quaternion
+
+    def remove(self) -> None:
+        for _, node in self._drawn:
+            node.remove()
+        self._drawn = []
+
+
+class BatchedBodies:
+    """One node a kind of solid; each instance is a unit solid, scaled and placed."""
+
+    def __init__(self, server: viser.ViserServer, clicked: Clicked):
+        self._server = server
+        self._clicked = clicked
+        self._batches: list[tuple[np.ndarray, np.ndarray, np.ndarray, Any]] = []
+
+    def show(self, state: State) -> None:
+        self.remove()
+        found: dict[str, list[tuple[int, shapes.Piece]]] = defaultdict(list)
+        for k in range(1, len(state.derived.names) + 1):
+            for piece in pieces(state, k):
+                found["box" if piece.kind == "mesh" else piece.kind].append((k, piece))
+        for kind, parts in found.items():
+            self._batches.append(self._batch(state, kind, parts))
+
+    def _batch(self, state: State, kind: str, parts: list[tuple[int, shapes.Piece]]) -> Any:
+        owner = np.array([k for k, _ in parts])
+        local = np.array([piece.position for _, piece in parts])
+        turned = shapes.to_wxyz(np.array([piece.rotation for _, piece in parts]))
+        solid = shapes.unit(kind)
+        node = self._server.scene.add_batched_meshes_simple(
+            f"/bodies/{kind}",
+            solid.vertices,
+            solid.faces,
+            batched_wxyzs=turned,
+            batched_positions=local,
+            batched_scales=np.array([piece.size for _, piece in parts]),
+            batched_colors=np.array([state.derived.colors[k - 1] for k, _ in parts]),
+            flat_shading=kind == "box",
+            lod="off",
+        )
+
+        @node.on_click
+        async def _(event: viser.SceneNodePointerEvent) -> None:
+            if event.instance_index is not None:
+                self._clicked(event.client_id, int(owner[event.instance_index]))
+
+        return owner, local, turned, node
+
+    def place(self, positions: np.ndarray, wxyz: np.ndarray) -> None:
+        R = shapes.to_matrix(wxyz)
+        for owner, local, turned, node in self._batches:
+            k = owner - 1
+            node.batched_positions = positions[k] + np.einsum("nij,nj->ni", R[k], local)
+            node.batched_wxyzs = shapes.times(wxyz[k], turned)
+
+    def remove(self) -> None:
+        for *_, node in self._batches:
+            node.remove()
+        self._batches = []

@@ -1,0 +1,57 @@
+"""The layout of the page, and all views on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import viser
+
+from ..client.bridge import Bridge
+from ..events import Connected, Disconnected, Event, Select
+from .digraph import DigraphView
+from .playback import PlaybackView
+from .properties import PropertiesView
+from .scene import SceneView
+from .session import ACCENT, SessionView
+from .table import TableView
+from .toolbar import ToolbarView
+
+LEFT, RIGHT = 450, 330  # widths of the docks [px]
+
+
+class Page:
+    """Docks left and right of the 3D view, playback floating at its bottom."""
+
+    def __init__(self, bridge: Bridge, send: Callable[[Event], None]):
+        server = bridge.server
+        gui = server.gui
+        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=ACCENT)
+        bodies, graph, properties, playback = (gui.add_panel() for _ in range(4))
+        with bodies.add_tab("Bodies", viser.Icon.TABLE):
+            table = TableView(bridge)
+        with graph.add_tab("Digraph", viser.Icon.SITEMAP):
+            digraph = DigraphView(bridge)
+        toolbar = ToolbarView(bridge)  # in viser's own panel
+        with properties.add_tab("Properties", viser.Icon.ADJUSTMENTS):
+            details = PropertiesView(bridge)
+        with playback.add_tab("Playback", viser.Icon.PLAYER_PLAY):
+            player = PlaybackView(bridge)
+        bodies.dock_left()
+        bodies.set_width(LEFT)
+        graph.dock_below(bodies)
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(RIGHT)
+        properties.dock_below(gui.main_panel)
+        playback.float(x=15, y=-15, width=470)
+        self.views = (
+            table, digraph, toolbar, details, player, SceneView(server, send), SessionView(bridge),
+        )  # fmt: skip
+
+        @server.on_client_connect
+        async def _(client: viser.ClientHandle) -> None:
+            bridge.connect(client)
+            send(Connected(client.client_id))
+
+        @server.on_client_disconnect
+        async def _(client: viser.ClientHandle) -> None:
+            send(Disconnected(client.client_id))

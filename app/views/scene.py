@@ -1,0 +1,128 @@
+"""The 3D view: bodies at their poses, the ground, the camera, and each page's selection."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import viser
+
+from .. import shapes
+from ..events import Event, Select
+from ..state import State, poses
+from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies, pieces
+from .overlays import Overlays
+
+GRID: dict[str, tuple] = {
+    "x": ("yz", (1.0, 0.0, 0.0)), "y": ("xz", (0.0, 1.0, 0.0)), "z": ("xy", (0.0, 0.0, 1.0)),
+}  # fmt: skip
+VIEW = {"x": (0.42, 0.8, -1.0), "y": (0.55, 0.4, 1.0), "z": (0.55, -1.0, 0.4)}  # towards the camera
+FIELD_OF_VIEW = 0.85  # [rad]
+OUTLINE = (255, 170, 20)
+
+
+class SceneView:
+    def __init__(self, server: viser.ViserServer, send: Callable[[Event], None]):
+        self._server = server
+        self._names: tuple[str, ...] = ()
+        self._bodies: Bodies | None = None
+        self._overlays = Overlays(server)
+        self._selected: dict[int, viser.FrameHandle] = {}  # by client
+        self._framed = -1
+        self._send = send
+
+    def render(self, old: State, new: State) -> None:
+        rebuilt = self._bodies is None or new.derived is not old.derived
+        with self._server.atomic():
+            if new.framed != self._framed:
+                self._frame(new)
+            if rebuilt:
+                self._rebuild(new)
+            self._select(old, new, rebuilt)
+            moved = new.playback.time != old.playback.time or new.run is not old.run
+            if rebuilt or moved or new.clients is not old.clients:
+                self._place(new)
+            if rebuilt or moved or new.shown != old.shown:
+                self._overlays.render(new, *poses(new), rebuilt)
+
+    def _clicked(self, client: int, number: int) -> None:
+        if number <= len(self._names):
+            self._send(Select(client, self._names[number - 1]))
+
+    def _rebuild(self, state: State) -> None:
+        kind = SeparateBodies if len(state.derived.names) <= SEPARATE else BatchedBodies
+        if not isinstance(self._bodies, kind):
+            if self._bodies is not None:
+                self._bodies.remove()
+            self._bodies = kind(self._server, self._clicked)
+        self._bodies.show(state)
+        self._names = state.derived.names
+
+    def _place(self, state: State) -> None:
+        positions, wxyz = poses(state)
+        assert self._bodies is not None
+        self._bodies.place(positions, wxyz)
+        for client, frame in self._selected.items():
+            name = state.clients[client].selection
+            if name is not None:
+                k = state.derived.number[name] - 1
+                frame.position, frame.wxyz = positions[k], wxyz[k]
+
+    def _select(self, old: State, new: State, rebuilt: bool) -> None:
+        """An outline and the axes of the selected body, on that page only."""
+        for client in self._selected.keys() - new.clients.keys():
+            del self._selected[client]
+        for client, now in new.clients.items():
+            before = old.clients.get(client)
+            if not rebuilt and before is not None and before.selection == now.selection:
+                continue
+            if (frame := self._selected.pop(client, None)) is not None:
+                frame.remove()
+            handle = self._server.get_clients().get(client)
+            if now.selection is not None and handle is not None:
+                self._selected[client] = self._outline(handle, new, now.selection)
+
+    def _outline(self, client: viser.ClientHandle, state: State, name: str) -> viser.FrameHandle:
+        size = state.derived.size
+        solid = shapes.mesh(pieces(state, state.derived.number[name]))
+        frame = client.scene.add_frame(
+            "/selected", axes_length=0.16 * size, axes_radius=0.006 * size, origin_radius=0.01 * size
+        )
+        client.scene.add_mesh_simple(
+            "/selected/outline",
+            solid.vertices + 0.012 * size * solid.vertex_normals,
+            solid.faces,
+            color=OUTLINE,
+            side="back",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        return frame
+
+    def _frame(self, state: State) -> None:
+        """Another model: the ground, which way is up, and every camera set on it."""
+        self._framed = state.framed
+        plane, up = GRID[state.model.up]
+        size, center = state.derived.size, state.derived.center
+        cell = shapes.spaced(size)
+        self._server.scene.set_up_direction(up)
+        self._server.scene.add_grid(
+            "/ground",
+            plane=plane,
+            infinite_grid=True,
+            cell_size=cell / 5,
+            section_size=cell,
+            cell_color=(190, 195, 202),
+            section_color=(140, 147, 156),
+            fade_distance=14 * size,
+            fade_strength=2.0,
+            shadow_opacity=0.18,
+        )
+        away = np.array(VIEW[state.model.up])
+        position = center + 2.9 * size * away / np.linalg.norm(away)
+        start = self._server.initial_camera
+        start.position, start.look_at, start.up, start.fov = position, center, up, FIELD_OF_VIEW
+        start.near, start.far = size / 100, 1000 * size
+        for client in self._server.get_clients().values():
+            camera = client.camera
+            camera.up_direction, camera.position, camera.look_at = np.array(up), position, center

@@ -1,0 +1,56 @@
+"""What one page is told alone: its selection, its theme, answers, notices and downloads."""
+
+from __future__ import annotations
+
+import re
+
+from ..client.bridge import Bridge
+from ..state import Client, Notice, State
+
+ACCENT = (47, 111, 208)
+
+
+class SessionView:
+    """Drawn last: an answer to a cell comes after the value it is about."""
+
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+
+    def render(self, old: State, new: State) -> None:
+        for client, now in new.clients.items():
+            before = old.clients.get(client)
+            if before is now:
+                continue
+            if before is None or before.selection != now.selection:
+                self._bridge.send(client, "selection", now.selection)
+            if before is None or before.dark != now.dark:
+                self._theme(client, now.dark)
+            self._tell(client, before or Client(), now, new)
+
+    def _tell(self, client: int, before: Client, now: Client, state: State) -> None:
+        if now.reply is not None and now.reply is not before.reply:
+            reply = {"serial": now.reply.serial, "text": now.reply.text}
+            self._bridge.send(client, "reply", reply)
+        if now.notice is not None and now.notice is not before.notice:
+            self._notify(client, now.notice)
+        handle = self._bridge.server.get_clients().get(client)
+        if now.downloads != before.downloads and handle is not None:
+            name = re.sub(r"[^\w-]+", "_", state.model.name) or "model"
+            content = state.model.to_json().encode()
+            handle.send_file_download(f"{name}.json", content, save_immediately=True)
+
+    def _notify(self, client: int, notice: Notice) -> None:
+        handle = self._bridge.server.get_clients().get(client)
+        if handle is None:
+            return
+        color = (200, 60, 50) if notice.bad else ACCENT
+        seconds = 12.0 if notice.bad else 5.0
+        handle.add_notification(notice.title, notice.text, auto_close_seconds=seconds, color=color)
+
+    def _theme(self, client: int, dark: bool) -> None:
+        handle = self._bridge.server.get_clients().get(client)
+        if handle is not None:
+            handle.gui.configure_theme(
+                dark_mode=dark, show_logo=False, show_share_button=False, brand_color=ACCENT
+            )
+        self._bridge.send(client, "theme", {"dark": dark})

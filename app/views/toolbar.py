@@ -1,0 +1,133 @@
+"""The model and the run: buttons, progress, and what a run was worth."""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+from ..client.bridge import Bridge
+from ..state import FREE_RUN, METHODS, Run, State
+from . import Payload, audience, count
+
+METHOD_NAMES = {
+    "auto": "automatic",
+    "rk4": "Runge-Kutta 4",
+    "semi_implicit_euler": "semi-implicit Euler",
+}
+
+
+class ToolbarView:
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+        bridge.host("toolbar")
+
+    def render(self, old: State, new: State) -> None:
+        changed = any(
+            getattr(old, part) is not getattr(new, part)
+            for part in (
+                "derived", "request", "undo", "redo", "last_run", "job", "run_problem", "kernels",
+                "shown",
+            )
+        )  # fmt: skip
+        clients = audience(old, new, changed)
+        payload = toolbar(new) if clients else {}
+        for client in clients:
+            self._bridge.send(client, "toolbar", payload)
+
+
+def toolbar(state: State) -> Payload:
+    """Everything the toolbar shows."""
+    scenarios = [[s.name, f"{s.name} ({s.t_end:g} s)"] for s in state.model.scenarios]
+    request = state.request
+    return {
+        "name": state.model.name,
+        "count": count(state),
+        "undo": state.undo[-1].label if state.undo else None,
+        "redo": state.redo[-1].label if state.redo else None,
+        "gallery": gallery(state),
+        "scenarios": [*scenarios, [FREE_RUN, "free run"]],
+        "methods": [[name, METHOD_NAMES[name]] for name in METHODS],
+        "request": {
+            "scenario": request.scenario,
+            "t_end": request.t_end,
+            "step": request.step,
+            "method": request.method,
+        },
+        "kernels": kernels(state),
+        "job": job(state),
+        "problem": state.run_problem,
+        "summary": summary(state.run) if state.run is not None else None,
+        "shown": sorted(state.shown),
+    }
+
+
+def gallery(state: State) -> list[tuple[str, str]]:
+    """The built-in models, with how many bodies each has."""
+    found = []
+    for name, text in state.gallery.items():
+        data = json.loads(text)
+        said = data.get("description") or f"{len(data.get('bodies', ()))} bodies"
+        found.append((name, said))
+    return found
+
+
+def kernels(state: State) -> Payload | None:
+    """The compiler's progress; nothing once it is done."""
+    k = state.kernels
+    if k.ready:
+        if not k.problem:
+            return None
+        return {"text": f"The fast code did not compile: {k.problem}", "fraction": 0.0}
+    if not k.total:
+        return {"text": "Preparing the fast code ...", "fraction": None}
+    said = f"Compiling the fast code, {k.done} of {k.total}: {k.name}"
+    return {"text": f"{said}. Editing works meanwhile.", "fraction": k.done / k.total}
+
+
+def job(state: State) -> Payload | None:
+    if state.job is None:
+        return None
+    if not state.kernels.ready:
+        return {"text": "waits until the fast code is compiled", "fraction": None}
+    fraction = state.job.fraction
+    return {"text": f"{100 * fraction:.0f} %", "fraction": fraction}
+
+
+def summary(run: Run) -> list[tuple[str, str, bool]]:
+    """Lines (what, value, good): how it ended, how accurate it is, what it cost."""
+    result = run.result
+    good = getattr(result.status, "name", "") in ("DONE", "COMPLETED", "FINISHED", "SUCCESS", "OK")
+    lines = [("Status", result.message or str(result.status.value), good)]
+    lines.append(("Energy drift", _number(result.energy_drift), math.isfinite(result.energy_drift)))
+    drift = result.constraint_drift
+    if run.model.constraints and len(drift):
+        worst = drift.max(axis=0)
+        value = f"{_number(worst[0])} m, {_number(worst[1])} m/s"
+        lines.append(("Constraint drift", value, bool(worst[0] < 1e-3)))
+    if result.error_estimate is not None:
+        lines.append(("Error estimate", _said(result.error_estimate), True))
+    lines.append(("Cost", cost(result), True))
+    if result.left_out:
+        lines.append(("Left out", _said(result.left_out), True))
+    return lines
+
+
+def cost(result: Any) -> str:
+    """'250 steps, 1000 evaluations, 12.3 ms'."""
+    counters = dict(result.counters).items()
+    counts = [f"{int(n)} {name.replace('_', ' ')}" for name, n in counters if n]
+    seconds = sum(float(s) for s in dict(result.timing).values())
+    return ", ".join([*counts, f"{1e3 * seconds:.3g} ms"])
+
+
+def _number(x: Any) -> str:
+    return f"{float(x):.2g}"
+
+
+def _said(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{key.replace('_', ' ')}: {_said(item)}" for key, item in value.items())
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return ", ".join(map(str, value))
+    return _number(value) if isinstance(value, float) else str(value)
