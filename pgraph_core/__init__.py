@@ -5,6 +5,7 @@ from .errors import InputError as InputError
 from .errors import ModelError as ModelError
 from .errors import PgraphError as PgraphError
 from .errors import Problem as Problem
+from .operators import home_poses as home_poses
 from .schema import Body as Body
 from .schema import Constraint as Constraint
 from .schema import Force as Force
