@@ -1,0 +1,73 @@
+"""Which command was typed, and what every command has in common."""
+
+from __future__ import annotations
+
+import os
+import sys
+from argparse import ArgumentParser, RawDescriptionHelpFormatter
+from collections.abc import Sequence
+from importlib.metadata import version
+from types import ModuleType
+
+from pgraph_core.errors import PgraphError
+
+from . import check, info, models, new, run, start
+from .answer import print_answer, print_problems
+
+COMMANDS: dict[str, ModuleType] = {
+    "new": new,
+    "models": models,
+    "info": info,
+    "check": check,
+    "run": run,
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Exit code 0 done, 1 the model or the run has a problem, 2 wrong usage."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    try:
+        if words and words[0] in COMMANDS:
+            return _command(words[0], words[1:])
+        return _start(words)
+    except KeyboardInterrupt:
+        print("Stopped.", file=sys.stderr)
+        return 130  # the shells' code for Ctrl+C
+    except BrokenPipeError:  # the reader, such as `head`, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing left to flush
+        return 0
+
+
+def _command(name: str, words: Sequence[str]) -> int:
+    module = COMMANDS[name]
+    parser = ArgumentParser(prog=f"pgraph {name}", description=module.__doc__)
+    module.arguments(parser)
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
+    args = parser.parse_args(words)
+    try:
+        answer = module.answer(args)
+    except PgraphError as error:
+        print_problems(error.problems, args.json)
+        return 1
+    print_answer(answer, args.json)
+    sys.stdout.flush()
+    return answer.code
+
+
+def _start(words: Sequence[str]) -> int:
+    listed = "\n".join(f"  pgraph {name:8} {module.HELP}" for name, module in COMMANDS.items())
+    parser = ArgumentParser(
+        prog="pgraph",
+        description="Multibody dynamics from a four-column table: opens the page in the browser.",
+        epilog=f"other commands, each with --help and --json:\n{listed}",
+        formatter_class=RawDescriptionHelpFormatter,
+    )
+    start.arguments(parser)
+    parser.add_argument("--version", action="version", version=f"pgraph {version('pgraph')}")
+    args = parser.parse_args(words)
+    try:
+        start.start(args)
+    except PgraphError as error:
+        print_problems(error.problems, as_json=False)
+        return 1
+    return 0

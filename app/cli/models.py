@@ -1,0 +1,35 @@
+"""`pgraph models`: the built-in models."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+
+import pgraph_core as pg
+import static_models
+
+from .answer import Answer, aligned
+
+HELP = "the built-in models"
+
+
+def arguments(parser: ArgumentParser) -> None:
+    """None."""
+
+
+def answer(args: Namespace) -> Answer:
+    models = {name: pg.Model.load(static_models.path(name)) for name in static_models.names()}
+    rows = [
+        {
+            "name": name,
+            "nb": len(model.bodies),
+            "nv": sum(body.dof for body in model.bodies),
+            "scenarios": [s.name for s in model.scenarios],
+            "path": str(static_models.path(name)),
+        }
+        for name, model in models.items()
+    ]
+    table = aligned(
+        ((row["name"], row["nb"], row["nv"], ", ".join(row["scenarios"])) for row in rows),
+        header=("model", "bodies", "DoF", "scenarios"),
+    )
+    return Answer({"models": rows}, table)

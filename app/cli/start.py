@@ -1,0 +1,28 @@
+"""`pgraph [MODEL]`: the page in the browser."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+
+from . import given
+
+
+def arguments(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "model",
+        metavar="MODEL",
+        nargs="?",
+        default="quadruped",
+        help="a file or the name of a built-in model (default: quadruped)",
+    )
+    parser.add_argument("--host", default="127.0.0.1", help="default: 127.0.0.1, this machine only")
+    parser.add_argument("--port", type=given.port, default=8080, help="default: 8080")
+    parser.add_argument("--no-browser", action="store_true", help="do not open the browser")
+
+
+def start(args: Namespace) -> None:
+    """Serve the page until Ctrl+C."""
+    model = given.model(args.model)
+    from app.server import serve  # here: no other command needs viser
+
+    serve(model, host=args.host, port=args.port, open_browser=not args.no_browser).wait()
