@@ -1,0 +1,1 @@
+"""Tests of the dynamics: laws, the paper's operators as oracle, simulation."""

@@ -1,0 +1,76 @@
+"""Make the golden files anew: `python -m tests.golden.build` with mujoco and pin installed.
+
+Each case is a model with a state; its mass matrix, bias force, forward dynamics, Jacobian and
+poses come from MuJoCo and from Pinocchio, mapped to our conventions, never from our own code.
+"""
+
+from __future__ import annotations
+
+import json
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+import pgraph_core as pg
+import static_models
+
+from ..core.trees import State, random_case, random_state, scaled_error
+from . import with_mujoco, with_pinocchio
+
+HERE = Path(__file__).parent
+TREES = 30
+AGREEMENT = 1e-10  # of the two oracles with each other
+CONDITION = 1e4  # of M, so that forward dynamics can be compared
+
+
+def cases() -> list[tuple[State, dict[str, dict[str, np.ndarray]]]]:
+    """The quadruped and the first TREES seeds whose mass matrix is well conditioned."""
+    model = pg.Model.load(static_models.path("quadruped"))
+    found = [evaluated(random_state(np.random.default_rng(0), model))]
+    seed = 0
+    while len(found) < TREES + 1:
+        state = random_case(seed)
+        seed += 1
+        if not len(state.v):
+            continue
+        case = evaluated(state)
+        if np.linalg.cond(case[1]["pinocchio"]["mass_matrix"]) < CONDITION:
+            found.append(case)
+    return found
+
+
+def evaluated(state: State) -> tuple[State, dict[str, dict[str, np.ndarray]]]:
+    """A state and what both oracles say of it."""
+    by = {"mujoco": with_mujoco.evaluate(state), "pinocchio": with_pinocchio.evaluate(state)}
+    return state, by
+
+
+def check_agreement(by: dict[str, dict[str, np.ndarray]]) -> None:
+    """The two oracles agree, or a mapping of conventions is wrong."""
+    for name, expected in by["pinocchio"].items():
+        error = scaled_error(by["mujoco"][name], expected)
+        if error > AGREEMENT:
+            raise SystemExit(f"MuJoCo and Pinocchio differ in {name} by {error:.2e}")
+
+
+def main() -> None:
+    """Write trees.json (models) and trees.npz (states and numbers)."""
+    arrays: dict[str, np.ndarray] = {}
+    models = []
+    for i, (state, by) in enumerate(cases()):
+        check_agreement(by)
+        models.append(json.loads(state.model.replace(scenarios=(), forces=()).to_json()))
+        arrays |= {f"{i}/{name}": getattr(state, name) for name in ("q", "v", "tau")}
+        for oracle, values in by.items():
+            arrays |= {f"{i}/{oracle}/{name}": value for name, value in values.items()}
+    made = {name: version(name) for name in ("mujoco", "pin")}
+    text = ",\n".join(json.dumps(model) for model in models)
+    (HERE / "trees.json").write_text(
+        f'{{"made_with": {json.dumps(made)}, "models": [\n{text}\n]}}\n', encoding="utf-8"
+    )
+    np.savez_compressed(HERE / "trees.npz", allow_pickle=False, **arrays)
+
+
+if __name__ == "__main__":
+    main()
