@@ -16,6 +16,7 @@ from scipy import sparse
 from .errors import InputError, Problem, choices
 from .schema import Model
 from .schema.checks import GROUND
+from .schema.fields import shown
 
 Ints: TypeAlias = "NDArray[np.int64]"
 
@@ -142,10 +143,8 @@ def pgraph_of(parent: Sequence[int] | Ints) -> Ints:
 
 def _untraversed(parent: Sequence[int] | Ints) -> list[list[int]]:
     """Children, the left one last, so that pop() takes it. Raises InputError."""
-    numbers = np.asarray(parent)
+    numbers = _whole("parent", parent)
     nb = len(numbers)
-    if numbers.ndim != 1 or (nb and numbers.dtype.kind not in "iu"):
-        raise InputError(Problem("parent", "", "must be a list of whole numbers, 0 for the ground"))
     for i, p in enumerate(numbers.tolist(), start=1):
         if not 0 <= p <= nb:
             raise InputError(Problem(f"body {i}", "parent", f"must be from 0 to {nb}; given {p}"))
@@ -158,13 +157,26 @@ def _untraversed(parent: Sequence[int] | Ints) -> list[list[int]]:
     return [c[::-1] for c in children_of(numbers)]
 
 
+def _whole(name: str, values: Sequence[int] | Ints) -> Ints:
+    """Whole numbers as an array. Raises InputError."""
+    try:
+        numbers = np.asarray(values)
+    except ValueError:  # lists of unequal length
+        numbers = np.asarray(None)
+    if numbers.ndim != 1 or (len(numbers) and numbers.dtype.kind not in "iu"):
+        raise InputError(Problem(name, "", "must be a list of whole numbers, 0 for the ground"))
+    return numbers.astype(np.int64)
+
+
 def jdof_of(pgraph: Sequence[int] | Ints, dof: Sequence[int] | Ints) -> Ints:
     """jdof along Pgraph: `dof[i - 1]` at the first occurrence of body i, else 0 (R2)."""
-    pgraph = np.asarray(pgraph, dtype=np.int64)
+    pgraph, first = _first_occurrences(pgraph)
+    dof = _whole("dof", dof)
+    if len(dof) != len(first):
+        text = f"needs one whole number a body: {len(first)}; given {len(dof)}"
+        raise InputError(Problem("dof", "", text))
     jdof = np.zeros(len(pgraph), dtype=np.int64)
-    first = find(pgraph)
-    bodies = pgraph[first] > 0
-    jdof[first[bodies]] = np.asarray(dof, dtype=np.int64)[pgraph[first[bodies]] - 1]
+    jdof[first] = dof[pgraph[first] - 1]
     return jdof
 
 
@@ -175,10 +187,19 @@ def find(pgraph: Sequence[int] | Ints) -> Ints:
 
 def parent_of(pgraph: Sequence[int] | Ints) -> Ints:
     """The tree from Pgraph alone: the parent of a body's first occurrence stands before it."""
-    pgraph = np.asarray(pgraph, dtype=np.int64)
-    first = find(pgraph)
-    first = first[pgraph[first] > 0]
+    pgraph, first = _first_occurrences(pgraph)
     parent = np.zeros(len(first), dtype=np.int64)
     before = np.where(first > 0, pgraph[np.maximum(first - 1, 0)], 0)
     parent[pgraph[first] - 1] = before
     return parent
+
+
+def _first_occurrences(pgraph: Sequence[int] | Ints) -> tuple[Ints, Ints]:
+    """Pgraph and the first places of its bodies, without the ground. Raises InputError."""
+    pgraph = _whole("pgraph", pgraph)
+    first = find(pgraph)
+    first = first[pgraph[first] != 0]
+    if not np.array_equal(np.sort(pgraph[first]), np.arange(1, len(first) + 1)):
+        given = f"must hold every number from 1 to {len(first)}; given {shown(pgraph.tolist())}"
+        raise InputError(Problem("pgraph", "", given))
+    return pgraph, first

@@ -1,0 +1,232 @@
+"""Numbers, Pgraph and jdof: the paper's vectors, and laws on random forests."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import pgraph_core as pg
+import static_models
+from pgraph_core.topology import depth_first, find
+
+FIG1 = [0, 1, 2, 2, 3, 2, 6]  # the parents of bodies 1 to 7
+QUADRUPED = [0, 1, 2, 3, 4, 5, 6, 4, 8, 9, 1, 11, 12, 1, 14, 15]
+
+
+@st.composite
+def forests(draw, roots: int | None = None, largest: int = 40) -> list[int]:
+    """Parents by number, in any order: a canonical forest with its numbers permuted."""
+    n = draw(st.integers(1, largest))
+    parents = [draw(st.integers(0 if roots is None else 1, i)) if i else 0 for i in range(n)]
+    new = draw(st.permutations(range(1, n + 1)))
+    permuted = [0] * n
+    for i, p in enumerate(parents):
+        permuted[new[i] - 1] = new[p - 1] if p else 0
+    return permuted
+
+
+def model_of(parent: list[int], order: list[int] | None = None) -> pg.Model:
+    """A model with bodies "1", "2", ... in table order `order` (indices from 0)."""
+    order = list(range(len(parent))) if order is None else order
+    rows = [
+        pg.Body(name=str(i + 1), parent=str(parent[i]) if parent[i] else "ground", dof=i % 7)
+        for i in order
+    ]
+    return pg.Model(bodies=tuple(rows))
+
+
+# -- the paper's vectors, checklist C1 -----------------------------------------------------------
+
+
+def test_fig1_on_its_own_numbers():
+    pgraph = pg.pgraph_of(FIG1)
+    assert pgraph.tolist() == [1, 2, 3, 5, 2, 4, 2, 6, 7]
+    assert pg.jdof_of(pgraph, [1] * 7).tolist() == [1, 1, 1, 1, 0, 1, 0, 1, 1]
+
+
+def test_fig1_renumbered_depth_first():
+    topology = pg.Topology.of(pg.Model.load(static_models.path("fig1_tree")))
+    assert topology.pgraph.tolist() == [1, 2, 3, 4, 2, 5, 2, 6, 7]
+    assert topology.names == ("1", "2", "3", "5", "4", "6", "7")
+
+
+def test_fig1_tips_and_separation_bodies_by_name():
+    topology = pg.Topology.of(pg.Model.load(static_models.path("fig1_tree")))
+    assert [topology.names[i - 1] for i in topology.tips] == ["5", "4", "7"]
+    assert [topology.names[i - 1] for i in topology.separation_bodies] == ["2"]
+
+
+def test_fig9_the_quadruped():
+    topology = pg.Topology.of(pg.Model.load(static_models.path("quadruped")))
+    fig9 = [1, 2, 3, 4, 5, 6, 7, 4, 8, 9, 10, 1, 11, 12, 13, 1, 14, 15, 16]
+    assert topology.pgraph.tolist() == fig9
+    assert pg.pgraph_of(QUADRUPED).tolist() == fig9
+    assert topology.jdof.tolist() == [6, 1, 1, 1, 1, 1, 1, 0, 1, 1, 1, 0, 1, 1, 1, 0, 1, 1, 1]
+    assert topology.tips.tolist() == [7, 10, 13, 16]
+    assert topology.separation_bodies.tolist() == [1, 4]
+
+
+def test_fig1_adjacency_is_eq_4():
+    eq4 = np.zeros((7, 7))
+    for child, parent in ((2, 1), (3, 2), (4, 2), (5, 3), (6, 2), (7, 6)):
+        eq4[child - 1, parent - 1] = 1
+    fig1 = pg.Topology.of(model_of(FIG1))
+    at = [fig1.number(str(i)) - 1 for i in range(1, 8)]
+    assert np.array_equal(fig1.adjacency().toarray()[np.ix_(at, at)], eq4)
+
+
+@pytest.mark.parametrize(
+    ("parent", "pgraph"),
+    [
+        ([], []),
+        ([0], [1]),
+        ([0, 1, 2], [1, 2, 3]),
+        ([0, 0], [0, 1, 0, 2]),
+        ([0, 1, 0], [0, 1, 2, 0, 3]),  # two roots: the ground is the first separation body
+        ([0, 1, 1, 1], [1, 2, 1, 3, 1, 4]),  # three children
+        ([0, 1, 2, 2, 1], [1, 2, 3, 2, 4, 1, 5]),  # nested separation bodies
+        ([2, 3, 0], [3, 2, 1]),  # not canonical
+    ],
+)
+def test_small_graphs(parent: list[int], pgraph: list[int]):
+    assert pg.pgraph_of(parent).tolist() == pgraph
+    assert pg.parent_of(pgraph).tolist() == parent
+
+
+def test_a_weld_is_no_reentry():
+    """R2: the 0 of body 2's weld and the 0 of its re-entry differ by their place alone."""
+    pgraph = pg.pgraph_of([0, 1, 2, 2])
+    assert pgraph.tolist() == [1, 2, 3, 2, 4]
+    assert pg.jdof_of(pgraph, [6, 0, 1, 1]).tolist() == [6, 0, 1, 0, 1]
+    assert find(pgraph).tolist() == [0, 1, 2, 4]
+
+
+def test_the_ground_of_a_forest_has_no_dof():
+    model = pg.Model(bodies=(pg.Body(name="a"), pg.Body(name="b", parent="a"), pg.Body(name="c")))
+    topology = pg.Topology.of(model)
+    assert topology.pgraph.tolist() == [0, 1, 2, 0, 3]
+    assert topology.jdof.tolist() == [0, 1, 1, 0, 1]
+    assert topology.separation_bodies.tolist() == []
+
+
+def test_a_chain_of_twenty_thousand_needs_no_recursion():
+    n = 20_000
+    parent = list(range(n))
+    assert pg.parent_of(pg.pgraph_of(parent)).tolist() == parent
+
+
+def test_a_model_without_bodies():
+    topology = pg.Topology.of(pg.Model())
+    assert topology.nb == 0
+    assert topology.pgraph.tolist() == topology.tips.tolist() == []
+
+
+# -- laws ----------------------------------------------------------------------------------------
+
+
+@given(forests())
+def test_the_tree_comes_back_from_pgraph_alone(parent: list[int]):
+    assert pg.parent_of(pg.pgraph_of(parent)).tolist() == parent
+
+
+@given(forests(roots=1))
+def test_length_is_bodies_plus_leaves_minus_one(parent: list[int]):
+    leaves = len(parent) - len(set(parent) - {0})
+    assert len(pg.pgraph_of(parent)) == len(parent) + leaves - 1
+
+
+@given(forests())
+def test_jdof_has_one_entry_a_body_and_zeros_at_reentries(parent: list[int]):
+    pgraph = pg.pgraph_of(parent)
+    dof = np.arange(1, len(parent) + 1)
+    jdof = pg.jdof_of(pgraph, dof)
+    bodies = len(set(pgraph.tolist()) - {0})
+    assert len(jdof) == len(pgraph)
+    assert np.count_nonzero(jdof) == bodies == len(parent)
+    assert jdof.sum() == dof.sum()
+
+
+@given(forests())
+def test_first_occurrences_are_depth_first(parent: list[int]):
+    pgraph = pg.pgraph_of(parent)
+    first = [int(i) for i in pgraph[find(pgraph)] if i]
+    assert first == [row + 1 for row in depth_first(parent)]
+
+
+@given(forests())
+def test_numbers_of_a_model_are_depth_first(parent: list[int]):
+    topology = pg.Topology.of(model_of(parent))
+    assert depth_first(topology.parent.tolist()) == list(range(topology.nb))
+    assert all(p < i for i, p in enumerate(topology.parent.tolist(), 1))
+    for number, name in enumerate(topology.names, 1):
+        up = parent[int(name) - 1]
+        assert topology.parent[number - 1] == topology.number(str(up) if up else "ground")
+
+
+@given(forests(), st.randoms(use_true_random=False))
+def test_any_order_of_rows_gives_the_same_tree(parent: list[int], random):
+    order = list(range(len(parent)))
+    random.shuffle(order)
+    one, other = pg.Topology.of(model_of(parent)), pg.Topology.of(model_of(parent, order))
+
+    def edges(topology: pg.Topology) -> set[tuple[str, str]]:
+        names = ("ground", *topology.names)
+        return {(name, names[p]) for name, p in zip(topology.names, topology.parent)}
+
+    assert edges(one) == edges(other)
+    assert {one.names[i - 1] for i in one.tips} == {other.names[i - 1] for i in other.tips}
+
+
+@given(forests(roots=1))
+def test_adjacency_laws_of_eq_1(parent: list[int]):
+    topology = pg.Topology.of(model_of(parent))
+    S = topology.adjacency().toarray()
+    assert np.flatnonzero(~S.any(axis=1)).tolist() == [0]  # only the root's row is zero
+    assert (np.flatnonzero(~S.any(axis=0)) + 1).tolist() == topology.tips.tolist()
+    assert not np.linalg.matrix_power(S, topology.nb).any()
+
+
+# -- bad input -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("parent", "sentence"),
+    [
+        ([1], "body 1, parent: its path does not lead to the ground (a cycle)"),
+        ([0, 3, 2], "body 2, parent: its path does not lead to the ground (a cycle)"),
+        ([0, 5], "body 2, parent: must be from 0 to 2; given 5"),
+        ([0, -1], "body 2, parent: must be from 0 to 2; given -1"),
+        ([0.0, 1.0], "parent: must be a list of whole numbers, 0 for the ground"),
+        (["a"], "parent: must be a list of whole numbers, 0 for the ground"),
+        ([[0, 1]], "parent: must be a list of whole numbers, 0 for the ground"),
+        (3, "parent: must be a list of whole numbers, 0 for the ground"),
+        (None, "parent: must be a list of whole numbers, 0 for the ground"),
+        ([[0], [0, 1]], "parent: must be a list of whole numbers, 0 for the ground"),
+    ],
+)
+def test_what_is_no_forest_is_refused(parent, sentence: str):
+    with pytest.raises(pg.InputError) as refused:
+        pg.pgraph_of(parent)
+    assert str(refused.value) == sentence
+
+
+@pytest.mark.parametrize(
+    ("pgraph", "sentence"),
+    [
+        ([1, 2, 5], "pgraph: must hold every number from 1 to 3; given [1, 2, 5]"),
+        ([-1, 1], "pgraph: must hold every number from 1 to 2; given [-1, 1]"),
+        ([1.5], "pgraph: must be a list of whole numbers, 0 for the ground"),
+    ],
+)
+def test_what_is_no_pgraph_is_refused(pgraph, sentence: str):
+    with pytest.raises(pg.InputError) as refused:
+        pg.parent_of(pgraph)
+    assert str(refused.value) == sentence
+
+
+def test_jdof_needs_one_dof_a_body():
+    with pytest.raises(pg.InputError) as refused:
+        pg.jdof_of([1, 2, 1, 3], [1, 1])
+    assert str(refused.value) == "dof: needs one whole number a body: 3; given 2"
