@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 TIDY = 40  # bodies up to which the tree is drawn as a tree
-ROW = 44.0  # between levels of the tree [px]
+ROW = 37.0  # between levels of the tree [px]
 LANE, LANE_ROW = 18.0, 22.0
 CHARACTER, NODE, LONGEST = 6.2, 26.0, 20  # [px] a letter and a node; letters shown of a name
 

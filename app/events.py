@@ -178,6 +178,13 @@ class Theme(FromPage):
 
 
 @dataclass(frozen=True)
+class Viewport(FromPage):
+    """The page's 3D view has this width over height."""
+
+    aspect: Annotated[float, Field(gt=0.05, lt=20)]
+
+
+@dataclass(frozen=True)
 class Tick:
     """Wall-clock time went by while playing [s]."""
 
@@ -231,7 +238,7 @@ PAGE_EVENTS = {
     for kind in (
         Select, Edit, NewModel, AddBody, DeleteBody, Undo, Redo, OpenBuiltIn, OpenText, Save,
         Download, SetScenario, SetRun, Simulate, Cancel, Play, Pause, Scrub, StepFrames, Speed,
-        Loop, Show, Theme,
+        Loop, Show, Theme, Viewport,
     )
 }  # fmt: skip
 

@@ -82,6 +82,7 @@ class Client:
 
     selection: str | None = None
     dark: bool = False
+    aspect: float | None = None  # width over height of its 3D view, once known
     reply: Reply | None = None
     notice: Notice | None = None
     downloads: int = 0  # how often the model was asked for as a file
@@ -198,8 +199,9 @@ def derive(model: pg.Model) -> Derived:
     bodies = [model.body(name) for name in names]
     positions, rotations = pg.home_poses(model)
     center, size = reach(bodies, children, positions, rotations)
-    touching = {name: [c.name for c in model.constraints if name in (c.body, c.other)]
-                for name in names}
+    touching = {
+        name: [c.name for c in model.constraints if name in (c.body, c.other)] for name in names
+    }
     return Derived(
         names=names,
         number={name: k for k, name in enumerate(names, 1)},

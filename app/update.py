@@ -50,6 +50,8 @@ def update(state: State, event: Event) -> State:
             return with_client(state, client, selection=body) if known else state
         case events.Theme(client, dark):
             return with_client(state, client, dark=dark)
+        case events.Viewport(client, aspect):
+            return with_client(state, client, aspect=aspect)
         case events.Show(_, what, on):
             return replace(state, shown=state.shown | {what} if on else state.shown - {what})
         case events.Download(client) if client in state.clients:

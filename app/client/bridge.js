@@ -71,6 +71,24 @@ window.pgraph = (() => {
     },
   };
 
+  // Little pictures for buttons, drawn here because fonts lack them.
+  const ICONS = {
+    play: "M4 2l10 6-10 6z", pause: "M3 2h4v12H3zM9 2h4v12H9z", start: "M2 2h2v12H2zM14 2v12L5 8z",
+    less: "M11 2v12L4 8z", more: "M5 2l7 6-7 6z",
+    loop: "M8 3a5 5 0 1 1-4.6 3l1.9.8A3 3 0 1 0 8 5v2.6L3.8 4 8 .5z",
+    undo: "M6 1v3h4a4.5 4.5 0 0 1 0 9H5v-2h5a2.5 2.5 0 0 0 0-5H6v3L1 5z",
+    redo: "M10 1v3H6a4.5 4.5 0 0 0 0 9h5v-2H6a2.5 2.5 0 0 1 0-5h4v3l5-4z",
+    theme: "M8 1a7 7 0 1 0 0 14A7 7 0 0 0 8 1zm0 2v10A5 5 0 0 1 8 3z",
+  };
+  pgraph.icon = (name) => {
+    const picture = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+    const path = document.createElementNS("http://www.w3.org/2000/svg", "path");
+    for (const [key, value] of Object.entries({ viewBox: "0 0 16 16", width: 13, height: 13, class: "icon" })) picture.setAttribute(key, value);
+    path.setAttribute("d", ICONS[name]);
+    picture.append(path);
+    return picture;
+  };
+
   // A sentence in passing, for what has no cell any more.
   pgraph.toast = (text) => {
     const note = pgraph.make("div", { className: "pgraph pgraph-toast", role: "alert", textContent: text });
@@ -86,6 +104,16 @@ window.pgraph = (() => {
     if (latest.selection) pgraph.send("Select", { body: latest.selection });
     if (latest.theme?.dark) pgraph.send("Theme", { dark: true });
   }
+
+  // The shape of the 3D view, once its size has settled: the camera is set for it.
+  function watchView() {
+    const canvas = document.querySelector("canvas");
+    if (!canvas) { setTimeout(watchView, 100); return; }
+    let settling = null;
+    const tell = () => pgraph.send("Viewport", { aspect: canvas.clientWidth / Math.max(canvas.clientHeight, 1) });
+    new ResizeObserver(() => { clearTimeout(settling); settling = setTimeout(tell, 250); }).observe(canvas);
+  }
+  watchView();
 
   function shortcut(event) {
     const typing = event.target.closest?.("input, select, textarea");

@@ -16,7 +16,25 @@
     host.replaceChildren(make("div", { className: "vectors" }), canvas,
       make("div", { className: "legend muted" }, "double ring: separation body, dashed ring: tip, dashed line: constraint"));
     panAndZoom(canvas);
-    new ResizeObserver(() => { if (host.pgraphData && !view.get(canvas)?.moved) fit(canvas, host.pgraphData); }).observe(canvas);
+    fillPanel(host, canvas);
+    new ResizeObserver(() => {
+      if (!host.pgraphData) return;
+      if (view.get(canvas)?.moved) apply(canvas); else fit(canvas, host.pgraphData);
+    }).observe(canvas);
+  }
+
+  // The picture takes the height that the vectors leave in the scrolling panel around it.
+  function fillPanel(host, canvas) {
+    let panel = host.parentElement;
+    while (panel && !["scroll", "auto"].includes(getComputedStyle(panel).overflowY)) panel = panel.parentElement;
+    if (!panel) return;
+    const resize = () => {
+      const rest = host.offsetHeight - canvas.clientHeight + 14;
+      canvas.style.height = `${Math.max(panel.clientHeight - rest, 150)}px`;
+    };
+    const watch = new ResizeObserver(resize);
+    watch.observe(panel);
+    watch.observe(host.firstElementChild);
   }
 
   const select = (name) => pgraph.send("Select", { body: name });

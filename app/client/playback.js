@@ -4,20 +4,20 @@
   let dragging = false;
 
   function build(host) {
-    const button = (className, textContent, title, onclick) =>
-      make("button", { className: `action ${className}`, textContent, title, onclick, "aria-label": title });
+    const button = (className, icon, title, onclick) =>
+      make("button", { className: `action ${className}`, title, onclick, "aria-label": title }, pgraph.icon(icon));
     const slider = make("input", { type: "range", min: 0, max: 1, step: "any", className: "scrub", "aria-label": "time" });
     slider.addEventListener("pointerdown", () => { dragging = true; });
     window.addEventListener("pointerup", () => { dragging = false; });
     slider.addEventListener("input", () => { send("Scrub", { time: Number(slider.value) }); told(host, Number(slider.value)); });
     const speed = make("select", { className: "cell speed", title: "speed", "aria-label": "speed", onchange: () => send("Speed", { speed: Number(speed.value) }) });
     host.replaceChildren(make("div", { className: "transport" },
-      button("back", "⏮", "to the start", () => send("Scrub", { time: 0 })),
-      button("less", "‹", "one frame back", () => send("StepFrames", { frames: -1 })),
-      button("primary play", "▶", "play (space)", () => send(pgraph.latest.playback.playing ? "Pause" : "Play")),
-      button("more", "›", "one frame on", () => send("StepFrames", { frames: 1 })),
+      button("back", "start", "to the start", () => send("Scrub", { time: 0 })),
+      button("less", "less", "one frame back", () => send("StepFrames", { frames: -1 })),
+      button("primary play", "play", "play (space)", () => send(pgraph.latest.playback.playing ? "Pause" : "Play")),
+      button("more", "more", "one frame on", () => send("StepFrames", { frames: 1 })),
       slider, make("output", { className: "time" }), speed,
-      button("loop", "⟳", "repeat", () => send("Loop", { loop: !pgraph.latest.playback.loop }))),
+      button("loop", "loop", "repeat", () => send("Loop", { loop: !pgraph.latest.playback.loop }))),
     make("div", { className: "muted none" }));
   }
 
@@ -28,7 +28,7 @@
     $(".none").hidden = !none;
     $(".none").textContent = data.hint;
     $(".transport").classList.toggle("off", none);
-    $(".play").textContent = data.playing ? "⏸" : "▶";
+    $(".play").replaceChildren(pgraph.icon(data.playing ? "pause" : "play"));
     $(".play").title = data.playing ? "pause (space)" : "play (space)";
     $(".play").setAttribute("aria-label", data.playing ? "pause" : "play");
     $(".loop").classList.toggle("on", data.loop);

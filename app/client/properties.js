@@ -38,7 +38,7 @@
       const label = [field.label, cell.label].filter(Boolean).join(" ");
       if (field.options) return cells.choice(() => field.options.map((o) => [o, o]), edit(cell.index), { label });
       const input = cells.input(edit(cell.index), { label, numeric: field.numeric });
-      return cell.label ? make("label", { className: "axis" }, make("span", { textContent: cell.label }), input) : input;
+      return field.named && cell.label ? make("label", { className: "axis" }, make("span", { textContent: cell.label }), input) : input;
     }));
     const unit = make("span", { className: "unit", textContent: field.unit });
     return make("div", { className: "field", "data-field": field.field },

@@ -9,6 +9,12 @@
   const text = (tag, className, textContent = "") => make(tag, { className, textContent });
   const button = (className, textContent, title, onclick) =>
     make("button", { className: `action ${className}`, textContent, title, onclick });
+  function picture(className, title, onclick) {
+    const made = button(className, "", title, onclick);
+    made.setAttribute("aria-label", title);
+    made.append(pgraph.icon(className));
+    return made;
+  }
 
   function build(host) {
     host.replaceChildren(
@@ -17,9 +23,9 @@
         button("open", "Open", "A built-in model or a file", () => ask(host, openQuestion)),
         button("save", "Save", "Download, or write to a file", () => ask(host, saveQuestion)),
         text("span", "spring"),
-        button("undo", "↶", "Undo (Ctrl+Z)", () => send("Undo")),
-        button("redo", "↷", "Redo (Ctrl+Shift+Z)", () => send("Redo")),
-        button("theme", "◐", "Dark or light", () => send("Theme", { dark: !pgraph.latest.theme?.dark }))),
+        picture("undo", "Undo", () => send("Undo")),
+        picture("redo", "Redo", () => send("Redo")),
+        picture("theme", "Dark or light", () => send("Theme", { dark: !pgraph.latest.theme?.dark }))),
       make("div", { className: "asked" }),
       make("div", { className: "model" }, text("strong", "name"), text("span", "muted count")),
       make("div", { className: "kernels", hidden: true }, text("span", "said"), make("progress", { max: 1 })),
@@ -38,10 +44,11 @@
     const t_end = cells.input(edit("t_end"), { label: "duration", numeric: true });
     const step = cells.input(edit("step"), { label: "step", numeric: true });
     host.pgraphRun = { scenario, method, t_end, step };
-    const field = (label, unit, cell) => make("div", { className: "field" },
+    const field = (label, unit, cell) => make("div", { className: unit ? "field" : "field wide" },
       make("div", { className: "what" }, make("span", { textContent: label }), text("span", "unit", unit)), cell);
     return make("fieldset", { className: "run" }, make("legend", { textContent: "Simulate" }),
-      field("Scenario", "", scenario), field("Duration", "s", t_end), field("Step", "s", step), field("Method", "", method),
+      make("div", { className: "settings" }, field("Scenario", "", scenario), field("Method", "", method),
+        field("Duration", "s", t_end), field("Step", "s", step)),
       button("primary simulate", "Simulate", "Run in the background", () => { document.activeElement?.blur(); send("Simulate"); }),
       make("div", { className: "job", hidden: true }, make("progress", { max: 1 }), text("span", "said"),
         button("cancel", "Cancel", "Stop the simulation", () => send("Cancel"))),
@@ -88,6 +95,7 @@
     summary.replaceChildren(...lines);
   }
   function progress(bar, fraction) {
+    bar.hidden = fraction !== null && fraction < 0;
     if (fraction === null) bar.removeAttribute("value");
     else bar.value = fraction;
   }

@@ -21,6 +21,7 @@ class Bodies(Protocol):
 
     def show(self, state: State) -> None: ...
     def place(self, positions: np.ndarray, wxyz: np.ndarray) -> None: ...
+    def fade(self, opacity: float | None) -> None: ...
     def remove(self) -> None: ...
 
 
@@ -41,7 +42,7 @@ class SeparateBodies:
     def __init__(self, server: viser.ViserServer, clicked: Clicked):
         self._server = server
         self._clicked = clicked
-        self._drawn: list[tuple[Any, viser.SceneNodeHandle]] = []  # (looks, node) by number
+        self._drawn: list[tuple[Any, viser.MeshHandle]] = []  # (looks, node) by number
 
     def show(self, state: State) -> None:
         d = state.derived
@@ -54,7 +55,7 @@ class SeparateBodies:
             if k > len(self._drawn) or self._drawn[k - 1][0] != looks:
                 self._drawn[k - 1 : k] = [(looks, self._node(state, k))]
 
-    def _node(self, state: State, number: int) -> viser.SceneNodeHandle:
+    def _node(self, state: State, number: int) -> viser.MeshHandle:
         solid = shapes.mesh(pieces(state, number))
         node = self._server.scene.add_mesh_simple(
             f"/bodies/{number}",
@@ -73,6 +74,10 @@ class SeparateBodies:
     def place(self, positions: np.ndarray, wxyz: np.ndarray) -> None:
         for (_, node), p, quaternion in zip(self._drawn, positions, wxyz):
             node.position, node.wxyz = p, quaternion
+
+    def fade(self, opacity: float | None) -> None:
+        for _, node in self._drawn:
+            node.opacity = opacity
 
     def remove(self) -> None:
         for _, node in self._drawn:
@@ -127,6 +132,10 @@ class BatchedBodies:
             k = owner - 1
             node.batched_positions = positions[k] + np.einsum("nij,nj->ni", R[k], local)
             node.batched_wxyzs = shapes.times(wxyz[k], turned)
+
+    def fade(self, opacity: float | None) -> None:
+        for *_, node in self._batches:
+            node.opacity = opacity
 
     def remove(self) -> None:
         for *_, node in self._batches:

@@ -105,7 +105,7 @@ def _field(
     field: str, label: str, unit: str, cells: list[Payload], columns: int = 1, help: str = ""
 ) -> Payload:
     return {"field": field, "label": label, "unit": unit, "cells": cells, "columns": columns,
-            "help": help, "numeric": True, "options": None}  # fmt: skip
+            "help": help, "numeric": True, "options": None, "named": False}  # fmt: skip
 
 
 def _cell(index: tuple[int, ...], value: Any, label: str = "") -> Payload:
@@ -118,7 +118,8 @@ def _vector(
     names = names or ("",) * len(values)
     cells = [_cell((i,), x, names[i]) for i, x in enumerate(values)]
     columns = 4 if len(values) == 4 else min(max(len(values), 1), 3)
-    return _field(field, label, unit, cells, columns, help)
+    named = len(values) > 3 and any(names)  # x, y, z go without saying
+    return {**_field(field, label, unit, cells, columns, help), "named": named}
 
 
 def _text(field: str, label: str, value: str) -> Payload:

@@ -17,7 +17,8 @@ GRID: dict[str, tuple] = {
     "x": ("yz", (1.0, 0.0, 0.0)), "y": ("xz", (0.0, 1.0, 0.0)), "z": ("xy", (0.0, 0.0, 1.0)),
 }  # fmt: skip
 VIEW = {"x": (0.42, 0.8, -1.0), "y": (0.55, 0.4, 1.0), "z": (0.55, -1.0, 0.4)}  # towards the camera
-FIELD_OF_VIEW = 0.85  # [rad]
+FIELD_OF_VIEW, DISTANCE = 0.85, 2.9  # [rad], in sizes of the model
+INSIDE = {"links", "coms"}  # what is seen only through the bodies
 OUTLINE = (255, 170, 20)
 
 
@@ -34,14 +35,23 @@ class SceneView:
     def render(self, old: State, new: State) -> None:
         rebuilt = self._bodies is None or new.derived is not old.derived
         with self._server.atomic():
-            if new.framed != self._framed:
-                self._frame(new)
+            another = new.framed != self._framed
+            if another:
+                self._framed = new.framed
+                self._ground(new)
             if rebuilt:
                 self._rebuild(new)
+            for client, now in new.clients.items():
+                before = old.clients.get(client)
+                if another or (now.aspect and (before is None or before.aspect is None)):
+                    self._look(client, new)
             self._select(old, new, rebuilt)
             moved = new.playback.time != old.playback.time or new.run is not old.run
             if rebuilt or moved or new.clients is not old.clients:
                 self._place(new)
+            if rebuilt or new.shown != old.shown:
+                assert self._bodies is not None
+                self._bodies.fade(0.35 if new.shown & INSIDE else None)
             if rebuilt or moved or new.shown != old.shown:
                 self._overlays.render(new, *poses(new), rebuilt)
 
@@ -86,24 +96,31 @@ class SceneView:
         size = state.derived.size
         solid = shapes.mesh(pieces(state, state.derived.number[name]))
         frame = client.scene.add_frame(
-            "/selected", axes_length=0.16 * size, axes_radius=0.006 * size, origin_radius=0.01 * size
+            "/selected",
+            axes_length=0.16 * size,
+            axes_radius=0.006 * size,
+            origin_radius=0.01 * size,
         )
-        client.scene.add_mesh_simple(
-            "/selected/outline",
-            solid.vertices + 0.012 * size * solid.vertex_normals,
-            solid.faces,
-            color=OUTLINE,
-            side="back",
-            cast_shadow=False,
-            receive_shadow=False,
-        )
+        for part, grown, side, opacity in (
+            ("outline", 0.016, "back", None),
+            ("tint", 0.002, "front", 0.3),
+        ):
+            client.scene.add_mesh_simple(
+                f"/selected/{part}",
+                solid.vertices + grown * size * solid.vertex_normals,
+                solid.faces,
+                color=OUTLINE,
+                side=side,
+                opacity=opacity,
+                cast_shadow=False,
+                receive_shadow=False,
+            )
         return frame
 
-    def _frame(self, state: State) -> None:
-        """Another model: the ground, which way is up, and every camera set on it."""
-        self._framed = state.framed
+    def _ground(self, state: State) -> None:
+        """Another model: the ground, which way is up, and where new pages look from."""
         plane, up = GRID[state.model.up]
-        size, center = state.derived.size, state.derived.center
+        size = state.derived.size
         cell = shapes.spaced(size)
         self._server.scene.set_up_direction(up)
         self._server.scene.add_grid(
@@ -118,11 +135,24 @@ class SceneView:
             fade_strength=2.0,
             shadow_opacity=0.18,
         )
-        away = np.array(VIEW[state.model.up])
-        position = center + 2.9 * size * away / np.linalg.norm(away)
         start = self._server.initial_camera
-        start.position, start.look_at, start.up, start.fov = position, center, up, FIELD_OF_VIEW
-        start.near, start.far = size / 100, 1000 * size
-        for client in self._server.get_clients().values():
-            camera = client.camera
-            camera.up_direction, camera.position, camera.look_at = np.array(up), position, center
+        start.position, start.look_at = viewpoint(state, 1.0)
+        start.up, start.fov, start.near, start.far = up, FIELD_OF_VIEW, size / 100, 1000 * size
+
+    def _look(self, client: int, state: State) -> None:
+        """Set one page's camera on the model."""
+        handle = self._server.get_clients().get(client)
+        aspect = state.clients[client].aspect
+        if handle is not None and aspect is not None:
+            camera = handle.camera
+            camera.up_direction = np.array(GRID[state.model.up][1])
+            camera.position, camera.look_at = viewpoint(state, aspect)
+
+
+def viewpoint(state: State, aspect: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where the camera stands and what it looks at, so that the model fills the view."""
+    away, up = np.array(VIEW[state.model.up]), np.array(GRID[state.model.up][1])
+    size = state.derived.size
+    distance = size * DISTANCE / min(aspect, 1.0) ** 0.8
+    target = state.derived.center - 0.15 * size * up  # the playback bar covers the bottom
+    return target + distance * away / np.linalg.norm(away), target

@@ -78,7 +78,7 @@ def kernels(state: State) -> Payload | None:
     if k.ready:
         if not k.problem:
             return None
-        return {"text": f"The fast code did not compile: {k.problem}", "fraction": 0.0}
+        return {"text": f"The fast code did not compile: {k.problem}", "fraction": -1.0}
     if not k.total:
         return {"text": "Preparing the fast code ...", "fraction": None}
     said = f"Compiling the fast code, {k.done} of {k.total}: {k.name}"
@@ -99,10 +99,10 @@ def summary(run: Run) -> list[tuple[str, str, bool]]:
     result = run.result
     good = getattr(result.status, "name", "") in ("DONE", "COMPLETED", "FINISHED", "SUCCESS", "OK")
     lines = [("Status", result.message or str(result.status.value), good)]
-    lines.append(("Energy drift", _number(result.energy_drift), math.isfinite(result.energy_drift)))
-    drift = result.constraint_drift
-    if run.model.constraints and len(drift):
-        worst = drift.max(axis=0)
+    drift = float(result.energy_drift)
+    lines.append(("Energy drift", f"{_number(drift)} of its range", math.isfinite(drift)))
+    if run.model.constraints and len(result.constraint_drift):
+        worst = result.constraint_drift.max(axis=0)
         value = f"{_number(worst[0])} m, {_number(worst[1])} m/s"
         lines.append(("Constraint drift", value, bool(worst[0] < 1e-3)))
     if result.error_estimate is not None:
