@@ -27,9 +27,10 @@ def blocks(
     order = np.lexsort((column, at))
     start = np.searchsorted(at[order], np.arange(shape[0] + 1))
     data = np.reshape(data, (-1, 6, 6))[order]
-    return sparse.bsr_array(
-        (data, column[order], start), shape=(6 * shape[0], 6 * shape[1]), blocksize=(6, 6)
-    )
+    size = (6 * shape[0], 6 * shape[1])
+    matrix = sparse.bsr_array((data, column[order], start), shape=size, blocksize=(6, 6)).tocsr()
+    matrix.eliminate_zeros()
+    return matrix
 
 
 def kernel_operator(parent: Ints, link: Array) -> Any:
@@ -58,8 +59,6 @@ def propagation_operator(parent: Ints, link: Array) -> Any:
     Block row κ is φ_κ,ρ(κ) times block row ρ(κ), and 1 at κ: no inverse is formed, and block
     (κ, j) is there only where j is an ancestor of κ or κ itself. O(n · depth).
     """
-    if not len(parent):
-        return sparse.bsr_array((0, 0))
     paths: list[Ints] = []
     rows: list[Array] = []
     for k, p in enumerate(parent.tolist()):

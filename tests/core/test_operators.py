@@ -1,0 +1,157 @@
+"""The paper's operators: structure, and the laws that tie them together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import pgraph_core as pg
+from pgraph_core.operators import (
+    Operators,
+    home_poses,
+    kernel_operator_of_pgraph,
+    phi,
+    propagation_operator,
+)
+
+from .trees import moved, random_case, scaled_error
+
+seeds = st.integers(0, 2**32 - 1)
+ROUNDING = 1e-12  # relative: sums over paths of at most 12 bodies
+
+
+def operators_of(s):
+    """All operators of a state."""
+    return Operators(s.model, s.topology, s.q, s.v)
+
+
+def pattern(matrix):
+    """Which 6x6 blocks of a block matrix are there."""
+    nb = matrix.shape[0] // 6
+    return abs(matrix.toarray()).reshape(nb, 6, nb, 6).sum(axis=(1, 3)) > 0
+
+
+def test_fig_1_adjacency_and_kernel_operator():
+    model = pg.Model.serial(7).edit("4", parent="2").edit("5", parent="3").edit("6", parent="2")
+    topology = pg.Topology.of(model)  # numbered 1 2 3 5 4 6 7 by names
+    op = Operators(model, topology, np.zeros(7))
+    S = topology.adjacency().toarray()
+    assert topology.names == ("1", "2", "3", "5", "4", "6", "7")
+    children = [(2, 1), (3, 2), (4, 3), (5, 2), (6, 2), (7, 6)]
+    assert sorted(zip(*np.nonzero(S))) == sorted((k - 1, j - 1) for k, j in children)
+    assert np.array_equal(pattern(op.eps_phi), S > 0)  # eq. (15)
+
+
+@given(seeds)
+def test_kernel_operator_is_the_weighted_adjacency(seed):
+    s = random_case(seed)
+    op = operators_of(s)
+    S = s.topology.adjacency().toarray()
+    assert np.array_equal(pattern(op.eps_phi), S > 0)
+    assert not np.linalg.matrix_power(S, s.topology.nb).any()
+    assert np.array_equal(np.flatnonzero(~S.any(axis=0)) + 1, s.topology.tips)
+    for k, j in zip(*np.nonzero(S)):
+        block = op.eps_phi.toarray()[6 * k : 6 * k + 6, 6 * j : 6 * j + 6]
+        assert np.array_equal(block, phi(op.link[k]))
+
+
+@given(seeds)
+def test_fig_6_makes_the_kernel_operator_from_pgraph_alone(seed):
+    s = random_case(seed)
+    op = operators_of(s)
+    found = kernel_operator_of_pgraph(s.topology.pgraph, op.link)
+    assert np.array_equal(found.toarray(), op.eps_phi.toarray())
+
+
+@given(seeds)
+def test_propagation_operator_inverts_one_minus_kernel_operator(seed):
+    s = random_case(seed)
+    op = operators_of(s)
+    one = np.eye(6 * s.topology.nb)
+    assert scaled_error((one - op.eps_phi.toarray()) @ op.Phi.toarray(), one) < ROUNDING
+    ancestors = np.linalg.inv(np.eye(s.topology.nb) - s.topology.adjacency().toarray()) > 0.5
+    assert np.array_equal(pattern(op.Phi), ancestors)
+
+
+def test_propagation_operator_of_a_long_chain_is_the_sum_of_links():
+    link = np.tile([0.1, -0.2, 0.3], (200, 1))
+    Phi = propagation_operator(np.arange(200), link)
+    found = Phi[-6:, :6].toarray()
+    assert scaled_error(found, phi(link[1:].sum(axis=0))) < ROUNDING
+
+
+@given(seeds)
+def test_velocity_and_acceleration_are_derivatives_of_the_poses(seed):
+    """Eqs. (17), (21) with a of R4, for every joint kind; central differences of 1e-4 s."""
+    s, h = random_case(seed, most=6), 1e-4
+    op = operators_of(s)
+    v_end = [s.v + step * s.vdot for step in (-h, h)]
+    q_end = [moved(s.model, s.q, step * s.v + step**2 / 2 * s.vdot) for step in (-h, h)]
+    before, after = (
+        Operators(s.model, s.topology, q, v) for q, v in zip(q_end, v_end, strict=True)
+    )
+    V = op.V.reshape(-1, 6)
+    assert scaled_error((after.position - before.position) / (2 * h), V[:, 3:]) < 1e-5
+    turned = (after.rotation - before.rotation) / (2 * h) @ op.rotation.transpose(0, 2, 1)
+    omega = np.stack((turned[:, 2, 1], turned[:, 0, 2], turned[:, 1, 0]), axis=1)
+    assert scaled_error(omega, V[:, :3]) < 1e-5
+    assert scaled_error((after.V - before.V) / (2 * h), op.acceleration(s.vdot)) < 1e-5
+
+
+@given(seeds)
+def test_jacobian_is_the_derivative_of_the_tips(seed):
+    s, h = random_case(seed, most=8), 1e-6
+    op = operators_of(s)
+    J = op.jacobian
+    tips = s.topology.tips
+
+    def places(q):
+        at = Operators(s.model, s.topology, q)
+        return [at.point_position(k, at.bodies[k - 1].tip_point) for k in tips]
+
+    for i in range(op.nv):
+        step = np.zeros(op.nv)
+        step[i] = h
+        ahead, back = places(moved(s.model, s.q, step)), places(moved(s.model, s.q, -step))
+        for n in range(len(tips)):
+            found = (ahead[n] - back[n]) / (2 * h)
+            np.testing.assert_allclose(found, J[6 * n + 3 : 6 * n + 6, i], atol=1e-8, rtol=1e-7)
+
+
+@given(seeds)
+def test_mass_matrix_is_symmetric_positive_and_gives_the_kinetic_energy(seed):
+    s = random_case(seed)
+    op = operators_of(s)
+    M = op.mass_matrix
+    assert scaled_error(M.T, M) < ROUNDING
+    assert not len(M) or np.linalg.eigvalsh(M)[0] > 0
+    assert op.kinetic_energy == pytest.approx(s.v @ M @ s.v / 2, rel=1e-12)
+
+
+@given(seeds)
+def test_inverse_dynamics_is_linear_in_the_acceleration(seed):
+    """Eq. (24): τ = M θ'' + C, and external forces enter by Jᵀ."""
+    s = random_case(seed)
+    op = operators_of(s)
+    tau = op.mass_matrix @ s.vdot + op.bias_force
+    pull = (op.Phi @ op.H).T @ s.external.reshape(-1)
+    assert scaled_error(op.inverse_dynamics(s.vdot), tau) < ROUNDING
+    assert scaled_error(op.inverse_dynamics(s.vdot, s.external), tau - pull) < ROUNDING
+
+
+def test_root_force_carries_the_weight_of_a_body_at_rest():
+    """R7 by its simplest case: a welded body of 2 kg presses 19.62 N, and turns by its arm."""
+    body = pg.Body(name="a", dof=0, mass=2.0, com=(0.3, 0, 0))
+    model = pg.Model(bodies=(body,))
+    op = Operators(model, pg.Topology.of(model), np.zeros(0))
+    np.testing.assert_allclose(op.joint_force(np.zeros(0)), [0, -0.3 * 19.62, 0, 0, 0, 19.62])
+
+
+def test_home_poses_are_those_of_the_initial_state():
+    body = pg.Body(name="a", q=(np.pi / 2,), link=(1, 0, 0))
+    arm = pg.Body(name="b", parent="a", link=(2, 0, 0))
+    position, rotation = home_poses(pg.Model(bodies=(body, arm)))
+    np.testing.assert_allclose(position, [[1, 0, 0], [1, 2, 0]], atol=1e-15)
+    np.testing.assert_allclose(rotation[1] @ [1, 0, 0], [0, 1, 0], atol=1e-15)
