@@ -1,11 +1,17 @@
-"""Pgraph: multibody dynamics from a four-column table. The public names, nothing else."""
+"""Pgraph: multibody dynamics from a four-column table. The public names, nothing else.
+
+Names that need compiled code are imported when first used: describing, checking and numbering a
+model costs no start of the compiler.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from .errors import FileError as FileError
 from .errors import InputError as InputError
 from .errors import ModelError as ModelError
 from .errors import PgraphError as PgraphError
 from .errors import Problem as Problem
-from .operators import home_poses as home_poses
 from .schema import Body as Body
 from .schema import Constraint as Constraint
 from .schema import Force as Force
@@ -17,3 +23,26 @@ from .topology import Topology as Topology
 from .topology import jdof_of as jdof_of
 from .topology import parent_of as parent_of
 from .topology import pgraph_of as pgraph_of
+
+if TYPE_CHECKING:
+    from .mechanism import Mechanism as Mechanism
+    from .operators import home_poses as home_poses
+    from .result import Result as Result
+    from .result import Status as Status
+    from .simulate import simulate as simulate
+
+_LAZY = {
+    "Mechanism": "mechanism",
+    "home_poses": "operators",
+    "Result": "result",
+    "Status": "result",
+    "simulate": "simulate",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _LAZY:
+        raise AttributeError(f"module 'pgraph_core' has no attribute '{name}'")
+    value = getattr(import_module(f".{_LAZY[name]}", __name__), name)
+    globals()[name] = value
+    return value

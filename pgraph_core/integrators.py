@@ -1,0 +1,57 @@
+"""The integration methods as data: adding one is one entry."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .errors import InputError, Problem, choices
+from .system import Array
+
+
+class Method(NamedTuple):
+    """An explicit Runge-Kutta tableau, or none for semi-implicit Euler."""
+
+    name: str
+    order: int
+    a: Array  # (s, s)
+    b: Array  # (s,)
+    c: Array  # (s,)
+    use: str  # what it is for
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of the dynamics a step."""
+        return max(len(self.b), 1)
+
+
+RK4 = Method(
+    "rk4",
+    4,
+    np.array(
+        [[0.0, 0.0, 0.0, 0.0], [0.5, 0.0, 0.0, 0.0], [0.0, 0.5, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]
+    ),
+    np.array([1.0, 2.0, 2.0, 1.0]) / 6.0,
+    np.array([0.0, 0.5, 0.5, 1.0]),
+    "smooth motion at a fixed step",
+)
+SEMI_IMPLICIT_EULER = Method(
+    "semi_implicit_euler",
+    1,
+    np.zeros((0, 0)),
+    np.zeros(0),
+    np.zeros(0),
+    "playback and long runs without drift of energy, at low accuracy",
+)
+METHODS = {method.name: method for method in (RK4, SEMI_IMPLICIT_EULER)}
+
+
+def method_of(name: str) -> tuple[Method, str]:
+    """The method called `name`, and why; "auto" chooses. Raises InputError with the choices."""
+    if name == "auto":
+        return RK4, "rk4: the most accurate of the methods for smooth motion at a fixed step"
+    if name not in METHODS:
+        text = f"no method is called {name!r}; choose one of {choices(('auto', *METHODS))}"
+        raise InputError(Problem("simulate", "method", text))
+    return METHODS[name], f"{name}: as asked"

@@ -1,0 +1,27 @@
+"""Compiled code only: it knows arrays, no models. `layout` names their columns."""
+
+from collections.abc import Iterator
+from importlib import import_module
+
+MODULES = ("pack", "dynamics", "bodies", "step")
+
+
+def warm_up() -> Iterator[tuple[int, int, str]]:
+    """Compile every kernel, or load it from the disk cache; yields (i, n, name) after each."""
+    from ._jit import JIT, KERNELS
+
+    for module in MODULES:
+        import_module(f"{__name__}.{module}")
+    for i, (name, (dispatcher, signature)) in enumerate(KERNELS.items(), start=1):
+        if JIT:
+            dispatcher.compile(signature)
+        yield i, len(KERNELS), name
+
+
+def compiled() -> bool:
+    """Whether the disk cache holds every kernel, so that nothing is left to wait for."""
+    from ._jit import KERNELS, cache_folder
+
+    for module in MODULES:
+        import_module(f"{__name__}.{module}")
+    return all(any(cache_folder().glob(f"*.{name}-*.nbc")) for name in KERNELS)

@@ -1,0 +1,100 @@
+"""How kernels are compiled: options, and a disk cache that notices every edit of a kernel.
+
+Numba's own cache keys a function by its own file and misses edits of helpers in others. Here
+the cache folder is named by a hash of all kernel sources. All settings sit on the dispatchers:
+code of the user that uses numba never feels them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+
+F = TypeVar("F", bound=Callable[..., Any])
+OPTIONS = {"fastmath": {"contract"}, "error_model": "numpy"}
+HERE = Path(__file__).parent
+JIT = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
+
+
+@cache
+def source_hash(folder: Path = HERE) -> str:
+    """Hash of every kernel source: the name of the cache folder."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for path in sorted(folder.glob("*.py")):
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+@cache
+def cache_folder() -> Path:
+    """Beside the sources where that can be written, else in the user's cache folder."""
+    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    for base in (HERE / "__pycache__", user / "pgraph"):
+        folder = base / f"kernels-{source_hash()}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            return folder
+    return HERE / "__pycache__"  # nothing can be written: numba compiles at each start
+
+
+class _Locator(_CacheLocator):
+    """Where numba finds the compiled form of one kernel."""
+
+    def __init__(self, py_func: Callable[..., Any]):
+        self._line = py_func.__code__.co_firstlineno
+
+    def get_cache_path(self) -> str:
+        return str(cache_folder())
+
+    def get_source_stamp(self) -> str:
+        return source_hash()
+
+    def get_disambiguator(self) -> str:
+        return str(self._line)
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> _Locator:
+        return cls(py_func)
+
+
+class _Impl(CompileResultCacheImpl):
+    _locator_classes = [_Locator]  # noqa: RUF012 (numba's own protocol)
+
+
+class _Cache(FunctionCache):
+    _impl_class = _Impl
+
+
+def part(function: F) -> F:
+    """A helper that only kernels call: no wrappers, so that it compiles twice as fast."""
+    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **OPTIONS)(function)
+
+
+def kernel(signature: str, *, nogil: bool = False) -> Callable[[F], F]:
+    """A compiled function that Python calls, with one signature, cached on disk.
+
+    Short kernels keep the GIL, so that a workspace is never used by two threads at once; whole
+    runs release it (`nogil`) and bring their own workspace.
+    """
+
+    def compiled(function: F) -> F:
+        dispatcher = numba.njit(nogil=nogil, **OPTIONS)(function)
+        if JIT:
+            dispatcher._cache = _Cache(function)
+        KERNELS[function.__name__] = (dispatcher, signature)
+        return dispatcher
+
+    return compiled
+
+
+KERNELS: dict[str, tuple[Any, str]] = {}  # every kernel and its signature, for the warm-up

@@ -1,0 +1,338 @@
+"""Mechanism: what users hold. Every answer is a function of (q, v): no hidden state."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from .errors import InputError, Problem
+from .kernels import bodies, dynamics, step
+from .kernels import layout as at
+from .schema import Force, Model
+from .system import Array, Drives, Ints, constraint_tables, drives, point_in_row, system
+from .topology import Topology
+
+NO_GAINS = np.zeros(2)
+NO_EXTERNAL = np.zeros((0, 6))
+
+
+class Mechanism:
+    """A model numbered depth-first and packed for the kernels.
+
+    q (nq,), v and tau (nv,) are in number order, names in `names`; body 0 is the ground.
+    Raises InputError for arrays of the wrong length or with numbers that are not finite.
+    """
+
+    def __init__(self, model: Model, /):
+        """Number and pack a valid model."""
+        self.model = model
+        self.topology = Topology.of(model)
+        self.system = system(model, self.topology)
+        self.nb = self.topology.nb
+        self.nq = len(self.system.q)
+        self.nv = len(self.system.v)
+        self.tree = self.system[:2]
+        self._zero = np.zeros(self.nv)
+        self._work = np.zeros((len(self.system.rows), at.WORK))
+        self._springs = any(any(b.stiffness) or any(b.damping) for b in model.bodies)
+
+    # -- the digraph ---------------------------------------------------------------------------
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the bodies, by number."""
+        return self.topology.names
+
+    @property
+    def parent(self) -> Ints:
+        """(nb,) numbers of the parents, 0 = ground."""
+        return self.topology.parent
+
+    @cached_property
+    def pgraph(self) -> Ints:
+        """The path-defined directed graph vector, Fig. 4."""
+        return self.topology.pgraph
+
+    @cached_property
+    def jdof(self) -> Ints:
+        """Joint degrees of freedom along Pgraph, Fig. 4."""
+        return self.topology.jdof
+
+    @property
+    def tips(self) -> Ints:
+        """Numbers of the tip bodies, ascending."""
+        return self.topology.tips
+
+    @property
+    def separation_bodies(self) -> Ints:
+        """Numbers of the separation bodies, ascending."""
+        return self.topology.separation_bodies
+
+    def adjacency(self) -> Any:
+        """S, eq. (1): (nb, nb) scipy.sparse."""
+        return self.topology.adjacency()
+
+    def kernel_operator(self, q: Array) -> Any:
+        """ε_φ, eq. (13): (6 nb, 6 nb) scipy.sparse."""
+        return self._operators(q).kernel_operator
+
+    def propagation_operator(self, q: Array) -> Any:
+        """Φ, eq. (16): (6 nb, 6 nb) scipy.sparse."""
+        return self._operators(q).propagation_operator
+
+    def _operators(self, q: Array) -> Any:
+        from .operators import Operators
+
+        return Operators(self.model, self.topology, self.check("q", q, self.nq))
+
+    # -- states and places ---------------------------------------------------------------------
+
+    def home(self) -> tuple[Array, Array]:
+        """(q, v): the model's initial state."""
+        return self.system.q.copy(), self.system.v.copy()
+
+    def pose(self, q: Array, name: str) -> tuple[Array, Array]:
+        """((3,) origin [m], (3, 3) rotation) of a body frame in the world."""
+        number = self.topology.number(name)
+        if number == 0:
+            return np.zeros(3), np.eye(3)
+        position, rotation = self.poses(q)
+        return position[number - 1], rotation[number - 1]
+
+    def poses(self, q: Array) -> tuple[Array, Array]:
+        """((nb, 3) origins [m], (nb, 3, 3) rotations) of all body frames in the world."""
+        position, rotation = np.empty((self.nb, 3)), np.empty((self.nb, 9))
+        q = self.check("q", q, self.nq)
+        bodies.poses(*self.system[:4], q, self._zero, self._work, position, rotation)
+        return position, rotation.reshape(self.nb, 3, 3)
+
+    def energy(self, q: Array, v: Array) -> tuple[float, float]:
+        """(kinetic, potential) energy [J]; potential includes the joints' springs."""
+        q, v = self._state(q, v)
+        return step.energy(*self.tree, self.passive, q, v, self._work)
+
+    # -- dynamics of the tree ------------------------------------------------------------------
+
+    def mass_matrix(self, q: Array) -> Array:
+        """M (nv, nv) of eq. (25), armature included."""
+        m = np.zeros((self.nv, self.nv))
+        q = self.check("q", q, self.nq)
+        dynamics.mass_matrix(*self.tree, q, self._zero, self._work, m)
+        return m
+
+    def bias_force(self, q: Array, v: Array) -> Array:
+        """C (nv,) of eq. (25): velocity-dependent terms and gravity; no springs, no dampers."""
+        q, v = self._state(q, v)
+        return self._inverse(q, v, self._zero, NO_EXTERNAL)
+
+    def inverse_dynamics(
+        self, q: Array, v: Array, vdot: Array, external: Array | None = None
+    ) -> Array:
+        """τ (nv,) that gives v', eq. (24), beside the joints' own springs and dampers.
+
+        `external` (nb, 6): [torque, force] on each body at its origin, world axes.
+        """
+        q, v = self._state(q, v)
+        tau = self._inverse(q, v, self.check("vdot", vdot, self.nv), self._external(external))
+        return tau - self._passive(q, v, self._zero) if self._springs else tau
+
+    def forward_dynamics(
+        self, q: Array, v: Array, tau: Array | None = None, external: Array | None = None
+    ) -> Array:
+        """v' (nv,) of the tree without its constraints, eq. (26); O(n).
+
+        Springs and dampers of the joints act; motors and servos act in `simulate`.
+        """
+        q, v = self._state(q, v)
+        tau = self._zero if tau is None else self.check("tau", tau, self.nv)
+        if self._springs:
+            tau = self._passive(q, v, tau)
+        vdot = np.empty(self.nv)
+        if external is None:
+            code = dynamics.forward_dynamics(*self.tree, q, v, tau, self._work, vdot)
+        else:
+            code = dynamics.forward_dynamics_external(
+                *self.system[:4], q, v, tau, self._external(external), self._work, vdot
+            )
+        if code:
+            self._explain(code, q=q, v=v, tau=tau)
+        return vdot
+
+    def constrained_dynamics(
+        self, q: Array, v: Array, tau: Array | None = None
+    ) -> tuple[Array, dict[str, Array]]:
+        """(v', {name: (6,)}) with every active constraint imposed, eqs. (27)-(29).
+
+        Forces are [torque, force] on the constraint's body at its point, world axes.
+        """
+        q, v = self._state(q, v)
+        tau = self._zero if tau is None else self.check("tau", tau, self.nv)
+        vdot = np.empty(self.nv)
+        space = self.space(self.active)
+        tables = (*self._constraints, self.active)
+        code = step.constrained_dynamics(
+            *self.tree, self.passive, tables, self._work, space, NO_GAINS, 0.0, q, v, tau, vdot
+        )
+        if code:
+            self._explain(code, q=q, v=v, tau=tau)
+        return vdot, self.forces_of(self.active, space[3][1])
+
+    # -- Jacobians -----------------------------------------------------------------------------
+
+    def jacobian(self, q: Array, name: str, point: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
+        """J (6, nv), eq. (20): V of `point` (body axes) of a body is J v, world axes."""
+        number = self.topology.number(name)
+        q = self.check("q", q, self.nq)
+        return self._jacobian(q, number, self.check("point", point, 3))
+
+    def jacobian_bias(
+        self, q: Array, v: Array, name: str, point: Sequence[float] = (0.0, 0.0, 0.0)
+    ) -> Array:
+        """J' v (6,): V' of `point` of a body is J v' + J' v (R6)."""
+        q, v = self._state(q, v)
+        row, place = self._row_point(name, point)
+        bias = np.empty(6)
+        dynamics.jacobian_bias(*self.tree, q, v, self._zero, row, place, self._work, bias)
+        return bias
+
+    def tip_jacobian(self, q: Array) -> Array:
+        """J (6 n_t, nv), eqs. (18)-(20), one block row a tip body, at the bodies' `tip` points."""
+        q = self.check("q", q, self.nq)
+        blocks = [
+            self._jacobian(q, int(tip), self.model.body(self.names[tip - 1]).tip_point)
+            for tip in self.tips
+        ]
+        return np.concatenate(blocks) if blocks else np.zeros((0, self.nv))
+
+    def _jacobian(self, q: Array, number: int, point: Any) -> Array:
+        jac = np.zeros((6, self.nv))
+        row = int(self.system.bodies_i[number, at.ROW])
+        place = point_in_row(self.system, number, point)
+        dynamics.jacobian(*self.tree, q, self._zero, row, place, self._work, jac)
+        return jac
+
+    # -- constraints and drives ----------------------------------------------------------------
+
+    @cached_property
+    def _constraints(self) -> tuple[Ints, Array]:
+        return constraint_tables(self.model, self.topology, self.system, self._at_home)
+
+    def _at_home(self, name: str, point: Any, other: int) -> Array:
+        """Where a point of a body is in the initial state, in the axes of body `other`."""
+        position, rotation = self.poses(self.system.q)
+        b = self.topology.number(name) - 1
+        place = position[b] + rotation[b] @ np.asarray(point)
+        if other == 0:
+            return place
+        return rotation[other - 1].T @ (place - position[other - 1])
+
+    @cached_property
+    def active(self) -> Ints:
+        """Indices of the model's active constraints."""
+        return np.array([i for i, c in enumerate(self.model.constraints) if c.active], np.int64)
+
+    @cached_property
+    def passive(self) -> Drives:
+        """Springs and dampers of the joints."""
+        return drives(self.model, self.topology, self.system, ())
+
+    def drives(self, forces: tuple[Force, ...]) -> Drives:
+        """Springs and dampers of the joints, and the given motors and servos."""
+        return drives(self.model, self.topology, self.system, forces)
+
+    def tables(self, active: Ints) -> tuple[Ints, Array, Ints]:
+        """What the constraint kernels take: rows, points, and which constraints are active."""
+        return (*self._constraints, active)
+
+    def space(self, active: Ints) -> tuple[Array, Array, Array, Array, Array]:
+        """Workspace of the constraint kernels."""
+        m, n = 3 * len(active), max(self.nv, self.nq, 3 * len(active), 1)
+        return (
+            np.zeros((m, self.nv)),
+            np.zeros((m, m)),
+            np.zeros((m, m)),
+            np.zeros((6, n)),
+            np.zeros((3, n)),
+        )
+
+    def forces_of(self, active: Ints, lam: Array) -> dict[str, Array]:
+        """{name: (..., 6)} [torque, force] on `body` at `point` from multipliers (..., 3 n)."""
+        forces: dict[str, Array] = {}
+        for n, i in enumerate(active.tolist()):
+            force = lam[..., 3 * n : 3 * n + 3]
+            forces[self.model.constraints[i].name] = np.concatenate(
+                (np.zeros_like(force), force), axis=-1
+            )
+        return forces
+
+    # -- checking what is given ----------------------------------------------------------------
+
+    def _inverse(self, q: Array, v: Array, vdot: Array, external: Array) -> Array:
+        tau = np.empty(self.nv)
+        dynamics.inverse_dynamics(*self.system[:4], q, v, vdot, external, self._work, tau)
+        if not np.isfinite(tau).all():
+            self._explain(-1, q=q, v=v, vdot=vdot, external=external)
+        return tau
+
+    def _passive(self, q: Array, v: Array, given: Array) -> Array:
+        tau = np.empty(self.nv)
+        step.drive_torque(self.passive, 0.0, q, v, given, tau)
+        return tau
+
+    def _row_point(self, name: str, point: Any) -> tuple[int, Array]:
+        number = self.topology.number(name)
+        place = point_in_row(self.system, number, self.check("point", point, 3))
+        return int(self.system.bodies_i[number, at.ROW]), place
+
+    def _state(self, q: Array, v: Array) -> tuple[Array, Array]:
+        return self.check("q", q, self.nq), self.check("v", v, self.nv)
+
+    def _external(self, external: Array | None) -> Array:
+        return NO_EXTERNAL if external is None else self.check("external", external, self.nb, 6)
+
+    def check(self, name: str, value: Any, *shape: int) -> Array:
+        """An argument as the contiguous float64 array the kernels take. Raises InputError."""
+        if type(value) is np.ndarray and value.dtype == np.float64 and value.shape == shape:
+            flags = value.flags
+            if flags.c_contiguous and flags.writeable:
+                return value
+        try:
+            array = np.array(value, dtype=np.float64, order="C")
+        except (TypeError, ValueError):
+            raise InputError(Problem(name, "", f"must be numbers; given {value!r:.60}")) from None
+        if array.shape != shape:
+            text = f"must have shape {shape}; given {array.shape}"
+            raise InputError(Problem(name, "", text))
+        return array
+
+    def _explain(self, code: int, **given: Array) -> None:
+        """Raise what a kernel's status code means."""
+        for name, value in given.items():
+            bad = np.flatnonzero(~np.isfinite(value))
+            if len(bad):
+                text = f"must be finite; entry {bad[0]} is {value.flat[bad[0]]}"
+                raise InputError(Problem(name, "", text))
+        raise InputError(self.singular(code) if code > 0 else _overflow())
+
+    def singular(self, row: int) -> Problem:
+        """What to say of a row whose motion sees no inertia."""
+        name = self.names[self.system.body_of_row[row] - 1]
+        text = (
+            "its joint moves nothing that has inertia about it; give it mass, inertia or armature"
+        )
+        return Problem(f"body '{name}'", "inertia", text)
+
+    def row_of_velocity(self, index: int) -> int:
+        """Row whose motion has v[index]."""
+        return int(np.searchsorted(self.system.rows[1:, at.VI], index, side="right"))
+
+    def body_of(self, row: int) -> str:
+        """Name of the body whose joint a row belongs to."""
+        return self.names[self.system.body_of_row[row] - 1]
+
+
+def _overflow() -> Problem:
+    return Problem("dynamics", "", "the result is not finite: the given numbers are too large")

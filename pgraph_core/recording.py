@@ -1,0 +1,218 @@
+"""A run under way: the compiled frames in chunks, and what has been recorded of them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .callback import CallbackStepper
+from .integrators import Method
+from .kernels import layout as at
+from .kernels import step as kernels
+from .mechanism import NO_GAINS, Mechanism
+from .result import Result, Status
+from .system import Array, Drives, Ints
+
+CHUNK = 0.02  # s of computation between two looks at `progress`
+ASSEMBLY_ROUNDS = 50
+Progress = Callable[[float], Any] | None
+
+STATUS = {
+    at.DONE: Status.DONE,
+    at.NOT_FINITE: Status.NOT_FINITE,
+    at.NOT_CONVERGED: Status.CANNOT_CLOSE,
+}
+
+
+class Plan(NamedTuple):
+    """What a run is made of, checked and complete."""
+
+    method: Method
+    times: Array  # (frames,) [s]
+    substeps: Ints  # (frames - 1,) steps between two frames
+    width: Array  # (frames - 1,) their width [s]
+    drives: Drives
+    tables: tuple[Ints, Array, Ints]  # constraints, and which of them are active
+    gains: Array  # (2,) of Baumgarte
+    project: bool
+
+
+class Recording:
+    """The arrays of a run, filled frame by frame; each has workspaces of its own."""
+
+    def __init__(self, mech: Mechanism, plan: Plan, q: Array, v: Array, tau: Any):
+        """Nothing is computed yet. Raises InputError where `tau` does not fit."""
+        self.mech, self.plan = mech, plan
+        self.q, self.v = q.copy(), v.copy()
+        self.callback = tau if callable(tau) else None
+        given = (
+            np.zeros(mech.nv) if tau is None or self.callback else mech.check("tau", tau, mech.nv)
+        )
+        self.given = given
+        active = plan.tables[2]
+        n, m = len(plan.times), 3 * len(active)
+        self.out = tuple(np.zeros((n, k)) for k in (mech.nq, mech.nv, mech.nv, m, 4, 2))
+        self.work = np.zeros((len(mech.system.rows), at.WORK))
+        self.space = mech.space(active)
+        self.stages = np.zeros((2 * plan.method.evaluations, max(mech.nq, mech.nv)))
+        self.ledger, self.failure = np.zeros(2), np.zeros(3)
+        self.counters = np.zeros(4, dtype=np.int64)
+        self.done = 0  # frames recorded
+        self.status, self.message = Status.DONE, Status.DONE.value
+        self.notices: list[str] = []
+
+    def run(self, progress: Progress = None) -> None:
+        """All frames, or as many as there are before it fails or is cancelled."""
+        if not self._begin():
+            return
+        n = len(self.plan.times)
+        size = 1
+        while self.done < n:
+            began = time.perf_counter()
+            code = self._frames(self.done, min(self.done + size, n))
+            if code != at.DONE:
+                self._fail(code)
+                return
+            size = max(1, int(size * min(4.0, CHUNK / (time.perf_counter() - began))))
+            if progress is not None and progress(self.done / n) is False:
+                self.status = Status.CANCELLED
+                self.message = f"cancelled at t = {self.plan.times[self.done - 1]:.6g} s"
+                return
+
+    def _begin(self) -> bool:
+        """Whether the run can start: no joint without inertia, constraints that can be met."""
+        mech, plan = self.mech, self.plan
+        tables = plan.tables
+        vdot = np.empty(mech.nv)
+        if len(tables[2]) and plan.project:
+            before = self.q.copy()
+            rounds = kernels.assemble(
+                *mech.tree, tables, self.work, self.space, self.q, self.v, ASSEMBLY_ROUNDS
+            )
+            moved = float(np.max(np.abs(self.q - before), initial=0.0))
+            if rounds < 0:
+                self.q[:] = before
+                self._stop(
+                    Status.CANNOT_CLOSE, f"{Status.CANNOT_CLOSE.value} from this initial state"
+                )
+            elif moved > 1e-6:
+                self.notices.append(
+                    f"the initial state was moved by {moved:.3g} to meet constraints"
+                )
+        code = kernels.constrained_dynamics(
+            *mech.tree, plan.drives, tables, self.work, self.space, NO_GAINS,
+            0.0, self.q, self.v, self.given, vdot,
+        )  # fmt: skip
+        if code > 0:
+            self._stop(Status.SINGULAR, str(mech.singular(code)))
+        elif code < 0:
+            self._stop(Status.NOT_FINITE, f"{Status.NOT_FINITE.value} at t = 0 s")
+        return self.status.ok
+
+    def _stop(self, status: Status, message: str) -> None:
+        self.status, self.message = status, message
+
+    def _frames(self, begin: int, end: int) -> int:
+        """Run frames `begin` to `end` - 1; the kernel's status code."""
+        if self.callback is not None:
+            code = CallbackStepper(self, self.callback).frames(begin, end)
+        else:
+            code = kernels.run(
+                *self.arguments(),
+                (self.plan.method.a, self.plan.method.b, self.plan.method.c),
+                (self.plan.times, self.plan.substeps, self.plan.width),
+                begin, end, self.plan.project, self.q, self.v, self.given,
+                self.stages, self.ledger, self.counters, self.failure, self.out,
+            )  # fmt: skip
+        self.done = end if code == at.DONE else int(self.failure[2])
+        return code
+
+    def arguments(self) -> tuple[Any, ...]:
+        """What every stepping kernel takes first."""
+        plan = self.plan
+        return (*self.mech.tree, plan.drives, plan.tables, self.work, self.space, plan.gains)
+
+    def _fail(self, code: int) -> None:
+        t, row = self.failure[0], int(self.failure[1])
+        status = STATUS[code]
+        body = self.mech.body_of(row)
+        step = float(np.max(self.plan.width))
+        advice = f"try a step below {step:.3g} s, or less stiffness and damping there"
+        if status is Status.CANNOT_CLOSE:
+            advice = "the mechanism may be torn or at a singular position"
+        where = f"at t = {t:.6g} s; body '{body}' moved fastest"
+        self._stop(status, f"{status.value} {where}; {advice}")
+
+    def result(self, estimate: float, timing: dict[str, float], header: dict[str, Any]) -> Result:
+        """What has been recorded, as a Result."""
+        q, v, vdot, lam, energy, drift = (a[: self.done] for a in self.out)
+        names = ("steps", "evaluations", "projections", "solver_iterations")
+        return Result(
+            mechanism=self.mech,
+            status=self.status,
+            message=self.message,
+            t=self.plan.times[: self.done],
+            q=q,
+            v=v,
+            vdot=vdot,
+            kinetic_energy=energy[:, 0],
+            potential_energy=energy[:, 1],
+            work=energy[:, 2],
+            dissipation=energy[:, 3],
+            constraint_drift=drift,
+            constraint_force=self.mech.forces_of(self.plan.tables[2], lam),
+            counters=dict(zip(names, self.counters.tolist())),
+            timing=timing,
+            error_estimate=estimate,
+            header=header,
+            left_out=left_out(self.mech, self.plan),
+            notices=tuple(self.notices),
+        )
+
+
+def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) -> float:
+    """Largest error of q at the end [rad, m], from a second run with twice the step.
+
+    Richardson: the difference over 2^p - 1. nan where torques come from a function, which is
+    not called a second time, and where the second run fails.
+    """
+    plan = record.plan
+    steps = int(np.sum(plan.substeps))
+    if record.callback is not None or steps < 2:
+        return float("nan")
+    frames = max(2, min(33, steps // 2))  # so that progress and cancel are looked at
+    times = np.linspace(0.0, plan.times[-1], frames)
+    count = np.full(frames - 1, -(-steps // (2 * (frames - 1))), dtype=np.int64)
+    coarse = Recording(
+        record.mech,
+        plan._replace(times=times, substeps=count, width=np.diff(times) / count),
+        q,
+        v,
+        record.given,
+    )
+    coarse.run(progress and (lambda fraction: progress(1.0)))
+    if not coarse.status.ok:
+        return float("nan")
+    ratio = float(np.max(coarse.plan.width) / np.max(plan.width))
+    difference = float(np.max(np.abs(coarse.out[0][-1] - record.out[0][-1]), initial=0.0))
+    return difference / (ratio**plan.method.order - 1.0)
+
+
+def left_out(mech: Mechanism, plan: Plan) -> tuple[str, ...]:
+    """What this scene does not need and therefore does not run."""
+    found: list[str] = []
+    kinds = set(mech.system.rows[1:, at.KIND].tolist())
+    merged = mech.nb - len(np.unique(mech.system.bodies_i[1:, at.ROW]))
+    if not len(plan.tables[2]):
+        found.append("no active constraint: no Delassus matrix, no projection")
+    if not len(plan.drives.table):
+        found.append("no spring, damper, motor or servo: no drive forces")
+    if not kinds & {at.BALL, at.FREE}:
+        found.append("no ball or free joint: no quaternions to keep")
+    if merged:
+        found.append(f"{merged} welded bodies merged into their parents: fewer rows to sweep")
+    found.append("no contact: no gap functions")
+    return tuple(found)

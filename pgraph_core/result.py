@@ -1,0 +1,242 @@
+"""What a run leaves: states over time, energies, forces, cost, and how it ended."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from .errors import FileError, Problem
+from .kernels import bodies
+from .kernels import layout as at
+from .schema import Model
+from .schema.files import write_atomic
+from .system import Array
+
+if TYPE_CHECKING:
+    from .mechanism import Mechanism
+
+
+class Status(Enum):
+    """How a run ended."""
+
+    DONE = "the run reached its end"
+    NOT_FINITE = "the motion stopped being finite"
+    SINGULAR = "a joint moves nothing that has inertia about it"
+    CANNOT_CLOSE = "the constraints cannot all be met"
+    CANCELLED = "the run was cancelled"
+
+    @property
+    def ok(self) -> bool:
+        """Whether the run reached its end."""
+        return self is Status.DONE
+
+
+class BodyMotion(NamedTuple):
+    """Everything about bodies over time, world axes, at the bodies' origins."""
+
+    pose: Array  # (len(t), nb, 7) x y z [m], w x y z
+    velocity: Array  # (len(t), nb, 6) angular [rad/s], linear [m/s]
+    acceleration: Array  # (len(t), nb, 6) angular [rad/s^2], linear [m/s^2]
+    force: Array  # (len(t), nb, 6) torque [N m], force [N] that each joint passes on to its body
+
+
+@dataclass(frozen=True)
+class Result:
+    """A run. Arrays have one row a recorded frame; a run that failed keeps what it computed."""
+
+    mechanism: Mechanism
+    status: Status
+    message: str  # the status with its time, its body, and what to try
+    t: Array  # (n,) [s]
+    q: Array  # (n, nq)
+    v: Array  # (n, nv)
+    vdot: Array  # (n, nv)
+    kinetic_energy: Array  # (n,) [J]
+    potential_energy: Array  # (n,) [J], springs included
+    work: Array  # (n,) [J] put in by motors, servos and given torques
+    dissipation: Array  # (n,) [J] taken out by dampers
+    constraint_drift: Array  # (n, 2) largest |position| [m] and |velocity| [m/s] residual
+    constraint_force: Mapping[str, Array]  # {name: (n, 6)} [torque, force] on `body` at `point`
+    counters: Mapping[str, int]  # steps, evaluations, projections, solver iterations
+    timing: Mapping[str, float]  # seconds a phase
+    error_estimate: float  # largest |change of q| at the end against twice the step [rad, m]
+    header: Mapping[str, Any]  # version, model hash, method, step, ...
+    left_out: tuple[str, ...]  # what this scene did not need and therefore did not run
+    notices: tuple[str, ...] = field(default=())  # what a person should know
+
+    @property
+    def energy(self) -> Array:
+        """(n,) total mechanical energy [J]."""
+        return self.kinetic_energy + self.potential_energy
+
+    @cached_property
+    def energy_drift(self) -> float:
+        """Largest |E - E0 - work + dissipation|, relative to the range of the energies."""
+        if len(self.t) < 2:
+            return 0.0
+        balance = self.energy - self.energy[0] - self.work + self.dissipation
+        parts = (self.kinetic_energy, self.potential_energy, self.work, self.dissipation)
+        scale = max(float(np.ptp(part)) for part in parts)
+        scale = max(scale, float(np.max(self.kinetic_energy)))
+        worst = float(np.max(np.abs(balance)))
+        return worst / scale if scale > 0 else worst
+
+    @property
+    def body_pose(self) -> Array:
+        """(n, nb, 7) x y z [m], w x y z of every body frame, by number."""
+        return self.body_motion.pose
+
+    @property
+    def body_velocity(self) -> Array:
+        """(n, nb, 6) [angular, linear] of every body frame, world axes."""
+        return self.body_motion.velocity
+
+    @property
+    def body_acceleration(self) -> Array:
+        """(n, nb, 6) [angular, linear] of every body frame, world axes."""
+        return self.body_motion.acceleration
+
+    @property
+    def joint_force(self) -> Array:
+        """(n, nb, 6) [torque, force] that each joint passes on to its body, at its origin."""
+        return self.body_motion.force
+
+    @cached_property
+    def body_motion(self) -> BodyMotion:
+        """Poses, velocities, accelerations and joint forces, computed when first asked for."""
+        return body_motion(self)
+
+    # -- files -------------------------------------------------------------------------------
+
+    def save(self, path: str | Path, /) -> None:
+        """Write an `.npz`: the arrays, and a JSON header that holds the model."""
+        arrays = {name: getattr(self, name) for name in ARRAYS}
+        arrays |= {f"force:{name}": value for name, value in self.constraint_force.items()}
+        header = {
+            "status": self.status.name,
+            **{name: getattr(self, name) for name in SCALARS},
+            "model": json.loads(self.mechanism.model.to_json()),
+        }
+        buffer = io.BytesIO()
+        np.savez_compressed(buffer, header=np.array(json.dumps(header)), **arrays)
+        write_atomic(path, buffer.getvalue())
+
+    @classmethod
+    def load(cls, path: str | Path, /) -> Result:
+        """The run in an `.npz` written by `save`. Raises FileError."""
+        from .mechanism import Mechanism
+
+        try:
+            with np.load(Path(path), allow_pickle=False) as data:
+                header = json.loads(str(data["header"]))
+                arrays = {name: data[name] for name in ARRAYS}
+                prefix = "force:"
+                forces = {k.removeprefix(prefix): data[k] for k in data if k.startswith(prefix)}
+        except (OSError, ValueError, KeyError) as error:
+            text = f"holds no run: {error}; give a file written by Result.save"
+            raise FileError(Problem(str(path), "", text)) from None
+        model = Model.from_json(json.dumps(header.pop("model")), source=str(path))
+        status = Status[header.pop("status")]
+        header["left_out"], header["notices"] = map(tuple, (header["left_out"], header["notices"]))
+        return cls(Mechanism(model), status, constraint_force=forces, **header, **arrays)
+
+    def to_csv(self) -> str:
+        """Time, q, v, energies and constraint forces as CSV, units in the first line."""
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        columns = {"t [s]": self.t, "kinetic energy [J]": self.kinetic_energy}
+        columns["potential energy [J]"] = self.potential_energy
+        for name, array in (("q", self.q), ("v", self.v), ("vdot", self.vdot)):
+            columns |= {f"{name}[{i}] [SI]": array[:, i] for i in range(array.shape[1])}
+        for name, force in self.constraint_force.items():
+            columns |= {f"{name} F{axis} [N]": force[:, 3 + i] for i, axis in enumerate("xyz")}
+        writer.writerow(columns)
+        writer.writerows(zip(*(c.tolist() for c in columns.values())))
+        return text.getvalue()
+
+
+ARRAYS = (
+    "t",
+    "q",
+    "v",
+    "vdot",
+    "kinetic_energy",
+    "potential_energy",
+    "work",
+    "dissipation",
+    "constraint_drift",
+)
+SCALARS = ("message", "counters", "timing", "error_estimate", "header", "left_out", "notices")
+
+
+def body_motion(run: Result) -> BodyMotion:
+    """Body motion and joint forces of all frames from (q, v, v') and the constraint forces."""
+    nb, n = run.mechanism.nb, len(run.t)
+    external = np.zeros((n, nb, 6))
+    position, rotation, *rest = _sweep(run, external)
+    if run.constraint_force:
+        _add_constraint_wrenches(run, position, rotation, external)
+        position, rotation, *rest = _sweep(run, external)
+    return BodyMotion(np.concatenate((position, quaternions(rotation)), axis=-1), *rest)
+
+
+def _sweep(run: Result, external: Array) -> tuple[Array, ...]:
+    """Positions, rotations, velocities, accelerations and joint forces under these wrenches."""
+    mech, n = run.mechanism, len(run.t)
+    position, rotation = np.empty((n, mech.nb, 3)), np.empty((n, mech.nb, 9))
+    velocity, acceleration, force = (np.empty((n, mech.nb, 6)) for _ in range(3))
+    work = np.zeros((len(mech.system.rows), at.WORK))
+    states = map(np.ascontiguousarray, (run.q, run.v, run.vdot))
+    out = (position, rotation, velocity, acceleration, force)
+    bodies.motion_and_forces(*mech.system[:4], *states, external, work, *out)
+    return position, rotation.reshape(n, mech.nb, 3, 3), velocity, acceleration, force
+
+
+def _add_constraint_wrenches(run: Result, position: Array, rotation: Array, out: Array) -> None:
+    """Constraint forces as wrenches on the bodies, world axes at their origins (eq. (22))."""
+    mech = run.mechanism
+    for c in mech.model.constraints:
+        if c.name not in run.constraint_force:
+            continue
+        force = run.constraint_force[c.name][:, 3:]
+        point = mech.model.body(c.body).tip_point if c.point is None else c.point
+        b = mech.topology.number(c.body) - 1
+        place = position[:, b] + rotation[:, b] @ np.asarray(point)
+        for body, signed in ((c.body, force), (c.other, -force)):
+            b = mech.topology.number(body) - 1
+            if b >= 0:
+                out[:, b, :3] += np.cross(place - position[:, b], signed)
+                out[:, b, 3:] += signed
+
+
+def quaternions(rotation: Array) -> Array:
+    """(..., 4) quaternions [w, x, y, z] of (..., 3, 3) rotations, the largest entry positive.
+
+    Of the four ways to read a quaternion off a matrix the best conditioned is taken.
+    """
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = np.moveaxis(rotation, (-2, -1), (0, 1))
+    ways = np.stack(
+        [
+            _stack(1 + xx + yy + zz, zy - yz, xz - zx, yx - xy),
+            _stack(zy - yz, 1 + xx - yy - zz, xy + yx, xz + zx),
+            _stack(xz - zx, xy + yx, 1 - xx + yy - zz, yz + zy),
+            _stack(yx - xy, xz + zx, yz + zy, 1 - xx - yy + zz),
+        ],
+        axis=-2,
+    )
+    best = np.argmax(np.stack([ways[..., i, i] for i in range(4)], axis=-1), axis=-1)
+    q = np.take_along_axis(ways, best[..., None, None], axis=-2)[..., 0, :]
+    return q / np.linalg.norm(q, axis=-1, keepdims=True)
+
+
+def _stack(*parts: Array) -> Array:
+    return np.stack(parts, axis=-1)
