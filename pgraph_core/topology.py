@@ -15,8 +15,8 @@ from scipy import sparse
 
 from .errors import InputError, Problem, choices
 from .schema import Model
-from .schema.checks import GROUND
-from .schema.fields import shown
+from .schema.names import GROUND
+from .schema.sentences import shown
 
 Ints: TypeAlias = "NDArray[np.int64]"
 

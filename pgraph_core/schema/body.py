@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
 from .. import joints
 from ..joints import JointKind, Motion, MotionKind
-from .checks import GROUND, body_problems
+from .body_checks import body_problems
 from .fields import (
     Described,
     Frozen,
@@ -22,8 +23,10 @@ from .fields import (
     Vec3,
     listed,
     refuse,
-    shown,
+    whole,
 )
+from .names import GROUND
+from .sentences import shown
 
 
 class Shape(Frozen):
@@ -58,13 +61,21 @@ class Shape(Frozen):
         ]
         problems = [("shape", f"a {self.kind} needs {name}") for name in missing]
         if self.size is not None and min(self.size) <= 0:
-            problems.append(("shape", f"a box's edges must be > 0 [m]; given {self.size}"))
+            problems.append(("shape", f"a box's edges must be > 0 [m]; given {shown(self.size)}"))
+        if not 0.5 < math.hypot(*self.rotation) < 2:
+            given = shown(self.rotation)
+            problems.append(("shape", f"rotation must be a unit quaternion; given {given}"))
         refuse(problems)
         return self
 
 
 class Body(Described):
     """A rigid body and its joint. SI units; the frames are those of docs/conventions.md."""
+
+    FOLLOWERS: ClassVar[Mapping[str, tuple[str, ...]]] = dict.fromkeys(
+        ("joint", "dof", "axes", "motions"),
+        ("axes", "motions", "q", "v", "stiffness", "damping", "rest", "armature"),
+    )
 
     name: str = Field(description="text that is not empty")
     parent: str = Field(default=GROUND, description="the name of a body, or 'ground'")
@@ -192,37 +203,38 @@ def _unit(x: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _pick_joint(data: dict[str, Any], dof: Any) -> None:
-    whole = isinstance(dof, int) and not isinstance(dof, bool)
-    if not whole or not 0 <= dof <= 6:
+    number = whole(dof)
+    if number is None or not 0 <= number <= 6:
         refuse([("dof", f"must be a whole number from 0 to 6; given {shown(dof)}")])
-    kind, motions = joints.OF_DOF[dof]
+        return
+    kind, motions = joints.OF_DOF[number]
     given = data.get("joint", kind)
-    if given not in joints.DEFAULT:
+    if not isinstance(given, str) or given not in joints.DEFAULT:
         return
     motions = data.get("motions") or (motions if given == kind else joints.DEFAULT[given])
     data["joint"], data["motions"] = given, motions
     try:
-        agrees = joints.nv(tuple(Motion(m[0], m[1]) for m in motions)) == dof
+        agrees = joints.nv(tuple(Motion(m[0], joints.Z) for m in motions)) == number
     except (KeyError, IndexError, TypeError):
         return  # ill-formed motions are refused by their own field
     if not agrees:
-        refuse([("dof", f"{dof} disagrees with joint '{given}'; give one of the two")])
+        refuse([("dof", f"{number} disagrees with joint '{given}'; give one of the two")])
 
 
 def _fill_motions(data: dict[str, Any], kind: JointKind) -> None:
     """`motions` is what the joint does; `axes` alone picks the directions of the kind's own."""
     motions = listed(data.get("motions")) or joints.DEFAULT[kind]
     try:
-        motions = tuple(Motion(m[0], (m[1] if len(m) > 1 else None) or joints.Z) for m in motions)
-    except (IndexError, TypeError):
-        return
-    axes = listed(data.get("axes"))
-    if axes and len(axes) == 3 and all(isinstance(a, (int, float)) for a in axes):
-        axes = (axes,)  # one direction written without its outer brackets
+        motions = tuple(_motion(*m) for m in motions)
+    except TypeError:
+        return  # ill-formed motions are refused by their own field
+    axes = _directions(data.get("axes"))
     moving = [m for m in motions if m.kind in ("rotate", "translate")]
-    if axes and kind != "weld":
-        if not isinstance(axes, tuple) or len(axes) != len(moving):
-            refuse([("axes", f"a {kind} joint takes {_count(len(moving))}; given {shown(axes)}")])
+    if axes != () and kind != "weld":
+        if axes is None or len(axes) != len(moving):
+            given = shown(data["axes"])
+            refuse([("axes", f"a {kind} joint takes {_count(len(moving))}; given {given}")])
+            return
         left = iter(axes)
         motions = tuple(
             Motion(m.kind, next(left)) if m.kind in ("rotate", "translate") else m for m in motions
@@ -231,8 +243,28 @@ def _fill_motions(data: dict[str, Any], kind: JointKind) -> None:
     data["axes"] = tuple(m.axis for m in motions if m.kind in ("rotate", "translate"))
     try:
         _fill_coordinates(data, motions)
-    except KeyError:
-        return
+    except (KeyError, TypeError):
+        return  # a motion of no known kind
+
+
+def _motion(kind: Any, axis: Any = None) -> Motion:
+    return Motion(kind, axis or joints.Z)
+
+
+def _directions(axes: Any) -> tuple[Any, ...] | None:
+    """One (x, y, z) a motion, also written without outer brackets; None for anything else."""
+    axes = listed(axes if axes is not None else ())
+    if isinstance(axes, tuple) and len(axes) == 3 and not any(isinstance(a, tuple) for a in axes):
+        axes = (axes,)
+    if not isinstance(axes, tuple):
+        return None
+    ok = all(isinstance(a, tuple) and len(a) == 3 and all(map(_finite, a)) for a in axes)
+    return axes if ok else None
+
+
+def _finite(x: Any) -> bool:
+    number = isinstance(x, (int, float)) and not isinstance(x, bool)
+    return number and abs(x) < math.inf
 
 
 def _fill_coordinates(data: dict[str, Any], motions: tuple[Motion, ...]) -> None:
@@ -243,7 +275,9 @@ def _fill_coordinates(data: dict[str, Any], motions: tuple[Motion, ...]) -> None
     for name in ("stiffness", "damping", "rest", "armature"):
         value = listed(data.get(name, ()))
         value = value if isinstance(value, tuple) else (value,)
-        data[name] = value * len(motions) if len(value) == 1 else value or (0.0,) * len(motions)
+        if len(value) == 1 and (motions or value == (0,)):
+            value *= len(motions)
+        data[name] = value or (0.0,) * len(motions)
 
 
 def _count(n: int) -> str:

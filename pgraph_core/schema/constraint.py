@@ -6,8 +6,8 @@ from typing import Literal
 
 from pydantic import Field
 
-from .checks import GROUND
 from .fields import Described, Vec3
+from .names import GROUND
 
 
 class Constraint(Described):

@@ -9,9 +9,10 @@ from ..errors import ModelError, Problem
 from ..rotation import multiply, rotate
 from .body import Body
 from .constraint import Constraint
-from .fields import Described, fields_of, nearest
+from .fields import Described, fields_of
 from .force import Force
 from .scenario import Scenario
+from .sentences import nearest
 
 T = TypeVar("T", bound=Described)
 
@@ -26,6 +27,11 @@ def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
             raise ModelError(
                 Problem(f"body '{old.name}'", key, f"no such field; {nearest(key, known)}")
             )
+    changes = {
+        key: value
+        for key, value in changes.items()
+        if value is not None or key not in ("joint", "dof")  # none: as it is
+    }
     data = fields_of(old)
     kind, dof = changes.get("joint", old.joint), changes.get("dof", old.dof)
     new_joint = kind != old.joint or dof != old.dof

@@ -1,4 +1,4 @@
-"""Field types of the description, and pydantic's complaints turned into sentences.
+"""Field types of the description, and the base of its parts.
 
 Every field carries a `description` that completes "must be ..."; a refused value is answered
 with it, whatever the reason, so that the reader learns what would do.
@@ -6,15 +6,15 @@ with it, whatever the reason, so that the reader learns what would do.
 
 from __future__ import annotations
 
-import difflib
-import math
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Annotated, Any
+from collections.abc import Mapping, Sequence
+from numbers import Integral
+from typing import Annotated, Any, ClassVar
 
 from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Strict, ValidationError
 from pydantic_core import PydanticCustomError
 
-from ..errors import ModelError, Problem, choices
+from ..errors import ModelError, Problem
+from .sentences import all_problems, shown
 
 
 class Frozen(BaseModel):
@@ -52,13 +52,22 @@ def refuse(problems: Sequence[tuple[str, str]]) -> None:
 class Described(Frozen):
     """A part with a name of its own: refused with every problem found, as sentences."""
 
-    def __init__(self, **data: Any):
+    # field -> fields that mean nothing without it: unsaid where it is refused itself
+    FOLLOWERS: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+
+    def __init__(self, /, **data: Any):
         """Validated. Raises ModelError."""
         try:
             super().__init__(**data)
         except ValidationError as error:
             where = f"{type(self).__name__.lower()} {shown(data.get('name', ''))}"
-            raise ModelError(dict.fromkeys(_problems(type(self), error, where))) from None
+            kind = type(self)
+            raise ModelError(all_problems(kind, data, error, where, kind.FOLLOWERS)) from None
+
+
+def whole(value: Any) -> int | None:
+    """A whole number of Python or NumPy as an int; None for anything else, True included."""
+    return int(value) if isinstance(value, Integral) and not isinstance(value, bool) else None
 
 
 def fields_of(part: Frozen) -> dict[str, Any]:
@@ -77,42 +86,3 @@ def part_problems(kind: type[Described], data: Any, where: str) -> list[Problem]
     except ModelError as error:
         return [Problem(where, p.field, p.text) for p in error.problems]
     return []
-
-
-def _problems(kind: type[Frozen], error: ValidationError, where: str) -> Iterable[Problem]:
-    seen: set[str] = set()
-    for item in error.errors(include_url=False):
-        field = next((part for part in item["loc"] if isinstance(part, str)), "")
-        if item["type"] == "problems":
-            for inner, text in item.get("ctx", {})["problems"]:
-                yield Problem(where, field or inner, text)
-        elif field not in seen:
-            seen.add(field)
-            yield Problem(where, field, _sentence(item, field, kind.model_fields))
-
-
-def _sentence(item: Any, field: str, known: Mapping[str, Any]) -> str:
-    if item["type"] == "extra_forbidden" and len(item["loc"]) == 1:
-        return f"no such field; {nearest(field, known)}"
-    expected = known[field].description if field in known else None
-    if item["type"] == "missing" and len(item["loc"]) == 1:
-        return f"is missing; give {expected or 'a value'}"
-    if expected is None:
-        return f"{item['msg']}; given {shown(item.get('input'))}"
-    return f"must be {expected}; given {shown(item.get('input'))}"
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """'did you mean mass? Choose from ...' for a mistyped name."""
-    names = list(known)
-    close = difflib.get_close_matches(name, names, n=1)
-    hint = f"did you mean {close[0]}? " if close else ""
-    return f"{hint}choose from {choices(names, limit=40)}"
-
-
-def shown(value: Any, limit: int = 60) -> str:
-    """A given value as it may stand in a sentence: short, and nan and inf spelled out."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    text = repr(list(value) if isinstance(value, tuple) else value)
-    return text if len(text) <= limit else text[: limit - 3] + "..."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import tempfile
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import FileError, Problem
-from .fields import shown
+from .sentences import shown
 
 if TYPE_CHECKING:
     from .model import Model
@@ -45,13 +46,16 @@ def _concise(body: dict[str, Any]) -> dict[str, Any]:
 def parse(text: str, source: str) -> dict[str, Any]:
     """The fields in JSON text, its version checked. Raises FileError."""
     try:
-        data = json.loads(text, parse_constant=_no_constant, object_pairs_hook=_no_twins)
+        text = text.removeprefix("\ufeff")  # the mark that some editors set
+        data = json.loads(text, parse_int=_number, object_pairs_hook=_no_twins)
     except json.JSONDecodeError as error:
         where = f"{source}, line {error.lineno}"
         found = f"not JSON: {error.msg} at column {error.colno}"
         raise FileError(Problem(where, "", f"{found}; give a model file of Pgraph")) from None
-    except (ValueError, RecursionError) as error:
-        raise FileError(Problem(source, "", f"not a model file: {error}")) from None
+    except RecursionError:
+        raise FileError(Problem(source, "", "no model: its brackets nest too deeply")) from None
+    except _Twin as twin:
+        raise FileError(Problem(source, "", str(twin))) from None
     if not isinstance(data, dict):
         given = type(data).__name__
         raise FileError(Problem(source, "", f"must hold a JSON object; given a {given}"))
@@ -73,9 +77,9 @@ def read(path: str | Path) -> str:
     except UnicodeDecodeError as error:
         text = f"not text in UTF-8 (byte {error.start}); give a model file of Pgraph"
         raise FileError(Problem(str(path), "", text)) from None
-    except OSError as error:
-        text = f"cannot be read: {error.strerror}; give the path of a model file"
-        raise FileError(Problem(str(path), "", text)) from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        text = f"cannot be read: {_reason(error)}; give the path of a model file"
+        raise FileError(Problem(shown_path(path), "", text)) from None
 
 
 def write_atomic(path: str | Path, content: str | bytes) -> None:
@@ -83,11 +87,13 @@ def write_atomic(path: str | Path, content: str | bytes) -> None:
 
     Raises FileError.
     """
-    path = Path(path)
     data = content.encode() if isinstance(content, str) else content
-    temporary = None
+    given, temporary = path, None
     try:
-        handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        path = Path(path).resolve()  # a link stays a link
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        handle, temporary = tempfile.mkstemp(prefix=".pgraph-", dir=path.parent)
         with os.fdopen(handle, "wb") as file:
             file.write(data)
             file.flush()
@@ -95,11 +101,21 @@ def write_atomic(path: str | Path, content: str | bytes) -> None:
         mode = path.stat().st_mode & 0o777 if path.exists() else 0o666 & ~_umask()
         os.chmod(temporary, mode)
         os.replace(temporary, path)
-    except OSError as error:
-        if temporary is not None:
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        text = f"cannot be written: {_reason(error)}; choose another place"
+        raise FileError(Problem(shown_path(given), "", text)) from None
+    finally:
+        if temporary is not None:  # gone where it took the path's place
             Path(temporary).unlink(missing_ok=True)
-        text = f"cannot be written: {error.strerror}; choose another place"
-        raise FileError(Problem(str(path), "", text)) from None
+
+
+def shown_path(path: str | Path) -> str:
+    """A path as it may stand in a sentence."""
+    return str(path) if str(path).isprintable() and str(path) else repr(str(path))
+
+
+def _reason(error: OSError | ValueError) -> str:
+    return (error.strerror if isinstance(error, OSError) else None) or str(error)
 
 
 def _umask() -> int:
@@ -108,8 +124,13 @@ def _umask() -> int:
     return mask
 
 
-def _no_constant(name: str) -> float:
-    raise ValueError(f"{name} is not a finite number")
+def _number(digits: str) -> int | float:
+    """A whole number; one beyond all floats is infinite, for its field to refuse."""
+    return int(digits) if len(digits) < 310 else float(digits)
+
+
+class _Twin(Exception):
+    """A field that is given twice, of which JSON would keep the last."""
 
 
 def _no_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -117,5 +138,6 @@ def _no_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(data) < len(pairs):
         names = [key for key, _ in pairs]
         twin = next(name for name in names if names.count(name) > 1)
-        raise ValueError(f"field '{twin}' is given twice in one object")
+        named = f" named {shown(data['name'])}" if "name" in data and twin != "name" else ""
+        raise _Twin(f"field '{twin}' is given twice in one object{named}; keep one of them")
     return data

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -21,7 +22,7 @@ class Table(Frozen):
             sizes = f"{len(self.t)} times, {len(self.value)} values"
             refuse([("value", f"needs one value a time, at least one; given {sizes}")])
         if any(a >= b for a, b in zip(self.t, self.t[1:])):
-            refuse([("t", "must ascend")])
+            refuse([("t", f"the times t must ascend; given {list(self.t)}")])
         return self
 
 
@@ -31,6 +32,8 @@ class Force(Described):
     `torque_limit` bounds the magnitude of the whole. Torque stands for force where the
     coordinate is a translation.
     """
+
+    FOLLOWERS: ClassVar[Mapping[str, tuple[str, ...]]] = {"kind": ("kp", "kd")}
 
     name: str = Field(description="text that is not empty")
     kind: Literal["motor", "servo"] = Field(default="motor", description="'motor' or 'servo'")

@@ -16,11 +16,12 @@ from .body import Body
 from .checks import model_problems
 from .constraint import Constraint
 from .editing import attached, edited, renamed_all, without
-from .fields import fields_of, listed
+from .fields import fields_of, listed, whole
 from .force import Force
 from .problems import problems
 from .scenario import Scenario
-from .world import World
+from .sentences import shown
+from .world import DOWN, World
 
 # serial(n): slender rods of 0.2 m along x, hinged about y, so that they swing under gravity.
 ROD = 0.2
@@ -39,7 +40,7 @@ class Model(World):
     forces: tuple[Force, ...] = Field(default=(), description="a list of forces")
     scenarios: tuple[Scenario, ...] = Field(default=(), description="a list of scenarios")
 
-    def __init__(self, **data: Any):
+    def __init__(self, /, **data: Any):
         """A validated model. Raises ModelError with every problem found."""
         data = {key: listed(value) for key, value in data.items()}
         try:
@@ -65,15 +66,16 @@ class Model(World):
         """The body called `name`. Raises ModelError naming the ones there are."""
         if name not in self.row:
             text = f"no body has this name; choose one of {choices(self.row)}"
-            raise ModelError(Problem(f"body '{name}'", "", text))
+            raise ModelError(Problem(f"body {shown(name)}", "", text))
         return self.bodies[self.row[name]]
 
     def scenario(self, name: str) -> Scenario:
         """The scenario called `name`. Raises ModelError naming the ones there are."""
         found = next((s for s in self.scenarios if s.name == name), None)
         if found is None:
-            known = choices(s.name for s in self.scenarios) or "none: the model has no scenario"
-            raise ModelError(Problem(f"scenario '{name}'", "", f"is not there; choose {known}"))
+            known = choices(s.name for s in self.scenarios)
+            do = f"choose one of {known}" if known else "the model has no scenario"
+            raise ModelError(Problem(f"scenario {shown(name)}", "", f"is not there; {do}"))
         return found
 
     @cached_property
@@ -86,16 +88,17 @@ class Model(World):
     @classmethod
     def serial(cls, n: int) -> Self:
         """Sec. 4.1's first table: n bodies in a row, one hinge each, named "1" to "n"."""
-        if isinstance(n, bool) or not isinstance(n, int) or n < 1:
+        count = whole(n)
+        if count is None or count < 1:
             raise ModelError(Problem("model", "n", f"must be a whole number >= 1; given {n!r}"))
         rod = Body(
             name="1", axes=((0, 1, 0),), com=(ROD / 2, 0, 0), inertia=ROD_INERTIA, tip=(ROD, 0, 0)
         )
         rows = [rod.model_copy(update={"name": "1"})]
         linked = Body(**{**fields_of(rod), "link": (ROD, 0, 0)})
-        for i in range(2, n + 1):
+        for i in range(2, count + 1):
             rows.append(linked.model_copy(update={"name": str(i), "parent": str(i - 1)}))
-        return cls(name=f"serial {n}", bodies=tuple(rows))
+        return cls(name=f"serial {count}", bodies=tuple(rows))
 
     def edit(self, name: str, /, **changes: Any) -> Self:
         """A new model in which body `name` has the changed fields; a new name is followed.
@@ -128,6 +131,9 @@ class Model(World):
         Its children are attached to its parent, at the same place at q = 0, or deleted too.
         """
         gone = self.body(name)
+        if children not in ("attach", "delete"):
+            text = f"must be 'attach' or 'delete'; given {shown(children)}"
+            raise ModelError(Problem(f"body '{name}'", "children", text))
         if children == "delete":
             names = self._subtree(name)
             bodies = tuple(b for b in self.bodies if b.name not in names)
@@ -139,13 +145,21 @@ class Model(World):
 
     def move(self, name: str, /, to: int) -> Self:
         """A new model with body `name` in row `to` (from 0): the order of left children."""
-        body = self.body(name)
+        body, row = self.body(name), whole(to)
+        if row is None or not 0 <= row < len(self.bodies):
+            text = f"must be a row from 0 to {len(self.bodies) - 1}; given {shown(to)}"
+            raise ModelError(Problem(f"body '{name}'", "to", text))
         rest = [b for b in self.bodies if b.name != name]
-        rest.insert(to, body)
+        rest.insert(row, body)
         return self._with((), bodies=tuple(rest))
 
     def replace(self, **fields: Any) -> Self:
-        """A new model with other `gravity`, `up`, `constraints`, `forces`, `scenarios`, ..."""
+        """A new model with other `gravity`, `up`, `constraints`, `forces`, `scenarios`, ...
+
+        Gravity that points down along the old `up` points down along a new one too.
+        """
+        if "up" in fields and self.gravity == DOWN[self.up]:
+            fields = {"gravity": None, **fields}
         return type(self)(**{**fields_of(self), **fields})
 
     def _with(self, notices: Iterable[str], **fields: Any) -> Self:

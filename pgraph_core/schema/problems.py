@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from ..errors import Problem
+from ..errors import ModelError, Problem
 from .body import Body
-from .checks import GROUND, reference_problems, tree_problems
+from .checks import reference_problems, tree_problems
 from .constraint import Constraint
-from .fields import Described, nearest, part_problems, shown
+from .fields import Described, part_problems
 from .force import Force
+from .names import GROUND
 from .scenario import Scenario
+from .sentences import nearest, shown
 from .world import World
 
 PARTS: dict[str, type[Described]] = {
@@ -41,23 +43,47 @@ def problems(data: Mapping[str, Any], known: Iterable[str]) -> list[Problem]:
         for i, item in enumerate(items):
             bad = part_problems(kind, item, _where(kind, item, i))
             found += bad
-            if not bad:
-                valid[key].append(item if isinstance(item, kind) else kind(**item))
+            if part := _mended(kind, item, bad):
+                valid[key].append(part)
     rows = data.get("bodies", ())
     rows = rows if isinstance(rows, (list, tuple)) else ()
-    names = [str(_field(row, "name", f"row {i + 1}")) for i, row in enumerate(rows)]
-    found += tree_problems(names, [str(_field(row, "parent", GROUND)) for row in rows])
-    if len(valid["bodies"]) == len(rows):
-        found += reference_problems(**valid)
-    return found
+    names = [_text(row, "name", f"row {i + 1}") for i, row in enumerate(rows)]
+    found += tree_problems(names, [_text(row, "parent", GROUND) for row in rows])
+    bodies = dict.fromkeys(names) | {body.name: body for body in valid.pop("bodies")}
+    given = data.get("constraints", ())
+    given = given if isinstance(given, (list, tuple)) else ()
+    constraints = [_text(item, "name", "") for item in given]
+    return found + reference_problems(bodies, **valid, constraint_names=constraints)
+
+
+def _mended(kind: type[Described], item: Any, bad: list[Problem]) -> Any:
+    """The part without its refused fields, to check the names in the others; or None.
+
+    A body is not mended: its joint says what forces and states have to fit.
+    """
+    if isinstance(item, kind):
+        return item
+    if not isinstance(item, Mapping) or (bad and kind is Body):
+        return None
+    refused = {p.field for p in bad}
+    refused |= {name for field in refused for name in kind.FOLLOWERS.get(field, ())}
+    try:
+        return kind(**{key: value for key, value in item.items() if key not in refused})
+    except ModelError:
+        return None
 
 
 def _where(kind: type[Described], item: Any, i: int) -> str:
     word = kind.__name__.lower()
     name = _field(item, "name", None)
     if isinstance(name, str) and name.strip():
-        return f"{word} '{name}'"
+        return f"{word} {shown(name)}"
     return f"row {i + 1}" if kind is Body else f"{word} {i + 1}"
+
+
+def _text(item: Any, name: str, default: str) -> str:
+    value = _field(item, name, default)
+    return value if isinstance(value, str) else default
 
 
 def _field(item: Any, name: str, default: Any) -> Any:

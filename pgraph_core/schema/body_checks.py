@@ -1,0 +1,159 @@
+"""What makes one row of the table a rigid body with a joint."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .. import joints
+from ..joints import Motion
+from .names import GROUND, name_problem, numbers
+from .sentences import shown
+
+if TYPE_CHECKING:
+    from .body import Body
+
+TRIANGLE = 1e-9  # relative slack of the inertia's symmetry and triangle inequality
+
+Finding = tuple[str, str]  # (field, sentence)
+
+
+def body_problems(body: Body) -> list[Finding]:
+    """What is wrong with one row by itself."""
+    return [*_joint_problems(body), *_inertia_problems(body)]
+
+
+def _joint_problems(body: Body) -> list[tuple[str, str]]:
+    """What is wrong with the name, the axes, the initial state and the joint's own physics."""
+    found: list[tuple[str, str]] = []
+    motions = body.sequence
+    if text := name_problem(body.name):
+        found.append(("name", text))
+    if body.name == GROUND:
+        found.append(("name", "'ground' is the name of the ground; choose another"))
+    if body.joint != "compound" and _kinds(motions) != _kinds(joints.DEFAULT[body.joint]):
+        found.append(("motions", f"are not those of a {body.joint} joint; use joint 'compound'"))
+    if any(m.kind == "free" for m in motions) and len(motions) > 1:
+        found.append(("motions", "a free motion stands alone; use ball and translate motions"))
+    if joints.nv(motions) > 6:
+        found.append(("motions", f"give {joints.nv(motions)} degrees of freedom; at most 6"))
+    for m in motions:
+        if m.kind in ("rotate", "translate") and not 1e-9 < math.hypot(*m.axis) < 1e9:
+            found.append(("axes", f"a direction must not be zero; given {list(m.axis)}"))
+    found += _parallel_problems(motions)
+    if not 0.5 < math.hypot(*body.rotation) < 2:
+        found.append(
+            ("rotation", f"must be a unit quaternion [w, x, y, z]; given {shown(body.rotation)}")
+        )
+    for name, length in (("q", joints.nq(motions)), ("v", joints.nv(motions))):
+        value = getattr(body, name)
+        if len(value) != length:
+            found.append((name, f"a {body.joint} joint has {numbers(length)}; given {len(value)}"))
+        elif name == "q":
+            found += quaternion_problems(value, motions)
+    for name in ("stiffness", "damping", "rest", "armature"):
+        found += _physics_problems(name, getattr(body, name), motions)
+    return found
+
+
+def _parallel_problems(motions: tuple[Motion, ...]) -> list[Finding]:
+    """Two successive turns (or slides) along one line are one degree of freedom, not two."""
+    return [
+        (
+            "axes",
+            f"two successive directions are parallel; given {list(a.axis)} and {list(b.axis)}; "
+            "turn one of them",
+        )
+        for a, b in itertools.pairwise(motions)
+        if a.kind == b.kind
+        and a.kind in ("rotate", "translate")
+        and _norm(_cross(a.axis, b.axis)) <= 1e-9 * _norm(a.axis) * _norm(b.axis)
+    ]
+
+
+def _norm(x: tuple[float, ...]) -> float:
+    return math.hypot(*x)
+
+
+def _cross(a: tuple[float, ...], b: tuple[float, ...]) -> tuple[float, ...]:
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+def _kinds(motions: tuple[Motion, ...]) -> tuple[str, ...]:
+    return tuple(m.kind for m in motions)
+
+
+def quaternion_problems(q: tuple[float, ...], motions: tuple[Motion, ...]) -> list[tuple[str, str]]:
+    found, start = [], 0
+    for m in motions:
+        size = joints.SIZE[m.kind][0]
+        if m.kind in ("ball", "free"):
+            quaternion = q[start + size - 4 : start + size]
+            if abs(math.hypot(*quaternion) - 1) > 1e-3:
+                given = shown(quaternion)
+                found.append(("q", f"needs a unit quaternion [w, x, y, z]; given {given}"))
+        start += size
+    return found
+
+
+def _physics_problems(
+    name: str, values: tuple[float, ...], motions: tuple[Motion, ...]
+) -> list[tuple[str, str]]:
+    if values and not motions:
+        return [(name, f"a weld has no motion; given {list(values)}")]
+    if len(values) != len(motions):
+        text = f"give one number for all motions, or one a motion: {len(motions)}"
+        text += f"; given {list(values)}"
+        return [(name, text)]
+    if name != "rest" and any(x < 0 for x in values):
+        return [(name, f"must be >= 0; given {list(values)}")]
+    springs = name in ("stiffness", "rest")
+    if springs and any(x and m.kind in ("ball", "free") for x, m in zip(values, motions)):
+        text = "a spring acts on a rotate or translate motion, not on a ball or free one"
+        return [(name, f"{text}; given {list(values)}")]
+    return []
+
+
+def _inertia_problems(body: Body) -> list[tuple[str, str]]:
+    """Symmetry, positive semidefiniteness and the triangle inequality of the inertia."""
+    inertia = body.inertia
+    size = max(abs(x) for row in inertia for x in row)
+    if any(
+        abs(inertia[i][j] - inertia[j][i]) > TRIANGLE * size for i, j in ((0, 1), (0, 2), (1, 2))
+    ):
+        return [("inertia", f"must be symmetric; given {[list(row) for row in inertia]}")]
+    a, b, c = principal_moments(inertia)
+    slack = TRIANGLE * size
+    if a < -slack:
+        return [
+            (
+                "inertia",
+                f"must be positive semidefinite; its smallest principal moment is {a:.6g} kg m^2",
+            )
+        ]
+    if a + b < c - slack:
+        return [
+            (
+                "inertia",
+                f"breaks the triangle inequality: principal moments {a:.6g} + {b:.6g} < {c:.6g} by "
+                f"{c - a - b:.3g} kg m^2; no rigid body has it",
+            )
+        ]
+    return []
+
+
+def principal_moments(inertia: tuple[tuple[float, ...], ...]) -> tuple[float, float, float]:
+    """Eigenvalues of a symmetric 3x3 matrix, ascending."""
+    (a, d, e), (_, b, f), (_, _, c) = inertia
+    if d == e == f == 0.0:
+        low, middle, high = sorted((a, b, c))
+        return low, middle, high
+    low, middle, high = np.linalg.eigvalsh(np.array(inertia))
+    return float(low), float(middle), float(high)
