@@ -63,12 +63,13 @@ def _rod(end: np.ndarray, radius: float) -> Piece:
 
 
 def _own(shape: pg.Shape) -> Piece:
-    size = shape.size or (1.0, 1.0, 1.0)
+    x, y, z = shape.size or (1.0, 1.0, 1.0)
+    size = (x, y, z)
     if shape.radius is not None:
         d, caps = 2 * shape.radius, 2 * shape.radius if shape.kind == "capsule" else 0.0
         size = (d, d, (shape.length or 0.0) + caps if shape.kind != "sphere" else d)
     if shape.kind == "mesh":
-        size = (shape.scale,) * 3
+        size = (shape.scale, shape.scale, shape.scale)
     rotation = to_matrix(np.asarray(shape.rotation))
     return Piece(shape.kind, size, shape.position, rotation, shape.file or "")
 

@@ -248,3 +248,8 @@ def with_client(state: State, client: int, **changes: Any) -> State:
         return state
     changed = replace(state.clients[client], **changes)
     return replace(state, clients={**state.clients, client: changed})
+
+
+def told(state: State, client: int, notice: Notice) -> State:
+    """`state` with something said to one page."""
+    return with_client(state, client, notice=notice)

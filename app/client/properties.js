@@ -35,10 +35,10 @@
     const edit = (index) => (serial, text) =>
       pgraph.send("Edit", { serial, body: box.dataset.name, field: field.field, index, text });
     const grid = make("div", { className: `grid columns-${field.columns}` }, ...field.cells.map((cell) => {
-      const label = [field.label, cell.label].filter(Boolean).join(" ");
+      const label = [field.label, cell.name || cell.index.map((i) => i + 1).join(" ")].filter(Boolean).join(" ");
       if (field.options) return cells.choice(() => field.options.map((o) => [o, o]), edit(cell.index), { label });
       const input = cells.input(edit(cell.index), { label, numeric: field.numeric });
-      return field.named && cell.label ? make("label", { className: "axis" }, make("span", { textContent: cell.label }), input) : input;
+      return cell.name ? make("label", { className: "axis" }, make("span", { textContent: cell.name }), input) : input;
     }));
     const unit = make("span", { className: "unit", textContent: field.unit });
     return make("div", { className: "field", "data-field": field.field },

@@ -50,9 +50,10 @@ class Overlays:
             return
         points = LOCAL[kind](state)
         if attached:
-            added = (ADD[kind](self._scene, f"/bodies/{k}/{kind}" if k else f"/{kind}", at, state, k)
-                     for k, at in points.items())  # fmt: skip
-            self._nodes[kind] = list(added)
+            self._nodes[kind] = [
+                ADD[kind](self._scene, f"/bodies/{k}/{kind}" if k else f"/{kind}", at, state, k)
+                for k, at in points.items()
+            ]
             return
         placed = world(points, positions, shapes.to_matrix(wxyz))
         if kind == "names":

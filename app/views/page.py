@@ -7,7 +7,7 @@ from collections.abc import Callable
 import viser
 
 from ..client.bridge import Bridge
-from ..events import Connected, Disconnected, Event, Select
+from ..events import Connected, Disconnected, Event
 from .digraph import DigraphView
 from .playback import PlaybackView
 from .properties import PropertiesView

@@ -101,16 +101,13 @@ class SceneView:
             axes_radius=0.006 * size,
             origin_radius=0.01 * size,
         )
-        for part, grown, side, opacity in (
-            ("outline", 0.016, "back", None),
-            ("tint", 0.002, "front", 0.3),
-        ):
+        for part, grown, opacity in (("outline", 0.016, None), ("tint", 0.002, 0.3)):
             client.scene.add_mesh_simple(
                 f"/selected/{part}",
                 solid.vertices + grown * size * solid.vertex_normals,
                 solid.faces,
                 color=OUTLINE,
-                side=side,
+                side="back" if part == "outline" else "front",
                 opacity=opacity,
                 cast_shadow=False,
                 receive_shadow=False,

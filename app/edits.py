@@ -1,0 +1,168 @@
+"""What the events do to the model: every one that changes it is one undo step (pure)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pgraph_core as pg
+
+from . import cells, events
+from .cells import Refusal
+from .state import (
+    FREE_RUN,
+    Notice,
+    Reply,
+    Request,
+    State,
+    Step,
+    derive,
+    first_request,
+    told,
+    with_client,
+)
+
+GROUND = "ground"
+UNDO_DEPTH = 200
+MOST_BODIES = 1000
+
+
+def edited(state: State, event: events.Edit) -> State:
+    """A typed cell: taken as one undo step, or answered with the sentence that refuses it."""
+    try:
+        body = state.model.body(event.body)
+        model = state.model.edit(
+            event.body, **cells.change(body, event.field, event.index, event.text)
+        )
+    except Refusal as refusal:
+        sentence = f"body '{event.body}', {event.field}: {refusal}"
+        return with_client(state, event.client, reply=Reply(event.serial, sentence))
+    except pg.PgraphError as error:
+        return with_client(state, event.client, reply=Reply(event.serial, str(error)))
+    state = _with_model(state, model, f"{event.field} of {event.body}")
+    state = with_client(state, event.client, reply=Reply(event.serial, ""))
+    notices = " ".join(model.notices)
+    return told(state, event.client, Notice("Also changed", notices)) if notices else state
+
+
+def attempted(state: State, client: int, make: Callable[[], pg.Model], label: str) -> State:
+    """`make()` as the new model, selected by `client` where it says so, or the reason why not."""
+    try:
+        model = make()
+    except pg.PgraphError as error:
+        return told(state, client, Notice("Not done", str(error), bad=True))
+    state = _with_model(state, model, label)
+    notices = " ".join(model.notices)
+    return told(state, client, Notice("Also changed", notices)) if notices else state
+
+
+def deleted(state: State, event: events.DeleteBody) -> State:
+    """Without a body; its children attached to its parent, or gone too."""
+    return attempted(
+        state,
+        event.client,
+        lambda: state.model.remove(event.body, children=event.children),
+        f"delete {event.body}",
+    )
+
+
+def added(state: State, client: int, parent: str | None) -> State:
+    """A rod at the tip of `parent`, or on the ground; the page selects it."""
+    if len(state.model.bodies) >= MOST_BODIES:
+        return told(state, client, Notice("Not done", f"{MOST_BODIES} bodies at most", bad=True))
+    model, name = state.model, _free_name(state.model)
+    rod = pg.Model.serial(2).bodies[1]
+    on = parent if parent is not None and parent in state.derived.number else GROUND
+    joint = {"joint": "free"} if not model.bodies else {}
+    link = model.body(on).tip or rod.link if on in state.derived.number else (0.0, 0.0, 0.0)
+    new = rod.model_copy(update={"name": name, "parent": on, "link": link, **joint})
+    after = attempted(state, client, lambda: model.add(new), f"add {name}")
+    return with_client(after, client, selection=name) if name in after.derived.number else after
+
+
+def _free_name(model: pg.Model) -> str:
+    """The next unused whole number as a name."""
+    taken = {body.name for body in model.bodies}
+    return next(str(k) for k in range(len(taken) + 1, 2 * len(taken) + 2) if str(k) not in taken)
+
+
+def new_model(state: State, client: int, serial: int, text: str) -> State:
+    """Sec. 4.1's one question answered: the table of so many bodies."""
+    try:
+        model = pg.Model.serial(cells.whole(text, 1, MOST_BODIES))
+    except Refusal as refusal:
+        return with_client(state, client, reply=Reply(serial, f"The number of bodies {refusal}"))
+    state = _replaced(state, model, f"new model of {len(model.bodies)} bodies")
+    return with_client(state, client, reply=Reply(serial, ""))
+
+
+def opened(state: State, client: int, name: str, content: str) -> State:
+    """The model in a file's text, or why it is none."""
+    try:
+        model = pg.Model.from_json(content)
+        if len(model.bodies) > MOST_BODIES:
+            raise Refusal(f"it has {len(model.bodies)} bodies; {MOST_BODIES} at most")
+    except (pg.PgraphError, Refusal) as error:
+        return told(state, client, Notice(f"{name} was not opened", str(error), bad=True))
+    state = _replaced(state, model, f"open {name}")
+    return told(state, client, Notice(f"Opened {model.name}"))
+
+
+def _replaced(state: State, model: pg.Model, label: str) -> State:
+    """Another model altogether: its own request, and the camera framed on it."""
+    state = _with_model(state, model, label)
+    return replace(state, request=first_request(model), framed=state.framed + 1)
+
+
+def _with_model(state: State, model: pg.Model, label: str) -> State:
+    """`model` in place of the current one, as one undo step; nothing if it is the same."""
+    if model is state.model:
+        return state
+    undo = (*state.undo, Step(state.model, label))[-UNDO_DEPTH:]
+    return replace(_showing(state, model), undo=undo, redo=())
+
+
+def undone(state: State) -> State:
+    """The model before the last step; its run is shown again where it has one."""
+    if not state.undo:
+        return state
+    *undo, step = state.undo
+    redo = (*state.redo, Step(state.model, step.label))
+    return replace(_showing(state, step.model), undo=tuple(undo), redo=redo)
+
+
+def redone(state: State) -> State:
+    """The model that the last undo left."""
+    if not state.redo:
+        return state
+    *redo, step = state.redo
+    undo = (*state.undo, Step(state.model, step.label))
+    return replace(_showing(state, step.model), undo=undo, redo=tuple(redo))
+
+
+def _showing(state: State, model: pg.Model) -> State:
+    """`model` shown: what follows from it, selections by name or row, playback at its start."""
+    derived = derive(model)
+    clients = {
+        key: replace(client, selection=_followed(client.selection, state.model, model))
+        for key, client in state.clients.items()
+    }
+    request = _request_for(model, state.request)
+    playback = replace(state.playback, time=0.0, playing=False)
+    return replace(
+        state, model=model, derived=derived, clients=clients, request=request, playback=playback
+    )
+
+
+def _followed(name: str | None, old: pg.Model, new: pg.Model) -> str | None:
+    """The body to stay selected: of the same name, else of the same row (a renamed one)."""
+    if name is None or name in new.row:
+        return name
+    same_rows = len(old.bodies) == len(new.bodies) and name in old.row
+    return new.bodies[old.row[name]].name if same_rows else None
+
+
+def _request_for(model: pg.Model, request: Request) -> Request:
+    known = {s.name for s in model.scenarios}
+    kept = request.scenario == FREE_RUN or request.scenario in known
+    return request if kept else replace(request, scenario=FREE_RUN)

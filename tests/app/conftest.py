@@ -1,0 +1,98 @@
+"""One server, one browser and one page for all browser tests: starting them takes longest."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+import pgraph_core as pg
+import static_models
+from app import events
+from app.server import Server, serve
+
+CHROMIUM = "/usr/bin/chromium"
+FLAGS = (
+    "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic",
+    "--no-first-run", "--disable-background-networking", "--disable-component-update",
+    "--disable-sync",
+)  # fmt: skip
+NOBODY = -1  # a page that is not there: events of the tests themselves
+
+
+def until(true: Callable[[], Any], what: str, seconds: float = 20.0) -> Any:
+    """Wait for a truthy value; fails saying what did not come."""
+    end = time.monotonic() + seconds
+    while not (value := true()):
+        if time.monotonic() > end:
+            pytest.fail(f"after {seconds:g} s still not: {what}")
+        time.sleep(0.02)
+    return value
+
+
+@pytest.fixture(scope="session")
+def quadruped() -> pg.Model:
+    return pg.Model.load(static_models.path("quadruped"))
+
+
+@pytest.fixture(scope="session")
+def served(quadruped: pg.Model) -> Iterator[Server]:
+    server = serve(quadruped, port=18080, open_browser=False)
+    yield server
+    server.stop()
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    path = shutil.which("chromium") or CHROMIUM
+    try:
+        from playwright.sync_api import Error, sync_playwright
+    except ImportError:
+        pytest.fail("The browser tests need Playwright: pip install -e .[test]")
+    with sync_playwright() as playwright:
+        try:
+            chromium = playwright.chromium.launch(executable_path=path, args=FLAGS)
+        except Error as error:
+            pytest.fail(f"The browser tests need Debian's chromium (apt install chromium): {error}")
+        yield chromium
+        chromium.close()
+
+
+@pytest.fixture(scope="session")
+def open_page(browser: Any, served: Server) -> Iterator[Callable[[], Any]]:
+    """Opens a page on the server and waits until its table is there."""
+    faults: list[str] = []
+
+    def opened() -> Any:
+        page = browser.new_page(viewport={"width": 1280, "height": 700})
+        page.set_default_timeout(15_000)
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        page.goto(served.url)
+        page.wait_for_selector("table.bodies tr[data-name]")
+        return page
+
+    yield opened
+    assert faults == []  # our script raised nothing in all the tests
+
+
+@pytest.fixture(scope="session")
+def the_page(open_page: Callable[[], Any]) -> Any:
+    return open_page()
+
+
+@pytest.fixture
+def page(the_page: Any, served: Server, quadruped: pg.Model) -> Any:
+    """The page on the quadruped as it is in the file, nothing selected."""
+    served.send(events.Cancel(NOBODY))
+    served.send(events.OpenText(NOBODY, "quadruped", quadruped.to_json()))
+    for client in served.store.state.clients:
+        served.send(events.Select(client, None))
+    for what in ("names", "links", "coms", "forces"):
+        served.send(events.Show(NOBODY, what, False))
+    the_page.keyboard.press("Escape")
+    the_page.wait_for_selector("table.bodies tr[data-name=pelvis]")
+    until(lambda: the_page.locator("tr.selected, .refused").count() == 0, "a page at rest")
+    return the_page

@@ -1,0 +1,124 @@
+"""Digraph places, colours and shapes: pure functions of the tree."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import pgraph_core as pg
+from app import shapes
+from app.digraph import NODE, TIDY, layout
+
+
+@st.composite
+def trees(draw, most: int):
+    """Parents by depth-first number: a forest of 1..most bodies."""
+    n = draw(st.integers(1, most))
+    chosen = [draw(st.integers(0, k)) for k in range(n)]
+    order = [k + 1 for k in pg.topology.depth_first(chosen)]
+    number = {0: 0} | {k: i for i, k in enumerate(order, 1)}
+    return tuple(number[chosen[k - 1]] for k in order)
+
+
+@settings(max_examples=60, deadline=None)
+@given(trees(TIDY))
+def test_in_a_tree_no_two_nodes_overlap(parent):
+    place = layout(parent, (8,) * len(parent))
+    levels: dict[float, list[float]] = {}
+    for x, y in zip(place.x, place.y):
+        levels.setdefault(y, []).append(x)
+    for row in levels.values():
+        gaps = np.diff(sorted(row))
+        assert all(gaps >= NODE)
+
+
+@settings(max_examples=60, deadline=None)
+@given(trees(80))
+def test_a_parent_stands_above_its_children_and_all_within_the_picture(parent):
+    place = layout(parent, (8,) * len(parent))
+    for k, p in enumerate(parent, 1):
+        assert place.y[p] < place.y[k]
+    assert min(place.x) >= 0
+    assert max(place.x) <= place.width
+    assert max(place.y) <= place.height
+
+
+@settings(max_examples=40, deadline=None)
+@given(trees(200).filter(lambda parent: len(parent) > TIDY))
+def test_in_lanes_every_body_has_a_row_and_no_line_runs_through_another_node(parent):
+    place = layout(parent, (8,) * len(parent))
+    assert len(set(place.y)) == len(parent) + 1
+    for k, p in enumerate(parent, 1):  # the line leaves p's lane just above row k
+        between = range(p + 1, k)
+        assert all(place.x[i] != place.x[p] for i in between)
+
+
+def test_lanes_keep_a_chain_in_one_lane():
+    assert len(set(layout(tuple(range(500)), (3,) * 500).x)) == 1
+
+
+def test_an_empty_model_has_a_ground():
+    assert len(layout((), ()).x) == 1
+
+
+def test_left_children_stand_left():
+    place = layout((0, 1, 1, 1), (1,) * 4)
+    assert place.x[2] < place.x[3] < place.x[4]
+
+
+def test_each_branch_has_a_colour_of_its_own():
+    colors = shapes.branch_colors((0, 1, 2, 1, 4, 1))
+    assert len({colors[1], colors[3], colors[5]}) == 3
+    assert len(shapes.branch_colors(())) == 0
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        {"kind": "box", "size": (0.1, 0.2, 0.3)},
+        {"kind": "sphere", "radius": 0.1},
+        {"kind": "cylinder", "radius": 0.1, "length": 0.5},
+        {"kind": "capsule", "radius": 0.1, "length": 0.5, "position": (0, 0, 1)},
+        {"kind": "mesh", "file": "no such file.stl"},
+    ],
+)
+def test_every_kind_of_shape_is_a_mesh_in_its_bounding_box(shape):
+    body = pg.Body(name="a", shape=pg.Shape(**shape))
+    (piece,) = shapes.pieces(body, ())
+    solid = shapes.mesh((piece,))
+    middle, size = solid.bounds.mean(axis=0), np.ptp(solid.bounds, axis=0)
+    assert middle == pytest.approx(piece.position, abs=1e-6)
+    if piece.kind != "mesh":
+        assert size == pytest.approx(piece.size, rel=0.02)  # round solids are polyhedra
+
+
+def test_a_body_without_a_shape_reaches_to_its_children():
+    pieces = shapes.pieces(pg.Body(name="a"), ((1.0, 0.0, 0.0), (0.0, 2.0, 0.0)))
+    bounds = shapes.mesh(pieces).bounds
+    assert bounds[1][:2] == pytest.approx((1.0, 2.0), abs=1e-6)
+
+
+def test_a_body_without_any_extent_is_still_there():
+    assert shapes.mesh(shapes.pieces(pg.Body(name="a"), ())).volume > 0
+
+
+@pytest.mark.parametrize("kind", ["box", "sphere", "cylinder", "capsule", "mesh"])
+def test_unit_solids_fill_the_unit_cube(kind):
+    assert np.ptp(shapes.unit(kind).bounds, axis=0) == pytest.approx((1, 1, 1), rel=0.02)
+
+
+def test_quaternions_and_matrices_agree():
+    rng = np.random.default_rng(1)
+    a, b = rng.normal(size=(2, 20, 4))
+    a /= np.linalg.norm(a, axis=1, keepdims=True)
+    b /= np.linalg.norm(b, axis=1, keepdims=True)
+    product = shapes.to_matrix(a) @ shapes.to_matrix(b)
+    assert shapes.to_matrix(shapes.times(a, b)) == pytest.approx(product, abs=1e-14)
+    assert shapes.to_matrix(shapes.to_wxyz(product)) == pytest.approx(product, abs=1e-14)
+
+
+@pytest.mark.parametrize(("size", "cell"), [(0.05, 0.05), (0.9, 0.5), (3.0, 2.0), (700.0, 500.0)])
+def test_grid_spacings_are_round(size, cell):
+    assert shapes.spaced(size) == pytest.approx(cell)

@@ -1,0 +1,443 @@
+"""The reducer: every event, refusals that keep the model, undo, stale results."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from app import events
+from app.state import FREE_RUN, Request, State, between, initial, poses
+from app.update import update
+
+ME, OTHER = 1, 2
+
+
+@pytest.fixture
+def state() -> State:
+    """Fig. 1's seven bodies, looked at by two pages."""
+    model = pg.Model.serial(7).edit("4", parent="2").edit("5", parent="3").edit("6", parent="2")
+    gallery = {"serial": pg.Model.serial(3).to_json()}
+    return after(initial(model, gallery), events.Connected(ME), events.Connected(OTHER))
+
+
+def after(state: State, *happened: events.Event) -> State:
+    for event in happened:
+        state = update(state, event)
+    return state
+
+
+def typed(body: str, field: str, text: str, index: tuple[int, ...] = (), serial: int = 1):
+    return events.Edit(ME, serial, body, field, index, text)  # type: ignore[arg-type]
+
+
+def result(t_end: float = 1.0, nb: int = 7) -> SimpleNamespace:
+    """A run in which every body moves 1 m along x in t_end."""
+    t = np.linspace(0.0, t_end, 11)
+    pose = np.zeros((11, nb, 7))
+    pose[:, :, 0], pose[:, :, 3] = (t / t_end)[:, None], 1.0
+    return SimpleNamespace(t=t, body_pose=pose)
+
+
+@pytest.fixture
+def ran(state: State) -> State:
+    """The state after a simulation."""
+    return after(state, events.Simulate(ME), events.Simulated(1, result()))
+
+
+# -- pages -------------------------------------------------------------------------------------
+
+
+def test_each_page_has_its_own_selection(state):
+    state = after(state, events.Select(ME, "3"), events.Select(OTHER, "5"))
+    assert (state.clients[ME].selection, state.clients[OTHER].selection) == ("3", "5")
+    assert after(state, events.Select(ME, None)).clients[ME].selection is None
+
+
+def test_selecting_what_is_not_there_changes_nothing(state):
+    assert after(state, events.Select(ME, "nobody")) is state
+    assert after(state, events.Select(99, "3")) is state
+
+
+def test_a_page_that_leaves_is_forgotten(state):
+    assert set(after(state, events.Disconnected(ME)).clients) == {OTHER}
+
+
+def test_theme_view_and_downloads_are_a_page_s_own(state):
+    state = after(
+        state, events.Theme(ME, True), events.Viewport(ME, 0.6), events.Download(ME),
+        events.Download(ME),
+    )  # fmt: skip
+    mine, other = state.clients[ME], state.clients[OTHER]
+    assert (mine.dark, mine.aspect, mine.downloads) == (True, 0.6, 2)
+    assert (other.dark, other.aspect, other.downloads) == (False, None, 0)
+
+
+def test_show_switches_are_shared(state):
+    assert "names" in after(state, events.Show(ME, "names", True)).shown
+    assert "axes" not in after(state, events.Show(ME, "axes", False)).shown
+
+
+def test_an_unreadable_message_is_said(state):
+    notice = after(state, events.Misread(ME, "ValueError: no")).clients[ME].notice
+    assert notice is not None
+    assert notice.bad
+
+
+# -- edits -------------------------------------------------------------------------------------
+
+
+def test_pgraph_and_jdof_follow_an_edit(state):
+    assert state.derived.pgraph == (1, 2, 3, 4, 2, 5, 2, 6, 7)  # fig. 1, renumbered
+    state = after(state, typed("6", "parent", "5"))
+    assert state.derived.pgraph == (1, 2, 3, 4, 5, 6, 2, 7)
+    assert state.derived.jdof == (1, 1, 1, 1, 1, 1, 0, 1)
+
+
+def test_a_rename_is_followed_by_the_selection_of_all_pages(state):
+    state = after(state, events.Select(ME, "3"), events.Select(OTHER, "3"))
+    state = after(state, typed("3", "name", "knee"))
+    assert [c.selection for c in state.clients.values()] == ["knee", "knee"]
+    assert state.model.body("5").parent == "knee"
+    assert after(state, events.Undo(ME)).clients[ME].selection == "3"
+
+
+@pytest.mark.parametrize(
+    ("field", "index", "text", "value"),
+    [
+        ("mass", (), "1e-6", 1e-6),
+        ("mass", (), " 1.5e3 ", 1500.0),
+        ("com", (2,), "-.25", -0.25),
+        ("link", (0,), "+2", 2.0),
+    ],
+)
+def test_the_number_typed_is_the_number_used(state, field, index, text, value):
+    body = after(state, typed("3", field, text, index)).model.body("3")
+    got = getattr(body, field)
+    assert (got[index[0]] if index else got) == value
+
+
+def test_an_off_diagonal_moment_is_typed_once(state):
+    state = after(state, typed("3", "inertia", "1e-4", (0, 1)))
+    assert state.model.body("3").inertia[1][0] == 1e-4
+
+
+def test_an_empty_tip_is_the_centre_of_mass(state):
+    state = after(state, typed("3", "tip", "", (0,)))
+    assert state.model.body("3").tip is None
+    state = after(state, typed("3", "tip", "0.5", (1,)))
+    assert state.model.body("3").tip == (state.model.body("3").com[0], 0.5, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("body", "field", "index", "text", "said"),
+    [
+        ("3", "mass", (), "-1", "mass"),
+        ("3", "mass", (), "heavy", "needs a number such as"),
+        ("3", "mass", (), "1,5", "decimal point"),
+        ("3", "mass", (), "nan", "needs a number"),
+        ("3", "mass", (), "1e400", "too large"),
+        ("3", "mass", (), "1_000", "needs a number"),
+        ("3", "mass", (), "0x10", "needs a number"),
+        ("3", "name", (), "4", "name"),
+        ("3", "name", (), "", "name"),
+        ("3", "name", (), "x" * 10_000, "at most 100"),
+        ("3", "name", (), "ground", "ground"),
+        ("3", "parent", (), "5", "parent"),
+        ("3", "parent", (), "nobody", "nobody"),
+        ("3", "dof", (), "7", "from 0 to 6"),
+        ("3", "dof", (), "1.5", "from 0 to 6"),
+        ("3", "axes", (0, 1), "0", "zero"),
+        ("3", "com", (5,), "1", "no such entry"),
+        ("3", "inertia", (0, 0), "-1", "inertia"),
+        ("nobody", "mass", (), "1", "nobody"),
+    ],
+)
+def test_a_refused_edit_says_why_and_keeps_the_model(state, body, field, index, text, said):
+    refused = after(state, typed(body, field, text, index, serial=7))
+    assert refused.model is state.model
+    assert refused.undo == state.undo
+    reply = refused.clients[ME].reply
+    assert reply is not None
+    assert reply.serial == 7
+    assert said in reply.text
+    assert refused.clients[OTHER].reply is None
+
+
+def test_an_accepted_edit_is_answered_with_nothing(state):
+    reply = after(state, typed("3", "mass", "2", serial=5)).clients[ME].reply
+    assert reply is not None
+    assert (reply.serial, reply.text) == (5, "")
+
+
+def test_typing_the_same_value_is_no_undo_step(state):
+    mass = str(state.model.body("3").mass)
+    assert after(state, typed("3", "mass", mass)).undo == ()
+
+
+def test_a_new_joint_says_what_it_reset(state):
+    notice = after(state, typed("3", "dof", "3")).clients[ME].notice
+    assert notice is not None
+    assert not notice.bad
+
+
+def test_new_model(state):
+    state = after(state, events.NewModel(ME, 1, "4"))
+    assert [body.name for body in state.model.bodies] == ["1", "2", "3", "4"]
+    assert state.framed == 1
+    assert len(after(state, events.Undo(ME)).model.bodies) == 7
+
+
+@pytest.mark.parametrize("text", ["0", "-3", "many", "1001", "2.5", ""])
+def test_a_new_model_of_no_sensible_size_is_refused(state, text):
+    refused = after(state, events.NewModel(ME, 3, text))
+    assert refused.model is state.model
+    assert refused.clients[ME].reply is not None
+    assert "from 1 to 1000" in refused.clients[ME].reply.text
+
+
+def test_add_body_hangs_on_the_given_one_and_is_selected(state):
+    added = after(state, events.AddBody(ME, "5"))
+    assert added.model.body("8").parent == "5"
+    assert added.clients[ME].selection == "8"
+    assert after(state, events.AddBody(ME, None)).model.body("8").parent == "ground"
+    assert after(state, events.AddBody(ME, "nobody")).model.body("8").parent == "ground"
+
+
+def test_the_last_body_can_go_and_another_come(state):
+    state = after(state, events.DeleteBody(ME, "1", "delete"))
+    assert state.derived.names == ()
+    assert after(state, events.AddBody(ME, None)).derived.names == ("1",)
+
+
+def test_delete_attaches_children_or_takes_them_along(state):
+    attached = after(state, events.Select(ME, "3"), events.DeleteBody(ME, "3", "attach"))
+    assert attached.model.body("5").parent == "2"
+    assert attached.clients[ME].selection is None
+    assert after(state, events.DeleteBody(ME, "2", "delete")).derived.names == ("1",)
+    assert after(state, events.DeleteBody(ME, "nobody", "attach")).model is state.model
+
+
+def test_open_replaces_the_model_and_a_bad_file_says_why(state):
+    assert len(after(state, events.OpenBuiltIn(ME, "serial")).model.bodies) == 3
+    assert after(state, events.OpenBuiltIn(ME, "nothing")).model is state.model
+    refused = after(state, events.OpenText(ME, "x.json", "{"))
+    assert refused.model is state.model
+    assert refused.clients[ME].notice is not None
+    assert refused.clients[ME].notice.bad
+
+
+def test_save_asks_for_a_file_and_the_outcome_is_said(state):
+    saving = after(state, events.Save(ME, 4, "/tmp/x.json")).saving
+    assert saving is not None
+    assert saving.model is state.model
+    saved = after(state, events.Saved(ME, 4, "/tmp/x.json", ""))
+    assert saved.clients[ME].notice is not None
+    refused = after(state, events.Saved(ME, 4, "/no/x.json", "No."))
+    assert refused.clients[ME].reply is not None
+    assert refused.clients[ME].reply.text == "No."
+
+
+def test_undo_and_redo_a_hundred_and_fifty_deep(state):
+    first = state.model
+    for k in range(150):
+        state = after(state, typed("3", "mass", str(k + 2)))
+    last = state.model
+    for _ in range(150):
+        state = after(state, events.Undo(ME))
+    assert state.model is first
+    assert after(state, events.Undo(ME)) is state
+    for _ in range(150):
+        state = after(state, events.Redo(ME))
+    assert state.model is last
+    assert after(state, events.Redo(ME)) is state
+
+
+def test_an_edit_after_undo_forgets_what_was_undone(state):
+    state = after(state, typed("3", "mass", "2"), events.Undo(ME), typed("3", "mass", "3"))
+    assert state.redo == ()
+    assert state.undo[-1].label == "mass of 3"
+
+
+def test_a_refused_edit_leaves_undo_and_redo_alone(state):
+    state = after(state, typed("3", "mass", "2"), events.Undo(ME))
+    refused = after(state, typed("3", "mass", "-2"))
+    assert (refused.undo, refused.redo) == (state.undo, state.redo)
+
+
+# -- runs --------------------------------------------------------------------------------------
+
+
+def test_a_run_is_asked_for_once_and_comes_back(state):
+    asked = after(state, events.Simulate(ME))
+    assert asked.job is not None
+    assert after(asked, events.Simulate(OTHER)) is asked
+    assert after(asked, events.Progress(1, 0.5)).job.fraction == 0.5  # type: ignore[union-attr]
+    done = after(asked, events.Simulated(1, result()))
+    assert done.job is None
+    assert done.t_end == 1.0
+
+
+def test_a_stale_result_is_dropped(state):
+    cancelled = after(state, events.Simulate(ME), events.Cancel(ME))
+    assert cancelled.job is None
+    assert after(cancelled, events.Simulated(1, result())) is cancelled
+    again = after(cancelled, events.Simulate(ME))
+    for stale in (events.Simulated(1, result()), events.Progress(1, 0.9), events.Failed(1, "no")):
+        assert after(again, stale) is again
+
+
+def test_a_failed_run_says_why_and_the_page_goes_on(state):
+    failed = after(state, events.Simulate(ME), events.Failed(1, "the step fell below 1e-12 s"))
+    assert failed.job is None
+    assert failed.run_problem == "the step fell below 1e-12 s"
+    assert after(failed, events.Simulate(ME)).run_problem == ""
+
+
+def test_a_run_belongs_to_the_model_it_was_asked_for(ran):
+    edited = after(ran, typed("3", "mass", "2"))
+    assert edited.run is None
+    assert after(edited, events.Undo(ME)).run is ran.last_run
+
+
+def test_a_model_changed_meanwhile_is_said(state):
+    state = after(state, events.Simulate(ME), typed("3", "mass", "2"))
+    done = after(state, events.Simulated(1, result()))
+    assert done.run is None
+    assert "undo" in done.run_problem
+    assert after(done, events.Undo(ME)).run is not None
+
+
+@pytest.mark.parametrize(
+    ("field", "text", "said"),
+    [
+        ("t_end", "0", "above 0"),
+        ("step", "-1", "above 0"),
+        ("t_end", "1e9", "at most"),
+        ("step", "fast", "needs a number"),
+        ("method", "magic", "one of"),
+    ],
+)
+def test_a_refused_setting_says_why(state, field, text, said):
+    refused = after(state, events.SetRun(ME, 1, field, text))
+    assert refused.request == state.request
+    assert refused.clients[ME].reply is not None
+    assert said in refused.clients[ME].reply.text
+
+
+def test_settings_and_scenarios(state):
+    state = after(
+        state, events.SetRun(ME, 1, "t_end", "0.5"), events.SetRun(ME, 2, "method", "rk4")
+    )
+    assert state.request == Request(FREE_RUN, 0.5, 1e-3, "rk4")
+    assert after(state, events.SetScenario(ME, "no such")) is state
+    assert after(state, events.SetScenario(ME, FREE_RUN)).request == Request()
+
+
+def test_a_model_s_scenario_brings_its_settings():
+    scenario = pg.Scenario(name="short", t_end=0.25, step=1e-3, method="rk4")
+    model = pg.Model.serial(2).replace(scenarios=(scenario,))
+    state = after(initial(model), events.Connected(ME), events.SetScenario(ME, FREE_RUN))
+    assert state.request.scenario == FREE_RUN
+    state = after(state, events.SetScenario(ME, "short"))
+    assert state.request == Request("short", 0.25, 1e-3, "rk4")
+    assert after(state, events.NewModel(ME, 1, "3")).request.scenario == FREE_RUN
+
+
+def test_kernels_report_and_become_ready(state):
+    compiling = after(state, events.Compiling(2, 5, "step")).kernels
+    assert (compiling.done, compiling.total, compiling.ready) == (2, 5, False)
+    assert after(state, events.Compiled("no compiler")).kernels.problem == "no compiler"
+
+
+# -- playback ----------------------------------------------------------------------------------
+
+
+def test_without_a_run_there_is_nothing_to_play(state):
+    assert after(state, events.Play(ME)) is state
+    assert after(state, events.Tick(0.1)) is state
+
+
+def test_playing_moves_with_the_clock_and_the_speed(ran):
+    state = after(ran, events.Play(ME), events.Tick(0.1), events.Speed(ME, 2.0), events.Tick(0.1))
+    assert state.playback.time == pytest.approx(0.3)
+    positions, wxyz = poses(state)
+    assert positions[:, 0] == pytest.approx(0.3)
+    assert np.linalg.norm(wxyz, axis=1) == pytest.approx(1.0)
+    assert after(state, events.Pause(ME), events.Tick(0.1)).playback.time == pytest.approx(0.3)
+
+
+def test_the_end_loops_or_stops(ran):
+    playing = after(ran, events.Play(ME), events.Scrub(ME, 0.95))
+    assert after(playing, events.Tick(0.1)).playback.time == pytest.approx(0.05)
+    stopped = after(playing, events.Loop(ME, False), events.Tick(0.1)).playback
+    assert (stopped.time, stopped.playing) == (1.0, False)
+    ended = after(playing, events.Loop(ME, False), events.Tick(0.1), events.Play(ME))
+    assert ended.playback.time == 0.0
+
+
+def test_scrubbing_stays_within_the_run_and_steps_are_frames(ran):
+    assert after(ran, events.Scrub(ME, 7.0)).playback.time == 1.0
+    assert after(ran, events.Scrub(ME, -7.0)).playback.time == 0.0
+    stepped = after(ran, events.Scrub(ME, 0.5), events.StepFrames(ME, 1)).playback
+    assert stepped.time == pytest.approx(0.6)
+    assert after(ran, events.StepFrames(ME, -1)).playback.time == 0.0
+
+
+def test_poses_between_frames_take_the_short_way_round():
+    pose = np.zeros((2, 1, 7))
+    pose[0, 0, 3], pose[1, 0, 3] = 1.0, -1.0  # the same orientation, written with either sign
+    _, wxyz = between(np.array([0.0, 1.0]), pose, 0.5)
+    assert abs(wxyz[0, 0]) == pytest.approx(1.0)
+
+
+def test_a_single_frame_is_shown_as_it_is():
+    pose = np.zeros((1, 2, 7))
+    pose[..., 3] = 1.0
+    positions, _ = between(np.array([0.0]), pose, 3.0)
+    assert positions.shape == (2, 3)
+
+
+# -- the page's messages -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "null",
+        "[]",
+        '{"event": "Connected"}',
+        '{"event": "Tick", "dt": 1}',
+        '{"event": "Select"}',
+        '{"event": "Select", "body": 5}',
+        '{"event": "Select", "body": "a", "more": 1}',
+        '{"event": "Edit", "serial": 1, "body": "a", "field": "bodies", "index": [], "text": ""}',
+        '{"event": "Edit", "serial": 1, "body": "a", "field": "com", "index": [-1], "text": ""}',
+        '{"event": "Scrub", "time": NaN}',
+        '{"event": "Speed", "speed": 1e9}',
+        '{"event": "Show", "what": "everything", "on": true}',
+        "[" * 100_000,
+    ],
+)
+def test_what_is_no_event_is_misread(text):
+    assert isinstance(events.from_page(ME, text), events.Misread)
+
+
+def test_a_page_cannot_speak_for_another():
+    event = events.from_page(ME, '{"event": "Undo", "client": 2}')
+    assert event == events.Undo(ME)
+
+
+def test_what_is_an_event_is_read():
+    text = '{"event":"Edit","serial":3,"body":"a","field":"inertia","index":[0,1],"text":"1"}  '
+    assert events.from_page(ME, text) == events.Edit(ME, 3, "a", "inertia", (0, 1), "1")
+
+
+def test_update_leaves_the_old_state_as_it_was(state):
+    before = replace(state)
+    after(state, typed("3", "mass", "2"), events.Select(ME, "3"), events.Simulate(ME))
+    assert state == before
