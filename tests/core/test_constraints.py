@@ -1,0 +1,170 @@
+"""Constrained dynamics: rank-safe, against dense algebra and closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+import static_models
+from pgraph_core.operators import Operators, constrained_dynamics
+from pgraph_core.operators.constrained import active_constraints, constraint_rows, delassus
+
+from .trees import moved, scaled_error
+
+FEET = ("left_front_paw", "right_front_paw", "left_hind_paw", "right_hind_paw")
+WEIGHT = 323.73  # N, of 33 kg
+
+
+@pytest.fixture(scope="module")
+def quadruped():
+    return pg.Model.load(static_models.path("quadruped"))
+
+
+def operators_at(model, q, v):
+    return Operators(model, pg.Topology.of(model), q, v)
+
+
+def holding_torques(model):
+    """(nv,) of the scenario 'stand': hinge k of the quadruped moves coordinate k + 4."""
+    tau = np.zeros(21)
+    names = pg.Topology.of(model).names
+    for force in model.scenario("stand").forces:
+        tau[names.index(force.body) + 5] = force.torque
+    return tau
+
+
+def quadruped_state(model, seed):
+    """A random state near the initial one, its velocities such that the feet stand."""
+    rng = np.random.default_rng(seed)
+    q, v = pg.Mechanism(model).home()
+    q = moved(model, q, 0.2 * rng.normal(size=len(v)))
+    op = operators_at(model, q, v)
+    J, _ = constraint_rows(op, active_constraints(op))
+    v = rng.normal(size=len(v))
+    return q, v - np.linalg.pinv(J, rcond=1e-10) @ (J @ v), 20 * rng.normal(size=len(v))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_four_feet_equal_the_dense_pseudo_inverse(quadruped, seed):
+    """Forces of 12 rows of rank 11 are known to rounding over the proximal term, 1e-16 / 1e-9."""
+    q, v, tau = quadruped_state(quadruped, seed)
+    vdot, force = pg.Mechanism(quadruped).constrained_dynamics(q, v, tau)
+    expected, forces = constrained_dynamics(operators_at(quadruped, q, v), tau)
+    assert scaled_error(vdot, expected) < 1e-9
+    assert set(force) == set(FEET)
+    for name in FEET:
+        assert scaled_error(force[name], forces[name]) < 1e-6
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_velocities_that_contradict_the_feet_give_a_compromise(quadruped, seed):
+    """No v' meets all rows then; the least-squares one is given, not forces without bounds."""
+    q, _, tau = quadruped_state(quadruped, seed)
+    v = np.random.default_rng(seed).normal(size=len(tau))
+    vdot, force = pg.Mechanism(quadruped).constrained_dynamics(q, v, tau)
+    expected, forces = constrained_dynamics(operators_at(quadruped, q, v), tau)
+    assert scaled_error(vdot, expected) < 1e-4
+    for name in FEET:
+        assert scaled_error(force[name], forces[name]) < 1e-3
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_accelerations_of_the_held_points_vanish(quadruped, seed):
+    q, v, tau = quadruped_state(quadruped, seed)
+    vdot, _ = pg.Mechanism(quadruped).constrained_dynamics(q, v, tau)
+    op = operators_at(quadruped, q, v)
+    J, drift = constraint_rows(op, active_constraints(op))
+    assert abs(J @ vdot + drift).max() < 1e-12 * abs(vdot).max() + 1e-10 * abs(drift).max()
+
+
+def test_standing_feet_carry_the_weight_though_the_rows_are_redundant(quadruped):
+    mech = pg.Mechanism(quadruped)
+    q, v = mech.home()
+    op = operators_at(quadruped, q, v)
+    J, _ = constraint_rows(op, active_constraints(op))
+    assert np.linalg.matrix_rank(delassus(op, J), tol=1e-9) == 10  # of 12
+    vdot, force = mech.constrained_dynamics(q, v, holding_torques(quadruped))
+    assert abs(vdot).max() < 1e-4  # the torques are rounded in the file
+    vertical = {name: force[name][4] for name in FEET}
+    assert sum(vertical.values()) == pytest.approx(WEIGHT, abs=1e-3)
+    for name in FEET:
+        assert vertical[name] == pytest.approx(77.47 if "front" in name else 84.39, abs=0.01)
+        assert not force[name][:3].any()
+
+
+def test_forces_are_those_of_least_norm(quadruped):
+    """A row given twice shares its force equally."""
+    feet = quadruped.constraints
+    twin = feet[0].model_copy(update={"name": "twin"})
+    once, twice = (
+        pg.Mechanism(quadruped.replace(constraints=c, scenarios=())) for c in (feet, (*feet, twin))
+    )
+    q, v = once.home()
+    tau = holding_torques(quadruped)
+    vdot, _ = once.constrained_dynamics(q, v, tau)
+    again, force = twice.constrained_dynamics(q, v, tau)
+    assert scaled_error(again, vdot) < 1e-9
+    np.testing.assert_allclose(force["twin"], force[feet[0].name], atol=1e-5)
+
+
+L, M_CRANK, M_COUPLER, G = 0.5, 0.8, 1.7, 9.81
+
+
+def parallelogram():
+    """Two equal cranks and a coupler; its far end is held to the second crank's."""
+    slim = M_CRANK * L**2 / 12
+    crank = pg.Body(
+        name="a",
+        axes=((0, 1, 0),),
+        mass=M_CRANK,
+        com=(0, 0, -L / 2),
+        inertia=((slim, 0, 0), (0, slim, 0), (0, 0, 1e-9)),
+    )
+    coupler = pg.Body(
+        name="b",
+        parent="a",
+        axes=((0, 1, 0),),
+        link=(0, 0, -L),
+        mass=M_COUPLER,
+        com=(0.4, 0, 0),
+        inertia=((1e-9, 0, 0), (0, 0.1, 0), (0, 0, 0.1)),
+    )
+    second = crank.model_copy(update={"name": "c", "link": (1.0, 0.0, 0.0)})
+    loop = pg.Constraint(
+        name="loop", body="b", other="c", point=(1.0, 0, 0), other_point=(0, 0, -L)
+    )
+    return pg.Model(bodies=(crank, coupler, second), constraints=(loop,))
+
+
+@pytest.mark.parametrize(("angle", "speed"), [(0.4, 0.0), (0.7, 3.0), (-1.2, -2.0)])
+def test_a_parallelogram_linkage_moves_as_its_closed_form(angle, speed):
+    """The coupler does not turn: (2/3 m l² + m_c l²) θ'' = -(m + m_c) g l sin θ."""
+    mech = pg.Mechanism(parallelogram())
+    signs = np.array([1.0, -1.0, 1.0])
+    vdot, force = mech.constrained_dynamics(angle * signs, speed * signs)
+    inertia = 2 / 3 * M_CRANK * L**2 + M_COUPLER * L**2
+    expected = -(M_CRANK + M_COUPLER) * G * L * np.sin(angle) / inertia
+    np.testing.assert_allclose(vdot, expected * signs, rtol=1e-11)
+    op = operators_at(mech.model, angle * signs, speed * signs)
+    _, forces = constrained_dynamics(op)
+    np.testing.assert_allclose(force["loop"], forces["loop"], rtol=1e-9, atol=1e-9)
+
+
+def test_a_point_left_out_stays_where_it_is_at_home():
+    model = parallelogram()
+    loop = model.constraints[0].model_copy(update={"other_point": None})
+    implied = pg.Mechanism(model.replace(constraints=(loop,)))
+    q, v = np.array([0.3, -0.3, 0.3]), np.array([1.0, -1.0, 1.0])
+    expected, _ = pg.Mechanism(model).constrained_dynamics(q, v)
+    np.testing.assert_allclose(implied.constrained_dynamics(q, v)[0], expected, rtol=1e-12)
+
+
+def test_inactive_constraints_do_nothing():
+    model = parallelogram()
+    loop = model.constraints[0].model_copy(update={"active": False})
+    mech = pg.Mechanism(model.replace(constraints=(loop,)))
+    q, v = np.array([0.3, -0.3, 0.3]), np.zeros(3)
+    vdot, force = mech.constrained_dynamics(q, v)
+    assert force == {}
+    np.testing.assert_allclose(vdot, mech.forward_dynamics(q, v), rtol=1e-14)

@@ -1,0 +1,176 @@
+"""The kernels against the paper's operators on random trees and forests of all joints."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import pgraph_core as pg
+from pgraph_core.operators import Operators
+
+from .trees import random_case, scaled_error, shuffled
+
+seeds = st.integers(0, 2**32 - 1)
+ROUNDING = 1e-12  # relative: sums over at most 12 bodies
+
+
+def both(seed, **options):
+    """A random state, the mechanism and the operators of it."""
+    s = random_case(seed, **options)
+    return s, pg.Mechanism(s.model), Operators(s.model, s.topology, s.q, s.v)
+
+
+@given(seeds)
+@settings(max_examples=200)
+def test_mass_matrix_equals_eq_25(seed):
+    s, mech, op = both(seed)
+    assert scaled_error(mech.mass_matrix(s.q), op.mass_matrix) < ROUNDING
+
+
+@given(seeds)
+@settings(max_examples=200)
+def test_bias_force_equals_eq_25(seed):
+    s, mech, op = both(seed)
+    assert scaled_error(mech.bias_force(s.q, s.v), op.bias_force) < ROUNDING
+
+
+@given(seeds)
+@settings(max_examples=200)
+def test_inverse_dynamics_equals_eqs_22_to_24(seed):
+    s, mech, op = both(seed)
+    found = mech.inverse_dynamics(s.q, s.v, s.vdot, s.external)
+    assert scaled_error(found, op.inverse_dynamics(s.vdot, s.external)) < ROUNDING
+
+
+@given(seeds)
+@settings(max_examples=200)
+def test_forward_dynamics_equals_eq_26(seed):
+    """Compared as torques, and as accelerations as closely as M's condition lets them be known."""
+    s, mech, op = both(seed)
+    for external in (None, s.external):
+        found = mech.forward_dynamics(s.q, s.v, s.tau, external)
+        expected = op.forward_dynamics(s.tau, external)
+        condition = np.linalg.cond(op.mass_matrix) if op.nv else 1.0
+        assert scaled_error(found, expected) < ROUNDING + 1e-15 * condition
+        tau = op.inverse_dynamics(found, external)
+        assert abs(tau - s.tau).max(initial=0.0) < ROUNDING * load(op, found, external)
+
+
+def load(op, vdot, external):
+    """The largest force that is summed up in τ, times the longest path: the scale of rounding."""
+    force = abs(op.joint_force(vdot, external)).max(initial=1.0)
+    reach = 1 + abs(op.position).max(initial=1.0)
+    return max(1.0, force * reach, abs(op.mass_matrix).max() * abs(vdot).max(initial=0.0))
+
+
+@given(seeds)
+def test_jacobians_equal_eq_20(seed):
+    s, mech, op = both(seed)
+    assert scaled_error(mech.tip_jacobian(s.q), op.jacobian) < ROUNDING
+    for k, name in enumerate(mech.names, start=1):
+        point = np.array([0.3, -0.2, 0.5])
+        assert scaled_error(mech.jacobian(s.q, name, point), op.point_jacobian(k, point)) < ROUNDING
+
+
+@given(seeds)
+def test_poses_equal_the_frames(seed):
+    s, mech, op = both(seed)
+    for k, name in enumerate(mech.names):
+        position, rotation = mech.pose(s.q, name)
+        assert scaled_error(position, op.position[k]) < ROUNDING
+        assert scaled_error(rotation, op.rotation[k]) < ROUNDING
+
+
+@given(seeds)
+@settings(max_examples=20)
+def test_operators_of_a_mechanism_are_the_paper_s(seed):
+    s, mech, op = both(seed)
+    assert np.array_equal(mech.adjacency().toarray(), s.topology.adjacency().toarray())
+    assert np.array_equal(mech.kernel_operator(s.q).toarray(), op.eps_phi.toarray())
+    assert np.array_equal(mech.propagation_operator(s.q).toarray(), op.Phi.toarray())
+
+
+@given(seeds)
+@settings(max_examples=20)
+def test_springs_and_dampers_of_joints_act_in_forward_and_inverse_dynamics(seed):
+    s = random_case(seed, kinds=("revolute", "prismatic", "cylindrical", "universal"))
+    rng = np.random.default_rng(seed)
+    nv = len(s.v)
+    stiffness, damping, rest = rng.uniform(0, 9, (3, nv))
+    model, start = s.model, 0
+    for name, dof in zip(s.topology.names, s.topology.dof):
+        part = slice(start, start + int(dof))
+        model = model.edit(name, stiffness=stiffness[part], damping=damping[part], rest=rest[part])
+        start += int(dof)
+    spring = stiffness * (rest - s.q) - damping * s.v
+    op, mech = Operators(s.model, s.topology, s.q, s.v), pg.Mechanism(model)
+    expected = op.forward_dynamics(s.tau + spring)
+    found = mech.forward_dynamics(s.q, s.v, s.tau)
+    assert scaled_error(found, expected) < ROUNDING + 1e-15 * np.linalg.cond(op.mass_matrix)
+    expected = op.inverse_dynamics(s.vdot) - spring
+    assert scaled_error(mech.inverse_dynamics(s.q, s.v, s.vdot), expected) < ROUNDING
+    assert scaled_error(mech.bias_force(s.q, s.v), op.bias_force) < ROUNDING
+
+
+def by_name(mech, x, of):
+    """Coordinates or degrees of freedom of each body."""
+    sizes = [len(getattr(mech.model.body(name), of)) for name in mech.names]
+    parts = np.split(x, np.cumsum(sizes)[:-1])
+    return dict(zip(mech.names, parts))
+
+
+def reordered(values, names):
+    """The parts of the bodies in another number order."""
+    return np.concatenate([values[name] for name in names])
+
+
+@given(seeds)
+@settings(max_examples=50)
+def test_row_order_changes_numbers_but_not_physics(seed):
+    s = random_case(seed)
+    one = pg.Mechanism(s.model)
+    other = pg.Mechanism(shuffled(np.random.default_rng(seed), s.model))
+    q = reordered(by_name(one, s.q, "q"), other.names)
+    v, tau = (reordered(by_name(one, x, "v"), other.names) for x in (s.v, s.tau))
+    expected = reordered(by_name(one, one.forward_dynamics(s.q, s.v, s.tau), "v"), other.names)
+    condition = np.linalg.cond(one.mass_matrix(s.q)) if one.nv else 1.0
+    assert scaled_error(other.forward_dynamics(q, v, tau), expected) < 1e-12 + 1e-15 * condition
+    bias = reordered(by_name(one, one.bias_force(s.q, s.v), "v"), other.names)
+    assert scaled_error(other.bias_force(q, v), bias) < ROUNDING
+
+
+def test_a_welded_load_is_the_same_as_one_rigid_body():
+    """Two half rods welded end to end, turned a quarter, swing as one rod of twice the length."""
+    thin = ((1e-4, 0, 0), (0, 0.01, 0), (0, 0, 0.01))
+    half = pg.Body(name="a", axes=((0, 1, 0),), com=(0.25, 0, 0), inertia=thin)
+    turned = (np.sqrt(0.5), 0, 0, np.sqrt(0.5))  # x of the load lies along y of the rod, ...
+    load = pg.Body(
+        name="b",
+        parent="a",
+        dof=0,
+        link=(0.5, 0, 0),
+        rotation=turned,
+        com=(0, -0.25, 0),  # ... so this is 0.25 m further along the rod
+        inertia=((0.01, 0, 0), (0, 1e-4, 0), (0, 0, 0.01)),
+    )
+    inertia = 2 * np.array(thin) + 2 * 0.25**2 * np.diag([0, 1, 1])
+    whole = pg.Body(name="a", axes=((0, 1, 0),), mass=2.0, com=(0.5, 0, 0), inertia=inertia)
+    two, one = (pg.Mechanism(pg.Model(bodies=b)) for b in ((half, load), (whole,)))
+    assert (two.nb, two.nv) == (2, 1)
+    q, v = np.array([0.3]), np.array([2.0])
+    assert two.mass_matrix(q) == pytest.approx(one.mass_matrix(q), rel=1e-14)
+    assert two.bias_force(q, v) == pytest.approx(one.bias_force(q, v), rel=1e-14)
+    assert two.forward_dynamics(q, v) == pytest.approx(one.forward_dynamics(q, v), rel=1e-14)
+
+
+def test_results_do_not_alias_workspace():
+    """A later call must not change an earlier answer."""
+    s, mech, _ = both(3)
+    M, vdot = mech.mass_matrix(s.q), mech.forward_dynamics(s.q, s.v, s.tau)
+    copies = M.copy(), vdot.copy()
+    mech.mass_matrix(0.5 * mech.home()[0])
+    mech.forward_dynamics(mech.home()[0], s.v)
+    assert np.array_equal(M, copies[0])
+    assert np.array_equal(vdot, copies[1])
