@@ -14,11 +14,11 @@ from pgraph_core.errors import Problem
 
 @dataclass(frozen=True)
 class Answer:
-    """The same answer twice, and the exit code: 0 done, 1 the model or the run has a problem."""
+    """The same answer twice, and the sentence of a run that failed."""
 
     data: Mapping[str, Any]  # with --json, under the names of the Python API
     text: str
-    code: int = 0
+    problem: str = ""  # said on stderr, exit code 1
 
 
 def print_answer(answer: Answer, as_json: bool) -> None:

@@ -51,7 +51,9 @@ def _command(name: str, words: Sequence[str]) -> int:
         return 1
     print_answer(answer, args.json)
     sys.stdout.flush()
-    return answer.code
+    if answer.problem:
+        print(answer.problem, file=sys.stderr)
+    return 1 if answer.problem else 0
 
 
 def _start(words: Sequence[str]) -> int:

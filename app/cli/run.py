@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from argparse import ArgumentParser, Namespace
-from collections.abc import Callable
 from typing import Any
 
 import pgraph_core as pg
@@ -21,56 +21,79 @@ def arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--scenario", help="default: the model's first one, if it has any")
     parser.add_argument("--t-end", type=given.duration, metavar="S", help="duration [s]")
     parser.add_argument("--method", help="the integrator; default: the scenario's, else auto")
-    parser.add_argument("--step", type=given.duration, metavar="S", help="fixed step [s]")
-    parser.add_argument("--rtol", type=given.duration, help="relative tolerance")
+    parser.add_argument("--step", type=given.duration, metavar="S", help="step [s]")
     parser.add_argument("-o", "--output", metavar="FILE", help="write the whole run to FILE (.npz)")
 
 
 def answer(args: Namespace) -> Answer:
     model = given.model(args.model)
     scenario = args.scenario or next((s.name for s in model.scenarios), None)
-    asked = {name: getattr(args, name) for name in ("t_end", "method", "step", "rtol")}
+    asked = {name: getattr(args, name) for name in ("t_end", "method", "step")}
     options = {name: value for name, value in asked.items() if value is not None}
-    if scenario is None:
-        options.setdefault("t_end", 1.0)
-    result = pg.simulate(pg.Mechanism(model), scenario=scenario, progress=progress_bar(), **options)
+    show = progress if sys.stderr.isatty() and sys.stdout.isatty() else None
+    if show:
+        show(0.0)  # the first run on a machine compiles for some seconds before its first step
+    result = pg.simulate(pg.Mechanism(model), scenario=scenario, progress=show, **options)
+    if show:
+        print(file=sys.stderr)
     if args.output:
         result.save(args.output)
-    data = _facts(result, model, scenario) | ({"output": args.output} if args.output else {})
-    return Answer(data, _text(data), code=0 if result.status.name == "DONE" else 1)
+    data = {"model": model.name, "scenario": scenario} | facts(result)
+    if args.output:
+        data["output"] = args.output
+    return Answer(data, "\n".join(_lines(data)), "" if result.status.ok else result.message)
 
 
-def _facts(result: Any, model: pg.Model, scenario: str | None) -> dict[str, Any]:
+def facts(result: pg.Result) -> dict[str, Any]:
+    """What a run says of itself, under the names of `Result`; energies and drifts as extremes."""
     return {
-        "model": model.name,
-        "scenario": scenario,
         "status": result.status.name,
-        "message": result.status.value,
-        "t_end": result.t[-1],
+        "message": result.message,
+        "method": result.header["method"],
+        "step": result.header["step"],
+        "t": result.t[-1],
+        "frames": len(result.t),
         "error_estimate": result.error_estimate,
-        "energy": result.energy[-1],
+        "energy": [result.energy[0], result.energy[-1]],
         "energy_drift": result.energy_drift,
         "constraint_drift": result.constraint_drift.max(axis=0),
         "counters": result.counters,
         "timing": result.timing,
         "left_out": result.left_out,
+        "notices": result.notices,
         "header": result.header,
     }
 
 
-def progress_bar() -> Callable[[float], bool] | None:
-    """A bar on stderr where both outputs are a terminal; nothing in a pipe."""
-    if not (sys.stderr.isatty() and sys.stdout.isatty()):
-        return None
+def _lines(data: dict[str, Any]) -> list[str]:
+    scenario = f", scenario {data['scenario']}" if data["scenario"] else ""
+    position, velocity = data["constraint_drift"]
+    counters = (f"{count} {name.replace('_', ' ')}" for name, count in data["counters"].items())
+    timing = (f"{name} {1e3 * seconds:.3g} ms" for name, seconds in data["timing"].items())
+    return [
+        f"{data['model']}{scenario}: {data['message']}",
+        f"method             {data['method']}, step {data['step']:.6g} s, t = {data['t']:.6g} s",
+        f"error estimate     {_estimate(data['error_estimate'])}",
+        f"energy             {data['energy'][0]:.6g} J at first, {data['energy'][1]:.6g} J at last",
+        f"energy drift       {data['energy_drift']:.3g} of its range",
+        f"constraint drift   {position:.3g} m, {velocity:.3g} m/s",
+        f"cost               {', '.join(counters)}",
+        f"time               {', '.join(timing)}",
+        *(f"left out           {text}" for text in data["left_out"]),
+        *(f"note               {text}" for text in data["notices"]),
+        *([f"written            {data['output']}"] if "output" in data else []),
+    ]
 
-    def show(fraction: float) -> bool:
-        done = round(BAR * fraction)
-        end = "\n" if fraction >= 1 else ""
-        print(f"\r[{'#' * done}{'.' * (BAR - done)}] {fraction:4.0%}", end=end, file=sys.stderr)
-        return True
 
-    return show
+def _estimate(error: float) -> str:
+    if math.isnan(error):
+        return "none: the run did not reach its end"
+    return f"{error:.3g} rad or m at the end"
 
 
-def _text(data: dict[str, Any]) -> str:
-    return str(data)
+def progress(fraction: float) -> bool:
+    """A bar on stderr; `simulate` goes on."""
+    done = round(BAR * fraction)
+    bar = "#" * done + "." * (BAR - done)
+    print(f"\r[{bar}] {fraction:4.0%}", end="", file=sys.stderr, flush=True)
+    return True
