@@ -129,7 +129,7 @@ def scenario_problems(
         where = f"scenario '{s.name}'"
         for field, state in (("q", s.q), ("v", s.v)):
             for name, values in state.items():
-                texts = _state_problems(field, name, values, bodies)
+                texts = state_problems(field, name, values, bodies)
                 found += [Problem(where, field, text) for text in texts]
         for i, name in enumerate(s.constraints or ()):
             if name not in constraints:
@@ -143,7 +143,7 @@ def scenario_problems(
     return found
 
 
-def _state_problems(field: str, name: str, values: tuple[float, ...], bodies: Bodies) -> list[str]:
+def state_problems(field: str, name: str, values: tuple[float, ...], bodies: Bodies) -> list[str]:
     """What is wrong with the q or v that a scenario gives a body."""
     if name not in bodies:
         return [f"no body is named '{name}'; choose one of {choices(bodies)}"]

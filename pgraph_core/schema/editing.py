@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 from ..errors import ModelError, Problem
 from ..rotation import multiply, rotate
 from .body import Body
+from .checks import force_problems, state_problems
 from .constraint import Constraint
 from .fields import Described, fields_of
 from .force import Force
@@ -86,6 +87,35 @@ def renamed_all(parts: Mapping[str, Sequence[Any]], old: str, new: str) -> dict[
         "forces": tuple(renamed(f, old, new, ("body",)) for f in parts["forces"]),
         "scenarios": tuple(map(scenario, parts["scenarios"])),
     }
+
+
+def fitted(
+    body: Body, name: str, forces: Sequence[Force], scenarios: Sequence[Scenario]
+) -> tuple[dict[str, Any], list[str]]:
+    """What still fits a body's new joint, and a notice for each that goes; `name`: as it was."""
+
+    def fits(f: Force) -> bool:
+        return f.body != name or not force_problems([f], {name: body})
+
+    def cut(s: Scenario) -> Scenario:
+        states = {
+            key: {
+                k: x
+                for k, x in getattr(s, key).items()
+                if k != name or not state_problems(key, k, x, {name: body})
+            }
+            for key in ("q", "v")
+        }
+        return s.model_copy(update={**states, "forces": tuple(filter(fits, s.forces))})
+
+    cuts = tuple(map(cut, scenarios))
+    notices = [f"force '{f.name}' went: it does not fit the joint" for f in forces if not fits(f)]
+    notices += [
+        f"scenario '{s.name}': what does not fit the joint of '{name}' went"
+        for s, new in zip(scenarios, cuts)
+        if s != new
+    ]
+    return {"forces": tuple(filter(fits, forces)), "scenarios": cuts}, notices
 
 
 def attached(body: Body, gone: Body) -> Body:

@@ -15,7 +15,7 @@ from . import files
 from .body import Body
 from .checks import model_problems
 from .constraint import Constraint
-from .editing import attached, edited, renamed_all, without
+from .editing import attached, edited, fitted, renamed_all, without
 from .fields import fields_of, listed, whole
 from .force import Force
 from .problems import problems
@@ -103,7 +103,8 @@ class Model(World):
     def edit(self, name: str, /, **changes: Any) -> Self:
         """A new model in which body `name` has the changed fields; a new name is followed.
 
-        A new `joint` or `dof` resets that joint's axes, q, v and springs (`notices` says so).
+        A new `joint` or `dof` resets that joint's axes, q, v and springs, and forces and initial
+        values that do not fit it go (`notices` says so).
         Raises ModelError; this model stays as it is.
         """
         old = self.body(name)
@@ -112,12 +113,15 @@ class Model(World):
             return self
         bodies = [new if b is old else b for b in self.bodies]
         parts: dict[str, Any] = {"bodies": tuple(bodies)}
+        if notices:
+            fitting, gone = fitted(new, old.name, self.forces, self.scenarios)
+            parts, notices = {**parts, **fitting}, [*notices, *gone]
         if new.name != old.name:
             if new.name in self.row:
                 text = f"'{new.name}' is already the name of row {self.row[new.name] + 1}"
                 raise ModelError(Problem(f"body '{name}'", "name", f"{text}; choose another"))
             others = {key: getattr(self, key) for key in ("constraints", "forces", "scenarios")}
-            parts = renamed_all({**parts, **others}, old.name, new.name)
+            parts = renamed_all({**others, **parts}, old.name, new.name)
         return self._with(notices, **parts)
 
     def add(self, body: Body, /, *, after: str | None = None) -> Self:
