@@ -48,7 +48,9 @@ def _cycle_problem(cycle: list[str]) -> Problem:
 
 def _cycles(names: Sequence[str], parents: Sequence[str], row: dict[str, int]) -> list[list[str]]:
     """Each cycle once, as the names along it; O(n)."""
-    state = dict.fromkeys(names, 0)  # 0 new, 1 on the present path, 2 done
+    state = dict.fromkeys(
+        (name for name in names if name != GROUND), 0
+    )  # 0 new, 1 on the present path, 2 done
     cycles = []
     for start in names:
         path = []

@@ -57,8 +57,8 @@ def parse(text: str, source: str) -> dict[str, Any]:
     except _Twin as twin:
         raise FileError(Problem(source, "", str(twin))) from None
     if not isinstance(data, dict):
-        given = type(data).__name__
-        raise FileError(Problem(source, "", f"must hold a JSON object; given a {given}"))
+        text = f"must hold a JSON object with the fields of a model; given {shown(data)}"
+        raise FileError(Problem(source, "", text))
     data.pop("$schema", None)
     version = data.pop("schema_version", SCHEMA_VERSION)
     if not isinstance(version, int) or isinstance(version, bool) or version < 1:

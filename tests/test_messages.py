@@ -1,0 +1,366 @@
+"""What bad input is answered with, word for word: which part, which field, what, and what would do.
+
+Each row goes in twice: through Python, and through a file and `pgraph check`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from app.cli import main
+
+FIELDS = (
+    "name, parent, joint, axes, motions, link, rotation, mass, com, inertia, tip, q, v, "
+    "stiffness, damping, rest, armature, shape"
+)
+KINDS = "weld, revolute, prismatic, cylindrical, universal, spherical, planar, free, compound"
+MASS = "must be a finite number >= 0 [kg]"
+INERTIA = "must be a symmetric 3x3 matrix of finite numbers about the centre of mass [kg m^2]"
+
+
+def diag(*moments: float) -> list[list[float]]:
+    return np.diag(moments).tolist()
+
+
+# (the fields of a body, the sentence)
+BODIES: list[tuple[dict[str, Any], str]] = [
+    # names
+    ({"name": ""}, "row 1, name: must be text that is not empty; given ''"),
+    ({"name": "  "}, "row 1, name: must be text that is not empty; given '  '"),
+    ({"name": 3}, "row 1, name: must be text that is not empty; given 3"),
+    ({"name": None}, "row 1, name: must be text that is not empty; given None"),
+    ({}, "row 1, name: is missing; give text that is not empty"),
+    ({"name": " a"}, "body ' a', name: must not start or end with a space; given ' a'"),
+    (
+        {"name": "a\nb"},
+        r"body 'a\nb', name: must be text on one line, without control characters; given 'a\nb'",
+    ),
+    (
+        {"name": "ground"},
+        "body 'ground', name: 'ground' is the name of the ground; choose another",
+    ),
+    # parents
+    (
+        {"name": "a", "parent": "tigh"},
+        "body 'a', parent: no body is named 'tigh'; choose one of ground, a",
+    ),
+    (
+        {"name": "a", "parent": "a"},
+        "body 'a', parent: a body cannot be its own parent; given 'a'; choose another, or ground",
+    ),
+    (
+        {"name": "a", "parent": 2},
+        "body 'a', parent: must be the name of a body, or 'ground'; given 2",
+    ),
+    # dof and joint
+    ({"name": "a", "dof": 7}, "body 'a', dof: must be a whole number from 0 to 6; given 7"),
+    ({"name": "a", "dof": -1}, "body 'a', dof: must be a whole number from 0 to 6; given -1"),
+    ({"name": "a", "dof": 1.5}, "body 'a', dof: must be a whole number from 0 to 6; given 1.5"),
+    ({"name": "a", "dof": "2"}, "body 'a', dof: must be a whole number from 0 to 6; given '2'"),
+    ({"name": "a", "dof": True}, "body 'a', dof: must be a whole number from 0 to 6; given True"),
+    (
+        {"name": "a", "dof": 2, "joint": "spherical"},
+        "body 'a', dof: 2 disagrees with joint 'spherical'; give one of the two",
+    ),
+    (
+        {"name": "a", "joint": "hinge"},
+        f"body 'a', joint: must be one of {KINDS}, or give dof 0 to 6; given 'hinge'",
+    ),
+    # mass
+    ({"name": "a", "mass": -1}, f"body 'a', mass: {MASS}; given -1"),
+    ({"name": "a", "mass": math.nan}, f"body 'a', mass: {MASS}; given nan"),
+    ({"name": "a", "mass": math.inf}, f"body 'a', mass: {MASS}; given inf"),
+    ({"name": "a", "mass": "2"}, f"body 'a', mass: {MASS}; given '2'"),
+    ({"name": "a", "mass": True}, f"body 'a', mass: {MASS}; given True"),
+    # inertia
+    (
+        {"name": "a", "inertia": diag(-1, 1, 1)},
+        "body 'a', inertia: must be positive semidefinite; "
+        "its smallest principal moment is -1 kg m^2",
+    ),
+    (
+        {"name": "a", "inertia": [[1, 2, 0], [2, 1, 0], [0, 0, 1]]},
+        "body 'a', inertia: must be positive semidefinite; "
+        "its smallest principal moment is -1 kg m^2",
+    ),
+    (
+        {"name": "a", "inertia": diag(1, 1, 3)},
+        "body 'a', inertia: breaks the triangle inequality: "
+        "principal moments 1 + 1 < 3 by 1 kg m^2; no rigid body has it",
+    ),
+    (
+        {"name": "a", "inertia": [[1, 2, 0], [0, 1, 0], [0, 0, 1]]},
+        "body 'a', inertia: must be symmetric; "
+        "given [[1.0, 2.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]",
+    ),
+    ({"name": "a", "inertia": diag(math.nan, 1, 1)}, f"body 'a', inertia: {INERTIA}; given nan"),
+    ({"name": "a", "inertia": 1}, f"body 'a', inertia: {INERTIA}; given 1"),
+    # axes
+    (
+        {"name": "a", "axes": [[0, 0, 0]]},
+        "body 'a', axes: a direction must not be zero; given [0.0, 0.0, 0.0]",
+    ),
+    (
+        {"name": "a", "axes": [[0, 1]]},
+        "body 'a', axes: a revolute joint takes one axis [x, y, z]; given [[0, 1]]",
+    ),
+    (
+        {"name": "a", "axes": [[0, math.inf, 1]]},
+        "body 'a', axes: a revolute joint takes one axis [x, y, z]; given [[0, inf, 1]]",
+    ),
+    (
+        {"name": "a", "joint": "universal", "axes": [[1, 0, 0], [2, 0, 0]]},
+        "body 'a', axes: two successive directions are parallel; "
+        "given [1.0, 0.0, 0.0] and [2.0, 0.0, 0.0]; turn one of them",
+    ),
+    # the initial state
+    ({"name": "a", "q": [1, 2]}, "body 'a', q: a revolute joint has 1 number; given 2"),
+    (
+        {"name": "a", "dof": 3, "q": [0, 0, 0, 0]},
+        "body 'a', q: needs a unit quaternion [w, x, y, z]; given [0.0, 0.0, 0.0, 0.0]",
+    ),
+    (
+        {"name": "a", "v": math.nan},
+        "body 'a', v: must be one finite number a degree of freedom [rad/s, m/s]; given nan",
+    ),
+    # other fields
+    (
+        {"name": "a", "masss": 2},
+        f"body 'a', masss: no such field; did you mean mass? choose from {FIELDS}",
+    ),
+    (
+        {"name": "a", "link": [1, 2]},
+        "body 'a', link: must be three finite numbers [x, y, z] from the parent's origin [m]; "
+        "given [1, 2]",
+    ),
+    (
+        {"name": "a", "stiffness": -3},
+        "body 'a', stiffness: must be >= 0; given [-3.0]",
+    ),
+    (
+        {"name": "a", "joint": "weld", "damping": 1},
+        "body 'a', damping: a weld has no motion; given [1.0]",
+    ),
+    (
+        {"name": "a", "shape": {"kind": "ball"}},
+        "body 'a', shape: kind must be one of box, sphere, cylinder, capsule, mesh; given 'ball'",
+    ),
+    ({"name": "a", "shape": {"kind": "sphere"}}, "body 'a', shape: a sphere needs radius"),
+    (
+        {"name": "a", "shape": {"kind": "box", "size": [1, 0, 1]}},
+        "body 'a', shape: a box's edges must be > 0 [m]; given [1.0, 0.0, 1.0]",
+    ),
+]
+
+ARM = {"name": "arm"}
+
+# (the fields of a model, its sentences)
+MODELS: list[tuple[dict[str, Any], list[str]]] = [
+    (
+        {"bodies": [ARM, ARM]},
+        ["row 2, name: 'arm' is already the name of row 1; choose another"],
+    ),
+    (
+        {
+            "bodies": [{"name": "a", "parent": "c"}, {"name": "b", "parent": "a"}]
+            + [{"name": "c", "parent": "b"}]
+        },
+        ["body 'a', parent: closes a cycle: a -> c -> b -> a; tie one of them to the ground"],
+    ),
+    ({"bodies": 3}, ["model, bodies: must be a list; given 3"]),
+    ({"bodies": [3]}, ["row 1: must be an object with fields; given 3"]),
+    ({"up": "w"}, ["model, up: must be 'x', 'y' or 'z'; given 'w'"]),
+    (
+        {"gravity": [0, math.nan, 0]},
+        ["model, gravity: must be three finite numbers [x, y, z] [m/s^2]; given nan"],
+    ),
+    (
+        {"gravty": [0, 0, 0]},
+        [
+            "model, gravty: no such field; did you mean gravity? choose from name, up, gravity, "
+            "bodies, constraints, forces, scenarios"
+        ],
+    ),
+    (
+        {"bodies": [ARM], "constraints": [{"name": "foot", "body": "leg"}]},
+        ["constraint 'foot', body: no body is named 'leg'; choose one of arm"],
+    ),
+    (
+        {"bodies": [ARM], "constraints": [{"name": "foot", "body": "arm", "other": "arm"}]},
+        ["constraint 'foot', other: a body cannot be constrained to itself; given 'arm' twice"],
+    ),
+    (
+        {"bodies": [ARM], "forces": [{"name": "m", "body": "arm", "coordinate": 2}]},
+        ["force 'm', coordinate: the joint of 'arm' has 1 degrees of freedom; given 2"],
+    ),
+    (
+        {"bodies": [ARM], "forces": [{"name": "m", "body": "arm", "torque": math.inf}]},
+        ["force 'm', torque: must be a number or a table over time [N m, N]; given inf"],
+    ),
+    (
+        {
+            "bodies": [ARM],
+            "forces": [{"name": "m", "body": "arm", "torque": {"t": [0, 0], "value": [1, 1]}}],
+        },
+        ["force 'm', torque: the times t must ascend; given [0.0, 0.0]"],
+    ),
+    (
+        {"bodies": [ARM], "scenarios": [{"name": "s", "constraints": ["foot"]}]},
+        ["scenario 's', constraints: no constraint is named 'foot'; the model has no constraint"],
+    ),
+    (
+        {"bodies": [ARM], "scenarios": [{"name": "s", "t_end": 0, "q": {"leg": 1}}]},
+        [
+            "scenario 's', t_end: must be a duration > 0 [s]; given 0",
+            "scenario 's', q: no body is named 'leg'; choose one of arm",
+        ],
+    ),
+    (  # every problem at once, of parts, of the tree, and of a body that has several
+        {
+            "up": "w",
+            "bodies": [
+                {"name": "a", "mass": -1, "inertia": diag(1, 1, 3), "dof": 9},
+                {"name": "b", "parent": "b"},
+                {"name": "a", "parent": "z", "axes": [[0, 0, 0]]},
+            ],
+            "constraints": [{"name": "k", "kind": "glue", "body": "y"}],
+        },
+        [
+            "model, up: must be 'x', 'y' or 'z'; given 'w'",
+            "body 'a', dof: must be a whole number from 0 to 6; given 9",
+            f"body 'a', mass: {MASS}; given -1",
+            "body 'a', inertia: breaks the triangle inequality: "
+            "principal moments 1 + 1 < 3 by 1 kg m^2; no rigid body has it",
+            "body 'a', axes: a direction must not be zero; given [0.0, 0.0, 0.0]",
+            "constraint 'k', kind: must be 'point'; given 'glue'",
+            "row 3, name: 'a' is already the name of row 1; choose another",
+            "body 'a', parent: no body is named 'z'; choose one of ground, a, b",
+            "body 'b', parent: a body cannot be its own parent; given 'b'; "
+            "choose another, or ground",
+            "constraint 'k', body: no body is named 'y'; choose one of a, b",
+        ],
+    ),
+]
+
+EVERY = [({"bodies": [body]}, [sentence]) for body, sentence in BODIES] + MODELS
+
+
+@pytest.mark.parametrize(("fields", "sentences"), EVERY)
+def test_sentence_through_python(fields: dict[str, Any], sentences: list[str]):
+    with pytest.raises(pg.ModelError) as refused:
+        pg.Model(**fields)
+    assert str(refused.value).split("\n") == sentences
+    assert [str(p) for p in refused.value.problems] == sentences
+
+
+@pytest.mark.parametrize(("fields", "sentences"), EVERY)
+def test_sentence_through_a_file(fields: dict[str, Any], sentences: list[str], tmp_path, capsys):
+    file = tmp_path / "model.json"
+    file.write_text(json.dumps(fields))
+    assert main(["check", str(file)]) == 1
+    out, err = capsys.readouterr()
+    assert (out, err.splitlines()) == ("", sentences)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"name": "2"}, "body '1', name: '2' is already the name of row 2; choose another"),
+        ({"name": ""}, "body '1', name: must be text that is not empty; given ''"),
+        ({"mass": -2}, f"body '1', mass: {MASS}; given -2"),
+        ({"parent": "9"}, "body '1', parent: no body is named '9'; choose one of ground, 1, 2, 3"),
+        (
+            {"parent": "3"},
+            "body '1', parent: closes a cycle: 1 -> 3 -> 2 -> 1; tie one of them to the ground",
+        ),
+        ({"dof": 9}, "body '1', dof: must be a whole number from 0 to 6; given 9"),
+        (
+            {"masss": 1},
+            f"body '1', masss: no such field; did you mean mass? choose from {FIELDS}, dof",
+        ),
+    ],
+)
+def test_sentence_of_a_refused_edit(change: dict[str, Any], sentence: str):
+    with pytest.raises(pg.ModelError) as refused:
+        pg.Model.serial(3).edit("1", **change)
+    assert str(refused.value) == sentence
+
+
+def test_sentences_of_names_that_are_not_there():
+    model = pg.Model.serial(2)
+    known = "no body has this name; choose one of 1, 2"
+    for call in (model.body, model.edit, model.remove):
+        with pytest.raises(pg.ModelError) as refused:
+            call("9")
+        assert str(refused.value) == f"body '9': {known}"
+    with pytest.raises(pg.ModelError) as refused:
+        model.scenario("swing")
+    assert str(refused.value) == "scenario 'swing': is not there; the model has no scenario"
+
+
+# (the bytes of a file, the sentence after its path)
+FILES: list[tuple[bytes, str]] = [
+    (b"", ", line 1: not JSON: Expecting value at column 1; give a model file of Pgraph"),
+    (b"a,b\n1,2\n", ", line 1: not JSON: Expecting value at column 1; give a model file of Pgraph"),
+    (
+        b'{\n  "name": "a",\n  "bodies": [}\n',
+        ", line 3: not JSON: Expecting value at column 14; give a model file of Pgraph",
+    ),
+    (b"[]", ": must hold a JSON object with the fields of a model; given []"),
+    (b"3", ": must hold a JSON object with the fields of a model; given 3"),
+    (
+        b'{"schema_version": 2}',
+        ", schema_version: is 2, newer than 1, the newest known; update Pgraph",
+    ),
+    (
+        b'{"schema_version": 99, "later": 1}',
+        ", schema_version: is 99, newer than 1, the newest known; update Pgraph",
+    ),
+    (b'{"schema_version": "1"}', ", schema_version: must be a whole number >= 1; given '1'"),
+    (b'{"schema_version": 0}', ", schema_version: must be a whole number >= 1; given 0"),
+    (
+        b'{"bodies": [{"name": "a", "mass": 1, "mass": 2}]}',
+        ": field 'mass' is given twice in one object named 'a'; keep one of them",
+    ),
+    (b"\x89PNG\r\n\x1a\n\x00", ": not text in UTF-8 (byte 0); give a model file of Pgraph"),
+    (b'{"name": "\xff"}', ": not text in UTF-8 (byte 10); give a model file of Pgraph"),
+    (b"[" * 200_000, ": no model: its brackets nest too deeply"),
+]
+
+
+@pytest.mark.parametrize(("content", "sentence"), FILES, ids=range(len(FILES)))
+def test_sentence_of_a_bad_file(content: bytes, sentence: str, tmp_path: Path, capsys):
+    file = tmp_path / "model.json"
+    file.write_bytes(content)
+    with pytest.raises(pg.FileError) as refused:
+        pg.Model.load(file)
+    assert str(refused.value) == f"{file}{sentence}"
+    assert main(["check", str(file), "--json"]) == 1
+    out, err = capsys.readouterr()
+    assert err == f"{file}{sentence}\n"
+    assert [set(p) for p in json.loads(out)["problems"]] == [{"where", "field", "text"}]
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        ('{"bodies": [{"name": "a", "mass": NaN}]}', f"body 'a', mass: {MASS}; given nan"),
+        ('{"bodies": [{"name": "a", "mass": -Infinity}]}', f"body 'a', mass: {MASS}; given -inf"),
+        ('{"bodies": [{"name": "a", "mass": 1e999}]}', f"body 'a', mass: {MASS}; given inf"),
+        (
+            '{"bodies": [{"name": "a", "mass": 1' + "0" * 5000 + "}]}",
+            f"body 'a', mass: {MASS}; given inf",
+        ),
+    ],
+)
+def test_numbers_that_json_has_not_are_refused_by_their_field(content: str, sentence: str):
+    with pytest.raises(pg.ModelError) as refused:
+        pg.Model.from_json(content)
+    assert str(refused.value) == sentence
