@@ -12,6 +12,8 @@ from .elementary import PLACEHOLDER, Row, inertia_of, rows_of, sizes
 
 SPECK = 1e-13  # mass and inertia of rows between the motions of a joint: MuJoCo wants some
 
+TREE_ONLY = 'contact="disable" constraint="disable"'
+
 
 def evaluate(state) -> dict[str, np.ndarray]:
     """M, C, θ'', the tip Jacobian and the poses of `state` by MuJoCo."""
@@ -42,7 +44,7 @@ def _jacobian(model, data, site: str) -> np.ndarray:
     return np.vstack((angular, linear))
 
 
-def mjcf(model, rows: list[Row], options: str = "") -> str:
+def mjcf(model, rows: list[Row], option: str = "", flag: str = TREE_ONLY, extra: str = "") -> str:
     """MJCF text of the rows; a free motion of a root is MuJoCo's free joint."""
     children: dict[int, list[int]] = {}
     for i, row in enumerate(rows):
@@ -50,9 +52,8 @@ def mjcf(model, rows: list[Row], options: str = "") -> str:
     inner = "".join(_body(rows, children, i) for i in children.get(-1, ()))
     return (
         f'<mujoco><compiler angle="radian" boundmass="0" boundinertia="0"/>'
-        f'<option gravity="{_text(model.gravity)}" jacobian="dense" {options}>'
-        f'<flag contact="disable" constraint="disable"/></option>'
-        f"<worldbody>{inner}</worldbody></mujoco>"
+        f'<option gravity="{_text(model.gravity)}" jacobian="dense" {option}>'
+        f"<flag {flag}/></option><worldbody>{inner}</worldbody>{extra}</mujoco>"
     )
 
 

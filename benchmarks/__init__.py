@@ -1,0 +1,1 @@
+"""Speed of Pgraph beside its peers, on the same models; run by hand."""

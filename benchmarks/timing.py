@@ -1,0 +1,91 @@
+"""Honest timing: one process, warmed up, interleaved in shuffled rounds, medians with quartiles."""
+
+from __future__ import annotations
+
+import gc
+import random
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from statistics import median, quantiles
+
+SAMPLE = 0.005  # s that one sample lasts at least
+
+
+@dataclass(frozen=True)
+class Case:
+    """One comparison: what is timed, by each side, and how many units of work a call holds."""
+
+    name: str
+    sides: dict[str, Callable[[], object]]  # the first one is ours
+    unit: str = "call"
+    per_call: int = 1
+    agreement: str = ""  # how far the results differed before timing
+    goal: float | None = None  # ratio to reach against each peer
+    clocked: frozenset[str] = frozenset()  # sides whose calls return their own seconds
+
+
+@dataclass
+class Timed:
+    """Seconds a unit of every side, by round."""
+
+    case: Case
+    seconds: dict[str, list[float]] = field(default_factory=dict)
+
+    def quartiles(self, side: str) -> tuple[float, float, float]:
+        """Lower quartile, median, upper quartile [s]."""
+        return spread(self.seconds[side])
+
+    def ratio(self, side: str) -> tuple[float, float, float]:
+        """How many times longer a peer takes, within the same round: quartiles."""
+        ours = self.seconds[next(iter(self.case.sides))]
+        return spread([x / y for x, y in zip(self.seconds[side], ours)])
+
+
+def spread(values: list[float]) -> tuple[float, float, float]:
+    """Lower quartile, median, upper quartile."""
+    if len(values) < 2:
+        return values[0], values[0], values[0]
+    low, _, high = quantiles(values, n=4, method="inclusive")
+    return low, median(values), high
+
+
+def repeats(call: Callable[[], object]) -> int:
+    """Calls a sample, so that it lasts SAMPLE; warms up on the way."""
+    n = 1
+    while True:
+        begin = time.perf_counter()
+        sample(call, n, clocked=False)
+        total = time.perf_counter() - begin
+        if total >= SAMPLE:
+            return n
+        n = max(2 * n, int(n * SAMPLE / max(total, 1e-7)))
+
+
+def sample(call: Callable[[], object], n: int, *, clocked: bool) -> float:
+    """Seconds a call over n calls, by our clock or, where `clocked`, by the call's own."""
+    if clocked:
+        return sum(float(call()) for _ in range(n)) / n  # type: ignore[arg-type]
+    begin = time.perf_counter()
+    for _ in range(n):
+        call()
+    return (time.perf_counter() - begin) / n
+
+
+def measure(cases: list[Case], rounds: int, seed: int = 0) -> list[Timed]:
+    """All sides of all cases, interleaved in a new random order every round."""
+    shuffle = random.Random(seed)
+    timed = [Timed(case, {side: [] for side in case.sides}) for case in cases]
+    counts = {(t.case.name, s): repeats(call) for t in timed for s, call in t.case.sides.items()}
+    gc.collect()
+    gc.disable()
+    try:
+        for _ in range(rounds):
+            for t in shuffle.sample(timed, len(timed)):
+                for side in shuffle.sample(list(t.case.sides), len(t.case.sides)):
+                    n, clocked = counts[t.case.name, side], side in t.case.clocked
+                    seconds = sample(t.case.sides[side], n, clocked=clocked)
+                    t.seconds[side].append(seconds / t.case.per_call)
+    finally:
+        gc.enable()
+    return timed
