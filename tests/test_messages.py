@@ -169,8 +169,11 @@ MODELS: list[tuple[dict[str, Any], list[str]]] = [
     ),
     (
         {
-            "bodies": [{"name": "a", "parent": "c"}, {"name": "b", "parent": "a"}]
-            + [{"name": "c", "parent": "b"}]
+            "bodies": [
+                {"name": "a", "parent": "c"},
+                {"name": "b", "parent": "a"},
+                {"name": "c", "parent": "b"},
+            ]
         },
         ["body 'a', parent: closes a cycle: a -> c -> b -> a; tie one of them to the ground"],
     ),

@@ -1,0 +1,280 @@
+"""The command line: its answers, its exit codes, and what it does not load."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import app.cli.run
+import pgraph_core as pg
+import static_models
+from app.cli import main
+from app.cli.answer import aligned, to_json
+
+
+def said(capsys, *words: str, code: int = 0) -> tuple[str, str]:
+    assert main(words) == code
+    captured = capsys.readouterr()
+    return captured.out, captured.err
+
+
+def told(capsys, *words: str) -> dict:
+    out, err = said(capsys, *words, "--json")
+    assert err == ""
+    return json.loads(out)
+
+
+def refused_as_usage(capsys, *words: str) -> str:
+    with pytest.raises(SystemExit) as stopped:
+        main(words)
+    assert stopped.value.code == 2
+    return capsys.readouterr().err.splitlines()[-1]
+
+
+# -- info ----------------------------------------------------------------------------------------
+
+
+def test_info_of_the_quadruped(capsys):
+    info = told(capsys, "info", "quadruped")
+    fig9 = [1, 2, 3, 4, 5, 6, 7, 4, 8, 9, 10, 1, 11, 12, 13, 1, 14, 15, 16]
+    assert info["pgraph"] == fig9
+    assert info["jdof"] == [6, 1, 1, 1, 1, 1, 1, 0, 1, 1, 1, 0, 1, 1, 1, 0, 1, 1, 1]
+    assert (info["nb"], info["nq"], info["nv"]) == (16, 22, 21)
+    assert info["tips"] == [7, 10, 13, 16]
+    assert info["separation_bodies"] == [1, 4]
+    assert info["parent"] == [0, 1, 2, 3, 4, 5, 6, 4, 8, 9, 1, 11, 12, 1, 14, 15]
+    assert info["dof"] == [6] + 15 * [1]
+    assert info["names"][:2] == ["pelvis", "lumbar"]
+    assert info["mass"] == pytest.approx(33.0)
+    assert info["scenarios"] == ["stance", "stand"]
+    assert len(info["constraints"]) == 4
+
+
+def test_info_for_people(capsys):
+    out, err = said(capsys, "info", "fig1_tree")
+    assert err == ""
+    assert "fig. 1 tree: 7 bodies, nv = 7, nq = 7, 7 kg, z up" in out
+    assert "Pgraph             [1 2 3 4 2 5 2 6 7]" in out
+    assert "jdof               [1 1 1 1 0 1 0 1 1]" in out
+    assert "\n1  1     ground  revolute    1          1\n" in out
+
+
+def test_info_of_a_forest_and_of_nothing(capsys, tmp_path: Path):
+    forest = pg.Model(bodies=(pg.Body(name="a"), pg.Body(name="b")))
+    forest.save(tmp_path / "forest.json")
+    assert told(capsys, "info", str(tmp_path / "forest.json"))["pgraph"] == [0, 1, 0, 2]
+    pg.Model().save(tmp_path / "empty.json")
+    assert told(capsys, "info", str(tmp_path / "empty.json"))["nb"] == 0
+    said(capsys, "info", str(tmp_path / "empty.json"))
+
+
+def test_a_built_in_name_needs_no_file_and_a_path_is_a_file(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    pg.Model.serial(2).save("pendulum")
+    assert told(capsys, "info", "pendulum")["nb"] == 1
+    assert told(capsys, "info", "./pendulum")["nb"] == 2
+
+
+# -- new, models, check --------------------------------------------------------------------------
+
+
+def test_new_prints_the_default_table(capsys):
+    out, _ = said(capsys, "new", "3")
+    assert pg.Model.from_json(out) == pg.Model.serial(3)
+    assert told(capsys, "new", "3") == json.loads(out)
+
+
+def test_new_writes_a_file_but_never_over_one(capsys, tmp_path: Path):
+    file = tmp_path / "m.json"
+    out, _ = said(capsys, "new", "4", "-o", str(file))
+    assert out == f"Wrote {file}: 4 bodies in a row.\n"
+    assert pg.Model.load(file) == pg.Model.serial(4)
+    _, err = said(capsys, "new", "5", "-o", str(file), code=1)
+    assert err == f"{file}: is there already; choose another name\n"
+    assert pg.Model.load(file) == pg.Model.serial(4)
+
+
+@pytest.mark.parametrize("n", ["0", "-3", "x", "1.5", "1e3", "", "100001", "9" * 5000])
+def test_new_takes_a_whole_number(capsys, n: str):
+    words = ("new", "--", n) if n.startswith("-") else ("new", n)
+    said = f"argument N: must be a whole number from 1 to 100000; given '{n}'"
+    assert refused_as_usage(capsys, *words) == f"pgraph new: error: {said}"
+
+
+def test_models_lists_all(capsys):
+    models = told(capsys, "models")["models"]
+    assert tuple(m["name"] for m in models) == static_models.names()
+    assert all(Path(m["path"]).is_file() for m in models)
+    out, _ = said(capsys, "models")
+    assert [line.split()[0] for line in out.splitlines()] == ["model", *static_models.names()]
+
+
+@pytest.mark.parametrize("name", static_models.names())
+def test_check_of_a_good_model(capsys, name: str):
+    assert told(capsys, "check", name) == {"problems": []}
+    assert said(capsys, "check", name)[0].endswith(": no problem found\n")
+
+
+def test_a_model_that_is_not_there(capsys):
+    known = ", ".join(static_models.names())
+    sentence = f"is neither a file nor a built-in model; the built-in models are {known}"
+    for command in ("info", "check", "run"):
+        out, err = said(capsys, command, "horse", "--json", code=1)
+        assert err == f"model 'horse': {sentence}\n"
+        assert json.loads(out) == {
+            "problems": [{"where": "model 'horse'", "field": "", "text": sentence}]
+        }
+    _, err = said(capsys, "horse", code=1)
+    assert err == f"model 'horse': {sentence}\n"
+
+
+def test_check_lists_every_problem(capsys, tmp_path: Path):
+    file = tmp_path / "m.json"
+    file.write_text('{"bodies": [{"name": "a", "mass": -1}, {"name": "a", "dof": 9}], "up": 1}')
+    _, err = said(capsys, "check", str(file), code=1)
+    assert len(err.splitlines()) == 4
+
+
+# -- run -----------------------------------------------------------------------------------------
+
+
+def test_run_of_the_stance(capsys, tmp_path: Path):
+    file = tmp_path / "run.npz"
+    answer = told(capsys, "run", "quadruped", "-o", str(file))
+    assert (answer["scenario"], answer["status"], answer["method"]) == ("stance", "DONE", "rk4")
+    assert answer["t"] == pytest.approx(0.25)
+    assert answer["counters"]["steps"] == 250
+    assert answer["constraint_drift"][0] < 1e-6
+    assert answer["constraint_drift"][1] < 1e-9
+    assert answer["output"] == str(file)
+    assert pg.Result.load(file).t[-1] == pytest.approx(0.25)
+
+
+def test_run_for_people(capsys):
+    out, err = said(capsys, "run", "pendulum", "--t-end", "0.5", "--step", "0.01")
+    assert err == ""
+    assert out.startswith("pendulum, scenario swing: the run reached its end\n")
+    assert "50 steps" in out
+    assert "left out" in out
+
+
+def test_run_of_a_model_without_scenario(capsys, tmp_path: Path):
+    pg.Model.serial(2).save(tmp_path / "m.json")
+    answer = told(capsys, "run", str(tmp_path / "m.json"), "--method", "semi_implicit_euler")
+    assert (answer["scenario"], answer["t"]) == (None, 1.0)
+    assert answer["method"] == "semi_implicit_euler"
+
+
+def test_a_run_that_fails_says_why_and_exits_with_1(capsys):
+    out, err = said(capsys, "run", "chain_10", "--step", "0.1", "--json", code=1)
+    answer = json.loads(out)
+    assert answer["status"] == "NOT_FINITE"
+    assert answer["error_estimate"] is None
+    assert err == answer["message"] + "\n"
+    assert "t = " in err
+    assert "body '" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("--scenario", "trot"), "scenario 'trot': is not there; choose one of stance, stand"),
+        (("--method", "magic"), "simulate, method: no method is called 'magic'; choose one of "),
+    ],
+)
+def test_options_that_the_model_has_not(capsys, words: tuple[str, ...], sentence: str):
+    _, err = said(capsys, "run", "quadruped", *words, code=1)
+    assert err.startswith(sentence)
+
+
+@pytest.mark.parametrize("option", ["--t-end", "--step"])
+@pytest.mark.parametrize("value", ["0", "nan", "inf", "1s", "-1"])
+def test_times_are_positive(capsys, option: str, value: str):
+    last = refused_as_usage(capsys, "run", "pendulum", f"{option}={value}")
+    sentence = f"argument {option}: must be a finite number > 0; given '{value}'"
+    assert last == f"pgraph run: error: {sentence}"
+
+
+def test_progress_is_shown_on_a_terminal_only(capsys, monkeypatch):
+    assert "\r" not in said(capsys, "run", "pendulum", "--t-end", "0.1")[1]
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    bar = said(capsys, "run", "pendulum", "--t-end", "0.1")[1]
+    assert bar.startswith(f"\r[{'.' * app.cli.run.BAR}]   0%")
+    assert bar.endswith("\n")
+
+
+# -- usage ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("port", ["-1", "65536", "http", "8o8o"])
+def test_ports(capsys, port: str):
+    sentence = f"must be a whole number from 0 (any free port) to 65535; given '{port}'"
+    assert (
+        refused_as_usage(capsys, f"--port={port}") == f"pgraph: error: argument --port: {sentence}"
+    )
+
+
+def test_words_too_many(capsys):
+    last = refused_as_usage(capsys, "chekc", "quadruped")
+    assert last.startswith("pgraph: error: unrecognized arguments: quadruped")
+
+
+@pytest.mark.parametrize("words", [("--help",), ("--version",), ("run", "--help")])
+def test_help(capsys, words: tuple[str, ...]):
+    with pytest.raises(SystemExit) as stopped:
+        main(words)
+    assert stopped.value.code == 0
+    assert capsys.readouterr().out
+
+
+def test_json_has_no_nan_and_no_arrays():
+    import numpy as np
+
+    data = {"a": np.arange(2), "b": float("nan"), "c": (np.float64(1.5), np.bool_(True)), "d": ""}
+    assert json.loads(to_json(data)) == {"a": [0, 1], "b": None, "c": [1.5, True], "d": ""}
+
+
+def test_tables_line_up():
+    table = aligned([("a", 1, 0.5), ("long", 20, 10.0)], header=("name", "n", "x"))
+    assert table == "name   n    x\na      1  0.5\nlong  20   10"
+
+
+# -- processes -----------------------------------------------------------------------------------
+
+
+def test_info_loads_no_compiler_and_no_page():
+    program = (
+        "import sys; from app.cli import main; main(['info', 'quadruped']); main(['models'])\n"
+        "heavy = {'numba', 'viser', 'trimesh', 'websockets'} & set(sys.modules)\n"
+        "sys.exit(str(heavy) if heavy else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_run_needs_no_page():
+    program = (
+        "import sys; from app.cli import main; main(['run', 'pendulum', '--t-end', '0.1'])\n"
+        "heavy = {'viser', 'trimesh', 'websockets'} & set(sys.modules)\n"
+        "sys.exit(str(heavy) if heavy else 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_python_m_app_and_a_reader_that_has_seen_enough():
+    writer = subprocess.Popen(
+        [sys.executable, "-m", "app", "new", "5000"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert writer.stdout is not None
+    assert writer.stderr is not None
+    assert writer.stdout.readline() == b"{\n"
+    writer.stdout.close()
+    assert writer.stderr.read() == b""
+    writer.stderr.close()
+    assert writer.wait(timeout=60) == 0

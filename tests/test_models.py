@@ -1,0 +1,169 @@
+"""The built-in models: what they are, that their files are as built, and that they run well."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+import static_models
+from static_models import build
+from static_models.stance import FEET, holding_torques, origins, push
+
+GRAVITY = 9.81
+
+
+@cache
+def model(name: str) -> pg.Model:
+    return pg.Model.load(static_models.path(name))
+
+
+@cache
+def run(name: str, scenario: str) -> pg.Result:
+    return pg.simulate(pg.Mechanism(model(name)), scenario=scenario)
+
+
+def test_names():
+    names = ("chain_10", "double_pendulum", "fig1_tree", "pendulum", "quadruped")
+    assert static_models.names() == names
+    assert tuple(sorted(build.BUILDERS)) == names
+
+
+def test_a_name_that_is_not_there():
+    with pytest.raises(pg.PgraphError) as refused:
+        static_models.path("horse")
+    known = "chain_10, double_pendulum, fig1_tree, pendulum, quadruped"
+    said = f"model 'horse': no built-in model has this name; choose one of {known}"
+    assert str(refused.value) == said
+
+
+def test_building_again_gives_the_same_bytes(tmp_path: Path):
+    build.write(tmp_path)
+    for name in static_models.names():
+        again = (tmp_path / f"{name}.json").read_bytes()
+        assert again == static_models.path(name).read_bytes(), name
+
+
+@pytest.mark.parametrize("name", static_models.names())
+def test_every_body_has_a_shape_and_every_model_a_scenario(name: str):
+    assert all(body.shape is not None for body in model(name).bodies)
+    assert all(s.description and s.t_end > 0 for s in model(name).scenarios)
+    assert model(name).scenarios
+
+
+def test_the_fig1_tree_is_serial_7_with_three_edits():
+    parents = {body.name: body.parent for body in model("fig1_tree").bodies}
+    expected = {"1": "ground", "2": "1", "3": "2", "4": "2", "5": "3", "6": "2", "7": "6"}
+    assert parents == expected
+
+
+# -- the quadruped, checklist 1.5 ----------------------------------------------------------------
+
+
+def test_quadruped_totals():
+    quadruped = model("quadruped")
+    assert len(quadruped.bodies) == 16
+    assert sum(b.dof for b in quadruped.bodies) == 21
+    assert math.fsum(b.mass for b in quadruped.bodies) == pytest.approx(33.0, abs=1e-12)
+    assert quadruped.up == "y"
+    assert quadruped.gravity == (0.0, -GRAVITY, 0.0)
+    assert all(b.axes == ((0.0, 0.0, 1.0),) for b in quadruped.bodies if b.name != "pelvis")
+
+
+def test_all_four_feet_stand_on_the_ground():
+    at = origins(model("quadruped").bodies)
+    heights = [at[c.body][1] + np.asarray(c.point)[1] for c in model("quadruped").constraints]
+    assert [c.name for c in model("quadruped").constraints] == list(FEET)
+    assert heights == pytest.approx([0.0] * 4, abs=1e-12)
+
+
+def test_left_comes_first():
+    assert [n for n in pg.Topology.of(model("quadruped")).names if "paw" in n] == [
+        "left_front_paw",
+        "right_front_paw",
+        "left_hind_paw",
+        "right_hind_paw",
+    ]
+
+
+def test_boxes_have_the_inertia_of_their_bodies():
+    for body in model("quadruped").bodies[:4]:
+        assert body.shape is not None
+        assert body.shape.size is not None
+        x, y, z = body.shape.size
+        moments = body.mass / 12 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+        # the table gives inertias to 1e-5 kg m², the sizes are rounded to 1 mm
+        assert moments == pytest.approx(np.diag(np.array(body.inertia)), abs=2e-5, rel=2e-3)
+
+
+def test_left_and_right_hold_alike():
+    torque = holding_torques(model("quadruped").bodies)
+    for name in (n for n in torque if n.startswith("left")):
+        assert torque[name] == pytest.approx(torque[name.replace("left", "right")], abs=1e-9)
+
+
+def test_the_push_ends_with_all_feet_in_place():
+    """Forward kinematics of the goal, the pelvis where the push wants it."""
+    from static_models.stance import PELVIS, TRUNK
+
+    quadruped = model("quadruped")
+    mech = pg.Mechanism(quadruped)
+    q, _ = mech.home()
+    q = np.array(q)
+    goal = push(quadruped.bodies)
+    hinges = [goal[name] for name in mech.names if name != "pelvis"]
+    turn = TRUNK["pelvis"]
+    root = [PELVIS.real, PELVIS.imag, 0, math.cos(turn / 2), 0, 0, math.sin(turn / 2)]
+    q[:] = root + hinges
+    at = origins(quadruped.bodies)
+    for foot in quadruped.constraints:
+        position, rotation = mech.pose(q, foot.body)
+        sole = position + rotation @ np.asarray(foot.point)
+        assert sole == pytest.approx(at[foot.body] + foot.point, abs=1e-12)
+
+
+def vertical(result: pg.Result) -> np.ndarray:
+    """(len(t), 4) vertical forces on the feet [N]."""
+    return np.stack([result.constraint_force[foot][:, 4] for foot in FEET], axis=1)
+
+
+def test_standing_still_carries_the_weight():
+    stand = run("quadruped", "stand")
+    assert stand.status.ok
+    loads = vertical(stand)
+    assert loads[0] == pytest.approx([77.47, 77.47, 84.39, 84.39], abs=0.01)
+    assert loads.sum(axis=1) == pytest.approx(33.0 * GRAVITY, abs=1e-4)
+    assert np.abs(stand.v).max() < 1e-5  # the torques are rounded to 1e-6 N m
+
+
+def test_the_push_is_a_good_stance():
+    stance = run("quadruped", "stance")
+    assert stance.status.ok
+    assert stance.t[-1] == pytest.approx(0.25)
+    loads = vertical(stance)
+    forces = np.stack([stance.constraint_force[foot][:, 3:] for foot in FEET], axis=1)
+    friction = np.hypot(forces[..., 0], forces[..., 2]) / loads
+    assert loads.min() > 40  # measured 41.2 N
+    assert friction.max() < 0.7  # measured 0.43
+    drift = stance.constraint_drift.max(axis=0)
+    assert drift[0] < 1e-6
+    assert drift[1] < 1e-9
+    assert np.ptp(stance.q[:, 0]) > 0.03  # the pelvis moves forward [m]
+
+
+@pytest.mark.parametrize("name", ["pendulum", "double_pendulum", "fig1_tree", "chain_10"])
+def test_swings_keep_their_energy_and_move(name: str):
+    swing = run(name, "swing")
+    assert swing.status.ok
+    assert swing.energy_drift < 1e-4  # no dampers; RK4 at 1 ms on fast whips
+    assert np.ptp(swing.q, axis=0).min() > 0.2
+
+
+def test_the_pendulum_swings_through_the_bottom_and_back():
+    q = run("pendulum", "swing").q[:, 0]
+    assert q[0] == pytest.approx(math.pi / 3)
+    assert q.min() == pytest.approx(-math.pi / 3, abs=1e-3)
