@@ -1,0 +1,27 @@
+"""The examples run as they are, and print what they promise."""
+
+from __future__ import annotations
+
+import runpy
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
+
+PROMISED = {
+    "01_table_to_pgraph": "Pgraph of fig. 1   [1 2 3 5 2 4 2 6 7]",
+    "02_describe_and_edit": "read back equal: True",
+    "03_dynamics": "M is symmetric: True",
+    "04_stance": "in all            323.73 N at first",
+}
+
+
+@pytest.mark.parametrize("file", EXAMPLES, ids=lambda file: file.stem)
+def test_example(file: Path, capsys):
+    runpy.run_path(str(file), run_name="__main__")
+    assert PROMISED[file.stem] in capsys.readouterr().out
+
+
+def test_examples_are_numbered_without_a_gap():
+    assert [int(file.name[:2]) for file in EXAMPLES] == list(range(1, len(EXAMPLES) + 1))
