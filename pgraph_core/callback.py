@@ -80,4 +80,4 @@ class CallbackStepper:
         except Exception as error:
             text = f"the function raised {type(error).__name__}: {error} (at t = {t:.6g} s)"
             raise InputError(Problem("simulate", "tau", text)) from error
-        return self.record.mech.check("tau", given, len(v))
+        return self.record.mech.finite("tau", given, len(v))

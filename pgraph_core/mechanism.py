@@ -11,6 +11,7 @@ import numpy as np
 from .errors import InputError, Problem
 from .kernels import bodies, dynamics, step
 from .kernels import layout as at
+from .kernels._jit import ready
 from .schema import Force, Model
 from .system import Array, Drives, Ints, constraint_tables, drives, point_in_row, system
 from .topology import Topology
@@ -37,6 +38,9 @@ class Mechanism:
         self.tree = self.system[:2]
         self._zero = np.zeros(self.nv)
         self._work = np.zeros((len(self.system.rows), at.WORK))
+        self._rows, self._const = self.tree
+        self._nq, self._nv = (self.nq,), (self.nv,)
+        self._forward = ready(dynamics.forward_dynamics)
         self._springs = any(any(b.stiffness) or any(b.damping) for b in model.bodies)
 
     # -- the digraph ---------------------------------------------------------------------------
@@ -77,16 +81,16 @@ class Mechanism:
 
     def kernel_operator(self, q: Array) -> Any:
         """ε_φ, eq. (13): (6 nb, 6 nb) scipy.sparse."""
-        return self._operators(q).kernel_operator
+        return self._operators(q).eps_phi
 
     def propagation_operator(self, q: Array) -> Any:
         """Φ, eq. (16): (6 nb, 6 nb) scipy.sparse."""
-        return self._operators(q).propagation_operator
+        return self._operators(q).Phi
 
     def _operators(self, q: Array) -> Any:
         from .operators import Operators
 
-        return Operators(self.model, self.topology, self.check("q", q, self.nq))
+        return Operators(self.model, self.topology, self.finite("q", q, self.nq))
 
     # -- states and places ---------------------------------------------------------------------
 
@@ -105,13 +109,13 @@ class Mechanism:
     def poses(self, q: Array) -> tuple[Array, Array]:
         """((nb, 3) origins [m], (nb, 3, 3) rotations) of all body frames in the world."""
         position, rotation = np.empty((self.nb, 3)), np.empty((self.nb, 9))
-        q = self.check("q", q, self.nq)
+        q = self.finite("q", q, self.nq)
         bodies.poses(*self.system[:4], q, self._zero, self._work, position, rotation)
         return position, rotation.reshape(self.nb, 3, 3)
 
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
         """(kinetic, potential) energy [J]; potential includes the joints' springs."""
-        q, v = self._state(q, v)
+        q, v = self.finite("q", q, self.nq), self.finite("v", v, self.nv)
         return step.energy(*self.tree, self.passive, q, v, self._work)
 
     # -- dynamics of the tree ------------------------------------------------------------------
@@ -119,7 +123,7 @@ class Mechanism:
     def mass_matrix(self, q: Array) -> Array:
         """M (nv, nv) of eq. (25), armature included."""
         m = np.zeros((self.nv, self.nv))
-        q = self.check("q", q, self.nq)
+        q = self.finite("q", q, self.nq)
         dynamics.mass_matrix(*self.tree, q, self._zero, self._work, m)
         return m
 
@@ -146,13 +150,27 @@ class Mechanism:
 
         Springs and dampers of the joints act; motors and servos act in `simulate`.
         """
+        tau = self._zero if tau is None else tau
+        vdot = np.empty(self.nv)
+        if external is None and not self._springs:
+            try:  # arrays as the kernel takes them: checking costs as much as the dynamics
+                if q.shape == self._nq and v.shape == self._nv and tau.shape == self._nv:
+                    code = self._forward(self._rows, self._const, q, v, tau, self._work, vdot)
+                    if code == 0:
+                        return vdot
+            except (AttributeError, TypeError):
+                pass
+        return self._forward_checked(q, v, tau, external, vdot)
+
+    def _forward_checked(
+        self, q: Array, v: Array, tau: Array, external: Array | None, vdot: Array
+    ) -> Array:
         q, v = self._state(q, v)
-        tau = self._zero if tau is None else self.check("tau", tau, self.nv)
+        tau = self.check("tau", tau, self.nv)
         if self._springs:
             tau = self._passive(q, v, tau)
-        vdot = np.empty(self.nv)
         if external is None:
-            code = dynamics.forward_dynamics(*self.tree, q, v, tau, self._work, vdot)
+            code = self._forward(*self.tree, q, v, tau, self._work, vdot)
         else:
             code = dynamics.forward_dynamics_external(
                 *self.system[:4], q, v, tau, self._external(external), self._work, vdot
@@ -185,14 +203,14 @@ class Mechanism:
     def jacobian(self, q: Array, name: str, point: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
         """J (6, nv), eq. (20): V of `point` (body axes) of a body is J v, world axes."""
         number = self.topology.number(name)
-        q = self.check("q", q, self.nq)
-        return self._jacobian(q, number, self.check("point", point, 3))
+        q = self.finite("q", q, self.nq)
+        return self._jacobian(q, number, self.finite("point", point, 3))
 
     def jacobian_bias(
         self, q: Array, v: Array, name: str, point: Sequence[float] = (0.0, 0.0, 0.0)
     ) -> Array:
         """J' v (6,): V' of `point` of a body is J v' + J' v (R6)."""
-        q, v = self._state(q, v)
+        q, v = self.finite("q", q, self.nq), self.finite("v", v, self.nv)
         row, place = self._row_point(name, point)
         bias = np.empty(6)
         dynamics.jacobian_bias(*self.tree, q, v, self._zero, row, place, self._work, bias)
@@ -200,7 +218,7 @@ class Mechanism:
 
     def tip_jacobian(self, q: Array) -> Array:
         """J (6 n_t, nv), eqs. (18)-(20), one block row a tip body, at the bodies' `tip` points."""
-        q = self.check("q", q, self.nq)
+        q = self.finite("q", q, self.nq)
         blocks = [
             self._jacobian(q, int(tip), self.model.body(self.names[tip - 1]).tip_point)
             for tip in self.tips
@@ -284,7 +302,7 @@ class Mechanism:
 
     def _row_point(self, name: str, point: Any) -> tuple[int, Array]:
         number = self.topology.number(name)
-        place = point_in_row(self.system, number, self.check("point", point, 3))
+        place = point_in_row(self.system, number, self.finite("point", point, 3))
         return int(self.system.bodies_i[number, at.ROW]), place
 
     def _state(self, q: Array, v: Array) -> tuple[Array, Array]:
@@ -308,13 +326,19 @@ class Mechanism:
             raise InputError(Problem(name, "", text))
         return array
 
+    def finite(self, name: str, value: Any, *shape: int) -> Array:
+        """As `check`, and every number finite. (Dynamics look only where a result is not.)"""
+        array = self.check(name, value, *shape)
+        bad = np.flatnonzero(~np.isfinite(array))
+        if len(bad):
+            text = f"must be finite; entry {bad[0]} is {array.flat[bad[0]]}"
+            raise InputError(Problem(name, "", text))
+        return array
+
     def _explain(self, code: int, **given: Array) -> None:
         """Raise what a kernel's status code means."""
         for name, value in given.items():
-            bad = np.flatnonzero(~np.isfinite(value))
-            if len(bad):
-                text = f"must be finite; entry {bad[0]} is {value.flat[bad[0]]}"
-                raise InputError(Problem(name, "", text))
+            self.finite(name, value, *value.shape)
         raise InputError(self.singular(code) if code > 0 else _overflow())
 
     def singular(self, row: int) -> Problem:

@@ -49,7 +49,7 @@ class Recording:
         self.q, self.v = q.copy(), v.copy()
         self.callback = tau if callable(tau) else None
         given = (
-            np.zeros(mech.nv) if tau is None or self.callback else mech.check("tau", tau, mech.nv)
+            np.zeros(mech.nv) if tau is None or self.callback else mech.finite("tau", tau, mech.nv)
         )
         self.given = given
         active = plan.tables[2]

@@ -153,6 +153,6 @@ def _start(mech: Mechanism, given: Any, q: Any, v: Any) -> tuple[Array, Array]:
                 row = int(np.flatnonzero(mech.system.body_of_row == number)[0])
                 first = mech.system.rows[row, column]
                 state[first : first + len(values)] = values
-    q0 = q0 if q is None else np.array(mech.check("q", q, mech.nq))
-    v0 = v0 if v is None else np.array(mech.check("v", v, mech.nv))
+    q0 = q0 if q is None else mech.finite("q", q, mech.nq).copy()
+    v0 = v0 if v is None else mech.finite("v", v, mech.nv).copy()
     return q0, v0

@@ -12,13 +12,12 @@ import os
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 
-F = TypeVar("F", bound=Callable[..., Any])
-OPTIONS = {"fastmath": {"contract"}, "error_model": "numpy"}
+OPTIONS: dict[str, Any] = {"_nrt": False, "fastmath": {"contract"}, "error_model": "numpy"}
 HERE = Path(__file__).parent
 JIT = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
 
@@ -53,13 +52,13 @@ class _Locator(_CacheLocator):
     def __init__(self, py_func: Callable[..., Any]):
         self._line = py_func.__code__.co_firstlineno
 
-    def get_cache_path(self) -> str:
+    def get_cache_path(self) -> Any:
         return str(cache_folder())
 
-    def get_source_stamp(self) -> str:
+    def get_source_stamp(self) -> Any:
         return source_hash()
 
-    def get_disambiguator(self) -> str:
+    def get_disambiguator(self) -> Any:
         return str(self._line)
 
     @classmethod
@@ -75,26 +74,43 @@ class _Cache(FunctionCache):
     _impl_class = _Impl
 
 
-def part(function: F) -> F:
+def part(function: Callable[..., Any]) -> Any:
     """A helper that only kernels call: no wrappers, so that it compiles twice as fast."""
-    return numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **OPTIONS)(function)
+    options: dict[str, Any] = {
+        "no_cpython_wrapper": True,
+        "no_cfunc_wrapper": True,
+        "forceinline": True,
+        **OPTIONS,
+    }
+    return numba.njit(**options)(function)
 
 
-def kernel(signature: str, *, nogil: bool = False) -> Callable[[F], F]:
+def kernel(signature: str, *, nogil: bool = False) -> Callable[[Callable[..., Any]], Any]:
     """A compiled function that Python calls, with one signature, cached on disk.
 
     Short kernels keep the GIL, so that a workspace is never used by two threads at once; whole
     runs release it (`nogil`) and bring their own workspace.
     """
 
-    def compiled(function: F) -> F:
-        dispatcher = numba.njit(nogil=nogil, **OPTIONS)(function)
+    def compiled(function: Callable[..., Any]) -> Any:
+        dispatcher: Any = numba.njit(nogil=nogil, **OPTIONS)(function)
         if JIT:
             dispatcher._cache = _Cache(function)
         KERNELS[function.__name__] = (dispatcher, signature)
         return dispatcher
 
     return compiled
+
+
+def ready(dispatcher: Any) -> Any:
+    """A kernel compiled for its signature alone: other types raise TypeError, nothing compiles.
+
+    Python code can then try a call with what it was given, and look closer only if it fails.
+    """
+    if JIT and dispatcher._can_compile:
+        dispatcher.compile(KERNELS[dispatcher.__name__][1])
+        dispatcher.disable_compile()
+    return dispatcher
 
 
 KERNELS: dict[str, tuple[Any, str]] = {}  # every kernel and its signature, for the warm-up

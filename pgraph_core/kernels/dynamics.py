@@ -39,6 +39,8 @@ def apply_external(bodies_i, bodies_f, external, work):
     """Take wrenches [torque, force] on the bodies, world axes at their origins, off P."""
     for b in range(external.shape[0]):
         k = bodies_i[b + 1, at.ROW]
+        if k == 0:  # welded to the ground, which takes any force
+            continue
         offset = mul(load9(work, k, at.R), load(bodies_f, b + 1, at.OFFSET))
         force = load(external, b, 3)
         moment = add_cross(load(external, b, 0), offset, force)

@@ -1,5 +1,7 @@
 """Outboard sweeps: frames, velocities, and what depends on them, eqs. (5)-(9)."""
 
+import math
+
 from . import layout as at
 from ._jit import part
 from .vec import (
@@ -64,7 +66,7 @@ def move(rows, const, work, q, v, k):
         h = mul(r, u)
         relative = scale(v[j], h)
         store(work, k, at.H, h)
-        store9(work, k, at.R, mat_mul(r, rodrigues(u, q[i])))
+        store9(work, k, at.R, mat_mul(r, rodrigues(u, work[k, at.UU], work[k, at.UU + 1])))
         store(work, k, at.W, add(w, relative))
         store(work, k, at.A, cross(w, relative))
         store(work, k, at.A + 3, cross(w, cross(w, link)))
@@ -121,9 +123,20 @@ def rigid(const, work, k):
 
 
 @part
+def angles(rows, work, q):
+    """Sine and cosine of every rotation into UU: apart, so that calls do not break the sweep."""
+    for k in range(1, rows.shape[0]):
+        if rows[k, at.KIND] == at.ROTATE:
+            angle = q[rows[k, at.QI]]
+            work[k, at.UU] = math.sin(angle)
+            work[k, at.UU + 1] = math.cos(angle)
+
+
+@part
 def outboard(rows, const, work, q, v):
     """First sweep, root to tips: frames, velocities, a, b and rigid inertias of all rows."""
     set_ground(const, work)
+    angles(rows, work, q)
     for k in range(1, rows.shape[0]):
         move(rows, const, work, q, v, k)
         rigid(const, work, k)

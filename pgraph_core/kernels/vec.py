@@ -3,8 +3,6 @@
 Symmetric: xx, yy, zz, xy, xz, yz. Nothing allocates; LLVM keeps them in registers.
 """
 
-import math
-
 from ._jit import part
 
 
@@ -44,8 +42,15 @@ def load9(a, i, j):
 
 @part
 def store9(a, i, j, x):
-    for k in range(9):
-        a[i, j + k] = x[k]
+    a[i, j] = x[0]
+    a[i, j + 1] = x[1]
+    a[i, j + 2] = x[2]
+    a[i, j + 3] = x[3]
+    a[i, j + 4] = x[4]
+    a[i, j + 5] = x[5]
+    a[i, j + 6] = x[6]
+    a[i, j + 7] = x[7]
+    a[i, j + 8] = x[8]
 
 
 @part
@@ -173,10 +178,8 @@ def about_origin(s, m, c):
 
 
 @part
-def rodrigues(u, angle):
-    """Rot(u, θ) = I + (u×) sin θ + (u×)² (1 - cos θ) for a unit axis, Fig. 7."""
-    s = math.sin(angle)
-    c = math.cos(angle)
+def rodrigues(u, s, c):
+    """Rot(u, θ) = I + (u×) s + (u×)² (1 - c) for a unit axis, s = sin θ, c = cos θ, Fig. 7."""
     t = 1.0 - c
     tx, ty, tz = t * u[0], t * u[1], t * u[2]
     sx, sy, sz = s * u[0], s * u[1], s * u[2]

@@ -114,9 +114,9 @@ def _physics_problems(
         return [(name, text)]
     if name != "rest" and any(x < 0 for x in values):
         return [(name, f"must be >= 0; given {list(values)}")]
-    springs = name in ("stiffness", "rest")
-    if springs and any(x and m.kind in ("ball", "free") for x, m in zip(values, motions)):
-        text = "a spring acts on a rotate or translate motion, not on a ball or free one"
+    scalar = name != "damping"
+    if scalar and any(x and m.kind in ("ball", "free") for x, m in zip(values, motions)):
+        text = "acts on a rotate or translate motion, not on a ball or free one"
         return [(name, f"{text}; given {list(values)}")]
     return []
 
