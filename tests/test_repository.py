@@ -1,0 +1,85 @@
+"""The repository: packaging, the promises of README and CHANGELOG, and how the tests are run."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+import subprocess
+import tomllib
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+
+
+def test_version_is_the_top_of_the_changelog():
+    top = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    assert top is not None
+    assert top[1] == PROJECT["project"]["version"]
+
+
+def test_the_tour_of_the_readme_runs(capsys):
+    (tour,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    assert len([line for line in tour.splitlines() if line]) <= 10
+    exec(compile(tour, "README.md", "exec"), {})
+    out = capsys.readouterr().out
+    assert "[1 2 3 4 2 5 2 6 7]" in out
+    assert "the run reached its end" in out
+
+
+def test_commands_of_the_readme_are_commands():
+    from app.cli.main import COMMANDS
+
+    shown = set(re.findall(r"^    pgraph (\w+) ", (ROOT / "README.md").read_text(), re.MULTILINE))
+    assert shown == set(COMMANDS)
+
+
+@pytest.mark.parametrize("package", ["app", "static_models", "pgraph_core"])
+def test_the_wheel_has_every_data_file(package: str):
+    patterns = PROJECT["tool"]["setuptools"]["package-data"][package]
+    shipped = {file for pattern in patterns for file in (ROOT / package).glob(pattern)}
+    needed = {
+        file
+        for file in (ROOT / package).rglob("*")
+        if file.is_file() and file.suffix not in (".py", ".pyc", ".nbi", ".nbc")
+    }
+    assert needed <= shipped
+
+
+def test_every_folder_with_source_is_a_package():
+    for package in ("app", "static_models", "pgraph_core"):
+        folders = {file.parent for file in (ROOT / package).rglob("*.py")}
+        assert all((folder / "__init__.py").is_file() for folder in folders)
+
+
+def test_every_dependency_is_justified():
+    project = PROJECT["project"]
+    wanted = [*project["dependencies"], *project["optional-dependencies"]["test"]]
+    wanted += project["optional-dependencies"]["oracles"]
+    names = {re.match(r"[\w-]+", line)[0] for line in wanted}  # type: ignore[index]
+    text = (ROOT / "docs" / "dependencies.md").read_text()
+    assert [name for name in sorted(names) if not re.search(rf"\b{name}\b", text)] == []
+
+
+@pytest.mark.parametrize("script", ["run", "browser"])
+def test_ci_scripts_are_executable_and_parse(script: str):
+    file = ROOT / ".ci" / script
+    assert file.stat().st_mode & stat.S_IXUSR
+    assert os.access(file, os.X_OK)
+    subprocess.run(["sh", "-n", str(file)], check=True)
+
+
+def test_ci_runs_make_test():
+    assert "exec make test" in (ROOT / ".ci" / "run").read_text()
+    makefile = (ROOT / "Makefile").read_text()
+    for target in ("run", "test", "nightly", "format"):
+        assert re.search(rf"^{target}:", makefile, re.MULTILINE)
+
+
+def test_pictures_of_the_documents_are_there():
+    for file in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
+        for picture in re.findall(r"!\[[^]]*\]\(([^)]+)\)", file.read_text()):
+            assert (file.parent / picture).is_file(), picture
