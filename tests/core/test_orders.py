@@ -103,3 +103,14 @@ def test_a_tumbling_body_keeps_its_angular_momentum():
         _, R = mech.pose(q, "tumbling")
         spin.append(R @ np.array(body.inertia) @ R.T @ v[:3])
     np.testing.assert_allclose(spin, np.tile(spin[0], (len(spin), 1)), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("method", ORDER)
+@pytest.mark.parametrize("make", [heavy_top, mixed_tree])
+def test_the_error_estimate_is_the_error(make, method):
+    """Within a factor of two, where the step is small enough for the order to show."""
+    mech = pg.Mechanism(make())
+    fine = pg.simulate(mech, t_end=0.25, method="rk4", step=0.25 / 4000, frames=2)
+    run = pg.simulate(mech, t_end=0.25, method=method, step=0.25 / 200, frames=2)
+    true = abs(run.q[-1] - fine.q[-1]).max()
+    assert true / 2 < run.error_estimate < true * 2

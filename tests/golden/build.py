@@ -17,6 +17,7 @@ import static_models
 
 from ..core.trees import State, random_case, random_state, scaled_error
 from . import with_mujoco, with_pinocchio
+from .stance import stance
 
 HERE = Path(__file__).parent
 TREES = 30
@@ -55,7 +56,7 @@ def check_agreement(by: dict[str, dict[str, np.ndarray]]) -> None:
 
 
 def main() -> None:
-    """Write trees.json (models) and trees.npz (states and numbers)."""
+    """Write trees.json (models), trees.npz (states and numbers), and the stance's two files."""
     arrays: dict[str, np.ndarray] = {}
     models = []
     for i, (state, by) in enumerate(cases()):
@@ -70,6 +71,9 @@ def main() -> None:
         f'{{"made_with": {json.dumps(made)}, "models": [\n{text}\n]}}\n', encoding="utf-8"
     )
     np.savez_compressed(HERE / "trees.npz", allow_pickle=False, **arrays)
+    model = pg.Model.load(static_models.path("quadruped"))
+    (HERE / "stance.json").write_text(model.to_json(), encoding="utf-8")
+    np.savez_compressed(HERE / "stance.npz", allow_pickle=False, **stance(model))
 
 
 if __name__ == "__main__":
