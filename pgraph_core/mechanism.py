@@ -176,7 +176,8 @@ class Mechanism:
                 *self.system[:4], q, v, tau, self._external(external), self._work, vdot
             )
         if code:
-            self._explain(code, q=q, v=v, tau=tau)
+            given = {} if external is None else {"external": np.asarray(external, float)}
+            self._explain(code, q=q, v=v, tau=tau, **given)
         return vdot
 
     def constrained_dynamics(
@@ -189,14 +190,17 @@ class Mechanism:
         q, v = self._state(q, v)
         tau = self._zero if tau is None else self.check("tau", tau, self.nv)
         vdot = np.empty(self.nv)
-        space = self.space(self.active)
-        tables = (*self._constraints, self.active)
+        tables, space = self._active_tables
         code = step.constrained_dynamics(
             *self.tree, self.passive, tables, self._work, space, NO_GAINS, 0.0, q, v, tau, vdot
         )
         if code:
             self._explain(code, q=q, v=v, tau=tau)
         return vdot, self.forces_of(self.active, space[3][1])
+
+    @cached_property
+    def _active_tables(self) -> tuple[Any, Any]:
+        return self.tables(self.active), self.space(self.active)
 
     # -- Jacobians -----------------------------------------------------------------------------
 
@@ -278,13 +282,11 @@ class Mechanism:
 
     def forces_of(self, active: Ints, lam: Array) -> dict[str, Array]:
         """{name: (..., 6)} [torque, force] on `body` at `point` from multipliers (..., 3 n)."""
-        forces: dict[str, Array] = {}
-        for n, i in enumerate(active.tolist()):
-            force = lam[..., 3 * n : 3 * n + 3]
-            forces[self.model.constraints[i].name] = np.concatenate(
-                (np.zeros_like(force), force), axis=-1
-            )
-        return forces
+        n = len(active)
+        forces = np.zeros((*lam.shape[:-1], n, 6))
+        forces[..., 3:] = lam[..., : 3 * n].reshape(*lam.shape[:-1], n, 3)
+        items = self.model.constraints
+        return {items[i].name: forces[..., k, :] for k, i in enumerate(active.tolist())}
 
     # -- checking what is given ----------------------------------------------------------------
 

@@ -40,7 +40,7 @@ class Drives(NamedTuple):
 def system(model: Model, topology: Topology) -> System:
     """Pack a valid model; bulk work in one compiled call."""
     bodies = model.bodies
-    body = np.frombuffer(b"".join([b.record for b in bodies])).reshape(len(bodies), -1)
+    body = np.frombuffer(b"".join([b.record for b in bodies])).reshape(-1, pack.BODY)
     motion = np.frombuffer(b"".join([b.motion_record for b in bodies])).reshape(-1, 8)
     count = body[:, pack.MOTIONS].astype(np.int64)
     first = np.cumsum(count) - count

@@ -40,7 +40,7 @@ from .vec import (
 )
 
 RHS, LAMBDA, CHANGE, DINV, STEP, ZERO = 0, 1, 2, 3, 4, 5  # rows of `vectors`
-PROXIMAL = 1e-9  # μ relative to the mean diagonal of Ω
+PROXIMAL = 1e-10  # μ relative to the mean diagonal of Ω
 REFINEMENTS = 12
 
 
@@ -185,7 +185,7 @@ def pivots(rows, work, dinv):
 
 @part
 def delassus(rows, cons_i, cons_f, active, work, space):
-    """Y and Ω of the active constraints from the articulated factors; the proximal factor of Ω."""
+    """Y and Ω of the active constraints from the articulated factors, Ω's proximal factor; μ."""
     y, omega, factor, vectors = space
     nv = y.shape[1]
     m = 3 * active.shape[0]
@@ -210,12 +210,12 @@ def delassus(rows, cons_i, cons_f, active, work, space):
                 total += scaled[j] * y[c, j]
             omega[r, c] = total
             omega[c, r] = total
-    factor_proximal(omega, factor, m)
+    return factor_proximal(omega, factor, m)
 
 
 @part
 def factor_proximal(omega, factor, m):
-    """Cholesky factor of Ω + μI, its diagonal inverted."""
+    """Cholesky factor of Ω + μI, its diagonal inverted; μ."""
     trace = 0.0
     for r in range(m):
         trace += omega[r, r]
@@ -230,43 +230,75 @@ def factor_proximal(omega, factor, m):
         for n in range(r):
             total -= factor[r, n] * factor[r, n]
         factor[r, r] = 1.0 / math.sqrt(total)
+    return mu
 
 
 @part
-def solve_proximal(space, m):
+def solve_factor(factor, x, m):
+    """(Ω + μI)⁻¹ x in place; the largest magnitude of the result."""
+    size = 0.0
+    for r in range(m):
+        total = x[r]
+        for c in range(r):
+            total -= factor[r, c] * x[c]
+        x[r] = total * factor[r, r]
+    for r in range(m - 1, -1, -1):
+        total = x[r]
+        for c in range(r + 1, m):
+            total -= factor[c, r] * x[c]
+        x[r] = total * factor[r, r]
+        size = max(size, abs(x[r]))
+    return size
+
+
+@part
+def drop_null(factor, mu, x, y, m):
+    """Take off x what lies in the null space of Ω: (μ (Ω + μI)⁻¹)³ x.
+
+    That is what redundant rows contradict each other by, or rounding: refinement would blow it
+    up by 1/μ. A direction of eigenvalue λ loses (μ/λ)³ of itself.
+    """
+    for r in range(m):
+        y[r] = x[r]
+    for _ in range(3):
+        solve_factor(factor, y, m)
+        for r in range(m):
+            y[r] *= mu
+    for r in range(m):
+        x[r] -= y[r]
+
+
+@part
+def solve_proximal(space, mu, m):
     """λ of least norm with Ω λ = RHS, by refinement of the proximal solve; iterations taken."""
     y, omega, factor, vectors = space
     rhs = vectors[RHS]
     lam = vectors[LAMBDA]
     change = vectors[CHANGE]
+    drop_null(factor, mu, rhs, change, m)
     for r in range(m):
         lam[r] = 0.0
     last = math.inf
-    for iteration in range(REFINEMENTS):
-        largest = 0.0
-        size = 0.0
+    taken = 0
+    while taken < REFINEMENTS:
         for r in range(m):
             total = rhs[r]
             for c in range(m):
                 total -= omega[r, c] * lam[c]
-            for c in range(r):
-                total -= factor[r, c] * change[c]
-            change[r] = total * factor[r, r]
-        for r in range(m - 1, -1, -1):
-            total = change[r]
-            for c in range(r + 1, m):
-                total -= factor[c, r] * change[c]
-            change[r] = total * factor[r, r]
-            largest = max(largest, abs(change[r]))
-        if not largest < 0.5 * last:  # rounding is all that is left, or the rows contradict
-            return iteration
+            change[r] = total
+        largest_change = solve_factor(factor, change, m)
+        if not largest_change < 0.5 * last:  # rounding is all that is left
+            break
+        size = 0.0
         for r in range(m):
             lam[r] += change[r]
             size = max(size, abs(lam[r]))
-        if largest <= 1e-15 * size:
-            return iteration + 1
-        last = largest
-    return REFINEMENTS
+        taken += 1
+        if largest_change <= 1e-15 * size:
+            break
+        last = largest_change
+    drop_null(factor, mu, lam, change, m)
+    return taken
 
 
 @part
@@ -332,8 +364,8 @@ def impose(rows, const, tables, work, space, gains, v, vdot):
         stabilise(rows, const, tables, work, space, gains, v)
     for r in range(m):
         rhs[r] = -rhs[r]
-    delassus(rows, cons_i, cons_f, active, work, space)
-    iterations = solve_proximal(space, m)
+    mu = delassus(rows, cons_i, cons_f, active, work, space)
+    iterations = solve_proximal(space, mu, m)
     spread(rows, const, work, space, m, vectors[STEP])
     for j in range(vdot.shape[0]):
         vdot[j] += vectors[STEP, j]
@@ -381,14 +413,14 @@ def project(rows, const, tables, work, space, q, v, rounds):
         outboard(rows, const, work, q, v)
         inboard(rows, const, work, zero)
         positions(rows, work)
-        delassus(rows, cons_i, cons_f, active, work, space)
+        mu = delassus(rows, cons_i, cons_f, active, work, space)
         residual_velocity(rows, const, cons_i, cons_f, active, work, v, vectors[RHS])
-        correct(rows, const, work, space, m)
+        correct(rows, const, work, space, mu, m)
         for j in range(v.shape[0]):
             v[j] += vectors[STEP, j]
         residual(cons_i, cons_f, active, work, vectors[RHS])
         gap = largest(vectors[RHS], m)
-        correct(rows, const, work, space, m)
+        correct(rows, const, work, space, mu, m)
         advance(rows, q, vectors[STEP], 1.0)
         moved = largest(vectors[STEP], v.shape[0])
         if moved < 1e-10:
@@ -397,12 +429,12 @@ def project(rows, const, tables, work, space, q, v, rounds):
 
 
 @part
-def correct(rows, const, work, space, m):
+def correct(rows, const, work, space, mu, m):
     """-M⁻¹ Jᵀ Ω⁺ RHS into STEP."""
     vectors = space[3]
     for r in range(m):
         vectors[RHS, r] = -vectors[RHS, r]
-    solve_proximal(space, m)
+    solve_proximal(space, mu, m)
     spread(rows, const, work, space, m, vectors[STEP])
 
 

@@ -376,10 +376,15 @@ def articulated(rows, const, q, v, tau, work, vdot):
 @part
 def finite(x):
     """Whether every number of a vector is finite."""
-    total = 0.0
-    for i in range(x.shape[0]):
-        total += 0.0 * x[i]
-    return total == 0.0
+    n = x.shape[0]
+    even = 0.0
+    odd = 0.0
+    for i in range(0, n - 1, 2):
+        even += 0.0 * x[i]
+        odd += 0.0 * x[i + 1]
+    if n % 2 == 1:
+        even += 0.0 * x[n - 1]
+    return even + odd == 0.0
 
 
 @part

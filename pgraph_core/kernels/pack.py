@@ -19,6 +19,7 @@ from .vec import (
 
 # bodies as they come, float64 (nb, 18): the order of `Body.record`
 LINK, ROTATION, MASS, COM, INERTIA, MOTIONS = 0, 3, 7, 8, 11, 17
+BODY = 18
 # motions as they come, float64 (nm, 8): the order of `Body.motion_record`
 KIND, AXIS, ARMATURE = 0, 1, 4
 

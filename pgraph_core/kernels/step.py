@@ -48,6 +48,8 @@ def drive(drives, t, q, v, given, tau):
     put_in = 0.0
     dissipated = 0.0
     for j in range(tau.shape[0]):
+        tau[j] = 0.0
+    for j in range(given.shape[0]):  # empty where no torques are given
         tau[j] = given[j]
         put_in += given[j] * v[j]
     for n in range(table.shape[0]):
@@ -298,7 +300,9 @@ def run(
             for n in range(substeps[i - 1]):
                 h = width[i - 1]
                 t = times[i - 1] + n * h
-                fastest = fastest_row(rows, v)
+                before = space[4][1]
+                for j in range(nv):
+                    before[j] = v[j]
                 if tableau[1].shape[0] == 0:
                     iterations = semi_implicit(
                         rows,
@@ -340,12 +344,12 @@ def run(
                 counters[at.N_ITERATE] += iterations
                 code = finish(rows, const, tables, work, space, stabilised, q, v, counters)
                 if code != at.DONE:
-                    fail(failure, t, fastest, i)
+                    fail(failure, t, fastest_row(rows, before), i)
                     return code
         record(
             rows, const, drives, tables, work, space, gains, times[i], q, v, given, ledger, i, out
         )
-        if not finite(out[2][i, :nv]):
+        if not (finite(out[2][i, :nv]) and finite(out[4][i])):
             fail(failure, times[i], fastest_row(rows, v), i)
             return at.NOT_FINITE
     return at.DONE
