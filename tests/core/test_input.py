@@ -9,6 +9,7 @@ import pgraph_core as pg
 
 MECH = pg.Mechanism(pg.Model.serial(3))
 Q, V = MECH.home()
+TOP = pg.Mechanism(pg.Model(bodies=(pg.Body(name="top", joint="spherical"),)))
 NAN = np.array([0.0, np.nan, 0.0])
 LONG = np.zeros(4)
 
@@ -21,6 +22,12 @@ def run(**options):
 REFUSED = {
     "mass_matrix, length": (lambda: MECH.mass_matrix(LONG), ("q", "3", "4")),
     "mass_matrix, nan": (lambda: MECH.mass_matrix(NAN), ("q", "finite")),
+    "mass_matrix, complex": (lambda: MECH.mass_matrix([1j, 0, 0]), ("q", "numbers")),
+    "mass_matrix, zero quaternion": (lambda: TOP.mass_matrix(np.zeros(4)), ("q", "quaternion")),
+    "forward_dynamics, zero quaternion": (
+        lambda: TOP.forward_dynamics(np.zeros(4), np.zeros(3)),
+        ("q", "quaternion"),
+    ),
     "bias_force, length": (lambda: MECH.bias_force(Q, LONG), ("v", "3", "4")),
     "bias_force, nan": (lambda: MECH.bias_force(Q, NAN), ("v", "finite")),
     "bias_force, text": (lambda: MECH.bias_force("abc", V), ("q", "numbers")),
@@ -57,6 +64,7 @@ REFUSED = {
     "simulate, frames": (lambda: run(frames=1), ("frames", "2")),
     "simulate, frames and t_eval": (lambda: run(frames=3, t_eval=[0]), ("frames", "t_eval")),
     "simulate, t_eval": (lambda: run(t_eval=[0, 0.005, 0.004]), ("t_eval", "ascend")),
+    "simulate, too many steps": (lambda: pg.simulate(MECH, step=1e-300), ("step", "1e-300")),
     "simulate, t_end": (lambda: pg.simulate(MECH, t_end=-1.0), ("t_end", "> 0", "-1")),
     "simulate, step": (lambda: pg.simulate(MECH, step=0.0), ("step", "> 0")),
     "simulate, step nan": (lambda: pg.simulate(MECH, step=float("nan")), ("step", "nan")),
@@ -78,6 +86,29 @@ def test_lists_and_integers_are_numbers_too():
     found = MECH.forward_dynamics([0, 0, 0], (1, 0, 0), np.array([0, 0, 1]))
     expected = MECH.forward_dynamics(np.zeros(3), np.array([1.0, 0, 0]), np.array([0, 0, 1.0]))
     np.testing.assert_array_equal(found, expected)
+
+
+def test_numpy_s_own_numbers_are_numbers():
+    done = run(frames=np.int64(3))
+    assert len(done.t) == 3
+    done = pg.simulate(MECH, t_end=np.float32(0.5), step=np.float32(0.25))
+    np.testing.assert_allclose(done.t, [0, 0.25, 0.5])
+
+
+@pytest.mark.parametrize("grid", [[0.0], [0.005], [0.002, 0.01], (0.0, 0.01)])
+def test_the_grid_that_was_asked_for_comes_back(grid):
+    done = run(t_eval=grid)
+    np.testing.assert_array_equal(done.t, grid)
+    assert len(done.q) == len(done.energy) == len(grid)
+    full = run()
+    np.testing.assert_allclose(
+        done.q, full.q[np.round(1e3 * np.array(grid)).astype(int)], atol=1e-9
+    )
+
+
+def test_quaternions_of_any_length_turn_the_same():
+    q = np.array([0.9, 0.1, -0.3, 0.2])
+    np.testing.assert_allclose(TOP.mass_matrix(3 * q), TOP.mass_matrix(q), atol=1e-15)
 
 
 def test_arguments_are_not_changed():
