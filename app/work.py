@@ -17,7 +17,6 @@ import pgraph_core as pg
 from .events import Compiled, Compiling, Event, Failed, Progress, Saved, Simulated
 from .state import FREE_RUN, Job, State
 
-FRAMES = 600  # saved frames of a run at most; playback draws straight lines between them
 REPORT = 0.05  # [s] between progress events
 
 Send = Callable[[Event], None]
@@ -69,7 +68,6 @@ def simulated(job: Job, progress: Callable[[float], bool]) -> object:
         step=request.step,
         method=request.method,
         scenario=None if request.scenario == FREE_RUN else request.scenario,
-        frames=min(FRAMES, max(2, round(request.t_end / request.step) + 1)),
         progress=progress,
     )
 

@@ -119,7 +119,8 @@ window.pgraph = (() => {
     const typing = event.target.closest?.("input, select, textarea");
     const key = event.key.toLowerCase();
     if ((event.ctrlKey || event.metaKey) && (key === "z" || key === "y")) {
-      if (typing?.matches("input") && typing.value !== typing.dataset.shown) return;
+      const halfTyped = typing?.dataset.shown !== undefined && typing.value !== typing.dataset.shown;
+      if (halfTyped && !typing.classList.contains("waiting")) return; // the browser's own undo
       event.preventDefault();
       event.stopPropagation();
       pgraph.send(event.shiftKey || key === "y" ? "Redo" : "Undo");

@@ -24,13 +24,18 @@ class Overlays:
         self._scene = server.scene
         self._nodes: dict[str, list[Any]] = {}
 
-    def render(self, state: State, positions: np.ndarray, wxyz: np.ndarray, rebuilt: bool) -> None:
-        """Draw what `state.shown` asks for; `rebuilt`: the bodies were drawn anew."""
-        for kind in ("axes", "links", "coms", "names"):
-            if rebuilt or kind not in state.shown:
-                self._remove(kind)
+    def clear(self) -> None:
+        """Nothing drawn: the bodies are about to be drawn anew."""
+        for kind in list(self._nodes):
+            self._remove(kind)
+
+    def render(self, state: State, positions: np.ndarray, wxyz: np.ndarray) -> None:
+        """Draw what `state.shown` asks for, with the bodies at these poses."""
+        for kind in LOCAL:
             if kind in state.shown:
                 self._local(kind, state, positions, wxyz)
+            else:
+                self._remove(kind)
         self._forces(state, positions, wxyz)
 
     def _forces(self, state: State, positions: np.ndarray, wxyz: np.ndarray) -> None:

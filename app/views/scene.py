@@ -53,13 +53,14 @@ class SceneView:
                 assert self._bodies is not None
                 self._bodies.fade(0.35 if new.shown & INSIDE else None)
             if rebuilt or moved or new.shown != old.shown:
-                self._overlays.render(new, *poses(new), rebuilt)
+                self._overlays.render(new, *poses(new))
 
     def _clicked(self, client: int, number: int) -> None:
         if number <= len(self._names):
             self._send(Select(client, self._names[number - 1]))
 
     def _rebuild(self, state: State) -> None:
+        self._overlays.clear()
         kind = SeparateBodies if len(state.derived.names) <= SEPARATE else BatchedBodies
         if not isinstance(self._bodies, kind):
             if self._bodies is not None:

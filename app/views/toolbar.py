@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import math
 from typing import Any
 
 from ..client.bridge import Bridge
 from ..state import FREE_RUN, METHODS, Run, State
 from . import Payload, audience, count
 
+POOR = 1e-2  # above it an accuracy is shown as a warning
 METHOD_NAMES = {
     "auto": "automatic",
     "rk4": "Runge-Kutta 4",
@@ -97,20 +97,21 @@ def job(state: State) -> Payload | None:
 def summary(run: Run) -> list[tuple[str, str, bool]]:
     """Lines (what, value, good): how it ended, how accurate it is, what it cost."""
     result = run.result
-    good = getattr(result.status, "name", "") in ("DONE", "COMPLETED", "FINISHED", "SUCCESS", "OK")
-    lines = [("Status", result.message or str(result.status.value), good)]
-    drift = float(result.energy_drift)
-    lines.append(("Energy drift", f"{_number(drift)} of its range", math.isfinite(drift)))
+    drift, estimate = float(result.energy_drift), float(result.error_estimate)
+    lines = [
+        ("Status", result.message or result.status.value, result.status.ok),
+        ("Error estimate", f"{estimate:.2g} rad, m in q", estimate < POOR),
+        ("Energy drift", f"{drift:.2g} of its range", drift < POOR),
+    ]
     if run.model.constraints and len(result.constraint_drift):
-        worst = result.constraint_drift.max(axis=0)
-        value = f"{_number(worst[0])} m, {_number(worst[1])} m/s"
-        lines.append(("Constraint drift", value, bool(worst[0] < 1e-3)))
-    if result.error_estimate is not None:
-        lines.append(("Error estimate", _said(result.error_estimate), True))
+        position, velocity = result.constraint_drift.max(axis=0)
+        value = f"{position:.2g} m, {velocity:.2g} m/s"
+        lines.append(("Constraint drift", value, position < POOR))
     lines.append(("Cost", cost(result), True))
-    if result.left_out:
-        lines.append(("Left out", _said(result.left_out), True))
-    return lines
+    lines.append(("Method", str(result.header.get("why", "")), True))
+    lines.append(("Left out", "; ".join(result.left_out), True))
+    lines += [("Note", text, True) for text in result.notices]
+    return [line for line in lines if line[1] and not line[1].startswith("nan")]
 
 
 def cost(result: Any) -> str:
@@ -119,15 +120,3 @@ def cost(result: Any) -> str:
     counts = [f"{int(n)} {name.replace('_', ' ')}" for name, n in counters if n]
     seconds = sum(float(s) for s in dict(result.timing).values())
     return ", ".join([*counts, f"{1e3 * seconds:.3g} ms"])
-
-
-def _number(x: Any) -> str:
-    return f"{float(x):.2g}"
-
-
-def _said(value: Any) -> str:
-    if isinstance(value, dict):
-        return ", ".join(f"{key.replace('_', ' ')}: {_said(item)}" for key, item in value.items())
-    if isinstance(value, (list, tuple, set, frozenset)):
-        return ", ".join(map(str, value))
-    return _number(value) if isinstance(value, float) else str(value)

@@ -41,6 +41,7 @@ def quadruped() -> pg.Model:
 @pytest.fixture(scope="session")
 def served(quadruped: pg.Model) -> Iterator[Server]:
     server = serve(quadruped, port=18080, open_browser=False)
+    server.viser.scene.configure_default_lights(cast_shadow=False)  # software GL is slow
     yield server
     server.stop()
 
@@ -67,7 +68,7 @@ def open_page(browser: Any, served: Server) -> Iterator[Callable[[], Any]]:
     faults: list[str] = []
 
     def opened() -> Any:
-        page = browser.new_page(viewport={"width": 1280, "height": 700})
+        page = browser.new_page(viewport={"width": 1150, "height": 720})
         page.set_default_timeout(15_000)
         page.on("pageerror", lambda error: faults.append(str(error)))
         page.goto(served.url)
