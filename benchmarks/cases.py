@@ -17,7 +17,7 @@ from tests.golden.elementary import rows_of
 
 from .timing import Case
 
-STEP, STEPS = 1e-3, 1000
+STEP = 1e-3
 INTEGRATORS = {"semi_implicit_euler": "Euler", "rk4": "RK4"}
 ANCHOR = 'solref="0.002 1" solimp="0.99 0.999 0.001"'  # MuJoCo's feet are soft: near its stiffest
 
@@ -28,7 +28,9 @@ def all_cases() -> Iterable[Case]:
     state = random_state(np.random.default_rng(3), model)
     yield forward_dynamics(state)
     for method in INTEGRATORS:
-        yield steps(state, method)
+        yield steps(state, method, "quadruped", 1000)
+    tree = random_state(np.random.default_rng(4), binary_tree(1023))
+    yield steps(tree, "semi_implicit_euler", "tree of 1023", 50)
     yield stance(model)
     yield stance_run(model)
     yield one_edit(model)
@@ -66,8 +68,8 @@ def forward_dynamics(state: State) -> Case:
     )
 
 
-def steps(state: State, method: str) -> Case:
-    """Steps of the falling quadruped inside one run, nothing recorded but its end.
+def steps(state: State, method: str, name: str, number: int) -> Case:
+    """Steps of a tree under gravity inside one run, nothing recorded but its end.
 
     Ours is what `simulate` takes to build and to step; the error estimate that it makes besides
     has no counterpart.
@@ -85,19 +87,19 @@ def steps(state: State, method: str) -> Case:
         return pg.simulate(mech, q, v, t_end=n * STEP, method=method, step=STEP, frames=2)
 
     def ours() -> float:
-        timing = run(STEPS).timing
+        timing = run(number).timing
         return timing["build"] + timing["step"]
 
-    def theirs(n: int = STEPS) -> np.ndarray:
+    def theirs(n: int = number) -> np.ndarray:
         return mujoco.rollout.rollout(model, data, start, nstep=n)[0]
 
-    end = theirs(100)[0, -1, 1 : 1 + model.nq] - (qpos - q)
+    end = theirs(50)[0, -1, 1 : 1 + model.nq] - (qpos - q)
     return Case(
-        f"{method} step, quadruped",
+        f"{method} step, {name}",
         {"pgraph": ours, "mujoco.rollout": theirs},
         unit="step",
-        per_call=STEPS,
-        agreement=differ(run(100).q[-1], end, 1e-5),
+        per_call=number,
+        agreement=differ(run(50).q[-1], end, 1e-5),
         goal=2,
         clocked=frozenset({"pgraph"}),
     )
