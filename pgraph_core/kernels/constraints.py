@@ -42,6 +42,9 @@ from .vec import (
 RHS, LAMBDA, CHANGE, DINV, STEP, ZERO = 0, 1, 2, 3, 4, 5  # rows of `vectors`
 PROXIMAL = 1e-10  # μ relative to the mean diagonal of Ω
 REFINEMENTS = 12
+NO_GAP = 1e-14  # relative to the mechanism's size: rounding
+CLOSED = 1e-7  # relative to it: a loop with a larger gap after all rounds is open
+SMALL_MOVE = 1e-10  # rad, m: below it one factorisation serves position and velocity
 
 
 @part
@@ -398,10 +401,24 @@ def largest(x, m):
 
 
 @part
+def extent(rows, cons_f, work):
+    """Size of the mechanism's coordinates [m]: what rounding of positions is relative to."""
+    size = 0.0
+    for k in range(1, rows.shape[0]):
+        for n in range(3):
+            size = max(size, abs(work[k, at.X + n]))
+    for i in range(cons_f.shape[0]):
+        for n in range(6):
+            size = max(size, abs(cons_f[i, n]))
+    return size
+
+
+@part
 def project(rows, const, tables, work, space, q, v, rounds):
     """Move q and v onto the constraints in the mass metric; rounds taken, -1 where it fails.
 
-    Both corrections use one factorisation; it is made anew while positions move notably.
+    Both corrections use one factorisation; it is made anew while positions move notably. Next to
+    a singular position rounding alone moves them: a gap that is rounding is none.
     """
     cons_i, cons_f, active = tables
     vectors = space[3]
@@ -409,7 +426,9 @@ def project(rows, const, tables, work, space, q, v, rounds):
     zero = vectors[ZERO]
     for j in range(v.shape[0]):
         zero[j] = 0.0
-    for turn in range(rounds):
+    gap = 0.0
+    size = 1.0
+    for round_taken in range(1, rounds + 1):
         outboard(rows, const, work, q, v)
         inboard(rows, const, work, zero)
         positions(rows, work)
@@ -420,12 +439,14 @@ def project(rows, const, tables, work, space, q, v, rounds):
             v[j] += vectors[STEP, j]
         residual(cons_i, cons_f, active, work, vectors[RHS])
         gap = largest(vectors[RHS], m)
+        size = extent(rows, cons_f, work)
+        if gap <= NO_GAP * size:
+            return round_taken
         correct(rows, const, work, space, mu, m)
         advance(rows, q, vectors[STEP], 1.0)
-        moved = largest(vectors[STEP], v.shape[0])
-        if moved < 1e-10:
-            return turn + 1 if gap < 1e-6 else -1
-    return -1
+        if largest(vectors[STEP], v.shape[0]) < SMALL_MOVE:
+            break
+    return round_taken if gap <= CLOSED * size else -1
 
 
 @part
