@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 import pgraph_core as pg
 import static_models
 from pgraph_core.operators import Operators, constrained_dynamics
 from pgraph_core.operators.constrained import active_constraints, constraint_rows, delassus
 
-from .trees import moved, scaled_error
+from .trees import moved, random_case, scaled_error
 
 FEET = ("left_front_paw", "right_front_paw", "left_hind_paw", "right_hind_paw")
 WEIGHT = 323.73  # N, of 33 kg
@@ -106,6 +108,44 @@ def test_forces_are_those_of_least_norm(quadruped):
     again, force = twice.constrained_dynamics(q, v, tau)
     assert scaled_error(again, vdot) < 1e-9
     np.testing.assert_allclose(force["twin"], force[feet[0].name], atol=1e-5)
+
+
+def with_random_constraints(s, rng):
+    """One to three points of a random model tied to other bodies or to the ground."""
+    names = [*s.topology.names, "ground"]
+    count = int(rng.integers(1, 4))
+    constraints = []
+    for i in range(count):
+        body, other = rng.choice(len(names) - 1), rng.choice(len(names))
+        if body == other:
+            other = len(names) - 1
+        points = {"point": tuple(rng.normal(size=3))}
+        if rng.random() < 0.7:
+            points["other_point"] = tuple(rng.normal(size=3))
+        constraints.append(
+            pg.Constraint(name=f"c{i}", body=names[body], other=names[other], **points)
+        )
+    return s.model.replace(constraints=tuple(constraints))
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=200)
+def test_points_of_any_tree_equal_the_dense_pseudo_inverse(seed):
+    """All joint kinds, welded bodies and several trees; where Ω's rank is beyond doubt."""
+    s = random_case(seed, most=8)
+    model = with_random_constraints(s, np.random.default_rng(seed))
+    op = operators_at(model, s.q, s.v)
+    J, _ = constraint_rows(op, active_constraints(op))
+    v = s.v - np.linalg.pinv(J, rcond=1e-10) @ (J @ s.v)  # so that the rows do not contradict
+    op = operators_at(model, s.q, v)
+    sizes = np.linalg.svd(delassus(op, J))[1] if op.nv else np.zeros(1)
+    assume(sizes[0] > 1e-6)
+    assume(not any(1e-13 < x < 1e-4 for x in sizes / sizes[0]))
+    vdot, force = pg.Mechanism(model).constrained_dynamics(s.q, v, s.tau)
+    expected, forces = constrained_dynamics(op, s.tau)
+    assert scaled_error(vdot, expected) < 1e-8
+    for name in forces:
+        assert scaled_error(force[name], forces[name]) < 1e-6
 
 
 L, M_CRANK, M_COUPLER, G = 0.5, 0.8, 1.7, 9.81
