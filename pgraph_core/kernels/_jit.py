@@ -17,7 +17,9 @@ from typing import Any
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 
+# No reference counting: kernels allocate nothing, and its atomic counts take half of their time.
 OPTIONS: dict[str, Any] = {"_nrt": False, "fastmath": {"contract"}, "error_model": "numpy"}
+PART: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, **OPTIONS}
 HERE = Path(__file__).parent
 JIT = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
 
@@ -75,14 +77,13 @@ class _Cache(FunctionCache):
 
 
 def part(function: Callable[..., Any]) -> Any:
-    """A helper that only kernels call: no wrappers, so that it compiles twice as fast."""
-    options: dict[str, Any] = {
-        "no_cpython_wrapper": True,
-        "no_cfunc_wrapper": True,
-        "forceinline": True,
-        **OPTIONS,
-    }
-    return numba.njit(**options)(function)
+    """A small helper, always inlined; no wrappers, so that it compiles twice as fast."""
+    return numba.njit(**PART, forceinline=True)(function)
+
+
+def sweep(function: Callable[..., Any]) -> Any:
+    """A helper that loops over rows: called, so that a kernel holds its code only once."""
+    return numba.njit(**PART)(function)
 
 
 def kernel(signature: str, *, nogil: bool = False) -> Callable[[Callable[..., Any]], Any]:

@@ -1,7 +1,7 @@
 """What users ask about bodies, welded ones too: poses, velocities, accelerations, joint forces."""
 
 from . import layout as at
-from ._jit import kernel, part
+from ._jit import kernel, part, sweep
 from .dynamics import outboard
 from .kinematics import accelerate, linear_velocity, positions
 from .vec import (
@@ -124,7 +124,7 @@ def load_body(work, bodies_i, bodies_f, b, acceleration, external, force):
     store(force, b - 1, 3, sub(pull, load(external, b - 1, 3)))
 
 
-@part
+@sweep
 def gather(bodies_i, position, force):
     """F_p += φᵀ F, eq. (12), tips to root: the full force in every joint (checklist B18)."""
     for b in range(bodies_i.shape[0] - 1, 0, -1):

@@ -12,7 +12,7 @@ A point constraint has three rows, in world axes; λ is the force on `body` at i
 import math
 
 from . import layout as at
-from ._jit import part
+from ._jit import part, sweep
 from .dynamics import (
     backward3,
     backward6,
@@ -53,7 +53,7 @@ def offset_of(cons_f, work, i, side, k):
     return mul(load9(work, k, at.R), load(cons_f, i, 3 * side))
 
 
-@part
+@sweep
 def residual(cons_i, cons_f, active, work, out):
     """Position of `body`'s point from `other`'s, world axes [m], after `positions`."""
     for n in range(active.shape[0]):
@@ -82,7 +82,7 @@ def point_velocity(rows, const, work, v, k, offset):
     return velocity
 
 
-@part
+@sweep
 def residual_velocity(rows, const, cons_i, cons_f, active, work, v, out):
     """J v of the active constraints."""
     for n in range(active.shape[0]):
@@ -102,7 +102,7 @@ def point_acceleration(work, k, r):
     return add(linear, cross(w, cross(w, r)))
 
 
-@part
+@sweep
 def residual_acceleration(cons_i, cons_f, active, work, out):
     """J v' + J' v of the active constraints; gravity's offset cancels between the two points."""
     for n in range(active.shape[0]):
@@ -122,7 +122,7 @@ def unit_response(rows, work, k, offset, sign, y, row):
         carry(rows, work, k, cross(offset, force), force, y, row + c)
 
 
-@part
+@sweep
 def carry(rows, work, k, moment, force, y, row):
     """Take a wrench at row k's origin to the ground, leaving its share in each joint in Y."""
     while k > 0:
@@ -170,7 +170,7 @@ def carry_free(work, k, moment, force, y, row, i):
     y[row, i + 5] += y5
 
 
-@part
+@sweep
 def pivots(rows, work, dinv):
     """1/d of every degree of freedom: the diagonal between Y and Yᵀ."""
     for k in range(1, rows.shape[0]):
@@ -186,7 +186,7 @@ def pivots(rows, work, dinv):
                 dinv[i + n] = work[k, at.IA + n * (n + 1) // 2 + n]
 
 
-@part
+@sweep
 def delassus(rows, cons_i, cons_f, active, work, space):
     """Y and Ω of the active constraints from the articulated factors, Ω's proximal factor; μ."""
     y, omega, factor, vectors = space
@@ -216,7 +216,7 @@ def delassus(rows, cons_i, cons_f, active, work, space):
     return factor_proximal(omega, factor, m)
 
 
-@part
+@sweep
 def factor_proximal(omega, factor, m):
     """Cholesky factor of Ω + μI, its diagonal inverted; μ."""
     trace = 0.0
@@ -236,7 +236,7 @@ def factor_proximal(omega, factor, m):
     return mu
 
 
-@part
+@sweep
 def solve_factor(factor, x, m):
     """(Ω + μI)⁻¹ x in place; the largest magnitude of the result."""
     size = 0.0
@@ -254,7 +254,7 @@ def solve_factor(factor, x, m):
     return size
 
 
-@part
+@sweep
 def drop_null(factor, mu, x, y, m):
     """Take off x what lies in the null space of Ω: (μ (Ω + μI)⁻¹)³ x.
 
@@ -271,7 +271,7 @@ def drop_null(factor, mu, x, y, m):
         x[r] -= y[r]
 
 
-@part
+@sweep
 def solve_proximal(space, mu, m):
     """λ of least norm with Ω λ = RHS, by refinement of the proximal solve; iterations taken."""
     y, omega, factor, vectors = space
@@ -304,7 +304,7 @@ def solve_proximal(space, mu, m):
     return taken
 
 
-@part
+@sweep
 def spread(rows, const, work, space, m, step):
     """M⁻¹ Jᵀ λ into `step`: the response of all joints to the multipliers. Overwrites P."""
     y, omega, factor, vectors = space
@@ -352,7 +352,7 @@ def spread(rows, const, work, space, m, step):
         store(work, k, at.P + 3, linear)
 
 
-@part
+@sweep
 def impose(rows, const, tables, work, space, gains, v, vdot):
     """Add M⁻¹ Jᵀ λ to v' so that J v' + J' v = 0, eqs. (27)-(29); λ is left in `vectors`.
 
@@ -375,7 +375,7 @@ def impose(rows, const, tables, work, space, gains, v, vdot):
     return iterations
 
 
-@part
+@sweep
 def stabilise(rows, const, tables, work, space, gains, v):
     """Baumgarte's 2α J v + α² g on top of J v' + J' v."""
     cons_i, cons_f, active = tables
@@ -400,7 +400,7 @@ def largest(x, m):
     return size
 
 
-@part
+@sweep
 def extent(rows, cons_f, work):
     """Size of the mechanism's coordinates [m]: what rounding of positions is relative to."""
     size = 0.0
@@ -413,7 +413,7 @@ def extent(rows, cons_f, work):
     return size
 
 
-@part
+@sweep
 def project(rows, const, tables, work, space, q, v, rounds):
     """Move q and v onto the constraints in the mass metric; rounds taken, -1 where it fails.
 
@@ -459,7 +459,7 @@ def correct(rows, const, work, space, mu, m):
     spread(rows, const, work, space, m, vectors[STEP])
 
 
-@part
+@sweep
 def advance(rows, q, v, h):
     """q moved along v for the time h; quaternions by the exponential of the rotation h ω."""
     for k in range(1, rows.shape[0]):

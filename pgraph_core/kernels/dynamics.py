@@ -5,7 +5,7 @@ origins, where the paper's φ is a pure shift and a and b are those of eqs. (9) 
 """
 
 from . import layout as at
-from ._jit import kernel, part
+from ._jit import kernel, part, sweep
 from .kinematics import (
     accelerate,
     base_axes,
@@ -34,7 +34,7 @@ from .vec import (
 EPS16 = 16 * 2.220446049250313e-16
 
 
-@part
+@sweep
 def apply_external(bodies_i, bodies_f, external, work):
     """Take wrenches [torque, force] on the bodies, world axes at their origins, off P."""
     for b in range(external.shape[0]):
@@ -293,7 +293,7 @@ def diagonal6(work, k, at_x):
         work[k, at_x + r] *= work[k, at.IA + r * (r + 1) // 2 + r]
 
 
-@part
+@sweep
 def inboard(rows, const, work, tau):
     """Second sweep, tips to root: articulated inertias and bias forces."""
     for k in range(rows.shape[0] - 1, 0, -1):
@@ -306,7 +306,7 @@ def inboard(rows, const, work, tau):
             reduce_free(rows, const, work, k, tau)
 
 
-@part
+@sweep
 def joint_acceleration(rows, const, work, vdot):
     """Third sweep, root to tips: v' of every row, and V' into P."""
     for k in range(1, rows.shape[0]):
@@ -393,7 +393,7 @@ def vanishes(size, inverse):
     return not (EPS16 * size * inverse < 1.0 and inverse > 0.0)
 
 
-@part
+@sweep
 def singular_row(rows, work):
     """First row whose motion sees no inertia, to rounding; 0 if there is none."""
     for k in range(1, rows.shape[0]):
@@ -447,7 +447,7 @@ def forward_dynamics_external(rows, const, bodies_i, bodies_f, q, v, tau, extern
     return 0 if finite(vdot) else -1
 
 
-@part
+@sweep
 def newton_euler(rows, const, v, vdot, work, tau):
     """τ = Hᵀ F with F = φᵀ F_child + M V' + b, eqs. (12), (23), after `outboard` left b in P."""
     n = rows.shape[0]

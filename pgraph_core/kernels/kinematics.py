@@ -3,7 +3,7 @@
 import math
 
 from . import layout as at
-from ._jit import part
+from ._jit import part, sweep
 from .vec import (
     about_origin,
     add,
@@ -132,7 +132,7 @@ def angles(rows, work, q):
             work[k, at.UU + 1] = math.cos(angle)
 
 
-@part
+@sweep
 def outboard(rows, const, work, q, v):
     """First sweep, root to tips: frames, velocities, a, b and rigid inertias of all rows."""
     set_ground(const, work)
@@ -203,7 +203,7 @@ def load_inertia(work, k):
     return j, b, m
 
 
-@part
+@sweep
 def positions(rows, work):
     """Origins of all rows in the world, from the link vectors of `outboard`."""
     for k in range(1, rows.shape[0]):
@@ -211,7 +211,7 @@ def positions(rows, work):
         store(work, k, at.X, add(load(work, p, at.X), load(work, k, at.L)))
 
 
-@part
+@sweep
 def accelerate(rows, const, work, v, vdot):
     """V'_k = φ V'_p + H v' + a_k of all rows, eq. (8), into P; V'_0 = [0; -g]."""
     for k in range(1, rows.shape[0]):
@@ -272,7 +272,7 @@ def joint_force(rows, const, work, k, force, moment, out):
             out[j + 5] = x[2]
 
 
-@part
+@sweep
 def kinetic_and_potential(rows, const, work, v):
     """(T, V) [J] of all bodies after `outboard`, V = -Σ m g · x_c; origins go into X.
 

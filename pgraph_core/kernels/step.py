@@ -5,7 +5,7 @@ are data: an explicit Runge-Kutta tableau (a, b, c), or an empty one for semi-im
 """
 
 from . import layout as at
-from ._jit import kernel, part
+from ._jit import kernel, part, sweep
 from .constraints import (
     CHANGE,
     LAMBDA,
@@ -29,7 +29,7 @@ F1 = "f8[::1]"
 STEP_ROUNDS = 10  # of projection a step: one is the rule
 
 
-@part
+@sweep
 def lookup(knots, first, count, t):
     """Value of a table at time t: straight lines between knots, constant outside them."""
     if t <= knots[first, 0]:
@@ -41,7 +41,7 @@ def lookup(knots, first, count, t):
     return knots[first + count - 1, 1]
 
 
-@part
+@sweep
 def drive(drives, t, q, v, given, tau):
     """τ of all drives and the given torques into `tau`; (power put in, power dissipated) [W]."""
     table, knots, passive = drives
@@ -73,7 +73,7 @@ def drive(drives, t, q, v, given, tau):
     return put_in, dissipated
 
 
-@part
+@sweep
 def elastic(drives, q):
     """Energy of the joints' springs [J]."""
     table, knots, passive = drives
@@ -86,7 +86,7 @@ def elastic(drives, q):
     return energy
 
 
-@part
+@sweep
 def acceleration(rows, const, drives, tables, work, space, gains, t, q, v, given, tau, vdot):
     """v' of the driven, constrained system; (power put in, power dissipated, iterations)."""
     put_in, dissipated = drive(drives, t, q, v, given, tau)
@@ -97,7 +97,7 @@ def acceleration(rows, const, drives, tables, work, space, gains, t, q, v, given
     return put_in, dissipated, iterations
 
 
-@part
+@sweep
 def rate(rows, q, v, out):
     """q' for given v: quaternions by half ω times q, ω in the parent's axes."""
     for k in range(1, rows.shape[0]):
@@ -119,7 +119,7 @@ def rate(rows, q, v, out):
         out[i + 3] = z * w + x * b - y * a
 
 
-@part
+@sweep
 def normalise_all(rows, q):
     """Every quaternion at length one."""
     for k in range(1, rows.shape[0]):
@@ -129,7 +129,7 @@ def normalise_all(rows, q):
             normalise(q, rows[k, at.QI] + 3)
 
 
-@part
+@sweep
 def runge_kutta(
     rows, const, drives, tables, work, space, gains, tableau, t, h, q, v, given, stages, ledger
 ):
@@ -186,7 +186,7 @@ def runge_kutta(
     return total
 
 
-@part
+@sweep
 def semi_implicit(
     rows, const, drives, tables, work, space, gains, t, h, q, v, given, stages, ledger
 ):
@@ -205,7 +205,7 @@ def semi_implicit(
     return iterations
 
 
-@part
+@sweep
 def finish(rows, const, tables, work, space, stabilised, q, v, counters):
     """What ends a step: still finite, and moved back onto the constraints; a status code."""
     if not finite(v):
@@ -220,7 +220,7 @@ def finish(rows, const, tables, work, space, stabilised, q, v, counters):
     return at.DONE
 
 
-@part
+@sweep
 def record(rows, const, drives, tables, work, space, gains, t, q, v, given, ledger, i, out):
     """Frame i of the result: state, v', multipliers, energies, ledger, constraint residuals."""
     qs, vs, vdots, lams, energies, drifts = out
@@ -362,7 +362,7 @@ def fail(failure, t, row, frame):
     failure[2] = frame
 
 
-@part
+@sweep
 def fastest_row(rows, v):
     """Row of the largest joint velocity."""
     best = 0.0
