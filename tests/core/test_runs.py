@@ -84,6 +84,26 @@ def test_loops_hold_whatever_stabilises_them(stabilise):
     np.testing.assert_allclose(run.q[:, 0], -run.q[:, 1], atol=1e-6)
 
 
+@pytest.mark.parametrize("seed", [1, 5, 17, 24])
+def test_loops_of_any_joints_keep_their_energy_and_close(seed):
+    """From rest, one point held where it is; and a Python torque of zero changes nothing."""
+    s = random_case(seed, most=6, kinds=("revolute", "spherical", "prismatic", "free"))
+    point = pg.Constraint(name="held", body=s.topology.names[-1], point=(0.1, 0.2, -0.1))
+    model, start = s.model, 0
+    for name in s.topology.names:
+        size = len(model.body(name).q)
+        model = model.edit(name, q=tuple(s.q[start : start + size]))
+        start += size
+    mech = pg.Mechanism(model.replace(constraints=(point,)))
+    options = {"t_end": 0.2, "method": "rk4", "step": 1e-3}
+    run = pg.simulate(mech, **options)
+    assert run.status.ok
+    assert run.energy_drift < 1e-9
+    assert run.constraint_drift.max() < 1e-12
+    python = pg.simulate(mech, tau=lambda t, q, v: np.zeros(mech.nv), **options)
+    np.testing.assert_allclose(python.q, run.q, rtol=0, atol=1e-12)
+
+
 # -- how runs end ------------------------------------------------------------------------------
 
 
