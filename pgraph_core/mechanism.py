@@ -40,6 +40,7 @@ class Mechanism:
         self._work = np.zeros((len(self.system.rows), at.WORK))
         self._rows, self._const = self.tree
         self._nq, self._nv = (self.nq,), (self.nv,)
+        self._quaternion_rows = np.flatnonzero(self._rows[:, at.KIND] >= at.BALL).tolist()
         self._forward = ready(dynamics.forward_dynamics)
         self._springs = any(any(b.stiffness) or any(b.damping) for b in model.bodies)
 
@@ -90,7 +91,7 @@ class Mechanism:
     def _operators(self, q: Array) -> Any:
         from .operators import Operators
 
-        return Operators(self.model, self.topology, self.finite("q", q, self.nq))
+        return Operators(self.model, self.topology, self.position(q))
 
     # -- states and places ---------------------------------------------------------------------
 
@@ -109,13 +110,13 @@ class Mechanism:
     def poses(self, q: Array) -> tuple[Array, Array]:
         """((nb, 3) origins [m], (nb, 3, 3) rotations) of all body frames in the world."""
         position, rotation = np.empty((self.nb, 3)), np.empty((self.nb, 9))
-        q = self.finite("q", q, self.nq)
+        q = self.position(q)
         bodies.poses(*self.system[:4], q, self._zero, self._work, position, rotation)
         return position, rotation.reshape(self.nb, 3, 3)
 
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
         """(kinetic, potential) energy [J]; potential includes the joints' springs."""
-        q, v = self.finite("q", q, self.nq), self.finite("v", v, self.nv)
+        q, v = self.position(q), self.finite("v", v, self.nv)
         return step.energy(*self.tree, self.passive, q, v, self._work)
 
     # -- dynamics of the tree ------------------------------------------------------------------
@@ -123,7 +124,7 @@ class Mechanism:
     def mass_matrix(self, q: Array) -> Array:
         """M (nv, nv) of eq. (25), armature included."""
         m = np.zeros((self.nv, self.nv))
-        q = self.finite("q", q, self.nq)
+        q = self.position(q)
         dynamics.mass_matrix(*self.tree, q, self._zero, self._work, m)
         return m
 
@@ -207,14 +208,14 @@ class Mechanism:
     def jacobian(self, q: Array, name: str, point: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
         """J (6, nv), eq. (20): V of `point` (body axes) of a body is J v, world axes."""
         number = self.topology.number(name)
-        q = self.finite("q", q, self.nq)
+        q = self.position(q)
         return self._jacobian(q, number, self.finite("point", point, 3))
 
     def jacobian_bias(
         self, q: Array, v: Array, name: str, point: Sequence[float] = (0.0, 0.0, 0.0)
     ) -> Array:
         """J' v (6,): V' of `point` of a body is J v' + J' v (R6)."""
-        q, v = self.finite("q", q, self.nq), self.finite("v", v, self.nv)
+        q, v = self.position(q), self.finite("v", v, self.nv)
         row, place = self._row_point(name, point)
         bias = np.empty(6)
         dynamics.jacobian_bias(*self.tree, q, v, self._zero, row, place, self._work, bias)
@@ -222,7 +223,7 @@ class Mechanism:
 
     def tip_jacobian(self, q: Array) -> Array:
         """J (6 n_t, nv), eqs. (18)-(20), one block row a tip body, at the bodies' `tip` points."""
-        q = self.finite("q", q, self.nq)
+        q = self.position(q)
         blocks = [
             self._jacobian(q, int(tip), self.model.body(self.names[tip - 1]).tip_point)
             for tip in self.tips
@@ -320,13 +321,30 @@ class Mechanism:
             if flags.c_contiguous and flags.writeable:
                 return value
         try:
-            array = np.array(value, dtype=np.float64, order="C")
+            array = np.asarray(value)
+            if array.dtype.kind not in "fiu" and array.size:
+                raise TypeError
+            array = np.array(array, dtype=np.float64, order="C")
         except (TypeError, ValueError):
             raise InputError(Problem(name, "", f"must be numbers; given {value!r:.60}")) from None
         if array.shape != shape:
             text = f"must have shape {shape}; given {array.shape}"
             raise InputError(Problem(name, "", text))
         return array
+
+    def position(self, q: Any) -> Array:
+        """q, finite and with quaternions that have a direction; their length does not count.
+
+        Raises InputError.
+        """
+        q = self.finite("q", q, self.nq)
+        for k in self._quaternion_rows:
+            i = self._rows[k, at.QI] + (3 if self._rows[k, at.KIND] == at.FREE else 0)
+            length = float(np.linalg.norm(q[i : i + 4]))
+            if not 1e-3 < length < 1e3:
+                text = f"the quaternion [w, x, y, z] of '{self.body_of(k)}' at q[{i}] must have "
+                raise InputError(Problem("q", "", f"{text}length 1; its length is {length:.6g}"))
+        return q
 
     def finite(self, name: str, value: Any, *shape: int) -> Array:
         """As `check`, and every number finite. (Dynamics look only where a result is not.)"""
@@ -341,6 +359,7 @@ class Mechanism:
         """Raise what a kernel's status code means."""
         for name, value in given.items():
             self.finite(name, value, *value.shape)
+        self.position(given["q"])
         raise InputError(self.singular(code) if code > 0 else _overflow())
 
     def singular(self, row: int) -> Problem:

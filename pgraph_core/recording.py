@@ -139,22 +139,24 @@ class Recording:
         t, row = self.failure[0], int(self.failure[1])
         status = STATUS[code]
         body = self.mech.body_of(row)
-        step = float(np.max(self.plan.width))
+        step = float(np.max(self.plan.width, initial=0.0))
         advice = f"try a step below {step:.3g} s, or less stiffness and damping there"
         if status is Status.CANNOT_CLOSE:
             advice = "the mechanism may be torn or at a singular position"
         where = f"at t = {t:.6g} s; body '{body}' moved fastest"
         self._stop(status, f"{status.value} {where}; {advice}")
 
-    def result(self, estimate: float, timing: dict[str, float], header: dict[str, Any]) -> Result:
-        """What has been recorded, as a Result."""
-        q, v, vdot, lam, energy, drift = (a[: self.done] for a in self.out)
+    def result(
+        self, estimate: float, timing: dict[str, float], header: dict[str, Any], *, first: int = 0
+    ) -> Result:
+        """What has been recorded from frame `first` on, as a Result."""
+        q, v, vdot, lam, energy, drift = (a[first : self.done] for a in self.out)
         names = ("steps", "evaluations", "projections", "solver_iterations")
         return Result(
             mechanism=self.mech,
             status=self.status,
             message=self.message,
-            t=self.plan.times[: self.done],
+            t=self.plan.times[first : self.done],
             q=q,
             v=v,
             vdot=vdot,

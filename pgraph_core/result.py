@@ -83,7 +83,8 @@ class Result:
         """Largest |E - E0 - work + dissipation|, relative to the range of the energies."""
         if len(self.t) < 2:
             return 0.0
-        balance = self.energy - self.energy[0] - self.work + self.dissipation
+        ledger = self.energy - self.work + self.dissipation
+        balance = ledger - ledger[0]
         parts = (self.kinetic_energy, self.potential_energy, self.work, self.dissipation)
         scale = max(float(np.ptp(part)) for part in parts)
         scale = max(scale, float(np.max(self.kinetic_energy)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from importlib.metadata import version
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from .recording import Plan, Recording, error_estimate
 from .result import Result
 from .system import Array, Ints
 
+MOST_STEPS = 1e9  # a day of computing
 FRAMES = 1000  # recorded where nothing else is asked for: more are seldom looked at
 STABILISE = ("project", "baumgarte", None)
 VERSION = version("pgraph")
@@ -85,47 +87,58 @@ def simulate(
         "scenario": scenario,
         "method": chosen.name,
         "why": why,
-        "step": float(np.max(width)),
+        "step": float(np.max(width, initial=0.0)),
         "t_end": t_end,
         "stabilise": stabilise,
     }
-    return record.result(estimate, timing, header)
+    from_zero = t_eval is None or len(times) == np.size(t_eval)
+    return record.result(estimate, timing, header, first=0 if from_zero else 1)
 
 
-def schedule(t_end: float, step: float, frames: int | None, t_eval: Any) -> Any:
-    """(times, substeps, width): when to record, and how many steps of what width in between."""
+def schedule(t_end: float, step: float, frames: Any, t_eval: Any) -> tuple[Array, Ints, Array]:
+    """(times, substeps, width): when to record, and how many steps of what width in between.
+
+    `times` begins at 0; where `t_eval` does not, the first frame is not for the caller.
+    """
     if frames is not None and t_eval is not None:
         raise InputError(Problem("simulate", "frames", "give frames or t_eval, not both"))
+    if t_end / step > MOST_STEPS:
+        text = f"{step:g} s makes {t_end / step:.3g} steps; give {t_end / MOST_STEPS:g} s or more"
+        raise InputError(Problem("simulate", "step", text))
     if t_eval is not None:
         times = _grid(t_eval, t_end)
     else:
         steps = max(int(np.ceil(t_end / step - 1e-9)), 1)
         if frames is None:
-            frames = steps // -(-steps // FRAMES) + 1 if steps > FRAMES else steps + 1
-        if not isinstance(frames, int) or isinstance(frames, bool) or frames < 2:
+            frames = steps // -(-steps // FRAMES) + 1
+        if not isinstance(frames, Integral) or isinstance(frames, bool) or frames < 2:
             text = f"must be a whole number >= 2; given {frames!r}"
             raise InputError(Problem("simulate", "frames", text))
-        times = np.linspace(0.0, t_end, frames)
+        times = np.linspace(0.0, t_end, int(frames))
     apart = np.diff(times)
     substeps = np.maximum(np.ceil(apart / step - 1e-9), 1).astype(np.int64)
     return times, substeps, apart / substeps
 
 
 def _grid(t_eval: Any, t_end: float) -> Array:
-    times = np.array(t_eval, dtype=float)
+    try:
+        times = np.array(t_eval, dtype=float)
+    except (TypeError, ValueError):
+        times = np.array(np.nan)
     if times.ndim != 1 or len(times) == 0 or not np.isfinite(times).all():
         raise InputError(Problem("simulate", "t_eval", "must be a list of finite times [s]"))
     if np.any(np.diff(times) <= 0) or times[0] < 0 or times[-1] > t_end * (1 + 1e-12):
-        text = f"must ascend from 0 to t_end = {t_end:g} s at most"
+        text = f"must ascend within 0 to t_end = {t_end:g} s"
         raise InputError(Problem("simulate", "t_eval", text))
     return times if times[0] == 0 else np.concatenate(([0.0], times))
 
 
 def _positive(field: str, value: Any) -> float:
-    if not isinstance(value, int | float) or not 0 < value < np.inf:
+    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else np.nan
+    if not 0 < number < np.inf:
         text = f"must be a finite number > 0 [s]; given {value!r}"
         raise InputError(Problem("simulate", field, text))
-    return float(value)
+    return number
 
 
 def _gains(step: float) -> Array:
@@ -153,6 +166,6 @@ def _start(mech: Mechanism, given: Any, q: Any, v: Any) -> tuple[Array, Array]:
                 row = int(np.flatnonzero(mech.system.body_of_row == number)[0])
                 first = mech.system.rows[row, column]
                 state[first : first + len(values)] = values
-    q0 = q0 if q is None else mech.finite("q", q, mech.nq).copy()
+    q0 = q0 if q is None else mech.position(q).copy()
     v0 = v0 if v is None else mech.finite("v", v, mech.nv).copy()
     return q0, v0

@@ -428,6 +428,7 @@ def project(rows, const, tables, work, space, q, v, rounds):
         zero[j] = 0.0
     gap = 0.0
     size = 1.0
+    round_taken = 0
     for round_taken in range(1, rounds + 1):
         outboard(rows, const, work, q, v)
         inboard(rows, const, work, zero)
