@@ -163,13 +163,22 @@ def test_a_body_that_turns_over_about_its_middle_axis():
     assert worst(omega, reference["omega_body"]) < 1e-5
 
 
-def test_chain_of_ten_links():
+@pytest.mark.parametrize(
+    ("n", "step", "tolerance"),
+    [
+        (10, 2.5e-4, 1e-9),
+        (100, 2.5e-4, 1e-9),
+        pytest.param(1000, 1e-4, 1e-8, marks=pytest.mark.nightly),
+    ],
+)
+def test_chain(n, step, tolerance):
     t, reference = case("chain_n_links")
-    bodies = [mass("1", m=0.1, length=0.1)]
-    bodies += [mass(str(i), str(i - 1), m=0.1, length=0.1, above=0.1) for i in range(2, 11)]
-    done = run(pg.Model(bodies=tuple(bodies), **DOWN), t, np.pi / 4 * np.eye(10)[0], step=2.5e-4)
-    tip = place(done, "10", (0, -0.1, 0))[:, :2]
-    assert worst(tip, reference["10"]["tip_xy"]) < 1e-7
+    link = {"m": 1 / n, "length": 1 / n}
+    bodies = [mass("1", **link)]
+    bodies += [mass(str(i), str(i - 1), above=1 / n, **link) for i in range(2, n + 1)]
+    done = run(pg.Model(bodies=tuple(bodies), **DOWN), t, np.pi / 4 * np.eye(n)[0], step=step)
+    tip = place(done, str(n), (0, -1 / n, 0))[:, :2]
+    assert worst(tip, reference[str(n)]["tip_xy"]) < tolerance
 
 
 def test_slider_crank():
