@@ -23,24 +23,46 @@ class CallbackStepper:
         """A stepper that writes into the arrays of a recording."""
         self.record, self.function = record, function
 
-    def frames(self, begin: int, end: int) -> int:
-        """Run frames `begin` to `end` - 1; a status code, as the kernel's."""
-        record, plan = self.record, self.record.plan
-        for i in range(begin, end):
-            for n in range(plan.substeps[i - 1] if i else 0):
-                h = float(plan.width[i - 1])
-                t = float(plan.times[i - 1]) + n * h
-                fastest = int(np.argmax(np.abs(record.v)))
-                code = self._step(t, h)
-                if code != at.DONE:
-                    record.failure[:] = t, record.mech.row_of_velocity(fastest), i
-                    return code
-            t = float(plan.times[i])
-            kernels.record_frame(
-                *record.arguments(), t, record.q, record.v, self._torque(t, record.q, record.v),
-                record.ledger, i, record.out,
-            )  # fmt: skip
-        return at.DONE
+    def advance(self, budget: int) -> int:
+        """At most `budget` steps and frames on; a status code, as the kernel's."""
+        record = self.record
+        for _ in range(budget):
+            i, taken = record.cursor.tolist()
+            if i == len(record.times):
+                return at.DONE
+            if i == 0 or taken == record.plan.substeps[i - 1]:
+                if not self._record(i, float(record.times[i])):
+                    return self._fail(at.NOT_FINITE, float(record.times[i]))
+                record.cursor[at.TAKEN] = 0
+                continue
+            h = float(record.plan.width[i - 1])
+            t = float(record.times[i - 1]) + taken * h
+            before = record.q.copy(), record.v.copy()
+            code = self._step(t, h)
+            if code != at.DONE:
+                record.q[:], record.v[:] = before
+                if taken > 0:
+                    record.times[i] = t
+                    self._record(i, t)
+                return self._fail(code, t)
+            record.cursor[at.TAKEN] = taken + 1
+        return at.DONE if record.done == len(record.times) else at.RUNNING
+
+    def _record(self, i: int, t: float) -> bool:
+        """Frame i from the present state; whether it is finite."""
+        record = self.record
+        kernels.record_frame(
+            *record.arguments(), t, record.q, record.v, self._torque(t, record.q, record.v),
+            record.ledger, i, record.out,
+        )  # fmt: skip
+        good = bool(np.isfinite(record.out[2][i]).all() and np.isfinite(record.out[4][i]).all())
+        record.cursor[at.FRAME] = i + good
+        return good
+
+    def _fail(self, code: int, t: float) -> int:
+        fastest = int(np.argmax(np.abs(self.record.v)))
+        self.record.failure[:] = t, self.record.mech.row_of_velocity(fastest)
+        return code
 
     def _step(self, t: float, h: float) -> int:
         """One step of the method; a status code."""

@@ -58,9 +58,10 @@ class Recording:
         self.work = np.zeros((len(mech.system.rows), at.WORK))
         self.space = mech.space(active)
         self.stages = np.zeros((2 * plan.method.evaluations, max(mech.nq, mech.nv)))
-        self.ledger, self.failure = np.zeros(2), np.zeros(3)
+        self.ledger, self.failure = np.zeros(2), np.zeros(2)
+        self.times = plan.times.copy()  # where a run fails, its last frame gets another time
+        self.cursor = np.zeros(2, dtype=np.int64)
         self.counters = np.zeros(4, dtype=np.int64)
-        self.done = 0  # frames recorded
         self.status, self.message = Status.DONE, Status.DONE.value
         self.notices: list[str] = []
 
@@ -68,19 +69,33 @@ class Recording:
         """All frames, or as many as there are before it fails or is cancelled."""
         if not self._begin():
             return
-        n = len(self.plan.times)
-        size = 1
-        while self.done < n:
+        budget = 1
+        while True:
             began = time.perf_counter()
-            code = self._frames(self.done, min(self.done + size, n))
-            if code != at.DONE:
+            code = self._advance(budget)
+            if code == at.DONE:
+                return
+            if code != at.RUNNING:
                 self._fail(code)
                 return
-            size = max(1, int(size * min(4.0, CHUNK / (time.perf_counter() - began))))
-            if progress is not None and progress(self.done / n) is False:
-                self.status = Status.CANCELLED
-                self.message = f"cancelled at t = {self.plan.times[self.done - 1]:.6g} s"
+            faster = CHUNK / (time.perf_counter() - began)
+            budget = max(1, int(budget * min(4.0, faster)))
+            if progress is not None and _stops(progress(self._fraction())):
+                t = self.times[self.done - 1]
+                self._stop(Status.CANCELLED, f"{Status.CANCELLED.value}; kept up to t = {t:.6g} s")
                 return
+
+    @property
+    def done(self) -> int:
+        """Number of frames recorded."""
+        return int(self.cursor[at.FRAME])
+
+    def _fraction(self) -> float:
+        """How much of the run is done, 0 to 1."""
+        frame, taken = self.cursor.tolist()
+        last = len(self.times) - 1
+        part = taken / self.plan.substeps[frame - 1] if 0 < frame <= last else 0.0
+        return float(min(1.0, max(0.0, frame - 1 + part) / max(last, 1)))
 
     def _begin(self) -> bool:
         """Whether the run can start: no joint without inertia, constraints that can be met."""
@@ -115,20 +130,18 @@ class Recording:
     def _stop(self, status: Status, message: str) -> None:
         self.status, self.message = status, message
 
-    def _frames(self, begin: int, end: int) -> int:
-        """Run frames `begin` to `end` - 1; the kernel's status code."""
+    def _advance(self, budget: int) -> int:
+        """At most `budget` steps and frames on; the kernel's status code."""
         if self.callback is not None:
-            code = CallbackStepper(self, self.callback).frames(begin, end)
-        else:
-            code = kernels.run(
-                *self.arguments(),
-                (self.plan.method.a, self.plan.method.b, self.plan.method.c),
-                (self.plan.times, self.plan.substeps, self.plan.width),
-                begin, end, self.plan.project, self.q, self.v, self.given,
-                self.stages, self.ledger, self.counters, self.failure, self.out,
-            )  # fmt: skip
-        self.done = end if code == at.DONE else int(self.failure[2])
-        return code
+            return CallbackStepper(self, self.callback).advance(budget)
+        method, plan = self.plan.method, self.plan
+        return kernels.run(
+            *self.arguments(),
+            (method.a, method.b, method.c),
+            (self.times, plan.substeps, plan.width),
+            self.cursor, budget, plan.project, self.q, self.v, self.given,
+            self.stages, self.ledger, self.counters, self.failure, self.out,
+        )  # fmt: skip
 
     def arguments(self) -> tuple[Any, ...]:
         """What every stepping kernel takes first."""
@@ -156,7 +169,7 @@ class Recording:
             mechanism=self.mech,
             status=self.status,
             message=self.message,
-            t=self.plan.times[first : self.done],
+            t=self.times[first : self.done],
             q=q,
             v=v,
             vdot=vdot,
@@ -173,6 +186,11 @@ class Recording:
             left_out=left_out(self.mech, self.plan),
             notices=tuple(self.notices),
         )
+
+
+def _stops(answer: Any) -> bool:
+    """Whether what `progress` returned ends the run: False or its like, but not None."""
+    return answer is not None and not answer
 
 
 def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) -> float:
@@ -195,7 +213,7 @@ def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) ->
         v,
         record.given,
     )
-    coarse.run(progress and (lambda fraction: progress(1.0)))
+    coarse.run(progress and (lambda _: progress(1.0)))
     if not coarse.status.ok:
         return float("nan")
     ratio = float(np.max(coarse.plan.width) / np.max(plan.width))

@@ -73,5 +73,8 @@ WORK_DONE, DISSIPATED = 0, 1
 # counters: int64 (4,)
 N_STEP, N_EVAL, N_PROJECT, N_ITERATE = 0, 1, 2, 3
 
-# status codes of kernels
-DONE, NOT_FINITE, SINGULAR, NOT_CONVERGED = 0, 1, 2, 3
+# cursor: int64 (2,): the frame under way and the steps taken towards it
+FRAME, TAKEN = 0, 1
+
+# status codes of a run
+DONE, NOT_FINITE, NOT_CONVERGED, RUNNING = 0, 1, 2, 3

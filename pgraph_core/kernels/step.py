@@ -133,7 +133,7 @@ def normalise_all(rows, q):
 def runge_kutta(
     rows, const, drives, tables, work, space, gains, tableau, t, h, q, v, given, stages, ledger
 ):
-    """One explicit Runge-Kutta step of (q, v) and of the work ledger; iterations taken."""
+    """One explicit Runge-Kutta step from the kept (q, v), and of the ledger; iterations taken."""
     a, b, c = tableau
     nq = q.shape[0]
     nv = v.shape[0]
@@ -142,10 +142,6 @@ def runge_kutta(
     q0 = vectors[0, :nq]
     v0 = vectors[1, :nv]
     tau = vectors[2, :nv]
-    for i in range(nq):
-        q0[i] = q[i]
-    for j in range(nv):
-        v0[j] = v[j]
     total = 0
     for n in range(s):
         for r in range(n):
@@ -263,103 +259,95 @@ def record(rows, const, drives, tables, work, space, gains, t, q, v, given, ledg
 
 @kernel(
     f"i8({TREE},{DRIVES},{TABLES},f8[:,::1],{SPACE},{F1},Tuple((f8[:,::1],{F1},{F1})),"
-    f"Tuple(({F1},i8[::1],{F1})),i8,i8,b1,{F1},{F1},{F1},f8[:,::1],{F1},i8[::1],{F1},"
+    f"Tuple(({F1},i8[::1],{F1})),i8[::1],i8,b1,{F1},{F1},{F1},f8[:,::1],{F1},i8[::1],{F1},"
     "UniTuple(f8[:,::1],6))",
     nogil=True,
 )
 def run(
-    rows,
-    const,
-    drives,
-    tables,
-    work,
-    space,
-    gains,
-    tableau,
-    schedule,
-    begin,
-    end,
-    stabilised,
-    q,
-    v,
-    given,
-    stages,
-    ledger,
-    counters,
-    failure,
-    out,
-):
-    """Frames `begin` to `end` - 1; frame 0 is the state as given. Returns a status code.
+    rows, const, drives, tables, work, space, gains, tableau, schedule, cursor, budget,
+    stabilised, q, v, given, stages, ledger, counters, failure, out,
+):  # fmt: skip
+    """At most `budget` steps and frames on from `cursor`; a status code, RUNNING if not over.
 
-    Where it fails, `failure` gets the time, the row that moved fastest, and the frame to be.
+    Frame 0 is the state as given. Where a step fails, the state before it becomes the last
+    frame, and `failure` gets its time and the row that moved fastest.
     """
     times, substeps, width = schedule
-    nv = v.shape[0]
-    for i in range(begin, end):
-        if i > 0:
-            for n in range(substeps[i - 1]):
-                h = width[i - 1]
-                t = times[i - 1] + n * h
-                before = space[4][1]
-                for j in range(nv):
-                    before[j] = v[j]
-                if tableau[1].shape[0] == 0:
-                    iterations = semi_implicit(
-                        rows,
-                        const,
-                        drives,
-                        tables,
-                        work,
-                        space,
-                        gains,
-                        t,
-                        h,
-                        q,
-                        v,
-                        given,
-                        stages,
-                        ledger,
-                    )
-                    counters[at.N_EVAL] += 1
-                else:
-                    iterations = runge_kutta(
-                        rows,
-                        const,
-                        drives,
-                        tables,
-                        work,
-                        space,
-                        gains,
-                        tableau,
-                        t,
-                        h,
-                        q,
-                        v,
-                        given,
-                        stages,
-                        ledger,
-                    )
-                    counters[at.N_EVAL] += tableau[1].shape[0]
-                counters[at.N_STEP] += 1
-                counters[at.N_ITERATE] += iterations
-                code = finish(rows, const, tables, work, space, stabilised, q, v, counters)
-                if code != at.DONE:
-                    fail(failure, t, fastest_row(rows, before), i)
-                    return code
-        record(
-            rows, const, drives, tables, work, space, gains, times[i], q, v, given, ledger, i, out
-        )
-        if not (finite(out[2][i, :nv]) and finite(out[4][i])):
-            fail(failure, times[i], fastest_row(rows, v), i)
-            return at.NOT_FINITE
-    return at.DONE
+    for _ in range(budget):
+        i = cursor[at.FRAME]
+        if i == times.shape[0]:
+            return at.DONE
+        taken = cursor[at.TAKEN]
+        if i == 0 or taken == substeps[i - 1]:
+            record(
+                rows, const, drives, tables, work, space, gains, times[i], q, v, given, ledger,
+                i, out,
+            )  # fmt: skip
+            if not recorded(out, i):
+                fail(rows, times[i], v, failure)
+                return at.NOT_FINITE
+            cursor[at.FRAME] = i + 1
+            cursor[at.TAKEN] = 0
+            continue
+        h = width[i - 1]
+        t = times[i - 1] + taken * h
+        keep(space, q, v)
+        if tableau[1].shape[0] == 0:
+            iterations = semi_implicit(
+                rows, const, drives, tables, work, space, gains, t, h, q, v, given, stages, ledger
+            )
+            counters[at.N_EVAL] += 1
+        else:
+            iterations = runge_kutta(
+                rows, const, drives, tables, work, space, gains, tableau, t, h, q, v, given,
+                stages, ledger,
+            )  # fmt: skip
+            counters[at.N_EVAL] += tableau[1].shape[0]
+        counters[at.N_STEP] += 1
+        counters[at.N_ITERATE] += iterations
+        code = finish(rows, const, tables, work, space, stabilised, q, v, counters)
+        if code != at.DONE:
+            restore(space, q, v)
+            fail(rows, t, v, failure)
+            if taken > 0:
+                times[i] = t
+                record(
+                    rows, const, drives, tables, work, space, gains, t, q, v, given, ledger, i, out
+                )
+                cursor[at.FRAME] = i + recorded(out, i)
+            return code
+        cursor[at.TAKEN] = taken + 1
+    return at.DONE if cursor[at.FRAME] == times.shape[0] else at.RUNNING
 
 
 @part
-def fail(failure, t, row, frame):
+def keep(space, q, v):
+    """The state before a step, for its stages and for the case that it fails."""
+    for i in range(q.shape[0]):
+        space[4][0, i] = q[i]
+    for j in range(v.shape[0]):
+        space[4][1, j] = v[j]
+
+
+@part
+def restore(space, q, v):
+    """Back to the state before the step."""
+    for i in range(q.shape[0]):
+        q[i] = space[4][0, i]
+    for j in range(v.shape[0]):
+        v[j] = space[4][1, j]
+
+
+@part
+def recorded(out, i):
+    """Whether frame i holds finite accelerations and energies."""
+    return finite(out[2][i]) and finite(out[4][i])
+
+
+@part
+def fail(rows, t, v, failure):
     failure[0] = t
-    failure[1] = row
-    failure[2] = frame
+    failure[1] = fastest_row(rows, v)
 
 
 @sweep
