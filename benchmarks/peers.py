@@ -26,7 +26,7 @@ def line(timed: Timed, side: str) -> str:
     low, middle, high = timed.quartiles(side)
     cells = [timed.case.name, side, f"{seconds(middle)} ({seconds(low)} - {seconds(high)})"]
     if side == next(iter(timed.case.sides)):
-        cells += [f"a {timed.case.unit}", timed.case.agreement]
+        cells += [f"per {timed.case.unit}", timed.case.agreement]
     else:
         low, middle, high = timed.ratio(side)
         goal = f"; goal {timed.case.goal:g}" if timed.case.goal else ""
