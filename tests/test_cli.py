@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
+import urllib.request
 from pathlib import Path
 
 import pytest
@@ -206,6 +208,67 @@ def test_progress_is_shown_on_a_terminal_only(capsys, monkeypatch):
     bar = said(capsys, "run", "pendulum", "--t-end", "0.1")[1]
     assert bar.startswith(f"\r[{'.' * app.cli.run.BAR}]   0%")
     assert bar.endswith("\n")
+
+
+# -- the page ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "name", "expected"),
+    [
+        ((), "quadruped", ("127.0.0.1", 8080, True)),
+        (("pendulum", "--port", "0", "--no-browser"), "pendulum", ("127.0.0.1", 0, False)),
+        (("--host", "0.0.0.0"), "quadruped", ("0.0.0.0", 8080, True)),
+    ],
+)
+def test_the_page_is_served_as_asked(capsys, monkeypatch, words, name, expected):
+    import app.server
+
+    served = []
+
+    class Fake:
+        def wait(self) -> None:
+            served.append("waited")
+
+    def serve(model, *, host, port, open_browser):
+        served.append((model.name, (host, port, open_browser)))
+        return Fake()
+
+    monkeypatch.setattr(app.server, "serve", serve)
+    said(capsys, *words)
+    assert served == [(name, expected), "waited"]
+
+
+@pytest.mark.parametrize("host", ["300.1.1.1", "192.0.2.1", "no such host", "x" * 300])
+def test_hosts_that_this_machine_has_not(capsys, host: str):
+    _, err = said(capsys, "--host", host, "--no-browser", code=1)
+    assert err.startswith(f"host {host!r}: cannot be served on: ")
+    assert err.endswith("; use 127.0.0.1, or 0.0.0.0 for all networks\n")
+
+
+def test_the_page_answers_and_ctrl_c_ends_it():
+    words = [sys.executable, "-m", "app", "pendulum", "--port", "0", "--no-browser"]
+    page = subprocess.Popen(
+        words,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+    )
+    assert page.stdout is not None
+    assert page.stderr is not None
+    try:
+        url = page.stdout.readline().split()[-1]
+        with urllib.request.urlopen(url, timeout=30) as answer:
+            assert answer.status == 200
+        page.send_signal(signal.SIGINT)
+        assert page.wait(timeout=30) == 0
+        assert "Traceback" not in page.stderr.read()
+    finally:
+        page.kill()
+        page.wait()
+        page.stdout.close()
+        page.stderr.close()
 
 
 # -- usage ---------------------------------------------------------------------------------------

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import socket
 from argparse import ArgumentParser, Namespace
+
+from pgraph_core.errors import InputError, Problem
 
 from . import given
 
@@ -23,6 +26,19 @@ def arguments(parser: ArgumentParser) -> None:
 def start(args: Namespace) -> None:
     """Serve the page until Ctrl+C."""
     model = given.model(args.model)
+    _bind(args.host)
     from app.server import serve  # here: no other command needs viser
 
     serve(model, host=args.host, port=args.port, open_browser=not args.no_browser).wait()
+
+
+def _bind(host: str) -> None:
+    """Raises InputError where this machine has no such address, which viser would try for ever."""
+    try:
+        family, kind, protocol, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind, protocol) as free:
+            free.bind(address)
+    except (OSError, UnicodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        text = f"cannot be served on: {reason}; use 127.0.0.1, or 0.0.0.0 for all networks"
+        raise InputError(Problem(f"host {host!r}", "", text)) from None
