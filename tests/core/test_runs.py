@@ -53,6 +53,13 @@ def test_stance_does_not_depend_on_the_step(quadruped, stance):
         assert scaled_error(half.constraint_force[name], stance.constraint_force[name]) < 1e-4
 
 
+def test_the_error_estimate_of_the_stance_is_its_error(quadruped, stance):
+    """Corners of the servo tables lie on the grid of the steps, of the estimate's too."""
+    fine = pg.simulate(quadruped, scenario="stance", step=1.25e-4, frames=2)
+    true = abs(stance.q[-1] - fine.q[-1]).max()
+    assert true / 3 < stance.error_estimate < 3 * true
+
+
 def test_stance_moves_and_pushes(quadruped, stance):
     """The spine flexes, the forces on the ground stay pushes, and bear the weight on average."""
     assert abs(stance.q[-1] - stance.q[0]).max() > 0.05
