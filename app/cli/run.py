@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import sys
+import time
 from argparse import ArgumentParser, Namespace
 from typing import Any
 
 import pgraph_core as pg
+from pgraph_core.kernels import warm_up
 
 from . import given
 from .answer import Answer
@@ -30,15 +32,22 @@ def answer(args: Namespace) -> Answer:
     scenario = args.scenario or next((s.name for s in model.scenarios), None)
     asked = {name: getattr(args, name) for name in ("t_end", "method", "step")}
     options = {name: value for name, value in asked.items() if value is not None}
-    show = progress if sys.stderr.isatty() and sys.stdout.isatty() else None
-    if show:
-        show(0.0)  # the first run on a machine compiles for some seconds before its first step
-    result = pg.simulate(pg.Mechanism(model), scenario=scenario, progress=show, **options)
-    if show:
-        print(file=sys.stderr)
+    bar = _bar if sys.stderr.isatty() and sys.stdout.isatty() else _silent
+    compiling = time.perf_counter()
+    for i, n, _ in warm_up():  # apart, so that the run's time is the run's
+        bar("compiling", i / n)
+    compiling = time.perf_counter() - compiling
+    result = pg.simulate(
+        pg.Mechanism(model),
+        scenario=scenario,
+        progress=lambda fraction: bar("running", fraction),
+        **options,
+    )
+    bar("", 1.0)
     if args.output:
         result.save(args.output)
     data = {"model": model.name, "scenario": scenario} | facts(result)
+    data["timing"] = {"compile": compiling} | data["timing"]
     if args.output:
         data["output"] = args.output
     return Answer(data, "\n".join(_lines(data)), "" if result.status.ok else result.message)
@@ -91,9 +100,13 @@ def _estimate(error: float) -> str:
     return f"{error:.3g} rad or m at the end"
 
 
-def progress(fraction: float) -> bool:
-    """A bar on stderr; `simulate` goes on."""
+def _bar(what: str, fraction: float) -> bool:
+    """A bar on stderr, wiped off when there is nothing left to do; the run goes on."""
     done = round(BAR * fraction)
-    bar = "#" * done + "." * (BAR - done)
-    print(f"\r[{bar}] {fraction:4.0%}", end="", file=sys.stderr, flush=True)
+    bar = f"{what:10}[{'#' * done}{'.' * (BAR - done)}] {fraction:4.0%}" if what else ""
+    print(f"\r{bar or ' ' * (BAR + 17)}", end="" if what else "\r", file=sys.stderr, flush=True)
+    return True
+
+
+def _silent(what: str, fraction: float) -> bool:
     return True

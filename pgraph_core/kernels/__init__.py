@@ -13,7 +13,7 @@ def warm_up() -> Iterator[tuple[int, int, str]]:
     for module in MODULES:
         import_module(f"{__name__}.{module}")
     for i, (name, (dispatcher, signature)) in enumerate(KERNELS.items(), start=1):
-        if JIT:
+        if JIT and not dispatcher.signatures:  # not yet in this process
             dispatcher.compile(signature)
         yield i, len(KERNELS), name
 
