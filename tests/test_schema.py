@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pgraph_core as pg
@@ -275,6 +275,17 @@ def places(value, path=()):
 
 @given(st.data())
 def test_a_damaged_description_is_refused_with_sentences_or_valid(data):
+    check_damaged(data)
+
+
+@pytest.mark.nightly
+@settings(max_examples=5000)
+@given(st.data())
+def test_five_thousand_damaged_descriptions(data):
+    check_damaged(data)
+
+
+def check_damaged(data) -> None:
     model = pg.Model.load(static_models.path("quadruped"))
     model = model.edit("thorax", joint="universal").edit("lumbar", dof=4)
     tree = json.loads(model.to_json())

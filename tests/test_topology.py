@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pgraph_core as pg
@@ -230,3 +230,16 @@ def test_jdof_needs_one_dof_a_body():
     with pytest.raises(pg.InputError) as refused:
         pg.jdof_of([1, 2, 1, 3], [1, 1])
     assert str(refused.value) == "dof: needs one whole number a body: 3; given 2"
+
+
+# -- the long ones, `make nightly` ---------------------------------------------------------------
+
+
+@pytest.mark.nightly
+@settings(max_examples=2000)
+@given(forests(largest=200))
+def test_two_thousand_forests_come_back(parent: list[int]):
+    """Checklist C1's count."""
+    pgraph = pg.pgraph_of(parent)
+    assert pg.parent_of(pgraph).tolist() == parent
+    assert np.count_nonzero(pg.jdof_of(pgraph, [1] * len(parent))) == len(parent)
