@@ -25,18 +25,24 @@ from .topology import parent_of as parent_of
 from .topology import pgraph_of as pgraph_of
 
 if TYPE_CHECKING:
+    from .batch import Batch as Batch
+    from .batch import BatchResult as BatchResult
+    from .batch import simulate_batch as simulate_batch
     from .mechanism import Mechanism as Mechanism
     from .operators import home_poses as home_poses
     from .result import Result as Result
     from .result import Status as Status
-    from .simulate import simulate as simulate
+    from .simulation import simulate as simulate
 
 _LAZY = {
+    "Batch": "batch",
+    "BatchResult": "batch",
+    "simulate_batch": "batch",
     "Mechanism": "mechanism",
     "home_poses": "operators",
     "Result": "result",
     "Status": "result",
-    "simulate": "simulate",
+    "simulate": "simulation",
 }
 
 

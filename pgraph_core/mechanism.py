@@ -289,6 +289,12 @@ class Mechanism:
         items = self.model.constraints
         return {items[i].name: forces[..., k, :] for k, i in enumerate(active.tolist())}
 
+    def batch(self, size: int | None = None, **options: Any) -> Any:
+        """`Batch(self, size, models=..., threads=...)`: many instances at once."""
+        from .batch import Batch
+
+        return Batch(self, size, **options)
+
     # -- checking what is given ----------------------------------------------------------------
 
     def _inverse(self, q: Array, v: Array, vdot: Array, external: Array) -> Array:

@@ -86,8 +86,8 @@ def sweep(function: Callable[..., Any]) -> Any:
     return numba.njit(**PART)(function)
 
 
-def kernel(signature: str, *, nogil: bool = False) -> Callable[[Callable[..., Any]], Any]:
-    """A compiled function that Python calls, with one signature, cached on disk.
+def kernel(signature: str | None, *, nogil: bool = False) -> Callable[[Callable[..., Any]], Any]:
+    """A compiled function that Python calls, cached on disk; `signature` None: when first called.
 
     Short kernels keep the GIL, so that a workspace is never used by two threads at once; whole
     runs release it (`nogil`) and bring their own workspace.
@@ -97,7 +97,8 @@ def kernel(signature: str, *, nogil: bool = False) -> Callable[[Callable[..., An
         dispatcher: Any = numba.njit(nogil=nogil, **OPTIONS)(function)
         if JIT:
             dispatcher._cache = _Cache(function)
-        KERNELS[function.__name__] = (dispatcher, signature)
+        if signature is not None:
+            KERNELS[function.__name__] = (dispatcher, signature)
         return dispatcher
 
     return compiled

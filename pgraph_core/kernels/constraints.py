@@ -44,6 +44,7 @@ PROXIMAL = 1e-10  # μ relative to the mean diagonal of Ω
 REFINEMENTS = 12
 NO_GAP = 1e-14  # relative to the mechanism's size: rounding
 CLOSED = 1e-7  # relative to it: a loop with a larger gap after all rounds is open
+TINY = 1e-60  # keeps sin(x)/x at 1 where x = 0, without a branch (lanes have none)
 SMALL_MOVE = 1e-10  # rad, m: below it one factorisation serves position and velocity
 
 
@@ -481,10 +482,9 @@ def advance(rows, q, v, h):
 @part
 def turn(q, i, half):
     """Quaternion at q[i] turned by twice the vector `half`, in the fixed (parent's) axes."""
-    angle = math.sqrt(dot(half, half))
+    angle = math.sqrt(dot(half, half) + TINY)
     c = math.cos(angle)
-    s = math.sin(angle) / angle if angle > 1e-8 else 1.0 - angle * angle / 6.0
-    x = scale(s, half)
+    x = scale(math.sin(angle) / angle, half)
     w = q[i]
     u = (q[i + 1], q[i + 2], q[i + 3])
     q[i] = c * w - dot(x, u)
@@ -496,6 +496,7 @@ def turn(q, i, half):
 @part
 def normalise(q, i):
     """The quaternion at q[i] at length one."""
-    s = 1.0 / math.sqrt(q[i] ** 2 + q[i + 1] ** 2 + q[i + 2] ** 2 + q[i + 3] ** 2)
+    w, x, y, z = q[i], q[i + 1], q[i + 2], q[i + 3]
+    s = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
     for n in range(4):
         q[i + n] *= s

@@ -1,0 +1,108 @@
+"""Many instances at once: the kernels of one instance, compiled for lanes.
+
+Instances stand in blocks of W lanes; arrays are (blocks, ..., W). `const` is (n + 1, columns) for
+instances that share their parameters, or (blocks, n + 1, columns, W).
+"""
+
+from ._jit import kernel, sweep
+from .constraints import advance
+from .dynamics import articulated, newton_euler, outboard
+from .lane import constants, lanes
+from .step import drive, normalise_all, rate
+
+
+@kernel(None, nogil=True)
+def forward_dynamics(rows, const, q, v, tau, work, vdot, begin, end):
+    """v' of blocks `begin` to `end` - 1, eq. (26)."""
+    w = lanes(work)
+    for i in range(begin, end):
+        articulated(
+            rows, constants(const, i), lanes(q[i]), lanes(v[i]), lanes(tau[i]), w, lanes(vdot[i])
+        )
+
+
+@kernel(None, nogil=True)
+def inverse_dynamics(rows, const, q, v, vdot, work, tau, begin, end):
+    """τ of blocks `begin` to `end` - 1, eq. (24)."""
+    w = lanes(work)
+    for i in range(begin, end):
+        c = constants(const, i)
+        outboard(rows, c, w, lanes(q[i]), lanes(v[i]))
+        newton_euler(rows, c, lanes(v[i]), lanes(vdot[i]), w, lanes(tau[i]))
+
+
+@sweep
+def derivative(rows, const, drives, work, t, q, v, given, tau, vdot):
+    """v' of the driven tree."""
+    drive(drives, t, q, v, given, tau)
+    articulated(rows, const, q, v, tau, work, vdot)
+
+
+@sweep
+def semi_implicit(rows, const, drives, work, t, h, q, v, given, stages):
+    """v += h v', then q moved along the new v."""
+    derivative(rows, const, drives, work, t, q, v, given, stages[0], stages[1])
+    for j in range(v.shape[0]):
+        v[j] += h * stages[1, j]
+    advance(rows, q, v, h)
+
+
+@sweep
+def runge_kutta(rows, const, drives, work, tableau, t, h, q, v, given, stages):
+    """One explicit Runge-Kutta step of (q, v); `stages` rows: τ, q0, v0, then q', v' in turn."""
+    a, b, c = tableau
+    for i in range(q.shape[0]):
+        stages[1, i] = q[i]
+    for j in range(v.shape[0]):
+        stages[2, j] = v[j]
+    for n in range(b.shape[0]):
+        for r in range(n):
+            if a[n, r] != 0.0:
+                for i in range(q.shape[0]):
+                    q[i] += h * a[n, r] * stages[3 + 2 * r, i]
+                for j in range(v.shape[0]):
+                    v[j] += h * a[n, r] * stages[4 + 2 * r, j]
+        rate(rows, q, v, stages[3 + 2 * n])
+        vdot = stages[4 + 2 * n]
+        derivative(rows, const, drives, work, t + c[n] * h, q, v, given, stages[0], vdot)
+        for i in range(q.shape[0]):
+            q[i] = stages[1, i]
+        for j in range(v.shape[0]):
+            v[j] = stages[2, j]
+    for n in range(b.shape[0]):
+        for i in range(q.shape[0]):
+            q[i] += h * b[n] * stages[3 + 2 * n, i]
+        for j in range(v.shape[0]):
+            v[j] += h * b[n] * stages[4 + 2 * n, j]
+    normalise_all(rows, q)
+
+
+@kernel(None, nogil=True)
+def run(
+    rows, const, drives, tableau, times, substeps, width, q, v, given, work, stages, out,
+    first, last, begin, end,
+):  # fmt: skip
+    """Frames `first` to `last` - 1 of blocks `begin` to `end` - 1; frame 0 is the given state."""
+    qs, vs = out
+    w = lanes(work)
+    s = lanes(stages)
+    for block in range(begin, end):
+        c = constants(const, block)
+        x = lanes(q[block])
+        y = lanes(v[block])
+        g = lanes(given[block])
+        frames_q = lanes(qs[block])
+        frames_v = lanes(vs[block])
+        for i in range(first, last):
+            if i > 0:
+                h = width[i - 1]
+                for n in range(substeps[i - 1]):
+                    t = times[i - 1] + n * h
+                    if tableau[1].shape[0] == 0:
+                        semi_implicit(rows, c, drives, w, t, h, x, y, g, s)
+                    else:
+                        runge_kutta(rows, c, drives, w, tableau, t, h, x, y, g, s)
+            for j in range(x.shape[0]):
+                frames_q[i, j] = x[j]
+            for j in range(y.shape[0]):
+                frames_v[i, j] = y[j]

@@ -1,0 +1,272 @@
+"""Lane(width): a numba type that is an LLVM vector of doubles, so that one kernel runs W instances.
+
+`lanes(a)` views a C-contiguous float64 array (..., W) as an array (...) of lanes. Kernels index
+it as any array and are compiled by type alone, for one instance or for W at once. Lanes know
++ - * / neg, their in-place forms, sqrt, sin, cos, min and max with a number; a float becomes a
+lane where it is stored or meets one. They cannot be compared: a kernel for lanes branches on
+the structure of a mechanism, never on its state.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from typing import Any
+
+from llvmlite import ir
+from numba import extending, types
+from numba.core import cgutils
+from numba.core.typeconv.castgraph import Conversion
+from numba.core.typing import templates
+from numba.core.typing.templates import AbstractTemplate, signature
+from numba.extending import lower_builtin, lower_cast, models, register_model
+
+DOUBLE = ir.DoubleType()
+infer_global: Any = templates.infer_global  # untyped in numba
+intrinsic: Any = extending.intrinsic
+
+
+class Lane(types.Type):
+    """W doubles side by side."""
+
+    def __init__(self, width: int):
+        """A vector type of `width` doubles."""
+        self.width = width
+        super().__init__(name=f"Lane({width})")
+
+    def can_convert_from(self, typingctx: Any, other: Any) -> Any:
+        """Numbers become lanes, so that a constant may be stored."""
+        return Conversion.safe if isinstance(other, (types.Float, types.Integer)) else None
+
+
+@register_model(Lane)
+class LaneModel(models.PrimitiveModel):
+    """In registers and in memory: one LLVM vector."""
+
+    def __init__(self, dmm: Any, fe_type: Lane):
+        super().__init__(dmm, fe_type, ir.VectorType(DOUBLE, fe_type.width))
+
+
+def splat(builder: Any, value: Any, width: int) -> Any:
+    """A double in all places of a vector."""
+    vector = ir.VectorType(DOUBLE, width)
+    one = builder.insert_element(ir.Constant(vector, ir.Undefined), value, ir.IntType(32)(0))
+    mask = ir.Constant(ir.VectorType(ir.IntType(32), width), [0] * width)
+    return builder.shuffle_vector(one, ir.Constant(vector, ir.Undefined), mask)
+
+
+def as_vector(context: Any, builder: Any, value: Any, given: Any, lane: Lane) -> Any:
+    """A lane as it is; a number in all places."""
+    if isinstance(given, Lane):
+        return value
+    return splat(builder, context.cast(builder, value, given, types.float64), lane.width)
+
+
+@lower_cast(types.Float, Lane)
+@lower_cast(types.Integer, Lane)
+def _cast(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
+    return as_vector(context, builder, value, fromty, toty)
+
+
+def _binary(name: str, *operators: Any) -> None:
+    """Typing and lowering of one operation between lanes, or a lane and a number."""
+
+    class Template(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            lane = next((a for a in args if isinstance(a, Lane)), None)
+            fits = all(isinstance(a, (Lane, types.Float, types.Integer)) for a in args)
+            return signature(lane, *args) if lane is not None and len(args) == 2 and fits else None
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        x, y = (
+            as_vector(context, builder, a, given, sig.return_type)
+            for a, given in zip(args, sig.args)
+        )
+        return getattr(builder, name)(x, y)
+
+    for op in operators:
+        infer_global(op)(Template)
+        for pair in (
+            (Lane, Lane),
+            (Lane, types.Float),
+            (types.Float, Lane),
+            (Lane, types.Integer),
+            (types.Integer, Lane),
+        ):
+            lower_builtin(op, *pair)(lower)
+
+
+_binary("fadd", operator.add, operator.iadd)
+_binary("fsub", operator.sub, operator.isub)
+_binary("fmul", operator.mul, operator.imul)
+_binary("fdiv", operator.truediv, operator.itruediv)
+
+
+def _unary(function: Any, emit: Any) -> None:
+    """Typing and lowering of a function of one lane."""
+
+    @infer_global(function)
+    class Template(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            return (
+                signature(args[0], *args) if len(args) == 1 and isinstance(args[0], Lane) else None
+            )
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        return emit(builder, args[0], sig.return_type.width)
+
+    lower_builtin(function, Lane)(lower)
+
+
+def _llvm(builder: Any, name: str, value: Any) -> Any:
+    """An LLVM intrinsic of a vector."""
+    function = cgutils.get_or_insert_function(
+        builder.module,
+        ir.FunctionType(value.type, [value.type]),
+        f"llvm.{name}.v{value.type.count}f64",
+    )
+    return builder.call(function, [value])
+
+
+# sin and cos of Cephes (S. L. Moshier): reduction by π/4 in three parts, minimax polynomials;
+# within 1 ulp for |x| < 1e5, and losing as x²·1e-26 beyond.
+PI_4 = (7.85398125648498535156e-1, 3.77489470793079817668e-8, 2.69515142907905952645e-15)
+SIN = (
+    1.58962301576546568060e-10,
+    -2.50507477628578072866e-8,
+    2.75573136213857245213e-6,
+    -1.98412698295895385996e-4,
+    8.33333333332211858878e-3,
+    -1.66666666666666307295e-1,
+)
+COS = (
+    -1.13585365213876817300e-11,
+    2.08757008419747316778e-9,
+    -2.75573141792967388112e-7,
+    2.48015872888517045348e-5,
+    -1.38888888888730564116e-3,
+    4.16666666666665929218e-2,
+)
+
+
+def _sine_or_cosine(builder: Any, x: Any, width: int, quarter: int) -> Any:
+    """sin(x + quarter π/2): x = n π/2 + r with |r| <= π/4; n's parity picks sin r or cos r."""
+    number = lambda value: splat(builder, ir.Constant(DOUBLE, value), width)  # noqa: E731
+    n = _llvm(builder, "rint", builder.fmul(x, number(2.0 / math.pi)))
+    r = x
+    for part in PI_4:
+        r = builder.fsub(r, builder.fmul(n, number(2.0 * part)))
+    z = builder.fmul(r, r)
+    sine = _polynomial(builder, SIN, z, number)
+    sine = builder.fadd(r, builder.fmul(r, builder.fmul(z, sine)))
+    cosine = builder.fmul(builder.fmul(z, z), _polynomial(builder, COS, z, number))
+    cosine = builder.fadd(builder.fsub(number(1.0), builder.fmul(number(0.5), z)), cosine)
+    whole = ir.VectorType(ir.IntType(64), width)
+    i = builder.add(builder.fptosi(n, whole), ir.Constant(whole, [quarter] * width))
+    one, two, zero = (ir.Constant(whole, [k] * width) for k in (1, 2, 0))
+    odd = builder.icmp_signed("!=", builder.and_(i, one), zero)
+    value = builder.select(odd, cosine, sine)
+    negative = builder.icmp_signed("!=", builder.and_(i, two), zero)
+    return builder.select(negative, builder.fneg(value), value)
+
+
+def _polynomial(builder: Any, coefficients: Any, z: Any, number: Any) -> Any:
+    value = number(coefficients[0])
+    for c in coefficients[1:]:
+        value = builder.fadd(builder.fmul(value, z), number(c))
+    return value
+
+
+_unary(operator.neg, lambda builder, x, width: builder.fneg(x))
+_unary(math.sqrt, lambda builder, x, width: _llvm(builder, "sqrt", x))
+_unary(math.sin, lambda builder, x, width: _sine_or_cosine(builder, x, width, 0))
+_unary(math.cos, lambda builder, x, width: _sine_or_cosine(builder, x, width, 1))
+
+
+def _clamp(function: Any, relation: str) -> None:
+    """min and max of a lane and a number: the lane where it stands in `relation` to it."""
+
+    @infer_global(function)
+    class Template(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            fits = len(args) == 2 and isinstance(args[0], Lane)
+            return signature(args[0], *args) if fits and isinstance(args[1], types.Float) else None
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        bound = as_vector(context, builder, args[1], sig.args[1], sig.return_type)
+        keep = builder.fcmp_unordered(relation, args[0], bound)  # nan stays nan
+        return builder.select(keep, args[0], bound)
+
+    lower_builtin(function, Lane, types.Float)(lower)
+
+
+_clamp(min, "<")
+_clamp(max, ">")
+
+
+@intrinsic
+def lanes(typingctx: Any, array: Any) -> Any:
+    """A float64 array (..., W), C-contiguous, as an array (...) of lanes over the same memory.
+
+    The caller sees to it that the last axis is `LANE_WIDTH` long.
+    """
+    view = _view_type(array, array.ndim - 1)
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        source = context.make_array(sig.args[0])(context, builder, args[0])
+        return _view(context, builder, view, source, source.data, 0)
+
+    return view(array), codegen
+
+
+@intrinsic
+def constants(typingctx: Any, array: Any, block: Any) -> Any:
+    """The constants of a block: an array (rows, columns) that all share as it is, or its own,
+    out of (blocks, rows, columns, W), as lanes."""
+    if array.ndim == 2:
+        return array(array, block), lambda context, builder, sig, args: args[0]
+    view = _view_type(array, 2)
+
+    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        source = context.make_array(sig.args[0])(context, builder, args[0])
+        stride = cgutils.unpack_tuple(builder, source.strides)[0]
+        index = context.cast(builder, args[1], sig.args[1], types.intp)
+        start = cgutils.pointer_add(builder, source.data, builder.mul(index, stride))
+        return _view(context, builder, view, source, start, 1)
+
+    return view(array, block), codegen
+
+
+def _view_type(array: Any, ndim: int) -> types.Array:
+    """The type of a view as lanes; unaligned, as NumPy's memory need not suit vectors."""
+    if not (isinstance(array, types.Array) and array.layout == "C"):
+        raise TypeError("lanes view C-contiguous arrays")
+    return types.Array(Lane(LANE_WIDTH), ndim, "C", aligned=False)
+
+
+def _view(context: Any, builder: Any, view: Any, source: Any, start: Any, skip: int) -> Any:
+    """An array of lanes over the memory of `source` from `start`, its first `skip` axes taken."""
+    target = context.make_array(view)(context, builder)
+    shape = cgutils.unpack_tuple(builder, source.shape)[skip:-1]
+    strides = cgutils.unpack_tuple(builder, source.strides)[skip:-1]
+    count = context.get_constant(types.intp, 1)
+    for n in shape:
+        count = builder.mul(count, n)
+    target.data = builder.bitcast(start, context.get_data_type(view.dtype).as_pointer())
+    target.nitems = count
+    target.itemsize = context.get_constant(types.intp, 8 * view.dtype.width)
+    target.shape = cgutils.pack_array(builder, shape)
+    target.strides = cgutils.pack_array(builder, strides)
+    target.meminfo, target.parent = source.meminfo, source.parent
+    return target._getvalue()
+
+
+def _width() -> int:
+    """Doubles in a vector register of this processor: 8 with AVX-512, 4 with AVX2, else 2."""
+    from llvmlite import binding
+
+    features = binding.get_host_cpu_features()
+    return 8 if features.get("avx512f") else 4 if features.get("avx2") else 2
+
+
+LANE_WIDTH = _width()
