@@ -26,8 +26,8 @@ from .topology import pgraph_of as pgraph_of
 
 if TYPE_CHECKING:
     from .batch import Batch as Batch
-    from .batch import BatchResult as BatchResult
-    from .batch import simulate_batch as simulate_batch
+    from .batch_simulation import BatchResult as BatchResult
+    from .batch_simulation import simulate_batch as simulate_batch
     from .mechanism import Mechanism as Mechanism
     from .operators import home_poses as home_poses
     from .result import Result as Result
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 
 _LAZY = {
     "Batch": "batch",
-    "BatchResult": "batch",
-    "simulate_batch": "batch",
+    "BatchResult": "batch_simulation",
+    "simulate_batch": "batch_simulation",
     "Mechanism": "mechanism",
     "home_poses": "operators",
     "Result": "result",

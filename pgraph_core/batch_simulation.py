@@ -1,0 +1,80 @@
+"""simulate_batch: many runs of one mechanism at once, from states and numbers of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .batch import Batch
+from .integrators import method_of
+from .kernels import batch as kernels
+from .kernels.lane import LANE_WIDTH
+from .mechanism import Mechanism
+from .schema import Model
+from .simulation import schedule
+from .system import Array
+
+
+class BatchResult(NamedTuple):
+    """States of all instances over time; an instance that stopped being finite holds nan."""
+
+    t: Array  # (frames,) [s]
+    q: Array  # (m, frames, nq)
+    v: Array  # (m, frames, nv)
+    finite: Any  # (m,) bool
+
+
+def simulate_batch(
+    mech: Mechanism,
+    q: Any,
+    v: Any,
+    *,
+    t_end: float,
+    step: float = 1e-3,
+    method: str = "auto",
+    tau: Any = None,
+    frames: int | None = 2,
+    t_eval: Any = None,
+    models: Sequence[Model] | None = None,
+    threads: int | None = None,
+    progress: Callable[[float], Any] | None = None,
+) -> BatchResult:
+    """Run m instances from q (m, nq), v (m, nv) under constant tau (m, nv).
+
+    Springs, dampers, motors and servos of the model act; constraints are not imposed. Other
+    arguments as of `simulate` and `Batch`. Raises InputError for arguments that do not fit.
+    """
+    batch = Batch(mech, None if models else len(q), models=models, threads=threads)
+    chosen, _ = method_of(method)
+    times, substeps, width = schedule(float(t_end), float(step), frames, t_eval)
+    state = (batch.lanes("q", q, mech.nq).copy(), batch.lanes("v", v, mech.nv).copy())
+    given = batch.given(tau)
+    shape = (batch.blocks, len(times))
+    out = tuple(np.empty((*shape, n, LANE_WIDTH)) for n in (mech.nq, mech.nv))
+    tableau = (chosen.a, chosen.b, chosen.c)
+    drives = mech.drives(mech.model.forces)
+    rows = 3 + 2 * chosen.evaluations
+    system = (mech.system.rows, batch.const, drives, tableau, times, substeps, width)
+    reached = 0
+    for first, last in _chunks(substeps, len(times)):
+
+        def work(begin: int, end: int, space: Array, span: Any = (first, last)) -> None:
+            stages = np.zeros((rows, max(mech.nq, mech.nv), LANE_WIDTH))
+            kernels.run(*system, *state, given, space, stages, out, *span, begin, end)
+
+        batch.spread(work)
+        reached = last
+        if progress is not None and progress(last / len(times)) is False:
+            break
+    qs, vs = (batch.rows(x[:, :reached]) for x in out)
+    return BatchResult(times[:reached], qs, vs, np.isfinite(vs[:, -1]).all(axis=1))
+
+
+def _chunks(substeps: Any, frames: int, steps: int = 2000) -> list[tuple[int, int]]:
+    """Frame ranges of about `steps` steps, between which progress is told."""
+    taken = np.concatenate(([0], np.cumsum(substeps)))
+    group = (taken // steps).astype(int)
+    starts = np.flatnonzero(np.diff(group, prepend=-1)).tolist()
+    return list(zip(starts, [*starts[1:], frames]))
