@@ -116,6 +116,7 @@ class Download(FromPage):
 
 @dataclass(frozen=True)
 class SetScenario(FromPage):
+    serial: int
     scenario: Text
 
 

@@ -63,8 +63,9 @@ def _update_model(state: State, event: Event) -> State:
 
 def _update_run(state: State, event: Event) -> State:
     match event:
-        case events.SetScenario(_, scenario):
-            return runs.scenario_chosen(state, scenario)
+        case events.SetScenario(client, serial, scenario):
+            state = runs.scenario_chosen(state, scenario)
+            return with_client(state, client, reply=Reply(serial, ""))
         case events.SetRun():
             return runs.request_edited(state, event)
         case events.Simulate() if state.job is None:

@@ -39,7 +39,7 @@
 
   function run(host) {
     const edit = (field) => (serial, value) => send("SetRun", { serial, field, text: value });
-    const scenario = cells.choice(() => pgraph.latest.toolbar.scenarios, (_, value) => send("SetScenario", { scenario: value }), { label: "scenario" });
+    const scenario = cells.choice(() => pgraph.latest.toolbar.scenarios, (serial, value) => send("SetScenario", { serial, scenario: value }), { label: "scenario" });
     const method = cells.choice(() => pgraph.latest.toolbar.methods, edit("method"), { label: "method" });
     const t_end = cells.input(edit("t_end"), { label: "duration", numeric: true });
     const step = cells.input(edit("step"), { label: "step", numeric: true });

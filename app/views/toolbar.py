@@ -106,7 +106,7 @@ def summary(run: Run) -> list[tuple[str, str, bool]]:
     if run.model.constraints and len(result.constraint_drift):
         position, velocity = result.constraint_drift.max(axis=0)
         value = f"{position:.2g} m, {velocity:.2g} m/s"
-        lines.append(("Constraint drift", value, position < POOR))
+        lines.append(("Constraint drift", value, bool(position < POOR)))
     lines.append(("Cost", cost(result), True))
     lines.append(("Method", str(result.header.get("why", "")), True))
     lines.append(("Left out", "; ".join(result.left_out), True))

@@ -87,6 +87,7 @@ def the_page(open_page: Callable[[], Any]) -> Any:
 @pytest.fixture
 def page(the_page: Any, served: Server, quadruped: pg.Model) -> Any:
     """The page on the quadruped as it is in the file, nothing selected."""
+    opened = served.store.state.framed
     served.send(events.Cancel(NOBODY))
     served.send(events.OpenText(NOBODY, "quadruped", quadruped.to_json()))
     for client in served.store.state.clients:
@@ -94,6 +95,8 @@ def page(the_page: Any, served: Server, quadruped: pg.Model) -> Any:
     for what in ("names", "links", "coms", "forces"):
         served.send(events.Show(NOBODY, what, False))
     the_page.keyboard.press("Escape")
-    the_page.wait_for_selector("table.bodies tr[data-name=pelvis]")
+    until(lambda: served.store.state.framed > opened, "the quadruped on the server")
+    scenario = served.store.state.request.scenario
+    the_page.wait_for_function("(s) => pgraph.latest.toolbar.request.scenario === s", arg=scenario)
     until(lambda: the_page.locator("tr.selected, .refused").count() == 0, "a page at rest")
     return the_page

@@ -333,16 +333,16 @@ def test_settings_and_scenarios(state):
         state, events.SetRun(ME, 1, "t_end", "0.5"), events.SetRun(ME, 2, "method", "rk4")
     )
     assert state.request == Request(FREE_RUN, 0.5, 1e-3, "rk4")
-    assert after(state, events.SetScenario(ME, "no such")) is state
-    assert after(state, events.SetScenario(ME, FREE_RUN)).request == Request()
+    assert after(state, events.SetScenario(ME, 1, "no such")).request == state.request
+    assert after(state, events.SetScenario(ME, 1, FREE_RUN)).request == Request()
 
 
 def test_a_model_s_scenario_brings_its_settings():
     scenario = pg.Scenario(name="short", t_end=0.25, step=1e-3, method="rk4")
     model = pg.Model.serial(2).replace(scenarios=(scenario,))
-    state = after(initial(model), events.Connected(ME), events.SetScenario(ME, FREE_RUN))
+    state = after(initial(model), events.Connected(ME), events.SetScenario(ME, 1, FREE_RUN))
     assert state.request.scenario == FREE_RUN
-    state = after(state, events.SetScenario(ME, "short"))
+    state = after(state, events.SetScenario(ME, 1, "short"))
     assert state.request == Request("short", 0.25, 1e-3, "rk4")
     assert after(state, events.NewModel(ME, 1, "3")).request.scenario == FREE_RUN
 

@@ -1,0 +1,67 @@
+"""What the views send is plain JSON, with and without a run."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from app import events
+from app.state import initial
+from app.update import update
+from app.views.digraph import digraph
+from app.views.playback import playback
+from app.views.properties import properties
+from app.views.table import table
+from app.views.toolbar import toolbar
+
+
+@pytest.fixture
+def state(quadruped):
+    return update(initial(quadruped), events.Connected(1))
+
+
+@pytest.fixture
+def ran(state):
+    """The state after a hundredth of a second of stance."""
+    mech = pg.Mechanism(state.model)
+    result = pg.simulate(mech, scenario="stance", t_end=0.01)
+    return update(update(state, events.Simulate(1)), events.Simulated(1, result))
+
+
+@pytest.mark.parametrize("view", [table, digraph, playback, toolbar])
+def test_payloads_are_json(state, view):
+    assert json.loads(json.dumps(view(state), allow_nan=False))
+
+
+@pytest.mark.parametrize("view", [playback, toolbar])
+def test_payloads_of_a_run_are_json(ran, view):
+    assert json.loads(json.dumps(view(ran), allow_nan=False))
+
+
+def test_the_summary_says_how_a_run_ended_how_well_and_at_what_cost(ran):
+    lines = {what: value for what, value, _ in toolbar(ran)["summary"]}
+    assert {"Status", "Energy drift", "Constraint drift", "Cost", "Method", "Left out"} <= set(
+        lines
+    )
+    assert "contact" in lines["Left out"]
+
+
+@pytest.mark.parametrize("joint", pg.Body.model_fields["joint"].annotation.__args__)
+def test_every_kind_of_joint_has_all_its_numbers_in_cells(joint):
+    state = initial(pg.Model.serial(2).edit("2", joint=joint))
+    body = state.model.body("2")
+    sent = {}
+    for group in properties(state, "2")["groups"]:
+        for field in group["fields"]:
+            sent.setdefault(field["field"], []).extend(cell["value"] for cell in field["cells"])
+    for name in ("axes", "link", "rotation", "com", "inertia", "q", "v", "damping"):
+        expected = np.ravel(getattr(body, name)).tolist()
+        assert sent.get(name, []) == expected
+
+
+def test_nobody_selected_gives_a_hint(state):
+    assert properties(state, None)["body"] is None
+    assert properties(state, "gone")["body"] is None
