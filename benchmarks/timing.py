@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from statistics import median, quantiles
 
-SAMPLE = 0.005  # s that one sample lasts at least
+SAMPLE = 0.01  # s that one sample lasts at least
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,8 @@ def spread(values: list[float]) -> tuple[float, float, float]:
 
 
 def repeats(call: Callable[[], object]) -> int:
-    """Calls a sample, so that it lasts SAMPLE; warms up on the way."""
+    """Calls a sample, so that it lasts SAMPLE; warms up first."""
+    sample(call, 3, clocked=False)
     n = 1
     while True:
         begin = time.perf_counter()
