@@ -200,12 +200,13 @@ def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) ->
     not called a second time, and where the second run fails.
     """
     plan = record.plan
-    steps = int(np.sum(plan.substeps))
-    if record.callback is not None or steps < 2:
+    if record.callback is not None or int(np.sum(plan.substeps)) < 2:
         return float("nan")
-    frames = max(2, min(33, steps // 2))  # so that progress and cancel are looked at
-    times = np.linspace(0.0, plan.times[-1], frames)
-    count = np.full(frames - 1, -(-steps // (2 * (frames - 1))), dtype=np.int64)
+    if int(np.max(plan.substeps)) == 1:  # every second frame, so that kinks of tables stay steps
+        keep = np.union1d(np.arange(0, len(plan.times), 2), [len(plan.times) - 1])
+        times, count = plan.times[keep], np.ones(len(keep) - 1, dtype=np.int64)
+    else:
+        times, count = plan.times, -(-plan.substeps // 2)
     coarse = Recording(
         record.mech,
         plan._replace(times=times, substeps=count, width=np.diff(times) / count),

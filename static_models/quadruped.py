@@ -11,7 +11,7 @@ from .shapes import Vector, block, limb, rounded
 from .stance import FEET, holding_torques, push
 
 TRUNK = ("pelvis", "lumbar", "thorax", "shoulder_neck_head")
-DURATION, KNOTS = 0.25, 11  # of the push [s], and of its tables
+DURATION, KNOTS = 0.25, 26  # of the push [s], and of its tables: a knot every 10 ms
 
 # Gains of the servos [N m/rad], [N m s/rad]: as stiff as RK4 takes at 1 ms with much to spare.
 # The fastest mode of the standing body decays at less than 500 1/s, in both scenarios.
