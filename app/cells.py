@@ -21,7 +21,7 @@ def number(text: str) -> float:
     typed = text.strip()
     if not NUMBER.fullmatch(typed):
         hint = "; write the decimal point as '.'" if "," in typed else " such as 0.25 or 1e-6"
-        raise Refusal(f"needs a number{hint}; given {_quoted(typed)}")
+        raise Refusal(f"must be a number{hint}; given {_quoted(typed)}")
     value = float(typed)
     if not math.isfinite(value):
         raise Refusal(f"{_quoted(typed)} is too large for a number; use less than 1.8e308")
@@ -32,7 +32,7 @@ def whole(text: str, low: int, high: int) -> int:
     """The whole number typed, within [low, high]. Raises Refusal."""
     typed = text.strip()
     if not re.fullmatch(r"\d{1,9}", typed) or not low <= int(typed) <= high:
-        raise Refusal(f"needs a whole number from {low} to {high}; given {_quoted(typed)}")
+        raise Refusal(f"must be a whole number from {low} to {high}; given {_quoted(typed)}")
     return int(typed)
 
 

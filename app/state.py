@@ -41,14 +41,10 @@ class Derived:
     center: np.ndarray  # (3,) what the camera looks at [m]
     size: float  # how far the model reaches from there [m]
 
-    def descendants(self, name: str) -> frozenset[str]:
-        """The names in the subtree of `name`, itself included: what cannot be its parent."""
-        found, stack = set(), [self.number[name]]
-        while stack:
-            k = stack.pop()
-            found.add(self.names[k - 1])
-            stack += self.children[k]
-        return frozenset(found)
+    @property
+    def grain(self) -> float:
+        """A length in keeping with one body [m]: what is drawn on bodies is a part of it."""
+        return self.size / max(1.0, len(self.names) / 16)
 
 
 @dataclass(frozen=True)

@@ -141,9 +141,9 @@
   function fit(canvas, data) {
     const w = canvas.clientWidth || 400, h = canvas.clientHeight || 300;
     const both = Math.min(w / data.width, h / data.height, 1.15);
-    const scale = Math.max(both, Math.min(w / data.width, 0.5), 0.3);
+    const scale = data.kind === "lanes" ? Math.min(w / data.width, 1) : both;
     const x = data.kind === "tree" ? (data.width - w / scale) / 2 : -4;
-    view.set(canvas, { x, y: Math.min(0, (data.height - h / scale) / 2), scale });
+    view.set(canvas, { x, y: Math.min(0, (data.height - h / scale) / 2), scale: Math.max(scale, 0.3) });
     apply(canvas);
   }
   function apply(canvas) {

@@ -83,7 +83,7 @@ class Overlays:
 def axes(state: State) -> Local:
     """A line along each joint axis, through the body's origin; a joint of several motions has
     all but its last axis in the frame it leaves from."""
-    d, half = state.derived, 0.13 * state.derived.size
+    d, half = state.derived, 0.13 * state.derived.grain
     found: dict[int, list[Any]] = defaultdict(list)
     for k, name in enumerate(d.names, 1):
         body = state.model.body(name)
@@ -150,7 +150,7 @@ def _lines(color: shapes.Color, pixels: float) -> Any:
 
 def _points(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, k: int) -> Any:
     return scene.add_point_cloud(
-        name, points, colors=COM, point_size=0.03 * state.derived.size, point_shape="circle",
+        name, points, colors=COM, point_size=0.03 * state.derived.grain, point_shape="circle",
         precision="float32",
     )  # fmt: skip
 

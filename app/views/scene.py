@@ -94,7 +94,7 @@ class SceneView:
                 self._selected[client] = self._outline(handle, new, now.selection)
 
     def _outline(self, client: viser.ClientHandle, state: State, name: str) -> viser.FrameHandle:
-        size = state.derived.size
+        size = state.derived.grain
         solid = shapes.mesh(pieces(state, state.derived.number[name]))
         frame = client.scene.add_frame(
             "/selected",
