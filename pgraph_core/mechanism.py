@@ -274,7 +274,7 @@ class Mechanism:
         """Workspace of the constraint kernels."""
         m, n = 3 * len(active), max(self.nv, self.nq, 3 * len(active), 1)
         return (
-            np.zeros((m, self.nv)),
+            np.zeros((self.nv, m)),
             np.zeros((m, m)),
             np.zeros((m, m)),
             np.zeros((6, n)),
@@ -283,11 +283,11 @@ class Mechanism:
 
     def forces_of(self, active: Ints, lam: Array) -> dict[str, Array]:
         """{name: (..., 6)} [torque, force] on `body` at `point` from multipliers (..., 3 n)."""
-        n = len(active)
-        forces = np.zeros((*lam.shape[:-1], n, 6))
-        forces[..., 3:] = lam[..., : 3 * n].reshape(*lam.shape[:-1], n, 3)
+        n, shape = len(active), lam.shape[:-1]
+        forces = np.zeros((n, *shape, 6))
+        forces[..., 3:] = np.moveaxis(lam[..., : 3 * n].reshape(*shape, n, 3), -2, 0)
         items = self.model.constraints
-        return {items[i].name: forces[..., k, :] for k, i in enumerate(active.tolist())}
+        return dict(zip([items[i].name for i in active.tolist()], forces))
 
     def batch(self, size: int | None = None, **options: Any) -> Any:
         """`Batch(self, size, models=..., threads=...)`: many instances at once."""

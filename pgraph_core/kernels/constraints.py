@@ -6,7 +6,7 @@ which gives Ω = J M⁻¹ Jᵀ = Y diag(1/d) Yᵀ without a mass matrix ([Feathe
 which tends to the multipliers of least norm ([Carpentier et al. 2021]).
 
 A point constraint has three rows, in world axes; λ is the force on `body` at its point (R10).
-`space` is (Y, Ω, factor, vectors): (m, nv), (m, m), (m, m), (6, max(m, nv)).
+`space` is (Yᵀ, Ω, factor, vectors): (nv, m), (m, m), (m, m), (6, max(m, nv)).
 """
 
 import math
@@ -117,7 +117,7 @@ def residual_acceleration(cons_i, cons_f, active, work, out):
 
 @part
 def unit_response(rows, work, k, offset, sign, y, row):
-    """Add to three rows of Y what unit forces x, y, z at a point of row k do along its path."""
+    """Add to three columns of Yᵀ what unit forces x, y, z at a point of row k do along its path."""
     for c in range(3):
         force = (sign if c == 0 else 0.0, sign if c == 1 else 0.0, sign if c == 2 else 0.0)
         carry(rows, work, k, cross(offset, force), force, y, row + c)
@@ -125,14 +125,14 @@ def unit_response(rows, work, k, offset, sign, y, row):
 
 @sweep
 def carry(rows, work, k, moment, force, y, row):
-    """Take a wrench at row k's origin to the ground, leaving its share in each joint in Y."""
+    """Take a wrench at row k's origin to the ground, leaving its share in each joint in Yᵀ."""
     while k > 0:
         i = rows[k, at.VI]
         kind = rows[k, at.KIND]
         if kind <= at.TRANSLATE:
             h = load(work, k, at.H)
             share = dot(h, moment) if kind == at.ROTATE else dot(h, force)
-            y[row, i] += share
+            y[i, row] += share
             x = -share * work[k, at.D]
             moment = add_scaled(moment, x, load(work, k, at.U))
             force = add_scaled(force, x, load(work, k, at.U + 3))
@@ -141,7 +141,7 @@ def carry(rows, work, k, moment, force, y, row):
             f = load6(work, k, at.U)
             share3 = forward3(f, moment)
             for n in range(3):
-                y[row, i + n] += share3[n]
+                y[i + n, row] += share3[n]
             force = sub(force, mul_t(b, solve3(f, moment)))
             moment = (0.0, 0.0, 0.0)
         else:
@@ -163,12 +163,12 @@ def carry_free(work, k, moment, force, y, row, i):
     y4 += -work[k, at.IA + 12] * y2 - work[k, at.IA + 13] * y3
     y5 = x[5] - work[k, at.IA + 15] * y0 - work[k, at.IA + 16] * y1
     y5 += -work[k, at.IA + 17] * y2 - work[k, at.IA + 18] * y3 - work[k, at.IA + 19] * y4
-    y[row, i] += y0
-    y[row, i + 1] += y1
-    y[row, i + 2] += y2
-    y[row, i + 3] += y3
-    y[row, i + 4] += y4
-    y[row, i + 5] += y5
+    y[i, row] += y0
+    y[i + 1, row] += y1
+    y[i + 2, row] += y2
+    y[i + 3, row] += y3
+    y[i + 4, row] += y4
+    y[i + 5, row] += y5
 
 
 @sweep
@@ -191,67 +191,69 @@ def pivots(rows, work, dinv):
 def delassus(rows, cons_i, cons_f, active, work, space):
     """Y and Ω of the active constraints from the articulated factors, Ω's proximal factor; μ."""
     y, omega, factor, vectors = space
-    nv = y.shape[1]
+    nv = y.shape[0]
     m = 3 * active.shape[0]
     dinv = vectors[DINV]
     pivots(rows, work, dinv)
-    for r in range(m):
-        for j in range(nv):
-            y[r, j] = 0.0
+    y[:, :] = 0.0
     for n in range(active.shape[0]):
         i = active[n]
         a = cons_i[i, at.CON_A]
         b = cons_i[i, at.CON_B]
         unit_response(rows, work, a, offset_of(cons_f, work, i, 0, a), 1.0, y, 3 * n)
         unit_response(rows, work, b, offset_of(cons_f, work, i, 1, b), -1.0, y, 3 * n)
-    scaled = vectors[STEP]
-    for r in range(m):
-        for j in range(nv):
-            scaled[j] = y[r, j] * dinv[j]
-        for c in range(r + 1):
-            total = 0.0
-            for j in range(nv):
-                total += scaled[j] * y[c, j]
-            omega[r, c] = total
-            omega[c, r] = total
+    omega[:, :] = 0.0
+    for j in range(nv):
+        for r in range(m):
+            x = dinv[j] * y[j, r]
+            if x != 0.0:  # most joints lie on the paths of few constraints
+                for c in range(m):
+                    omega[r, c] += x * y[j, c]
     return factor_proximal(omega, factor, m)
 
 
 @sweep
 def factor_proximal(omega, factor, m):
-    """Cholesky factor of Ω + μI, its diagonal inverted; μ."""
+    """Cholesky factor L of Ω + μI with its diagonal inverted, Lᵀ above it; μ."""
     trace = 0.0
     for r in range(m):
         trace += omega[r, r]
     mu = PROXIMAL * trace / m
     for r in range(m):
-        for c in range(r):
-            total = omega[r, c]
-            for n in range(c):
-                total -= factor[r, n] * factor[c, n]
-            factor[r, c] = total * factor[c, c]
-        total = omega[r, r] + mu
-        for n in range(r):
-            total -= factor[r, n] * factor[r, n]
-        factor[r, r] = 1.0 / math.sqrt(total)
+        for c in range(m):
+            factor[r, c] = omega[r, c]
+        factor[r, r] += mu
+    for n in range(m):
+        pivot = 1.0 / math.sqrt(factor[n, n])
+        factor[n, n] = pivot
+        for c in range(n + 1, m):
+            factor[n, c] *= pivot
+        for r in range(n + 1, m):
+            x = factor[n, r]
+            if x != 0.0:
+                for c in range(r, m):
+                    factor[r, c] -= x * factor[n, c]
+    for n in range(m):
+        for r in range(n + 1, m):
+            factor[r, n] = factor[n, r]
     return mu
 
 
 @sweep
 def solve_factor(factor, x, m):
     """(Ω + μI)⁻¹ x in place; the largest magnitude of the result."""
+    for n in range(m):
+        x[n] *= factor[n, n]
+        y = x[n]
+        for r in range(n + 1, m):
+            x[r] -= factor[n, r] * y
     size = 0.0
-    for r in range(m):
-        total = x[r]
-        for c in range(r):
-            total -= factor[r, c] * x[c]
-        x[r] = total * factor[r, r]
-    for r in range(m - 1, -1, -1):
-        total = x[r]
-        for c in range(r + 1, m):
-            total -= factor[c, r] * x[c]
-        x[r] = total * factor[r, r]
-        size = max(size, abs(x[r]))
+    for n in range(m - 1, -1, -1):
+        x[n] *= factor[n, n]
+        y = x[n]
+        for r in range(n):
+            x[r] -= factor[n, r] * y
+        size = max(size, abs(y))
     return size
 
 
@@ -286,10 +288,11 @@ def solve_proximal(space, mu, m):
     taken = 0
     while taken < REFINEMENTS:
         for r in range(m):
-            total = rhs[r]
-            for c in range(m):
-                total -= omega[r, c] * lam[c]
-            change[r] = total
+            change[r] = rhs[r]
+        for c in range(m if taken > 0 else 0):
+            x = lam[c]
+            for r in range(m):
+                change[r] -= omega[c, r] * x
         largest_change = solve_factor(factor, change, m)
         if not largest_change < 0.5 * last:  # rounding is all that is left
             break
@@ -311,10 +314,10 @@ def spread(rows, const, work, space, m, step):
     y, omega, factor, vectors = space
     lam = vectors[LAMBDA]
     dinv = vectors[DINV]
-    for j in range(y.shape[1]):
+    for j in range(y.shape[0]):
         total = 0.0
         for r in range(m):
-            total += y[r, j] * lam[r]
+            total += y[j, r] * lam[r]
         step[j] = total * dinv[j]
     store(work, 0, at.P, (0.0, 0.0, 0.0))
     store(work, 0, at.P + 3, (0.0, 0.0, 0.0))
