@@ -28,7 +28,8 @@ class Batch:
     """m instances of a mechanism: same tree and joints, own states and, if given, own numbers.
 
     `models` gives each instance its own masses, lengths, ...; without it all share those of
-    `mech`. `threads` is how many cores work (all by default). Constraints are not imposed.
+    `mech`; springs, motors and servos are those of `mech` in any case. `threads` is how many
+    cores work (all by default). Constraints are not imposed.
     """
 
     def __init__(
@@ -56,8 +57,9 @@ class Batch:
 
         def work(begin: int, end: int, space: Array) -> None:
             kernels.forward_dynamics(
-                mech.system.rows, self.const, *arrays, given, space, out, begin, end
-            )
+                mech.system.rows, self.const, mech.passive, *arrays, given, space,
+                np.empty_like(given[0]), out, begin, end,
+            )  # fmt: skip
 
         self.spread(work)
         return self.rows(out)
@@ -71,8 +73,9 @@ class Batch:
 
         def work(begin: int, end: int, space: Array) -> None:
             kernels.inverse_dynamics(
-                mech.system.rows, self.const, *state, rates, space, out, begin, end
-            )
+                mech.system.rows, self.const, mech.passive, *state, rates, space,
+                np.empty_like(out[0]), np.zeros_like(out[0][:0]), out, begin, end,
+            )  # fmt: skip
 
         self.spread(work)
         return self.rows(out)
@@ -85,6 +88,10 @@ class Batch:
         for i, other in enumerate(self.models):
             if not np.array_equal(other.system.rows, rows):
                 text = "has another tree or other joints than the mechanism; give models like it"
+                raise InputError(Problem(f"models[{i}]", "", text))
+            mine, its = (m.drives(m.model.forces) for m in (self.mech, other))
+            if not all(map(np.array_equal, mine, its)):
+                text = "has other springs, motors or servos than the mechanism; those are shared"
                 raise InputError(Problem(f"models[{i}]", "", text))
         stacked = np.stack([m.system.const for m in self.models])
         return _to_lanes(stacked, self.blocks)

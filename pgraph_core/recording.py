@@ -229,7 +229,7 @@ def left_out(mech: Mechanism, plan: Plan) -> tuple[str, ...]:
     merged = mech.nb - len(np.unique(mech.system.bodies_i[1:, at.ROW]))
     if not len(plan.tables[2]):
         found.append("no active constraint: no Delassus matrix, no projection")
-    if not len(plan.drives.table):
+    if not len(plan.drives[0]):
         found.append("no spring, damper, motor or servo: no drive forces")
     if not kinds & {at.BALL, at.FREE}:
         found.append("no ball or free joint: no quaternions to keep")

@@ -29,12 +29,10 @@ class System(NamedTuple):
     body_of_row: Ints  # (n + 1,) number of the body whose joint a row belongs to
 
 
-class Drives(NamedTuple):
-    """Springs and dampers of joints, then motors and servos, as rows of numbers."""
-
-    table: Array  # (nd, 9)
-    knots: Array  # (nk, 2) time [s] and value
-    passive: int  # how many rows are springs and dampers
+# Springs and dampers of joints, then motors and servos, as kernels take them (a plain tuple: numba
+# would compile everything again for a named one): table (nd, 9), knots (nk, 2) of time [s] and
+# value, and how many rows are springs and dampers.
+Drives: TypeAlias = tuple[Array, Array, int]
 
 
 def system(model: Model, topology: Topology) -> System:
@@ -95,7 +93,7 @@ def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force
         limit = np.inf if force.torque_limit is None else force.torque_limit
         position = at_q if force.kind == "servo" and force.kp else -1
         table.append((at_v, position, force.kp, force.kd, limit, *target, *torque))
-    return Drives(np.array(table).reshape(-1, at.DRIVE), np.array(knots).reshape(-1, 2), passive)
+    return np.array(table).reshape(-1, at.DRIVE), np.array(knots).reshape(-1, 2), passive
 
 
 def _coordinates(packed: System, number: int) -> list[tuple[int, int]]:

@@ -8,13 +8,12 @@ MODULES = ("pack", "dynamics", "bodies", "step")
 
 def warm_up() -> Iterator[tuple[int, int, str]]:
     """Compile every kernel, or load it from the disk cache; yields (i, n, name) after each."""
-    from ._jit import JIT, KERNELS
+    from ._jit import KERNELS, compile_kernel
 
     for module in MODULES:
         import_module(f"{__name__}.{module}")
-    for i, (name, (dispatcher, signature)) in enumerate(KERNELS.items(), start=1):
-        if JIT and not dispatcher.signatures:  # not yet in this process
-            dispatcher.compile(signature)
+    for i, name in enumerate(KERNELS, start=1):
+        compile_kernel(name)
         yield i, len(KERNELS), name
 
 

@@ -16,6 +16,7 @@ from typing import Any
 
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.sigutils import normalize_signature
 
 # No reference counting: kernels allocate nothing, and its atomic counts take half of their time.
 OPTIONS: dict[str, Any] = {"_nrt": False, "fastmath": {"contract"}, "error_model": "numpy"}
@@ -104,13 +105,24 @@ def kernel(signature: str | None, *, nogil: bool = False) -> Callable[[Callable[
     return compiled
 
 
+def compile_kernel(name: str) -> None:
+    """Compile a kernel, or load it from the disk cache.
+
+    Numba keys its cache by what `compile` is given: types, as a call gives them, not the text.
+    """
+    dispatcher, signature = KERNELS[name]
+    if JIT and not dispatcher.signatures:
+        types, _ = normalize_signature(signature)
+        dispatcher.compile(tuple(types))
+
+
 def ready(dispatcher: Any) -> Any:
     """A kernel compiled for its signature alone: other types raise TypeError, nothing compiles.
 
     Python code can then try a call with what it was given, and look closer only if it fails.
     """
     if JIT and dispatcher._can_compile:
-        dispatcher.compile(KERNELS[dispatcher.__name__][1])
+        compile_kernel(dispatcher.__name__)
         dispatcher.disable_compile()
     return dispatcher
 

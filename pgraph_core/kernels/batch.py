@@ -11,31 +11,38 @@ from .lane import constants, lanes
 from .step import drive, normalise_all, rate
 
 
-@kernel(None, nogil=True)
-def forward_dynamics(rows, const, q, v, tau, work, vdot, begin, end):
-    """v' of blocks `begin` to `end` - 1, eq. (26)."""
-    w = lanes(work)
-    for i in range(begin, end):
-        articulated(
-            rows, constants(const, i), lanes(q[i]), lanes(v[i]), lanes(tau[i]), w, lanes(vdot[i])
-        )
-
-
-@kernel(None, nogil=True)
-def inverse_dynamics(rows, const, q, v, vdot, work, tau, begin, end):
-    """τ of blocks `begin` to `end` - 1, eq. (24)."""
-    w = lanes(work)
-    for i in range(begin, end):
-        c = constants(const, i)
-        outboard(rows, c, w, lanes(q[i]), lanes(v[i]))
-        newton_euler(rows, c, lanes(v[i]), lanes(vdot[i]), w, lanes(tau[i]))
-
-
 @sweep
 def derivative(rows, const, drives, work, t, q, v, given, tau, vdot):
     """v' of the driven tree."""
     drive(drives, t, q, v, given, tau)
     articulated(rows, const, q, v, tau, work, vdot)
+
+
+@kernel(None, nogil=True)
+def forward_dynamics(rows, const, drives, q, v, given, work, tau, vdot, begin, end):
+    """v' of blocks `begin` to `end` - 1, eq. (26), springs and dampers included."""
+    w = lanes(work)
+    t = lanes(tau)
+    for i in range(begin, end):
+        c = constants(const, i)
+        derivative(
+            rows, c, drives, w, 0.0, lanes(q[i]), lanes(v[i]), lanes(given[i]), t, lanes(vdot[i])
+        )
+
+
+@kernel(None, nogil=True)
+def inverse_dynamics(rows, const, drives, q, v, vdot, work, passive, none, tau, begin, end):
+    """τ of blocks `begin` to `end` - 1, eq. (24), beside springs and dampers."""
+    w = lanes(work)
+    s = lanes(passive)
+    for i in range(begin, end):
+        c = constants(const, i)
+        out = lanes(tau[i])
+        outboard(rows, c, w, lanes(q[i]), lanes(v[i]))
+        newton_euler(rows, c, lanes(v[i]), lanes(vdot[i]), w, out)
+        drive(drives, 0.0, lanes(q[i]), lanes(v[i]), lanes(none), s)
+        for j in range(out.shape[0]):
+            out[j] -= s[j]
 
 
 @sweep

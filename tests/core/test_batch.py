@@ -76,6 +76,15 @@ def test_parameters_differ_per_instance():
     close(vdots, np.array(alone), 1e-12)
 
 
+def test_springs_and_dampers_act_as_in_the_mechanism():
+    model = pg.Model.serial(3).edit("2", stiffness=20.0, damping=0.3, rest=0.1)
+    mech = pg.Mechanism(model)
+    qs, vs, taus = states(mech, 3)
+    vdots = mech.batch(3).forward_dynamics(qs, vs, taus)
+    close(vdots, np.array([mech.forward_dynamics(*r) for r in zip(qs, vs, taus)]), 1e-12)
+    close(mech.batch(3).inverse_dynamics(qs, vs, vdots), taus, 1e-11)
+
+
 def test_one_thread_and_two_give_the_same_bits():
     mech = pendulum_chain()
     qs, vs, taus = states(mech, 5 * LANE_WIDTH)
@@ -126,6 +135,10 @@ def test_sine_and_cosine_of_lanes():
         (
             lambda m: m.batch(models=[pg.Model.serial(9)]),
             "models[0]: has another tree or other joints than the mechanism; give models like it",
+        ),
+        (
+            lambda m: m.batch(models=[m.model.edit("2", stiffness=1.0)]),
+            "models[0]: has other springs, motors or servos than the mechanism; those are shared",
         ),
         (
             lambda m: m.batch(2).forward_dynamics(np.zeros((2, 4)), np.zeros((2, 5))),

@@ -1,0 +1,49 @@
+"""What is compiled, and when: once, for one signature, and never again."""
+
+import subprocess
+import sys
+
+from pgraph_core.kernels._jit import JIT, KERNELS, source_hash
+
+USE = """
+import numpy as np, pgraph_core as pg, static_models
+from pgraph_core.kernels._jit import KERNELS
+for name in static_models.names():
+    mech = pg.Mechanism(pg.Model.load(static_models.path(name)))
+    q, v = mech.home()
+    mech.mass_matrix(q), mech.bias_force(q, v), mech.forward_dynamics(q, v), mech.pose(q, "ground")
+    mech.forward_dynamics(q, v, external=np.zeros((mech.nb, 6))), mech.tip_jacobian(q)
+    mech.jacobian_bias(q, v, mech.names[0]), mech.constrained_dynamics(q, v), mech.energy(q, v)
+    for scenario in (None, *(s.name for s in mech.model.scenarios)):
+        run = pg.simulate(mech, t_end=0.01, scenario=scenario)
+        run.body_pose
+    pg.simulate(mech, t_end=0.01, tau=lambda t, q, v: 0 * v)
+missed = {n: d.stats.cache_misses for n, (d, _) in KERNELS.items() if d.stats.cache_misses}
+many = {n: len(d.signatures) for n, (d, _) in KERNELS.items() if len(d.signatures) > 1}
+print(missed, many)
+"""
+
+
+def test_warmed_up_kernels_are_all_that_a_session_needs():
+    """The cache that `python -m pgraph_core.kernels` fills is the one that calls look in."""
+    subprocess.run([sys.executable, "-m", "pgraph_core.kernels"], check=True, capture_output=True)
+    done = subprocess.run([sys.executable, "-c", USE], check=True, capture_output=True, text=True)
+    assert done.stdout.strip() == "{} {}"
+
+
+def test_every_kernel_states_its_signature():
+    import pgraph_core.kernels.step  # noqa: F401 (registers its kernels)
+
+    assert JIT
+    assert {"run", "constrained_dynamics"} <= set(KERNELS)
+
+
+def test_an_edit_of_any_kernel_names_another_cache(tmp_path):
+    (tmp_path / "a.py").write_text("x = 20")
+    (tmp_path / "b.py").write_text("y = 1")
+    before = source_hash(tmp_path)
+    source_hash.cache_clear()
+    assert source_hash(tmp_path) == before
+    (tmp_path / "a.py").write_text("x = 30")
+    source_hash.cache_clear()
+    assert source_hash(tmp_path) != before
