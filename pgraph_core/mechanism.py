@@ -282,12 +282,11 @@ class Mechanism:
         )
 
     def forces_of(self, active: Ints, lam: Array) -> dict[str, Array]:
-        """{name: (..., 6)} [torque, force] on `body` at `point` from multipliers (..., 3 n)."""
-        n, shape = len(active), lam.shape[:-1]
-        forces = np.zeros((n, *shape, 6))
-        forces[..., 3:] = np.moveaxis(lam[..., : 3 * n].reshape(*shape, n, 3), -2, 0)
-        items = self.model.constraints
-        return dict(zip([items[i].name for i in active.tolist()], forces))
+        """{name: (6,) or (frames, 6)} [torque, force] on `body` at `point` from multipliers."""
+        names = [self.model.constraints[i].name for i in active.tolist()]
+        forces = np.zeros((*lam.shape[:-1], len(names), 6))
+        forces[..., 3:] = lam[..., : 3 * len(names)].reshape(*lam.shape[:-1], len(names), 3)
+        return dict(zip(names, forces if lam.ndim == 1 else forces.swapaxes(0, 1)))
 
     def batch(self, size: int | None = None, **options: Any) -> Any:
         """`Batch(self, size, models=..., threads=...)`: many instances at once."""
