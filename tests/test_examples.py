@@ -14,6 +14,7 @@ PROMISED = {
     "02_describe_and_edit": "read back equal: True",
     "03_dynamics": "M is symmetric: True",
     "04_stance": "in all            323.73 N at first",
+    "05_frame_update": "equal to the absolute form: True",
 }
 
 
