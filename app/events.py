@@ -14,7 +14,7 @@ Text = Annotated[str, Field(max_length=20_000)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 EditField = Literal[
     "name", "parent", "dof", "joint", "axes", "link", "rotation", "mass", "com", "inertia",
-    "tip", "q", "v", "stiffness", "damping", "rest", "armature",
+    "tip", "q", "v", "stiffness", "damping", "rest", "friction", "armature",
 ]  # fmt: skip
 
 

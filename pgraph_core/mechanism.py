@@ -8,12 +8,22 @@ from typing import Any
 
 import numpy as np
 
+from .bodies import BodyMotion, bodies_over, turned
 from .errors import InputError, Problem
 from .kernels import bodies, dynamics, step
 from .kernels import layout as at
 from .kernels._jit import ready
 from .schema import Force, Model
-from .system import Array, Drives, Ints, constraint_tables, drives, point_in_row, system
+from .system import (
+    Array,
+    Drives,
+    Ints,
+    constraint_tables,
+    drives,
+    has_springs,
+    point_in_row,
+    system,
+)
 from .topology import Topology
 
 NO_GAINS = np.zeros(2)
@@ -42,7 +52,7 @@ class Mechanism:
         self._nq, self._nv = (self.nq,), (self.nv,)
         self._quaternion_rows = np.flatnonzero(self._rows[:, at.KIND] >= at.BALL).tolist()
         self._forward = ready(dynamics.forward_dynamics)
-        self._springs = any(any(b.stiffness) or any(b.damping) for b in model.bodies)
+        self._springs = any(map(has_springs, model.bodies))
 
     # -- the digraph ---------------------------------------------------------------------------
 
@@ -202,6 +212,63 @@ class Mechanism:
     @cached_property
     def _active_tables(self) -> tuple[Any, Any]:
         return self.tables(self.active), self.space(self.active)
+
+    def forward_derivatives(
+        self, q: Array, v: Array, tau: Array | None = None
+    ) -> tuple[Array, Array, Array]:
+        """∂v'/∂q, ∂v'/∂v, ∂v'/∂τ, (nv, nv) each, of `forward_dynamics`.
+
+        By central differences in lanes, good to about 1e-9 of the largest entry; columns of the
+        first are moves along v (a rotation vector in a ball's axes), not entries of q.
+        """
+        from .derivatives import forward_derivatives
+
+        q, v = self.position(q), self.finite("v", v, self.nv)
+        given = self._zero if tau is None else self.finite("tau", tau, self.nv)
+        return forward_derivatives(self, q, v, given)
+
+    # -- bodies --------------------------------------------------------------------------------
+
+    def body_motion(
+        self, q: Array, v: Array, vdot: Array | None = None, external: Array | None = None
+    ) -> BodyMotion:
+        """Poses, velocities, accelerations of all bodies and the full force in every joint.
+
+        (nb, 7 | 6 | 6 | 6), by number, world axes at the bodies' origins, eqs. (17), (21), (22).
+        Without `vdot` the accelerations are those at v' = 0.
+        """
+        state = (self.position(q), self.finite("v", v, self.nv))
+        rate = self._zero if vdot is None else self.finite("vdot", vdot, self.nv)
+        wrench = np.zeros((self.nb, 6)) if external is None else self._external(external)
+        motion = bodies_over(self.system, *(x[None] for x in (*state, rate, wrench)))
+        return BodyMotion(*(x[0] for x in motion))
+
+    def centre_of_mass(self, q: Array) -> Array:
+        """(3,) of the whole mechanism in the world [m]."""
+        mass, place, _, _ = self._masses(q, self._zero)
+        return mass @ place / mass.sum()
+
+    def momentum(self, q: Array, v: Array) -> Array:
+        """(6,) momentum, world axes: angular about the centre of mass, then linear [kg m/s]."""
+        mass, place, velocity, spin = self._masses(q, v)
+        arm = place - mass @ place / mass.sum()
+        linear = mass @ velocity
+        angular = spin.sum(axis=0) + np.cross(arm, mass[:, None] * velocity).sum(axis=0)
+        return np.concatenate((angular, linear))
+
+    def _masses(self, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
+        """Masses, centres of mass, their velocities, and spins I ω of all bodies."""
+        motion = self.body_motion(q, v)
+        bodies = [self.model.body(name) for name in self.names]
+        mass = np.array([b.mass for b in bodies])
+        turn = motion.pose[:, 3:]
+        arm = turned(turn, np.array([b.com for b in bodies]).reshape(-1, 3))
+        omega = motion.velocity[:, :3]
+        back = turn * np.array([1.0, -1.0, -1.0, -1.0])
+        inertia = np.array([b.inertia for b in bodies]).reshape(-1, 3, 3)
+        spin = turned(turn, np.einsum("bij,bj->bi", inertia, turned(back, omega)))
+        velocity = motion.velocity[:, 3:] + np.cross(omega, arm)
+        return mass, motion.pose[:, :3] + arm, velocity, spin
 
     # -- Jacobians -----------------------------------------------------------------------------
 

@@ -10,13 +10,12 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .bodies import BodyMotion, bodies_over, turned
 from .errors import FileError, Problem
-from .kernels import bodies
-from .kernels import layout as at
 from .schema import Model
 from .schema.files import write_atomic
 from .system import Array
@@ -38,15 +37,6 @@ class Status(Enum):
     def ok(self) -> bool:
         """Whether the run reached its end."""
         return self is Status.DONE
-
-
-class BodyMotion(NamedTuple):
-    """Everything about bodies over time, world axes, at the bodies' origins."""
-
-    pose: Array  # (len(t), nb, 7) x y z [m], w x y z
-    velocity: Array  # (len(t), nb, 6) angular [rad/s], linear [m/s]
-    acceleration: Array  # (len(t), nb, 6) angular [rad/s^2], linear [m/s^2]
-    force: Array  # (len(t), nb, 6) torque [N m], force [N] that each joint passes on to its body
 
 
 @dataclass(frozen=True)
@@ -181,63 +171,28 @@ SCALARS = ("message", "counters", "timing", "error_estimate", "header", "left_ou
 
 def body_motion(run: Result) -> BodyMotion:
     """Body motion and joint forces of all frames from (q, v, v') and the constraint forces."""
-    nb, n = run.mechanism.nb, len(run.t)
-    external = np.zeros((n, nb, 6))
-    position, rotation, *rest = _sweep(run, external)
-    if run.constraint_force:
-        _add_constraint_wrenches(run, position, rotation, external)
-        position, rotation, *rest = _sweep(run, external)
-    return BodyMotion(np.concatenate((position, quaternions(rotation)), axis=-1), *rest)
-
-
-def _sweep(run: Result, external: Array) -> tuple[Array, ...]:
-    """Positions, rotations, velocities, accelerations and joint forces under these wrenches."""
-    mech, n = run.mechanism, len(run.t)
-    position, rotation = np.empty((n, mech.nb, 3)), np.empty((n, mech.nb, 9))
-    velocity, acceleration, force = (np.empty((n, mech.nb, 6)) for _ in range(3))
-    work = np.zeros((len(mech.system.rows), at.WORK))
-    states = map(np.ascontiguousarray, (run.q, run.v, run.vdot))
-    out = (position, rotation, velocity, acceleration, force)
-    bodies.motion_and_forces(*mech.system[:4], *states, external, work, *out)
-    return position, rotation.reshape(n, mech.nb, 3, 3), velocity, acceleration, force
-
-
-def _add_constraint_wrenches(run: Result, position: Array, rotation: Array, out: Array) -> None:
-    """Constraint forces as wrenches on the bodies, world axes at their origins (eq. (22))."""
     mech = run.mechanism
+    external = np.zeros((len(run.t), mech.nb, 6))
+    states = (run.q, run.v, run.vdot)
+    motion = bodies_over(mech.system, *states, external)
+    if run.constraint_force:
+        _add_constraint_wrenches(run, motion, external)
+        motion = bodies_over(mech.system, *states, external)
+    return motion
+
+
+def _add_constraint_wrenches(run: Result, motion: BodyMotion, out: Array) -> None:
+    """Constraint forces as wrenches on the bodies, world axes at their origins (eq. (22))."""
+    mech, position = run.mechanism, motion.pose[..., :3]
     for c in mech.model.constraints:
         if c.name not in run.constraint_force:
             continue
         force = run.constraint_force[c.name][:, 3:]
         point = mech.model.body(c.body).tip_point if c.point is None else c.point
         b = mech.topology.number(c.body) - 1
-        place = position[:, b] + rotation[:, b] @ np.asarray(point)
+        place = position[:, b] + turned(motion.pose[:, b, 3:], np.asarray(point))
         for body, signed in ((c.body, force), (c.other, -force)):
             b = mech.topology.number(body) - 1
             if b >= 0:
                 out[:, b, :3] += np.cross(place - position[:, b], signed)
                 out[:, b, 3:] += signed
-
-
-def quaternions(rotation: Array) -> Array:
-    """(..., 4) quaternions [w, x, y, z] of (..., 3, 3) rotations, the largest entry positive.
-
-    Of the four ways to read a quaternion off a matrix the best conditioned is taken.
-    """
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = np.moveaxis(rotation, (-2, -1), (0, 1))
-    ways = np.stack(
-        [
-            _stack(1 + xx + yy + zz, zy - yz, xz - zx, yx - xy),
-            _stack(zy - yz, 1 + xx - yy - zz, xy + yx, xz + zx),
-            _stack(xz - zx, xy + yx, 1 - xx + yy - zz, yz + zy),
-            _stack(yx - xy, xz + zx, yz + zy, 1 - xx - yy + zz),
-        ],
-        axis=-2,
-    )
-    best = np.argmax(np.stack([ways[..., i, i] for i in range(4)], axis=-1), axis=-1)
-    q = np.take_along_axis(ways, best[..., None, None], axis=-2)[..., 0, :]
-    return q / np.linalg.norm(q, axis=-1, keepdims=True)
-
-
-def _stack(*parts: Array) -> Array:
-    return np.stack(parts, axis=-1)

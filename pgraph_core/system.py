@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from . import joints
 from .kernels import layout as at
 from .kernels import pack
-from .schema import Constraint, Force, Model, Table
+from .schema import Body, Constraint, Force, Model, Table
 from .topology import Topology
 
 Array: TypeAlias = NDArray[np.float64]
@@ -30,7 +30,7 @@ class System(NamedTuple):
 
 
 # Springs and dampers of joints, then motors and servos, as kernels take them (a plain tuple: numba
-# would compile everything again for a named one): table (nd, 9), knots (nk, 2) of time [s] and
+# would compile everything again for a named one): table (nd, 10), knots (nk, 2) of time [s] and
 # value, and how many rows are springs and dampers.
 Drives: TypeAlias = tuple[Array, Array, int]
 
@@ -84,7 +84,7 @@ def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force
     knots: list[tuple[float, float]] = []
     for number, row in enumerate(topology.row.tolist(), start=1):
         body = model.bodies[row]
-        if any(body.stiffness) or any(body.damping):
+        if has_springs(body):
             table += _springs(body, _coordinates(packed, number), knots)
     passive = len(table)
     for force in forces:
@@ -92,8 +92,13 @@ def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force
         target, torque = _knots(force.target, knots), _knots(force.torque, knots)
         limit = np.inf if force.torque_limit is None else force.torque_limit
         position = at_q if force.kind == "servo" and force.kp else -1
-        table.append((at_v, position, force.kp, force.kd, limit, *target, *torque))
+        table.append((at_v, position, force.kp, force.kd, limit, *target, *torque, 0.0))
     return np.array(table).reshape(-1, at.DRIVE), np.array(knots).reshape(-1, 2), passive
+
+
+def has_springs(body: Body) -> bool:
+    """Whether a joint has a spring, a damper or friction."""
+    return any(body.stiffness) or any(body.damping) or any(body.friction)
 
 
 def _coordinates(packed: System, number: int) -> list[tuple[int, int]]:
@@ -109,14 +114,16 @@ def _coordinates(packed: System, number: int) -> list[tuple[int, int]]:
 
 
 def _springs(body: Any, at_vq: list[tuple[int, int]], knots: list[Any]) -> list[tuple[float, ...]]:
-    """One row a degree of freedom of a joint with a spring or damper."""
+    """One row a degree of freedom of a joint with a spring, a damper or friction."""
     found: list[tuple[float, ...]] = []
     start = 0
-    for m, k, d, rest in zip(body.sequence, body.stiffness, body.damping, body.rest):
+    columns = (body.stiffness, body.damping, body.rest, body.friction)
+    for m, k, d, rest, friction in zip(body.sequence, *columns):
         size = joints.SIZE[m.kind][1]
         for at_v, at_q in at_vq[start : start + size]:
             none = _knots(0.0, knots)
-            found.append((at_v, at_q if k else -1, k, d, np.inf, *_knots(rest, knots), *none))
+            place = (at_v, at_q if k else -1)
+            found.append((*place, k, d, np.inf, *_knots(rest, knots), *none, friction))
         start += size
     return found
 

@@ -46,6 +46,7 @@ ABOUT = {
     "stiffness": About("Stiffness", "N m/rad, N/m", "spring of each motion of the joint"),
     "rest": About("Rest position", "rad, m", "where the spring is relaxed"),
     "damping": About("Damping", "N m s/rad", "viscous damper of each motion of the joint"),
+    "friction": About("Friction", "N m, N", "Coulomb's, of each rotation or translation"),
     "armature": About("Armature", "kg m²", "inertia of the drive, felt by the joint alone"),
 }
 
@@ -97,7 +98,8 @@ def groups(body: pg.Body) -> list[Payload]:
     names = Q_NAMES.get(body.joint, ()), V_NAMES.get(body.joint, ())
     state = [_vector("q", body.q, names[0]), _vector("v", body.v, names[1])]
     spring = [
-        _vector(name, getattr(body, name)) for name in ("stiffness", "rest", "damping", "armature")
+        _vector(name, getattr(body, name))
+        for name in ("stiffness", "rest", "damping", "friction", "armature")
     ]
     found = [
         _group("", joint),

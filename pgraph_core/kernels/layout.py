@@ -54,13 +54,15 @@ B_COM = 13  # 3, from the body's origin
 B_INERTIA = 16  # 6
 BODY = 22
 
-# drives: float64 (nd, 9): torque = clamp(kp (target(t) - q) - kd v + torque(t))
-# springs and dampers of joints come first, then motors and servos
+# drives: float64 (nd, 10): torque = clamp(kp (target(t) - q) - kd v + torque(t)) - friction sign(v)
+# springs, dampers and friction of joints come first, then motors and servos
 DR_V, DR_Q = 0, 1  # indices into v and q (-1: no position)
 DR_KP, DR_KD, DR_LIMIT = 2, 3, 4
 DR_TARGET, DR_TARGET_N = 5, 6  # first knot and number of knots of the target
 DR_TORQUE, DR_TORQUE_N = 7, 8
-DRIVE = 9
+DR_FRICTION = 9  # [N m, N]
+DRIVE = 10
+CREEP = 1e-3  # rad/s, m/s: friction is regularised as v / √(v² + creep²)
 # knots: float64 (nk, 2): time [s] and value
 
 # cons_i: int64 (nc, 2): rows of the two bodies; cons_f: float64 (nc, 6): the two points in home

@@ -4,6 +4,8 @@ A run is a sequence of frames; between two frames lie `substeps[i]` steps of `wi
 are data: an explicit Runge-Kutta tableau (a, b, c), or an empty one for semi-implicit Euler.
 """
 
+import math
+
 from . import layout as at
 from ._jit import kernel, part, sweep
 from .constraints import (
@@ -56,13 +58,18 @@ def drive(drives, t, q, v, given, tau):
         j = int(table[n, at.DR_V])
         i = int(table[n, at.DR_Q])
         kd = table[n, at.DR_KD]
-        torque = -kd * v[j]
+        speed = v[j]
+        drag = kd * speed
+        friction = table[n, at.DR_FRICTION]
+        if friction > 0.0:
+            drag += friction * speed / math.sqrt(speed * speed + at.CREEP * at.CREEP)
+        torque = -drag
         if i >= 0:
             first = int(table[n, at.DR_TARGET])
             target = lookup(knots, first, int(table[n, at.DR_TARGET_N]), t)
             torque += table[n, at.DR_KP] * (target - q[i])
         if n < passive:
-            dissipated += kd * v[j] * v[j]
+            dissipated += drag * speed
         else:
             first = int(table[n, at.DR_TORQUE])
             torque += lookup(knots, first, int(table[n, at.DR_TORQUE_N]), t)

@@ -74,7 +74,7 @@ class Body(Described):
 
     FOLLOWERS: ClassVar[Mapping[str, tuple[str, ...]]] = dict.fromkeys(
         ("joint", "dof", "axes", "motions"),
-        ("axes", "motions", "q", "v", "stiffness", "damping", "rest", "armature"),
+        ("axes", "motions", "q", "v", "stiffness", "damping", "rest", "friction", "armature"),
     )
 
     name: str = Field(description="text that is not empty")
@@ -120,6 +120,9 @@ class Body(Described):
     )
     damping: PerMotion = Field(default=(), description="numbers >= 0, one for all or one a motion")
     rest: PerMotion = Field(default=(), description="finite numbers, one for all or one a motion")
+    friction: PerMotion = Field(
+        default=(), description="numbers >= 0 [N m, N], one for all or one a motion"
+    )
     armature: PerMotion = Field(default=(), description="numbers >= 0, one for all or one a motion")
     shape: Shape | None = Field(default=None, description="a shape such as {'kind': 'sphere', ...}")
 
@@ -272,7 +275,7 @@ def _fill_coordinates(data: dict[str, Any], motions: tuple[Motion, ...]) -> None
         data["q"] = joints.home(motions)
     if listed(data.get("v", ())) == ():
         data["v"] = (0.0,) * joints.nv(motions)
-    for name in ("stiffness", "damping", "rest", "armature"):
+    for name in ("stiffness", "damping", "rest", "friction", "armature"):
         value = listed(data.get(name, ()))
         value = value if isinstance(value, tuple) else (value,)
         if len(value) == 1 and (motions or value == (0,)):

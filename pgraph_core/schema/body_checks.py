@@ -54,7 +54,7 @@ def _joint_problems(body: Body) -> list[tuple[str, str]]:
             found.append((name, f"a {body.joint} joint has {numbers(length)}; given {len(value)}"))
         elif name == "q":
             found += quaternion_problems(value, motions)
-    for name in ("stiffness", "damping", "rest", "armature"):
+    for name in ("stiffness", "damping", "rest", "friction", "armature"):
         found += _physics_problems(name, getattr(body, name), motions)
     return found
 

@@ -17,7 +17,10 @@ from .sentences import nearest
 
 T = TypeVar("T", bound=Described)
 
-JOINT_FIELDS = ("axes", "motions", "q", "v", "stiffness", "damping", "rest", "armature")
+JOINT_FIELDS = (
+    *("axes", "motions", "q", "v"),
+    *("stiffness", "damping", "rest", "friction", "armature"),
+)
 
 
 def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:

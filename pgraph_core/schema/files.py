@@ -37,7 +37,7 @@ def to_json(model: Model) -> str:
 def _concise(body: dict[str, Any]) -> dict[str, Any]:
     """Without what follows from the rest: a named kind's motions, a compound's axes, zeros."""
     implied = {"axes"} if body["joint"] == "compound" else {"motions"}
-    for field in ("stiffness", "damping", "rest", "armature", "v"):
+    for field in ("stiffness", "damping", "rest", "friction", "armature", "v"):
         if not any(body[field]):
             implied.add(field)
     return {key: value for key, value in body.items() if key not in implied}
