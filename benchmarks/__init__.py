@@ -1,1 +1,1 @@
-"""Speed of Pgraph beside its peers, on the same models; run by hand."""
+"""Speed of Pgraph beside its peers, on the same models: `pgraph bench`."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import gc
 import random
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from statistics import median, quantiles
 
-SAMPLE = 0.01  # s that one sample lasts at least
+Spread = tuple[float, float, float]  # lower quartile, median, upper quartile
 
 
 @dataclass(frozen=True)
@@ -17,11 +17,11 @@ class Case:
     """One comparison: what is timed, by each side, and how many units of work a call holds."""
 
     name: str
-    sides: dict[str, Callable[[], object]]  # the first one is ours
+    sides: Mapping[str, Callable[[], object]]  # the first one is ours
     unit: str = "call"
     per_call: int = 1
     agreement: str = ""  # how far the results differed before timing
-    goal: float | None = None  # ratio to reach against each peer
+    goals: Mapping[str, float] = field(default_factory=dict)  # ratio to reach, by peer
     clocked: frozenset[str] = frozenset()  # sides whose calls return their own seconds
 
 
@@ -30,19 +30,23 @@ class Timed:
     """Seconds a unit of every side, by round."""
 
     case: Case
-    seconds: dict[str, list[float]] = field(default_factory=dict)
+    seconds: dict[str, list[float]]
 
-    def quartiles(self, side: str) -> tuple[float, float, float]:
-        """Lower quartile, median, upper quartile [s]."""
+    @property
+    def ours(self) -> str:
+        """The side that the others are compared to."""
+        return next(iter(self.case.sides))
+
+    def quartiles(self, side: str) -> Spread:
+        """Seconds a unit."""
         return spread(self.seconds[side])
 
-    def ratio(self, side: str) -> tuple[float, float, float]:
-        """How many times longer a peer takes, within the same round: quartiles."""
-        ours = self.seconds[next(iter(self.case.sides))]
-        return spread([x / y for x, y in zip(self.seconds[side], ours)])
+    def ratio(self, side: str) -> Spread:
+        """How many times longer a peer takes, within the same round."""
+        return spread([x / y for x, y in zip(self.seconds[side], self.seconds[self.ours])])
 
 
-def spread(values: list[float]) -> tuple[float, float, float]:
+def spread(values: list[float]) -> Spread:
     """Lower quartile, median, upper quartile."""
     if len(values) < 2:
         return values[0], values[0], values[0]
@@ -50,17 +54,19 @@ def spread(values: list[float]) -> tuple[float, float, float]:
     return low, median(values), high
 
 
-def repeats(call: Callable[[], object]) -> int:
-    """Calls a sample, so that it lasts SAMPLE; warms up first."""
-    sample(call, 3, clocked=False)
+def repeats(call: Callable[[], object], shortest: float) -> int:
+    """Calls a sample, so that it lasts `shortest` [s]; warms up first, long calls once."""
+    for _ in range(3):
+        if sample(call, 1, clocked=False) > 100 * shortest:
+            return 1
     n = 1
     while True:
         begin = time.perf_counter()
         sample(call, n, clocked=False)
         total = time.perf_counter() - begin
-        if total >= SAMPLE:
+        if total >= shortest:
             return n
-        n = max(2 * n, int(n * SAMPLE / max(total, 1e-7)))
+        n = max(2 * n, int(n * shortest / max(total, 1e-7)))
 
 
 def sample(call: Callable[[], object], n: int, *, clocked: bool) -> float:
@@ -73,11 +79,15 @@ def sample(call: Callable[[], object], n: int, *, clocked: bool) -> float:
     return (time.perf_counter() - begin) / n
 
 
-def measure(cases: list[Case], rounds: int, seed: int = 0) -> list[Timed]:
+def measure(cases: list[Case], rounds: int, shortest: float, seed: int = 0) -> list[Timed]:
     """All sides of all cases, interleaved in a new random order every round."""
     shuffle = random.Random(seed)
     timed = [Timed(case, {side: [] for side in case.sides}) for case in cases]
-    counts = {(t.case.name, s): repeats(call) for t in timed for s, call in t.case.sides.items()}
+    counts = {
+        (t.case.name, side): repeats(call, shortest)
+        for t in timed
+        for side, call in t.case.sides.items()
+    }
     gc.collect()
     gc.disable()
     try:

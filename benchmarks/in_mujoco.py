@@ -1,0 +1,116 @@
+"""A scene in MuJoCo, built with MjSpec: text is too deep for its parser beyond 500 bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import mujoco.rollout
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tests.core.trees import State
+from tests.golden import with_mujoco
+from tests.golden.elementary import PLACEHOLDER, Row, inertia_of, rows_of
+
+from .scenes import STEP, Scene
+
+KINDS = {
+    "rotate": mujoco.mjtJoint.mjJNT_HINGE,
+    "translate": mujoco.mjtJoint.mjJNT_SLIDE,
+    "ball": mujoco.mjtJoint.mjJNT_BALL,
+}
+INTEGRATORS = {
+    "semi_implicit_euler": mujoco.mjtIntegrator.mjINT_EULER,
+    "rk4": mujoco.mjtIntegrator.mjINT_RK4,
+}
+TREE_ONLY = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+ANCHOR = 'solref="0.002 1" solimp="0.99 0.999 0.001"'  # MuJoCo's feet are soft: near its stiffest
+
+
+def spec_builder(scene: Scene, method: str = "semi_implicit_euler") -> Callable[[], Any]:
+    """A function that builds the spec from numbers that are at hand."""
+    prepared = [_arguments(row) for row in scene.rows]
+
+    def build() -> Any:
+        spec = mujoco.MjSpec()
+        spec.compiler.degree = False
+        spec.compiler.boundmass = spec.compiler.boundinertia = 0
+        spec.option.gravity = scene.model.gravity
+        spec.option.timestep, spec.option.integrator = STEP, INTEGRATORS[method]
+        spec.option.disableflags |= TREE_ONLY
+        bodies = [spec.worldbody]
+        for parent, body, joint in prepared:
+            bodies.append(bodies[parent + 1].add_body(**body))
+            if joint == "free":
+                bodies[-1].add_freejoint()
+            elif joint:
+                bodies[-1].add_joint(**joint)
+        return spec
+
+    return build
+
+
+def _arguments(row: Row) -> tuple[int, dict[str, Any], Any]:
+    """(parent, of add_body, of add_joint) for a row whose body has one motion or none."""
+    assert row.body is not None
+    mass, com, inertia = inertia_of(row.body)
+    xx, yy, zz = np.diag(inertia)
+    body = {
+        "name": row.name,
+        "pos": row.shift,
+        "quat": Rotation.from_matrix(row.turn).as_quat(scalar_first=True),
+        "mass": mass,
+        "ipos": com,
+        "fullinertia": [xx, yy, zz, inertia[0, 1], inertia[0, 2], inertia[1, 2]],
+        "explicitinertial": True,
+    }
+    if row.kind == PLACEHOLDER:
+        return row.parent, body, None
+    if row.kind == "free":
+        return row.parent, body, "free"
+    joint = {"type": KINDS[row.kind], "axis": row.axis, "armature": row.armature}
+    return row.parent, body, joint
+
+
+def loaded(scene: Scene, method: str = "semi_implicit_euler") -> tuple[Any, Any, np.ndarray]:
+    """(model, data in the scene's state, T with qvel = T v)."""
+    model = spec_builder(scene, method)().compile()
+    data = mujoco.MjData(model)
+    data.qpos[:], T = with_mujoco.coordinates(scene.rows, scene.state)
+    data.qvel[:] = T @ scene.state.v
+    data.qfrc_applied[:] = T @ scene.state.tau
+    return model, data, T
+
+
+def rollout(scene: Scene, method: str, n: int, count: int = 1, threads: int = 0) -> Any:
+    """A function that takes n steps of `count` instances, and MuJoCo's change of qpos in it."""
+    model, data, T = loaded(scene, method)
+    data.qfrc_applied[:] = 0.0
+    start = np.concatenate(([0.0], data.qpos, data.qvel))
+    starts = np.repeat(start[None], count, axis=0)
+    pool = mujoco.rollout.Rollout(nthread=threads if threads > 1 else 0)
+    each = [mujoco.MjData(model) for _ in range(max(threads, 1))]
+    out = np.empty((count, n, len(start)))
+
+    def run() -> np.ndarray:
+        pool.rollout(model, each, starts, nstep=n, state=out, skip_checks=False)
+        return out
+
+    return run, lambda: run()[:, -1, 1 : 1 + model.nq] - data.qpos
+
+
+def stance(state: State) -> tuple[Any, Any]:
+    """(model, data) with four `connect` constraints."""
+    rows = rows_of(state.model, state.topology)
+    feet = "".join(
+        f'<connect body1="{c.body}" body2="world" anchor="{" ".join(map(str, c.point))}" {ANCHOR}/>'
+        for c in state.model.constraints
+    )
+    flag, extra = 'contact="disable"', f"<equality>{feet}</equality>"
+    model = mujoco.MjModel.from_xml_string(with_mujoco.mjcf(state.model, rows, "", flag, extra))
+    data = mujoco.MjData(model)
+    data.qpos[:], T = with_mujoco.coordinates(rows, state)
+    data.qfrc_applied[:] = T @ state.tau
+    return model, data

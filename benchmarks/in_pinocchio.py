@@ -1,0 +1,52 @@
+"""A scene in Pinocchio."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+
+from tests.core.trees import State
+from tests.golden import with_pinocchio
+from tests.golden.elementary import rows_of
+
+from .scenes import Scene
+
+
+def forward_dynamics(scene: Scene) -> tuple[Callable[[], object], np.ndarray]:
+    """(the call, v' in our coordinates)."""
+    model, _ = with_pinocchio.build(scene.model, scene.rows)
+    data = model.createData()
+    state = scene.state
+    q, T, Tdot_v = with_pinocchio.coordinates(scene.rows, model, state)
+    v, tau = T @ state.v, np.linalg.solve(T.T, state.tau)
+    found = np.linalg.solve(T, pin.aba(model, data, q, v, tau) - Tdot_v)
+    return lambda: pin.aba(model, data, q, v, tau), found
+
+
+def builder(scene: Scene) -> Callable[[], object]:
+    """Model and data from rows that are at hand."""
+    return lambda: with_pinocchio.build(scene.model, scene.rows)[0].createData()
+
+
+def stance(state: State) -> tuple[Callable[[], object], Callable[[], list]]:
+    """(the call, the contact forces in world axes after it) of Pinocchio's proximal solver."""
+    rows = rows_of(state.model, state.topology)
+    model, _ = with_pinocchio.build(state.model, rows)
+    data = model.createData()
+    q, T, _ = with_pinocchio.coordinates(rows, model, state)
+    held, found = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
+    for c in state.model.constraints:
+        place = pin.SE3(np.eye(3), np.array(c.point))
+        joint, axes = model.getJointId(c.body), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        held.append(pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, model, joint, place, axes))
+        found.append(held[-1].createData())
+    pin.initConstraintDynamics(model, data, held, found)
+    settings = pin.ProximalSettings(1e-10, 1e-6, 10)  # four iterations, to 1e-13 N
+    v, tau = T @ state.v, np.linalg.solve(T.T, state.tau)
+
+    def call() -> object:
+        return pin.constraintDynamics(model, data, q, v, tau, held, found, settings)
+
+    return call, lambda: [f.contact_force for f in found]

@@ -1,0 +1,41 @@
+"""What may not fit into memory: Pinocchio on a long chain, in a process with a limit."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from .machine import ROOT, has
+
+GIB = 4
+SCRIPT = """
+import resource, sys, time
+resource.setrlimit(resource.RLIMIT_AS, ({limit} << 30, {limit} << 30))
+import pinocchio as pin
+model, place = pin.Model(), pin.SE3(1)
+place.translation[0] = 1.0
+for i in range({n}):
+    joint = model.addJoint(i, pin.JointModelRZ(), place, str(i))
+    model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
+data, q, v = model.createData(), pin.neutral(model), model.lowerPositionLimit * 0
+pin.aba(model, data, q, v, v)
+begin = time.perf_counter()
+pin.aba(model, data, q, v, v)
+print(time.perf_counter() - begin)
+"""
+
+
+def pinocchio_chain(n: int) -> str:
+    """One sentence: how long pin.aba took on a chain of n, or that it could not."""
+    if not has("pin"):
+        return f"pin.aba on a chain of {n}: pin is not installed"
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT.format(limit=GIB, n=n)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    if done.returncode:
+        return f"pin.aba on a chain of {n}: its data does not fit into {GIB} GiB of memory"
+    return f"pin.aba on a chain of {n}: {float(done.stdout) * 1e6:.3g} us, within {GIB} GiB"

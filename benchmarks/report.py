@@ -1,0 +1,131 @@
+"""What was measured, for people: a table in the terminal, and docs/benchmarks.md."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+Found = Mapping[str, Any]
+COLUMNS = ("case", "by", "median", "quartiles", "ratio", "quartiles", "goal")
+INTRODUCTION = """# Speed beside MuJoCo, Pinocchio and Drake
+
+Made by `pgraph bench --markdown`, which needs the packages of the extra `oracles` (and `drake`,
+if it shall be in). All sides run in one process, warmed up, in rounds of a new random order;
+times are medians with quartiles over the rounds, and a ratio is how many times longer a peer takes
+than we do in the same round. Peers are built from the same model, and results are compared
+before anything is timed (last table): what does not agree is not timed.
+
+* A *step* is what `simulate` takes to build and to step a run, without our error estimate, which
+  has no counterpart; a *batch* is the whole call of `simulate_batch`, from equal initial states.
+* *Stance* has four feet on the ground, twelve rows. A *whole run* counts an acceleration in the
+  RK4 run of the scenario, projection and energy ledger included, beside one call of a peer.
+  `pin.constraintDynamics` runs at the coarsest settings that give it our accuracy (four
+  iterations); MuJoCo's feet are soft, and its solver starts from its last solution of this state.
+* *Model to Mechanism* starts at a validated model: *first* at a new one, to which the ratios refer,
+  *again* at one whose bodies keep their packed form. Peers start at arrays that are at hand.
+* *Parent changed* goes from `edit` through validation, Pgraph, jdof and packing to the mass matrix;
+  the peers build model and data anew from a spec or rows that are at hand, and compute nothing.
+"""
+
+
+def text(found: Found) -> str:
+    """The terminal's table."""
+    parts = [f"measured on {machine(found)}", aligned([COLUMNS, *lines(found)])]
+    parts.append("\n".join(sentences(found)))
+    return "\n\n".join(parts)
+
+
+def markdown(found: Found) -> str:
+    """docs/benchmarks.md."""
+    goals = list(goal_lines(found))
+    agreement = [(row["case"], row["agreement"]) for row in found["rows"] if row["agreement"]]
+    return "\n\n".join(
+        (
+            INTRODUCTION.rstrip(),
+            f"Measured on {machine(found)}.",
+            "## Goals",
+            piped(("case", "beside", "goal", "measured", ""), goals),
+            "## All of it",
+            piped(COLUMNS, lines(found)),
+            "\n".join(f"* {sentence}" for sentence in sentences(found)),
+            "## How far results differ",
+            "Largest difference relative to the largest number, or 1.",
+            piped(("case", "by"), agreement),
+        )
+    )
+
+
+def machine(found: Found) -> str:
+    """One line."""
+    about = dict(found["machine"])
+    return ", ".join([about.pop("cpu"), *(f"{key} {value}" for key, value in about.items())])
+
+
+def lines(found: Found) -> Iterator[tuple[str, ...]]:
+    """A line a side; the case is named once."""
+    last = ""
+    for row in found["rows"]:
+        low, middle, high = (amount(x, row["unit"]) for x in row["seconds"])
+        ratio = row["ratio"] or ()
+        shown = (f"{ratio[1]:.3g}", f"{ratio[0]:.3g} - {ratio[2]:.3g}") if ratio else ("", "")
+        goal = "" if row["goal"] is None else f"{row['goal']:g}"
+        case = "" if row["case"] == last else row["case"]
+        last = row["case"]
+        yield case, row["side"], middle, f"{low} - {high}", *shown, goal
+
+
+def amount(seconds: float, unit: str) -> str:
+    """A time with a unit that suits it; instance-steps as how many a second."""
+    if unit == "instance-step":
+        return f"{1e-6 / seconds:.3g} M/s"
+    for name, scale in (("us", 1e6), ("ms", 1e3)):
+        if seconds * scale < 1000:
+            return f"{seconds * scale:.3g} {name}"
+    return f"{seconds:.3g} s"
+
+
+def goal_lines(found: Found) -> Iterator[tuple[str, ...]]:
+    """Every goal with what was measured, and whether it is met."""
+    for row in found["rows"]:
+        if row["goal"] is not None and row["ratio"]:
+            ratio = row["ratio"][1]
+            met = "met" if ratio >= row["goal"] else "not met"
+            yield row["case"], row["side"], f">= {row['goal']:g}", f"{ratio:.3g}", met
+    scaling = found["scaling"]
+    exponent = scaling["exponent"][1]
+    met = "met" if exponent <= scaling["goal"] else "not met"
+    case = "forward dynamics, chains: exponent of n"
+    yield case, "", f"<= {scaling['goal']:g}", f"{exponent:.3f}", met
+
+
+def sentences(found: Found) -> Iterator[str]:
+    """What the table does not hold."""
+    low, middle, high = found["scaling"]["exponent"]
+    goal = found["scaling"]["goal"]
+    yield f"scaling on chains: time grows as n^{middle:.3f} ({low:.3f} - {high:.3f}); goal {goal:g}"
+    yield from found["notes"]
+    if found["absent"]:
+        yield f"not installed, so not compared: {', '.join(found['absent'])}"
+    goals = list(goal_lines(found))
+    missed = [f"{case}, {side} ({value})" for case, side, _, value, met in goals if met != "met"]
+    yield f"goals met: {len(goals) - len(missed)} of {len(goals)} that were measured"
+    if missed:
+        yield f"not met: {'; '.join(missed)}"
+    for sentence in found["not_measured"]:
+        yield f"not measured: {sentence}"
+
+
+def aligned(rows: Iterable[Sequence[str]]) -> str:
+    """Columns of equal width."""
+    rows = list(rows)
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in rows
+    )
+
+
+def piped(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A Markdown table."""
+    return "\n".join(
+        "| " + " | ".join(row) + " |" for row in (header, ["---"] * len(header), *rows)
+    )

@@ -1,0 +1,77 @@
+"""Steps of one instance and of many, against mujoco.rollout."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+import pgraph_core as pg
+
+from .machine import has
+from .scenes import STEP, Scene, differ
+from .timing import Case
+
+GOAL_STEP, GOAL_BATCH = 2.5, 12.0
+METHODS = {"semi_implicit_euler": "semi-implicit Euler step", "rk4": "RK4 step"}
+
+
+def steps(place: Scene, method: str, number: int, *, goal: bool = True) -> Case:
+    """Steps under gravity inside one run, of which only the end is recorded.
+
+    Ours is what `simulate` takes to build and to step; the error estimate that it makes besides
+    has no counterpart.
+    """
+    name = f"{METHODS[method]}, {place.name}"
+    mech, q, v = pg.Mechanism(place.model), place.state.q, place.state.v
+
+    def run(n: int) -> pg.Result:
+        return pg.simulate(mech, q, v, t_end=n * STEP, method=method, step=STEP, frames=2)
+
+    def ours() -> float:
+        timing = run(number).timing
+        return timing["build"] + timing["step"]
+
+    sides: dict[str, Callable[[], object]] = {"pgraph": ours}
+    agreement = ""
+    if has("mujoco"):
+        from . import in_mujoco
+
+        sides["mujoco.rollout"], _ = in_mujoco.rollout(place, method, number)
+        _, change = in_mujoco.rollout(place, method, 20)
+        agreement = f"mujoco {differ(run(20).q[-1] - q, change()[0], 1e-5, name)}"
+    return Case(
+        name,
+        sides,
+        "step",
+        number,
+        agreement,
+        {"mujoco.rollout": GOAL_STEP} if goal else {},
+        frozenset({"pgraph"}),
+    )
+
+
+def batch(place: Scene, threads: int, size: int, number: int) -> Case:
+    """Steps of many instances that start alike, on some threads; the ends are recorded.
+
+    MuJoCo writes every state into memory that it is given.
+    """
+    name = f"batch of the {place.name}, {threads} thread{'s' if threads > 1 else ''}"
+    mech = pg.Mechanism(place.model)
+    q, v = (np.repeat(x[None], size, axis=0) for x in (place.state.q, place.state.v))
+
+    def run() -> pg.BatchResult:
+        return pg.simulate_batch(
+            mech, q, v, t_end=number * STEP, method="semi_implicit_euler", threads=threads
+        )
+
+    sides: dict[str, Callable[[], object]] = {"pgraph": run}
+    agreement = ""
+    if has("mujoco"):
+        from . import in_mujoco
+
+        rollout = in_mujoco.rollout(place, "semi_implicit_euler", number, size, threads)
+        sides["mujoco.rollout"], change = rollout
+        agreement = f"mujoco {differ(run().q[:, -1] - q, change(), 1e-5, name)}"
+    goals = {"mujoco.rollout": GOAL_BATCH}
+    return Case(name, sides, "instance-step", size * number, agreement, goals)

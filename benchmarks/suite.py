@@ -1,0 +1,90 @@
+"""All comparisons of one run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+import pgraph_core as pg
+
+from . import building, dynamics, limited, runs
+from .machine import absent, machine
+from .scenes import binary_tree, scene
+from .timing import Case, Timed, measure, spread
+
+EXPONENT = 1.1
+NOT_MEASURED = (
+    "column arrays to a ready Mechanism (goals 50 and 1000): there is no such path yet",
+    "what joint kinds, springs and constraints cost a scene without them (goal 5 %): there is no "
+    "version of the kernels without them to compare with",
+    "a native loop of Pinocchio: it needs a C++ program",
+    "Exudyn",
+)
+
+
+def measured(*, quick: bool) -> dict[str, Any]:
+    """Everything, as what `--json` prints."""
+    rounds, shortest = (5, 0.002) if quick else (21, 0.01)
+    timed = measure(list(cases(quick=quick)), rounds, shortest)
+    notes = [] if quick else [limited.pinocchio_chain(1000)]
+    return {
+        "quick": quick,
+        "machine": machine(),
+        "absent": absent(),
+        "rows": [row for t in timed for row in rows(t)],
+        "scaling": next(scaling(t) for t in timed if t.case.name.endswith("chains")),
+        "notes": notes,
+        "not_measured": list(NOT_MEASURED),
+    }
+
+
+def cases(*, quick: bool) -> Iterator[Case]:
+    """Every comparison, made one after the other."""
+    quadruped = dynamics.quadruped_tree()
+    slow = quadruped._replace(state=quadruped.state._replace(v=0.2 * quadruped.state.v))
+    chain = scene("chain of 1000", pg.Model.serial(1000), 0.2)
+    tree = scene("tree of 1023", binary_tree(1023), 0.2, seed=4)
+    yield dynamics.one_call(quadruped, "forward dynamics, quadruped", goals={"pin.aba": 2.0})
+    yield dynamics.native_loop(quadruped, "forward dynamics, quadruped, native loop")
+    for method in runs.METHODS:
+        yield runs.steps(slow, method, 2000)
+    for threads in (1, 2):
+        yield runs.batch(slow, threads, 256, 400)
+    yield dynamics.stance_run()
+    yield dynamics.stance_call()
+    for place in (chain, tree):
+        name = f"forward dynamics, {place.name}"
+        yield dynamics.one_call(place, name, goals={}, pinocchio=False)
+    yield runs.steps(tree, "semi_implicit_euler", 200, goal=False)
+    yield dynamics.chains(1000 if quick else 10000)
+    yield building.construction(quadruped, goal=8.0, small=True)
+    if not quick:
+        yield building.construction(chain, goal=100.0, small=False)
+    yield building.one_edit()
+
+
+def rows(timed: Timed) -> Iterator[dict[str, Any]]:
+    """One row a side."""
+    case = timed.case
+    compared = not case.name.endswith("chains")
+    for side in case.sides:
+        ours = side.startswith("pgraph") or not compared
+        yield {
+            "case": case.name,
+            "side": side,
+            "unit": case.unit,
+            "seconds": timed.quartiles(side),
+            "ratio": None if ours else timed.ratio(side),
+            "goal": case.goals.get(side),
+            "agreement": case.agreement if side == timed.ours else "",
+        }
+
+
+def scaling(timed: Timed) -> dict[str, Any]:
+    """Exponent of n in the time of forward dynamics, fitted within every round."""
+    lengths = np.log([int(side.removeprefix("n = ")) for side in timed.case.sides])
+    by_round = np.log(np.array(list(timed.seconds.values())))  # (lengths, rounds)
+    slopes = [float(np.polyfit(lengths, seconds, 1)[0]) for seconds in by_round.T]
+    return {"exponent": spread(slopes), "goal": EXPONENT}
