@@ -5,10 +5,12 @@ instances that share their parameters, or (blocks, n + 1, columns, W).
 """
 
 from ._jit import kernel, sweep
-from .constraints import advance
-from .dynamics import articulated, newton_euler, outboard
+from .articulated import articulated
+from .dynamics import newton_euler
+from .kinematics import outboard
 from .lane import constants, lanes
-from .step import drive, normalise_all, rate
+from .moving import advance, normalise_all, rate
+from .step import drive
 
 
 @sweep

@@ -2,14 +2,14 @@
 
 from . import layout as at
 from ._jit import kernel, part, sweep
-from .dynamics import outboard
-from .kinematics import accelerate, linear_velocity, positions
+from .kinematics import accelerate, linear_velocity, outboard, positions
 from .vec import (
     about_origin,
     add,
     add_cross,
     cross,
     load,
+    load6,
     load9,
     mat_mul,
     mul,
@@ -106,14 +106,7 @@ def load_body(work, bodies_i, bodies_f, b, acceleration, external, force):
     w = load(work, k, at.W)
     m = bodies_f[b, at.B_MASS]
     c = mul(r, load(bodies_f, b, at.B_COM))
-    central = (
-        bodies_f[b, at.B_INERTIA],
-        bodies_f[b, at.B_INERTIA + 1],
-        bodies_f[b, at.B_INERTIA + 2],
-        bodies_f[b, at.B_INERTIA + 3],
-        bodies_f[b, at.B_INERTIA + 4],
-        bodies_f[b, at.B_INERTIA + 5],
-    )
+    central = load6(bodies_f, b, at.B_INERTIA)
     inertia = about_origin(rotate_sym(r, central), m, c)
     alpha = load(acceleration, b - 1, 0)
     linear = load(acceleration, b - 1, 3)

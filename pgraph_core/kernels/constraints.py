@@ -9,42 +9,32 @@ A point constraint has three rows, in world axes; λ is the force on `body` at i
 `space` is (Yᵀ, Ω, factor, vectors): (nv, m), (m, m), (m, m), (6, max(m, nv)).
 """
 
-import math
-
 from . import layout as at
 from ._jit import part, sweep
-from .dynamics import (
-    backward3,
-    backward6,
-    forward3,
-    inboard,
-    load6,
-    outboard,
-    solve3,
-    store3,
-)
-from .kinematics import base_axes, load_inertia, positions
+from .articulated import inboard
+from .factors import backward3, backward6, forward3, solve3
+from .kinematics import base_axes, load_inertia, outboard, positions
+from .moving import advance
+from .proximal import CHANGE, DINV, LAMBDA, RHS, STEP, ZERO, factor_proximal, solve_proximal
 from .vec import (
     add,
     add_cross,
     add_scaled,
     cross,
     dot,
+    largest,
     load,
+    load6,
     load9,
     mul,
     mul_t,
-    scale,
     store,
+    store3,
     sub,
 )
 
-RHS, LAMBDA, CHANGE, DINV, STEP, ZERO = 0, 1, 2, 3, 4, 5  # rows of `vectors`
-PROXIMAL = 1e-10  # μ relative to the mean diagonal of Ω
-REFINEMENTS = 12
 NO_GAP = 1e-14  # relative to the mechanism's size: rounding
 CLOSED = 1e-7  # relative to it: a loop with a larger gap after all rounds is open
-TINY = 1e-60  # keeps sin(x)/x at 1 where x = 0, without a branch (lanes have none)
 SMALL_MOVE = 1e-10  # rad, m: below it one factorisation serves position and velocity
 
 
@@ -213,102 +203,6 @@ def delassus(rows, cons_i, cons_f, active, work, space):
 
 
 @sweep
-def factor_proximal(omega, factor, m):
-    """Cholesky factor L of Ω + μI with its diagonal inverted, Lᵀ above it; μ."""
-    trace = 0.0
-    for r in range(m):
-        trace += omega[r, r]
-    mu = PROXIMAL * trace / m
-    for r in range(m):
-        for c in range(m):
-            factor[r, c] = omega[r, c]
-        factor[r, r] += mu
-    for n in range(m):
-        pivot = 1.0 / math.sqrt(factor[n, n])
-        factor[n, n] = pivot
-        for c in range(n + 1, m):
-            factor[n, c] *= pivot
-        for r in range(n + 1, m):
-            x = factor[n, r]
-            if x != 0.0:
-                for c in range(r, m):
-                    factor[r, c] -= x * factor[n, c]
-    for n in range(m):
-        for r in range(n + 1, m):
-            factor[r, n] = factor[n, r]
-    return mu
-
-
-@sweep
-def solve_factor(factor, x, m):
-    """(Ω + μI)⁻¹ x in place; the largest magnitude of the result."""
-    for n in range(m):
-        x[n] *= factor[n, n]
-        y = x[n]
-        for r in range(n + 1, m):
-            x[r] -= factor[n, r] * y
-    size = 0.0
-    for n in range(m - 1, -1, -1):
-        x[n] *= factor[n, n]
-        y = x[n]
-        for r in range(n):
-            x[r] -= factor[n, r] * y
-        size = max(size, abs(y))
-    return size
-
-
-@sweep
-def drop_null(factor, mu, x, y, m):
-    """Take off x what lies in the null space of Ω: (μ (Ω + μI)⁻¹)³ x.
-
-    That is what redundant rows contradict each other by, or rounding: refinement would blow it
-    up by 1/μ. A direction of eigenvalue λ loses (μ/λ)³ of itself.
-    """
-    for r in range(m):
-        y[r] = x[r]
-    for _ in range(3):
-        solve_factor(factor, y, m)
-        for r in range(m):
-            y[r] *= mu
-    for r in range(m):
-        x[r] -= y[r]
-
-
-@sweep
-def solve_proximal(space, mu, m):
-    """λ of least norm with Ω λ = RHS, by refinement of the proximal solve; iterations taken."""
-    y, omega, factor, vectors = space
-    rhs = vectors[RHS]
-    lam = vectors[LAMBDA]
-    change = vectors[CHANGE]
-    drop_null(factor, mu, rhs, change, m)
-    for r in range(m):
-        lam[r] = 0.0
-    last = math.inf
-    taken = 0
-    while taken < REFINEMENTS:
-        for r in range(m):
-            change[r] = rhs[r]
-        for c in range(m if taken > 0 else 0):
-            x = lam[c]
-            for r in range(m):
-                change[r] -= omega[c, r] * x
-        largest_change = solve_factor(factor, change, m)
-        if not largest_change < 0.5 * last:  # rounding is all that is left
-            break
-        size = 0.0
-        for r in range(m):
-            lam[r] += change[r]
-            size = max(size, abs(lam[r]))
-        taken += 1
-        if largest_change <= 1e-15 * size:
-            break
-        last = largest_change
-    drop_null(factor, mu, lam, change, m)
-    return taken
-
-
-@sweep
 def spread(rows, const, work, space, m, step):
     """M⁻¹ Jᵀ λ into `step`: the response of all joints to the multipliers. Overwrites P."""
     y, omega, factor, vectors = space
@@ -394,16 +288,6 @@ def stabilise(rows, const, tables, work, space, gains, v):
         vectors[RHS, r] += gains[1] * other[r]
 
 
-@part
-def largest(x, m):
-    """Largest magnitude of the first m numbers; nan where one is."""
-    size = 0.0
-    for r in range(m):
-        if not abs(x[r]) <= size:
-            size = abs(x[r])
-    return size
-
-
 @sweep
 def extent(rows, cons_f, work):
     """Size of the mechanism's coordinates [m]: what rounding of positions is relative to."""
@@ -462,44 +346,3 @@ def correct(rows, const, work, space, mu, m):
         vectors[RHS, r] = -vectors[RHS, r]
     solve_proximal(space, mu, m)
     spread(rows, const, work, space, m, vectors[STEP])
-
-
-@sweep
-def advance(rows, q, v, h):
-    """q moved along v for the time h; quaternions by the exponential of the rotation h ω."""
-    for k in range(1, rows.shape[0]):
-        i = rows[k, at.QI]
-        j = rows[k, at.VI]
-        kind = rows[k, at.KIND]
-        if kind <= at.TRANSLATE:
-            q[i] += h * v[j]
-            continue
-        if kind == at.FREE:
-            for n in range(3):
-                q[i + n] += h * v[j + 3 + n]
-            i += 3
-        half = scale(0.5 * h, (v[j], v[j + 1], v[j + 2]))
-        turn(q, i, half)
-
-
-@part
-def turn(q, i, half):
-    """Quaternion at q[i] turned by twice the vector `half`, in the fixed (parent's) axes."""
-    angle = math.sqrt(dot(half, half) + TINY)
-    c = math.cos(angle)
-    x = scale(math.sin(angle) / angle, half)
-    w = q[i]
-    u = (q[i + 1], q[i + 2], q[i + 3])
-    q[i] = c * w - dot(x, u)
-    new = add_cross(add_scaled(scale(c, u), w, x), x, u)
-    store3(q, i + 1, new)
-    normalise(q, i)
-
-
-@part
-def normalise(q, i):
-    """The quaternion at q[i] at length one."""
-    w, x, y, z = q[i], q[i + 1], q[i + 2], q[i + 3]
-    s = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
-    for n in range(4):
-        q[i + n] *= s

@@ -12,6 +12,7 @@ from .vec import (
     cross,
     dot,
     load,
+    load6,
     load9,
     mat_mul,
     mul,
@@ -106,14 +107,7 @@ def rigid(const, work, k):
     m = const[k, at.MASS]
     c = mul(r, load(const, k, at.COM))
     mc = scale(m, c)
-    central = (
-        const[k, at.INERTIA],
-        const[k, at.INERTIA + 1],
-        const[k, at.INERTIA + 2],
-        const[k, at.INERTIA + 3],
-        const[k, at.INERTIA + 4],
-        const[k, at.INERTIA + 5],
-    )
+    central = load6(const, k, at.INERTIA)
     inertia = about_origin(rotate_sym(r, central), m, c)
     zero = 0.0 * m
     coupling = (zero, -mc[2], mc[1], mc[2], zero, -mc[0], -mc[1], mc[0], zero)
@@ -292,14 +286,7 @@ def kinetic_and_potential(rows, const, work, v):
         m = const[k, at.MASS]
         at_com = add_cross(velocity, w, c)
         spin = mul_t(r, w)
-        central = (
-            const[k, at.INERTIA],
-            const[k, at.INERTIA + 1],
-            const[k, at.INERTIA + 2],
-            const[k, at.INERTIA + 3],
-            const[k, at.INERTIA + 4],
-            const[k, at.INERTIA + 5],
-        )
+        central = load6(const, k, at.INERTIA)
         kinetic += 0.5 * (m * dot(at_com, at_com) + dot(spin, sym_mul(central, spin)))
         if rows[k, at.KIND] < at.BALL:
             kinetic += 0.5 * const[k, at.ARMATURE] * v[rows[k, at.VI]] ** 2

@@ -6,6 +6,7 @@ from .vec import (
     about_origin,
     add,
     load,
+    load6,
     load9,
     mat_mul,
     mul,
@@ -71,14 +72,7 @@ def pack(body, motion, order, parent, first, gravity, rows, const, bodies_i, bod
         com = mul(home, load(body, i, COM))
         inertia = rotate_sym(
             home,
-            (
-                body[i, INERTIA],
-                body[i, INERTIA + 1],
-                body[i, INERTIA + 2],
-                body[i, INERTIA + 3],
-                body[i, INERTIA + 4],
-                body[i, INERTIA + 5],
-            ),
+            load6(body, i, INERTIA),
         )
         bodies_f[b, at.B_MASS] = body[i, MASS]
         store(bodies_f, b, at.B_COM, com)

@@ -8,20 +8,12 @@ import math
 
 from . import layout as at
 from ._jit import kernel, part, sweep
-from .constraints import (
-    CHANGE,
-    LAMBDA,
-    advance,
-    impose,
-    largest,
-    normalise,
-    positions,
-    project,
-    residual,
-    residual_velocity,
-)
-from .dynamics import articulated, finite, outboard, singular_row
-from .kinematics import kinetic_and_potential
+from .articulated import articulated, singular_row
+from .constraints import impose, project, residual, residual_velocity
+from .kinematics import kinetic_and_potential, outboard, positions
+from .moving import advance, normalise_all, rate
+from .proximal import CHANGE, LAMBDA
+from .vec import finite, largest
 
 TREE = "i8[:,::1],f8[:,::1]"
 TABLES = "Tuple((i8[:,::1],f8[:,::1],i8[::1]))"
@@ -102,38 +94,6 @@ def acceleration(rows, const, drives, tables, work, space, gains, t, q, v, given
     if tables[2].shape[0] > 0:
         iterations = impose(rows, const, tables, work, space[:4], gains, v, vdot)
     return put_in, dissipated, iterations
-
-
-@sweep
-def rate(rows, q, v, out):
-    """q' for given v: quaternions by half ω times q, ω in the parent's axes."""
-    for k in range(1, rows.shape[0]):
-        i = rows[k, at.QI]
-        j = rows[k, at.VI]
-        kind = rows[k, at.KIND]
-        if kind <= at.TRANSLATE:
-            out[i] = v[j]
-            continue
-        if kind == at.FREE:
-            for n in range(3):
-                out[i + n] = v[j + 3 + n]
-            i += 3
-        x, y, z = 0.5 * v[j], 0.5 * v[j + 1], 0.5 * v[j + 2]
-        w, a, b, c = q[i], q[i + 1], q[i + 2], q[i + 3]
-        out[i] = -x * a - y * b - z * c
-        out[i + 1] = x * w + y * c - z * b
-        out[i + 2] = y * w + z * a - x * c
-        out[i + 3] = z * w + x * b - y * a
-
-
-@sweep
-def normalise_all(rows, q):
-    """Every quaternion at length one."""
-    for k in range(1, rows.shape[0]):
-        if rows[k, at.KIND] == at.BALL:
-            normalise(q, rows[k, at.QI])
-        elif rows[k, at.KIND] == at.FREE:
-            normalise(q, rows[k, at.QI] + 3)
 
 
 @sweep

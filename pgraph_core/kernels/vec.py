@@ -211,3 +211,39 @@ def quaternion_matrix(w, x, y, z):
         s * (y * z + w * x),
         1.0 - s * (x * x + y * y),
     )
+
+
+@part
+def load6(a, i, j):
+    return (a[i, j], a[i, j + 1], a[i, j + 2], a[i, j + 3], a[i, j + 4], a[i, j + 5])
+
+
+@part
+def store3(x, i, value):
+    x[i] = value[0]
+    x[i + 1] = value[1]
+    x[i + 2] = value[2]
+
+
+@part
+def finite(x):
+    """Whether every number of a vector is finite."""
+    n = x.shape[0]
+    even = 0.0
+    odd = 0.0
+    for i in range(0, n - 1, 2):
+        even += 0.0 * x[i]
+        odd += 0.0 * x[i + 1]
+    if n % 2 == 1:
+        even += 0.0 * x[n - 1]
+    return even + odd == 0.0
+
+
+@part
+def largest(x, m):
+    """Largest magnitude of the first m numbers; nan where one is."""
+    size = 0.0
+    for r in range(m):
+        if not abs(x[r]) <= size:
+            size = abs(x[r])
+    return size
