@@ -24,8 +24,8 @@ before anything is timed (last table): what does not agree is not timed.
 * *Model to Mechanism* starts at a validated model: *first* at a new one, to which the ratios refer,
   *again* at one whose bodies keep their packed form. Peers start at arrays that are at hand.
 * Between processes medians differ more than the quartiles within one tell: in three runs in a row
-  the native loop came out at 2.88, 2.43 and 2.76, the semi-implicit step at 2.40, 2.57 and 2.58, the
-  RK4 step at 2.53, 2.59 and 2.50. Two threads want both cores: what else runs takes from them.
+  the native loop came out at 2.88, 2.43 and 2.76, the semi-implicit step at 2.40, 2.57 and 2.58,
+  the RK4 step at 2.53, 2.59 and 2.50. Two threads want both cores: what else runs takes from them.
 * *Parent changed* goes from `edit` through validation, Pgraph, jdof and packing to the mass matrix;
   the peers build model and data anew from a spec or rows that are at hand, and compute nothing.
 """
