@@ -18,6 +18,7 @@ GRID: dict[str, tuple] = {
 }  # fmt: skip
 VIEW = {"x": (0.42, 0.8, -1.0), "y": (0.55, 0.4, 1.0), "z": (0.55, -1.0, 0.4)}  # towards the camera
 FIELD_OF_VIEW, DISTANCE = 0.85, 2.9  # [rad], in sizes of the model
+TYPICAL_ASPECT = 0.6  # of the view between the docks at 1280 x 800
 INSIDE = {"links", "coms"}  # what is seen only through the bodies
 OUTLINE = (255, 170, 20)
 
@@ -134,7 +135,9 @@ class SceneView:
             shadow_opacity=0.18,
         )
         start = self._server.initial_camera
-        start.position, start.look_at = viewpoint(state, 1.0)
+        # viser returns to this after a change of `up`, so it has to suit the pages that are open
+        known = (page.aspect for page in state.clients.values() if page.aspect is not None)
+        start.position, start.look_at = viewpoint(state, min(known, default=TYPICAL_ASPECT))
         start.up, start.fov, start.near, start.far = up, FIELD_OF_VIEW, size / 100, 1000 * size
 
     def _look(self, client: int, state: State) -> None:

@@ -67,7 +67,8 @@ def gallery(state: State) -> list[tuple[str, str]]:
     found = []
     for name, text in state.gallery.items():
         data = json.loads(text)
-        said = data.get("description") or f"{len(data.get('bodies', ()))} bodies"
+        n = len(data.get("bodies", ()))
+        said = data.get("description") or f"{n} {'body' if n == 1 else 'bodies'}"
         found.append((name, said))
     return found
 

@@ -12,6 +12,7 @@ import pytest
 from app import events, shapes
 from app.server import Server
 from app.state import poses
+from app.views.scene import viewpoint
 
 from .conftest import NOBODY, until
 
@@ -260,6 +261,22 @@ def test_new_asks_one_question(page, served):
     until(lambda: not drawn(page, "/bodies/6"), "no sixth")
     page.locator("button.undo").click()
     row(page, "pelvis").wait_for()
+
+
+def test_a_new_model_is_seen_whole(page, served):
+    """Also where `up` changes, at which viser goes back to its own camera."""
+    page.get_by_role("button", name="New").click()
+    page.get_by_label("How many bodies?").fill("5")
+    page.get_by_label("How many bodies?").press("Enter")
+    until(lambda: served.store.state.model.up == "z", "the new model")
+
+    def framed() -> bool:
+        state = served.store.state
+        (client, shown), *_ = served.viser.get_clients().items()
+        place, _ = viewpoint(state, state.clients[client].aspect)
+        return bool(np.allclose(shown.camera.position, place, atol=1e-3))
+
+    until(framed, "the camera on the new model")
 
 
 def test_a_large_model_is_batched_and_in_lanes(page, served):
