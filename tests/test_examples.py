@@ -15,6 +15,7 @@ PROMISED = {
     "03_dynamics": "M is symmetric: True",
     "04_stance": "in all            323.73 N at first",
     "05_frame_update": "equal to the absolute form: True",
+    "06_batch": "as alone to 1e-12: True",
 }
 
 
