@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -123,9 +124,14 @@ class Batch:
         if parts <= 1:
             part(0, self.blocks)
             return
-        with ThreadPoolExecutor(parts) as pool:
-            for done in [pool.submit(part, *edge) for edge in pairwise(edges)]:
-                done.result()
+        for done in [_pool(parts).submit(part, *edge) for edge in pairwise(edges)]:
+            done.result()
+
+
+@cache
+def _pool(threads: int) -> ThreadPoolExecutor:
+    """Threads kept between batches: starting them costs as much as a small one."""
+    return ThreadPoolExecutor(threads)
 
 
 def _size(size: int | None, models: Sequence[Mechanism] | None) -> int:

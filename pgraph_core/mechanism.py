@@ -24,7 +24,7 @@ from .system import (
     point_in_row,
     system,
 )
-from .topology import Topology
+from .topology import Topology, jdof_of
 
 NO_GAINS = np.zeros(2)
 NO_EXTERNAL = np.zeros((0, 6))
@@ -74,7 +74,7 @@ class Mechanism:
     @cached_property
     def jdof(self) -> Ints:
         """Joint degrees of freedom along Pgraph, Fig. 4."""
-        return self.topology.jdof
+        return jdof_of(self.pgraph, self.topology.dof)
 
     @property
     def tips(self) -> Ints:

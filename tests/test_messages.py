@@ -18,7 +18,7 @@ from app.cli import main
 
 FIELDS = (
     "name, parent, joint, axes, motions, link, rotation, mass, com, inertia, tip, q, v, "
-    "stiffness, damping, rest, armature, shape"
+    "stiffness, damping, rest, friction, armature, shape"
 )
 KINDS = "weld, revolute, prismatic, cylindrical, universal, spherical, planar, free, compound"
 MASS = "must be a finite number >= 0 [kg]"

@@ -20,15 +20,15 @@ COMMANDS: dict[str, ModuleType] = {
     "info": info,
     "check": check,
     "run": run,
+    "bench": bench,
 }
-IN_A_CHECKOUT: dict[str, ModuleType] = {"bench": bench}  # for developers: not in the README
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit code 0 done, 1 the model or the run has a problem, 2 wrong usage."""
     words = list(sys.argv[1:] if argv is None else argv)
     try:
-        if words and words[0] in COMMANDS | IN_A_CHECKOUT:
+        if words and words[0] in COMMANDS:
             return _command(words[0], words[1:])
         return _start(words)
     except KeyboardInterrupt:
@@ -40,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _command(name: str, words: Sequence[str]) -> int:
-    module = (COMMANDS | IN_A_CHECKOUT)[name]
+    module = COMMANDS[name]
     parser = ArgumentParser(prog=f"pgraph {name}", description=module.__doc__)
     module.arguments(parser)
     parser.add_argument("--json", action="store_true", help="one JSON object instead of text")

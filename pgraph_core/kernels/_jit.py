@@ -87,6 +87,11 @@ def sweep(function: Callable[..., Any]) -> Any:
     return numba.njit(**PART)(function)
 
 
+def inlined(function: Callable[..., Any]) -> Any:
+    """A stage of one kernel, merged into it before anything is compiled."""
+    return numba.njit(**PART, inline="always")(function)
+
+
 def kernel(signature: str | None, *, nogil: bool = False) -> Callable[[Callable[..., Any]], Any]:
     """A compiled function that Python calls, cached on disk; `signature` None: when first called.
 

@@ -16,6 +16,7 @@ from .vec import (
     store,
     store9,
     sub,
+    transpose,
 )
 
 # bodies as they come, float64 (nb, 18): the order of `Body.record`
@@ -46,7 +47,7 @@ def pack(body, motion, order, parent, first, gravity, rows, const, bodies_i, bod
         turn = quaternion_matrix(
             body[i, ROTATION], body[i, ROTATION + 1], body[i, ROTATION + 2], body[i, ROTATION + 3]
         )
-        home = mat_mul(base, turn)
+        home = orthonormal(mat_mul(base, turn))
         link = add(load(bodies_f, p, at.OFFSET), mul(base, load(body, i, LINK)))
         row = bodies_i[p, at.ROW]
         for n in range(int(body[i, MOTIONS])):
@@ -80,6 +81,26 @@ def pack(body, motion, order, parent, first, gravity, rows, const, bodies_i, bod
             bodies_f[b, at.B_INERTIA + n] = inertia[n]
         if row > 0:
             merge(const, row, body[i, MASS], add(link, com), inertia)
+
+
+@part
+def orthonormal(r):
+    """r (3 - rᵀr) / 2: what rounding has bent is straight again, or long chains would add it up."""
+    s = mat_mul(transpose(r), r)
+    return mat_mul(
+        r,
+        (
+            1.5 - 0.5 * s[0],
+            -0.5 * s[1],
+            -0.5 * s[2],
+            -0.5 * s[3],
+            1.5 - 0.5 * s[4],
+            -0.5 * s[5],
+            -0.5 * s[6],
+            -0.5 * s[7],
+            1.5 - 0.5 * s[8],
+        ),
+    )
 
 
 @part

@@ -7,7 +7,7 @@ are data: an explicit Runge-Kutta tableau (a, b, c), or an empty one for semi-im
 import math
 
 from . import layout as at
-from ._jit import kernel, part, sweep
+from ._jit import inlined, kernel, part, sweep
 from .articulated import articulated, singular_row
 from .constraints import impose, project, residual, residual_velocity
 from .kinematics import kinetic_and_potential, outboard, positions
@@ -96,7 +96,7 @@ def acceleration(rows, const, drives, tables, work, space, gains, t, q, v, given
     return put_in, dissipated, iterations
 
 
-@sweep
+@inlined
 def runge_kutta(
     rows, const, drives, tables, work, space, gains, tableau, t, h, q, v, given, stages, ledger
 ):
@@ -149,7 +149,7 @@ def runge_kutta(
     return total
 
 
-@sweep
+@inlined
 def semi_implicit(
     rows, const, drives, tables, work, space, gains, t, h, q, v, given, stages, ledger
 ):
@@ -168,7 +168,7 @@ def semi_implicit(
     return iterations
 
 
-@sweep
+@inlined
 def finish(rows, const, tables, work, space, stabilised, q, v, counters):
     """What ends a step: still finite, and moved back onto the constraints; a status code."""
     if not finite(v):
@@ -183,7 +183,7 @@ def finish(rows, const, tables, work, space, stabilised, q, v, counters):
     return at.DONE
 
 
-@sweep
+@inlined
 def record(rows, const, drives, tables, work, space, gains, t, q, v, given, ledger, i, out):
     """Frame i of the result: state, v', multipliers, energies, ledger, constraint residuals."""
     qs, vs, vdots, lams, energies, drifts = out

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
+import struct
 from collections.abc import Mapping
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-import numpy as np
 from pydantic import Field, model_validator
 
 from .. import joints
@@ -167,37 +167,39 @@ class Body(Described):
         Made once per (frozen) body: packing a model joins records instead of reading fields.
         """
         i = self.inertia
-        return np.array(
-            (
-                *self.link,
-                *_unit(self.rotation),
-                self.mass,
-                *self.com,
-                *(i[0][0], i[1][1], i[2][2], i[0][1], i[0][2], i[1][2]),
-                len(self.motions),
-            )
-        ).tobytes()
+        return _floats(
+            *self.link,
+            *_unit(self.rotation),
+            self.mass,
+            *self.com,
+            *(i[0][0], i[1][1], i[2][2], i[0][1], i[0][2], i[1][2]),
+            len(self.motions),
+        )
 
     @cached_property
     def motion_record(self) -> bytes:
         """The numbers of its motions as float64, 8 each: kind, axis 3, armature, spring 3."""
-        numbers = [
-            (
+        return b"".join(
+            _floats(
                 KIND_CODE[motion.kind],
                 *(_unit(motion.axis) if motion.kind in ("rotate", "translate") else motion.axis),
                 *(values[k] for values in (self.armature, self.stiffness, self.damping, self.rest)),
             )
             for k, motion in enumerate(self.sequence)
-        ]
-        return np.array(numbers, dtype=float).tobytes()
+        )
 
     @cached_property
     def home_record(self) -> tuple[bytes, bytes]:
         """q and v as float64."""
-        return np.array(self.q, dtype=float).tobytes(), np.array(self.v, dtype=float).tobytes()
+        return _floats(*self.q), _floats(*self.v)
 
 
 KIND_CODE: dict[MotionKind, float] = {"rotate": 0.0, "translate": 1.0, "ball": 2.0, "free": 3.0}
+
+
+def _floats(*numbers: float) -> bytes:
+    """The numbers as float64, as NumPy reads them."""
+    return struct.pack(f"{len(numbers)}d", *numbers)
 
 
 def _unit(x: tuple[float, ...]) -> tuple[float, ...]:

@@ -72,33 +72,30 @@ def at_rest(state):
 
 CASES = {  # name: (the state of a seed, bound); measured: the worst of five seeds
     "10 at random": (lambda seed: chain(10, seed), ALIKE),  # 4e-15
-    "100 at random": (lambda seed: chain(100, seed), ALIKE),  # 9e-14
+    "100 at random": (lambda seed: chain(100, seed), ALIKE),  # 1e-14
     "10, speeds x 100": (lambda seed: chain(10, seed, speed=100), ALIKE),  # 2e-15
     "100, speeds x 100": (lambda seed: chain(100, seed, speed=100), ALIKE),  # 5e-14
-    # Not 1e-13, see PACKED; dense algebra and MuJoCo are at 4e-12 with chains of 100.
-    "100 at rest": (lambda seed: at_rest(chain(100, seed)), 1e-12),  # 3e-13
+    # Dense algebra and MuJoCo are at 4e-12 with chains of 100.
+    "100 at rest": (lambda seed: at_rest(chain(100, seed)), ALIKE),  # 6e-15
     "straight planar 10": (lambda seed: straight(10), ALIKE),  # 3e-16
     "straight planar 100": (lambda seed: straight(100), ALIKE),  # 3e-16
     "10, tip mass x 1e6": (lambda seed: chain(10, seed, heavy_tip(10)), 10 * EPS * 1e6),  # 2e-10
     "100, tip mass x 1e6": (lambda seed: chain(100, seed, heavy_tip(100)), 10 * EPS * 1e6),  # 6e-11
     "10, masses to 1e-8": (lambda seed: chain(10, seed, np.geomspace(1, 1e-8, 10)), ALIKE),  # 1e-14
-    # Inside 10 eps 1e8 = 2e-7, not inside 1e-13: see PACKED; Pinocchio is at 6e-16.
     "100, masses to 1e-8": (
         lambda seed: chain(100, seed, np.geomspace(1, 1e-8, 100)),
-        2e-12,
+        ALIKE,
     ),  # 5e-13
     "root 1e4 m away": (lambda seed: chain(10, seed, shape=far(0)), ALIKE),  # 4e-15
     "chain on an arm of 1e4 m": (lambda seed: chain(10, seed, shape=far(1)), ALIKE),  # 2e-15
     # Six bodies bear the moment of an arm of 1e4 m: inertias in the ratio 1e8, as masses would be.
     "arm of 1e4 m inside": (lambda seed: chain(10, seed, shape=far(5)), 10 * EPS * 1e8),  # 2e-8
 }
-# PACKED. The packed axes are turned by the home rotations of all bodies further in, a product that
-# nobody makes orthonormal again: after 1000 random ones the axes are 3e-14 too long or short, and
-# Rodrigues' formula adds that up along the chain (rotations off by 8e-12). With one Newton step
-# r (3 - r'r) / 2 a body in `pack` they are all within 1e-13 (measured: at most 4e-14).
+# Packing makes the home rotations orthonormal body by body: without it their product along 1000
+# random bodies leaves the axes 3e-14 off unit length, and Rodrigues' formula adds that up to 8e-12.
 THOUSANDS = {
-    "1000 at random": (lambda seed: chain(1000, seed), 2e-11),
-    "1000 at rest": (lambda seed: at_rest(chain(1000, seed)), 5e-11),
+    "1000 at random": (lambda seed: chain(1000, seed), ALIKE),  # 5e-15
+    "1000 at rest": (lambda seed: at_rest(chain(1000, seed)), ALIKE),  # 4e-14
     "straight planar 1000": (lambda seed: straight(1000), ALIKE),  # 1e-15
 }
 
