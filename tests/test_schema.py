@@ -253,7 +253,13 @@ def test_every_cloud_of_points_has_a_valid_inertia(points):
     x, m = np.array([p[:3] for p in points]), np.array([p[3] for p in points])
     r = x - m @ x / m.sum()
     inertia = sum(w * ((p @ p) * np.eye(3) - np.outer(p, p)) for w, p in zip(m, r))
-    pg.Body(name="a", inertia=inertia)
+    assert np.array_equal(pg.Body(name="a", inertia=inertia).inertia, inertia)
+
+
+def test_a_field_that_cannot_be_printed_is_named_in_quotes():
+    with pytest.raises(pg.ModelError) as caught:
+        pg.Body(**{"name": "a", "\n": 1})
+    assert str(caught.value).startswith("body 'a', '\\n': no such field")
 
 
 # -- damaged descriptions ------------------------------------------------------------------------
