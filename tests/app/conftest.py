@@ -14,7 +14,7 @@ import static_models
 from app import events
 from app.server import Server, serve
 
-CHROMIUM = "/usr/bin/chromium"
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")  # as .ci/browser
 FLAGS = (
     "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic",
     "--no-first-run", "--disable-background-networking", "--disable-component-update",
@@ -48,7 +48,7 @@ def served(quadruped: pg.Model) -> Iterator[Server]:
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
-    path = shutil.which("chromium") or CHROMIUM
+    path = next(filter(None, map(shutil.which, BROWSERS)), None)  # None: Playwright's own
     try:
         from playwright.sync_api import Error, sync_playwright
     except ImportError:
@@ -57,7 +57,7 @@ def browser() -> Iterator[Any]:
         try:
             chromium = playwright.chromium.launch(executable_path=path, args=FLAGS)
         except Error as error:
-            pytest.fail(f"The browser tests need Debian's chromium (apt install chromium): {error}")
+            pytest.fail(f"The browser tests need a browser (apt install chromium): {error}")
         yield chromium
         chromium.close()
 
