@@ -14,7 +14,8 @@ import static_models
 from app import events
 from app.server import Server, serve
 
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")  # as .ci/browser
+# as .ci/browser looks for them
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FLAGS = (
     "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic",
     "--no-first-run", "--disable-background-networking", "--disable-component-update",
