@@ -34,6 +34,8 @@ class SceneView:
         self._send = send
 
     def render(self, old: State, new: State) -> None:
+        if self._bodies is None and not any(page.aspect for page in new.clients.values()):
+            return  # the first page gets its table first: drawing in 3D may be slow there
         rebuilt = self._bodies is None or new.derived is not old.derived
         with self._server.atomic():
             another = new.framed != self._framed
