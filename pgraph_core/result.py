@@ -146,8 +146,12 @@ class Result:
         writer = csv.writer(text, lineterminator="\n")
         columns = {"t [s]": self.t, "kinetic energy [J]": self.kinetic_energy}
         columns["potential energy [J]"] = self.potential_energy
-        for name, array in (("q", self.q), ("v", self.v), ("vdot", self.vdot)):
-            columns |= {f"{name}[{i}] [SI]": array[:, i] for i in range(array.shape[1])}
+        positions, speeds = coordinates(self.mechanism)
+        columns |= {f"q {place} [{unit}]": x for (place, unit), x in zip(positions, self.q.T)}
+        for name, per, array in (("v", "/s", self.v), ("vdot", "/s^2", self.vdot)):
+            columns |= {
+                f"{name} {place} [{unit}{per}]": x for (place, unit), x in zip(speeds, array.T)
+            }
         for name, force in self.constraint_force.items():
             columns |= {f"{name} F{axis} [N]": force[:, 3 + i] for i, axis in enumerate("xyz")}
         writer.writerow(columns)
@@ -179,6 +183,20 @@ def body_motion(run: Result) -> BodyMotion:
         _add_constraint_wrenches(run, motion, external)
         motion = bodies_over(mech.system, *states, external)
     return motion
+
+
+def coordinates(mech: Mechanism) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """(what, unit) of every entry of q and of v, by body and number: ("knee 0", "rad")."""
+    units_q = {"rotate": ["rad"], "translate": ["m"], "ball": ["1"] * 4}
+    units_q["free"] = ["m"] * 3 + ["1"] * 4
+    units_v = {"rotate": ["rad"], "translate": ["m"], "ball": ["rad"] * 3}
+    units_v["free"] = ["rad"] * 3 + ["m"] * 3
+    found: tuple[list[tuple[str, str]], list[tuple[str, str]]] = ([], [])
+    for name in mech.names:
+        for entries, units in zip(found, (units_q, units_v)):
+            each = [unit for m in mech.model.body(name).sequence for unit in units[m.kind]]
+            entries += [(f"{name} {k}", unit) for k, unit in enumerate(each)]
+    return found
 
 
 def _add_constraint_wrenches(run: Result, motion: BodyMotion, out: Array) -> None:

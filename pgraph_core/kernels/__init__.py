@@ -15,12 +15,3 @@ def warm_up() -> Iterator[tuple[int, int, str]]:
     for i, name in enumerate(KERNELS, start=1):
         compile_kernel(name)
         yield i, len(KERNELS), name
-
-
-def compiled() -> bool:
-    """Whether the disk cache holds every kernel, so that nothing is left to wait for."""
-    from ._jit import KERNELS, cache_folder
-
-    for module in MODULES:
-        import_module(f"{__name__}.{module}")
-    return all(any(cache_folder().glob(f"*.{name}-*.nbc")) for name in KERNELS)

@@ -292,10 +292,3 @@ def kinetic_and_potential(rows, const, work, v):
             kinetic += 0.5 * const[k, at.ARMATURE] * v[rows[k, at.VI]] ** 2
         potential -= m * dot(gravity, add(load(work, k, at.X), c))
     return kinetic, potential
-
-
-@part
-def point_of(const_point, work, k):
-    """A point fixed in row k, given in home axes from its origin: offset and place in the world."""
-    offset = mul(load9(work, k, at.R), const_point)
-    return offset, add(load(work, k, at.X), offset)

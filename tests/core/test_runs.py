@@ -250,3 +250,17 @@ def test_a_run_saved_is_the_run_loaded(tmp_path, stance):
     np.testing.assert_array_equal(again.q, stance.q)
     np.testing.assert_array_equal(again.body_pose, stance.body_pose)
     assert again.energy_drift == stance.energy_drift
+
+
+def test_csv_names_every_column_with_its_unit():
+    free = pg.Body(name="trunk", dof=6, com=(0.1, 0, 0))
+    slider = pg.Body(name="slide", parent="trunk", joint="prismatic", com=(0, 0.1, 0))
+    run = pg.simulate(pg.Mechanism(pg.Model(bodies=(free, slider))), t_end=0.01, step=1e-3)
+    header, *rows = run.to_csv().splitlines()
+    names = header.split(",")
+    assert names[:2] == ["t [s]", "kinetic energy [J]"]
+    assert {"q trunk 0 [m]", "q trunk 3 [1]", "q slide 0 [m]", "v trunk 0 [rad/s]"} <= set(names)
+    assert {"v trunk 3 [m/s]", "vdot slide 0 [m/s^2]"} <= set(names)
+    assert len(names) == 3 + 8 + 7 + 7
+    assert len(rows) == len(run.t)
+    assert float(rows[-1].split(",")[names.index("q slide 0 [m]")]) == run.q[-1, 7]
