@@ -25,8 +25,8 @@ class Frozen(BaseModel):
     def __copy__(self) -> Self:
         """The same fields; what is cached beside them may not be true of the copy's."""
         copy = super().__copy__()
-        for name in copy.__dict__.keys() - type(self).model_fields.keys():
-            del copy.__dict__[name]
+        for name in vars(copy).keys() - type(self).model_fields.keys():
+            object.__delattr__(copy, name)
         return copy
 
 
