@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.back_ends import BackEnd
 from pgraph_core.kernels import layout as at
 from tests.core.trees import State
 
@@ -63,6 +64,20 @@ def native_loop(place: Scene, name: str, number: int = 500) -> Case:
         agreement = f"mujoco {differ(T.T @ data.qacc, found, 1e-9, name)}"
         sides["mj_forward"] = lambda: loop(number)
     return Case(name, sides, "call", number, agreement, {"mj_forward": 2.5})
+
+
+def back_ends(place: Scene) -> Case:
+    """The three back ends of `forward_dynamics`, one call from Python each."""
+    mech, (_, _, q, v, tau, *_) = pg.Mechanism(place.model), place.state
+    name, ours = f"back ends, {place.name}", mech.forward_dynamics(q, v, tau)
+
+    def by(back_end: BackEnd) -> Callable[[], object]:
+        return lambda: mech.forward_dynamics(q, v, tau, back_end=back_end)
+
+    others = {"composite": by("composite"), "operators": by("operators")}
+    agreement = [f"{other} {differ(call(), ours, 1e-9, name)}" for other, call in others.items()]
+    sides = {"pgraph": by("articulated"), **others}
+    return Case(name, sides, agreement=", ".join(agreement))
 
 
 def ours_in_a_loop(place: Scene, number: int) -> Callable[[], None]:

@@ -48,6 +48,7 @@ def cases(*, quick: bool) -> Iterator[Case]:
     tree = scene("tree of 1023", binary_tree(1023), 0.2, seed=4)
     yield dynamics.one_call(quadruped, "forward dynamics, quadruped", goals={"pin.aba": 2.0})
     yield dynamics.native_loop(quadruped, "forward dynamics, quadruped, native loop")
+    yield dynamics.back_ends(quadruped)
     for method in runs.METHODS:
         yield runs.steps(slow, method, 2000)
     for threads in (1, 2):

@@ -34,6 +34,12 @@ def bodies_over(system: System, q: Array, v: Array, vdot: Array, external: Array
     return BodyMotion(pose, velocity, acceleration, force)
 
 
+def shifted(wrench: Array, arm: Array) -> Array:
+    """(..., 6) φᵀ F, eq. (12): wrenches [torque, force] at the ends of arms (..., 3) from here."""
+    force = wrench[..., 3:]
+    return np.concatenate((wrench[..., :3] + np.cross(arm, force), force), axis=-1)
+
+
 def turned(q: Array, x: Array) -> Array:
     """(..., 3) the vector x turned by unit quaternions (..., 4) [w, x, y, z]."""
     w, u = q[..., :1], q[..., 1:]

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from .bodies import BodyMotion, bodies_over, turned
+from .back_ends import BackEnd, by_composite, by_operators, dense
+from .bodies import BodyMotion, bodies_over, shifted, turned
 from .errors import InputError, Problem
 from .kernels import bodies, dynamics, step
 from .kernels import layout as at
@@ -98,10 +99,11 @@ class Mechanism:
         """Φ, eq. (16): (6 nb, 6 nb) scipy.sparse."""
         return self._operators(q).Phi
 
-    def _operators(self, q: Array) -> Any:
+    def _operators(self, q: Array, v: Array | None = None) -> Any:
         from .operators import Operators
 
-        return Operators(self.model, self.topology, self.position(q))
+        speeds = self._zero if v is None else self.finite("v", v, self.nv)
+        return Operators(self.model, self.topology, self.position(q), speeds)
 
     # -- states and places ---------------------------------------------------------------------
 
@@ -130,32 +132,57 @@ class Mechanism:
         return step.energy(*self.tree, self.passive, q, v, self._work)
 
     # -- dynamics of the tree ------------------------------------------------------------------
+    # All take `back_end`: "articulated" (default), "composite" or "operators", with the same
+    # numbers; `back_ends.py` says which algorithm each one stands for.
 
-    def mass_matrix(self, q: Array) -> Array:
+    def mass_matrix(self, q: Array, *, back_end: BackEnd = "articulated") -> Array:
         """M (nv, nv) of eq. (25), armature included."""
+        if dense(back_end):
+            return self._operators(q).mass_matrix
         m = np.zeros((self.nv, self.nv))
         q = self.position(q)
         dynamics.mass_matrix(*self.tree, q, self._zero, self._work, m)
         return m
 
-    def bias_force(self, q: Array, v: Array) -> Array:
+    def bias_force(self, q: Array, v: Array, *, back_end: BackEnd = "articulated") -> Array:
         """C (nv,) of eq. (25): velocity-dependent terms and gravity; no springs, no dampers."""
+        if dense(back_end):
+            return self._operators(q, v).bias_force
         q, v = self._state(q, v)
         return self._inverse(q, v, self._zero, NO_EXTERNAL)
 
     def inverse_dynamics(
-        self, q: Array, v: Array, vdot: Array, external: Array | None = None
+        self,
+        q: Array,
+        v: Array,
+        vdot: Array,
+        external: Array | None = None,
+        *,
+        back_end: BackEnd = "articulated",
     ) -> Array:
         """τ (nv,) that gives v', eq. (24), beside the joints' own springs and dampers.
 
-        `external` (nb, 6): [torque, force] on each body at its origin, world axes.
+        `external` (nb, 6): [torque, force] on each body at its origin, world axes; `external_at`
+        makes it from wrenches elsewhere.
         """
         q, v = self._state(q, v)
-        tau = self._inverse(q, v, self.check("vdot", vdot, self.nv), self._external(external))
+        vdot, wrench = self.check("vdot", vdot, self.nv), self._external(external)
+        if dense(back_end):
+            op = self._operators(q, v)
+            vdot = self.finite("vdot", vdot, self.nv)
+            tau = op.inverse_dynamics(vdot, wrench if len(wrench) else None)
+        else:
+            tau = self._inverse(q, v, vdot, wrench)
         return tau - self._passive(q, v, self._zero) if self._springs else tau
 
     def forward_dynamics(
-        self, q: Array, v: Array, tau: Array | None = None, external: Array | None = None
+        self,
+        q: Array,
+        v: Array,
+        tau: Array | None = None,
+        external: Array | None = None,
+        *,
+        back_end: BackEnd = "articulated",
     ) -> Array:
         """v' (nv,) of the tree without its constraints, eq. (26); O(n).
 
@@ -163,7 +190,7 @@ class Mechanism:
         """
         tau = self._zero if tau is None else tau
         vdot = np.empty(self.nv)
-        if external is None and not self._springs:
+        if external is None and not self._springs and back_end == "articulated":
             try:  # arrays as the kernel takes them: checking costs as much as the dynamics
                 if q.shape == self._nq and v.shape == self._nv and tau.shape == self._nv:
                     code = self._forward(self._rows, self._const, q, v, tau, self._work, vdot)
@@ -171,25 +198,68 @@ class Mechanism:
                         return vdot
             except (AttributeError, TypeError):
                 pass
-        return self._forward_checked(q, v, tau, external, vdot)
+        return self._forward_checked(q, v, tau, external, back_end, vdot)
 
     def _forward_checked(
-        self, q: Array, v: Array, tau: Array, external: Array | None, vdot: Array
+        self,
+        q: Array,
+        v: Array,
+        tau: Array,
+        external: Array | None,
+        back_end: BackEnd,
+        vdot: Array,
     ) -> Array:
         q, v = self._state(q, v)
-        tau = self.check("tau", tau, self.nv)
+        tau, wrench = self.check("tau", tau, self.nv), self._external(external)
         if self._springs:
             tau = self._passive(q, v, tau)
-        if external is None:
+        if dense(back_end):
+            code = by_operators(self, q, v, tau, wrench, vdot)
+        elif back_end == "composite":
+            code = by_composite(self, q, v, tau, wrench, vdot)
+        elif external is None:
             code = self._forward(*self.tree, q, v, tau, self._work, vdot)
         else:
             code = dynamics.forward_dynamics_external(
-                *self.system[:4], q, v, tau, self._external(external), self._work, vdot
+                *self.system[:4], q, v, tau, wrench, self._work, vdot
             )
         if code:
             given = {} if external is None else {"external": np.asarray(external, float)}
             self._explain(code, q=q, v=v, tau=tau, **given)
         return vdot
+
+    def external_at(
+        self,
+        q: Array,
+        name: str,
+        wrench: Sequence[float] | Array,
+        point: Sequence[float] | Array | None = None,
+    ) -> Array:
+        """`external` (nb, 6) of one wrench (6,) [torque, force] on a body; several add up.
+
+        The wrench is in world axes, at `point` in the body's axes, its `tip` unless given.
+        """
+        number = self.topology.number(name)
+        external, wrench = np.zeros((self.nb, 6)), self.finite("wrench", wrench, 6)
+        if number > 0:  # the ground takes any force
+            point = self.model.body(name).tip_point if point is None else point
+            arm = self.pose(q, name)[1] @ self.finite("point", point, 3)
+            external[number - 1] = shifted(wrench, arm)
+        return external
+
+    def external_at_tips(self, q: Array, wrench: Array) -> Array:
+        """`external` (nb, 6) of wrenches (n_t, 6) on the tips, in the order of `tips`.
+
+        At the bodies' `tip` points, in world axes: -F_T of eqs. (22)-(26), which acts *from* the
+        tips (R10).
+        """
+        wrench = self.finite("wrench", wrench, len(self.tips), 6)
+        tips = self.tips - 1
+        points = np.array([self.model.body(self.names[k]).tip_point for k in tips])
+        arm = np.einsum("tij,tj->ti", self.poses(q)[1][tips], points.reshape(-1, 3))
+        external = np.zeros((self.nb, 6))
+        external[tips] = shifted(wrench, arm)
+        return external
 
     def constrained_dynamics(
         self, q: Array, v: Array, tau: Array | None = None

@@ -275,8 +275,8 @@ def vanishes(size, inverse):
 
 @sweep
 def singular_row(rows, work):
-    """First row whose motion sees no inertia, to rounding; 0 if there is none."""
-    for k in range(1, rows.shape[0]):
+    """First row, from the tips, whose motion sees no inertia, to rounding; 0 if there is none."""
+    for k in range(rows.shape[0] - 1, 0, -1):
         kind = rows[k, at.KIND]
         angular = work[k, at.IA] + work[k, at.IA + 2] + work[k, at.IA + 5]
         linear = work[k, at.IA + 9] + work[k, at.IA + 14] + work[k, at.IA + 20]

@@ -5,15 +5,23 @@ origins, where the paper's φ is a pure shift and a and b are those of eqs. (9) 
 """
 
 from . import layout as at
-from ._jit import kernel, part, sweep
-from .articulated import add_to_parent, articulated, inboard, joint_acceleration, singular_row
-from .kinematics import accelerate, base_axes, joint_force, load_inertia, outboard, positions
+from ._jit import kernel, sweep
+from .articulated import articulated, inboard, joint_acceleration, singular_row
+from .composite import (
+    factor,
+    joint_inertia,
+    motion,
+    outer_freedoms,
+    singular_pivot,
+    size_of,
+    solve,
+)
+from .kinematics import accelerate, joint_force, load_inertia, outboard, positions
 from .vec import (
     accumulate,
     add,
     add_cross,
     cross,
-    dot,
     finite,
     load,
     load9,
@@ -104,58 +112,35 @@ def inverse_dynamics(rows, const, bodies_i, bodies_f, q, v, vdot, external, work
 
 @kernel("void(i8[:,::1],f8[:,::1],f8[::1],f8[::1],f8[:,::1],f8[:,::1])")
 def mass_matrix(rows, const, q, v, work, m):
-    """M of eq. (25) by composite bodies: F = I_c H carried down the path, F_p = φᵀ F, eq. (12).
+    """M of eq. (25); `v` must be zero: only frames matter. O(n depth)."""
+    outboard(rows, const, work, q, v)
+    joint_inertia(rows, const, work, m)
 
-    `v` must be zero: only frames matter. O(n depth).
+
+@kernel(
+    "i8(i8[:,::1],f8[:,::1],i8[:,::1],f8[:,::1],f8[::1],f8[::1],f8[::1],f8[:,::1],f8[::1],f8[:,::1],"
+    "i8[::1],f8[:,::1],f8[::1])"
+)
+def forward_dynamics_composite(
+    rows, const, bodies_i, bodies_f, q, v, tau, external, zero, work, outer, m, vdot
+):
+    """As `forward_dynamics_external` by M v' = τ - C and the factor of M: O(n depth²).
+
+    `zero` (nv,) is v' = 0; `outer` (nv,) and `m` (nv, nv) are workspace.
     """
     outboard(rows, const, work, q, v)
-    for k in range(rows.shape[0] - 1, 0, -1):
-        p = rows[k, at.PARENT]
-        if p > 0:
-            j, b, mass = load_inertia(work, k)
-            zero = (0.0, 0.0, 0.0)
-            add_to_parent(work, p, load(work, k, at.L), j, b, mass, zero, zero)
-    for k in range(1, rows.shape[0]):
-        for column in range(size_of(rows[k, at.KIND])):
-            h0, h1 = motion(rows, const, work, k, column)
-            j, b, mass = load_inertia(work, k)
-            moment = add(sym_mul(j, h0), mul(b, h1))
-            force = add(mul_t(b, h0), sym_mul(mass, h1))
-            i = rows[k, at.VI] + column
-            p = k
-            while p > 0:
-                for c in range(size_of(rows[p, at.KIND])):
-                    g0, g1 = motion(rows, const, work, p, c)
-                    x = dot(g0, moment) + dot(g1, force)
-                    m[i, rows[p, at.VI] + c] = x
-                    m[rows[p, at.VI] + c, i] = x
-                moment = add_cross(moment, load(work, p, at.L), force)
-                p = rows[p, at.PARENT]
-            if rows[k, at.KIND] <= at.TRANSLATE:
-                m[i, i] += const[k, at.ARMATURE]
-
-
-@part
-def size_of(kind):
-    """Degrees of freedom of a row."""
-    return 1 if kind <= at.TRANSLATE else 3 if kind == at.BALL else 6
-
-
-@part
-def motion(rows, const, work, k, column):
-    """Column of H_k, eqs. (6), (7): (angular, linear) in world axes."""
-    zero = (0.0, 0.0, 0.0)
-    kind = rows[k, at.KIND]
-    if kind == at.ROTATE:
-        return load(work, k, at.H), zero
-    if kind == at.TRANSLATE:
-        return zero, load(work, k, at.H)
-    axes = base_axes(const, work, rows[k, at.PARENT], k)
-    c = column % 3
-    x = (axes[c], axes[c + 3], axes[c + 6])
-    if column < 3:
-        return x, zero
-    return zero, x
+    apply_external(bodies_i, bodies_f, external, work)
+    newton_euler(rows, const, v, zero, work, vdot)
+    for i in range(vdot.shape[0]):
+        vdot[i] = tau[i] - vdot[i]
+    joint_inertia(rows, const, work, m)
+    outer_freedoms(rows, outer)
+    factor(outer, m)
+    singular = singular_pivot(rows, work, m)
+    if singular > 0:
+        return singular
+    solve(outer, m, vdot)
+    return 0 if finite(vdot) else -1
 
 
 @kernel("void(i8[:,::1],f8[:,::1],f8[::1],f8[::1],i8,f8[::1],f8[:,::1],f8[:,::1])")
