@@ -33,8 +33,9 @@ class Row(NamedTuple):
 
 
 def exact(x):
-    """An array of the same doubles as mpmath's numbers."""
-    return np.vectorize(mp.mpf, otypes=[object])(np.asarray(x, dtype=float))
+    """An array of the same doubles as mpmath's numbers; what holds those already stays."""
+    x = np.asarray(x)
+    return x if x.dtype == object else np.vectorize(mp.mpf, otypes=[object])(x.astype(float))
 
 
 def skew(x):

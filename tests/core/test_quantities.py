@@ -59,28 +59,6 @@ def test_momentum_of_a_free_mechanism_is_kept_without_gravity():
     assert np.allclose(moved, start[3:] / 2.0 * 1.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_derivatives_of_forward_dynamics(seed):
-    """Against wider one-sided steps of the single kernel, Richardson-extrapolated: 1e-5."""
-    mech, c = case(seed)
-    by_q, by_v, by_tau = mech.forward_derivatives(c.q, c.v, c.tau)
-    assert np.allclose(by_tau @ mech.mass_matrix(c.q), np.eye(mech.nv), atol=1e-8)
-    rng = np.random.default_rng(seed)
-    along = rng.normal(size=mech.nv)
-
-    def slope(h):
-        values = []
-        for sign in (1.0, -1.0):
-            q = c.q.copy()
-            step.move(mech.system.rows, q, along, sign * h)
-            values.append(mech.forward_dynamics(q, c.v + sign * h * along, c.tau))
-        return (values[0] - values[1]) / (2 * h)
-
-    expected = (4 * slope(5e-5) - slope(1e-4)) / 3
-    found = (by_q + by_v) @ along
-    assert np.max(np.abs(found - expected)) < 1e-5 * max(1.0, np.max(np.abs(expected)))
-
-
 def test_friction_stops_a_sliding_block_where_coulomb_says():
     """x = v0² m / (2 f); regularisation creeps 1e-3 m/s · f/m in the last moment."""
     block = pg.Body(name="b", joint="prismatic", axes=((1, 0, 0),), mass=2.0, friction=4.0, v=(1,))

@@ -1,0 +1,122 @@
+"""Derivatives of forward dynamics against differences at 50 digits, over every kind of joint."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from pgraph_core import joints
+from pgraph_core.operators.motion import bodies_of
+
+from . import fifty_digits
+from .fifty_digits import exact, mp
+from .trees import random_case, scaled_error
+
+H = mp.mpf(10) ** -15  # central differences are then good to 30 digits
+CREEP = mp.mpf("1e-3")  # of the joints' friction, f v / √(v² + creep²)
+HINGES = ("revolute", "prismatic", "cylindrical", "universal", "planar")
+
+
+def moved(s, j0, h):
+    """q after a move by h along degree of freedom j0, at 50 digits."""
+    q, i, j = exact(s.q).copy(), 0, 0
+    for body in bodies_of(s.model, s.topology):
+        for motion in body.sequence:
+            nq, nv = joints.SIZE[motion.kind]
+            c = j0 - j
+            if 0 <= c < nv and nq == nv:
+                q[i] += h
+            elif 0 <= c < nv and c >= 3:  # the slides of a free motion
+                q[i + c - 3] += h
+            elif 0 <= c < nv:
+                q[i + nq - 4 : i + nq] = turned(q[i + nq - 4 : i + nq], c, h)
+            i, j = i + nq, j + nv
+    return q
+
+
+def turned(quaternion, axis, angle):
+    """A quaternion turned about an axis of the parent."""
+    w, u = quaternion[0], quaternion[1:]
+    c, s = mp.cos(angle / 2), mp.sin(angle / 2)
+    h = exact(np.eye(3)[axis])
+    return np.array([c * w - s * (h @ u), *(c * u + s * (w * h + np.cross(h, u)))], dtype=object)
+
+
+def oracle(s, passive=lambda q, v: 0):
+    """∂v'/∂q, ∂v'/∂v, ∂v'/∂τ with `passive(q, v)` added to the torques."""
+
+    def acceleration(q, v, tau):
+        return fifty_digits.forward_dynamics(s.model, q, v, tau + passive(q, v))
+
+    q, v, tau, n = exact(s.q), exact(s.v), exact(s.tau), len(s.v)
+    found = np.zeros((3, n, n))
+    for j in range(n):
+        step = exact(H * np.eye(n)[j])
+        ahead, back = moved(s, j, H), moved(s, j, -H)
+        for k, (one, other) in enumerate(
+            (
+                ((ahead, v, tau), (back, v, tau)),
+                ((q, v + step, tau), (q, v - step, tau)),
+                ((q, v, tau + step), (q, v, tau - step)),
+            )
+        ):
+            found[k, :, j] = (acceleration(*one) - acceleration(*other)) / (2 * H)
+    return found
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_derivatives_are_exact_to_rounding(seed):
+    """1e-13, or 1e-15 x the condition of M."""
+    s = random_case(seed, most=4)
+    mech = pg.Mechanism(s.model)
+    bound = 1e-13 + 1e-15 * np.linalg.cond(mech.mass_matrix(s.q))
+    for found, expected in zip(mech.forward_derivatives(s.q, s.v, s.tau), oracle(s)):
+        assert scaled_error(found, expected) < bound
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_springs_dampers_and_friction_are_in_the_derivatives(seed):
+    """Friction bends within 1e-3 rad/s: half of the speeds are there."""
+    s = random_case(seed, kinds=HINGES, most=3)
+    n = len(s.v)
+    rng = np.random.default_rng(seed)
+    s = s._replace(v=s.v * rng.choice([1.0, 1e-3], n))
+    stiffness, damping, rest, friction = rng.uniform(0, 9, (4, n))
+    model, start = s.model, 0
+    for name, dof in zip(s.topology.names, s.topology.dof):
+        part = slice(start, start + int(dof))
+        fields = {"stiffness": stiffness, "damping": damping, "rest": rest, "friction": friction}
+        model = model.edit(name, **{field: x[part] for field, x in fields.items()})
+        start += int(dof)
+
+    def passive(q, v):
+        rub = np.array([f * x / mp.sqrt(x * x + CREEP**2) for f, x in zip(exact(friction), v)])
+        return exact(stiffness) * (exact(rest) - q) - exact(damping) * v - rub
+
+    mech = pg.Mechanism(model)
+    bound = 1e-12 + 1e-15 * np.linalg.cond(mech.mass_matrix(s.q))
+    for found, expected in zip(mech.forward_derivatives(s.q, s.v, s.tau), oracle(s, passive)):
+        assert scaled_error(found, expected) < bound
+
+
+def test_a_small_mechanism_keeps_its_digits():
+    """A micrometre long: steps are taken in lengths of the mechanism."""
+    size = 1e-6
+    slider = pg.Body(name="a", joint="prismatic", axes=((1, 0, 0),), mass=1e-9)
+    rod = pg.Body(
+        name="b", parent="a", com=(size, 0, 0), mass=1e-9, inertia=np.eye(3) * 1e-9 * size**2
+    )
+    model = pg.Model(bodies=(slider, rod))
+    q, v = np.array([2 * size, 0.3]), np.array([5 * size, 2.0])
+    s = random_case(0)._replace(model=model, topology=pg.Topology.of(model), q=q, v=v)
+    s = s._replace(tau=np.array([1e-15, 1e-20]))
+    mech = pg.Mechanism(model)
+    for found, expected in zip(mech.forward_derivatives(s.q, s.v, s.tau), oracle(s)):
+        for row, right in zip(found, expected):
+            assert abs(row - right).max() <= 1e-10 * abs(right).max()
+
+
+def test_a_mechanism_that_cannot_move_has_empty_derivatives():
+    mech = pg.Mechanism(pg.Model(bodies=(pg.Body(name="a", joint="weld"),)))
+    assert [x.shape for x in mech.forward_derivatives(*mech.home())] == [(0, 0)] * 3
