@@ -49,7 +49,7 @@ def forward_derivatives(
     by_v = (torque[4 * n :: 2] - torque[4 * n + 1 :: 2]).T / (2 * speed)
     spring, damper = passive_slopes(mech, v)
     right = np.hstack((np.diag(spring) - by_q, np.diag(damper) - by_v, np.eye(n)))
-    slopes = np.linalg.solve(mech.mass_matrix(q), right)
+    slopes: Array = np.linalg.solve(mech.mass_matrix(q), right).astype(np.float64, copy=False)
     return slopes[:, :n], slopes[:, n : 2 * n], slopes[:, 2 * n :]
 
 
