@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import pgraph_core as pg
 from pgraph_core.operators import Operators
 
-from .trees import random_case, scaled_error, shuffled
+from .trees import random_case, scaled_error
 
 seeds = st.integers(0, 2**32 - 1)
 ROUNDING = 1e-12  # relative: sums over at most 12 bodies
@@ -112,33 +112,6 @@ def test_springs_and_dampers_of_joints_act_in_forward_and_inverse_dynamics(seed)
     expected = op.inverse_dynamics(s.vdot) - spring
     assert scaled_error(mech.inverse_dynamics(s.q, s.v, s.vdot), expected) < ROUNDING
     assert scaled_error(mech.bias_force(s.q, s.v), op.bias_force) < ROUNDING
-
-
-def by_name(mech, x, of):
-    """Coordinates or degrees of freedom of each body."""
-    sizes = [len(getattr(mech.model.body(name), of)) for name in mech.names]
-    parts = np.split(x, np.cumsum(sizes)[:-1])
-    return dict(zip(mech.names, parts))
-
-
-def reordered(values, names):
-    """The parts of the bodies in another number order."""
-    return np.concatenate([values[name] for name in names])
-
-
-@given(seeds)
-@settings(max_examples=50)
-def test_row_order_changes_numbers_but_not_physics(seed):
-    s = random_case(seed)
-    one = pg.Mechanism(s.model)
-    other = pg.Mechanism(shuffled(np.random.default_rng(seed), s.model))
-    q = reordered(by_name(one, s.q, "q"), other.names)
-    v, tau = (reordered(by_name(one, x, "v"), other.names) for x in (s.v, s.tau))
-    expected = reordered(by_name(one, one.forward_dynamics(s.q, s.v, s.tau), "v"), other.names)
-    condition = np.linalg.cond(one.mass_matrix(s.q)) if one.nv else 1.0
-    assert scaled_error(other.forward_dynamics(q, v, tau), expected) < 1e-12 + 1e-15 * condition
-    bias = reordered(by_name(one, one.bias_force(s.q, s.v), "v"), other.names)
-    assert scaled_error(other.bias_force(q, v), bias) < ROUNDING
 
 
 def test_a_welded_load_is_the_same_as_one_rigid_body():

@@ -1,0 +1,103 @@
+"""Kernels allocate nothing: not when compiled, not in their machine code, not when run."""
+
+from __future__ import annotations
+
+import gc
+import pickle
+import sys
+import tracemalloc
+
+import numba
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from pgraph_core.kernels import dynamics, step, warm_up
+from pgraph_core.kernels import layout as at
+from pgraph_core.kernels._jit import JIT, KERNELS, OPTIONS, cache_folder
+
+from .trees import random_case
+
+RUNTIME = b"NRT_"  # numba's run-time: arrays and reference counts
+HEAP = (b"malloc", b"calloc", b"_Znwm")
+compiled_only = pytest.mark.skipif(not JIT, reason="nothing is compiled")
+
+
+@compiled_only
+def test_a_kernel_that_makes_an_array_does_not_compile():
+    @numba.njit(**OPTIONS)
+    def allocating(x):
+        return np.zeros(3)[0] + x
+
+    with pytest.raises(numba.TypingError, match="zeros"):
+        allocating(1.0)
+
+
+@compiled_only
+def test_the_machine_code_of_no_kernel_calls_an_allocator():
+    for _ in warm_up():
+        pass
+    mech = pg.Mechanism(pg.Model.serial(2))
+    mech.batch(1).forward_dynamics(*(x[None] for x in mech.home()))  # lanes: when first asked for
+    codes = {path.name: path.read_bytes() for path in cache_folder().glob("*.nbc")}
+    kernels = {name.split("-")[0].split(".")[1] for name in codes}
+    assert set(KERNELS) <= kernels
+    for name, code in codes.items():
+        assert RUNTIME not in code, name
+        assert not any(symbol in code for symbol in HEAP), name
+
+
+@compiled_only
+def test_the_search_would_find_an_allocation():
+    @numba.njit
+    def allocating(x):
+        return np.full(3, x)
+
+    allocating(1.0)
+    library = allocating.overloads[allocating.signatures[0]].library
+    assert RUNTIME in pickle.dumps(library.serialize_using_object_code())
+
+
+def calls(seed=5):
+    """{name: a call of a kernel on arrays that are there}, on a forest of all joints."""
+    s = random_case(seed)
+    mech = pg.Mechanism(s.model)
+    packed, tree = mech.system[:4], mech.tree
+    q, v, tau, vdot, external = (np.ascontiguousarray(x) for x in s[2:])
+    n, work = mech.nv, np.zeros((len(mech.system.rows), at.WORK))
+    zero, out, m, outer = np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros(n, np.int64)
+    given = (q, v, tau, external)
+    return {
+        "forward_dynamics": (*tree, q, v, tau, work, out),
+        "forward_dynamics_external": (*packed, *given, work, out),
+        "forward_dynamics_composite": (*packed, *given, zero, work, outer, m, out),
+        "inverse_dynamics": (*packed, q, v, vdot, external, work, out),
+        "mass_matrix": (*tree, q, zero, work, m),
+        "drive_torque": (mech.passive, 0.0, q, v, tau, out),
+    }
+
+
+@compiled_only
+@pytest.mark.parametrize("name", calls())
+def test_repeated_calls_leave_the_heap_as_it_was(name):
+    """Python's own blocks, and the bytes that NumPy reports to tracemalloc, at their peak."""
+    kernel, arguments = getattr(dynamics, name, None) or getattr(step, name), calls()[name]
+    repeat = [None] * 200
+
+    def peak():
+        gc.collect()
+        tracemalloc.start()
+        before = tracemalloc.get_traced_memory()[0]
+        for _ in repeat:
+            kernel(*arguments)
+        highest = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return highest - before
+
+    kernel(*arguments)
+    assert peak() < 1024  # the interpreter's own; the smallest array of a state is as large
+    gc.collect()
+    before = sys.getallocatedblocks()
+    for _ in repeat:
+        kernel(*arguments)
+    assert sys.getallocatedblocks() - before < 20

@@ -1,0 +1,71 @@
+"""Reruns give the same bits: in another process, with another hash seed, on other threads."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+# Every answer of a mechanism, runs of both methods, and batches, as hashes of their bytes.
+SCRIPT = """
+import hashlib, json
+import numpy as np
+import pgraph_core as pg, static_models
+from tests.core.trees import random_case
+
+def digest(*arrays):
+    return hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
+
+found = {}
+BACK_ENDS, METHODS = ("articulated", "composite"), ("rk4", "semi_implicit_euler")
+for seed in range(6):
+    s = random_case(seed)
+    mech = pg.Mechanism(s.model)
+    state = s.q, s.v, s.tau
+    vdots = [mech.forward_dynamics(*state, s.external, back_end=b) for b in BACK_ENDS]
+    motion, M = mech.body_motion(s.q, s.v, s.vdot), mech.mass_matrix(s.q)
+    C, J = mech.bias_force(s.q, s.v), mech.tip_jacobian(s.q)
+    found[f"forest {seed}"] = digest(mech.system.const, M, C, J, *vdots, *motion)
+    run = pg.simulate(mech, s.q, 0.1 * s.v, t_end=0.05, method=METHODS[seed % 2])
+    found[f"run {seed}"] = digest(run.t, run.q, run.v, run.vdot, run.energy)
+    for threads in (1, 2):
+        qs, vs = (np.repeat(x[None], 40, axis=0) for x in (s.q, 0.1 * s.v))
+        vs *= np.linspace(0, 1, 40)[:, None]
+        many = pg.simulate_batch(mech, qs, vs, t_end=0.02, threads=threads)
+        found[f"batch {seed}, {threads} threads"] = digest(many.q, many.v)
+mech = pg.Mechanism(pg.Model.load(static_models.path("quadruped")))
+run = pg.simulate(mech, scenario="stance", t_end=0.05)
+found["stance"] = digest(run.q, run.v, *run.constraint_force.values())
+print(json.dumps(found))
+"""
+
+
+def hashes(seed):
+    """What a process with this hash seed finds."""
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT],
+        check=True,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONHASHSEED": str(seed)},
+    )
+    return json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def two():
+    return hashes(1), hashes(2)
+
+
+def test_two_processes_give_the_same_bits(two):
+    one, other = two
+    assert len(one) == 25
+    assert one == other
+
+
+def test_batches_give_the_same_bits_on_one_thread_and_two(two):
+    for seed in range(6):
+        assert two[0][f"batch {seed}, 1 threads"] == two[0][f"batch {seed}, 2 threads"]
