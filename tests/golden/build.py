@@ -16,11 +16,12 @@ import pgraph_core as pg
 import static_models
 
 from ..core.trees import State, random_case, random_state, scaled_error
-from . import with_mujoco, with_pinocchio
+from . import forests, with_mujoco, with_pinocchio
 from .stance import stance
 
 HERE = Path(__file__).parent
-TREES = 30
+TREES = 30  # with every matrix
+FORESTS = 200  # with vectors only
 AGREEMENT = 1e-10  # of the two oracles with each other
 CONDITION = 1e4  # of M, so that forward dynamics can be compared
 
@@ -41,6 +42,24 @@ def cases() -> list[tuple[State, dict[str, dict[str, np.ndarray]]]]:
     return found
 
 
+def many_forests() -> None:
+    """Write forests.npz: the first FORESTS seeds from 1000 on that are well conditioned."""
+    items = []
+    seed = 1000
+    while len(items) < FORESTS:
+        fields, thousandths = forests.rounded(seed)
+        state = forests.state_of(fields, thousandths)
+        seed += 1
+        if not len(state.v):
+            continue
+        _, by = evaluated(state)
+        if np.linalg.cond(by["pinocchio"]["mass_matrix"]) < CONDITION:
+            check_agreement(by)
+            kept = {oracle: forests.vectors(state, values) for oracle, values in by.items()}
+            items.append((fields, thousandths, kept))
+    forests.save(items)
+
+
 def evaluated(state: State) -> tuple[State, dict[str, dict[str, np.ndarray]]]:
     """A state and what both oracles say of it."""
     by = {"mujoco": with_mujoco.evaluate(state), "pinocchio": with_pinocchio.evaluate(state)}
@@ -56,7 +75,7 @@ def check_agreement(by: dict[str, dict[str, np.ndarray]]) -> None:
 
 
 def main() -> None:
-    """Write trees.json (models), trees.npz (states and numbers), and the stance's two files."""
+    """Write trees.json (models), trees.npz (states and numbers), forests.npz and the stance."""
     arrays: dict[str, np.ndarray] = {}
     models = []
     for i, (state, by) in enumerate(cases()):
@@ -71,6 +90,7 @@ def main() -> None:
         f'{{"made_with": {json.dumps(made)}, "models": [\n{text}\n]}}\n', encoding="utf-8"
     )
     np.savez_compressed(HERE / "trees.npz", allow_pickle=False, **arrays)
+    many_forests()
     model = pg.Model.load(static_models.path("quadruped"))
     (HERE / "stance.json").write_text(model.to_json(), encoding="utf-8")
     np.savez_compressed(HERE / "stance.npz", allow_pickle=False, **stance(model))

@@ -11,6 +11,9 @@ import pytest
 import pgraph_core as pg
 from pgraph_core.operators import Operators
 
+from ..core.trees import KINDS, scaled_error
+from . import forests
+
 HERE = Path(__file__).parent
 MODELS = json.loads((HERE / "trees.json").read_text(encoding="utf-8"))["models"]
 NUMBERS = np.load(HERE / "trees.npz")
@@ -62,6 +65,36 @@ def test_mechanism_equals_golden(i, oracle):
         "rotation": np.array([rotation for _, rotation in poses]),
     }
     assert_golden(i, oracle, values)
+
+
+@pytest.fixture(scope="module")
+def many():
+    """200 forests with our mechanisms."""
+    return [(forest, pg.Mechanism(forest.state.model)) for forest in forests.load()]
+
+
+def test_200_forests_hold_every_kind_of_joint_in_motion(many):
+    kinds = [body.joint for forest, _ in many for body in forest.state.model.bodies]
+    assert len(many) == 200
+    assert set(kinds) == set(KINDS)
+    assert all(forest.state.v.all() for forest, _ in many)
+
+
+@pytest.mark.parametrize("back_end", ["articulated", "composite", "operators"])
+@pytest.mark.parametrize("oracle", forests.ORACLES)
+def test_200_forests_equal_golden(many, oracle, back_end):
+    for n, (forest, mech) in enumerate(many):
+        s, choice = forest.state, {"back_end": back_end}
+        values = {
+            "mass_matrix": mech.mass_matrix(s.q, **choice),
+            "bias_force": mech.bias_force(s.q, s.v, **choice),
+            "forward_dynamics": mech.forward_dynamics(s.q, s.v, s.tau, **choice),
+            "tip_jacobian": mech.tip_jacobian(s.q),
+            "position": mech.poses(s.q)[0],
+        }
+        for name, found in forests.vectors(s, values).items():
+            error = scaled_error(found, forest.by[oracle][name])
+            assert error < TOLERANCE, f"forest {n}, {name}"
 
 
 def test_stance_run_equals_pinocchio_s():
