@@ -77,7 +77,7 @@ def test_200_forests_hold_every_kind_of_joint_in_motion(many):
     kinds = [body.joint for forest, _ in many for body in forest.state.model.bodies]
     assert len(many) == 200
     assert set(kinds) == set(KINDS)
-    assert all(forest.state.v.all() for forest, _ in many)
+    assert all(forest.state.v.any() for forest, _ in many)
 
 
 @pytest.mark.parametrize("back_end", ["articulated", "composite", "operators"])
