@@ -10,7 +10,7 @@ from .dynamics import newton_euler
 from .kinematics import outboard
 from .lane import constants, lanes
 from .moving import advance, normalise_all, rate
-from .step import drive
+from .forces import drive
 
 
 @sweep

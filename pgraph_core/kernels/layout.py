@@ -65,9 +65,40 @@ DRIVE = 10
 CREEP = 1e-3  # rad/s, m/s: friction is regularised as v / √(v² + creep²)
 # knots: float64 (nk, 2): time [s] and value
 
-# cons_i: int64 (nc, 2): rows of the two bodies; cons_f: float64 (nc, 6): the two points in home
-# axes, from the row's origin (from the world's origin for the ground)
-CON_A, CON_B = 0, 1
+# constraint blocks: up to three rows between two bodies, or over coordinates
+# blocks_i: int64 (nb, 8)
+B_TYPE, B_A, B_B, B_SIZE = 0, 1, 2, 3  # type, rows of body and other, number of rows
+B_TERM, B_TERMS = 4, 5  # first term and number of terms (coordinate rows)
+B_CURVE, B_KNOTS = 6, 7  # first piece and number of pieces of what they follow (0: VALUE)
+BLOCK_I = 8
+# blocks_f: float64 (nb, 28), home axes of the rows, from their origins; B may be the ground
+PA, PB = 0, 3  # 3 each, the points on A and on B
+DIR = 6  # 9, three directions fixed in B
+AIM = 15  # 9, three directions fixed in A
+VALUE = 24  # length, radius [m], offset [rad, m], speed [rad/s, m/s]
+BLOCK_F = 28
+T_POINT, T_ALIGN, T_DISTANCE, T_BLADE, T_SPHERE, T_DISC, T_COORD, T_VELOCITY = range(8)
+# terms_i: int64 (nt, 2): index into v, index into q (-1: none); terms_f: float64 (nt,) coefficient
+# curves: float64 (nk, 5): time at which a piece begins [s], cubic coefficients c0 to c3
+# active: int64 (nb + 1,): the number of active blocks, then their indices
+
+# space of the constraint kernels, float64; w: most degrees of freedom on the paths of a block
+# y (nb, 3 w): what unit multipliers do in each joint; place (nb, 12): where and along what
+# omega, factor, nulls (m, m); vectors (6, max(m, nv)); linear (n + 1, 3): velocities of origins
+# whole (n + 1, 6), hold (2, 18): wrenches on their way to the ground
+# slots, int64 (nb + 1, w + 2): number of joints, first row, then their indices into v
+PLACE_P, PLACE_D = 0, 3  # 3 and 9
+SLOTS, FIRST, SLOT = 0, 1, 2
+
+# loads: forces between two bodies, or on one; loads_i: int64 (nl, 8)
+L_TYPE, L_A, L_B, L_FRAME, L_KNOT, L_KNOTS = 0, 1, 2, 3, 4, 5
+WRENCH, SPRING, TORSION = 0, 1, 2
+# loads_f: float64 (nl, 20), home axes of the rows
+L_PA, L_PB = 0, 3  # 3 each
+L_AXIS, L_REF, L_REF_B = 6, 9, 12  # 3 each: axis and a perpendicular in A, and one in B
+L_STIFF, L_DAMP, L_REST = 15, 16, 17
+LOAD_I, LOAD_F = 8, 20
+# load_knots: float64 (nk, 7): time [s], torque 3, force 3
 
 # ledger: float64 (2,): work of drives and given torques, dissipation [J]
 WORK_DONE, DISSIPATED = 0, 1
