@@ -1,7 +1,8 @@
 """Constraint blocks: where their rows act, and what they leave open in place, speed, acceleration.
 
 A row between bodies is a force along d, or a torque about t, on A at a point p, and its opposite
-on B at the same point. With u = v_A(p) - v_B(p) of the two bodies' material points
+on B at the same point; a whole point (three rows) acts along the world's axes at both its ends.
+With u = v_A(p) - v_B(p) of the two bodies' material points
 
     g' = d · u                                       g' = t · (ω_A - ω_B)
     g'' = d · (v'_A - v'_B) + d · e + u · (s × d)    g'' = t · (ω'_A - ω'_B) + t' · (ω_A - ω_B)
@@ -15,7 +16,20 @@ import math
 from . import layout as at
 from ._jit import part, sweep
 from .kinematics import linear_velocity
-from .vec import add, add_cross, add_scaled, cross, dot, load, load9, mul, scale, store, sub
+from .vec import (
+    add,
+    add_cross,
+    add_scaled,
+    cross,
+    dot,
+    load,
+    load9,
+    mul,
+    scale,
+    store,
+    store9,
+    sub,
+)
 
 
 @sweep
@@ -69,35 +83,61 @@ def locate(blocks, work, place):
         a = blocks_i[i, at.B_A]
         b = blocks_i[i, at.B_B]
         p = fixed_point(blocks_f, i, at.PA, work, a)
-        if kind == at.T_DISTANCE:
+        if kind == at.T_SPHERE or kind == at.T_DISC:
+            p = add(p, to_contact(blocks_i, blocks_f, i, work))
+        store(place, i, at.PLACE_P, p)
+        store(place, i, at.PLACE_Q, p)
+        if whole_point(blocks_i, i):
+            store9(place, i, at.PLACE_D, (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
+            store(place, i, at.PLACE_Q, fixed_point(blocks_f, i, at.PB, work, b))
+        elif kind == at.T_DISTANCE:
             apart = sub(p, fixed_point(blocks_f, i, at.PB, work, b))
             size = math.sqrt(dot(apart, apart))
             store(place, i, at.PLACE_D, scale(1.0 / size, apart))
         else:
             for r in range(blocks_i[i, at.B_SIZE]):
-                if kind == at.T_BLADE:
-                    d = direction(blocks_f, i, at.AIM, r, work, a)
-                else:
-                    d = direction(blocks_f, i, at.DIR, r, work, b)
-                if kind == at.T_ALIGN:
-                    d = cross(direction(blocks_f, i, at.AIM, r, work, a), d)
-                store(place, i, at.PLACE_D + 3 * r, d)
-        if kind == at.T_SPHERE or kind == at.T_DISC:
-            p = add(p, to_contact(blocks_i, blocks_f, i, work))
-        store(place, i, at.PLACE_P, p)
+                store(place, i, at.PLACE_D + 3 * r, row_direction(blocks_i, blocks_f, i, r, work))
+
+
+@part
+def whole_point(blocks_i, i):
+    """Whether block i holds a point in all directions."""
+    return blocks_i[i, at.B_TYPE] == at.T_POINT and blocks_i[i, at.B_SIZE] == 3
+
+
+@part
+def row_direction(blocks_i, blocks_f, i, r, work):
+    """d, or t, of row r of a block whose directions are fixed in its bodies."""
+    kind = blocks_i[i, at.B_TYPE]
+    if kind == at.T_BLADE:
+        return direction(blocks_f, i, at.AIM, r, work, blocks_i[i, at.B_A])
+    d = direction(blocks_f, i, at.DIR, r, work, blocks_i[i, at.B_B])
+    if kind == at.T_ALIGN:
+        return cross(direction(blocks_f, i, at.AIM, r, work, blocks_i[i, at.B_A]), d)
+    return d
 
 
 @part
 def followed(blocks_i, blocks_f, curves, i, t, order):
     """What a coordinate row follows, or its first or second derivative in time."""
     count = blocks_i[i, at.B_KNOTS]
+    k = blocks_i[i, at.B_CURVE]
     if count == 0:
         return blocks_f[i, at.VALUE] if order == 0 else 0.0
-    first = blocks_i[i, at.B_CURVE]
-    k = first
-    while k + 1 < first + count and t >= curves[k + 1, 0]:
+    if count == at.SINE:
+        rate = curves[k, 2]
+        angle = rate * t + curves[k, 3]
+        if order == 0:
+            return curves[k, 0] + curves[k, 1] * math.sin(angle)
+        if order == 1:
+            return curves[k, 1] * rate * math.cos(angle)
+        return -curves[k, 1] * rate * rate * math.sin(angle)
+    last = k + count - 1
+    while k < last and t >= curves[k + 1, 0]:
         k += 1
-    s = max(t - curves[k, 0], 0.0)
+    s = t - curves[k, 0]
+    if s < 0.0:
+        return curves[k, 1] if order == 0 else 0.0
     if order == 0:
         return curves[k, 1] + s * (curves[k, 2] + s * (curves[k, 3] + s * curves[k, 4]))
     if order == 1:
@@ -150,6 +190,13 @@ def point_velocity(work, linear, k, p):
     return add_cross(load(linear, k, 0), load(work, k, at.W), sub(p, load(work, k, at.X)))
 
 
+@part
+def slip(blocks_i, i, work, linear, place):
+    """u of a force block: velocity of A's point against B's."""
+    mine = point_velocity(work, linear, blocks_i[i, at.B_A], load(place, i, at.PLACE_P))
+    return sub(mine, point_velocity(work, linear, blocks_i[i, at.B_B], load(place, i, at.PLACE_Q)))
+
+
 @sweep
 def residual_velocity(blocks, work, space, t, v, out):
     """g' = J v of the active blocks, less what they follow, after `locate` and `velocities`."""
@@ -169,8 +216,7 @@ def residual_velocity(blocks, work, space, t, v, out):
         if kind == at.T_ALIGN:
             u = sub(load(work, a, at.W), load(work, b, at.W))
         else:
-            p = load(place, i, at.PLACE_P)
-            u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, p))
+            u = slip(blocks_i, i, work, linear, place)
         for r in range(blocks_i[i, at.B_SIZE]):
             out[at_r + r] = dot(load(place, i, at.PLACE_D + 3 * r), u)
 
@@ -212,6 +258,8 @@ def turning(blocks_i, blocks_f, i, work, linear, p, u, d):
     w_a = load(work, a, at.W)
     w_b = load(work, b, at.W)
     none = (0.0, 0.0, 0.0)
+    if whole_point(blocks_i, i):
+        return none, none
     if kind == at.T_POINT:
         return none, scale(2.0, w_b)
     if kind == at.T_BLADE:
@@ -247,9 +295,10 @@ def residual_acceleration(blocks, work, space, t, vdot, out):
         else:
             p = load(place, i, at.PLACE_P)
             d = load(place, i, at.PLACE_D)
-            u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, p))
+            u = slip(blocks_i, i, work, linear, place)
             e, s = turning(blocks_i, blocks_f, i, work, linear, p, u, d)
-            apart = sub(point_acceleration(work, a, p), point_acceleration(work, b, p))
+            other = load(place, i, at.PLACE_Q)
+            apart = sub(point_acceleration(work, a, p), point_acceleration(work, b, other))
             apart = add(apart, e)
             for r in range(blocks_i[i, at.B_SIZE]):
                 d = load(place, i, at.PLACE_D + 3 * r)

@@ -39,7 +39,7 @@ def number_rows(blocks, slots):
 
 @sweep
 def delassus(rows, const, blocks, work, space, m):
-    """Y and Ω of the active blocks from the articulated factors, Ω's factor; null directions."""
+    """Y and Ω of the active blocks from the articulated factors, Ω's factor; μ, null directions."""
     blocks_i, _, _, _, _, active = blocks
     y, slots, omega, factor, place, vectors, linear, whole, hold, nulls, where = space
     dinv = vectors[DINV]
@@ -143,8 +143,8 @@ def impose(rows, const, blocks, work, space, gains, t, q, v, vdot):
             rhs[r] += gains[1] * other[r]
     for r in range(m):
         rhs[r] = -rhs[r]
-    count = delassus(rows, const, blocks, work, space, m)
-    iterations = solve_proximal(space[2], space[3], space[9], count, vectors, m)
+    mu, count = delassus(rows, const, blocks, work, space, m)
+    iterations = solve_proximal(space[2], space[3], space[9], mu, count, vectors, m)
     respond(rows, const, blocks, work, space)
     for j in range(vdot.shape[0]):
         vdot[j] += vectors[STEP, j]
@@ -230,9 +230,9 @@ def project(rows, const, blocks, work, space, t, q, v, rounds):
         positions(rows, work)
         velocities(rows, const, work, v, linear)
         locate(blocks, work, place)
-        count = delassus(rows, const, blocks, work, space, m)
+        mu, count = delassus(rows, const, blocks, work, space, m)
         residual_velocity(blocks, work, space, t, v, vectors[RHS])
-        correct(rows, const, blocks, work, space, count, m)
+        correct(rows, const, blocks, work, space, mu, count, m)
         for j in range(v.shape[0]):
             v[j] += vectors[STEP, j]
         residual(blocks, work, space, t, q, vectors[RHS])
@@ -240,7 +240,7 @@ def project(rows, const, blocks, work, space, t, q, v, rounds):
         size = extent(rows, blocks, work)
         if gap <= NO_GAP * size:
             return taken
-        correct(rows, const, blocks, work, space, count, m)
+        correct(rows, const, blocks, work, space, mu, count, m)
         advance(rows, q, vectors[STEP], 1.0)
         if largest(vectors[STEP], v.shape[0]) < SMALL_MOVE:
             break
@@ -248,10 +248,10 @@ def project(rows, const, blocks, work, space, t, q, v, rounds):
 
 
 @part
-def correct(rows, const, blocks, work, space, count, m):
+def correct(rows, const, blocks, work, space, mu, count, m):
     """-M⁻¹ Jᵀ Ω⁺ RHS into STEP."""
     vectors = space[5]
     for r in range(m):
         vectors[RHS, r] = -vectors[RHS, r]
-    solve_proximal(space[2], space[3], space[9], count, vectors, m)
+    solve_proximal(space[2], space[3], space[9], mu, count, vectors, m)
     respond(rows, const, blocks, work, space)

@@ -110,47 +110,52 @@ def between(knots, first, count, t, column):
     return load(knots, last, column)
 
 
+@part
+def load_of(loads, i, work, linear, t):
+    """(torque, force) on A at p, the point `end` of B that takes the opposite, powers [W]."""
+    table_i, table_f, knots = loads
+    a = table_i[i, at.L_A]
+    b = table_i[i, at.L_B]
+    none = (0.0, 0.0, 0.0)
+    p = fixed_point(table_f, i, at.L_PA, work, a)
+    if table_i[i, at.L_TYPE] == at.WRENCH:
+        first = table_i[i, at.L_KNOT]
+        torque = between(knots, first, table_i[i, at.L_KNOTS], t, 1)
+        force = between(knots, first, table_i[i, at.L_KNOTS], t, 4)
+        if table_i[i, at.L_FRAME] == 1:
+            r = load9(work, a, at.R)
+            torque = mul(r, torque)
+            force = mul(r, force)
+        put_in = dot(torque, load(work, a, at.W))
+        put_in += dot(force, point_velocity(work, linear, a, p))
+        return p, torque, force, p, put_in, 0.0
+    if table_i[i, at.L_TYPE] == at.SPRING:
+        end = fixed_point(table_f, i, at.L_PB, work, b)
+        d, length = along(p, end)
+        u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, end))
+        speed = dot(d, u)
+        damping = table_f[i, at.L_DAMP] * speed
+        pull = table_f[i, at.L_STIFF] * (length - table_f[i, at.L_REST]) + damping
+        return p, none, scale(-pull, d), end, 0.0, damping * speed
+    angle, axis = twist(table_f, i, work, a, b)
+    rate = dot(axis, sub(load(work, a, at.W), load(work, b, at.W)))
+    damping = table_f[i, at.L_DAMP] * rate
+    torque = scale(-table_f[i, at.L_STIFF] * angle - damping, axis)
+    return p, torque, none, p, 0.0, damping * rate
+
+
 @sweep
 def apply_loads(loads, work, linear, t):
-    """All loads onto the rows, after `positions` and `velocities`; (power put in, dissipated) [W]."""
-    table_i, table_f, knots = loads
+    """All loads onto the rows, after `positions` and `velocities`; powers in and dissipated [W]."""
+    table_i = loads[0]
     put_in = 0.0
     dissipated = 0.0
     for i in range(table_i.shape[0]):
-        a = table_i[i, at.L_A]
-        b = table_i[i, at.L_B]
-        p = fixed_point(table_f, i, at.L_PA, work, a)
-        if table_i[i, at.L_TYPE] == at.WRENCH:
-            first = table_i[i, at.L_KNOT]
-            torque = between(knots, first, table_i[i, at.L_KNOTS], t, 1)
-            force = between(knots, first, table_i[i, at.L_KNOTS], t, 4)
-            if table_i[i, at.L_FRAME] == 1:
-                r = load9(work, a, at.R)
-                torque = mul(r, torque)
-                force = mul(r, force)
-            put_in += dot(torque, load(work, a, at.W))
-            put_in += dot(force, point_velocity(work, linear, a, p))
-            apply(work, a, p, torque, force)
-        elif table_i[i, at.L_TYPE] == at.SPRING:
-            end = fixed_point(table_f, i, at.L_PB, work, b)
-            d, length = along(p, end)
-            u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, end))
-            speed = dot(d, u)
-            damping = table_f[i, at.L_DAMP] * speed
-            pull = table_f[i, at.L_STIFF] * (length - table_f[i, at.L_REST]) + damping
-            none = (0.0, 0.0, 0.0)
-            apply(work, a, p, none, scale(-pull, d))
-            apply(work, b, end, none, scale(pull, d))
-            dissipated += damping * speed
-        else:
-            angle, axis = twist(table_f, i, work, a, b)
-            rate = dot(axis, sub(load(work, a, at.W), load(work, b, at.W)))
-            damping = table_f[i, at.L_DAMP] * rate
-            torque = scale(-table_f[i, at.L_STIFF] * angle - damping, axis)
-            none = (0.0, 0.0, 0.0)
-            apply(work, a, p, torque, none)
-            apply(work, b, p, scale(-1.0, torque), none)
-            dissipated += damping * rate
+        p, torque, force, end, more, lost = load_of(loads, i, work, linear, t)
+        apply(work, table_i[i, at.L_A], p, torque, force)
+        apply(work, table_i[i, at.L_B], end, scale(-1.0, torque), scale(-1.0, force))
+        put_in += more
+        dissipated += lost
     return put_in, dissipated
 
 

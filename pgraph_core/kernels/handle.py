@@ -8,6 +8,7 @@ is there alive. Uncompiled (NUMBA_DISABLE_JIT=1) an address is a key of a dictio
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from typing import Any
 
@@ -61,7 +62,7 @@ def stored(kind: Any) -> tuple[Any, Any]:
 
 
 def _each(builder: Any, llvm: Any, place: Any, act: Callable[[tuple[int, ...], Any], Any]) -> None:
-    """`act(path, pointer)` for every scalar of an aggregate: loads of whole structs compile badly."""
+    """`act(path, pointer)` for every scalar of an aggregate: whole structs compile badly."""
     zero = ir.Constant(ir.IntType(32), 0)
 
     def visit(kind: Any, path: tuple[int, ...]) -> None:
@@ -101,10 +102,18 @@ def caller(signature: Any) -> Any:
 def address_of(dispatcher: Any) -> int:
     """Where a kernel's code is, for `caller`; compiles it first."""
     if not JIT:
-        return _number(dispatcher)
+        return address_of_function(dispatcher)
     compile_kernel(dispatcher.__name__)
     (found,) = dispatcher.overloads.values()
     return found.library.get_pointer_to_function(found.fndesc.llvm_cfunc_wrapper_name)
+
+
+def address_of_function(function: Any) -> int:
+    """Where a function of ctypes is."""
+    if JIT:
+        return ctypes.cast(function, ctypes.c_void_p).value or 0
+    _KEPT[id(function)] = function
+    return id(function)
 
 
 def address_of_array(array: Any) -> int:
@@ -119,8 +128,3 @@ def buffer() -> Any:
 
 def _keep(array: Any, value: Any) -> None:
     _KEPT[id(array)] = value
-
-
-def _number(function: Any) -> int:
-    _KEPT[id(function)] = function
-    return id(function)

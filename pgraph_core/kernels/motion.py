@@ -9,14 +9,14 @@ import math
 from numba import types
 
 from . import layout as at
-from ._jit import kernel, part, sweep
+from ._jit import kernel, part
 from .articulated import inboard, joint_acceleration, singular_row
 from .blocks import velocities
 from .constraints import drift, impose, project, wrenches
-from .forces import apply_loads, drive, elastic, elastic_loads
+from .forces import apply_loads, drive, elastic, elastic_loads, load_of
 from .handle import caller, stored
 from .kinematics import kinetic_and_potential, outboard, positions
-from .vec import finite
+from .vec import accumulate, add, add_cross, finite, load, load9, mul, scale, sub
 
 F1 = types.float64[::1]
 F2 = types.float64[:, ::1]
@@ -33,6 +33,8 @@ USER = types.Tuple((types.int64, F2, I1))
 SCENE = types.Tuple((I2, F2, DRIVES, LOADS, BLOCKS, F2, SPACE, F1, F1, USER))
 # q, v, v', wrenches of blocks, energies and ledger, residuals: one row a frame
 OUT = types.Tuple((F2, F2, F2, F3, F2, F2))
+
+TAU = 6  # row of `vectors`: the joints' own forces
 
 _save, opened = stored(SCENE)
 # a user's function takes time and the addresses of q, v and τ; another answer than 0 is a failure
@@ -97,11 +99,18 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
     return 0
 
 
-@kernel(types.int64(types.int64))
-def singular(scene):
-    """After `acceleration`: the first row whose motion sees no inertia, or 0."""
-    rows, _, _, _, _, work, _, _, _, _ = opened(scene)
-    return singular_row(rows, work)
+@kernel(types.int64(types.int64, types.int64, types.float64, F1, F1, F1, F1, F2))
+def constrained_dynamics(scene, accelerate, t, q, v, flow, vdot, forces):
+    """v' and the wrenches of blocks; 0, or -1 where not finite, or the first singular row."""
+    rows, _, _, _, blocks, work, space, _, _, _ = opened(scene)
+    tau = space[5][TAU, : v.shape[0]]
+    call_acceleration(accelerate, (scene, t, q, v, tau, vdot, flow))
+    if blocks[5][0] > 0:
+        wrenches(rows, blocks, work, space, forces)
+    singular = singular_row(rows, work)
+    if singular > 0:
+        return singular
+    return 0 if finite(vdot) else -1
 
 
 @kernel(PROJECTION, nogil=True)
@@ -133,9 +142,6 @@ def record(scene, accelerate, t, q, v, flow, ledger, i, out):
     return 1 if finite(vdots[i]) and finite(energies[i]) else 0
 
 
-TAU = 6  # row of `vectors`: the joints' own forces
-
-
 @kernel(types.UniTuple(types.float64, 2)(types.int64, F1, F1))
 def energy(scene, q, v):
     """(kinetic, potential) energy, springs included [J]."""
@@ -143,3 +149,31 @@ def energy(scene, q, v):
     outboard(rows, const, work, q, v)
     kinetic, potential = kinetic_and_potential(rows, const, work, v)
     return kinetic, potential + elastic(drives, q) + elastic_loads(loads, work)
+
+
+@kernel(types.void(types.int64, I2, I2, F2, types.float64, F1, F1, F2))
+def load_wrenches(scene, carriers, bodies_i, bodies_f, t, q, v, external):
+    """Add the loads to `external` (nb, 6); `carriers` (nl, 2) are the numbers of their bodies."""
+    rows, const, _, loads, _, work, space, _, _, _ = opened(scene)
+    outboard(rows, const, work, q, v)
+    positions(rows, work)
+    velocities(rows, const, work, v, space[6])
+    for i in range(carriers.shape[0]):
+        p, torque, force, end, _, _ = load_of(loads, i, work, space[6], t)
+        for side in range(2):
+            b = carriers[i, side]
+            if b > 0:
+                k = bodies_i[b, at.ROW]
+                origin = mul(load9(work, k, at.R), load(bodies_f, b, at.OFFSET))
+                origin = add(load(work, k, at.X), origin)
+                arm = sub(p if side == 0 else end, origin)
+                sign = 1.0 if side == 0 else -1.0
+                accumulate(external, b - 1, 0, scale(sign, add_cross(torque, arm, force)))
+                accumulate(external, b - 1, 3, scale(sign, force))
+
+
+@kernel(types.void(types.int64, F1, F1, F1))
+def drive_torque(scene, q, v, tau):
+    """τ of springs, dampers, motors, servos and given torques at t = 0."""
+    _, _, drives, _, _, _, _, _, given, _ = opened(scene)
+    drive(drives, 0.0, q, v, given, tau)

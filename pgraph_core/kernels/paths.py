@@ -10,7 +10,6 @@ from .factors import backward3, backward6, forward3, solve3
 from .kinematics import base_axes, load_inertia
 from .vec import (
     accumulate,
-    add,
     add_cross,
     add_scaled,
     cross,
@@ -43,9 +42,9 @@ def pivots(rows, work, dinv):
 
 
 @part
-def set_wrenches(blocks_i, i, work, place, k, side, sign, hold):
+def set_wrenches(blocks_i, i, work, place, column, k, side, sign, hold):
     """The block's unit wrenches on row k, at its origin, into one side of `hold`."""
-    arm = sub(load(place, i, at.PLACE_P), load(work, k, at.X))
+    arm = sub(load(place, i, column), load(work, k, at.X))
     torque = blocks_i[i, at.B_TYPE] == at.T_ALIGN
     for c in range(3):
         d = (0.0, 0.0, 0.0)
@@ -61,8 +60,8 @@ def carry(rows, blocks_i, i, work, space):
     y, slots, place, hold = space[0], space[1], space[4], space[8]
     k_a = blocks_i[i, at.B_A]
     k_b = blocks_i[i, at.B_B]
-    set_wrenches(blocks_i, i, work, place, k_a, 0, 1.0, hold)
-    set_wrenches(blocks_i, i, work, place, k_b, 1, -1.0, hold)
+    set_wrenches(blocks_i, i, work, place, at.PLACE_P, k_a, 0, 1.0, hold)
+    set_wrenches(blocks_i, i, work, place, at.PLACE_Q, k_b, 1, -1.0, hold)
     slot = 0
     while k_a > 0 or k_b > 0:
         if k_a == k_b:
@@ -176,10 +175,10 @@ def width_of(kind):
 @part
 def any_of(whole, k):
     """Whether a wrench reaches row k."""
+    found = False
     for n in range(6):
-        if whole[k, n] != 0.0:
-            return True
-    return False
+        found = found or whole[k, n] != 0.0
+    return found
 
 
 @part

@@ -1,9 +1,9 @@
 """Rank-safe solution of Ω λ = r: a proximal factor, its null directions, refinement.
 
 (Ω + μI) is factored once and refined, which tends to the multipliers of least norm
-([Carpentier et al. 2021]). Redundant rows show as pivots of the size of μ; each gives a null
-direction, along which the right-hand side is only rounding or a contradiction: taken out there,
-refinement cannot blow it up by 1/μ.
+([Carpentier et al. 2021]). Along a null direction of Ω the right-hand side is only rounding, or
+rows that contradict each other: taken out there, refinement cannot blow it up by 1/μ. Null
+directions show as small pivots, else as corrections that do not shrink.
 """
 
 import math
@@ -12,13 +12,15 @@ from ._jit import part, sweep
 
 RHS, LAMBDA, CHANGE, DINV, STEP, ZERO = 0, 1, 2, 3, 4, 5  # rows of `vectors`
 PROXIMAL = 1e-10  # μ relative to the mean diagonal of Ω
-NULL = 30.0  # a pivot below this many μ belongs to a null direction
+SMALL = 1e5  # a pivot below this many μ may belong to a null direction
+NULL = 10.0  # an eigenvalue below this many μ does
 REFINEMENTS = 12
+INVERSE_ITERATIONS = 2  # towards a null direction: each leaves μ/λ of what is not null
 
 
 @sweep
 def factor_proximal(omega, factor, nulls, m):
-    """L diag(d) Lᵀ = Ω + μI (1/d on the diagonal, Lᵀ above it), and the null directions; how many."""
+    """L diag(d) Lᵀ = Ω + μI, 1/d on the diagonal, Lᵀ above it; (μ, number of null directions)."""
     trace = 0.0
     for r in range(m):
         trace += omega[r, r]
@@ -27,9 +29,13 @@ def factor_proximal(omega, factor, nulls, m):
         for c in range(r, m):
             factor[r, c] = omega[r, c]
         factor[r, r] += mu
-    count = 0
+    small = 0
     for n in range(m):
-        null = not factor[n, n] > NULL * mu
+        if not factor[n, n] > SMALL * mu:
+            for r in range(m):
+                nulls[small, r] = 0.0
+            nulls[small, n] = 1.0
+            small += 1
         pivot = 1.0 / factor[n, n]
         for r in range(n + 1, m):
             x = factor[n, r] * pivot
@@ -39,42 +45,47 @@ def factor_proximal(omega, factor, nulls, m):
         factor[n, n] = pivot
         for c in range(n + 1, m):
             factor[n, c] *= pivot
-        if null:
-            count += null_direction(factor, nulls, count, n)
-    return count
+    count = 0
+    for n in range(small):
+        if n > count:
+            for r in range(m):
+                nulls[count, r] = nulls[n, r]
+        count += refine_null(factor, mu, nulls, count, m)
+    return mu, count
+
+
+@sweep
+def refine_null(factor, mu, nulls, n, m):
+    """Inverse iteration of null direction n, at right angles to those before; 1 if it is null."""
+    growth = 0.0
+    for _ in range(INVERSE_ITERATIONS):
+        solve_factor(factor, nulls[n], m)
+        for other in range(n):
+            take_out(nulls, other, nulls[n], m)
+        growth = normalise(nulls[n], m)
+    return 1 if growth * NULL * mu > 1.0 else 0
 
 
 @part
-def null_direction(factor, nulls, count, n):
-    """L⁻ᵀ e_n, at right angles to the earlier ones and of length one; 1, or 0 if nothing is left."""
-    for r in range(nulls.shape[1]):
-        nulls[count, r] = 0.0
-    nulls[count, n] = 1.0
-    for r in range(n - 1, -1, -1):
-        x = 0.0
-        for c in range(r + 1, n + 1):
-            x += factor[r, c] * nulls[count, c]
-        nulls[count, r] = -x
-    for other in range(count):
-        take_out(nulls, other, nulls[count])
+def normalise(x, m):
+    """x at length one; its length before."""
     size = 0.0
-    for r in range(n + 1):
-        size += nulls[count, r] ** 2
-    if not size > 0.0:
-        return 0
-    size = 1.0 / math.sqrt(size)
-    for r in range(n + 1):
-        nulls[count, r] *= size
-    return 1
+    for r in range(m):
+        size += x[r] * x[r]
+    size = math.sqrt(size)
+    if size > 0.0:
+        for r in range(m):
+            x[r] /= size
+    return size
 
 
 @part
-def take_out(nulls, n, x):
+def take_out(nulls, n, x, m):
     """x less its part along null direction n."""
     along = 0.0
-    for r in range(nulls.shape[1]):
+    for r in range(m):
         along += nulls[n, r] * x[r]
-    for r in range(nulls.shape[1]):
+    for r in range(m):
         x[r] -= along * nulls[n, r]
 
 
@@ -96,7 +107,7 @@ def solve_factor(factor, x, m):
 
 
 @sweep
-def solve_proximal(omega, factor, nulls, count, vectors, m):
+def solve_proximal(omega, factor, nulls, mu, count, vectors, m):
     """λ of least norm with Ω λ = RHS, by refinement of the proximal solve; iterations taken.
 
     Corrections shrink by a constant ratio: the one that would be rounding is not computed.
@@ -105,11 +116,11 @@ def solve_proximal(omega, factor, nulls, count, vectors, m):
     lam = vectors[LAMBDA, :m]
     change = vectors[CHANGE, :m]
     for n in range(count):
-        take_out(nulls[:, :m], n, rhs)
+        take_out(nulls, n, rhs, m)
     for r in range(m):
         lam[r] = rhs[r]
-    last = solve_factor(factor, lam, m)
-    size = last
+    size = solve_factor(factor, lam, m)
+    last = size
     taken = 1
     while taken < REFINEMENTS and last > 0.0:
         for r in range(m):
@@ -119,14 +130,24 @@ def solve_proximal(omega, factor, nulls, count, vectors, m):
             for r in range(m):
                 change[r] -= omega[c, r] * x
         largest = solve_factor(factor, change, m)
-        if not largest < 0.5 * last:  # rounding is all that is left
-            break
+        taken += 1
+        if not largest < 0.5 * last:
+            if not (largest > 1e-9 * size and count < m):  # rounding is all that is left
+                break
+            for r in range(m):
+                nulls[count, r] = change[r]
+            normalise(nulls[count], m)
+            if refine_null(factor, mu, nulls, count, m) == 0:
+                break
+            take_out(nulls, count, rhs, m)
+            take_out(nulls, count, lam, m)
+            count += 1
+            continue
         for r in range(m):
             lam[r] += change[r]
-        taken += 1
         if largest * (largest / last) <= 1e-16 * size:
             break
         last = largest
     for n in range(count):
-        take_out(nulls[:, :m], n, lam)
+        take_out(nulls, n, lam, m)
     return taken

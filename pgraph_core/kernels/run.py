@@ -127,9 +127,7 @@ def run(
         h = width[i - 1]
         t = times[i - 1] + taken * h
         keep(q, v, stages, before)
-        iterations = call_step(
-            step, (scene, accelerate, tableau, t, h, q, v, stages, flow, ledger)
-        )
+        iterations = call_step(step, (scene, accelerate, tableau, t, h, q, v, stages, flow, ledger))
         counters[at.N_EVAL] += max(tableau[1].shape[0], 1)
         counters[at.N_STEP] += 1
         counters[at.N_ITERATE] += iterations
