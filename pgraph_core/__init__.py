@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from .batch import Batch as Batch
     from .batch_simulation import BatchResult as BatchResult
     from .batch_simulation import simulate_batch as simulate_batch
+    from .columns import Columns as Columns
     from .frames import frame_update_trace as frame_update_trace
     from .mechanism import Mechanism as Mechanism
     from .operators import home_poses as home_poses
@@ -39,6 +40,7 @@ _LAZY = {
     "Batch": "batch",
     "BatchResult": "batch_simulation",
     "simulate_batch": "batch_simulation",
+    "Columns": "columns",
     "frame_update_trace": "frames",
     "Mechanism": "mechanism",
     "home_poses": "operators",

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from .errors import InputError, Problem, choices
-from .kernels import run
 from .system import Array
 
 
@@ -19,7 +18,6 @@ class Method(NamedTuple):
     a: Array  # (s, s)
     b: Array  # (s,)
     c: Array  # (s,)
-    step: Any  # the kernel that makes a step
     use: str  # what it is for
 
     @property
@@ -36,7 +34,6 @@ RK4 = Method(
     ),
     np.array([1.0, 2.0, 2.0, 1.0]) / 6.0,
     np.array([0.0, 0.5, 0.5, 1.0]),
-    run.runge_kutta,
     "smooth motion at a fixed step",
 )
 SEMI_IMPLICIT_EULER = Method(
@@ -45,7 +42,6 @@ SEMI_IMPLICIT_EULER = Method(
     np.zeros((0, 0)),
     np.zeros(0),
     np.zeros(0),
-    run.semi_implicit,
     "playback and long runs without drift of energy, at low accuracy",
 )
 METHODS = {method.name: method for method in (RK4, SEMI_IMPLICIT_EULER)}

@@ -9,34 +9,30 @@ from typing import Any
 import numpy as np
 
 from .back_ends import BackEnd, by_composite, by_operators, dense
-from .blocks import Blocks, blocks
 from .bodies import BodyMotion, bodies_over, shifted, turned
+from .columns import Columns
 from .errors import InputError, Problem
-from .kernels import bodies, dynamics, motion
+from .kernels import bodies, dynamics, numbering, step
 from .kernels import layout as at
 from .kernels._jit import ready
-from .kernels.handle import address_of
-from .scene import Scene
 from .schema import Force, Model
 from .system import (
     Array,
     Drives,
     Ints,
-    Loads,
+    System,
+    constraint_tables,
     drives,
-    has_springs,
+    packed,
     point_in_row,
     system,
 )
-from .topology import Topology, jdof_of
+from .topology import Topology
 
-NOWHERE = np.zeros((0, 3)), np.zeros((0, 3, 3))
+NEW = object.__new__
+FORWARD = dynamics.forward_dynamics
+NO_GAINS = np.zeros(2)
 NO_EXTERNAL = np.zeros((0, 6))
-NO_LOADS: Loads = (
-    np.zeros((0, at.LOAD_I), dtype=np.int64),
-    np.zeros((0, at.LOAD_F)),
-    np.zeros((0, 7)),
-)
 
 
 class Mechanism:
@@ -46,22 +42,57 @@ class Mechanism:
     Raises InputError for arrays of the wrong length or with numbers that are not finite.
     """
 
-    def __init__(self, model: Model, /):
-        """Number and pack a valid model."""
-        self.model = model
-        self.topology = Topology.of(model)
-        self.system = system(model, self.topology)
-        self.nb = self.topology.nb
-        self.nq = len(self.system.q)
-        self.nv = len(self.system.v)
-        self.tree = self.system[:2]
-        self._zero = np.zeros(self.nv)
-        self._work = np.zeros((len(self.system.rows), at.WORK))
-        self._rows, self._const = self.tree
+    def __init__(self, model: Model | Columns, /):
+        """Number and pack a valid model, or a table in columns."""
+        columns = model if isinstance(model, Columns) else Columns.of(model)
+        self.columns = columns
+        self._packed, self._springs = packed(columns)
+        self._rows, self._const, bodies_i, _, home = self._packed
+        self.nb, self.nq = len(bodies_i) - 1, columns.nq
+        self.nv = len(home) - self.nq
         self._nq, self._nv = (self.nq,), (self.nv,)
-        self._quaternion_rows = np.flatnonzero(self._rows[:, at.KIND] >= at.BALL).tolist()
-        self._forward = ready(dynamics.forward_dynamics)
-        self._springs = any(map(has_springs, model.bodies))
+        self._zero = np.zeros(self.nv)
+        self._work = np.zeros((len(self._rows), at.WORK))
+        ready(FORWARD)
+
+    @cached_property
+    def system(self) -> System:
+        """The packed constants."""
+        return system(self._packed, self.nq)
+
+    @property
+    def tree(self) -> tuple[Ints, Array]:
+        """Rows and constants of the tree, as most kernels take them."""
+        return self._rows, self._const
+
+    @cached_property
+    def model(self) -> Model:
+        """The description; of a table in columns it is made when first asked for."""
+        return self.columns.model()
+
+    def edit(self, name: str, /, **changes: Any) -> Mechanism:
+        """`Mechanism(mech.model.edit(name, **changes))`, at the cost of what changes.
+
+        A new parent, mass, com or link is written into the columns, and nothing else is looked at
+        again. Itself where nothing changes. Raises ModelError; this mechanism stays as it is.
+        """
+        columns = self.columns.edited(name, changes)
+        if columns is self.columns:
+            return self
+        if columns is None:
+            return Mechanism(self.model.edit(name, **changes))
+        return self._repacked(columns)
+
+    def _repacked(self, columns: Columns) -> Mechanism:
+        """A mechanism of the same sizes, on the same workspace: it holds nothing between calls."""
+        new = NEW(Mechanism)
+        new.columns = columns
+        new._packed, new._springs = arrays, _ = packed(columns)
+        new._rows, new._const = arrays[0], arrays[1]
+        new.nb, new.nq, new.nv = self.nb, self.nq, self.nv
+        new._nq, new._nv = self._nq, self._nv
+        new._zero, new._work = self._zero, self._work
+        return new
 
     # -- the digraph ---------------------------------------------------------------------------
 
@@ -69,6 +100,14 @@ class Mechanism:
     def names(self) -> tuple[str, ...]:
         """Names of the bodies, by number."""
         return self.topology.names
+
+    @cached_property
+    def topology(self) -> Topology:
+        """Names and numbers of the bodies."""
+        numbers, names = self.system.bodies_i[1:], self.columns.names
+        row, parent, dof = (numbers[:, k].copy() for k in (at.TABLE, at.BODY_PARENT, at.DOF))
+        row -= 1
+        return Topology(tuple([names[i] for i in row.tolist()]), row, parent, dof)
 
     @property
     def parent(self) -> Ints:
@@ -78,12 +117,18 @@ class Mechanism:
     @cached_property
     def pgraph(self) -> Ints:
         """The path-defined directed graph vector, Fig. 4."""
-        return self.topology.pgraph
+        return self._walk[0]
 
     @cached_property
     def jdof(self) -> Ints:
         """Joint degrees of freedom along Pgraph, Fig. 4."""
-        return jdof_of(self.pgraph, self.topology.dof)
+        return self._walk[1]
+
+    @cached_property
+    def _walk(self) -> tuple[Ints, Ints]:
+        path, jdof = np.empty((2, 2 * self.nb + 1), np.int64)
+        n = numbering.pgraph(self.system.bodies_i, path, jdof)
+        return path[:n].copy(), jdof[:n].copy()
 
     @property
     def tips(self) -> Ints:
@@ -137,7 +182,7 @@ class Mechanism:
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
         """(kinetic, potential) energy [J]; potential includes the joints' springs."""
         q, v = self.position(q), self.finite("v", v, self.nv)
-        return motion.energy(self.scene.address, q, v)
+        return step.energy(*self.tree, self.passive, q, v, self._work)
 
     # -- dynamics of the tree ------------------------------------------------------------------
     # All take `back_end`: "articulated" (default), "composite" or "operators", with the same
@@ -201,7 +246,7 @@ class Mechanism:
         if external is None and not self._springs and back_end == "articulated":
             try:  # arrays as the kernel takes them: checking costs as much as the dynamics
                 if q.shape == self._nq and v.shape == self._nv and tau.shape == self._nv:
-                    code = self._forward(self._rows, self._const, q, v, tau, self._work, vdot)
+                    code = FORWARD(self._rows, self._const, q, v, tau, self._work, vdot)
                     if code == 0:
                         return vdot
             except (AttributeError, TypeError):
@@ -226,7 +271,7 @@ class Mechanism:
         elif back_end == "composite":
             code = by_composite(self, q, v, tau, wrench, vdot)
         elif external is None:
-            code = self._forward(*self.tree, q, v, tau, self._work, vdot)
+            code = FORWARD(*self.tree, q, v, tau, self._work, vdot)
         else:
             code = dynamics.forward_dynamics_external(
                 *self.system[:4], q, v, tau, wrench, self._work, vdot
@@ -279,14 +324,17 @@ class Mechanism:
         q, v = self._state(q, v)
         tau = self._zero if tau is None else self.check("tau", tau, self.nv)
         vdot = np.empty(self.nv)
-        scene = self.scene
-        scene.given[:] = tau
-        code = self._constrained(
-            scene.address, self._accelerate, 0.0, q, v, self._flow, vdot, self._wrenches
+        tables, space = self._active_tables
+        code = step.constrained_dynamics(
+            *self.tree, self.passive, tables, self._work, space, NO_GAINS, 0.0, q, v, tau, vdot
         )
         if code:
             self._explain(code, q=q, v=v, tau=tau)
-        return vdot, scene.forces(self._wrenches)
+        return vdot, self.forces_of(self.active, space[3][1])
+
+    @cached_property
+    def _active_tables(self) -> tuple[Any, Any]:
+        return self.tables(self.active), self.space(self.active)
 
     def forward_derivatives(
         self, q: Array, v: Array, tau: Array | None = None
@@ -383,10 +431,17 @@ class Mechanism:
     # -- constraints and drives ----------------------------------------------------------------
 
     @cached_property
-    def blocks(self) -> Blocks:
-        """The model's constraints, active or not, as the kernels take them."""
-        poses = self.poses(self.system.q) if self.model.constraints else NOWHERE
-        return blocks(self.model, self.topology, self.system, poses)
+    def _constraints(self) -> tuple[Ints, Array]:
+        return constraint_tables(self.model, self.topology, self.system, self._at_home)
+
+    def _at_home(self, name: str, point: Any, other: int) -> Array:
+        """Where a point of a body is in the initial state, in the axes of body `other`."""
+        position, rotation = self.poses(self.system.q)
+        b = self.topology.number(name) - 1
+        place = position[b] + rotation[b] @ np.asarray(point)
+        if other == 0:
+            return place
+        return rotation[other - 1].T @ (place - position[other - 1])
 
     @cached_property
     def active(self) -> Ints:
@@ -402,15 +457,27 @@ class Mechanism:
         """Springs and dampers of the joints, and the given motors and servos."""
         return drives(self.model, self.topology, self.system, forces)
 
-    @cached_property
-    def scene(self) -> Scene:
-        """The mechanism with its passive forces and active constraints, for single questions."""
-        self._accelerate = address_of(motion.acceleration)
-        self._constrained = ready(motion.constrained_dynamics)
-        self._flow = np.zeros(3)
-        scene = Scene(self, self.passive, NO_LOADS, self.active)
-        self._wrenches = np.zeros((len(scene.active) - 1, 6))
-        return scene
+    def tables(self, active: Ints) -> tuple[Ints, Array, Ints]:
+        """What the constraint kernels take: rows, points, and which constraints are active."""
+        return (*self._constraints, active)
+
+    def space(self, active: Ints) -> tuple[Array, Array, Array, Array, Array]:
+        """Workspace of the constraint kernels."""
+        m, n = 3 * len(active), max(self.nv, self.nq, 3 * len(active), 1)
+        return (
+            np.zeros((self.nv, m)),
+            np.zeros((m, m)),
+            np.zeros((m, m)),
+            np.zeros((6, n)),
+            np.zeros((3, n)),
+        )
+
+    def forces_of(self, active: Ints, lam: Array) -> dict[str, Array]:
+        """{name: (6,) or (frames, 6)} [torque, force] on `body` at `point` from multipliers."""
+        names = [self.model.constraints[i].name for i in active.tolist()]
+        forces = np.zeros((*lam.shape[:-1], len(names), 6))
+        forces[..., 3:] = lam[..., : 3 * len(names)].reshape(*lam.shape[:-1], len(names), 3)
+        return dict(zip(names, forces if lam.ndim == 1 else forces.swapaxes(0, 1)))
 
     def batch(self, size: int | None = None, **options: Any) -> Any:
         """`Batch(self, size, models=..., threads=...)`: many instances at once."""
@@ -428,9 +495,8 @@ class Mechanism:
         return tau
 
     def _passive(self, q: Array, v: Array, given: Array) -> Array:
-        tau, scene = np.empty(self.nv), self.scene
-        scene.given[:] = given
-        motion.drive_torque(scene.address, q, v, tau)
+        tau = np.empty(self.nv)
+        step.drive_torque(self.passive, 0.0, q, v, given, tau)
         return tau
 
     def _row_point(self, name: str, point: Any) -> tuple[int, Array]:
@@ -461,6 +527,10 @@ class Mechanism:
             text = f"must have shape {shape}; given {array.shape}"
             raise InputError(Problem(name, "", text))
         return array
+
+    @cached_property
+    def _quaternion_rows(self) -> list[int]:
+        return np.flatnonzero(self._rows[:, at.KIND] >= at.BALL).tolist()
 
     def position(self, q: Any) -> Array:
         """q, finite and with quaternions that have a direction; their length does not count.

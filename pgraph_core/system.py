@@ -1,4 +1,4 @@
-"""Model + Topology -> System: the packed arrays of constants, in Pgraph order."""
+"""Columns -> System: the packed arrays of constants, in Pgraph order."""
 
 from __future__ import annotations
 
@@ -8,13 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import joints
+from .columns import Columns
 from .kernels import layout as at
-from .kernels import pack
-from .schema import Body, Force, Model, Table
+from .kernels.layout import BODIES_I, BODY, CONST
+from .kernels.pack import pack
+from .schema import Body, Constraint, Force, Model, Table
 from .topology import Topology
 
 Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
+INT = np.dtype(np.int64)
 
 
 class System(NamedTuple):
@@ -22,7 +25,7 @@ class System(NamedTuple):
 
     rows: Ints  # (n + 1, 4)
     const: Array  # (n + 1, 28)
-    bodies_i: Ints  # (nb + 1, 2)
+    bodies_i: Ints  # (nb + 1, 11)
     bodies_f: Array  # (nb + 1, 22)
     q: Array  # (nq,) the model's initial state
     v: Array  # (nv,)
@@ -33,51 +36,37 @@ class System(NamedTuple):
 # would compile everything again for a named one): table (nd, 10), knots (nk, 2) of time [s] and
 # value, and how many rows are springs and dampers.
 Drives: TypeAlias = tuple[Array, Array, int]
-# Forces on bodies and between two, as kernels take them: integers (nl, 8), numbers (nl, 20), knots
-Loads: TypeAlias = tuple[Ints, Array, Array]
 
 
-def system(model: Model, topology: Topology) -> System:
-    """Pack a valid model; bulk work in one compiled call."""
-    bodies = model.bodies
-    body = np.frombuffer(b"".join([b.record for b in bodies])).reshape(-1, pack.BODY)
-    motion = np.frombuffer(b"".join([b.motion_record for b in bodies])).reshape(-1, 8)
-    count = body[:, pack.MOTIONS].astype(np.int64)
-    first = np.cumsum(count) - count
-    order = topology.row
-    n, nb = len(motion), len(bodies)
-    rows = np.zeros((n + 1, 4), dtype=np.int64)
-    const = np.zeros((n + 1, at.CONST))
-    bodies_i = np.zeros((nb + 1, 2), dtype=np.int64)
-    bodies_f = np.zeros((nb + 1, at.BODY))
-    gravity = np.array(model.gravity)
-    pack.pack(
-        _own(body),
-        _own(motion),
-        order,
-        topology.parent,
-        first,
-        gravity,
-        rows,
-        const,
-        bodies_i,
-        bodies_f,
+# rows, const, bodies_i, bodies_f of a System, and its q and v in one array
+Packed: TypeAlias = tuple[Ints, Array, Ints, Array, Array]
+
+
+def packed(columns: Columns) -> tuple[Packed, int]:
+    """Number and pack a table in one compiled call; how many motions have a spring or damper.
+
+    Raises ModelError where parents close a cycle.
+    """
+    parent, body, motion, start = columns.numbers
+    nb, n, empty = len(body), len(motion) + 1, np.empty
+    arrays = (
+        empty((n, 4), INT),
+        empty((n, CONST)),
+        empty((nb, BODIES_I), INT),
+        empty((nb, BODY)),
+        empty(len(start)),
     )
-    ordered = [bodies[i] for i in order.tolist()]
-    return System(
-        rows,
-        const,
-        bodies_i,
-        bodies_f,
-        np.frombuffer(b"".join([b.home_record[0] for b in ordered])).copy(),
-        np.frombuffer(b"".join([b.home_record[1] for b in ordered])).copy(),
-        np.repeat(np.arange(nb + 1), np.concatenate(([1], count[order]))),
-    )
+    springs = pack(parent, body, motion, start, *arrays)
+    if springs < 0:
+        columns.model()  # says in words which bodies close it
+    return arrays, springs
 
 
-def _own(a: Array) -> Array:
-    """A writable copy: numba types read-only arrays apart, which would compile again."""
-    return np.array(a)
+def system(arrays: Packed, nq: int) -> System:
+    """The packed arrays by name, and which body each row belongs to."""
+    rows, const, bodies_i, bodies_f, home = arrays
+    body_of_row = np.repeat(np.arange(len(bodies_i)), bodies_i[:, at.OWN_ROWS])
+    return System(rows, const, bodies_i, bodies_f, home[:nq], home[nq:], body_of_row)
 
 
 def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force, ...]) -> Drives:
@@ -141,3 +130,20 @@ def point_in_row(packed: System, number: int, point: Any) -> Array:
     """A point in a body's axes as one in the home axes of its row, from the row's origin."""
     home = packed.bodies_f[number, at.HOME : at.HOME + 9].reshape(3, 3)
     return packed.bodies_f[number, at.OFFSET : at.OFFSET + 3] + home @ np.asarray(point, float)
+
+
+def constraint_tables(
+    model: Model, topology: Topology, packed: System, place: Any
+) -> tuple[Ints, Array]:
+    """Rows and points of every constraint; `place(constraint)` finds a point left out."""
+    items: tuple[Constraint, ...] = model.constraints
+    cons_i = np.zeros((len(items), 2), dtype=np.int64)
+    cons_f = np.zeros((len(items), 6))
+    for i, c in enumerate(items):
+        a, b = topology.number(c.body), topology.number(c.other)
+        point = model.body(c.body).tip_point if c.point is None else c.point
+        other = place(c.body, point, b) if c.other_point is None else c.other_point
+        cons_i[i] = packed.bodies_i[a, at.ROW], packed.bodies_i[b, at.ROW]
+        cons_f[i, :3] = point_in_row(packed, a, point)
+        cons_f[i, 3:] = point_in_row(packed, b, other)
+    return cons_i, cons_f

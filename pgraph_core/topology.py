@@ -6,7 +6,8 @@ Numbers are the paper's: bodies from 1, the ground 0. `parent[i - 1]` is the par
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -29,7 +30,6 @@ class Topology:
     row: Ints  # (nb,) row of the table, from 0, by number
     parent: Ints  # (nb,) numbers of the parents, 0 = ground
     dof: Ints  # (nb,) degrees of freedom of the joint to the parent
-    _number: dict[str, int] = field(repr=False)
 
     @classmethod
     def of(cls, model: Model) -> Topology:
@@ -37,15 +37,19 @@ class Topology:
         bodies, rows = model.bodies, model.row
         given = [0 if b.parent == GROUND else rows[b.parent] + 1 for b in bodies]
         order = depth_first(given)
-        number = {bodies[row].name: i + 1 for i, row in enumerate(order)}
-        number[GROUND] = 0
+        number = [0] * (len(order) + 1)  # by row, from 1
+        for i, row in enumerate(order, start=1):
+            number[row + 1] = i
         return cls(
-            names=tuple(bodies[row].name for row in order),
+            names=tuple([bodies[row].name for row in order]),
             row=np.array(order, dtype=np.int64),
-            parent=np.array([number[bodies[row].parent] for row in order], dtype=np.int64),
+            parent=np.array([number[given[row]] for row in order], dtype=np.int64),
             dof=np.array([bodies[row].dof for row in order], dtype=np.int64),
-            _number=number,
         )
+
+    @cached_property
+    def _number(self) -> dict[str, int]:
+        return {GROUND: 0, **{name: i for i, name in enumerate(self.names, start=1)}}
 
     @property
     def nb(self) -> int:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from importlib import import_module
 
-MODULES = ("pack", "dynamics", "bodies", "motion", "run")
+MODULES = ("pack", "gather", "dynamics", "bodies", "step")
 
 
 def warm_up() -> Iterator[tuple[int, int, str]]:

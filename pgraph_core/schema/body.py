@@ -144,6 +144,7 @@ class Body(Described):
     @model_validator(mode="after")
     def _physical(self) -> Self:
         refuse(body_problems(self))
+        _ = self.records  # from numbers that are at hand and right
         return self
 
     @property
@@ -161,45 +162,37 @@ class Body(Described):
         return self.com if self.tip is None else self.tip
 
     @cached_property
-    def record(self) -> bytes:
-        """The numbers of the body as float64: link 3, rotation 4, mass, com 3, inertia 6, motions.
+    def records(self) -> tuple[bytes, bytes, bytes, bytes]:
+        """The numbers of the row as float64: of the body, of its motions, q and v.
 
-        Made once per (frozen) body: packing a model joins records instead of reading fields.
+        Body: link 3, rotation 4, mass, com 3, inertia 6 (xx, yy, zz, xy, xz, yz), number of
+        motions. A motion: kind, axis 3, armature, stiffness, damping, rest, friction. Made once a
+        row, when it is validated: packing a model joins them instead of reading fields.
         """
-        i = self.inertia
-        return _floats(
-            *self.link,
-            *_unit(self.rotation),
-            self.mass,
-            *self.com,
-            *(i[0][0], i[1][1], i[2][2], i[0][1], i[0][2], i[1][2]),
-            len(self.motions),
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = self.inertia
+        body = (*self.link, *_unit(self.rotation), self.mass, *self.com, xx, yy, zz, xy, xz, yz)
+        motions: list[float] = []
+        physics = (self.armature, self.stiffness, self.damping, self.rest, self.friction)
+        for (kind, axis), *numbers in zip(self.motions, *physics):
+            direction = _unit(axis) if kind in ("rotate", "translate") else axis
+            motions += (KIND_CODE[kind], *direction, *numbers)
+        return (
+            struct.pack("18d", *body, len(self.motions)),
+            struct.pack(f"{len(motions)}d", *motions),
+            struct.pack(f"{len(self.q)}d", *self.q),
+            struct.pack(f"{len(self.v)}d", *self.v),
         )
 
-    @cached_property
-    def motion_record(self) -> bytes:
-        """The numbers of its motions as float64, 8 each: kind, axis 3, armature, spring 3."""
-        return b"".join(
-            _floats(
-                KIND_CODE[motion.kind],
-                *(_unit(motion.axis) if motion.kind in ("rotate", "translate") else motion.axis),
-                *(values[k] for values in (self.armature, self.stiffness, self.damping, self.rest)),
-            )
-            for k, motion in enumerate(self.sequence)
-        )
-
-    @cached_property
-    def home_record(self) -> tuple[bytes, bytes]:
-        """q and v as float64."""
-        return _floats(*self.q), _floats(*self.v)
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy with other fields, not validated; one that only names others keeps its numbers."""
+        copy = super().model_copy(update=update, deep=deep)
+        if update is None or update.keys() <= NAMING:
+            vars(copy)["records"] = self.records
+        return copy
 
 
+NAMING = {"name", "parent"}
 KIND_CODE: dict[MotionKind, float] = {"rotate": 0.0, "translate": 1.0, "ball": 2.0, "free": 3.0}
-
-
-def _floats(*numbers: float) -> bytes:
-    """The numbers as float64, as NumPy reads them."""
-    return struct.pack(f"{len(numbers)}d", *numbers)
 
 
 def _unit(x: tuple[float, ...]) -> tuple[float, ...]:

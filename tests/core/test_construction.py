@@ -1,10 +1,20 @@
-"""From a description to a mechanism: what is kept between edits is kept rightly."""
+"""From a description or from columns to a mechanism, and from one mechanism to the next."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import pgraph_core as pg
+import static_models
+from pgraph_core.kernels import layout as at
+
+from .trees import random_case, random_model, shuffled
+
+seeds = st.integers(0, 2**32 - 1)
+QUADRUPED = pg.Model.load(static_models.path("quadruped"))
 
 
 def same(one: pg.Mechanism, other: pg.Mechanism) -> bool:
@@ -12,8 +22,319 @@ def same(one: pg.Mechanism, other: pg.Mechanism) -> bool:
     return all(map(np.array_equal, one.system, other.system))
 
 
+def alike(one: pg.Mechanism, other: pg.Mechanism) -> bool:
+    """As `same`, to 1e-14: norms are rounded in two ways; the axis of a ball means nothing."""
+    pairs = list(zip(one.system, other.system))
+    ball = one.system.rows[:, at.KIND] >= at.BALL
+    for const in (mech.system.const for mech in (one, other)):
+        const[ball, at.AXIS : at.AXIS + 3] = 0.0
+    return all(np.allclose(x, y, rtol=1e-14, atol=1e-14) for x, y in pairs)
+
+
+def columns_of(model: pg.Model) -> pg.Columns:
+    """The model's numbers as a user would have them in arrays."""
+    bodies, rows = model.bodies, model.row
+    pairs = [(i, m) for i, b in enumerate(bodies, start=1) for m in b.sequence]
+
+    def joined(field: str) -> np.ndarray:
+        return np.array([x for b in bodies for x in getattr(b, field)])
+
+    return pg.Columns(
+        parent=[0 if b.parent == "ground" else rows[b.parent] + 1 for b in bodies],
+        motion=np.array([m.kind for _, m in pairs], dtype=str),
+        motion_of=[i for i, _ in pairs],
+        axis=np.array([m.axis for _, m in pairs]).reshape(-1, 3),
+        link=np.array([b.link for b in bodies]),
+        rotation=np.array([b.rotation for b in bodies]),
+        mass=np.array([b.mass for b in bodies]),
+        com=np.array([b.com for b in bodies]),
+        inertia=np.array([b.inertia for b in bodies]),
+        q=joined("q"),
+        v=joined("v"),
+        names=[b.name for b in bodies],
+        gravity=model.gravity,
+        **{k: joined(k) for k in ("armature", "stiffness", "damping", "rest", "friction")},
+    )
+
+
+# -- columns ---------------------------------------------------------------------------------------
+
+
+@given(seeds)
+@settings(max_examples=100)
+def test_columns_and_model_make_the_same_mechanism(seed):
+    rng = np.random.default_rng(seed)
+    model = shuffled(rng, random_model(rng, int(rng.integers(1, 12))))
+    mech, other = pg.Mechanism(columns_of(model)), pg.Mechanism(model)
+    assert mech.names == other.names
+    assert (mech.nb, mech.nq, mech.nv) == (other.nb, other.nq, other.nv)
+    assert alike(mech, other)
+    assert alike(mech, pg.Mechanism(columns_of(model).model()))
+
+
+@given(seeds)
+@settings(max_examples=100)
+def test_numbers_and_pgraph_of_a_mechanism_are_those_of_its_topology(seed):
+    s = random_case(seed)
+    model = shuffled(np.random.default_rng(seed), s.model)
+    mech, topology = pg.Mechanism(model), pg.Topology.of(model)
+    assert mech.names == topology.names
+    assert mech.pgraph.tolist() == topology.pgraph.tolist()
+    assert mech.jdof.tolist() == topology.jdof.tolist()
+    for field in ("row", "parent", "dof"):
+        assert getattr(mech.topology, field).tolist() == getattr(topology, field).tolist()
+    rows = [i + 1 for i, k in enumerate(topology.dof) for _ in range(len(model.bodies)) if k]
+    assert set(mech.system.body_of_row[1:].tolist()) == set(rows)
+
+
+def test_a_list_of_parents_is_a_chain_of_hinges():
+    mech = pg.Mechanism(pg.Columns(parent=[0, 1, 2]))
+    assert mech.names == ("1", "2", "3")
+    assert mech.model == pg.Model(
+        name="columns",
+        bodies=[pg.Body(name=str(i), parent="ground" if i == 1 else str(i - 1)) for i in (1, 2, 3)],
+    )
+    assert mech.pgraph.tolist() == [1, 2, 3]
+
+
+@pytest.mark.parametrize("joint", ["weld", "universal", "planar", "spherical", "free", "compound"])
+def test_every_kind_of_joint_has_its_default_motions(joint):
+    ours = pg.Mechanism(pg.Columns(parent=[0, 1], joint=["revolute", joint], link=(0.1, 0, 0)))
+    link = (0.1, 0, 0)
+    bodies = (pg.Body(name="1", link=link), pg.Body(name="2", parent="1", joint=joint, link=link))
+    assert same(ours, pg.Mechanism(pg.Model(bodies=bodies)))
+    assert ours.model.bodies == bodies
+
+
+def test_a_model_in_columns_is_the_model():
+    assert pg.Columns.of(QUADRUPED).model() is QUADRUPED
+    assert pg.Mechanism(pg.Columns.of(QUADRUPED)).model is QUADRUPED
+
+
+def test_columns_are_copied():
+    mass = np.array([1.0, 2.0])
+    columns = pg.Columns(parent=[0, 1], mass=mass)
+    mass[:] = 5.0
+    assert [b.mass for b in columns.model().bodies] == [1.0, 2.0]
+
+
+def test_a_hundred_thousand_rows_need_no_loop_over_them():
+    """A comb upside down: rows stand before their parents. Seconds would be a loop in Python."""
+    n = 100_000
+    parent = np.append(np.arange(2, n + 1), 0)
+    mech = pg.Mechanism(pg.Columns(parent=parent, link=(0.01, 0, 0)))
+    assert mech.nb == n
+    assert mech.pgraph[:3].tolist() == [1, 2, 3]
+    q, v = mech.home()
+    assert np.isfinite(mech.forward_dynamics(q, v)).all()
+
+
+# -- edits -----------------------------------------------------------------------------------------
+
+
 def test_a_body_attached_elsewhere_is_packed_anew():
     model = pg.Model.serial(4)
     pg.Mechanism(model)  # from here on the bodies keep their packed form
     left = model.remove("2")
     assert same(pg.Mechanism(left), pg.Mechanism(pg.Model.from_json(left.to_json())))
+
+
+EDITS = {
+    "parent": {"parent": "left_femur"},
+    "mass": {"mass": 2.5},
+    "com": {"com": (0.1, 0, 0.2)},
+    "link": {"link": (0.0, -0.1, 0.0)},
+    "several": {"parent": "lumbar", "mass": 0.25, "link": (0.1, 0.2, 0.3)},
+    "inertia": {"inertia": np.diag([0.1, 0.1, 0.2])},
+    "dof": {"dof": 3},
+    "name": {"name": "foot"},
+    "stiffness": {"stiffness": 3.0},
+}
+
+
+@pytest.mark.parametrize("changes", EDITS.values(), ids=EDITS)
+def test_an_edited_mechanism_is_that_of_the_edited_model(changes):
+    mech = pg.Mechanism(QUADRUPED)
+    edited, model = (
+        mech.edit("left_hind_paw", **changes),
+        QUADRUPED.edit("left_hind_paw", **changes),
+    )
+    assert same(edited, pg.Mechanism(model))
+    assert edited.model == model
+    assert edited.names == pg.Mechanism(model).names
+    assert mech.model is QUADRUPED
+    assert same(mech, pg.Mechanism(QUADRUPED))
+
+
+def test_a_long_series_of_edits_ends_where_the_edits_of_the_model_end():
+    mech, model = pg.Mechanism(pg.Model.serial(6)), pg.Model.serial(6)
+    rng = np.random.default_rng(0)
+    for turn in range(200):
+        i = int(rng.integers(2, 7))
+        changes = {"parent": str(rng.integers(1, i)), "mass": float(rng.uniform(1, 2))}
+        mech, model = mech.edit(str(i), **changes), model.edit(str(i), **changes)
+        if turn % 37 == 0:
+            assert mech.model == model
+    assert mech.model == model
+    assert same(mech, pg.Mechanism(model))
+
+
+@pytest.mark.parametrize(
+    "changes", [{"parent": "left_tibia"}, {"mass": 0.4}, {"joint": "revolute"}]
+)
+def test_an_edit_that_changes_nothing_changes_nothing(changes):
+    assert QUADRUPED.edit("left_hind_paw", **changes) is QUADRUPED
+    mech = pg.Mechanism(QUADRUPED)
+    again = mech.edit("left_hind_paw", **changes)
+    assert again.model.hash == QUADRUPED.hash
+    assert same(again, mech)
+
+
+def test_there_and_back_is_where_it_was():
+    mech = pg.Mechanism(QUADRUPED)
+    back = mech.edit("left_hind_paw", parent="lumbar").edit("left_hind_paw", parent="left_tibia")
+    assert same(back, mech)
+    assert back.model.hash == QUADRUPED.hash
+
+
+# -- what is wrong ---------------------------------------------------------------------------------
+
+NAN = float("nan")
+WRONG = {
+    "parent": (
+        {"parent": [0, 5]},
+        "row 2, parent: must be a row from 1 to 2, or 0 for the ground; given 5",
+    ),
+    "cycle": (
+        {"parent": [0, 3, 2]},
+        "row 2, parent: closes a cycle: 2 -> 3 -> 2; tie one of them to the ground",
+    ),
+    "own parent": (
+        {"parent": [0, 2]},
+        "row 2, parent: a body cannot be its own parent; given '2'; choose another, or ground",
+    ),
+    "parent text": (
+        {"parent": ["a"]},
+        "columns, parent: must be a list of whole numbers; given ['a']",
+    ),
+    "parent float": (
+        {"parent": [0.5]},
+        "columns, parent: must be a list of whole numbers; given [0.5]",
+    ),
+    "mass": (
+        {"parent": [0, 1, 2], "mass": [1.0, 1.0, -1.0]},
+        "row 3, mass: must be a finite number >= 0 [kg]; given -1.0",
+    ),
+    "mass nan": (
+        {"parent": [0], "mass": NAN},
+        "row 1, mass: must be a finite number >= 0 [kg]; given nan",
+    ),
+    "mass text": (
+        {"parent": [0], "mass": "heavy"},
+        "columns, mass: must be numbers; given 'heavy'",
+    ),
+    "mass length": (
+        {"parent": [0, 1, 2], "mass": [1.0, 2.0]},
+        "columns, mass: must have 3 entries, one a body, or one for all; given 2",
+    ),
+    "link": (
+        {"parent": [0], "link": [[0, NAN, 0]]},
+        "row 1, link: must be three finite numbers [x, y, z] from the parent's origin [m]; "
+        "given nan",
+    ),
+    "link shape": (
+        {"parent": [0], "link": np.zeros((1, 2))},
+        "columns, link: must have entries of shape (3,); given an array of shape (1, 2)",
+    ),
+    "inertia": (
+        {"parent": [0], "inertia": np.diag([1.0, 1.0, 3.0])},
+        "row 1, inertia: breaks the triangle inequality: principal moments 1 + 1 < 3 by 1 kg m^2; "
+        "no rigid body has it",
+    ),
+    "inertia, not symmetric": (
+        {"parent": [0], "inertia": [[1, 0.5, 0], [0, 1, 0], [0, 0, 1]]},
+        "row 1, inertia: must be symmetric; given [[1.0, 0.5, 0.0], [0.0, 1.0, 0.0], "
+        "[0.0, 0.0, 1.0]]",
+    ),
+    "joint": (
+        {"parent": [0, 1], "joint": ["revolute", "hinge"]},
+        "row 2, joint: must be one of weld, revolute, prismatic, cylindrical, universal, "
+        "spherical, planar, free, compound; given 'hinge'",
+    ),
+    "joint number": (
+        {"parent": [0], "joint": 9},
+        "row 1, joint: must be one of weld, revolute, prismatic, cylindrical, universal, "
+        "spherical, planar, free, compound, or a place in this list from 0; given 9",
+    ),
+    "axis": (
+        {"parent": [0, 1], "axis": [[0, 0, 1], [0, 0, 0]]},
+        "row 2, axes: a direction must not be zero; given [0.0, 0.0, 0.0]",
+    ),
+    "axes length": (
+        {"parent": [0, 1], "joint": "universal", "axis": np.eye(3)},
+        "columns, axis: must have 4 entries, one a motion, or one for all; given 3",
+    ),
+    "rotation": (
+        {"parent": [0], "rotation": [0.0, 0.0, 0.0, 0.0]},
+        "row 1, rotation: must be a unit quaternion [w, x, y, z]; given [0.0, 0.0, 0.0, 0.0]",
+    ),
+    "damping": (
+        {"parent": [0], "damping": -1.0},
+        "row 1, damping: must be >= 0; given [-1.0]",
+    ),
+    "stiffness of a ball": (
+        {"parent": [0], "joint": "spherical", "stiffness": 1.0},
+        "row 1, stiffness: acts on a rotate or translate motion, not on a ball or free one; "
+        "given [1.0]",
+    ),
+    "q length": (
+        {"parent": [0], "joint": "spherical", "q": [0.0]},
+        "columns, q: must have 4 numbers, those of all joints; given 1",
+    ),
+    "q": (
+        {"parent": [0], "joint": "spherical", "q": [0.0, 0.0, 0.0, 0.0]},
+        "row 1, q: needs a unit quaternion [w, x, y, z]; given [0.0, 0.0, 0.0, 0.0]",
+    ),
+    "gravity": (
+        {"parent": [0], "gravity": (0, 0)},
+        "columns, gravity: must be three finite numbers [x, y, z] [m/s^2]; given [0.0, 0.0]",
+    ),
+    "motion_of": (
+        {"parent": [0, 1], "motion": ["ball", "rotate"], "motion_of": [2, 1]},
+        "columns, motion_of: must ascend within the rows 1 to 2",
+    ),
+    "names": (
+        {"parent": [0], "names": ["a", "b"]},
+        "columns, names: must be 1, one a body; given 2",
+    ),
+    "names twice": (
+        {"parent": [0, 1], "names": ["a", "a"]},
+        "row 2, name: 'a' is already the name of row 1; choose another",
+    ),
+    "names ground": (
+        {"parent": [0], "names": ["ground"]},
+        "row 1, name: 'ground' is the name of the ground; choose another",
+    ),
+}
+
+
+@pytest.mark.parametrize(("columns", "sentence"), WRONG.values(), ids=WRONG)
+def test_a_wrong_column_is_named_with_its_row(columns, sentence):
+    with pytest.raises(pg.ModelError) as error:
+        pg.Columns(**columns)
+    assert str(error.value) == sentence
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"parent": "left_hind_paw"}, {"parent": "nobody"}, {"mass": -1.0}, {"mass": NAN}, {"hue": 1}],
+)
+def test_a_wrong_edit_of_a_mechanism_is_refused_as_that_of_the_model(changes):
+    mech = pg.Mechanism(QUADRUPED)
+    with pytest.raises(pg.ModelError) as ours:
+        mech.edit("left_femur", **changes)
+    with pytest.raises(pg.ModelError) as theirs:
+        QUADRUPED.edit("left_femur", **changes)
+    assert str(ours.value) == str(theirs.value)
+    with pytest.raises(pg.ModelError, match="no body has this name"):
+        mech.edit("nobody", mass=1.0)
