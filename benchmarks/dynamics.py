@@ -49,21 +49,29 @@ def one_call(place: Scene, name: str, *, goals: dict[str, float], pinocchio: boo
     return Case(name, sides, agreement=", ".join(agreement), goals=goals)
 
 
-def native_loop(place: Scene, name: str, number: int = 500) -> Case:
+def native_loop(place: Scene, name: str, number: int = 500, *, compiling: bool = True) -> Case:
     """v' of a tree, `number` times without Python in between."""
     sides: dict[str, Callable[[], object]] = {"pgraph": ours_in_a_loop(place, number)}
-    agreement = ""
+    _, _, q, v, tau, *_ = place.state
+    found = pg.Mechanism(place.model).forward_dynamics(q, v, tau)
+    agreement = []
     if has("mujoco"):
         from . import in_mujoco
 
         model, data, T = in_mujoco.loaded(place)
         loop = native.mujoco_loop(model, data)
         loop(1)
-        _, _, q, v, tau, *_ = place.state
-        found = pg.Mechanism(place.model).forward_dynamics(q, v, tau)
-        agreement = f"mujoco {differ(T.T @ data.qacc, found, 1e-9, name)}"
+        agreement.append(f"mujoco {differ(T.T @ data.qacc, found, 1e-9, name)}")
         sides["mj_forward"] = lambda: loop(number)
-    return Case(name, sides, "call", number, agreement, {"mj_forward": 2.5})
+    if has("pin"):
+        from . import pinocchio_native
+
+        loaded = pinocchio_native.library(compiling=compiling)
+        if not isinstance(loaded, str):
+            run, theirs = pinocchio_native.loop(place, loaded)
+            agreement.append(f"pin {differ(theirs, found, 1e-9, name)}")
+            sides["pinocchio::aba"] = lambda: run(number)
+    return Case(name, sides, "call", number, ", ".join(agreement), {"mj_forward": 2.5})
 
 
 def back_ends(place: Scene) -> Case:

@@ -10,7 +10,12 @@ from importlib.util import find_spec
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-PEERS = {"mujoco": "mujoco", "pin": "pinocchio", "drake": "pydrake"}  # package: what it imports
+PEERS = {  # package: what it imports
+    "mujoco": "mujoco",
+    "pin": "pinocchio",
+    "drake": "pydrake",
+    "exudyn": "exudyn",
+}
 PACKAGES = ("pgraph", "numpy", "numba", *PEERS)
 
 

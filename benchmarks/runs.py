@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 
 import numpy as np
@@ -33,22 +34,55 @@ def steps(place: Scene, method: str, number: int, *, goal: bool = True) -> Case:
         return timing["build"] + timing["step"]
 
     sides: dict[str, Callable[[], object]] = {"pgraph": ours}
-    agreement = ""
+    agreement = []
     if has("mujoco"):
         from . import in_mujoco
 
         sides["mujoco.rollout"], _ = in_mujoco.rollout(place, method, number)
         _, change = in_mujoco.rollout(place, method, 20)
-        agreement = f"mujoco {differ(run(20).q[-1] - q, change()[0], 1e-5, name)}"
+        agreement.append(f"mujoco {differ(run(20).q[-1] - q, change()[0], 1e-5, name)}")
+    if has("exudyn") and method == "rk4":
+        from . import in_exudyn
+
+        sides["exudyn RK44"], _ = in_exudyn.rk4_steps(place, number)
+        _, change = in_exudyn.rk4_steps(place, 20)
+        theirs = change()
+        found = (run(20).q[-1] - q)[-len(theirs) :]
+        agreement.append(f"exudyn {differ(theirs, found, 1e-9, name)}")
     return Case(
         name,
         sides,
         "step",
         number,
-        agreement,
+        ", ".join(agreement),
         {"mujoco.rollout": GOAL_STEP} if goal else {},
         frozenset({"pgraph"}),
     )
+
+
+def long_steps(place: Scene, number: int) -> Case:
+    """RK4 steps of a mechanism on which Exudyn takes seconds for one."""
+    name = f"{METHODS['rk4']}, {place.name}"
+    mech, q, v = pg.Mechanism(place.model), place.state.q, place.state.v
+
+    def run(n: int) -> pg.Result:
+        return pg.simulate(mech, q, v, t_end=n * STEP, method="rk4", step=STEP, frames=2)
+
+    sides: dict[str, Callable[[], object]] = {"pgraph": lambda: run(number).timing["step"]}
+    agreement = ""
+    if has("exudyn"):
+        from . import in_exudyn
+
+        one, change = in_exudyn.rk4_steps(place, 1)
+        agreement = f"exudyn {differ(change(), run(1).q[-1] - q, 1e-8, name)}"
+
+        def theirs() -> float:
+            begin = time.perf_counter()
+            one()
+            return number * (time.perf_counter() - begin)
+
+        sides["exudyn RK44"] = theirs
+    return Case(name, sides, "step", number, agreement, clocked=frozenset(sides))
 
 
 def batch(place: Scene, threads: int, size: int, number: int) -> Case:

@@ -9,18 +9,14 @@ import numpy as np
 
 import pgraph_core as pg
 
-from . import building, dynamics, limited, runs
-from .machine import absent, machine
+from . import building, dynamics, lean, limited, runs
+from .machine import absent, has, machine
 from .scenes import binary_tree, scene
 from .timing import Case, Timed, measure, spread
 
 EXPONENT = 1.1
 NOT_MEASURED = (
     "column arrays to a ready Mechanism (goals 50 and 1000): there is no such path yet",
-    "what joint kinds, springs and constraints cost a scene without them (goal 5 %): there is no "
-    "version of the kernels without them to compare with",
-    "a native loop of Pinocchio: it needs a C++ program",
-    "Exudyn",
 )
 
 
@@ -36,8 +32,19 @@ def measured(*, quick: bool) -> dict[str, Any]:
         "rows": [row for t in timed for row in rows(t)],
         "scaling": next(scaling(t) for t in timed if t.case.name.endswith("chains")),
         "notes": notes,
-        "not_measured": list(NOT_MEASURED),
+        "not_measured": list(not_measured()),
     }
+
+
+def not_measured() -> Iterator[str]:
+    """What there is no number for, and why."""
+    yield from NOT_MEASURED
+    if has("pin"):
+        from . import pinocchio_native
+
+        loaded = pinocchio_native.library(compiling=False)
+        if isinstance(loaded, str):
+            yield f"a native loop of Pinocchio: {loaded}"
 
 
 def cases(*, quick: bool) -> Iterator[Case]:
@@ -47,8 +54,12 @@ def cases(*, quick: bool) -> Iterator[Case]:
     chain = scene("chain of 1000", pg.Model.serial(1000), 0.2)
     tree = scene("tree of 1023", binary_tree(1023), 0.2, seed=4)
     yield dynamics.one_call(quadruped, "forward dynamics, quadruped", goals={"pin.aba": 2.0})
-    yield dynamics.native_loop(quadruped, "forward dynamics, quadruped, native loop")
+    name = "forward dynamics, quadruped, native loop"
+    yield dynamics.native_loop(quadruped, name, compiling=not quick)
     yield dynamics.back_ends(quadruped)
+    for place in (quadruped, tree):
+        yield lean.dynamics(place, 8000 // place.state.topology.nb)
+    yield lean.steps(tree, 200)
     for method in runs.METHODS:
         yield runs.steps(slow, method, 2000)
     for threads in (1, 2):
@@ -59,6 +70,8 @@ def cases(*, quick: bool) -> Iterator[Case]:
         name = f"forward dynamics, {place.name}"
         yield dynamics.one_call(place, name, goals={}, pinocchio=False)
     yield runs.steps(tree, "semi_implicit_euler", 200, goal=False)
+    if not quick:
+        yield runs.long_steps(chain, 20)
     yield dynamics.chains(1000 if quick else 10000)
     yield building.construction(quadruped, goal=8.0, small=True)
     if not quick:
@@ -70,8 +83,9 @@ def rows(timed: Timed) -> Iterator[dict[str, Any]]:
     """One row a side."""
     case = timed.case
     compared = not case.name.endswith("chains")
+    base_is_ours = timed.ours.startswith("pgraph")
     for side in case.sides:
-        ours = side.startswith("pgraph") or not compared
+        ours = side == timed.ours or (base_is_ours and side.startswith("pgraph")) or not compared
         yield {
             "case": case.name,
             "side": side,
@@ -79,6 +93,7 @@ def rows(timed: Timed) -> Iterator[dict[str, Any]]:
             "seconds": timed.quartiles(side),
             "ratio": None if ours else timed.ratio(side),
             "goal": case.goals.get(side),
+            "at_most": case.at_most.get(side),
             "agreement": case.agreement if side == timed.ours else "",
         }
 

@@ -23,6 +23,7 @@ class Case:
     agreement: str = ""  # how far the results differed before timing
     goals: Mapping[str, float] = field(default_factory=dict)  # ratio to reach, by peer
     clocked: frozenset[str] = frozenset()  # sides whose calls return their own seconds
+    at_most: Mapping[str, float] = field(default_factory=dict)  # ratio not to pass, by side
 
 
 @dataclass

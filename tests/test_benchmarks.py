@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import math
 
@@ -9,11 +10,12 @@ import numpy as np
 import pytest
 
 import app.cli.bench
+import pgraph_core as pg
 from app.cli import main
 from app.cli.bench import part
 
-gate, machine, report, scenes, suite, timing = map(
-    part, ("gate", "machine", "report", "scenes", "suite", "timing")
+gate, lean, machine, report, scenes, suite, timing = map(
+    part, ("gate", "lean", "machine", "report", "scenes", "suite", "timing")
 )
 Case, Timed = timing.Case, timing.Timed
 BASELINE = {"cpu": "old", "ratios": {"a: peer": 4.0, "b: peer": 2.0}}
@@ -34,7 +36,7 @@ def found(ratio: float = 3.0, absent: tuple[str, ...] = ()) -> dict:
         "rows": list(suite.rows(times)),
         "scaling": {"exponent": (1.0, 1.01, 1.02), "goal": 1.1},
         "notes": [],
-        "not_measured": ["Exudyn"],
+        "not_measured": ["a peer"],
     }
 
 
@@ -81,6 +83,47 @@ def test_the_exponent_is_the_slope_of_the_logarithms():
     times = Timed(Case("chains", {side: lambda: None for side in seconds}), seconds)
     assert suite.scaling(times)["exponent"] == pytest.approx((1.5, 1.5, 1.5))
     assert all(row["ratio"] is None for row in suite.rows(times))
+
+
+@pytest.mark.parametrize(("full", "met"), [(1.04e-6, "met"), (1.06e-6, "not met")])
+def test_what_a_scene_lacks_may_cost_at_most_its_limit(full: float, met: str):
+    """Ours is the second side there: the ratio is how much longer it takes than without."""
+    sides = {"without": lambda: None, "pgraph": lambda: None}
+    times = Timed(
+        Case("lacks", sides, at_most={"pgraph": 1.05}), {"without": [1e-6], "pgraph": [full]}
+    )
+    lines = report.goal_lines(found() | {"rows": list(suite.rows(times))})
+    assert next(lines) == ("lacks", "pgraph", "<= 1.05", f"{1e6 * full:.3f}", met)
+    assert gate.ratios(suite.rows(times)) == {}
+
+
+def test_branches_that_a_scene_cannot_take_are_taken_out():
+    source = """
+def f(rows, const, work, k, h):
+    kind = rows[k, at.KIND]
+    if kind == at.ROTATE:
+        d = 1.0 / (work[k, at.D] + const[k, at.ARMATURE])
+    elif kind <= at.TRANSLATE:
+        d = 2.0
+    else:
+        d = 3.0
+    return d
+"""
+    left = {
+        kinds: ast.unparse(ast.fix_missing_locations(lean.Without(set(kinds)).visit(tree)))
+        for kinds in ((0,), (0, 3))
+        for tree in [ast.parse(source)]
+    }
+    assert "if" not in left[0,]
+    assert "ARMATURE" not in left[0,]
+    assert "d = 3.0" in left[0, 3]
+    assert "if kind == at.ROTATE" in left[0, 3]
+
+
+def test_kernels_without_what_a_scene_lacks_give_the_same_numbers():
+    """Hinges alone: the case itself refuses to time what differs by more than 1e-12."""
+    case = lean.dynamics(scenes.scene("chain of 3", pg.Model.serial(3)), 1)
+    assert float(case.agreement) < 1e-12
 
 
 def test_what_disagrees_is_not_timed():
@@ -142,7 +185,7 @@ def test_the_table_of_the_terminal():
     assert lines[3].split() == ["dynamics", "pgraph", "1", "us", "1", "us", "-", "1", "us"]
     assert lines[4].split()[-5:] == ["3", "3", "-", "3", "2"]
     assert "goals met: 2 of 2 that were measured" in lines
-    assert "not measured: Exudyn" in lines
+    assert "not measured: a peer" in lines
 
 
 def test_a_missed_goal_is_said():
@@ -183,7 +226,7 @@ def measured(monkeypatch):
 @pytest.mark.usefixtures("measured")
 def test_without_peers_the_command_says_so(capsys):
     assert main(["bench", "--quick"]) == 0
-    assert "not installed, so not compared: mujoco, pin, drake" in capsys.readouterr().out
+    assert "not installed, so not compared: mujoco, pin, drake, exudyn" in capsys.readouterr().out
 
 
 @pytest.mark.usefixtures("measured")

@@ -12,7 +12,7 @@ from pgraph_core.errors import InputError, Problem
 
 from .answer import Answer
 
-HELP = "speed beside MuJoCo, Pinocchio and Drake (in a checkout)"
+HELP = "speed beside MuJoCo, Pinocchio, Drake and Exudyn (in a checkout)"
 ROOT = Path(__file__).parent.parent.parent
 
 

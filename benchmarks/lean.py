@@ -1,0 +1,165 @@
+"""The kernels without what a scene lacks, made from their own sources by taking branches out.
+
+A scene of some kinds of motion needs no branch on the others, no armature, no drives and no
+constraints. The sweeps of `kinematics` and `articulated` are parsed, every question after the
+kind that has one answer in the scene is answered, and what is left is compiled with the same
+options. How much faster it runs is what joint kinds and forces cost a scene without them.
+"""
+
+from __future__ import annotations
+
+import ast
+import operator
+from collections.abc import Callable, Set
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+
+import pgraph_core as pg
+from pgraph_core import kernels
+from pgraph_core.kernels import layout as at
+from pgraph_core.kernels._jit import OPTIONS
+from pgraph_core.kernels.vec import finite
+
+from . import native
+from .scenes import STEP, Scene, differ
+from .timing import Case
+
+GOAL = 1.05
+ANSWERS: dict[type[ast.cmpop], Callable[[int, int], bool]] = {
+    ast.Eq: operator.eq,
+    ast.LtE: operator.le,
+    ast.Lt: operator.lt,
+}
+
+
+class Without(ast.NodeTransformer):
+    """Takes out branches on kinds of motion that a scene lacks, and armature."""
+
+    def __init__(self, kinds: Set[int]):
+        self.kinds = kinds
+
+    def visit_Compare(self, node: ast.Compare) -> ast.expr:
+        """A question after the kind, where all kinds of the scene give the same answer."""
+        asked, constant = ast.unparse(node.left), node.comparators[0]
+        answer = ANSWERS.get(type(node.ops[0]))
+        if asked not in ("kind", "rows[k, at.KIND]") or answer is None:
+            return node
+        assert isinstance(constant, ast.Attribute)
+        answers = {answer(kind, getattr(at, constant.attr)) for kind in self.kinds}
+        return ast.Constant(answers.pop()) if len(answers) == 1 else node
+
+    def visit_If(self, node: ast.If) -> Any:
+        """Only the branch that is taken."""
+        self.generic_visit(node)
+        if isinstance(node.test, ast.Constant):
+            return node.body if node.test.value else node.orelse
+        return node
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
+        """x + armature is x."""
+        self.generic_visit(node)
+        return node.left if "at.ARMATURE" in ast.unparse(node.right) else node
+
+
+def sweeps(kinds: Set[int]) -> dict[str, Any]:
+    """The compiled sweeps of forward dynamics for these kinds alone, by name."""
+    names: dict[str, Any] = {}
+    for module in ("kinematics", "articulated"):
+        path = Path(str(kernels.__file__)).parent / f"{module}.py"
+        tree = Without(kinds).visit(ast.parse(path.read_text(encoding="utf-8")))
+        tree.body = [
+            node
+            for node in tree.body
+            if not (isinstance(node, ast.ImportFrom) and node.module == "kinematics")
+        ]
+        names |= {"__package__": kernels.__name__, "__name__": f"{__name__}.{module}"}
+        exec(compile(ast.fix_missing_locations(tree), f"lean {module}", "exec"), names)
+    return names
+
+
+def dynamics_loop(kinds: Set[int]) -> Any:
+    """As `native.forward_dynamics`, for these kinds alone."""
+    articulated = sweeps(kinds)["articulated"]
+
+    @numba.njit(**OPTIONS)
+    def loop(rows, const, q, v, tau, work, vdot, n):
+        for _ in range(n):
+            articulated(rows, const, q, v, tau, work, vdot)
+
+    return loop
+
+
+def hinge_steps() -> Any:
+    """Semi-implicit Euler steps of a tree of hinges that keep the last state, as runs do."""
+    articulated = sweeps({at.ROTATE})["articulated"]
+
+    @numba.njit(**OPTIONS)
+    def steps(rows, const, q, v, tau, work, vdot, kept, h, n):
+        for _ in range(n):
+            for j in range(v.shape[0]):
+                kept[0, j] = q[j]
+                kept[1, j] = v[j]
+            articulated(rows, const, q, v, tau, work, vdot)
+            for j in range(v.shape[0]):
+                v[j] += h * vdot[j]
+            if not finite(v):
+                return False
+            for j in range(v.shape[0]):
+                q[j] += h * v[j]
+        return True
+
+    return steps
+
+
+def dynamics(place: Scene, number: int) -> Case:
+    """The native loop of forward dynamics beside one for the scene's own kinds of motion."""
+    mech, (_, _, q, v, tau, *_) = pg.Mechanism(place.model), place.state
+    kinds = frozenset(mech.system.rows[1:, at.KIND].tolist())
+    loops = {"what the scene needs": dynamics_loop(kinds), "pgraph": native.forward_dynamics}
+    sides: dict[str, Callable[[], object]] = {}
+    name, found = f"what a scene lacks, {place.name}", []
+    for side, loop in loops.items():
+        work, vdot = np.zeros((len(mech.system.rows), at.WORK)), np.empty(mech.nv)
+        sides[side] = bound(loop, *mech.tree, q, v, tau, work, vdot, number)
+        sides[side]()
+        found.append(vdot)
+    agreement = f"{differ(*found, 1e-12, name)}"
+    return Case(name, sides, "call", number, agreement, at_most={"pgraph": GOAL})
+
+
+def steps(place: Scene, number: int) -> Case:
+    """A run of a tree of hinges beside a loop that can do nothing else.
+
+    No goal is set: a run also keeps a ledger of energy, counts, and may pause, for every scene.
+    """
+    mech, (_, _, q, v, *_) = pg.Mechanism(place.model), place.state
+    space = np.zeros((len(mech.system.rows), at.WORK)), np.empty(mech.nv), np.empty((2, mech.nv))
+    loop, name = hinge_steps(), f"what a scene lacks, steps of the {place.name}"
+
+    def lean(n: int = number) -> np.ndarray:
+        x, y = q.copy(), v.copy()
+        assert loop(*mech.tree, x, y, 0 * v, *space, STEP, n)
+        return x
+
+    def run(n: int) -> pg.Result:
+        return pg.simulate(
+            mech, q, v, t_end=n * STEP, method="semi_implicit_euler", step=STEP, frames=2
+        )
+
+    agreement = f"{differ(lean(20), run(20).q[-1], 1e-11, name)}"
+    return Case(
+        name,
+        {"what the scene needs": lean, "pgraph": lambda: run(number).timing["step"]},
+        "step",
+        number,
+        agreement,
+        clocked=frozenset({"pgraph"}),
+    )
+
+
+def bound(call: Callable[..., object], *arguments: Any) -> Callable[[], object]:
+    """A call with its arguments."""
+    return lambda: call(*arguments)
