@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .kernels import layout as at
-from .kernels import step as kernels
+from .kernels import run as kernels
 from .system import Array
 
 if TYPE_CHECKING:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .errors import InputError, Problem, choices
+from .kernels import run
 from .system import Array
 
 
@@ -18,6 +19,7 @@ class Method(NamedTuple):
     a: Array  # (s, s)
     b: Array  # (s,)
     c: Array  # (s,)
+    step: Any  # the kernel that makes a step
     use: str  # what it is for
 
     @property
@@ -34,6 +36,7 @@ RK4 = Method(
     ),
     np.array([1.0, 2.0, 2.0, 1.0]) / 6.0,
     np.array([0.0, 0.5, 0.5, 1.0]),
+    run.runge_kutta,
     "smooth motion at a fixed step",
 )
 SEMI_IMPLICIT_EULER = Method(
@@ -42,6 +45,7 @@ SEMI_IMPLICIT_EULER = Method(
     np.zeros((0, 0)),
     np.zeros(0),
     np.zeros(0),
+    run.semi_implicit,
     "playback and long runs without drift of energy, at low accuracy",
 )
 METHODS = {method.name: method for method in (RK4, SEMI_IMPLICIT_EULER)}

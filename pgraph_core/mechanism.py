@@ -9,19 +9,22 @@ from typing import Any
 import numpy as np
 
 from .back_ends import BackEnd, by_composite, by_operators, dense
+from .blocks import Blocks, blocks
 from .bodies import BodyMotion, bodies_over, shifted, turned
 from .columns import Columns
 from .errors import InputError, Problem
-from .kernels import bodies, dynamics, numbering, step
+from .kernels import bodies, dynamics, motion, numbering
 from .kernels import layout as at
 from .kernels._jit import ready
+from .kernels.handle import address_of
+from .scene import Scene
 from .schema import Force, Model
 from .system import (
     Array,
     Drives,
     Ints,
+    Loads,
     System,
-    constraint_tables,
     drives,
     packed,
     point_in_row,
@@ -29,10 +32,15 @@ from .system import (
 )
 from .topology import Topology
 
+NOWHERE = np.zeros((0, 3)), np.zeros((0, 3, 3))
 NEW = object.__new__
 FORWARD = dynamics.forward_dynamics
-NO_GAINS = np.zeros(2)
 NO_EXTERNAL = np.zeros((0, 6))
+NO_LOADS: Loads = (
+    np.zeros((0, at.LOAD_I), dtype=np.int64),
+    np.zeros((0, at.LOAD_F)),
+    np.zeros((0, 7)),
+)
 
 
 class Mechanism:
@@ -182,7 +190,7 @@ class Mechanism:
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
         """(kinetic, potential) energy [J]; potential includes the joints' springs."""
         q, v = self.position(q), self.finite("v", v, self.nv)
-        return step.energy(*self.tree, self.passive, q, v, self._work)
+        return motion.energy(self.scene.address, q, v)
 
     # -- dynamics of the tree ------------------------------------------------------------------
     # All take `back_end`: "articulated" (default), "composite" or "operators", with the same
@@ -324,17 +332,14 @@ class Mechanism:
         q, v = self._state(q, v)
         tau = self._zero if tau is None else self.check("tau", tau, self.nv)
         vdot = np.empty(self.nv)
-        tables, space = self._active_tables
-        code = step.constrained_dynamics(
-            *self.tree, self.passive, tables, self._work, space, NO_GAINS, 0.0, q, v, tau, vdot
+        scene = self.scene
+        scene.given[:] = tau
+        code = self._constrained(
+            scene.address, self._accelerate, 0.0, q, v, self._flow, vdot, self._wrenches
         )
         if code:
             self._explain(code, q=q, v=v, tau=tau)
-        return vdot, self.forces_of(self.active, space[3][1])
-
-    @cached_property
-    def _active_tables(self) -> tuple[Any, Any]:
-        return self.tables(self.active), self.space(self.active)
+        return vdot, scene.forces(self._wrenches)
 
     def forward_derivatives(
         self, q: Array, v: Array, tau: Array | None = None
@@ -431,17 +436,10 @@ class Mechanism:
     # -- constraints and drives ----------------------------------------------------------------
 
     @cached_property
-    def _constraints(self) -> tuple[Ints, Array]:
-        return constraint_tables(self.model, self.topology, self.system, self._at_home)
-
-    def _at_home(self, name: str, point: Any, other: int) -> Array:
-        """Where a point of a body is in the initial state, in the axes of body `other`."""
-        position, rotation = self.poses(self.system.q)
-        b = self.topology.number(name) - 1
-        place = position[b] + rotation[b] @ np.asarray(point)
-        if other == 0:
-            return place
-        return rotation[other - 1].T @ (place - position[other - 1])
+    def blocks(self) -> Blocks:
+        """The model's constraints, active or not, as the kernels take them."""
+        poses = self.poses(self.system.q) if self.model.constraints else NOWHERE
+        return blocks(self.model, self.topology, self.system, poses)
 
     @cached_property
     def active(self) -> Ints:
@@ -457,27 +455,15 @@ class Mechanism:
         """Springs and dampers of the joints, and the given motors and servos."""
         return drives(self.model, self.topology, self.system, forces)
 
-    def tables(self, active: Ints) -> tuple[Ints, Array, Ints]:
-        """What the constraint kernels take: rows, points, and which constraints are active."""
-        return (*self._constraints, active)
-
-    def space(self, active: Ints) -> tuple[Array, Array, Array, Array, Array]:
-        """Workspace of the constraint kernels."""
-        m, n = 3 * len(active), max(self.nv, self.nq, 3 * len(active), 1)
-        return (
-            np.zeros((self.nv, m)),
-            np.zeros((m, m)),
-            np.zeros((m, m)),
-            np.zeros((6, n)),
-            np.zeros((3, n)),
-        )
-
-    def forces_of(self, active: Ints, lam: Array) -> dict[str, Array]:
-        """{name: (6,) or (frames, 6)} [torque, force] on `body` at `point` from multipliers."""
-        names = [self.model.constraints[i].name for i in active.tolist()]
-        forces = np.zeros((*lam.shape[:-1], len(names), 6))
-        forces[..., 3:] = lam[..., : 3 * len(names)].reshape(*lam.shape[:-1], len(names), 3)
-        return dict(zip(names, forces if lam.ndim == 1 else forces.swapaxes(0, 1)))
+    @cached_property
+    def scene(self) -> Scene:
+        """The mechanism with its passive forces and active constraints, for single questions."""
+        self._accelerate = address_of(motion.acceleration)
+        self._constrained = ready(motion.constrained_dynamics)
+        self._flow = np.zeros(3)
+        scene = Scene(self, self.passive, NO_LOADS, self.active)
+        self._wrenches = np.zeros((len(scene.active) - 1, 6))
+        return scene
 
     def batch(self, size: int | None = None, **options: Any) -> Any:
         """`Batch(self, size, models=..., threads=...)`: many instances at once."""
@@ -495,8 +481,9 @@ class Mechanism:
         return tau
 
     def _passive(self, q: Array, v: Array, given: Array) -> Array:
-        tau = np.empty(self.nv)
-        step.drive_torque(self.passive, 0.0, q, v, given, tau)
+        tau, scene = np.empty(self.nv), self.scene
+        scene.given[:] = given
+        motion.drive_torque(scene.address, q, v, tau)
         return tau
 
     def _row_point(self, name: str, point: Any) -> tuple[int, Array]:

@@ -8,12 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .callback import CallbackStepper
+from .callback import UserTorque
 from .integrators import Method
 from .kernels import layout as at
-from .kernels import step as kernels
-from .mechanism import NO_GAINS, Mechanism
+from .kernels import motion, run
+from .kernels.handle import address_of
+from .mechanism import NO_LOADS, Mechanism
 from .result import Result, Status
+from .scene import Scene
 from .system import Array, Drives, Ints
 
 CHUNK = 0.02  # s of computation between two looks at `progress`
@@ -35,7 +37,7 @@ class Plan(NamedTuple):
     substeps: Ints  # (frames - 1,) steps between two frames
     width: Array  # (frames - 1,) their width [s]
     drives: Drives
-    tables: tuple[Ints, Array, Ints]  # constraints, and which of them are active
+    active: Ints  # indices of the active constraints
     gains: Array  # (2,) of Baumgarte
     project: bool
 
@@ -47,23 +49,28 @@ class Recording:
         """Nothing is computed yet. Raises InputError where `tau` does not fit."""
         self.mech, self.plan = mech, plan
         self.q, self.v = q.copy(), v.copy()
-        self.callback = tau if callable(tau) else None
-        given = (
-            np.zeros(mech.nv) if tau is None or self.callback else mech.finite("tau", tau, mech.nv)
+        self.tau = tau
+        self.user = UserTorque(tau, mech.nq, mech.nv) if callable(tau) else None
+        self.scene = Scene(
+            mech, plan.drives, NO_LOADS, plan.active, gains=plan.gains, user=self.user
         )
-        self.given = given
-        active = plan.tables[2]
-        n, m = len(plan.times), 3 * len(active)
-        self.out = tuple(np.zeros((n, k)) for k in (mech.nq, mech.nv, mech.nv, m, 4, 2))
-        self.work = np.zeros((len(mech.system.rows), at.WORK))
-        self.space = mech.space(active)
-        self.stages = np.zeros((2 * plan.method.evaluations, max(mech.nq, mech.nv)))
-        self.ledger, self.failure = np.zeros(2), np.zeros(2)
+        if tau is not None and self.user is None:
+            self.scene.given[:] = mech.finite("tau", tau, mech.nv)
+        n, blocks = len(plan.times), len(self.scene.active) - 1
+        self.out = (
+            *(np.zeros((n, k)) for k in (mech.nq, mech.nv, mech.nv)),
+            np.zeros((n, blocks, 6)),
+            *(np.zeros((n, k)) for k in (4, 2)),
+        )
+        self.stages = np.zeros((5 + 2 * plan.method.evaluations, max(mech.nq, mech.nv)))
+        self.flow, self.ledger, self.failure = np.zeros(3), np.zeros(2), np.zeros(2)
         self.times = plan.times.copy()  # where a run fails, its last frame gets another time
         self.cursor = np.zeros(2, dtype=np.int64)
         self.counters = np.zeros(4, dtype=np.int64)
         self.status, self.message = Status.DONE, Status.DONE.value
         self.notices: list[str] = []
+        kernels = (motion.acceleration, motion.projection, motion.record, plan.method.step)
+        self.links = tuple(address_of(kernel) for kernel in kernels)
 
     def run(self, progress: Progress = None) -> None:
         """All frames, or as many as there are before it fails or is cancelled."""
@@ -76,6 +83,8 @@ class Recording:
             if code == at.DONE:
                 return
             if code != at.RUNNING:
+                if self.user is not None and self.user.error is not None:
+                    raise self.user.error
                 self._fail(code)
                 return
             faster = CHUNK / (time.perf_counter() - began)
@@ -100,13 +109,9 @@ class Recording:
     def _begin(self) -> bool:
         """Whether the run can start: no joint without inertia, constraints that can be met."""
         mech, plan = self.mech, self.plan
-        tables = plan.tables
-        vdot = np.empty(mech.nv)
-        if len(tables[2]) and plan.project:
+        if len(plan.active) and plan.project:
             before = self.q.copy()
-            rounds = kernels.assemble(
-                *mech.tree, tables, self.work, self.space, self.q, self.v, ASSEMBLY_ROUNDS
-            )
+            rounds = motion.projection(self.scene.address, 0.0, self.q, self.v, ASSEMBLY_ROUNDS)
             moved = float(np.max(np.abs(self.q - before), initial=0.0))
             if rounds < 0:
                 self.q[:] = before
@@ -117,10 +122,12 @@ class Recording:
                 self.notices.append(
                     f"the initial state was moved by {moved:.3g} to meet constraints"
                 )
-        code = kernels.constrained_dynamics(
-            *mech.tree, plan.drives, tables, self.work, self.space, NO_GAINS,
-            0.0, self.q, self.v, self.given, vdot,
-        )  # fmt: skip
+        vdot, wrenches = np.empty(mech.nv), np.empty_like(self.out[3][0])
+        code = motion.constrained_dynamics(
+            self.scene.address, self.links[0], 0.0, self.q, self.v, self.flow, vdot, wrenches
+        )
+        if self.user is not None and self.user.error is not None:
+            raise self.user.error
         if code > 0:
             self._stop(Status.SINGULAR, str(mech.singular(code)))
         elif code < 0:
@@ -132,21 +139,13 @@ class Recording:
 
     def _advance(self, budget: int) -> int:
         """At most `budget` steps and frames on; the kernel's status code."""
-        if self.callback is not None:
-            return CallbackStepper(self, self.callback).advance(budget)
         method, plan = self.plan.method, self.plan
-        return kernels.run(
-            *self.arguments(),
-            (method.a, method.b, method.c),
-            (self.times, plan.substeps, plan.width),
-            self.cursor, budget, plan.project, self.q, self.v, self.given,
-            self.stages, self.ledger, self.counters, self.failure, self.out,
+        return run.run(
+            self.scene.address, self.links, (method.a, method.b, method.c),
+            (self.times, plan.substeps, plan.width), self.cursor, budget, plan.project,
+            self.q, self.v, self.stages, self.flow, self.ledger, self.counters, self.failure,
+            self.out,
         )  # fmt: skip
-
-    def arguments(self) -> tuple[Any, ...]:
-        """What every stepping kernel takes first."""
-        plan = self.plan
-        return (*self.mech.tree, plan.drives, plan.tables, self.work, self.space, plan.gains)
 
     def _fail(self, code: int) -> None:
         t, row = self.failure[0], int(self.failure[1])
@@ -163,7 +162,7 @@ class Recording:
         self, estimate: float, timing: dict[str, float], header: dict[str, Any], *, first: int = 0
     ) -> Result:
         """What has been recorded from frame `first` on, as a Result."""
-        q, v, vdot, lam, energy, drift = (a[first : self.done] for a in self.out)
+        q, v, vdot, wrenches, energy, drift = (a[first : self.done] for a in self.out)
         names = ("steps", "evaluations", "projections", "solver_iterations")
         return Result(
             mechanism=self.mech,
@@ -178,7 +177,7 @@ class Recording:
             work=energy[:, 2],
             dissipation=energy[:, 3],
             constraint_drift=drift,
-            constraint_force=self.mech.forces_of(self.plan.tables[2], lam),
+            constraint_force=self.scene.forces(wrenches),
             counters=dict(zip(names, self.counters.tolist())),
             timing=timing,
             error_estimate=estimate,
@@ -200,7 +199,7 @@ def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) ->
     not called a second time, and where the second run fails.
     """
     plan = record.plan
-    if record.callback is not None or int(np.sum(plan.substeps)) < 2:
+    if record.user is not None or int(np.sum(plan.substeps)) < 2:
         return float("nan")
     if int(np.max(plan.substeps)) == 1:  # every second frame, so that kinks of tables stay steps
         keep = np.union1d(np.arange(0, len(plan.times), 2), [len(plan.times) - 1])
@@ -212,7 +211,7 @@ def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) ->
         plan._replace(times=times, substeps=count, width=np.diff(times) / count),
         q,
         v,
-        record.given,
+        record.tau,
     )
     coarse.run(progress and (lambda _: progress(1.0)))
     if not coarse.status.ok:
@@ -227,7 +226,7 @@ def left_out(mech: Mechanism, plan: Plan) -> tuple[str, ...]:
     found: list[str] = []
     kinds = set(mech.system.rows[1:, at.KIND].tolist())
     merged = mech.nb - len(np.unique(mech.system.bodies_i[1:, at.ROW]))
-    if not len(plan.tables[2]):
+    if not len(plan.active):
         found.append("no active constraint: no Delassus matrix, no projection")
     if not len(plan.drives[0]):
         found.append("no spring, damper, motor or servo: no drive forces")

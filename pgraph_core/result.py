@@ -173,6 +173,9 @@ ARRAYS = (
 SCALARS = ("message", "counters", "timing", "error_estimate", "header", "left_out", "notices")
 
 
+INTERNAL = ("gear", "motion", "velocity")  # act in joints, as motors do
+
+
 def body_motion(run: Result) -> BodyMotion:
     """Body motion and joint forces of all frames from (q, v, v') and the constraint forces."""
     mech = run.mechanism
@@ -203,14 +206,15 @@ def _add_constraint_wrenches(run: Result, motion: BodyMotion, out: Array) -> Non
     """Constraint forces as wrenches on the bodies, world axes at their origins (eq. (22))."""
     mech, position = run.mechanism, motion.pose[..., :3]
     for c in mech.model.constraints:
-        if c.name not in run.constraint_force:
+        if c.name not in run.constraint_force or c.kind in INTERNAL:
             continue
-        force = run.constraint_force[c.name][:, 3:]
+        wrench = run.constraint_force[c.name]
         point = mech.model.body(c.body).tip_point if c.point is None else c.point
         b = mech.topology.number(c.body) - 1
         place = position[:, b] + turned(motion.pose[:, b, 3:], np.asarray(point))
-        for body, signed in ((c.body, force), (c.other, -force)):
+        for body, signed in ((c.body, wrench), (c.other, -wrench)):
             b = mech.topology.number(body) - 1
             if b >= 0:
-                out[:, b, :3] += np.cross(place - position[:, b], signed)
-                out[:, b, 3:] += signed
+                arm = place - position[:, b]
+                out[:, b, :3] += signed[:, :3] + np.cross(arm, signed[:, 3:])
+                out[:, b, 3:] += signed[:, 3:]

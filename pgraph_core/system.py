@@ -12,7 +12,7 @@ from .columns import Columns
 from .kernels import layout as at
 from .kernels.layout import BODIES_I, BODY, CONST
 from .kernels.pack import pack
-from .schema import Body, Constraint, Force, Model, Table
+from .schema import Body, Force, Model, Table
 from .topology import Topology
 
 Array: TypeAlias = NDArray[np.float64]
@@ -36,6 +36,8 @@ class System(NamedTuple):
 # would compile everything again for a named one): table (nd, 10), knots (nk, 2) of time [s] and
 # value, and how many rows are springs and dampers.
 Drives: TypeAlias = tuple[Array, Array, int]
+# Forces on bodies and between two, as kernels take them: integers (nl, 8), numbers (nl, 20), knots
+Loads: TypeAlias = tuple[Ints, Array, Array]
 
 
 # rows, const, bodies_i, bodies_f of a System, and its q and v in one array
@@ -130,20 +132,3 @@ def point_in_row(packed: System, number: int, point: Any) -> Array:
     """A point in a body's axes as one in the home axes of its row, from the row's origin."""
     home = packed.bodies_f[number, at.HOME : at.HOME + 9].reshape(3, 3)
     return packed.bodies_f[number, at.OFFSET : at.OFFSET + 3] + home @ np.asarray(point, float)
-
-
-def constraint_tables(
-    model: Model, topology: Topology, packed: System, place: Any
-) -> tuple[Ints, Array]:
-    """Rows and points of every constraint; `place(constraint)` finds a point left out."""
-    items: tuple[Constraint, ...] = model.constraints
-    cons_i = np.zeros((len(items), 2), dtype=np.int64)
-    cons_f = np.zeros((len(items), 6))
-    for i, c in enumerate(items):
-        a, b = topology.number(c.body), topology.number(c.other)
-        point = model.body(c.body).tip_point if c.point is None else c.point
-        other = place(c.body, point, b) if c.other_point is None else c.other_point
-        cons_i[i] = packed.bodies_i[a, at.ROW], packed.bodies_i[b, at.ROW]
-        cons_f[i, :3] = point_in_row(packed, a, point)
-        cons_f[i, 3:] = point_in_row(packed, b, other)
-    return cons_i, cons_f

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from importlib import import_module
 
-MODULES = ("pack", "gather", "dynamics", "bodies", "step")
+MODULES = ("pack", "gather", "dynamics", "bodies", "motion", "run")
 
 
 def warm_up() -> Iterator[tuple[int, int, str]]:

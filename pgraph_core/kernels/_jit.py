@@ -92,7 +92,7 @@ def inlined(function: Callable[..., Any]) -> Any:
     return numba.njit(**PART, inline="always")(function)
 
 
-def kernel(signature: str | None, *, nogil: bool = False) -> Callable[[Callable[..., Any]], Any]:
+def kernel(signature: Any, *, nogil: bool = False) -> Callable[[Callable[..., Any]], Any]:
     """A compiled function that Python calls, cached on disk; `signature` None: when first called.
 
     Short kernels keep the GIL, so that a workspace is never used by two threads at once; whole

@@ -7,10 +7,10 @@ instances that share their parameters, or (blocks, n + 1, columns, W).
 from ._jit import kernel, sweep
 from .articulated import articulated
 from .dynamics import newton_euler
+from .forces import drive
 from .kinematics import outboard
 from .lane import constants, lanes
 from .moving import advance, normalise_all, rate
-from .step import drive
 
 
 @sweep

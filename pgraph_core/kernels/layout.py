@@ -73,9 +73,63 @@ DRIVE = 10
 CREEP = 1e-3  # rad/s, m/s: friction is regularised as v / √(v² + creep²)
 # knots: float64 (nk, 2): time [s] and value
 
-# cons_i: int64 (nc, 2): rows of the two bodies; cons_f: float64 (nc, 6): the two points in home
-# axes, from the row's origin (from the world's origin for the ground)
-CON_A, CON_B = 0, 1
+# -- constraint blocks -----------------------------------------------------------------------------
+# A constraint is one or two blocks of up to three rows; x is the place of a block's point.
+
+# blocks_i: int64 (nb, 8)
+B_TYPE = 0  # one of the eight types below
+B_A, B_B = 1, 2  # rows of `body` and `other`; 0 is the ground
+B_SIZE = 3  # number of rows, 1 to 3
+B_TERM, B_TERMS = 4, 5  # first entry and number of entries in terms
+B_CURVE, B_KNOTS = 6, 7  # first knot and number of knots in curves; 0 knots: VALUE, SINE: a sine
+BLOCK_I = 8
+
+# blocks_f: float64 (nb, 28); points and directions in the home axes of their rows
+PA = 0  # 3, point of A, from its row's origin [m]
+PB = 3  # 3, point of B; of the ground in the world
+DIR = 6  # 9, up to three directions fixed in B, one after the other
+AIM = 15  # 9, up to three directions fixed in A
+VALUE = 24  # length, radius [m], offset [rad, m], or velocity [rad/s, m/s]
+BLOCK_F = 28
+
+T_POINT = 0  # DIR_r · (x_A - x_B) = 0
+T_ALIGN = 1  # AIM_r · DIR_r = 0; one of the two is as long as the model is large: residuals in m
+T_DISTANCE = 2  # |x_A - x_B| = VALUE
+T_BLADE = 3  # AIM_0 · velocity of A's point against B = 0
+T_SPHERE = 4  # a sphere of radius VALUE about x_A rolls on the plane through x_B normal to DIR_0;
+# three rows: its gap, then the slip along DIR_1 and DIR_2
+T_DISC = 5  # the same for a thin disc with the axis AIM_0
+T_COORD = 6  # Σ coefficient q = VALUE, or the curve at t
+T_VELOCITY = 7  # Σ coefficient v = VALUE
+
+# terms_i: int64 (nt, 2): index into v, index into q or -1; terms_f: float64 (nt,): coefficients
+
+# curves: float64 (nk, 5): time of a knot [s], then c0, c1, c2, c3 of c0 + c1 s + c2 s² + c3 s³ from
+# there on, s = t - knot; before the first knot s = 0; the last piece goes on for ever (constant
+# where it ends a table). With B_KNOTS = SINE the only row is mean, amplitude, frequency [rad/s],
+# phase: mean + amplitude sin(frequency t + phase)
+SINE = -1
+
+# active: int64 (nb + 1,): the number of active blocks, then their indices
+
+# space of the constraint kernels, float64; w: most degrees of freedom on the paths of a block
+# y (nb, 3 w): what unit multipliers do in each joint; place (nb, 15): where and along what
+# omega, factor, nulls (m, m); vectors (7, max(m, nv)); linear (n + 1, 3): velocities of origins
+# whole (n + 1, 6), hold (2, 18): wrenches on their way to the ground
+# slots, int64 (nb + 1, w + 2): number of joints, first row, then their indices into v
+PLACE_P, PLACE_D, PLACE_Q = 0, 3, 12  # 3 on A, 9, 3 on B
+PLACE = 15
+SLOTS, FIRST, SLOT = 0, 1, 2
+
+# loads: forces between two bodies, or on one; loads_i: int64 (nl, 8)
+L_TYPE, L_A, L_B, L_FRAME, L_KNOT, L_KNOTS = 0, 1, 2, 3, 4, 5
+WRENCH, SPRING, TORSION = 0, 1, 2
+# loads_f: float64 (nl, 20), home axes of the rows
+L_PA, L_PB = 0, 3  # 3 each
+L_AXIS, L_REF, L_REF_B = 6, 9, 12  # 3 each: axis and a perpendicular in A, and one in B
+L_STIFF, L_DAMP, L_REST = 15, 16, 17
+LOAD_I, LOAD_F = 8, 20
+# load_knots: float64 (nk, 7): time [s], torque 3, force 3
 
 # ledger: float64 (2,): work of drives and given torques, dissipation [J]
 WORK_DONE, DISSIPATED = 0, 1

@@ -32,7 +32,7 @@ def test_warmed_up_kernels_are_all_that_a_session_needs():
 
 
 def test_every_kernel_states_its_signature():
-    import pgraph_core.kernels.step  # noqa: F401 (registers its kernels)
+    import pgraph_core.kernels.run  # noqa: F401 (registers its kernels)
 
     assert JIT
     assert {"run", "constrained_dynamics"} <= set(KERNELS)
