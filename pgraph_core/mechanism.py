@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from .back_ends import BackEnd, by_composite, by_operators, dense
 from .blocks import Blocks, blocks
 from .bodies import BodyMotion, bodies_over, shifted, turned
+from .carrying import Carried, Joint, carried, joints_of
 from .columns import Columns
 from .errors import InputError, Problem
 from .kernels import bodies, dynamics, motion, numbering
@@ -171,6 +172,19 @@ class Mechanism:
     def home(self) -> tuple[Array, Array]:
         """(q, v): the model's initial state."""
         return self.system.q.copy(), self.system.v.copy()
+
+    @cached_property
+    def joints(self) -> Mapping[str, Joint]:
+        """The joints that move: their motions, and where they stand in q and v, by body."""
+        return joints_of(self.names, self.system, self.nq, self.nv)
+
+    def state_from(self, other: Mechanism, q: Array, v: Array) -> Carried:
+        """(q, v, reset): the state (q, v) of another mechanism, by names and kinds of joints.
+
+        A joint that the other has under the same name, with the same kinds of motions, keeps its
+        coordinates, whatever its parent; the joints named in `reset` take the model's initial ones.
+        """
+        return carried(self, other, other.position(q), other.finite("v", v, other.nv))
 
     def pose(self, q: Array, name: str) -> tuple[Array, Array]:
         """((3,) origin [m], (3, 3) rotation) of a body frame in the world."""

@@ -197,6 +197,40 @@ def test_there_and_back_is_where_it_was():
     assert back.model.hash == QUADRUPED.hash
 
 
+# -- states ----------------------------------------------------------------------------------------
+
+
+@given(seeds)
+@settings(max_examples=50)
+def test_a_state_is_kept_by_name_whatever_the_order(seed):
+    s = random_case(seed)
+    one = pg.Mechanism(s.model)
+    other = pg.Mechanism(shuffled(np.random.default_rng(seed), s.model))
+    there = other.state_from(one, s.q, s.v)
+    assert there.reset == ()
+    for name, joint in other.joints.items():
+        assert there.q[joint.q].tolist() == s.q[one.joints[name].q].tolist()
+        assert there.v[joint.v].tolist() == s.v[one.joints[name].v].tolist()
+    back = one.state_from(other, there.q, there.v)
+    assert back.q.tolist() == s.q.tolist()
+    assert back.v.tolist() == s.v.tolist()
+
+
+def test_joints_of_another_name_or_kind_start_at_home():
+    old = pg.Mechanism(pg.Model.serial(4))
+    model = pg.Model.serial(4).edit("4", parent="1").edit("2", dof=3).edit("3", name="knee")
+    new = pg.Mechanism(model.edit("1", axes=(0, 0, 1)))
+    q, v, reset = new.state_from(
+        old, np.array([0.1, 0.2, 0.3, 0.4]), np.array([1.0, 2.0, 3.0, 4.0])
+    )
+    assert reset == ("2", "knee")
+    assert q[new.joints["1"].q] == 0.1
+    assert q[new.joints["2"].q].tolist() == [1.0, 0.0, 0.0, 0.0]
+    assert q[new.joints["4"].q] == 0.4
+    assert v[new.joints["4"].v] == 4.0
+    assert v[new.joints["knee"].v] == 0.0
+
+
 # -- what is wrong ---------------------------------------------------------------------------------
 
 NAN = float("nan")
