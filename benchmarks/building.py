@@ -9,33 +9,83 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
+from tests.golden import with_mujoco
 
 from .machine import has
-from .scenes import Scene, bare, quadruped, scene
+from .scenes import Scene, bare, differ, quadruped, scene
 from .timing import Case
+
+PAW, PARENTS = "left_hind_paw", ("left_femur", "left_tibia")
+
+
+def from_columns(place: Scene, *, goal: float, small: bool) -> Case:
+    """Arrays that are at hand to a Mechanism; the peers build theirs from the same numbers."""
+    arrays = arrays_of(place.model)
+
+    def ours() -> pg.Mechanism:
+        return pg.Mechanism(pg.Columns(**arrays))
+
+    q, v = place.state.q, place.state.v
+    found, expected = ours(), pg.Mechanism(place.model)
+    agreement = differ(found.bias_force(q, v), expected.bias_force(q, v), 1e-12, "columns")
+    return Case(
+        f"columns to Mechanism, {place.name}",
+        {"pgraph": ours} | builders(place, small=small),
+        "model",
+        agreement=f"from the model {agreement}",
+        goals={"MjSpec + compile": goal},
+    )
+
+
+def arrays_of(model: pg.Model) -> dict[str, Any]:
+    """The numbers and names of a model of one motion a joint, as columns."""
+    bodies, rows = model.bodies, {"ground": 0, **{n: i + 1 for n, i in model.row.items()}}
+    fields = ("link", "rotation", "mass", "com", "inertia")
+    columns = {field: np.array([getattr(b, field) for b in bodies], float) for field in fields}
+    return {
+        "parent": np.array([rows[b.parent] for b in bodies]),
+        "joint": np.array([pg.Columns.JOINTS.index(b.joint) for b in bodies]),
+        "axis": np.array([axis for b in bodies for _, axis in b.motions], float),
+        "q": np.array([x for b in bodies for x in b.q]),
+        "names": [b.name for b in bodies],
+        "gravity": np.array(model.gravity),
+        **columns,
+    }
 
 
 def construction(place: Scene, *, goal: float, small: bool) -> Case:
-    """A validated Model to a Mechanism; the peers build theirs from numbers that are at hand.
-
-    `first` packs a model that is new, `again` one whose rows keep their packed form.
-    """
+    """A validated Model, new every time, to a Mechanism; the peers start at numbers at hand."""
     text = place.model.to_json()
 
-    def first() -> float:
+    def ours() -> float:
         model = pg.Model.from_json(text)
         begin = time.perf_counter()
         pg.Mechanism(model)
         return time.perf_counter() - begin
 
-    sides = {"pgraph, first": first, "pgraph, again": lambda: pg.Mechanism(place.model)}
     return Case(
         f"Model to Mechanism, {place.name}",
-        sides | builders(place, small=small),
+        {"pgraph": ours} | builders(place, small=small),
         "model",
         goals={"MjSpec + compile": goal},
-        clocked=frozenset({"pgraph, first"}),
+        clocked=frozenset({"pgraph"}),
     )
+
+
+def from_text(place: Scene) -> Case:
+    """The text of a file to something that runs: reading and validation included."""
+    text = place.model.to_json()
+    data = {k: v for k, v in pg.schema.files.parse(text, "bench").items() if k[0] != "$"}
+    sides: dict[str, Callable[[], Any]] = {
+        "pgraph": lambda: pg.Mechanism(pg.Model.from_json(text)),
+        "pgraph, validation alone": lambda: pg.Model(**data),
+    }
+    if has("mujoco"):
+        import mujoco
+
+        theirs = with_mujoco.mjcf(place.model, place.rows, "")
+        sides["MjModel.from_xml_string"] = lambda: mujoco.MjModel.from_xml_string(theirs)
+    return Case(f"text to Mechanism, {place.name}", sides, "model")
 
 
 def builders(place: Scene, *, small: bool) -> dict[str, Callable[[], object]]:
@@ -61,22 +111,47 @@ def builders(place: Scene, *, small: bool) -> dict[str, Callable[[], object]]:
     return found
 
 
-def one_edit() -> Case:
-    """One body of the quadruped hung elsewhere.
+def parent_changed() -> Case:
+    """One body of the quadruped hung elsewhere, to and fro.
 
-    Ours goes from `edit` of the validated model to Pgraph, jdof and the mass matrix; MuJoCo
-    compiles a spec in which the body hangs there already, Pinocchio builds from its rows.
+    Ours edits a mechanism, or a model; MuJoCo compiles a spec in which the body hangs there
+    already, Pinocchio builds from its rows: neither edits what it has built.
     """
     model = bare(quadruped())
-    parents = ("left_femur", "left_tibia")
-    places = [scene("", model.edit("left_hind_paw", parent=parent)) for parent in parents]
-    turns = iter(range(10**9))
+    mech = pg.Mechanism(model)
+    places = [scene("", model.edit(PAW, parent=parent)) for parent in PARENTS]
+    turns = iter(range(10**12))
+    hung = {"at": mech}
 
-    def ours() -> tuple[np.ndarray, ...]:
-        mech = pg.Mechanism(model.edit("left_hind_paw", parent=parents[next(turns) % 2]))
-        return mech.pgraph, mech.jdof, mech.mass_matrix(mech.home()[0])
+    def ours() -> pg.Mechanism:
+        hung["at"] = hung["at"].edit(PAW, parent=PARENTS[next(turns) % 2])
+        return hung["at"]
 
-    sides: dict[str, Callable[[], Any]] = {"pgraph": ours}
+    def looked_at() -> tuple[np.ndarray, ...]:
+        now = ours()
+        return now.pgraph, now.jdof, now.mass_matrix(now.home()[0])
+
+    def by_model() -> pg.Mechanism:
+        return pg.Mechanism(model.edit(PAW, parent=PARENTS[0]))
+
+    sides: dict[str, Callable[[], Any]] = {
+        "pgraph, mech.edit": ours,
+        "pgraph, mech.edit, Pgraph, jdof and M": looked_at,
+        "pgraph, model.edit and Mechanism": by_model,
+    }
+    q, v = places[0].state.q, places[0].state.v
+    expected = pg.Mechanism(places[0].model).bias_force(q, v)
+    agreement = differ(mech.edit(PAW, parent=PARENTS[0]).bias_force(q, v), expected, 1e-15, "edit")
+    sides |= recompiled(places, turns)
+    goals = {"compile + MjData": 200.0}
+    return Case(
+        "parent changed, quadruped", sides, "edit", agreement=f"anew {agreement}", goals=goals
+    )
+
+
+def recompiled(places: list[Scene], turns: Any) -> dict[str, Callable[[], Any]]:
+    """The peers' models, made anew from specs or rows that are at hand."""
+    sides: dict[str, Callable[[], Any]] = {}
     if has("mujoco"):
         import mujoco
 
@@ -89,4 +164,33 @@ def one_edit() -> Case:
 
         built = [in_pinocchio.builder(place) for place in places]
         sides["pin.Model + Data"] = lambda: built[next(turns) % 2]()
-    return Case("parent changed, quadruped", sides, "edit", goals={"compile + MjData": 200.0})
+    return sides
+
+
+def mass_changed() -> Case:
+    """Another mass of one body of the quadruped; MuJoCo's own way is mj_setConst."""
+    model = bare(quadruped())
+    mech = pg.Mechanism(model)
+    turns = iter(range(10**12))
+
+    def mass() -> float:
+        return 0.4 + 0.1 * (next(turns) % 2)
+
+    sides: dict[str, Callable[[], Any]] = {
+        "pgraph, mech.edit": lambda: mech.edit(PAW, mass=0.5 + mass()),
+        "pgraph, model.edit and Mechanism": lambda: pg.Mechanism(model.edit(PAW, mass=0.5)),
+    }
+    if has("mujoco"):
+        import mujoco
+
+        from . import in_mujoco
+
+        compiled = in_mujoco.spec_builder(scene("", model))().compile()
+        data, body = mujoco.MjData(compiled), compiled.body(PAW).id
+
+        def set_const() -> None:
+            compiled.body_mass[body] = mass()
+            mujoco.mj_setConst(compiled, data)
+
+        sides["body_mass + mj_setConst"] = set_const
+    return Case("mass changed, quadruped", sides, "edit")

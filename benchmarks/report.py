@@ -26,13 +26,16 @@ before anything is timed (last table): what does not agree is not timed.
 * *What a scene lacks* compares our kernels to kernels made from their own source by taking out what
   the scene does not need: branches on other kinds of motion, armature, drives, constraints. Its
   steps also lack what a run does for every scene: a ledger of energy, counters, pauses.
-* *Model to Mechanism* starts at a validated model: *first* at a new one, to which the ratios refer,
-  *again* at one whose bodies keep their packed form. Peers start at arrays that are at hand.
+* *Columns to Mechanism* starts at arrays that are at hand, as the peers do; names are among them.
+* *Model to Mechanism* starts at a validated model, a new one every time; what it cost to make that
+  stands under *text to Mechanism*, which reads and validates a file's text, beside MuJoCo's XML.
 * Between processes medians differ more than the quartiles within one tell: in three runs in a row
   the native loop came out at 2.88, 2.43 and 2.76, the semi-implicit step at 2.40, 2.57 and 2.58,
   the RK4 step at 2.53, 2.59 and 2.50. Two threads want both cores: what else runs takes from them.
-* *Parent changed* goes from `edit` through validation, Pgraph, jdof and packing to the mass matrix;
-  the peers build model and data anew from a spec or rows that are at hand, and compute nothing.
+* *Parent changed* edits one mechanism into the next (`mech.edit`), which is then ready; also with
+  Pgraph, jdof and the mass matrix, and through `model.edit`. The peers cannot hang a body elsewhere
+  in what they have built: they build model and data anew from a spec or rows that are at hand.
+* *Mass changed* leaves the topology alone; MuJoCo writes into its model and calls `mj_setConst`.
 """
 
 

@@ -15,9 +15,6 @@ from .scenes import binary_tree, scene
 from .timing import Case, Timed, measure, spread
 
 EXPONENT = 1.1
-NOT_MEASURED = (
-    "column arrays to a ready Mechanism (goals 50 and 1000): there is no such path yet",
-)
 
 
 def measured(*, quick: bool) -> dict[str, Any]:
@@ -38,7 +35,6 @@ def measured(*, quick: bool) -> dict[str, Any]:
 
 def not_measured() -> Iterator[str]:
     """What there is no number for, and why."""
-    yield from NOT_MEASURED
     if has("pin"):
         from . import pinocchio_native
 
@@ -73,10 +69,14 @@ def cases(*, quick: bool) -> Iterator[Case]:
     if not quick:
         yield runs.long_steps(chain, 20)
     yield dynamics.chains(1000 if quick else 10000)
+    yield building.from_columns(quadruped, goal=50.0, small=True)
     yield building.construction(quadruped, goal=8.0, small=True)
+    yield building.from_text(quadruped)
     if not quick:
+        yield building.from_columns(chain, goal=1000.0, small=False)
         yield building.construction(chain, goal=100.0, small=False)
-    yield building.one_edit()
+    yield building.parent_changed()
+    yield building.mass_changed()
 
 
 def rows(timed: Timed) -> Iterator[dict[str, Any]]:

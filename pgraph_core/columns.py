@@ -30,6 +30,7 @@ from .joints import Motion
 from .kernels import gather, pack
 from .kernels._jit import ready
 from .schema import Body, Model
+from .schema.editing import edited
 from .schema.names import GROUND
 from .schema.world import DOWN
 
@@ -38,7 +39,7 @@ from .schema.world import DOWN
 Numbers: TypeAlias = tuple[Ints, Array, Array, Array]
 
 DIRECT = {"mass": pack.MASS, "com": pack.COM, "link": pack.LINK}  # fields that an edit writes
-EDITS = 64  # edits after which the description follows, so that no chain of them grows
+EDITS = 64  # edits that are kept one by one
 
 NO_INTS, NO_FLOATS, NO_AXES = np.empty(0, INT), np.empty(0), np.empty((0, 3))
 ORIGIN, IDENTITY = np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]])
@@ -65,16 +66,18 @@ class Columns:
     """A table of nb bodies in columns, with the meaning and the defaults of a `Body`'s fields.
 
     `parent` (nb,) holds rows of the table from 1, 0 = ground. The columns of bodies are `joint`
-    (names, or their places in the list of kinds), `link` (nb, 3), `rotation` (nb, 4), `mass`
+    (names, or their places in `JOINTS`), `link` (nb, 3), `rotation` (nb, 4), `mass`
     (nb,), `com` (nb, 3), `inertia` (nb, 3, 3). Those of motions, one after the other in the order
     of the table, are `axis` (nm, 3), `armature`, `stiffness`, `damping`, `rest`, `friction`
-    (nm,). One entry stands for all. `motion` (nm,), of rotate, translate, ball, free, with
+    (nm,). One entry stands for all. `motion` (nm,) (of `MOTIONS`) with
     `motion_of` (nm,), the row of each, says what the joints are made of, in place of `joint`.
     `q` (nq,) and `v` (nv,) are the initial state. All of it is checked and copied at once.
 
     Raises ModelError naming row and column.
     """
 
+    JOINTS = JOINTS  # kinds of joint, in the order of their numbers
+    MOTIONS = MOTIONS  # kinds of motion
     _model: Model | None = None  # the description, once it is known
 
     def __init__(
@@ -166,7 +169,7 @@ class Columns:
         self._given, self._model = names, model
         self._root: Columns = self  # what edits began at
         self._before: Columns = self  # what the last of them changed, and what in it
-        self._change: tuple[str, Mapping[str, Any]] = ("", {})
+        self._change: Mapping[str, Mapping[str, Any]] = {}
         self._depth = 0  # how many edits ago that was
 
     # -- reading -------------------------------------------------------------------------------
@@ -201,17 +204,27 @@ class Columns:
     def model(self) -> Model:
         """The description in rows, made when first asked for."""
         if self._model is None:
-            base, changes = self, []
-            while base._model is None and base is not base._root:
-                changes.append(base._change)
-                base = base._before
-            model = _described(base) if base is self else base.model()
-            for name, fields in reversed(changes):
-                model = model.edit(name, **fields)
+            if self is self._root:
+                model = _described(self)
+            else:
+                base, changes = self._since()
+                model = _edited(base.model(), changes)
             names, self._nq = self.names, self.nq
             self._keep(names, model)
         assert self._model is not None
         return self._model
+
+    def _since(self) -> tuple[Columns, dict[str, dict[str, Any]]]:
+        """The last columns whose description is known, or the root, and all edited since."""
+        columns, changes = self, []
+        while columns._model is None and columns is not columns._root:
+            changes.append(columns._change)
+            columns = columns._before
+        merged: dict[str, dict[str, Any]] = {}
+        for change in reversed(changes):
+            for name, fields in change.items():
+                merged.setdefault(name, {}).update(fields)
+        return columns, merged
 
     # -- editing -------------------------------------------------------------------------------
 
@@ -240,10 +253,15 @@ class Columns:
         columns = NEW(Columns)
         columns.numbers = (parent, body, motion, start)
         columns._root = self._root
-        columns._before, columns._change, columns._depth = self, (name, changes), self._depth + 1
+        columns._before, columns._change, columns._depth = self, {name: changes}, self._depth + 1
         if columns._depth == EDITS:
-            columns.model()
+            columns._shorten()
         return columns
+
+    def _shorten(self) -> None:
+        """The edits since as one, so that no chain of them grows."""
+        self._before, self._change = self._since()
+        self._depth = 1
 
 
 def _written(body: Array, row: int, field: str, value: Any) -> Array | None:
@@ -277,6 +295,14 @@ def _ground(model: Model) -> bytes:
 def _floats(records: list[bytes]) -> Array:
     """Records joined into an array of our own, which kernels may take."""
     return np.frombuffer(bytearray().join(records))
+
+
+def _edited(model: Model, changes: Mapping[str, Mapping[str, Any]]) -> Model:
+    """The model after all of the edits; only the whole has to be valid. Raises ModelError."""
+    bodies = list(model.bodies)
+    for name, fields in changes.items():
+        bodies[model.row[name]], _ = edited(model.body(name), fields)
+    return model if bodies == list(model.bodies) else model.replace(bodies=tuple(bodies))
 
 
 def _described(columns: Columns) -> Model:
