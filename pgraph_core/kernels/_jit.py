@@ -17,6 +17,7 @@ from typing import Any
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 from numba.core.sigutils import normalize_signature
+from numba.core.types import unliteral
 
 # No reference counting: kernels allocate nothing, and its atomic counts take half of their time.
 OPTIONS: dict[str, Any] = {"_nrt": False, "fastmath": {"contract"}, "error_model": "numpy"}
@@ -77,14 +78,25 @@ class _Cache(FunctionCache):
     _impl_class = _Impl
 
 
+def _one_a_type(dispatcher: Any) -> Any:
+    """Compile a helper for the types it is called with, not anew for every constant."""
+    if JIT:
+        template = dispatcher.get_call_template
+        dispatcher.get_call_template = lambda args, kws: template(
+            tuple(unliteral(arg) for arg in args),
+            {name: unliteral(arg) for name, arg in kws.items()},
+        )
+    return dispatcher
+
+
 def part(function: Callable[..., Any]) -> Any:
     """A small helper, always inlined; no wrappers, so that it compiles twice as fast."""
-    return numba.njit(**PART, forceinline=True)(function)
+    return _one_a_type(numba.njit(**PART, forceinline=True)(function))
 
 
 def sweep(function: Callable[..., Any]) -> Any:
     """A helper that loops over rows: called, so that a kernel holds its code only once."""
-    return numba.njit(**PART)(function)
+    return _one_a_type(numba.njit(**PART)(function))
 
 
 def inlined(function: Callable[..., Any]) -> Any:

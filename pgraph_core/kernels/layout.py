@@ -142,3 +142,70 @@ FRAME, TAKEN = 0, 1
 
 # status codes of a run
 DONE, NOT_FINITE, NOT_CONVERGED, RUNNING = 0, 1, 2, 3
+
+# shapes_i: int64 (ns, 9): what can touch; vertices, faces and edges are ranges of the tables below
+SH_KIND = 0  # one of the kinds below
+SH_ROW = 1  # the row that carries it, 0 where it is fixed to the ground
+SH_BODY = 2  # number of its body
+SH_VERTEX, SH_VERTICES = 3, 4  # first and how many
+SH_FACE, SH_FACES = 5, 6
+SH_EDGE, SH_EDGES = 7, 8
+SHAPE_I = 9
+
+SPHERE, CAPSULE, BOX, CYLINDER, HULL, POINTS = 0, 1, 2, 3, 4, 5  # kinds of shape
+
+# shapes_f: float64 (ns, 21): the shape's frame in the home axes of its row, and sizes [m]
+SH_POS = 0  # 3, from the row's origin (from the world's origin on row 0)
+SH_ROT = 3  # 9, rotation, row-major
+SH_RADIUS = 12  # of a sphere, capsule or cylinder; 0 of what has corners
+SH_HALF = 13  # half the length of a capsule (without its caps) or cylinder, along z
+SH_BOX = 14  # 3, half extents of the bounding box in the shape's frame; of a box its own
+SH_MID = 17  # 3, centre of that box in the shape's frame
+SH_REACH = 20  # from the origin of the shape's frame to its farthest point
+SHAPE_F = 21
+
+# What bounds a shape. A ball of SH_RADIUS about one vertex is a sphere, about two a capsule; a
+# cylinder's faces are those of a prism, which only other bodies see: the ground sees the cylinder.
+# vertices: float64 (nvert, 3), in the shape's frame [m]
+# normals: float64 (nface, 3), outward, in the shape's frame
+# faces: int64 (nface, 2): first entry and number of entries in `rings`
+# rings: int64 (nring,): vertices around a face, counterclockwise from outside, from SH_VERTEX
+# edges: int64 (nedge, 4): vertices u, v (from SH_VERTEX) and the faces f, g beside the edge (from
+#   SH_FACE), v - u along n_g × n_f; a capsule's edge has the faces -1, -1
+# geometry: (shapes_i, shapes_f, vertices, normals, faces, rings, edges)
+
+# poses: float64 (ns, 12): position of the shape's origin [m] and rotation, row-major, in the world
+PO_POS, PO_ROT = 0, 3
+POSE = 12
+
+# ground: float64 (1 + np, 9); row 0: the plane through the world's origin
+GR_NORMAL, GR_X, GR_Y = 0, 3, 6  # 3 each: unit normal and two unit directions in the plane
+# rows 1 on: patches at another height, the last one that a point is over counts [m]
+GR_X0, GR_X1, GR_Y0, GR_Y1, GR_HEIGHT = 0, 1, 2, 3, 4
+GROUND = 9
+
+# what may touch: on_ground int64 (ng, 2): shape, contact; pairs int64 (np, 3): shape A, shape B,
+# contact; members int64 (nm, 2): shape, contact: every two members of one contact may touch;
+# apart int64 (nx, 2): bodies a < b, sorted, that may not touch as members (joined by a joint)
+# touch: (on_ground, pairs, members, apart)
+
+# contacts: float64 (nmax, 10), world axes; B is the ground or the second shape
+CT_A, CT_B = 0, 3  # 3 each: the point on A and on B [m]
+CT_NORMAL = 6  # 3, unit, from B to A
+CT_GAP = 9  # (point on A - point on B) · normal [m], negative where they penetrate
+CONTACT_F = 10
+# contacts_i: int64 (nmax, 4)
+CT_SHAPE_A, CT_SHAPE_B = 0, 1  # shapes; B is -1 for the ground
+CT_FEATURE = 2  # which vertex, edge or face touches: the same number as long as it does
+CT_CONTACT = 3  # number of the contact that asked for it
+CONTACT_I = 4
+
+# room: float64 (nroom, 5): scratch of one pair: a vector, a height [m], a tag
+RO_HEIGHT, RO_TAG = 3, 4
+ROOM = 5
+# bounds: float64 (ns, 6): lower and upper corner of every shape's box in the world [m]
+# cells: int64 (nm, 5): next member in the bucket (-1: none), the cell's three numbers, large or not
+CE_NEXT, CE_X, CE_LARGE = 0, 1, 4
+CELL = 5
+# buckets: int64 (a power of two,): first member of every bucket
+# search: (room, bounds, cells, buckets)

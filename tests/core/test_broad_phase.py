@@ -1,0 +1,112 @@
+"""Who is near whom: the grid finds what all pairs find, and nothing that may not touch."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pgraph_core import solids
+from pgraph_core.kernels import collision
+
+from .touching import FLAT, NOTHING, Scene, random_pose, random_solid
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def found(touch) -> set[tuple[int, int]]:
+    return {(int(i), int(j)) for i, j in touch.whose[:, :2]}
+
+
+def all_pairs(scene: Scene, margin: float) -> set[tuple[int, int]]:
+    """Every two shapes within the margin, each asked by itself."""
+    pairs = list(itertools.combinations(range(len(scene.shapes)), 2))
+    return {pair for pair, gap in zip(pairs, scene.gaps(pairs=pairs)) if gap <= margin}
+
+
+@given(seeds, st.integers(0, 40), st.sampled_from((0.0, 0.2)), st.booleans())
+def test_the_grid_finds_every_pair(seed, count, margin, mixed):
+    """Of sizes that differ a hundredfold too."""
+    rng = np.random.default_rng(seed)
+    sizes = 10.0 ** rng.uniform(-1, 1, count) if mixed else np.full(count, 0.7)
+    kinds = rng.choice(["sphere", "capsule", "box"], count)
+    shapes = [random_solid(rng, kind, size) for kind, size in zip(kinds, sizes)]
+    scene = Scene(shapes, np.array([random_pose(rng, 1.0) for _ in shapes]).reshape(-1, 12))
+    touch = scene.among([(i, 0) for i in range(count)] or NOTHING, margin=margin)
+    assert found(touch) == all_pairs(scene, margin)
+    assert (touch.whose[:, 0] < touch.whose[:, 1]).all()
+
+
+def heap(count: int, seed: int = 0) -> Scene:
+    """Balls of about one size, some of them touching."""
+    rng = np.random.default_rng(seed)
+    scene = Scene([solids.sphere(r) for r in rng.uniform(0.4, 0.5, count)])
+    scene.poses[:, :3] = rng.uniform(0, 0.9 * count ** (1 / 3), (count, 3))
+    return scene
+
+
+@pytest.mark.parametrize("where", [1e9, -1e9, 1e300])
+def test_one_that_flew_away_changes_nothing(where):
+    scene = heap(100)
+    expected = {pair for pair in all_pairs(scene, 0.0) if 7 not in pair}
+    scene.poses[7, 0] = where
+    assert found(scene.among([(i, 0) for i in range(100)])) == expected
+
+
+def test_a_place_that_is_no_number_touches_nothing():
+    scene = heap(50)
+    scene.poses[7] = np.nan
+    assert not any(7 in pair for pair in found(scene.among([(i, 0) for i in range(50)])))
+
+
+def test_joined_bodies_and_one_row_are_left_out():
+    scene = heap(60)
+    members = [(i, 0) for i in range(60)]
+    touching = sorted(found(scene.among(members)))
+    joined = touching[::2]
+    apart = sorted((i + 1, j + 1) for i, j in joined)  # bodies are numbered from 1
+    assert found(scene.among(members, apart)) == set(touching) - set(joined)
+    scene.geometry[0][:, 1] = 5
+    assert not found(scene.among(members))
+
+
+def test_members_of_different_contacts_do_not_touch():
+    scene = heap(60)
+    sides = np.arange(60) % 2
+    touch = scene.among([(i, int(sides[i])) for i in range(60)])
+    expected = {(i, j) for i, j in all_pairs(scene, 0.0) if sides[i] == sides[j]}
+    assert found(touch) == expected
+    assert (touch.whose[:, 3] == sides[touch.whose[:, 0]]).all()
+
+
+def test_more_contacts_than_fit_are_counted():
+    scene = heap(60)
+    members = np.array([(i, 0) for i in range(60)])
+    search = solids.search_space(scene.geometry, 60)
+    touch = (NOTHING, np.zeros((0, 3), np.int64), members, NOTHING)
+    counts = []
+    for size in (0, 5, 500):
+        out = solids.contact_arrays(size)
+        counts.append(
+            collision.contacts(scene.geometry, FLAT, touch, scene.poses, search, 0.0, out)
+        )
+    assert counts == [counts[-1]] * 3
+    assert counts[-1] > 5
+
+
+def test_nothing_declared_is_nothing_done():
+    scene = heap(3)
+    scene.poses[:] = np.nan  # would show in any contact
+    touch = (NOTHING, np.zeros((0, 3), np.int64), NOTHING, NOTHING)
+    assert len(scene.ask(touch).gap) == 0
+
+
+def test_a_contact_says_who_asked_for_it():
+    scene = heap(2)
+    scene.poses[:, :3] = (0, 0, 0.3), (0, 0, 0.2)
+    ground, pair = np.array([[0, 4], [1, 5]]), np.array([[0, 1, 6]])
+    touch = scene.ask((ground, pair, NOTHING, NOTHING))
+    assert touch.whose[:, [0, 1, 3]].tolist() == [[0, -1, 4], [1, -1, 5], [0, 1, 6]]

@@ -1,0 +1,151 @@
+"""Mass properties of shapes and of mesh files."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+import pgraph_core as pg
+from pgraph_core import meshes, solids
+
+from .convex import signed_distance
+
+TURN = (0.5, 0.5, -0.5, 0.5)
+FINE = 2e-3  # of a round shape's mesh with many facets
+
+SHAPES = [
+    ({"kind": "box", "size": (1, 2, 3)}, trimesh.creation.box((1, 2, 3)), 1e-12),
+    (
+        {"kind": "sphere", "radius": 0.7},
+        trimesh.creation.icosphere(subdivisions=5, radius=0.7),
+        FINE,
+    ),
+    (
+        {"kind": "cylinder", "radius": 0.5, "length": 2},
+        trimesh.creation.cylinder(0.5, 2, sections=300),
+        FINE,
+    ),
+    (
+        {"kind": "capsule", "radius": 0.5, "length": 2},
+        trimesh.creation.capsule(2, 0.5, count=(200, 200)),
+        2e-3,
+    ),
+]
+
+
+@pytest.mark.parametrize(("fields", "mesh", "tolerance"), SHAPES)
+def test_closed_forms_equal_the_integral_over_a_mesh(fields, mesh, tolerance):
+    shape = pg.Shape(**fields, position=(0.1, 0.2, 0.3), rotation=TURN)
+    found = meshes.mass_properties(shape, 1000.0)
+    turn = Rotation.from_quat(TURN, scalar_first=True).as_matrix()
+    mesh.density = 1000.0
+    assert found.mass == pytest.approx(mesh.mass, rel=tolerance)
+    np.testing.assert_allclose(found.com, shape.position, atol=1e-12)
+    expected = turn @ mesh.moment_inertia @ turn.T
+    np.testing.assert_allclose(found.inertia, expected, rtol=0, atol=2 * tolerance * expected.max())
+
+
+@pytest.mark.parametrize("inside_out", [False, True])
+def test_a_mesh_file_has_the_mass_of_its_solid(tmp_path, inside_out):
+    """In millimetres, off its origin, and wound either way."""
+    mesh = trimesh.creation.box((100, 200, 300))
+    mesh.apply_translation((50, 0, 0))
+    if inside_out:
+        mesh.invert()
+    mesh.export(tmp_path / "brick.stl")
+    shape = pg.Shape(kind="mesh", file=str(tmp_path / "brick.stl"))
+    found = meshes.mass_properties(shape, 1000.0, unit="mm")
+    box = meshes.mass_properties(pg.Shape(kind="box", size=(0.1, 0.2, 0.3)), 1000.0)
+    assert found.mass == pytest.approx(6.0)
+    np.testing.assert_allclose(found.com, (0.05, 0, 0), atol=1e-9)
+    np.testing.assert_allclose(found.inertia, box.inertia, atol=1e-9)
+
+
+def test_the_hull_of_a_mesh_file_is_a_solid(tmp_path):
+    """Facets in one plane are one face; hollows are filled."""
+    box, hole = trimesh.creation.box((1, 2, 3)), trimesh.creation.icosphere(radius=0.2)
+    trimesh.util.concatenate((box, hole)).export(tmp_path / "part.obj")
+    solid = meshes.convex_hull(tmp_path / "part.obj", scale=2)
+    assert solid.vertices.shape == (8, 3)
+    assert sorted(map(len, solid.rings)) == [4] * 6
+    assert len(solids.edges_of(solid)) == 12
+    np.testing.assert_allclose(solid.vertices.max(axis=0), (1, 2, 3))
+
+
+@pytest.mark.parametrize("count", [4, 5, 30, 200])
+def test_faces_of_a_hull_look_outward(count):
+    rng = np.random.default_rng(count)
+    points = rng.normal(size=(count, 3)) + 5
+    solid = solids.hull(points)
+    normals, edges = solids.normals_of(solid), solids.edges_of(solid)
+    for ring, n in zip(solid.rings, normals):
+        assert ((solid.vertices - solid.vertices[ring[0]]) @ n).max() < 1e-12
+    assert len(solid.vertices) - len(edges) + len(solid.rings) == 2  # Euler
+    for u, v, f, g in edges:
+        along = solid.vertices[v] - solid.vertices[u]
+        assert along @ np.cross(normals[g], normals[f]) > 0
+    for p in points:
+        assert signed_distance(p[None], solid.vertices) < 1e-10
+
+
+@pytest.mark.parametrize(
+    "solid", [solids.box((1, 2, 3)), solids.cylinder(0.5, 2), solids.capsule(0.3, 1)]
+)
+def test_packed_sizes(solid):
+    table = solids.packed([solids.Placed(solid, 3, 2, (1, 2, 3))])
+    half, middle = solid.box
+    assert table[0][0, 1:3].tolist() == [3, 2]
+    np.testing.assert_allclose(table[1][0, :3], (1, 2, 3))
+    np.testing.assert_allclose(middle, 0)
+    assert (np.abs(solid.vertices) <= half + 1e-15).all()
+    assert np.linalg.norm(half) >= solid.reach - 1e-15
+
+
+def broken(folder: Path) -> dict[str, Path]:
+    """A file of every kind of trouble."""
+    files = {name: folder / name for name in ("open.stl", "cut.glb", "part.xyz9", "flat.obj")}
+    box = trimesh.creation.box((1, 1, 1))
+    box.update_faces(np.arange(12) != 3)
+    box.export(files["open.stl"])
+    files["cut.glb"].write_bytes(b"glTF damaged")
+    files["part.xyz9"].write_bytes(b"")
+    files["flat.obj"].write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n")
+    return files
+
+
+def test_sentences(tmp_path):
+    files = broken(tmp_path)
+    shape = pg.Shape(kind="mesh", file=str(files["open.stl"]))
+    with pytest.raises(pg.ModelError) as error:
+        meshes.mass_properties(shape, 1000)
+    assert str(error.value) == (
+        f"mesh {files['open.stl']}: is not closed: 3 of its edges do not have two faces; mend the "
+        "file, or give the body mass, com and inertia of its own"
+    )
+    with pytest.raises(pg.ModelError, match="must be a number > 0"):
+        meshes.mass_properties(shape, 0)
+    with pytest.raises(pg.ModelError, match="must be one of m, cm, mm, in, ft; given 'inch'"):
+        meshes.load_mesh(files["open.stl"], unit="inch")
+    with pytest.raises(pg.FileError, match="there is no such file"):
+        meshes.load_mesh(tmp_path / "none.stl")
+    with pytest.raises(pg.FileError, match="cannot be read as glb: "):
+        meshes.load_mesh(files["cut.glb"])
+    with pytest.raises(pg.FileError, match=r"no mesh is read from \.xyz9 files; give one of glb, "):
+        meshes.load_mesh(files["part.xyz9"])
+    with pytest.raises(pg.ModelError, match="is flat: a shape that touches must span a volume"):
+        meshes.convex_hull(files["flat.obj"])
+
+
+def test_trimesh_is_imported_for_files_only():
+    code = (
+        "import sys, pgraph_core as pg; from pgraph_core import meshes;"
+        "meshes.mass_properties(pg.Shape(kind='sphere', radius=1), 1);"
+        "assert 'trimesh' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

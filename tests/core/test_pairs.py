@@ -1,0 +1,280 @@
+"""Contact of two shapes: signed distance, points, symmetry, continuity, and what is degenerate."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from pgraph_core import solids
+
+from .convex import signed_distance
+from .touching import KINDS, Scene, Touch, moved, pose, random_pose, random_solid, rounded
+
+PAIRS = list(itertools.product(KINDS, KINDS))
+SPREADS = (0.05, 0.3, 1.0)  # deep, touching, apart
+ROUNDING = 1e-12  # of shapes about 1 m large
+PREFERRED = 3e-9  # a face is taken where two edges overlap less by this: numerics of `solids`
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def scene_of(seed: int, kinds: tuple[str, str], *, square: bool = False) -> Scene:
+    rng = np.random.default_rng(seed)
+    spread = float(rng.choice(SPREADS))
+    shapes = [random_solid(rng, kind) for kind in kinds]
+    return Scene(shapes, [random_pose(rng, spread, square=square) for _ in kinds])
+
+
+def true_gap(scene: Scene) -> float:
+    """By the oracle."""
+    a, b = scene.shapes
+    return signed_distance(scene.placed(0), scene.placed(1)) - rounded(a) - rounded(b)
+
+
+# -- the gap -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("square", [False, True])
+@pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
+def test_gap_is_the_signed_distance(kinds, square):
+    for seed in range(8):
+        scene = scene_of(seed, kinds, square=square)
+        assert scene.gap() == pytest.approx(true_gap(scene), abs=PREFERRED), seed
+
+
+def test_points_have_the_gap_of_the_nearest_of_them():
+    for seed, kind in itertools.product(range(5), KINDS):
+        scene = scene_of(seed, ("points", kind))
+        places = scene.placed(0)
+        radius = rounded(scene.shapes[1])
+        each = [signed_distance(p[None], scene.placed(1)) - radius for p in places]
+        assert scene.gap() == pytest.approx(min(each), abs=ROUNDING)
+        touch = scene.pair()
+        assert len(touch.gap) >= len(places)
+        assert len(set(touch.whose[:, 2])) == len(touch.gap)
+
+
+# -- the contact points --------------------------------------------------------------------------
+
+
+def check(scene: Scene, touch: Touch) -> None:
+    """What holds of any contact points."""
+    assert 1 <= len(touch.gap) <= 8
+    np.testing.assert_allclose(np.linalg.norm(touch.normal, axis=1), 1, atol=ROUNDING)
+    along = ((touch.a - touch.b) * touch.normal).sum(axis=1)
+    np.testing.assert_allclose(along, touch.gap, atol=ROUNDING)
+    assert touch.gap.min() == scene.gap()
+    assert len(set(touch.whose[:, 2])) == len(touch.gap), "features are told apart"
+    for side, points in ((0, touch.a), (1, touch.b)):
+        shape = scene.shapes[side]
+        for p in points:
+            beyond = signed_distance(p[None], scene.placed(side)) - rounded(shape)
+            assert beyond < PREFERRED, "the point is in the shape"
+
+
+@pytest.mark.parametrize("square", [False, True])
+@pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
+def test_contact_points_lie_in_the_shapes(kinds, square):
+    for seed in range(8):
+        scene = scene_of(seed, kinds, square=square)
+        if true_gap(scene) > -0.02:  # where one lies deep in the other a point may leave it
+            check(scene, scene.pair())
+
+
+@given(seeds, st.sampled_from(PAIRS), st.booleans())
+def test_exchange_turns_the_normal(seed, kinds, square):
+    scene = scene_of(seed, kinds, square=square)
+    there, back = scene.gap(0, 1), scene.gap(1, 0)
+    assert there == pytest.approx(back, abs=PREFERRED)
+    first, second = scene.pair(0, 1), scene.pair(1, 0)
+    only = not square and len(first.gap) == 1 == len(second.gap)
+    if there > 1e-6 and only:  # one nearest pair, one direction
+        np.testing.assert_allclose(first.normal, -second.normal, atol=1e-8)
+        np.testing.assert_allclose(first.a, second.b, atol=1e-8)
+
+
+@given(seeds, st.sampled_from(PAIRS), st.sampled_from((0.0, 1.0, 1e4)))
+def test_a_common_motion_changes_nothing(seed, kinds, far):
+    scene = scene_of(seed, kinds)
+    before = scene.pair()
+    rng = np.random.default_rng(seed)
+    turn, shift = Rotation.random(rng=rng), far * rng.normal(size=3)
+    scene.poses = moved(scene.poses, shift, turn)
+    after = scene.pair()
+    slack = 1e-11 + 1e-15 * far  # rounding of places
+    assert after.gap.min() == pytest.approx(before.gap.min(), abs=PREFERRED)
+    if len(before.gap) == 1 == len(after.gap) and before.gap[0] > 1e-3:
+        np.testing.assert_allclose(turn.apply(before.normal), after.normal, atol=1e4 * slack)
+
+
+@given(seeds, st.sampled_from(PAIRS))
+def test_the_gap_changes_no_faster_than_the_shapes_move(seed, kinds):
+    """It is continuous: no jump where the feature changes, or from apart to penetrating."""
+    scene = scene_of(seed, kinds)
+    rng = np.random.default_rng(seed)
+    away = scene.poses[0, :3] - scene.poses[1, :3]
+    axis = rng.normal(size=3)
+    start = scene.poses.copy()
+    reach = max(np.linalg.norm(scene.placed(0) - start[0, :3], axis=1).max(), 0.0)
+    steps, size = 60, 0.05
+    last = scene.gap()
+    for k in range(1, steps):
+        turn = Rotation.from_rotvec(size * k * axis / np.linalg.norm(axis))
+        turned = turn * Rotation.from_matrix(start[0, 3:].reshape(3, 3))
+        scene.poses[0] = pose(start[0, :3] - away * 2 * k / steps, turned)
+        now = scene.gap()
+        most = np.linalg.norm(away) * 2 / steps + size * reach
+        assert abs(now - last) <= most + PREFERRED
+        last = now
+
+
+def test_features_stay_while_a_box_slides():
+    scene = Scene([solids.box((1, 1, 1)), solids.box((4, 4, 1))])
+    features = set()
+    for x in np.linspace(-1, 1, 21):
+        turn = Rotation.from_euler("z", 0.3 + 0.1 * x)
+        scene.poses = np.array([pose((x, 0, 0.9995), turn), pose()])
+        touch = scene.pair(margin=0.01)
+        assert len(touch.gap) == 4
+        features.add(tuple(sorted(touch.whose[:, 2])))
+    assert len(features) == 1
+
+
+# -- degenerate and extreme ----------------------------------------------------------------------
+
+
+def test_balls_with_one_centre_have_a_normal():
+    touch = Scene([solids.sphere(1), solids.sphere(2)]).pair()
+    assert touch.gap == [-3]
+    assert np.linalg.norm(touch.normal) == 1
+
+
+@pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
+def test_shapes_at_one_place_penetrate_by_a_finite_depth(kinds):
+    rng = np.random.default_rng(3)
+    scene = Scene([random_solid(rng, kind) for kind in kinds])
+    touch = scene.pair()
+    assert np.isfinite(touch.a).all()
+    assert np.isfinite(touch.b).all()
+    assert touch.gap.min() == pytest.approx(true_gap(scene), abs=PREFERRED)
+    np.testing.assert_allclose(np.linalg.norm(touch.normal, axis=1), 1, atol=ROUNDING)
+
+
+def side_by_side(shift: float, turn: float = 0.0) -> Touch:
+    """Two capsules along y, one above the other."""
+    lying = Rotation.from_euler("x", 90, degrees=True)
+    above = Rotation.from_euler("z", turn) * lying
+    poses = [pose((0, shift, 0.4), above), pose((0, 0, 0), lying)]
+    return Scene([solids.capsule(0.2, 1), solids.capsule(0.2, 1)], poses).pair(margin=0.05)
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.3, 0.9])
+def test_parallel_capsules_touch_where_their_overlap_ends(shift):
+    touch = side_by_side(shift)
+    assert len(touch.gap) == 2
+    np.testing.assert_allclose(touch.gap, 0, atol=ROUNDING)
+    np.testing.assert_allclose(touch.normal, [[0, 0, 1]] * 2, atol=ROUNDING)
+    np.testing.assert_allclose(np.sort(touch.a[:, 1]), [shift - 0.5, 0.5], atol=ROUNDING)
+
+
+@pytest.mark.parametrize("turn", [1e-12, 1e-9, 1e-7, 1e-5, 1e-2])
+def test_nearly_parallel_capsules_keep_both_points(turn):
+    touch = side_by_side(0.2, turn)
+    assert touch.gap.min() == pytest.approx(0, abs=ROUNDING)
+    assert np.ptp(touch.a[:, 1]) > 0.7
+
+
+def test_crossing_capsules_are_parted_across():
+    lying = Rotation.from_euler("x", 90, degrees=True)
+    poses = [pose((0, 0, 0), lying), pose()]
+    touch = Scene([solids.capsule(0.2, 2), solids.capsule(0.1, 2)], poses).pair(margin=0.0)
+    assert touch.gap.min() == pytest.approx(-0.3)
+    deepest = touch.normal[touch.gap.argmin()]
+    np.testing.assert_allclose(np.abs(deepest), [1, 0, 0], atol=ROUNDING)
+
+
+def test_a_capsule_without_length_is_a_ball():
+    box = solids.box((1, 2, 3))
+    where = [pose((0.8, 0.3, 1.7)), pose()]
+    for length in (1e-300, 1e-12):
+        thin = Scene([solids.capsule(0.2, length), box], where).gap()
+        assert thin == pytest.approx(Scene([solids.sphere(0.2), box], where).gap(), abs=1e-11)
+
+
+FACES = [
+    (0.0, 4),  # aligned
+    (np.pi / 4, 8),  # an octagon
+    (0.1, 8),
+]
+
+
+@pytest.mark.parametrize(("turn", "count"), FACES)
+@pytest.mark.parametrize("gap", [-1e-3, -1e-9, 0.0, 1e-9, 1e-3])
+def test_boxes_face_to_face_touch_at_the_corners_of_the_common_area(turn, count, gap):
+    poses = [pose((0.0, 0.0, 1 + gap), Rotation.from_euler("z", turn)), pose()]
+    touch = Scene([solids.box((1, 1, 1)), solids.box((1, 1, 1))], poses).pair(margin=0.01)
+    assert len(touch.gap) == count
+    np.testing.assert_allclose(touch.gap, gap, atol=1e-9)
+    np.testing.assert_allclose(touch.normal, [[0, 0, 1]] * count, atol=1e-9)
+    np.testing.assert_allclose(touch.a.mean(axis=0)[:2], 0, atol=1e-9)
+
+
+def test_edges_that_cross_touch_at_one_point():
+    up = Rotation.from_euler("y", 45, degrees=True)
+    poses = [pose((0, 0, np.sqrt(2) + 0.01), Rotation.from_euler("z", 90, degrees=True) * up)]
+    scene = Scene([solids.box((1, 3, 1)), solids.box((1, 3, 1))], [*poses, pose(rotation=up)])
+    touch = scene.pair(margin=0.05)
+    assert touch.gap == pytest.approx([0.01], abs=ROUNDING)
+    np.testing.assert_allclose(touch.a, [[0, 0, np.sqrt(0.5) + 0.01]], atol=ROUNDING)
+
+
+def test_a_capsule_lies_on_a_box_at_two_points():
+    lying = Rotation.from_euler("y", 90, degrees=True)
+    shapes = [solids.capsule(0.1, 1), solids.box((2, 2, 1))]
+    inside = Scene(shapes, [pose((0, 0.2, 0.6), lying), pose()]).pair(margin=0.01)
+    np.testing.assert_allclose(np.sort(inside.b[:, 0]), [-0.5, 0.5], atol=ROUNDING)
+    beyond = Scene(shapes, [pose((0.8, 0.2, 0.6), lying), pose()]).pair(margin=0.01)
+    np.testing.assert_allclose(np.sort(beyond.b[:, 0]), [0.3, 1.0], atol=ROUNDING)
+    along_edge = Scene(shapes, [pose((0, 1.06, 0.58), lying), pose()]).pair(margin=0.01)
+    np.testing.assert_allclose(along_edge.gap, 0, atol=ROUNDING)
+    np.testing.assert_allclose(np.sort(along_edge.b[:, 0]), [-0.5, 0.5], atol=ROUNDING)
+
+
+def test_a_cylinder_stands_on_a_box_with_points_all_round():
+    shapes = [solids.cylinder(0.5, 1), solids.box((3, 3, 1))]
+    touch = Scene(shapes, [pose((0.3, 0, 1)), pose()]).pair(margin=0.01)
+    assert len(touch.gap) == 8
+    np.testing.assert_allclose(touch.gap, 0, atol=ROUNDING)
+    apart = touch.a[:, :2] - (0.3, 0)
+    angles = np.sort(np.arctan2(apart[:, 1], apart[:, 0]))
+    assert np.diff(angles).max() < np.pi / 2
+
+
+@pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
+@pytest.mark.parametrize("size", [1e-9, 1e3])
+def test_tiny_and_huge_shapes_are_alike(kinds, size):
+    for seed in range(3):
+        rng, again = np.random.default_rng(seed), np.random.default_rng(seed)
+        shapes = [random_solid(rng, kind) for kind in kinds]
+        scaled = [random_solid(again, kind, size) for kind in kinds]
+        poses = np.array([random_pose(rng, 0.5) for _ in kinds])
+        grown = poses.copy()
+        grown[:, :3] *= size
+        assert Scene(scaled, grown).gap() == pytest.approx(
+            size * Scene(shapes, poses).gap(), abs=PREFERRED * size
+        )
+
+
+@example(1e-9)
+@example(-1e-9)
+@given(st.floats(-0.2, 0.2))
+def test_a_large_box_and_a_small_one(gap):
+    poses = [pose((300.0, 20.0, 500.0 + 5e-4 + gap)), pose()]
+    touch = Scene([solids.box((1e-3, 1e-3, 1e-3)), solids.box((1e3, 1e3, 1e3))], poses).pair()
+    assert touch.gap.min() == pytest.approx(max(gap, -0.5005), abs=PREFERRED * 1e3)
+    np.testing.assert_allclose(touch.normal[touch.gap.argmin()], [0, 0, 1], atol=1e-9)

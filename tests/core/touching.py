@@ -1,0 +1,127 @@
+"""Shapes in places, and what the contact kernels say of them: what the contact tests share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pgraph_core import solids
+from pgraph_core.kernels import collision
+from pgraph_core.kernels import layout as at
+from pgraph_core.solids import Placed, Solid
+
+FLAT = solids.ground((0, 0, 1))
+NOTHING = np.zeros((0, 2), np.int64)
+KINDS = ("sphere", "capsule", "box", "cylinder", "hull")
+
+
+class Touch(NamedTuple):
+    """Contact points: on A, on B, normal from B to A, gap, (shape A, shape B, feature, contact)."""
+
+    a: np.ndarray
+    b: np.ndarray
+    normal: np.ndarray
+    gap: np.ndarray
+    whose: np.ndarray
+
+
+class Scene:
+    """Solids with poses (n, 12), each on a row and body of its own, from 1."""
+
+    def __init__(self, shapes: Sequence[Solid], poses: np.ndarray | None = None, ground=FLAT):
+        self.shapes = list(shapes)
+        self.geometry = solids.packed([Placed(s, i, i) for i, s in enumerate(shapes, start=1)])
+        self.poses = np.array([pose()] * len(self.shapes)) if poses is None else np.array(poses)
+        self.ground = ground
+
+    def ask(self, touch, margin: float = 1e3, room: int = 400, count: int | None = None) -> Touch:
+        """Contact points of a `touch` table of the kernels."""
+        search = solids.search_space(self.geometry, len(touch[2]))
+        out = solids.contact_arrays(room)
+        n = collision.contacts(self.geometry, self.ground, touch, self.poses, search, margin, out)
+        assert n <= room
+        f, i = out[0][:n], out[1][:n]
+        return Touch(f[:, :3], f[:, 3:6], f[:, 6:9], f[:, at.CT_GAP], i)
+
+    def pair(self, i: int = 0, j: int = 1, margin: float = 1e3) -> Touch:
+        """Contact points of two shapes."""
+        return self.ask((NOTHING, np.array([[i, j, 0]]), NOTHING, NOTHING), margin)
+
+    def on_ground(self, i: int = 0, margin: float = 1e3) -> Touch:
+        """Contact points of a shape with the ground."""
+        return self.ask((np.array([[i, 0]]), np.zeros((0, 3), np.int64), NOTHING, NOTHING), margin)
+
+    def among(self, members, apart=NOTHING, margin: float = 0.0, room: int = 20000) -> Touch:
+        """Contact points of every two members: (shape, contact) each."""
+        nobody = np.zeros((0, 3), np.int64)
+        return self.ask((NOTHING, nobody, np.array(members), np.array(apart)), margin, room)
+
+    def gaps(self, on_ground=(), pairs=()) -> np.ndarray:
+        """Signed distances from the ground and of pairs."""
+        ground = np.array([(i, 0) for i in on_ground], np.int64).reshape(-1, 2)
+        table = np.array([(i, j, 0) for i, j in pairs], np.int64).reshape(-1, 3)
+        found = np.zeros(len(ground) + len(table))
+        room = solids.search_space(self.geometry, 0)[0]
+        touch = (ground, table, NOTHING, NOTHING)
+        probe = solids.contact_arrays(8)
+        collision.gaps(self.geometry, self.ground, touch, self.poses, room, probe, found)
+        return found
+
+    def gap(self, i: int = 0, j: int = 1) -> float:
+        """Signed distance of two shapes."""
+        return float(self.gaps(pairs=[(i, j)])[0])
+
+    def placed(self, i: int) -> np.ndarray:
+        """Vertices of shape i in the world (without its radius)."""
+        return self.shapes[i].vertices @ self.poses[i, 3:].reshape(3, 3).T + self.poses[i, :3]
+
+
+def pose(position=(0.0, 0.0, 0.0), rotation: Rotation | None = None) -> np.ndarray:
+    """Position and rotation, as the kernels have them."""
+    matrix = np.eye(3) if rotation is None else rotation.as_matrix()
+    return np.concatenate((position, matrix.ravel()))
+
+
+def random_solid(rng: np.random.Generator, kind: str, size: float = 1.0) -> Solid:
+    """Of about `size`."""
+    x = size * rng.uniform(0.1, 0.5, 3)
+    match kind:
+        case "sphere":
+            return solids.sphere(x[0])
+        case "capsule":
+            return solids.capsule(x[0] / 2, 2 * x[1])
+        case "box":
+            return solids.box(2 * x)
+        case "cylinder":
+            return solids.cylinder(x[0], 2 * x[1])
+        case "points":
+            return solids.points(rng.normal(size=(3, 3)) * x)
+        case _:
+            return solids.hull(rng.normal(size=(rng.integers(4, 20), 3)) * x)
+
+
+def random_pose(rng: np.random.Generator, spread: float, *, square: bool = False) -> np.ndarray:
+    """Anywhere; `square`: on a grid and at right angles, so that faces and edges are parallel."""
+    place = rng.normal(size=3) * spread
+    if square:
+        turn = Rotation.from_euler("xyz", rng.integers(0, 4, 3) * (np.pi / 2))
+        exact = np.round(turn.as_matrix())
+        return np.concatenate((np.round(place * 8 / spread) / 8 * spread, exact.ravel()))
+    return pose(place, Rotation.random(rng=rng))
+
+
+def moved(poses: np.ndarray, position, rotation: Rotation) -> np.ndarray:
+    """Poses after a rigid motion of everything."""
+    r = rotation.as_matrix()
+    out = poses.copy()
+    out[:, :3] = poses[:, :3] @ r.T + position
+    out[:, 3:] = (r @ poses[:, 3:].reshape(-1, 3, 3)).reshape(-1, 9)
+    return out
+
+
+def rounded(solid: Solid) -> float:
+    """The radius about the vertices: of spheres and capsules."""
+    return solid.radius if solid.kind in (at.SPHERE, at.CAPSULE) else 0.0
