@@ -1,0 +1,122 @@
+"""Errors of forward dynamics beside the peers', against 50 digits.
+
+`python -m benchmarks.precision` prints a table; `--write` makes docs/precision.md anew (a minute),
+`--quick` leaves out chains of 1000.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+
+import numpy as np
+
+import pgraph_core as pg
+from tests.core import fifty_digits
+from tests.core.precision_cases import LONG, SHORT, turned
+from tests.core.trees import State
+from tests.golden.elementary import rows_of
+
+from .machine import ROOT, has, machine
+from .report import piped
+from .scenes import Scene
+
+SEEDS = 3  # of chains below 1000
+CUBIC = 300  # bodies: beyond, Pinocchio's data on a chain does not fit into memory
+SIDES = {"pgraph": "Pgraph", "mujoco": "MuJoCo", "pin": "Pinocchio", "drake": "Drake"}
+DOCUMENT = ROOT / "docs" / "precision.md"
+TEXT = """# Precision beside MuJoCo, Pinocchio and Drake
+
+Made by `python -m benchmarks.precision --write` with {machine}.
+
+Each number is the largest error of an acceleration, relative to the largest acceleration, against
+forward dynamics in 50 digits (`tests/core/fifty_digits.py`, which inverse dynamics confirms to
+1e-30); the worst of {seeds} random chains, of one where there are 1000 bodies. Every chain has
+hinges, velocities, torques and gravity.
+
+## Turned
+
+The whole and every body frame are turned at random, so that no program gains from axes that lie
+along a rod. Rotations that are rounded on the way into a program's own format count as its error.
+*Bound* is ours: 1e-13, or 10 eps times the mass ratio where that is larger, or what stands for
+a mass ratio: 1e8 for the moments of an arm of 1e4 m between other bodies, n³/3 for a straight
+chain, which is so much heavier to bend out of its plane than one rod is in it.
+`tests/core/test_precision.py` holds it.
+
+{turned}
+
+Pinocchio keeps arrays that grow with the cube of a chain's length: 1000 bodies do not fit into
+memory.
+
+## As built
+
+The same chains in the frames that they are written in. Those of the straight ones lie along the
+world's axes and the rods, so nothing mixes.
+
+{built}
+"""
+
+
+def accelerations(state: State) -> Iterator[tuple[str, np.ndarray]]:
+    """v' by every side that is there, in our coordinates."""
+    place = Scene("", state, rows_of(state.model, state.topology))
+    n = state.topology.nb
+    yield "pgraph", pg.Mechanism(state.model).forward_dynamics(state.q, state.v, state.tau)
+    if has("mujoco"):
+        import mujoco
+
+        from . import in_mujoco
+
+        model, data, T = in_mujoco.loaded(place)
+        mujoco.mj_forward(model, data)
+        yield "mujoco", T.T @ data.qacc
+    if has("pin") and n <= CUBIC:
+        from . import in_pinocchio
+
+        yield "pin", in_pinocchio.forward_dynamics(place)[1]
+    if has("drake"):
+        from . import in_drake
+
+        yield "drake", in_drake.forward_dynamics(place)[1]
+
+
+def errors(state: State) -> dict[str, float]:
+    """Largest error relative to the largest acceleration, by side."""
+    expected = fifty_digits.forward_dynamics(state.model, state.q, state.v, state.tau)
+    scale = max(abs(expected))
+    return {side: float(max(abs(found - expected)) / scale) for side, found in accelerations(state)}
+
+
+def row(name: str, bound: float, states: list[State]) -> tuple[str, ...]:
+    """A line of the table: the worst of the states."""
+    each = [errors(state) for state in states]
+    worst = {side: max(error[side] for error in each) for side in each[0]}
+    cells = (f"{worst[side]:.0e}" if side in worst else "-" for side in SIDES)
+    return name, f"{bound:.0e}", *cells
+
+
+def tables(*, quick: bool) -> tuple[str, str]:
+    """The chains turned, and as they were built."""
+    listed = [(name, case, SEEDS) for name, case in SHORT.items()]
+    listed += [] if quick else [(name, case, 1) for name, case in LONG.items()]
+    askew, built = [], []
+    for name, case, seeds in listed:
+        states = [case.state(seed) for seed in range(seeds)]
+        askew.append(row(name, case.turned_bound, [turned(s, i) for i, s in enumerate(states)]))
+        built.append(row(name, case.bound, states))
+    head = ("chain", "bound", *SIDES.values())
+    return piped(head, askew), piped(head, built)
+
+
+def main(*words: str) -> None:
+    """Print the tables, or write the document."""
+    askew, built = tables(quick="--quick" in words)
+    print(f"turned\n\n{askew}\n\nas built\n\n{built}")
+    if "--write" in words:
+        versions = ", ".join(f"{key} {x}" for key, x in machine().items() if key in SIDES)
+        text = TEXT.format(machine=versions, seeds=SEEDS, turned=askew, built=built)
+        DOCUMENT.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
