@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.kernels import dynamics, step, warm_up
+from pgraph_core.kernels import dynamics, warm_up
 from pgraph_core.kernels import layout as at
 from pgraph_core.kernels._jit import JIT, KERNELS, OPTIONS, cache_folder
 
@@ -73,7 +73,6 @@ def calls(seed=5):
         "forward_dynamics_composite": (*packed, *given, zero, work, outer, m, out),
         "inverse_dynamics": (*packed, q, v, vdot, external, work, out),
         "mass_matrix": (*tree, q, zero, work, m),
-        "drive_torque": (mech.passive, 0.0, q, v, tau, out),
     }
 
 
@@ -81,7 +80,7 @@ def calls(seed=5):
 @pytest.mark.parametrize("name", calls())
 def test_repeated_calls_leave_the_heap_as_it_was(name):
     """Python's own blocks, and the bytes that NumPy reports to tracemalloc, at their peak."""
-    kernel, arguments = getattr(dynamics, name, None) or getattr(step, name), calls()[name]
+    kernel, arguments = getattr(dynamics, name), calls()[name]
     repeat = [None] * 200
 
     def peak():
