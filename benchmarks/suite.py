@@ -9,7 +9,7 @@ import numpy as np
 
 import pgraph_core as pg
 
-from . import building, dynamics, lean, limited, runs
+from . import building, dynamics, lean, limited, runs, touching
 from .machine import absent, has, machine
 from .scenes import binary_tree, scene
 from .timing import Case, Timed, measure, spread
@@ -68,6 +68,8 @@ def cases(*, quick: bool) -> Iterator[Case]:
     yield runs.steps(tree, "semi_implicit_euler", 200, goal=False)
     if not quick:
         yield runs.long_steps(chain, 20)
+    for apart in (0.98, 3.0):
+        yield touching.balls(1000, apart)
     yield dynamics.chains(1000 if quick else 10000)
     yield building.from_columns(quadruped, goal=50.0, small=True)
     yield building.construction(quadruped, goal=8.0, small=True)

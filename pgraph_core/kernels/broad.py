@@ -10,7 +10,7 @@ from . import layout as at
 from ._jit import inlined, part, sweep
 from .pairs import pair_contacts
 from .segments import ball_ball
-from .shapes import bound, label
+from .shapes import bound, far_apart, label
 from .vec import load
 
 LARGE = 2.0  # times the geometric mean of the widths
@@ -110,6 +110,8 @@ def member_pair(geometry, touch, poses, search, m, k, margin, out, n):
     if not overlap(bounds, i, j) or members[m, 1] != members[k, 1]:
         return n
     shapes_i = geometry[0]
+    if far_apart(geometry[1], poses, i, j, margin):
+        return n
     same_row = shapes_i[i, at.SH_ROW] == shapes_i[j, at.SH_ROW]
     if same_row or are_apart(apart, shapes_i[i, at.SH_BODY], shapes_i[j, at.SH_BODY]):
         return n

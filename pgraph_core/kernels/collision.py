@@ -5,20 +5,12 @@ signed distances alone, for event functions. What a scene does not ask for is a 
 """
 
 from . import layout as at
-from ._jit import kernel, part, sweep
+from ._jit import kernel, sweep
 from .broad import member_contacts
 from .ground import ground_contacts, ground_gap, top
 from .pairs import pair_contacts, pair_gap
-from .shapes import label, place
-from .vec import dot, load, sub
-
-
-@part
-def far_apart(shapes_f, poses, i, j, margin):
-    """Whether the balls that hold two shapes are farther apart than `margin`."""
-    x = sub(load(poses, i, at.PO_POS), load(poses, j, at.PO_POS))
-    near = shapes_f[i, at.SH_REACH] + shapes_f[j, at.SH_REACH] + margin
-    return dot(x, x) > near * near
+from .shapes import far_apart, label, place
+from .vec import dot, load
 
 
 @sweep

@@ -2,7 +2,7 @@
 
 from . import layout as at
 from ._jit import part, sweep
-from .vec import add, add_scaled, load, load9, mat_mul, mul, store, store9
+from .vec import add, add_scaled, dot, load, load9, mat_mul, mul, store, store9, sub
 
 
 @sweep
@@ -47,6 +47,14 @@ def bound(geometry, poses, i, slack, bounds):
         wide = half_extent(r, half, n) + radius + slack
         bounds[i, n] = middle[n] - wide
         bounds[i, 3 + n] = middle[n] + wide
+
+
+@part
+def far_apart(shapes_f, poses, i, j, margin):
+    """Whether the balls that hold two shapes are farther apart than `margin`."""
+    x = sub(load(poses, i, at.PO_POS), load(poses, j, at.PO_POS))
+    near = shapes_f[i, at.SH_REACH] + shapes_f[j, at.SH_REACH] + margin
+    return dot(x, x) > near * near
 
 
 @sweep

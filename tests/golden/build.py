@@ -17,6 +17,7 @@ import static_models
 
 from ..core.trees import State, random_case, random_state, scaled_error
 from . import forests, with_mujoco, with_pinocchio
+from .contacts import contacts
 from .stance import stance
 
 HERE = Path(__file__).parent
@@ -94,6 +95,7 @@ def main() -> None:
     model = pg.Model.load(static_models.path("quadruped"))
     (HERE / "stance.json").write_text(model.to_json(), encoding="utf-8")
     np.savez_compressed(HERE / "stance.npz", allow_pickle=False, **stance(model))
+    np.savez_compressed(HERE / "contacts.npz", allow_pickle=False, **contacts())
 
 
 if __name__ == "__main__":

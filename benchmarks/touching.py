@@ -1,0 +1,71 @@
+"""Contact points of balls: those near each other found, and where they touch."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pgraph_core import solids
+from pgraph_core.kernels import collision
+
+from .machine import has
+from .timing import Case
+
+RADIUS = 0.5
+
+
+def balls(count: int, apart: float) -> Case:
+    """Balls on a cubic grid `apart` from each other, each shaken by 2 % of that.
+
+    Every two may touch. One diameter apart is a heap; farther, the search is all there is.
+    """
+    rng = np.random.default_rng(0)
+    side = round(count ** (1 / 3) + 0.5)
+    places = np.indices((side, side, side)).reshape(3, -1).T[:count] + 0.0
+    places = apart * (places + rng.uniform(-0.02, 0.02, (count, 3)))
+    found, ours = pgraph(places)
+    sides: dict[str, Any] = {"pgraph": ours}
+    agreement = f"{found} contacts"
+    if has("mujoco"):
+        theirs, number = mujoco(places)
+        if number != found:
+            raise SystemExit(f"balls: {found} contacts here, {number} in MuJoCo; nothing is timed")
+        sides["mj_collision"] = theirs
+        agreement += ", mujoco as many"
+    where = "in a heap" if apart <= 2 * RADIUS else "apart"
+    return Case(f"contacts of {count} balls {where}", sides, "search", agreement=agreement)
+
+
+def pgraph(places: np.ndarray) -> tuple[int, Any]:
+    """How many contacts there are, and the search for them."""
+    count = len(places)
+    ball = solids.sphere(RADIUS)
+    geometry = solids.packed([solids.Placed(ball, i, i) for i in range(1, count + 1)])
+    poses = np.concatenate((places, np.tile(np.eye(3).ravel(), (count, 1))), axis=1)
+    search = solids.search_space(geometry, count)
+    members = np.stack((np.arange(count), np.zeros(count, np.int64)), axis=1)
+    none = np.zeros((0, 2), np.int64)
+    touch = (none, np.zeros((0, 3), np.int64), members, none)
+    out, ground = solids.contact_arrays(6 * count), solids.ground((0, 0, 1))
+
+    def call() -> int:
+        return collision.contacts(geometry, ground, touch, poses, search, 0.0, out)
+
+    return call(), call
+
+
+def mujoco(places: np.ndarray) -> tuple[Any, int]:
+    """mj_collision of the same balls, and how many contacts it finds."""
+    import mujoco
+
+    spec = mujoco.MjSpec()
+    spec.memory = 1 << 30
+    for place in places:
+        body = spec.worldbody.add_body(pos=place)
+        body.add_freejoint()
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[RADIUS, 0, 0])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_fwdPosition(model, data)
+    return lambda: mujoco.mj_collision(model, data), data.ncon
