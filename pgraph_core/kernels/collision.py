@@ -53,22 +53,28 @@ def find_gaps(geometry, ground, touch, poses, room, probe, gaps):
         gaps[count + k] = pair_gap(geometry, poses, pairs[k, 0], pairs[k, 1], room, probe)
 
 
-# Entry points for Python, compiled when first called: tests, and who asks for contacts alone.
+# Entry points: for Python, and by address for what steps
+
+GEOMETRY = "Tuple((i8[:,::1],f8[:,::1],f8[:,::1],f8[:,::1],i8[:,::1],i8[::1],i8[:,::1]))"
+TOUCH = "UniTuple(i8[:,::1],4)"
+SEARCH = "Tuple((f8[:,::1],f8[:,::1],i8[:,::1],i8[::1]))"
+OUT = "Tuple((f8[:,::1],i8[:,::1]))"
+F2 = "f8[:,::1]"
 
 
-@kernel(None)
+@kernel(f"i8({GEOMETRY},{F2},{TOUCH},{F2},{SEARCH},f8,{OUT})")
 def contacts(geometry, ground, touch, poses, search, margin, out):
     """`find_contacts`."""
     return find_contacts(geometry, ground, touch, poses, search, margin, out)
 
 
-@kernel(None)
+@kernel(f"void({GEOMETRY},{F2},{TOUCH},{F2},{F2},{OUT},f8[::1])")
 def gaps(geometry, ground, touch, poses, room, probe, found):
     """`find_gaps`."""
     find_gaps(geometry, ground, touch, poses, room, probe, found)
 
 
-@kernel(None)
+@kernel(f"void(i8[:,::1],{F2},{F2},{F2})")
 def shape_poses(shapes_i, shapes_f, work, poses):
     """`place`."""
     place(shapes_i, shapes_f, work, poses)

@@ -38,16 +38,19 @@ def cross_over(room, target, inner, outer, d_inner, d_outer, tag):
 
 @sweep
 def clip_polygon(room, source, m, target, plane, offset, tag):
-    """Keep what has plane · x <= offset of a polygon (of a segment or point too); how many."""
+    """Keep what has plane · x <= offset of a polygon (of a segment or point too); how many.
+
+    At most m + 1, all that a plane can leave of a convex polygon: rounding may not exceed the room.
+    """
     kept = 0
     for k in range(m):
         following = k + 1 if k + 1 < m else 0
         d = dot(plane, load(room, source + k, 0)) - offset
         d_next = dot(plane, load(room, source + following, 0)) - offset
-        if d <= 0.0:
+        if d <= 0.0 and kept <= m:
             copy(room, target + kept, source + k)
             kept += 1
-        if m == 2 and k == 1:  # a segment has one side, walked from its first end
+        if kept > m or (m == 2 and k == 1):  # a segment is one side, walked from its first end
             break
         if d <= 0.0 < d_next:
             cross_over(room, target + kept, source + k, source + following, d, d_next, tag)

@@ -22,7 +22,7 @@ from .vec import add, add_scaled, cross, dot, load, load9, mul, scale, store, su
 
 PARALLEL = 1e-20  # squared sine: edges closer to parallel span no face that the others do not
 CERTAIN = 1e-12  # of the sizes: rounding of a distance
-PREFER = 1e-9  # of the sizes: a face is taken where two edges overlap only this much less
+PREFER = 1e-9  # of the smaller size: a face is taken where two edges overlap only this much less
 NO_WAY = 1e-9  # of the sizes: nearer corners have no direction between them worth having
 FACE_A, FACE_B, EDGES, CORNER, CAPSULE_EDGE = 1, 2, 3, 4, 5  # kinds of touch
 
@@ -403,7 +403,9 @@ def solid_solid(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
     radius_a = shapes_f[i, at.SH_RADIUS] if a[4] == 0 else 0.0
     radius_b = shapes_f[j, at.SH_RADIUS] if b[4] == 0 else 0.0
     radii = (radius_a, radius_b)
-    size = shapes_f[i, at.SH_REACH] + shapes_f[j, at.SH_REACH]
+    reach_a, reach_b = shapes_f[i, at.SH_REACH], shapes_f[j, at.SH_REACH]
+    size = reach_a + reach_b
+    prefer = PREFER * min(reach_a, reach_b) + CERTAIN * size
     limit = margin + radius_a + radius_b
     by_a = face_separation(geometry, room, a, b)
     if by_a[0] > limit:
@@ -412,13 +414,13 @@ def solid_solid(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
     if by_b[0] > limit:
         return n
     faces = max(by_a[0], by_b[0])
-    least = faces + PREFER * size if faces <= 0.0 else faces - CERTAIN * size
+    least = faces + prefer if faces <= 0.0 else faces - CERTAIN * size
     crossed = edge_separation(geometry, room, a, b, least)
     edges = crossed[0] if crossed[1] >= 0 else -math.inf
     best = max(faces, edges)
     if best > limit:
         return n
-    tied = best - PREFER * size if best <= 0.0 else best - CERTAIN * size
+    tied = best - prefer if best <= 0.0 else best - CERTAIN * size
     written = -1
     if by_a[0] >= tied:
         written = by_face(

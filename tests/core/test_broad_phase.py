@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from pgraph_core import solids
 from pgraph_core.kernels import collision
+from pgraph_core.kernels import layout as at
 
 from .touching import FLAT, NOTHING, Scene, random_pose, random_solid
 
@@ -110,3 +112,24 @@ def test_a_contact_says_who_asked_for_it():
     ground, pair = np.array([[0, 4], [1, 5]]), np.array([[0, 1, 6]])
     touch = scene.ask((ground, pair, NOTHING, NOTHING))
     assert touch.whose[:, [0, 1, 3]].tolist() == [[0, -1, 4], [1, -1, 5], [0, 1, 6]]
+
+
+def test_shapes_go_where_their_rows_are():
+    """Through `place`: a shape's own place and turn, on the row of a body that moved."""
+    rows = np.zeros((3, 64))
+    turns = Rotation.random(3, rng=np.random.default_rng(1))
+    rows[:, at.R : at.R + 9] = turns.as_matrix().reshape(3, 9)
+    rows[:, at.X : at.X + 3] = np.arange(9).reshape(3, 3)
+    own = Rotation.from_euler("x", 0.4)
+    placed = [
+        solids.Placed(solids.sphere(1), row, row, (1, 2, 3), own.as_matrix()) for row in (2, 1)
+    ]
+    geometry = solids.packed(placed)
+    poses = np.zeros((2, at.POSE))
+    collision.shape_poses(geometry[0], geometry[1], rows, poses)
+    for found, row in zip(poses, (2, 1)):
+        np.testing.assert_allclose(
+            found[:3], rows[row, at.X : at.X + 3] + turns[row].apply((1, 2, 3))
+        )
+        expected = (turns[row] * own).as_matrix()
+        np.testing.assert_allclose(found[3:].reshape(3, 3), expected, atol=1e-15)
