@@ -11,11 +11,12 @@ import pytest
 
 import app.cli.bench
 import pgraph_core as pg
+import static_models
 from app.cli import main
 from app.cli.bench import part
 
-gate, lean, machine, report, scenes, suite, timing = map(
-    part, ("gate", "lean", "machine", "report", "scenes", "suite", "timing")
+construction, gate, lean, machine, report, scenes, suite, timing = map(
+    part, ("construction", "gate", "lean", "machine", "report", "scenes", "suite", "timing")
 )
 Case, Timed = timing.Case, timing.Timed
 BASELINE = {"cpu": "old", "ratios": {"a: peer": 4.0, "b: peer": 2.0}}
@@ -253,3 +254,30 @@ def test_outside_a_checkout_there_are_no_benchmarks(monkeypatch, tmp_path, capsy
         "pgraph bench: benchmarks come with the repository, not with the package; "
         "run it in a checkout\n"
     )
+
+
+# -- construction --------------------------------------------------------------------------------
+
+
+def test_values_and_characters_of_a_file_are_counted(tmp_path):
+    count = construction.written
+    (tmp_path / "a.xml").write_text('<a b="1 2 3">\n  <c d="x"/> </a>')
+    assert count(tmp_path / "a.xml") == (4, 23)
+    (tmp_path / "a.json").write_text('{"name": "a", "link": [0, 0, 1]}')
+    assert count(tmp_path / "a.json") == (4, 27)
+    (tmp_path / "a.py").write_text('"""Not counted."""\nx = f(2, "b")  # nor this\n')
+    assert count(tmp_path / "a.py") == (2, 10)
+
+
+def test_cells_of_the_page_are_what_differs_from_its_default_table():
+    assert construction.cells("double_pendulum") == 1  # how many bodies
+    assert construction.cells("fig1_tree") == 4  # and the parents of 4, 5 and 6
+
+
+def test_the_files_of_our_formats_are_the_built_in_machines():
+    built = pg.Mechanism(pg.Model.load(static_models.path("quadruped")))
+    ours = construction.mechanism("quadruped")
+    q, _ = built.home()
+    assert ours.names == built.names
+    assert np.array_equal(ours.mass_matrix(q), built.mass_matrix(q))
+    assert construction.mechanism("fig1_tree").pgraph.tolist() == [1, 2, 3, 4, 2, 5, 2, 6, 7]
