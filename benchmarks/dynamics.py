@@ -88,6 +88,20 @@ def back_ends(place: Scene) -> Case:
     return Case(name, sides, agreement=", ".join(agreement))
 
 
+def derivatives(place: Scene) -> Case:
+    """∂v'/∂q, ∂v'/∂v, ∂v'/∂τ of a tree of hinges, one call from Python."""
+    mech, (_, _, q, v, tau, *_) = pg.Mechanism(place.model), place.state
+    name, found = f"derivatives, {place.name}", np.stack(mech.forward_derivatives(q, v, tau))
+    sides: dict[str, Callable[[], object]] = {"pgraph": lambda: mech.forward_derivatives(q, v, tau)}
+    agreement = ""
+    if has("pin"):
+        from . import in_pinocchio
+
+        sides["pin.computeABADerivatives"], theirs = in_pinocchio.derivatives(place)
+        agreement = f"pin {differ(theirs, found, 1e-9, name)}"
+    return Case(name, sides, agreement=agreement)
+
+
 def ours_in_a_loop(place: Scene, number: int) -> Callable[[], None]:
     """Our kernel on workspaces of its own, checked against the public call."""
     mech, (_, _, q, v, tau, *_) = pg.Mechanism(place.model), place.state

@@ -25,6 +25,17 @@ def forward_dynamics(scene: Scene) -> tuple[Callable[[], object], np.ndarray]:
     return lambda: pin.aba(model, data, q, v, tau), found
 
 
+def derivatives(scene: Scene) -> tuple[Callable[[], object], np.ndarray]:
+    """(the call, ∂v'/∂q, ∂v'/∂v and M⁻¹ stacked); of hinges, whose coordinates are ours."""
+    model, _ = with_pinocchio.build(scene.model, scene.rows)
+    data = model.createData()
+    _, _, q, v, tau, *_ = scene.state
+    pin.computeABADerivatives(model, data, q, v, tau)
+    upper = np.triu(data.Minv)
+    found = np.stack((data.ddq_dq, data.ddq_dv, upper + np.triu(upper, 1).T))
+    return lambda: pin.computeABADerivatives(model, data, q, v, tau), found
+
+
 def builder(scene: Scene) -> Callable[[], object]:
     """Model and data from rows that are at hand."""
     return lambda: with_pinocchio.build(scene.model, scene.rows)[0].createData()

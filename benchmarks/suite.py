@@ -53,6 +53,7 @@ def cases(*, quick: bool) -> Iterator[Case]:
     name = "forward dynamics, quadruped, native loop"
     yield dynamics.native_loop(quadruped, name, compiling=not quick)
     yield dynamics.back_ends(quadruped)
+    yield dynamics.derivatives(scene("chain of 10", pg.Model.serial(10)))
     for place in (quadruped, tree):
         yield lean.dynamics(place, 8000 // place.state.topology.nb)
     yield lean.steps(tree, 200)

@@ -19,13 +19,10 @@ from .kernels import batch as kernels
 from .kernels import layout as at
 from .kernels.lane import LANE_WIDTH
 from .schema import Model
-from .system import Array, Drives
+from .system import Array
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism
-
-
-NO_DRIVES: Drives = (np.zeros((0, at.DRIVE)), np.zeros((0, 2)), 0)
 
 
 class Batch:
@@ -69,14 +66,7 @@ class Batch:
         return self.rows(out)
 
     def inverse_dynamics(self, q: Any, v: Any, vdot: Any) -> Array:
-        """τ (m, nv) that gives v' (m, nv), eq. (24), beside the joints' springs and dampers."""
-        return self._inverse(self.mech.passive, q, v, vdot)
-
-    def rigid_torque(self, q: Any, v: Any, vdot: Any) -> Array:
-        """M v' + C (m, nv): as `inverse_dynamics` of joints without springs and dampers."""
-        return self._inverse(NO_DRIVES, q, v, vdot)
-
-    def _inverse(self, drives: Drives, q: Any, v: Any, vdot: Any) -> Array:
+        """τ (m, nv) that gives v' (m, nv), eq. (24), beside springs and dampers of joints."""
         mech = self.mech
         state = (self.lanes("q", q, mech.nq), self.lanes("v", v, mech.nv))
         rates = self.lanes("vdot", vdot, mech.nv)
@@ -84,7 +74,7 @@ class Batch:
 
         def work(begin: int, end: int, space: Array) -> None:
             kernels.inverse_dynamics(
-                mech.system.rows, self.const, drives, *state, rates, space,
+                mech.system.rows, self.const, mech.passive, *state, rates, space,
                 np.empty_like(out[0]), np.zeros_like(out[0][:0]), out, begin, end,
             )  # fmt: skip
 
