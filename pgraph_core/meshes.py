@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from . import solids
 from .errors import FileError, ModelError, Problem, choices
 from .rotation import matrix
 from .schema import Shape
-from .solids import Solid, hull
+from .solids import Solid
 
 Array = np.ndarray
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}  # [m]
@@ -120,6 +121,21 @@ def load_mesh(file: str | Path, scale: float = 1.0, unit: str = "m") -> Any:
     return mesh
 
 
+def solid_of(shape: Shape, unit: str = "m") -> Solid:
+    """A shape as it touches others, in its own frame. Raises FileError, ModelError."""
+    match shape.kind:
+        case "box":
+            return solids.box(shape.size or ())
+        case "sphere":
+            return solids.sphere(shape.radius or 0.0)
+        case "cylinder":
+            return solids.cylinder(shape.radius or 0.0, shape.length or 0.0)
+        case "capsule":
+            return solids.capsule(shape.radius or 0.0, shape.length or 0.0)
+        case _:
+            return convex_hull(shape.file or "", shape.scale, unit)
+
+
 def convex_hull(file: str | Path, scale: float = 1.0, unit: str = "m") -> Solid:
     """The convex hull of a mesh file, as it touches other bodies. Raises FileError, ModelError."""
     vertices = np.asarray(load_mesh(file, scale, unit).vertices)
@@ -127,4 +143,4 @@ def convex_hull(file: str | Path, scale: float = 1.0, unit: str = "m") -> Solid:
     if len(vertices) < 4 or spread[2] <= 1e-9 * spread[0]:
         text = "is flat: a shape that touches must span a volume; give a box, or a solid mesh"
         raise ModelError(Problem(f"mesh {file}", "", text))
-    return hull(vertices)
+    return solids.hull(vertices)

@@ -55,15 +55,18 @@ def end_pair(k, p, d, q, e, slack):
     """(point on p + s d, point on q + t e, whether the second is free) for end k of the two.
 
     Ends 0 and 1 of the first segment against the second, ends 2 and 3 the other way round; free:
-    the perpendicular foot is on the segment. Ends that face each other within `slack` count once.
+    the perpendicular foot is on the segment. Ends that face each other within `slack` count
+    once, as do those of a segment that is no longer.
     """
     if k < 2:
         a = p if k == 0 else add(p, d)
         t = along(a, q, e)
-        return a, add_scaled(q, between(t, 0.0, 1.0), e), is_over(t, e, slack)
+        free = is_over(t, e, slack) and (k == 0 or dot(d, d) > slack * slack)
+        return a, add_scaled(q, between(t, 0.0, 1.0), e), free
     b = q if k == 2 else add(q, e)
     s = along(b, p, d)
-    return add_scaled(p, between(s, 0.0, 1.0), d), b, is_over(s, d, -slack)
+    free = is_over(s, d, -slack) and (k == 2 or dot(e, e) > slack * slack)
+    return add_scaled(p, between(s, 0.0, 1.0), d), b, free
 
 
 @part

@@ -176,9 +176,11 @@ def facing(geometry, room, b, deepest, n):
     It is one of the two beside the flattest edge there, so that an edge which lies across a face
     as a whole belongs to it.
     """
+    if b[4] == 0:
+        return -1
     edges = geometry[6]
     flattest = math.inf
-    found = -1
+    found = 0
     for e in range(b[6]):
         start = edges[b[5] + e, 0] == deepest
         if not start and edges[b[5] + e, 1] != deepest:
@@ -188,8 +190,6 @@ def facing(geometry, room, b, deepest, n):
         if rise < flattest:
             flattest = rise
             found = e
-    if found < 0 or edges[b[5] + found, 2] < 0:
-        return -1
     f, g = edge_normals(geometry, room, b, found)
     return edges[b[5] + found, 2] if dot(f, n) <= dot(g, n) else edges[b[5] + found, 3]
 

@@ -51,6 +51,20 @@ def test_closed_forms_equal_the_integral_over_a_mesh(fields, mesh, tolerance):
     np.testing.assert_allclose(found.inertia, expected, rtol=0, atol=2 * tolerance * expected.max())
 
 
+@pytest.mark.parametrize("fields", [fields for fields, _, _ in SHAPES])
+def test_what_touches_has_the_size_of_the_shape(fields):
+    solid = meshes.solid_of(pg.Shape(**fields))
+    half, middle = solid.box
+    expected = {
+        "box": (0.5, 1, 1.5),
+        "sphere": (0.7, 0.7, 0.7),
+        "cylinder": (0.5, 0.5, 1),
+        "capsule": (0.5, 0.5, 1.5),
+    }
+    np.testing.assert_allclose(half, expected[fields["kind"]])
+    np.testing.assert_allclose(middle, 0)
+
+
 @pytest.mark.parametrize("inside_out", [False, True])
 def test_a_mesh_file_has_the_mass_of_its_solid(tmp_path, inside_out):
     """In millimetres, off its origin, and wound either way."""

@@ -198,6 +198,12 @@ def test_crossing_capsules_are_parted_across():
     np.testing.assert_allclose(np.abs(deepest), [1, 0, 0], atol=ROUNDING)
 
 
+def test_a_capsule_without_length_touches_at_one_point():
+    lying = Rotation.from_euler("x", 90, degrees=True)
+    shapes = [solids.capsule(0.2, 1e-12), solids.capsule(0.2, 1)]
+    assert Scene(shapes, [pose((0.3, 0, 0.1)), pose(rotation=lying)]).pair().gap.shape == (1,)
+
+
 def test_a_capsule_without_length_is_a_ball():
     box = solids.box((1, 2, 3))
     where = [pose((0.8, 0.3, 1.7)), pose()]
