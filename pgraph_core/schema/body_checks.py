@@ -106,6 +106,8 @@ def quaternion_problems(q: tuple[float, ...], motions: tuple[Motion, ...]) -> li
 def _physics_problems(
     name: str, values: tuple[float, ...], motions: tuple[Motion, ...]
 ) -> list[tuple[str, str]]:
+    if len(values) == len(motions) and not any(values):
+        return []
     if values and not motions:
         return [(name, f"a weld has no motion; given {list(values)}")]
     if len(values) != len(motions):
@@ -129,8 +131,10 @@ def _inertia_problems(body: Body) -> list[tuple[str, str]]:
         abs(inertia[i][j] - inertia[j][i]) > TRIANGLE * size for i, j in ((0, 1), (0, 2), (1, 2))
     ):
         return [("inertia", f"must be symmetric; given {[list(row) for row in inertia]}")]
-    a, b, c = principal_moments(inertia)
     slack = TRIANGLE * size
+    if _is_plainly_right(inertia, 0.5 * slack):
+        return []
+    a, b, c = principal_moments(inertia)
     if a < -slack:
         return [
             (
@@ -147,6 +151,20 @@ def _inertia_problems(body: Body) -> list[tuple[str, str]]:
             )
         ]
     return []
+
+
+def _is_plainly_right(inertia: tuple[tuple[float, ...], ...], slack: float) -> bool:
+    """Whether tr(I)/2 - I + slack is positive definite, by the pivots of Cholesky's method.
+
+    That is the triangle inequality, from which the rest follows, without eigenvalues.
+    """
+    (a, d, e), (_, b, f), (_, _, c) = inertia
+    half = 0.5 * (a + b + c) + slack
+    first, second = half - a, half - b
+    if not (first > 0 and (second := second - d * d / first) > 0):
+        return False
+    left = -f - d * e / first
+    return half - c - e * e / first - left * left / second > 0
 
 
 def principal_moments(inertia: tuple[tuple[float, ...], ...]) -> tuple[float, float, float]:

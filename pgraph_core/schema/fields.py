@@ -32,9 +32,14 @@ class Frozen(BaseModel):
 
 def listed(value: Any) -> Any:
     """Lists and NumPy arrays as tuples, NumPy scalars as numbers; anything else unchanged."""
+    kind = type(value)
+    if kind is float or kind is int or kind is str:  # most of what a description holds
+        return value
     if hasattr(value, "tolist"):
         value = value.tolist()
-    return tuple(map(listed, value)) if isinstance(value, (list, tuple)) else value
+    if not isinstance(value, (list, tuple)):
+        return value
+    return tuple([x if type(x) is float else listed(x) for x in value])
 
 
 def _per_motion(value: Any) -> Any:
@@ -42,12 +47,15 @@ def _per_motion(value: Any) -> Any:
     return (value,) if isinstance(value, (int, float)) else value
 
 
-Number = Annotated[float, BeforeValidator(listed), Strict(), AllowInfNan(False)]
-Vec3 = Annotated[tuple[Number, Number, Number], BeforeValidator(listed)]
-Quat = Annotated[tuple[Number, Number, Number, Number], BeforeValidator(listed)]
-Mat3 = Annotated[tuple[Vec3, Vec3, Vec3], BeforeValidator(listed)]
-Numbers = Annotated[tuple[Number, ...], BeforeValidator(listed)]
-PerMotion = Annotated[tuple[Number, ...], BeforeValidator(_per_motion)]  # or one number for all
+# Strict and finite stand beside float, so that compiled code checks them, without a call a number.
+Finite = Annotated[float, Strict(), AllowInfNan(False)]
+Row3 = tuple[Finite, Finite, Finite]
+Number = Annotated[Finite, BeforeValidator(listed)]
+Vec3 = Annotated[Row3, BeforeValidator(listed)]
+Quat = Annotated[tuple[Finite, Finite, Finite, Finite], BeforeValidator(listed)]
+Mat3 = Annotated[tuple[Row3, Row3, Row3], BeforeValidator(listed)]
+Numbers = Annotated[tuple[Finite, ...], BeforeValidator(listed)]
+PerMotion = Annotated[tuple[Finite, ...], BeforeValidator(_per_motion)]  # or one number for all
 
 
 def refuse(problems: Sequence[tuple[str, str]]) -> None:

@@ -18,6 +18,7 @@ from .constraint import Constraint
 from .editing import attached, edited, fitted, renamed_all, without
 from .fields import fields_of, listed, whole
 from .force import Force
+from .names import GROUND
 from .problems import problems
 from .scenario import Scenario
 from .sentences import shown
@@ -26,6 +27,9 @@ from .world import DOWN, World
 # serial(n): slender rods of 0.2 m along x, hinged about y, so that they swing under gravity.
 ROD = 0.2
 ROD_INERTIA = ((2e-4, 0.0, 0.0), (0.0, 3.4e-3, 0.0), (0.0, 0.0, 3.4e-3))
+
+# fields of a body that nothing else in a model depends on, but for the tree
+OF_ONE_ROW = {"parent", "mass", "com", "inertia", "link", "rotation", "tip", "armature", "damping"}
 
 
 class Model(World):
@@ -113,6 +117,8 @@ class Model(World):
             return self
         bodies = [new if b is old else b for b in self.bodies]
         parts: dict[str, Any] = {"bodies": tuple(bodies)}
+        if changes.keys() <= OF_ONE_ROW and self._carries(new):
+            return self._made((), **parts)
         if notices:
             fitting, gone = fitted(new, old.name, self.forces, self.scenarios)
             parts, notices = {**parts, **fitting}, [*notices, *gone]
@@ -168,11 +174,23 @@ class Model(World):
 
     def _with(self, notices: Iterable[str], **fields: Any) -> Self:
         """A copy with validated parts replaced: only what ties the parts together is checked."""
-        model = type(self).model_construct(None, **{**fields_of(self), **fields})
+        model = self._made(notices, **fields)
         if found := model_problems(model):
             raise ModelError(found)
+        return model
+
+    def _made(self, notices: Iterable[str], **fields: Any) -> Self:
+        """A copy with parts replaced, for which nothing has to be checked."""
+        model = self.model_copy(update=fields)
         vars(model)["notices"] = tuple(notices)  # beside the fields: equality ignores it
         return model
+
+    def _carries(self, new: Body) -> bool:
+        """Whether the path from a row, as it is now, leads to the ground without coming back."""
+        name = new.parent
+        while name in self.row and name != new.name:
+            name = self.bodies[self.row[name]].parent
+        return name == GROUND
 
     def _subtree(self, name: str) -> set[str]:
         names, grown = {name}, True
