@@ -74,7 +74,7 @@ def space(nv: int, rows: int, blocks: Blocks, active: Ints) -> tuple[Any, ...]:
     """Workspace of the constraint kernels, for as many rows as may be active at once."""
     count = len(blocks.blocks_i)
     chosen = [b for i in active.tolist() for b in range(blocks.first[i], blocks.first[i + 1])]
-    m = int(blocks.blocks_i[chosen, at.B_SIZE].sum())
+    m = -(-int(blocks.blocks_i[chosen, at.B_SIZE].sum()) // 3) * 3  # whole blocks of three
     return (
         np.zeros((count, 3 * nv)),
         np.zeros((count, nv + at.SLOT), dtype=np.int64),

@@ -14,7 +14,7 @@ says its own. A coordinate row is Σ c q, or Σ c v, that follows a number or a 
 import math
 
 from . import layout as at
-from ._jit import part, sweep
+from ._jit import part
 from .kinematics import linear_velocity
 from .vec import (
     add,
@@ -32,7 +32,7 @@ from .vec import (
 )
 
 
-@sweep
+@part
 def velocities(rows, const, work, v, linear):
     """Velocities of all origins, eq. (5)."""
     for k in range(1, rows.shape[0]):
@@ -71,7 +71,7 @@ def to_contact(blocks_i, blocks_f, i, work):
     return scale(-radius / size, m)
 
 
-@sweep
+@part
 def locate(blocks, work, place):
     """Where and along what every active block acts; coordinate rows act nowhere."""
     blocks_i, blocks_f, _, _, _, active = blocks
@@ -155,7 +155,7 @@ def total(blocks_i, terms_i, terms_f, i, column, x):
     return sum_
 
 
-@sweep
+@part
 def residual(blocks, work, space, t, q, out):
     """g of the active blocks [m, rad], after `locate`; zero where only a velocity is bound."""
     blocks_i, blocks_f, terms_i, terms_f, curves, active = blocks
@@ -197,7 +197,7 @@ def slip(blocks_i, i, work, linear, place):
     return sub(mine, point_velocity(work, linear, blocks_i[i, at.B_B], load(place, i, at.PLACE_Q)))
 
 
-@sweep
+@part
 def residual_velocity(blocks, work, space, t, v, out):
     """g' = J v of the active blocks, less what they follow, after `locate` and `velocities`."""
     blocks_i, blocks_f, terms_i, terms_f, curves, active = blocks
@@ -275,7 +275,7 @@ def turning(blocks_i, blocks_f, i, work, linear, p, u, d):
     return sub(e, cross(w_b, sub(moved, point_velocity(work, linear, b, p)))), w_b
 
 
-@sweep
+@part
 def residual_acceleration(blocks, work, space, t, vdot, out):
     """g'' = J v' + J' v of the active blocks; gravity's offset cancels between two bodies."""
     blocks_i, blocks_f, terms_i, terms_f, curves, active = blocks

@@ -5,7 +5,7 @@
 """
 
 from . import layout as at
-from ._jit import part, sweep
+from ._jit import part
 from .articulated import inboard
 from .blocks import (
     fixed_point,
@@ -26,7 +26,7 @@ CLOSED = 1e-7  # relative to it: a loop with a larger gap after all rounds is op
 SMALL_MOVE = 1e-10  # rad, m: below it one factorisation serves position and velocity
 
 
-@sweep
+@part
 def number_rows(blocks, slots):
     """First row of every active block; the number of rows in all."""
     blocks_i, _, _, _, _, active = blocks
@@ -37,7 +37,7 @@ def number_rows(blocks, slots):
     return m
 
 
-@sweep
+@part
 def delassus(rows, const, blocks, work, space, m):
     """Y and Ω of the active blocks from the articulated factors, Ω's factor; μ, null directions."""
     blocks_i, _, _, _, _, active = blocks
@@ -96,7 +96,7 @@ def couple(blocks_i, i, n, y, slots, where, dinv, omega):
             omega[q + z, r + x] = whole[3 * x + z]
 
 
-@sweep
+@part
 def respond(rows, const, blocks, work, space):
     """M⁻¹ Jᵀ λ into STEP."""
     blocks_i, _, _, _, _, active = blocks
@@ -120,7 +120,7 @@ def respond(rows, const, blocks, work, space):
     spread(rows, const, work, step)
 
 
-@sweep
+@part
 def impose(rows, const, blocks, work, space, gains, t, q, v, vdot):
     """Add M⁻¹ Jᵀ λ to v' so that J v' + J' v = 0, eqs. (27)-(29); λ is left in `vectors`.
 
@@ -151,7 +151,7 @@ def impose(rows, const, blocks, work, space, gains, t, q, v, vdot):
     return iterations
 
 
-@sweep
+@part
 def drift(rows, const, blocks, work, space, t, q, v, out):
     """Largest |g| and |g'| of the active blocks into out (2,), after `outboard`."""
     vectors = space[5]
@@ -165,7 +165,7 @@ def drift(rows, const, blocks, work, space, t, q, v, out):
     out[1] = largest(vectors[CHANGE], m)
 
 
-@sweep
+@part
 def wrenches(rows, blocks, work, space, out):
     """[torque, force] on `body` of every active block, world axes, at its point PA; others 0.
 
@@ -195,7 +195,7 @@ def wrenches(rows, blocks, work, space, out):
                 accumulate(out, i, 3, x)
 
 
-@sweep
+@part
 def extent(rows, blocks, work):
     """Size of the mechanism's coordinates [m]: what rounding of positions is relative to."""
     blocks_f = blocks[1]
@@ -209,7 +209,7 @@ def extent(rows, blocks, work):
     return size
 
 
-@sweep
+@part
 def project(rows, const, blocks, work, space, t, q, v, rounds):
     """Move q and v onto the constraints in the mass metric; rounds taken, -1 where it fails.
 

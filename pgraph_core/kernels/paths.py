@@ -5,7 +5,7 @@ matrix ([Featherstone 2008, ch. 8], [Wensing et al. 2012]). Only joints on the p
 """
 
 from . import layout as at
-from ._jit import part, sweep
+from ._jit import part
 from .factors import backward3, backward6, forward3, solve3
 from .kinematics import base_axes, load_inertia
 from .vec import (
@@ -25,7 +25,7 @@ from .vec import (
 )
 
 
-@sweep
+@part
 def pivots(rows, work, dinv):
     """1/d of every degree of freedom: the diagonal between Y and Yᵀ."""
     for k in range(1, rows.shape[0]):
@@ -54,7 +54,7 @@ def set_wrenches(blocks_i, i, work, place, column, k, side, sign, hold):
         store(hold, side, 6 * c + 3, (0.0, 0.0, 0.0) if torque else d)
 
 
-@sweep
+@part
 def carry(rows, blocks_i, i, work, space):
     """Y of a block between bodies: two paths towards the ground, one after they have met."""
     y, slots, place, hold = space[0], space[1], space[4], space[8]
@@ -77,7 +77,7 @@ def carry(rows, blocks_i, i, work, space):
     slots[i, at.SLOTS] = slot
 
 
-@sweep
+@part
 def past(rows, work, k, hold, side, y, slots, i, slot):
     """Three wrenches past joint k, which keeps its share of each; the next free slot."""
     kind = rows[k, at.KIND]
@@ -139,7 +139,7 @@ def into_free(work, k, hold, side, y, i, slot):
             y[i, 3 * (slot + r) + c] = share
 
 
-@sweep
+@part
 def carry_coordinates(rows, const, blocks, i, work, space):
     """Y of a coordinate row: unit torques on the joints of its terms, and back on their parents."""
     blocks_i, _, terms_i, terms_f, _, _ = blocks
@@ -205,7 +205,7 @@ def push(rows, const, work, k, column, size, whole):
             accumulate(whole, p, 3, scale(-1.0, x))
 
 
-@sweep
+@part
 def spread(rows, const, work, step):
     """M⁻¹ Jᵀ λ from diag(1/d) Yᵀ λ, both in `step`: the response of all joints. Overwrites P."""
     store(work, 0, at.P, (0.0, 0.0, 0.0))

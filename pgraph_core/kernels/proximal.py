@@ -3,12 +3,15 @@
 (Ω + μI) is factored once and refined, which tends to the multipliers of least norm
 ([Carpentier et al. 2021]). Along a null direction of Ω the right-hand side is only rounding, or
 rows that contradict each other: taken out there, refinement cannot blow it up by 1/μ. Null
-directions show as small pivots, else as corrections that do not shrink.
+directions show as small pivots, else as corrections that do not shrink. All work goes in blocks
+of 3x3, which fit the registers; the last is filled up with zeros.
 """
 
 import math
 
 from ._jit import part, sweep
+from .factors import backward3, factor3, solve3
+from .vec import add_scaled, load, load3, mul, scale, store, store3, sub
 
 RHS, LAMBDA, CHANGE, DINV, STEP, ZERO = 0, 1, 2, 3, 4, 5  # rows of `vectors`
 PROXIMAL = 1e-10  # μ relative to the mean diagonal of Ω
@@ -18,92 +21,183 @@ REFINEMENTS = 12
 INVERSE_ITERATIONS = 2  # towards a null direction: each leaves μ/λ of what is not null
 
 
+@part
+def whole_blocks(m):
+    """m rounded up to whole blocks of three."""
+    return (m + 2) // 3 * 3
+
+
+@part
+def load33(a, i, j):
+    """Block (i, j), row by row."""
+    x, y, z = load(a, i, j), load(a, i + 1, j), load(a, i + 2, j)
+    return (x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2])
+
+
+@part
+def load_factor3(factor, i):
+    """The factor of diagonal block i, or the block itself, as `factors` has it."""
+    x = load(factor, i, i)
+    return (x[0], factor[i + 1, i + 1], factor[i + 2, i + 2], x[1], x[2], factor[i + 1, i + 2])
+
+
+@part
+def store_factor3(factor, i, f):
+    store(factor, i, i, (f[0], f[3], f[4]))
+    factor[i + 1, i + 1] = f[1]
+    factor[i + 1, i + 2] = f[5]
+    factor[i + 2, i + 2] = f[2]
+
+
+@part
+def add_mul_t(x, a, i, j, y):
+    """x + Aᵀ y for block (i, j) of a."""
+    x = add_scaled(x, y[0], load(a, i, j))
+    x = add_scaled(x, y[1], load(a, i + 1, j))
+    return add_scaled(x, y[2], load(a, i + 2, j))
+
+
 @sweep
 def factor_proximal(omega, factor, nulls, m):
-    """L diag(d) Lᵀ = Ω + μI, 1/d on the diagonal, Lᵀ above it; (μ, number of null directions)."""
+    """L diag(B) Lᵀ = Ω + μI: factors of the 3x3 B, L's blocks below; (μ, null directions)."""
     trace = 0.0
     for r in range(m):
         trace += omega[r, r]
     mu = PROXIMAL * trace / m
-    for r in range(m):
-        for c in range(r, m):
+    end = whole_blocks(m)
+    for r in range(m, end):
+        for c in range(end):
+            omega[r, c] = 0.0
+            omega[c, r] = 0.0
+    for r in range(end):
+        for c in range(end):
             factor[r, c] = omega[r, c]
-        factor[r, r] += mu
+        factor[r, r] += mu if r < m else 1.0
     small = 0
-    for n in range(m):
-        if not factor[n, n] > SMALL * mu:
-            for r in range(m):
-                nulls[small, r] = 0.0
-            nulls[small, n] = 1.0
-            small += 1
-        pivot = 1.0 / factor[n, n]
-        for r in range(n + 1, m):
-            x = factor[n, r] * pivot
-            if x != 0.0:
-                for c in range(r, m):
-                    factor[r, c] -= x * factor[n, c]
-        factor[n, n] = pivot
-        for c in range(n + 1, m):
-            factor[n, c] *= pivot
+    for i in range(0, end, 3):
+        f = factor3(load_factor3(factor, i))
+        store_factor3(factor, i, f)
+        for n in range(3):
+            if not 0.0 < f[n] * (SMALL * mu) < 1.0 and i + n < m:
+                begin_null(factor, f, i, n, nulls[small], end)
+                small += 1
+        for j in range(i + 3, end, 3):
+            eliminate(factor, f, i, j, end)
     count = 0
     for n in range(small):
-        if n > count:
-            for r in range(m):
-                nulls[count, r] = nulls[n, r]
-        count += refine_null(factor, mu, nulls, count, m)
+        for r in range(end if n > count else 0):
+            nulls[count, r] = nulls[n, r]
+        count += refine_null(factor, mu, nulls, count, 1, m)
     return mu, count
 
 
+@part
+def eliminate(factor, f, i, j, end):
+    """Block row j less its part along block row i."""
+    x, y, z = load(factor, i, j), load(factor, i + 1, j), load(factor, i + 2, j)
+    a = solve3(f, (x[0], y[0], z[0]))
+    b = solve3(f, (x[1], y[1], z[1]))
+    c = solve3(f, (x[2], y[2], z[2]))
+    store(factor, j, i, a)
+    store(factor, j + 1, i, b)
+    store(factor, j + 2, i, c)
+    for k in range(j, end, 3):
+        x, y, z = load(factor, i, k), load(factor, i + 1, k), load(factor, i + 2, k)
+        store(factor, j, k, take_rows(load(factor, j, k), a, x, y, z))
+        store(factor, j + 1, k, take_rows(load(factor, j + 1, k), b, x, y, z))
+        store(factor, j + 2, k, take_rows(load(factor, j + 2, k), c, x, y, z))
+
+
+@part
+def take_rows(row, a, x, y, z):
+    """row - a₀ x - a₁ y - a₂ z."""
+    return add_scaled(add_scaled(add_scaled(row, -a[0], x), -a[1], y), -a[2], z)
+
+
+@part
+def begin_null(factor, f, i, n, x, end):
+    """x = L⁻ᵀ e for pivot n of block i: null but for that pivot over the others."""
+    for r in range(end):
+        x[r] = 0.0
+    pivot = (1.0 if n == 0 else 0.0, 1.0 if n == 1 else 0.0, 1.0 if n == 2 else 0.0)
+    store3(x, i, backward3(f, pivot))
+    for k in range(i - 3, -1, -3):
+        y = (0.0, 0.0, 0.0)
+        for j in range(k + 3, i + 3, 3):
+            y = add_mul_t(y, factor, j, k, scale(-1.0, load3(x, j)))
+        store3(x, k, y)
+    normalise(x, end)
+
+
 @sweep
-def refine_null(factor, mu, nulls, n, m):
+def refine_null(factor, mu, nulls, n, iterations, m):
     """Inverse iteration of null direction n, at right angles to those before; 1 if it is null."""
     growth = 0.0
-    for _ in range(INVERSE_ITERATIONS):
+    end = whole_blocks(m)
+    for _ in range(iterations):
         solve_factor(factor, nulls[n], m)
         for other in range(n):
-            take_out(nulls, other, nulls[n], m)
-        growth = normalise(nulls[n], m)
+            take_out(nulls, other, nulls[n], end)
+        growth = normalise(nulls[n], end)
     return 1 if growth * NULL * mu > 1.0 else 0
 
 
 @part
-def normalise(x, m):
+def inner(x, y, end):
+    """x · y."""
+    a, b, c = 0.0, 0.0, 0.0
+    for r in range(0, end, 3):
+        a += x[r] * y[r]
+        b += x[r + 1] * y[r + 1]
+        c += x[r + 2] * y[r + 2]
+    return a + b + c
+
+
+@part
+def normalise(x, end):
     """x at length one; its length before."""
-    size = 0.0
-    for r in range(m):
-        size += x[r] * x[r]
-    size = math.sqrt(size)
-    if size > 0.0:
-        for r in range(m):
-            x[r] /= size
+    size = math.sqrt(inner(x, x, end))
+    share = 1.0 / size if size > 0.0 else 0.0
+    for r in range(end):
+        x[r] *= share
     return size
 
 
 @part
-def take_out(nulls, n, x, m):
+def take_out(nulls, n, x, end):
     """x less its part along null direction n."""
-    along = 0.0
-    for r in range(m):
-        along += nulls[n, r] * x[r]
-    for r in range(m):
+    along = inner(nulls[n], x, end)
+    for r in range(end):
         x[r] -= along * nulls[n, r]
 
 
 @sweep
 def solve_factor(factor, x, m):
     """(Ω + μI)⁻¹ x in place; the largest magnitude of the result."""
-    for n in range(m):
-        y = x[n]
-        for r in range(n + 1, m):
-            x[r] -= factor[n, r] * y
+    end = whole_blocks(m)
+    for i in range(3, end, 3):
+        y = load3(x, i)
+        for k in range(0, i, 3):
+            y = sub(y, mul(load33(factor, i, k), load3(x, k)))
+        store3(x, i, y)
     size = 0.0
-    for n in range(m - 1, -1, -1):
-        y = x[n] * factor[n, n]
-        for c in range(n + 1, m):
-            y -= factor[n, c] * x[c]
-        x[n] = y
-        size = max(size, abs(y))
+    for i in range(end - 3, -1, -3):
+        y = solve3(load_factor3(factor, i), load3(x, i))
+        for k in range(i + 3, end, 3):
+            y = add_mul_t(y, factor, k, i, scale(-1.0, load3(x, k)))
+        store3(x, i, y)
+        size = max(size, max(abs(y[0]), max(abs(y[1]), abs(y[2]))))
     return size
+
+
+@part
+def remainder(omega, rhs, lam, out, end):
+    """rhs - Ω λ."""
+    for i in range(0, end, 3):
+        y = load3(rhs, i)
+        for k in range(0, end, 3):
+            y = sub(y, mul(load33(omega, i, k), load3(lam, k)))
+        store3(out, i, y)
 
 
 @sweep
@@ -112,42 +206,40 @@ def solve_proximal(omega, factor, nulls, mu, count, vectors, m):
 
     Corrections shrink by a constant ratio: the one that would be rounding is not computed.
     """
-    rhs = vectors[RHS, :m]
-    lam = vectors[LAMBDA, :m]
-    change = vectors[CHANGE, :m]
+    rhs = vectors[RHS]
+    lam = vectors[LAMBDA]
+    change = vectors[CHANGE]
+    end = whole_blocks(m)
+    for r in range(m, end):
+        rhs[r] = 0.0
     for n in range(count):
-        take_out(nulls, n, rhs, m)
-    for r in range(m):
+        take_out(nulls, n, rhs, end)
+    for r in range(end):
         lam[r] = rhs[r]
     size = solve_factor(factor, lam, m)
     last = size
     taken = 1
     while taken < REFINEMENTS and last > 0.0:
-        for r in range(m):
-            change[r] = rhs[r]
-        for c in range(m):
-            x = lam[c]
-            for r in range(m):
-                change[r] -= omega[c, r] * x
+        remainder(omega, rhs, lam, change, end)
         largest = solve_factor(factor, change, m)
         taken += 1
         if not largest < 0.5 * last:
             if not (largest > 1e-9 * size and count < m):  # rounding is all that is left
                 break
-            for r in range(m):
+            for r in range(end):
                 nulls[count, r] = change[r]
-            normalise(nulls[count], m)
-            if refine_null(factor, mu, nulls, count, m) == 0:
+            normalise(nulls[count], end)
+            if refine_null(factor, mu, nulls, count, INVERSE_ITERATIONS, m) == 0:
                 break
-            take_out(nulls, count, rhs, m)
-            take_out(nulls, count, lam, m)
+            take_out(nulls, count, rhs, end)
+            take_out(nulls, count, lam, end)
             count += 1
             continue
-        for r in range(m):
+        for r in range(end):
             lam[r] += change[r]
         if largest * (largest / last) <= 1e-16 * size:
             break
         last = largest
     for n in range(count):
-        take_out(nulls, n, lam, m)
+        take_out(nulls, n, lam, end)
     return taken

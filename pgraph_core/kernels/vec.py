@@ -219,6 +219,11 @@ def load6(a, i, j):
 
 
 @part
+def load3(x, i):
+    return (x[i], x[i + 1], x[i + 2])
+
+
+@part
 def store3(x, i, value):
     x[i] = value[0]
     x[i + 1] = value[1]
