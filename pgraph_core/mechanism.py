@@ -51,6 +51,8 @@ class Mechanism:
     Raises InputError for arrays of the wrong length or with numbers that are not finite.
     """
 
+    _driven: tuple[tuple[Force, ...], Drives] | None = None  # forces last asked for, packed
+
     def __init__(self, model: Model | Columns, /):
         """Number and pack a valid model, or a table in columns."""
         columns = model if isinstance(model, Columns) else Columns.of(model)
@@ -466,8 +468,15 @@ class Mechanism:
         return drives(self.model, self.topology, self.system, ())
 
     def drives(self, forces: tuple[Force, ...]) -> Drives:
-        """Springs and dampers of the joints, and the given motors and servos."""
-        return drives(self.model, self.topology, self.system, forces)
+        """Springs and dampers of the joints, and the given motors and servos.
+
+        The last answer is kept: runs of one scenario ask again and again.
+        """
+        kept = self._driven
+        if kept is None or kept[0] != forces:
+            kept = (forces, drives(self.model, self.topology, self.system, forces))
+            self._driven = kept
+        return kept[1]
 
     @cached_property
     def scene(self) -> Scene:

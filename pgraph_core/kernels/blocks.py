@@ -27,6 +27,7 @@ from .vec import (
     mul,
     scale,
     store,
+    store3,
     store9,
     sub,
 )
@@ -251,15 +252,13 @@ def rolled(blocks_i, blocks_f, i, work):
 
 @part
 def turning(blocks_i, blocks_f, i, work, linear, p, u, d):
-    """(e, s) of a force block: see above; d is its first direction."""
+    """(e, s) of a force block but a whole point, which has none; d is its first direction."""
     kind = blocks_i[i, at.B_TYPE]
     a = blocks_i[i, at.B_A]
     b = blocks_i[i, at.B_B]
     w_a = load(work, a, at.W)
     w_b = load(work, b, at.W)
     none = (0.0, 0.0, 0.0)
-    if whole_point(blocks_i, i):
-        return none, none
     if kind == at.T_POINT:
         return none, scale(2.0, w_b)
     if kind == at.T_BLADE:
@@ -292,6 +291,9 @@ def residual_acceleration(blocks, work, space, t, vdot, out):
             out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, order)
         elif kind == at.T_ALIGN:
             align_acceleration(blocks_i, blocks_f, i, work, place, out, at_r)
+        elif whole_point(blocks_i, i):
+            mine = point_acceleration(work, a, load(place, i, at.PLACE_P))
+            store3(out, at_r, sub(mine, point_acceleration(work, b, load(place, i, at.PLACE_Q))))
         else:
             p = load(place, i, at.PLACE_P)
             d = load(place, i, at.PLACE_D)

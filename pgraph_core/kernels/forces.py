@@ -25,16 +25,30 @@ from .vec import (
 TINY = 1e-60  # a spring of length zero pulls nowhere, without a branch
 
 
-@sweep
+@part
+def knot_after(knots, first, count, t):
+    """The first knot later than t, which lies within the table: most are evenly spaced."""
+    begin = knots[first, 0]
+    last = first + count - 1
+    n = first + 1 + int((t - begin) * (count - 1) / (knots[last, 0] - begin))
+    n = min(n, last)
+    while t < knots[n - 1, 0]:
+        n -= 1
+    while t >= knots[n, 0]:
+        n += 1
+    return n
+
+
+@part
 def lookup(knots, first, count, t):
     """Value of a table at time t: straight lines between knots, constant outside them."""
     if t <= knots[first, 0]:
         return knots[first, 1]
-    for n in range(first + 1, first + count):
-        if t < knots[n, 0]:
-            share = (t - knots[n - 1, 0]) / (knots[n, 0] - knots[n - 1, 0])
-            return knots[n - 1, 1] + share * (knots[n, 1] - knots[n - 1, 1])
-    return knots[first + count - 1, 1]
+    if not t < knots[first + count - 1, 0]:
+        return knots[first + count - 1, 1]
+    n = knot_after(knots, first, count, t)
+    share = (t - knots[n - 1, 0]) / (knots[n, 0] - knots[n - 1, 0])
+    return knots[n - 1, 1] + share * (knots[n, 1] - knots[n - 1, 1])
 
 
 @sweep
@@ -102,12 +116,12 @@ def between(knots, first, count, t, column):
     last = first + count - 1
     if t <= knots[first, 0]:
         return load(knots, first, column)
-    for n in range(first + 1, last + 1):
-        if t < knots[n, 0]:
-            share = (t - knots[n - 1, 0]) / (knots[n, 0] - knots[n - 1, 0])
-            x = load(knots, n - 1, column)
-            return add_scaled(x, share, sub(load(knots, n, column), x))
-    return load(knots, last, column)
+    if not t < knots[last, 0]:
+        return load(knots, last, column)
+    n = knot_after(knots, first, count, t)
+    share = (t - knots[n - 1, 0]) / (knots[n, 0] - knots[n - 1, 0])
+    x = load(knots, n - 1, column)
+    return add_scaled(x, share, sub(load(knots, n, column), x))
 
 
 @part

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -99,6 +100,7 @@ def caller(signature: Any) -> Any:
     return call
 
 
+@cache
 def address_of(dispatcher: Any) -> int:
     """Where a kernel's code is, for `caller`; compiles it first."""
     if not JIT:

@@ -10,6 +10,7 @@ from .factors import backward3, backward6, forward3, solve3
 from .kinematics import base_axes, load_inertia
 from .vec import (
     accumulate,
+    add,
     add_cross,
     add_scaled,
     cross,
@@ -42,110 +43,152 @@ def pivots(rows, work, dinv):
 
 
 @part
-def set_wrenches(blocks_i, i, work, place, column, k, side, sign, hold):
-    """The block's unit wrenches on row k, at its origin, into one side of `hold`."""
+def unit_wrenches(blocks_i, i, work, place, column, k, sign):
+    """The block's unit wrenches on row k, at its origin: moment and force of each in turn."""
     arm = sub(load(place, i, column), load(work, k, at.X))
-    torque = blocks_i[i, at.B_TYPE] == at.T_ALIGN
-    for c in range(3):
-        d = (0.0, 0.0, 0.0)
-        if c < blocks_i[i, at.B_SIZE]:
-            d = scale(sign, load(place, i, at.PLACE_D + 3 * c))
-        store(hold, side, 6 * c, d if torque else cross(arm, d))
-        store(hold, side, 6 * c + 3, (0.0, 0.0, 0.0) if torque else d)
+    size = blocks_i[i, at.B_SIZE]
+    none = (0.0, 0.0, 0.0)
+    a = scale(sign, load(place, i, at.PLACE_D))
+    b = scale(sign, load(place, i, at.PLACE_D + 3)) if size > 1 else none
+    c = scale(sign, load(place, i, at.PLACE_D + 6)) if size > 2 else none
+    if blocks_i[i, at.B_TYPE] == at.T_ALIGN:
+        return (a, none, b, none, c, none)
+    return (cross(arm, a), a, cross(arm, b), b, cross(arm, c), c)
+
+
+@part
+def meeting(rows, a, b):
+    """The last row that is on the paths of both rows to the ground."""
+    if b == 0:
+        return b
+    while a != b:
+        if a > b:
+            a = rows[a, at.PARENT]
+        else:
+            b = rows[b, at.PARENT]
+    return a
 
 
 @part
 def carry(rows, blocks_i, i, work, space):
-    """Y of a block between bodies: two paths towards the ground, one after they have met."""
-    y, slots, place, hold = space[0], space[1], space[4], space[8]
-    k_a = blocks_i[i, at.B_A]
-    k_b = blocks_i[i, at.B_B]
-    set_wrenches(blocks_i, i, work, place, at.PLACE_P, k_a, 0, 1.0, hold)
-    set_wrenches(blocks_i, i, work, place, at.PLACE_Q, k_b, 1, -1.0, hold)
+    """Y of a block between bodies: from B and from A to where they meet, and on from there."""
+    y, slots, place = space[0], space[1], space[4]
+    a = blocks_i[i, at.B_A]
+    b = blocks_i[i, at.B_B]
+    meet = meeting(rows, a, b)
+    none = (0.0, 0.0, 0.0)
+    x = (none, none, none, none, none, none)
+    before = x
     slot = 0
-    while k_a > 0 or k_b > 0:
-        if k_a == k_b:
-            for n in range(18):
-                hold[0, n] += hold[1, n]
-            k_b = 0
-        if k_a > k_b:
-            slot = past(rows, work, k_a, hold, 0, y, slots, i, slot)
-            k_a = 0 if rows[k_a, at.KIND] == at.FREE else rows[k_a, at.PARENT]
-        else:
-            slot = past(rows, work, k_b, hold, 1, y, slots, i, slot)
-            k_b = 0 if rows[k_b, at.KIND] == at.FREE else rows[k_b, at.PARENT]
+    for leg in range(3):
+        k = meet
+        if leg == 0:
+            k = b
+        elif leg == 1:
+            k = a
+        stop = 0 if leg == 2 else meet
+        if leg == 2:
+            x = add_wrenches(before, x)
+        elif k > 0:
+            before = x
+            column = at.PLACE_Q if leg == 0 else at.PLACE_P
+            x = unit_wrenches(blocks_i, i, work, place, column, k, 2.0 * leg - 1.0)
+        while k > stop:
+            x, slot = past(rows, work, k, x, y, slots, i, slot)
+            k = 0 if rows[k, at.KIND] == at.FREE else rows[k, at.PARENT]
     slots[i, at.SLOTS] = slot
 
 
 @part
-def past(rows, work, k, hold, side, y, slots, i, slot):
-    """Three wrenches past joint k, which keeps its share of each; the next free slot."""
+def add_wrenches(x, z):
+    return (
+        add(x[0], z[0]),
+        add(x[1], z[1]),
+        add(x[2], z[2]),
+        add(x[3], z[3]),
+        add(x[4], z[4]),
+        add(x[5], z[5]),
+    )
+
+
+@part
+def past(rows, work, k, x, y, slots, i, slot):
+    """(three wrenches past joint k, the next free slot); the joint keeps its share of each."""
     kind = rows[k, at.KIND]
-    j = rows[k, at.VI]
+    width = width_of(kind)
+    for n in range(width):
+        slots[i, at.SLOT + slot + n] = rows[k, at.VI] + n
+    none = (0.0, 0.0, 0.0)
+    link = load(work, k, at.L)
     if kind <= at.TRANSLATE:
         h = load(work, k, at.H)
+        if kind == at.ROTATE:
+            share = (dot(h, x[0]), dot(h, x[2]), dot(h, x[4]))
+        else:
+            share = (dot(h, x[1]), dot(h, x[3]), dot(h, x[5]))
         u0 = load(work, k, at.U)
         u1 = load(work, k, at.U + 3)
-        link = load(work, k, at.L)
         d = work[k, at.D]
-        for c in range(3):
-            moment = load(hold, side, 6 * c)
-            force = load(hold, side, 6 * c + 3)
-            share = dot(h, moment) if kind == at.ROTATE else dot(h, force)
-            y[i, 3 * slot + c] = share
-            moment = add_scaled(moment, -share * d, u0)
-            force = add_scaled(force, -share * d, u1)
-            store(hold, side, 6 * c, add_cross(moment, link, force))
-            store(hold, side, 6 * c + 3, force)
-        slots[i, at.SLOT + slot] = j
-        return slot + 1
-    if kind == at.BALL:
-        past_ball(work, k, hold, side, y, i, slot)
-        for n in range(3):
-            slots[i, at.SLOT + slot + n] = j + n
-        return slot + 3
-    into_free(work, k, hold, side, y, i, slot)
-    for n in range(6):
-        slots[i, at.SLOT + slot + n] = j + n
-    return slot + 6
+        store(y, i, 3 * slot, share)
+        a = add_scaled(x[1], -share[0] * d, u1)
+        b = add_scaled(x[3], -share[1] * d, u1)
+        c = add_scaled(x[5], -share[2] * d, u1)
+        p = add_cross(add_scaled(x[0], -share[0] * d, u0), link, a)
+        q = add_cross(add_scaled(x[2], -share[1] * d, u0), link, b)
+        r = add_cross(add_scaled(x[4], -share[2] * d, u0), link, c)
+        x = (p, a, q, b, r, c)
+    elif kind == at.BALL:  # it passes a force on, and no moment
+        a = past_ball(work, k, x[0], x[1], y, i, 3 * slot)
+        b = past_ball(work, k, x[2], x[3], y, i, 3 * slot + 1)
+        c = past_ball(work, k, x[4], x[5], y, i, 3 * slot + 2)
+        x = (cross(link, a), a, cross(link, b), b, cross(link, c), c)
+    else:  # the last joint that feels a wrench
+        into_free(work, k, x[0], x[1], y, i, 3 * slot)
+        into_free(work, k, x[2], x[3], y, i, 3 * slot + 1)
+        into_free(work, k, x[4], x[5], y, i, 3 * slot + 2)
+        x = (none, none, none, none, none, none)
+    return x, slot + width
 
 
 @part
-def past_ball(work, k, hold, side, y, i, slot):
-    """A ball passes a force on, and no moment."""
+def past_ball(work, k, moment, force, y, i, column):
+    """The force behind a ball."""
     _, b, _ = load_inertia(work, k)
     f = load6(work, k, at.U)
-    link = load(work, k, at.L)
-    for c in range(3):
-        moment = load(hold, side, 6 * c)
-        force = load(hold, side, 6 * c + 3)
-        share = forward3(f, moment)
-        for n in range(3):
-            y[i, 3 * (slot + n) + c] = share[n]
-        force = sub(force, mul_t(b, solve3(f, moment)))
-        store(hold, side, 6 * c, cross(link, force))
-        store(hold, side, 6 * c + 3, force)
+    share = forward3(f, moment)
+    y[i, column] = share[0]
+    y[i, column + 3] = share[1]
+    y[i, column + 6] = share[2]
+    return sub(force, mul_t(b, solve3(f, moment)))
 
 
 @part
-def into_free(work, k, hold, side, y, i, slot):
-    """The last joint that feels a wrench: a free one transmits nothing."""
-    for r in range(6):
-        ir = at.IA + r * (r + 1) // 2
-        for c in range(3):
-            share = hold[side, 6 * c + r]
-            for n in range(r):
-                share -= work[k, ir + n] * y[i, 3 * (slot + n) + c]
-            y[i, 3 * (slot + r) + c] = share
+def into_free(work, k, moment, force, y, i, column):
+    """L⁻¹ of a wrench on a free row."""
+    a = at.IA
+    y0, y1, y2 = moment
+    y3, y4, y5 = force
+    y1 -= work[k, a + 1] * y0
+    y2 -= work[k, a + 3] * y0 + work[k, a + 4] * y1
+    y3 -= work[k, a + 6] * y0 + work[k, a + 7] * y1 + work[k, a + 8] * y2
+    y4 -= work[k, a + 10] * y0 + work[k, a + 11] * y1 + work[k, a + 12] * y2
+    y4 -= work[k, a + 13] * y3
+    y5 -= work[k, a + 15] * y0 + work[k, a + 16] * y1 + work[k, a + 17] * y2
+    y5 -= work[k, a + 18] * y3 + work[k, a + 19] * y4
+    y[i, column] = y0
+    y[i, column + 3] = y1
+    y[i, column + 6] = y2
+    y[i, column + 9] = y3
+    y[i, column + 12] = y4
+    y[i, column + 15] = y5
 
 
 @part
 def carry_coordinates(rows, const, blocks, i, work, space):
     """Y of a coordinate row: unit torques on the joints of its terms, and back on their parents."""
     blocks_i, _, terms_i, terms_f, _, _ = blocks
-    y, slots, whole, hold = space[0], space[1], space[7], space[8]
-    for n in range(18):
-        hold[0, n] = 0.0
+    y, slots, whole = space[0], space[1], space[7]
+    none = (0.0, 0.0, 0.0)
     slot = 0
     for k in range(rows.shape[0] - 1, 0, -1):
         first = blocks_i[i, at.B_TERM]
@@ -155,14 +198,14 @@ def carry_coordinates(rows, const, blocks, i, work, space):
                 push(rows, const, work, k, column, terms_f[n], whole)
         if not any_of(whole, k):
             continue
-        for n in range(6):
-            hold[0, n] = whole[k, n]
-            whole[k, n] = 0.0
-        slot = past(rows, work, k, hold, 0, y, slots, i, slot)
+        x = (load(whole, k, 0), load(whole, k, 3), none, none, none, none)
+        store(whole, k, 0, none)
+        store(whole, k, 3, none)
+        x, slot = past(rows, work, k, x, y, slots, i, slot)
         p = rows[k, at.PARENT]
         if p > 0 and rows[k, at.KIND] != at.FREE:
-            accumulate(whole, p, 0, load(hold, 0, 0))
-            accumulate(whole, p, 3, load(hold, 0, 3))
+            accumulate(whole, p, 0, x[0])
+            accumulate(whole, p, 3, x[1])
     slots[i, at.SLOTS] = slot
 
 
