@@ -97,7 +97,7 @@ def has_springs(body: Body) -> bool:
 def _coordinates(packed: System, number: int) -> list[tuple[int, int]]:
     """(index into v, index into q or -1) of each degree of freedom of a body's joint."""
     found: list[tuple[int, int]] = []
-    for k in np.flatnonzero(packed.body_of_row == number):
+    for k in range(*np.searchsorted(packed.body_of_row, (number, number + 1))):
         _, kind, qi, vi = packed.rows[k].tolist()
         if kind <= at.TRANSLATE:
             found.append((vi, qi))

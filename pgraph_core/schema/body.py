@@ -143,7 +143,10 @@ class Body(Described):
 
     @model_validator(mode="after")
     def _physical(self) -> Self:
+        if "checked" in vars(self):  # as a part of another model
+            return self
         refuse(body_problems(self))
+        vars(self)["checked"] = True  # beside the fields: a copy is looked at again
         _ = self.records  # from numbers that are at hand and right
         return self
 

@@ -139,6 +139,14 @@ def test_a_body_attached_elsewhere_is_packed_anew():
     assert same(pg.Mechanism(left), pg.Mechanism(pg.Model.from_json(left.to_json())))
 
 
+@pytest.mark.parametrize("update", [{"rotation": (0.0,) * 4}, {"name": " a"}])
+def test_a_copy_of_a_body_is_looked_at_again(update):
+    rod = pg.Model.serial(1).bodies[0]
+    assert pg.Model(bodies=(rod,)).bodies[0] is rod
+    with pytest.raises(pg.ModelError):
+        pg.Model(bodies=(rod.model_copy(update=update),))
+
+
 EDITS = {
     "parent": {"parent": "left_femur"},
     "mass": {"mass": 2.5},
