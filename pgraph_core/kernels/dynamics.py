@@ -117,10 +117,7 @@ def mass_matrix(rows, const, q, v, work, m):
     joint_inertia(rows, const, work, m)
 
 
-@kernel(
-    "i8(i8[:,::1],f8[:,::1],i8[:,::1],f8[:,::1],f8[::1],f8[::1],f8[::1],f8[:,::1],f8[::1],f8[:,::1],"
-    "i8[::1],f8[:,::1],f8[::1])"
-)
+@kernel(None)  # few ask for it: compiled at the first call
 def forward_dynamics_composite(
     rows, const, bodies_i, bodies_f, q, v, tau, external, zero, work, outer, m, vdot
 ):
