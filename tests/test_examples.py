@@ -16,6 +16,7 @@ PROMISED = {
     "04_stance": "in all            323.73 N at first",
     "05_frame_update": "equal to the absolute form: True",
     "06_batch": "as alone to 1e-12: True",
+    "07_columns": "row 2, mass: must be a finite number >= 0 [kg]; given -1.0",
 }
 
 
