@@ -18,6 +18,7 @@ from .topology import Topology
 Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
 INT = np.dtype(np.int64)
+EMPTY = np.empty
 
 
 class System(NamedTuple):
@@ -50,13 +51,13 @@ def packed(columns: Columns) -> tuple[Packed, int]:
     Raises ModelError where parents close a cycle.
     """
     parent, body, motion, start = columns.numbers
-    nb, n, empty = len(body), len(motion) + 1, np.empty
+    nb, n = len(body), len(motion) + 1
     arrays = (
-        empty((n, 4), INT),
-        empty((n, CONST)),
-        empty((nb, BODIES_I), INT),
-        empty((nb, BODY)),
-        empty(len(start)),
+        EMPTY((n, 4), INT),
+        EMPTY((n, CONST)),
+        EMPTY((nb, BODIES_I), INT),
+        EMPTY((nb, BODY)),
+        EMPTY(len(start)),
     )
     springs = pack(parent, body, motion, start, *arrays)
     if springs < 0:
