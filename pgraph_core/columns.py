@@ -28,7 +28,7 @@ from .column_checks import (
 )
 from .joints import Motion
 from .kernels import gather, pack
-from .kernels._jit import ready
+from .kernels._jit import JIT, ready
 from .schema import Body, Model
 from .schema.editing import edited
 from .schema.names import GROUND
@@ -137,6 +137,7 @@ class Columns:
         self._nq = nq
         self._keep(_names_of(names, nb), None)
         check = ready(gather.gather)
+        given = given if JIT else converted(given)  # uncompiled, it takes any type
         try:
             wrong, row, above = check(*given, nq, *self.numbers)
         except TypeError:  # lists, single numbers, other types: looked at one by one
