@@ -345,17 +345,23 @@ class Mechanism:
 
         Forces are [torque, force] on the constraint's body at its point, world axes.
         """
-        q, v = self._state(q, v)
-        tau = self._zero if tau is None else self.check("tau", tau, self.nv)
-        vdot = np.empty(self.nv)
         scene = self.scene
-        scene.given[:] = tau
-        code = self._constrained(
-            scene.address, self._accelerate, 0.0, q, v, self._flow, vdot, self._wrenches
-        )
+        tau = self._zero if tau is None else tau
+        vdot, wrenches = np.empty(self.nv), np.empty(self._wrenches)
+        asked = (scene.address, self._accelerate, 0.0)
+        try:  # as in `forward_dynamics`
+            if q.shape == self._nq and v.shape == self._nv and tau.shape == self._nv:
+                code = self._constrained(*asked, q, v, tau, self._flow, vdot, wrenches)
+                if code == 0:
+                    return vdot, scene.forces(wrenches)
+        except (AttributeError, TypeError):
+            pass
+        q, v = self._state(q, v)
+        tau = self.check("tau", tau, self.nv)
+        code = self._constrained(*asked, q, v, tau, self._flow, vdot, wrenches)
         if code:
             self._explain(code, q=q, v=v, tau=tau)
-        return vdot, scene.forces(self._wrenches)
+        return vdot, scene.forces(wrenches)
 
     def forward_derivatives(
         self, q: Array, v: Array, tau: Array | None = None
@@ -485,7 +491,7 @@ class Mechanism:
         self._constrained = ready(motion.constrained_dynamics)
         self._flow = np.zeros(3)
         scene = Scene(self, self.passive, NO_LOADS, self.active)
-        self._wrenches = np.zeros((len(scene.active) - 1, 6))
+        self._wrenches = (len(scene.active) - 1, 6)
         return scene
 
     def batch(self, size: int | None = None, **options: Any) -> Any:

@@ -124,7 +124,15 @@ class Recording:
                 )
         vdot, wrenches = np.empty(mech.nv), np.empty_like(self.out[3][0])
         code = motion.constrained_dynamics(
-            self.scene.address, self.links[0], 0.0, self.q, self.v, self.flow, vdot, wrenches
+            self.scene.address,
+            self.links[0],
+            0.0,
+            self.q,
+            self.v,
+            self.scene.given,
+            self.flow,
+            vdot,
+            wrenches,
         )
         if self.user is not None and self.user.error is not None:
             raise self.user.error
@@ -177,7 +185,7 @@ class Recording:
             work=energy[:, 2],
             dissipation=energy[:, 3],
             constraint_drift=drift,
-            constraint_force=self.scene.forces(wrenches),
+            constraint_force=self.scene.forces(wrenches.swapaxes(0, 1).copy()),
             counters=dict(zip(names, self.counters.tolist())),
             timing=timing,
             error_estimate=estimate,

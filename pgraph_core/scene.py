@@ -43,7 +43,7 @@ class Scene:
         self.given = np.zeros(mech.nv)
         self.user = user
         self.work = np.zeros((len(mech.system.rows), at.WORK))
-        self.space = space(mech.nv, len(mech.system.rows), self.blocks, active)
+        self.space = space(mech.nq, mech.nv, len(mech.system.rows), self.blocks, active)
         self.activate(active)
         tables = (*self.blocks[2:], self.active)
         acts = NO_USER if user is None else (user.address, user.exchange, user.answer)
@@ -63,14 +63,14 @@ class Scene:
         self._spans = [(self.blocks.names[i], *s) for i, s in zip(constraints.tolist(), spans)]
 
     def forces(self, wrenches: Array) -> dict[str, Array]:
-        """{name: (..., 6)} [torque, force] on `body` at `point` from the wrenches of blocks."""
+        """{name: (..., 6)} [torque, force] on `body` at `point` from wrenches (blocks, ..., 6)."""
         return {
-            name: wrenches[..., a, :].copy() if b == a + 1 else wrenches[..., a:b, :].sum(axis=-2)
+            name: wrenches[a] if b == a + 1 else wrenches[a:b].sum(axis=0)
             for name, a, b in self._spans
         }
 
 
-def space(nv: int, rows: int, blocks: Blocks, active: Ints) -> tuple[Any, ...]:
+def space(nq: int, nv: int, rows: int, blocks: Blocks, active: Ints) -> tuple[Any, ...]:
     """Workspace of the constraint kernels, for as many rows as may be active at once."""
     count = len(blocks.blocks_i)
     chosen = [b for i in active.tolist() for b in range(blocks.first[i], blocks.first[i + 1])]
@@ -81,7 +81,7 @@ def space(nv: int, rows: int, blocks: Blocks, active: Ints) -> tuple[Any, ...]:
         np.zeros((m, m)),
         np.zeros((m, m)),
         np.zeros((count, at.PLACE)),
-        np.zeros((7, max(m, nv, 1))),
+        np.zeros((9, max(m, nq, 3))),
         np.zeros((rows, 3)),
         np.zeros((rows, 6)),
         np.zeros((2, 18)),

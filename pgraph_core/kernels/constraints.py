@@ -15,15 +15,28 @@ from .blocks import (
     residual_velocity,
     velocities,
 )
-from .kinematics import outboard, positions
+from .kinematics import frames, outboard, positions
 from .moving import advance
 from .paths import carry, carry_coordinates, pivots, spread
-from .proximal import CHANGE, DINV, LAMBDA, RHS, STEP, ZERO, factor_proximal, solve_proximal
+from .proximal import (
+    CHANGE,
+    DINV,
+    FACTORED,
+    LAMBDA,
+    PLACED,
+    RHS,
+    STEP,
+    ZERO,
+    along_nulls,
+    factor_proximal,
+    solve_proximal,
+)
 from .vec import accumulate, add_scaled, cross, largest, load, scale, store, sub
 
 NO_GAP = 1e-14  # relative to the mechanism's size: rounding
 CLOSED = 1e-7  # relative to it: a loop with a larger gap after all rounds is open
 SMALL_MOVE = 1e-10  # rad, m: below it one factorisation serves position and velocity
+NEAR = 1e-4  # how far from where they were made factors may serve a correction
 
 
 @part
@@ -144,11 +157,22 @@ def impose(rows, const, blocks, work, space, gains, t, q, v, vdot):
     for r in range(m):
         rhs[r] = -rhs[r]
     mu, count = delassus(rows, const, blocks, work, space, m)
+    remember(vectors, q, mu, count)
     iterations = solve_proximal(space[2], space[3], space[9], mu, count, vectors, m)
     respond(rows, const, blocks, work, space)
     for j in range(vdot.shape[0]):
         vdot[j] += vectors[STEP, j]
     return iterations
+
+
+@part
+def remember(vectors, q, mu, count):
+    """Where the factors at hand were made, for `settle`."""
+    for i in range(q.shape[0]):
+        vectors[PLACED, i] = q[i]
+    vectors[FACTORED, 0] = mu
+    vectors[FACTORED, 1] = count
+    vectors[FACTORED, 2] = 1.0
 
 
 @part
@@ -199,14 +223,63 @@ def wrenches(rows, blocks, work, space, out):
 def extent(rows, blocks, work):
     """Size of the mechanism's coordinates [m]: what rounding of positions is relative to."""
     blocks_f = blocks[1]
-    size = 0.0
+    x, y, z = 0.0, 0.0, 0.0
     for k in range(1, rows.shape[0]):
-        for n in range(3):
-            size = max(size, abs(work[k, at.X + n]))
+        x = max(x, abs(work[k, at.X]))
+        y = max(y, abs(work[k, at.X + 1]))
+        z = max(z, abs(work[k, at.X + 2]))
+    size = max(x, max(y, z))
     for i in range(blocks_f.shape[0]):
         for n in range(6):
             size = max(size, abs(blocks_f[i, n]))
     return size
+
+
+@part
+def settle(rows, const, blocks, work, space, t, q, v):
+    """`project` by the factors of the last acceleration; False, and nothing moved, if too far off.
+
+    A correction by factors from `moved` away misses by `moved` times itself: next to nothing at
+    the end of a step, whose last stage was close by and whose gap is small.
+    """
+    vectors, nulls = space[5], space[9]
+    mu, count = vectors[FACTORED, 0], int(vectors[FACTORED, 1])
+    known = vectors[FACTORED, 2]
+    vectors[FACTORED, 2] = 0.0
+    moved = 0.0
+    for i in range(q.shape[0]):
+        moved = max(moved, abs(q[i] - vectors[PLACED, i]))
+    if known == 0.0 or not moved < NEAR:
+        return False
+    m = number_rows(blocks, space[1])
+    frames(rows, const, work, q, v)
+    positions(rows, work)
+    velocities(rows, const, work, v, space[6])
+    locate(blocks, work, space[4])
+    rounding = NO_GAP * extent(rows, blocks, work)
+    residual_velocity(blocks, work, space, t, v, vectors[RHS])
+    missed = along_nulls(nulls, count, vectors[RHS], m)
+    correct(rows, const, blocks, work, space, mu, count, m)
+    change = vectors[ZERO]
+    for j in range(v.shape[0]):
+        change[j] = vectors[STEP, j]
+    missed = max(missed, moved * largest(change, v.shape[0]))
+    residual(blocks, work, space, t, q, vectors[RHS])
+    open_gap = largest(vectors[RHS], m) > rounding
+    if open_gap:
+        missed = max(missed, along_nulls(nulls, count, vectors[RHS], m))
+        correct(rows, const, blocks, work, space, mu, count, m)
+        step = largest(vectors[STEP], v.shape[0])
+        missed = max(missed, moved * step)
+        if not step < SMALL_MOVE:
+            return False
+    if not missed <= rounding:
+        return False
+    for j in range(v.shape[0]):
+        v[j] += change[j]
+    if open_gap:
+        advance(rows, q, vectors[STEP], 1.0)
+    return True
 
 
 @part
@@ -217,6 +290,8 @@ def project(rows, const, blocks, work, space, t, q, v, rounds):
     a singular position rounding alone moves them: a gap that is rounding is none.
     """
     place, vectors, linear = space[4], space[5], space[6]
+    if settle(rows, const, blocks, work, space, t, q, v):
+        return 1
     zero = vectors[ZERO]
     for j in range(v.shape[0]):
         zero[j] = 0.0

@@ -136,6 +136,15 @@ def outboard(rows, const, work, q, v):
         rigid(const, work, k)
 
 
+@sweep
+def frames(rows, const, work, q, v):
+    """The first sweep without inertias: what the other sweeps have left beside it stays."""
+    set_ground(const, work)
+    angles(rows, work, q)
+    for k in range(1, rows.shape[0]):
+        move(rows, const, work, q, v, k)
+
+
 @part
 def store_inertia(work, k, j, b, m):
     """[j b; bᵀ m] as the lower triangle of a 6x6 matrix, row by row."""

@@ -114,7 +114,8 @@ SINE = -1
 
 # space of the constraint kernels, float64; w: most degrees of freedom on the paths of a block
 # y (nb, 3 w): what unit multipliers do in each joint; place (nb, 15): where and along what
-# omega, factor, nulls (m, m); vectors (7, max(m, nv)); linear (n + 1, 3): velocities of origins
+# omega, factor, nulls (m, m), m a multiple of 3; vectors (9, max(m, nq, 3))
+# linear (n + 1, 3): velocities of origins
 # whole (n + 1, 6), hold (2, 18): wrenches on their way to the ground
 # slots, int64 (nb + 1, w + 2): number of joints, first row, then their indices into v
 PLACE_P, PLACE_D, PLACE_Q = 0, 3, 12  # 3 on A, 9, 3 on B

@@ -99,10 +99,12 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
     return 0
 
 
-@kernel(types.int64(types.int64, types.int64, types.float64, F1, F1, F1, F1, F2))
-def constrained_dynamics(scene, accelerate, t, q, v, flow, vdot, forces):
+@kernel(types.int64(types.int64, types.int64, types.float64, F1, F1, F1, F1, F1, F2))
+def constrained_dynamics(scene, accelerate, t, q, v, given, flow, vdot, forces):
     """v' and the wrenches of blocks; 0, or -1 where not finite, or the first singular row."""
-    rows, _, _, _, blocks, work, space, _, _, _ = opened(scene)
+    rows, _, _, _, blocks, work, space, _, kept, _ = opened(scene)
+    for j in range(given.shape[0]):
+        kept[j] = given[j]
     tau = space[5][TAU, : v.shape[0]]
     call_acceleration(accelerate, (scene, t, q, v, tau, vdot, flow))
     if blocks[5][0] > 0:

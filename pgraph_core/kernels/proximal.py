@@ -14,6 +14,7 @@ from .factors import backward3, factor3, solve3
 from .vec import add_scaled, load, load3, mul, scale, store, store3, sub
 
 RHS, LAMBDA, CHANGE, DINV, STEP, ZERO = 0, 1, 2, 3, 4, 5  # rows of `vectors`
+PLACED, FACTORED = 7, 8  # q of the last factors; their μ, null directions, whether there are any
 PROXIMAL = 1e-10  # μ relative to the mean diagonal of Ω
 SMALL = 1e5  # a pivot below this many μ may belong to a null direction
 NULL = 10.0  # an eigenvalue below this many μ does
@@ -169,6 +170,15 @@ def take_out(nulls, n, x, end):
     along = inner(nulls[n], x, end)
     for r in range(end):
         x[r] -= along * nulls[n, r]
+
+
+@part
+def along_nulls(nulls, count, x, m):
+    """Largest part of x along the null directions."""
+    size = 0.0
+    for n in range(count):
+        size = max(size, abs(inner(nulls[n], x, whole_blocks(m))))
+    return size
 
 
 @sweep
