@@ -53,6 +53,8 @@ def ints(column: str, value: Any) -> Ints:
 
 def codes(column: str, value: Any, names: Sequence[str]) -> Ints:
     """A column of names as their places in `names`; one name stands for all. Raises ModelError."""
+    if type(value) is np.ndarray and value.dtype == INT:
+        return ints(column, value)
     given = np.atleast_1d(np.asarray(value))
     if given.dtype.kind != "U":
         return ints(column, given)
@@ -114,7 +116,8 @@ def names(given: Sequence[str], nb: int) -> tuple[str, ...]:
         raise refused("names", f"must be a list of texts; given {shown(given)}") from None
     if len(found) != nb:
         raise refused("names", f"must be {nb}, one a body; given {len(found)}")
-    if len(set(found)) < nb or not joined.isprintable() or " " in joined or _empty(found):
+    once = set(found)
+    if len(once) < nb or "" in once or GROUND in once or " " in joined or not joined.isprintable():
         problems = tree_problems(found, [GROUND] * nb)
         for i, name in enumerate(found, start=1):
             text = "'ground' is the name of the ground; choose another" if name == GROUND else ""
@@ -123,10 +126,6 @@ def names(given: Sequence[str], nb: int) -> tuple[str, ...]:
         if problems:
             raise ModelError(problems)
     return found
-
-
-def _empty(found: tuple[str, ...]) -> bool:
-    return "" in found or GROUND in found
 
 
 def refuse_cycles(parent: Ints) -> None:
