@@ -78,11 +78,12 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
 
     `flow` (3,) gets the power put in and dissipated [W], and the solver's iterations.
     """
-    rows, const, drives, loads, blocks, work, space, gains, given, user = opened(scene)
+    rows, const, drives, _, _, work, _, _, given, user = opened(scene)
     put_in, dissipated = drive(drives, t, q, v, given, tau)
     if user[0] != 0:
         put_in += user_torque(user, t, q, v, tau)
     outboard(rows, const, work, q, v)
+    _, _, _, loads, _, _, space, _, _, _ = opened(scene)  # again: what is not needed is not read
     if loads[0].shape[0] > 0:
         positions(rows, work)
         velocities(rows, const, work, v, space[6])
@@ -94,7 +95,8 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
     flow[0] = put_in
     flow[1] = dissipated
     flow[2] = 0.0
-    if blocks[5][0] > 0:
+    if opened(scene)[4][5][0] > 0:
+        _, _, _, _, blocks, _, space, gains, _, _ = opened(scene)
         flow[2] = impose(rows, const, blocks, work, space, gains, t, q, v, vdot)
     return 0
 
