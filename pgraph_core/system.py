@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,7 +73,7 @@ def system(arrays: Packed, nq: int) -> System:
 
 
 def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force, ...]) -> Drives:
-    """The rows of joint springs and dampers, and of `forces`."""
+    """The rows of joint springs and dampers, and of the motors and servos in `forces`."""
     table: list[tuple[float, ...]] = []
     knots: list[tuple[float, float]] = []
     for number, row in enumerate(topology.row.tolist(), start=1):
@@ -82,8 +82,11 @@ def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force
             table += _springs(body, _coordinates(packed, number), knots)
     passive = len(table)
     for force in forces:
+        if force.kind not in ("motor", "servo"):
+            continue
         at_v, at_q = _coordinates(packed, topology.number(force.body))[force.coordinate]
-        target, torque = _knots(force.target, knots), _knots(force.torque, knots)
+        given = cast("float | Table", force.torque)  # of a motor or servo
+        target, torque = _knots(force.target, knots), _knots(given, knots)
         limit = np.inf if force.torque_limit is None else force.torque_limit
         position = at_q if force.kind == "servo" and force.kp else -1
         table.append((at_v, position, force.kp, force.kd, limit, *target, *torque, 0.0))

@@ -18,9 +18,14 @@ from app.cli import main
 
 FIELDS = (
     "name, parent, joint, axes, motions, link, rotation, mass, com, inertia, tip, q, v, "
-    "stiffness, damping, rest, friction, armature, shape"
+    "stiffness, damping, rest, friction, armature, limits, limit_restitution, shape"
 )
 KINDS = "weld, revolute, prismatic, cylindrical, universal, spherical, planar, free, compound"
+CONSTRAINTS = (
+    "point, weld, revolute, prismatic, cylindrical, universal, distance, line, plane, "
+    "orientation, gear, motion, rolling, skate, velocity"
+)
+TORQUE = "a number or a table over time [N m, N]; of a wrench three numbers each [N m]"
 MASS = "must be a finite number >= 0 [kg]"
 INERTIA = "must be a symmetric 3x3 matrix of finite numbers about the centre of mass [kg m^2]"
 
@@ -188,7 +193,7 @@ MODELS: list[tuple[dict[str, Any], list[str]]] = [
         {"gravty": [0, 0, 0]},
         [
             "model, gravty: no such field; did you mean gravity? choose from name, up, gravity, "
-            "bodies, constraints, forces, scenarios"
+            "ground, bodies, constraints, contacts, forces, scenarios"
         ],
     ),
     (
@@ -205,7 +210,7 @@ MODELS: list[tuple[dict[str, Any], list[str]]] = [
     ),
     (
         {"bodies": [ARM], "forces": [{"name": "m", "body": "arm", "torque": math.inf}]},
-        ["force 'm', torque: must be a number or a table over time [N m, N]; given inf"],
+        [f"force 'm', torque: must be {TORQUE}; given inf"],
     ),
     (
         {
@@ -242,7 +247,7 @@ MODELS: list[tuple[dict[str, Any], list[str]]] = [
             "body 'a', inertia: breaks the triangle inequality: "
             "principal moments 1 + 1 < 3 by 1 kg m^2; no rigid body has it",
             "body 'a', axes: a direction must not be zero; given [0.0, 0.0, 0.0]",
-            "constraint 'k', kind: must be 'point'; given 'glue'",
+            f"constraint 'k', kind: must be one of {CONSTRAINTS}; given 'glue'",
             "row 3, name: 'a' is already the name of row 1; choose another",
             "body 'a', parent: no body is named 'z'; choose one of ground, a, b",
             "body 'b', parent: a body cannot be its own parent; given 'b'; "

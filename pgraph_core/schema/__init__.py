@@ -3,7 +3,13 @@
 from .body import Body as Body
 from .body import Shape as Shape
 from .constraint import Constraint as Constraint
+from .contact import Contact as Contact
+from .curves import Polynomial as Polynomial
+from .curves import Sine as Sine
+from .curves import Table as Table
+from .curves import VectorTable as VectorTable
 from .force import Force as Force
-from .force import Table as Table
 from .model import Model as Model
 from .model import Scenario as Scenario
+from .world import Ground as Ground
+from .world import Step as Step

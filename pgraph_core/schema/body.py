@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from .. import joints
 from ..joints import JointKind, Motion, MotionKind
-from .body_checks import body_problems
+from .body_checks import PER_MOTION, body_problems
 from .fields import (
     Described,
     Frozen,
@@ -74,7 +74,7 @@ class Body(Described):
 
     FOLLOWERS: ClassVar[Mapping[str, tuple[str, ...]]] = dict.fromkeys(
         ("joint", "dof", "axes", "motions"),
-        ("axes", "motions", "q", "v", "stiffness", "damping", "rest", "friction", "armature"),
+        ("axes", "motions", "q", "v", "limits", *PER_MOTION),
     )
 
     name: str = Field(description="text that is not empty")
@@ -124,6 +124,14 @@ class Body(Described):
         default=(), description="numbers >= 0 [N m, N], one for all or one a motion"
     )
     armature: PerMotion = Field(default=(), description="numbers >= 0, one for all or one a motion")
+    limits: tuple[tuple[Number | None, Number | None] | None, ...] = Field(
+        default=(),
+        description="[least, greatest] position [rad, m], each may be left open by null, one pair "
+        "for all motions or one a motion",
+    )
+    limit_restitution: PerMotion = Field(
+        default=(), description="numbers from 0 to 1, one for all or one a motion"
+    )
     shape: Shape | None = Field(default=None, description="a shape such as {'kind': 'sphere', ...}")
 
     @model_validator(mode="before")
@@ -273,12 +281,36 @@ def _fill_coordinates(data: dict[str, Any], motions: tuple[Motion, ...]) -> None
         data["q"] = joints.home(motions)
     if listed(data.get("v", ())) == ():
         data["v"] = (0.0,) * joints.nv(motions)
-    for name in ("stiffness", "damping", "rest", "friction", "armature"):
+    if "limits" in data:
+        data["limits"] = _limits(listed(data["limits"]), len(motions))
+    for name in PER_MOTION:
         value = listed(data.get(name, ()))
         value = value if isinstance(value, tuple) else (value,)
         if len(value) == 1 and (motions or value == (0,)):
             value *= len(motions)
         data[name] = value or (0.0,) * len(motions)
+
+
+def _limits(value: Any, count: int) -> Any:
+    """One pair or None a motion, from that, from one pair for all, or () where nothing is bounded.
+
+    Anything else is left for the field to refuse.
+    """
+    if not isinstance(value, tuple):
+        return value
+    if len(value) == 2 and not any(isinstance(x, tuple) for x in value):
+        value = (value,)
+    value = tuple(map(_bound, value))
+    if value and not any(value):
+        return ()
+    return value * count if len(value) == 1 and count else value
+
+
+def _bound(pair: Any) -> Any:
+    """A pair with None for what bounds nothing; None for a pair that does not bound at all."""
+    if isinstance(pair, tuple) and len(pair) == 2:
+        pair = tuple(None if x == end else x for x, end in zip(pair, (-math.inf, math.inf)))
+    return None if pair in ((), (None, None)) else pair
 
 
 def _count(n: int) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from .sentences import shown
 if TYPE_CHECKING:
     from .body import Body
 
+# what a joint has beside its limits, one number a motion
+PER_MOTION = ("stiffness", "damping", "rest", "friction", "armature", "limit_restitution")
 TRIANGLE = 1e-9  # relative slack of the inertia's symmetry and triangle inequality
 
 Finding = tuple[str, str]  # (field, sentence)
@@ -54,8 +56,43 @@ def _joint_problems(body: Body) -> list[tuple[str, str]]:
             found.append((name, f"a {body.joint} joint has {numbers(length)}; given {len(value)}"))
         elif name == "q":
             found += quaternion_problems(value, motions)
-    for name in ("stiffness", "damping", "rest", "friction", "armature"):
+    for name in PER_MOTION:
         found += _physics_problems(name, getattr(body, name), motions)
+    return found + (_limit_problems(body.limits, motions) or outside(body.q, body))
+
+
+def _limit_problems(limits: tuple[Any, ...], motions: tuple[Motion, ...]) -> list[Finding]:
+    """Pairs that are not one a motion, the wrong way round, or on what has no single position."""
+    if not limits:
+        return []
+    if not motions:
+        return [("limits", f"a weld has no motion; given {shown(limits)}")]
+    if len(limits) != len(motions):
+        text = f"give one pair for all motions, or one a motion: {len(motions)}"
+        return [("limits", f"{text}; given {shown(limits)}")]
+    bounded = [(pair, m) for pair, m in zip(limits, motions) if pair is not None]
+    if any(m.kind in ("ball", "free") for _, m in bounded):
+        text = "bound a rotate or translate motion, not a ball or free one"
+        return [("limits", f"{text}; given {shown(limits)}")]
+    return [
+        ("limits", f"the least must be less than the greatest; given {shown(pair)}")
+        for pair, _ in bounded
+        if None not in pair and pair[0] >= pair[1]
+    ]
+
+
+def outside(q: tuple[float, ...], body: Body) -> list[Finding]:
+    """Positions beyond the limits of their motions, where both are well-formed."""
+    motions, found, start = body.sequence, [], 0
+    if len(body.limits) != len(motions) or len(q) != joints.nq(motions):
+        return []
+    for m, pair in zip(motions, body.limits):
+        if pair is not None and m.kind in ("rotate", "translate"):
+            low, high = pair
+            if (low is not None and q[start] < low) or (high is not None and q[start] > high):
+                text = f"must start within its limits {shown(pair)}; given {shown(q[start])}"
+                found.append(("q", text))
+        start += joints.SIZE[m.kind][0]
     return found
 
 
@@ -116,6 +153,8 @@ def _physics_problems(
         return [(name, text)]
     if name != "rest" and any(x < 0 for x in values):
         return [(name, f"must be >= 0; given {list(values)}")]
+    if name == "limit_restitution" and any(x > 1 for x in values):
+        return [(name, f"must be from 0 to 1; given {list(values)}")]
     scalar = name != "damping"
     if scalar and any(x and m.kind in ("ball", "free") for x, m in zip(values, motions)):
         text = "acts on a rotate or translate motion, not on a ball or free one"

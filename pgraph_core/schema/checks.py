@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 from .. import joints
 from ..errors import Problem, choices
-from .body_checks import quaternion_problems
-from .names import GROUND, name_problem, numbers
+from .body_checks import outside, quaternion_problems
+from .names import EVERY, GROUND, name_problem, numbers
 from .sentences import shown
 
 if TYPE_CHECKING:
     from .body import Body
     from .constraint import Constraint
+    from .contact import Contact
     from .force import Force
     from .model import Model
     from .scenario import Scenario
@@ -79,18 +80,119 @@ def unique(kind: str, names: Iterable[str]) -> list[Problem]:
     return found
 
 
+def unknown(name: str, bodies: Bodies, *beside: str) -> str:
+    """What is wrong with a name that is no body's, nor one of those beside; else nothing."""
+    if name in bodies or name in beside:
+        return ""
+    return f"no body is named '{name}'; choose one of {choices((*beside, *bodies))}"
+
+
+def pair_problems(
+    part: Constraint | Force | Contact, where: str, bodies: Bodies, *anyone: str
+) -> list[Problem]:
+    """Unknown bodies in `body` and `other`, and a body together with itself.
+
+    `anyone` are names that stand for bodies.
+    """
+    found = []
+    for field, name, beside in (
+        ("body", part.body, anyone),
+        ("other", part.other, (GROUND, *anyone)),
+    ):
+        if text := unknown(name, bodies, *beside):
+            found.append(Problem(where, field, text))
+    if part.body == part.other and part.body not in anyone:
+        tied = _TIED[type(part).__name__]
+        text = f"a body cannot be {tied} itself; given '{part.body}' twice"
+        found.append(Problem(where, "other", text))
+    return found
+
+
+_TIED = {"Constraint": "constrained to", "Force": "tied to", "Contact": "in contact with"}
+
+
 def constraint_problems(items: Sequence[Constraint], bodies: Bodies) -> list[Problem]:
-    """Unknown bodies, and a body constrained to itself."""
+    """Unknown bodies, a body constrained to itself, coordinates that a joint lacks, no radius."""
     found = unique("constraint", [c.name for c in items])
     for c in items:
         where = f"constraint '{c.name}'"
-        for field, name in (("body", c.body), ("other", c.other)):
-            if name not in bodies and not (field == "other" and name == GROUND):
-                text = f"no body is named '{name}'; choose one of {choices(bodies)}"
-                found.append(Problem(where, field, text))
-        if c.body == c.other:
-            text = f"a body cannot be constrained to itself; given '{c.body}' twice"
-            found.append(Problem(where, "other", text))
+        if c.coefficients is not None and c.body in c.coefficients:
+            found += _coefficient_problems(c.coefficients, where, bodies)
+        else:
+            found += pair_problems(c, where, bodies) or _joint_problems(c, where, bodies)
+    return found
+
+
+def _joint_problems(c: Constraint, where: str, bodies: Bodies) -> list[Problem]:
+    """Coordinates of gears and motions; the radius of what rolls."""
+    found = []
+    for field, name, k in (
+        ("coordinate", c.body, c.coordinate),
+        ("other_coordinate", c.other, c.other_coordinate),
+    ):
+        body = bodies.get(name)
+        if k is not None and body is not None and (text := _coordinate_problem(body, k)):
+            found.append(Problem(where, field, text))
+    body = bodies.get(c.body)
+    if c.kind == "rolling" and c.radius is None and body is not None:
+        kinds = ("sphere",) if c.axis is None else ("cylinder", "sphere")
+        if body.shape is None or body.shape.kind not in kinds:
+            what = "sphere" if c.axis is None else "disc"
+            text = f"a rolling {what} needs its radius: '{c.body}' has no {kinds[0]} as its shape"
+            found.append(Problem(where, "radius", f"{text}; give a radius > 0 [m]"))
+    return found
+
+
+def fits_joint(c: Constraint, bodies: Bodies) -> bool:
+    """Whether these bodies' joints have the coordinates that a constraint asks for."""
+    mine = {name: values for name, values in (c.coefficients or {}).items() if name in bodies}
+    return not (_coefficient_problems(mine, "", bodies) or _joint_problems(c, "", bodies))
+
+
+def _coordinate_problem(body: Body, coordinate: int) -> str:
+    """What is wrong with a coordinate that has to have a position of its own; or nothing."""
+    if coordinate >= body.dof:
+        return f"the joint of '{body.name}' has {body.dof} degrees of freedom; given {coordinate}"
+    if not _has_position(body, coordinate):
+        known = [str(k) for k in range(body.dof) if _has_position(body, k)]
+        do = f"choose one of {choices(known)}" if known else "use kind 'orientation' or 'velocity'"
+        return f"needs a rotate or translate motion; a ball or free one has no single angle; {do}"
+    return ""
+
+
+def _coefficient_problems(
+    coefficients: Mapping[str, tuple[float, ...]], where: str, bodies: Bodies
+) -> list[Problem]:
+    found = []
+    for name, values in coefficients.items():
+        text, body = unknown(name, bodies), bodies.get(name)
+        if body is not None and len(values) != body.dof:
+            text = f"the joint of '{name}' takes {numbers(body.dof)}; given {len(values)}"
+        if text:
+            found.append(Problem(where, "coefficients", text))
+    return found
+
+
+def contact_problems(items: Sequence[Contact], bodies: Bodies) -> list[Problem]:
+    """Unknown bodies, a body against itself, and bodies without a shape to touch with."""
+    found = unique("contact", [c.name for c in items])
+    for c in items:
+        where = f"contact '{c.name}'"
+        found += pair_problems(c, where, bodies, EVERY) or _shape_problems(c, where, bodies)
+    return found
+
+
+def _shape_problems(c: Contact, where: str, bodies: Bodies) -> list[Problem]:
+    found = []
+    for field, name in (("body", c.body), ("other", c.other)):
+        body = bodies.get(name)
+        if body is not None and body.shape is None and not (field == "body" and c.points):
+            do = "give it a shape, or points" if field == "body" else "give it a shape"
+            found.append(Problem(where, field, f"'{name}' has no shape to touch with; {do}"))
+    if EVERY in (c.body, c.other) and not any(b is None or b.shape for b in bodies.values()):
+        field = "body" if c.body == EVERY else "other"
+        text = "no body has a shape; give one a shape, or name a body and give points"
+        found.append(Problem(where, field, text))
     return found
 
 
@@ -99,8 +201,10 @@ def force_problems(items: Sequence[Force], bodies: Bodies, of: str = "") -> list
     found = unique("force", [f.name for f in items])
     for f in items:
         where = f"{of}force '{f.name}'"
-        if f.body not in bodies:
-            text = f"no body is named '{f.body}'; choose one of {choices(bodies)}"
+        if f.kind in ("wrench", "spring", "torsion"):
+            found += pair_problems(f, where, bodies)
+            continue
+        if text := unknown(f.body, bodies):
             found.append(Problem(where, "body", text))
             continue
         body = bodies[f.body]
@@ -123,9 +227,12 @@ def _has_position(body: Body, coordinate: int) -> bool:
 
 
 def scenario_problems(
-    items: Sequence[Scenario], bodies: Bodies, constraints: Sequence[str]
+    items: Sequence[Scenario],
+    bodies: Bodies,
+    constraints: Sequence[str],
+    contacts: Sequence[str],
 ) -> list[Problem]:
-    """Unknown bodies and constraints, states of the wrong length, and its forces' own problems."""
+    """Unknown names, states of the wrong length, and the problems of its own forces."""
     found = unique("scenario", [s.name for s in items])
     for s in items:
         where = f"scenario '{s.name}'"
@@ -133,15 +240,23 @@ def scenario_problems(
             for name, values in state.items():
                 texts = state_problems(field, name, values, bodies)
                 found += [Problem(where, field, text) for text in texts]
-        for i, name in enumerate(s.constraints or ()):
-            if name not in constraints:
-                known = choices(constraints)
-                do = f"choose one of {known}" if known else "the model has no constraint"
-                text = f"no constraint is named '{name}'; {do}"
-                found.append(Problem(where, "constraints", text))
-            elif s.constraints and name in s.constraints[:i]:
-                found.append(Problem(where, "constraints", f"'{name}' stands there twice"))
+        found += _active_problems(where, "constraint", s.constraints or (), constraints)
+        found += _active_problems(where, "contact", s.contacts or (), contacts)
         found += force_problems(s.forces, bodies, f"{where}, ")
+    return found
+
+
+def _active_problems(
+    where: str, kind: str, names: Sequence[str], known: Sequence[str]
+) -> list[Problem]:
+    """Names in a scenario's list that no part of that kind has, or that stand there twice."""
+    found = []
+    for i, name in enumerate(names):
+        if name not in known:
+            do = f"choose one of {choices(known)}" if known else f"the model has no {kind}"
+            found.append(Problem(where, f"{kind}s", f"no {kind} is named '{name}'; {do}"))
+        elif name in names[:i]:
+            found.append(Problem(where, f"{kind}s", f"'{name}' stands there twice"))
     return found
 
 
@@ -157,21 +272,27 @@ def state_problems(field: str, name: str, values: tuple[float, ...], bodies: Bod
         return [f"'{name}' has {numbers(length)}; given {len(values)}"]
     if field == "v":
         return []
-    return [f"'{name}' {text}" for _, text in quaternion_problems(values, body.sequence)]
+    found = quaternion_problems(values, body.sequence) + outside(values, body)
+    return [f"'{name}' {text}" for _, text in found]
 
 
 def reference_problems(
     bodies: Bodies,
     constraints: Sequence[Constraint],
+    contacts: Sequence[Contact],
     forces: Sequence[Force],
     scenarios: Sequence[Scenario],
-    constraint_names: Sequence[str],
+    names: tuple[Sequence[str], Sequence[str]],
 ) -> list[Problem]:
-    """What is wrong with the names by which parts refer to each other."""
+    """What is wrong with the names by which parts refer to each other.
+
+    `names` are those of all constraints and all contacts, refused ones too.
+    """
     return [
         *constraint_problems(constraints, bodies),
+        *contact_problems(contacts, bodies),
         *force_problems(forces, bodies),
-        *scenario_problems(scenarios, bodies, constraint_names),
+        *scenario_problems(scenarios, bodies, *names),
     ]
 
 
@@ -183,8 +304,9 @@ def model_problems(model: Model) -> list[Problem]:
         *reference_problems(
             {b.name: b for b in bodies},
             model.constraints,
+            model.contacts,
             model.forces,
             model.scenarios,
-            [c.name for c in model.constraints],
+            ([c.name for c in model.constraints], [c.name for c in model.contacts]),
         ),
     ]

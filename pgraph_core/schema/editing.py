@@ -8,19 +8,19 @@ from typing import Any, TypeVar
 from ..errors import ModelError, Problem
 from ..rotation import multiply, rotate
 from .body import Body
-from .checks import force_problems, state_problems
+from .body_checks import PER_MOTION
+from .checks import fits_joint, force_problems, state_problems
 from .constraint import Constraint
 from .fields import Described, fields_of
 from .force import Force
 from .scenario import Scenario
 from .sentences import nearest
 
+PAIR = ("body", "other")
+ON_JOINTS = ("motor", "servo")  # forces whose coordinate a new joint may lack
 T = TypeVar("T", bound=Described)
 
-JOINT_FIELDS = (
-    *("axes", "motions", "q", "v"),
-    *("stiffness", "damping", "rest", "friction", "armature"),
-)
+JOINT_FIELDS = ("axes", "motions", "q", "v", "limits", *PER_MOTION)
 
 
 def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
@@ -76,49 +76,73 @@ def renamed(part: T, old: str, new: str, fields: tuple[str, ...]) -> T:
 def renamed_all(parts: Mapping[str, Sequence[Any]], old: str, new: str) -> dict[str, Any]:
     """All parts of a model with a body's new name in place of the old."""
 
+    def swapped(named: Mapping[str, Any]) -> dict[str, Any]:
+        return {new if key == old else key: value for key, value in named.items()}
+
+    def constraint(c: Constraint) -> Constraint:
+        c = renamed(c, old, new, PAIR)
+        return (
+            c
+            if c.coefficients is None
+            else c.model_copy(update={"coefficients": swapped(c.coefficients)})
+        )
+
     def scenario(s: Scenario) -> Scenario:
-        state = {
-            key: {new if k == old else k: value for k, value in getattr(s, key).items()}
-            for key in ("q", "v")
-        }
-        forces = tuple(renamed(f, old, new, ("body",)) for f in s.forces)
-        return s.model_copy(update={**state, "forces": forces})
+        forces = tuple(renamed(f, old, new, PAIR) for f in s.forces)
+        return s.model_copy(update={"q": swapped(s.q), "v": swapped(s.v), "forces": forces})
 
     return {
         "bodies": tuple(renamed(b, old, new, ("parent",)) for b in parts["bodies"]),
-        "constraints": tuple(renamed(c, old, new, ("body", "other")) for c in parts["constraints"]),
-        "forces": tuple(renamed(f, old, new, ("body",)) for f in parts["forces"]),
+        "constraints": tuple(map(constraint, parts["constraints"])),
+        "contacts": tuple(renamed(c, old, new, PAIR) for c in parts["contacts"]),
+        "forces": tuple(renamed(f, old, new, PAIR) for f in parts["forces"]),
         "scenarios": tuple(map(scenario, parts["scenarios"])),
     }
 
 
 def fitted(
-    body: Body, name: str, forces: Sequence[Force], scenarios: Sequence[Scenario]
+    body: Body, name: str, parts: Mapping[str, Sequence[Any]]
 ) -> tuple[dict[str, Any], list[str]]:
     """What still fits a body's new joint, and a notice for each that goes; `name`: as it was."""
+    bodies = {name: body}
+    gone = {c.name for c in parts["constraints"] if not fits_joint(c, bodies)}
 
     def fits(f: Force) -> bool:
-        return f.body != name or not force_problems([f], {name: body})
+        return f.body != name or f.kind not in ON_JOINTS or not force_problems([f], bodies)
 
     def cut(s: Scenario) -> Scenario:
         states = {
             key: {
                 k: x
                 for k, x in getattr(s, key).items()
-                if k != name or not state_problems(key, k, x, {name: body})
+                if k != name or not state_problems(key, k, x, bodies)
             }
             for key in ("q", "v")
         }
-        return s.model_copy(update={**states, "forces": tuple(filter(fits, s.forces))})
+        active = _left(s.constraints, gone)
+        forces = tuple(filter(fits, s.forces))
+        return s.model_copy(update={**states, "forces": forces, "constraints": active})
 
-    cuts = tuple(map(cut, scenarios))
-    notices = [f"force '{f.name}' went: it does not fit the joint" for f in forces if not fits(f)]
+    kept = {
+        "constraints": tuple(c for c in parts["constraints"] if c.name not in gone),
+        "forces": tuple(filter(fits, parts["forces"])),
+        "scenarios": tuple(map(cut, parts["scenarios"])),
+    }
+    notices = [f"constraint '{c}' went: it does not fit the joint" for c in sorted(gone)]
+    notices += [
+        f"force '{f.name}' went: it does not fit the joint" for f in parts["forces"] if not fits(f)
+    ]
     notices += [
         f"scenario '{s.name}': what does not fit the joint of '{name}' went"
-        for s, new in zip(scenarios, cuts)
+        for s, new in zip(parts["scenarios"], kept["scenarios"])
         if s != new
     ]
-    return {"forces": tuple(filter(fits, forces)), "scenarios": cuts}, notices
+    return kept, notices
+
+
+def _left(active: tuple[str, ...] | None, gone: set[str]) -> tuple[str, ...] | None:
+    """A scenario's list of active parts without those that are gone."""
+    return active and tuple(name for name in active if name not in gone)
 
 
 def attached(body: Body, gone: Body) -> Body:
@@ -136,32 +160,36 @@ def attached(body: Body, gone: Body) -> Body:
 
 
 def without(
-    constraints: Sequence[Constraint],
-    forces: Sequence[Force],
-    scenarios: Sequence[Scenario],
-    names: set[str],
+    parts: Mapping[str, Sequence[Any]], names: set[str]
 ) -> tuple[dict[str, Any], list[str]]:
     """What is left of them without the bodies called `names`, and a notice for each that goes."""
-    dropped = {c.name for c in constraints if {c.body, c.other} & names}
-    notices = [
-        f"constraint '{c.name}' went with its body" for c in constraints if c.name in dropped
-    ]
-    notices += [f"force '{f.name}' went with its body" for f in forces if f.body in names]
+
+    def touched(part: Any) -> bool:
+        return bool({part.body, part.other, *(getattr(part, "coefficients", None) or ())} & names)
 
     def cut(s: Scenario) -> Scenario:
-        active = s.constraints and tuple(c for c in s.constraints if c not in dropped)
         return s.model_copy(
             update={
                 "q": {k: value for k, value in s.q.items() if k not in names},
                 "v": {k: value for k, value in s.v.items() if k not in names},
-                "forces": tuple(f for f in s.forces if f.body not in names),
-                "constraints": active,
+                "forces": tuple(f for f in s.forces if not touched(f)),
+                "constraints": _left(s.constraints, gone["constraints"]),
+                "contacts": _left(s.contacts, gone["contacts"]),
             }
         )
 
-    kept = {
-        "constraints": tuple(c for c in constraints if c.name not in dropped),
-        "forces": tuple(f for f in forces if f.body not in names),
-        "scenarios": tuple(map(cut, scenarios)),
+    gone = {
+        kind: {part.name for part in parts[kind] if touched(part)}
+        for kind in ("constraints", "contacts", "forces")
     }
-    return kept, notices
+    kept = {
+        kind: tuple(part for part in parts[kind] if part.name not in dropped)
+        for kind, dropped in gone.items()
+    }
+    notices = [
+        f"{kind[:-1]} '{part.name}' went with its body"
+        for kind in gone
+        for part in parts[kind]
+        if part.name in gone[kind]
+    ]
+    return {**kept, "scenarios": tuple(map(cut, parts["scenarios"]))}, notices

@@ -10,7 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import FileError, Problem
+from .body_checks import PER_MOTION
+from .force import TAKES
 from .sentences import shown
+from .world import Ground
 
 if TYPE_CHECKING:
     from .model import Model
@@ -24,6 +27,13 @@ def to_json(model: Model) -> str:
     data = {"$schema": SCHEMA, "schema_version": SCHEMA_VERSION}
     data |= model.model_dump(mode="json", exclude_none=True)
     data["bodies"] = [_concise(body) for body in data["bodies"]]
+    data["forces"] = [_of_kind(force) for force in data["forces"]]
+    for scenario in data["scenarios"]:
+        scenario["forces"] = [_of_kind(force) for force in scenario["forces"]]
+    if model.ground == Ground():
+        del data["ground"]
+    if not model.contacts:
+        del data["contacts"]
     lines = []
     for key, value in data.items():
         if isinstance(value, list) and value and isinstance(value[0], dict):
@@ -37,10 +47,16 @@ def to_json(model: Model) -> str:
 def _concise(body: dict[str, Any]) -> dict[str, Any]:
     """Without what follows from the rest: a named kind's motions, a compound's axes, zeros."""
     implied = {"axes"} if body["joint"] == "compound" else {"motions"}
-    for field in ("stiffness", "damping", "rest", "friction", "armature", "v"):
+    for field in (*PER_MOTION, "v", "limits"):
         if not any(body[field]):
             implied.add(field)
     return {key: value for key, value in body.items() if key not in implied}
+
+
+def _of_kind(force: dict[str, Any]) -> dict[str, Any]:
+    """Without the fields that mean nothing to a force's kind."""
+    takes = ("name", "kind", "body", *TAKES[force["kind"]])
+    return {key: value for key, value in force.items() if key in takes}
 
 
 def parse(text: str, source: str) -> dict[str, Any]:

@@ -15,11 +15,12 @@ from . import files
 from .body import Body
 from .checks import model_problems
 from .constraint import Constraint
+from .contact import Contact
 from .editing import attached, edited, fitted, renamed_all, without
 from .fields import fields_of, listed, whole
 from .force import Force
 from .names import GROUND
-from .problems import problems
+from .problems import PARTS, problems
 from .scenario import Scenario
 from .sentences import shown
 from .world import DOWN, World
@@ -41,6 +42,7 @@ class Model(World):
 
     bodies: tuple[Body, ...] = Field(default=(), description="a list of bodies")
     constraints: tuple[Constraint, ...] = Field(default=(), description="a list of constraints")
+    contacts: tuple[Contact, ...] = Field(default=(), description="a list of contacts")
     forces: tuple[Force, ...] = Field(default=(), description="a list of forces")
     scenarios: tuple[Scenario, ...] = Field(default=(), description="a list of scenarios")
 
@@ -120,14 +122,13 @@ class Model(World):
         if changes.keys() <= OF_ONE_ROW and self._carries(new):
             return self._made((), **parts)
         if notices:
-            fitting, gone = fitted(new, old.name, self.forces, self.scenarios)
+            fitting, gone = fitted(new, old.name, self._others())
             parts, notices = {**parts, **fitting}, [*notices, *gone]
         if new.name != old.name:
             if new.name in self.row:
                 text = f"'{new.name}' is already the name of row {self.row[new.name] + 1}"
                 raise ModelError(Problem(f"body '{name}'", "name", f"{text}; choose another"))
-            others = {key: getattr(self, key) for key in ("constraints", "forces", "scenarios")}
-            parts = renamed_all({**others, **parts}, old.name, new.name)
+            parts = renamed_all({**self._others(), **parts}, old.name, new.name)
         return self._with(notices, **parts)
 
     def add(self, body: Body, /, *, after: str | None = None) -> Self:
@@ -150,7 +151,7 @@ class Model(World):
         else:
             names = {name}
             bodies = tuple(attached(b, gone) for b in self.bodies if b.name != name)
-        kept, notices = without(self.constraints, self.forces, self.scenarios, names)
+        kept, notices = without(self._others(), names)
         return self._with(notices, bodies=bodies, **kept)
 
     def move(self, name: str, /, to: int) -> Self:
@@ -164,7 +165,7 @@ class Model(World):
         return self._with((), bodies=tuple(rest))
 
     def replace(self, **fields: Any) -> Self:
-        """A new model with other `gravity`, `up`, `constraints`, `forces`, `scenarios`, ...
+        """A new model with other `gravity`, `up`, `ground`, `constraints`, `contacts`, ...
 
         Gravity that points down along the old `up` points down along a new one too.
         """
@@ -191,6 +192,10 @@ class Model(World):
         while name in self.row and name != new.name:
             name = self.bodies[self.row[name]].parent
         return name == GROUND
+
+    def _others(self) -> dict[str, Any]:
+        """The parts beside the bodies, by field."""
+        return {key: getattr(self, key) for key in PARTS if key != "bodies"}
 
     def _subtree(self, name: str) -> set[str]:
         names, grown = {name}, True

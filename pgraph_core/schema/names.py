@@ -5,6 +5,7 @@ from __future__ import annotations
 from .sentences import shown
 
 GROUND = "ground"
+EVERY = "*"  # in a contact: every body that has a shape
 
 
 def name_problem(name: str) -> str:

@@ -9,6 +9,7 @@ from ..errors import ModelError, Problem
 from .body import Body
 from .checks import reference_problems, tree_problems
 from .constraint import Constraint
+from .contact import Contact
 from .fields import Described, part_problems
 from .force import Force
 from .names import GROUND
@@ -19,6 +20,7 @@ from .world import World
 PARTS: dict[str, type[Described]] = {
     "bodies": Body,
     "constraints": Constraint,
+    "contacts": Contact,
     "forces": Force,
     "scenarios": Scenario,
 }
@@ -50,10 +52,12 @@ def problems(data: Mapping[str, Any], known: Iterable[str]) -> list[Problem]:
     names = [_text(row, "name", f"row {i + 1}") for i, row in enumerate(rows)]
     found += tree_problems(names, [_text(row, "parent", GROUND) for row in rows])
     bodies = dict.fromkeys(names) | {body.name: body for body in valid.pop("bodies")}
-    given = data.get("constraints", ())
-    given = given if isinstance(given, (list, tuple)) else ()
-    constraints = [_text(item, "name", "") for item in given]
-    return found + reference_problems(bodies, **valid, constraint_names=constraints)
+    known_names = (_names(data.get("constraints", ())), _names(data.get("contacts", ())))
+    return found + reference_problems(bodies, **valid, names=known_names)
+
+
+def _names(items: Any) -> list[str]:
+    return [_text(item, "name", "") for item in items] if isinstance(items, (list, tuple)) else []
 
 
 def _mended(kind: type[Described], item: Any, bad: list[Problem]) -> Any:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from .fields import Described, Number, PerMotion
+from ..errors import choices
+from ..methods import METHOD_NAMES
+from .fields import Described, Number, PerMotion, refuse
 from .force import Force
+from .sentences import shown
 
 
 class Scenario(Described):
@@ -22,6 +25,17 @@ class Scenario(Described):
         default=None,
         description="names of the active constraints; left out: the model's own choice",
     )
+    contacts: tuple[str, ...] | None = Field(
+        default=None,
+        description="names of the active contacts; left out: the model's own choice",
+    )
     t_end: Annotated[Number, Field(gt=0)] = Field(default=1.0, description="a duration > 0 [s]")
     step: Annotated[Number, Field(gt=0)] = Field(default=1e-3, description="a step > 0 [s]")
     method: str = Field(default="auto", description="the name of an integrator")
+
+    @model_validator(mode="after")
+    def _known_method(self) -> Self:
+        if self.method not in METHOD_NAMES:
+            text = f"no method is called {shown(self.method)}; choose one of "
+            refuse([("method", text + choices(METHOD_NAMES))])
+        return self

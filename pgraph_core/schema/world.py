@@ -1,14 +1,64 @@
-"""What a model has besides its parts: its name, which way is up, and gravity."""
+"""What a model has besides its parts: its name, which way is up, gravity, and the ground."""
 
 from __future__ import annotations
 
-from typing import Any, Literal
+import math
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from .fields import Described, Vec3
+from .fields import Described, Frozen, Number, Vec3, listed, refuse
+from .sentences import shown
 
 DOWN: dict[str, Vec3] = {"x": (-9.81, 0.0, 0.0), "y": (0.0, -9.81, 0.0), "z": (0.0, 0.0, -9.81)}
+AXES = ("x", "y", "z")
+
+Pair = tuple[Number, Number]
+
+
+class Step(Frozen):
+    """A rectangle that stands above the plane of the ground, or below it."""
+
+    low: Pair = Field(
+        description="the least coordinates of the rectangle along the two axes that are not up [m]"
+    )
+    high: Pair = Field(
+        description="the greatest coordinates of it along the two axes that are not up [m]"
+    )
+    height: Number = Field(description="a finite number: how far it lies above the plane [m]")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_lists(cls, data: Any) -> Any:
+        return {key: listed(x) for key, x in data.items()} if isinstance(data, dict) else data
+
+    @model_validator(mode="after")
+    def _wide(self) -> Self:
+        if any(a >= b for a, b in zip(self.low, self.high)):
+            given = f"given {shown(self.low)} and {shown(self.high)}"
+            refuse([("ground", f"a step's low must be less than its high; {given}")])
+        return self
+
+
+class Ground(Frozen):
+    """The plane through the origin, normal to `up` or tilted, and the steps on it."""
+
+    slope: Annotated[Number, Field(gt=-math.pi / 2, lt=math.pi / 2)] = Field(
+        default=0.0, description="an angle within -pi/2 to pi/2 by which it rises [rad]"
+    )
+    uphill: Vec3 | None = Field(
+        default=None,
+        description="the direction [x, y, z] in which it rises; left out: the first axis not up",
+    )
+    friction: Annotated[Number, Field(ge=0)] = Field(
+        default=0.5, description="Coulomb's coefficient >= 0 of contacts that give none"
+    )
+    restitution: Annotated[Number, Field(ge=0, le=1)] = Field(
+        default=0.0, description="a number from 0 to 1, of contacts that give none"
+    )
+    steps: tuple[Step, ...] = Field(
+        default=(), description="a list of {'low': [a, b], 'high': [a, b], 'height': h}"
+    )
 
 
 class World(Described):
@@ -17,6 +67,7 @@ class World(Described):
     name: str = Field(default="model", description="text")
     up: Literal["x", "y", "z"] = Field(default="z", description="'x', 'y' or 'z'")
     gravity: Vec3 = Field(default=DOWN["z"], description="three finite numbers [x, y, z] [m/s^2]")
+    ground: Ground = Field(default=Ground(), description="the ground: {'slope': ..., 'steps': ...}")
 
     @model_validator(mode="before")
     @classmethod
@@ -24,3 +75,26 @@ class World(Described):
         if isinstance(data, dict) and data.get("gravity") is None:
             data = {**data, "gravity": DOWN.get(str(data.get("up", "z")), DOWN["z"])}
         return data
+
+    @model_validator(mode="after")
+    def _level_direction(self) -> Self:
+        uphill = self.ground.uphill
+        if uphill is not None and not 1e-9 < math.hypot(*_level(self.up, uphill)) < 1e9:
+            text = f"uphill must have a part that is not along up ({self.up})"
+            refuse([("ground", f"{text}; given {shown(uphill)}")])
+        return self
+
+    @property
+    def ground_normal(self) -> tuple[float, float, float]:
+        """The unit normal of the ground's plane, in world axes."""
+        first = (1.0, 0.0, 0.0) if self.up != "x" else (0.0, 1.0, 0.0)
+        level = _level(self.up, self.ground.uphill or first)
+        length = math.hypot(*level)
+        rise, run = math.sin(self.ground.slope), math.cos(self.ground.slope)
+        x, y, z = (run * (a == self.up) - rise * c / length for a, c in zip(AXES, level))
+        return (x, y, z)
+
+
+def _level(up: str, x: Vec3) -> tuple[float, ...]:
+    """The part of a direction that is not along `up`."""
+    return tuple(0.0 if axis == up else c for axis, c in zip(AXES, x))

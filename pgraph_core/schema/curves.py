@@ -1,0 +1,71 @@
+"""Numbers that depend on time: tables, and the few formulas that prescribed motions need."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from .fields import Frozen, Number, Numbers, Vec3, listed, refuse
+
+
+class Table(Frozen):
+    """A number over time: straight lines between the knots, constant outside them.
+
+    As `q_of_t` of a constraint a smooth curve instead: a cubic spline at rest at both ends.
+    """
+
+    t: Numbers = Field(description="ascending times [s], at least one")
+    value: Numbers = Field(description="one finite number a time")
+
+    @model_validator(mode="after")
+    def _knots(self) -> Self:
+        refuse(_knot_problems(self.t, self.value))
+        return self
+
+
+class VectorTable(Frozen):
+    """A vector over time: straight lines between the knots, constant outside them."""
+
+    t: Numbers = Field(description="ascending times [s], at least one")
+    value: Annotated[tuple[Vec3, ...], Field(description="one [x, y, z] a time")]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_lists(cls, data: object) -> object:
+        return {key: listed(x) for key, x in data.items()} if isinstance(data, dict) else data
+
+    @model_validator(mode="after")
+    def _knots(self) -> Self:
+        refuse(_knot_problems(self.t, self.value))
+        return self
+
+
+def _knot_problems(t: tuple[float, ...], value: tuple[object, ...]) -> list[tuple[str, str]]:
+    found = []
+    if not t or len(t) != len(value):
+        sizes = f"{len(t)} times, {len(value)} values"
+        found.append(("value", f"needs one value a time, at least one; given {sizes}"))
+    if any(a >= b for a, b in itertools.pairwise(t)):
+        found.append(("t", f"the times t must ascend; given {list(t)}"))
+    return found
+
+
+class Sine(Frozen):
+    """mean + amplitude sin(frequency t + phase), for all times."""
+
+    kind: Literal["sine"] = Field(default="sine", description="'sine'")
+    mean: Number = Field(default=0.0, description="a finite number [rad, m]")
+    amplitude: Number = Field(default=1.0, description="a finite number [rad, m]")
+    frequency: Number = Field(default=1.0, description="a finite number [rad/s]")
+    phase: Number = Field(default=0.0, description="a finite number [rad]")
+
+
+class Polynomial(Frozen):
+    """c0 + c1 t + c2 t^2 + c3 t^3, for all times: (0, 2) turns at a constant 2 rad/s."""
+
+    kind: Literal["polynomial"] = Field(default="polynomial", description="'polynomial'")
+    coefficients: Annotated[Numbers, Field(min_length=1, max_length=4)] = Field(
+        description="one to four finite numbers, that of t^0 first"
+    )
