@@ -14,11 +14,17 @@ from .errors import PgraphError as PgraphError
 from .errors import Problem as Problem
 from .schema import Body as Body
 from .schema import Constraint as Constraint
+from .schema import Contact as Contact
 from .schema import Force as Force
+from .schema import Ground as Ground
 from .schema import Model as Model
+from .schema import Polynomial as Polynomial
 from .schema import Scenario as Scenario
 from .schema import Shape as Shape
+from .schema import Sine as Sine
+from .schema import Step as Step
 from .schema import Table as Table
+from .schema import VectorTable as VectorTable
 from .topology import Topology as Topology
 from .topology import jdof_of as jdof_of
 from .topology import parent_of as parent_of

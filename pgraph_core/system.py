@@ -79,12 +79,12 @@ def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force
     for number, row in enumerate(topology.row.tolist(), start=1):
         body = model.bodies[row]
         if has_springs(body):
-            table += _springs(body, _coordinates(packed, number), knots)
+            table += _springs(body, joint_coordinates(packed, number), knots)
     passive = len(table)
     for force in forces:
         if force.kind not in ("motor", "servo"):
             continue
-        at_v, at_q = _coordinates(packed, topology.number(force.body))[force.coordinate]
+        at_v, at_q = joint_coordinates(packed, topology.number(force.body))[force.coordinate]
         given = cast("float | Table", force.torque)  # of a motor or servo
         target, torque = _knots(force.target, knots), _knots(given, knots)
         limit = np.inf if force.torque_limit is None else force.torque_limit
@@ -98,7 +98,7 @@ def has_springs(body: Body) -> bool:
     return any(body.stiffness) or any(body.damping) or any(body.friction)
 
 
-def _coordinates(packed: System, number: int) -> list[tuple[int, int]]:
+def joint_coordinates(packed: System, number: int) -> list[tuple[int, int]]:
     """(index into v, index into q or -1) of each degree of freedom of a body's joint."""
     found: list[tuple[int, int]] = []
     for k in range(*np.searchsorted(packed.body_of_row, (number, number + 1))):
