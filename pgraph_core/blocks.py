@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 
 from .errors import ModelError, Problem
 from .kernels import layout as at
+from .rotation import unit_vector
 from .schema import Constraint, Model, Polynomial, Sine, Table
 from .system import Array, Ints, System, joint_coordinates, point_in_row
 from .topology import Topology
@@ -131,10 +132,10 @@ class _Ends:
         """(axis, other_axis), unit vectors in their bodies; one left out is the other at home."""
         axis, other = self.c.axis, self.c.other_axis
         if axis is not None and other is not None:
-            return _unit(axis), _unit(other)
+            return unit_vector(axis), unit_vector(other)
         if axis is None and other is not None:
-            return self.turn.T @ _unit(other), _unit(other)
-        along = _unit(axis or (0.0, 0.0, 1.0))
+            return self.turn.T @ unit_vector(other), unit_vector(other)
+        along = unit_vector(axis or (0.0, 0.0, 1.0))
         return along, self.turn @ along
 
     def values(
@@ -188,14 +189,10 @@ def _pose(home: tuple[Array, Array], number: int) -> tuple[Array, Array]:
     return home[0][number - 1], home[1][number - 1]
 
 
-def _unit(x: Sequence[float] | Array) -> Array:
-    return np.array(x) / np.linalg.norm(x)
-
-
 def normals_of(axis: Array) -> tuple[Array, Array]:
     """Two unit vectors that make a right-handed frame with a unit axis as the third."""
     least = np.eye(3)[np.argmin(np.abs(axis))]
-    first = _unit(np.asarray(np.cross(least, axis), dtype=float))
+    first = unit_vector(np.cross(least, axis).astype(float))
     return first, np.cross(axis, first)
 
 
@@ -249,7 +246,7 @@ def _plane(e: _Ends) -> list[_Block]:
 
 def _rolling(e: _Ends) -> list[_Block]:
     if e.c.other_axis is not None:
-        normal = _unit(e.c.other_axis)
+        normal = unit_vector(e.c.other_axis)
     else:
         normal = np.array(e.model.ground_normal if e.b == 0 else (0.0, 0.0, 1.0))
     shape = e.model.body(e.c.body).shape
@@ -257,7 +254,7 @@ def _rolling(e: _Ends) -> list[_Block]:
     dirs = [normal, *normals_of(normal)]
     if e.c.axis is None:
         return [_Block(at.T_SPHERE, 3, e.values(radius or 0.0, dirs))]
-    return [_Block(at.T_DISC, 3, e.values(radius or 0.0, dirs, [_unit(e.c.axis)]))]
+    return [_Block(at.T_DISC, 3, e.values(radius or 0.0, dirs, [unit_vector(e.c.axis)]))]
 
 
 def _skate(e: _Ends) -> list[_Block]:

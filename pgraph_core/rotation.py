@@ -31,6 +31,12 @@ def unit(q: Sequence[float]) -> Quaternion:
     return (w / norm, x / norm, y / norm, z / norm)
 
 
+def unit_vector(x: Sequence[float] | Array) -> Array:
+    """`x` at length one."""
+    vector = np.array(x, dtype=float)
+    return vector / np.linalg.norm(vector)
+
+
 def matrix(q: Sequence[float]) -> Array:
     """(3, 3) rotation matrix of a quaternion of any length but zero."""
     w, x, y, z = unit(q)

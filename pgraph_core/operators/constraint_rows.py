@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..rotation import Array
+from ..rotation import Array, unit_vector
 from ..schema import Constraint, Polynomial, Sine, Table
 from .motion import home_poses, v_slices
 from .paper import Operators
@@ -87,15 +87,14 @@ class _Pair:
     def axes(self) -> tuple[Array, Array]:
         """(axis, other_axis) in their bodies' axes."""
         c = self.c
-        if c.axis is None and c.other_axis is None:
-            if c.kind == "universal":
-                return np.array([0.0, 1.0, 0.0]), self.home @ [1.0, 0.0, 0.0]
-            return np.array([0.0, 0.0, 1.0]), self.home @ [0.0, 0.0, 1.0]
-        if c.axis is None:
-            other = _unit(c.other_axis)
-            return self.home.T @ other, other
-        axis = _unit(c.axis)
-        return axis, self.home @ axis if c.other_axis is None else _unit(c.other_axis)
+        if c.axis is not None:
+            axis = unit_vector(c.axis)
+            return axis, self.home @ axis if c.other_axis is None else unit_vector(c.other_axis)
+        if c.other_axis is not None:
+            return self.home.T @ unit_vector(c.other_axis), unit_vector(c.other_axis)
+        if c.kind == "universal":
+            return np.array([0.0, 1.0, 0.0]), self.home @ [1.0, 0.0, 0.0]
+        return np.array([0.0, 0.0, 1.0]), self.home @ [0.0, 0.0, 1.0]
 
     def relative(self) -> tuple[Array, Array, Array]:
         """J, velocity and acceleration at θ'' = 0 of `point` as seen from `other`."""
@@ -111,6 +110,12 @@ class _Pair:
         return J, J @ self.op.speeds, self.end.bias[:3] - self.here.bias[:3] - turning
 
     # -- row types -----------------------------------------------------------------------------
+
+    def together(self) -> Rows:
+        """x_a = x_b, in world axes and each end at its own point."""
+        J = self.end.J[3:] - self.far.J[3:]
+        drift = self.end.bias[3:] - self.far.bias[3:]
+        return Rows(self.x_a - self.x_b, J, drift, np.zeros(3), _wrench(force=np.eye(3)))
 
     def held(self, dirs: Array) -> Rows:
         """d · (x_a - x_b) = 0 for directions fixed in `other`, given in its axes."""
@@ -179,11 +184,6 @@ def _rotation(rotation: Array, number: int) -> Array:
     return rotation[number - 1] if number else np.eye(3)
 
 
-def _unit(x: object) -> Array:
-    vector = np.array(x, dtype=float)
-    return vector / np.linalg.norm(vector)
-
-
 def _beside(axis: Array) -> Array:
     """(2, 3) an orthonormal basis of what is normal to an axis."""
     return np.linalg.svd(axis[None])[2][1:]
@@ -208,7 +208,7 @@ def _upright(p: _Pair) -> Rows:
 
 def _revolute(p: _Pair) -> Rows:
     axis, other = p.axes()
-    return _together(p.held(np.eye(3)), p.normal(np.tile(axis, (2, 1)), _beside(other)))
+    return _together(p.together(), p.normal(np.tile(axis, (2, 1)), _beside(other)))
 
 
 def _cylindrical(p: _Pair) -> Rows:
@@ -218,7 +218,7 @@ def _cylindrical(p: _Pair) -> Rows:
 
 def _universal(p: _Pair) -> Rows:
     axis, other = p.axes()
-    return _together(p.held(np.eye(3)), p.normal(axis, other))
+    return _together(p.together(), p.normal(axis, other))
 
 
 def _distance(p: _Pair) -> Rows:
@@ -240,16 +240,16 @@ def _distance(p: _Pair) -> Rows:
 def _rolling(p: _Pair) -> Rows:
     c, shape = p.c, p.op.bodies[p.a - 1].shape
     normal = p.op.model.ground_normal if p.b == 0 else (0.0, 0.0, 1.0)
-    fixed = _unit(c.other_axis or normal)
+    fixed = unit_vector(c.other_axis or normal)
     w = np.vstack((fixed, _beside(fixed))) @ p.R_b.T
     n = w[0]
     radius = c.radius or (shape.radius if shape and shape.radius else 0.0)
     height = float(n @ (p.x_a - p.x_b))
     if c.axis is None:
         return p.slipping(-radius * n, np.zeros(3), w, height - radius)
-    axis = p.R_a @ _unit(c.axis)
+    axis = p.R_a @ unit_vector(c.axis)
     across = n - (n @ axis) * axis  # towards the highest point of the rim
-    u = _unit(across)
+    u = unit_vector(across)
     turned = np.cross(p.spin()[1], axis)
     rate = -(n @ turned) * axis - (n @ axis) * turned
     rate = (rate - (u @ rate) * u) / np.linalg.norm(across)
@@ -327,8 +327,8 @@ def _velocity(p: _Pair) -> Rows:
 
 
 _KINDS: dict[str, Callable[[_Pair], Rows]] = {
-    "point": lambda p: p.held(np.eye(3)),
-    "weld": lambda p: _together(p.held(np.eye(3)), _upright(p)),
+    "point": lambda p: p.together(),
+    "weld": lambda p: _together(p.together(), _upright(p)),
     "revolute": _revolute,
     "prismatic": lambda p: _together(_upright(p), p.held(_beside(p.axes()[1]))),
     "cylindrical": _cylindrical,

@@ -1,0 +1,117 @@
+"""Wrenches and springs between bodies: the dense forms by differences, the tables against them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from pgraph_core.kernels import layout as at
+from pgraph_core.loads import loads
+from pgraph_core.operators import Operators
+from pgraph_core.operators.loads import load_of
+from pgraph_core.operators.motion import frames, home_poses
+from pgraph_core.system import system
+
+from .trees import moved, random_case
+
+TABLE = pg.VectorTable(t=(0.0, 1.0, 3.0), value=((0, 0, 0), (1, 2, 3), (4, 0, 0)))
+
+
+def dense(s, f, q, v, t=0.0):
+    return load_of(Operators(s.model, s.topology, q, v), f, t)
+
+
+def forces(s):
+    a, b = s.topology.names[-1], s.topology.names[0]
+    return (
+        pg.Force(name="w", kind="wrench", body=a, torque=(1, -2, 3), force=TABLE, frame="body"),
+        pg.Force(name="w2", kind="wrench", body=a, force=(3, 2, 1), point=(0.1, 0.2, -0.3)),
+        pg.Force(name="s", kind="spring", body=a, other=b, stiffness=40, damping=3, rest=0.2),
+        pg.Force(name="g", kind="spring", body=a, stiffness=40, other_point=(1, 2, 3)),
+        pg.Force(
+            name="t",
+            kind="torsion",
+            body=a,
+            other=b,
+            axis=(1, 2, -1),
+            stiffness=9,
+            damping=2,
+            rest=3,
+        ),
+        pg.Force(name="t2", kind="torsion", body=a, stiffness=9),
+    )
+
+
+@pytest.mark.parametrize("seed", range(8, 14))
+def test_springs_pull_along_the_slope_of_their_energy_and_power_adds_up(seed):
+    s = random_case(seed)
+    eps = 1e-5
+    for f in forces(s):
+        load = dense(s, f, s.q, s.v)
+        ahead, back = (dense(s, f, moved(s.model, s.q, e * s.v), s.v).energy for e in (eps, -eps))
+        balance = load.power - load.dissipated - (ahead - back) / (2 * eps)
+        assert load.tau @ s.v == pytest.approx(balance, rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(8, 14))
+def test_tables_say_what_the_description_says(seed):
+    """Energies, directions and points of the packed rows, read off with rotations by row."""
+    s = random_case(seed)
+    packed = system(s.model, s.topology)
+    given = forces(s)
+    table = loads(s.model, s.topology, packed, given, home_poses(s.model))
+    assert table.loads_i[:, at.L_TYPE].tolist() == [0, 0, 1, 1, 2, 2]
+    assert table.loads_i[:, at.L_KNOTS].tolist() == [3, 1, 0, 0, 0, 0]
+    position, rotation = frames(s.model, s.topology, s.q)
+
+    def pose(number):
+        """Origin and rotation of the row that carries a body."""
+        if number == 0:
+            return np.zeros(3), np.eye(3)
+        home = packed.bodies_f[number, at.HOME : at.HOME + 9].reshape(3, 3)
+        turn = rotation[number - 1] @ home.T
+        return position[number - 1] - turn @ packed.bodies_f[
+            number, at.OFFSET : at.OFFSET + 3
+        ], turn
+
+    for f, i, x in zip(given, table.loads_i, table.loads_f):
+        a, b = s.topology.number(f.body), s.topology.number(f.other)
+        assert i[at.L_A] == packed.bodies_i[a, at.ROW]
+        assert i[at.L_B] == packed.bodies_i[b, at.ROW]
+        (o_a, R_a), (o_b, R_b) = pose(a), pose(b)
+        expected = dense(s, f, s.q, s.v, t=2.0)
+        if f.kind == "wrench":
+            knots = table.knots[i[at.L_KNOT] : i[at.L_KNOT] + i[at.L_KNOTS]]
+            wrench = [np.interp(2.0, knots[:, 0], column) for column in knots.T[1:]]
+            turn = R_a if i[at.L_FRAME] else np.eye(3)
+            op = Operators(s.model, s.topology, s.q, s.v)
+            J = op.point_jacobian(a, rotation[a - 1].T @ (o_a + R_a @ x[:3] - position[a - 1]))
+            tau = J.T @ np.concatenate((turn @ wrench[:3], turn @ wrench[3:]))
+            np.testing.assert_allclose(tau, expected.tau, atol=1e-12)
+        elif f.kind == "spring":
+            ends = o_a + R_a @ x[at.L_PA : at.L_PA + 3] - o_b - R_b @ x[at.L_PB : at.L_PB + 3]
+            stretch = np.linalg.norm(ends) - x[at.L_REST]
+            assert x[at.L_STIFF] * stretch**2 / 2 == pytest.approx(expected.energy)
+        else:
+            h, mine = R_a @ x[at.L_AXIS : at.L_AXIS + 3], R_a @ x[at.L_REF : at.L_REF + 3]
+            other = R_b @ x[at.L_REF_B : at.L_REF_B + 3]
+            angle = np.arctan2(h @ np.cross(other, mine), other @ mine) - x[at.L_REST]
+            angle -= 2 * np.pi * np.round(angle / (2 * np.pi))
+            assert x[at.L_STIFF] * angle**2 / 2 == pytest.approx(expected.energy)
+
+
+def test_a_torsion_spring_about_a_hinge_sees_its_coordinate():
+    model = pg.Model.serial(2).edit("2", rotation=(0.5, 0.5, 0.5, 0.5), q=0.3)
+    f = pg.Force(
+        name="t", kind="torsion", body="2", other="1", axis=(0, 1, 0), stiffness=2, rest=0.1
+    )
+    op = Operators(model, pg.Topology.of(model), np.array([0.7, 0.4]))
+    np.testing.assert_allclose(load_of(op, f).tau, [0, -2 * (0.4 - 0.1)], atol=1e-15)
+
+
+def test_a_spring_without_a_length_is_relaxed_at_first():
+    model = pg.Model.serial(2).edit("2", q=0.3)
+    f = pg.Force(name="s", kind="spring", body="2", other_point=(0, 0, 1), stiffness=2)
+    op = Operators(model, pg.Topology.of(model), np.array([0.0, 0.3]))
+    assert load_of(op, f).energy == pytest.approx(0.0, abs=1e-30)
