@@ -29,7 +29,6 @@ class Blocks(NamedTuple):
     terms_i: Ints  # (nt, 2)
     terms_f: Array  # (nt,)
     curves: Array  # (nk, 5)
-    size: float  # what stands for one radian in residuals [m]
 
 
 class _Block(NamedTuple):
@@ -65,7 +64,6 @@ def blocks(model: Model, topology: Topology, packed: System, home: tuple[Array, 
         np.array([term[:2] for term in terms], dtype=np.int64).reshape(-1, 2),
         np.array([term[2] for term in terms]),
         np.array(curves).reshape(-1, 5),
-        size,
     )
 
 
@@ -109,16 +107,8 @@ class _Ends:
         self.position_a, self.rotation_a = _pose(home, self.a)
         self.position_b, self.rotation_b = _pose(home, self.b)
         self.turn = self.rotation_b.T @ self.rotation_a  # from the axes of a to those of b
-        self.point = np.array(self._point())
+        self.point = np.array(model.point_of(c))
         self.other_point = self._other_point()
-
-    def _point(self) -> Sequence[float]:
-        body = self.model.body(self.c.body)
-        if self.c.point is not None:
-            return self.c.point
-        if self.c.kind == "rolling" and body.shape is not None:
-            return body.shape.position
-        return body.tip_point
 
     def _other_point(self) -> Array:
         if self.c.other_point is not None:

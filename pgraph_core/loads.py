@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -16,12 +16,9 @@ from .topology import Topology
 ORIGIN = (0.0, 0.0, 0.0)
 
 
-class Loads(NamedTuple):
-    """Forces on bodies, and between two; one row each."""
-
-    loads_i: Ints  # (nl, 8)
-    loads_f: Array  # (nl, 20)
-    knots: Array  # (nk, 7)
+# Forces on bodies and between two, as kernels take them: integers (nl, 8), numbers (nl, 20), and
+# knots (nk, 7) of time [s], torque and force (a plain tuple, as `Drives`).
+Loads: TypeAlias = tuple[Ints, Array, Array]
 
 
 def loads(
@@ -45,7 +42,7 @@ def loads(
         ints.append((TYPES[f.kind], *rows, int(f.frame == "body"), first, len(own), 0, 0))
         floats.append(_numbers(f, model, packed, a, b, home))
         knots.append(_in_row(own, packed, a) if f.frame == "body" else own)
-    return Loads(
+    return (
         np.array(ints, dtype=np.int64).reshape(-1, at.LOAD_I),
         np.array(floats).reshape(-1, at.LOAD_F),
         np.concatenate((np.zeros((0, 7)), *knots)),

@@ -134,7 +134,7 @@ def force_lines(state: State, positions: np.ndarray, R: np.ndarray) -> np.ndarra
     for constraint in state.model.constraints:
         if constraint.name in forces:
             k = d.number[constraint.body] - 1
-            at = positions[k] + R[k] @ np.asarray(constraint.point)
+            at = positions[k] + R[k] @ np.asarray(state.model.point_of(constraint))
             lines.append((at, at + 0.5 * d.size / largest * forces[constraint.name][frame]))
     return np.array(lines).reshape(-1, 2, 3)
 

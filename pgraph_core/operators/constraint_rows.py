@@ -43,13 +43,8 @@ def radius_of_gyration(op: Operators) -> float:
 def points_of(op: Operators, c: Constraint) -> tuple[Array, Array]:
     """The two points in their bodies' frames; one left out is where the other is at home."""
     body, other = op.topology.number(c.body), op.topology.number(c.other)
-    row = op.bodies[body - 1]
-    rolls = c.kind == "rolling"
-    if c.point is not None:
-        point = np.array(c.point)
-    else:
-        point = np.array(row.shape.position if rolls and row.shape else row.tip_point)
-    if c.other_point is not None or rolls:
+    point = np.array(op.model.point_of(c))
+    if c.other_point is not None or c.kind == "rolling":
         return point, np.array(c.other_point or (0.0, 0.0, 0.0))
     position, rotation = home_poses(op.model)
     at = position[body - 1] + rotation[body - 1] @ point

@@ -17,7 +17,7 @@ from .checks import model_problems
 from .constraint import Constraint
 from .contact import Contact
 from .editing import attached, edited, fitted, renamed_all, without
-from .fields import fields_of, listed, whole
+from .fields import Vec3, fields_of, listed, whole
 from .force import Force
 from .names import GROUND
 from .problems import PARTS, problems
@@ -83,6 +83,18 @@ class Model(World):
             do = f"choose one of {known}" if known else "the model has no scenario"
             raise ModelError(Problem(f"scenario {shown(name)}", "", f"is not there; {do}"))
         return found
+
+    def point_of(self, constraint: Constraint) -> Vec3:
+        """`point` of a constraint in the axes of its body, also where it is left out [m].
+
+        That is the body's tip, and the middle of its shape where it rolls.
+        """
+        body = self.body(constraint.body)
+        if constraint.point is not None:
+            return constraint.point
+        if constraint.kind == "rolling" and body.shape is not None:
+            return body.shape.position
+        return body.tip_point
 
     @cached_property
     def hash(self) -> str:

@@ -60,9 +60,9 @@ def test_tables_say_what_the_description_says(seed):
     s = random_case(seed)
     packed = system(s.model, s.topology)
     given = forces(s)
-    table = loads(s.model, s.topology, packed, given, home_poses(s.model))
-    assert table.loads_i[:, at.L_TYPE].tolist() == [0, 0, 1, 1, 2, 2]
-    assert table.loads_i[:, at.L_KNOTS].tolist() == [3, 1, 0, 0, 0, 0]
+    loads_i, loads_f, knots = loads(s.model, s.topology, packed, given, home_poses(s.model))
+    assert loads_i[:, at.L_TYPE].tolist() == [0, 0, 1, 1, 2, 2]
+    assert loads_i[:, at.L_KNOTS].tolist() == [3, 1, 0, 0, 0, 0]
     position, rotation = frames(s.model, s.topology, s.q)
 
     def pose(number):
@@ -75,15 +75,15 @@ def test_tables_say_what_the_description_says(seed):
             number, at.OFFSET : at.OFFSET + 3
         ], turn
 
-    for f, i, x in zip(given, table.loads_i, table.loads_f):
+    for f, i, x in zip(given, loads_i, loads_f):
         a, b = s.topology.number(f.body), s.topology.number(f.other)
         assert i[at.L_A] == packed.bodies_i[a, at.ROW]
         assert i[at.L_B] == packed.bodies_i[b, at.ROW]
         (o_a, R_a), (o_b, R_b) = pose(a), pose(b)
         expected = dense(s, f, s.q, s.v, t=2.0)
         if f.kind == "wrench":
-            knots = table.knots[i[at.L_KNOT] : i[at.L_KNOT] + i[at.L_KNOTS]]
-            wrench = [np.interp(2.0, knots[:, 0], column) for column in knots.T[1:]]
+            own = knots[i[at.L_KNOT] : i[at.L_KNOT] + i[at.L_KNOTS]]
+            wrench = [np.interp(2.0, own[:, 0], column) for column in own.T[1:]]
             turn = R_a if i[at.L_FRAME] else np.eye(3)
             op = Operators(s.model, s.topology, s.q, s.v)
             J = op.point_jacobian(a, rotation[a - 1].T @ (o_a + R_a @ x[:3] - position[a - 1]))
