@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.topology import Loop, loops_of
 
 from .digraph import Layout, layout
 from .shapes import Color, branch_colors, children_of, reach, to_wxyz
@@ -34,6 +35,7 @@ class Derived:
     separation: frozenset[int]
     dof: int
     constraints: Mapping[str, tuple[str, ...]]  # body name -> names of what touches it
+    loops: tuple[Loop, ...]  # constraints to draw beside the tree
     layout: Layout
     colors: tuple[Color, ...]
     positions: np.ndarray  # (nb, 3) body origins at home, world axes [m]
@@ -195,9 +197,7 @@ def derive(model: pg.Model) -> Derived:
     bodies = [model.body(name) for name in names]
     positions, rotations = pg.home_poses(model)
     center, size = reach(bodies, children, positions, rotations)
-    touching = {
-        name: [c.name for c in model.constraints if name in (c.body, c.other)] for name in names
-    }
+    touching = {name: [c.name for c in model.constraints if name in c.touches] for name in names}
     return Derived(
         names=names,
         number={name: k for k, name in enumerate(names, 1)},
@@ -209,6 +209,7 @@ def derive(model: pg.Model) -> Derived:
         separation=separation,
         dof=sum(body.dof for body in bodies),
         constraints={name: tuple(found) for name, found in touching.items()},
+        loops=loops_of(model, top),
         layout=layout(parent, tuple(len(name) for name in names)),
         colors=branch_colors(parent),
         positions=np.asarray(positions, dtype=float),

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from scipy import sparse
 
 from .errors import InputError, Problem, choices
 from .schema import Model
+from .schema.constraint import IN_JOINTS
 from .schema.names import GROUND
 from .schema.sentences import shown
 
@@ -95,6 +96,24 @@ class Topology:
         child = np.flatnonzero(self.parent)
         ones = np.ones(len(child))
         return sparse.csr_array((ones, (child, self.parent[child] - 1)), shape=(self.nb, self.nb))
+
+
+class Loop(NamedTuple):
+    """A cut edge of the digraph: a constraint from one body to another, or to the ground (0)."""
+
+    name: str
+    kind: str
+    body: int
+    other: int
+
+
+def loops_of(model: Model, topology: Topology) -> tuple[Loop, ...]:
+    """The constraints between places of bodies: no edges of the tree, but of the digraph."""
+    return tuple(
+        Loop(c.name, c.kind, topology.number(c.body), topology.number(c.other))
+        for c in model.constraints
+        if c.kind not in IN_JOINTS
+    )
 
 
 def children_of(parent: Sequence[int] | Ints) -> list[list[int]]:

@@ -22,10 +22,7 @@ class DigraphView:
 def digraph(state: State) -> Payload:
     """Places, numbers and kinds of the nodes, the two vectors, and the constraints."""
     d = state.derived
-    loops = [
-        {"name": c.name, "body": d.number[c.body], "other": d.number.get(c.other, 0)}
-        for c in state.model.constraints
-    ]
+    loops = [loop._asdict() for loop in d.loops]
     return {
         "kind": d.layout.kind,
         "x": d.layout.x,

@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import joints
 from ..joints import Motion
-from .names import GROUND, name_problem, numbers
+from .names import EVERY, GROUND, name_problem, numbers
 from .sentences import shown
 
 if TYPE_CHECKING:
@@ -45,6 +45,8 @@ def _joint_problems(body: Body) -> list[tuple[str, str]]:
     for m in motions:
         if m.kind in ("rotate", "translate") and not 1e-9 < math.hypot(*m.axis) < 1e9:
             found.append(("axes", f"a direction must not be zero; given {list(m.axis)}"))
+    if body.name == EVERY:
+        found.append(("name", "'*' stands for every body in contacts; choose another"))
     found += _parallel_problems(motions)
     if not 0.5 < math.hypot(*body.rotation) < 2:
         found.append(

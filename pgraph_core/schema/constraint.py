@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 from pydantic import Field, model_validator
 
-from .curves import Polynomial, Sine, Table
+from .curves import Curve
 from .fields import Described, Number, PerMotion, Vec3, refuse
 from .names import GROUND
 from .sentences import shown
@@ -58,6 +58,7 @@ TAKES: dict[str, Takes] = {
     "skate": Takes(("point", "axis"), ("axis",)),
     "velocity": Takes(("coefficients", "value"), ("coefficients",)),
 }
+IN_JOINTS = ("gear", "motion", "velocity")  # act on coordinates, not between places of bodies
 OWN = tuple(dict.fromkeys(field for takes in TAKES.values() for field in takes.fields))
 LEFT_OUT: dict[str, Any] = {  # where a kind takes a field that is not given
     "ratio": 1.0,
@@ -106,7 +107,7 @@ class Constraint(Described):
         default=None,
         description="the number of a degree of freedom of the joint of `other`, from 0",
     )
-    q_of_t: Table | Sine | Polynomial | None = Field(
+    q_of_t: Curve | None = Field(
         default=None,
         description="a table over time, or {'kind': 'sine' or 'polynomial', ...} [rad, m]",
     )
@@ -138,18 +139,24 @@ class Constraint(Described):
         refuse(_field_problems(self) + _value_problems(self))
         return self
 
+    @property
+    def touches(self) -> tuple[str, ...]:
+        """Names of the bodies it acts on, each once; the ground is none."""
+        named = (self.body, self.other, *(self.coefficients or ()))
+        return tuple(name for name in dict.fromkeys(named) if name != GROUND)
+
 
 def _field_problems(c: Constraint) -> list[tuple[str, str]]:
     """Fields that the kind lacks, and fields that mean nothing to it."""
     takes = TAKES[c.kind]
     known = Constraint.model_fields
     found = [
-        (name, f"a {c.kind} constraint needs it: {known[name].description}")
+        (name, f"kind '{c.kind}' needs it: {str(known[name].description).split(';')[0]}")
         for name in takes.needs
         if getattr(c, name) is None
     ]
     found += [
-        (name, f"means nothing to a {c.kind} constraint; {_which(name)}")
+        (name, f"means nothing to kind '{c.kind}'; {_which(name)}")
         for name in OWN
         if name not in takes.fields and getattr(c, name) is not None
     ]
@@ -180,7 +187,7 @@ def _value_problems(c: Constraint) -> list[tuple[str, str]]:
     ]
     if c.kind == "gear" and c.ratio == 0:
         found.append(("ratio", "must not be zero; use kind 'motion' to hold a joint; given 0"))
-    if c.kind in ("gear", "motion", "velocity"):
+    if c.kind in IN_JOINTS:
         found += _other_problems(c)
     if c.coefficients is not None and not any(any(x) for x in c.coefficients.values()):
         found.append(("coefficients", "at least one must differ from zero"))
@@ -192,6 +199,6 @@ def _other_problems(c: Constraint) -> list[tuple[str, str]]:
     if c.kind == "gear" and c.other == GROUND:
         return [("other", "a gear needs a second body, whose joint it follows; given 'ground'")]
     if c.kind != "gear" and c.other != GROUND:
-        text = f"means nothing to a {c.kind} constraint; leave it out; given {shown(c.other)}"
+        text = f"means nothing to kind '{c.kind}'; leave it out; given {shown(c.other)}"
         return [("other", text)]
     return []

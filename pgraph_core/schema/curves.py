@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import itertools
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from .fields import Frozen, Number, Numbers, Vec3, listed, refuse
 
@@ -69,3 +69,18 @@ class Polynomial(Frozen):
     coefficients: Annotated[Numbers, Field(min_length=1, max_length=4)] = Field(
         description="one to four finite numbers, that of t^0 first"
     )
+
+
+def _which(value: Any) -> str | None:
+    """The tag of a curve, given as an object or as its fields: a formula names its kind."""
+    if isinstance(value, dict):
+        return str(value.get("kind", "table"))
+    return type(value).__name__.lower() if isinstance(value, (Table, Sine, Polynomial)) else None
+
+
+Curve = Annotated[
+    Annotated[Table, Tag("table")]
+    | Annotated[Sine, Tag("sine")]
+    | Annotated[Polynomial, Tag("polynomial")],
+    Discriminator(_which),
+]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -16,7 +16,7 @@ from .body import Body
 from .checks import model_problems
 from .constraint import Constraint
 from .contact import Contact
-from .editing import attached, edited, fitted, renamed_all, without
+from .editing import attached, cut_joint, edited, fitted, renamed_all, without
 from .fields import Vec3, fields_of, listed, whole
 from .force import Force
 from .names import GROUND
@@ -122,10 +122,13 @@ class Model(World):
         """A new model in which body `name` has the changed fields; a new name is followed.
 
         A new `joint` or `dof` resets that joint's axes, q, v and springs, and forces and initial
-        values that do not fit it go (`notices` says so).
+        values that do not fit it go (`notices` says so). Of several parents, ("a", "b"), the first
+        is the one in the tree; the others close loops, cut at joints like the body's own.
         Raises ModelError; this model stays as it is.
         """
         old = self.body(name)
+        if isinstance(parents := listed(changes.get("parent")), tuple):
+            return self._with_parents(name, parents, changes)
         new, notices = edited(old, changes)
         if new == old:
             return self
@@ -142,6 +145,50 @@ class Model(World):
                 raise ModelError(Problem(f"body '{name}'", "name", f"{text}; choose another"))
             parts = renamed_all({**self._others(), **parts}, old.name, new.name)
         return self._with(notices, **parts)
+
+    def close_loop(
+        self,
+        body: str,
+        parent: str,
+        /,
+        *,
+        joint: str | None = None,
+        name: str | None = None,
+        point: Sequence[float] | None = None,
+        other_point: Sequence[float] | None = None,
+        axis: Sequence[float] | None = None,
+        other_axis: Sequence[float] | None = None,
+    ) -> Self:
+        """A new model in which `parent` carries `body` too: a loop, cut at that joint.
+
+        What is left of it is a constraint of the joint's kind, at `point` of the body (its tip)
+        and where that is in the initial state. `joint` and `axis` are those of the body's own
+        joint unless given. Raises ModelError for joints that no constraint stands for.
+        """
+        given = {
+            "joint": joint,
+            "name": name,
+            "point": point,
+            "other_point": other_point,
+            "axis": axis,
+            "other_axis": other_axis,
+        }
+        cut = cut_joint(self.body(body), parent, [c.name for c in self.constraints], given)
+        text = f"body '{body}': the loop through '{parent}' is cut at a {cut.kind} constraint, "
+        notices = (*self.notices, f"{text}'{cut.name}'")
+        return self._with(notices, constraints=(*self.constraints, cut))
+
+    def _with_parents(
+        self, name: str, parents: tuple[Any, ...], changes: Mapping[str, Any]
+    ) -> Self:
+        """The edit of a body that is given several parents."""
+        if not parents:
+            raise ModelError(Problem(f"body '{name}'", "parent", "give at least one; given []"))
+        model = self.edit(name, **{**changes, "parent": parents[0]})
+        model = model._with((), bodies=model.bodies) if model is self else model
+        for parent in parents[1:]:
+            model = model.close_loop(changes.get("name", name), parent)
+        return model
 
     def add(self, body: Body, /, *, after: str | None = None) -> Self:
         """A new model with one more row, last or below the row of `after`."""

@@ -66,13 +66,19 @@ def _sentence(item: Any, known: Mapping[str, FieldInfo]) -> tuple[bool, str]:
     """Whether it is about a part of the field's value, and what would do."""
     field, *inside = [part for part in item["loc"] if isinstance(part, str)] or [""]
     parts = _parts_of(known[field].annotation) if field in known else {}
+    within, names = None, []
     for name in inside:
         if name in parts:
-            return True, f"{name} {_expected(item, parts[name])}"
+            within, parts = parts[name], _parts_of(parts[name].annotation) or parts
+            names.append(name)
+    place = ": ".join(names)
     if item["type"] == "extra_forbidden":
         if parts:
-            return True, f"has no field '{inside[-1]}'; {nearest(inside[-1], parts)}"
+            text = f"has no field '{inside[-1]}'; {nearest(inside[-1], parts)}"
+            return True, f"{place} {text}" if place else text
         return False, f"no such field; {nearest(field, known)}"
+    if within is not None:
+        return True, f"{place} {_expected(item, within)}"
     if field not in known:
         return False, f"{item['msg']}; given {shown(item.get('input'))}"
     return False, _expected(item, known[field])
@@ -85,10 +91,10 @@ def _expected(item: Any, field: FieldInfo) -> str:
 
 
 def _parts_of(annotation: Any) -> Mapping[str, FieldInfo]:
-    """The fields of the object that a value may be, such as a shape's; else none."""
+    """The fields of the objects that a value may be, such as a shape's; else none."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation.model_fields
-    return next(filter(None, map(_parts_of, get_args(annotation))), {})
+    return {name: f for a in get_args(annotation) for name, f in _parts_of(a).items()}
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
