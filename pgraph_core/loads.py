@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -10,15 +10,10 @@ from .blocks import normals_of
 from .kernels import layout as at
 from .rotation import unit_vector
 from .schema import Force, Model, VectorTable
-from .system import Array, Ints, System, point_in_row
+from .system import Array, Loads, System, point_in_row
 from .topology import Topology
 
 ORIGIN = (0.0, 0.0, 0.0)
-
-
-# Forces on bodies and between two, as kernels take them: integers (nl, 8), numbers (nl, 20), and
-# knots (nk, 7) of time [s], torque and force (a plain tuple, as `Drives`).
-Loads: TypeAlias = tuple[Ints, Array, Array]
 
 
 def loads(

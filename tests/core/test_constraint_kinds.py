@@ -8,13 +8,12 @@ import pytest
 import pgraph_core as pg
 from pgraph_core.blocks import blocks, curve
 from pgraph_core.kernels import layout as at
-from pgraph_core.operators import Operators, frames
+from pgraph_core.operators import Operators, constrained_dynamics, frames
 from pgraph_core.operators.constraint_rows import prescribed, radius_of_gyration, rows_of
 from pgraph_core.operators.motion import home_poses
 from pgraph_core.schema.constraint import TAKES
-from pgraph_core.system import system
 
-from .trees import moved, random_model, random_state
+from .trees import moved, random_model, random_state, scaled_error
 
 EPS = 1e-4  # rad, m: central differences of order 4 are good to EPS^4 and rounding / EPS
 ROWS = {
@@ -161,7 +160,7 @@ def wanted(block, values, tables, t):
 def test_blocks_say_what_the_dense_rows_say(kind, seed):
     """Residuals of equal length (their bases of normals differ), at random and at the start."""
     s, c = case(kind, seed)
-    packed = system(s.model, s.topology)
+    packed = pg.Mechanism(s.model).system
     tables = blocks(s.model, s.topology, packed, home_poses(s.model))
     assert tables.first.tolist() == [0, len(tables.blocks_i)]
     assert tables.blocks_i[:, at.B_SIZE].sum() == ROWS[kind]
@@ -188,7 +187,7 @@ def test_what_is_left_out_holds_in_the_initial_state(kind):
             "skate": {"axis": (1, 0, 0)},
         }
         c = pg.Constraint(name="c", kind=kind, body="b3", other="b1", **left.get(kind, {}))
-    q = system(s.model, s.topology).q
+    q, _ = pg.Mechanism(s.model).home()
     np.testing.assert_allclose(rows_at(s, c, q, s.v).residual, 0.0, atol=1e-14)
 
 
@@ -206,3 +205,15 @@ def test_curves_are_smooth_and_hold_their_ends(q_of_t):
         low, mid, high = (prescribed(q_of_t, t + k * h) for k in (-1, 0, 1))
         assert (high[0] - low[0]) / (2 * h) == pytest.approx(mid[1], abs=1e-6)
         assert (high[1] - low[1]) / (2 * h) == pytest.approx(mid[2], abs=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("kind", ROWS)
+def test_kernels_equal_the_dense_pseudo_inverse(kind, seed):
+    """Accelerations and forces, at states that the constraint does not hold in, too."""
+    s, c = case(kind, seed)
+    vdot, force = pg.Mechanism(s.model).constrained_dynamics(s.q, s.v, s.tau)
+    op = Operators(s.model, s.topology, s.q, s.v)
+    expected, forces = constrained_dynamics(op, s.tau)
+    assert scaled_error(vdot, expected) < 1e-9
+    assert scaled_error(force["c"], forces["c"]) < 1e-9

@@ -11,7 +11,6 @@ from pgraph_core.loads import loads
 from pgraph_core.operators import Operators
 from pgraph_core.operators.loads import load_of
 from pgraph_core.operators.motion import frames, home_poses
-from pgraph_core.system import system
 
 from .trees import moved, random_case
 
@@ -58,7 +57,7 @@ def test_springs_pull_along_the_slope_of_their_energy_and_power_adds_up(seed):
 def test_tables_say_what_the_description_says(seed):
     """Energies, directions and points of the packed rows, read off with rotations by row."""
     s = random_case(seed)
-    packed = system(s.model, s.topology)
+    packed = pg.Mechanism(s.model).system
     given = forces(s)
     loads_i, loads_f, knots = loads(s.model, s.topology, packed, given, home_poses(s.model))
     assert loads_i[:, at.L_TYPE].tolist() == [0, 0, 1, 1, 2, 2]
