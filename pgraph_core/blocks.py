@@ -48,7 +48,9 @@ def blocks(model: Model, topology: Topology, packed: System, home: tuple[Array, 
     size = radius_of_gyration(packed)
     found = [_Ends(c, model, topology, packed, home, size).blocks() for c in model.constraints]
     flat = [block for items in found for block in items]
-    ends = [_rows(c, topology, packed) for c, items in zip(model.constraints, found) for _ in items]
+    ends = [
+        _rows(c, b, topology, packed) for c, items in zip(model.constraints, found) for b in items
+    ]
     terms = [term for block in flat for term in block.terms]
     curves = [knot for block in flat for knot in block.curve]
     starts = _starts([len(block.terms) for block in flat]), _starts([len(b.curve) for b in flat])
@@ -71,9 +73,12 @@ def _starts(counts: Sequence[int]) -> list[int]:
     return list(accumulate(counts, initial=0))[: len(counts)]
 
 
-def _rows(c: Constraint, topology: Topology, packed: System) -> tuple[int, int]:
-    a, b = (packed.bodies_i[topology.number(name), at.ROW] for name in (c.body, c.other))
-    return int(a), int(b)
+def _rows(c: Constraint, block: _Block, topology: Topology, packed: System) -> tuple[int, int]:
+    """Rows of the two bodies; of a block of coordinates the row that has the first of them."""
+    a, b = (int(packed.bodies_i[topology.number(name), at.ROW]) for name in (c.body, c.other))
+    if block.terms:
+        a = int(np.searchsorted(packed.rows[1:, at.VI], block.terms[0][0], side="right"))
+    return a, b
 
 
 def radius_of_gyration(packed: System) -> float:

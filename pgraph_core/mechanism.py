@@ -18,6 +18,8 @@ from .kernels import bodies, dynamics, motion, numbering
 from .kernels import layout as at
 from .kernels._jit import ready
 from .kernels.handle import address_of
+from .loads import TYPES as LOADS
+from .loads import loads
 from .scene import Scene
 from .schema import Force, Model
 from .system import (
@@ -483,6 +485,12 @@ class Mechanism:
             kept = (forces, drives(self.model, self.topology, self.system, forces))
             self._driven = kept
         return kept[1]
+
+    def loads(self, forces: tuple[Force, ...]) -> Loads:
+        """The given wrenches and springs between bodies."""
+        if not any(force.kind in LOADS for force in forces):
+            return NO_LOADS
+        return loads(self.model, self.topology, self.system, forces, self.poses(self.system.q))
 
     @cached_property
     def scene(self) -> Scene:

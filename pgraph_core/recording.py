@@ -13,10 +13,10 @@ from .integrators import Method
 from .kernels import layout as at
 from .kernels import motion, run
 from .kernels.handle import address_of
-from .mechanism import NO_LOADS, Mechanism
+from .mechanism import Mechanism
 from .result import Result, Status
 from .scene import Scene
-from .system import Array, Drives, Ints
+from .system import Array, Drives, Ints, Loads
 
 CHUNK = 0.02  # s of computation between two looks at `progress`
 ASSEMBLY_ROUNDS = 50
@@ -37,6 +37,7 @@ class Plan(NamedTuple):
     substeps: Ints  # (frames - 1,) steps between two frames
     width: Array  # (frames - 1,) their width [s]
     drives: Drives
+    loads: Loads
     active: Ints  # indices of the active constraints
     gains: Array  # (2,) of Baumgarte
     project: bool
@@ -52,7 +53,7 @@ class Recording:
         self.tau = tau
         self.user = UserTorque(tau, mech.nq, mech.nv) if callable(tau) else None
         self.scene = Scene(
-            mech, plan.drives, NO_LOADS, plan.active, gains=plan.gains, user=self.user
+            mech, plan.drives, plan.loads, plan.active, gains=plan.gains, user=self.user
         )
         if tau is not None and self.user is None:
             self.scene.given[:] = mech.finite("tau", tau, mech.nv)
@@ -238,6 +239,8 @@ def left_out(mech: Mechanism, plan: Plan) -> tuple[str, ...]:
         found.append("no active constraint: no Delassus matrix, no projection")
     if not len(plan.drives[0]):
         found.append("no spring, damper, motor or servo: no drive forces")
+    if not len(plan.loads[0]):
+        found.append("no wrench or spring between bodies: no loads")
     if not kinds & {at.BALL, at.FREE}:
         found.append("no ball or free joint: no quaternions to keep")
     if merged:

@@ -67,6 +67,7 @@ def simulate(
         substeps,
         width,
         mech.drives(forces),
+        mech.loads(forces),
         _active(mech, given),
         _gains(step) if stabilise == "baumgarte" else np.zeros(2),
         stabilise == "project",

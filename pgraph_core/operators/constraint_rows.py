@@ -296,9 +296,9 @@ def prescribed(q_of_t: Table | Sine | Polynomial | None, t: float) -> tuple[floa
 
 
 def _spline(times: Array, value: Array, t: float) -> tuple[float, float, float]:
-    """The natural conditions of a cubic spline, solved for its slopes at the knots."""
-    if t <= times[0] or t >= times[-1] or len(times) == 1:
-        return float(value[0] if t <= times[0] else value[-1]), 0.0, 0.0
+    """A cubic spline by its slopes at the knots; at a knot what follows it counts."""
+    if t < times[0] or t >= times[-1]:
+        return float(value[0] if t < times[0] else value[-1]), 0.0, 0.0
     h, n = np.diff(times), len(times)
     A, b = np.eye(n), np.zeros(n)
     for k in range(1, n - 1):  # the second derivative is continuous

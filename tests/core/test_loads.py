@@ -12,7 +12,7 @@ from pgraph_core.operators import Operators
 from pgraph_core.operators.loads import load_of
 from pgraph_core.operators.motion import frames, home_poses
 
-from .trees import moved, random_case
+from .trees import moved, random_case, scaled_error
 
 TABLE = pg.VectorTable(t=(0.0, 1.0, 3.0), value=((0, 0, 0), (1, 2, 3), (4, 0, 0)))
 
@@ -114,3 +114,15 @@ def test_a_spring_without_a_length_is_relaxed_at_first():
     f = pg.Force(name="s", kind="spring", body="2", other_point=(0, 0, 1), stiffness=2)
     op = Operators(model, pg.Topology.of(model), np.array([0.0, 0.3]))
     assert load_of(op, f).energy == pytest.approx(0.0, abs=1e-30)
+
+
+@pytest.mark.parametrize("which", range(6))
+def test_runs_feel_loads_as_the_dense_forms_say(which):
+    """v' of the first frame; and what goes in and out adds up along the run."""
+    s = random_case(9)
+    force = forces(s)[which]
+    model = s.model.replace(forces=(force,))
+    run = pg.simulate(pg.Mechanism(model), s.q, 0.2 * s.v, t_end=0.2, method="rk4", step=1e-3)
+    op = Operators(model, s.topology, s.q, 0.2 * s.v)
+    assert scaled_error(run.vdot[0], op.forward_dynamics(load_of(op, force).tau)) < 1e-9
+    assert run.energy_drift < 1e-9  # of order step^4
