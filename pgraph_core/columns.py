@@ -335,6 +335,7 @@ def _described(columns: Columns) -> Model:
         }
         for column, field in enumerate(PHYSICS, start=pack.ARMATURE):
             fields[field] = tuple([x[column] for x in mine])
+        fields["limit_restitution"] = (0.0,) * count
         bodies.append(Body.model_construct(None, **fields))
         m, qi, vi = m + count, q_end, v_end
     return Model(name="columns", gravity=tuple(body[0][:3]), bodies=tuple(bodies))
