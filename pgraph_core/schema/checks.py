@@ -189,10 +189,6 @@ def _shape_problems(c: Contact, where: str, bodies: Bodies) -> list[Problem]:
         if body is not None and body.shape is None and not (field == "body" and c.points):
             do = "give it a shape, or points" if field == "body" else "give it a shape"
             found.append(Problem(where, field, f"'{name}' has no shape to touch with; {do}"))
-    if EVERY in (c.body, c.other) and not any(b is None or b.shape for b in bodies.values()):
-        field = "body" if c.body == EVERY else "other"
-        text = "no body has a shape; give one a shape, or name a body and give points"
-        found.append(Problem(where, field, text))
     return found
 
 

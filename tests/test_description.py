@@ -1,0 +1,58 @@
+"""docs/description.md against the schema: every field, every kind, and nothing else."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+import pgraph_core as pg
+from pgraph_core.schema import constraint, force
+
+TEXT = (Path(__file__).parent.parent / "docs" / "description.md").read_text(encoding="utf-8")
+SECTIONS = dict(re.findall(r"^## (\w+)\n(.*?)(?=^## |\Z)", TEXT, flags=re.M | re.S))
+PARTS = (
+    *(pg.Model, pg.Ground, pg.Step, pg.Body, pg.Shape, pg.Constraint, pg.Contact, pg.Force),
+    *(pg.Table, pg.Scenario),
+)
+
+
+def tables(name):
+    """The first columns of a section's tables, as the names in them."""
+    found = []
+    for block in re.split(r"\n\n", SECTIONS[name]):
+        if block.lstrip().startswith("|"):
+            rows = block.strip().splitlines()[2:]
+            found.append([n for row in rows for n in re.findall(r"`(\w+)`", row.split("|")[1])])
+    return found
+
+
+@pytest.mark.parametrize("part", PARTS, ids=lambda part: part.__name__)
+def test_every_field_is_described_once(part):
+    assert sorted(tables(part.__name__)[0]) == sorted(part.model_fields)
+
+
+def test_every_kind_is_described_once():
+    assert tables("Constraint")[1] == list(constraint.TAKES)
+    assert tables("Force")[1] == list(force.TAKES)
+
+
+def test_the_number_of_rows_of_each_kind_is_that_of_its_blocks():
+    kinds = SECTIONS["Constraint"].split("| kind | rows")[1]
+    rows = dict(re.findall(r"^\| `(\w+)` \| (\d) \|", kinds, flags=re.M))
+    assert set(rows) == set(constraint.TAKES)
+    own = {
+        "distance": {"other_point": (0, 0, 9)},
+        "line": {"axis": (0, 0, 1)},
+        "plane": {"axis": (0, 0, 1)},
+        "gear": {"other": "1"},
+        "motion": {"q_of_t": pg.Sine()},
+        "rolling": {"radius": 1.0},
+        "skate": {"axis": (0, 0, 1)},
+        "velocity": {"coefficients": {"2": 1.0}},
+    }
+    for kind, count in rows.items():
+        c = pg.Constraint(name="c", kind=kind, body="2", **own.get(kind, {}))
+        mech = pg.Mechanism(pg.Model.serial(2).replace(constraints=(c,)))
+        assert mech.blocks.blocks_i[:, 3].sum() == int(count), kind

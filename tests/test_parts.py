@@ -1,0 +1,167 @@
+"""Constraints, contacts, forces and limits as parts of a model: defaults, edits, files."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+import pgraph_core as pg
+from pgraph_core.topology import loops_of
+
+SPHERE = {"kind": "sphere", "radius": 0.1}
+
+
+@pytest.fixture
+def model():
+    """Three bodies in a row with one part of every kind that names bodies."""
+    return pg.Model(
+        bodies=(
+            pg.Body(name="a", limits=(-1, 1)),
+            pg.Body(name="b", parent="a", joint="universal", limits=(None, (0, math.inf))),
+            pg.Body(name="c", parent="b", shape=SPHERE, limit_restitution=0.5),
+        ),
+        ground=pg.Ground(slope=0.1, steps=(pg.Step(low=(0, 0), high=(1, 2), height=0.1),)),
+        constraints=(
+            pg.Constraint(name="gear", kind="gear", body="a", other="c", ratio=2),
+            pg.Constraint(name="row", kind="velocity", coefficients={"b": (1, 0), "c": 2}),
+            pg.Constraint(name="roll", kind="rolling", body="c"),
+            pg.Constraint(name="turn", kind="motion", body="a", q_of_t=pg.Sine(amplitude=0.1)),
+        ),
+        contacts=(
+            pg.Contact(name="floor", body="*"),
+            pg.Contact(name="own", body="a", points=((0, 0, 1),), law="soft", stiffness=1e5),
+        ),
+        forces=(
+            pg.Force(name="spring", kind="spring", body="a", other="c", stiffness=2),
+            pg.Force(
+                name="push",
+                kind="wrench",
+                body="c",
+                force=pg.VectorTable(t=(0, 1), value=((0, 0, 0), (1, 2, 3))),
+            ),
+        ),
+        scenarios=(
+            pg.Scenario(
+                name="s", constraints=("gear", "row"), contacts=("own",), forces=(
+                    pg.Force(name="twist", kind="torsion", body="b", other="c", stiffness=1),
+                )
+            ),
+        ),
+    )  # fmt: skip
+
+
+def test_what_is_written_comes_back(model):
+    assert pg.Model.from_json(model.to_json()) == model
+    assert '"stiffness"' not in model.to_json().split('"push"')[1].split("}")[0]
+
+
+def test_a_new_name_is_followed_everywhere(model):
+    renamed = model.edit("c", name="paw")
+    assert renamed.constraints[0].other == "paw"
+    assert renamed.constraints[1].coefficients == {"b": (1, 0), "paw": (2,)}
+    assert [f.other for f in renamed.forces] == ["paw", "ground"]
+    assert renamed.scenarios[0].forces[0].other == "paw"
+    assert renamed.edit("a", name="x").contacts[1].body == "x"
+    assert '"c"' not in renamed.to_json()
+
+
+def test_what_names_a_body_goes_with_it(model):
+    left = model.remove("c")
+    assert [c.name for c in left.constraints] == ["turn"]
+    assert left.forces == left.scenarios[0].forces == ()
+    assert left.scenarios[0].constraints == ()
+    assert left.notices == (
+        "constraint 'gear' went with its body",
+        "constraint 'row' went with its body",
+        "constraint 'roll' went with its body",
+        "force 'spring' went with its body",
+        "force 'push' went with its body",
+    )
+
+
+def test_a_new_joint_resets_limits_and_takes_with_it_what_does_not_fit(model):
+    edited = model.edit("a", dof=3)
+    assert edited.body("a").limits == ()
+    assert [c.name for c in edited.constraints] == ["row", "roll"]
+    assert edited.scenarios[0].constraints == ("row",)
+    assert "constraint 'gear' went: it does not fit the joint" in edited.notices
+    assert [f.name for f in edited.forces] == ["spring", "push"]
+
+
+def test_limits_are_pairs_a_motion_with_open_sides():
+    assert pg.Body(name="a", limits=(0, 1)).limits == ((0, 1),)
+    assert pg.Body(name="a", limits=(-math.inf, math.inf)).limits == ()
+    both = pg.Body(name="a", joint="universal", limits=(-1, 1))
+    assert both.limits == ((-1, 1), (-1, 1))
+    assert pg.Body(name="a", joint="universal", limits=(None, (0, math.inf))).limits == (
+        None,
+        (0, None),
+    )
+
+
+def test_the_ground_rises_uphill():
+    level = pg.Model(up="y")
+    assert level.ground_normal == (0, 1, 0)
+    tilted = pg.Model(up="y", ground={"slope": 0.1, "uphill": (0, 5, 2)})
+    assert tilted.ground_normal == pytest.approx((0, math.cos(0.1), -math.sin(0.1)))
+
+
+# -- loops ---------------------------------------------------------------------------------------
+
+
+def test_a_second_parent_is_a_loop_cut_at_a_joint_like_the_bodys_own():
+    model = pg.Model.serial(3).edit("3", parent=("2", "ground"))
+    assert model.body("3").parent == "2"
+    (cut,) = model.constraints
+    assert (cut.kind, cut.body, cut.other, cut.axis) == ("revolute", "3", "ground", (0, 1, 0))
+    assert model.notices == (
+        "body '3': the loop through 'ground' is cut at a revolute constraint, '3-ground'",
+    )
+    assert [tuple(x) for x in loops_of(model, pg.Topology.of(model))] == [
+        ("3-ground", "revolute", 3, 0)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("joint", "kind"),
+    [
+        *((same, same) for same in ("weld", "revolute", "prismatic", "cylindrical", "universal")),
+        ("spherical", "point"),
+    ],
+)
+def test_a_cut_joint_leaves_a_constraint_of_its_kind(joint, kind):
+    model = pg.Model.serial(3).close_loop("3", "1", joint=joint, name="cut", point=(0, 0, 1))
+    assert [(c.name, c.kind, c.point) for c in model.constraints] == [("cut", kind, (0, 0, 1))]
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (
+            lambda m: m.close_loop("3", "1", joint="planar"),
+            "body '3', joint: a loop is not cut at a planar joint; choose one of weld, revolute, "
+            "prismatic, cylindrical, universal, spherical",
+        ),
+        (
+            lambda m: m.close_loop("3", "3"),
+            "constraint '3-3', other: a body cannot be constrained to itself; given '3' twice",
+        ),
+        (
+            lambda m: m.close_loop("3", "9"),
+            "constraint '3-9', other: no body is named '9'; choose one of ground, 1, 2, 3",
+        ),
+        (lambda m: m.edit("3", parent=()), "body '3', parent: give at least one; given []"),
+        (
+            lambda m: m.edit("3", joint="universal", axes=((1, 0, 0), (0, 0, 1))).close_loop(
+                "3", "1"
+            ),
+            "body '3', axes: its axes do not say where the second parent's stands; "
+            "give axis and other_axis",
+        ),
+    ],
+)
+def test_loops_that_are_refused(call, sentence):
+    with pytest.raises(pg.ModelError) as refused:
+        call(pg.Model.serial(3))
+    assert str(refused.value) == sentence
