@@ -309,12 +309,6 @@ FORCES: list[tuple[dict[str, Any], list[str]]] = [
 # (the fields of a model, what is said)
 MODELS: list[tuple[dict[str, Any], list[str]]] = [
     (
-                "contact 't', body: no body has a shape; give one a shape, or name a body and "
-                "give points"
-            )
-        ],
-    ),
-    (
         {"ground": {"slope": 2}},
         [
             (
