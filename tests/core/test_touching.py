@@ -1,0 +1,126 @@
+"""Contacts of a model as tables: who touches what, where, and how hard if nothing is said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from pgraph_core.kernels import collision
+from pgraph_core.kernels import layout as at
+from pgraph_core.solids import contact_arrays, search_space
+from pgraph_core.touching import damping_ratio, ground_of, touching
+
+BALL = {"kind": "sphere", "radius": 0.1}
+
+
+def tables(model):
+    mech = pg.Mechanism(model)
+    return mech, touching(model, mech.topology, mech.system, range(len(model.contacts)))
+
+
+def heap(count, *contacts):
+    bodies = [
+        pg.Body(name=f"b{k}", joint="free", link=(0.15 * k, 0, 0.05), shape=BALL, mass=2.0)
+        for k in range(count)
+    ]
+    return pg.Model(bodies=tuple(bodies), contacts=contacts)
+
+
+def found(mech, t, q):
+    """(gap, shape A, shape B, contact) of everything within 1 m."""
+    system = mech.system
+    poses = np.zeros((len(t.geometry[0]), at.POSE))
+    position, rotation = mech.poses(q)
+    for i, (row, body) in enumerate(t.geometry[0][:, [at.SH_ROW, at.SH_BODY]].tolist()):
+        assert row == system.bodies_i[body, at.ROW]
+        home = system.bodies_f[body, at.HOME : at.HOME + 9].reshape(3, 3)
+        turn = rotation[body - 1] @ home.T
+        offset = system.bodies_f[body, at.OFFSET : at.OFFSET + 3]
+        place = position[body - 1] - turn @ offset + turn @ t.geometry[1][i, :3]
+        poses[i, :3] = place
+        poses[i, 3:] = (turn @ t.geometry[1][i, at.SH_ROT : at.SH_ROT + 9].reshape(3, 3)).ravel()
+    out = contact_arrays(50)
+    room = search_space(t.geometry, len(t.touch[2]))
+    n = collision.contacts(t.geometry, t.ground, t.touch, poses, room, 0.0, out)
+    whose = out[1][:n, [at.CT_SHAPE_A, at.CT_SHAPE_B, at.CT_CONTACT]]
+    return [(round(float(g), 12), *w) for g, w in zip(out[0][:n, at.CT_GAP], whose.tolist())]
+
+
+def test_a_heap_takes_two_lines():
+    floor, every = (pg.Contact(name=n, body="*", other=o) for n, o in (("f", "ground"), ("h", "*")))
+    mech, t = tables(heap(3, floor, every))
+    assert t.touch[0].tolist() == [[0, 0], [1, 0], [2, 0]]
+    assert t.touch[2].tolist() == [[0, 1], [1, 1], [2, 1]]
+    q, _ = mech.home()
+    gaps = found(mech, t, q)
+    assert sorted(g for g, *_ in gaps) == [-0.05] * 5
+    assert {tuple(sorted(x[1:3])) for x in gaps if x[3] == 1} == {(0, 1), (1, 2)}
+
+
+def test_bodies_that_a_joint_ties_do_not_touch_as_members_of_all():
+    rod = {"kind": "box", "size": (0.2, 0.1, 0.1)}
+    model = pg.Model.serial(3)
+    for name in model.row:
+        model = model.edit(name, shape=rod)
+    model = model.edit("3", joint="weld")
+    every, one, named = (
+        pg.Contact(name="all", body="*", other="*"),
+        pg.Contact(name="one", body="1", other="*"),
+        pg.Contact(name="named", body="1", other="2"),
+    )
+    _, t = tables(model.replace(contacts=(every, one, named)))
+    assert t.touch[3].tolist() == [[1, 2], [2, 3]]
+    assert t.touch[1].tolist() == [[0, 2, 1], [0, 1, 2]]
+
+
+def test_points_touch_where_the_body_has_them():
+    foot = pg.Contact(name="foot", body="1", points=((0.2, 0, 0), (0.2, 0, -0.1)))
+    model = pg.Model.serial(1).edit("1", rotation=(0.8, 0.6, 0, 0)).replace(contacts=(foot,))
+    mech, t = tables(model)
+    q = np.array([0.4])
+    gaps = found(mech, t, q)
+    position, rotation = mech.pose(q, "1")
+    heights = [(position + rotation @ np.array(p))[2] for p in foot.points]
+    assert sorted(g for g, *_ in gaps) == pytest.approx(sorted(h for h in heights if h < 0))
+
+
+@pytest.mark.parametrize("up", ["x", "y", "z"])
+def test_steps_lie_where_the_description_says(up):
+    step = pg.Step(low=(1, 10), high=(2, 20), height=0.3)
+    level = [k for k in range(3) if "xyz"[k] != up]
+    mech, t = tables(pg.Model(up=up, bodies=(pg.Body(name="a", joint="free", shape=BALL),),
+                              contacts=(pg.Contact(name="c", body="a"),),
+                              ground=pg.Ground(steps=(step,))))  # fmt: skip
+    q, _ = mech.home()
+    place = np.zeros(3)
+    place[level], place["xyz".index(up)] = (1.5, 15.0), 0.35
+    q[:3] = place
+    assert [g for g, *_ in found(mech, t, q)] == [-0.05]
+    q[:3][level] = (15.0, 1.5)
+    assert not found(mech, t, q)
+    assert len(ground_of(mech.model)) == 2
+
+
+def test_what_a_law_leaves_out_follows_from_masses_and_restitution():
+    """A body of 2 kg rests 1e-4 of its size deep; a linear impact gives the restitution back."""
+    contacts = (
+        pg.Contact(name="p", body="b0", law="penalty", restitution=0.4),
+        pg.Contact(name="s", body="b0", law="soft", stiffness=7.0, friction=0.1),
+        pg.Contact(name="c", body="*"),
+    )
+    model = heap(1, *contacts).replace(ground={"friction": 0.9, "restitution": 0.2})
+    _, t = tables(model)
+    size = np.sqrt(0.015 / 2)
+    k = 2 * 9.81 / (1e-4 * size)
+    zeta = damping_ratio(0.4)
+    assert np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2)) == pytest.approx(0.4)
+    assert t.laws[0].tolist() == pytest.approx([1, 0.9, 0.4, k, 2 * zeta * np.sqrt(2 * k)])
+    assert t.laws[1].tolist() == pytest.approx([0, 0.1, 0.2, 7.0, 1.2])
+    assert t.laws[2, :3].tolist() == pytest.approx([2, 0.9, 0.2])
+
+
+def test_a_mesh_that_is_not_there_is_named_with_its_body():
+    model = pg.Model.serial(1).edit("1", shape={"kind": "mesh", "file": "none.stl"})
+    with pytest.raises(pg.ModelError, match=r"^body '1', shape: .*none\.stl"):
+        tables(model.replace(contacts=(pg.Contact(name="c", body="1"),)))
