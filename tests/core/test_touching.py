@@ -9,6 +9,7 @@ import pgraph_core as pg
 from pgraph_core.kernels import collision
 from pgraph_core.kernels import layout as at
 from pgraph_core.solids import contact_arrays, search_space
+from pgraph_core.system import limits
 from pgraph_core.touching import damping_ratio, ground_of, touching
 
 BALL = {"kind": "sphere", "radius": 0.1}
@@ -124,3 +125,15 @@ def test_a_mesh_that_is_not_there_is_named_with_its_body():
     model = pg.Model.serial(1).edit("1", shape={"kind": "mesh", "file": "none.stl"})
     with pytest.raises(pg.ModelError, match=r"^body '1', shape: .*none\.stl"):
         tables(model.replace(contacts=(pg.Contact(name="c", body="1"),)))
+
+
+def test_limits_name_the_coordinates_that_they_bound():
+    motions = (("ball", (0, 0, 1)), ("translate", (1, 0, 0)), ("rotate", (0, 0, 1)))
+    bodies = (
+        pg.Body(name="a", joint="compound", motions=motions, limits=(None, (0, None), (-1, 2))),
+        pg.Body(name="b", parent="a", limits=(None, 0.5), limit_restitution=0.6),
+    )
+    mech = pg.Mechanism(pg.Model(bodies=bodies))
+    places, numbers = limits(mech.model, mech.topology, mech.system)
+    assert places.tolist() == [[3, 4], [4, 5], [5, 6]]  # v, q
+    assert numbers.tolist() == [[0, np.inf, 0], [-1, 2, 0], [-np.inf, 0.5, 0.6]]
