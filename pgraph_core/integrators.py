@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .errors import InputError, Problem, choices
-from .kernels import run
+from .kernels import moreau, run
 from .system import Array
 
 
@@ -48,14 +48,31 @@ SEMI_IMPLICIT_EULER = Method(
     run.semi_implicit,
     "playback and long runs without drift of energy, at low accuracy",
 )
-METHODS = {method.name: method for method in (RK4, SEMI_IMPLICIT_EULER)}
+MOREAU_JEAN = Method(
+    "moreau_jean",
+    1,
+    np.zeros((0, 0)),
+    np.zeros(0),
+    np.zeros(0),
+    moreau.moreau_jean,
+    "rigid contacts, joint limits and impacts, many at once",
+)
+METHODS = {method.name: method for method in (RK4, SEMI_IMPLICIT_EULER, MOREAU_JEAN)}
 
 
-def method_of(name: str) -> tuple[Method, str]:
-    """The method called `name`, and why; "auto" chooses. Raises InputError with the choices."""
+def method_of(name: str, *, impulses: bool = False) -> tuple[Method, str]:
+    """The method called `name`, and why; "auto" chooses: `impulses` says that the scene has some.
+
+    Raises InputError with the choices.
+    """
+    if name == "auto" and impulses:
+        return MOREAU_JEAN, "moreau_jean: the scene has rigid contacts or joint limits"
     if name == "auto":
         return RK4, "rk4: the most accurate of the methods for smooth motion at a fixed step"
     if name not in METHODS:
         text = f"no method is called {name!r}; choose one of {choices(('auto', *METHODS))}"
         raise InputError(Problem("simulate", "method", text))
+    if impulses and name != MOREAU_JEAN.name:
+        text = f"{name} cannot take impulses: the scene has rigid contacts or joint limits; use "
+        raise InputError(Problem("simulate", "method", f"{text}'moreau_jean' or 'auto'"))
     return METHODS[name], f"{name}: as asked"

@@ -13,6 +13,7 @@ from .blocks import Blocks, blocks
 from .bodies import BodyMotion, bodies_over, shifted, turned
 from .carrying import Carried, Joint, carried, joints_of
 from .columns import Columns
+from .contacts import Tables, tables
 from .errors import InputError, Problem
 from .kernels import bodies, dynamics, motion, numbering
 from .kernels import layout as at
@@ -21,7 +22,7 @@ from .kernels.handle import address_of
 from .loads import TYPES as LOADS
 from .loads import loads
 from .scene import Scene
-from .schema import Force, Model
+from .schema import Contact, Force, Model
 from .system import (
     Array,
     Drives,
@@ -491,6 +492,12 @@ class Mechanism:
         if not any(force.kind in LOADS for force in forces):
             return NO_LOADS
         return loads(self.model, self.topology, self.system, forces, self.poses(self.system.q))
+
+    def contacts(self, active: tuple[Contact, ...]) -> Tables | None:
+        """What these contacts and the joints' limits make touch; None where nothing does."""
+        if not active and not any(any(b.limits) for b in self.model.bodies):
+            return None
+        return tables(self, active)
 
     @cached_property
     def scene(self) -> Scene:

@@ -3,4 +3,4 @@
 from __future__ import annotations
 
 AUTO = "auto"  # chosen for the scene
-METHOD_NAMES = (AUTO, "semi_implicit_euler", "rk4")
+METHOD_NAMES = (AUTO, "semi_implicit_euler", "rk4", "moreau_jean")

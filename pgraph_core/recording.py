@@ -9,6 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .callback import UserTorque
+from .contact_record import NOTHING, ContactRecord
+from .contacts import Tables
 from .integrators import Method
 from .kernels import layout as at
 from .kernels import motion, run
@@ -20,6 +22,7 @@ from .system import Array, Drives, Ints, Loads
 
 CHUNK = 0.02  # s of computation between two looks at `progress`
 ASSEMBLY_ROUNDS = 50
+LOOSE = 1e-6  # of the velocities: a law missed by more is said
 Progress = Callable[[float], Any] | None
 
 STATUS = {
@@ -39,6 +42,7 @@ class Plan(NamedTuple):
     drives: Drives
     loads: Loads
     active: Ints  # indices of the active constraints
+    contacts: Tables | None  # what touches; None: nothing
     gains: Array  # (2,) of Baumgarte
     project: bool
 
@@ -53,7 +57,13 @@ class Recording:
         self.tau = tau
         self.user = UserTorque(tau, mech.nq, mech.nv) if callable(tau) else None
         self.scene = Scene(
-            mech, plan.drives, plan.loads, plan.active, gains=plan.gains, user=self.user
+            mech,
+            plan.drives,
+            plan.loads,
+            plan.active,
+            contacts=plan.contacts,
+            gains=plan.gains,
+            user=self.user,
         )
         if tau is not None and self.user is None:
             self.scene.given[:] = mech.finite("tau", tau, mech.nv)
@@ -62,6 +72,8 @@ class Recording:
             *(np.zeros((n, k)) for k in (mech.nq, mech.nv, mech.nv)),
             np.zeros((n, blocks, 6)),
             *(np.zeros((n, k)) for k in (4, 2)),
+            np.zeros((n if plan.contacts else 0, mech.nb, 6)),
+            np.zeros((n if plan.contacts else 0, _touches(plan), at.TOUCH)),
         )
         self.stages = np.zeros((5 + 2 * plan.method.evaluations, max(mech.nq, mech.nv)))
         self.flow, self.ledger, self.failure = np.zeros(3), np.zeros(2), np.zeros(2)
@@ -167,11 +179,54 @@ class Recording:
         where = f"at t = {t:.6g} s; body '{body}' moved fastest"
         self._stop(status, f"{status.value} {where}; {advice}")
 
+    def _contacts(self, pushes: Array, touches: Array) -> ContactRecord:
+        """What the recorded frames say of contacts and limits."""
+        tables = self.plan.contacts
+        if not tables:
+            return NOTHING
+        forces = np.concatenate((touches[..., 3:6], touches[..., :3]), axis=-1)
+        names = [t.name for t in tables.touches]
+        limits = touches[:, len(names) :, at.TO_FORCE].T
+        return ContactRecord(
+            dict(zip(names, forces.swapaxes(0, 1))),
+            dict(zip(names, touches[..., at.TO_GAP].T)),
+            dict(zip(names, touches[..., at.TO_SLIP].T)),
+            dict(zip(tables.limits, limits)),
+            pushes,
+        )
+
+    def _contact_counters(self) -> dict[str, int]:
+        if self.scene.touching is None:
+            return {}
+        tally = self.scene.touching.tally
+        return {"contact_fallbacks": int(tally[at.N_FALLBACK]), "calmed": int(tally[at.N_CALMED])}
+
+    def contact_notices(self) -> list[str]:
+        """What a person should know of how contacts were solved."""
+        if self.scene.touching is None:
+            return []
+        tally, worst = self.scene.touching.tally, self.scene.touching.worst
+        found: list[str] = []
+        if tally[at.N_CALMED]:
+            found.append(
+                f"in {tally[at.N_CALMED]} steps the bounce with friction would have gained energy: "
+                "they were taken without restitution"
+            )
+        if worst[at.MISSED] > LOOSE:
+            found.append(
+                "the contact solver stopped at its cap: laws missed by up to "
+                f"{worst[at.MISSED]:.1e} of the velocities; try a smaller step"
+            )
+        if tally[at.N_MISSED]:
+            found.append(f"in {tally[at.N_MISSED]} steps there were more contact points than room")
+        return found
+
     def result(
         self, estimate: float, timing: dict[str, float], header: dict[str, Any], *, first: int = 0
     ) -> Result:
         """What has been recorded from frame `first` on, as a Result."""
-        q, v, vdot, wrenches, energy, drift = (a[first : self.done] for a in self.out)
+        frames = (a[first : self.done] for a in self.out)
+        q, v, vdot, wrenches, energy, drift, pushes, touches = frames
         names = ("steps", "evaluations", "projections", "solver_iterations")
         return Result(
             mechanism=self.mech,
@@ -187,13 +242,18 @@ class Recording:
             dissipation=energy[:, 3],
             constraint_drift=drift,
             constraint_force=self.scene.forces(wrenches.swapaxes(0, 1).copy()),
-            counters=dict(zip(names, self.counters.tolist())),
+            contacts=self._contacts(pushes, touches),
+            counters=dict(zip(names, self.counters.tolist())) | self._contact_counters(),
             timing=timing,
             error_estimate=estimate,
             header=header,
             left_out=left_out(self.mech, self.plan),
-            notices=tuple(self.notices),
+            notices=(*self.notices, *self.contact_notices()),
         )
+
+
+def _touches(plan: Plan) -> int:
+    return len(plan.contacts.touches) + len(plan.contacts.limits) if plan.contacts else 0
 
 
 def _stops(answer: Any) -> bool:
@@ -245,5 +305,6 @@ def left_out(mech: Mechanism, plan: Plan) -> tuple[str, ...]:
         found.append("no ball or free joint: no quaternions to keep")
     if merged:
         found.append(f"{merged} welded bodies merged into their parents: fewer rows to sweep")
-    found.append("no contact: no gap functions")
+    if not plan.contacts:
+        found.append("no contact, no limit: no gap functions, no impulses")
     return tuple(found)

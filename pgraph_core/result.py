@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .bodies import BodyMotion, bodies_over, turned
+from .contact_record import ContactRecord
 from .errors import FileError, Problem
 from .schema import Model
 from .schema.files import write_atomic
@@ -56,12 +57,28 @@ class Result:
     dissipation: Array  # (n,) [J] taken out by dampers
     constraint_drift: Array  # (n, 2) largest |position| [m] and |velocity| [m/s] residual
     constraint_force: Mapping[str, Array]  # {name: (n, 6)} [torque, force] on `body` at `point`
+    contacts: ContactRecord  # forces, gaps, slips of contacts; torques of joint limits
     counters: Mapping[str, int]  # steps, evaluations, projections, solver iterations
     timing: Mapping[str, float]  # seconds a phase
     error_estimate: float  # largest |change of q| at the end against twice the step [rad, m]
     header: Mapping[str, Any]  # version, model hash, method, step, ...
     left_out: tuple[str, ...]  # what this scene did not need and therefore did not run
     notices: tuple[str, ...] = field(default=())  # what a person should know
+
+    @property
+    def contact_force(self) -> Mapping[str, Array]:
+        """{touch: (n, 6)} [torque, force] on its body about its origin, world axes."""
+        return self.contacts.force
+
+    @property
+    def contact_gap(self) -> Mapping[str, Array]:
+        """{touch: (n,)} smallest gap [m]."""
+        return self.contacts.gap
+
+    @property
+    def contact_slip(self) -> Mapping[str, Array]:
+        """{touch: (n,)} fastest slip [m/s]."""
+        return self.contacts.slip
 
     @property
     def energy(self) -> Array:
@@ -112,6 +129,7 @@ class Result:
         """Write an `.npz`: the arrays, and a JSON header that holds the model."""
         arrays = {name: getattr(self, name) for name in ARRAYS}
         arrays |= {f"force:{name}": value for name, value in self.constraint_force.items()}
+        arrays |= self.contacts.arrays()
         header = {
             "status": self.status.name,
             **{name: getattr(self, name) for name in SCALARS},
@@ -132,13 +150,16 @@ class Result:
                 arrays = {name: data[name] for name in ARRAYS}
                 prefix = "force:"
                 forces = {k.removeprefix(prefix): data[k] for k in data if k.startswith(prefix)}
+                contacts = ContactRecord.of_arrays({k: data[k] for k in data})
         except (OSError, ValueError, KeyError) as error:
             text = f"holds no run: {error}; give a file written by Result.save"
             raise FileError(Problem(str(path), "", text)) from None
         model = Model.from_json(json.dumps(header.pop("model")), source=str(path))
         status = Status[header.pop("status")]
         header["left_out"], header["notices"] = map(tuple, (header["left_out"], header["notices"]))
-        return cls(Mechanism(model), status, constraint_force=forces, **header, **arrays)
+        return cls(
+            Mechanism(model), status, constraint_force=forces, contacts=contacts, **header, **arrays
+        )
 
     def to_csv(self) -> str:
         """Time, q, v, energies and constraint forces as CSV, units in the first line."""
@@ -154,6 +175,7 @@ class Result:
             }
         for name, force in self.constraint_force.items():
             columns |= {f"{name} F{axis} [N]": force[:, 3 + i] for i, axis in enumerate("xyz")}
+        columns |= self.contacts.columns()
         writer.writerow(columns)
         writer.writerows(zip(*(c.tolist() for c in columns.values())))
         return text.getvalue()
@@ -182,8 +204,10 @@ def body_motion(run: Result) -> BodyMotion:
     external = np.zeros((len(run.t), mech.nb, 6))
     states = (run.q, run.v, run.vdot)
     motion = bodies_over(mech.system, *states, external)
-    if run.constraint_force:
+    if run.constraint_force or run.contacts.wrench.size:
         _add_constraint_wrenches(run, motion, external)
+        if run.contacts.wrench.size:
+            external += run.contacts.wrench
         motion = bodies_over(mech.system, *states, external)
     return motion
 

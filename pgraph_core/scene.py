@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from . import solids
 from .blocks import Blocks
+from .contacts import Tables, extended
 from .kernels import layout as at
 from .kernels import motion
-from .kernels.handle import address_of_array, buffer
+from .kernels.handle import address_of, address_of_array, buffer
 from .system import Array, Drives, Ints, Loads
 
 if TYPE_CHECKING:
@@ -33,22 +35,27 @@ class Scene:
         loads: Loads,
         active: Ints,
         *,
+        contacts: Tables | None = None,
         gains: Array = NO_GAINS,
         user: UserTorque | None = None,
     ):
         """`active` are the indices of constraints."""
         self.mech, self.drives, self.loads = mech, drives, loads
-        self.blocks: Blocks = mech.blocks
+        self.blocks: Blocks = extended(mech.blocks, contacts) if contacts else mech.blocks
         self.active = np.zeros(len(self.blocks.blocks_i) + 1, dtype=np.int64)
         self.given = np.zeros(mech.nv)
         self.user = user
         self.work = np.zeros((len(mech.system.rows), at.WORK))
-        self.space = space(mech.nq, mech.nv, len(mech.system.rows), self.blocks, active)
+        self.touching = TouchSpace(mech, contacts) if contacts else None
+        links = self.touching.links if self.touching else NO_CONTACTS
+        self.space = space(mech.system.rows, mech.nq, mech.nv, self.blocks, active, contacts, links)
         self.activate(active)
         tables = (*self.blocks[2:], self.active)
         acts = NO_USER if user is None else (user.address, user.exchange, user.answer)
         parts = (self.work, self.space, gains, self.given, acts)
-        self._kept = (*mech.tree, drives, loads, tables, *parts)
+        rows, const = mech.tree  # a step with contacts counts stiff drives as inertia: its own copy
+        const = const.copy() if contacts else const
+        self._kept = (rows, const, drives, loads, tables, *parts)
         self._buffer = buffer()
         motion.save_scene(self._buffer, self._kept)
         self.address = address_of_array(self._buffer)
@@ -70,21 +77,90 @@ class Scene:
         }
 
 
-def space(nq: int, nv: int, rows: int, blocks: Blocks, active: Ints) -> tuple[Any, ...]:
+class TouchSpace:
+    """The contacts of a scene behind one address, with what they remember from step to step."""
+
+    def __init__(self, mech: Mechanism, contacts: Tables):
+        from .kernels import touch  # collision kernels: only where something touches
+
+        n, count = len(contacts.touches), contacts.room
+        first = len(mech.blocks.blocks_i)
+        self.tally = np.zeros(at.TALLY, dtype=np.int64)
+        self.tally[at.FIRST_LIMIT], self.tally[at.N_LIMITS] = first, len(contacts.limits)
+        self.tally[at.FIRST_CONTACT] = first + len(contacts.limits)
+        self.worst = np.zeros(2)
+        shapes = len(contacts.geometry[0])
+        self._kept = (
+            contacts.geometry,
+            contacts.ground,
+            contacts.touch,
+            np.zeros((shapes, at.POSE)),
+            solids.search_space(contacts.geometry, len(contacts.touch[2])),
+            solids.contact_arrays(count),
+            contacts.laws,
+            np.zeros((count, 3)),
+            np.zeros((count, 3), dtype=np.int64),
+            np.zeros((mech.nb + 1, 6)),
+            np.zeros((n + len(contacts.limits), at.TOUCH)),
+            self.tally,
+            self.worst,
+            *mech.system[2:4],
+            np.zeros(mech.nv),
+        )
+        self._buffer = buffer()
+        touch.save_contacts(self._buffer, self._kept)
+        kernels = (touch.find, touch.contact_forces, touch.record_contacts)
+        settle = address_of(touch.keep_anchors) if contacts.remembers else 0
+        self.links = np.array(
+            [address_of_array(self._buffer), *map(address_of, kernels), settle], dtype=np.int64
+        )
+
+
+NO_CONTACTS = np.zeros(5, dtype=np.int64)
+DENSE = 150  # rows of unilateral blocks, above which no Ω is held; as `impulse.DENSE`
+
+
+def space(
+    rows: Ints,
+    nq: int,
+    nv: int,
+    blocks: Blocks,
+    active: Ints,
+    contacts: Tables | None,
+    links: Ints,
+) -> tuple[Any, ...]:
     """Workspace of the constraint kernels, for as many rows as may be active at once."""
-    count = len(blocks.blocks_i)
+    count, n = len(blocks.blocks_i), len(rows)
     chosen = [b for i in active.tolist() for b in range(blocks.first[i], blocks.first[i + 1])]
-    m = -(-int(blocks.blocks_i[chosen, at.B_SIZE].sum()) // 3) * 3  # whole blocks of three
+    m = most = int(blocks.blocks_i[chosen, at.B_SIZE].sum())
+    if contacts is not None:
+        most = m + len(contacts.limits) + 3 * contacts.room
+        m = max(m, min(most, DENSE))
+    m = -(-m // 3) * 3  # whole blocks of three
+    width = path_width(rows, nv, blocks) if count else 0
     return (
-        np.zeros((count, 3 * nv)),
-        np.zeros((count, nv + at.SLOT), dtype=np.int64),
+        np.zeros((count, 3 * width)),
+        np.zeros((count, width + at.SLOT), dtype=np.int64),
         np.zeros((m, m)),
         np.zeros((m, m)),
         np.zeros((count, at.PLACE)),
-        np.zeros((9, max(m, nq, 3))),
-        np.zeros((rows, 3)),
-        np.zeros((rows, 6)),
+        np.zeros((13, max(most + 2, nq, nv, 3))),
+        np.zeros((n, 3)),
+        np.zeros((n, 6)),
         np.zeros((2, 18)),
         np.zeros((m, m)),
         np.zeros(nv, dtype=np.int64),
+        np.zeros((count, 9)),
+        links,
     )
+
+
+def path_width(rows: Ints, nv: int, blocks: Blocks) -> int:
+    """Most degrees of freedom that a block's two paths to the ground have."""
+    if np.any(blocks.blocks_i[:, at.B_TERMS] > 0):
+        return nv
+    depth = [0] * len(rows)
+    size = (1, 1, 3, 6)
+    for k, (parent, kind, _, _) in enumerate(rows[1:].tolist(), start=1):
+        depth[k] = size[kind] + (0 if kind == at.FREE else depth[parent])
+    return min(nv, 2 * max(depth))

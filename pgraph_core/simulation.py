@@ -16,6 +16,7 @@ from .kernels import layout as at
 from .mechanism import Mechanism
 from .recording import Plan, Recording, error_estimate
 from .result import Result
+from .schema import Contact
 from .system import Array, Ints
 
 MOST_STEPS = 1e9  # a day of computing
@@ -55,7 +56,8 @@ def simulate(
     t_end = _positive("t_end", t_end if t_end is not None else given.t_end if given else 1.0)
     step = _positive("step", step if step is not None else given.step if given else 1e-3)
     name = method if method is not None else given.method if given else "auto"
-    chosen, why = method_of(name)
+    contacts = mech.contacts(_touching(mech, given))
+    chosen, why = method_of(name, impulses=contacts is not None and contacts.rigid)
     forces = (*mech.model.forces, *(given.forces if given else ()))
     times, substeps, width = schedule(t_end, step, frames, t_eval)
     if stabilise not in STABILISE:
@@ -69,6 +71,7 @@ def simulate(
         mech.drives(forces),
         mech.loads(forces),
         _active(mech, given),
+        contacts,
         _gains(step) if stabilise == "baumgarte" else np.zeros(2),
         stabilise == "project",
     )
@@ -156,6 +159,13 @@ def _active(mech: Mechanism, given: Any) -> Ints:
     return np.array(
         [i for i, c in enumerate(mech.model.constraints) if c.name in wanted], dtype=np.int64
     )
+
+
+def _touching(mech: Mechanism, given: Any) -> tuple[Contact, ...]:
+    """The contacts that act."""
+    if given is None or given.contacts is None:
+        return tuple(c for c in mech.model.contacts if c.active)
+    return tuple(c for c in mech.model.contacts if c.name in given.contacts)
 
 
 def _start(mech: Mechanism, given: Any, q: Any, v: Any) -> tuple[Array, Array]:

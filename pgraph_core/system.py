@@ -93,27 +93,6 @@ def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force
     return np.array(table).reshape(-1, at.DRIVE), np.array(knots).reshape(-1, 2), passive
 
 
-def limits(model: Model, topology: Topology, packed: System) -> tuple[Ints, Array]:
-    """Of every bounded coordinate: its indices into v and q (nl, 2), and least and greatest
-    position (infinite where open) and restitution (nl, 3)."""
-    places: list[tuple[int, int]] = []
-    numbers: list[tuple[float, float, float]] = []
-    for number, row in enumerate(topology.row.tolist(), start=1):
-        body = model.bodies[row]
-        if not body.limits:
-            continue
-        sizes = [joints.SIZE[m.kind][1] for m in body.sequence]
-        own, start = joint_coordinates(packed, number), 0
-        for pair, restitution, size in zip(body.limits, body.limit_restitution, sizes):
-            if pair is not None:
-                low = -np.inf if pair[0] is None else pair[0]
-                high = np.inf if pair[1] is None else pair[1]
-                places.append(own[start])
-                numbers.append((low, high, restitution))
-            start += size
-    return np.array(places, dtype=np.int64).reshape(-1, 2), np.array(numbers).reshape(-1, 3)
-
-
 def has_springs(body: Body) -> bool:
     """Whether a joint has a spring, a damper or friction."""
     return any(body.stiffness) or any(body.damping) or any(body.friction)

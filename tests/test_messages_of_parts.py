@@ -367,7 +367,7 @@ MODELS: list[tuple[dict[str, Any], list[str]]] = [
         [
             (
                 "scenario 's', method: no method is called 'rk5'; choose one of auto, "
-                "semi_implicit_euler, rk4"
+                "semi_implicit_euler, rk4, moreau_jean"
             )
         ],
     ),

@@ -42,6 +42,12 @@ def velocities(rows, const, work, v, linear):
 
 
 @part
+def along_coordinates(kind):
+    """Whether a block's row is over coordinates, not between bodies."""
+    return kind == at.T_COORD or kind == at.T_VELOCITY or kind == at.T_LIMIT
+
+
+@part
 def direction(table, i, column, r, work, k):
     """Direction r of block i, which is fixed in row k, in world axes."""
     return mul(load9(work, k, at.R), load(table, i, column + 3 * r))
@@ -79,7 +85,12 @@ def locate(blocks, work, place):
     for j in range(1, active[0] + 1):
         i = active[j]
         kind = blocks_i[i, at.B_TYPE]
-        if kind == at.T_COORD or kind == at.T_VELOCITY:
+        if along_coordinates(kind):
+            continue
+        if kind == at.T_CONTACT:
+            store(place, i, at.PLACE_P, load(blocks_f, i, at.PA))
+            store(place, i, at.PLACE_Q, load(blocks_f, i, at.PA))
+            store9(place, i, at.PLACE_D, load9(blocks_f, i, at.DIR))
             continue
         a = blocks_i[i, at.B_A]
         b = blocks_i[i, at.B_B]
@@ -180,7 +191,7 @@ def residual(blocks, work, space, t, q, out):
         elif kind == at.T_DISTANCE:
             apart = sub(load(place, i, at.PLACE_P), fixed_point(blocks_f, i, at.PB, work, b))
             out[at_r] = math.sqrt(dot(apart, apart)) - blocks_f[i, at.VALUE]
-        elif kind == at.T_COORD:
+        elif kind == at.T_COORD or kind == at.T_LIMIT:
             out[at_r] = total(blocks_i, terms_i, terms_f, i, 1, q)
             out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, 0)
 
@@ -209,8 +220,8 @@ def residual_velocity(blocks, work, space, t, v, out):
         at_r = slots[i, at.FIRST]
         a = blocks_i[i, at.B_A]
         b = blocks_i[i, at.B_B]
-        if kind == at.T_COORD or kind == at.T_VELOCITY:
-            order = 1 if kind == at.T_COORD else 0
+        if along_coordinates(kind):
+            order = 0 if kind == at.T_VELOCITY else 1
             out[at_r] = total(blocks_i, terms_i, terms_f, i, 0, v)
             out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, order)
             continue
@@ -285,7 +296,7 @@ def residual_acceleration(blocks, work, space, t, vdot, out):
         at_r = slots[i, at.FIRST]
         a = blocks_i[i, at.B_A]
         b = blocks_i[i, at.B_B]
-        if kind == at.T_COORD or kind == at.T_VELOCITY:
+        if along_coordinates(kind):
             order = 2 if kind == at.T_COORD else 1
             out[at_r] = total(blocks_i, terms_i, terms_f, i, 0, vdot)
             out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, order)

@@ -8,6 +8,7 @@ from . import layout as at
 from ._jit import part
 from .articulated import inboard
 from .blocks import (
+    along_coordinates,
     fixed_point,
     locate,
     residual,
@@ -51,19 +52,23 @@ def number_rows(blocks, slots):
 
 
 @part
-def delassus(rows, const, blocks, work, space, m):
-    """Y and Ω of the active blocks from the articulated factors, Ω's factor; μ, null directions."""
+def unit_responses(rows, const, blocks, work, space):
+    """Y of the active blocks from the articulated factors."""
     blocks_i, _, _, _, _, active = blocks
-    y, slots, omega, factor, place, vectors, linear, whole, hold, nulls, where = space
-    dinv = vectors[DINV]
-    pivots(rows, work, dinv)
+    pivots(rows, work, space[5][DINV])
     for j in range(1, active[0] + 1):
         i = active[j]
-        kind = blocks_i[i, at.B_TYPE]
-        if kind == at.T_COORD or kind == at.T_VELOCITY:
+        if along_coordinates(blocks_i[i, at.B_TYPE]):
             carry_coordinates(rows, const, blocks, i, work, space)
         else:
             carry(rows, blocks_i, i, work, space)
+
+
+@part
+def couplings(blocks, space):
+    """Ω of the active blocks from their Y."""
+    blocks_i, _, _, _, _, active = blocks
+    y, slots, omega, where, dinv = space[0], space[1], space[2], space[10], space[5][DINV]
     for j in range(1, active[0] + 1):
         i = active[j]
         count = slots[i, at.SLOTS]
@@ -73,7 +78,14 @@ def delassus(rows, const, blocks, work, space, m):
             couple(blocks_i, i, active[n], y, slots, where, dinv, omega)
         for s in range(count):
             where[slots[i, at.SLOT + s]] = 0
-    return factor_proximal(omega, factor, nulls, m)
+
+
+@part
+def delassus(rows, const, blocks, work, space, m):
+    """Y and Ω of the active blocks, Ω's factor; μ, null directions."""
+    unit_responses(rows, const, blocks, work, space)
+    couplings(blocks, space)
+    return factor_proximal(space[2], space[3], space[9], m)
 
 
 @part
@@ -204,7 +216,7 @@ def wrenches(rows, blocks, work, space, out):
         i = active[j]
         kind = blocks_i[i, at.B_TYPE]
         a = blocks_i[i, at.B_A]
-        if kind == at.T_COORD or kind == at.T_VELOCITY:
+        if along_coordinates(kind):
             x = scale(vectors[LAMBDA, slots[i, at.FIRST]], load(work, a, at.H))
             if rows[a, at.KIND] <= at.TRANSLATE:
                 x = scale(terms_f[blocks_i[i, at.B_TERM]], x)

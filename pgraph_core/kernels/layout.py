@@ -90,6 +90,7 @@ PB = 3  # 3, point of B; of the ground in the world
 DIR = 6  # 9, up to three directions fixed in B, one after the other
 AIM = 15  # 9, up to three directions fixed in A
 VALUE = 24  # length, radius [m], offset [rad, m], or velocity [rad/s, m/s]
+FRICTION, BOUNCE = 25, 26  # of a contact or limit: Coulomb's coefficient, restitution
 BLOCK_F = 28
 
 T_POINT = 0  # DIR_r · (x_A - x_B) = 0
@@ -101,6 +102,10 @@ T_SPHERE = 4  # a sphere of radius VALUE about x_A rolls on the plane through x_
 T_DISC = 5  # the same for a thin disc with the axis AIM_0
 T_COORD = 6  # Σ coefficient q = VALUE, or the curve at t
 T_VELOCITY = 7  # Σ coefficient v = VALUE
+T_LIMIT = 8  # Σ coefficient q - VALUE ≥ 0, unilateral
+T_CONTACT = (
+    9  # a contact point: PA in the world, DIR in the world: normal, two tangents; unilateral
+)
 
 # terms_i: int64 (nt, 2): index into v, index into q or -1; terms_f: float64 (nt,): coefficients
 
@@ -114,12 +119,15 @@ SINE = -1
 
 # space of the constraint kernels, float64; w: most degrees of freedom on the paths of a block
 # y (nb, 3 w): what unit multipliers do in each joint; place (nb, 15): where and along what
-# omega, factor, nulls (m, m), m a multiple of 3; vectors (9, max(m, nq, 3))
+# omega, factor, nulls (m, m), m a multiple of 3; vectors (13, max(m, nq, 3))
 # linear (n + 1, 3): velocities of origins
 # whole (n + 1, 6), hold (2, 18): wrenches on their way to the ground
-# slots, int64 (nb + 1, w + 2): number of joints, first row, then their indices into v
+# own (nb, 9): a block's part of omega
+# slots, int64 (nb, w + 2): number of joints, first row, then their indices into v
 PLACE_P, PLACE_D, PLACE_Q = 0, 3, 12  # 3 on A, 9, 3 on B
 PLACE = 15
+# contacts, int64 (5,): addresses of a scene's contacts (0: none), and of their kernels
+HAS_CONTACTS, THEIR_SEARCH, THEIR_FORCES, THEIR_RECORD, THEIR_SETTLE = 0, 1, 2, 3, 4
 SLOTS, FIRST, SLOT = 0, 1, 2
 
 # loads: forces between two bodies, or on one; loads_i: int64 (nl, 8)
@@ -210,3 +218,25 @@ CE_NEXT, CE_X, CE_LARGE = 0, 1, 4
 CELL = 5
 # buckets: int64 (a power of two,): first member of every bucket
 # search: (room, bounds, cells, buckets)
+
+# -- contacts in a scene -----------------------------------------------------------------------
+# A touch is a shape over the ground, a pair of shapes, or all members of one contact together.
+# laws: float64 (nt, 6), one row a touch
+LW_LAW, LW_FRICTION, LW_BOUNCE, LW_STIFF, LW_DAMP = 0, 1, 2, 3, 4
+RIGID, SOFT, PENALTY = 0, 1, 2
+LAW = 6
+# kept: float64 (nmax, 3) impulses of the last step's contact points, or anchors of their friction;
+# kept_i: int64 (nmax, 3) shape A, shape B, feature
+# pushes: float64 (nb + 1, 6): [torque, force] of contacts on each body, about its row's origin
+# touches: float64 (nt, 8), world axes: what A gets, smallest gap, fastest slip
+TO_FORCE, TO_TORQUE, TO_GAP, TO_SLIP = 0, 3, 6, 7  # torque about the origin of A's body
+TOUCH = 8
+# tally: int64 (9,)
+N_FOUND, N_KEPT, FIRST_LIMIT, N_LIMITS, FIRST_CONTACT = 0, 1, 2, 3, 4
+FROZEN = 5  # 1: `pushes` of the last step act, rigid contacts being known only by their impulses
+N_FALLBACK, N_CALMED = 6, 7  # steps solved by ADMM; steps whose bounce was left out
+N_MISSED = 8  # steps with more contact points than there is room for
+TALLY = 9
+# limit_tau: float64 (nv,): torques of joint limits in the last step; their touches come last
+# worst: float64 (2,): largest law missed relative to the velocities, deepest penetration [m]
+MISSED, DEEPEST = 0, 1

@@ -26,13 +26,14 @@ I2 = types.int64[:, ::1]
 DRIVES = types.Tuple((F2, F2, types.int64))
 LOADS = types.Tuple((I2, F2, F2))
 BLOCKS = types.Tuple((I2, F2, I2, F1, F2, I1))
-SPACE = types.Tuple((F2, I2, F2, F2, F2, F2, F2, F2, F2, F2, I1))
+SPACE = types.Tuple((F2, I2, F2, F2, F2, F2, F2, F2, F2, F2, I1, F2, I1))
 # a user's function: its address (0: none), q, v and τ as rows, and what it answered
 USER = types.Tuple((types.int64, F2, I1))
 # rows, const, drives, loads, blocks, work, space, gains of Baumgarte, given torques, user
 SCENE = types.Tuple((I2, F2, DRIVES, LOADS, BLOCKS, F2, SPACE, F1, F1, USER))
-# q, v, v', wrenches of blocks, energies and ledger, residuals: one row a frame
-OUT = types.Tuple((F2, F2, F2, F3, F2, F2))
+# q, v, v', wrenches of blocks, energies and ledger, residuals, wrenches of contacts on bodies,
+# touches: one row a frame
+OUT = types.Tuple((F2, F2, F2, F3, F2, F2, F3, F3))
 
 TAU = 6  # row of `vectors`: the joints' own forces
 
@@ -43,7 +44,12 @@ _call_user = caller(types.int64(types.float64, types.uint64, types.uint64, types
 ACCELERATION = types.int64(types.int64, types.float64, F1, F1, F1, F1, F1)
 PROJECTION = types.int64(types.int64, types.float64, F1, F1, types.int64)
 RECORD = types.int64(types.int64, types.int64, types.float64, F1, F1, F1, F1, types.int64, OUT)
+# of contacts, compiled only for a scene that has some (`touch`): forces, and what is recorded
+CONTACT_FORCES = types.int64(types.int64, F1, F1, F1)
+CONTACT_RECORD = types.int64(types.int64, F2, F2)
 call_acceleration = caller(ACCELERATION)
+call_contact_forces = caller(CONTACT_FORCES)
+call_contact_record = caller(CONTACT_RECORD)
 call_projection = caller(PROJECTION)
 call_record = caller(RECORD)
 
@@ -90,10 +96,12 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
         more, lost = apply_loads(loads, work, space[6], t)
         put_in += more
         dissipated += lost
-    inboard(rows, const, work, tau)
-    joint_acceleration(rows, const, work, vdot)
     flow[0] = put_in
     flow[1] = dissipated
+    if space[12][at.HAS_CONTACTS] != 0:
+        call_contact_forces(space[12][at.THEIR_FORCES], (scene, v, tau, flow))
+    inboard(rows, const, work, tau)
+    joint_acceleration(rows, const, work, vdot)
     flow[2] = 0.0
     if opened(scene)[4][5][0] > 0:
         _, _, _, _, blocks, _, space, gains, _, _ = opened(scene)
@@ -128,7 +136,7 @@ def projection(scene, t, q, v, rounds):
 def record(scene, accelerate, t, q, v, flow, ledger, i, out):
     """Frame i: state, v', wrenches, energies, ledger, residuals; whether all of it is finite."""
     rows, const, drives, loads, blocks, work, space, _, _, _ = opened(scene)
-    qs, vs, vdots, forces, energies, drifts = out
+    qs, vs, vdots, forces, energies, drifts, pushes, touches = out
     tau = space[5][TAU, : v.shape[0]]
     call_acceleration(accelerate, (scene, t, q, v, tau, vdots[i], flow))
     for n in range(q.shape[0]):
@@ -138,6 +146,8 @@ def record(scene, accelerate, t, q, v, flow, ledger, i, out):
     if blocks[5][0] > 0:
         wrenches(rows, blocks, work, space, forces[i])
         drift(rows, const, blocks, work, space, t, q, v, drifts[i])
+    if space[12][at.HAS_CONTACTS] != 0:
+        call_contact_record(space[12][at.THEIR_RECORD], (scene, pushes[i], touches[i]))
     kinetic, potential = kinetic_and_potential(rows, const, work, v)
     energies[i, 0] = kinetic
     energies[i, 1] = potential + elastic(drives, q) + elastic_loads(loads, work)

@@ -22,6 +22,8 @@ f8, i8 = types.float64, types.int64
 # scene, accelerate, tableau, t, h, q, v, stages, flow, ledger; solver iterations
 STEP = i8(i8, i8, TABLEAU, f8, f8, F1, F1, F2, F1, F1)
 call_step = caller(STEP)
+SETTLE = i8(i8, F1, F1)  # scene, q, v: after a step of a scene with contacts that remember
+call_settle = caller(SETTLE)
 
 
 @kernel(STEP, nogil=True)
@@ -85,6 +87,9 @@ def finish(scene, project, stabilised, t, q, v, counters):
     """What ends a step: still finite, and moved back onto the constraints; a status code."""
     if not finite(v):
         return at.NOT_FINITE
+    extra = opened(scene)[6][12]
+    if extra[at.THEIR_SETTLE] != 0:
+        call_settle(extra[at.THEIR_SETTLE], (scene, q, v))
     if stabilised and opened(scene)[4][5][0] > 0:
         rounds = call_projection(project, (scene, t, q, v, STEP_ROUNDS))
         counters[at.N_PROJECT] += abs(rounds)

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_core.contacts import damping_ratio, ground_of
+from pgraph_core.contacts import tables as tables_of
 from pgraph_core.kernels import collision
 from pgraph_core.kernels import layout as at
 from pgraph_core.solids import contact_arrays, search_space
-from pgraph_core.system import limits
-from pgraph_core.touching import damping_ratio, ground_of, touching
 
 BALL = {"kind": "sphere", "radius": 0.1}
 
 
 def tables(model):
     mech = pg.Mechanism(model)
-    return mech, touching(model, mech.topology, mech.system, range(len(model.contacts)))
+    return mech, tables_of(mech, model.contacts)
 
 
 def heap(count, *contacts):
@@ -51,12 +51,13 @@ def found(mech, t, q):
 def test_a_heap_takes_two_lines():
     floor, every = (pg.Contact(name=n, body="*", other=o) for n, o in (("f", "ground"), ("h", "*")))
     mech, t = tables(heap(3, floor, every))
-    assert t.touch[0].tolist() == [[0, 0], [1, 0], [2, 0]]
-    assert t.touch[2].tolist() == [[0, 1], [1, 1], [2, 1]]
+    assert t.touch[0].tolist() == [[0, 0], [1, 1], [2, 2]]  # a touch for each on the ground
+    assert t.touch[2].tolist() == [[0, 3], [1, 3], [2, 3]]
+    assert [x.name for x in t.touches] == ["f[b0]", "f[b1]", "f[b2]", "h"]
     q, _ = mech.home()
     gaps = found(mech, t, q)
     assert sorted(g for g, *_ in gaps) == [-0.05] * 5
-    assert {tuple(sorted(x[1:3])) for x in gaps if x[3] == 1} == {(0, 1), (1, 2)}
+    assert {tuple(sorted(x[1:3])) for x in gaps if x[3] == 3} == {(0, 1), (1, 2)}
 
 
 def test_bodies_that_a_joint_ties_do_not_touch_as_members_of_all():
@@ -116,9 +117,11 @@ def test_what_a_law_leaves_out_follows_from_masses_and_restitution():
     k = 2 * 9.81 / (1e-4 * size)
     zeta = damping_ratio(0.4)
     assert np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2)) == pytest.approx(0.4)
-    assert t.laws[0].tolist() == pytest.approx([1, 0.9, 0.4, k, 2 * zeta * np.sqrt(2 * k)])
-    assert t.laws[1].tolist() == pytest.approx([0, 0.1, 0.2, 7.0, 1.2])
-    assert t.laws[2, :3].tolist() == pytest.approx([2, 0.9, 0.2])
+    assert t.laws[0].tolist() == pytest.approx(
+        [at.PENALTY, 0.9, 0.4, k, 2 * zeta * np.sqrt(2 * k), 0]
+    )
+    assert t.laws[1].tolist() == pytest.approx([at.SOFT, 0.1, 0.2, 7.0, 1.2, 0])
+    assert t.laws[2, :3].tolist() == pytest.approx([at.RIGID, 0.9, 0.2])
 
 
 def test_a_mesh_that_is_not_there_is_named_with_its_body():
@@ -134,6 +137,11 @@ def test_limits_name_the_coordinates_that_they_bound():
         pg.Body(name="b", parent="a", limits=(None, 0.5), limit_restitution=0.6),
     )
     mech = pg.Mechanism(pg.Model(bodies=bodies))
-    places, numbers = limits(mech.model, mech.topology, mech.system)
-    assert places.tolist() == [[3, 4], [4, 5], [5, 6]]  # v, q
-    assert numbers.tolist() == [[0, np.inf, 0], [-1, 2, 0], [-np.inf, 0.5, 0.6]]
+    t = tables_of(mech, ())
+    ints, floats, terms, factors = t.limit_blocks
+    assert t.limits == ("a low limit 1", "a low limit 2", "a high limit 2", "b high limit")
+    assert terms.tolist() == [[3, 4], [4, 5], [4, 5], [5, 6]]  # v, q
+    assert factors.tolist() == [1, 1, -1, -1]
+    assert floats[:, at.VALUE].tolist() == [0, -1, -2, -0.5]
+    assert floats[:, at.BOUNCE].tolist() == [0, 0, 0, 0.6]
+    assert set(ints[:, at.B_TYPE]) == {at.T_LIMIT}
