@@ -162,5 +162,5 @@ def path_width(rows: Ints, nv: int, blocks: Blocks) -> int:
     depth = [0] * len(rows)
     size = (1, 1, 3, 6)
     for k, (parent, kind, _, _) in enumerate(rows[1:].tolist(), start=1):
-        depth[k] = size[kind] + (0 if kind == at.FREE else depth[parent])
+        depth[k] = size[kind] + depth[parent]
     return min(nv, 2 * max(depth))
