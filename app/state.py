@@ -18,7 +18,7 @@ SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # of playback
 SHOWN_AT_FIRST = frozenset({"axes"})
 SHOWABLE = frozenset({"axes", "links", "coms", "names", "forces"})
 FREE_RUN = ""  # the scenario of a run that has none
-METHODS = ("auto", "rk4", "semi_implicit_euler")
+METHODS = ("auto", "rk4", "semi_implicit_euler", "dopri5", "dop853", "ros2", "radau5")
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .batch import Batch
-from .integrators import method_of
+from .errors import InputError, Problem
+from .integrators import Method, method_of
 from .kernels import batch as kernels
 from .kernels.lane import LANE_WIDTH
 from .mechanism import Mechanism
@@ -47,13 +48,13 @@ def simulate_batch(
     arguments as of `simulate` and `Batch`. Raises InputError for arguments that do not fit.
     """
     batch = Batch(mech, None if models else len(q), models=models, threads=threads)
-    chosen, _ = method_of(method)
+    chosen = _given_steps(method)
     times, substeps, width = schedule(float(t_end), float(step), frames, t_eval)
     state = (batch.lanes("q", q, mech.nq).copy(), batch.lanes("v", v, mech.nv).copy())
     given = batch.given(tau)
     shape = (batch.blocks, len(times))
     out = tuple(np.empty((*shape, n, LANE_WIDTH)) for n in (mech.nq, mech.nv))
-    tableau = (chosen.a, chosen.b, chosen.c)
+    tableau = chosen.tableau[:3]
     drives = mech.drives(mech.model.forces)
     rows = 3 + 2 * chosen.evaluations
     system = (mech.system.rows, batch.const, drives, tableau, times, substeps, width)
@@ -70,6 +71,15 @@ def simulate_batch(
             break
     qs, vs = (batch.rows(x[:, :reached]) for x in out)
     return BatchResult(times[:reached], qs, vs, np.isfinite(vs[:, -1]).all(axis=1))
+
+
+def _given_steps(name: str) -> Method:
+    """The method called `name`, one that takes steps of given width. Raises InputError."""
+    chosen = method_of("rk4" if name == "auto" else name)
+    if chosen.step is None:
+        text = f"a batch takes rk4 or semi_implicit_euler; given {name!r}"
+        raise InputError(Problem("simulate_batch", "method", text))
+    return chosen
 
 
 def _chunks(substeps: Any, frames: int, steps: int = 2000) -> list[tuple[int, int]]:

@@ -3,4 +3,13 @@
 from __future__ import annotations
 
 AUTO = "auto"  # chosen for the scene
-METHOD_NAMES = (AUTO, "semi_implicit_euler", "rk4", "moreau_jean")
+METHOD_NAMES = (
+    AUTO,
+    "semi_implicit_euler",
+    "rk4",
+    "dopri5",
+    "dop853",
+    "ros2",
+    "radau5",
+    "moreau_jean",
+)

@@ -4,47 +4,45 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from .callback import UserTorque
 from .contact_record import NOTHING, ContactRecord
-from .contacts import Tables
-from .integrators import Method
 from .kernels import layout as at
-from .kernels import motion, run
+from .kernels import motion
 from .kernels.handle import address_of
 from .mechanism import Mechanism
 from .result import Result, Status
 from .scene import Scene
-from .system import Array, Drives, Ints, Loads
+from .stepping import Plan, stepping
+from .system import Array
 
+LOOSER = 32.0  # tolerance of the run that the error estimate compares with
+COMPARED = 65  # frames at most, where they cost something beside the steps
 CHUNK = 0.02  # s of computation between two looks at `progress`
 ASSEMBLY_ROUNDS = 50
 LOOSE = 1e-6  # of the velocities: a law missed by more is said
 Progress = Callable[[float], Any] | None
 
 STATUS = {
-    at.DONE: Status.DONE,
     at.NOT_FINITE: Status.NOT_FINITE,
     at.NOT_CONVERGED: Status.CANNOT_CLOSE,
+    at.TOO_SMALL: Status.STEP_TOO_SMALL,
+    at.TOO_MANY: Status.TOO_MANY_STEPS,
+    at.NOT_SOLVED: Status.NOT_SOLVED,
 }
-
-
-class Plan(NamedTuple):
-    """What a run is made of, checked and complete."""
-
-    method: Method
-    times: Array  # (frames,) [s]
-    substeps: Ints  # (frames - 1,) steps between two frames
-    width: Array  # (frames - 1,) their width [s]
-    drives: Drives
-    loads: Loads
-    active: Ints  # indices of the active constraints
-    contacts: Tables | None  # what touches; None: nothing
-    gains: Array  # (2,) of Baumgarte
-    project: bool
+COUNTERS = (
+    "steps",
+    "evaluations",
+    "projections",
+    "solver_iterations",
+    "rejected_steps",
+    "jacobians",
+    "factorisations",
+    "newton_iterations",
+)
 
 
 class Recording:
@@ -53,7 +51,8 @@ class Recording:
     def __init__(self, mech: Mechanism, plan: Plan, q: Array, v: Array, tau: Any):
         """Nothing is computed yet. Raises InputError where `tau` does not fit."""
         self.mech, self.plan = mech, plan
-        self.q, self.v = q.copy(), v.copy()
+        self.steps = stepping(mech, plan, q, v)
+        self.q, self.v = self.steps.q, self.steps.v
         self.tau = tau
         self.user = UserTorque(tau, mech.nq, mech.nv) if callable(tau) else None
         self.scene = Scene(
@@ -75,15 +74,9 @@ class Recording:
             np.zeros((n if plan.contacts else 0, mech.nb, 6)),
             np.zeros((n if plan.contacts else 0, _touches(plan), at.TOUCH)),
         )
-        self.stages = np.zeros((5 + 2 * plan.method.evaluations, max(mech.nq, mech.nv)))
-        self.flow, self.ledger, self.failure = np.zeros(3), np.zeros(2), np.zeros(2)
-        self.times = plan.times.copy()  # where a run fails, its last frame gets another time
-        self.cursor = np.zeros(2, dtype=np.int64)
-        self.counters = np.zeros(4, dtype=np.int64)
         self.status, self.message = Status.DONE, Status.DONE.value
         self.notices: list[str] = []
-        kernels = (motion.acceleration, motion.projection, motion.record, plan.method.step)
-        self.links = tuple(address_of(kernel) for kernel in kernels)
+        self._flow = np.zeros(3)
 
     def run(self, progress: Progress = None) -> None:
         """All frames, or as many as there are before it fails or is cancelled."""
@@ -92,7 +85,7 @@ class Recording:
         budget = 1
         while True:
             began = time.perf_counter()
-            code = self._advance(budget)
+            code = self.steps.advance(self.scene.address, budget, self.out)
             if code == at.DONE:
                 return
             if code != at.RUNNING:
@@ -102,22 +95,15 @@ class Recording:
                 return
             faster = CHUNK / (time.perf_counter() - began)
             budget = max(1, int(budget * min(4.0, faster)))
-            if progress is not None and _stops(progress(self._fraction())):
-                t = self.times[self.done - 1]
+            if progress is not None and _stops(progress(self.steps.fraction())):
+                t = self.steps.times[self.done - 1]
                 self._stop(Status.CANCELLED, f"{Status.CANCELLED.value}; kept up to t = {t:.6g} s")
                 return
 
     @property
     def done(self) -> int:
         """Number of frames recorded."""
-        return int(self.cursor[at.FRAME])
-
-    def _fraction(self) -> float:
-        """How much of the run is done, 0 to 1."""
-        frame, taken = self.cursor.tolist()
-        last = len(self.times) - 1
-        part = taken / self.plan.substeps[frame - 1] if 0 < frame <= last else 0.0
-        return float(min(1.0, max(0.0, frame - 1 + part) / max(last, 1)))
+        return int(self.steps.cursor[at.FRAME])
 
     def _begin(self) -> bool:
         """Whether the run can start: no joint without inertia, constraints that can be met."""
@@ -136,14 +122,15 @@ class Recording:
                     f"the initial state was moved by {moved:.3g} to meet constraints"
                 )
         vdot, wrenches = np.empty(mech.nv), np.empty_like(self.out[3][0])
+        accelerate = address_of(motion.acceleration)
         code = motion.constrained_dynamics(
             self.scene.address,
-            self.links[0],
+            accelerate,
             0.0,
             self.q,
             self.v,
             self.scene.given,
-            self.flow,
+            self._flow,
             vdot,
             wrenches,
         )
@@ -158,26 +145,26 @@ class Recording:
     def _stop(self, status: Status, message: str) -> None:
         self.status, self.message = status, message
 
-    def _advance(self, budget: int) -> int:
-        """At most `budget` steps and frames on; the kernel's status code."""
-        method, plan = self.plan.method, self.plan
-        return run.run(
-            self.scene.address, self.links, (method.a, method.b, method.c),
-            (self.times, plan.substeps, plan.width), self.cursor, budget, plan.project,
-            self.q, self.v, self.stages, self.flow, self.ledger, self.counters, self.failure,
-            self.out,
-        )  # fmt: skip
-
     def _fail(self, code: int) -> None:
-        t, row = self.failure[0], int(self.failure[1])
+        t, row = self.steps.failure[0], int(self.steps.failure[1])
         status = STATUS[code]
-        body = self.mech.body_of(row)
-        step = float(np.max(self.plan.width, initial=0.0))
-        advice = f"try a step below {step:.3g} s, or less stiffness and damping there"
-        if status is Status.CANNOT_CLOSE:
-            advice = "the mechanism may be torn or at a singular position"
-        where = f"at t = {t:.6g} s; body '{body}' moved fastest"
-        self._stop(status, f"{status.value} {where}; {advice}")
+        where = f"at t = {t:.6g} s; body '{self.mech.body_of(row)}' moved fastest"
+        self._stop(status, f"{status.value} {where}; {self._advice(status)}")
+
+    def _advice(self, status: Status) -> str:
+        """What to try after a failure."""
+        given = self.plan.tolerance
+        match status:
+            case Status.CANNOT_CLOSE:
+                return "the mechanism may be torn or at a singular position"
+            case Status.STEP_TOO_SMALL:
+                return "forces may jump there, or the tolerance may be too small: try a larger one"
+            case Status.TOO_MANY_STEPS:
+                return "give a larger max_steps or rtol, or try radau5 if it is stiff"
+        if given is not None and not given.fixed:
+            return "the motion itself may grow without bound, or forces may jump there"
+        step = given.widest if given else float(np.max(self.plan.width, initial=0.0))
+        return f"try a step below {step:.3g} s, or less stiffness and damping there"
 
     def _contacts(self, pushes: Array, touches: Array) -> ContactRecord:
         """What the recorded frames say of contacts and limits."""
@@ -227,12 +214,11 @@ class Recording:
         """What has been recorded from frame `first` on, as a Result."""
         frames = (a[first : self.done] for a in self.out)
         q, v, vdot, wrenches, energy, drift, pushes, touches = frames
-        names = ("steps", "evaluations", "projections", "solver_iterations")
         return Result(
             mechanism=self.mech,
             status=self.status,
             message=self.message,
-            t=self.times[first : self.done],
+            t=self.steps.times[first : self.done],
             q=q,
             v=v,
             vdot=vdot,
@@ -243,7 +229,7 @@ class Recording:
             constraint_drift=drift,
             constraint_force=self.scene.forces(wrenches.swapaxes(0, 1).copy()),
             contacts=self._contacts(pushes, touches),
-            counters=dict(zip(names, self.counters.tolist())) | self._contact_counters(),
+            counters=dict(zip(COUNTERS, self.steps.counters.tolist())) | self._contact_counters(),
             timing=timing,
             error_estimate=estimate,
             header=header,
@@ -262,32 +248,49 @@ def _stops(answer: Any) -> bool:
 
 
 def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) -> float:
-    """Largest error of q at the end [rad, m], from a second run with twice the step.
+    """Largest error of q over the run [rad, m], from a second, coarser one.
 
-    Richardson: the difference over 2^p - 1. nan where torques come from a function, which is
-    not called a second time, and where the second run fails.
+    The difference of both, over what it shrinks by between them: twice the step, or LOOSER times
+    the tolerance. A sum of the steps' own errors would miss what an unstable motion makes of
+    them. nan where torques come from a function, which is not called a second time, and where
+    the second run fails.
     """
     plan = record.plan
-    if record.user is not None or int(np.sum(plan.substeps)) < 2:
+    if record.user is not None:
         return float("nan")
+    found = _coarser(plan)
+    if found is None:
+        return float("nan")
+    coarser, ratio = found
+    coarse = Recording(record.mech, coarser, q, v, record.tau)
+    coarse.run(progress and (lambda _: progress(1.0)))
+    if not coarse.status.ok:
+        return float("nan")
+    mine = record.out[0][np.searchsorted(record.plan.times, coarser.times)]
+    return float(np.max(np.abs(coarse.out[0] - mine), initial=0.0)) / (ratio - 1.0)
+
+
+def _coarser(plan: Plan) -> tuple[Plan, float] | None:
+    """The same run, cheaper, and how many times larger its error is."""
+    power = plan.method.order
+    some = plan.times[np.unique(np.linspace(0, len(plan.times) - 1, COMPARED).astype(int))]
+    if plan.tolerance is not None:
+        given = plan.tolerance
+        if given.fixed:
+            twice = given._replace(widest=2 * given.widest)
+            return plan._replace(times=some, tolerance=twice), 2.0**power
+        loose = given._replace(rtol=LOOSER * given.rtol, atol=LOOSER * given.atol)
+        return plan._replace(times=some, tolerance=loose), LOOSER
+    if int(np.sum(plan.substeps)) < 2:
+        return None
     if int(np.max(plan.substeps)) == 1:  # every second frame, so that kinks of tables stay steps
         keep = np.union1d(np.arange(0, len(plan.times), 2), [len(plan.times) - 1])
         times, count = plan.times[keep], np.ones(len(keep) - 1, dtype=np.int64)
     else:
         times, count = plan.times, -(-plan.substeps // 2)
-    coarse = Recording(
-        record.mech,
-        plan._replace(times=times, substeps=count, width=np.diff(times) / count),
-        q,
-        v,
-        record.tau,
-    )
-    coarse.run(progress and (lambda _: progress(1.0)))
-    if not coarse.status.ok:
-        return float("nan")
-    ratio = float(np.max(coarse.plan.width) / np.max(plan.width))
-    difference = float(np.max(np.abs(coarse.out[0][-1] - record.out[0][-1]), initial=0.0))
-    return difference / (ratio**plan.method.order - 1.0)
+    width = np.diff(times) / count
+    ratio = float(np.max(width) / np.max(plan.width))
+    return plan._replace(times=times, substeps=count, width=width), ratio**power
 
 
 def left_out(mech: Mechanism, plan: Plan) -> tuple[str, ...]:

@@ -32,6 +32,9 @@ class Status(Enum):
     NOT_FINITE = "the motion stopped being finite"
     SINGULAR = "a joint moves nothing that has inertia about it"
     CANNOT_CLOSE = "the constraints cannot all be met"
+    STEP_TOO_SMALL = "the step that the tolerance asks for fell below what time can resolve"
+    TOO_MANY_STEPS = "the run took as many steps as it may"
+    NOT_SOLVED = "the equations of an implicit step could not be solved"
     CANCELLED = "the run was cancelled"
 
     @property
@@ -58,7 +61,7 @@ class Result:
     constraint_drift: Array  # (n, 2) largest |position| [m] and |velocity| [m/s] residual
     constraint_force: Mapping[str, Array]  # {name: (n, 6)} [torque, force] on `body` at `point`
     contacts: ContactRecord  # forces, gaps, slips of contacts; torques of joint limits
-    counters: Mapping[str, int]  # steps, evaluations, projections, solver iterations
+    counters: Mapping[str, int]  # steps, evaluations, projections, solver iterations, ...
     timing: Mapping[str, float]  # seconds a phase
     error_estimate: float  # largest |change of q| at the end against twice the step [rad, m]
     header: Mapping[str, Any]  # version, model hash, method, step, ...

@@ -10,19 +10,26 @@ from typing import Any
 
 import numpy as np
 
-from .errors import InputError, Problem
-from .integrators import method_of
+from .errors import InputError, Problem, choices
+from .integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_of
 from .kernels import layout as at
-from .mechanism import Mechanism
-from .recording import Plan, Recording, error_estimate
+from .mechanism import NO_LOADS, Mechanism
+from .recording import Recording, error_estimate
 from .result import Result
 from .schema import Contact
+from .stepping import FIXED_RTOL, Plan, Tolerance, corners
+from .stiffness import fastest_rate
 from .system import Array, Ints
 
-MOST_STEPS = 1e9  # a day of computing
+MOST_STEPS = 1_000_000_000  # a day of computing
+LEAST_RTOL = 1e-15  # below it errors of a step are rounding
+MOST_CHOSEN = 10_000_000  # steps of a method that chooses them, where nothing else is said
 FRAMES = 1000  # recorded where nothing else is asked for: more are seldom looked at
 STABILISE = ("project", "baumgarte", None)
 VERSION = version("pgraph")
+MANY = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
+NO_FORCES = ((np.zeros((0, at.DRIVE)), np.zeros((0, 2)), 0), NO_LOADS)
+ADAPTIVE = tuple(method.name for method in METHODS.values() if method.adaptive)
 
 
 def simulate(
@@ -33,6 +40,9 @@ def simulate(
     t_end: float | None = None,
     method: str | None = None,
     step: float | None = None,
+    rtol: float | None = None,
+    atol: float = 0.0,
+    max_steps: int = MOST_CHOSEN,
     tau: Any = None,
     frames: int | None = None,
     t_eval: Any = None,
@@ -44,39 +54,80 @@ def simulate(
 
     `tau` is an array (nv,) or a function f(t, q, v), called at every stage: a Python one, or one
     compiled by `numba.njit`, which costs a hundredth. `frames` is how many evenly spaced states
-    are recorded, `t_eval` their times; the step is shortened to meet them. `scenario` names a run
-    of the model, whose parts the other arguments replace. `stabilise` keeps constraints:
-    "project", "baumgarte" or None. `progress(fraction)` is called now and then; a run stops where
-    it returns False.
+    are recorded, `t_eval` their times. `scenario` names a run of the model, whose parts the other
+    arguments replace. `stabilise` keeps constraints: "project", "baumgarte" or None.
+    `progress(fraction)` is called now and then; a run stops where it returns False.
+
+    Methods that choose their steps keep the error of each below `rtol` times the mechanism's own
+    scales (a radian, its length, its highest speeds) plus `atol`, by default 1e-8 and 0; `step`
+    is then the largest one, and `max_steps` ends a run that takes more. With a `step` and no
+    `rtol` every step is as wide as it.
 
     Raises InputError for arguments that do not fit. A numerical failure is a Status.
     """
     began = time.perf_counter()
     given = mech.model.scenario(scenario) if scenario is not None else None
+    if frames is not None and t_eval is not None:
+        raise InputError(Problem("simulate", "frames", "give frames or t_eval, not both"))
     t_end = _positive("t_end", t_end if t_end is not None else given.t_end if given else 1.0)
-    step = _positive("step", step if step is not None else given.step if given else 1e-3)
-    name = method if method is not None else given.method if given else "auto"
-    contacts = mech.contacts(_touching(mech, given))
-    chosen, why = method_of(name, impulses=contacts is not None and contacts.rigid)
-    forces = (*mech.model.forces, *(given.forces if given else ()))
-    times, substeps, width = schedule(t_end, step, frames, t_eval)
     if stabilise not in STABILISE:
         text = f"must be 'project', 'baumgarte' or None; given {stabilise!r}"
         raise InputError(Problem("simulate", "stabilise", text))
+    forces = (*mech.model.forces, *(given.forces if given else ()))
+    drives, loads = mech.drives(forces), mech.loads(forces)
+    contacts = mech.contacts(_touching(mech, given))
+    active = _active(mech, given)
+    q0, v0 = _start(mech, given, q, v)
+    name = method if method is not None else given.method if given else "auto"
+    impulses = contacts is not None and contacts.rigid
+    asked = (
+        None
+        if name == "auto" and not impulses
+        else method_of("moreau_jean" if name == "auto" else name, impulses=impulses)
+    )
+    usual = given.step if given else 1e-3
+    rate = 0.0
+    if not callable(tau) and (asked is None or not asked.implicit):
+        rate = fastest_rate(mech, (drives, loads), active, q0, v0)
+    if asked is not None:
+        chosen, why = asked, f"{name}: as asked"
+        if name == "auto":
+            why = "moreau_jean: the scene has rigid contacts or joint limits"
+    else:
+        stepped = step is not None or given is not None or contacts is not None
+        rest = rate
+        if rate * t_end > MANY:
+            rest = fastest_rate(mech, NO_FORCES, active, q0, v0)
+        chosen, why = automatic(
+            usual if stepped and step is None else step, rtol, rate, rest, t_end
+        )
+    tolerance = _tolerance(chosen, t_end, step, rtol, atol, max_steps)
+    if tolerance is None or tolerance.fixed:
+        step = _positive("step", usual if step is None else step)
+        times, substeps, width = schedule(t_end, step, frames, t_eval)
+    else:
+        times = frame_times(t_end, FRAMES + 1 if frames is None else frames, t_eval)
+        substeps, width = np.zeros(0, dtype=np.int64), np.zeros(0)
+    if tolerance is not None:
+        tolerance = tolerance._replace(corners=corners(mech, drives, loads, active, t_end))
+    gains = np.zeros(2)
+    if stabilise == "baumgarte":
+        gains = _gains(usual if step is None else step)
     plan = Plan(
         chosen,
         times,
         substeps,
         width,
-        mech.drives(forces),
-        mech.loads(forces),
-        _active(mech, given),
+        drives,
+        loads,
+        active,
         contacts,
-        _gains(step) if stabilise == "baumgarte" else np.zeros(2),
+        gains,
         stabilise == "project",
+        tolerance,
     )
-    q0, v0 = _start(mech, given, q, v)
     record = Recording(mech, plan, q0, v0, tau)
+    record.notices += _stiff(plan, rate)
     built = time.perf_counter()
     record.run(progress)
     stepped = time.perf_counter()
@@ -92,7 +143,8 @@ def simulate(
         "scenario": scenario,
         "method": chosen.name,
         "why": why,
-        "step": float(np.max(width, initial=0.0)),
+        "step": _step_of(plan),
+        "rtol": None if tolerance is None or tolerance.fixed else tolerance.rtol,
         "t_end": t_end,
         "stabilise": stabilise,
     }
@@ -100,29 +152,96 @@ def simulate(
     return record.result(estimate, timing, header, first=0 if from_zero else 1)
 
 
+def automatic(
+    step: float | None, rtol: float | None, rate: float, rest: float, t_end: float
+) -> tuple[Method, str]:
+    """The method that suits, and why; `rate` is the fastest one, `rest` that without springs."""
+    if step is not None and rtol is None:
+        if rate * step > RK4.limit:
+            return (
+                RADAU5,
+                f"radau5: the fastest rate, {rate:.3g}/s, times the step is too much for rk4",
+            )
+        return RK4, "rk4: the most accurate of the methods for smooth motion at a fixed step"
+    if rate * t_end > MANY and rate > 30.0 * rest:
+        return (
+            RADAU5,
+            f"radau5: springs or dampers make rates of {rate:.3g}/s, the rest {rest:.3g}/s",
+        )
+    if rtol is not None and rtol > 1e-5:
+        return DOPRI5, "dopri5: smooth motion, to a loose tolerance"
+    return DOP853, "dop853: smooth motion, to a tight tolerance, at steps of its own choice"
+
+
+def _stiff(plan: Plan, rate: float) -> list[str]:
+    """A notice where given steps are too wide for an explicit method."""
+    step = _step_of(plan)
+    limit = plan.method.limit
+    if step is None or limit == 0.0 or rate * step <= limit:
+        return []
+    x = rate * step
+    return [f"stiff: lambda*dt = {x:.3g}, explicit limit dt < {limit / rate:.3g} s, try radau5"]
+
+
+def _tolerance(
+    chosen: Method, t_end: float, step: Any, rtol: Any, atol: Any, max_steps: Any
+) -> Tolerance | None:
+    """How `chosen` chooses its steps; None where they are given. Raises InputError."""
+    if rtol is not None and not chosen.adaptive:
+        text = f"{chosen.name} takes a step, not a tolerance; for one choose {choices(ADAPTIVE)}"
+        raise InputError(Problem("simulate", "rtol", text))
+    if rtol is not None:
+        rtol = _positive("rtol", rtol, unit="")
+        if not LEAST_RTOL <= rtol <= 0.1:
+            text = f"must lie within {LEAST_RTOL:g}, rounding, and 0.1; given {rtol:g}"
+            raise InputError(Problem("simulate", "rtol", text))
+    if atol != 0.0:
+        atol = _positive("atol", atol, unit="")
+    if not isinstance(max_steps, Integral) or isinstance(max_steps, bool) or max_steps < 1:
+        text = f"must be a whole number >= 1; given {max_steps!r}"
+        raise InputError(Problem("simulate", "max_steps", text))
+    if not chosen.adaptive:
+        return None
+    widest = t_end if step is None else _positive("step", step)
+    fixed = step is not None and rtol is None
+    usual = FIXED_RTOL if fixed else 1e-8
+    return Tolerance(
+        usual if rtol is None else rtol, float(atol), widest, int(max_steps), np.zeros(0), fixed
+    )
+
+
+def _step_of(plan: Plan) -> float | None:
+    """Width of the steps [s]; None where the method chooses them."""
+    if plan.tolerance is None:
+        return float(np.max(plan.width, initial=0.0))
+    return plan.tolerance.widest if plan.tolerance.fixed else None
+
+
 def schedule(t_end: float, step: float, frames: Any, t_eval: Any) -> tuple[Array, Ints, Array]:
     """(times, substeps, width): when to record, and how many steps of what width in between.
 
     `times` begins at 0; where `t_eval` does not, the first frame is not for the caller.
     """
-    if frames is not None and t_eval is not None:
-        raise InputError(Problem("simulate", "frames", "give frames or t_eval, not both"))
     if t_end / step > MOST_STEPS:
         text = f"{step:g} s makes {t_end / step:.3g} steps; give {t_end / MOST_STEPS:g} s or more"
         raise InputError(Problem("simulate", "step", text))
-    if t_eval is not None:
-        times = _grid(t_eval, t_end)
-    else:
+    if frames is None:
         steps = max(int(np.ceil(t_end / step - 1e-9)), 1)
-        if frames is None:
-            frames = steps // -(-steps // FRAMES) + 1
-        if not isinstance(frames, Integral) or isinstance(frames, bool) or frames < 2:
-            text = f"must be a whole number >= 2; given {frames!r}"
-            raise InputError(Problem("simulate", "frames", text))
-        times = np.linspace(0.0, t_end, int(frames))
+        frames = steps // -(-steps // FRAMES) + 1 if t_eval is None else None
+    times = frame_times(t_end, frames, t_eval)
     apart = np.diff(times)
     substeps = np.maximum(np.ceil(apart / step - 1e-9), 1).astype(np.int64)
     return times, substeps, apart / substeps
+
+
+def frame_times(t_end: float, frames: Any, t_eval: Any) -> Array:
+    """When to record: `frames` times evenly from 0 to `t_end`, or those of `t_eval`."""
+    if t_eval is not None:
+        return _grid(t_eval, t_end)
+    if not isinstance(frames, Integral) or isinstance(frames, bool) or frames < 2:
+        text = f"must be a whole number >= 2; given {frames!r}"
+        raise InputError(Problem("simulate", "frames", text))
+    return np.linspace(0.0, t_end, int(frames))
 
 
 def _grid(t_eval: Any, t_end: float) -> Array:
@@ -138,10 +257,10 @@ def _grid(t_eval: Any, t_end: float) -> Array:
     return times if times[0] == 0 else np.concatenate(([0.0], times))
 
 
-def _positive(field: str, value: Any) -> float:
+def _positive(field: str, value: Any, *, unit: str = " [s]") -> float:
     number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else np.nan
     if not 0 < number < np.inf:
-        text = f"must be a finite number > 0 [s]; given {value!r}"
+        text = f"must be a finite number > 0{unit}; given {value!r}"
         raise InputError(Problem("simulate", field, text))
     return number
 

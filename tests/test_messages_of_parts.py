@@ -367,7 +367,7 @@ MODELS: list[tuple[dict[str, Any], list[str]]] = [
         [
             (
                 "scenario 's', method: no method is called 'rk5'; choose one of auto, "
-                "semi_implicit_euler, rk4, moreau_jean"
+                "semi_implicit_euler, rk4, dopri5, dop853, ros2, radau5, moreau_jean"
             )
         ],
     ),

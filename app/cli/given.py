@@ -58,3 +58,10 @@ def duration(text: str) -> float:
     if not 0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"must be a finite number > 0; given {text!r}")
     return value
+
+
+def tolerance(text: str) -> float:
+    value = duration(text)
+    if value > 0.1:
+        raise argparse.ArgumentTypeError(f"must be at most 0.1; given {text!r}")
+    return value

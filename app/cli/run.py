@@ -24,13 +24,16 @@ def arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--t-end", type=given.duration, metavar="S", help="duration [s]")
     parser.add_argument("--method", help="the integrator; default: the scenario's, else auto")
     parser.add_argument("--step", type=given.duration, metavar="S", help="step [s]")
+    parser.add_argument(
+        "--rtol", type=given.tolerance, metavar="R", help="tolerance of a step; it is then chosen"
+    )
     parser.add_argument("-o", "--output", metavar="FILE", help="write the whole run to FILE (.npz)")
 
 
 def answer(args: Namespace) -> Answer:
     model = given.model(args.model)
     scenario = args.scenario or next((s.name for s in model.scenarios), None)
-    asked = {name: getattr(args, name) for name in ("t_end", "method", "step")}
+    asked = {name: getattr(args, name) for name in ("t_end", "method", "step", "rtol")}
     options = {name: value for name, value in asked.items() if value is not None}
     bar = _bar if sys.stderr.isatty() and sys.stdout.isatty() else _silent
     compiling = time.perf_counter()
@@ -77,11 +80,13 @@ def facts(result: pg.Result) -> dict[str, Any]:
 def _lines(data: dict[str, Any]) -> list[str]:
     scenario = f", scenario {data['scenario']}" if data["scenario"] else ""
     position, velocity = data["constraint_drift"]
-    counters = (f"{count} {name.replace('_', ' ')}" for name, count in data["counters"].items())
+    counters = (
+        f"{count} {name.replace('_', ' ')}" for name, count in data["counters"].items() if count
+    )
     timing = (f"{name} {1e3 * seconds:.3g} ms" for name, seconds in data["timing"].items())
     return [
         f"{data['model']}{scenario}: {data['message']}",
-        f"method             {data['method']}, step {data['step']:.6g} s, t = {data['t']:.6g} s",
+        f"method             {data['method']}, {_steps(data)}, t = {data['t']:.6g} s",
         f"error estimate     {_estimate(data['error_estimate'])}",
         f"energy             {data['energy'][0]:.6g} J at first, {data['energy'][1]:.6g} J at last",
         f"energy drift       {data['energy_drift']:.3g} of its range",
@@ -94,10 +99,17 @@ def _lines(data: dict[str, Any]) -> list[str]:
     ]
 
 
+def _steps(data: dict[str, Any]) -> str:
+    """How the steps were chosen."""
+    if data["step"] is None:
+        return f"steps to a tolerance of {data['header']['rtol']:g}"
+    return f"step {data['step']:.6g} s"
+
+
 def _estimate(error: float) -> str:
     if math.isnan(error):
         return "none: the run did not reach its end"
-    return f"{error:.3g} rad or m at the end"
+    return f"{error:.3g} rad or m"
 
 
 def _bar(what: str, fraction: float) -> bool:

@@ -14,6 +14,10 @@ METHOD_NAMES = {
     "auto": "automatic",
     "rk4": "Runge-Kutta 4",
     "semi_implicit_euler": "semi-implicit Euler",
+    "dopri5": "Dormand-Prince 5",
+    "dop853": "Dormand-Prince 8",
+    "ros2": "Rosenbrock 2 (stiff)",
+    "radau5": "Radau 5 (stiff)",
 }
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from importlib import import_module
 
-MODULES = ("pack", "gather", "dynamics", "bodies", "motion", "run")
+MODULES = ("pack", "gather", "dynamics", "bodies", "motion", "run", "adaptive", "stiffness")
 
 
 def warm_up() -> Iterator[tuple[int, int, str]]:

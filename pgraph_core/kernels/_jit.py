@@ -104,8 +104,12 @@ def inlined(function: Callable[..., Any]) -> Any:
     return numba.njit(**PART, inline="always")(function)
 
 
-def kernel(signature: Any, *, nogil: bool = False) -> Callable[[Callable[..., Any]], Any]:
+def kernel(
+    signature: Any, *, nogil: bool = False, later: bool = False
+) -> Callable[[Callable[..., Any]], Any]:
     """A compiled function that Python calls, cached on disk; `signature` None: when first called.
+
+    `later` keeps it out of the warm-up: it is compiled where something asks for it.
 
     Short kernels keep the GIL, so that a workspace is never used by two threads at once; whole
     runs release it (`nogil`) and bring their own workspace.
@@ -116,7 +120,7 @@ def kernel(signature: Any, *, nogil: bool = False) -> Callable[[Callable[..., An
         if JIT:
             dispatcher._cache = _Cache(function)
         if signature is not None:
-            KERNELS[function.__name__] = (dispatcher, signature)
+            (LATER if later else KERNELS)[function.__name__] = (dispatcher, signature)
         return dispatcher
 
     return compiled
@@ -127,7 +131,7 @@ def compile_kernel(name: str) -> None:
 
     Numba keys its cache by what `compile` is given: types, as a call gives them, not the text.
     """
-    dispatcher, signature = KERNELS[name]
+    dispatcher, signature = KERNELS.get(name) or LATER[name]
     if JIT and not dispatcher.signatures:
         types, _ = normalize_signature(signature)
         dispatcher.compile(tuple(types))
@@ -145,3 +149,4 @@ def ready(dispatcher: Any) -> Any:
 
 
 KERNELS: dict[str, tuple[Any, str]] = {}  # every kernel and its signature, for the warm-up
+LATER: dict[str, tuple[Any, str]] = {}  # those that are not warmed up

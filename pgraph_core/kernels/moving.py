@@ -4,7 +4,7 @@ import math
 
 from . import layout as at
 from ._jit import part, sweep
-from .vec import add_cross, add_scaled, dot, scale, store3
+from .vec import add_cross, add_scaled, cross, dot, scale, store3
 
 TINY = 1e-60  # keeps sin(x)/x at 1 where x = 0, without a branch (lanes have none)
 
@@ -80,3 +80,29 @@ def normalise_all(rows, q):
             normalise(q, rows[k, at.QI])
         elif rows[k, at.KIND] == at.FREE:
             normalise(q, rows[k, at.QI] + 3)
+
+
+@sweep
+def local_rate(rows, xi, v, out):
+    """ξ' where q has moved along ξ from its start; of turns dexp⁻¹(ξ) ω ([Hairer et al. 2006]).
+
+    ω - ½ ξ × ω + c ξ × (ξ × ω), c = (1 - ½ φ cot ½ φ) / φ², φ = |ξ|.
+    """
+    for k in range(1, rows.shape[0]):
+        j = rows[k, at.VI]
+        kind = rows[k, at.KIND]
+        if kind <= at.TRANSLATE:
+            out[j] = v[j]
+            continue
+        if kind == at.FREE:
+            for n in range(3):
+                out[j + 3 + n] = v[j + 3 + n]
+        x = (xi[j], xi[j + 1], xi[j + 2])
+        omega = (v[j], v[j + 1], v[j + 2])
+        square = dot(x, x)
+        c = 1.0 / 12.0 + square / 720.0
+        if square > 1e-4:
+            half = 0.5 * math.sqrt(square)
+            c = (1.0 - half / math.tan(half)) / square
+        turned = cross(x, omega)
+        store3(out, j, add_scaled(add_scaled(omega, -0.5, turned), c, cross(x, turned)))

@@ -9,7 +9,15 @@ import pgraph_core as pg
 
 from .trees import random_case
 
-ORDER = {"rk4": 4, "semi_implicit_euler": 1}
+ORDER = {"rk4": 4, "semi_implicit_euler": 1, "dopri5": 5, "dop853": 8, "ros2": 2, "radau5": 5}
+RANGE = {  # duration [s] and steps: errors above rounding, and small enough for the order to show
+    "rk4": (0.25, (25, 50, 100, 200)),
+    "semi_implicit_euler": (0.25, (100, 200, 400, 800)),
+    "dopri5": (1.0, (120, 150, 190, 240)),
+    "dop853": (0.5, (8, 10, 12, 15)),
+    "ros2": (0.25, (50, 100, 200)),
+    "radau5": (0.25, (8, 12, 18, 27)),
+}
 
 
 def tumbling_body():
@@ -64,11 +72,9 @@ def error(model, method, steps, t_end, reference):
 @pytest.mark.parametrize("method", ORDER)
 @pytest.mark.parametrize("make", [tumbling_body, heavy_top, mixed_tree])
 def test_observed_order_is_the_claimed_order(make, method):
-    """Slope of the log error over three halvings of the step, within 0.3."""
-    model, t_end = make(), 0.25
-    steps = np.array([25, 50, 100, 200]) * (1 if ORDER[method] == 4 else 4)
-    mech = pg.Mechanism(model)
-    fine = pg.simulate(mech, t_end=t_end, method="rk4", step=t_end / 4000, frames=2)
+    """Slope of the log error over four steps, within 0.3."""
+    model, (t_end, steps) = make(), RANGE[method]
+    fine = pg.simulate(pg.Mechanism(model), t_end=t_end, method="dop853", rtol=1e-14, frames=2)
     errors = [error(model, method, int(n), t_end, fine.q[-1]) for n in steps]
     slope = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert slope == pytest.approx(ORDER[method], abs=0.3), errors
@@ -105,7 +111,7 @@ def test_a_tumbling_body_keeps_its_angular_momentum():
     np.testing.assert_allclose(spin, np.tile(spin[0], (len(spin), 1)), rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("method", ORDER)
+@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler"])
 @pytest.mark.parametrize("make", [heavy_top, mixed_tree])
 def test_the_error_estimate_is_the_error(make, method):
     """Within a factor of two, where the step is small enough for the order to show."""

@@ -1,0 +1,436 @@
+"""Methods that choose their steps: what they reach, output, corners, events, and how they end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import pgraph_core as pg
+from pgraph_core import tableaus
+from pgraph_core.kernels import layout as at
+from pgraph_core.kernels._jit import kernel
+from pgraph_core.kernels.events import EVENT, look_back
+from pgraph_core.kernels.handle import address_of
+from pgraph_core.mechanism import NO_LOADS
+from pgraph_core.recording import Recording
+from pgraph_core.simulation import frame_times
+from pgraph_core.stepping import Plan, Tolerance
+
+from .test_cases import DOWN, case, mass, place, rod, worst
+
+EXPLICIT = ("dopri5", "dop853")
+
+
+def double_pendulum():
+    return pg.Mechanism(pg.Model(bodies=(mass("a"), mass("b", "a", above=1.0)), **DOWN))
+
+
+def heavy_top():
+    inertia = np.diag([0.234375, 0.46875, 0.234375])
+    top = pg.Body(name="top", joint="spherical", mass=15.0, com=(0, 1, 0), inertia=inertia)
+    return pg.Mechanism(pg.Model(bodies=(top,)))
+
+
+def chain(n):
+    link = {"m": 1 / n, "length": 1 / n}
+    bodies = [mass("1", **link)]
+    bodies += [mass(str(i), str(i - 1), above=1 / n, **link) for i in range(2, n + 1)]
+    return pg.Mechanism(pg.Model(bodies=tuple(bodies), **DOWN))
+
+
+def run(mech, t, q, v=None, *, method="dop853", rtol=1e-12, **options):
+    """The motion at the times of a reference."""
+    v = np.zeros(mech.nv) if v is None else v
+    options = {"t_end": t[-1], "t_eval": t, "method": method, "rtol": rtol, **options}
+    done = pg.simulate(mech, q, v, **options)
+    assert done.status.ok, done.message
+    return done
+
+
+# -- what they reach ---------------------------------------------------------------------------
+
+
+def test_double_pendulum_to_ten_digits():
+    t, reference = case("double_pendulum")
+    done = run(double_pendulum(), t, np.array([1.5, 0.5]))
+    assert worst(np.cumsum(done.q, axis=1), reference["theta_abs"]) < 1e-10
+    assert worst(np.cumsum(done.v, axis=1), reference["theta_dot_abs"]) < 1e-9
+
+
+def test_heavy_top_to_eight_digits():
+    t, reference = case("heavy_top")
+    q, v = np.array([1.0, 0, 0, 0]), np.array([0.0, 150.0, -4.61538])
+    done = run(heavy_top(), t, q, v, rtol=1e-11)
+    assert worst(place(done, "top", (0, 1, 0)), reference["com_position"]) < 1e-8
+
+
+def test_a_body_that_turns_over_to_eight_digits_after_four_flips():
+    """Each flip multiplies errors by 1e2 to 1e4: the tolerance is near rounding."""
+    t, reference = case("free_rigid_body_dzhanibekov")
+    body = pg.Body(name="a", joint="free", inertia=np.diag([1.0, 2.0, 3.0]))
+    mech = pg.Mechanism(pg.Model(bodies=(body,), gravity=(0, 0, 0)))
+    q, v = np.array([0.0, 0, 0, 1, 0, 0, 0]), np.array([0.01, 5.0, 0.01, 0, 0, 0])
+    done = run(mech, t, q, v, rtol=2e-15)
+    turned = np.array([mech.pose(x, "a")[1] for x in done.q])
+    assert worst(turned.reshape(-1, 9), np.reshape(reference["R"], (-1, 9))) < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("n", "end", "tolerance"),
+    [(10, 1.0, 1e-11), (100, 1.0, 1e-11), pytest.param(1000, 0.5, 1e-8, marks=pytest.mark.nightly)],
+)
+def test_chain(n, end, tolerance):
+    t, reference = case("chain_n_links")
+    t = t[t <= end]
+    done = run(chain(n), t, np.pi / 4 * np.eye(n)[0], rtol=1e-10)
+    tip = place(done, str(n), (0, -1 / n, 0))[:, :2]
+    assert worst(tip, reference[str(n)]["tip_xy"][: len(t)]) < tolerance
+
+
+@pytest.mark.parametrize(
+    ("name", "ratio", "rtol", "tolerance"),
+    [
+        ("mass_ratio_light_tip_1em12", 1e-12, 1e-11, 1e-9),
+        ("mass_ratio_heavy_tip_1e9", 1e9, 1e-7, 2e-5),  # 100 eps times the ratio
+    ],
+)
+def test_extreme_mass_ratios(name, ratio, rtol, tolerance):
+    t, reference = case(name)
+    mech = pg.Mechanism(pg.Model(bodies=(mass("a"), mass("b", "a", m=ratio, above=1.0)), **DOWN))
+    first = reference["theta"][0]
+    done = run(mech, t, np.array([first[0], first[1] - first[0]]), rtol=rtol)
+    assert worst(np.cumsum(done.q, axis=1), reference["theta"]) < tolerance
+
+
+@pytest.mark.parametrize("length", [1e-9, 1e-3, 1.0, 1e6, 1e9])
+@pytest.mark.parametrize("method", EXPLICIT)
+def test_pendulums_of_all_scales_take_the_same_steps(method, length):
+    """With default tolerances: none of them has a unit."""
+    _, reference = case("pendulum_scales")
+    period = reference["period"][reference["L"].index(length)]
+    mech = pg.Mechanism(pg.Model(bodies=(mass("a", m=length**3, length=length),), **DOWN))
+    quarter = np.array([0.0, period / 4])
+    done = pg.simulate(mech, np.array([np.pi / 2]), t_end=period / 4, t_eval=quarter, method=method)
+    assert abs(done.q[-1, 0]) < 3e-8
+    one = pg.simulate(
+        pg.Mechanism(pg.Model(bodies=(mass("a"),), **DOWN)),
+        np.array([np.pi / 2]),
+        t_end=reference["period"][reference["L"].index(1.0)] / 4,
+        frames=2,
+        method=method,
+    )
+    assert done.counters["steps"] == one.counters["steps"]
+
+
+def slider_crank():
+    """One loop, closed by a point."""
+    slider = pg.Body(name="slider", joint="prismatic", axes=((1, 0, 0),), mass=3.0)
+    coupler = rod("rod", "crank", m=2.0, length=0.5, link=(0.2, 0, 0))
+    pin = pg.Constraint(
+        name="pin", body="rod", other="slider", point=(0.5, 0, 0), other_point=(0, 0, 0)
+    )
+    bodies = (rod("crank", length=0.2), coupler, slider)
+    return pg.Mechanism(pg.Model(bodies=bodies, constraints=(pin,), **DOWN))
+
+
+def crank_start():
+    beta = np.arcsin(0.4 * np.sin(0.5))
+    return np.array([0.5, -beta - 0.5, 0.2 * np.cos(0.5) + 0.5 * np.cos(beta)])
+
+
+def test_slider_crank_with_its_loop():
+    t, reference = case("slider_crank_rigid")
+    done = run(slider_crank(), t, crank_start(), rtol=1e-11, tau=np.array([4.0, 0, 0]))
+    assert worst(done.q[:, 0], reference["theta"]) < 1e-9
+    assert done.constraint_drift.max() < 1e-9  # between steps too: frames are projected
+    assert done.energy_drift < 1e-10
+
+
+def test_the_order_holds_with_constraints():
+    mech, q, tau = slider_crank(), crank_start(), np.array([4.0, 0, 0])
+    end = {"t_end": 0.4, "frames": 2, "tau": tau}
+    fine = pg.simulate(mech, q, method="dop853", rtol=1e-14, **end).q[-1]
+    for method, order, counts in (
+        ("rk4", 4, (100, 200, 400)),
+        ("dopri5", 5, (60, 90, 130)),
+        ("dop853", 8, (10, 13, 17)),
+        ("radau5", 5, (20, 30, 45)),
+        ("ros2", 2, (200, 400)),
+    ):
+        errors = [
+            worst(pg.simulate(mech, q, method=method, step=0.4 / n, **end).q[-1], fine)
+            for n in counts
+        ]
+        slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
+        assert slope == pytest.approx(order, abs=0.3), (method, errors)
+
+
+# -- against SciPy -----------------------------------------------------------------------------
+
+
+def test_the_tableau_is_scipys():
+    """Whose numbers come from the same source by another way."""
+    from scipy.integrate._ivp import dop853_coefficients as theirs
+
+    ours = tableaus.dop853()
+    np.testing.assert_allclose(ours.a, theirs.A, rtol=0, atol=0)
+    np.testing.assert_allclose(ours.error, [theirs.E5[:12], theirs.E3[:12]], rtol=0, atol=1e-17)
+
+
+def test_scipy_finds_the_same_motion():
+    mech = double_pendulum()
+    t = np.linspace(0.0, 2.0, 21)
+    done = run(mech, t, np.array([1.5, 0.5]))
+
+    def slope(_, y):
+        return np.concatenate((y[2:], mech.forward_dynamics(y[:2].copy(), y[2:].copy())))
+
+    start = np.array([1.5, 0.5, 0.0, 0.0])
+    other = solve_ivp(slope, (0.0, 2.0), start, "DOP853", t, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(done.q, other.y[:2].T, rtol=0, atol=1e-10)
+
+
+# -- stiff motion --------------------------------------------------------------------------------
+
+
+def stiff_pendulum(k):
+    """(mechanism, initial q) of a bob on a rod as stiff as k, as the case starts it."""
+    bob = pg.Body(
+        name="a",
+        joint="compound",
+        motions=(("rotate", (0, 0, 1)), ("translate", (0, -1, 0))),
+        com=(0, -1, 0),
+        inertia=((0.0,) * 3,) * 3,
+        stiffness=(0.0, k),
+    )
+    return pg.Mechanism(pg.Model(bodies=(bob,), **DOWN)), np.array([1.0, 9.81 * np.cos(1.0) / k])
+
+
+def swing(reference, k):
+    """θ over time, where it is known: from k = 1e8 on by the limit of a rigid rod."""
+    name = f"k=1e{round(np.log10(k))}"
+    if name in reference["undamped"]:
+        return np.array(reference["undamped"][name]["r_theta_rdot_thetadot"])[:, 1]
+    slope = np.array(reference["slope_a_estimated_from_k1e6"])
+    return np.array(reference["rigid_limit_theta"]) + slope / k
+
+
+@pytest.mark.parametrize("k", [1e3, 1e4, 1e6, 1e8, 1e10, 1e12])
+def test_radau_swings_right_however_stiff(k):
+    """At steps of 1e-2 s and where it chooses them; the error estimate is not below the error."""
+    t, reference = case("stiff_spring_pendulum")
+    mech, q = stiff_pendulum(k)
+    for options in ({"step": 1e-2}, {"rtol": 1e-8}):
+        done = pg.simulate(mech, q, t_end=2.0, t_eval=t, method="radau5", **options)
+        assert done.status.ok
+        assert worst(done.q[:, 0], swing(reference, k)) < 1e-8
+        assert done.counters["steps"] < 1000
+
+
+@pytest.mark.parametrize("k", [1e3, 1e6, 1e12])
+def test_ros2_does_not_feel_the_stiffness(k):
+    t, reference = case("stiff_spring_pendulum")
+    mech, q = stiff_pendulum(k)
+    done = pg.simulate(mech, q, t_end=2.0, t_eval=t, method="ros2", step=1e-3)
+    assert worst(done.q[:, 0], swing(reference, k)) < 3e-6
+    assert done.error_estimate < 3e-6
+
+
+@pytest.mark.parametrize("method", ["radau5", "ros2"])
+def test_implicit_methods_close_loops(method):
+    mech, t = slider_crank(), np.linspace(0.0, 0.2, 5)
+    tau, q = np.array([4.0, 0, 0]), crank_start()
+    fine = run(mech, t, q, tau=tau)
+    done = run(mech, t, q, tau=tau, method=method, rtol=1e-6)
+    assert worst(done.q, fine.q) < 1e-4
+    assert done.constraint_drift.max() < 1e-8
+
+
+def test_scipys_radau_finds_the_same_stiff_motion():
+    mech, q = stiff_pendulum(1e4)
+    t = np.linspace(0.0, 0.5, 6)
+    done = run(mech, t, q, method="radau5", rtol=1e-9)
+
+    def slope(_, y):
+        return np.concatenate((y[2:], mech.forward_dynamics(y[:2].copy(), y[2:].copy())))
+
+    start = np.concatenate((q, [0.0, 0.0]))
+    other = solve_ivp(slope, (0.0, 0.5), start, "Radau", t, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(done.q[:, 0], other.y[0], rtol=0, atol=1e-7)
+
+
+def test_auto_takes_radau_where_springs_are_stiff():
+    mech, q = stiff_pendulum(1e12)
+    stepped = pg.simulate(mech, q, t_end=0.1, step=1e-2)
+    assert stepped.header["method"] == "radau5"
+    assert "1e+06/s" in stepped.header["why"]
+    assert pg.simulate(mech, q, t_end=0.5).header["method"] == "radau5"
+
+
+@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler", "dop853"])
+def test_steps_too_wide_for_an_explicit_method_are_said(method):
+    """The limit is that of the method: 5 % below it the run lives, 20 % above it does not."""
+    mech, q = stiff_pendulum(1e6)
+    q = q + np.array([0.0, 1e-9])
+    limit = pg.integrators.METHODS[method].limit / 1e3
+    options = {"method": method, "frames": 2}
+    calm = pg.simulate(mech, q, t_end=500 * limit, step=0.9 * limit, **options)
+    wild = pg.simulate(mech, q, t_end=500 * limit, step=1.2 * limit, **options)
+    assert calm.status.ok
+    assert calm.notices == ()
+    assert any("try radau5" in notice for notice in wild.notices)
+    assert not wild.status.ok or wild.error_estimate > 1e-3 or np.isnan(wild.error_estimate)
+
+
+# -- dense output and corners ------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("method", "order"), [("dopri5", 5), ("dop853", 8)])
+def test_output_between_steps_is_of_the_order_of_the_steps(method, order):
+    """Frames at odd times against a run far finer, on a body that turns."""
+    mech, t = heavy_top(), np.linspace(0.0, 0.1, 38)
+    q, v = np.array([1.0, 0, 0, 0]), np.array([0.0, 50.0, -4.61538])
+    fine = run(mech, t, q, v, rtol=1e-14)
+    counts = np.array([30, 45, 60, 90]) if method == "dopri5" else np.array([14, 18, 23, 30])
+    errors = [
+        worst(pg.simulate(mech, q, v, t_end=0.1, t_eval=t, method=method, step=0.1 / n).q, fine.q)
+        for n in counts
+    ]
+    slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert slope > order - 0.3, errors
+
+
+def driven():
+    """A pendulum under a motor whose torque is a table with corners."""
+    table = pg.Table(t=(0.0, 0.11, 0.2, 0.37, 0.5), value=(0.0, 3.0, -2.0, 4.0, 0.0))
+    motor = pg.Force(name="motor", kind="motor", body="a", torque=table)
+    return pg.Mechanism(pg.Model(bodies=(mass("a"),), forces=(motor,), **DOWN))
+
+
+@pytest.mark.parametrize("method", EXPLICIT)
+def test_steps_end_at_the_corners_of_tables(method):
+    """So that the order is kept: no step is refused, and the energy balance shows it."""
+    loose, tight = (
+        pg.simulate(driven(), t_end=0.6, method=method, rtol=rtol) for rtol in (1e-8, 1e-13)
+    )
+    assert loose.counters["rejected_steps"] <= 2
+    assert worst(loose.q, tight.q) < 1e-8
+    assert loose.energy_drift < 1e-6
+    assert tight.energy_drift < 1e-11
+
+
+def test_work_and_dissipation_are_integrated_by_the_method():
+    body = mass("a", damping=0.3, stiffness=2.0)
+    mech = pg.Mechanism(pg.Model(bodies=(body,), **DOWN))
+    done = pg.simulate(mech, np.array([1.0]), t_end=3.0, method="dop853", rtol=1e-12)
+    assert done.dissipation[-1] > 1.0
+    assert done.energy_drift < 1e-11
+
+
+# -- error estimates ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("rtol", [1e-6, 1e-9])
+@pytest.mark.parametrize("method", EXPLICIT)
+def test_the_error_estimate_of_chosen_steps_is_the_error(method, rtol):
+    """Within a factor of ten, where errors of steps add up and where the motion is unstable."""
+    mech, q, v = heavy_top(), np.array([1.0, 0, 0, 0]), np.array([0.0, 150.0, -4.61538])
+    t = np.linspace(0.0, 1.0, 41)
+    fine = run(mech, t, q, v, rtol=1e-14)
+    done = run(mech, t, q, v, method=method, rtol=rtol)
+    true = worst(done.q, fine.q)
+    assert true / 10 < done.error_estimate < true * 10
+
+
+# -- events ------------------------------------------------------------------------------------
+
+
+@kernel(EVENT, later=True)
+def passes_bottom(scene, t, q, v, out):
+    """The first joint at zero."""
+    out[0] = q[0]
+
+
+def watched(mech, q, rtol, wanted=0):
+    """A recording that looks for `passes_bottom`, and its signs."""
+    drives = mech.drives(())
+    tolerance = Tolerance(rtol, 0.0, 10.0, 10**6, np.zeros(0))
+    none = np.zeros(0, dtype=np.int64)
+    times = frame_times(3.0, 31, None)
+    method = pg.integrators.DOP853
+    plan = Plan(
+        method,
+        times,
+        none,
+        np.zeros(0),
+        drives,
+        NO_LOADS,
+        none,
+        None,
+        np.zeros(2),
+        False,
+        tolerance,
+    )
+    record = Recording(mech, plan, q, np.zeros(mech.nv), None)
+    signs, direction = np.zeros(1, dtype=np.int64), np.array([wanted])
+    addresses = (address_of(look_back), address_of(passes_bottom))
+    record.steps.events = (*addresses, np.zeros(1), signs, direction, np.zeros(1, dtype=np.int64))
+    return record
+
+
+@pytest.mark.parametrize("wanted", [0, -1, 1])
+def test_events_are_located_to_rounding_of_time(wanted):
+    """A pendulum passes its lowest point a quarter of a period after it starts, and each half."""
+    _, reference = case("pendulum_scales")
+    period = reference["period"][reference["L"].index(1.0)]
+    mech = pg.Mechanism(pg.Model(bodies=(mass("a"),), **DOWN))
+    record, found = watched(mech, np.array([np.pi / 2]), 1e-12, wanted), []
+    for _ in range(1000):
+        code = record.steps.advance(record.scene.address, 50, record.out)
+        if code == at.DONE:
+            break
+        if code == at.EVENT:
+            found.append(record.steps.control[at.TIME])
+            assert abs(record.q[0]) < 1e-13
+    expected = period * np.array([0.25, 0.75, 1.25])
+    expected = expected[expected < 3.0]
+    expected = {0: expected, -1: expected[::2], 1: expected[1::2]}[wanted]
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11)
+    assert record.done == 31
+
+
+# -- how runs end ------------------------------------------------------------------------------
+
+
+def test_a_run_that_may_not_take_more_steps_keeps_what_it_has():
+    done = pg.simulate(
+        double_pendulum(), np.array([1.5, 0.5]), t_end=5.0, method="dopri5", max_steps=20
+    )
+    assert done.status is pg.Status.TOO_MANY_STEPS
+    assert "max_steps" in done.message
+    assert 0 < done.t[-1] < 5.0
+    assert np.isfinite(done.q).all()
+
+
+def test_a_step_that_no_width_makes_good_enough_ends_the_run():
+    """A torque that jumps without end: noise that no step resolves."""
+    noise = np.random.default_rng(0)
+    mech = pg.Mechanism(pg.Model(bodies=(mass("a"),), **DOWN))
+    done = pg.simulate(
+        mech, method="dop853", rtol=1e-12, t_end=1.0, tau=lambda t, q, v: noise.normal(size=1) * 1e9
+    )
+    assert not done.status.ok
+    assert "t = " in done.message
+
+
+def test_auto_says_why():
+    mech = double_pendulum()
+    stepped = pg.simulate(mech, t_end=0.1, step=1e-3).header
+    assert stepped["method"] == "rk4"
+    assert stepped["step"] == pytest.approx(1e-3)
+    free = pg.simulate(mech, t_end=0.1).header
+    assert (free["method"], free["rtol"]) == ("dop853", 1e-8)
+    loose = pg.simulate(mech, t_end=0.1, rtol=1e-4).header
+    assert loose["method"] == "dopri5"
+    assert all(h["why"].startswith(h["method"]) for h in (stepped, free, loose))
