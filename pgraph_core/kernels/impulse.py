@@ -29,9 +29,11 @@ from .vec import add_scaled, dot, load, scale, store
 # rows of `vectors`: velocities before; ADMM's dual and copy; what the solver reports
 BEFORE, DUAL, SPLIT, REPORT = 9, 10, 11, 12
 TOLERANCE = 1e-10  # of the largest velocity among the rows
-SWEEPS = 200  # of Gauss-Seidel before the fallback, or the end
+CROWD = 1e-6  # where there is no fallback: a heap's forces wander more than that anyhow
+SWEEPS = 200  # of Gauss-Seidel where there is no fallback
+FEW_SWEEPS = 40  # where there is one
 INNER = 8  # rounds between normal and friction of one contact
-ROUNDS = 400  # of ADMM
+ROUNDS = 2000  # of ADMM
 DENSE = 150  # rows, above which there is no Ω to fall back on
 
 
@@ -57,8 +59,11 @@ def solve_impulses(blocks, space, m, first, report):
     if first > 1 and m <= DENSE:
         report[2] = alternate(blocks, space, m, first, size, report)
         return
-    report[2] = gauss_seidel(blocks, space, first, size, report)
-    if report[2] > TOLERANCE and m <= DENSE:
+    if m > DENSE:
+        report[2] = gauss_seidel(blocks, space, first, size, SWEEPS, CROWD, report)
+        return
+    report[2] = gauss_seidel(blocks, space, first, size, FEW_SWEEPS, TOLERANCE, report)
+    if report[2] > TOLERANCE:
         report[2] = alternate(blocks, space, m, first, size, report)
 
 
@@ -126,7 +131,7 @@ def responses(blocks, space):
 
 
 @sweep
-def gauss_seidel(blocks, space, first, size, report):
+def gauss_seidel(blocks, space, first, size, sweeps, tolerance, report):
     """Sweeps over the blocks until no velocity changes; the last change over `size`."""
     blocks_i, blocks_f, _, _, _, active = blocks
     y, slots, vectors, own = space[0], space[1], space[5], space[11]
@@ -136,7 +141,7 @@ def gauss_seidel(blocks, space, first, size, report):
     z = vectors[STEP]
     responses(blocks, space)
     change = 0.0
-    for taken in range(1, SWEEPS + 1):
+    for taken in range(1, sweeps + 1):
         change = 0.0
         for j in range(1, active[0] + 1):
             i = active[j]
@@ -151,7 +156,7 @@ def gauss_seidel(blocks, space, first, size, report):
                 lam[r + c] = new[c]
                 change = max(change, abs(step[c]) * own[i, 4 * c])
         report[0] = taken
-        if not change > TOLERANCE * size:
+        if not change > tolerance * size:
             break
     return change / size
 
@@ -251,11 +256,14 @@ def alternate(blocks, space, m, first, size, report):
     for r in range(m):
         trace += omega[r, r]
         z[r] = x[r]
-        y[r] = 0.0
+        y[r] = vectors[RHS, r]
+        for c in range(m):
+            y[r] += omega[r, c] * x[c]
     rho = 0.1 * trace / m
     eta = 1e-9 * trace / m
     shifted_factor(omega, space[3], rho + eta, m)
     left = math.inf
+    look = 8
     for taken in range(1, ROUNDS + 1):
         target(blocks, space[1], vectors, first, m)
         for r in range(m):
@@ -278,7 +286,8 @@ def alternate(blocks, space, m, first, size, report):
         report[1] = taken
         if left <= TOLERANCE:
             break
-        if taken % 10 == 0:
+        if taken == look:  # ever more seldom, or ρ may swing for ever
+            look = taken + taken // 2
             factor = math.sqrt((primal + 1e-300) / (dual + 1e-300))
             if factor > 5.0 or factor < 0.2:
                 rho *= min(max(factor, 0.05), 20.0)
