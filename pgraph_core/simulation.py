@@ -79,6 +79,8 @@ def simulate(
     active = _active(mech, given)
     q0, v0 = _start(mech, given, q, v)
     name = method if method is not None else given.method if given else "auto"
+    if method is None and rtol is not None and name not in ADAPTIVE:
+        name = "auto"  # a tolerance replaces the scenario's method where that takes none
     impulses = contacts is not None and contacts.rigid
     asked = (
         None
@@ -86,9 +88,10 @@ def simulate(
         else method_of("moreau_jean" if name == "auto" else name, impulses=impulses)
     )
     usual = given.step if given else 1e-3
-    rate = 0.0
+    rate, looking = 0.0, time.perf_counter()
     if not callable(tau) and (asked is None or not asked.implicit):
         rate = fastest_rate(mech, (drives, loads), active, q0, v0)
+    looked = time.perf_counter() - looking
     if asked is not None:
         chosen, why = asked, f"{name}: as asked"
         if name == "auto":
@@ -133,7 +136,8 @@ def simulate(
     stepped = time.perf_counter()
     estimate = error_estimate(record, q0, v0, progress) if record.status.ok else np.nan
     timing = {
-        "build": built - began,
+        "build": built - began - looked,
+        "stiffness": looked,
         "step": stepped - built,
         "estimate": time.perf_counter() - stepped,
     }

@@ -156,6 +156,14 @@ def test_run_of_the_stance(capsys, tmp_path: Path):
     assert pg.Result.load(file).t[-1] == pytest.approx(0.25)
 
 
+def test_run_to_a_tolerance(capsys):
+    answer = told(capsys, "run", "pendulum", "--t-end", "0.5", "--rtol", "1e-10")
+    assert (answer["method"], answer["step"], answer["header"]["rtol"]) == ("dop853", None, 1e-10)
+    assert answer["error_estimate"] < 1e-8
+    out, _ = said(capsys, "run", "pendulum", "--t-end", "0.5", "--rtol", "1e-10")
+    assert "dop853, steps to a tolerance of 1e-10" in out
+
+
 def test_run_for_people(capsys):
     out, err = said(capsys, "run", "pendulum", "--t-end", "0.5", "--step", "0.01")
     assert err == ""
