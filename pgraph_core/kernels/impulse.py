@@ -366,7 +366,7 @@ def gained(blocks, space, first):
         after = gather(y, slots, i, vectors[STEP])
         for c in range(blocks_i[i, at.B_SIZE]):
             mean = 0.5 * (vectors[BEFORE, r + c] + vectors[RHS, r + c] + after[c])
-            work = vectors[LAMBDA, r + c] * mean
-            gain += work
-            size += abs(work)
+            lam = vectors[LAMBDA, r + c]
+            gain += lam * mean
+            size += abs(lam) * max(abs(vectors[RHS, r + c]), abs(vectors[BEFORE, r + c]))
     return gain, size

@@ -26,7 +26,7 @@ from .vec import add, add_scaled, load, mul, store
 NEAR = 1e-9  # relative to the extent of what moves: a gap that is none
 DEPTH = 1e-5  # relative to the extent of what moves: penetration that is left alone
 RECOVER = 0.2  # of what is deeper, a step
-GAIN = 1e-9  # of what impulses turn over: a gain of energy beyond it is no rounding
+GAIN = 1e-6  # of what impulses turn over: a gain of energy beyond it is no rounding
 PUSH_SWEEPS = 30
 
 
@@ -221,7 +221,7 @@ def solve(blocks, contacts, space, m, first, ledger):
     solve_impulses(blocks, space, m, first, answer)
     responses(blocks, space)
     gain, size = gained(blocks, space, first)
-    if gain > GAIN * size and bounces(blocks, first):
+    if gain > GAIN * size and bounces(blocks, space, first):
         tally[at.N_CALMED] += 1
         for j in range(first, blocks[5][0] + 1):
             blocks[1][blocks[5][j], at.BOUNCE] = 0.0
@@ -236,11 +236,15 @@ def solve(blocks, contacts, space, m, first, ledger):
 
 
 @part
-def bounces(blocks, first):
-    """Whether an active unilateral block has a restitution."""
+def bounces(blocks, space, first):
+    """Whether something comes back from an impact: not from what the step's own forces press."""
+    slots, vectors = space[1], space[5]
     found = False
     for j in range(first, blocks[5][0] + 1):
-        found = found or blocks[1][blocks[5][j], at.BOUNCE] > 0.0
+        i = blocks[5][j]
+        before = vectors[BEFORE, slots[i, at.FIRST]]
+        pressed = abs(vectors[RHS, slots[i, at.FIRST]] - before)
+        found = found or (blocks[1][i, at.BOUNCE] > 0.0 and -before > 4.0 * pressed)
     return found
 
 
