@@ -18,7 +18,16 @@ SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # of playback
 SHOWN_AT_FIRST = frozenset({"axes"})
 SHOWABLE = frozenset({"axes", "links", "coms", "names", "forces"})
 FREE_RUN = ""  # the scenario of a run that has none
-METHODS = ("auto", "rk4", "semi_implicit_euler", "dopri5", "dop853", "ros2", "radau5")
+METHODS = (
+    "auto",
+    "rk4",
+    "semi_implicit_euler",
+    "dopri5",
+    "dop853",
+    "ros2",
+    "radau5",
+    "moreau_jean",
+)
 
 
 @dataclass(frozen=True)
@@ -197,7 +206,7 @@ def derive(model: pg.Model) -> Derived:
     bodies = [model.body(name) for name in names]
     positions, rotations = pg.home_poses(model)
     center, size = reach(bodies, children, positions, rotations)
-    touching = {name: [c.name for c in model.constraints if name in c.touches] for name in names}
+    touching = {body.name: summary(model, body) for body in bodies}
     return Derived(
         names=names,
         number={name: k for k, name in enumerate(names, 1)},
@@ -208,7 +217,7 @@ def derive(model: pg.Model) -> Derived:
         tips=frozenset(int(k) for k in top.tips),
         separation=separation,
         dof=sum(body.dof for body in bodies),
-        constraints={name: tuple(found) for name, found in touching.items()},
+        constraints=touching,
         loops=loops_of(model, top),
         layout=layout(parent, tuple(len(name) for name in names)),
         colors=branch_colors(parent),
@@ -217,6 +226,14 @@ def derive(model: pg.Model) -> Derived:
         center=center,
         size=size,
     )  # fmt: skip
+
+
+def summary(model: pg.Model, body: pg.Body) -> tuple[str, ...]:
+    """The constraint column: constraints and contacts that touch a body, and its limits."""
+    found = [c.name for c in model.constraints if body.name in c.touches]
+    every = ("*",) if body.shape is not None else ()
+    found += [c.name for c in model.contacts if {c.body, c.other} & {body.name, *every}]
+    return (*found, *(("limits",) if any(body.limits) else ()))
 
 
 def poses(state: State) -> tuple[np.ndarray, np.ndarray]:

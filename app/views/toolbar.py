@@ -18,6 +18,7 @@ METHOD_NAMES = {
     "dop853": "Dormand-Prince 8",
     "ros2": "Rosenbrock 2 (stiff)",
     "radau5": "Radau 5 (stiff)",
+    "moreau_jean": "Moreau-Jean (impacts)",
 }
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import pgraph_core as pg
 from app import events
-from app.state import FREE_RUN, Request, State, between, initial, poses
+from app.state import FREE_RUN, Request, State, between, derive, initial, poses
 from app.update import update
 
 ME, OTHER = 1, 2
@@ -441,3 +441,14 @@ def test_update_leaves_the_old_state_as_it_was(state):
     before = replace(state)
     after(state, typed("3", "mass", "2"), events.Select(ME, "3"), events.Simulate(ME))
     assert state == before
+
+
+def test_the_constraint_column_names_contacts_and_limits():
+    ball = {"kind": "sphere", "radius": 0.1}
+    model = pg.Model.serial(3).edit("1", shape=ball).edit("2", limits=(-1, 1))
+    contacts = (
+        pg.Contact(name="floor", body="*"),
+        pg.Contact(name="tip", body="3", points=((0, 0, 0),)),
+    )
+    column = derive(model.replace(contacts=contacts)).constraints
+    assert column == {"1": ("floor",), "2": ("limits",), "3": ("tip",)}
