@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .errors import InputError, Problem
+from .errors import InputError, Problem, choices
 from .kernels import batch as kernels
 from .kernels import layout as at
 from .kernels.lane import LANE_WIDTH
 from .schema import Model
-from .system import Array
+from .system import Array, Loads
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism
@@ -29,8 +29,9 @@ class Batch:
     """m instances of a mechanism: same tree and joints, own states and, if given, own numbers.
 
     `models` gives each instance its own masses, lengths, ...; without it all share those of
-    `mech`; springs, motors and servos are those of `mech` in any case. `threads` is how many
-    cores work (all by default). Constraints are not imposed.
+    `mech`; forces are those of `mech` in any case. `threads` is how many cores work (all by
+    default). Instances are trees: a model whose constraints, contacts or joint limits act needs
+    `constraints="ignore"`, which leaves them out.
     """
 
     def __init__(
@@ -40,8 +41,10 @@ class Batch:
         *,
         models: Sequence[Model] | None = None,
         threads: int | None = None,
+        constraints: str | None = None,
     ):
-        """Raises InputError where the models are not of one kind."""
+        """Raises InputError where the models are not of one kind, or are more than trees."""
+        _as_trees(mech, constraints)
         self.mech = mech
         self.models = None if models is None else [type(mech)(m) for m in models]
         self.size = _size(size, self.models)
@@ -53,12 +56,12 @@ class Batch:
         """v' (m, nv) of the trees, eq. (26), for q (m, nq), v and tau (m, nv)."""
         mech = self.mech
         arrays = (self.lanes("q", q, mech.nq), self.lanes("v", v, mech.nv))
-        given = self.given(tau)
+        given, loads = self.given(tau), some(mech.passive_loads)
         out = np.empty_like(given)
 
         def work(begin: int, end: int, space: Array) -> None:
             kernels.forward_dynamics(
-                mech.system.rows, self.const, mech.passive, *arrays, given, space,
+                mech.system.rows, self.const, mech.passive, loads, *arrays, given, space,
                 np.empty_like(given[0]), out, begin, end,
             )  # fmt: skip
 
@@ -69,12 +72,12 @@ class Batch:
         """τ (m, nv) that gives v' (m, nv), eq. (24), beside springs and dampers of joints."""
         mech = self.mech
         state = (self.lanes("q", q, mech.nq), self.lanes("v", v, mech.nv))
-        rates = self.lanes("vdot", vdot, mech.nv)
+        rates, loads = self.lanes("vdot", vdot, mech.nv), some(mech.passive_loads)
         out = np.empty_like(rates)
 
         def work(begin: int, end: int, space: Array) -> None:
             kernels.inverse_dynamics(
-                mech.system.rows, self.const, mech.passive, *state, rates, space,
+                mech.system.rows, self.const, mech.passive, loads, *state, rates, space,
                 np.empty_like(out[0]), np.zeros_like(out[0][:0]), out, begin, end,
             )  # fmt: skip
 
@@ -90,9 +93,11 @@ class Batch:
             if not np.array_equal(other.system.rows, rows):
                 text = "has another tree or other joints than the mechanism; give models like it"
                 raise InputError(Problem(f"models[{i}]", "", text))
-            mine, its = (m.drives(m.model.forces) for m in (self.mech, other))
+            mine, its = (
+                (*m.drives(m.model.forces), *m.loads(m.model.forces)) for m in (self.mech, other)
+            )
             if not all(map(np.array_equal, mine, its)):
-                text = "has other springs, motors or servos than the mechanism; those are shared"
+                text = "has other springs, motors or forces than the mechanism; those are shared"
                 raise InputError(Problem(f"models[{i}]", "", text))
         stacked = np.stack([m.system.const for m in self.models])
         return _to_lanes(stacked, self.blocks)
@@ -126,6 +131,30 @@ class Batch:
             return
         for done in [_pool(parts).submit(part, *edge) for edge in pairwise(edges)]:
             done.result()
+
+
+def some(loads: Loads) -> Loads | None:
+    """Loads on bodies as kernels of lanes take them: without any, nothing of them is compiled."""
+    return loads if len(loads[0]) else None
+
+
+def _as_trees(mech: Mechanism, constraints: str | None) -> None:
+    """Raises InputError where something acts that a batch leaves out, and nobody said so."""
+    if constraints not in (None, "ignore"):
+        text = f"is {constraints!r:.60}; choose one of {choices(('ignore',))}, or leave it out"
+        raise InputError(Problem("batch", "constraints", text))
+    if constraints is None and (acting := _acting(mech.model)):
+        text = f"a batch is made of trees, but the model has {acting}; give constraints='ignore'"
+        text += " to run without, or use simulate for one instance at a time"
+        raise InputError(Problem("batch", "constraints", text))
+
+
+def _acting(model: Model) -> str:
+    """The first thing of a model that couples its tree, in words; "" for a tree."""
+    kinds = (("constraint", model.constraints), ("contact", model.contacts))
+    found = [f"the {kind} '{x.name}'" for kind, group in kinds for x in group if x.active]
+    found += [f"limits of the joint of '{b.name}'" for b in model.bodies if any(b.limits)]
+    return found[0] if found else ""
 
 
 @cache

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .batch import Batch
+from .batch import Batch, some
 from .errors import InputError, Problem
 from .integrators import Method, method_of
 from .kernels import batch as kernels
@@ -40,14 +40,17 @@ def simulate_batch(
     t_eval: Any = None,
     models: Sequence[Model] | None = None,
     threads: int | None = None,
+    constraints: str | None = None,
     progress: Callable[[float], Any] | None = None,
 ) -> BatchResult:
     """Run m instances from q (m, nq), v (m, nv) under constant tau (m, nv).
 
-    Springs, dampers, motors and servos of the model act; constraints are not imposed. Other
-    arguments as of `simulate` and `Batch`. Raises InputError for arguments that do not fit.
+    Springs, dampers and all forces of the model act. Constraints, contacts and joint limits do
+    not, and `constraints="ignore"` must say so where the model has some. Other arguments as of
+    `simulate` and `Batch`. Raises InputError for arguments that do not fit.
     """
-    batch = Batch(mech, None if models else len(q), models=models, threads=threads)
+    size = None if models else len(q)
+    batch = Batch(mech, size, models=models, threads=threads, constraints=constraints)
     chosen = _given_steps(method)
     times, substeps, width = schedule(float(t_end), float(step), frames, t_eval)
     state = (batch.lanes("q", q, mech.nq).copy(), batch.lanes("v", v, mech.nv).copy())
@@ -55,9 +58,10 @@ def simulate_batch(
     shape = (batch.blocks, len(times))
     out = tuple(np.empty((*shape, n, LANE_WIDTH)) for n in (mech.nq, mech.nv))
     tableau = chosen.tableau[:3]
-    drives = mech.drives(mech.model.forces)
+    forces = mech.model.forces
     rows = 3 + 2 * chosen.evaluations
-    system = (mech.system.rows, batch.const, drives, tableau, times, substeps, width)
+    acts = (mech.drives(forces), some(mech.loads(forces)))
+    system = (mech.system.rows, batch.const, *acts, tableau, times, substeps, width)
     reached = 0
     for first, last in _chunks(substeps, len(times)):
 

@@ -31,6 +31,7 @@ from .kernels import gather, pack
 from .kernels._jit import JIT, ready
 from .schema import Body, Model
 from .schema.editing import edited
+from .schema.force import BETWEEN
 from .schema.names import GROUND
 from .schema.world import DOWN
 
@@ -189,6 +190,15 @@ class Columns:
     def nq(self) -> int:
         """Number of position coordinates."""
         return self._root._nq
+
+    @property
+    def springs_between(self) -> int:
+        """Number of springs and torsion springs between bodies; no edit here adds any."""
+        return self._root._between
+
+    @cached_property
+    def _between(self) -> int:
+        return sum([f.kind in BETWEEN for f in self._model.forces]) if self._model else 0
 
     @cached_property
     def _names(self) -> tuple[str, ...]:

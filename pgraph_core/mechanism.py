@@ -23,6 +23,7 @@ from .loads import TYPES as LOADS
 from .loads import loads
 from .scene import Scene
 from .schema import Contact, Force, Model
+from .schema.force import BETWEEN
 from .system import (
     Array,
     Drives,
@@ -40,6 +41,7 @@ NOWHERE = np.zeros((0, 3)), np.zeros((0, 3, 3))
 NEW = object.__new__
 FORWARD = dynamics.forward_dynamics
 NO_EXTERNAL = np.zeros((0, 6))
+NO_CONSTRAINTS = np.zeros(0, dtype=np.int64)
 NO_LOADS: Loads = (
     np.zeros((0, at.LOAD_I), dtype=np.int64),
     np.zeros((0, at.LOAD_F)),
@@ -60,7 +62,8 @@ class Mechanism:
         """Number and pack a valid model, or a table in columns."""
         columns = model if isinstance(model, Columns) else Columns.of(model)
         self.columns = columns
-        self._packed, self._springs = packed(columns)
+        self._packed, springs = packed(columns)
+        self._springs = springs + columns.springs_between
         self._rows, self._const, bodies_i, _, home = self._packed
         self.nb, self.nq = len(bodies_i) - 1, columns.nq
         self.nv = len(home) - self.nq
@@ -101,7 +104,8 @@ class Mechanism:
         """A mechanism of the same sizes, on the same workspace: it holds nothing between calls."""
         new = NEW(Mechanism)
         new.columns = columns
-        new._packed, new._springs = arrays, _ = packed(columns)
+        new._packed, springs = arrays, _ = packed(columns)
+        new._springs = springs + columns.springs_between
         new._rows, new._const = arrays[0], arrays[1]
         new.nb, new.nq, new.nv = self.nb, self.nq, self.nv
         new._nq, new._nv = self._nq, self._nv
@@ -207,13 +211,15 @@ class Mechanism:
         return position, rotation.reshape(self.nb, 3, 3)
 
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
-        """(kinetic, potential) energy [J]; potential includes the joints' springs."""
+        """(kinetic, potential) energy [J]; springs of joints and between bodies included."""
         q, v = self.position(q), self.finite("v", v, self.nv)
         return motion.energy(self.scene.address, q, v)
 
     # -- dynamics of the tree ------------------------------------------------------------------
     # All take `back_end`: "articulated" (default), "composite" or "operators", with the same
-    # numbers; `back_ends.py` says which algorithm each one stands for.
+    # numbers; `back_ends.py` says which algorithm each one stands for. What is passive acts here:
+    # springs, dampers and friction of joints, springs and torsion springs between bodies. What may
+    # depend on time (wrenches, motors, servos) acts in runs only.
 
     def mass_matrix(self, q: Array, *, back_end: BackEnd = "articulated") -> Array:
         """M (nv, nv) of eq. (25), armature included."""
@@ -240,7 +246,7 @@ class Mechanism:
         *,
         back_end: BackEnd = "articulated",
     ) -> Array:
-        """τ (nv,) that gives v', eq. (24), beside the joints' own springs and dampers.
+        """τ (nv,) that gives v', eq. (24), beside springs and dampers of joints and between bodies.
 
         `external` (nb, 6): [torque, force] on each body at its origin, world axes; `external_at`
         makes it from wrenches elsewhere.
@@ -266,7 +272,8 @@ class Mechanism:
     ) -> Array:
         """v' (nv,) of the tree without its constraints, eq. (26); O(n).
 
-        Springs and dampers of the joints act; motors and servos act in `simulate`.
+        Springs and dampers of joints and between bodies act; wrenches, motors and servos act in
+        `simulate`.
         """
         tau = self._zero if tau is None else tau
         vdot = np.empty(self.nv)
@@ -346,7 +353,8 @@ class Mechanism:
     ) -> tuple[Array, dict[str, Array]]:
         """(v', {name: (6,)}) with every active constraint imposed, eqs. (27)-(29).
 
-        Forces are [torque, force] on the constraint's body at its point, world axes.
+        Forces are [torque, force] on the constraint's body at its point, world axes. Passive
+        forces act, as in `forward_dynamics`.
         """
         scene = self.scene
         tau = self._zero if tau is None else tau
@@ -372,8 +380,8 @@ class Mechanism:
         """∂v'/∂q, ∂v'/∂v, ∂v'/∂τ, (nv, nv) each, of `forward_dynamics`.
 
         Exact to rounding, about 1e-16 of the largest entry times the condition of M, springs and
-        dampers included; columns of the first are moves along v (a rotation vector in a ball's
-        axes), not entries of q.
+        dampers of joints included; springs between bodies add differences good to 1e-11 of theirs.
+        Columns of the first are moves along v (a rotation vector in a ball's axes), not along q.
         """
         from .derivatives import forward_derivatives
 
@@ -493,6 +501,27 @@ class Mechanism:
             return NO_LOADS
         return loads(self.model, self.topology, self.system, forces, self.poses(self.system.q))
 
+    def load_wrenches(self, forces: tuple[Force, ...], t: Array, q: Array, v: Array) -> Array:
+        """(n, nb, 6) what wrenches and springs in `forces` do to bodies in n states at times t.
+
+        [torque, force] at the bodies' origins, world axes: `external` of these states.
+        """
+        external = np.zeros((len(t), self.nb, 6))
+        acting = [f for f in forces if f.kind in LOADS]
+        if acting:
+            number = self.topology.number
+            carriers = np.array([(number(f.body), number(f.other)) for f in acting])
+            scene = Scene(self, self.passive, self.loads(forces), NO_CONSTRAINTS)
+            for i in range(len(t)):
+                state = (t[i], q[i], v[i], external[i])
+                motion.load_wrenches(scene.address, carriers, *self.system[2:4], *state)
+        return external
+
+    @cached_property
+    def passive_loads(self) -> Loads:
+        """Springs and torsion springs between bodies."""
+        return self.loads(tuple(f for f in self.model.forces if f.kind in BETWEEN))
+
     def contacts(self, active: tuple[Contact, ...]) -> Tables | None:
         """What these contacts and the joints' limits make touch; None where nothing does."""
         if not active and not any(any(b.limits) for b in self.model.bodies):
@@ -505,7 +534,7 @@ class Mechanism:
         self._accelerate = address_of(motion.acceleration)
         self._constrained = ready(motion.constrained_dynamics)
         self._flow = np.zeros(3)
-        scene = Scene(self, self.passive, NO_LOADS, self.active)
+        scene = Scene(self, self.passive, self.passive_loads, self.active)
         self._wrenches = (len(scene.active) - 1, 6)
         return scene
 
@@ -528,6 +557,12 @@ class Mechanism:
         tau, scene = np.empty(self.nv), self.scene
         scene.given[:] = given
         motion.drive_torque(scene.address, q, v, tau)
+        return tau + self.load_torque(q, v) if len(scene.loads[0]) else tau
+
+    def load_torque(self, q: Array, v: Array) -> Array:
+        """τ (nv,) of springs and torsion springs between bodies."""
+        tau = np.empty(self.nv)
+        motion.load_torque(self.scene.address, q, v, tau)
         return tau
 
     def _row_point(self, name: str, point: Any) -> tuple[int, Array]:

@@ -17,7 +17,7 @@ import numpy as np
 from .bodies import BodyMotion, bodies_over, turned
 from .contact_record import ContactRecord
 from .errors import FileError, Problem
-from .schema import Model
+from .schema import Force, Model
 from .schema.files import write_atomic
 from .system import Array
 
@@ -56,8 +56,8 @@ class Result:
     vdot: Array  # (n, nv)
     kinetic_energy: Array  # (n,) [J]
     potential_energy: Array  # (n,) [J], springs included
-    work: Array  # (n,) [J] put in by motors, servos and given torques
-    dissipation: Array  # (n,) [J] taken out by dampers
+    work: Array  # (n,) [J] put in by motors, servos, given torques, wrenches, prescribed motions
+    dissipation: Array  # (n,) [J] taken out by dampers and friction
     constraint_drift: Array  # (n, 2) largest |position| [m] and |velocity| [m/s] residual
     constraint_force: Mapping[str, Array]  # {name: (n, 6)} [torque, force] on `body` at `point`
     contacts: ContactRecord  # forces, gaps, slips of contacts; torques of joint limits
@@ -202,17 +202,23 @@ INTERNAL = ("gear", "motion", "velocity")  # act in joints, as motors do
 
 
 def body_motion(run: Result) -> BodyMotion:
-    """Body motion and joint forces of all frames from (q, v, v') and the constraint forces."""
+    """Body motion and joint forces of all frames from (q, v, v') and what acts on the bodies."""
     mech = run.mechanism
-    external = np.zeros((len(run.t), mech.nb, 6))
     states = (run.q, run.v, run.vdot)
+    external = mech.load_wrenches(_forces(run), run.t, run.q, run.v)
+    if run.contacts.wrench.size:
+        external += run.contacts.wrench
     motion = bodies_over(mech.system, *states, external)
-    if run.constraint_force or run.contacts.wrench.size:
+    if run.constraint_force:
         _add_constraint_wrenches(run, motion, external)
-        if run.contacts.wrench.size:
-            external += run.contacts.wrench
         motion = bodies_over(mech.system, *states, external)
     return motion
+
+
+def _forces(run: Result) -> tuple[Force, ...]:
+    """The forces of a run: the model's, then those of its scenario."""
+    model, name = run.mechanism.model, run.header.get("scenario")
+    return (*model.forces, *(model.scenario(name).forces if name is not None else ()))
 
 
 def coordinates(mech: Mechanism) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:

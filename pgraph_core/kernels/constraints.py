@@ -14,6 +14,7 @@ from .blocks import (
     residual,
     residual_acceleration,
     residual_velocity,
+    total,
     velocities,
 )
 from .kinematics import frames, outboard, positions
@@ -175,6 +176,20 @@ def impose(rows, const, blocks, work, space, gains, t, q, v, vdot):
     for j in range(vdot.shape[0]):
         vdot[j] += vectors[STEP, j]
     return iterations
+
+
+@part
+def driven_power(blocks, space, v):
+    """λ Σ c v of the coordinate rows [W]: what motions over time put in; others do no work."""
+    blocks_i, _, terms_i, terms_f, _, active = blocks
+    power = 0.0
+    for j in range(1, active[0] + 1):
+        i = active[j]
+        kind = blocks_i[i, at.B_TYPE]
+        if kind == at.T_COORD or kind == at.T_VELOCITY:
+            lam = space[5][LAMBDA, space[1][i, at.FIRST]]
+            power += lam * total(blocks_i, terms_i, terms_f, i, 0, v)
+    return power
 
 
 @part

@@ -8,6 +8,7 @@ import math
 from . import layout as at
 from ._jit import part, sweep
 from .blocks import fixed_point, point_velocity
+from .kinematics import joint_force
 from .vec import (
     accumulate,
     add,
@@ -19,6 +20,7 @@ from .vec import (
     load9,
     mul,
     scale,
+    store,
     sub,
 )
 
@@ -171,6 +173,25 @@ def apply_loads(loads, work, linear, t):
         put_in += more
         dissipated += lost
     return put_in, dissipated
+
+
+@sweep
+def torque_of_loads(rows, const, loads, work, linear, tau):
+    """τ = Hᵀ φᵀ F of all loads at t = 0, eqs. (12), (23), after `positions` and `velocities`.
+
+    P is used up.
+    """
+    for k in range(rows.shape[0]):
+        store(work, k, at.P, (0.0, 0.0, 0.0))
+        store(work, k, at.P + 3, (0.0, 0.0, 0.0))
+    apply_loads(loads, work, linear, 0.0)
+    for k in range(rows.shape[0] - 1, 0, -1):
+        moment = load(work, k, at.P)
+        force = load(work, k, at.P + 3)
+        joint_force(rows, const, work, k, scale(-1.0, force), scale(-1.0, moment), tau)
+        p = rows[k, at.PARENT]
+        accumulate(work, p, at.P, add_cross(moment, load(work, k, at.L), force))
+        accumulate(work, p, at.P + 3, force)
 
 
 @part

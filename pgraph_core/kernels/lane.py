@@ -2,9 +2,9 @@
 
 `lanes(a)` views a C-contiguous float64 array (..., W) as an array (...) of lanes. Kernels index
 it as any array and are compiled by type alone, for one instance or for W at once. Lanes know
-+ - * / neg, their in-place forms, sqrt, sin, cos, min and max with a number; a float becomes a
-lane where it is stored or meets one. They cannot be compared: a kernel for lanes branches on
-the structure of a mechanism, never on its state.
++ - * / neg, their in-place forms, sqrt, sin, cos, floor, atan2, min and max with a number; a float
+becomes a lane where it is stored or meets one. They cannot be compared: a kernel for lanes branches
+on the structure of a mechanism, never on its state.
 """
 
 from __future__ import annotations
@@ -179,8 +179,29 @@ def _polynomial(builder: Any, coefficients: Any, z: Any, number: Any) -> Any:
 
 _unary(operator.neg, lambda builder, x, width: builder.fneg(x))
 _unary(math.sqrt, lambda builder, x, width: _llvm(builder, "sqrt", x))
+_unary(math.floor, lambda builder, x, width: _llvm(builder, "floor", x))
 _unary(math.sin, lambda builder, x, width: _sine_or_cosine(builder, x, width, 0))
 _unary(math.cos, lambda builder, x, width: _sine_or_cosine(builder, x, width, 1))
+
+
+@infer_global(math.atan2)
+class _Atan2(AbstractTemplate):
+    def generic(self, args: Any, kws: Any) -> Any:
+        fits = len(args) == 2 and all(isinstance(a, Lane) for a in args)
+        return signature(args[0], *args) if fits else None
+
+
+@lower_builtin(math.atan2, Lane, Lane)
+def _atan2(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    """One place after the other: few ask for it."""
+    kind = ir.FunctionType(DOUBLE, [DOUBLE, DOUBLE])
+    function = cgutils.get_or_insert_function(builder.module, kind, "atan2")
+    found = ir.Constant(args[0].type, ir.Undefined)
+    for n in range(sig.return_type.width):
+        place = ir.IntType(32)(n)
+        pair = [builder.extract_element(a, place) for a in args]
+        found = builder.insert_element(found, builder.call(function, pair), place)
+    return found
 
 
 def _clamp(function: Any, relation: str) -> None:

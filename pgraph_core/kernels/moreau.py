@@ -11,7 +11,7 @@ import math
 from . import layout as at
 from ._jit import kernel, part, sweep
 from .blocks import locate, residual_velocity, total, velocities
-from .constraints import couplings, number_rows, unit_responses
+from .constraints import couplings, driven_power, number_rows, unit_responses
 from .forces import lookup
 from .impulse import BEFORE, DENSE, DUAL, REPORT, SPLIT, gained, gather, responses, solve_impulses
 from .kinematics import base_axes, positions
@@ -73,6 +73,9 @@ def moreau_jean(scene, accelerate, tableau, t, h, q, v, stages, flow, ledger):
     for j in range(nv):
         v[j] += h * stages[3, j] + space[5][STEP, j]
     book_drives(rows, drives, stages, stages[4], h, v, ledger)
+    if bilateral > 0:  # impulses times the mean speed over the step
+        work_done = driven_power(blocks, space, stages[1]) + driven_power(blocks, space, v)
+        ledger[at.WORK_DONE] += 0.5 * work_done
     advance(rows, q, v, 0.5 * h)
     if active[0] >= first:
         push_out(rows, const, blocks, contacts, work, space, first, h, q, v)

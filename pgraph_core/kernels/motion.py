@@ -12,8 +12,8 @@ from . import layout as at
 from ._jit import kernel, part
 from .articulated import inboard, joint_acceleration, singular_row
 from .blocks import velocities
-from .constraints import drift, impose, project, wrenches
-from .forces import apply_loads, drive, elastic, elastic_loads, load_of
+from .constraints import drift, driven_power, impose, project, wrenches
+from .forces import apply_loads, drive, elastic, elastic_loads, load_of, torque_of_loads
 from .handle import caller, stored
 from .kinematics import kinetic_and_potential, outboard, positions
 from .vec import accumulate, add, add_cross, finite, load, load9, mul, scale, sub
@@ -106,6 +106,7 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
     if opened(scene)[4][5][0] > 0:
         _, _, _, _, blocks, _, space, gains, _, _ = opened(scene)
         flow[2] = impose(rows, const, blocks, work, space, gains, t, q, v, vdot)
+        flow[0] += driven_power(blocks, space, v)
     return 0
 
 
@@ -191,3 +192,13 @@ def drive_torque(scene, q, v, tau):
     """τ of springs, dampers, motors, servos and given torques at t = 0."""
     _, _, drives, _, _, _, _, _, given, _ = opened(scene)
     drive(drives, 0.0, q, v, given, tau)
+
+
+@kernel(types.void(types.int64, F1, F1, F1))
+def load_torque(scene, q, v, tau):
+    """τ of the loads on bodies at t = 0: Hᵀ φᵀ F, eqs. (12), (23)."""
+    rows, const, _, loads, _, work, space, _, _, _ = opened(scene)
+    outboard(rows, const, work, q, v)
+    positions(rows, work)
+    velocities(rows, const, work, v, space[6])
+    torque_of_loads(rows, const, loads, work, space[6], tau)

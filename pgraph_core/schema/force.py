@@ -20,6 +20,7 @@ TAKES: dict[str, tuple[str, ...]] = {  # beside name, kind and body
     "spring": ("other", "point", "other_point", "stiffness", "damping", "rest"),
     "torsion": ("other", "axis", "stiffness", "damping", "rest"),
 }
+BETWEEN = ("spring", "torsion")  # passive: they act in every question, the others in runs only
 OWN = tuple(dict.fromkeys(field for fields in TAKES.values() for field in fields))
 LEFT_OUT: dict[str, dict[str, Any]] = {  # where a kind takes a field that is not given
     "wrench": {"torque": (0.0, 0.0, 0.0), "force": (0.0, 0.0, 0.0), "frame": "world"},

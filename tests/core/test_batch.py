@@ -76,6 +76,75 @@ def test_parameters_differ_per_instance():
     close(vdots, np.array(alone), 1e-12)
 
 
+def loaded():
+    """A chain with all kinds of loads, and a ball joint."""
+    wind = pg.VectorTable(t=(0.0, 0.02, 0.05), value=((0, 0, 0), (3, 2, 1), (-4, 0, 2)))
+    where = {"body": "4", "other": "1"}
+    loads = (
+        pg.Force(name="w", kind="wrench", body="3", force=wind, frame="body", point=(0.1, 0, 0.2)),
+        pg.Force(name="x", kind="wrench", body="2", torque=(1, 2, 3)),
+        pg.Force(name="s", kind="spring", **where, stiffness=80, damping=2, rest=0.3),
+        pg.Force(name="g", kind="spring", body="3", stiffness=30, other_point=(1, 2, 0.5)),
+        pg.Force(name="t", kind="torsion", **where, axis=(1, 2, 3), stiffness=7, damping=1),
+        pg.Force(name="m", body="2", torque=0.5),
+    )
+    model = pg.Model.serial(4).edit("4", joint="spherical")
+    for name in "1234":
+        model = model.edit(name, inertia=((0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.1)))
+    return pg.Mechanism(model.replace(forces=loads))
+
+
+@pytest.mark.parametrize("method", ["semi_implicit_euler", "rk4"])
+def test_wrenches_and_springs_between_bodies_act_in_lanes(method):
+    mech = loaded()
+    qs, vs, taus = states(mech, LANE_WIDTH + 1)
+    batch = mech.batch(len(qs))
+    vdots = batch.forward_dynamics(qs, vs, taus)
+    close(vdots, np.array([mech.forward_dynamics(*row) for row in zip(qs, vs, taus)]), 1e-12)
+    close(batch.inverse_dynamics(qs, vs, vdots), taus, 1e-11)
+    options = {"t_end": 0.1, "step": 1e-3, "method": method, "frames": 3}
+    many = pg.simulate_batch(mech, qs, vs, tau=taus, **options)
+    for i in range(len(qs)):
+        one = pg.simulate(mech, qs[i], vs[i], tau=taus[i], **options)
+        close(many.q[i], one.q, 1e-11)
+
+
+def test_instances_with_masses_of_their_own_share_the_loads():
+    mech = loaded()
+    models = [mech.model.edit("3", mass=1.0 + i) for i in range(3)]
+    qs, vs, taus = states(mech, 3)
+    vdots = mech.batch(models=models).forward_dynamics(qs, vs, taus)
+    alone = [pg.Mechanism(m).forward_dynamics(*r) for m, *r in zip(models, qs, vs, taus)]
+    close(vdots, np.array(alone), 1e-12)
+
+
+HELD = pg.Constraint(name="hold", body="3", kind="point")
+
+
+@pytest.mark.parametrize(
+    ("model", "what"),
+    [
+        (pg.Model.serial(3).replace(constraints=(HELD,)), "the constraint 'hold'"),
+        (pg.Model.serial(3).edit("2", limits=(-1.0, 1.0)), "limits of the joint of '2'"),
+    ],
+)
+def test_what_a_batch_leaves_out_must_be_said(model, what):
+    mech = pg.Mechanism(model)
+    q, v = (np.repeat(x[None], 2, axis=0) for x in mech.home())
+    expected = (
+        f"batch, constraints: a batch is made of trees, but the model has {what}; give "
+        "constraints='ignore' to run without, or use simulate for one instance at a time"
+    )
+    for asked in (lambda: mech.batch(2), lambda: pg.simulate_batch(mech, q, v, t_end=0.01)):
+        with pytest.raises(pg.InputError) as error:
+            asked()
+        assert str(error.value) == expected
+    free = pg.simulate_batch(mech, q, v, t_end=0.01, constraints="ignore")
+    tree = pg.Mechanism(pg.Model.serial(3))
+    alone = pg.simulate_batch(tree, q, v, t_end=0.01)
+    assert np.array_equal(free.q, alone.q)
+
+
 def test_springs_and_dampers_act_as_in_the_mechanism():
     model = pg.Model.serial(3).edit("2", stiffness=20.0, damping=0.3, rest=0.1)
     mech = pg.Mechanism(model)
@@ -138,7 +207,7 @@ def test_sine_and_cosine_of_lanes():
         ),
         (
             lambda m: m.batch(models=[m.model.edit("2", stiffness=1.0)]),
-            "models[0]: has other springs, motors or servos than the mechanism; those are shared",
+            "models[0]: has other springs, motors or forces than the mechanism; those are shared",
         ),
         (
             lambda m: m.batch(2).forward_dynamics(np.zeros((2, 4)), np.zeros((2, 5))),

@@ -126,3 +126,83 @@ def test_runs_feel_loads_as_the_dense_forms_say(which):
     op = Operators(model, s.topology, s.q, 0.2 * s.v)
     assert scaled_error(run.vdot[0], op.forward_dynamics(load_of(op, force).tau)) < 1e-9
     assert run.energy_drift < 1e-9  # of order step^4
+
+
+def passive_torque(s, model):
+    """τ of the passive loads of `model`, dense."""
+    op = Operators(model, s.topology, s.q, s.v)
+    return sum(load_of(op, f).tau for f in forces(s) if f.kind != "wrench")
+
+
+@pytest.mark.parametrize("seed", range(8, 11))
+def test_springs_act_in_every_question_and_wrenches_in_none(seed):
+    s = random_case(seed)
+    bare = pg.Mechanism(s.model.replace(constraints=()))
+    model = bare.model.replace(forces=forces(s))
+    mech, state = pg.Mechanism(model), (s.q, s.v)
+    tau = passive_torque(s, model)
+    expected = bare.forward_dynamics(*state, s.tau + tau)
+    for back_end in ("articulated", "composite", "operators"):
+        vdot = mech.forward_dynamics(*state, s.tau, back_end=back_end)
+        assert scaled_error(vdot, expected) < 1e-12
+        given = mech.inverse_dynamics(*state, vdot, back_end=back_end)
+        np.testing.assert_allclose(given, s.tau, atol=1e-11)  # of torques of 1e3
+    assert scaled_error(mech.constrained_dynamics(*state, s.tau)[0], expected) < 1e-12
+    op = Operators(model, s.topology, *state)
+    stored = sum(load_of(op, f).energy for f in forces(s))
+    assert mech.energy(*state)[1] - bare.energy(*state)[1] == pytest.approx(stored, rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(8, 11))
+def test_derivatives_with_springs_between_bodies(seed):
+    """Against differences of the dynamics, which 1e-8 is for."""
+    s = random_case(seed)
+    mech = pg.Mechanism(s.model.replace(forces=forces(s)))
+    by_q, by_v, _ = mech.forward_derivatives(s.q, s.v, s.tau)
+    eps = 1e-5
+
+    def at(e, f):
+        return mech.forward_dynamics(moved(s.model, s.q, e), s.v + f, s.tau) / (2 * eps)
+
+    axes, zero = eps * np.eye(mech.nv), np.zeros(mech.nv)
+    assert scaled_error(by_q.T, np.array([at(e, zero) - at(-e, zero) for e in axes])) < 1e-8
+    assert scaled_error(by_v.T, np.array([at(zero, e) - at(zero, -e) for e in axes])) < 1e-8
+
+
+@pytest.mark.parametrize("length", [1.0, 0.1, 0.01])
+def test_slopes_of_a_spring_are_good_to_1e_11(length):
+    """A slide across a spring: τ = -k (1 - rest / √(x² + a²)) x and its slope, in closed form."""
+    a, k, rest, x = length, 50.0, 0.7 * length, 0.4 * length
+    slide = pg.Body(name="s", joint="prismatic", axes=((1, 0, 0),), mass=1)
+    spring = pg.Force(
+        name="f", kind="spring", body="s", other_point=(0, a, 0), point=(0, 0, 0),
+        stiffness=k, rest=rest,
+    )  # fmt: skip
+    mech = pg.Mechanism(pg.Model(bodies=(slide,), forces=(spring,), gravity=(0, 0, 0)))
+    slope, _, _ = mech.forward_derivatives(np.array([x]), np.zeros(1))
+    r = np.hypot(x, a)
+    assert slope[0, 0] == pytest.approx(-k * (1 - rest / r + rest * x * x / r**3), rel=1e-11)
+
+
+@pytest.mark.parametrize("seed", range(8, 11))
+def test_joint_forces_of_a_run_balance_with_its_loads(seed, tmp_path):
+    """Hᵀ F of every joint is what its own parts give: nothing but its spring, damper, friction."""
+    s = random_case(seed)
+    model = s.model.replace(constraints=(), forces=forces(s))
+    run = pg.simulate(pg.Mechanism(model), s.q, 0.2 * s.v, t_end=2e-3, step=1e-3, method="rk4")
+    file = tmp_path / "run.npz"
+    run.save(file)
+    for one in (run, pg.Result.load(file)):
+        mech = one.mechanism
+        for i, t in enumerate(one.t):
+            op = Operators(model, s.topology, one.q[i], one.v[i])
+            tau = sum(load_of(op, f, t).tau for f in forces(s))
+            own = pg.Mechanism(model.replace(forces=())).inverse_dynamics(
+                one.q[i], one.v[i], one.vdot[i]
+            )
+            np.testing.assert_allclose(own, tau, atol=1e-9)
+            wrench = mech.load_wrenches(model.forces, one.t[i : i + 1], one.q[[i]], one.v[[i]])[0]
+            motion = mech.body_motion(one.q[i], one.v[i], one.vdot[i], wrench)
+            np.testing.assert_allclose(one.joint_force[i], motion.force, atol=1e-12)
+            J = np.concatenate([op.point_jacobian(b + 1, np.zeros(3)) for b in range(mech.nb)])
+            np.testing.assert_allclose(J.T @ wrench.ravel(), tau, atol=1e-10)

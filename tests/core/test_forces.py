@@ -1,0 +1,168 @@
+"""Forces over a run: what goes in and out adds up; prescribed motions have closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+
+UP_DOWN = pg.Table(t=(0.0, 0.5, 1.0), value=(0.0, 2.0, -1.0))
+GUST = pg.VectorTable(t=(0.0, 0.5, 1.0), value=((0, 0, 0), (2, 1, 3), (-4, 0, 1)))
+ARM = {"body": "3", "point": (0.1, 0.2, 0.3)}
+
+
+def ball(inertia):
+    return ((inertia, 0, 0), (0, inertia, 0), (0, 0, inertia))
+
+
+def chain():
+    """Three links in space that swing from an angle."""
+    kind = {"mass": 1, "com": (0.2, 0.1, 0.3), "inertia": ball(0.1)}
+    return pg.Model(
+        bodies=(
+            pg.Body(name="1", axes=((0, 1, 0),), **kind),
+            pg.Body(name="2", parent="1", axes=((1, 0, 0),), q=0.4, link=(0.3, 0, 0.4), **kind),
+            pg.Body(name="3", parent="2", dof=3, link=(0.3, 0, 0.4), **kind),
+        )
+    )
+
+
+ACTING = {
+    "spring": pg.Force(name="f", kind="spring", **ARM, other="1", stiffness=90, damping=1.5),
+    "spring to the ground": pg.Force(
+        name="f", kind="spring", **ARM, other_point=(1, 1, 1), stiffness=50, rest=0.2
+    ),
+    "torsion": pg.Force(
+        name="f", kind="torsion", body="3", other="1", axis=(1, 0, 1), stiffness=9, damping=0.4
+    ),
+    "constant wrench": pg.Force(name="f", kind="wrench", **ARM, torque=(1, 2, 3), force=(4, 0, 2)),
+    "wrench table": pg.Force(name="f", kind="wrench", **ARM, torque=GUST, force=GUST),
+    "wrench in body axes": pg.Force(name="f", kind="wrench", **ARM, force=GUST, frame="body"),
+    "motor": pg.Force(name="f", body="2", torque=UP_DOWN),
+    "servo": pg.Force(name="f", kind="servo", body="2", kp=30, kd=2, target=UP_DOWN),
+}
+
+
+@pytest.mark.parametrize("what", ACTING)
+def test_the_ledger_closes_at_the_order_of_the_method(what):
+    """Halving RK4's step divides what is open by 16: 10 leaves room for the next order."""
+    mech = pg.Mechanism(chain().replace(forces=(ACTING[what],)))
+    runs = [pg.simulate(mech, t_end=1.0, method="rk4", step=h, frames=5) for h in (1e-2, 5e-3)]
+    coarse, fine = (run.energy_drift for run in runs)
+    assert coarse < 1e-4
+    assert fine < max(coarse / 10, 1e-13)
+    passive = ACTING[what].kind in ("spring", "torsion")
+    assert (np.ptp(runs[1].work) > 1e-3) != passive
+    assert np.all(np.diff(runs[1].dissipation) >= 0)
+    assert (runs[1].dissipation[-1] > 0) == (passive and ACTING[what].damping > 0)
+
+
+def test_the_ledger_closes_with_friction_and_dampers_of_joints():
+    """Friction that never sticks: of a wheel that turns one way."""
+    wheel = pg.Body(name="w", mass=1, inertia=ball(0.5), friction=0.8, damping=0.1, v=9.0)
+    run = pg.simulate(pg.Mechanism(pg.Model(bodies=(wheel,))), t_end=1.0, method="rk4", step=1e-2)
+    assert run.energy_drift < 1e-10
+    assert run.dissipation[-1] == pytest.approx(run.energy[0] - run.energy[-1], rel=1e-9)
+
+
+def test_the_ledger_closes_with_a_servo_at_its_limit():
+    """The torque has kinks, where no method keeps its order: 1e-6 at 1 ms."""
+    servo = pg.Force(name="f", kind="servo", body="2", kp=90, kd=9, target=1.0, torque_limit=2.0)
+    run = pg.simulate(
+        pg.Mechanism(chain().replace(forces=(servo,))), t_end=1.0, method="rk4", step=1e-3
+    )
+    assert run.energy_drift < 1e-6
+    assert abs(run.work[-1]) > 1e-2
+
+
+# -- prescribed motion -----------------------------------------------------------------------------
+
+LENGTH, MASS = 0.7, 2.0
+
+
+def arm(q_of_t, **kinds):
+    """A point mass on a massless arm about y, along x at q = 0, whose angle is prescribed."""
+    body = pg.Body(
+        name="a", axes=((0, 1, 0),), mass=MASS, com=(LENGTH, 0, 0), inertia=ball(0.0), **kinds
+    )
+    drive = pg.Constraint(name="drive", kind="motion", body="a", q_of_t=q_of_t)
+    return pg.Mechanism(pg.Model(bodies=(body,), constraints=(drive,)))
+
+
+CURVES = {
+    "constant speed": (pg.Polynomial(coefficients=(0.3, 4.0)), lambda t: 0.0 * t),
+    "polynomial": (
+        pg.Polynomial(coefficients=(0.3, 1.0, 2.0, -1.0)),
+        lambda t: 4.0 - 6.0 * t,
+    ),
+    "sine": (
+        pg.Sine(mean=0.2, amplitude=0.5, frequency=6.0, phase=0.4),
+        lambda t: -0.5 * 36.0 * np.sin(6.0 * t + 0.4),
+    ),
+}
+
+
+@pytest.mark.parametrize("what", CURVES)
+def test_the_torque_of_a_prescribed_motion(what):
+    """τ = m l² q'' - m g l cos q about y (+q is down), and its work is the energy's change."""
+    curve, acceleration = CURVES[what]
+    run = pg.simulate(arm(curve), t_end=1.0, method="rk4", step=1e-3, frames=11)
+    torque = run.constraint_force["drive"][:, 1]
+    weight = MASS * 9.81 * LENGTH * np.cos(run.q[:, 0])
+    expected = MASS * LENGTH**2 * acceleration(run.t) - weight
+    np.testing.assert_allclose(torque, expected, atol=1e-9)
+    np.testing.assert_allclose(run.work - run.work[0], run.energy - run.energy[0], atol=1e-9)
+    assert run.energy_drift < 1e-9
+
+
+def test_a_table_is_followed_as_a_spline_and_its_work_is_booked():
+    table = pg.Table(t=(0.0, 0.3, 0.6, 1.0), value=(0.0, 0.8, -0.4, 0.5))
+    run = pg.simulate(arm(table), t_end=1.0, method="rk4", step=1e-3, t_eval=(0, 0.3, 0.6, 1.0))
+    np.testing.assert_allclose(run.q[:, 0], table.value, atol=1e-10)
+    assert run.energy_drift < 1e-8  # the third derivative jumps at the knots
+
+
+def test_a_speed_that_is_held_does_work():
+    body = pg.Body(
+        name="a", axes=((0, 1, 0),), mass=MASS, com=(LENGTH, 0, 0), inertia=ball(0.0), v=3.0
+    )
+    held = pg.Constraint(name="drive", kind="velocity", coefficients={"a": (2.0,)}, value=6.0)
+    mech = pg.Mechanism(pg.Model(bodies=(body,), constraints=(held,)))
+    run = pg.simulate(mech, t_end=1.0, method="rk4", step=1e-3, frames=11)
+    torque = -MASS * 9.81 * LENGTH * np.cos(3.0 * run.t)
+    np.testing.assert_allclose(run.constraint_force["drive"][:, 1], torque, atol=1e-9)
+    assert run.energy_drift < 1e-9
+    assert np.ptp(run.work) > 1.0
+
+
+def test_impulses_of_prescribed_motions_do_their_work_too():
+    """Moreau and Jean's method is of first order: 1e-2 at 1 ms, with no limit met."""
+    mech = arm(CURVES["sine"][0], limits=(-9.0, 9.0))
+    runs = [pg.simulate(mech, t_end=1.0, step=h, frames=11) for h in (2e-3, 1e-3)]
+    assert runs[0].header["method"] == "moreau_jean"
+    assert np.ptp(runs[1].work) > 1.0
+    assert runs[1].energy_drift < max(0.7 * runs[0].energy_drift, 1e-6) < 1e-2
+
+
+def test_a_slider_crank_driven_by_a_sine():
+    """Work of the drive = change of energy, and torque = dE/dt over q': nothing else does work."""
+    r, rod = 0.2, 0.6
+    bodies = (
+        pg.Body(name="crank", axes=((0, 0, 1),), mass=1, com=(r / 2, 0, 0), inertia=ball(0.01)),
+        pg.Body(
+            name="rod", parent="crank", axes=((0, 0, 1),), link=(r, 0, 0),
+            mass=0.5, com=(rod / 2, 0, 0), inertia=ball(0.02), tip=(rod, 0, 0),
+        ),
+    )  # fmt: skip
+    along = pg.Constraint(
+        name="rail", kind="plane", body="rod", point=(rod, 0, 0), other_axis=(0, 1, 0)
+    )
+    sine = pg.Sine(mean=0.6, amplitude=0.6, frequency=3.0, phase=-np.pi / 2)
+    drive = pg.Constraint(name="drive", kind="motion", body="crank", q_of_t=sine)
+    model = pg.Model(bodies=bodies, constraints=(along, drive), gravity=(0, 0, 0))
+    run = pg.simulate(pg.Mechanism(model), t_end=2.0, method="rk4", step=1e-3, frames=2001)
+    assert run.energy_drift < 1e-9
+    power = run.constraint_force["drive"][:, 2] * run.v[:, 0]
+    slope = (run.energy[2:] - run.energy[:-2]) / (run.t[2:] - run.t[:-2])
+    np.testing.assert_allclose(power[1:-1], slope, atol=1e-4 * np.max(np.abs(slope)))
