@@ -139,6 +139,10 @@ def test_what_a_batch_leaves_out_must_be_said(model, what):
         with pytest.raises(pg.InputError) as error:
             asked()
         assert str(error.value) == expected
+    with pytest.raises(pg.InputError) as error:
+        mech.batch(2, constraints="impose")
+    text = "batch, constraints: is 'impose'; choose one of ignore, or leave it out"
+    assert str(error.value) == text
     free = pg.simulate_batch(mech, q, v, t_end=0.01, constraints="ignore")
     tree = pg.Mechanism(pg.Model.serial(3))
     alone = pg.simulate_batch(tree, q, v, t_end=0.01)
