@@ -116,7 +116,8 @@ def method_of(name: str, *, impulses: bool = False) -> Method:
     if name not in METHODS:
         text = f"no method is called {name!r}; choose one of {choices(('auto', *METHODS))}"
         raise InputError(Problem("simulate", "method", text))
-    if impulses and name != MOREAU_JEAN.name:
+    if impulses and METHODS[name].step is None:
         text = f"{name} cannot take impulses: the scene has rigid contacts or joint limits; use "
-        raise InputError(Problem("simulate", "method", f"{text}'moreau_jean' or 'auto'"))
+        text += "'moreau_jean', 'auto', or 'rk4' from event to event"
+        raise InputError(Problem("simulate", "method", text))
     return METHODS[name]

@@ -55,15 +55,7 @@ class Recording:
         self.q, self.v = self.steps.q, self.steps.v
         self.tau = tau
         self.user = UserTorque(tau, mech.nq, mech.nv) if callable(tau) else None
-        self.scene = Scene(
-            mech,
-            plan.drives,
-            plan.loads,
-            plan.active,
-            contacts=plan.contacts,
-            gains=plan.gains,
-            user=self.user,
-        )
+        self.scene = self._new_scene()
         if tau is not None and self.user is None:
             self.scene.given[:] = mech.finite("tau", tau, mech.nv)
         n, blocks = len(plan.times), len(self.scene.active) - 1
@@ -78,6 +70,22 @@ class Recording:
         self.notices: list[str] = []
         self._flow = np.zeros(3)
 
+    def _new_scene(self) -> Scene:
+        plan = self.plan
+        return Scene(
+            self.mech,
+            plan.drives,
+            plan.loads,
+            plan.active,
+            contacts=plan.contacts,
+            gains=plan.gains,
+            user=self.user,
+        )
+
+    def _advance(self, budget: int) -> int:
+        """At most `budget` steps and frames on; the kernel's status code."""
+        return self.steps.advance(self.scene.address, budget, self.out)
+
     def run(self, progress: Progress = None) -> None:
         """All frames, or as many as there are before it fails or is cancelled."""
         if not self._begin():
@@ -85,7 +93,7 @@ class Recording:
         budget = 1
         while True:
             began = time.perf_counter()
-            code = self.steps.advance(self.scene.address, budget, self.out)
+            code = self._advance(budget)
             if code == at.DONE:
                 return
             if code != at.RUNNING:
@@ -262,7 +270,7 @@ def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) ->
     if found is None:
         return float("nan")
     coarser, ratio = found
-    coarse = Recording(record.mech, coarser, q, v, record.tau)
+    coarse = type(record)(record.mech, coarser, q, v, record.tau)
     coarse.run(progress and (lambda _: progress(1.0)))
     if not coarse.status.ok:
         return float("nan")
@@ -308,6 +316,6 @@ def left_out(mech: Mechanism, plan: Plan) -> tuple[str, ...]:
         found.append("no ball or free joint: no quaternions to keep")
     if merged:
         found.append(f"{merged} welded bodies merged into their parents: fewer rows to sweep")
-    if not plan.contacts:
+    if not plan.contacts and not plan.sites:
         found.append("no contact, no limit: no gap functions, no impulses")
     return tuple(found)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .bodies import BodyMotion, bodies_over, turned
-from .contact_record import ContactRecord
+from .contact_record import ContactRecord, Event
 from .errors import FileError, Problem
 from .schema import Force, Model
 from .schema.files import write_atomic
@@ -35,6 +35,7 @@ class Status(Enum):
     STEP_TOO_SMALL = "the step that the tolerance asks for fell below what time can resolve"
     TOO_MANY_STEPS = "the run took as many steps as it may"
     NOT_SOLVED = "the equations of an implicit step could not be solved"
+    CHATTER = "contacts switch without end"
     CANCELLED = "the run was cancelled"
 
     @property
@@ -82,6 +83,21 @@ class Result:
     def contact_slip(self) -> Mapping[str, Array]:
         """{touch: (n,)} fastest slip [m/s]."""
         return self.contacts.slip
+
+    @property
+    def contact_normal(self) -> Mapping[str, Array]:
+        """{touch: (n,)} part of the force off the ground [N], in event-driven runs."""
+        return self.contacts.normal
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """Changes of contact points and limits in event-driven runs; each prints as a sentence."""
+        return self.contacts.events
+
+    @property
+    def phases(self) -> Mapping[str, Any]:
+        """{point: (n,)} swing, weight acceptance, slip or stance; a limit: free or stop."""
+        return self.contacts.phases
 
     @property
     def energy(self) -> Array:

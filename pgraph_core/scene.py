@@ -38,15 +38,17 @@ class Scene:
         contacts: Tables | None = None,
         gains: Array = NO_GAINS,
         user: UserTorque | None = None,
+        blocks: Blocks | None = None,
     ):
-        """`active` are the indices of constraints."""
+        """`active` are the indices of constraints; `blocks` are the mechanism's unless given."""
         self.mech, self.drives, self.loads = mech, drives, loads
-        self.blocks: Blocks = extended(mech.blocks, contacts) if contacts else mech.blocks
+        own = mech.blocks if blocks is None else blocks
+        self.blocks: Blocks = extended(own, contacts) if contacts else own
         self.active = np.zeros(len(self.blocks.blocks_i) + 1, dtype=np.int64)
         self.given = np.zeros(mech.nv)
         self.user = user
         self.work = np.zeros((len(mech.system.rows), at.WORK))
-        self.touching = TouchSpace(mech, contacts) if contacts else None
+        self.touching = TouchSpace(mech, contacts, len(own.blocks_i)) if contacts else None
         links = self.touching.links if self.touching else NO_CONTACTS
         self.space = space(mech.system.rows, mech.nq, mech.nv, self.blocks, active, contacts, links)
         self.activate(active)
@@ -80,11 +82,11 @@ class Scene:
 class TouchSpace:
     """The contacts of a scene behind one address, with what they remember from step to step."""
 
-    def __init__(self, mech: Mechanism, contacts: Tables):
+    def __init__(self, mech: Mechanism, contacts: Tables, first: int):
+        """`first` is the number of blocks that stand before those of contacts."""
         from .kernels import touch  # collision kernels: only where something touches
 
         n, count = len(contacts.touches), contacts.room
-        first = len(mech.blocks.blocks_i)
         self.tally = np.zeros(at.TALLY, dtype=np.int64)
         self.tally[at.FIRST_LIMIT], self.tally[at.N_LIMITS] = first, len(contacts.limits)
         self.tally[at.FIRST_CONTACT] = first + len(contacts.limits)

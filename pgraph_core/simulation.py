@@ -10,13 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from .contacts import Tables
 from .errors import InputError, Problem, choices
 from .integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_of
 from .kernels import layout as at
 from .mechanism import NO_LOADS, Mechanism
+from .phased_recording import PhasedRecording
 from .recording import Recording, error_estimate
 from .result import Result
 from .schema import Contact
+from .sites import Site, sites_of
 from .stepping import FIXED_RTOL, Plan, Tolerance, corners
 from .stiffness import fastest_rate
 from .system import Array, Ints
@@ -63,6 +66,10 @@ def simulate(
     is then the largest one, and `max_steps` ends a run that takes more. With a `step` and no
     `rtol` every step is as wide as it.
 
+    Rigid contacts and joint limits are stepped over by "moreau_jean", the choice of "auto"; "rk4"
+    and "semi_implicit_euler" go from event to event of points on the ground (gait phases), and
+    always project.
+
     Raises InputError for arguments that do not fit. A numerical failure is a Status.
     """
     began = time.perf_counter()
@@ -104,6 +111,10 @@ def simulate(
         chosen, why = automatic(
             usual if stepped and step is None else step, rtol, rate, rest, t_end
         )
+    sites: tuple[Site, ...] = ()
+    if contacts and impulses and chosen.name != "moreau_jean":
+        contacts, sites = _in_phases(mech, contacts)
+        why += ", from event to event of contacts and limits"
     tolerance = _tolerance(chosen, t_end, step, rtol, atol, max_steps)
     if tolerance is None or tolerance.fixed:
         step = _positive("step", usual if step is None else step)
@@ -126,10 +137,11 @@ def simulate(
         active,
         contacts,
         gains,
-        stabilise == "project",
+        stabilise == "project" or bool(sites),
         tolerance,
+        sites,
     )
-    record = Recording(mech, plan, q0, v0, tau)
+    record = (PhasedRecording if sites else Recording)(mech, plan, q0, v0, tau)
     record.notices += _stiff(plan, rate)
     built = time.perf_counter()
     record.run(progress)
@@ -282,6 +294,21 @@ def _active(mech: Mechanism, given: Any) -> Ints:
     return np.array(
         [i for i, c in enumerate(mech.model.constraints) if c.name in wanted], dtype=np.int64
     )
+
+
+def _in_phases(mech: Mechanism, contacts: Tables) -> tuple[Tables | None, tuple[Site, ...]]:
+    """(soft contacts, sites of rigid contacts and limits) of an event-driven run."""
+    if contacts.remembers:
+        text = "a penalty contact remembers where it sticks, and a step to an event is taken again"
+        text += "; give the contacts law 'soft' or 'complementarity', or use method 'moreau_jean'"
+        raise InputError(Problem("simulate", "method", text))
+    sites = sites_of(mech.model, mech.topology, mech.system, contacts)
+    soft = tuple(t.contact for t in contacts.touches if t.contact.law == "soft")
+    rest = mech.contacts(tuple(dict.fromkeys(soft)))
+    if rest is None or not rest.touches:
+        return None, sites
+    none = tuple(array[:0] for array in rest.limit_blocks)
+    return rest._replace(limits=(), limit_blocks=none), sites
 
 
 def _touching(mech: Mechanism, given: Any) -> tuple[Contact, ...]:

@@ -12,6 +12,7 @@ from .kernels import adaptive, implicit, motion, run
 from .kernels import layout as at
 from .kernels.handle import address_of
 from .mechanism import Mechanism
+from .sites import Site
 from .system import Array, Drives, Ints, Loads
 
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
@@ -43,6 +44,7 @@ class Plan(NamedTuple):
     gains: Array  # (2,) of Baumgarte
     project: bool
     tolerance: Tolerance | None  # None: steps are given
+    sites: tuple[Site, ...] = ()  # contact points and limits of an event-driven run
 
 
 class Stepping(Protocol):

@@ -346,7 +346,13 @@ def project(rows, const, blocks, work, space, t, q, v, rounds):
         advance(rows, q, vectors[STEP], 1.0)
         if largest(vectors[STEP], v.shape[0]) < SMALL_MOVE:
             break
-    return taken if gap <= CLOSED * size else -1
+    if gap <= CLOSED * size:
+        return taken
+    frames(rows, const, work, q, v)  # beside a mechanism that is a point every gap is large
+    positions(rows, work)
+    locate(blocks, work, place)
+    residual(blocks, work, space, t, q, vectors[RHS])
+    return taken if largest(vectors[RHS], m) <= CLOSED * gap else -1
 
 
 @part

@@ -25,9 +25,12 @@ _KEPT: dict[int, Any] = {}  # what addresses stand for without a compiler
 
 
 def stored(kind: Any) -> tuple[Any, Any]:
-    """(save, opened) of a tuple type: `save(buffer, value)`, and `opened(address)` of a buffer."""
+    """(save, opened) of a tuple type: `save(buffer, value)`, and `opened(address)` of a buffer.
+
+    A tuple that goes on after the entries of a shorter one can be opened as that.
+    """
     if not JIT:
-        return _keep, _KEPT.__getitem__
+        return _keep, lambda address: _KEPT[address][: len(kind)]
 
     @intrinsic
     def save(typing: Any, buffer: Any, value: Any) -> Any:

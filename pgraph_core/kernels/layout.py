@@ -279,3 +279,41 @@ TALLY = 9
 # limit_tau: float64 (nv,): torques of joint limits in the last step; their touches come last
 # worst: float64 (2,): largest law missed relative to the velocities, deepest penetration [m]
 MISSED, DEEPEST = 0, 1
+
+# -- contact points and limits of event-driven runs ------------------------------------------------
+# sites_i: int64 (ns, 6)
+S_PHASE = 0  # one of the four below; a limit is in SWING or STANCE
+S_STANCE, S_SLIDE, S_GAP = 1, 2, 3  # blocks: held, normal and two tangents, normal alone
+S_LIMIT = 4  # 1: a joint's limit
+S_FRESH = 5  # 1: its phase began at this instant, so what is watched starts at zero; 2: bounced
+SITE_I = 6
+SWING, ACCEPTANCE, SLIP, STANCE = 0, 1, 2, 3
+
+# sites_f: float64 (ns, 30), world axes; a limit's force and rates are about or along its axis
+S_FRICTION = 0
+S_NORMAL = 1  # 3
+S_WAY = 4  # 3, direction of slip, also where it is only about to slip
+S_FORCE = 7  # 3, on the body
+S_PUSH, S_DRAG = 10, 11  # normal and tangential part of it [N]
+S_DISTANCE, S_RATE = 12, 13  # gap [m, rad] and its rate
+S_SLIP_V = 14  # 3, tangential velocity of the point
+S_PLACE = 17  # 3, the point
+S_PIVOT = 20  # normal acceleration that one newton gives a sliding point, of what it gives unslid
+S_NOISE = 21  # rounding of the gap
+S_STILL = 22  # speed that counts as none, beside which a direction means nothing
+S_ACC_N, S_ACC_T = 23, 24  # normal acceleration; 3, tangential
+S_START = 27  # gap at the start of the step, or slip along S_WAY where it slides
+S_EASE = 28  # tangential acceleration that one newton gives a sliding point
+S_BLEND = 29  # speed below which a step cannot follow how friction turns slip
+SITE_F = 30
+
+# of a frame: float64 (ns, 11)
+F_FORCE, F_PLACE, F_SLIP, F_PUSH, F_GAP = 0, 3, 6, 9, 10  # 3, 3, 3; normal part of the force
+SITE_FRAME = 11
+
+# watched: float64 (4, 3 ns): what ends a phase, where it falls below zero: gap or normal force;
+# friction left or slip along S_WAY; S_PIVOT. Rows: at a step's start, lower and upper bracket, now
+W_START, W_LOW, W_HIGH, W_NOW = 0, 1, 2, 3
+
+# clock: float64 (2,): how much of the step under way is done [s]; time of the last event
+CL_DONE, CL_EVENT = 0, 1
