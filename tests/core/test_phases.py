@@ -172,6 +172,69 @@ def test_a_block_on_a_spring_stops_after_a_finite_number_of_half_cycles():
     assert len(turns) >= case["half_cycles"] - 1
 
 
+def test_a_thrown_ball_skids_then_rolls():
+    """Skidding ends at 2/7 |u| / (mu g), whatever its direction and spin."""
+    radius, mu = 0.1, 0.3
+    moment = 0.4 * radius**2 * np.eye(3)
+    ball = pg.Body(
+        name="ball",
+        joint="free",
+        q=(0, 0, radius, 1, 0, 0, 0),
+        v=(30.0, 0, 0, 2.0, 0, 0),
+        inertia=tuple(map(tuple, moment)),
+        shape={"kind": "sphere", "radius": radius},
+    )
+    done = run(touching(ball, points=(), friction=mu), t_end=1.0, step=1e-2)
+    (rolls,) = done.events
+    slip = np.hypot(2.0, 30.0 * radius)
+    assert (rolls.before, rolls.after) == ("slip", "stance")
+    assert abs(rolls.t - 2 / 7 * slip / (mu * G)) < 1e-12
+    omega, v = done.v[-1, :3], done.v[-1, 3:]
+    np.testing.assert_allclose(v, np.cross(omega, (0, 0, radius)), atol=1e-12)
+    assert done.energy_drift < 1e-12
+
+
+def test_a_slide_across_a_slope_keeps_the_order_of_the_method():
+    """Friction turns with the path; it stops after a stretch that is the same at any step."""
+    axes = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+    point = pg.Body(
+        name="p",
+        joint="compound",
+        motions=tuple(("translate", axis) for axis in axes),
+        inertia=NONE,
+        v=(0, 2, 0),
+    )
+    model = touching(point, friction=0.5, ground={"slope": np.radians(20)})
+    steps = (4e-2, 2e-2, 1e-2, 1e-3)
+    runs = [run(model, t_end=2.0, step=step, frames=3) for step in steps]
+    errors = [np.abs(done.q[-1] - runs[-1].q[-1]).max() for done in runs[:-1]]
+    assert errors[2] < 1e-6
+    assert np.log2(errors[0] / errors[2]) / 2 > 3.5
+    assert np.abs(runs[-1].v[-1]).max() < 1e-9
+
+
+def test_limits_of_a_chain_take_what_the_ledger_says():
+    """A hundred impacts of four stops: energy and work balance, none is passed."""
+    bodies = [
+        pg.Body(
+            name=str(i),
+            parent=str(i - 1) if i else "ground",
+            axes=((0, 1, 0),),
+            link=(0, 0, -0.5 if i else 0),
+            com=(0, 0, -0.25),
+            inertia=((0.02, 0, 0), (0, 0.02, 0), (0, 0, 0.001)),
+            q=(0.0 if i else 1.2,),
+            limits=((-0.3, 0.3),) if i else ((-1.3, 1.3),),
+            limit_restitution=(0.5,),
+        )
+        for i in range(4)
+    ]
+    done = run(pg.Model(bodies=tuple(bodies)), t_end=3.0, step=1e-3)
+    assert done.counters["impacts"] > 50
+    assert done.energy_drift < 1e-9
+    assert min(gap.min() for gap in done.contact_gap.values()) > -1e-12
+
+
 def leaning_rod(lean, mu, *, length=1.0):
     """A rod that stands on its tip in the plane, leaning along +x."""
     half = length / 2
