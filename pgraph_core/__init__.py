@@ -31,24 +31,28 @@ from .topology import parent_of as parent_of
 from .topology import pgraph_of as pgraph_of
 
 if TYPE_CHECKING:
+    from .assembly import Assembly as Assembly
     from .batch import Batch as Batch
     from .batch_simulation import BatchResult as BatchResult
     from .batch_simulation import simulate_batch as simulate_batch
     from .columns import Columns as Columns
     from .frames import frame_update_trace as frame_update_trace
     from .mechanism import Mechanism as Mechanism
+    from .mobility import Mobility as Mobility
     from .operators import home_poses as home_poses
     from .result import Result as Result
     from .result import Status as Status
     from .simulation import simulate as simulate
 
 _LAZY = {
+    "Assembly": "assembly",
     "Batch": "batch",
     "BatchResult": "batch_simulation",
     "simulate_batch": "batch_simulation",
     "Columns": "columns",
     "frame_update_trace": "frames",
     "Mechanism": "mechanism",
+    "Mobility": "mobility",
     "home_poses": "operators",
     "Result": "result",
     "Status": "result",

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .assembly import Assembly, assembled, indices
 from .back_ends import BackEnd, by_composite, by_operators, dense
 from .blocks import Blocks, blocks
 from .bodies import BodyMotion, bodies_over, shifted, turned
@@ -36,6 +37,9 @@ from .system import (
     system,
 )
 from .topology import Topology
+
+if TYPE_CHECKING:
+    from .mobility import Mobility
 
 NOWHERE = np.zeros((0, 3)), np.zeros((0, 3, 3))
 NEW = object.__new__
@@ -537,6 +541,36 @@ class Mechanism:
         scene = Scene(self, self.passive, self.passive_loads, self.active)
         self._wrenches = (len(scene.active) - 1, 6)
         return scene
+
+    def assemble(
+        self, q: Array | None = None, v: Array | None = None, active: Sequence[str] | None = None
+    ) -> tuple[Array, Array, Assembly]:
+        """(q, v, report): the state near (q, v) that meets its constraints, in the mass metric.
+
+        `active` names constraints, the model's active ones by default. Raises InputError that
+        names the constraints that cannot be met, and by how much they miss.
+        """
+        home_q, home_v = self.home()
+        q = home_q if q is None else self.position(q)
+        v = home_v if v is None else self.finite("v", v, self.nv)
+        chosen = indices(self, active)
+        scene = Scene(self, self.passive, NO_LOADS, chosen)
+        return assembled(self, q, v, chosen, scene)
+
+    def mobility(
+        self, q: Array | None = None, v: Array | None = None, active: Sequence[str] | None = None
+    ) -> Mobility:
+        """Degrees of freedom, redundant rows and singular positions at q; `str` of it is a report.
+
+        `v` chooses between branches where the position is singular. Raises InputError where the
+        constraints cannot be met.
+        """
+        from .mobility import mobility
+
+        q = self.home()[0] if q is None else self.position(q)
+        v = None if v is None else self.finite("v", v, self.nv)
+        names = tuple(self.model.constraints[i].name for i in indices(self, active).tolist())
+        return mobility(self.model, self.topology, q, v, names)
 
     def batch(self, size: int | None = None, **options: Any) -> Any:
         """`Batch(self, size, models=..., threads=...)`: many instances at once."""

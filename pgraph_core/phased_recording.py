@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import impacts
+from .assembly import ASSEMBLY_ROUNDS
 from .bodies import bodies_over
 from .contact_record import FREE, PHASES, STOP, ContactRecord, Event
 from .kernels import layout as at
@@ -19,7 +20,7 @@ from .kernels import sites as site_kernels
 from .kernels.handle import address_of
 from .kernels.proximal import FACTORED
 from .phased_scene import PhasedScene
-from .recording import ASSEMBLY_ROUNDS, Recording
+from .recording import Recording
 from .result import Result, Status
 from .stepping import GivenSteps
 from .system import Array, Ints

@@ -8,12 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from .assembly import assembled
 from .callback import UserTorque
 from .contact_record import NOTHING, ContactRecord
+from .errors import InputError
 from .kernels import layout as at
 from .kernels import motion
 from .kernels.handle import address_of
 from .mechanism import Mechanism
+from .null_rows import redundancy
 from .result import Result, Status
 from .scene import Scene
 from .stepping import Plan, stepping
@@ -22,7 +25,6 @@ from .system import Array
 LOOSER = 32.0  # tolerance of the run that the error estimate compares with
 COMPARED = 65  # frames at most, where they cost something beside the steps
 CHUNK = 0.02  # s of computation between two looks at `progress`
-ASSEMBLY_ROUNDS = 50
 LOOSE = 1e-6  # of the velocities: a law missed by more is said
 Progress = Callable[[float], Any] | None
 
@@ -117,18 +119,15 @@ class Recording:
         """Whether the run can start: no joint without inertia, constraints that can be met."""
         mech, plan = self.mech, self.plan
         if len(plan.active) and plan.project:
-            before = self.q.copy()
-            rounds = motion.projection(self.scene.address, 0.0, self.q, self.v, ASSEMBLY_ROUNDS)
-            moved = float(np.max(np.abs(self.q - before), initial=0.0))
-            if rounds < 0:
-                self.q[:] = before
-                self._stop(
-                    Status.CANNOT_CLOSE, f"{Status.CANNOT_CLOSE.value} from this initial state"
+            try:
+                self.q[:], self.v[:], report = assembled(
+                    mech, self.q, self.v, plan.active, self.scene
                 )
-            elif moved > 1e-6:
-                self.notices.append(
-                    f"the initial state was moved by {moved:.3g} to meet constraints"
-                )
+            except InputError as refused:
+                self._stop(Status.CANNOT_CLOSE, f"{Status.CANNOT_CLOSE.value}: {refused}")
+                return False
+            if report.notable:
+                self.notices.append(f"at the start {report}")
         vdot, wrenches = np.empty(mech.nv), np.empty_like(self.out[3][0])
         accelerate = address_of(motion.acceleration)
         code = motion.constrained_dynamics(
@@ -148,6 +147,8 @@ class Recording:
             self._stop(Status.SINGULAR, str(mech.singular(code)))
         elif code < 0:
             self._stop(Status.NOT_FINITE, f"{Status.NOT_FINITE.value} at t = 0 s")
+        elif plan.contacts is None and (said := redundancy(self.scene)):
+            self.notices.append(said)
         return self.status.ok
 
     def _stop(self, status: Status, message: str) -> None:

@@ -71,6 +71,11 @@ class Scene:
         self.active[1 : len(chosen) + 1] = chosen
         self._spans = [(self.blocks.names[i], *s) for i, s in zip(constraints.tolist(), spans)]
 
+    @property
+    def spans(self) -> list[tuple[str, int, int]]:
+        """(name, first block, end of its blocks) of every active constraint."""
+        return self._spans
+
     def forces(self, wrenches: Array) -> dict[str, Array]:
         """{name: (..., 6)} [torque, force] on `body` at `point` from wrenches (blocks, ..., 6)."""
         return {

@@ -8,6 +8,7 @@ from pathlib import Path
 import pgraph_core as pg
 
 from . import FOLDER
+from .loops import andrews, bricard, four_bar, rolling_disc, slider_crank
 from .quadruped import quadruped
 from .shapes import Vector, bar
 
@@ -57,6 +58,8 @@ def chain_10() -> pg.Model:
 
 
 BUILDERS["quadruped"] = quadruped
+for _loop in (four_bar, slider_crank, bricard, andrews, rolling_disc):
+    BUILDERS[_loop.__name__] = _loop
 
 
 def _hanging_rod(name: str, parent: str, link: Vector, q: float) -> pg.Body:

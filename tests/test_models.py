@@ -15,6 +15,18 @@ from static_models import build
 from static_models.stance import FEET, holding_torques, origins, push
 
 GRAVITY = 9.81
+NAMES = (
+    "andrews",
+    "bricard",
+    "chain_10",
+    "double_pendulum",
+    "fig1_tree",
+    "four_bar",
+    "pendulum",
+    "quadruped",
+    "rolling_disc",
+    "slider_crank",
+)
 
 
 @cache
@@ -28,16 +40,14 @@ def run(name: str, scenario: str) -> pg.Result:
 
 
 def test_names():
-    names = ("chain_10", "double_pendulum", "fig1_tree", "pendulum", "quadruped")
-    assert static_models.names() == names
-    assert tuple(sorted(build.BUILDERS)) == names
+    assert static_models.names() == NAMES
+    assert tuple(sorted(build.BUILDERS)) == NAMES
 
 
 def test_a_name_that_is_not_there():
     with pytest.raises(pg.PgraphError) as refused:
         static_models.path("horse")
-    known = "chain_10, double_pendulum, fig1_tree, pendulum, quadruped"
-    said = f"model 'horse': no built-in model has this name; choose one of {known}"
+    said = f"model 'horse': no built-in model has this name; choose one of {', '.join(NAMES)}"
     assert str(refused.value) == said
 
 

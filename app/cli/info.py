@@ -8,6 +8,7 @@ from typing import Any
 
 import pgraph_core as pg
 from pgraph_core import joints
+from pgraph_core.mobility import mobility
 
 from . import given
 from .answer import Answer, aligned
@@ -46,9 +47,20 @@ def facts(model: pg.Model) -> dict[str, Any]:
         "up": model.up,
         "gravity": model.gravity,
         "constraints": [constraint.name for constraint in model.constraints],
+        "mobility": _mobility(model, topology),
         "forces": [force.name for force in model.forces],
         "scenarios": [scenario.name for scenario in model.scenarios],
     }
+
+
+def _mobility(model: pg.Model, topology: pg.Topology) -> dict[str, Any] | None:
+    """The report of mobility, or the sentence of what cannot be met; None without constraints."""
+    if not any(c.active for c in model.constraints):
+        return None
+    try:
+        return mobility(model, topology).to_dict()
+    except pg.PgraphError as refused:
+        return {"text": str(refused)}
 
 
 def _text(model: pg.Model, data: dict[str, Any]) -> str:
@@ -66,6 +78,7 @@ def _text(model: pg.Model, data: dict[str, Any]) -> str:
         f"separation bodies  {_listed(data['separation_bodies']) or 'none'}",
         f"constraints        {', '.join(data['constraints']) or 'none'}",
         f"scenarios          {', '.join(data['scenarios']) or 'none'}",
+        *(("", data["mobility"]["text"]) if data["mobility"] else ()),
         "",
         aligned(rows, header=("#", "body", "parent", "joint", "DoF", "mass [kg]")),
     )

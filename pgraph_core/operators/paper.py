@@ -167,15 +167,23 @@ class Operators:
         """(6 n_t, nv) J = Φ_T Φ H of the tips, eq. (20)."""
         return (self.Phi_T @ self.Phi @ self.H).toarray()
 
+    @cached_property
+    def _motions(self) -> Any:
+        return self.Phi @ self.H
+
+    @cached_property
+    def _biases(self) -> Any:
+        return self.Phi @ self.a
+
     def point_jacobian(self, k: int, point: Array) -> Array:
         """(6, nv) of a point in the frame of body number k."""
         shift = phi(self.rotation[k - 1] @ point)
-        return shift @ (self.Phi @ self.H)[6 * k - 6 : 6 * k].toarray()
+        return shift @ self._motions[6 * k - 6 : 6 * k].toarray()
 
     def point_bias(self, k: int, point: Array) -> Array:
         """(6,) J' θ' of a point: φ (Φ a) + a_T with a_T = [0; ω × (ω × l_T)] (R6)."""
         arm, w = self.rotation[k - 1] @ point, self.joints[k - 1].omega
-        a = (self.Phi @ self.a)[6 * k - 6 : 6 * k]
+        a = self._biases[6 * k - 6 : 6 * k]
         return phi(arm) @ a + np.concatenate((np.zeros(3), np.cross(w, np.cross(w, arm))))
 
     def point_position(self, k: int, point: Array) -> Array:

@@ -1,0 +1,25 @@
+"""Closed loops: what moves, what is redundant, where two ways lead on, what cannot close."""
+
+import math
+
+import pgraph_core as pg
+import static_models
+
+mech = pg.Mechanism(pg.Model.load(static_models.path("slider_crank")))
+print(mech.mobility(), "\n")
+
+# Flat, a parallelogram can go on as a parallelogram or fold: the velocity decides.
+bars = pg.Mechanism(pg.Model.load(static_models.path("four_bar")))
+flat, along = (-math.pi / 2, math.pi / 2, -math.pi / 2), (-1.0, 1.0, -1.0)
+print(bars.mobility(flat, along), "\n")
+
+# A state that does not meet its constraints is assembled; the report says what moved.
+q, v, report = bars.assemble((0.0, 0.0, 0.3), (-1.0, 1.0, -1.0))
+print(report, "\n")
+
+# Too far apart to be tied.
+torn = pg.Mechanism(bars.model.edit("right crank", link=(4, 0, 0)))
+try:
+    torn.assemble()
+except pg.PgraphError as refused:
+    print(refused)

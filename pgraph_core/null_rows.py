@@ -1,0 +1,72 @@
+"""Rows that say nothing new, named from what the solver of a run finds: at next to no cost."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .kernels import layout as at
+from .kernels.proximal import FACTORED
+from .rotation import Array
+from .scene import Scene
+
+UPRIGHT = 1 - 1e-6  # cosine between a direction and an axis that it is named after
+LISTED = 4
+SHARE = 1e-6  # of the largest: an entry of a null direction that is not rounding
+
+
+def redundancy(scene: Scene) -> str:
+    """A sentence on the redundant rows of the last factors; "" where there are none.
+
+    A null direction of Ω is a combination of rows that says nothing: the last row of it that is
+    not the last of another is called redundant, as in `mobility`.
+    """
+    count = int(scene.space[5][FACTORED, 1])
+    blocks = sum(end - first for _, first, end in scene.spans)
+    if count == 0 or blocks != scene.active[0]:  # contacts are among them: others than in a moment
+        return ""
+    names = _rows(scene)
+    chosen = [names[r] for r in _last(scene.space[9][:count, : len(names)])]
+    more = f" and {len(chosen) - LISTED} more" if len(chosen) > LISTED else ""
+    are = "row is" if len(names) == 1 else "rows is" if len(chosen) == 1 else "rows are"
+    return (
+        f"{len(chosen)} of {len(names)} constraint {are} redundant at the start: "
+        f"{', '.join(chosen[:LISTED])}{more}; the forces are those of least norm"
+    )
+
+
+def _last(nulls: Array) -> list[int]:
+    """Columns that stand for the null directions, from the last one on; ascending."""
+    left, found = nulls.copy(), []
+    for column in range(left.shape[1] - 1, -1, -1):
+        pivot = int(np.abs(left[:, column]).argmax())
+        if len(left) and abs(left[pivot, column]) > SHARE:
+            found.append(column)
+            row = left[pivot] / left[pivot, column]
+            left = np.delete(left - np.outer(left[:, column], row), pivot, axis=0)
+        if not len(left):
+            break
+    return found[::-1]
+
+
+def _rows(scene: Scene) -> list[str]:
+    found: list[str] = []
+    place = scene.space[4]
+    for name, first, end in scene.spans:
+        for i in range(first, end):
+            kind, size = scene.blocks.blocks_i[i, [at.B_TYPE, at.B_SIZE]].tolist()
+            for r in range(size):
+                d = place[i, at.PLACE_D + 3 * r : at.PLACE_D + 3 * r + 3]
+                found.append(f"{_direction(kind, d)} of constraint '{name}'")
+    return found
+
+
+def _direction(kind: int, d: Array) -> str:
+    if kind in (at.T_COORD, at.T_VELOCITY):
+        return "coordinate"
+    what = "rotation about" if kind == at.T_ALIGN else "translation along"
+    size = float(np.linalg.norm(d))
+    along = np.abs(d) / (size or 1.0)
+    if along.max() > UPRIGHT:
+        return f"{what} {'xyz'[int(along.argmax())]}"
+    x, y, z = d / size if size and d[np.abs(d).argmax()] > 0 else -d / (size or 1.0)
+    return f"{what} ({x + 0.0:.3g}, {y + 0.0:.3g}, {z + 0.0:.3g})"
