@@ -49,7 +49,8 @@ class Scene:
         self.user = user
         self.work = np.zeros((len(mech.system.rows), at.WORK))
         self.touching = TouchSpace(mech, contacts, len(own.blocks_i)) if contacts else None
-        links = self.touching.links if self.touching else NO_CONTACTS
+        imposed = address_of(motion.constrain) if len(self.blocks.blocks_i) else 0
+        links = np.append(self.touching.links if self.touching else NO_CONTACTS, imposed)
         self.space = space(mech.system.rows, mech.nq, mech.nv, self.blocks, active, contacts, links)
         self.activate(active)
         tables = (*self.blocks[2:], self.active)

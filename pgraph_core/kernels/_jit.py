@@ -16,12 +16,13 @@ from typing import Any
 
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
 from numba.core.sigutils import normalize_signature
 from numba.core.types import unliteral
 
 # No reference counting: kernels allocate nothing, and its atomic counts take half of their time.
 OPTIONS: dict[str, Any] = {"_nrt": False, "fastmath": {"contract"}, "error_model": "numpy"}
-PART: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, **OPTIONS}
 HERE = Path(__file__).parent
 JIT = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
 
@@ -48,6 +49,41 @@ def cache_folder() -> Path:
         if os.access(folder, os.W_OK):
             return folder
     return HERE / "__pycache__"  # nothing can be written: numba compiles at each start
+
+
+class _PartLibrary(JITCodeLibrary):
+    """A helper as kernels link it: optimised and turned into machine code there, not before."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        return 0  # as numba has it for what is not there
+
+    @property
+    def codegen(self) -> Any:
+        return _NoEnvironment
+
+
+class _NoEnvironment:
+    """In the place of what would tell machine code where its Python objects are."""
+
+    @staticmethod
+    def set_env(name: str, environment: Any) -> None:
+        pass
+
+
+class _PartCompiler(Compiler):
+    """Numba's compiler, into a `_PartLibrary`."""
+
+    def define_pipelines(self) -> Any:
+        state: Any = self.state
+        state.library = _PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        return super().define_pipelines()
 
 
 class _Locator(_CacheLocator):
@@ -89,14 +125,25 @@ def _one_a_type(dispatcher: Any) -> Any:
     return dispatcher
 
 
+PART: dict[str, Any] = {
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    "pipeline_class": _PartCompiler,
+    **OPTIONS,
+}
+
+
 def part(function: Callable[..., Any]) -> Any:
     """A small helper, always inlined; no wrappers, so that it compiles twice as fast."""
     return _one_a_type(numba.njit(**PART, forceinline=True)(function))
 
 
 def sweep(function: Callable[..., Any]) -> Any:
-    """A helper that loops over rows: called, so that a kernel holds its code only once."""
-    return _one_a_type(numba.njit(**PART)(function))
+    """A helper that loops over rows: called, so that a kernel holds its code only once.
+
+    Said in so many words: to numba, what an inlined helper calls is to be inlined as well.
+    """
+    return _one_a_type(numba.njit(**PART, forceinline=False)(function))
 
 
 def inlined(function: Callable[..., Any]) -> Any:

@@ -5,7 +5,7 @@
 """
 
 from . import layout as at
-from ._jit import part
+from ._jit import part, sweep
 from .articulated import inboard
 from .blocks import (
     along_coordinates,
@@ -33,6 +33,7 @@ from .proximal import (
     factor_proximal,
     solve_proximal,
 )
+from .scene import opened
 from .vec import accumulate, add_scaled, cross, largest, load, scale, store, sub
 
 NO_GAP = 1e-14  # relative to the mechanism's size: rounding
@@ -146,25 +147,47 @@ def respond(rows, const, blocks, work, space):
     spread(rows, const, work, step)
 
 
+@sweep
+def located(scene, v):
+    """Origins, their velocities and the active blocks' places, after the frames; rows in all."""
+    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
+    positions(rows, work)
+    velocities(rows, const, work, v, space[6])
+    locate(blocks, work, space[4])
+    return number_rows(blocks, space[1])
+
+
+@sweep
+def gaps(scene, t, q, row):
+    """g of the active blocks into a row of `vectors`, after `located`."""
+    _, _, _, _, blocks, work, space, _, _, _ = opened(scene)
+    residual(blocks, work, space, t, q, space[5][row])
+
+
+@sweep
+def speeds(scene, t, v, row):
+    """g' of the active blocks into a row of `vectors`, after `located`."""
+    _, _, _, _, blocks, work, space, _, _, _ = opened(scene)
+    residual_velocity(blocks, work, space, t, v, space[5][row])
+
+
 @part
-def impose(rows, const, blocks, work, space, gains, t, q, v, vdot):
+def impose(scene, t, q, v, vdot):
     """Add M⁻¹ Jᵀ λ to v' so that J v' + J' v = 0, eqs. (27)-(29); λ is left in `vectors`.
 
-    `gains` (2,) are Baumgarte's 2α and α², zero without it.
+    The scene's gains (2,) are Baumgarte's 2α and α², zero without it.
     """
-    place, vectors, linear = space[4], space[5], space[6]
-    positions(rows, work)
-    velocities(rows, const, work, v, linear)
-    m = number_rows(blocks, space[1])
-    locate(blocks, work, place)
+    rows, const, _, _, blocks, work, space, gains, _, _ = opened(scene)
+    vectors = space[5]
+    m = located(scene, v)
     rhs = vectors[RHS]
     residual_acceleration(blocks, work, space, t, vdot, rhs)
     if gains[0] > 0.0:
         other = vectors[CHANGE]
-        residual_velocity(blocks, work, space, t, v, other)
+        speeds(scene, t, v, CHANGE)
         for r in range(m):
             rhs[r] += gains[0] * other[r]
-        residual(blocks, work, space, t, q, other)
+        gaps(scene, t, q, CHANGE)
         for r in range(m):
             rhs[r] += gains[1] * other[r]
     for r in range(m):
@@ -262,13 +285,14 @@ def extent(rows, blocks, work):
     return size
 
 
-@part
-def settle(rows, const, blocks, work, space, t, q, v):
+@sweep
+def settle(scene, t, q, v):
     """`project` by the factors of the last acceleration; False, and nothing moved, if too far off.
 
     A correction by factors from `moved` away misses by `moved` times itself: next to nothing at
     the end of a step, whose last stage was close by and whose gap is small.
     """
+    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
     vectors, nulls = space[5], space[9]
     mu, count = vectors[FACTORED, 0], int(vectors[FACTORED, 1])
     known = vectors[FACTORED, 2]
@@ -278,24 +302,21 @@ def settle(rows, const, blocks, work, space, t, q, v):
         moved = max(moved, abs(q[i] - vectors[PLACED, i]))
     if known == 0.0 or not moved < NEAR:
         return False
-    m = number_rows(blocks, space[1])
     frames(rows, const, work, q, v)
-    positions(rows, work)
-    velocities(rows, const, work, v, space[6])
-    locate(blocks, work, space[4])
+    m = located(scene, v)
     rounding = NO_GAP * extent(rows, blocks, work)
-    residual_velocity(blocks, work, space, t, v, vectors[RHS])
+    speeds(scene, t, v, RHS)
     missed = along_nulls(nulls, count, vectors[RHS], m)
-    correct(rows, const, blocks, work, space, mu, count, m)
+    correct(scene, mu, count, m)
     change = vectors[ZERO]
     for j in range(v.shape[0]):
         change[j] = vectors[STEP, j]
     missed = max(missed, moved * largest(change, v.shape[0]))
-    residual(blocks, work, space, t, q, vectors[RHS])
+    gaps(scene, t, q, RHS)
     open_gap = largest(vectors[RHS], m) > rounding
     if open_gap:
         missed = max(missed, along_nulls(nulls, count, vectors[RHS], m))
-        correct(rows, const, blocks, work, space, mu, count, m)
+        correct(scene, mu, count, m)
         step = largest(vectors[STEP], v.shape[0])
         missed = max(missed, moved * step)
         if not step < SMALL_MOVE:
@@ -310,54 +331,53 @@ def settle(rows, const, blocks, work, space, t, q, v):
 
 
 @part
-def project(rows, const, blocks, work, space, t, q, v, rounds):
+def project(scene, t, q, v, rounds):
     """Move q and v onto the constraints in the mass metric; rounds taken, -1 where it fails.
 
     Both corrections use one factorisation; it is made anew while positions move notably. Next to
     a singular position rounding alone moves them: a gap that is rounding is none.
     """
-    place, vectors, linear = space[4], space[5], space[6]
-    if settle(rows, const, blocks, work, space, t, q, v):
+    if settle(scene, t, q, v):
         return 1
+    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
+    vectors = space[5]
     zero = vectors[ZERO]
     for j in range(v.shape[0]):
         zero[j] = 0.0
-    m = number_rows(blocks, space[1])
+    m = 0
     gap = 0.0
     size = 1.0
     taken = 0
     for taken in range(1, rounds + 1):
         outboard(rows, const, work, q, v)
         inboard(rows, const, work, zero)
-        positions(rows, work)
-        velocities(rows, const, work, v, linear)
-        locate(blocks, work, place)
+        m = located(scene, v)
         mu, count = delassus(rows, const, blocks, work, space, m)
-        residual_velocity(blocks, work, space, t, v, vectors[RHS])
-        correct(rows, const, blocks, work, space, mu, count, m)
+        speeds(scene, t, v, RHS)
+        correct(scene, mu, count, m)
         for j in range(v.shape[0]):
             v[j] += vectors[STEP, j]
-        residual(blocks, work, space, t, q, vectors[RHS])
+        gaps(scene, t, q, RHS)
         gap = largest(vectors[RHS], m)
         size = extent(rows, blocks, work)
         if gap <= NO_GAP * size:
             return taken
-        correct(rows, const, blocks, work, space, mu, count, m)
+        correct(scene, mu, count, m)
         advance(rows, q, vectors[STEP], 1.0)
         if largest(vectors[STEP], v.shape[0]) < SMALL_MOVE:
             break
     if gap <= CLOSED * size:
         return taken
     frames(rows, const, work, q, v)  # beside a mechanism that is a point every gap is large
-    positions(rows, work)
-    locate(blocks, work, place)
-    residual(blocks, work, space, t, q, vectors[RHS])
+    located(scene, v)
+    gaps(scene, t, q, RHS)
     return taken if largest(vectors[RHS], m) <= CLOSED * gap else -1
 
 
-@part
-def correct(rows, const, blocks, work, space, mu, count, m):
+@sweep
+def correct(scene, mu, count, m):
     """-M⁻¹ Jᵀ Ω⁺ RHS into STEP."""
+    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
     vectors = space[5]
     for r in range(m):
         vectors[RHS, r] = -vectors[RHS, r]

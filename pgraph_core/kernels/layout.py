@@ -128,6 +128,7 @@ PLACE_P, PLACE_D, PLACE_Q = 0, 3, 12  # 3 on A, 9, 3 on B
 PLACE = 15
 # contacts, int64 (5,): addresses of a scene's contacts (0: none), and of their kernels
 HAS_CONTACTS, THEIR_SEARCH, THEIR_FORCES, THEIR_RECORD, THEIR_SETTLE = 0, 1, 2, 3, 4
+THEIR_CONSTRAINTS = 5
 SLOTS, FIRST, SLOT = 0, 1, 2
 
 # loads: forces between two bodies, or on one; loads_i: int64 (nl, 8)

@@ -1,7 +1,6 @@
 """The equations of motion of a scene: v' of the driven, loaded, constrained system; its energies.
 
-A *scene* is what never changes during a run, and the workspaces, in one tuple behind one address
-(`handle`), so that every method takes the same. Methods call these kernels by address.
+Methods call these kernels by address.
 """
 
 import math
@@ -14,30 +13,14 @@ from .articulated import inboard, joint_acceleration, singular_row
 from .blocks import velocities
 from .constraints import drift, driven_power, impose, project, wrenches
 from .forces import apply_loads, drive, elastic, elastic_loads, load_of, torque_of_loads
-from .handle import caller, stored
+from .handle import caller
 from .kinematics import kinetic_and_potential, outboard, positions
+from .scene import F1, F2, I1, I2, OUT, SCENE, opened, save
+from .scene import F3 as F3
 from .vec import accumulate, add, add_cross, finite, load, load9, mul, scale, sub
-
-F1 = types.float64[::1]
-F2 = types.float64[:, ::1]
-F3 = types.float64[:, :, ::1]
-I1 = types.int64[::1]
-I2 = types.int64[:, ::1]
-DRIVES = types.Tuple((F2, F2, types.int64))
-LOADS = types.Tuple((I2, F2, F2))
-BLOCKS = types.Tuple((I2, F2, I2, F1, F2, I1))
-SPACE = types.Tuple((F2, I2, F2, F2, F2, F2, F2, F2, F2, F2, I1, F2, I1))
-# a user's function: its address (0: none), q, v and τ as rows, and what it answered
-USER = types.Tuple((types.int64, F2, I1))
-# rows, const, drives, loads, blocks, work, space, gains of Baumgarte, given torques, user
-SCENE = types.Tuple((I2, F2, DRIVES, LOADS, BLOCKS, F2, SPACE, F1, F1, USER))
-# q, v, v', wrenches of blocks, energies and ledger, residuals, wrenches of contacts on bodies,
-# touches: one row a frame
-OUT = types.Tuple((F2, F2, F2, F3, F2, F2, F3, F3))
 
 TAU = 6  # row of `vectors`: the joints' own forces
 
-_save, opened = stored(SCENE)
 # a user's function takes time and the addresses of q, v and τ; another answer than 0 is a failure
 _call_user = caller(types.int64(types.float64, types.uint64, types.uint64, types.uint64))
 
@@ -47,7 +30,10 @@ RECORD = types.int64(types.int64, types.int64, types.float64, F1, F1, F1, F1, ty
 # of contacts, compiled only for a scene that has some (`touch`): forces, and what is recorded
 CONTACT_FORCES = types.int64(types.int64, F1, F1, F1)
 CONTACT_RECORD = types.int64(types.int64, F2, F2)
+# of constraints, compiled only for a scene that has some
+CONSTRAIN = types.int64(types.int64, types.float64, F1, F1, F1, F1)
 call_acceleration = caller(ACCELERATION)
+call_constrain = caller(CONSTRAIN)
 call_contact_forces = caller(CONTACT_FORCES)
 call_contact_record = caller(CONTACT_RECORD)
 call_projection = caller(PROJECTION)
@@ -57,7 +43,7 @@ call_record = caller(RECORD)
 @kernel(types.void(I1, SCENE))
 def save_scene(buffer, scene):
     """Keep a scene's tuple where `opened` finds it."""
-    _save(buffer, scene)
+    save(buffer, scene)
 
 
 @part
@@ -104,9 +90,16 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
     joint_acceleration(rows, const, work, vdot)
     flow[2] = 0.0
     if opened(scene)[4][5][0] > 0:
-        _, _, _, _, blocks, _, space, gains, _, _ = opened(scene)
-        flow[2] = impose(rows, const, blocks, work, space, gains, t, q, v, vdot)
-        flow[0] += driven_power(blocks, space, v)
+        call_constrain(space[12][at.THEIR_CONSTRAINTS], (scene, t, q, v, vdot, flow))
+    return 0
+
+
+@kernel(CONSTRAIN, nogil=True)
+def constrain(scene, t, q, v, vdot, flow):
+    """Add what the active constraints make of v'; their power in flow[0], iterations in flow[2]."""
+    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
+    flow[2] = impose(scene, t, q, v, vdot)
+    flow[0] += driven_power(blocks, space, v)
     return 0
 
 
@@ -129,8 +122,7 @@ def constrained_dynamics(scene, accelerate, t, q, v, given, flow, vdot, forces):
 @kernel(PROJECTION, nogil=True)
 def projection(scene, t, q, v, rounds):
     """Move q and v onto the active constraints; rounds taken, -1 where it fails."""
-    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
-    return project(rows, const, blocks, work, space, t, q, v, rounds)
+    return project(scene, t, q, v, rounds)
 
 
 @kernel(RECORD, nogil=True)
