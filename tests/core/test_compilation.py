@@ -40,12 +40,12 @@ print(alone, time.process_time())
 
 
 @pytest.mark.nightly
-def test_all_kernels_compile_within_a_dozen_times_of_one(tmp_path):
-    """20 s of a quiet machine, on which the dynamics of a tree take 1.6 s with numba's import."""
+def test_all_kernels_compile_within_nine_times_of_one(tmp_path):
+    """CPU time, by that of the dynamics of a tree with the import of numba: 7.7 when measured."""
     command = [sys.executable, "-c", COLD, str(tmp_path)]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     alone, everything = map(float, done.stdout.split())
-    assert everything < 12.5 * alone
+    assert everything < 9 * alone
 
 
 def test_warmed_up_kernels_are_all_that_a_session_needs():
