@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import webbrowser
 
 import pgraph_core as pg
@@ -31,22 +30,13 @@ class Server:
         page = Page(bridge, self.send)
         self.store.start((*page.views, Simulator(self.send), Files(self.send)))
         self._compiler = Compiler(self.send)
-        self._stopped = threading.Event()
 
     def send(self, event: Event) -> None:
         """Queue an event, from any thread."""
         self.store.send(event)
 
-    def wait(self) -> None:
-        """Return when the server is stopped, or at Ctrl+C."""
-        try:
-            self._stopped.wait()
-        except KeyboardInterrupt:
-            self.stop()
-
     def stop(self) -> None:
         """Close every page's connection and end the background work."""
-        self._stopped.set()
         self._compiler.stop()
         self.store.stop()
         with quiet():

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import signal
 import socket
+import threading
 from argparse import ArgumentParser, Namespace
 
 from pgraph_core.errors import InputError, Problem
@@ -29,7 +31,11 @@ def start(args: Namespace) -> None:
     _bind(args.host)
     from app.server import serve  # here: no other command needs viser
 
-    serve(model, host=args.host, port=args.port, open_browser=not args.no_browser).wait()
+    stopped = threading.Event()  # an exception might strike while the page is being set up
+    signal.signal(signal.SIGINT, lambda *_: stopped.set())
+    server = serve(model, host=args.host, port=args.port, open_browser=not args.no_browser)
+    stopped.wait()
+    server.stop()
 
 
 def _bind(host: str) -> None:
