@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import webbrowser
 
 import pgraph_core as pg
@@ -34,6 +35,11 @@ class Server:
     def send(self, event: Event) -> None:
         """Queue an event, from any thread."""
         self.store.send(event)
+
+    def wait(self, until: threading.Event) -> None:
+        """Stop once `until` is set."""
+        until.wait()
+        self.stop()
 
     def stop(self) -> None:
         """Close every page's connection and end the background work."""

@@ -236,7 +236,8 @@ def test_the_page_is_served_as_asked(capsys, monkeypatch, words, name, expected)
     served = []
 
     class Fake:
-        def wait(self) -> None:
+        def wait(self, until) -> None:
+            assert not until.is_set()
             served.append("waited")
 
     def serve(model, *, host, port, open_browser):

@@ -34,8 +34,7 @@ def start(args: Namespace) -> None:
     stopped = threading.Event()  # an exception might strike while the page is being set up
     signal.signal(signal.SIGINT, lambda *_: stopped.set())
     server = serve(model, host=args.host, port=args.port, open_browser=not args.no_browser)
-    stopped.wait()
-    server.stop()
+    server.wait(stopped)
 
 
 def _bind(host: str) -> None:
