@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
-from tests.golden import with_mujoco
 
 from .machine import has
 from .scenes import Scene, bare, differ, quadruped, scene
@@ -82,6 +81,8 @@ def from_text(place: Scene) -> Case:
     }
     if has("mujoco"):
         import mujoco
+
+        from tests.golden import with_mujoco
 
         theirs = with_mujoco.mjcf(place.model, place.rows, "")
         sides["MjModel.from_xml_string"] = lambda: mujoco.MjModel.from_xml_string(theirs)
