@@ -247,5 +247,6 @@ def axis_name(direction: Array, tied: Tied, other: int) -> str:
         along = np.abs(frame.T @ direction)
         if along.max() > 1 - 1e-9:
             return "xyz"[int(along.argmax())] + of
-    x, y, z = direction if direction[np.abs(direction).argmax()] > 0 else -direction
+    first = direction[np.abs(direction) > 1e-6][0]  # the largest may be two, equal to rounding
+    x, y, z = direction if first > 0 else -direction
     return f"({x + 0.0:.3g}, {y + 0.0:.3g}, {z + 0.0:.3g})"

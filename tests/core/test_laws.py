@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 import pgraph_core as pg
@@ -58,12 +58,12 @@ def test_inverse_dynamics_of_forward_dynamics_is_the_torque(seed):
 
 
 @given(seeds)
+@example(3755866)  # v' of 1e7: a fixed step is too long
 def test_power_of_the_torques_is_the_rate_of_energy(seed):
     """dE/dt = τ·v along the motion; a central difference, good to the square of its step."""
     s, mech = mechanism(seed, most=8)
-    vdot, h = mech.forward_dynamics(s.q, s.v, s.tau), 1e-4
-    if abs(vdot).max(initial=0.0) > 1e3:
-        h = 1e-5
+    vdot = mech.forward_dynamics(s.q, s.v, s.tau)
+    h = min(1e-4, 1e-2 / abs(vdot).max(initial=1.0))  # v changes little within it
 
     def energy(t):
         q = moved(s.model, s.q, t * s.v + t * t / 2 * vdot)
