@@ -24,6 +24,7 @@ from websockets.http11 import Response
 
 HERE = Path(__file__).parent
 SCRIPTS = ("bridge", "cells", "table", "digraph", "properties", "toolbar", "playback")
+STYLES = ("page", "cells", "table", "digraph", "properties", "toolbar", "playback")
 LARGEST_MESSAGE = 16 * 1024 * 1024  # [bytes] from a page; viser's own limit is 50 MB
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 COOKIE = "pgraph_token"
@@ -86,7 +87,7 @@ class Bridge:
 
 def static_script() -> str:
     """All of our script and style, to be run once per page."""
-    style = json.dumps((HERE / "pgraph.css").read_text("utf-8"))
+    style = json.dumps("\n".join((HERE / f"{name}.css").read_text("utf-8") for name in STYLES))
     parts = [(HERE / f"{name}.js").read_text("utf-8") for name in SCRIPTS]
     return "\n".join([f"const PGRAPH_CSS = {style};", *parts, "pgraph.start(PGRAPH_CSS);"])
 

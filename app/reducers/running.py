@@ -1,15 +1,37 @@
-"""What the events do to the run: what to simulate, its job, its outcome, its playback (pure)."""
+"""What the events do to the run: what to simulate, its job, its outcome (pure)."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from . import cells, events
-from .cells import Refusal
-from .events import Event, Failed, Progress, Simulated
-from .state import FREE_RUN, METHODS, Job, Playback, Reply, Request, Run, State, with_client
+from .. import cells, events
+from ..cells import Refusal
+from ..events import Event, Failed, Progress, Simulated
+from ..state import FREE_RUN, METHODS, Job, Kernels, Reply, Request, Run, State, with_client
 
 LONGEST_RUN = 3600.0  # [s]
+
+
+def update(state: State, event: Event) -> State | None:
+    """The state after an event of the run or the compiler; None for any other event."""
+    match event:
+        case events.SetScenario(client, serial, scenario):
+            state = scenario_chosen(state, scenario)
+            return with_client(state, client, reply=Reply(serial, ""))
+        case events.SetRun():
+            return request_edited(state, event)
+        case events.Simulate() if state.job is None:
+            return asked(state)
+        case events.Cancel() if state.job is not None:
+            return replace(state, job=None, run_problem="The simulation was cancelled.")
+        case events.Progress() | events.Simulated() | events.Failed():
+            return heard(state, event)
+        case events.Compiling(done, total, name):
+            return replace(state, kernels=Kernels(done, total, name))
+        case events.Compiled(problem):
+            return replace(state, kernels=replace(state.kernels, ready=True, problem=problem))
+        case _:
+            return None
 
 
 def scenario_chosen(state: State, name: str) -> State:
@@ -73,39 +95,3 @@ def _finished(state: State, run: Run) -> State:
     stale = "The model was changed while it was simulated: undo shows that run."
     problem = "" if run.model is state.model else stale
     return replace(state, job=None, last_run=run, playback=playback, run_problem=problem)
-
-
-def played(state: State, event: Event) -> Playback:
-    """The playback after an event of its bar or of the clock; as it was without a run."""
-    playback, end = state.playback, state.t_end
-    if end <= 0:
-        return playback
-    match event:
-        case events.Play():
-            start = 0.0 if playback.time >= end else playback.time
-            return replace(playback, playing=True, time=start)
-        case events.Pause():
-            return replace(playback, playing=False)
-        case events.Scrub(_, time):
-            return replace(playback, time=min(max(time, 0.0), end))
-        case events.StepFrames(_, frames):
-            return replace(playback, playing=False, time=_frame_time(state, frames))
-        case events.Speed(_, speed):
-            return replace(playback, speed=speed)
-        case events.Loop(_, loop):
-            return replace(playback, loop=loop)
-        case events.Tick(dt) if playback.playing:
-            time = playback.time + dt * playback.speed
-            if time < end:
-                return replace(playback, time=time)
-            again = time % end if playback.loop else end
-            return replace(playback, time=again, playing=playback.loop)
-        case _:
-            return playback
-
-
-def _frame_time(state: State, frames: int) -> float:
-    """The time of the saved frame `frames` away from the one shown."""
-    times = state.run.result.t if state.run is not None else [0.0]
-    now = min(range(len(times)), key=lambda k: abs(float(times[k]) - state.playback.time))
-    return float(times[min(max(now + frames, 0), len(times) - 1)])

@@ -7,9 +7,10 @@ from dataclasses import replace
 
 import pgraph_core as pg
 
-from . import cells, events
-from .cells import Refusal
-from .state import (
+from .. import cells, events
+from ..cells import Refusal
+from ..events import Event
+from ..state import (
     FREE_RUN,
     Notice,
     Reply,
@@ -25,6 +26,29 @@ from .state import (
 GROUND = "ground"
 UNDO_DEPTH = 200
 MOST_BODIES = 1000
+
+
+def update(state: State, event: Event) -> State | None:
+    """The state after an event that changes the model; None for any other event."""
+    match event:
+        case events.Edit():
+            return edited(state, event)
+        case events.NewModel(client, serial, text):
+            return new_model(state, client, serial, text)
+        case events.AddBody(client, parent):
+            return added(state, client, parent)
+        case events.DeleteBody():
+            return deleted(state, event)
+        case events.Undo():
+            return undone(state)
+        case events.Redo():
+            return redone(state)
+        case events.OpenBuiltIn(client, name) if name in state.gallery:
+            return opened(state, client, name, state.gallery[name])
+        case events.OpenText(client, name, content):
+            return opened(state, client, name, content)
+        case _:
+            return None
 
 
 def edited(state: State, event: events.Edit) -> State:

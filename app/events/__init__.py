@@ -1,0 +1,135 @@
+"""What can happen. The page's own events are validated by their annotations (`from_page`)."""
+
+from __future__ import annotations
+
+import json
+
+from pydantic import TypeAdapter
+
+from ..state import SHOWABLE
+from .base import FromPage as FromPage
+from .editing import (
+    AddBody as AddBody,
+)
+from .editing import (
+    DeleteBody as DeleteBody,
+)
+from .editing import (
+    Edit as Edit,
+)
+from .editing import (
+    NewModel as NewModel,
+)
+from .editing import (
+    OpenBuiltIn as OpenBuiltIn,
+)
+from .editing import (
+    OpenText as OpenText,
+)
+from .editing import (
+    Redo as Redo,
+)
+from .editing import (
+    Undo as Undo,
+)
+from .playing import (
+    Loop as Loop,
+)
+from .playing import (
+    Pause as Pause,
+)
+from .playing import (
+    Play as Play,
+)
+from .playing import (
+    Scrub as Scrub,
+)
+from .playing import (
+    Speed as Speed,
+)
+from .playing import (
+    StepFrames as StepFrames,
+)
+from .playing import (
+    Tick as Tick,
+)
+from .running import (
+    Cancel as Cancel,
+)
+from .running import (
+    Compiled as Compiled,
+)
+from .running import (
+    Compiling as Compiling,
+)
+from .running import (
+    Failed as Failed,
+)
+from .running import (
+    Progress as Progress,
+)
+from .running import (
+    SetRun as SetRun,
+)
+from .running import (
+    SetScenario as SetScenario,
+)
+from .running import (
+    Simulate as Simulate,
+)
+from .running import (
+    Simulated as Simulated,
+)
+from .session import (
+    Connected as Connected,
+)
+from .session import (
+    Disconnected as Disconnected,
+)
+from .session import (
+    Download as Download,
+)
+from .session import (
+    Misread as Misread,
+)
+from .session import (
+    Save as Save,
+)
+from .session import (
+    Saved as Saved,
+)
+from .session import (
+    Select as Select,
+)
+from .session import (
+    Show as Show,
+)
+from .session import (
+    Theme as Theme,
+)
+from .session import (
+    Viewport as Viewport,
+)
+
+Event = FromPage | Tick | Progress | Simulated | Failed | Compiling | Compiled | Saved
+OF_THE_SERVER = (Connected, Disconnected, Misread)
+
+PAGE_EVENTS = {
+    kind.__name__: TypeAdapter(kind)
+    for kind in FromPage.__subclasses__()
+    if kind not in OF_THE_SERVER
+}
+
+
+def from_page(client: int, text: str) -> FromPage:
+    """The event in a page's message `{"event": name, ...fields}`; Misread if there is none."""
+    try:
+        fields = json.loads(text)
+        adapter = PAGE_EVENTS[fields.pop("event")]
+        fields["client"] = client
+        event = adapter.validate_json(json.dumps(fields), strict=True)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as problem:
+        return Misread(client, f"{type(problem).__name__}: {problem}"[:300])
+    if isinstance(event, Show) and event.what not in SHOWABLE:
+        return Misread(client, f"nothing is called {event.what!r}")
+    return event

@@ -1,0 +1,73 @@
+"""What happens on one page alone: coming and going, selecting, looking, saving."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field
+
+from .base import FromPage, Text
+
+
+@dataclass(frozen=True)
+class Connected(FromPage):
+    pass
+
+
+@dataclass(frozen=True)
+class Disconnected(FromPage):
+    pass
+
+
+@dataclass(frozen=True)
+class Misread(FromPage):
+    """The page sent something that is no event."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class Select(FromPage):
+    body: Text | None
+
+
+@dataclass(frozen=True)
+class Theme(FromPage):
+    dark: bool
+
+
+@dataclass(frozen=True)
+class Viewport(FromPage):
+    """The page's 3D view has this width over height."""
+
+    aspect: Annotated[float, Field(gt=0.05, lt=20)]
+
+
+@dataclass(frozen=True)
+class Show(FromPage):
+    what: Text
+    on: bool
+
+
+@dataclass(frozen=True)
+class Save(FromPage):
+    """Write the model to a path on the server's machine."""
+
+    serial: int
+    path: Text
+
+
+@dataclass(frozen=True)
+class Saved:
+    """The outcome of a Save: "" where it was written."""
+
+    client: int
+    serial: int
+    path: str
+    problem: str
+
+
+@dataclass(frozen=True)
+class Download(FromPage):
+    pass

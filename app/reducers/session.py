@@ -1,0 +1,39 @@
+"""What the events do to the pages: coming and going, selecting, looking, saving (pure)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from .. import events
+from ..events import Event
+from ..state import Client, Notice, Reply, Saving, State, told, with_client
+
+
+def update(state: State, event: Event) -> State | None:
+    """The state after an event of one page; None for any other event."""
+    match event:
+        case events.Connected(client):
+            return replace(state, clients={**state.clients, client: Client()})
+        case events.Disconnected(client):
+            left = {key: value for key, value in state.clients.items() if key != client}
+            return replace(state, clients=left)
+        case events.Misread(client, text):
+            return told(state, client, Notice("The page sent something unknown", text, bad=True))
+        case events.Select(client, body):
+            known = body is None or body in state.derived.number
+            return with_client(state, client, selection=body) if known else state
+        case events.Theme(client, dark):
+            return with_client(state, client, dark=dark)
+        case events.Viewport(client, aspect):
+            return with_client(state, client, aspect=aspect)
+        case events.Show(_, what, on):
+            return replace(state, shown=state.shown | {what} if on else state.shown - {what})
+        case events.Download(client) if client in state.clients:
+            return with_client(state, client, downloads=state.clients[client].downloads + 1)
+        case events.Save(client, serial, path):
+            return replace(state, saving=Saving(client, serial, path, state.model))
+        case events.Saved(client, serial, path, problem):
+            state = with_client(state, client, reply=Reply(serial, problem))
+            return state if problem else told(state, client, Notice("Saved", path))
+        case _:
+            return None
