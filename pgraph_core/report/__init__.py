@@ -1,0 +1,1 @@
+"""Error against run time: what each method costs at which accuracy, as rows, figure and page."""
