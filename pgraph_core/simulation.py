@@ -52,6 +52,7 @@ def simulate(
     scenario: str | None = None,
     stabilise: str | None = "project",
     progress: Callable[[float], Any] | None = None,
+    estimate: bool = True,
 ) -> Result:
     """Run a mechanism from (q, v), its initial state by default, to `t_end` [s].
 
@@ -59,7 +60,8 @@ def simulate(
     compiled by `numba.njit`, which costs a hundredth. `frames` is how many evenly spaced states
     are recorded, `t_eval` their times. `scenario` names a run of the model, whose parts the other
     arguments replace. `stabilise` keeps constraints: "project", "baumgarte" or None.
-    `progress(fraction)` is called now and then; a run stops where it returns False.
+    `progress(fraction)` is called now and then; a run stops where it returns False. Without
+    `estimate` the second run that estimates the error is left out, and the estimate is nan.
 
     Methods that choose their steps keep the error of each below `rtol` times the mechanism's own
     scales (a radian, its length, its highest speeds) plus `atol`, by default 1e-8 and 0; `step`
@@ -146,7 +148,8 @@ def simulate(
     built = time.perf_counter()
     record.run(progress)
     stepped = time.perf_counter()
-    estimate = error_estimate(record, q0, v0, progress) if record.status.ok else np.nan
+    wanted = estimate and record.status.ok
+    error = error_estimate(record, q0, v0, progress) if wanted else np.nan
     timing = {
         "build": built - began - looked,
         "stiffness": looked,
@@ -165,7 +168,7 @@ def simulate(
         "stabilise": stabilise,
     }
     from_zero = t_eval is None or len(times) == np.size(t_eval)
-    return record.result(estimate, timing, header, first=0 if from_zero else 1)
+    return record.result(error, timing, header, first=0 if from_zero else 1)
 
 
 def automatic(

@@ -53,6 +53,13 @@ def test_stance_does_not_depend_on_the_step(quadruped, stance):
         assert scaled_error(half.constraint_force[name], stance.constraint_force[name]) < 1e-4
 
 
+def test_without_an_estimate_there_is_no_second_run(quadruped):
+    options = {"t_end": 0.01, "step": 1e-3, "scenario": "stance"}
+    alone = pg.simulate(quadruped, estimate=False, **options)
+    assert np.isnan(alone.error_estimate)
+    np.testing.assert_array_equal(alone.q, pg.simulate(quadruped, **options).q)
+
+
 def test_the_error_estimate_of_the_stance_is_its_error(quadruped, stance):
     """Corners of the servo tables lie on the grid of the steps, of the estimate's too."""
     fine = pg.simulate(quadruped, scenario="stance", step=1.25e-4, frames=2)
