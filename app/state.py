@@ -87,7 +87,8 @@ class Notice:
 class Client:
     """One open page: what it selected and what it was told last."""
 
-    selection: str | None = None
+    selection: str | None = None  # the body that was selected last
+    selected: tuple[str, ...] = ()  # all selected bodies, in the table's order; it among them
     dark: bool = False
     aspect: float | None = None  # width over height of its 3D view, once known
     reply: Reply | None = None

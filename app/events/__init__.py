@@ -102,6 +102,9 @@ from .session import (
     Select as Select,
 )
 from .session import (
+    SelectBodies as SelectBodies,
+)
+from .session import (
     Show as Show,
 )
 from .session import (

@@ -33,6 +33,14 @@ class Select(FromPage):
 
 
 @dataclass(frozen=True)
+class SelectBodies(FromPage):
+    """Several rows at once; `body`, the last of them, is the one whose properties are shown."""
+
+    body: Text
+    bodies: tuple[Text, ...]
+
+
+@dataclass(frozen=True)
 class Theme(FromPage):
     dark: bool
 

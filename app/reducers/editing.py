@@ -12,6 +12,7 @@ from ..cells import Refusal
 from ..events import Event
 from ..state import (
     FREE_RUN,
+    Client,
     Notice,
     Reply,
     Request,
@@ -22,6 +23,7 @@ from ..state import (
     told,
     with_client,
 )
+from .session import selected
 
 GROUND = "ground"
 UNDO_DEPTH = 200
@@ -101,7 +103,7 @@ def added(state: State, client: int, parent: str | None) -> State:
     link = model.body(on).tip or rod.link if on in state.derived.number else (0.0, 0.0, 0.0)
     new = rod.model_copy(update={"name": name, "parent": on, "link": link, **joint})
     after = attempted(state, client, lambda: model.add(new), f"add {name}")
-    return with_client(after, client, selection=name) if name in after.derived.number else after
+    return selected(after, client, name, (name,))
 
 
 def _free_name(model: pg.Model) -> str:
@@ -167,10 +169,7 @@ def redone(state: State) -> State:
 def _showing(state: State, model: pg.Model) -> State:
     """`model` shown: what follows from it, selections by name or row, playback at its start."""
     derived = derive(model)
-    clients = {
-        key: replace(client, selection=_followed(client.selection, state.model, model))
-        for key, client in state.clients.items()
-    }
+    clients = {key: _follows(client, state.model, model) for key, client in state.clients.items()}
     request = _request_for(model, state.request)
     playback = replace(state.playback, time=0.0, playing=False)
     return replace(
@@ -178,12 +177,18 @@ def _showing(state: State, model: pg.Model) -> State:
     )
 
 
-def _followed(name: str | None, old: pg.Model, new: pg.Model) -> str | None:
-    """The body to stay selected: of the same name, else of the same row (a renamed one)."""
-    if name is None or name in new.row:
-        return name
-    same_rows = len(old.bodies) == len(new.bodies) and name in old.row
-    return new.bodies[old.row[name]].name if same_rows else None
+def _follows(client: Client, old: pg.Model, new: pg.Model) -> Client:
+    """The page with the bodies selected that stay: of the same name, else renamed in their row."""
+    if not client.selected:
+        return client
+    if len(old.bodies) == len(new.bodies):
+        names = {a.name: b.name if a.name not in new.row else a.name
+                 for a, b in zip(old.bodies, new.bodies)}  # fmt: skip
+    else:
+        names = {name: name for name in new.row}
+    kept = sorted((names[n] for n in client.selected if n in names), key=new.row.__getitem__)
+    last = names.get(client.selection or "", kept[-1] if kept else None)
+    return replace(client, selection=last, selected=tuple(kept))
 
 
 def _request_for(model: pg.Model, request: Request) -> Request:

@@ -20,8 +20,9 @@ def update(state: State, event: Event) -> State | None:
         case events.Misread(client, text):
             return told(state, client, Notice("The page sent something unknown", text, bad=True))
         case events.Select(client, body):
-            known = body is None or body in state.derived.number
-            return with_client(state, client, selection=body) if known else state
+            return selected(state, client, body, () if body is None else (body,))
+        case events.SelectBodies(client, body, bodies):
+            return selected(state, client, body, bodies)
         case events.Theme(client, dark):
             return with_client(state, client, dark=dark)
         case events.Viewport(client, aspect):
@@ -37,3 +38,12 @@ def update(state: State, event: Event) -> State | None:
             return state if problem else told(state, client, Notice("Saved", path))
         case _:
             return None
+
+
+def selected(state: State, client: int, body: str | None, bodies: tuple[str, ...]) -> State:
+    """`state` with these bodies selected on one page; as it was where `body` is unknown."""
+    if body is not None and body not in state.model.row:
+        return state
+    wanted = {*bodies, body}
+    known = tuple(b.name for b in state.model.bodies if b.name in wanted)
+    return with_client(state, client, selection=body, selected=known)

@@ -23,6 +23,8 @@ class SessionView:
                 continue
             if before is None or before.selection != now.selection:
                 self._bridge.send(client, "selection", now.selection)
+            if before is None or before.selected != now.selected:
+                self._bridge.send(client, "selected", now.selected)
             if before is None or before.dark != now.dark:
                 self._theme(client, now.dark)
             self._tell(client, before or Client(), now, new)
