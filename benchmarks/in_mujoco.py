@@ -10,6 +10,7 @@ import mujoco.rollout
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+import pgraph_core as pg
 from tests.core.trees import State
 from tests.golden import with_mujoco
 from tests.golden.elementary import PLACEHOLDER, Row, inertia_of, rows_of
@@ -26,6 +27,9 @@ INTEGRATORS = {
     "rk4": mujoco.mjtIntegrator.mjINT_RK4,
 }
 TREE_ONLY = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+STIFF_ANCHOR = (
+    'solref="0.0005 1" solimp="0.9999 0.9999 0.001"'  # what its RK4 at 0.2 ms still takes
+)
 ANCHOR = 'solref="0.002 1" solimp="0.99 0.999 0.001"'  # MuJoCo's feet are soft: near its stiffest
 
 
@@ -101,16 +105,26 @@ def rollout(scene: Scene, method: str, n: int, count: int = 1, threads: int = 0)
     return run, lambda: run()[:, -1, 1 : 1 + model.nq] - data.qpos
 
 
-def stance(state: State) -> tuple[Any, Any]:
+def stance(state: State, anchor: str = ANCHOR, option: str = "") -> tuple[Any, Any]:
     """(model, data) with four `connect` constraints."""
     rows = rows_of(state.model, state.topology)
     feet = "".join(
-        f'<connect body1="{c.body}" body2="world" anchor="{" ".join(map(str, c.point))}" {ANCHOR}/>'
+        f'<connect body1="{c.body}" body2="world" anchor="{" ".join(map(str, c.point))}" {anchor}/>'
         for c in state.model.constraints
     )
     flag, extra = 'contact="disable"', f"<equality>{feet}</equality>"
-    model = mujoco.MjModel.from_xml_string(with_mujoco.mjcf(state.model, rows, "", flag, extra))
+    model = mujoco.MjModel.from_xml_string(with_mujoco.mjcf(state.model, rows, option, flag, extra))
     data = mujoco.MjData(model)
     data.qpos[:], T = with_mujoco.coordinates(rows, state)
     data.qfrc_applied[:] = T @ state.tau
     return model, data
+
+
+def held(model: pg.Model, step: float) -> tuple[Any, Any]:
+    """(model, data) of a stance at home to be integrated by RK4, the feet as stiff as can be."""
+    topology = pg.Topology.of(model)
+    q = np.concatenate([model.body(name).q for name in topology.names])
+    v = np.concatenate([model.body(name).v for name in topology.names])
+    state = State(model, topology, q, v, 0 * v, v, np.zeros((0, 6)))
+    option = f'timestep="{step}" integrator="RK4" tolerance="0" iterations="20"'
+    return stance(state, STIFF_ANCHOR, option)
