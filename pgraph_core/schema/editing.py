@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
-from .. import joints
 from ..errors import ModelError, Problem
 from ..rotation import multiply, rotate
 from .body import Body
 from .body_checks import PER_MOTION
 from .checks import fits_joint, force_problems, state_problems
-from .constraint import Constraint, ConstraintKind
+from .constraint import Constraint
 from .contact import Contact
 from .fields import Described, fields_of
 from .force import Force
@@ -23,46 +22,6 @@ ON_JOINTS = ("motor", "servo")  # forces whose coordinate a new joint may lack
 T = TypeVar("T", bound=Described)
 
 JOINT_FIELDS = ("axes", "motions", "q", "v", "limits", *PER_MOTION)
-
-
-CUT: dict[
-    str, ConstraintKind
-] = {  # joint kind -> kind of the constraint that is left of it where a loop is cut
-    "weld": "weld",
-    "revolute": "revolute",
-    "prismatic": "prismatic",
-    "cylindrical": "cylindrical",
-    "universal": "universal",
-    "spherical": "point",
-}
-
-
-def cut_joint(
-    body: Body, parent: str, taken: Sequence[str], given: Mapping[str, Any]
-) -> Constraint:
-    """The constraint in place of a joint of `body` to a second parent. Raises ModelError.
-
-    `given` has joint, name, and fields of the constraint; what is None is as in the body's joint.
-    """
-    given = {key: value for key, value in given.items() if value is not None}
-    joint = given.pop("joint", body.joint)
-    where = f"body '{body.name}'"
-    if joint not in CUT:
-        text = f"a loop is not cut at a {joint} joint; choose one of {', '.join(CUT)}"
-        raise ModelError(Problem(where, "joint", text))
-    if "axis" not in given and joint == body.joint != "weld":
-        if joint == "universal" and body.motions != joints.DEFAULT["universal"]:
-            text = "its axes do not say where the second parent's stands; give axis and other_axis"
-            raise ModelError(Problem(where, "axes", text))
-        if joint in ("revolute", "prismatic", "cylindrical"):
-            given["axis"] = body.axes[0]
-    name = given.pop("name", None) or _free_name(f"{body.name}-{parent}", taken)
-    return Constraint(name=name, kind=CUT[joint], body=body.name, other=parent, **given)
-
-
-def _free_name(name: str, taken: Sequence[str]) -> str:
-    numbered = (f"{name} {k}" for k in range(2, len(taken) + 3))
-    return next(free for free in (name, *numbered) if free not in taken)
 
 
 def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
@@ -95,6 +54,31 @@ def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
     return new, [text + (f"; reset: {', '.join(lost)}" if lost else "")]
 
 
+def edited_all(
+    bodies: Sequence[Body], others: Mapping[str, Any], changes: Mapping[str, Mapping[str, Any]]
+) -> tuple[dict[str, Any], list[str]]:
+    """All parts after several bodies were edited, and what changed besides. Raises ModelError.
+
+    `others` are the parts beside the bodies; `parent` in `changes` speaks of new names.
+    """
+    rows, names, notices = {body.name: body for body in bodies}, {}, []
+    for name, fields in changes.items():
+        new, said = edited(rows[name], fields)
+        rows[name] = new
+        if said:
+            fitting, gone = fitted(new, name, others)
+            others, notices = {**others, **fitting}, [*notices, *said, *gone]
+        if new.name != name:
+            names[name] = new.name
+    parts = renamed_all({**others, "bodies": tuple(rows.values())}, names)
+    given = {name for name, fields in changes.items() if "parent" in fields}
+    parts["bodies"] = tuple(
+        new if name in given else followed
+        for (name, new), followed in zip(rows.items(), parts["bodies"])
+    )
+    return parts, notices
+
+
 def _refused_as(name: str, data: dict[str, Any]) -> Body:
     """Validated; a refusal names the body as it is called now, not by the refused name."""
     try:
@@ -109,20 +93,21 @@ def _set(body: Body, field: str) -> bool:
     return getattr(body, field) != getattr(Body(name="fresh", joint=body.joint), field)
 
 
-def renamed(part: T, old: str, new: str, fields: tuple[str, ...]) -> T:
-    """The part with a body's new name in the fields that hold names of bodies."""
-    update = {field: new for field in fields if getattr(part, field) == old}
+def renamed(part: T, names: Mapping[str, str], fields: tuple[str, ...]) -> T:
+    """The part with new names of bodies in the fields that hold names of bodies."""
+    old = {field: getattr(part, field) for field in fields}
+    update = {field: names[name] for field, name in old.items() if name in names}
     return part.model_copy(update=update) if update else part
 
 
-def renamed_all(parts: Mapping[str, Sequence[Any]], old: str, new: str) -> dict[str, Any]:
-    """All parts of a model with a body's new name in place of the old."""
+def renamed_all(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) -> dict[str, Any]:
+    """All parts of a model with new names of bodies, by old name, in what refers to them."""
 
     def swapped(named: Mapping[str, Any]) -> dict[str, Any]:
-        return {new if key == old else key: value for key, value in named.items()}
+        return {names.get(key, key): value for key, value in named.items()}
 
     def constraint(c: Constraint) -> Constraint:
-        c = renamed(c, old, new, PAIR)
+        c = renamed(c, names, PAIR)
         return (
             c
             if c.coefficients is None
@@ -130,14 +115,14 @@ def renamed_all(parts: Mapping[str, Sequence[Any]], old: str, new: str) -> dict[
         )
 
     def scenario(s: Scenario) -> Scenario:
-        forces = tuple(renamed(f, old, new, PAIR) for f in s.forces)
+        forces = tuple(renamed(f, names, PAIR) for f in s.forces)
         return s.model_copy(update={"q": swapped(s.q), "v": swapped(s.v), "forces": forces})
 
     return {
-        "bodies": tuple(renamed(b, old, new, ("parent",)) for b in parts["bodies"]),
+        "bodies": tuple(renamed(b, names, ("parent",)) for b in parts["bodies"]),
         "constraints": tuple(map(constraint, parts["constraints"])),
-        "contacts": tuple(renamed(c, old, new, PAIR) for c in parts["contacts"]),
-        "forces": tuple(renamed(f, old, new, PAIR) for f in parts["forces"]),
+        "contacts": tuple(renamed(c, names, PAIR) for c in parts["contacts"]),
+        "forces": tuple(renamed(f, names, PAIR) for f in parts["forces"]),
         "scenarios": tuple(map(scenario, parts["scenarios"])),
     }
 
@@ -187,18 +172,19 @@ def _left(active: tuple[str, ...] | None, gone: set[str]) -> tuple[str, ...] | N
     return active and tuple(name for name in active if name not in gone)
 
 
-def attached(body: Body, gone: Body) -> Body:
-    """A child of `gone` as a child of its parent, at the same place at q = 0."""
-    if body.parent != gone.name:
-        return body
-    ahead = rotate(gone.rotation, body.link)
-    return body.model_copy(
-        update={
-            "parent": gone.parent,
-            "link": tuple(a + b for a, b in zip(gone.link, ahead)),
-            "rotation": multiply(gone.rotation, body.rotation),
-        }
-    )
+def attached(body: Body, gone: Mapping[str, Body]) -> Body:
+    """A child of a body that goes as a child of the next one that stays, at its place at q = 0."""
+    while body.parent in gone:
+        parent = gone[body.parent]
+        ahead = rotate(parent.rotation, body.link)
+        body = body.model_copy(
+            update={
+                "parent": parent.parent,
+                "link": tuple(a + b for a, b in zip(parent.link, ahead)),
+                "rotation": multiply(parent.rotation, body.rotation),
+            }
+        )
+    return body
 
 
 def without(

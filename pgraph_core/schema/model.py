@@ -16,9 +16,12 @@ from .body import Body
 from .checks import model_problems
 from .constraint import Constraint
 from .contact import Contact
-from .editing import attached, cut_joint, edited, fitted, renamed_all, without
+from .copies import branch, copied, names_of_copies
+from .editing import attached, edited, edited_all, fitted, renamed_all, without
 from .fields import Vec3, fields_of, listed, whole
 from .force import Force
+from .loops import cut_joint
+from .mirror import Mirror, other_side
 from .names import GROUND
 from .problems import PARTS, problems
 from .scenario import Scenario
@@ -143,7 +146,7 @@ class Model(World):
             if new.name in self.row:
                 text = f"'{new.name}' is already the name of row {self.row[new.name] + 1}"
                 raise ModelError(Problem(f"body '{name}'", "name", f"{text}; choose another"))
-            parts = renamed_all({**self._others(), **parts}, old.name, new.name)
+            parts = renamed_all({**self._others(), **parts}, {old.name: new.name})
         return self._with(notices, **parts)
 
     def close_loop(
@@ -195,33 +198,82 @@ class Model(World):
         at = len(self.bodies) if after is None else self.row[self.body(after).name] + 1
         return self._with((), bodies=(*self.bodies[:at], body, *self.bodies[at:]))
 
-    def remove(self, name: str, /, *, children: Literal["attach", "delete"] = "attach") -> Self:
-        """A new model without body `name`; what referred to it goes too (`notices` says so).
+    def edit_all(self, changes: Mapping[str, Mapping[str, Any]], /) -> Self:
+        """A new model with several bodies edited at once: all changes, or none and the reasons.
 
-        Its children are attached to its parent, at the same place at q = 0, or deleted too.
+        `changes` is by present name; `parent` in it speaks of names as they will be. Otherwise as
+        `edit`, one body a time. Raises ModelError.
         """
-        gone = self.body(name)
+        for name in changes:
+            self.body(name)
+        parts, notices = edited_all(self.bodies, self._others(), changes)
+        return self._with(notices, **parts)
+
+    def remove(
+        self, name: str | Iterable[str], /, *, children: Literal["attach", "delete"] = "attach"
+    ) -> Self:
+        """A new model without body `name`, or several; what referred to them goes too, and
+        `notices` says so.
+
+        Their children are attached to the next body that stays on the way to the ground, at the
+        same place at q = 0, or deleted too.
+        """
+        names = {name} if isinstance(name, str) else set(name)
+        gone = {name: self.body(name) for name in sorted(names)}
         if children not in ("attach", "delete"):
             text = f"must be 'attach' or 'delete'; given {shown(children)}"
-            raise ModelError(Problem(f"body '{name}'", "children", text))
+            raise ModelError(Problem(f"body '{next(iter(gone))}'", "children", text))
         if children == "delete":
-            names = self._subtree(name)
-            bodies = tuple(b for b in self.bodies if b.name not in names)
-        else:
-            names = {name}
-            bodies = tuple(attached(b, gone) for b in self.bodies if b.name != name)
+            names = set(branch(self.bodies, names))
+        bodies = tuple(attached(b, gone) for b in self.bodies if b.name not in names)
         kept, notices = without(self._others(), names)
         return self._with(notices, bodies=bodies, **kept)
 
-    def move(self, name: str, /, to: int) -> Self:
-        """A new model with body `name` in row `to` (from 0): the order of left children."""
-        body, row = self.body(name), whole(to)
-        if row is None or not 0 <= row < len(self.bodies):
-            text = f"must be a row from 0 to {len(self.bodies) - 1}; given {shown(to)}"
-            raise ModelError(Problem(f"body '{name}'", "to", text))
-        rest = [b for b in self.bodies if b.name != name]
-        rest.insert(row, body)
-        return self._with((), bodies=tuple(rest))
+    def duplicate(self, name: str | Iterable[str], /, *, subtree: bool = True) -> Self:
+        """A new model with body `name` once more, and with what acts on it: a second leg.
+
+        The copies hang where the originals do, in the rows below them, under free names: femur_2;
+        of a subtree all bodies that it carries are copied. Raises ModelError.
+        """
+        given = [name] if isinstance(name, str) else list(name)
+        roots = [self.body(each).name for each in given]
+        names = branch(self.bodies, roots) if subtree else roots
+        return self._copied(names_of_copies(names, self.row, str), self.body(roots[0]))
+
+    def mirror(self, name: str, /, plane: Literal["x", "y", "z"] = "z") -> Self:
+        """A new model with the branch of body `name` reflected: a right leg from a left one.
+
+        The plane goes through the origin of the parent of `name` and is normal to this axis of
+        the parent's frame at q = 0. Names change sides: left_femur, right_femur. Joints are such
+        that equal coordinates are mirrored poses, but for balls and free joints, whose turns are
+        axial vectors. What has no mirror image in this model is not copied, and `notices` says so.
+        Raises ModelError.
+        """
+        if plane not in ("x", "y", "z"):
+            text = f"must be 'x', 'y' or 'z', the axis that it is normal to; given {shown(plane)}"
+            raise ModelError(Problem(f"body {shown(name)}", "plane", text))
+        root = self.body(name)
+        names = names_of_copies(branch(self.bodies, [name]), self.row, other_side)
+        return self._copied(names, root, Mirror("xyz".index(plane)))
+
+    def _copied(self, names: Mapping[str, str], root: Body, mirror: Mirror | None = None) -> Self:
+        parts, notices = copied({**self._others(), "bodies": self.bodies}, root, names, mirror)
+        return self._with(notices, **parts)
+
+    def move(self, name: str | Iterable[str], /, to: int) -> Self:
+        """A new model with body `name` in row `to` (from 0): the order of left children.
+
+        Several keep their order and stand together, the first of them in row `to`.
+        """
+        names = [name] if isinstance(name, str) else list(name)
+        moved = {each: self.body(each) for each in names}
+        row, last = whole(to), len(self.bodies) - len(moved)
+        if row is None or not 0 <= row <= last:
+            text = f"must be a row from 0 to {last}; given {shown(to)}"
+            raise ModelError(Problem(f"body '{names[0]}'", "to", text))
+        rest = [b for b in self.bodies if b.name not in moved]
+        block = [b for b in self.bodies if b.name in moved]
+        return self._with((), bodies=(*rest[:row], *block, *rest[row:]))
 
     def replace(self, **fields: Any) -> Self:
         """A new model with other `gravity`, `up`, `ground`, `constraints`, `contacts`, ...
@@ -255,13 +307,6 @@ class Model(World):
     def _others(self) -> dict[str, Any]:
         """The parts beside the bodies, by field."""
         return {key: getattr(self, key) for key in PARTS if key != "bodies"}
-
-    def _subtree(self, name: str) -> set[str]:
-        names, grown = {name}, True
-        while grown:
-            more = {b.name for b in self.bodies if b.parent in names} - names
-            names, grown = names | more, bool(more)
-        return names
 
     # -- files -------------------------------------------------------------------------------
 

@@ -1,0 +1,221 @@
+"""A branch of the tree once more: as it is, or reflected from left to right."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+from .body import Body
+from .constraint import TAKES, Constraint
+from .contact import Contact
+from .force import BETWEEN, Force
+from .force import TAKES as FORCE_TAKES
+from .mirror import Mirror, other_side
+from .names import GROUND
+from .scenario import Scenario
+
+PAIR = ("body", "other")
+Names = Mapping[str, str]  # of the copied bodies: old name -> that of the copy
+
+
+def branch(rows: Sequence[Body], roots: Iterable[str]) -> list[str]:
+    """Names of the `roots` and of all bodies that they carry, in the order of the rows."""
+    children: dict[str, list[str]] = {}
+    for body in rows:
+        children.setdefault(body.parent, []).append(body.name)
+    found, stack = set(), list(roots)
+    while stack:
+        name = stack.pop()
+        if name not in found:
+            found.add(name)
+            stack += children.get(name, ())
+    return [body.name for body in rows if body.name in found]
+
+
+def free_name(name: str, taken: Iterable[str]) -> str:
+    """`name`, or its next number where that is taken: femur, femur_2; 7, 8."""
+    taken = set(taken)
+    if name not in taken:
+        return name
+    if re.fullmatch(r"[0-9]{1,9}", name):
+        stem, number = "", int(name)
+    else:
+        match = re.fullmatch(r"(.*_)(\d{1,9})", name)
+        stem, number = (match[1], int(match[2])) if match else (f"{name}_", 1)
+    while f"{stem}{number}" in taken or number < 2:
+        number += 1
+    return f"{stem}{number}"
+
+
+def names_of_copies(
+    names: Iterable[str], taken: Iterable[str], name: Callable[[str], str]
+) -> dict[str, str]:
+    """A free name for each copy."""
+    used, found = set(taken), {}
+    for old in names:
+        found[old] = free_name(name(old), used)
+        used.add(found[old])
+    return found
+
+
+def copied(
+    parts: Mapping[str, Sequence[Any]], root: Body, names: Names, mirror: Mirror | None = None
+) -> tuple[dict[str, Any], list[str]]:
+    """All parts with those of the copied bodies once more, and what could not be copied.
+
+    What touches a copied body and another one ties the copy to that same other body.
+    """
+    bodies = _bodies(parts["bodies"], names, mirror)
+    known = {body.name: body for body in parts["bodies"]}
+    copy = _Copy(names, mirror, root, known)
+    found: dict[str, Any] = {"bodies": bodies}
+    called: dict[str, Names] = {}  # of each kind: old name -> that of the copy
+    for kind in ("constraints", "contacts", "forces"):
+        new, called[kind] = copy.parts(parts[kind])
+        found[kind] = (*parts[kind], *new)
+    found["scenarios"] = tuple(copy.scenario(s, called) for s in parts["scenarios"])
+    return found, list(dict.fromkeys(copy.lost))
+
+
+def _bodies(rows: Sequence[Body], names: Names, mirror: Mirror | None) -> tuple[Body, ...]:
+    """The table with the copies in the rows below the last of their originals."""
+    last = max(i for i, body in enumerate(rows) if body.name in names)
+    new = []
+    for body in rows:
+        if body.name in names:
+            copy = body if mirror is None else mirror.body(body)
+            parent = names.get(body.parent, body.parent)
+            new.append(copy.model_copy(update={"name": names[body.name], "parent": parent}))
+    return (*rows[: last + 1], *new, *rows[last + 1 :])
+
+
+def _takes_point(part: Constraint | Contact | Force) -> bool:
+    """Whether `point` of a part is a place even where it is left out."""
+    if isinstance(part, Contact):
+        return False
+    takes = FORCE_TAKES[part.kind] if isinstance(part, Force) else TAKES[part.kind].fields
+    return "point" in takes
+
+
+class _Copy:
+    """Copies what acts on bodies, and notes what has no reflection."""
+
+    def __init__(self, names: Names, mirror: Mirror | None, root: Body, known: Mapping[str, Body]):
+        self.names, self.mirror, self.root, self.known = names, mirror, root, known
+        self.lost: list[str] = []
+
+    def name(self, name: str) -> str:
+        return name if self.mirror is None else other_side(name)
+
+    def parts(self, parts: Sequence[Any]) -> tuple[list[Any], Names]:
+        """The copies of those that touch a copied body, under free names."""
+        new = [copy for copy in map(self.part, parts) if copy is not None]
+        own = names_of_copies([p.name for p in new], [p.name for p in parts], self.name)
+        return [p.model_copy(update={"name": own[p.name]}) for p in new], own
+
+    def part(self, part: Any) -> Any:
+        """The copy of a constraint, contact or force, its name as it was; None where none is."""
+        own = part.touches if isinstance(part, Constraint) else (part.body, part.other)
+        if self.names.keys().isdisjoint(own):
+            return None
+        renamed = {key: self.names.get(getattr(part, key), getattr(part, key)) for key in PAIR}
+        if getattr(part, "coefficients", None) is not None:
+            coefficients = {self.names.get(k, k): x for k, x in part.coefficients.items()}
+            renamed["coefficients"] = coefficients
+        if self.mirror is not None:
+            change = self.reflected(part)
+            if change is None:
+                kind = type(part).__name__.lower()
+                self.lost.append(
+                    f"{kind} '{part.name}' was not copied: it has no mirror image here"
+                )
+                return None
+            renamed |= change
+        return part.model_copy(update=renamed)
+
+    def scenario(self, s: Scenario, called: Mapping[str, Names]) -> Scenario:
+        """Initial values, forces and the list of active parts for the copies too."""
+        states = {}
+        for field in ("q", "v"):
+            given = getattr(s, field)
+            more = {
+                self.names[k]: x if self.mirror is None
+                else self.mirror.coordinates(field, x, self.known[k].sequence)
+                for k, x in given.items() if k in self.names
+            }  # fmt: skip
+            states[field] = {**given, **more}
+        active = {
+            kind: names and (*names, *(called[kind][n] for n in names if n in called[kind]))
+            for kind, names in (("constraints", s.constraints), ("contacts", s.contacts))
+        }
+        forces = (*s.forces, *self.parts(s.forces)[0])
+        return s.model_copy(update={**states, **active, "forces": forces})
+
+    def reflected(self, part: Constraint | Contact | Force) -> dict[str, Any] | None:
+        """The changed fields of a part; None where its fields cannot say its mirror image."""
+        assert self.mirror is not None
+        if not self._in_reach(part):
+            return None
+        if isinstance(part, Contact):
+            return {"points": tuple(map(self.mirror.point, part.points))}
+        if not self._same_coordinates(part):
+            return None
+        if isinstance(part, Force) and part.kind == "wrench":
+            return self._wrench(part)
+        change: dict[str, Any] = {
+            key: self.mirror.point(x)
+            for key in ("point", "other_point") if (x := getattr(part, key)) is not None
+        }  # fmt: skip
+        if part.body == self.root.parent and part.point is None and _takes_point(part):
+            change["point"] = self.mirror.point(self.known[part.body].tip_point)
+        for key in ("axis", "other_axis"):
+            if (axis := getattr(part, key, None)) is not None:
+                turns = part.kind == "torsion"
+                change[key] = self.mirror.axial(axis) if turns else self.mirror.point(axis)
+        return change
+
+    def _in_reach(self, part: Constraint | Contact | Force) -> bool:
+        """Whether places on bodies that are not copied lie in the frame of the reflection."""
+        own = (*self.names, self.root.parent)
+        if part.body not in own and (_takes_point(part) or getattr(part, "points", ())):
+            return False
+        if part.other in own:
+            return True
+        between = isinstance(part, Force) and part.kind in BETWEEN
+        return not between and not any(
+            getattr(part, f, None) for f in ("other_point", "other_axis")
+        )
+
+    def _same_coordinates(self, part: Constraint | Force) -> bool:
+        """Whether the degrees of freedom that a part acts on have the same values reflected."""
+        assert self.mirror is not None
+        used: list[tuple[str, int]] = []
+        if isinstance(part, Force):
+            if part.kind in ("motor", "servo"):
+                used = [(part.body, part.coordinate)]
+        elif part.coefficients is not None:
+            used = [(k, i) for k, xs in part.coefficients.items() for i, x in enumerate(xs) if x]
+        elif part.kind in ("gear", "motion"):
+            used = [(part.body, part.coordinate or 0)]
+            if part.kind == "gear":
+                used.append((part.other, part.other_coordinate or 0))
+        return all(self.mirror.keeps(self.known[k], i) for k, i in used if k in self.names)
+
+    def _wrench(self, force: Force) -> dict[str, Any] | None:
+        """In the body's axes, or in world axes where the parent's are these at q = 0."""
+        assert self.mirror is not None
+        if force.frame == "world" and not self._upright():
+            return None
+        change = {
+            "torque": self.mirror.value(force.torque, self.mirror.axial),
+            "force": self.mirror.value(force.force, self.mirror.point),
+        }
+        return change | ({"point": self.mirror.point(force.point)} if force.point else {})
+
+    def _upright(self) -> bool:
+        """Whether the parent's axes are world axes at q = 0."""
+        name = self.root.parent
+        while name != GROUND and self.known[name].rotation == (1.0, 0.0, 0.0, 0.0):
+            name = self.known[name].parent
+        return name == GROUND

@@ -1,0 +1,172 @@
+"""Edits of several rows: duplicate, mirror, move, remove, edit_all."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+import static_models
+from pgraph_core.schema.copies import free_name
+from pgraph_core.schema.mirror import other_side
+
+
+@pytest.fixture(scope="module")
+def quadruped() -> pg.Model:
+    return pg.Model.load(static_models.path("quadruped"))
+
+
+def names(model: pg.Model) -> list[str]:
+    return [body.name for body in model.bodies]
+
+
+@pytest.mark.parametrize(
+    ("name", "taken", "free"),
+    [
+        ("femur", [], "femur"),
+        ("femur", ["femur"], "femur_2"),
+        ("femur_2", ["femur", "femur_2"], "femur_3"),
+        ("3", ["1", "2", "3"], "4"),
+        ("leg 2", ["leg 2"], "leg 2_2"),
+        ("9" * 5000, ["9" * 5000], "9" * 5000 + "_2"),
+    ],
+)
+def test_copies_have_free_names(name, taken, free):
+    assert free_name(name, taken) == free
+
+
+@pytest.mark.parametrize(
+    ("name", "other"),
+    [
+        ("left_femur", "right_femur"),
+        ("RightPaw", "LeftPaw"),
+        ("LEFT", "RIGHT"),
+        ("l_hip", "r_hip"),
+        ("hip.R", "hip.L"),
+        ("roll", "roll"),
+        ("7", "7"),
+    ],
+)
+def test_names_change_sides(name, other):
+    assert other_side(name) == other
+    assert other_side(other) == name
+
+
+def test_a_duplicated_branch_acts_as_its_original(quadruped):
+    model = quadruped.duplicate("left_femur")
+    assert names(model)[13:16] == ["left_femur_2", "left_tibia_2", "left_hind_paw_2"]
+    assert model.body("left_tibia_2").parent == "left_femur_2"
+    assert model.body("left_femur_2").parent == "pelvis"
+    assert "left_hind_paw_2" in [c.name for c in model.constraints]
+    kinds = [(f.kind, f.body) for f in model.scenario("stance").forces]
+    for kind in [kind for kind, body in kinds if body == "left_tibia"]:
+        assert (kind, "left_tibia_2") in kinds
+    assert pg.Model.from_json(model.to_json()) == model
+
+
+def test_two_equal_trees_have_the_energy_of_one_twice():
+    model = pg.Model.serial(3)
+    both = pg.Mechanism(model.duplicate("1"))
+    one = pg.Mechanism(model)
+    q, v = np.array([0.3, -0.2, 0.9]), np.array([1.0, 2.0, -3.0])
+    twice = both.energy(np.tile(q, 2), np.tile(v, 2))
+    assert twice == pytest.approx(2 * np.array(one.energy(q, v)), rel=1e-14)
+    assert np.count_nonzero(both.mass_matrix(np.tile(q, 2))[:3, 3:]) == 0
+
+
+def test_a_body_alone_is_duplicated_without_what_it_carries():
+    model = pg.Model.serial(4).duplicate("2", subtree=False)
+    assert names(model) == ["1", "2", "5", "3", "4"]
+    assert model.body("5").parent == "1"
+    several = pg.Model.serial(4).duplicate(["2", "3"], subtree=False)
+    assert names(several) == ["1", "2", "3", "5", "6", "4"]
+    assert several.body("6").parent == "5"
+
+
+def test_what_has_no_mirror_image_is_not_copied_and_said():
+    model = pg.Model.serial(3).edit("3", joint="spherical").edit("2", rotation=(0.6, 0.8, 0, 0))
+    model = model.replace(
+        constraints=(
+            pg.Constraint(name="rod", kind="distance", body="3", other_point=(0, 0, 1)),
+            pg.Constraint(name="pin", kind="point", body="3"),
+        ),
+        forces=(
+            pg.Force(name="motor", body="3", coordinate=0, torque=1.0),
+            pg.Force(name="wind", kind="wrench", body="3", force=(1, 0, 0)),
+        ),
+    )
+    mirrored = model.mirror("3", plane="y")
+    assert [c.name for c in mirrored.constraints] == ["rod", "pin", "pin_2"]
+    assert mirrored.notices == (
+        "constraint 'rod' was not copied: it has no mirror image here",
+        "force 'motor' was not copied: it has no mirror image here",
+        "force 'wind' was not copied: it has no mirror image here",
+    )
+
+
+def test_several_rows_move_together():
+    model = pg.Model.serial(5)
+    assert names(model.move(["4", "2"], 0)) == ["2", "4", "1", "3", "5"]
+    assert names(model.move(["1", "2"], 3)) == ["3", "4", "5", "1", "2"]
+
+
+def test_children_of_several_removed_bodies_stay_where_they_are():
+    turn = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))  # 90 degrees about z
+    model = pg.Model.serial(4).edit("2", rotation=turn)
+    left = model.remove(["3", "2"])
+    assert names(left) == ["1", "4"]
+    one_by_one = model.remove("2").remove("3").body("4")
+    assert left.body("4").parent == one_by_one.parent == "1"
+    assert np.allclose(left.body("4").link, one_by_one.link, atol=1e-15)
+    assert np.allclose(left.body("4").rotation, one_by_one.rotation, atol=1e-15)
+    assert names(model.remove(["2", "4"], children="delete")) == ["1"]
+
+
+def test_names_can_be_exchanged_and_a_tree_turned_round_in_one_edit():
+    model = pg.Model.serial(3).replace(
+        constraints=(pg.Constraint(name="pin", kind="point", body="3", other="1"),)
+    )
+    swapped = model.edit_all({"1": {"name": "3"}, "3": {"name": "1"}})
+    assert [(b.name, b.parent) for b in swapped.bodies] == [
+        ("3", "ground"), ("2", "3"), ("1", "2"),
+    ]  # fmt: skip
+    assert (swapped.constraints[0].body, swapped.constraints[0].other) == ("1", "3")
+    turned = model.edit_all({"1": {"parent": "2"}, "2": {"parent": "3"}, "3": {"parent": "ground"}})
+    assert [b.parent for b in turned.bodies] == ["2", "3", "ground"]
+
+
+def test_an_edit_of_several_bodies_is_all_or_nothing():
+    model = pg.Model.serial(3)
+    with pytest.raises(pg.ModelError, match="body '2', mass: must be"):
+        model.edit_all({"1": {"mass": 2.0}, "2": {"mass": -1.0}})
+    with pytest.raises(pg.ModelError, match="closes a cycle"):
+        model.edit_all({"1": {"parent": "3"}})
+    joints = model.edit_all({"1": {"dof": 3}, "2": {"dof": 0}})
+    assert [b.joint for b in joints.bodies] == ["spherical", "weld", "revolute"]
+    assert len(joints.notices) == 2
+
+
+@pytest.mark.parametrize(
+    ("call", "sentence"),
+    [
+        (
+            lambda m: m.mirror("1", plane="w"),
+            "body '1', plane: must be 'x', 'y' or 'z', the axis that it is normal to; given 'w'",
+        ),
+        (lambda m: m.mirror("9"), "body '9': no body has this name; choose one of 1, 2, 3"),
+        (lambda m: m.duplicate("9"), "body '9': no body has this name; choose one of 1, 2, 3"),
+        (lambda m: m.move(["1", "2"], 2), "body '1', to: must be a row from 0 to 1; given 2"),
+        (
+            lambda m: m.remove(["1"], children="keep"),
+            "body '1', children: must be 'attach' or 'delete'; given 'keep'",
+        ),
+        (
+            lambda m: m.edit_all({"9": {"mass": 1.0}}),
+            "body '9': no body has this name; choose one of 1, 2, 3",
+        ),
+    ],
+)
+def test_sentences(call, sentence):
+    with pytest.raises(pg.ModelError) as refused:
+        call(pg.Model.serial(3))
+    assert str(refused.value) == sentence
