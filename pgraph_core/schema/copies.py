@@ -119,8 +119,10 @@ class _Copy:
         own = part.touches if isinstance(part, Constraint) else (part.body, part.other)
         if self.names.keys().isdisjoint(own):
             return None
-        renamed = {key: self.names.get(getattr(part, key), getattr(part, key)) for key in PAIR}
-        if getattr(part, "coefficients", None) is not None:
+        renamed: dict[str, Any] = {
+            key: self.names.get(getattr(part, key), getattr(part, key)) for key in PAIR
+        }
+        if isinstance(part, Constraint) and part.coefficients is not None:
             coefficients = {self.names.get(k, k): x for k, x in part.coefficients.items()}
             renamed["coefficients"] = coefficients
         if self.mirror is not None:
