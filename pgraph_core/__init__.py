@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from .batch_simulation import simulate_batch as simulate_batch
     from .columns import Columns as Columns
     from .frames import frame_update_trace as frame_update_trace
+    from .joining import joined as joined
     from .mechanism import Mechanism as Mechanism
     from .mobility import Mobility as Mobility
     from .operators import home_poses as home_poses
@@ -51,6 +52,7 @@ _LAZY = {
     "simulate_batch": "batch_simulation",
     "Columns": "columns",
     "frame_update_trace": "frames",
+    "joined": "joining",
     "Mechanism": "mechanism",
     "Mobility": "mobility",
     "home_poses": "operators",

@@ -52,7 +52,7 @@ def simulate_batch(
     size = None if models else len(q)
     batch = Batch(mech, size, models=models, threads=threads, constraints=constraints)
     chosen = _given_steps(method)
-    times, substeps, width = schedule(float(t_end), float(step), frames, t_eval)
+    times, substeps, width = schedule(0.0, float(t_end), float(step), frames, t_eval)
     state = (batch.lanes("q", q, mech.nq).copy(), batch.lanes("v", v, mech.nv).copy())
     given = batch.given(tau)
     shape = (batch.blocks, len(times))

@@ -72,7 +72,7 @@ class PhasedRecording(Recording):
         self.scene.space[5][FACTORED, 2] = 0.0  # no factors of other blocks are taken for ours
         f = self.scene.sites_f
         gravity = float(np.linalg.norm(self.mech.model.gravity))
-        self._observe(0.0)
+        self._observe(self.start)
         size = float(np.max(np.abs(f[:, at.S_PLACE : at.S_PLACE + 3]), initial=0.0)) or 1.0
         speeds = np.abs(f[:, [at.S_RATE, *range(at.S_SLIP_V, at.S_SLIP_V + 3)]])
         self.speed = float(max(np.sqrt(gravity * size), np.max(speeds, initial=0.0))) or 1.0
@@ -93,11 +93,11 @@ class PhasedRecording(Recording):
                 scene.sites_i[s, at.S_FRESH] = 1
         before = scene.phase.copy()
         if hits:
-            self._impact(0.0, hits)
-        self._settle(0.0)
+            self._impact(self.start, hits)
+        self._settle(self.start)
         if self.plan.project and np.any(scene.phase != at.SWING):
             old = self.q.copy()
-            rounds = motion.projection(scene.held, 0.0, self.q, self.v, ASSEMBLY_ROUNDS)
+            rounds = motion.projection(scene.held, self.start, self.q, self.v, ASSEMBLY_ROUNDS)
             moved = float(np.max(np.abs(self.q - old), initial=0.0))
             if rounds < 0:
                 self._stop(
@@ -107,8 +107,8 @@ class PhasedRecording(Recording):
                 self.notices.append(
                     f"the initial state was moved by {moved:.3g} to meet what it touches"
                 )
-            self._observe(0.0)
-        self._note_changes(0.0, before)
+            self._observe(self.start)
+        self._note_changes(self.start, before)
 
     def _advance(self, budget: int) -> int:
         steps, plan = self.steps, self.plan

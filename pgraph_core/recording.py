@@ -111,6 +111,11 @@ class Recording:
                 return
 
     @property
+    def start(self) -> float:
+        """When the run begins [s]."""
+        return float(self.plan.times[0])
+
+    @property
     def done(self) -> int:
         """Number of frames recorded."""
         return int(self.steps.cursor[at.FRAME])
@@ -133,7 +138,7 @@ class Recording:
         code = motion.constrained_dynamics(
             self.scene.address,
             accelerate,
-            0.0,
+            self.start,
             self.q,
             self.v,
             self.scene.given,
@@ -146,7 +151,7 @@ class Recording:
         if code > 0:
             self._stop(Status.SINGULAR, str(mech.singular(code)))
         elif code < 0:
-            self._stop(Status.NOT_FINITE, f"{Status.NOT_FINITE.value} at t = 0 s")
+            self._stop(Status.NOT_FINITE, f"{Status.NOT_FINITE.value} at t = {self.start:g} s")
         elif plan.contacts is None and (said := redundancy(self.scene)):
             self.notices.append(said)
         return self.status.ok

@@ -40,6 +40,7 @@ def simulate(
     q: Any = None,
     v: Any = None,
     *,
+    t_start: float = 0.0,
     t_end: float | None = None,
     method: str | None = None,
     step: float | None = None,
@@ -54,7 +55,7 @@ def simulate(
     progress: Callable[[float], Any] | None = None,
     estimate: bool = True,
 ) -> Result:
-    """Run a mechanism from (q, v), its initial state by default, to `t_end` [s].
+    """Run a mechanism from (q, v), its initial state by default, at `t_start` to `t_end` [s].
 
     `tau` is an array (nv,) or a function f(t, q, v), called at every stage: a Python one, or one
     compiled by `numba.njit`, which costs a hundredth. `frames` is how many evenly spaced states
@@ -78,7 +79,9 @@ def simulate(
     given = mech.model.scenario(scenario) if scenario is not None else None
     if frames is not None and t_eval is not None:
         raise InputError(Problem("simulate", "frames", "give frames or t_eval, not both"))
-    t_end = _positive("t_end", t_end if t_end is not None else given.t_end if given else 1.0)
+    t_start = _start_time(t_start)
+    t_end = _end_time(t_start, t_end, given.t_end if given else 1.0)
+    span = t_end - t_start
     if stabilise not in STABILISE:
         text = f"must be 'project', 'baumgarte' or None; given {stabilise!r}"
         raise InputError(Problem("simulate", "stabilise", text))
@@ -108,24 +111,22 @@ def simulate(
     else:
         stepped = step is not None or given is not None or contacts is not None
         rest = rate
-        if rate * t_end > MANY:
+        if rate * span > MANY:
             rest = fastest_rate(mech, NO_FORCES, active, q0, v0)
-        chosen, why = automatic(
-            usual if stepped and step is None else step, rtol, rate, rest, t_end
-        )
+        chosen, why = automatic(usual if stepped and step is None else step, rtol, rate, rest, span)
     sites: tuple[Site, ...] = ()
     if contacts and impulses and chosen.name != "moreau_jean":
         contacts, sites = _in_phases(mech, contacts)
         why += ", from event to event of contacts and limits"
-    tolerance = _tolerance(chosen, t_end, step, rtol, atol, max_steps)
+    tolerance = _tolerance(chosen, span, step, rtol, atol, max_steps)
     if tolerance is None or tolerance.fixed:
         step = _positive("step", usual if step is None else step)
-        times, substeps, width = schedule(t_end, step, frames, t_eval)
+        times, substeps, width = schedule(t_start, t_end, step, frames, t_eval)
     else:
-        times = frame_times(t_end, FRAMES + 1 if frames is None else frames, t_eval)
+        times = frame_times(t_start, t_end, FRAMES + 1 if frames is None else frames, t_eval)
         substeps, width = np.zeros(0, dtype=np.int64), np.zeros(0)
     if tolerance is not None:
-        tolerance = tolerance._replace(corners=corners(mech, drives, loads, active, t_end))
+        tolerance = tolerance._replace(corners=corners(mech, drives, loads, active, t_start, t_end))
     gains = np.zeros(2)
     if stabilise == "baumgarte":
         gains = _gains(usual if step is None else step)
@@ -164,6 +165,7 @@ def simulate(
         "why": why,
         "step": _step_of(plan),
         "rtol": None if tolerance is None or tolerance.fixed else tolerance.rtol,
+        "t_start": t_start,
         "t_end": t_end,
         "stabilise": stabilise,
     }
@@ -236,44 +238,66 @@ def _step_of(plan: Plan) -> float | None:
     return plan.tolerance.widest if plan.tolerance.fixed else None
 
 
-def schedule(t_end: float, step: float, frames: Any, t_eval: Any) -> tuple[Array, Ints, Array]:
+def schedule(
+    t_start: float, t_end: float, step: float, frames: Any, t_eval: Any
+) -> tuple[Array, Ints, Array]:
     """(times, substeps, width): when to record, and how many steps of what width in between.
 
-    `times` begins at 0; where `t_eval` does not, the first frame is not for the caller.
+    `times` begins at `t_start`; where `t_eval` does not, the first frame is not for the caller.
     """
-    if t_end / step > MOST_STEPS:
-        text = f"{step:g} s makes {t_end / step:.3g} steps; give {t_end / MOST_STEPS:g} s or more"
+    span = t_end - t_start
+    if span / step > MOST_STEPS:
+        text = f"{step:g} s makes {span / step:.3g} steps; give {span / MOST_STEPS:g} s or more"
         raise InputError(Problem("simulate", "step", text))
     if frames is None:
-        steps = max(int(np.ceil(t_end / step - 1e-9)), 1)
+        steps = max(int(np.ceil(span / step - 1e-9)), 1)
         frames = steps // -(-steps // FRAMES) + 1 if t_eval is None else None
-    times = frame_times(t_end, frames, t_eval)
+    times = frame_times(t_start, t_end, frames, t_eval)
     apart = np.diff(times)
     substeps = np.maximum(np.ceil(apart / step - 1e-9), 1).astype(np.int64)
     return times, substeps, apart / substeps
 
 
-def frame_times(t_end: float, frames: Any, t_eval: Any) -> Array:
-    """When to record: `frames` times evenly from 0 to `t_end`, or those of `t_eval`."""
+def frame_times(t_start: float, t_end: float, frames: Any, t_eval: Any) -> Array:
+    """When to record: `frames` times evenly from `t_start` to `t_end`, or those of `t_eval`."""
     if t_eval is not None:
-        return _grid(t_eval, t_end)
+        return _grid(t_eval, t_start, t_end)
     if not isinstance(frames, Integral) or isinstance(frames, bool) or frames < 2:
         text = f"must be a whole number >= 2; given {frames!r}"
         raise InputError(Problem("simulate", "frames", text))
-    return np.linspace(0.0, t_end, int(frames))
+    return np.linspace(t_start, t_end, int(frames))
 
 
-def _grid(t_eval: Any, t_end: float) -> Array:
+def _grid(t_eval: Any, t_start: float, t_end: float) -> Array:
     try:
         times = np.array(t_eval, dtype=float)
     except (TypeError, ValueError):
         times = np.array(np.nan)
     if times.ndim != 1 or len(times) == 0 or not np.isfinite(times).all():
         raise InputError(Problem("simulate", "t_eval", "must be a list of finite times [s]"))
-    if np.any(np.diff(times) <= 0) or times[0] < 0 or times[-1] > t_end * (1 + 1e-12):
-        text = f"must ascend within 0 to t_end = {t_end:g} s"
+    if np.any(np.diff(times) <= 0) or times[0] < t_start or times[-1] > t_end + 1e-12 * abs(t_end):
+        text = f"must ascend within {t_start:g} to t_end = {t_end:g} s"
         raise InputError(Problem("simulate", "t_eval", text))
-    return times if times[0] == 0 else np.concatenate(([0.0], times))
+    return times if times[0] == t_start else np.concatenate(([t_start], times))
+
+
+def _start_time(value: Any) -> float:
+    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else np.nan
+    if not np.isfinite(number):
+        text = f"must be a finite number [s]; given {value!r}"
+        raise InputError(Problem("simulate", "t_start", text))
+    return number
+
+
+def _end_time(t_start: float, value: Any, duration: float) -> float:
+    """The end of a run: as given, else `duration` after the start. Raises InputError."""
+    if t_start == 0.0:
+        return _positive("t_end", duration if value is None else value)
+    number = t_start + duration if value is None else _start_time(value)
+    if not number > t_start:
+        text = f"must be a finite number > t_start = {t_start:g} [s]; given {value!r}"
+        raise InputError(Problem("simulate", "t_end", text))
+    return number
 
 
 def _positive(field: str, value: Any, *, unit: str = " [s]") -> float:

@@ -127,7 +127,8 @@ class ChosenSteps:
     def _control(self, mech: Mechanism) -> Array:
         control, given = np.zeros(at.CONTROL), self.tolerance
         control[at.RTOL], control[at.ATOL] = given.rtol, given.atol
-        control[at.WIDEST], control[at.SPAN] = given.widest, float(self.times[-1])
+        control[at.WIDEST], control[at.SPAN] = given.widest, float(np.ptp(self.times))
+        control[at.TIME] = self.times[0]
         control[at.LENGTH], control[at.LAST_ERROR] = length_of(mech), 1e-4
         control[at.JACOBIAN_RATE], control[at.JACOBIAN_AT] = 2.0, -1.0
         control[at.WIDTH] = given.widest if given.fixed else 0.0
@@ -145,7 +146,7 @@ class ChosenSteps:
 
     def fraction(self) -> float:
         """How much of the run is done, 0 to 1."""
-        return float(min(1.0, self.control[at.TIME] / self.control[at.SPAN]))
+        return float(min(1.0, (self.control[at.TIME] - self.times[0]) / self.control[at.SPAN]))
 
 
 def no_events() -> tuple[int, int, Array, Ints, Ints, Ints]:
@@ -178,7 +179,9 @@ def length_of(mech: Mechanism) -> float:
     return float(max(found))
 
 
-def corners(mech: Mechanism, drives: Drives, loads: Loads, active: Ints, t_end: float) -> Array:
+def corners(
+    mech: Mechanism, drives: Drives, loads: Loads, active: Ints, t_start: float, t_end: float
+) -> Array:
     """Times within the run at which a table of forces or of a followed motion bends [s]."""
     found = [drives[1][:, 0], loads[2][:, 0]]
     blocks = mech.blocks
@@ -188,4 +191,4 @@ def corners(mech: Mechanism, drives: Drives, loads: Loads, active: Ints, t_end: 
             if count > 0:
                 found.append(blocks.curves[first : first + count, 0])
     times = np.unique(np.concatenate(found))
-    return times[(times > 0.0) & (times < t_end)]
+    return times[(times > t_start) & (times < t_end)]

@@ -357,7 +357,7 @@ def watched(mech, q, rtol, wanted=0):
     drives = mech.drives(())
     tolerance = Tolerance(rtol, 0.0, 10.0, 10**6, np.zeros(0))
     none = np.zeros(0, dtype=np.int64)
-    times = frame_times(3.0, 31, None)
+    times = frame_times(0.0, 3.0, 31, None)
     method = pg.integrators.DOP853
     plan = Plan(
         method,
