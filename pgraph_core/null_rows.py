@@ -24,22 +24,31 @@ def redundancy(scene: Scene) -> str:
     blocks = sum(end - first for _, first, end in scene.spans)
     if count == 0 or blocks != scene.active[0]:  # contacts are among them: others than in a moment
         return ""
-    names = _rows(scene)
-    chosen = [names[r] for r in _last(scene.space[9][:count, : len(names)])]
+    rows = _rows(scene)
+    chosen = named(scene, standing_for(scene.space[9][:count, : len(rows)]))
     more = f" and {len(chosen) - LISTED} more" if len(chosen) > LISTED else ""
-    are = "row is" if len(names) == 1 else "rows is" if len(chosen) == 1 else "rows are"
+    are = "row is" if len(rows) == 1 else "rows is" if len(chosen) == 1 else "rows are"
     return (
-        f"{len(chosen)} of {len(names)} constraint {are} redundant at the start: "
+        f"{len(chosen)} of {len(rows)} constraint {are} redundant at the start: "
         f"{', '.join(chosen[:LISTED])}{more}; the forces are those of least norm"
     )
 
 
-def _last(nulls: Array) -> list[int]:
-    """Columns that stand for the null directions, from the last one on; ascending."""
+def named(scene: Scene, rows: list[int]) -> list[str]:
+    """Rows of the active constraints by direction, as they were located last."""
+    every = _rows(scene)
+    return [_name(scene, every[r]) for r in rows]
+
+
+def standing_for(nulls: Array, share: float = SHARE) -> list[int]:
+    """Columns that stand for the null directions, from the last one on; ascending.
+
+    Entries below `share` of the largest are none.
+    """
     left, found = nulls.copy(), []
     for column in range(left.shape[1] - 1, -1, -1):
         pivot = int(np.abs(left[:, column]).argmax())
-        if len(left) and abs(left[pivot, column]) > SHARE:
+        if len(left) and abs(left[pivot, column]) > share:
             found.append(column)
             row = left[pivot] / left[pivot, column]
             left = np.delete(left - np.outer(left[:, column], row), pivot, axis=0)
@@ -48,16 +57,21 @@ def _last(nulls: Array) -> list[int]:
     return found[::-1]
 
 
-def _rows(scene: Scene) -> list[str]:
-    found: list[str] = []
-    place = scene.space[4]
-    for name, first, end in scene.spans:
-        for i in range(first, end):
-            kind, size = scene.blocks.blocks_i[i, [at.B_TYPE, at.B_SIZE]].tolist()
-            for r in range(size):
-                d = place[i, at.PLACE_D + 3 * r : at.PLACE_D + 3 * r + 3]
-                found.append(f"{_direction(kind, d)} of constraint '{name}'")
-    return found
+def _rows(scene: Scene) -> list[tuple[str, int, int]]:
+    """(constraint, block, row of the block) of all rows in turn."""
+    sizes = scene.blocks.blocks_i[:, at.B_SIZE].tolist()
+    return [
+        (name, i, r)
+        for name, first, end in scene.spans
+        for i in range(first, end)
+        for r in range(sizes[i])
+    ]
+
+
+def _name(scene: Scene, row: tuple[str, int, int]) -> str:
+    constraint, i, r = row
+    d = scene.space[4][i, at.PLACE_D + 3 * r : at.PLACE_D + 3 * r + 3]
+    return f"{_direction(int(scene.blocks.blocks_i[i, at.B_TYPE]), d)} of constraint '{constraint}'"
 
 
 def _direction(kind: int, d: Array) -> str:

@@ -89,7 +89,12 @@ class PhasedScene(Scene):
         self._alive = (tree, held, both, parts)
         self._buffer = buffer()
         phases.save_phased(self._buffer, (*self._kept, parts))
-        self.address, self.held = address_of_array(self._buffer), int(links[phases.LINK_HELD])
+        self.address, self._held_address = address_of_array(self._buffer), links[phases.LINK_HELD]
+
+    @property
+    def held(self) -> int:
+        """Address of the scene whose active blocks are what is projected."""
+        return int(self._held_address)
 
     @property
     def phase(self) -> Ints:

@@ -19,6 +19,7 @@ from .mechanism import Mechanism
 from .null_rows import redundancy
 from .result import Result, Status
 from .scene import Scene
+from .singular import singular_notice
 from .stepping import Plan, stepping
 from .system import Array
 
@@ -71,6 +72,8 @@ class Recording:
         self.status, self.message = Status.DONE, Status.DONE.value
         self.notices: list[str] = []
         self._flow = np.zeros(3)
+        self._first: tuple[Array, Array] | None = None  # the state that constraints are met in
+        self._redundant = False  # whether rows say nothing new there
 
     def _new_scene(self) -> Scene:
         plan = self.plan
@@ -152,8 +155,11 @@ class Recording:
             self._stop(Status.SINGULAR, str(mech.singular(code)))
         elif code < 0:
             self._stop(Status.NOT_FINITE, f"{Status.NOT_FINITE.value} at t = {self.start:g} s")
-        elif plan.contacts is None and (said := redundancy(self.scene)):
-            self.notices.append(said)
+        elif len(plan.active):
+            self._first = self.q.copy(), self.v.copy()
+            if said := redundancy(self.scene):
+                self._redundant = True
+                self.notices.append(said)
         return self.status.ok
 
     def _stop(self, status: Status, message: str) -> None:
@@ -195,6 +201,14 @@ class Recording:
             dict(zip(tables.limits, limits)),
             pushes,
         )
+
+    def _singular(self) -> list[str]:
+        """A sentence on the singular positions that were passed, if there were any."""
+        if not self.done or self._first is None:
+            return []
+        end = self.out[0][self.done - 1], self.out[1][self.done - 1]
+        said = singular_notice(self.scene, self._first, end, self._redundant)
+        return [said] if said else []
 
     def _contact_counters(self) -> dict[str, int]:
         if self.scene.touching is None:
@@ -248,7 +262,7 @@ class Recording:
             error_estimate=estimate,
             header=header,
             left_out=left_out(self.mech, self.plan),
-            notices=(*self.notices, *self.contact_notices()),
+            notices=(*self.notices, *self._singular(), *self.contact_notices()),
         )
 
 

@@ -11,6 +11,7 @@ from .blocks import Blocks
 from .contacts import Tables, extended
 from .kernels import layout as at
 from .kernels import motion
+from .kernels.dips import LEAST
 from .kernels.handle import address_of, address_of_array, buffer
 from .system import Array, Drives, Ints, Loads
 
@@ -71,6 +72,14 @@ class Scene:
         self.active[0] = len(chosen)
         self.active[1 : len(chosen) + 1] = chosen
         self._spans = [(self.blocks.names[i], *s) for i, s in zip(constraints.tolist(), spans)]
+        self.space[5][LEAST] = np.inf
+        self.space[8][:] = 0.0
+        self.space[8][0, at.DIP_ROWS] = self.blocks.blocks_i[chosen, at.B_SIZE].sum()
+
+    @property
+    def held(self) -> int:
+        """Address of the scene whose active blocks are what is projected."""
+        return self.address
 
     @property
     def spans(self) -> list[tuple[str, int, int]]:
@@ -152,10 +161,10 @@ def space(
         np.zeros((m, m)),
         np.zeros((m, m)),
         np.zeros((count, at.PLACE)),
-        np.zeros((13, max(most + 2, nq, nv, 3))),
+        np.zeros((14, max(most + 2, nq, nv, 3))),
         np.zeros((n, 3)),
         np.zeros((n, 6)),
-        np.zeros((2, 18)),
+        np.zeros((at.DIPS if count else 1, at.DIP_STATE + max(nq + nv, 2))),
         np.zeros((m, m)),
         np.zeros(nv, dtype=np.int64),
         np.zeros((count, 9)),

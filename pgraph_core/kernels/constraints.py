@@ -17,6 +17,7 @@ from .blocks import (
     total,
     velocities,
 )
+from .dips import watch
 from .kinematics import frames, outboard, positions
 from .moving import advance
 from .paths import carry, carry_coordinates, pivots, spread
@@ -193,8 +194,9 @@ def impose(scene, t, q, v, vdot):
     for r in range(m):
         rhs[r] = -rhs[r]
     mu, count = delassus(rows, const, blocks, work, space, m)
+    watch(space, t, q, v)
     remember(vectors, q, mu, count)
-    iterations = solve_proximal(space[2], space[3], space[9], mu, count, vectors, m)
+    iterations = solve_proximal(space[2], space[3], space[9], mu, count, vectors, m, 0.0)
     respond(rows, const, blocks, work, space)
     for j in range(vdot.shape[0]):
         vdot[j] += vectors[STEP, j]
@@ -307,7 +309,7 @@ def settle(scene, t, q, v):
     rounding = NO_GAP * extent(rows, blocks, work)
     speeds(scene, t, v, RHS)
     missed = along_nulls(nulls, count, vectors[RHS], m)
-    correct(scene, mu, count, m)
+    correct(scene, mu, count, m, rounding)
     change = vectors[ZERO]
     for j in range(v.shape[0]):
         change[j] = vectors[STEP, j]
@@ -316,7 +318,7 @@ def settle(scene, t, q, v):
     open_gap = largest(vectors[RHS], m) > rounding
     if open_gap:
         missed = max(missed, along_nulls(nulls, count, vectors[RHS], m))
-        correct(scene, mu, count, m)
+        correct(scene, mu, count, m, rounding)
         step = largest(vectors[STEP], v.shape[0])
         missed = max(missed, moved * step)
         if not step < SMALL_MOVE:
@@ -354,7 +356,7 @@ def project(scene, t, q, v, rounds):
         m = located(scene, v)
         mu, count = delassus(rows, const, blocks, work, space, m)
         speeds(scene, t, v, RHS)
-        correct(scene, mu, count, m)
+        correct(scene, mu, count, m, 0.0)
         for j in range(v.shape[0]):
             v[j] += vectors[STEP, j]
         gaps(scene, t, q, RHS)
@@ -362,7 +364,7 @@ def project(scene, t, q, v, rounds):
         size = extent(rows, blocks, work)
         if gap <= NO_GAP * size:
             return taken
-        correct(scene, mu, count, m)
+        correct(scene, mu, count, m, 0.0)
         advance(rows, q, vectors[STEP], 1.0)
         if largest(vectors[STEP], v.shape[0]) < SMALL_MOVE:
             break
@@ -375,11 +377,11 @@ def project(scene, t, q, v, rounds):
 
 
 @sweep
-def correct(scene, mu, count, m):
-    """-M⁻¹ Jᵀ Ω⁺ RHS into STEP."""
+def correct(scene, mu, count, m, enough):
+    """-M⁻¹ Jᵀ Ω⁺ RHS into STEP, to what is `enough` of RHS."""
     rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
     vectors = space[5]
     for r in range(m):
         vectors[RHS, r] = -vectors[RHS, r]
-    solve_proximal(space[2], space[3], space[9], mu, count, vectors, m)
+    solve_proximal(space[2], space[3], space[9], mu, count, vectors, m, enough)
     respond(rows, const, blocks, work, space)

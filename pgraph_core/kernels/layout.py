@@ -119,9 +119,10 @@ SINE = -1
 
 # space of the constraint kernels, float64; w: most degrees of freedom on the paths of a block
 # y (nb, 3 w): what unit multipliers do in each joint; place (nb, 15): where and along what
-# omega, factor, nulls (m, m), m a multiple of 3; vectors (13, max(m, nq, 3))
+# omega, factor, nulls (m, m), m a multiple of 3; vectors (14, max(m, nq, 3))
 # linear (n + 1, 3): velocities of origins
-# whole (n + 1, 6), hold (2, 18): wrenches on their way to the ground
+# whole (n + 1, 6): wrenches on their way to the ground
+# dips (9, 5 + nq + nv): of the pivots of Ω in a run; row 0 counts, the others are the first ones
 # own (nb, 9): a block's part of omega
 # slots, int64 (nb, w + 2): number of joints, first row, then their indices into v
 PLACE_P, PLACE_D, PLACE_Q = 0, 3, 12  # 3 on A, 9, 3 on B
@@ -130,6 +131,10 @@ PLACE = 15
 HAS_CONTACTS, THEIR_SEARCH, THEIR_FORCES, THEIR_RECORD, THEIR_SETTLE = 0, 1, 2, 3, 4
 THEIR_CONSTRAINTS = 5
 SLOTS, FIRST, SLOT = 0, 1, 2
+DIP_DEPTH, DIP_TIME, DIP_APART, DIP_STATE = 0, 1, 2, 3  # largest pivot over it; of the deepest
+# place: its time, time since the evaluation before [s], q and v; of row 0: of the last evaluation
+DIP_COUNT, DIP_ROWS, DIP_INSIDE = 0, 3, 4  # of row 0: dips, rows to watch, whether one is under way
+DIPS = 9
 
 # loads: forces between two bodies, or on one; loads_i: int64 (nl, 8)
 L_TYPE, L_A, L_B, L_FRAME, L_KNOT, L_KNOTS = 0, 1, 2, 3, 4, 5

@@ -17,6 +17,7 @@ from . import layout as at
 from ._jit import kernel, part, sweep
 from .blocks import locate, residual_acceleration, slip, velocities
 from .constraints import couplings, number_rows, respond, unit_responses
+from .dips import watch
 from .handle import stored
 from .kinematics import positions
 from .motion import ACCELERATION, F2, F3, I1, I2, SCENE, call_acceleration
@@ -101,6 +102,7 @@ def phased_acceleration(scene, t, q, v, tau, vdot, flow):
     couplings(blocks, space)
     flow[2] = 0.0
     flow[1] += solve_phased(blocks, work, space, sites, m, flow)
+    watch(space, t, q, v)  # rows of constraints come first: their pivots know nothing of sites
     respond(rows, const, blocks, work, space)
     for j in range(vdot.shape[0]):
         vdot[j] += vectors[STEP, j]
@@ -129,7 +131,7 @@ def solve_phased(blocks, work, space, sites, m, flow):
         for j in range(k + 1):
             for r in range(held):
                 vectors[RHS, r] = columns[j, r]
-            flow[2] += solve_proximal(omega, factor, nulls, mu, count, vectors, held)
+            flow[2] += solve_proximal(omega, factor, nulls, mu, count, vectors, held, 0.0)
             for r in range(held):
                 columns[k + 1 + j, r] = lam[r]
     if k == 0:

@@ -211,10 +211,11 @@ def remainder(omega, rhs, lam, out, end):
 
 
 @sweep
-def solve_proximal(omega, factor, nulls, mu, count, vectors, m):
+def solve_proximal(omega, factor, nulls, mu, count, vectors, m, enough):
     """λ of least norm with Ω λ = RHS, by refinement of the proximal solve; iterations taken.
 
-    Corrections shrink by a constant ratio: the one that would be rounding is not computed.
+    Corrections shrink by a constant ratio: the one that would be rounding is not computed. The
+    first solve leaves μ λ of RHS: where that is `enough`, it is the last.
     """
     rhs = vectors[RHS]
     lam = vectors[LAMBDA]
@@ -229,6 +230,8 @@ def solve_proximal(omega, factor, nulls, mu, count, vectors, m):
     size = solve_factor(factor, lam, m)
     last = size
     taken = 1
+    if mu * size <= enough:
+        return taken
     while taken < REFINEMENTS and last > 0.0:
         remainder(omega, rhs, lam, change, end)
         largest = solve_factor(factor, change, m)

@@ -264,6 +264,8 @@ def test_a02_four_bar_windows_pass_their_singular_positions(windows):
     done = run(model, t, np.zeros(len(bodies)), v)
     assert worst(place(done, "crank 0", (0, 1, 0))[:, 0], reference["x_B0"]) < 1e-6
     assert done.energy_drift < 1e-8
+    assert "the run passed a singular position" in done.notices[1]
+    assert "translation along x of constraint 'loop 0'" in done.notices[1]
 
 
 def test_a_stiff_spring_pendulum_at_a_step_that_resolves_it():

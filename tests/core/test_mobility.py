@@ -258,3 +258,68 @@ def test_redundant_rows_are_said_once_at_the_start():
         "forces are those of least norm",
     )
     assert pg.simulate(mechanism("rolling_disc"), t_end=0.01).notices == ()
+
+
+def test_redundant_rows_are_said_where_something_touches_too():
+    model = pg.Model.load(static_models.path("slider_crank"))
+    soft = pg.Contact(name="floor", body="rod", law="soft", points=((0, 0, 0),))
+    for contact in (soft, like(soft, law="complementarity")):
+        mech = pg.Mechanism(model.replace(contacts=(contact,)))
+        said = pg.simulate(mech, scenario="turn", t_end=0.01, method="auto").notices
+        assert said[0].startswith("3 of 5 constraint rows are redundant at the start: ")
+
+
+# -- singular positions on the way ---------------------------------------------------------------
+
+MORE = (
+    "translation along x of constraint 'loop' says nothing new there, so that more than one "
+    "motion leads on; it took the one that its velocity or rounding was on, and its error "
+    "estimate may be too low"
+)
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        {"method": "rk4", "step": 1e-3},
+        {"method": "rk4", "step": 2e-2},
+        {"method": "dop853", "rtol": 1e-8},
+        {"method": "radau5", "rtol": 1e-6},
+        {"method": "semi_implicit_euler", "step": 1e-3},
+    ],
+)
+def test_a_singular_position_on_the_way_is_said_with_its_time(how):
+    """The parallelogram is flat where its crank lies along x, whatever the steps hit."""
+    mech = mechanism("four_bar")
+    done = pg.simulate(mech, scenario="turn", t_end=1.0, frames=10001, **how)
+    when = np.interp(np.pi / 2, np.abs(done.q[:, 0]), done.t)
+    said = done.notices[1]
+    assert said.startswith(f"at t = {when:.3g}")
+    assert "s the run passed a singular position or close by one: " in said
+    assert said.endswith(MORE)
+
+
+def test_singular_positions_are_counted():
+    said = pg.simulate(mechanism("four_bar"), scenario="turn", t_end=3.0).notices
+    assert "passed a singular position, the first of 3, or close by one" in said[1]
+
+
+def test_a_run_that_begins_at_a_singular_position_says_so():
+    done = pg.simulate(mechanism("four_bar"), FLAT, np.zeros(3), step=1e-3)
+    assert done.notices[1] == f"the run began at a singular position: {MORE}"
+
+
+@pytest.mark.parametrize("name", ["bricard", "quadruped", "slider_crank", "andrews"])
+def test_positions_that_are_regular_are_not_called_singular(name):
+    """Redundant all the way, or nowhere; rows that take each other's place are sorted out."""
+    mech = mechanism(name)
+    for scenario in (None, *(s.name for s in mech.model.scenarios)):
+        said = pg.simulate(mech, scenario=scenario).notices
+        assert not any("singular" in notice for notice in said)
+
+
+def test_a_crank_that_turns_back_before_the_flat_position_passes_none():
+    mech = mechanism("four_bar")
+    v = np.array([-1.0, 1.0, -1.0])
+    done = pg.simulate(mech, FLAT + 0.1 * ALONG, -1e-3 * v, t_end=0.5, method="rk4", step=1e-3)
+    assert not any("singular" in notice for notice in done.notices)
