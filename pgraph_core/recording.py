@@ -19,7 +19,7 @@ from .mechanism import Mechanism
 from .null_rows import redundancy
 from .result import Result, Status
 from .scene import Scene
-from .singular import singular_notice
+from .singular import Instant, singular_notice
 from .stepping import Plan, stepping
 from .system import Array
 
@@ -72,7 +72,7 @@ class Recording:
         self.status, self.message = Status.DONE, Status.DONE.value
         self.notices: list[str] = []
         self._flow = np.zeros(3)
-        self._first: tuple[Array, Array] | None = None  # the state that constraints are met in
+        self._first: Instant | None = None  # the state that constraints are met in
         self._redundant = False  # whether rows say nothing new there
 
     def _new_scene(self) -> Scene:
@@ -156,7 +156,7 @@ class Recording:
         elif code < 0:
             self._stop(Status.NOT_FINITE, f"{Status.NOT_FINITE.value} at t = {self.start:g} s")
         elif len(plan.active):
-            self._first = self.q.copy(), self.v.copy()
+            self._first = self.start, self.q.copy(), self.v.copy()
             if said := redundancy(self.scene):
                 self._redundant = True
                 self.notices.append(said)
@@ -206,7 +206,8 @@ class Recording:
         """A sentence on the singular positions that were passed, if there were any."""
         if not self.done or self._first is None:
             return []
-        end = self.out[0][self.done - 1], self.out[1][self.done - 1]
+        last = self.done - 1
+        end = float(self.steps.times[last]), self.out[0][last], self.out[1][last]
         said = singular_notice(self.scene, self._first, end, self._redundant)
         return [said] if said else []
 

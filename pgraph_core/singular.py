@@ -27,6 +27,9 @@ LISTED = 4
 SHARE = 1e-2  # of the largest: an entry of a direction that is null but for a thousandth
 
 
+Instant = tuple[float, Array, Array]  # t, q, v
+
+
 class Passed(NamedTuple):
     """A singular position on the way of a run."""
 
@@ -103,18 +106,16 @@ def _touched(look: _Look, width: float) -> Passed | None:
     return look.only_there(tau, usual[:, :nulls])
 
 
-def _began(scene: Scene, start: tuple[Array, Array], end: tuple[Array, Array]) -> Passed | None:
+def _began(scene: Scene, start: Instant, end: Instant) -> Passed | None:
     """The initial position, where rows are null that are not at the end of the run."""
-    values, usual = _Look(scene, 0.0, *end).eigen(0.0)
-    return _Look(scene, 0.0, *start).only_there(0.0, usual[:, values < TOUCHES])
+    values, usual = _Look(scene, *end).eigen(0.0)
+    return _Look(scene, *start).only_there(0.0, usual[:, values < TOUCHES])
 
 
-def singular_notice(
-    scene: Scene, start: tuple[Array, Array], end: tuple[Array, Array], redundant: bool
-) -> str:
+def singular_notice(scene: Scene, start: Instant, end: Instant, redundant: bool) -> str:
     """What a person should know of the singular positions that a run passed; "" if none.
 
-    `start` and `end` are states; `redundant`: whether rows were at the start.
+    `start` and `end` are those of the run; `redundant`: whether rows were at the start.
     """
     dips = int(scene.space[8][0, at.DIP_COUNT])
     places = passed(scene) if dips else []
