@@ -193,7 +193,7 @@ MODELS: list[tuple[dict[str, Any], list[str]]] = [
         {"gravty": [0, 0, 0]},
         [
             "model, gravty: no such field; did you mean gravity? choose from name, up, gravity, "
-            "ground, bodies, constraints, contacts, forces, scenarios"
+            "ground, parameters, bodies, constraints, contacts, forces, scenarios, formulas"
         ],
     ),
     (
@@ -324,12 +324,12 @@ FILES: list[tuple[bytes, str]] = [
     (b"[]", ": must hold a JSON object with the fields of a model; given []"),
     (b"3", ": must hold a JSON object with the fields of a model; given 3"),
     (
-        b'{"schema_version": 2}',
-        ", schema_version: is 2, newer than 1, the newest known; update Pgraph",
+        b'{"schema_version": 3}',
+        ", schema_version: is 3, newer than 2, the newest known; update Pgraph",
     ),
     (
         b'{"schema_version": 99, "later": 1}',
-        ", schema_version: is 99, newer than 1, the newest known; update Pgraph",
+        ", schema_version: is 99, newer than 2, the newest known; update Pgraph",
     ),
     (b'{"schema_version": "1"}', ", schema_version: must be a whole number >= 1; given '1'"),
     (b'{"schema_version": 0}', ", schema_version: must be a whole number >= 1; given 0"),

@@ -12,20 +12,23 @@ from typing import TYPE_CHECKING, Any
 from ..errors import FileError, Problem
 from .body_checks import PER_MOTION
 from .force import TAKES
+from .parameters import inlined
 from .sentences import shown
 from .world import Ground
 
 if TYPE_CHECKING:
     from .model import Model
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2  # 1: without parameters and formulas; nothing else differs
 SCHEMA = "pgraph-model"
 
 
 def to_json(model: Model) -> str:
     """JSON text of a model, without what a body would have anyway (its kind's motions, zeros)."""
-    data = {"$schema": SCHEMA, "schema_version": SCHEMA_VERSION}
+    version = SCHEMA_VERSION if model.parameters else 1  # the oldest that can read it
+    data = {"$schema": SCHEMA, "schema_version": version}
     data |= model.model_dump(mode="json", exclude_none=True)
+    _put_formulas(data, model)
     data["bodies"] = [_concise(body) for body in data["bodies"]]
     data["forces"] = [_of_kind(force) for force in data["forces"]]
     for scenario in data["scenarios"]:
@@ -34,6 +37,8 @@ def to_json(model: Model) -> str:
         del data["ground"]
     if not model.contacts:
         del data["contacts"]
+    if not model.parameters:
+        del data["parameters"]
     lines = []
     for key, value in data.items():
         if isinstance(value, list) and value and isinstance(value[0], dict):
@@ -42,6 +47,15 @@ def to_json(model: Model) -> str:
         else:
             lines.append(f"  {json.dumps(key)}: {json.dumps(value)}")
     return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _put_formulas(data: dict[str, Any], model: Model) -> None:
+    """Each formula into its own cell."""
+    del data["formulas"]
+    for formula in model.formulas:
+        items = data[formula.part]
+        i = next(i for i, item in enumerate(items) if item["name"] == formula.name)
+        items[i] = inlined(items[i], [formula])
 
 
 def _concise(body: dict[str, Any]) -> dict[str, Any]:

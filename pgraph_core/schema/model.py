@@ -23,6 +23,15 @@ from .force import Force
 from .loops import cut_joint
 from .mirror import Mirror, other_side
 from .names import GROUND
+from .parameters import (
+    Formula,
+    cells_of,
+    followed,
+    formulas_in,
+    inlined,
+    resolved,
+    still_true,
+)
 from .problems import PARTS, problems
 from .scenario import Scenario
 from .sentences import shown
@@ -48,10 +57,11 @@ class Model(World):
     contacts: tuple[Contact, ...] = Field(default=(), description="a list of contacts")
     forces: tuple[Force, ...] = Field(default=(), description="a list of forces")
     scenarios: tuple[Scenario, ...] = Field(default=(), description="a list of scenarios")
+    formulas: tuple[Formula, ...] = Field(default=(), description="formulas of cells")
 
     def __init__(self, /, **data: Any):
         """A validated model. Raises ModelError with every problem found."""
-        data = {key: listed(value) for key, value in data.items()}
+        data = resolved({key: listed(value) for key, value in data.items()})
         try:
             super(World, self).__init__(**data)
         except (ValidationError, ModelError):
@@ -129,6 +139,8 @@ class Model(World):
         is the one in the tree; the others close loops, cut at joints like the body's own.
         Raises ModelError; this model stays as it is.
         """
+        if any(formulas_in(changes)):
+            return self._with_formulas(name, changes)
         old = self.body(name)
         if isinstance(parents := listed(changes.get("parent")), tuple):
             return self._with_parents(name, parents, changes)
@@ -147,6 +159,7 @@ class Model(World):
                 text = f"'{new.name}' is already the name of row {self.row[new.name] + 1}"
                 raise ModelError(Problem(f"body '{name}'", "name", f"{text}; choose another"))
             parts = renamed_all({**self._others(), **parts}, {old.name: new.name})
+            parts["formulas"] = followed(self.formulas, (), {old.name: new.name})
         return self._with(notices, **parts)
 
     def close_loop(
@@ -181,6 +194,17 @@ class Model(World):
         notices = (*self.notices, f"{text}'{cut.name}'")
         return self._with(notices, constraints=(*self.constraints, cut))
 
+    def _with_formulas(self, name: str, changes: Mapping[str, Any]) -> Self:
+        """The edit of a body that is given formulas in place of some of its numbers."""
+        self.body(name)
+        numbers, new = cells_of({name: changes}, self.parameters)
+        model = self.edit(name, **numbers[name])
+        called = {name: changes.get("name", name)}
+        formulas = followed(model.formulas, followed((), new, called), {})
+        if model is self and formulas == self.formulas:
+            return self
+        return model._made(model.notices, formulas=formulas)
+
     def _with_parents(
         self, name: str, parents: tuple[Any, ...], changes: Mapping[str, Any]
     ) -> Self:
@@ -206,7 +230,10 @@ class Model(World):
         """
         for name in changes:
             self.body(name)
-        parts, notices = edited_all(self.bodies, self._others(), changes)
+        numbers, new = cells_of(changes, self.parameters)
+        parts, notices = edited_all(self.bodies, self._others(), numbers)
+        names = {name: fields.get("name", name) for name, fields in changes.items()}
+        parts["formulas"] = followed(self.formulas, new, names)
         return self._with(notices, **parts)
 
     def remove(
@@ -258,6 +285,8 @@ class Model(World):
 
     def _copied(self, names: Mapping[str, str], root: Body, mirror: Mirror | None = None) -> Self:
         parts, notices = copied({**self._others(), "bodies": self.bodies}, root, names, mirror)
+        own = (f for f in self.formulas if f.part == "bodies" and f.name in names)
+        parts["formulas"] = (*self.formulas, *followed((), own, names))
         return self._with(notices, **parts)
 
     def move(self, name: str | Iterable[str], /, to: int) -> Self:
@@ -282,7 +311,17 @@ class Model(World):
         """
         if "up" in fields and self.gravity == DOWN[self.up]:
             fields = {"gravity": None, **fields}
+        if self.formulas and not {"formulas", "parameters"} & fields.keys():
+            now = {**fields_of(self), **fields}
+            fields = {**fields, "formulas": still_true(self.formulas, now, self.parameters)}
         return type(self)(**{**fields_of(self), **fields})
+
+    def cells(
+        self, part: Body | Constraint | Contact | Force, kind: str = "bodies", /
+    ) -> dict[str, Any]:
+        """The fields of a part, with its formulas in their cells: what a file holds."""
+        mine = (f for f in self.formulas if (f.part, f.name) == (kind, part.name))
+        return inlined(part, mine)
 
     def _with(self, notices: Iterable[str], **fields: Any) -> Self:
         """A copy with validated parts replaced: only what ties the parts together is checked."""
@@ -293,6 +332,9 @@ class Model(World):
 
     def _made(self, notices: Iterable[str], **fields: Any) -> Self:
         """A copy with parts replaced, for which nothing has to be checked."""
+        if formulas := fields.get("formulas", self.formulas):
+            now = {**self._others(), "bodies": self.bodies, **fields}
+            fields = {**fields, "formulas": still_true(formulas, now, self.parameters)}
         model = self.model_copy(update=fields)
         vars(model)["notices"] = tuple(notices)  # beside the fields: equality ignores it
         return model

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from .fields import Described, Frozen, Number, Vec3, listed, refuse
+from .parameters import name_problems
 from .sentences import shown
 
 DOWN: dict[str, Vec3] = {"x": (-9.81, 0.0, 0.0), "y": (0.0, -9.81, 0.0), "z": (0.0, 0.0, -9.81)}
@@ -68,6 +69,9 @@ class World(Described):
     up: Literal["x", "y", "z"] = Field(default="z", description="'x', 'y' or 'z'")
     gravity: Vec3 = Field(default=DOWN["z"], description="three finite numbers [x, y, z] [m/s^2]")
     ground: Ground = Field(default=Ground(), description="the ground: {'slope': ..., 'steps': ...}")
+    parameters: dict[str, Number] = Field(
+        default={}, description="names and finite numbers, for formulas such as '=thigh/2'"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -82,6 +86,11 @@ class World(Described):
         if uphill is not None and not 1e-9 < math.hypot(*_level(self.up, uphill)) < 1e9:
             text = f"uphill must have a part that is not along up ({self.up})"
             refuse([("ground", f"{text}; given {shown(uphill)}")])
+        return self
+
+    @model_validator(mode="after")
+    def _parameters_usable(self) -> Self:
+        refuse(name_problems(self.parameters))
         return self
 
     @property

@@ -1,0 +1,329 @@
+"""Named numbers that cells share, and the formulas that use them: '=thigh/2' in place of a number.
+
+A model holds numbers everywhere; its formulas stand beside them, each with the place of its cell.
+In a file a formula stands in the cell itself. A cell that gets another number loses its formula.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import operator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, Literal
+
+from pydantic import Field, ValidationError
+
+from ..errors import ModelError, Problem, choices
+from .fields import Frozen, fields_of
+from .sentences import shown
+
+PartKind = Literal["bodies", "constraints", "contacts", "forces"]
+KINDS: tuple[PartKind, ...] = ("bodies", "constraints", "contacts", "forces")
+TEXT = {  # fields that hold words, of parts and what is in them
+    "name", "parent", "joint", "kind", "body", "other", "law", "frame", "file",
+}  # fmt: skip
+DIRECTIONS = {"axes", "motions"}  # stand twice in a body, so that a formula would have two places
+LONGEST = 200  # characters of a formula
+LONGEST_NAME = 60
+
+Path = tuple[str | int, ...]
+OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+    ast.UAdd: operator.pos,
+    ast.USub: operator.neg,
+}
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "tan": math.tan,
+    "asin": math.asin, "acos": math.acos, "atan": math.atan, "abs": abs, "min": min, "max": max,
+}  # fmt: skip
+CONSTANTS = {"pi": math.pi}
+
+
+class Formula(Frozen):
+    """What a cell holds in place of a number, and where the cell is."""
+
+    part: PartKind = Field(description="one of " + ", ".join(KINDS))
+    name: str = Field(description="the name of the part")
+    path: tuple[str | int, ...] = Field(description="a field, and what leads into it")
+    text: str = Field(description="'=' and an expression")
+
+    @property
+    def where(self) -> str:
+        """As a Problem names the part."""
+        return f"{_WORD[self.part]} {shown(self.name)}"
+
+
+_WORD = {
+    "bodies": "body",
+    "constraints": "constraint",
+    "contacts": "contact",
+    "forces": "force",
+}
+
+
+def is_formula(value: Any) -> bool:
+    """Whether a cell's content is a formula."""
+    return isinstance(value, str) and value.lstrip().startswith("=")
+
+
+def evaluated(text: str, parameters: Mapping[str, float]) -> float:
+    """The finite number that '=...' stands for. Raises ValueError with a sentence."""
+    given = shown(text.strip())
+    if len(text) > LONGEST:
+        raise ValueError(f"a formula has at most {LONGEST} characters; given {len(text)}")
+    try:
+        tree = ast.parse(text.strip().removeprefix("=").strip(), mode="eval")
+        result = _value(tree.body, parameters)
+    except (SyntaxError, MemoryError, RecursionError):
+        do = "write it as =thigh/2 or =2*(a + b), with + - * / ** and parentheses"
+        raise ValueError(f"{given} is no formula; {do}") from None
+    except ZeroDivisionError:
+        raise ValueError(f"{given} divides by zero") from None
+    except OverflowError:
+        raise ValueError(f"{given} is too large for a number") from None
+    except (TypeError, _Undefined):
+        raise ValueError(f"{given} has no value") from None
+    if isinstance(result, complex) or not math.isfinite(result):
+        raise ValueError(f"{given} is no finite number")
+    return float(result)
+
+
+class _Undefined(Exception):
+    """A function outside of where it is defined."""
+
+
+def _value(node: ast.AST, parameters: Mapping[str, float]) -> float:
+    match node:
+        case ast.Constant(value=bool()):
+            raise SyntaxError
+        case ast.Constant(value=int() | float() as number):
+            return float(number)
+        case ast.Name(id=name):
+            return _named(name, parameters)
+        case ast.UnaryOp(op=op, operand=x) if type(op) in OPERATORS:
+            return OPERATORS[type(op)](_value(x, parameters))
+        case ast.BinOp(left=a, op=op, right=b) if type(op) in OPERATORS:
+            return OPERATORS[type(op)](_value(a, parameters), _value(b, parameters))
+        case ast.Call(func=ast.Name(id=name), args=args, keywords=[]) if name in FUNCTIONS:
+            values = [_value(a, parameters) for a in args]
+            try:
+                return FUNCTIONS[name](*values)
+            except ValueError:
+                raise _Undefined from None
+        case _:
+            raise SyntaxError
+
+
+def _named(name: str, parameters: Mapping[str, float]) -> float:
+    if name in parameters:
+        return parameters[name]
+    if name in CONSTANTS:
+        return CONSTANTS[name]
+    do = f"choose one of {choices(parameters)}" if parameters else "the model has none yet"
+    raise ValueError(f"no parameter is named {shown(name)}; {do}")
+
+
+def names_in(text: str) -> set[str]:
+    """The names that a formula uses; none where it is no formula."""
+    try:
+        tree = ast.parse(text.strip().removeprefix("=").strip(), mode="eval")
+    except (SyntaxError, ValueError, MemoryError, RecursionError):
+        return set()
+    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+
+
+def name_problems(parameters: Mapping[str, float]) -> list[tuple[str, str]]:
+    """Names that a formula could not use."""
+    found = []
+    for name in parameters:
+        if name in FUNCTIONS or name in CONSTANTS:
+            text = f"{shown(name)} has a meaning of its own in formulas; choose another name"
+        elif not name.isidentifier() or len(name) > LONGEST_NAME or not _usable(name):
+            text = f"a parameter's name is one word of letters, digits and _; given {shown(name)}"
+        else:
+            continue
+        found.append(("parameters", text))
+    return found
+
+
+def _usable(name: str) -> bool:
+    """Whether the name is itself in a formula: no keyword, no letter that Python writes anew."""
+    return names_in(name) == {name}
+
+
+# -- formulas in the fields of a model ---------------------------------------------------------
+
+
+def resolved(data: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a model with a number for each formula, and all formulas beside them.
+
+    Formulas stand in the cells of parts given as dictionaries, or under "formulas".
+    Raises ModelError with every formula that has no value.
+    """
+    given = [_formula(item) for item in data.get("formulas", ())]
+    parts = {kind: data.get(kind, ()) for kind in KINDS}
+    inline = [f for kind in KINDS for f in _inline(kind, parts[kind])]
+    if not given and not inline:
+        return dict(data)
+    places = {(f.part, f.name, f.path): f for f in (*given, *inline)}
+    parameters = _numbers(data.get("parameters"))
+    values: dict[tuple[str, str], dict[Path, float]] = {}
+    problems = []
+    for (part, name, path), formula in places.items():
+        try:
+            if path[0] in DIRECTIONS:
+                raise ValueError(f"a direction takes numbers; given {shown(formula.text)}")
+            values.setdefault((part, name), {})[path] = evaluated(formula.text, parameters)
+        except ValueError as error:
+            problems.append(Problem(formula.where, str(path[0]), str(error)))
+    if problems:
+        raise ModelError(problems)
+    filled = {
+        kind: tuple(_filled(item, values.get((kind, _name(item)), {})) for item in parts[kind])
+        for kind in {f.part for f in places.values()}
+    }
+    return {**data, **filled, "formulas": ordered(places.values())}
+
+
+def _formula(item: Any) -> Formula:
+    try:
+        return item if isinstance(item, Formula) else Formula(**item)
+    except (ValidationError, TypeError):
+        text = f"needs part, name, path and text; given {shown(item)}"
+        raise ModelError(Problem("model", "formulas", text)) from None
+
+
+def _numbers(parameters: Any) -> dict[str, float]:
+    """Those of the parameters that are numbers; the others are refused by their own field."""
+    if not isinstance(parameters, Mapping):
+        return {}
+    return {
+        key: float(x)
+        for key, x in parameters.items()
+        if isinstance(x, (int, float)) and not isinstance(x, bool)
+    }
+
+
+def _name(item: Any) -> str:
+    name = item.get("name") if isinstance(item, Mapping) else getattr(item, "name", "")
+    return name if isinstance(name, str) else ""
+
+
+def _inline(kind: PartKind, items: Any) -> Iterator[Formula]:
+    for item in items if isinstance(items, (list, tuple)) else ():
+        if isinstance(item, Mapping):
+            for path, text in formulas_in(item):
+                yield Formula(part=kind, name=_name(item), path=path, text=text)
+
+
+def formulas_in(value: Any, path: Path = ()) -> Iterator[tuple[Path, str]]:
+    """The formulas in the cells of a dictionary, with the paths of their cells."""
+    if is_formula(value):
+        yield path, value.strip()
+    elif isinstance(value, Mapping):
+        for key, x in value.items():
+            if key not in TEXT:
+                yield from formulas_in(x, (*path, str(key)))
+    elif isinstance(value, (list, tuple)):
+        for i, x in enumerate(value):
+            yield from formulas_in(x, (*path, i))
+
+
+def _filled(item: Any, values: Mapping[Path, float]) -> Any:
+    """A part with these numbers in its cells; validated anew where it was."""
+    new = {path: x for path, x in values.items() if not _holds(at(item, path), x)}
+    if not new:
+        return item
+    data = item if isinstance(item, Mapping) else fields_of(item)
+    for path, x in new.items():
+        data = put(data, path, x)
+    return data if isinstance(item, Mapping) else type(item)(**data)
+
+
+def at(value: Any, path: Sequence[str | int]) -> Any:
+    """What stands at a path; None where there is nothing."""
+    for step in path:
+        if isinstance(value, Mapping):
+            value = value.get(step)
+        elif isinstance(value, (list, tuple)) and isinstance(step, int) and step < len(value):
+            value = value[step]
+        else:
+            value = getattr(value, str(step), None)
+    return value
+
+
+def put(value: Any, path: Sequence[str | int], new: Any) -> Any:
+    """`value` with `new` at a path; parts on the way become dictionaries."""
+    if not path:
+        return new
+    first, rest = path[0], path[1:]
+    if isinstance(value, (list, tuple)) and isinstance(first, int) and first < len(value):
+        return (*value[:first], put(value[first], rest, new), *value[first + 1 :])
+    data = fields_of(value) if isinstance(value, Frozen) else dict(value or {})
+    return {**data, str(first): put(data.get(str(first)), rest, new)}
+
+
+def inlined(part: Any, formulas: Iterable[Formula]) -> dict[str, Any]:
+    """The fields of a part with its formulas in their cells, as a file has them."""
+    data = dict(part) if isinstance(part, Mapping) else fields_of(part)
+    for formula in formulas:
+        data = put(data, formula.path, formula.text)
+    return data
+
+
+def cells_of(
+    changes: Mapping[str, Mapping[str, Any]], parameters: Mapping[str, float]
+) -> tuple[dict[str, dict[str, Any]], tuple[Formula, ...]]:
+    """Changes of bodies by name with numbers for formulas, and the formulas. Raises ModelError."""
+    rows = tuple({**fields, "name": name} for name, fields in changes.items())
+    if not any(any(formulas_in(row)) for row in rows):
+        return {name: dict(fields) for name, fields in changes.items()}, ()
+    filled = resolved({"bodies": rows, "parameters": parameters})
+    numbers = {
+        name: {key: row[key] if key != "name" else fields[key] for key in fields}
+        for (name, fields), row in zip(changes.items(), filled["bodies"])
+    }
+    return numbers, filled["formulas"]
+
+
+def followed(
+    formulas: Iterable[Formula], new: Iterable[Formula], names: Mapping[str, str]
+) -> tuple[Formula, ...]:
+    """Formulas after an edit: new ones in place of old ones, under the new names of bodies."""
+    cells = {(f.part, f.name, f.path): f for f in (*formulas, *new)}
+    return ordered(
+        f.model_copy(update={"name": names.get(f.name, f.name)}) if f.part == "bodies" else f
+        for f in cells.values()
+    )
+
+
+def still_true(
+    formulas: Iterable[Formula], parts: Mapping[str, Sequence[Any]], parameters: Mapping[str, float]
+) -> tuple[Formula, ...]:
+    """Those whose cell is there and holds their number."""
+    named: dict[str, dict[str, Any]] = {}
+    kept = []
+    for f in formulas:
+        if f.part not in named:
+            named[f.part] = {_name(item): item for item in parts[f.part]}
+        value = at(named[f.part].get(f.name), f.path)
+        if value == f.text or _holds(value, evaluated(f.text, parameters)):
+            kept.append(f)
+    return ordered(kept)
+
+
+def ordered(formulas: Iterable[Formula]) -> tuple[Formula, ...]:
+    """In an order that does not hang on how the model came to be."""
+    return tuple(sorted(formulas, key=lambda f: (KINDS.index(f.part), f.name, *map(str, f.path))))
+
+
+def _holds(value: Any, number: float) -> bool:
+    """Whether a cell has this number, or a field that takes one for all has it everywhere."""
+    if isinstance(value, tuple) and value:
+        return all(x == number for x in value)
+    return value == number

@@ -1,0 +1,202 @@
+"""Named parameters: one number for many cells, in files and through every edit."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import pgraph_core as pg
+from pgraph_core.schema.parameters import evaluated, names_in
+
+NAMES = {"a": 2.0, "thigh": 0.22, "n": -3.0}
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("=thigh", 0.22),
+        ("= thigh/2 ", 0.11),
+        ("=-(a + n)*3", 3.0),
+        ("=a**3 - 1e-3", 7.999),
+        ("=sqrt(a*2) + max(1, 2, a)", 4.0),
+        ("=30*pi/180", math.pi / 6),
+        ("=1e-6", 1e-6),
+    ],
+)
+def test_a_formula_has_the_value_of_its_arithmetic(text, value):
+    assert evaluated(text, NAMES) == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("=thig", "no parameter is named 'thig'; choose one of a, thigh, n"),
+        ("=1/(a-2)", "divides by zero"),
+        ("=1e400", "no finite number"),
+        ("=9**9**9**9", "too large"),
+        ("=n**0.5", "no finite number"),
+        ("=sqrt(n)", "has no value"),
+        ("=sqrt()", "has no value"),
+        ("=", "is no formula"),
+        ("=a b", "is no formula"),
+        ("=__import__('os').system('ls')", "is no formula"),
+        ("=a.real", "is no formula"),
+        ("=True", "is no formula"),
+        ("=[1][0]", "is no formula"),
+        ("=" + "(" * 190, "is no formula"),
+        ("=" + "1+" * 5000 + "1", "at most 200 characters"),
+        ("=\0", "is no formula"),
+    ],
+)
+def test_what_is_no_formula_is_a_sentence(text, part):
+    with pytest.raises(ValueError, match=r"\w") as error:
+        evaluated(text, NAMES)
+    assert part in str(error.value)
+
+
+@given(st.text(max_size=60))
+def test_any_text_is_a_number_or_a_sentence(text):
+    try:
+        found = evaluated(f"={text}", NAMES)
+    except ValueError as error:
+        found = str(error)
+    assert len(found) > 10 if isinstance(found, str) else math.isfinite(found)
+
+
+@pytest.fixture
+def legs():
+    """Two legs of one thigh length."""
+    chain = pg.Model.serial(3).replace(parameters={"thigh": 0.22, "heavy": 2.0})
+    chain = chain.edit("1", tip=("=thigh", 0.0, 0.0), mass="=heavy")
+    return chain.edit("2", link=("=thigh", 0, 0), com=("=thigh/2", 0, 0), damping="=heavy/100")
+
+
+def test_one_parameter_changes_every_cell_that_uses_it(legs):
+    longer = legs.replace(parameters={**legs.parameters, "thigh": 0.3})
+    assert longer.body("1").tip == (0.3, 0, 0)
+    assert longer.body("2").link == (0.3, 0, 0)
+    assert longer.body("2").com == (0.15, 0, 0)
+    assert longer.body("2").damping == (0.02,)
+    assert legs.body("1").tip == (0.22, 0, 0)  # the old one is the undo step
+
+
+def test_a_file_holds_the_formulas_in_their_cells(legs):
+    text = legs.to_json()
+    assert '"link": ["=thigh", 0.0, 0.0]' in text
+    assert '"damping": "=heavy/100"' in text
+    assert '"schema_version": 2' in text
+    again = pg.Model.from_json(text)
+    assert again == legs
+    assert again.to_json() == text
+
+
+def test_a_model_without_parameters_is_written_as_version_1():
+    text = pg.Model.serial(2).to_json()
+    assert '"schema_version": 1' in text
+    assert "parameters" not in text
+    assert "formulas" not in text
+
+
+def test_a_cell_that_gets_a_number_loses_its_formula(legs):
+    edited = legs.edit("2", link=(0.5, 0, 0))
+    assert {(f.name, f.path[0]) for f in edited.formulas} == {
+        ("1", "tip"), ("1", "mass"), ("2", "com"), ("2", "damping"),
+    }  # fmt: skip
+    assert edited.replace(parameters={**legs.parameters, "thigh": 1.0}).body("2").link[0] == 0.5
+
+
+def test_formulas_follow_a_new_name_and_go_with_their_body(legs):
+    renamed = legs.edit("2", name="shank")
+    assert {f.name for f in renamed.formulas} == {"1", "shank"}
+    assert pg.Model.from_json(renamed.to_json()) == renamed
+    assert {f.name for f in legs.remove("2").formulas} == {"1"}
+    assert {f.path[0] for f in legs.edit("2", dof=0).formulas} == {"tip", "mass", "link", "com"}
+
+
+def test_an_edit_with_a_name_and_a_formula(legs):
+    edited = legs.edit("3", name="foot", link=("=thigh", "=thigh/2", 0))
+    assert edited.body("foot").link == (0.22, 0.11, 0)
+    assert sum(f.name == "foot" for f in edited.formulas) == 2
+
+
+def test_copies_and_several_edits_share_the_parameter(legs):
+    twins = legs.duplicate("2")
+    assert twins.replace(parameters={**legs.parameters, "thigh": 0.5}).body("4").link[0] == 0.5
+    every = legs.edit_all({name: {"com": ("=-thigh", 0, 0)} for name in ("1", "2")})
+    assert every.body("1").com == every.body("2").com == (-0.22, 0, 0)
+    assert sum(f.path[0] == "com" for f in every.formulas) == 2
+    swapped = legs.edit_all({"1": {"name": "2"}, "2": {"name": "1"}})
+    assert {(f.name, f.path[0]) for f in swapped.formulas} >= {("2", "tip"), ("1", "link")}
+
+
+def test_a_formula_of_the_same_value_is_still_an_edit(legs):
+    edited = legs.edit("3", link=("=0.2", 0, 0))
+    assert edited is not legs
+    assert edited.body("3") == legs.body("3")
+    assert edited.edit("3", link=("=0.2", 0, 0)) is edited
+
+
+def test_formulas_in_constraints_shapes_and_forces():
+    model = pg.Model.from_json(
+        """{"parameters": {"r": 0.1}, "bodies": [{"name": "a", "joint": "free",
+        "shape": {"kind": "sphere", "radius": "=r"}}], "constraints": [{"name": "rope", "body": "a",
+        "kind": "distance", "length": "=10*r", "other_point": [0, 0, "=r"]}], "forces": [{"name":
+        "push", "kind": "wrench", "body": "a", "force": ["=r", 0, 0]}]}"""
+    )
+    bigger = model.replace(parameters={"r": 0.2})
+    assert bigger.body("a").shape.radius == 0.2
+    assert bigger.constraints[0].length == 2.0
+    assert bigger.constraints[0].other_point == (0, 0, 0.2)
+    assert bigger.forces[0].force == (0.2, 0, 0)
+    assert pg.Model.from_json(bigger.to_json()) == bigger
+    assert bigger.cells(bigger.constraints[0], "constraints")["length"] == "=10*r"
+
+
+@pytest.mark.parametrize(
+    ("fields", "sentence"),
+    [
+        (
+            {"parameters": {"sin": 1.0}},
+            "model, parameters: 'sin' has a meaning of its own in formulas; choose another name",
+        ),
+        (
+            {"parameters": {"a b": 1.0}},
+            "model, parameters: a parameter's name is one word of letters, digits and _; "
+            "given 'a b'",
+        ),
+        (
+            {"parameters": {"lambda": 1.0}},
+            "model, parameters: a parameter's name is one word of letters, digits and _; "
+            "given 'lambda'",
+        ),
+        (
+            {"bodies": ({"name": "knee", "mass": "=m/2"},)},
+            "body 'knee', mass: no parameter is named 'm'; the model has none yet",
+        ),
+        (
+            {"parameters": {"m": -1.0}, "bodies": ({"name": "knee", "mass": "=m"},)},
+            "body 'knee', mass: must be a finite number >= 0 [kg]; given -1.0",
+        ),
+        (
+            {"bodies": ({"name": "knee", "axes": (("=1", 0, 0),)},)},
+            "body 'knee', axes: a direction takes numbers; given '=1'",
+        ),
+    ],
+)
+def test_refusals_are_sentences(fields, sentence):
+    with pytest.raises(pg.ModelError) as error:
+        pg.Model(**fields)
+    assert sentence in str(error.value)
+
+
+def test_a_parameter_in_use_cannot_go(legs):
+    with pytest.raises(pg.ModelError, match="no parameter is named 'thigh'"):
+        legs.replace(parameters={"heavy": 1.0})
+
+
+def test_names_of_a_formula():
+    assert names_in("=a/(b_2 + 1)*sqrt(c)") == {"a", "b_2", "c", "sqrt"}
+    assert names_in("=)") == set()
