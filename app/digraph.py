@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 TIDY = 40  # bodies up to which the tree is drawn as a tree
-ROW = 37.0  # between levels of the tree [px]
+ROW, ROW_OF_LOOPS = 37.0, 48.0  # between levels of the tree [px]; loops run between the levels
 LANE, LANE_ROW = 18.0, 22.0
 CHARACTER, NODE, LONGEST = 6.2, 26.0, 20  # [px] a letter and a node; letters shown of a name
+LABEL = NODE / 2 + 14  # [px] what stands right of a node's middle beside the letters
+BESIDE, BELOW, APART = 13.0, 17.0, 4.0  # [px] of a loop: from a node, from its level, from others
+
+Point = tuple[float, float]
+Interval = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -20,26 +26,41 @@ class Layout:
     y: tuple[float, ...]
     width: float
     height: float
+    routes: tuple[tuple[Point, ...], ...] = ()  # of the loops: corners of their lines
 
 
-def layout(parent: tuple[int, ...], letters: tuple[int, ...]) -> Layout:
-    """Places for the ground and bodies 1..nb; `letters` is the length of each name."""
-    if len(parent) <= TIDY:
-        return _tree(parent, letters)
-    return _lanes(parent, letters)
+def layout(
+    parent: tuple[int, ...], letters: tuple[int, ...], loops: Sequence[tuple[int, int]] = ()
+) -> Layout:
+    """Places for the ground and bodies 1..nb; `letters` is the length of each name.
+
+    `loops` are pairs of bodies; the line of each keeps clear of nodes and names. Loops to the
+    ground (0) have no line.
+    """
+    if len(parent) > TIDY:
+        place = _lanes(parent, letters)
+        return _shifted(place, _beside(place, loops))
+    between = any(a and b for a, b in loops)
+    place = _tree(parent, letters, ROW_OF_LOOPS if between else ROW)
+    return _shifted(place, _between(place, letters, loops))
 
 
-def _tree(parent: tuple[int, ...], letters: tuple[int, ...]) -> Layout:
+def _tree(parent: tuple[int, ...], letters: tuple[int, ...], row: float) -> Layout:
     """Each subtree as compact as its outline allows, each parent in the middle of its children."""
     children: list[list[int]] = [[] for _ in range(len(parent) + 1)]
     for k, p in enumerate(parent, 1):
         children[p].append(k)
-    right = [NODE / 2 + CHARACTER * min(c, LONGEST) + 14 for c in (0, *letters)]
+    right = [_reach(c) for c in (0, *letters)]
     tree = _subtree(0, children, right)
     x = tuple(tree.x[k] - min(tree.left) + 4 for k in range(len(parent) + 1))
-    y = tuple(tree.depth[k] * ROW + NODE for k in range(len(parent) + 1))
+    y = tuple(tree.depth[k] * row + NODE for k in range(len(parent) + 1))
     width = max(a + b for a, b in zip(x, right))
     return Layout("tree", x, y, width, max(y) + NODE)
+
+
+def _reach(letters: int) -> float:
+    """How far a node and its name reach to the right of its middle [px]."""
+    return LABEL + CHARACTER * min(letters, LONGEST)
 
 
 @dataclass
@@ -90,3 +111,82 @@ def _lanes(parent: tuple[int, ...], letters: tuple[int, ...]) -> Layout:
     longest = CHARACTER * min(max(letters, default=0), LONGEST)
     y = tuple(k * LANE_ROW + NODE for k in range(n + 1))
     return Layout("lanes", x, y, max(x) + NODE + longest, y[-1] + NODE)
+
+
+# -- the lines of loops ----------------------------------------------------------------------
+
+
+def _between(
+    place: Layout, letters: tuple[int, ...], loops: Sequence[tuple[int, int]]
+) -> tuple[tuple[Point, ...], ...]:
+    """Lines that run between the levels of the tree, and past the levels where there is a gap."""
+    levels: dict[float, list[Interval]] = {}
+    for x, y, reach in zip(place.x, place.y, (LABEL, *map(_reach, letters))):
+        levels.setdefault(y, []).append((x - NODE / 2, x + reach))
+    routes = []
+    for i, (a, b) in enumerate(loops):
+        upper, lower = sorted((a, b), key=lambda k: place.y[k])
+        route = _line(place, levels, upper, lower, BELOW + APART * (i % 3)) if a and b else ()
+        routes.append(route if upper == a else route[::-1])
+    return tuple(routes)
+
+
+def _line(
+    place: Layout, levels: dict[float, list[Interval]], upper: int, lower: int, below: float
+) -> tuple[Point, ...]:
+    x0, y0, x1, y1 = place.x[upper], place.y[upper], place.x[lower], place.y[lower]
+    passed = [y for y in levels if y0 < y < y1]
+    x = _gap([span for y in passed for span in levels[y]], x0, x1) if passed else x1
+    for y in passed:
+        levels[y].append((x - APART / 2, x + APART / 2))
+    ahead, back = (1.0 if x > x0 else -1.0), (1.0 if (x if passed else x0) > x1 else -1.0)
+    first = y0 + below
+    start = ((x0 + 7 * ahead, y0 + 8), (x0 + BESIDE * ahead, first))
+    if y0 == y1:
+        return (*start, (x1 + BESIDE * back, first), (x1 + 7 * back, y1 + 8))
+    step = min((y for y in levels if y > y0), default=y1) - y0
+    last = y1 - step + below
+    turns = ((x, first), (x, last)) if passed else ()
+    return (*start, *turns, (x1 + BESIDE * back, last), (x1 + 7 * back, y1 - 8))
+
+
+def _gap(taken: list[Interval], x0: float, x1: float) -> float:
+    """The x in no interval that lies best between x0 and x1."""
+    free = [x for low, high in taken for x in (low - APART, high + APART)]
+    clear = [x for x in (*free, (x0 + x1) / 2) if all(not a < x < b for a, b in taken)]
+    return min(clear, key=lambda x: abs(x - x0) + abs(x - x1))
+
+
+def _beside(place: Layout, loops: Sequence[tuple[int, int]]) -> tuple[tuple[Point, ...], ...]:
+    """Lines left of all lanes; those that pass the same rows stand side by side."""
+    columns: list[float] = []  # the row down to which each is taken
+    routes: dict[int, tuple[Point, ...]] = {}
+    for i in sorted(range(len(loops)), key=lambda i: min(place.y[k] for k in loops[i])):
+        a, b = loops[i]
+        if not (a and b):
+            routes[i] = ()
+            continue
+        low, high = sorted((place.y[a], place.y[b]))
+        column = next((c for c, end in enumerate(columns) if end < low), len(columns))
+        columns[column : column + 1] = [high]
+        x, (xa, ya), (xb, yb) = (
+            -NODE / 2 - APART * column,
+            *((place.x[k], place.y[k]) for k in (a, b)),
+        )
+        routes[i] = ((xa - 9, ya), (x, ya), (x, yb), (xb - 9, yb))
+    return tuple(routes[i] for i in range(len(loops)))
+
+
+def _shifted(place: Layout, routes: tuple[tuple[Point, ...], ...]) -> Layout:
+    """All of it moved right until the lines of loops are within the picture."""
+    outside = 4 - min((x for route in routes for x, _ in route), default=4.0)
+    right = max((x for route in routes for x, _ in route), default=0.0) + 4
+    bottom = max((y for route in routes for _, y in route), default=0.0) + 4
+    by = max(outside, 0.0)
+    return replace(
+        place,
+        x=tuple(x + by for x in place.x),
+        width=max(place.width, right) + by,
+        height=max(place.height, bottom),
+        routes=tuple(tuple((x + by, y) for x, y in route) for route in routes),
+    )

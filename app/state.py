@@ -84,6 +84,15 @@ class Notice:
 
 
 @dataclass(frozen=True)
+class Grip:
+    """Where a page's gizmo has dragged a vector of a body to."""
+
+    body: str
+    what: str  # "link" or "com"
+    vector: tuple[float, ...]  # (3,) [m]
+
+
+@dataclass(frozen=True)
 class Client:
     """One open page: what it selected and what it was told last."""
 
@@ -94,6 +103,9 @@ class Client:
     reply: Reply | None = None
     notice: Notice | None = None
     downloads: int = 0  # how often the model was asked for as a file
+    walk: str = ""  # what it steps through: "pgraph" (Fig. 4), "frames" (Fig. 8) or nothing
+    gizmo: str = ""  # what of the selected body it moves in 3D: "link", "com" or nothing
+    grip: Grip | None = None  # while it does
 
 
 @dataclass(frozen=True)
@@ -136,6 +148,18 @@ class Run:
 
 
 @dataclass(frozen=True)
+class Pose:
+    """A pose set by hand, shown until the model, the run or the time shown changes."""
+
+    model: pg.Model
+    run: Run | None
+    time: float  # of the playback when it was set [s]
+    q: np.ndarray  # (nq,)
+    positions: np.ndarray  # (nb, 3) [m]
+    wxyz: np.ndarray  # (nb, 4)
+
+
+@dataclass(frozen=True)
 class Playback:
     time: float = 0.0  # [s]
     playing: bool = False
@@ -172,6 +196,17 @@ class State:
     saving: Saving | None = None
     shown: frozenset[str] = SHOWN_AT_FIRST
     framed: int = 0  # counts the models opened; the camera is set anew for each
+    posed: Pose | None = None  # the last pose by hand
+    pose_problem: str = ""  # why a joint could not be moved further
+    pull: Any = None  # the event of the mouse that pulls on a body
+
+    @property
+    def pose(self) -> Pose | None:
+        """The pose by hand that is shown."""
+        posed = self.posed
+        if posed is None or posed.model is not self.model or posed.run is not self.run:
+            return None
+        return posed if posed.time == self.playback.time else None
 
     @property
     def run(self) -> Run | None:
@@ -208,6 +243,8 @@ def derive(model: pg.Model) -> Derived:
     positions, rotations = pg.home_poses(model)
     center, size = reach(bodies, children, positions, rotations)
     touching = {body.name: summary(model, body) for body in bodies}
+    loops = loops_of(model, top)
+    letters = tuple(len(name) for name in names)
     return Derived(
         names=names,
         number={name: k for k, name in enumerate(names, 1)},
@@ -219,8 +256,8 @@ def derive(model: pg.Model) -> Derived:
         separation=separation,
         dof=sum(body.dof for body in bodies),
         constraints=touching,
-        loops=loops_of(model, top),
-        layout=layout(parent, tuple(len(name) for name in names)),
+        loops=loops,
+        layout=layout(parent, letters, [(loop.body, loop.other) for loop in loops]),
         colors=branch_colors(parent),
         positions=np.asarray(positions, dtype=float),
         wxyz=to_wxyz(np.asarray(rotations, dtype=float)),
@@ -238,7 +275,9 @@ def summary(model: pg.Model, body: pg.Body) -> tuple[str, ...]:
 
 
 def poses(state: State) -> tuple[np.ndarray, np.ndarray]:
-    """(nb, 3) positions and (nb, 4) orientations to draw: home, or the run at its time."""
+    """(nb, 3) positions and (nb, 4) orientations to draw: by hand, of the run at its time, home."""
+    if (pose := state.pose) is not None:
+        return pose.positions, pose.wxyz
     if state.run is None:
         return state.derived.positions, state.derived.wxyz
     result = state.run.result

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 from .events import Event
-from .reducers import editing, playing, running, session
+from .reducers import editing, graph, playing, posing, running, session
 from .state import State
 
-REDUCERS = (session.update, editing.update, running.update, playing.update)
+REDUCERS = (
+    session.update,
+    editing.update,
+    running.update,
+    playing.update,
+    graph.update,
+    posing.update,
+)
 
 
 def update(state: State, event: Event) -> State:

@@ -23,8 +23,18 @@ from viser._messages import RunJavascriptMessage
 from websockets.http11 import Response
 
 HERE = Path(__file__).parent
-SCRIPTS = ("bridge", "cells", "table", "digraph", "properties", "toolbar", "playback")
-STYLES = ("page", "cells", "table", "digraph", "properties", "toolbar", "playback")
+SCRIPTS = (
+    "bridge",
+    "cells",
+    "table",
+    "steps",
+    "digraph_hand",
+    "digraph",
+    "properties",
+    "toolbar",
+    "playback",
+)
+STYLES = ("page", "cells", "table", "digraph", "steps", "properties", "toolbar", "playback")
 LARGEST_MESSAGE = 16 * 1024 * 1024  # [bytes] from a page; viser's own limit is 50 MB
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 COOKIE = "pgraph_token"

@@ -1,29 +1,60 @@
 // The digraph as SVG, and the Pgraph and jdof vectors above it; every entry selects its body.
-(() => {
+pgraph.digraph = (() => {
   const { make } = pgraph;
   const NS = "http://www.w3.org/2000/svg";
-  const RADIUS = 11;
+  const RADIUS = 11, CORNER = 6;
   const svg = (tag, attributes = {}, ...children) => {
     const el = document.createElementNS(NS, tag);
     for (const [key, value] of Object.entries(attributes)) el.setAttribute(key, value);
     el.append(...children);
     return el;
   };
-  const view = new WeakMap(); // svg -> {x, y, scale}
+  const select = (name) => pgraph.send("Select", { body: name });
 
-  function build(host) {
-    const canvas = svg("svg", { class: "digraph", role: "group", "aria-label": "digraph of the bodies" });
-    host.replaceChildren(make("div", { className: "vectors" }), canvas,
-      make("div", { className: "legend muted" }, "double ring: separation body, dashed ring: tip, dashed line: constraint"));
-    panAndZoom(canvas);
-    fillPanel(host, canvas);
-    new ResizeObserver(() => {
-      if (!host.pgraphData) return;
-      if (view.get(canvas)?.moved) apply(canvas); else fit(canvas, host.pgraphData);
-    }).observe(canvas);
+  // With Ctrl a body joins those that are selected, or leaves them.
+  function picked(name, more) {
+    const known = pgraph.latest.selected ?? [];
+    if (!more || !known.length) { select(name); return; }
+    const bodies = known.includes(name) ? known.filter((other) => other !== name) : [...known, name];
+    pgraph.send("SelectBodies", { body: bodies.at(-1) ?? null, bodies });
   }
 
-  // The picture takes the height that the vectors leave in the scrolling panel around it.
+  function build(host) {
+    const canvas = svg("svg", { class: "graph digraph", role: "group", "aria-label": "digraph of the bodies" });
+    const card = make("div", { className: "card", hidden: true });
+    host.pgraphSteps = make("div", { className: "steps", hidden: true });
+    host.replaceChildren(make("div", { className: "vectors" }), host.pgraphSteps,
+      make("div", { className: "picture" }, canvas, tools(canvas), card, make("div", { className: "drag-hint", hidden: true })), foot());
+    pgraph.digraphHand(host, canvas, { offered, drop, hover: (k) => hover(host, k), label });
+    canvas.addEventListener("click", (event) => {
+      const k = numberAt(event.target);
+      if (k && !canvas.dragged) picked(host.graph.data.names[k - 1], event.ctrlKey || event.metaKey);
+    });
+    canvas.addEventListener("keydown", (event) => keyed(host, event));
+    canvas.addEventListener("focusin", (event) => hover(host, numberAt(event.target)));
+    canvas.addEventListener("focusout", () => hover(host, 0));
+    pgraph.steps.build(host.pgraphSteps, host);
+    fillPanel(host, canvas);
+  }
+
+  // What the signs mean.
+  function foot() {
+    const sign = (text, ...shapes) => make("span", {}, svg("svg", { class: "graph sign", viewBox: "-10 -10 20 20" }, ...shapes), text);
+    const circle = (r, kind = "") => svg("g", { class: `node ${kind}` }, svg("circle", { r, class: kind === "outer" ? "outer" : "" }));
+    return make("div", { className: "legend muted" },
+      sign("separation body", circle(5), svg("g", { class: "node" }, svg("circle", { r: 8, class: "outer" }))),
+      sign("tip", circle(7, "tip")),
+      sign("constraint to the ground", svg("g", { class: "loop" }, svg("path", { class: "mark", d: hatch(0, -3) }))),
+      sign("loop", svg("g", { class: "loop" }, svg("path", { d: "M-10 0 h20" }))),
+      make("span", { textContent: "Drag a node onto its new parent, with Shift onto a second one.", className: "how" }));
+  }
+  function tools(canvas) {
+    const button = (className, textContent, title, onclick) => make("button", { className: `action ${className}`, textContent, title, onclick });
+    return make("div", { className: "tools" }, button("fit", "Fit", "Show all of it (double click)", () => canvas.fit()),
+      button("walk", "Step through", "The seven steps that make Pgraph, and a frame update", () => pgraph.steps.toggle()));
+  }
+
+  // The picture takes the height that the rest leaves in the scrolling panel around it.
   function fillPanel(host, canvas) {
     let panel = host.parentElement;
     while (panel && !["scroll", "auto"].includes(getComputedStyle(panel).overflowY)) panel = panel.parentElement;
@@ -33,152 +64,188 @@
       canvas.style.height = `${Math.max(panel.clientHeight - rest, 150)}px`;
     };
     const watch = new ResizeObserver(resize);
-    watch.observe(panel);
-    watch.observe(host.firstElementChild);
+    for (const el of [panel, ...host.children]) if (!el.contains(canvas)) watch.observe(el);
   }
-
-  const select = (name) => pgraph.send("Select", { body: name });
 
   function draw(host, data) {
-    const canvas = host.querySelector("svg");
-    const anew = !host.pgraphData || host.pgraphData.names.length !== data.names.length;
-    host.pgraphData = data;
-    vectors(host.querySelector(".vectors"), data);
-    canvas.replaceChildren(...edges(data), ...loops(data), ground(data), ...nodes(data));
-    if (anew) fit(canvas, data);
+    const canvas = host.querySelector("svg.digraph");
+    const before = host.graph, known = before?.data;
+    canvas.release();
+    const tips = new Set(data.tips), separation = new Set(data.separation);
+    const children = [[], ...data.names.map(() => [])];
+    data.parent.forEach((p, i) => children[p].push(i + 1));
+    const kind = (k) => (tips.has(k) ? " tip" : separation.has(k) ? " separation" : "");
+    const graph = host.graph = { data, children, nodes: [ground(data)], edges: [null], entries: data.names.map(() => []), marked: [] };
+    graph.entries.unshift([]);
+    const right = Math.max(...data.x) + RADIUS + 7;
+    data.names.forEach((_, i) => { graph.nodes.push(node(data, i + 1, kind(i + 1), right)); graph.edges.push(edge(data, i + 1)); });
+    vectors(host.querySelector(".vectors"), graph);
+    canvas.replaceChildren(...graph.edges.slice(1), ...loops(data), ...graph.nodes);
+    if (!known || known.names.length !== data.names.length || known.kind !== data.kind) canvas.fit();
     mark(host, pgraph.latest.selection);
+    hover(host, known ? data.names.indexOf(known.names[(before.hovered ?? 0) - 1]) + 1 : 0);
+    pgraph.steps.redrawn(host);
   }
 
-  function vectors(box, data) {
+  function vectors(box, graph) {
+    const { data } = graph, met = new Set([0]);
     const entry = (k, i) => {
       const name = k > 0 ? data.names[k - 1] : "ground";
-      const again = data.pgraph.indexOf(k) < i || k === 0;
-      return make("button", {
-        className: again ? "entry again" : "entry", title: again ? `back to ${name}` : name,
+      const again = met.has(k);
+      met.add(k);
+      const made = make("button", {
+        className: again ? "entry again" : "entry", title: again ? `back to ${name}` : name, tabIndex: -1,
         onclick: () => select(k > 0 ? name : null), "data-name": k > 0 ? name : "",
       }, make("span", { textContent: k }), make("span", { textContent: data.jdof[i] }));
+      graph.entries[k].push(made);
+      return made;
     };
     box.replaceChildren(
       make("div", { className: "entry names" }, make("span", { textContent: "Pgraph" }), make("span", { textContent: "jdof" })),
       ...data.pgraph.map(entry));
   }
 
-  function edges(data) {
-    return data.parent.map((p, i) => {
-      const k = i + 1, x0 = data.x[p], y0 = data.y[p], x1 = data.x[k], y1 = data.y[k];
-      const path = data.kind === "tree"
-        ? `M${x0} ${y0} C${x0} ${y0 + 24} ${x1} ${y1 - 26} ${x1} ${y1 - RADIUS}`
-        : `M${x0} ${y0} V${y1 - 22} L${x1} ${y1}`;
-      const dof = svg("text", { class: "dof", x: x1 + 4, y: y1 - RADIUS - 4 });
-      dof.textContent = data.kind === "tree" ? data.dof[i] : "";
-      return svg("g", { class: "edge", "data-edge": data.names[i] }, svg("path", { d: path }), dof);
-    });
+  function edge(data, k) {
+    const p = data.parent[k - 1], x0 = data.x[p], y0 = data.y[p], x1 = data.x[k], y1 = data.y[k];
+    const tree = data.kind === "tree";
+    const d = tree ? `M${x0} ${y0} C${x0} ${y0 + 24} ${x1} ${y1 - 26} ${x1} ${y1 - RADIUS}` : `M${x0} ${y0} V${y1 - 22} L${x1} ${y1}`;
+    const g = svg("g", { class: "edge", "data-edge": data.names[k - 1] }, svg("path", { d }));
+    if (tree) g.append(written("dof", x1 + 4, y1 - RADIUS - 4, data.dof[k - 1]));
+    return g;
   }
 
   // A constraint: to the ground as a mark below the node, to another body as a dashed line.
   function loops(data) {
-    return data.loops.map(({ name, body, other }) => {
-      const x = data.x[body], y = data.y[body];
-      const g = svg("g", { class: "loop" }, titled(name));
-      if (other === 0) {
+    return data.loops.map(({ name, kind, body, other }, i) => {
+      const x = data.x[body || other], y = data.y[body || other];
+      const g = svg("g", { class: "loop", "data-loop": name }, titled(`${name} (${kind})`));
+      if (body === 0 || other === 0) {
         const side = data.kind === "tree" ? [x, y + RADIUS + 4] : [x - 8, y + RADIUS - 5];
         g.append(svg("path", { class: "mark", d: hatch(...side) }));
       } else {
-        const bend = Math.min(x, data.x[other]) - 26;
-        g.append(svg("path", { d: `M${x} ${y} C${bend} ${y} ${bend} ${data.y[other]} ${data.x[other]} ${data.y[other]}` }));
+        const d = rounded(data.routes[i]);
+        g.append(svg("path", { class: "reach", d }), svg("path", { class: "line", d }));
       }
       return g;
     });
   }
   const hatch = (x, y) => `M${x - 8} ${y} h16 M${x - 5} ${y + 3} h10 M${x - 2} ${y + 6} h4`;
   function titled(text) { const t = svg("title"); t.textContent = text; return t; }
+  function written(className, x, y, text) { const t = svg("text", { class: className, x, y }); t.textContent = text; return t; }
+
+  // A line through points, its corners rounded.
+  function rounded(points) {
+    let d = `M${points[0].join(" ")}`;
+    for (let i = 1; i < points.length - 1; i++) {
+      const [a, b, c] = [points[i - 1], points[i], points[i + 1]];
+      d += ` L${near(b, a)} Q${b.join(" ")} ${near(b, c)}`;
+    }
+    return `${d} L${points.at(-1).join(" ")}`;
+  }
+  function near(corner, end) {
+    const dx = end[0] - corner[0], dy = end[1] - corner[1], far = Math.hypot(dx, dy) || 1, part = Math.min(CORNER, far / 2) / far;
+    return `${corner[0] + part * dx} ${corner[1] + part * dy}`;
+  }
 
   function ground(data) {
     const x = data.x[0], y = data.y[0];
-    const text = svg("text", { class: "label muted", x: x + 14, y: y + 4 });
-    text.textContent = "ground";
-    return svg("g", { class: "ground" }, svg("path", { d: hatch(x, y) }), text);
+    return svg("g", { class: "ground", "data-number": 0, "aria-label": "ground" }, svg("rect", { x: x - 12, y: y - 12, width: 70, height: 22 }),
+      svg("path", { d: hatch(x, y) }), written("label muted", x + 14, y + 4, "ground"));
   }
 
-  function nodes(data) {
-    const right = Math.max(...data.x) + RADIUS + 7;
-    return data.names.map((name, i) => {
-      const k = i + 1, x = data.x[k], y = data.y[k];
-      const number = svg("text", { class: "number", x, y: y + 3.5 });
-      number.textContent = k;
-      const label = svg("text", { class: "label", x: data.kind === "tree" ? x + RADIUS + 5 : right, y: y + 4 });
-      label.textContent = name.length > 20 ? `${name.slice(0, 19)}…` : name;
-      const kind = data.tips.includes(k) ? " tip" : data.separation.includes(k) ? " separation" : "";
-      const g = svg("g", {
-        class: `node${kind}`, "data-name": name, tabindex: 0, role: "button", "aria-label": `${k} ${name}`,
-        style: `--body: ${data.colors[i]}`,
-      }, titled(name));
-      if (kind === " separation") g.append(svg("circle", { class: "outer", cx: x, cy: y, r: RADIUS + 3 }));
-      g.append(svg("circle", { cx: x, cy: y, r: RADIUS }), number, label);
-      g.addEventListener("click", () => select(name));
-      g.addEventListener("keydown", (event) => { if (event.key === "Enter") select(name); });
-      return g;
+  function node(data, k, kind, right) {
+    const name = data.names[k - 1], x = data.x[k], y = data.y[k];
+    const g = svg("g", {
+      class: `node${kind}`, "data-name": name, "data-number": k, tabindex: k === 1 ? 0 : -1, role: "button", "aria-label": `${k} ${name}`,
+      style: `--body: ${data.colors[k - 1]}`,
     });
+    if (kind === " separation") g.append(svg("circle", { class: "outer", cx: x, cy: y, r: RADIUS + 3 }));
+    g.append(svg("circle", { cx: x, cy: y, r: RADIUS }), written("number", x, y + 3.5, k),
+      written("label", data.kind === "tree" ? x + RADIUS + 5 : right, y + 4, label(name)));
+    return g;
   }
+  const label = (name) => (name.length > 20 ? `${name.slice(0, 19)}…` : name);
+  const numberAt = (el) => Number(el.closest?.("g.node")?.dataset.number ?? 0);
 
+  // -- what is marked: the selection, and under the pointer the path to the root ---------------
   function mark(host, selection) {
-    for (const el of host.querySelectorAll(".selected")) el.classList.remove("selected");
-    for (const el of host.querySelectorAll("[data-name], [data-edge]")) {
-      const own = el.dataset.name ?? el.dataset.edge;
-      if (selection && own === selection) { el.classList.add("selected"); reveal(el); }
-    }
+    const graph = host.graph;
+    if (!graph) return;
+    for (const el of graph.marked) el.classList.remove("selected");
+    const number = (name) => graph.data.names.indexOf(name) + 1;
+    const k = number(selection), all = new Set([k, ...(pgraph.latest.selected ?? []).map(number)].filter(Boolean));
+    graph.marked = [...all].flatMap((j) => [graph.nodes[j], graph.edges[j], ...graph.entries[j]]);
+    for (const el of graph.marked) el.classList.add("selected");
+    reachable(graph, k || 1);
+    if (!k) return;
+    graph.entries[k][0]?.scrollIntoView({ block: "nearest" });
+    host.querySelector("svg.digraph").reveal(graph.data.x[k], graph.data.y[k]);
   }
-  function reveal(el) {
-    if (el.matches("button.entry")) { el.scrollIntoView({ block: "nearest" }); return; }
-    const canvas = el.ownerSVGElement, v = canvas && view.get(canvas);
-    const circle = v && el.querySelector("circle");
-    if (!circle) return;
-    const height = canvas.clientHeight / v.scale, y = Number(circle.getAttribute("cy"));
-    if (y < v.y + 20 || y > v.y + height - 20) { v.y = y - height / 2; apply(canvas); }
-  }
-
-  // -- pan and zoom by the viewBox: drag, wheel, double click fits -----------------------------
-  function fit(canvas, data) {
-    const w = canvas.clientWidth || 400, h = canvas.clientHeight || 300;
-    const both = Math.min(w / data.width, h / data.height, 1.15);
-    const scale = data.kind === "lanes" ? Math.min(w / data.width, 1) : both;
-    const x = data.kind === "tree" ? (data.width - w / scale) / 2 : -4;
-    view.set(canvas, { x, y: Math.min(0, (data.height - h / scale) / 2), scale: Math.max(scale, 0.3) });
-    apply(canvas);
-  }
-  function apply(canvas) {
-    const { x, y, scale } = view.get(canvas);
-    canvas.setAttribute("viewBox", `${x} ${y} ${canvas.clientWidth / scale} ${canvas.clientHeight / scale}`);
-  }
-  function panAndZoom(canvas) {
-    let from = null;
-    canvas.addEventListener("pointerdown", (event) => { from = { x: event.clientX, y: event.clientY }; });
-    window.addEventListener("pointerup", () => { from = null; });
-    canvas.addEventListener("pointermove", (event) => {
-      const v = view.get(canvas);
-      if (!from || !v) return;
-      v.x -= (event.clientX - from.x) / v.scale;
-      v.y -= (event.clientY - from.y) / v.scale;
-      v.moved = true;
-      from = { x: event.clientX, y: event.clientY };
-      apply(canvas);
-    });
-    canvas.addEventListener("wheel", (event) => {
-      const v = view.get(canvas);
-      if (!v) return;
-      event.preventDefault();
-      const box = canvas.getBoundingClientRect(), factor = Math.exp(-event.deltaY / 500);
-      const scale = Math.min(Math.max(v.scale * factor, 0.1), 4);
-      v.x += (event.clientX - box.left) * (1 / v.scale - 1 / scale);
-      v.y += (event.clientY - box.top) * (1 / v.scale - 1 / scale);
-      Object.assign(v, { scale, moved: true });
-      apply(canvas);
-    }, { passive: false });
-    canvas.addEventListener("dblclick", () => {
-      const data = canvas.closest(".pgraph").pgraphData;
-      if (data) fit(canvas, data);
-    });
+  // One node takes part in the order of tabs; arrows lead to the others.
+  function reachable(graph, k) {
+    graph.nodes[graph.reachable ?? 1]?.setAttribute("tabindex", -1);
+    graph.nodes[graph.reachable = k]?.setAttribute("tabindex", 0);
   }
 
-  pgraph.view("digraph", { build, digraph: draw, selection: mark });
+  function path(data, k) { const found = []; for (; k > 0; k = data.parent[k - 1]) found.push(k); return found; }
+
+  function hover(host, k) {
+    const graph = host.graph, card = host.querySelector(".card");
+    if (!graph || graph.hovered === k) return;
+    graph.hovered = k;
+    for (const el of graph.path ?? []) el.classList.remove("path", "hovered");
+    const way = path(graph.data, k);
+    graph.path = way.flatMap((j) => [graph.nodes[j], graph.edges[j], ...graph.entries[j]]);
+    for (const el of graph.path) el.classList.add("path");
+    for (const el of k ? [graph.nodes[k], ...graph.entries[k]] : []) el.classList.add("hovered");
+    card.hidden = !k;
+    if (k) told(host, card, graph.data, k);
+  }
+  // The card keeps to a corner, another one where the node is there.
+  function told(host, card, data, k) {
+    const parent = data.parent[k - 1] ? data.names[data.parent[k - 1] - 1] : "ground";
+    card.replaceChildren(make("strong", { textContent: `${k} ${data.names[k - 1]}` }),
+      make("div", { textContent: `${data.joints[k - 1]} joint to ${parent}, ${data.dof[k - 1]} DoF` }),
+      make("div", { textContent: `mass ${Number(data.masses[k - 1].toPrecision(4))} kg` }));
+    const circle = host.graph.nodes[k].querySelector("circle:last-of-type").getBoundingClientRect();
+    card.classList.toggle("right", data.kind === "lanes");
+    card.classList.remove("low");
+    const own = card.getBoundingClientRect();
+    card.classList.toggle("low", circle.left < own.right && circle.right > own.left && circle.top < own.bottom + 8);
+  }
+
+  // -- keys: along the tree, to the one beside at the same depth, Enter selects -----------------
+  function keyed(host, event) {
+    const { data, children, nodes } = host.graph, k = numberAt(event.target);
+    if (!k) return;
+    const beside = (step) => {
+      const depth = path(data, k).length, row = data.names.map((_, i) => i + 1).filter((j) => path(data, j).length === depth);
+      return row[row.indexOf(k) + step];
+    };
+    const next = { ArrowUp: () => data.parent[k - 1], ArrowDown: () => children[k][0], ArrowLeft: () => beside(-1), ArrowRight: () => beside(1), Home: () => 1 }[event.key];
+    if (event.key === "Enter") select(data.names[k - 1]);
+    else if (!next) return;
+    event.preventDefault();
+    const to = next?.();
+    if (!to) return;
+    reachable(host.graph, to);
+    host.querySelector("svg.digraph").reveal(data.x[to], data.y[to]);
+    nodes[to].focus({ preventScroll: true });
+  }
+
+  // -- a node dropped onto another --------------------------------------------------------------
+  // The numbers that may become its parent: none that hangs on it, nor the parent it has.
+  function offered(graph, k) {
+    const barred = new Set([k, graph.data.parent[k - 1]]);
+    for (const j of barred) if (j !== graph.data.parent[k - 1]) for (const child of graph.children[j]) barred.add(child);
+    return new Set(graph.nodes.map((_, j) => j).filter((j) => !barred.has(j)));
+  }
+  function drop(graph, k, to, loop) {
+    const names = graph.data.names;
+    pgraph.send("Drop", { serial: pgraph.nextSerial(), body: names[k - 1], parent: to ? names[to - 1] : "ground", loop });
+  }
+
+  pgraph.view("digraph", { build, digraph: draw, selection: mark,
+    selected: (host) => mark(host, pgraph.latest.selection), steps: (host, data) => pgraph.steps.draw(host.pgraphSteps, data) });
+  return { svg };
 })();

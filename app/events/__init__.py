@@ -32,6 +32,12 @@ from .editing import (
 from .editing import (
     Undo as Undo,
 )
+from .graph import (
+    Drop as Drop,
+)
+from .graph import (
+    StepThrough as StepThrough,
+)
 from .playing import (
     Loop as Loop,
 )
@@ -52,6 +58,24 @@ from .playing import (
 )
 from .playing import (
     Tick as Tick,
+)
+from .posing import (
+    Gizmo as Gizmo,
+)
+from .posing import (
+    Grip as Grip,
+)
+from .posing import (
+    HomePose as HomePose,
+)
+from .posing import (
+    Pose as Pose,
+)
+from .posing import (
+    Pull as Pull,
+)
+from .posing import (
+    UsePose as UsePose,
 )
 from .running import (
     Cancel as Cancel,

@@ -1,0 +1,138 @@
+"""The digraph, the 3D view and the Operators tab in a browser; each test names what it proves.
+
+Numbers are lines of the interface (sec. 4.1 of the paper, D1-D18 of its checklist).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from app import events
+
+from .conftest import NOBODY, until
+
+
+def node(page: Any, name: str) -> Any:
+    return page.locator(f'svg.digraph g.node[data-name="{name}"]')
+
+
+def circle(page: Any, name: str) -> tuple[float, float]:
+    """Where the circle of a node is on the page."""
+    at = node(page, name).locator("circle").last
+    box = until(lambda: at.bounding_box(), f"{name} in the digraph")
+    return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+
+def drag(page: Any, name: str, to: str, *, shift: bool = False) -> str:
+    """Drag one node onto another; the sentence that is read before it is dropped."""
+    page.mouse.move(*circle(page, name))
+    page.mouse.down()
+    page.mouse.move(*circle(page, to), steps=4)
+    if shift:
+        page.keyboard.down("Shift")
+        page.mouse.move(*circle(page, to))
+    said = page.locator(".drag-hint").inner_text()
+    page.mouse.up()
+    page.keyboard.up("Shift")
+    return said
+
+
+def lit(page: Any, what: str) -> list[str]:
+    """Names of the bodies whose entries of Pgraph have a mark, each once."""
+    return page.evaluate(
+        """(what) => [...new Set([...document.querySelectorAll(`.vectors .${what}`)]
+           .map((e) => e.dataset.name))]""",
+        what,
+    )
+
+
+# -- the digraph -------------------------------------------------------------------------------
+
+
+def test_d7_a_node_dragged_onto_another_changes_its_parent_as_one_undo_step(page, served):
+    steps = len(served.store.state.undo)
+    said = drag(page, "left_femur", "thorax")
+    assert "thorax becomes the parent of left_femur" in said
+    until(lambda: served.store.state.model.body("left_femur").parent == "thorax", "the new parent")
+    assert len(served.store.state.undo) == steps + 1
+
+
+def test_d7_descendants_are_not_offered_and_a_refused_drop_says_why(page, served):
+    before = served.store.state.model
+    said = drag(page, "left_femur", "left_tibia")
+    assert "left_tibia hangs on left_femur" in said
+    page.locator(".pgraph-toast", has_text="closes a cycle").wait_for()
+    assert served.store.state.model is before
+    page.evaluate("document.querySelectorAll('.pgraph-toast').forEach((e) => e.remove())")
+
+
+def test_d15_dropped_with_shift_it_gets_a_second_parent_and_a_dashed_loop_edge(page, served):
+    drag(page, "left_tibia", "right_tibia", shift=True)
+    until(lambda: len(served.store.state.model.constraints) == 5, "the cut joint")
+    page.wait_for_selector('svg.digraph g.loop[data-loop="left_tibia-right_tibia"] path.line')
+    dashed = page.evaluate(
+        "getComputedStyle(document.querySelector('.loop path.line')).strokeDasharray"
+    )
+    assert dashed != "none"
+
+
+def test_hover_shows_name_joint_and_mass_and_marks_the_path_to_the_root(page):
+    page.mouse.move(*circle(page, "left_tibia"))
+    card = page.locator(".card")
+    card.wait_for()
+    for part in ("left_tibia", "revolute joint to left_femur", "0.9 kg"):
+        assert part in card.inner_text()
+    assert set(lit(page, "path")) == {"pelvis", "left_femur", "left_tibia"}
+    page.mouse.move(600, 300)
+    card.wait_for(state="hidden")
+
+
+def test_arrows_move_along_the_tree_and_enter_selects(page, served):
+    node(page, "pelvis").focus()
+    for key in ("ArrowDown", "ArrowRight", "ArrowDown"):  # lumbar, left_femur, left_tibia
+        page.keyboard.press(key)
+    page.keyboard.press("Enter")
+    until(lambda: "left_tibia" in selections(served), "left_tibia selected")
+    page.keyboard.press("ArrowUp")
+    page.keyboard.press("Enter")
+    until(lambda: "left_femur" in selections(served), "left_femur selected")
+
+
+def selections(served: Any) -> list[str | None]:
+    return [client.selection for client in served.store.state.clients.values()]
+
+
+def test_d10_step_through_grows_pgraph_with_its_stack_to_the_same_vector(page, served):
+    page.get_by_role("button", name="Step through").click()
+    page.wait_for_selector(".steps .said strong")
+    pending = "document.querySelectorAll('.vectors .pending').length"
+    assert page.evaluate(pending) == len(served.store.state.derived.pgraph)
+    for _ in range(9):
+        page.locator(".steps .next").click()
+    assert "4 is a separation body" in page.locator(".steps .said").inner_text()
+    assert page.locator(".steps .place").all_inner_texts() == ["1", "4"]
+    page.evaluate("for (let k = 0; k < 40; k++) document.querySelector('.steps .next').click()")
+    assert page.evaluate(pending) == 0
+    assert "the end" in page.locator(".steps .said").inner_text()
+
+
+def test_c7_the_trace_of_a_frame_update_marks_what_each_joint_carries(page):
+    page.evaluate("pgraph.send('StepThrough', { what: 'frames' })")
+    page.wait_for_selector(".steps .trace tbody tr")
+    page.locator(".steps .trace tbody tr").nth(3).click()
+    assert page.locator(".steps tr.now td").all_inner_texts()[:4] == [
+        "4", "4", "4", "4 5 6 7 8 9 10"
+    ]  # fmt: skip
+    assert page.locator("svg.digraph g.node.carried").count() == 7
+    page.locator(".steps .close").click()
+    page.locator(".steps").wait_for(state="hidden")
+
+
+@pytest.fixture(autouse=True)
+def _nobody_steps(page, served):
+    yield
+    for client in served.store.state.clients:
+        served.send(events.StepThrough(client, ""))
+    served.send(events.HomePose(NOBODY))
