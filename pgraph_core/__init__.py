@@ -35,6 +35,10 @@ if TYPE_CHECKING:
     from .batch import Batch as Batch
     from .batch_simulation import BatchResult as BatchResult
     from .batch_simulation import simulate_batch as simulate_batch
+    from .cases import Case as Case
+    from .cases import Verdict as Verdict
+    from .cases import load_cases as load_cases
+    from .cases import verify as verify
     from .columns import Columns as Columns
     from .frames import frame_update_trace as frame_update_trace
     from .joining import joined as joined
@@ -50,6 +54,10 @@ _LAZY = {
     "Batch": "batch",
     "BatchResult": "batch_simulation",
     "simulate_batch": "batch_simulation",
+    "Case": "cases",
+    "Verdict": "cases",
+    "load_cases": "cases",
+    "verify": "cases",
     "Columns": "columns",
     "frame_update_trace": "frames",
     "joined": "joining",

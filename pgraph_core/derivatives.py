@@ -24,6 +24,14 @@ def forward_derivatives(
     mech: Mechanism, q: Array, v: Array, tau: Array
 ) -> tuple[Array, Array, Array]:
     """∂v'/∂q, ∂v'/∂v and ∂v'/∂τ = M⁻¹, from at most 6 nv inverse dynamics in lanes."""
+    n = mech.nv
+    right = np.hstack((*force_slopes(mech, q, v, tau), np.eye(n)))
+    found: Array = np.linalg.solve(mech.mass_matrix(q), right).astype(np.float64, copy=False)
+    return found[:, :n], found[:, n : 2 * n], found[:, 2 * n :]
+
+
+def force_slopes(mech: Mechanism, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
+    """M ∂v'/∂q and M ∂v'/∂v: at rest, minus the stiffness and damping of small motions."""
     n, width = mech.nv, LANE_WIDTH
     slopes = np.zeros((2 * n, n))
     vdot = mech.forward_dynamics(q, v, tau)
@@ -36,9 +44,7 @@ def forward_derivatives(
     if len(mech.passive_loads[0]):
         more_q, more_v = load_slopes(mech, q, v)
         by_q, by_v = by_q + more_q, by_v + more_v
-    right = np.hstack((by_q, by_v, np.eye(n)))
-    found: Array = np.linalg.solve(mech.mass_matrix(q), right).astype(np.float64, copy=False)
-    return found[:, :n], found[:, n : 2 * n], found[:, 2 * n :]
+    return by_q, by_v
 
 
 def passive_slopes(mech: Mechanism, v: Array) -> tuple[Array, Array]:

@@ -8,6 +8,14 @@ from pathlib import Path
 import pgraph_core as pg
 
 from . import FOLDER
+from .classics import (
+    falling_rod,
+    four_bar_windows,
+    heavy_top,
+    skate,
+    spherical_pendulum,
+    tennis_racket,
+)
 from .loops import andrews, bricard, four_bar, rolling_disc, slider_crank
 from .quadruped import quadruped
 from .shapes import Vector, bar
@@ -60,6 +68,15 @@ def chain_10() -> pg.Model:
 BUILDERS["quadruped"] = quadruped
 for _loop in (four_bar, slider_crank, bricard, andrews, rolling_disc):
     BUILDERS[_loop.__name__] = _loop
+for _classic in (
+    heavy_top,
+    tennis_racket,
+    spherical_pendulum,
+    skate,
+    falling_rod,
+    four_bar_windows,
+):
+    BUILDERS[_classic.__name__] = _classic
 
 
 def _hanging_rod(name: str, parent: str, link: Vector, q: float) -> pg.Body:

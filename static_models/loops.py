@@ -246,6 +246,7 @@ def rod(
     link: Vector = (0, 0, 0),
     mass: float = 1.0,
     q: float = 0.0,
+    v: float = 0.0,
 ) -> pg.Body:
     """A uniform slender rod from its hinge about z to `end`."""
     along = np.array(end, dtype=float)
@@ -259,6 +260,7 @@ def rod(
         inertia=_matrix(inertia),
         tip=end,
         q=(q,),
+        v=(v,),
         shape=bar(end, radius=0.03),
     )
 

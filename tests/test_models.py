@@ -20,12 +20,18 @@ NAMES = (
     "bricard",
     "chain_10",
     "double_pendulum",
+    "falling_rod",
     "fig1_tree",
     "four_bar",
+    "four_bar_windows",
+    "heavy_top",
     "pendulum",
     "quadruped",
     "rolling_disc",
+    "skate",
     "slider_crank",
+    "spherical_pendulum",
+    "tennis_racket",
 )
 
 

@@ -25,7 +25,7 @@ def model_path(name: str) -> Path:
     path = Path(name)
     if path.exists() or path.suffix or os.sep in name:
         return path
-    known = choices(static_models.names())
+    known = choices(static_models.names(), 40)
     text = f"is neither a file nor a built-in model; the built-in models are {known}"
     raise InputError(Problem(f"model '{name}'", "", text))
 

@@ -1,4 +1,4 @@
-"""Published and closed-form motions: what a simulation must come to. See cases/*.json.
+"""Published and closed-form motions: what a simulation must come to. See static_models/cases.
 
 Each case is run by RK4 at a step at which its error is known; the tolerance is about three
 times what was measured.
@@ -7,7 +7,6 @@ times what was measured.
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,14 +14,13 @@ import pytest
 import pgraph_core as pg
 import static_models
 
-FOLDER = Path(__file__).parent / "cases"
 DOWN = {"gravity": (0.0, -9.81, 0.0), "up": "y"}
 NONE = ((0.0,) * 3,) * 3
 
 
 def case(name):
     """Times and reference of a case."""
-    data = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
+    data = json.loads((static_models.CASES / f"{name}.json").read_text(encoding="utf-8"))
     return np.array(data["t"]), data["reference"]
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -74,14 +73,12 @@ def test_a_sliding_block_stops_where_it_must():
     q, v = mech.home()
     v[3] = 3.0
     run = pg.simulate(mech, q, v, t_end=2.0, step=1e-3)
-    reference = json.loads((cases() / "sliding_block_coulomb.json").read_text())["reference"]
+    reference = json.loads((static_models.CASES / "sliding_block_coulomb.json").read_text())[
+        "reference"
+    ]
     assert run.q[-1, 0] == pytest.approx(reference["flat"]["stop_x"], abs=1e-5)
     assert abs(run.v[-1]).max() < 1e-12
     assert run.energy_drift < 0.05
-
-
-def cases() -> Path:
-    return Path(__file__).parent / "cases"
 
 
 @pytest.mark.parametrize(("mu", "angle", "way"), [(0.3, 0.42174855, -1), (0.5, 0.90722648, 1)])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,14 +11,15 @@ import pgraph_core as pg
 import static_models
 from pgraph_core.phased_scene import PhasedScene
 
-CASES = Path(__file__).parent / "cases"
 G = 9.81
 FEET = ("left_front_paw", "right_front_paw", "left_hind_paw", "right_hind_paw")
 NONE = ((0.0,) * 3,) * 3
 
 
 def reference(name):
-    return json.loads((CASES / f"{name}.json").read_text(encoding="utf-8"))["reference"]
+    return json.loads((static_models.CASES / f"{name}.json").read_text(encoding="utf-8"))[
+        "reference"
+    ]
 
 
 def run(model, **options):

@@ -1,0 +1,93 @@
+"""`pgraph verify`: motions that are known, computed again and compared."""
+
+from __future__ import annotations
+
+import sys
+import time
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+from typing import Any
+
+import pgraph_core as pg
+import static_models
+
+from .answer import Answer, aligned
+
+HELP = "the cases whose motion is known: error reached, target, cost; exit code 1 if one misses"
+HEADER = (
+    "case", "compared", "error", "target", "reference", "time [s]", "steps", "method", "verdict"
+)  # fmt: skip
+
+
+def arguments(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "names", metavar="NAME", nargs="*",
+        help="a case, a family of cases such as chain_n_links, or a case file; default: all",
+    )  # fmt: skip
+
+
+def answer(args: Namespace) -> Answer:
+    """Raises PgraphError for a name that is not there."""
+    chosen = [case for name in args.names or _families() for case in _cases(name)]
+    tell = _line if sys.stderr.isatty() else _nothing
+    began = time.perf_counter()
+    rows = []
+    for i, case in enumerate(chosen):
+        tell(f"{case.name}  ({i + 1} of {len(chosen)}, {time.perf_counter() - began:.0f} s)")
+        rows.append(facts(pg.verify(case)))
+    tell("")
+    missed = [row["case"] for row in rows if not row["ok"]]
+    said = f"{len(rows) - len(missed)} of {len(rows)} cases reach their targets"
+    table = aligned((_cells(row) for row in rows), HEADER)
+    problem = f"missed: {', '.join(missed)}" if missed else ""
+    return Answer({"cases": rows}, f"{table}\n\n{said}", problem)
+
+
+def _families() -> list[str]:
+    return list(static_models.case_names())
+
+
+def _cases(name: str) -> tuple[pg.Case, ...]:
+    """The built-in cases of a name, or those in a file."""
+    return pg.load_cases(name) if Path(name).suffix == ".json" else static_models.cases(name)
+
+
+def facts(verdict: pg.Verdict) -> dict[str, Any]:
+    """A row of the table, under names that scripts can rely on."""
+    run, case = verdict.run, verdict.case
+    return {
+        "case": case.name,
+        "compared": verdict.observable.name,
+        "error": verdict.error,
+        "target": verdict.observable.target,
+        "reference_accuracy": case.accuracy,
+        "seconds": verdict.seconds,
+        "steps": run.counters["steps"] if run else 0,
+        "method": run.header["method"] if run else "",
+        "ok": verdict.ok,
+        "error_estimate": run.error_estimate if run else None,
+        "message": run.message if run else "",
+    }
+
+
+def _cells(row: dict[str, Any]) -> tuple[Any, ...]:
+    return (
+        row["case"],
+        row["compared"],
+        f"{row['error']:.1e}",
+        f"{row['target']:.0e}",
+        f"{row['reference_accuracy']:.0e}",
+        f"{row['seconds']:.2g}",
+        row["steps"],
+        row["method"] or "none",
+        "ok" if row["ok"] else "MISSED",
+    )
+
+
+def _line(text: str) -> None:
+    """Progress on a terminal, in the place of the last."""
+    print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
+
+
+def _nothing(text: str) -> None:
+    """Where nobody looks."""
