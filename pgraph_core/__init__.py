@@ -23,6 +23,7 @@ from .schema import Scenario as Scenario
 from .schema import Shape as Shape
 from .schema import Sine as Sine
 from .schema import Step as Step
+from .schema import Switch as Switch
 from .schema import Table as Table
 from .schema import VectorTable as VectorTable
 from .topology import Topology as Topology

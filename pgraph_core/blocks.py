@@ -69,6 +69,14 @@ def blocks(model: Model, topology: Topology, packed: System, home: tuple[Array, 
     )
 
 
+def values_of(
+    c: Constraint, model: Model, topology: Topology, packed: System, poses: tuple[Array, Array]
+) -> list[Array]:
+    """(28,) of each block of a constraint, what it leaves out being as in these poses."""
+    ends = _Ends(c, model, topology, packed, poses, radius_of_gyration(packed))
+    return [block.values for block in ends.blocks()]
+
+
 def _starts(counts: Sequence[int]) -> list[int]:
     return list(accumulate(counts, initial=0))[: len(counts)]
 

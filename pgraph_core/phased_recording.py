@@ -48,7 +48,6 @@ class PhasedRecording(Recording):
         kernels = (phases.phased_acceleration, motion.projection, site_kernels.phased_record)
         self.links = (*(address_of(kernel) for kernel in kernels), self.steps.links[3])
         self.clock = np.zeros(2)
-        self.log: list[Event] = []
         self.causes: dict[int, str] = {}
         self._ends: dict[int, float] = {}  # when the bounces of what comes to rest are over
         self.tally = {"phase_switches": 0, "impacts": 0, "bounces_left_out": 0}
@@ -60,9 +59,18 @@ class PhasedRecording(Recording):
     def _new_scene(self) -> PhasedScene:
         plan = self.plan
         return PhasedScene(
-            self.mech, plan.drives, plan.loads, plan.active, plan.sites, len(plan.times),
+            self.mech, plan.drives, plan.loads, plan.ever, plan.sites, len(plan.times),
             contacts=plan.contacts, user=self.user,
         )  # fmt: skip
+
+    def _impulse(self, t: float) -> None:
+        """Impulses at all that touches, and phases that fit them."""
+        self._resting[:] = self.scene.phase != at.SWING
+        self._before = self.scene.phase.copy()
+        if self.scene.bilateral or self._resting.any():
+            self._impact(t, [])
+        self._settle(t)
+        self._note_changes(t, self._before)
 
     # -- the run -------------------------------------------------------------------------------
 
@@ -116,9 +124,8 @@ class PhasedRecording(Recording):
         while budget > 0:
             code = phase_events.run_phased(
                 self.scene.address, self.links, plan.method.tableau[:3],
-                (steps.times, plan.substeps, plan.width), steps.cursor, budget, plan.project,
-                self.q, self.v, steps.stages, self._flow, steps.ledger, steps.counters,
-                steps.failure, self.out, self.clock,
+                steps.schedule, steps.cursor, budget, plan.project, self.q, self.v, steps.stages,
+                self._flow, steps.ledger, steps.counters, steps.failure, self.out, self.clock,
             )  # fmt: skip
             if code != at.EVENT:
                 return code
@@ -461,22 +468,21 @@ class PhasedRecording(Recording):
     # -- the result ----------------------------------------------------------------------------
 
     def result(
-        self, estimate: float, timing: dict[str, float], header: dict[str, Any], *, first: int = 0
+        self, estimate: float, timing: dict[str, float], header: dict[str, Any], shown: Any
     ) -> Result:
         """As of any recording, with what contact points and limits did."""
-        run = super().result(estimate, timing, header, first=first)
+        run = super().result(estimate, timing, header, shown)
         return dataclasses.replace(
             run,
-            contacts=self._record(run, first),
+            contacts=self._record(run, self.rows(shown)),
             counters={**run.counters, **self.tally},
             timing={**run.timing, "events": self.switching},
         )
 
-    def _record(self, run: Result, first: int) -> ContactRecord:
+    def _record(self, run: Result, rows: Any) -> ContactRecord:
         """Forces, gaps and slips of every site, and of all sites of a touch together."""
         mech, soft = self.mech, run.contacts
-        frames = self.scene.frames[first : self.done]
-        codes = self.scene.frame_phases[first : self.done]
+        frames, codes = self.scene.frames[rows], self.scene.frame_phases[rows]
         still = np.zeros((len(run.t), mech.nb, 6))
         origins = bodies_over(mech.system, run.q, run.v, run.vdot, still).pose[..., :3]
         found = {name: dict(getattr(soft, name)) for name in ("force", "gap", "slip", "limit")}

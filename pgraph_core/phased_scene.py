@@ -101,6 +101,12 @@ class PhasedScene(Scene):
         """(ns,) phases of the sites."""
         return self.sites_i[:, at.S_PHASE]
 
+    def switch(self, constraints: Ints) -> None:
+        """Activate these constraints beside what the sites' phases activate."""
+        self.activate(constraints)
+        self.bilateral = int(self.active[0])
+        self.arrange()
+
     def arrange(self) -> None:
         """Activate the blocks of constraints, then of stances and limits, then of sliding sites."""
         phase = self.phase

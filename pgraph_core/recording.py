@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .assembly import assembled
+from .assembly import NOTABLE, assembled
 from .callback import UserTorque
-from .contact_record import NOTHING, ContactRecord
+from .contact_record import NOTHING, ContactRecord, Event
 from .errors import InputError
 from .kernels import layout as at
 from .kernels import motion
@@ -21,6 +24,8 @@ from .result import Result, Status
 from .scene import Scene
 from .singular import Instant, singular_notice
 from .stepping import Plan, stepping
+from .switched_scene import closed, hold_here
+from .switching import Change
 from .system import Array
 
 LOOSER = 32.0  # tolerance of the run that the error estimate compares with
@@ -59,6 +64,10 @@ class Recording:
         self.tau = tau
         self.user = UserTorque(tau, mech.nq, mech.nv) if callable(tau) else None
         self.scene = self._new_scene()
+        self._ahead = deque(plan.changes)
+        if plan.changes:
+            self.scene.switch(plan.active)
+            self._stop_at_next()
         if tau is not None and self.user is None:
             self.scene.given[:] = mech.finite("tau", tau, mech.nv)
         n, blocks = len(plan.times), len(self.scene.active) - 1
@@ -71,20 +80,24 @@ class Recording:
         )
         self.status, self.message = Status.DONE, Status.DONE.value
         self.notices: list[str] = []
+        self.log: list[Event] = []
         self._flow = np.zeros(3)
         self._first: Instant | None = None  # the state that constraints are met in
         self._redundant = False  # whether rows say nothing new there
 
     def _new_scene(self) -> Scene:
-        plan = self.plan
+        plan, own = self.plan, self.mech.blocks
+        if plan.changes:  # which may hold places that are known only then
+            own = own._replace(blocks_f=own.blocks_f.copy())
         return Scene(
             self.mech,
             plan.drives,
             plan.loads,
-            plan.active,
+            plan.ever,
             contacts=plan.contacts,
             gains=plan.gains,
             user=self.user,
+            blocks=own,
         )
 
     def _advance(self, budget: int) -> int:
@@ -100,7 +113,9 @@ class Recording:
             began = time.perf_counter()
             code = self._advance(budget)
             if code == at.DONE:
-                return
+                if not self._ahead or not self._switch(self._ahead.popleft()):
+                    return
+                continue
             if code != at.RUNNING:
                 if self.user is not None and self.user.error is not None:
                     raise self.user.error
@@ -112,6 +127,53 @@ class Recording:
                 t = self.steps.times[self.done - 1]
                 self._stop(Status.CANCELLED, f"{Status.CANCELLED.value}; kept up to t = {t:.6g} s")
                 return
+
+    # -- constraints that go on and off ----------------------------------------------------------
+
+    def _stop_at_next(self) -> None:
+        """Go on to the next change, or to the end."""
+        times = self.plan.times
+        to = times[-1] if not self._ahead else self._ahead[0].t
+        self.steps.stop = int(np.searchsorted(times, to)) + 1
+
+    def _switch(self, change: Change) -> bool:
+        """Make a change effective, between two steps; whether the run goes on."""
+        self._note_singular()
+        before = self._energy()
+        try:
+            hold_here(self.scene, change, self.q)
+            self.scene.switch(change.active)
+            self._impulse(change.t)
+            middle = self._energy()
+            moved = closed(self.scene, change, self.q, self.v)
+        except InputError as refused:
+            self._stop(Status.CANNOT_CLOSE, f"{Status.CANNOT_CLOSE.value}: {refused}")
+            return False
+        gain = self._energy() - middle
+        self.steps.ledger[at.WORK_DONE if gain > 0 else at.DISSIPATED] += abs(gain)
+        self._log_change(change, self._energy() - before, moved)
+        self.steps.restart()
+        self._stop_at_next()
+        self._first = change.t, self.q.copy(), self.v.copy()
+        return self.status.ok
+
+    def _impulse(self, t: float) -> None:
+        """What a change does at once to what is in contact: of time stepping the next step."""
+
+    def _energy(self) -> float:
+        return float(sum(motion.energy(self.scene.address, self.q, self.v)))
+
+    def _log_change(self, change: Change, gain: float, moved: float) -> None:
+        took = f"; its impulse took {-gain:.4g} J" if gain < 0 else ""
+        took = f"; its impulse put in {gain:.4g} J" if gain > 0 else took
+        for numbers, (old, new) in ((change.off, ("on", "off")), (change.on, ("off", "on"))):
+            for i in numbers.tolist():
+                c = self.mech.model.constraints[i]
+                cause = f"switched {new}{took if new == 'on' else ''}"
+                self.log.append(Event(change.t, c.name, c.body, old, new, cause))
+        if moved > NOTABLE:
+            text = f"joints were moved by up to {moved:.3g} to meet what goes on"
+            self.notices.append(f"at t = {change.t:g} s {text}")
 
     @property
     def start(self) -> float:
@@ -129,7 +191,7 @@ class Recording:
         if len(plan.active) and plan.project:
             try:
                 self.q[:], self.v[:], report = assembled(
-                    mech, self.q, self.v, plan.active, self.scene
+                    mech, self.q, self.v, plan.active, self.scene, self.start
                 )
             except InputError as refused:
                 self._stop(Status.CANNOT_CLOSE, f"{Status.CANNOT_CLOSE.value}: {refused}")
@@ -202,14 +264,15 @@ class Recording:
             pushes,
         )
 
-    def _singular(self) -> list[str]:
+    def _note_singular(self) -> None:
         """A sentence on the singular positions that were passed, if there were any."""
         if not self.done or self._first is None:
-            return []
+            return
         last = self.done - 1
         end = float(self.steps.times[last]), self.out[0][last], self.out[1][last]
-        said = singular_notice(self.scene, self._first, end, self._redundant)
-        return [said] if said else []
+        if said := singular_notice(self.scene, self._first, end, self._redundant):
+            self.notices.append(said)
+        self._redundant = False
 
     def _contact_counters(self) -> dict[str, int]:
         if self.scene.touching is None:
@@ -238,16 +301,18 @@ class Recording:
         return found
 
     def result(
-        self, estimate: float, timing: dict[str, float], header: dict[str, Any], *, first: int = 0
+        self, estimate: float, timing: dict[str, float], header: dict[str, Any], shown: Any
     ) -> Result:
-        """What has been recorded from frame `first` on, as a Result."""
-        frames = (a[first : self.done] for a in self.out)
+        """What has been recorded in the frames that are `shown`, as a Result."""
+        self._note_singular()
+        rows = self.rows(shown)
+        frames = (a[rows] if len(a) else a for a in self.out)
         q, v, vdot, wrenches, energy, drift, pushes, touches = frames
         return Result(
             mechanism=self.mech,
             status=self.status,
             message=self.message,
-            t=self.steps.times[first : self.done],
+            t=self.steps.times[rows],
             q=q,
             v=v,
             vdot=vdot,
@@ -256,15 +321,21 @@ class Recording:
             work=energy[:, 2],
             dissipation=energy[:, 3],
             constraint_drift=drift,
-            constraint_force=self.scene.forces(wrenches.swapaxes(0, 1).copy()),
-            contacts=self._contacts(pushes, touches),
+            constraint_force=self.scene.forces(wrenches.swapaxes(0, 1).copy(), self.plan.ever),
+            contacts=replace(self._contacts(pushes, touches), events=tuple(self.log)),
             counters=dict(zip(COUNTERS, self.steps.counters.tolist())) | self._contact_counters(),
             timing=timing,
             error_estimate=estimate,
             header=header,
             left_out=left_out(self.mech, self.plan),
-            notices=(*self.notices, *self._singular(), *self.contact_notices()),
+            notices=(*self.notices, *self.contact_notices()),
         )
+
+    def rows(self, shown: NDArray[np.bool_]) -> Any:
+        """The frames that were asked for of those recorded; where a run failed, its last one."""
+        some = shown[: self.done].copy()
+        some[-1:] |= not self.status.ok
+        return slice(0, self.done) if some.all() else np.flatnonzero(some)
 
 
 def _touches(plan: Plan) -> int:
@@ -302,7 +373,9 @@ def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) ->
 def _coarser(plan: Plan) -> tuple[Plan, float] | None:
     """The same run, cheaper, and how many times larger its error is."""
     power = plan.method.order
-    some = plan.times[np.unique(np.linspace(0, len(plan.times) - 1, COMPARED).astype(int))]
+    cuts = np.searchsorted(plan.times, [change.t for change in plan.changes])
+    few = np.linspace(0, len(plan.times) - 1, COMPARED).astype(int)
+    some = plan.times[np.union1d(few, cuts)]
     if plan.tolerance is not None:
         given = plan.tolerance
         if given.fixed:
@@ -313,7 +386,7 @@ def _coarser(plan: Plan) -> tuple[Plan, float] | None:
     if int(np.sum(plan.substeps)) < 2:
         return None
     if int(np.max(plan.substeps)) == 1:  # every second frame, so that kinks of tables stay steps
-        keep = np.union1d(np.arange(0, len(plan.times), 2), [len(plan.times) - 1])
+        keep = np.union1d(np.arange(0, len(plan.times), 2), [*cuts, len(plan.times) - 1])
         times, count = plan.times[keep], np.ones(len(keep) - 1, dtype=np.int64)
     else:
         times, count = plan.times, -(-plan.substeps // 2)
@@ -327,7 +400,7 @@ def left_out(mech: Mechanism, plan: Plan) -> tuple[str, ...]:
     found: list[str] = []
     kinds = set(mech.system.rows[1:, at.KIND].tolist())
     merged = mech.nb - len(np.unique(mech.system.bodies_i[1:, at.ROW]))
-    if not len(plan.active):
+    if not len(plan.ever):
         found.append("no active constraint: no Delassus matrix, no projection")
     if not len(plan.drives[0]):
         found.append("no spring, damper, motor or servo: no drive forces")

@@ -13,6 +13,7 @@ from .kernels import layout as at
 from .kernels import motion
 from .kernels.dips import LEAST
 from .kernels.handle import address_of, address_of_array, buffer
+from .kernels.proximal import FACTORED
 from .system import Array, Drives, Ints, Loads
 
 if TYPE_CHECKING:
@@ -66,15 +67,18 @@ class Scene:
 
     def activate(self, constraints: Ints) -> None:
         """Switch on the blocks of these constraints, and no others."""
-        first = self.blocks.first.tolist()
-        spans = [(first[i], first[i + 1]) for i in constraints.tolist()]
-        chosen = [block for span in spans for block in range(*span)]
+        self._spans = self.spans_of(constraints)
+        chosen = [block for _, *span in self._spans for block in range(*span)]
         self.active[0] = len(chosen)
         self.active[1 : len(chosen) + 1] = chosen
-        self._spans = [(self.blocks.names[i], *s) for i, s in zip(constraints.tolist(), spans)]
         self.space[5][LEAST] = np.inf
+        self.space[5][FACTORED, 2] = 0.0  # the last factors were of other blocks
         self.space[8][:] = 0.0
         self.space[8][0, at.DIP_ROWS] = self.blocks.blocks_i[chosen, at.B_SIZE].sum()
+
+    def switch(self, constraints: Ints) -> None:
+        """Activate these constraints in a run under way."""
+        self.activate(constraints)
 
     @property
     def held(self) -> int:
@@ -86,11 +90,19 @@ class Scene:
         """(name, first block, end of its blocks) of every active constraint."""
         return self._spans
 
-    def forces(self, wrenches: Array) -> dict[str, Array]:
-        """{name: (..., 6)} [torque, force] on `body` at `point` from wrenches (blocks, ..., 6)."""
+    def spans_of(self, constraints: Ints) -> list[tuple[str, int, int]]:
+        """(name, first block, end of its blocks) of these constraints."""
+        first, names = self.blocks.first.tolist(), self.blocks.names
+        return [(names[i], first[i], first[i + 1]) for i in constraints.tolist()]
+
+    def forces(self, wrenches: Array, constraints: Ints | None = None) -> dict[str, Array]:
+        """{name: (..., 6)} [torque, force] on `body` at `point` from wrenches (blocks, ..., 6).
+
+        Of these constraints, the active ones by default.
+        """
         return {
             name: wrenches[a] if b == a + 1 else wrenches[a:b].sum(axis=0)
-            for name, a, b in self._spans
+            for name, a, b in (self._spans if constraints is None else self.spans_of(constraints))
         }
 
 

@@ -22,6 +22,7 @@ from .schema import Contact
 from .sites import Site, sites_of
 from .stepping import FIXED_RTOL, Plan, Tolerance, corners
 from .stiffness import fastest_rate
+from .switching import changes, ever, with_instants
 from .system import Array, Ints
 
 MOST_STEPS = 1_000_000_000  # a day of computing
@@ -52,6 +53,7 @@ def simulate(
     t_eval: Any = None,
     scenario: str | None = None,
     stabilise: str | None = "project",
+    switches: Any = None,
     progress: Callable[[float], Any] | None = None,
     estimate: bool = True,
 ) -> Result:
@@ -61,6 +63,8 @@ def simulate(
     compiled by `numba.njit`, which costs a hundredth. `frames` is how many evenly spaced states
     are recorded, `t_eval` their times. `scenario` names a run of the model, whose parts the other
     arguments replace. `stabilise` keeps constraints: "project", "baumgarte" or None.
+    `switches` are (t, name of a constraint, True or False): it goes on or off then, between two
+    steps and without anything being built anew; frames at that time show what is after it.
     `progress(fraction)` is called now and then; a run stops where it returns False. Without
     `estimate` the second run that estimates the error is left out, and the estimate is nan.
 
@@ -88,7 +92,7 @@ def simulate(
     forces = (*mech.model.forces, *(given.forces if given else ()))
     drives, loads = mech.drives(forces), mech.loads(forces)
     contacts = mech.contacts(_touching(mech, given))
-    active = _active(mech, given)
+    active, changing = changes(mech, given, switches, _active(mech, given), (t_start, t_end))
     q0, v0 = _start(mech, given, q, v)
     name = method if method is not None else given.method if given else "auto"
     if method is None and rtol is not None and name not in ADAPTIVE:
@@ -120,13 +124,16 @@ def simulate(
         why += ", from event to event of contacts and limits"
     tolerance = _tolerance(chosen, span, step, rtol, atol, max_steps)
     if tolerance is None or tolerance.fixed:
-        step = _positive("step", usual if step is None else step)
-        times, substeps, width = schedule(t_start, t_end, step, frames, t_eval)
+        step = wide = _positive("step", usual if step is None else step)
+        asked_for = given_times(t_start, t_end, step, frames, t_eval)
     else:
-        times = frame_times(t_start, t_end, FRAMES + 1 if frames is None else frames, t_eval)
-        substeps, width = np.zeros(0, dtype=np.int64), np.zeros(0)
+        wide = 0.0
+        asked_for = frame_times(t_start, t_end, FRAMES + 1 if frames is None else frames, t_eval)
+    times, changing = with_instants(asked_for, changing) if changing else (asked_for, ())
+    substeps, width = steps_between(times, wide)
     if tolerance is not None:
-        tolerance = tolerance._replace(corners=corners(mech, drives, loads, active, t_start, t_end))
+        held = ever(active, changing)
+        tolerance = tolerance._replace(corners=corners(mech, drives, loads, held, t_start, t_end))
     gains = np.zeros(2)
     if stabilise == "baumgarte":
         gains = _gains(usual if step is None else step)
@@ -143,6 +150,7 @@ def simulate(
         stabilise == "project" or bool(sites),
         tolerance,
         sites,
+        changing,
     )
     record = (PhasedRecording if sites else Recording)(mech, plan, q0, v0, tau)
     record.notices += _stiff(plan, rate)
@@ -169,8 +177,9 @@ def simulate(
         "t_end": t_end,
         "stabilise": stabilise,
     }
-    from_zero = t_eval is None or len(times) == np.size(t_eval)
-    return record.result(error, timing, header, first=0 if from_zero else 1)
+    shown = np.isin(times, asked_for) if changing else np.ones(len(times), dtype=bool)
+    shown[0] = t_eval is None or len(asked_for) == np.size(t_eval)
+    return record.result(error, timing, header, shown)
 
 
 def automatic(
@@ -241,9 +250,15 @@ def _step_of(plan: Plan) -> float | None:
 def schedule(
     t_start: float, t_end: float, step: float, frames: Any, t_eval: Any
 ) -> tuple[Array, Ints, Array]:
-    """(times, substeps, width): when to record, and how many steps of what width in between.
+    """(times, substeps, width): when to record, and how many steps of what width in between."""
+    times = given_times(t_start, t_end, step, frames, t_eval)
+    return times, *steps_between(times, step)
 
-    `times` begins at `t_start`; where `t_eval` does not, the first frame is not for the caller.
+
+def given_times(t_start: float, t_end: float, step: float, frames: Any, t_eval: Any) -> Array:
+    """When to record a run whose steps are given: at most FRAMES times where nothing is said.
+
+    It begins at `t_start`; where `t_eval` does not, the first frame is not for the caller.
     """
     span = t_end - t_start
     if span / step > MOST_STEPS:
@@ -252,10 +267,16 @@ def schedule(
     if frames is None:
         steps = max(int(np.ceil(span / step - 1e-9)), 1)
         frames = steps // -(-steps // FRAMES) + 1 if t_eval is None else None
-    times = frame_times(t_start, t_end, frames, t_eval)
+    return frame_times(t_start, t_end, frames, t_eval)
+
+
+def steps_between(times: Array, step: float) -> tuple[Ints, Array]:
+    """(substeps, width) between recorded times: how many steps, of what width."""
+    if step == 0.0:  # the method chooses them
+        return np.zeros(0, dtype=np.int64), np.zeros(0)
     apart = np.diff(times)
     substeps = np.maximum(np.ceil(apart / step - 1e-9), 1).astype(np.int64)
-    return times, substeps, apart / substeps
+    return substeps, apart / substeps
 
 
 def frame_times(t_start: float, t_end: float, frames: Any, t_eval: Any) -> Array:

@@ -13,6 +13,7 @@ from .kernels import layout as at
 from .kernels.handle import address_of
 from .mechanism import Mechanism
 from .sites import Site
+from .switching import Change, ever
 from .system import Array, Drives, Ints, Loads
 
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
@@ -45,6 +46,12 @@ class Plan(NamedTuple):
     project: bool
     tolerance: Tolerance | None  # None: steps are given
     sites: tuple[Site, ...] = ()  # contact points and limits of an event-driven run
+    changes: tuple[Change, ...] = ()  # constraints that go on and off
+
+    @property
+    def ever(self) -> Ints:
+        """Indices of the constraints that are active at some time."""
+        return ever(self.active, self.changes)
 
 
 class Stepping(Protocol):
@@ -56,6 +63,8 @@ class Stepping(Protocol):
     cursor: Ints
     counters: Ints
     failure: Array  # (2,) time and row, where it failed
+    ledger: Array  # (2,) work and dissipation so far [J]
+    stop: int  # frames until which it goes on
 
     def advance(self, scene: int, budget: int, out: tuple[Array, ...]) -> int:
         """At most `budget` steps and frames on; the kernel's status code."""
@@ -63,6 +72,10 @@ class Stepping(Protocol):
 
     def fraction(self) -> float:
         """How much of the run is done, 0 to 1."""
+        ...
+
+    def restart(self) -> None:
+        """Go on from a state, or with equations, that have just changed; the last frame anew."""
         ...
 
 
@@ -78,6 +91,7 @@ class GivenSteps:
         """Nothing is computed yet."""
         self.plan = plan
         self.q, self.v, self.times = q.copy(), v.copy(), plan.times.copy()
+        self.stop = len(plan.times)
         self.stages = np.zeros((5 + 2 * plan.method.evaluations, max(mech.nq, mech.nv)))
         self.flow, self.ledger, self.failure = np.zeros(3), np.zeros(2), np.zeros(2)
         self.cursor = np.zeros(2, dtype=np.int64)
@@ -88,10 +102,22 @@ class GivenSteps:
         """At most `budget` steps and frames on; the kernel's status code."""
         plan = self.plan
         return run.run(
-            scene, self.links, plan.method.tableau[:3], (self.times, plan.substeps, plan.width),
-            self.cursor, budget, plan.project, self.q, self.v, self.stages, self.flow,
-            self.ledger, self.counters, self.failure, out,
+            scene, self.links, plan.method.tableau[:3], self.schedule, self.cursor, budget,
+            plan.project, self.q, self.v, self.stages, self.flow, self.ledger, self.counters,
+            self.failure, out,
         )  # fmt: skip
+
+    @property
+    def schedule(self) -> tuple[Array, Ints, Array]:
+        """Times, substeps and width up to where it stops."""
+        last = self.stop - 1
+        return self.times[: self.stop], self.plan.substeps[:last], self.plan.width[:last]
+
+    def restart(self) -> None:
+        """Go on from a state, or with equations, that have just changed; the last frame anew."""
+        self.cursor[at.FRAME] -= 1
+        i = int(self.cursor[at.FRAME])
+        self.cursor[at.TAKEN] = self.plan.substeps[i - 1]
 
     def fraction(self) -> float:
         """How much of the run is done, 0 to 1."""
@@ -113,7 +139,9 @@ class ChosenSteps:
         self.stages = np.zeros((at.STAGE + count, mech.nq + mech.nv + 2))
         self.q = self.stages[at.Y, : mech.nq]
         self.v = self.stages[at.Y, mech.nq : mech.nq + mech.nv]
+        self.ledger = self.stages[at.Y, mech.nq + mech.nv :]
         self.q[:], self.v[:], self.times = q, v, plan.times.copy()
+        self.stop = len(plan.times)
         self.flow, self.failure = np.zeros(3), np.zeros(2)
         self.cursor = np.zeros(2, dtype=np.int64)
         self.counters = np.zeros(at.COUNTERS, dtype=np.int64)
@@ -139,10 +167,17 @@ class ChosenSteps:
         plan = self.plan
         return adaptive.run_adaptive(
             scene, self.links, tuple(plan.method.tableau), plan.method.controller,
-            plan.method.order, self.size, self.times, self.tolerance.corners, self.cursor,
-            budget, plan.project, self.stages, (self.control, self.flags, self.counters),
-            self.matrices, self.flow, self.failure, self.events, out,
+            plan.method.order, self.size, self.times[: self.stop], self.tolerance.corners,
+            self.cursor, budget, plan.project, self.stages,
+            (self.control, self.flags, self.counters), self.matrices, self.flow, self.failure,
+            self.events, out,
         )  # fmt: skip
+
+    def restart(self) -> None:
+        """Go on from a state, or with equations, that have just changed; the last frame anew."""
+        self.cursor[at.FRAME] -= 1
+        self.flags[at.FRESH] = self.flags[at.FILLED] = 0
+        self.control[at.JACOBIAN_RATE] = 2.0
 
     def fraction(self) -> float:
         """How much of the run is done, 0 to 1."""

@@ -10,6 +10,7 @@ from .curves import Table as Table
 from .curves import VectorTable as VectorTable
 from .force import Force as Force
 from .model import Model as Model
-from .model import Scenario as Scenario
+from .scenario import Scenario as Scenario
+from .scenario import Switch as Switch
 from .world import Ground as Ground
 from .world import Step as Step

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .contact import Contact
     from .force import Force
     from .model import Model
-    from .scenario import Scenario
+    from .scenario import Scenario, Switch
 
 Bodies = Mapping[str, "Body | None"]  # by name; None for one that is not valid itself
 
@@ -238,6 +238,9 @@ def scenario_problems(
                 found += [Problem(where, field, text) for text in texts]
         found += _active_problems(where, "constraint", s.constraints or (), constraints)
         found += _active_problems(where, "contact", s.contacts or (), contacts)
+        found += [
+            Problem(where, "switches", text) for text in switch_problems(s.switches, constraints)
+        ]
         found += force_problems(s.forces, bodies, f"{where}, ")
     return found
 
@@ -253,6 +256,18 @@ def _active_problems(
             found.append(Problem(where, f"{kind}s", f"no {kind} is named '{name}'; {do}"))
         elif name in names[:i]:
             found.append(Problem(where, f"{kind}s", f"'{name}' stands there twice"))
+    return found
+
+
+def switch_problems(switches: Sequence[Switch], constraints: Sequence[str]) -> list[str]:
+    """Names that no constraint has, and constraints that are switched twice at once."""
+    found = []
+    do = f"choose one of {choices(constraints)}" if constraints else "the model has no constraint"
+    for i, s in enumerate(switches):
+        if s.constraint not in constraints:
+            found.append(f"no constraint is named '{s.constraint}'; {do}")
+        elif any((s.t, s.constraint) == (o.t, o.constraint) for o in switches[:i]):
+            found.append(f"'{s.constraint}' is switched twice at t = {s.t:g} s; leave one out")
     return found
 
 

@@ -146,9 +146,8 @@ def fitted(
             }
             for key in ("q", "v")
         }
-        active = _left(s.constraints, gone)
-        forces = tuple(filter(fits, s.forces))
-        return s.model_copy(update={**states, "forces": forces, "constraints": active})
+        update = {**states, "forces": tuple(filter(fits, s.forces)), **_without(s, gone)}
+        return s.model_copy(update=update)
 
     kept = {
         "constraints": tuple(c for c in parts["constraints"] if c.name not in gone),
@@ -165,6 +164,12 @@ def fitted(
         if s != new
     ]
     return kept, notices
+
+
+def _without(s: Scenario, gone: set[str]) -> dict[str, Any]:
+    """What a scenario says of constraints, without those that are gone."""
+    switches = tuple(x for x in s.switches if x.constraint not in gone)
+    return {"constraints": _left(s.constraints, gone), "switches": switches}
 
 
 def _left(active: tuple[str, ...] | None, gone: set[str]) -> tuple[str, ...] | None:
@@ -202,7 +207,7 @@ def without(
                 "q": {k: value for k, value in s.q.items() if k not in names},
                 "v": {k: value for k, value in s.v.items() if k not in names},
                 "forces": tuple(f for f in s.forces if not touched(f)),
-                "constraints": _left(s.constraints, gone["constraints"]),
+                **_without(s, gone["constraints"]),
                 "contacts": _left(s.contacts, gone["contacts"]),
             }
         )

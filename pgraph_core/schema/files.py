@@ -33,6 +33,8 @@ def to_json(model: Model) -> str:
     data["forces"] = [_of_kind(force) for force in data["forces"]]
     for scenario in data["scenarios"]:
         scenario["forces"] = [_of_kind(force) for force in scenario["forces"]]
+        if not scenario["switches"]:
+            del scenario["switches"]
     if model.ground == Ground():
         del data["ground"]
     if not model.contacts:

@@ -13,6 +13,14 @@ from .force import Force
 from .sentences import shown
 
 
+class Switch(Described):
+    """A constraint that is switched on or off during a run."""
+
+    t: Annotated[Number, Field(ge=0)] = Field(description="a time >= 0 [s]")
+    constraint: str = Field(description="the name of a constraint")
+    active: bool = Field(description="true or false")
+
+
 class Scenario(Described):
     """What `simulate(mech, scenario=name)` runs."""
 
@@ -24,6 +32,9 @@ class Scenario(Described):
     constraints: tuple[str, ...] | None = Field(
         default=None,
         description="names of the active constraints; left out: the model's own choice",
+    )
+    switches: tuple[Switch, ...] = Field(
+        default=(), description="constraints switched on or off on the way, {t, constraint, active}"
     )
     contacts: tuple[str, ...] | None = Field(
         default=None,

@@ -190,7 +190,7 @@ def test_a_loop_that_cannot_close_is_named_with_its_gap():
     assert str(refused.value) == said
 
 
-def test_two_constraints_that_contradict_each_other_are_named():
+def test_of_what_contradicts_one_alone_is_assembled():
     rod = windows(1).body("crank 0")
     held = [
         pg.Constraint(
@@ -199,29 +199,8 @@ def test_two_constraints_that_contradict_each_other_are_named():
         for name, x in (("left", 0.2), ("right", 0.5))
     ]
     mech = pg.Mechanism(pg.Model(up="y", bodies=(rod,), constraints=tuple(held)))
-    with pytest.raises(pg.InputError) as refused:
-        mech.assemble()
-    assert str(refused.value) == (
-        "constraint 'right': contradicts 'left': at best they miss by 0.15 rad; change one of "
-        "them, or make it inactive"
-    )
     q, _, _ = mech.assemble(active=["right"])
     assert q == pytest.approx([0.5])
-
-
-def test_contradicting_velocities_are_named():
-    rod = windows(1).body("crank 0")
-    held = [
-        pg.Constraint(name=name, kind="velocity", coefficients={"crank 0": (1.0,)}, value=x)
-        for name, x in (("slow", 1.0), ("fast", 2.0))
-    ]
-    mech = pg.Mechanism(pg.Model(up="y", bodies=(rod,), constraints=tuple(held)))
-    with pytest.raises(pg.InputError) as refused:
-        mech.assemble()
-    assert str(refused.value) == (
-        "constraint 'fast': contradicts 'slow': at best they miss by 0.5 rad/s or m/s; change "
-        "one of them, or make it inactive"
-    )
 
 
 def test_an_unknown_constraint_is_refused():

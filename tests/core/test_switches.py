@@ -1,0 +1,186 @@
+"""Constraints that go on and off during a run: laws at the instant, and nothing built anew."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+import static_models
+from pgraph_core.scene import Scene
+
+METHODS = [
+    {"method": "rk4", "step": 1e-3},
+    {"method": "semi_implicit_euler", "step": 1e-3},
+    {"method": "dop853", "rtol": 1e-11},
+    {"method": "radau5", "rtol": 1e-10},
+]
+FOOT = "left_hind_paw"
+
+
+def quadruped() -> pg.Mechanism:
+    return pg.Mechanism(pg.Model.load(static_models.path("quadruped")))
+
+
+def pair(kind: Any, **fields: Any) -> pg.Mechanism:
+    """Two bodies that tumble past each other in space, and an inactive tie between them."""
+    q = ((0, 0, 0, 1, 0, 0, 0), (1, 0, 0, 1, 0, 0, 0))
+    v = ((0.3, 0.2, -0.5, 0, 1, 0), (-0.4, 0.1, 1.0, 0, -1, 0.5))
+    bodies = tuple(
+        pg.Body(
+            name=name,
+            joint="free",
+            mass=m,
+            inertia=np.diag((m, 2 * m, 2.5 * m)),
+            q=q[i],
+            v=v[i],
+        )
+        for i, (name, m) in enumerate((("a", 1.0), ("b", 3.0)))
+    )
+    tie = pg.Constraint(name="tie", kind=kind, body="b", other="a", active=False, **fields)
+    return pg.Mechanism(pg.Model(bodies=bodies, constraints=(tie,), gravity=(0, 0, 0)))
+
+
+@pytest.mark.parametrize("how", METHODS, ids=lambda how: how["method"])
+def test_a_foot_that_is_released_is_two_runs_in_one(how):
+    """The oracle: a run to the instant, and one from there with the other constraints."""
+    mech = quadruped()
+    names = [c.name for c in mech.model.constraints if c.name != FOOT]
+    rest = pg.Mechanism(
+        mech.model.replace(scenarios=(pg.Scenario(name="rest", constraints=names, t_end=0.15),))
+    )
+    done = pg.simulate(mech, t_end=0.15, frames=16, switches=((0.1, FOOT, False),), **how)
+    first = pg.simulate(mech, t_end=0.1, frames=11, **how)
+    last = first.q[-1], first.v[-1]
+    then = pg.simulate(rest, *last, t_start=0.1, t_end=0.15, frames=6, scenario="rest", **how)
+    whole = pg.joined((first, then))
+    assert np.allclose(done.t, whole.t, atol=1e-12)
+    assert np.abs(done.q - whole.q).max() < 1e-10
+    assert np.abs(done.v - whole.v).max() < 1e-8
+    assert np.all(done.constraint_force[FOOT][:10, 4] != 0.0)
+    assert np.all(done.constraint_force[FOOT][10:] == 0.0)
+    assert [str(event) for event in done.events] == [
+        "t = 0.1 s: left_hind_paw: on to off: switched off"
+    ]
+
+
+@pytest.mark.parametrize("how", [*METHODS, {"method": "moreau_jean"}], ids=lambda h: h["method"])
+@pytest.mark.parametrize("kind", ["point", "weld", "distance"])
+def test_what_goes_on_keeps_momentum_and_loses_what_the_ledger_says(kind, how):
+    mech = pair(kind, point=(-0.5, 0, 0), **({"other_point": (0, 0, 0)} if kind != "point" else {}))
+    if kind == "weld":
+        mech = pair(kind, point=(-0.5, 0, 0))
+    if how["method"] == "moreau_jean":
+        limits = mech.model.replace(
+            contacts=(pg.Contact(name="far", body="a", points=((0, 0, 1e3),)),)
+        )
+        mech = pg.Mechanism(limits)
+    times = np.linspace(0.0, 0.2, 21)
+    done = pg.simulate(mech, t_eval=times, t_end=0.2, switches=((0.1, "tie", True),), **how)
+    assert done.status.ok, done.message
+    assert np.array_equal(done.t, times)
+    momenta = np.array([mech.momentum(q, v) for q, v in zip(done.q, done.v)])
+    exact = 1e-9 if how["method"] in ("dop853", "radau5") else 1e-5
+    exact = 2e-2 if how["method"] in ("semi_implicit_euler", "moreau_jean") else exact
+    assert np.abs(momenta - momenta[0]).max() < exact
+    before, after = done.kinetic_energy[9], done.kinetic_energy[10]
+    assert after < 0.95 * before
+    event = done.events[-1]
+    assert (event.before, event.after) == ("off", "on")
+    assert float(event.cause.split()[-2]) == pytest.approx(before - after, rel=2e-2)
+    assert done.energy_drift < exact
+    assert done.constraint_drift[10:].max() < 1e-9
+    assert np.abs(done.constraint_force["tie"][:10]).max() == 0.0
+
+
+def test_what_is_left_out_is_held_as_it_is_then():
+    """Not as in the initial state: a weld keeps the pose of the instant at which it goes on."""
+    mech = pair("weld", point=(0, 0, 0))
+    done = pg.simulate(mech, t_end=0.3, frames=31, rtol=1e-11, switches=((0.1, "tie", True),))
+    poses = [mech.poses(q) for q in done.q]
+    seen = np.array([R[0].T @ (p[1] - p[0]) for p, R in poses])
+    assert np.ptp(seen[10:], axis=0).max() < 1e-9
+    assert np.ptp(seen[:11], axis=0).max() > 0.1
+    assert done.notices == ()
+    turned = np.array([R[0].T @ R[1] for _, R in poses])
+    assert np.ptp(turned[10:], axis=0).max() < 1e-9
+
+
+def test_nothing_is_built_anew(monkeypatch):
+    made = []
+    init = Scene.__init__
+    monkeypatch.setattr(
+        Scene, "__init__", lambda self, *a, **k: (made.append(1), init(self, *a, **k))[1]
+    )
+    mech = quadruped()
+    pg.simulate(mech, t_end=0.1, rtol=1e-8, estimate=False)
+    usual = len(made)
+    made.clear()
+    held = mech.blocks
+    tables = [*mech.system, held.blocks_i, held.blocks_f]
+    copies = [table.copy() for table in tables]
+    switches = [(0.01 * n, FOOT, n % 2 == 0) for n in range(1, 10)]
+    done = pg.simulate(mech, t_end=0.1, rtol=1e-8, switches=switches, estimate=False)
+    assert done.status.ok
+    assert len(done.events) == 9
+    assert len(made) == usual
+    assert mech.blocks is held
+    assert all(np.array_equal(a, b) for a, b in zip(tables, copies))
+
+
+def test_an_event_driven_run_switches_too():
+    """A rod on the ground is held at its end, let go, and falls; its contact goes on working."""
+    rod = pg.Body(
+        name="rod",
+        joint="free",
+        com=(0, 0, 0),
+        inertia=np.diag((0.1, 0.1, 0.01)),
+        q=(0, 0, 0.5, 1, 0, 0, 0),
+    )
+    hold = pg.Constraint(name="hold", body="rod", point=(0, 0, 0.5))
+    foot = pg.Contact(name="foot", body="rod", points=((0, 0, -0.4),), friction=0.5)
+    mech = pg.Mechanism(pg.Model(bodies=(rod,), constraints=(hold,), contacts=(foot,)))
+    switches = ((0.1, "hold", False), (0.4, "hold", True))
+    for method in ("rk4", "moreau_jean"):
+        done = pg.simulate(mech, method=method, t_end=0.5, step=1e-3, switches=switches)
+        assert done.status.ok, done.message
+        still = np.abs(done.v[done.t < 0.1]).max()
+        assert still < 1e-9
+        hit = 0.1 + np.sqrt(0.2 / 9.81)
+        assert abs(done.t[np.argmax(done.q[:, 2] < 0.4 + 1e-3)] - hit) < 5e-3
+        assert done.q[-1, 2] == pytest.approx(0.4, abs=2e-3)
+        assert [e.cause.split(";")[0] for e in done.events if e.contact == "hold"] == [
+            "switched off",
+            "switched on",
+        ]
+        assert done.energy_drift < 1e-2
+
+
+def test_a_scenario_says_it_and_an_argument_replaces_it():
+    model = quadruped().model
+    drop = pg.Scenario(name="drop", switches=({"t": 0.05, "constraint": FOOT, "active": False},))
+    model = pg.Model.from_json(model.replace(scenarios=(drop,)).to_json())
+    mech = pg.Mechanism(model)
+    assert len(pg.simulate(mech, scenario="drop", t_end=0.1).events) == 1
+    assert pg.simulate(mech, scenario="drop", t_end=0.05).events == ()
+    assert pg.simulate(mech, scenario="drop", t_end=0.1, switches=()).events == ()
+    gone = model.remove(FOOT)
+    assert gone.scenarios[0].switches == ()
+
+
+def test_a_switch_at_the_start_is_an_initial_state():
+    mech = pair("point", point=(-0.5, 0, 0))
+    done = pg.simulate(mech, t_end=0.01, switches=((0.0, "tie", True),))
+    assert done.events == ()
+    assert done.constraint_drift.max() < 1e-9
+
+
+def test_places_that_are_given_are_not_jumped_to():
+    mech = pair("point", point=(-0.5, 0, 0), other_point=(5.0, 0, 0))
+    done = pg.simulate(mech, t_end=0.2, switches=((0.1, "tie", True),))
+    assert done.status is pg.Status.CANNOT_CLOSE
+    assert done.t[-1] == pytest.approx(0.1)
+    assert "constraint 'tie': is not met where it goes on, at t = 0.1 s: a joint" in done.message
+    assert done.message.endswith("leave out its other_point, or switch it where it is met")
