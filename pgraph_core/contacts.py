@@ -145,7 +145,7 @@ class _Shapes:
             raise ModelError(Problem(f"contact '{c.name}'", "body", text))
         position = offset + home @ np.array(shape.position)
         return Placed(
-            _solid(body.name, shape),
+            _solid(c.name, body.name, shape),
             row,
             number,
             position.tolist(),
@@ -247,14 +247,15 @@ def _masses(c: Contact, topology: Topology, packed: System) -> list[float]:
     return [total[root[k]] for k in numbers if total[root[k]] > 0]
 
 
-def _solid(name: str, shape: Shape) -> Solid:
-    """A body's shape as the kernels see it. Raises ModelError naming the body."""
+def _solid(contact: str, body: str, shape: Shape) -> Solid:
+    """A body's shape as the kernels see it. Raises ModelError naming contact and body."""
     from .meshes import solid_of  # trimesh is imported by scenes with meshes alone
 
     try:
         return solid_of(shape)
     except PgraphError as error:
-        problems = [Problem(f"body '{name}'", "shape", str(p)) for p in error.problems]
+        where = f"contact '{contact}'"
+        problems = [Problem(where, "", f"the shape of '{body}': {p}") for p in error.problems]
         raise ModelError(problems) from None
 
 

@@ -70,8 +70,9 @@ def _volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
 
 def _mesh_volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
     mesh = load_mesh(shape.file or "", shape.scale, unit)
-    if not mesh.is_watertight or not mesh.is_winding_consistent:
-        raise ModelError(Problem(f"mesh {shape.file}", "", _leak(mesh)))
+    if leak := _leak(mesh):
+        do = "mend the file, or give the body mass, com and inertia of its own"
+        raise ModelError(Problem(f"mesh {shape.file}", "", f"{leak}; {do}"))
     mesh.density = 1.0
     found = mesh.mass_properties
     sign = math.copysign(1.0, found.volume)  # all faces may be inside out
@@ -79,15 +80,15 @@ def _mesh_volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
 
 
 def _leak(mesh: Any) -> str:
-    """Why a mesh has no volume, and what would do."""
+    """Why a mesh has no volume; "" where it has one."""
+    if mesh.is_watertight and mesh.is_winding_consistent:
+        return ""
     edges = np.sort(mesh.edges, axis=1)
     _, counts = np.unique(edges, axis=0, return_counts=True)
     open_edges = int((counts != 2).sum())
     if open_edges:
-        what = f"is not closed: {open_edges} of its edges do not have two faces"
-    else:
-        what = "has faces that are wound both ways"
-    return f"{what}; mend the file, or give the body mass, com and inertia of its own"
+        return f"is not closed: {open_edges} of its edges do not have two faces"
+    return "has faces that are wound both ways"
 
 
 def load_mesh(file: str | Path, scale: float = 1.0, unit: str = "m") -> Any:
@@ -133,14 +134,23 @@ def solid_of(shape: Shape, unit: str = "m") -> Solid:
         case "capsule":
             return solids.capsule(shape.radius or 0.0, shape.length or 0.0)
         case _:
-            return convex_hull(shape.file or "", shape.scale, unit)
+            return convex_hull(shape.file or "", shape.scale, unit, closed=shape.hull is None)
 
 
-def convex_hull(file: str | Path, scale: float = 1.0, unit: str = "m") -> Solid:
-    """The convex hull of a mesh file, as it touches other bodies. Raises FileError, ModelError."""
-    vertices = np.asarray(load_mesh(file, scale, unit).vertices)
+def convex_hull(
+    file: str | Path, scale: float = 1.0, unit: str = "m", *, closed: bool = False
+) -> Solid:
+    """The convex hull of a mesh file, as it touches other bodies.
+
+    Raises FileError, ModelError, also for a mesh that is not `closed` where it has to be.
+    """
+    mesh = load_mesh(file, scale, unit)
+    vertices = np.asarray(mesh.vertices)
     spread = np.linalg.svd(vertices - vertices.mean(axis=0), compute_uv=False)
     if len(vertices) < 4 or spread[2] <= 1e-9 * spread[0]:
         text = "is flat: a shape that touches must span a volume; give a box, or a solid mesh"
         raise ModelError(Problem(f"mesh {file}", "", text))
+    if closed and not mesh.is_watertight:
+        do = "give a closed mesh, or hull 'convex' to let its convex hull touch"
+        raise ModelError(Problem(f"mesh {file}", "", f"{_leak(mesh)}; {do}"))
     return solids.hull(vertices)

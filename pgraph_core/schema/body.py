@@ -46,6 +46,9 @@ class Shape(Frozen):
     scale: Annotated[Number, Field(gt=0)] = Field(
         default=1.0, description="a factor > 0 on the mesh"
     )
+    hull: Literal["convex"] | None = Field(
+        default=None, description="'convex': a mesh that is not closed touches by its convex hull"
+    )
     position: Vec3 = Field(
         default=(0.0, 0.0, 0.0), description="three finite numbers [x, y, z] [m]"
     )

@@ -156,6 +156,28 @@ def test_sentences(tmp_path):
         meshes.convex_hull(files["flat.obj"])
 
 
+def test_a_mesh_that_is_not_closed_touches_where_that_is_asked_for(tmp_path):
+    """By its convex hull, which is the box's; else the contact is refused by name."""
+    file = broken(tmp_path)["open.stl"]
+    rests = np.zeros(6)
+    for hull in (None, "convex"):
+        shape = pg.Shape(kind="mesh", file=str(file), hull=hull)
+        body = pg.Body(name="part", joint="free", q=(0, 0, 0.5, 1, 0, 0, 0), shape=shape)
+        model = pg.Model(bodies=(body,), contacts=(pg.Contact(name="floor", body="part"),))
+        mech = pg.Mechanism(model)
+        if hull is None:
+            with pytest.raises(pg.ModelError) as refused:
+                pg.simulate(mech, t_end=0.01)
+            assert str(refused.value) == (
+                f"contact 'floor': the shape of 'part': mesh {file}: is not closed: 3 of its edges "
+                "do not have two faces; give a closed mesh, or hull 'convex' to let its convex "
+                "hull touch"
+            )
+        else:
+            rests = pg.simulate(mech, t_end=0.1).contact_force["floor"][-1]
+    assert rests[5] == pytest.approx(9.81, rel=1e-6)
+
+
 def test_trimesh_is_imported_for_files_only():
     code = (
         "import sys, pgraph_core as pg; from pgraph_core import meshes;"

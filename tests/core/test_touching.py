@@ -126,7 +126,10 @@ def test_what_a_law_leaves_out_follows_from_masses_and_restitution():
 
 def test_a_mesh_that_is_not_there_is_named_with_its_body():
     model = pg.Model.serial(1).edit("1", shape={"kind": "mesh", "file": "none.stl"})
-    with pytest.raises(pg.ModelError, match=r"^body '1', shape: .*none\.stl"):
+    with pytest.raises(
+        pg.ModelError,
+        match=r"^contact '.*': the shape of '1': mesh .*none\.stl: there is no such file",
+    ):
         tables(model.replace(contacts=(pg.Contact(name="c", body="1"),)))
 
 
