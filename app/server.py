@@ -10,6 +10,7 @@ import static_models
 
 from .client.bridge import Bridge, open_server, quiet, token_for
 from .events import Event, from_page
+from .live import LiveRunner
 from .state import initial
 from .store import Store
 from .views.page import Page
@@ -29,7 +30,9 @@ class Server:
         self.store = Store(initial(model, built_in()))
         bridge = Bridge(viser, lambda client, text: self.send(from_page(client, text)))
         page = Page(bridge, self.send)
-        self.store.start((*page.views, Simulator(self.send), Files(self.send)))
+        self.store.start(
+            (*page.views, Simulator(self.send), LiveRunner(self.send), Files(self.send))
+        )
         self._compiler = Compiler(self.send)
 
     def send(self, event: Event) -> None:

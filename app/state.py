@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import bisect
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -124,8 +125,9 @@ class Request:
 
     scenario: str = FREE_RUN
     t_end: float = 2.0  # [s]
-    step: float = 1e-3  # [s]
+    step: float | None = 1e-3  # [s]; None: the method chooses
     method: str = "auto"
+    rtol: float | None = None
 
 
 @dataclass(frozen=True)
@@ -136,6 +138,7 @@ class Job:
     model: pg.Model
     request: Request
     fraction: float = 0.0
+    before: Any = None  # the result that this one goes on from
 
 
 @dataclass(frozen=True)
@@ -157,6 +160,31 @@ class Pose:
     q: np.ndarray  # (nq,)
     positions: np.ndarray  # (nb, 3) [m]
     wxyz: np.ndarray  # (nb, 4)
+
+
+@dataclass(frozen=True)
+class Live:
+    """A run that plays while it is computed, of whatever the model is by then."""
+
+    id: int
+    request: Request
+    running: bool = True
+    parts: tuple[Any, ...] = ()  # results, one after the other
+    pace: float = 1.0  # its speed over the one asked for
+
+    def part_at(self, time: float) -> Any:
+        """The part that holds `time`, else the last."""
+        k = bisect.bisect_left(self.parts, time, key=lambda part: part.t[-1])
+        return self.parts[min(k, len(self.parts) - 1)]
+
+
+@dataclass(frozen=True)
+class Exporting:
+    """A run to be sent to one page as a file."""
+
+    client: int
+    what: str
+    run: Run
 
 
 @dataclass(frozen=True)
@@ -190,6 +218,9 @@ class State:
     last_run: Run | None = None
     job: Job | None = None
     jobs: int = 0  # how many were asked for; the last one's id
+    live: Live | None = None
+    ghost: Run | None = None  # an earlier run, shown beside
+    exporting: Exporting | None = None
     run_problem: str = ""  # why the last job gave no result
     playback: Playback = Playback()
     kernels: Kernels = Kernels()
@@ -210,14 +241,27 @@ class State:
 
     @property
     def run(self) -> Run | None:
-        """The run to play: the last one, if it is of the model as it stands."""
+        """The run to play: the live one's part at this time, else the last of this model."""
+        if self.live is not None:
+            live = self.live
+            part = live.part_at(self.playback.time) if live.parts else None
+            return None if part is None else Run(self.model, live.request, part)
         run = self.last_run
         return run if run is not None and run.model is self.model else None
 
     @property
     def t_end(self) -> float:
-        """How long the run to play is [s]; 0 without one."""
+        """Where the run to play ends [s]; 0 without one."""
+        if self.live is not None:
+            return float(self.live.parts[-1].t[-1]) if self.live.parts else 0.0
         return float(self.run.result.t[-1]) if self.run is not None else 0.0
+
+    @property
+    def t_start(self) -> float:
+        """Where it begins [s]."""
+        if self.live is not None:
+            return float(self.live.parts[0].t[0]) if self.live.parts else 0.0
+        return float(self.run.result.t[0]) if self.run is not None else 0.0
 
 
 def initial(model: pg.Model, gallery: Mapping[str, str] | None = None) -> State:
@@ -230,7 +274,8 @@ def first_request(model: pg.Model) -> Request:
     if not model.scenarios:
         return Request()
     s = model.scenarios[0]
-    return Request(s.name, s.t_end, s.step, s.method if s.method in METHODS else "auto")
+    method = s.method if s.method in METHODS else "auto"
+    return Request(s.name, s.t_end, s.step, method)
 
 
 def derive(model: pg.Model) -> Derived:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from .events import Event
-from .reducers import editing, graph, playing, posing, running, session
+from .reducers import editing, graph, living, playing, posing, running, session
 from .state import State
 
 REDUCERS = (
     session.update,
     editing.update,
+    living.update,
     running.update,
     playing.update,
     graph.update,

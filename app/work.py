@@ -61,15 +61,20 @@ class Simulator:
 
 def simulated(job: Job, progress: Callable[[float], bool]) -> object:
     """The result of a job."""
-    request = job.request
-    return pg.simulate(
+    request, before = job.request, job.before
+    start = 0.0 if before is None else float(before.t[-1])
+    run = pg.simulate(
         pg.Mechanism(job.model),
-        t_end=request.t_end,
+        *((None, None) if before is None else (before.q[-1], before.v[-1])),
+        t_start=start,
+        t_end=start + request.t_end,
         step=request.step,
+        rtol=request.rtol,
         method=request.method,
         scenario=None if request.scenario == FREE_RUN else request.scenario,
         progress=progress,
     )
+    return run if before is None or len(run.t) == 0 else pg.joined((before, run))
 
 
 class Compiler:

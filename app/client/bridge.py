@@ -32,9 +32,22 @@ SCRIPTS = (
     "digraph",
     "properties",
     "toolbar",
+    "run",
+    "show",
     "playback",
 )
-STYLES = ("page", "cells", "table", "digraph", "steps", "properties", "toolbar", "playback")
+STYLES = (
+    "page",
+    "cells",
+    "table",
+    "digraph",
+    "steps",
+    "properties",
+    "toolbar",
+    "run",
+    "show",
+    "playback",
+)
 LARGEST_MESSAGE = 16 * 1024 * 1024  # [bytes] from a page; viser's own limit is 50 MB
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 COOKIE = "pgraph_token"

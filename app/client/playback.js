@@ -12,7 +12,7 @@
     slider.addEventListener("input", () => { send("Scrub", { time: Number(slider.value) }); told(host, Number(slider.value)); });
     const speed = make("select", { className: "cell speed", title: "speed", "aria-label": "speed", onchange: () => send("Speed", { speed: Number(speed.value) }) });
     host.replaceChildren(make("div", { className: "transport" },
-      button("back", "start", "to the start", () => send("Scrub", { time: 0 })),
+      button("back", "start", "to the start", () => send("Scrub", { time: Number(slider.min) })),
       button("less", "less", "one frame back", () => send("StepFrames", { frames: -1 })),
       button("primary play", "play", "play (space)", () => send(pgraph.latest.playback.playing ? "Pause" : "Play")),
       button("more", "more", "one frame on", () => send("StepFrames", { frames: 1 })),
@@ -23,7 +23,7 @@
 
   function draw(host, data) {
     const $ = (selector) => host.querySelector(selector);
-    const none = data.t_end <= 0;
+    const none = data.moment[2] <= data.moment[1];
     for (const control of host.querySelectorAll("button, input, select")) control.disabled = none;
     $(".none").hidden = !none;
     $(".none").textContent = data.hint;
@@ -33,22 +33,26 @@
     $(".play").setAttribute("aria-label", data.playing ? "pause" : "play");
     $(".loop").classList.toggle("on", data.loop);
     $(".loop").setAttribute("aria-pressed", data.loop);
-    $(".scrub").max = data.t_end || 1;
     const speed = $(".speed");
     if (speed.options.length !== data.speeds.length) {
       speed.replaceChildren(...data.speeds.map((s) => make("option", { value: s, textContent: `${s}×` })));
     }
     speed.value = String(data.speed);
-    if (!dragging) move(host, data.time);
+    $(".loop").hidden = data.live;
+    move(host, data.moment);
   }
 
-  function move(host, time) {
+  function move(host, moment) {
+    const [time, start, end] = moment, slider = host.querySelector(".scrub");
+    host.pgraphEnd = end;
     if (dragging) return;
-    host.querySelector(".scrub").value = time;
+    slider.min = start;
+    slider.max = end > start ? end : start + 1;
+    slider.value = time;
     told(host, time);
   }
   function told(host, time) {
-    const end = pgraph.latest.playback?.t_end ?? 0;
+    const end = host.pgraphEnd ?? 0;
     host.querySelector(".time").textContent = `${time.toFixed(3)} / ${end.toFixed(3)} s`;
   }
 

@@ -1,10 +1,6 @@
-// The model (new, open, save, undo), the run (what to simulate, progress, outcome), what is shown.
+// The model: new, open, save, undo.
 (() => {
   const { make, cells, send } = pgraph;
-  const SHOW = [
-    ["axes", "joint axes"], ["links", "link vectors"], ["coms", "centres of mass"],
-    ["names", "names"], ["forces", "constraint forces"],
-  ];
   const LARGEST_FILE = 8_000_000; // [bytes]
   const text = (tag, className, textContent = "") => make(tag, { className, textContent });
   const button = (className, textContent, title, onclick) =>
@@ -27,32 +23,7 @@
         picture("redo", "Redo", () => send("Redo")),
         picture("theme", "Dark or light", () => send("Theme", { dark: !pgraph.latest.theme?.dark }))),
       make("div", { className: "asked" }),
-      make("div", { className: "model" }, text("strong", "name"), text("span", "muted count")),
-      make("div", { className: "kernels", hidden: true }, text("span", "said"), make("progress", { max: 1 })),
-      run(host),
-      make("fieldset", { className: "show" }, make("legend", { textContent: "Show" }), ...SHOW.map(([what, label]) =>
-        make("label", {}, make("input", {
-          type: "checkbox", "data-what": what,
-          onchange: (event) => send("Show", { what, on: event.target.checked }),
-        }), label))));
-  }
-
-  function run(host) {
-    const edit = (field) => (serial, value) => send("SetRun", { serial, field, text: value });
-    const scenario = cells.choice(() => pgraph.latest.toolbar.scenarios, (serial, value) => send("SetScenario", { serial, scenario: value }), { label: "scenario" });
-    const method = cells.choice(() => pgraph.latest.toolbar.methods, edit("method"), { label: "method" });
-    const t_end = cells.input(edit("t_end"), { label: "duration", numeric: true });
-    const step = cells.input(edit("step"), { label: "step", numeric: true });
-    host.pgraphRun = { scenario, method, t_end, step };
-    const field = (label, unit, cell) => make("div", { className: unit ? "field" : "field wide" },
-      make("div", { className: "what" }, make("span", { textContent: label }), text("span", "unit", unit)), cell);
-    return make("fieldset", { className: "run" }, make("legend", { textContent: "Simulate" }),
-      make("div", { className: "settings" }, field("Scenario", "", scenario), field("Method", "", method),
-        field("Duration", "s", t_end), field("Step", "s", step)),
-      button("primary simulate", "Simulate", "Run in the background", () => { document.activeElement?.blur(); send("Simulate"); }),
-      make("div", { className: "job", hidden: true }, make("progress", { max: 1 }), text("span", "said"),
-        button("cancel", "Cancel", "Stop the simulation", () => send("Cancel"))),
-      make("div", { className: "problem sentence", hidden: true }), make("dl", { className: "summary", hidden: true }));
+      make("div", { className: "model" }, text("strong", "name"), text("span", "muted count")));
   }
 
   function draw(host, data) {
@@ -64,40 +35,6 @@
       const key = which === "undo" ? "Ctrl+Z" : "Ctrl+Shift+Z", word = which === "undo" ? "Undo" : "Redo";
       $(`.${which}`).title = data[which] === null ? `Nothing to ${which}` : `${word}: ${data[which]} (${key})`;
     }
-    const { scenario, method, t_end, step } = host.pgraphRun;
-    cells.choose(scenario, data.request.scenario);
-    cells.choose(method, data.request.method);
-    cells.set(t_end, data.request.t_end);
-    cells.set(step, data.request.step);
-    $(".kernels").hidden = data.kernels === null;
-    if (data.kernels) {
-      $(".kernels .said").textContent = data.kernels.text;
-      progress($(".kernels progress"), data.kernels.fraction);
-    }
-    for (const box of host.querySelectorAll("[data-what]")) box.checked = data.shown.includes(box.dataset.what);
-    job(host, data);
-  }
-
-  function job(host, data) {
-    const $ = (selector) => host.querySelector(selector);
-    $(".simulate").hidden = data.job !== null;
-    $(".job").hidden = data.job === null;
-    if (data.job) {
-      progress($(".job progress"), data.job.fraction);
-      $(".job .said").textContent = data.job.text;
-    }
-    $(".problem").hidden = !data.problem;
-    $(".problem").textContent = data.problem;
-    const summary = $(".summary");
-    summary.hidden = data.summary === null;
-    const lines = (data.summary ?? []).flatMap(([what, value, good]) => [
-      make("dt", { textContent: what }), make("dd", { textContent: value, className: good ? "" : "bad" })]);
-    summary.replaceChildren(...lines);
-  }
-  function progress(bar, fraction) {
-    bar.hidden = fraction !== null && fraction < 0;
-    if (fraction === null) bar.removeAttribute("value");
-    else bar.value = fraction;
   }
 
   // -- one question at a time, below the buttons -----------------------------------------------

@@ -32,6 +32,9 @@ from .editing import (
 from .editing import (
     Undo as Undo,
 )
+from .editing import (
+    UsePose as UsePose,
+)
 from .graph import (
     Drop as Drop,
 )
@@ -78,7 +81,13 @@ from .posing import (
     UsePose as UsePose,
 )
 from .running import (
+    Advanced as Advanced,
+)
+from .running import (
     Cancel as Cancel,
+)
+from .running import (
+    Compare as Compare,
 )
 from .running import (
     Compiled as Compiled,
@@ -87,7 +96,16 @@ from .running import (
     Compiling as Compiling,
 )
 from .running import (
+    Continue as Continue,
+)
+from .running import (
+    Export as Export,
+)
+from .running import (
     Failed as Failed,
+)
+from .running import (
+    GoLive as GoLive,
 )
 from .running import (
     Progress as Progress,
@@ -103,6 +121,12 @@ from .running import (
 )
 from .running import (
     Simulated as Simulated,
+)
+from .running import (
+    StopLive as StopLive,
+)
+from .running import (
+    Stuck as Stuck,
 )
 from .session import (
     Connected as Connected,
@@ -138,7 +162,18 @@ from .session import (
     Viewport as Viewport,
 )
 
-Event = FromPage | Tick | Progress | Simulated | Failed | Compiling | Compiled | Saved
+Event = (
+    FromPage
+    | Tick
+    | Progress
+    | Simulated
+    | Failed
+    | Advanced
+    | Stuck
+    | Compiling
+    | Compiled
+    | Saved
+)
 OF_THE_SERVER = (Connected, Disconnected, Misread)
 
 PAGE_EVENTS = {

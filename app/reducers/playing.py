@@ -18,16 +18,16 @@ def update(state: State, event: Event) -> State | None:
 def played(state: State, event: Event) -> Playback:
     """The playback after an event of its bar or of the clock; as it was without a run."""
     playback, end = state.playback, state.t_end
-    if end <= 0:
+    if end <= state.t_start:
         return playback
     match event:
         case events.Play():
-            start = 0.0 if playback.time >= end else playback.time
+            start = state.t_start if playback.time >= end else playback.time
             return replace(playback, playing=True, time=start)
         case events.Pause():
             return replace(playback, playing=False)
         case events.Scrub(_, time):
-            return replace(playback, time=min(max(time, 0.0), end))
+            return replace(playback, time=min(max(time, state.t_start), end))
         case events.StepFrames(_, frames):
             return replace(playback, playing=False, time=_frame_time(state, frames))
         case events.Speed(_, speed):
@@ -38,7 +38,8 @@ def played(state: State, event: Event) -> Playback:
             time = playback.time + dt * playback.speed
             if time < end:
                 return replace(playback, time=time)
-            again = time % end if playback.loop else end
+            span = end - state.t_start
+            again = state.t_start + (time - end) % span if playback.loop else end
             return replace(playback, time=again, playing=playback.loop)
         case _:
             return playback

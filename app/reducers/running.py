@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from .. import cells, events
 from ..cells import Refusal
 from ..events import Event, Failed, Progress, Simulated
-from ..state import FREE_RUN, METHODS, Job, Kernels, Reply, Request, Run, State, with_client
+from ..state import (
+    FREE_RUN,
+    METHODS,
+    Exporting,
+    Job,
+    Kernels,
+    Reply,
+    Request,
+    Run,
+    State,
+    with_client,
+)
 
 LONGEST_RUN = 3600.0  # [s]
+LEAST_RTOL, LARGEST_RTOL = 1e-15, 0.1
 
 
 def update(state: State, event: Event) -> State | None:
@@ -20,8 +33,14 @@ def update(state: State, event: Event) -> State | None:
             return with_client(state, client, reply=Reply(serial, ""))
         case events.SetRun():
             return request_edited(state, event)
-        case events.Simulate() if state.job is None:
+        case events.Simulate() if idle(state):
             return asked(state)
+        case events.Continue() if idle(state) and state.run is not None:
+            return asked(state, state.run.result)
+        case events.Compare() if state.live is None:
+            return replace(state, ghost=state.run if state.ghost is None else None)
+        case events.Export(client, what) if state.run is not None and state.live is None:
+            return replace(state, exporting=Exporting(client, what, state.run))
         case events.Cancel() if state.job is not None:
             return replace(state, job=None, run_problem="The simulation was cancelled.")
         case events.Progress() | events.Simulated() | events.Failed():
@@ -54,24 +73,36 @@ def request_edited(state: State, event: events.SetRun) -> State:
     return with_client(state, event.client, reply=Reply(event.serial, ""))
 
 
-def _request_value(event: events.SetRun) -> float | str:
+def _request_value(event: events.SetRun) -> float | str | None:
     if event.field == "method":
         if event.text not in METHODS:
             raise Refusal(f"The method must be one of {', '.join(METHODS)}.")
         return event.text
-    said = {"t_end": "The duration", "step": "The step"}[event.field]
+    if event.field != "t_end" and not event.text.strip():
+        return None
+    said = {"t_end": "The duration", "step": "The step", "rtol": "The tolerance"}[event.field]
     try:
         value = cells.number(event.text)
     except Refusal as refusal:
         raise Refusal(f"{said} {refusal}") from None
+    if event.field == "rtol":
+        if not LEAST_RTOL <= value <= LARGEST_RTOL:
+            between = f"between {LEAST_RTOL:g} and {LARGEST_RTOL:g}"
+            raise Refusal(f"{said} must lie {between}; given {value:g}.")
+        return value
     if not 0 < value <= LONGEST_RUN:
         raise Refusal(f"{said} must be above 0 and at most {LONGEST_RUN:g} s; given {value:g}.")
     return value
 
 
-def asked(state: State) -> State:
-    """A simulation of the model as it stands, under way."""
-    job = Job(state.jobs + 1, state.model, state.request)
+def idle(state: State) -> bool:
+    """Whether nothing is being simulated."""
+    return state.job is None and state.live is None
+
+
+def asked(state: State, before: Any = None) -> State:
+    """A simulation of the model as it stands, under way; from the end of `before` where given."""
+    job = Job(state.jobs + 1, state.model, state.request, before=before)
     paused = replace(state.playback, playing=False)
     return replace(state, job=job, jobs=job.id, run_problem="", playback=paused)
 
@@ -91,7 +122,8 @@ def heard(state: State, event: Progress | Simulated | Failed) -> State:
 
 
 def _finished(state: State, run: Run) -> State:
-    playback = replace(state.playback, time=0.0, playing=False)
+    start = 0.0 if state.job is None or state.job.before is None else state.job.before.t[-1]
+    playback = replace(state.playback, time=float(start), playing=False)
     stale = "The model was changed while it was simulated: undo shows that run."
     problem = "" if run.model is state.model else stale
     return replace(state, job=None, last_run=run, playback=playback, run_problem=problem)

@@ -11,8 +11,10 @@ from ..events import Connected, Disconnected, Event
 from .digraph import DigraphView
 from .playback import PlaybackView
 from .properties import PropertiesView
+from .run import RunView
 from .scene import SceneView
 from .session import ACCENT, SessionView
+from .show import ShowView
 from .table import TableView
 from .toolbar import ToolbarView
 
@@ -31,7 +33,7 @@ class Page:
             table = TableView(bridge)
         with graph.add_tab("Digraph", viser.Icon.SITEMAP):
             digraph = DigraphView(bridge)
-        toolbar = ToolbarView(bridge)  # in viser's own panel
+        toolbar, run, show = ToolbarView(bridge), RunView(bridge), ShowView(bridge)  # viser's panel
         with properties.add_tab("Properties", viser.Icon.ADJUSTMENTS):
             details = PropertiesView(bridge)
         with playback.add_tab("Playback", viser.Icon.PLAYER_PLAY):
@@ -44,7 +46,8 @@ class Page:
         properties.dock_below(gui.main_panel)
         playback.float(x=15, y=-15, width=470)
         self.views = (
-            table, digraph, toolbar, details, player, SceneView(server, send), SessionView(bridge),
+            table, digraph, toolbar, run, show, details, player, SceneView(server, send),
+            SessionView(bridge),
         )  # fmt: skip
 
         @server.on_client_connect

@@ -1,4 +1,4 @@
-"""The playback bar; while playing, only the time is sent."""
+"""The playback bar; while something moves, only the time is sent."""
 
 from __future__ import annotations
 
@@ -15,25 +15,36 @@ class PlaybackView:
         bridge.host("playback")
 
     def render(self, old: State, new: State) -> None:
-        moved = new.playback.time != old.playback.time
-        settings = replace(new.playback, time=0.0) != replace(old.playback, time=0.0)
-        fresh = settings or new.run is not old.run or new.derived is not old.derived
-        clients = set(audience(old, new, fresh))
+        clients = set(audience(old, new, settings(old) != settings(new)))
         for client in new.clients:
             if client in clients:
                 self._bridge.send(client, "playback", playback(new))
-            elif moved:
-                self._bridge.send(client, "time", new.playback.time)
+            elif moment(old) != moment(new):
+                self._bridge.send(client, "time", moment(new))
+
+
+def settings(state: State) -> tuple[object, ...]:
+    """What changes seldom: everything but the time, and the end of a run that grows."""
+    live = state.live
+    span = (live.id, live.running, not live.parts) if live else (state.t_start, state.t_end)
+    return replace(state.playback, time=0.0), span
+
+
+def moment(state: State) -> tuple[float, float, float]:
+    """The time shown, and the first and last there are [s]."""
+    return state.playback.time, state.t_start, state.t_end
 
 
 def playback(state: State) -> Payload:
-    p = state.playback
+    """Everything the bar shows."""
+    p, live = state.playback, state.live
+    hint = "" if state.run else "Nothing to play yet: press Simulate, or Live."
     return {
-        "time": p.time,
-        "t_end": state.t_end,
-        "playing": p.playing,
+        "moment": moment(state),
+        "playing": p.playing if live is None else live.running,
         "speed": p.speed,
         "loop": p.loop,
         "speeds": SPEEDS,
-        "hint": "" if state.run else "Nothing to play yet: press Simulate.",
+        "live": live is not None,
+        "hint": "The live run starts ..." if live and not live.parts else hint,
     }

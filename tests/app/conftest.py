@@ -98,6 +98,6 @@ def page(the_page: Any, served: Server, quadruped: pg.Model) -> Any:
     the_page.keyboard.press("Escape")
     until(lambda: served.store.state.framed > opened, "the quadruped on the server")
     scenario = served.store.state.request.scenario
-    the_page.wait_for_function("(s) => pgraph.latest.toolbar.request.scenario === s", arg=scenario)
+    the_page.wait_for_function("(s) => pgraph.latest.run.request.scenario === s", arg=scenario)
     until(lambda: the_page.locator("tr.selected, .refused").count() == 0, "a page at rest")
     return the_page

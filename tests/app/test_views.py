@@ -14,6 +14,7 @@ from app.update import update
 from app.views.digraph import digraph
 from app.views.playback import playback
 from app.views.properties import properties
+from app.views.run import run
 from app.views.table import table
 from app.views.toolbar import toolbar
 
@@ -31,18 +32,18 @@ def ran(state):
     return update(update(state, events.Simulate(1)), events.Simulated(1, result))
 
 
-@pytest.mark.parametrize("view", [table, digraph, playback, toolbar])
+@pytest.mark.parametrize("view", [table, digraph, playback, toolbar, run])
 def test_payloads_are_json(state, view):
     assert json.loads(json.dumps(view(state), allow_nan=False))
 
 
-@pytest.mark.parametrize("view", [playback, toolbar])
+@pytest.mark.parametrize("view", [playback, run])
 def test_payloads_of_a_run_are_json(ran, view):
     assert json.loads(json.dumps(view(ran), allow_nan=False))
 
 
 def test_the_summary_says_how_a_run_ended_how_well_and_at_what_cost(ran):
-    lines = {what: value for what, value, _ in toolbar(ran)["summary"]}
+    lines = {what: value for what, value, _ in run(ran)["summary"]}
     assert {"Status", "Energy drift", "Constraint drift", "Cost", "Method", "Left out"} <= set(
         lines
     )

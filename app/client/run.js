@@ -1,0 +1,105 @@
+// The run: what to simulate, its progress, its outcome, and what to do with it.
+(() => {
+  const { make, cells, send } = pgraph;
+  const text = (tag, className, textContent = "") => make(tag, { className, textContent });
+  const button = (className, textContent, title, onclick) =>
+    make("button", { className: `action ${className}`, textContent, title, onclick });
+  const now = (event, fields) => { document.activeElement?.blur(); send(event, fields); };
+
+  function build(host) {
+    host.replaceChildren(
+      make("div", { className: "kernels", hidden: true }, text("span", "said"), make("progress", { max: 1 })),
+      make("fieldset", { className: "run" }, make("legend", { textContent: "Simulate" }),
+        settings(host),
+        make("div", { className: "start" },
+          button("primary simulate", "Simulate", "Run in the background", () => now("Simulate")),
+          button("live", "Live", "Play while it computes; properties may be changed meanwhile", () => now("GoLive"))),
+        make("div", { className: "job", hidden: true }, make("progress", { max: 1 }), text("span", "said"),
+          button("cancel", "Cancel", "Stop the simulation", () => send("Cancel"))),
+        make("div", { className: "job lively", hidden: true }, text("span", "dot"), text("span", "said"),
+          button("stop", "Stop", "End the live run and keep it", () => send("StopLive"))),
+        make("div", { className: "problem sentence", hidden: true }),
+        make("dl", { className: "summary", hidden: true }),
+        after()));
+  }
+
+  function settings(host) {
+    const edit = (field) => (serial, value) => send("SetRun", { serial, field, text: value });
+    const scenario = cells.choice(() => pgraph.latest.run.scenarios, (serial, value) => send("SetScenario", { serial, scenario: value }), { label: "scenario" });
+    const method = cells.choice(() => pgraph.latest.run.methods, edit("method"), { label: "method" });
+    const number = (field, label) => cells.input(edit(field), { label, numeric: true });
+    const t_end = number("t_end", "duration"), step = number("step", "step"), rtol = number("rtol", "tolerance");
+    step.placeholder = rtol.placeholder = "chosen";
+    host.pgraphRun = { scenario, method, t_end, step, rtol };
+    const field = (label, unit, cell, help) => make("div", { className: cell.tagName === "INPUT" ? "field" : "field wide", title: help },
+      make("div", { className: "what" }, make("span", { textContent: label }), text("span", "unit", unit)), cell);
+    return make("div", { className: "settings" },
+      field("Scenario", "", scenario, "A run that the model describes, or a free one"),
+      field("Method", "", method, "How to step; automatic says why it chose what it chose"),
+      field("Duration", "s", t_end, "Length of the run"),
+      field("Step", "s", step, "Width of a step; empty: the method chooses"),
+      field("Tolerance", "", rtol, "Error of a step beside the mechanism's own scales; empty: by the step"));
+  }
+
+  // What a finished run is good for.
+  function after() {
+    return make("div", { className: "after bar", hidden: true },
+      button("continue", "Continue", "Go on from the end for as long again", () => now("Continue")),
+      button("pose", "Use pose", "The pose shown becomes the initial state of the model", () => now("UsePose")),
+      button("ghost", "Compare", "Keep this run as a ghost beside the next one", () => now("Compare")),
+      text("span", "spring"),
+      ...[["csv", "CSV", "Everything over time as a table"], ["npz", "NPZ", "The run with its model, for Python"],
+        ["html", "HTML", "The animation as one file that any browser plays"]].map(([what, label, title]) =>
+        button(`export ${what}`, label, title, () => send("Export", { what }))));
+  }
+
+  function draw(host, data) {
+    const $ = (selector) => host.querySelector(selector);
+    const { scenario, method, t_end, step, rtol } = host.pgraphRun;
+    cells.choose(scenario, data.request.scenario);
+    cells.choose(method, data.request.method);
+    cells.set(t_end, data.request.t_end);
+    cells.set(step, data.request.step ?? "");
+    cells.set(rtol, data.request.rtol ?? "");
+    $(".kernels").hidden = data.kernels === null;
+    if (data.kernels) {
+      $(".kernels .said").textContent = data.kernels.text;
+      progress($(".kernels progress"), data.kernels.fraction);
+    }
+    $(".start").hidden = data.job !== null || data.live !== null;
+    $(".job").hidden = data.job === null;
+    if (data.job) {
+      progress($(".job progress"), data.job.fraction);
+      $(".job .said").textContent = data.job.text;
+    }
+    $(".lively").hidden = data.live === null;
+    if (data.live) {
+      $(".lively .said").textContent = data.live.text;
+      $(".lively .dot").classList.toggle("on", data.live.running);
+    }
+    $(".problem").hidden = !data.problem;
+    $(".problem").textContent = data.problem;
+    outcome(host, data);
+  }
+
+  function outcome(host, data) {
+    const $ = (selector) => host.querySelector(selector);
+    const summary = $(".summary");
+    summary.hidden = $(".after").hidden = data.summary === null;
+    const lines = (data.summary ?? []).flatMap(([what, value, good]) => [
+      make("dt", { textContent: what }), make("dd", { textContent: value, className: good ? "" : "bad" })]);
+    summary.replaceChildren(...lines);
+    $(".ghost").textContent = data.ghost ? "No ghost" : "Compare";
+    $(".ghost").title = data.ghost ? "Take the ghost away" : "Keep this run as a ghost beside the next one";
+    $(".ghost").setAttribute("aria-pressed", data.ghost);
+    $(".ghost").classList.toggle("on", data.ghost);
+  }
+
+  function progress(bar, fraction) {
+    bar.hidden = fraction !== null && fraction < 0;
+    if (fraction === null) bar.removeAttribute("value");
+    else bar.value = fraction;
+  }
+
+  pgraph.view("run", { build, run: draw });
+})();

@@ -1,0 +1,196 @@
+"""Live runs: what the events do to them, and the thread that computes them (interface 1.7)."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from app import events
+from app.live import Clock, LiveRunner, Motion
+from app.state import Kernels, State, initial, poses
+from app.update import update
+
+ME = 1
+STEP = 0.01  # [s]
+
+
+def after(state: State, *happened: events.Event) -> State:
+    for event in happened:
+        state = update(state, event)
+    return state
+
+
+@pytest.fixture
+def live() -> State:
+    """A live run of two rods, begun."""
+    state = replace(initial(pg.Model.serial(2)), kernels=Kernels(ready=True))
+    return after(state, events.Connected(ME), events.GoLive(ME))
+
+
+def parts(state: State, n: int) -> list[pg.Result]:
+    """The next parts of the live run of a state."""
+    motion, found = Motion(), []
+    for _ in range(n):
+        assert state.live is not None
+        found.append(motion.advanced(state.model, state.live, STEP))
+    return found
+
+
+def grown(state: State, found: list[pg.Result]) -> State:
+    assert state.live is not None
+    return after(state, *(events.Advanced(state.live.id, part, 1.0) for part in found))
+
+
+def test_a_live_run_shows_its_newest_time(live):
+    state = grown(live, parts(live, 3))
+    assert state.playback.time == pytest.approx(3 * STEP)
+    assert (state.t_start, state.t_end) == pytest.approx((0.0, 3 * STEP))
+    whole = pg.simulate(pg.Mechanism(live.model), t_end=3 * STEP, method="rk4", step=1e-3)
+    np.testing.assert_allclose(poses(state)[0], whole.body_pose[-1, :, :3], atol=1e-12)
+
+
+def test_looking_back_pauses_it_and_play_goes_on(live):
+    state = grown(live, parts(live, 4))
+    back = after(state, events.Scrub(ME, STEP))
+    assert not back.live.running
+    assert back.playback.time == pytest.approx(STEP)
+    assert after(back, events.StepFrames(ME, 1)).playback.time == pytest.approx(2 * STEP)
+    on = after(back, events.Play(ME))
+    assert on.live.running
+    assert on.playback.time == pytest.approx(4 * STEP)
+
+
+def test_stopped_it_is_a_run_like_any_other(live):
+    state = after(grown(live, parts(live, 5)), events.StopLive(ME))
+    assert state.live is None
+    assert state.run.result.t[-1] == pytest.approx(5 * STEP)
+    assert np.all(np.diff(state.run.result.t) > 0)
+    assert after(state, events.Play(ME)).playback.playing
+
+
+def test_an_edit_goes_on_from_where_it_is(live):
+    first = parts(live, 2)
+    state = after(grown(live, first), events.Edit(ME, 1, "2", "mass", (), "3"))
+    assert len(state.live.parts) == 2
+    motion = Motion()
+    motion.advanced(live.model, live.live, STEP)
+    part = motion.advanced(state.model, state.live, STEP)
+    assert part.mechanism.model is state.model
+    assert part.t[0] == pytest.approx(STEP)
+    np.testing.assert_array_equal(part.q[0], first[0].q[-1])
+
+
+def test_another_tree_keeps_the_joints_it_has_and_starts_a_record(live):
+    state = after(grown(live, parts(live, 2)), events.AddBody(ME, "2"))
+    assert state.live.parts == ()
+    assert grown(state, parts(live, 1)).live.parts == ()  # of the old tree: too late
+    motion = Motion()
+    old = motion.advanced(live.model, live.live, STEP)
+    part = motion.advanced(state.model, state.live, STEP)
+    np.testing.assert_array_equal(part.q[0, :2], old.q[-1])
+
+
+def test_while_it_is_live_nothing_else_is_simulated(live):
+    assert after(live, events.Simulate(ME)).job is None
+    assert after(live, events.GoLive(ME)).live is live.live
+
+
+def test_what_stops_it_is_said_and_what_was_computed_is_kept(live):
+    state = grown(live, parts(live, 2))
+    state = after(state, events.Stuck(state.live.id, "The live run stopped: no."))
+    assert state.run_problem == "The live run stopped: no."
+    assert state.run is not None
+
+
+def test_parts_of_a_run_that_is_over_are_dropped(live):
+    found = parts(live, 1)
+    over = after(live, events.StopLive(ME))
+    assert update(over, events.Advanced(live.live.id, found[0], 1.0)) is over
+
+
+def test_the_thread_keeps_the_clock_follows_edits_and_ends(live):
+    state, heard = live, []
+
+    def send(event: Any) -> None:
+        nonlocal state
+        heard.append(event)
+        state = update(state, event)
+        runner.render(state, state)
+
+    runner = LiveRunner(send)
+    runner.render(state, state)
+    end = time.monotonic() + 20
+    while (state.t_end < 0.1 or len(heard) < 3) and time.monotonic() < end:
+        time.sleep(0.01)
+    assert state.t_end >= 0.1
+    send(events.Edit(ME, 2, "1", "mass", (), "7"))
+    while state.run.result.mechanism.model.body("1").mass != 7 and time.monotonic() < end:
+        time.sleep(0.01)
+    assert state.run.result.mechanism.model.body("1").mass == 7
+    send(events.StopLive(ME))
+    assert isinstance(state.run.result, pg.Result)
+
+
+def test_a_clock_that_is_far_behind_waits(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
+    clock = Clock()
+    assert clock.due(0.0, 1.0) == 0.0
+    now[0] = 0.1
+    assert clock.due(0.05, 1.0) == pytest.approx(0.05)
+    now[0] = 1.1
+    assert clock.due(0.11, 1.0) > 0.9
+    assert clock.pace == pytest.approx(0.1)
+    assert clock.due(0.11, 1.0) == pytest.approx(0.0)
+
+
+# -- continue, compare, use the pose ---------------------------------------------------------------
+
+
+@pytest.fixture
+def ran() -> State:
+    state = replace(initial(pg.Model.serial(2)), kernels=Kernels(ready=True))
+    state = after(state, events.Connected(ME), events.Simulate(ME))
+    return after(state, events.Simulated(1, pg.simulate(pg.Mechanism(state.model), t_end=0.2)))
+
+
+def test_continue_asks_for_a_run_from_the_end(ran):
+    state = after(ran, events.Continue(ME))
+    assert state.job.before is ran.run.result
+    from app.work import simulated
+
+    whole = simulated(
+        replace(state.job, request=replace(state.job.request, t_end=0.2)), lambda _: 1
+    )
+    assert (whole.t[0], whole.t[-1]) == pytest.approx((0.0, 0.4))
+    done = after(state, events.Simulated(state.job.id, whole))
+    assert done.playback.time == pytest.approx(0.2)
+
+
+def test_the_pose_shown_becomes_the_initial_state_in_one_step(ran):
+    state = after(ran, events.Scrub(ME, 0.2), events.UsePose(ME))
+    q, v = pg.Mechanism(state.model).home()
+    np.testing.assert_array_equal(q, ran.run.result.q[-1])
+    np.testing.assert_array_equal(v, ran.run.result.v[-1])
+    assert len(state.undo) == len(ran.undo) + 1
+    assert after(state, events.Undo(ME)).model is ran.model
+
+
+def test_a_ghost_stays_over_edits_until_it_is_taken_away(ran):
+    state = after(ran, events.Compare(ME), events.Edit(ME, 1, "1", "mass", (), "5"))
+    assert state.ghost is ran.run
+    assert after(state, events.Compare(ME)).ghost is None
+
+
+def test_blank_steps_and_tolerances_are_the_method_s(ran):
+    state = after(ran, events.SetRun(ME, 1, "step", " "), events.SetRun(ME, 2, "rtol", "1e-9"))
+    assert (state.request.step, state.request.rtol) == (None, 1e-9)
+    refused = after(state, events.SetRun(ME, 3, "rtol", "1"))
+    assert refused.clients[ME].reply.text == (
+        "The tolerance must lie between 1e-15 and 0.1; given 1."
+    )
