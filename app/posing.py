@@ -15,7 +15,7 @@ from pgraph_core.operators.motion import bodies_of, elementary, q_slices
 from pgraph_core.schema.fields import fields_of
 
 from .shapes import to_wxyz
-from .state import Pose, State
+from .state import Pose, Run, State
 
 HAND = "held by hand"  # the constraint that keeps a moved joint where it was put
 HELD = 1e-6  # [rad, m] to which it is
@@ -40,8 +40,19 @@ def shown_q(state: State) -> np.ndarray:
         return pose.q
     if state.run is None:
         return home(state.model)
-    t = np.asarray(state.run.result.t)
-    return np.asarray(state.run.result.q[int(np.abs(t - state.playback.time).argmin())])
+    return np.asarray(state.run.result.q[_frame(state.run, state.playback.time)])
+
+
+def shown_v(state: State) -> np.ndarray | None:
+    """(nv,) of the run's frame that is shown; None where none is: the model's own."""
+    if state.pose is not None or state.run is None:
+        return None
+    return np.asarray(state.run.result.v[_frame(state.run, state.playback.time)])
+
+
+def _frame(run: Run, time: float) -> int:
+    """The frame nearest to a time."""
+    return int(np.abs(np.asarray(run.result.t) - time).argmin())
 
 
 def home(model: pg.Model) -> np.ndarray:
@@ -179,14 +190,15 @@ def _cannot(body: pg.Body, why: str) -> pg.PgraphError:
     return pg.InputError(pg.Problem(f"body '{body.name}'", "q", f"cannot be moved further: {why}"))
 
 
-def with_initial(model: pg.Model, q: np.ndarray) -> pg.Model:
-    """The model with q (nq,) as its initial position. Raises PgraphError."""
+def with_initial(model: pg.Model, q: np.ndarray, v: np.ndarray | None = None) -> pg.Model:
+    """The model with q (nq,), and v (nv,) if given, as its initial state. Raises PgraphError."""
     top = pg.Topology.of(model)
-    places = q_slices(bodies_of(model, top))
-    by_name = {name: tuple(q[place].tolist()) for name, place in zip(top.names, places)}
-    bodies = [b if b.q == by_name[b.name] else _at(b, by_name[b.name]) for b in model.bodies]
-    return model.replace(bodies=tuple(bodies))
-
-
-def _at(body: pg.Body, q: tuple[float, ...]) -> pg.Body:
-    return pg.Body(**{**fields_of(body), "q": q})
+    bodies = bodies_of(model, top)
+    ends = np.cumsum([len(body.v) for body in bodies])
+    found = {}
+    for body, place, end in zip(bodies, q_slices(bodies), ends):
+        speeds = body.v if v is None else tuple(v[end - len(body.v) : end].tolist())
+        state = {"q": tuple(q[place].tolist()), "v": speeds}
+        same = (body.q, body.v) == (state["q"], state["v"])
+        found[body.name] = body if same else pg.Body(**{**fields_of(body), **state})
+    return model.replace(bodies=tuple(found[body.name] for body in model.bodies))

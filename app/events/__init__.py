@@ -32,9 +32,6 @@ from .editing import (
 from .editing import (
     Undo as Undo,
 )
-from .editing import (
-    UsePose as UsePose,
-)
 from .graph import (
     Drop as Drop,
 )

@@ -46,11 +46,6 @@ class DeleteBody(FromPage):
 
 
 @dataclass(frozen=True)
-class UsePose(FromPage):
-    """The pose and velocities shown become the initial state."""
-
-
-@dataclass(frozen=True)
 class Undo(FromPage):
     pass
 

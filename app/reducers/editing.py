@@ -42,8 +42,6 @@ def update(state: State, event: Event) -> State | None:
             return added(state, client, parent)
         case events.DeleteBody():
             return deleted(state, event)
-        case events.UsePose(client) if state.run is not None:
-            return posed(state, client)
         case events.Undo():
             return undone(state)
         case events.Redo():
@@ -83,29 +81,6 @@ def attempted(state: State, client: int, make: Callable[[], pg.Model], label: st
     state = _with_model(state, model, label)
     notices = " ".join(model.notices)
     return told(state, client, Notice("Also changed", notices)) if notices else state
-
-
-def posed(state: State, client: int) -> State:
-    """The pose and velocities shown by the playback as the initial state."""
-    assert state.run is not None
-    result, d = state.run.result, state.derived
-    frame = int(abs(result.t - state.playback.time).argmin())
-
-    def make() -> pg.Model:
-        found, i, j = {}, 0, 0
-        for name in d.names:
-            body = state.model.body(name)
-            ends = i + len(body.q), j + len(body.v)
-            q, v = result.q[frame, i : ends[0]].tolist(), result.v[frame, j : ends[1]].tolist()
-            found[name] = body.model_copy(update={"q": tuple(q), "v": tuple(v)})
-            i, j = ends
-        return state.model.replace(bodies=tuple(found[b.name] for b in state.model.bodies))
-
-    after = attempted(state, client, make, f"pose at {result.t[frame]:.4g} s")
-    if after.model is state.model:
-        return after
-    text = f"The pose at {result.t[frame]:.4g} s is the initial state now."
-    return told(after, client, Notice("Initial state", text))
 
 
 def deleted(state: State, event: events.DeleteBody) -> State:

@@ -25,9 +25,9 @@ def update(state: State, event: Event) -> State | None:
         case events.HomePose():
             return replace(state, posed=None, pose_problem="")
         case events.UsePose(client):
-            q = posing.shown_q(state)
+            q, v = posing.shown_q(state), posing.shown_v(state)
             return attempted(
-                state, client, lambda: posing.with_initial(state.model, q), "initial pose"
+                state, client, lambda: posing.with_initial(state.model, q, v), "initial pose"
             )
         case events.Gizmo(client, what):
             return with_client(state, client, gizmo=what)
