@@ -49,6 +49,8 @@ if TYPE_CHECKING:
     from .result import Result as Result
     from .result import Status as Status
     from .simulation import simulate as simulate
+    from .stability.map import StabilityMap as StabilityMap
+    from .stability.map import stability_map as stability_map
 
 _LAZY = {
     "Assembly": "assembly",
@@ -68,6 +70,8 @@ _LAZY = {
     "Result": "result",
     "Status": "result",
     "simulate": "simulation",
+    "StabilityMap": "stability.map",
+    "stability_map": "stability.map",
 }
 
 

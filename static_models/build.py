@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -33,6 +34,28 @@ def pendulum() -> pg.Model:
     """One rod on a hinge, let go at 60 degrees."""
     rods = (_hanging_rod("rod", "ground", link=(0, 0, 1.2), q=1.0471975512),)
     return pg.Model(name="pendulum", bodies=rods, scenarios=(_swing("one swing after another"),))
+
+
+@built
+def stiff_pendulum() -> pg.Model:
+    """A point mass on a spring as stiff as a steel rod, let go where the spring carries it."""
+    stiffness, angle = 1e6, 1.0
+    bob = pg.Body(
+        name="bob",
+        joint="compound",
+        motions=(("rotate", (0, 1, 0)), ("translate", (0, 0, -1))),
+        link=(0, 0, 1.5),
+        com=(0, 0, -1),
+        inertia=((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        stiffness=(0.0, stiffness),
+        q=(angle, 9.81 * math.cos(angle) / stiffness),
+        shape=pg.Shape(kind="sphere", radius=0.08, position=(0, 0, -1)),
+    )
+    swing = pg.Scenario(
+        name="swing", description="two seconds at steps far wider than the spring's period",
+        t_end=2.0, step=0.01,
+    )  # fmt: skip
+    return pg.Model(name="stiff pendulum", bodies=(bob,), scenarios=(swing,))
 
 
 @built

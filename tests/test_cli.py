@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-import app.cli.run
+import app.cli.bar
 import pgraph_core as pg
 import static_models
 from app.cli import main
@@ -79,6 +79,39 @@ def test_a_built_in_name_needs_no_file_and_a_path_is_a_file(capsys, tmp_path, mo
     pg.Model.serial(2).save("pendulum")
     assert told(capsys, "info", "pendulum")["nb"] == 1
     assert told(capsys, "info", "./pendulum")["nb"] == 2
+
+
+# -- stability -----------------------------------------------------------------------------------
+
+STIFF = ("stability", "stiff_pendulum", "--t-end", "0.2")
+
+
+def test_stability_for_people_and_programs(capsys, tmp_path: Path):
+    words = (*STIFF, "--values", "1e4,1e8", "--methods", "rk4,radau5", "--steps", "1e-2")
+    out, _ = said(capsys, *words)
+    assert out.startswith("stiff pendulum: stiffness of the stiffest spring")
+    assert "rk4 UNSTABLE, as at stiffness 1e+08, step 0.01 s" in out
+    page = tmp_path / "map.html"
+    data = told(capsys, *words, "-o", str(page))
+    assert [c["status"] for c in data["cells"]] == ["OK", "OK", "UNSTABLE", "OK"]
+    assert data["output"] == str(page)
+    assert "<svg" in page.read_text(encoding="utf-8")
+
+
+def test_stability_of_every_axis_names_those_that_the_model_lacks(capsys):
+    words = ("--all", "--values", "1", "--methods", "rk4", "--steps", "1e-2")
+    out, _ = said(capsys, *STIFF, *words)
+    assert "friction varies contacts; the model has none" in out
+    assert "factor on every length, gravity too" in out
+
+
+def test_stability_refuses_before_it_works(capsys, tmp_path: Path):
+    assert "invalid choice: 'mood'" in refused_as_usage(capsys, *STIFF, "--axis", "mood")
+    assert "must be numbers" in refused_as_usage(capsys, *STIFF, "--steps", "1,x")
+    _, err = said(capsys, *STIFF, "-o", str(tmp_path / "map.txt"), code=1)
+    assert "must end in .html, .svg, .json" in err
+    _, err = said(capsys, *STIFF, "--methods", "rk5", code=1)
+    assert "no method is called 'rk5'" in err
 
 
 # -- new, models, check --------------------------------------------------------------------------
@@ -215,7 +248,7 @@ def test_progress_is_shown_on_a_terminal_only(capsys, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     bar = said(capsys, "run", "pendulum", "--t-end", "0.1")[1]
     assert "\rcompiling [" in bar
-    assert f"\rrunning   [{'#' * app.cli.run.BAR}] 100%" in bar
+    assert f"\rrunning   [{'#' * app.cli.bar.WIDTH}] 100%" in bar
     assert bar.endswith(" \r")  # wiped off
 
 

@@ -31,6 +31,7 @@ NAMES = (
     "skate",
     "slider_crank",
     "spherical_pendulum",
+    "stiff_pendulum",
     "tennis_racket",
 )
 

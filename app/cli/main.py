@@ -11,7 +11,7 @@ from types import ModuleType
 
 from pgraph_core.errors import PgraphError
 
-from . import bench, check, info, models, new, run, start, verify
+from . import bench, check, info, models, new, run, stability, start, verify
 from .answer import print_answer, print_problems
 
 COMMANDS: dict[str, ModuleType] = {
@@ -21,6 +21,7 @@ COMMANDS: dict[str, ModuleType] = {
     "check": check,
     "run": run,
     "verify": verify,
+    "stability": stability,
     "bench": bench,
 }
 
@@ -59,7 +60,7 @@ def _command(name: str, words: Sequence[str]) -> int:
 
 
 def _start(words: Sequence[str]) -> int:
-    listed = "\n".join(f"  pgraph {name:8} {module.HELP}" for name, module in COMMANDS.items())
+    listed = "\n".join(f"  pgraph {name:9} {module.HELP}" for name, module in COMMANDS.items())
     parser = ArgumentParser(
         prog="pgraph",
         description="Multibody dynamics from a four-column table: opens the page in the browser.",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
 from argparse import ArgumentParser, Namespace
 from typing import Any
@@ -13,9 +12,9 @@ from pgraph_core.kernels import warm_up
 
 from . import given
 from .answer import Answer
+from .bar import progress_bar
 
 HELP = "simulate; print status, error estimate, energy and cost"
-BAR = 30  # characters
 
 
 def arguments(parser: ArgumentParser) -> None:
@@ -35,7 +34,7 @@ def answer(args: Namespace) -> Answer:
     scenario = args.scenario or next((s.name for s in model.scenarios), None)
     asked = {name: getattr(args, name) for name in ("t_end", "method", "step", "rtol")}
     options = {name: value for name, value in asked.items() if value is not None}
-    bar = _bar if sys.stderr.isatty() and sys.stdout.isatty() else _silent
+    bar = progress_bar()
     compiling = time.perf_counter()
     for i, n, _ in warm_up():  # apart, so that the run's time is the run's
         bar("compiling", i / n)
@@ -110,15 +109,3 @@ def _estimate(error: float) -> str:
     if math.isnan(error):
         return "none: the run did not reach its end"
     return f"{error:.3g} rad or m"
-
-
-def _bar(what: str, fraction: float) -> bool:
-    """A bar on stderr, wiped off when there is nothing left to do; the run goes on."""
-    done = round(BAR * fraction)
-    bar = f"{what:10}[{'#' * done}{'.' * (BAR - done)}] {fraction:4.0%}" if what else ""
-    print(f"\r{bar or ' ' * (BAR + 17)}", end="" if what else "\r", file=sys.stderr, flush=True)
-    return True
-
-
-def _silent(what: str, fraction: float) -> bool:
-    return True

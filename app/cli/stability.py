@@ -1,0 +1,109 @@
+"""`pgraph stability MODEL`: which methods hold where a scene is made stiff or extreme."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from pathlib import Path
+from typing import Any
+
+import pgraph_core as pg
+from pgraph_core.errors import FileError, InputError, Problem
+from pgraph_core.schema.files import write_atomic
+
+from . import given
+from .answer import Answer
+from .bar import progress_bar
+
+HELP = "which methods hold where a scene is made stiff or extreme"
+
+
+def arguments(parser: ArgumentParser) -> None:
+    from pgraph_core.stability.axes import AXES
+
+    parser.add_argument("model", metavar="MODEL", help="a file or the name of a built-in model")
+    parser.add_argument("--axis", choices=tuple(AXES), default="stiffness", help="what is varied")
+    parser.add_argument("--all", action="store_true", help="every axis that the model has")
+    parser.add_argument("--values", type=numbers, metavar="X,X", help="default: those of the axis")
+    parser.add_argument("--methods", type=names, metavar="M,M", help="default: all that can")
+    parser.add_argument("--steps", type=numbers, metavar="S,S", help="default: 0.1 to 1e-4 [s]")
+    parser.add_argument("--t-end", type=given.duration, metavar="S", help="duration [s]")
+    parser.add_argument(
+        "--target", type=given.duration, metavar="E", help="largest error that is OK"
+    )
+    parser.add_argument("--scenario", help="default: none, the model's initial state")
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help="write a page (.html), .svg or .json"
+    )
+
+
+def numbers(text: str) -> tuple[float, ...]:
+    """Numbers with commas in between."""
+    try:
+        return tuple(float(x) for x in text.split(",") if x.strip())
+    except ValueError:
+        raise ArgumentTypeError(f"must be numbers with commas between; given {text!r}") from None
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Names with commas in between."""
+    return tuple(x.strip() for x in text.split(",") if x.strip())
+
+
+def answer(args: Namespace) -> Answer:
+    _writable(args)
+    model = given.model(args.model)
+    asked = {n: getattr(args, n) for n in ("methods", "steps", "t_end", "target", "scenario")}
+    options = {name: value for name, value in asked.items() if value is not None}
+    if args.values is not None:
+        options["values"] = args.values
+    maps, lacking = _maps(model, args, options)
+    if args.output:
+        _written(maps, args.output)
+    data = maps[0].to_dict() if not args.all else {"maps": [found.to_dict() for found in maps]}
+    data |= {"output": args.output} if args.output else {}
+    parts = [str(found) for found in maps] + ["\n".join(lacking)] * bool(lacking)
+    return Answer(data, "\n\n\n".join(parts))
+
+
+def _maps(
+    model: pg.Model, args: Namespace, options: dict[str, Any]
+) -> tuple[list[pg.StabilityMap], list[str]]:
+    """(a map an axis, a sentence for each axis that the model has not)."""
+    from pgraph_core.stability.axes import AXES
+
+    bar, found, lacking = progress_bar(), [], []
+    for axis in AXES if args.all else (args.axis,):
+        if args.all and axis == "step":
+            continue  # the columns of all the others
+        try:
+            found.append(
+                pg.stability_map(
+                    model, axis=axis, progress=lambda x, axis=axis: bar(axis[:9], x), **options
+                )
+            )
+        except InputError as refused:
+            if not args.all or not all(p.field == "axis" for p in refused.problems):
+                raise
+            lacking.append(str(refused))
+        finally:
+            bar("", 1.0)
+    return found, lacking
+
+
+def _writable(args: Namespace) -> None:
+    """Raises FileError, before the work, where the file's name cannot do."""
+    suffixes = (".html", ".json") if args.all else (".html", ".svg", ".json")
+    if args.output and Path(args.output).suffix not in suffixes:
+        text = f"must end in {', '.join(suffixes)}"
+        raise FileError(Problem(args.output, "", text))
+
+
+def _written(maps: list[pg.StabilityMap], output: str) -> None:
+    from pgraph_core.stability.page import page
+
+    if len(maps) == 1 and not output.endswith(".html"):
+        maps[0].save(output)
+    elif output.endswith(".html"):
+        write_atomic(output, page(maps))
+    else:
+        write_atomic(output, f"[{', '.join(found.to_json() for found in maps)}]\n")

@@ -1,0 +1,281 @@
+"""The stability map: every verdict, what it says, and that no cell is wrong and silent."""
+
+from __future__ import annotations
+
+import itertools
+import json
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import pgraph_core as pg
+from pgraph_core.stability.axes import AXES
+from pgraph_core.stability.verdict import Verdict
+
+from .test_cases import DOWN, case, mass, worst
+from .test_methods import slider_crank, stiff_pendulum, swing
+
+STIFFNESSES = AXES["stiffness"].values
+METHODS = ("semi_implicit_euler", "rk4", "dopri5", "dop853", "ros2", "radau5")
+
+
+@pytest.fixture(scope="module")
+def stiff():
+    """The whole map of the stiff pendulum, two seconds: eight stiffnesses, four steps."""
+    mech, q = stiff_pendulum(1e6)
+    return pg.stability_map(mech, q, t_end=2.0)
+
+
+def exact(k, t):
+    """(θ, r) of the stiff pendulum by SciPy, from its two equations: no multibody package.
+
+    From 1e8 on the fast mode costs too much: the rod is then rigid to 1e-7.
+    """
+
+    def slope(_, y):
+        theta, r, dtheta, dr = y
+        return (
+            dtheta,
+            dr,
+            (-9.81 * np.sin(theta) - 2 * dr * dtheta) / r,
+            r * dtheta**2 + 9.81 * np.cos(theta) - k * (r - 1.0),
+        )
+
+    start = (1.0, 1.0 + 9.81 * np.cos(1.0) / k, 0.0, 0.0)
+    if k >= 1e8:
+        rigid = solve_ivp(
+            lambda _, y: (y[1], -9.81 * np.sin(y[0])), (0, t[-1]), (1.0, 0.0), "DOP853", t,
+            rtol=1e-12, atol=1e-12,
+        )  # fmt: skip
+        return rigid.y[0], np.ones_like(t)
+    found = solve_ivp(slope, (0.0, t[-1]), start, "DOP853", t, rtol=1e-8, atol=1e-10)
+    return found.y[0], found.y[1]
+
+
+def test_no_cell_is_bounded_wrong_and_silent(stiff):
+    """Every cell that is called OK is right, by equations that this package does not know."""
+    t = np.linspace(0.0, 2.0, 21)
+    assert len(stiff.cells) == 8 * 4 * len(METHODS)
+    wrong = []
+    for k in STIFFNESSES:
+        theta, r = exact(k, t)
+        mech, q = stiff_pendulum(k)
+        for cell in stiff.cells:
+            if cell.value == k and cell.status == "OK":
+                options = {"method": cell.method, "step": cell.step, "estimate": False}
+                run = pg.simulate(mech, q, t_end=2.0, t_eval=t, **options)
+                error = max(worst(run.q[:, 0], theta), worst(1.0 + run.q[:, 1], r))
+                if not error < 1.1 * stiff.target:
+                    wrong.append((cell, error))
+    assert wrong == []
+    assert sum(cell.status == "OK" for cell in stiff.cells) > 60
+
+
+def test_every_cell_has_one_verdict_and_says_why(stiff):
+    found = {(c.value, c.method, c.step) for c in stiff.cells}
+    assert found == set(itertools.product(STIFFNESSES, METHODS, (1e-1, 1e-2, 1e-3, 1e-4)))
+    for cell in stiff.cells:
+        assert isinstance(cell.status, Verdict)
+        assert cell.text
+        if cell.status == "UNSTABLE":
+            assert cell.body == "a"
+            assert cell.time <= 2.0
+        if cell.status == "INACCURATE":
+            assert cell.step_needed < cell.step or "does not shrink" in cell.text
+
+
+def test_radau_is_right_at_every_stiffness():
+    """At a step of 1e-2 s: θ to 1e-8, and r to what a step near its period resolves."""
+    mech, q = stiff_pendulum(1e6)
+    options = {"methods": ["radau5"], "steps": [1e-2], "target": 1e-7, "t_end": 2.0}
+    found = pg.stability_map(mech, q, **options)
+    assert [cell.status for cell in found.cells] == [Verdict.OK] * 8
+    t, reference = case("stiff_spring_pendulum")
+    for k in STIFFNESSES[1:]:
+        if k == 1e5:
+            continue  # not among the stored ones
+        mech, q = stiff_pendulum(k)
+        run = pg.simulate(mech, q, t_end=2.0, t_eval=t, method="radau5", step=1e-2)
+        assert worst(run.q[:, 0], swing(reference, k)) < 1e-8
+
+
+def test_rk4_is_unstable_within_ten_steps_where_the_step_is_ten_rates(stiff):
+    seen = 0
+    for cell in stiff.cells:
+        rate = np.sqrt(cell.value)
+        if cell.method == "rk4" and cell.step * rate >= 9.999:
+            seen += 1
+            assert cell.status == "UNSTABLE"
+            assert cell.time <= 10 * cell.step + 1e-12, cell
+            assert cell.step_limit == pytest.approx(2.83 / rate, rel=0.1)
+            assert "radau5" in cell.text
+    assert seen == 15
+
+
+@pytest.mark.parametrize("k", [1e4, 1e6])
+def test_the_limit_of_rk4_is_where_it_is_predicted(k):
+    """By bisection of the step, with the fast mode under way, so that it can grow."""
+    mech, q = stiff_pendulum(k)
+    q = q + np.array([0.0, 1e-6])
+    low, high = 1.0 / np.sqrt(k), 6.0 / np.sqrt(k)
+    predicted = np.nan
+    for _ in range(5):
+        step = np.sqrt(low * high)
+        found = pg.stability_map(
+            mech, q, values=[k], methods=["rk4"], steps=[step], t_end=500 / np.sqrt(k)
+        )
+        (cell,) = found.cells
+        predicted = cell.step_limit
+        low, high = (low, step) if cell.status == "UNSTABLE" else (step, high)
+    assert predicted == pytest.approx(np.sqrt(low * high), rel=0.2)
+
+
+def test_semi_implicit_euler_is_inaccurate_and_the_step_it_names_does(stiff):
+    cell = next(
+        c for c in stiff.cells if (c.value, c.method, c.step) == (1e2, "semi_implicit_euler", 1e-2)
+    )
+    assert cell.status == "INACCURATE"
+    assert cell.order == pytest.approx(1.0, abs=0.3)
+    mech, q = stiff_pendulum(1e2)
+    again = pg.stability_map(
+        mech, q, values=[1e2], methods=[cell.method], steps=[cell.step_needed / 1.2], t_end=2.0
+    )
+    assert again.cells[0].status == "OK"
+
+
+def test_lost_energy_is_damping():
+    """A spring whose period the step does not resolve, under way: ROS2 takes its energy."""
+    mech, q = stiff_pendulum(1e4)
+    q = q + np.array([0.0, 0.02])
+    found = pg.stability_map(mech, q, values=[1e4], methods=["ros2"], steps=[0.02], t_end=1.0)
+    (cell,) = found.cells
+    assert cell.status == "DAMPED"
+    assert cell.energy_lost > 0.01
+    assert "lost that the model keeps" in cell.text
+
+
+def test_constraints_that_are_left_are_drift():
+    q = np.array([0.5, -0.5 - np.arcsin(0.4 * np.sin(0.5)), 0.0])
+    q[2] = 0.2 * np.cos(0.5) + 0.5 * np.sqrt(1 - (0.4 * np.sin(0.5)) ** 2)
+    options = {"axis": "step", "methods": ["semi_implicit_euler"], "values": [2e-2], "t_end": 1.0}
+    (loose,) = pg.stability_map(slider_crank(), q, stabilise=None, **options).cells
+    assert loose.status == "DRIFT"
+    (kept,) = pg.stability_map(slider_crank(), q, **options).cells
+    assert kept.status != "DRIFT"
+
+
+def test_too_many_steps_are_slow_and_not_run():
+    mech, q = stiff_pendulum(1e6)
+    found = pg.stability_map(mech, q, values=[1e6], methods=["rk4"], steps=[1e-9])
+    (cell,) = found.cells
+    assert cell.status == "SLOW"
+    assert cell.evaluations == 4_000_000_000
+    assert "budget" in cell.text
+
+
+def test_what_is_refused_or_ends_early_has_failed_and_says_why():
+    """A penalty contact remembers, which steps to events cannot undo."""
+    ball = pg.Body(name="ball", joint="free", q=(0, 0, 0.05, 1, 0, 0, 0))
+    contacts = (
+        pg.Contact(name="floor", body="ball", law="penalty", points=((0, 0, 0),)),
+        pg.Contact(name="rail", body="ball", points=((0.1, 0, 0),)),
+    )
+    model = pg.Model(bodies=(ball,), contacts=contacts)
+    found = pg.stability_map(model, axis="step", values=[1e-3], methods=["rk4"], t_end=0.01)
+    assert found.cells[0].status == "FAILED"
+    assert "remembers" in found.cells[0].text
+
+
+def test_a_motion_that_nobody_knows_is_never_called_right():
+    """A double pendulum at speeds where two runs to the last digit differ."""
+    mech = pg.Mechanism(pg.Model(bodies=(mass("a"), mass("b", "a", above=1.0)), **DOWN))
+    found = pg.stability_map(
+        mech, axis="speed", values=[100.0], methods=["dop853"], steps=[1e-3], t_end=1.0
+    )
+    (cell,) = found.cells
+    if cell.status == "INACCURATE":
+        assert "known to" in cell.text or cell.error > found.target
+
+
+def test_contacts_are_compared_with_steps_from_event_to_event():
+    ball = pg.Body(name="ball", joint="free", q=(0, 0, 0.5, 1, 0, 0, 0))
+    floor = pg.Contact(name="floor", body="ball", points=((0, 0, 0),), restitution=0.5)
+    model = pg.Model(bodies=(ball,), contacts=(floor,))
+    found = pg.stability_map(model, axis="step", values=[1e-2, 1e-3, 1e-4], t_end=0.5)
+    assert found.methods == ("semi_implicit_euler", "rk4", "moreau_jean")
+    done = {(c.method, c.step): c for c in found.cells}
+    assert done["moreau_jean", 1e-2].status == "INACCURATE"
+    assert done["rk4", 1e-2].status == "OK"
+
+
+# -- what a map says, and how it ends -----------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def small():
+    mech, q = stiff_pendulum(1e6)
+    options = {"values": [1e4, 1e8], "methods": ["rk4", "radau5"], "steps": [1e-2]}
+    return pg.stability_map(mech, q, t_end=0.5, **options)
+
+
+def test_the_text_map(small):
+    lines = str(small).splitlines()
+    assert lines[0].startswith("model: stiffness of the stiffest spring [N/m or N m/rad], 0.5 s")
+    assert lines[2].split() == ["rk4", "radau5"]
+    assert [line.split() for line in lines[3:5]] == [["10000", ".", "."], ["1e+08", "U", "."]]
+    assert "U  UNSTABLE    the method makes the motion grow" in lines
+    assert any(
+        line.startswith("rk4 UNSTABLE, as at stiffness 1e+08, step 0.01 s") for line in lines
+    )
+
+
+def test_files(small, tmp_path):
+    for suffix in ("json", "svg", "html"):
+        small.save(tmp_path / f"map.{suffix}")
+    data = json.loads((tmp_path / "map.json").read_text())
+    assert data == json.loads(small.to_json())
+    assert [c["status"] for c in data["cells"]] == ["OK", "OK", "UNSTABLE", "OK"]
+    assert data["cells"][0]["step_needed"] is None
+    svg = (tmp_path / "map.svg").read_text()
+    assert svg.startswith("<svg")
+    assert svg.count("<rect") == len(small.cells) + len(Verdict)
+    html = (tmp_path / "map.html").read_text()
+    assert "<svg" in html
+    assert "http" not in html.replace("http://www.w3.org/2000/svg", "")
+    with pytest.raises(pg.FileError, match=r"must end in .html, .svg, .json"):
+        small.save(tmp_path / "map.txt")
+
+
+def test_progress_and_cancel():
+    mech, q = stiff_pendulum(1e6)
+    seen: list[float] = []
+
+    def stop(fraction):
+        seen.append(fraction)
+        return fraction < 0.6
+
+    found = pg.stability_map(
+        mech, q, values=[1e2, 1e3], methods=["rk4"], steps=[1e-2, 1e-3], progress=stop
+    )
+    assert seen == sorted(seen)
+    assert not found.complete
+    assert len(found.cells) < 4
+    assert "cancelled" in str(found)
+
+
+@pytest.mark.parametrize("name", [n for n in AXES if n.endswith("_scale")])
+def test_no_threshold_has_a_unit(name):
+    """The same mechanism in other units: the same verdicts, errors alike."""
+    top = pg.Body(
+        name="top", joint="spherical", mass=2.0, com=(0.1, 0, 0.4),
+        inertia=np.diag([0.2, 0.3, 0.1]), v=(1.0, 0.0, 6.0),
+    )  # fmt: skip
+    bob = mass("bob", "top", damping=0.01, stiffness=2.0)
+    model = pg.Model(bodies=(top, bob), **DOWN)
+    found = pg.stability_map(
+        model, axis=name, values=[1e-9, 1.0, 1e9], methods=["rk4"], steps=[1e-2], t_end=0.3
+    )
+    errors = [cell.error for cell in found.cells]
+    assert len({cell.status for cell in found.cells}) == 1
+    np.testing.assert_allclose(errors, errors[1], rtol=1e-3)

@@ -1,0 +1,136 @@
+"""Axes of the stability map: what each does to a model, and to which it does not apply."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+import static_models
+from pgraph_core.stability.axes import AXES
+
+from .test_cases import DOWN, mass
+
+
+def quadruped():
+    return pg.Model.load(static_models.path("quadruped"))
+
+
+def sprung():
+    spring = pg.Force(name="s", kind="spring", body="b", stiffness=50.0, rest=0.2)
+    bodies = (mass("a", stiffness=200.0, q=(0.1,)), mass("b", "a", above=1.0, v=(2.0,)))
+    return pg.Model(bodies=bodies, forces=(spring,), **DOWN)
+
+
+def touching():
+    return pg.Model(
+        bodies=(pg.Body(name="a", joint="free"),),
+        contacts=(pg.Contact(name="c", body="a", law="soft", points=((0, 0, 0),)),),
+    )
+
+
+def looped():
+    return pg.Model.load(static_models.path("four_bar"))
+
+
+MODELS = {
+    "contact_stiffness": touching,
+    "friction": touching,
+    "inertia": quadruped,
+    "redundancy": looped,
+    "singularity": looped,
+}
+
+
+@pytest.mark.parametrize("name", AXES)
+def test_every_usual_value_makes_a_valid_model_and_leaves_the_old_one(name):
+    model = MODELS.get(name, sprung)()
+    before = model.to_json()
+    for value in AXES[name].values:
+        made = AXES[name].applied(model, value)
+        assert isinstance(made, pg.Model)
+        if len(made.bodies) < 300:
+            pg.Mechanism(made)
+    assert model.to_json() == before
+    assert AXES[name].what
+
+
+@pytest.mark.parametrize(
+    "name", [n for n in AXES if n not in ("step", "singularity", "chain_length", "speed")]
+)
+def test_an_axis_that_a_model_has_not_is_refused(name):
+    model = pg.Model(bodies=(pg.Body(name="a", joint="weld", inertia=np.zeros((3, 3))),))
+    if name.endswith("_scale"):
+        motion = pg.Constraint(name="m", kind="motion", body="a", q_of_t=pg.Sine())
+        model = pg.Model(bodies=(pg.Body(name="a"),), constraints=(motion,))
+    with pytest.raises(pg.InputError):
+        pg.stability_map(model, axis=name, methods=["rk4"], steps=[1e-2])
+
+
+def test_stiffness_keeps_proportions_and_the_first_force():
+    made = AXES["stiffness"].applied(sprung(), 2e6)
+    a = made.body("a")
+    assert a.stiffness == (2e6,)
+    assert a.stiffness[0] * a.q[0] == pytest.approx(200.0 * 0.1)
+    assert made.forces[0].stiffness == pytest.approx(50.0 * 1e4)
+
+
+def test_damping_ratio_one_is_critical():
+    """A hinge with a spring of 200 N m/rad on 1 kg m² and a mass that follows it."""
+    model = pg.Model(bodies=(mass("a", stiffness=200.0),), gravity=(0, 0, 0))
+    made = AXES["damping_ratio"].applied(model, 1.0)
+    assert made.body("a").damping == pytest.approx((2 * np.sqrt(200.0),))
+
+
+def test_a_chain_of_links_weighs_and_reaches_as_much():
+    made = AXES["chain_length"].applied(pg.Model(bodies=(mass("a", tip=(0, -1, 0)),), **DOWN), 50)
+    mech = pg.Mechanism(made)
+    assert sum(b.mass for b in made.bodies) == pytest.approx(1.0)
+    position, _ = mech.pose(np.zeros(50), "50")
+    assert position[1] == pytest.approx(-0.98)
+
+
+def test_mass_ratio_is_of_the_last_tip_to_its_parent():
+    made = AXES["mass_ratio"].applied(sprung(), 1e-9)
+    assert made.body("b").mass / made.body("a").mass == pytest.approx(1e-9)
+
+
+@pytest.mark.parametrize("factors", [(3.0, 1.0, 1.0), (1.0, 5.0, 1.0), (1.0, 1.0, 7.0)])
+def test_a_rescaled_model_moves_the_same(factors):
+    """Angles as they were, slides and times as many times as large: dimensional analysis."""
+    from pgraph_core.stability.dimensions import rescaled
+
+    length, weight, time = factors
+    slide = pg.Body(
+        name="s", joint="prismatic", axes=((0, 1, 0),), mass=2.0, stiffness=30.0, damping=0.4,
+        rest=0.1, v=(0.5,),
+    )  # fmt: skip
+    forces = (
+        pg.Force(name="m", kind="motor", body="s", torque=0.7),
+        pg.Force(name="servo", kind="servo", body="a", kp=3.0, kd=0.2, target=0.4),
+        pg.Force(name="spring", kind="spring", body="a", stiffness=20.0, damping=0.1, rest=0.3),
+        pg.Force(name="push", kind="wrench", body="a", force=(1.0, 2.0, 0.0)),
+    )
+    model = pg.Model(bodies=(slide, mass("a", "s", damping=0.05)), forces=forces, **DOWN)
+    scaled = rescaled(model, length=length, mass=weight, time=time)
+    runs = [
+        pg.simulate(pg.Mechanism(m), t_end=0.5 * t, step=0.01 * t, method="rk4", estimate=False)
+        for m, t in ((model, 1.0), (scaled, time))
+    ]
+    np.testing.assert_allclose(runs[1].q[:, 0], length * runs[0].q[:, 0], rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(runs[1].q[:, 1], runs[0].q[:, 1], rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(
+        runs[1].energy, runs[0].energy * weight * (length / time) ** 2, rtol=1e-9
+    )
+
+
+def test_a_scenario_becomes_part_of_the_model():
+    from pgraph_core.stability.start import in_scenario
+
+    model, t_end = in_scenario(quadruped(), "stance")
+    old = pg.Mechanism(quadruped())
+    options = {"t_end": 0.02, "step": 1e-3, "method": "rk4", "estimate": False}
+    a = pg.simulate(old, scenario="stance", **options)
+    b = pg.simulate(pg.Mechanism(model), **options)
+    np.testing.assert_array_equal(a.q, b.q)
+    assert t_end == quadruped().scenario("stance").t_end
