@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import threading
 import webbrowser
+from pathlib import Path
 
 import pgraph_core as pg
 import static_models
 
+from .autosave import Autosave, left_behind
 from .client.bridge import Bridge, open_server, quiet, token_for
 from .events import Event, from_page
 from .live import LiveRunner
+from .reducers.editing import recovered
 from .state import initial
 from .store import Store
 from .views.page import Page
@@ -20,19 +23,24 @@ from .work import Compiler, Files, Simulator
 class Server:
     """A page on which people edit and simulate one shared model."""
 
-    def __init__(self, model: pg.Model, host: str, port: int):
+    def __init__(
+        self, model: pg.Model, host: str, port: int, given: str = "", keep: Path | None = None
+    ):
         token = token_for(host)
         viser = open_server(host, port, token)
         self.viser = viser
         self.port = viser.get_port()
         query = f"?token={token}" if token else ""
         self.url = f"http://{host}:{self.port}/{query}"
-        self.store = Store(initial(model, built_in()))
+        state = initial(model, built_in())
+        if keep is not None:
+            state = recovered(state, left_behind(keep, host, self.port), given)
+        self.store = Store(state)
         bridge = Bridge(viser, lambda client, text: self.send(from_page(client, text)))
         page = Page(bridge, self.send)
-        self.store.start(
-            (*page.views, Simulator(self.send), LiveRunner(self.send), Files(self.send))
-        )
+        self._autosave = Autosave(keep, host, self.port, given, self.send) if keep else None
+        work = (Simulator(self.send), LiveRunner(self.send), Files(self.send))
+        self.store.start((*page.views, *work, *filter(None, [self._autosave])))
         self._compiler = Compiler(self.send)
 
     def send(self, event: Event) -> None:
@@ -48,21 +56,33 @@ class Server:
         """Close every page's connection and end the background work."""
         self._compiler.stop()
         self.store.stop()
+        if self._autosave is not None:
+            self._autosave.stop()
         with quiet():
             self.viser.stop()
 
 
 def serve(
-    model: pg.Model, *, host: str = "127.0.0.1", port: int = 8080, open_browser: bool = True
+    model: pg.Model,
+    *,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    open_browser: bool = True,
+    given: str = "",
+    keep: Path | None = None,
 ) -> Server:
     """Serve `model` at `http://host:port`, or on the next free port where that one is taken.
 
-    Hosts other than this machine's own get an address with a secret token in it.
+    Hosts other than this machine's own get an address with a secret token in it. Edits are kept in
+    the folder `keep`; `given` is what the model was asked for by, and what was edited there when
+    the last server so started was killed comes back.
     """
-    server = Server(model, host, port)
+    server = Server(model, host, port, given, keep)
     if port and server.port != port:
         print(f"Port {port} is taken; using {server.port}.")
     print(f"Pgraph is at {server.url}", flush=True)
+    if server.store.state.greeting is not None:
+        print(f"Recovered {server.store.state.greeting.text}", flush=True)
     if open_browser and not webbrowser.open(server.url):
         print("No browser could be opened; open the address yourself.")
     return server

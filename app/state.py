@@ -5,6 +5,7 @@ from __future__ import annotations
 import bisect
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -107,6 +108,17 @@ class Client:
     walk: str = ""  # what it steps through: "pgraph" (Fig. 4), "frames" (Fig. 8) or nothing
     gizmo: str = ""  # what of the selected body it moves in 3D: "link", "com" or nothing
     grip: Grip | None = None  # while it does
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The model of a session that is over, from where the server keeps it."""
+
+    path: Path
+    given: str  # the model that the session was started with
+    time: float  # of the last edit [s since 1970]
+    text: str  # JSON
+    ended: bool  # in order; otherwise the server was killed
 
 
 @dataclass(frozen=True)
@@ -225,6 +237,8 @@ class State:
     playback: Playback = Playback()
     kernels: Kernels = Kernels()
     saving: Saving | None = None
+    kept: Mapping[str, Kept] = field(default_factory=dict)  # by what it is called in a list
+    greeting: Notice | None = None  # to pages that open, until the model is changed
     shown: frozenset[str] = SHOWN_AT_FIRST
     framed: int = 0  # counts the models opened; the camera is set anew for each
     posed: Pose | None = None  # the last pose by hand

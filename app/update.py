@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from .events import Event
-from .reducers import editing, graph, living, playing, posing, running, session
+from .reducers import editing, graph, living, playing, posing, running, session, table
 from .state import State
 
 REDUCERS = (
     session.update,
     editing.update,
+    table.update,
     living.update,
     running.update,
     playing.update,

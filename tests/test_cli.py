@@ -273,7 +273,9 @@ def test_the_page_is_served_as_asked(capsys, monkeypatch, words, name, expected)
             assert not until.is_set()
             served.append("waited")
 
-    def serve(model, *, host, port, open_browser):
+    def serve(model, *, host, port, open_browser, given, keep):
+        assert given in ("quadruped", "pendulum")
+        assert keep.name == "pgraph"
         served.append((model.name, (host, port, open_browser)))
         return Fake()
 
@@ -289,7 +291,8 @@ def test_hosts_that_this_machine_has_not(capsys, host: str):
     assert err.endswith("; use 127.0.0.1, or 0.0.0.0 for all networks\n")
 
 
-def test_the_page_answers_and_ctrl_c_ends_it():
+def test_the_page_answers_and_ctrl_c_ends_it(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     words = [sys.executable, "-m", "app", "pendulum", "--port", "0", "--no-browser"]
     page = subprocess.Popen(
         words,

@@ -29,11 +29,15 @@ def start(args: Namespace) -> None:
     """Serve the page until Ctrl+C."""
     model = given.model(args.model)
     _bind(args.host)
+    from app.autosave import state_folder
     from app.server import serve  # here: no other command needs viser
 
     stopped = threading.Event()  # an exception might strike while the page is being set up
     signal.signal(signal.SIGINT, lambda *_: stopped.set())
-    server = serve(model, host=args.host, port=args.port, open_browser=not args.no_browser)
+    server = serve(
+        model, host=args.host, port=args.port, open_browser=not args.no_browser,
+        given=args.model, keep=state_folder(),
+    )  # fmt: skip
     server.wait(stopped)
 
 

@@ -50,6 +50,12 @@ window.pgraph = (() => {
       listeners[topic]?.(data);
       for (const view of Object.keys(views)) pgraph.draw(view, topic);
     },
+    // The tab of that name to the front, about a body: its view hears it as `constraintsFor`.
+    show(tab, body) {
+      const labels = document.querySelectorAll('[role="tab"], .mantine-Tabs-tab, button');
+      [...labels].find((label) => label.textContent.trim() === tab)?.click();
+      pgraph.receive(`${tab.toLowerCase()}For`, body);
+    },
     drain() {
       for (const [topic, data] of (window.pgraphInbox ??= []).splice(0)) pgraph.receive(topic, data);
     },
@@ -78,6 +84,8 @@ window.pgraph = (() => {
     loop: "M8 3a5 5 0 1 1-4.6 3l1.9.8A3 3 0 1 0 8 5v2.6L3.8 4 8 .5z",
     undo: "M6 1v3h4a4.5 4.5 0 0 1 0 9H5v-2h5a2.5 2.5 0 0 0 0-5H6v3L1 5z",
     redo: "M10 1v3H6a4.5 4.5 0 0 0 0 9h5v-2H6a2.5 2.5 0 0 1 0-5h4v3l5-4z",
+    duplicate: "M1 1h9v3h5v11H6v-3H1zM2.5 2.5v8H6V4h2.5V2.5zM7.5 5.5v8h6v-8z", mirror: "M7.3 1h1.4v14H7.3zM6 3v10H.5zM4.6 8v3.6H2.6zM10 3v10h5.5z",
+    delete: "M6 1h4v1.5h4V4H2V2.5h4zM3 5h10l-.8 10H3.8zM6 6.5v7h1v-7zM9 6.5v7h1v-7z",
     theme: "M8 1a7 7 0 1 0 0 14A7 7 0 0 0 8 1zm0 2v10A5 5 0 0 1 8 3z",
   };
   pgraph.icon = (name) => {
@@ -101,7 +109,7 @@ window.pgraph = (() => {
     const again = uplink !== null;
     uplink = uuid;
     if (!again) return;
-    if (latest.selection) pgraph.send("Select", { body: latest.selection });
+    if (latest.selection) pgraph.send("SelectBodies", { body: latest.selection, bodies: latest.selected ?? [] });
     if (latest.theme?.dark) pgraph.send("Theme", { dark: true });
   }
 

@@ -3,6 +3,7 @@
 pgraph.cells = (() => {
   const { make } = pgraph;
   const pending = new Map(); // serial -> the cell waiting for an answer
+  let quiet = false; // cells are being moved about: leaving one is nobody's doing
 
   const dirty = (cell) => cell.value !== cell.dataset.shown;
   const digits = (x) => (typeof x === "number" ? String(Number(x.toPrecision(7))) : x);
@@ -77,12 +78,16 @@ pgraph.cells = (() => {
     });
     if (numeric) { cell.dataset.numeric = "1"; cell.inputMode = "decimal"; }
     cell.addEventListener("focus", () => {
+      if (quiet) return;
       if (!dirty(cell) && leaving) show(cell, cell.dataset.full ?? "");
       cell.select();
     });
-    if (leaving) cell.addEventListener("blur", () => commit(cell, send));
+    if (leaving) cell.addEventListener("blur", () => { if (!quiet) commit(cell, send); });
     cell.addEventListener("keydown", (event) => {
-      if (event.key === "Enter") { commit(cell, send); if (!dirty(cell)) cell.dispatchEvent(new Event("entered")); }
+      if (event.key === "Enter") {
+        event.preventDefault(); // a question that this asks must not be answered by the same key
+        commit(cell, send);
+      }
       else if (event.key === "Escape" && leaving) revert(cell);
       else return;
       event.stopPropagation();
@@ -115,6 +120,19 @@ pgraph.cells = (() => {
     show(cell, value);
   }
 
-  return { set, reply, input, choice, choose, commit };
+  // `act` may move the focused cell, which takes the focus from it: it has it back afterwards.
+  function keepingFocus(act) {
+    const cell = document.activeElement, [from, to] = [cell?.selectionStart, cell?.selectionEnd];
+    quiet = true;
+    try {
+      act();
+      if (cell?.isConnected && document.activeElement !== cell) {
+        cell.focus({ preventScroll: true });
+        if (typeof from === "number") cell.setSelectionRange(from, to);
+      }
+    } finally { quiet = false; }
+  }
+
+  return { set, reply, input, choice, choose, commit, keepingFocus, resting: () => !quiet };
 })();
 pgraph.on("reply", pgraph.cells.reply);

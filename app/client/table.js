@@ -1,128 +1,170 @@
-// The four-column table of bodies: name, parent, DoF, constraint.
-(() => {
+// The four-column table of bodies: name, parent, DoF, constraint. Its keys and the clipboard are
+// in keys.js, the questions above it in rows.js.
+pgraph.table = (() => {
   const { make, cells } = pgraph;
   const DOF = ["weld", "revolute", "universal", "spherical", "ball + z", "ball + x + y", "free"];
   const HEAD = [
-    ["#", "number in the Pgraph: depth-first, upper row first"],
+    ["#", "number in the Pgraph: depth-first, upper row first; drag it to move the row, or onto another row to hang it there"],
     ["Body", "its name"],
     ["Parent", "the body or ground it hangs on"],
     ["DoF", "degrees of freedom of its joint, 0 to 6"],
-    ["Constraint", "holonomic (the joint alone), or the constraints that touch the body"],
+    ["Constraint", "holonomic (the joint alone), or the constraints that touch the body; click to see them"],
   ];
-  let rows = [], byName = new Map();
+  const LAZY = 60; // rows from which cells are made when they come near the view
+  let rows = [], byName = new Map(), trs = new Map(), filter = "", anchor = null, near = null;
+
+  const selected = () => pgraph.latest.selected ?? [];
+  const shown = () => rows.map((row) => row.name).filter((name) => !trs.get(name)?.hidden);
 
   function build(host) {
     const head = make("tr", {}, ...HEAD.map(([text, title]) => make("th", { textContent: text, title })));
     const body = make("tbody");
-    body.addEventListener("mousedown", (event) => pick(event.target));
-    body.addEventListener("focusin", (event) => pick(event.target));
+    body.addEventListener("mousedown", pressed);
+    for (const type of ["focusin", "input"]) body.addEventListener(type, (event) => focused(event.target));
+    const tools = make("div", { className: "tools" }, ...pgraph.rows.bar(host));
+    new ResizeObserver(() => host.style.setProperty("--tools", `${tools.offsetHeight}px`)).observe(tools);
     host.replaceChildren(
-      make("div", { className: "bar" }, ...buttons(host), make("span", { className: "count muted" })),
+      tools,
       make("table", { className: "bodies" }, make("thead", {}, head), body),
+      make("p", { className: "muted empty", hidden: true }),
     );
+    near?.disconnect();
+    near = new IntersectionObserver((seen) => {
+      for (const { target, isIntersecting } of seen) if (isIntersecting) furnish(target);
+    }, { rootMargin: "600px" });
+    pgraph.keys.listen(host);
+    pgraph.drag.listen(body);
+    trs = new Map();
   }
 
-  function buttons(host) {
-    const add = make("button", {
-      className: "action add", textContent: "+ Add body", title: "Add a body as child of the selected one",
-      onclick: () => pgraph.send("AddBody", { parent: pgraph.latest.selection ?? null }),
-    });
-    const remove = make("button", {
-      className: "action delete", textContent: "Delete", title: "Delete the selected body",
-      onclick: () => askDelete(host),
-    });
-    return [add, remove];
+  // -- selection: a click takes one row, Ctrl adds or takes away, Shift takes all between --------
+  const nameOf = (target) => target.closest?.("tr[data-name]")?.dataset.name;
+
+  function pressed(event) {
+    const name = nameOf(event.target);
+    if (name === undefined || event.button !== 0) return;
+    if (event.shiftKey || event.ctrlKey || event.metaKey) {
+      event.preventDefault();
+      trs.get(name).focus({ preventScroll: true });
+      if (event.shiftKey) extend(name);
+      else toggle(name);
+      return;
+    }
+    if (event.target.closest(".number") && selected().includes(name)) return; // perhaps a drag
+    pick(name);
+  }
+  function focused(target) {
+    const name = nameOf(target);
+    if (name !== undefined && cells.resting() && target.matches(".cell, .constraint button") && !selected().includes(name)) pick(name);
+  }
+  function pick(name) {
+    anchor = name;
+    if (selected().length === 1 && selected()[0] === name) return;
+    pgraph.send("Select", { body: name });
+  }
+  function toggle(name) {
+    const rest = selected().filter((other) => other !== name);
+    anchor = name;
+    if (rest.length === selected().length) choose([...rest, name], name);
+    else if (rest.length) choose(rest, rest.at(-1));
+    else pgraph.send("Select", { body: null });
+  }
+  function extend(to) {
+    const names = shown(), from = names.indexOf(anchor ?? pgraph.latest.selection), at = names.indexOf(to);
+    if (from < 0 || at < 0) { pick(to); return; }
+    choose(names.slice(Math.min(from, at), Math.max(from, at) + 1), to);
+  }
+  function choose(bodies, body) {
+    pgraph.latest.selected = bodies; // keys may repeat before the answer is here
+    pgraph.latest.selection = body;
+    pgraph.send("SelectBodies", { body, bodies });
   }
 
-  // A body with children: re-attach them, or delete them too?
-  function askDelete(host) {
-    host.querySelector(".ask")?.remove();
-    const name = pgraph.latest.selection, row = byName.get(name);
-    if (!row) return;
-    const send = (children) => {
-      host.querySelector(".ask")?.remove();
-      pgraph.send("DeleteBody", { body: name, children });
-    };
-    const children = rows.filter((r) => r.parent === name).length;
-    if (!children) { send("attach"); return; }
-    const button = (text, act) => make("button", { className: "action", textContent: text, onclick: act });
-    const what = children === 1 ? "its child" : `its ${children} children`;
-    host.querySelector(".bar").after(make("div", { className: "ask" },
-      make("span", { textContent: `Delete ${name}:` }),
-      button(`attach ${what} to ${row.parent}`, () => send("attach")),
-      button("delete its whole branch", () => send("delete")),
-      button("Keep", () => host.querySelector(".ask").remove())));
-  }
-
-  function pick(target) {
-    const name = target.closest("tr[data-name]")?.dataset.name;
-    if (name !== undefined && name !== pgraph.latest.selection) pgraph.send("Select", { body: name });
-  }
-
+  // -- drawing ---------------------------------------------------------------------------------
   function draw(host, data) {
     rows = data.rows;
     byName = new Map(rows.map((row) => [row.name, row]));
     const body = host.querySelector("tbody");
-    const old = [...body.querySelectorAll("tr[data-name]")];
-    const kept = new Map(old.map((tr) => [tr.dataset.name, tr]));
-    const now = rows.map((row, i) => {
-      const renamed = old[i] && !byName.has(old[i].dataset.name) ? old[i] : null;
-      const tr = kept.get(row.name) ?? renamed ?? newRow();
-      kept.delete(tr.dataset.name);
-      fill(tr, row);
-      return tr;
+    cells.keepingFocus(() => {
+      const old = [...body.querySelectorAll("tr[data-name]")], kept = new Map(trs);
+      trs = new Map();
+      const now = rows.map((row, i) => {
+        const renamed = old[i] && !byName.has(old[i].dataset.name) ? old[i] : null;
+        const tr = kept.get(row.name) ?? renamed ?? newRow();
+        kept.delete(tr.dataset.name);
+        trs.set(row.name, tr);
+        fill(tr, row);
+        return tr;
+      });
+      for (const tr of kept.values()) if (trs.get(tr.dataset.name) !== tr) { note(tr)?.remove(); near.unobserve(tr); tr.remove(); }
+      arrange(body, now);
     });
-    for (const tr of kept.values()) { note(tr)?.remove(); tr.remove(); }
-    now.forEach((tr, i) => place(body, tr, now[i - 1]));
-    host.querySelector(".count").textContent = data.count;
-    mark(host, pgraph.latest.selection);
+    pgraph.rows.count(host, data);
+    search(host, filter);
+    mark(host);
+    others(host, pgraph.latest.others);
   }
 
   const note = (tr) => (tr.nextElementSibling?.classList.contains("sentence") ? tr.nextElementSibling : null);
 
-  function place(body, tr, before) {
-    const after = before ? (note(before) ?? before) : null;
-    const inPlace = after ? after.nextElementSibling === tr : body.firstElementChild === tr;
-    if (inPlace) return;
-    const own = note(tr);
-    after ? after.after(tr) : body.prepend(tr);
-    if (own) tr.after(own);
+  // Rows in order, each with its sentence; the common case of rows all in place costs no move.
+  function arrange(body, now) {
+    let at = body.firstElementChild;
+    for (const tr of now) {
+      const own = note(tr);
+      if (at === tr) { at = (own ?? tr).nextElementSibling; continue; }
+      body.insertBefore(tr, at);
+      if (own) tr.after(own);
+    }
   }
 
   function newRow() {
     const tr = make("tr", { tabIndex: -1 });
+    tr.append(
+      make("td", { className: "number", draggable: true }, make("span", { className: "chip" }), make("span", { className: "n" }), make("span", { className: "others" })),
+      make("td"), make("td"), make("td"), make("td", { className: "constraint" }));
+    if (rows.length > LAZY) near.observe(tr);
+    else furnish(tr);
+    return tr;
+  }
+
+  // The cells of a row; until then it shows text.
+  function furnish(tr) {
+    near.unobserve(tr);
+    if (tr.dataset.furnished) return;
+    tr.dataset.furnished = "1";
     const edit = (field) => (serial, text) =>
       pgraph.send("Edit", { serial, body: tr.dataset.name, field, index: [], text });
     const name = cells.input(edit("name"), { label: "name", className: "name" });
     const parent = cells.choice(() => parents(tr.dataset.name), edit("parent"), { label: "parent" });
     const dof = cells.choice(() => dofs(tr.dataset.name), edit("dof"), { label: "DoF" });
-    name.addEventListener("entered", () => nextName(tr)?.focus());
-    tr.append(
-      make("td", { className: "number" }, make("span", { className: "chip" }), make("span")),
-      make("td", {}, name), make("td", {}, parent), make("td", {}, dof),
-      make("td", { className: "constraint" }));
-    return tr;
-  }
-
-  function nextName(tr) {
-    let next = tr.nextElementSibling;
-    while (next && !next.dataset.name) next = next.nextElementSibling;
-    return next?.querySelector("input.name");
+    const constraint = make("button", { onclick: () => pgraph.show("Constraints", tr.dataset.name) });
+    [name, parent, dof, constraint].forEach((cell, i) => tr.children[i + 1].replaceChildren(cell));
+    const row = byName.get(tr.dataset.name);
+    tr.dataset.drawn = "";
+    if (row) fill(tr, row);
   }
 
   function fill(tr, row) {
+    const text = JSON.stringify(row);
     tr.dataset.name = row.name;
-    const [name, parent, dof] = tr.querySelectorAll(".cell");
+    if (tr.dataset.drawn === text) return;
+    tr.dataset.drawn = text;
     tr.querySelector(".chip").style.background = row.color;
-    tr.querySelector(".number span:last-child").textContent = row.number;
+    tr.querySelector(".n").textContent = row.number;
+    const constraint = row.constraints.join(", ") || "holonomic";
+    if (!tr.dataset.furnished) {
+      [row.name, row.parent, `${row.dof} ${row.joint}`, constraint].forEach((value, i) => { tr.children[i + 1].textContent = value; });
+      return;
+    }
+    const [name, parent, dof] = tr.querySelectorAll(".cell"), button = tr.lastElementChild.firstElementChild;
     cells.set(name, row.name);
     cells.choose(parent, row.parent);
     cells.choose(dof, String(row.dof));
     if (dof.selectedOptions[0]) dof.selectedOptions[0].textContent = `${row.dof} ${row.joint}`;
-    const constraint = tr.lastElementChild;
-    constraint.textContent = row.constraints.join(", ") || "holonomic";
-    constraint.title = row.constraints.join(", ") || `holonomic: its ${row.joint} joint alone`;
-    constraint.classList.toggle("muted", row.constraints.length === 0);
+    button.textContent = constraint;
+    button.title = row.constraints.length ? `${constraint}: click to see them` : `holonomic: its ${row.joint} joint alone; click to add a constraint`;
+    button.classList.toggle("muted", row.constraints.length === 0);
   }
 
   // Ground and every body that does not hang on `name` itself.
@@ -139,14 +181,47 @@
     return DOF.map((joint, d) => [String(d), `${d} ${row?.dof === d ? row.joint : joint}`]);
   }
 
-  function mark(host, selection) {
-    for (const tr of host.querySelectorAll("tr.selected")) tr.classList.remove("selected");
-    const tr = selection === null || selection === undefined ? null
-      : [...host.querySelectorAll("tr[data-name]")].find((row) => row.dataset.name === selection);
-    tr?.classList.add("selected");
+  function mark(host) {
+    const last = pgraph.latest.selection ?? null, all = new Set(selected());
+    for (const tr of host.querySelectorAll("tr.selected")) tr.classList.remove("selected", "last");
+    for (const name of all) trs.get(name)?.classList.add("selected");
+    const tr = last === null ? null : trs.get(last);
+    tr?.classList.add("selected", "last");
     if (tr && !tr.contains(document.activeElement)) tr.scrollIntoView({ block: "nearest" });
-    host.querySelector(".delete").disabled = !tr;
+    pgraph.rows.enable(host, tr ? Math.max(all.size, 1) : 0);
   }
 
-  pgraph.view("table", { build, table: draw, selection: mark });
+  // Small dots where other people are.
+  function others(host, data) {
+    for (const dots of host.querySelectorAll(".others:not(:empty)")) dots.replaceChildren();
+    for (const [name, colors] of Object.entries(data ?? {})) {
+      const dots = trs.get(name)?.querySelector(".others");
+      dots?.replaceChildren(...colors.map((color) => {
+        const dot = make("i", { title: "selected on another page" });
+        dot.style.background = color;
+        return dot;
+      }));
+    }
+  }
+
+  // Only rows in which the words stand.
+  function search(host, text) {
+    filter = text;
+    const words = text.toLowerCase().split(/\s+/).filter(Boolean);
+    let found = 0;
+    for (const row of rows) {
+      const said = [row.name, row.parent, row.joint, ...row.constraints].join(" ").toLowerCase();
+      const tr = trs.get(row.name), hidden = !words.every((word) => said.includes(word));
+      tr.hidden = hidden;
+      const own = note(tr);
+      if (own) own.hidden = hidden;
+      if (!hidden) found++;
+    }
+    const empty = host.querySelector(".empty");
+    empty.hidden = found > 0;
+    empty.textContent = rows.length ? `No body has “${text}” in its row.` : "No bodies: add one.";
+  }
+
+  pgraph.view("table", { build, table: draw, selection: mark, selected: mark, others });
+  return { selected, shown, extend, pick, search, furnish, row: (name) => byName.get(name), tr: (name) => trs.get(name), rows: () => rows };
 })();

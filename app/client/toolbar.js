@@ -1,7 +1,6 @@
 // The model: new, open, save, undo.
 (() => {
   const { make, cells, send } = pgraph;
-  const LARGEST_FILE = 8_000_000; // [bytes]
   const text = (tag, className, textContent = "") => make(tag, { className, textContent });
   const button = (className, textContent, title, onclick) =>
     make("button", { className: `action ${className}`, textContent, title, onclick });
@@ -21,7 +20,8 @@
         text("span", "spring"),
         picture("undo", "Undo", () => send("Undo")),
         picture("redo", "Redo", () => send("Redo")),
-        picture("theme", "Dark or light", () => send("Theme", { dark: !pgraph.latest.theme?.dark }))),
+        picture("theme", "Dark or light", () => send("Theme", { dark: !pgraph.latest.theme?.dark })),
+        button("keys", "?", "Keyboard shortcuts (?)", () => pgraph.shortcuts.open())),
       make("div", { className: "asked" }),
       make("div", { className: "model" }, text("strong", "name"), text("span", "muted count")));
   }
@@ -73,19 +73,13 @@
 
   function openQuestion(close) {
     const file = make("input", { type: "file", accept: ".json,application/json", hidden: true });
-    file.onchange = () => read(file.files[0], close);
-    const list = pgraph.latest.toolbar.gallery.map(([name, what]) => make("button", {
-      className: "item", "data-model": name, onclick: () => { send("OpenBuiltIn", { name }); close(); },
-    }, make("strong", { textContent: name }), make("span", { className: "muted", textContent: what })));
-    return [make("div", { className: "gallery" }, ...list),
-      make("div", { className: "ask" }, button("file", "Open a file …", "A model saved as JSON", () => file.click()), file)];
-  }
-
-  async function read(file, close) {
-    if (!file) return;
-    if (file.size > LARGEST_FILE) { pgraph.toast(`${file.name} has ${(file.size / 1e6).toFixed(1)} MB; a model file has at most 8 MB.`); return; }
-    send("OpenText", { name: file.name, content: await file.text() });
-    close();
+    file.onchange = () => { pgraph.files.read(file.files[0]); close(); };
+    const item = (event) => ([name, what]) => make("button", {
+      className: "item", "data-model": name, onclick: () => { send(event, { name }); close(); },
+    }, make("strong", { textContent: name }), make("span", { className: "muted", textContent: what }));
+    const kept = pgraph.latest.toolbar.kept.map((name) => [name, "from an earlier session"]);
+    return [make("div", { className: "gallery" }, ...kept.map(item("OpenKept")), ...pgraph.latest.toolbar.gallery.map(item("OpenBuiltIn"))),
+      make("div", { className: "ask" }, button("file", "Open a file …", "A model saved as JSON; it can also be dropped on the page", () => file.click()), file)];
   }
 
   pgraph.view("toolbar", { build, toolbar: draw });

@@ -9,12 +9,6 @@ from pydantic import TypeAdapter
 from ..state import SHOWABLE
 from .base import FromPage as FromPage
 from .editing import (
-    AddBody as AddBody,
-)
-from .editing import (
-    DeleteBody as DeleteBody,
-)
-from .editing import (
     Edit as Edit,
 )
 from .editing import (
@@ -22,6 +16,9 @@ from .editing import (
 )
 from .editing import (
     OpenBuiltIn as OpenBuiltIn,
+)
+from .editing import (
+    OpenKept as OpenKept,
 )
 from .editing import (
     OpenText as OpenText,
@@ -138,6 +135,9 @@ from .session import (
     Misread as Misread,
 )
 from .session import (
+    NotKept as NotKept,
+)
+from .session import (
     Save as Save,
 )
 from .session import (
@@ -158,6 +158,30 @@ from .session import (
 from .session import (
     Viewport as Viewport,
 )
+from .table import (
+    AddBody as AddBody,
+)
+from .table import (
+    CountBodies as CountBodies,
+)
+from .table import (
+    DeleteBodies as DeleteBodies,
+)
+from .table import (
+    Duplicate as Duplicate,
+)
+from .table import (
+    MirrorBranch as MirrorBranch,
+)
+from .table import (
+    MoveRows as MoveRows,
+)
+from .table import (
+    Paste as Paste,
+)
+from .table import (
+    SetParent as SetParent,
+)
 
 Event = (
     FromPage
@@ -170,6 +194,7 @@ Event = (
     | Compiling
     | Compiled
     | Saved
+    | NotKept
 )
 OF_THE_SERVER = (Connected, Disconnected, Misread)
 

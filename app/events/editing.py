@@ -33,19 +33,6 @@ class NewModel(FromPage):
 
 
 @dataclass(frozen=True)
-class AddBody(FromPage):
-    """A new body as child of `parent`; None: of the ground."""
-
-    parent: Text | None
-
-
-@dataclass(frozen=True)
-class DeleteBody(FromPage):
-    body: Text
-    children: Literal["attach", "delete"]
-
-
-@dataclass(frozen=True)
 class Undo(FromPage):
     pass
 
@@ -57,6 +44,13 @@ class Redo(FromPage):
 
 @dataclass(frozen=True)
 class OpenBuiltIn(FromPage):
+    name: Text
+
+
+@dataclass(frozen=True)
+class OpenKept(FromPage):
+    """The model that an earlier session left."""
+
     name: Text
 
 

@@ -77,5 +77,12 @@ class Saved:
 
 
 @dataclass(frozen=True)
+class NotKept:
+    """The model could not be written to where it would survive the server."""
+
+    problem: str
+
+
+@dataclass(frozen=True)
 class Download(FromPage):
     pass

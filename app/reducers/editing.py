@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -13,6 +14,7 @@ from ..events import Event
 from ..state import (
     FREE_RUN,
     Client,
+    Kept,
     Notice,
     Reply,
     Request,
@@ -24,9 +26,7 @@ from ..state import (
     with_client,
 )
 from . import living
-from .session import selected
 
-GROUND = "ground"
 UNDO_DEPTH = 200
 MOST_BODIES = 1000
 
@@ -38,16 +38,16 @@ def update(state: State, event: Event) -> State | None:
             return edited(state, event)
         case events.NewModel(client, serial, text):
             return new_model(state, client, serial, text)
-        case events.AddBody(client, parent):
-            return added(state, client, parent)
-        case events.DeleteBody():
-            return deleted(state, event)
         case events.Undo():
             return undone(state)
         case events.Redo():
             return redone(state)
         case events.OpenBuiltIn(client, name) if name in state.gallery:
             return opened(state, client, name, state.gallery[name])
+        case events.OpenKept(client, name) if name in state.kept:
+            left = {key: kept for key, kept in state.kept.items() if key != name}
+            state = opened(state, client, name, state.kept[name].text)
+            return replace(state, kept=left)
         case events.OpenText(client, name, content):
             return opened(state, client, name, content)
         case _:
@@ -66,51 +66,21 @@ def edited(state: State, event: events.Edit) -> State:
         return with_client(state, event.client, reply=Reply(event.serial, sentence))
     except pg.PgraphError as error:
         return with_client(state, event.client, reply=Reply(event.serial, str(error)))
-    state = _with_model(state, model, f"{event.field} of {event.body}")
+    state = with_model(state, model, f"{event.field} of {event.body}")
     state = with_client(state, event.client, reply=Reply(event.serial, ""))
-    notices = " ".join(model.notices)
+    notices = "; ".join(model.notices)
     return told(state, event.client, Notice("Also changed", notices)) if notices else state
 
 
 def attempted(state: State, client: int, make: Callable[[], pg.Model], label: str) -> State:
-    """`make()` as the new model, selected by `client` where it says so, or the reason why not."""
+    """`make()` as the new model, or the reason why not, said to the page."""
     try:
         model = make()
     except pg.PgraphError as error:
         return told(state, client, Notice("Not done", str(error), bad=True))
-    state = _with_model(state, model, label)
-    notices = " ".join(model.notices)
+    state = with_model(state, model, label)
+    notices = "; ".join(model.notices)
     return told(state, client, Notice("Also changed", notices)) if notices else state
-
-
-def deleted(state: State, event: events.DeleteBody) -> State:
-    """Without a body; its children attached to its parent, or gone too."""
-    return attempted(
-        state,
-        event.client,
-        lambda: state.model.remove(event.body, children=event.children),
-        f"delete {event.body}",
-    )
-
-
-def added(state: State, client: int, parent: str | None) -> State:
-    """A rod at the tip of `parent`, or on the ground; the page selects it."""
-    if len(state.model.bodies) >= MOST_BODIES:
-        return told(state, client, Notice("Not done", f"{MOST_BODIES} bodies at most", bad=True))
-    model, name = state.model, _free_name(state.model)
-    rod = pg.Model.serial(2).bodies[1]
-    on = parent if parent is not None and parent in state.derived.number else GROUND
-    joint = {"joint": "free"} if not model.bodies else {}
-    link = model.body(on).tip or rod.link if on in state.derived.number else (0.0, 0.0, 0.0)
-    new = rod.model_copy(update={"name": name, "parent": on, "link": link, **joint})
-    after = attempted(state, client, lambda: model.add(new), f"add {name}")
-    return selected(after, client, name, (name,))
-
-
-def _free_name(model: pg.Model) -> str:
-    """The next unused whole number as a name."""
-    taken = {body.name for body in model.bodies}
-    return next(str(k) for k in range(len(taken) + 1, 2 * len(taken) + 2) if str(k) not in taken)
 
 
 def new_model(state: State, client: int, serial: int, text: str) -> State:
@@ -135,18 +105,41 @@ def opened(state: State, client: int, name: str, content: str) -> State:
     return told(state, client, Notice(f"Opened {model.name}"))
 
 
+def recovered(state: State, kept: tuple[Kept, ...], given: str) -> State:
+    """The state to start with where earlier sessions left models: the newest again as it was if
+    its server was killed and was started as this one; the others are offered."""
+    again = kept[:1] if kept and not kept[0].ended and kept[0].given == given else ()
+    offered = {_called(old): old for old in kept[len(again) :]}
+    state = replace(state, kept=offered)
+    for old in again:
+        model = pg.Model.from_json(old.text)
+        text = f"{model.name} as it was at {_at(old)}, when Pgraph was stopped. Undo gives {given}."
+        state = _replaced(state, model, "recover the last session")
+        state = replace(state, greeting=Notice("Recovered", text))
+    return state
+
+
+def _called(kept: Kept) -> str:
+    name = pg.Model.from_json(kept.text).name
+    return f"{name}, {_at(kept)}"
+
+
+def _at(kept: Kept) -> str:
+    return time.strftime("%H:%M:%S on %d %B", time.localtime(kept.time))
+
+
 def _replaced(state: State, model: pg.Model, label: str) -> State:
     """Another model altogether: its own request, and the camera framed on it."""
-    state = _with_model(state, model, label)
+    state = with_model(state, model, label)
     return replace(state, request=first_request(model), framed=state.framed + 1)
 
 
-def _with_model(state: State, model: pg.Model, label: str) -> State:
+def with_model(state: State, model: pg.Model, label: str) -> State:
     """`model` in place of the current one, as one undo step; nothing if it is the same."""
     if model is state.model:
         return state
     undo = (*state.undo, Step(state.model, label))[-UNDO_DEPTH:]
-    return replace(_showing(state, model), undo=undo, redo=())
+    return replace(_showing(state, model), undo=undo, redo=(), greeting=None)
 
 
 def undone(state: State) -> State:

@@ -13,7 +13,8 @@ def update(state: State, event: Event) -> State | None:
     """The state after an event of one page; None for any other event."""
     match event:
         case events.Connected(client):
-            return replace(state, clients={**state.clients, client: Client()})
+            page = Client(notice=state.greeting)
+            return replace(state, clients={**state.clients, client: page})
         case events.Disconnected(client):
             left = {key: value for key, value in state.clients.items() if key != client}
             return replace(state, clients=left)
@@ -31,6 +32,10 @@ def update(state: State, event: Event) -> State | None:
             return replace(state, shown=state.shown | {what} if on else state.shown - {what})
         case events.Download(client) if client in state.clients:
             return with_client(state, client, downloads=state.clients[client].downloads + 1)
+        case events.NotKept(problem):
+            notice = Notice("Edits are not kept", f"{problem} Save the model yourself.", bad=True)
+            pages = {key: replace(page, notice=notice) for key, page in state.clients.items()}
+            return replace(state, clients=pages)
         case events.Save(client, serial, path):
             return replace(state, saving=Saving(client, serial, path, state.model))
         case events.Saved(client, serial, path, problem):

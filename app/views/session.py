@@ -6,8 +6,10 @@ import re
 
 from ..client.bridge import Bridge
 from ..state import Client, Notice, State
+from . import Payload
 
 ACCENT = (47, 111, 208)
+PEOPLE = ("#d9730d", "#2f9e6b", "#a33fb5", "#c2255c", "#0c8599")
 
 
 class SessionView:
@@ -28,6 +30,14 @@ class SessionView:
             if before is None or before.dark != now.dark:
                 self._theme(client, now.dark)
             self._tell(client, before or Client(), now, new)
+        self._others(old, new)
+
+    def _others(self, old: State, new: State) -> None:
+        """Where everybody else is, to each page; again only where somebody moved."""
+        for client in new.clients:
+            told = None if client not in old.clients else others(old, client)
+            if told != (now := others(new, client)):
+                self._bridge.send(client, "others", now)
 
     def _tell(self, client: int, before: Client, now: Client, state: State) -> None:
         if now.reply is not None and now.reply is not before.reply:
@@ -56,3 +66,13 @@ class SessionView:
                 dark_mode=dark, show_logo=False, show_share_button=False, brand_color=ACCENT
             )
         self._bridge.send(client, "theme", {"dark": dark})
+
+
+def others(state: State, client: int) -> Payload:
+    """Colours of the other pages that have a body selected, by body."""
+    found: dict[str, list[str]] = {}
+    for other, page in state.clients.items():
+        if other != client:
+            for name in page.selected:
+                found.setdefault(name, []).append(PEOPLE[other % len(PEOPLE)])
+    return found

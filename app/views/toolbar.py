@@ -17,7 +17,7 @@ class ToolbarView:
     def render(self, old: State, new: State) -> None:
         changed = any(
             getattr(old, part) is not getattr(new, part)
-            for part in ("derived", "undo", "redo", "gallery")
+            for part in ("derived", "undo", "redo", "gallery", "kept")
         )
         clients = audience(old, new, changed)
         payload = toolbar(new) if clients else {}
@@ -33,6 +33,7 @@ def toolbar(state: State) -> Payload:
         "undo": state.undo[-1].label if state.undo else None,
         "redo": state.redo[-1].label if state.redo else None,
         "gallery": gallery(state),
+        "kept": list(state.kept),
     }
 
 

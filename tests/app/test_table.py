@@ -40,5 +40,169 @@ def test_what_is_selected_follows_names_and_goes_with_its_body(state):
     state = after(state, events.SelectBodies(ME, "5", ("3", "5")))
     renamed = after(state, events.Edit(OTHER, 1, "5", "name", (), "knee"))
     assert (renamed.clients[ME].selection, renamed.clients[ME].selected) == ("knee", ("3", "knee"))
-    gone = after(state, events.DeleteBody(OTHER, "5", "delete"))
+    gone = after(state, events.DeleteBodies(OTHER, ("5",), "delete"))
     assert (gone.clients[ME].selection, gone.clients[ME].selected) == ("3", ("3",))
+
+
+# -- 1.4: rows added, duplicated, mirrored, deleted, moved, counted -----------------------------
+
+
+def names(state: State) -> list[str]:
+    return [body.name for body in state.model.bodies]
+
+
+def notice(state: State) -> str:
+    said = state.clients[ME].notice
+    return f"{said.title}: {said.text}" if said else ""
+
+
+def reply(state: State) -> str:
+    said = state.clients[ME].reply
+    assert said is not None
+    return said.text
+
+
+def test_a_branch_is_duplicated_and_its_copies_are_selected(state):
+    twice = after(state, events.Duplicate(ME, ("3",), True))
+    assert names(twice) == ["1", "2", "3", "4", "5", "8", "9", "6", "7"]
+    assert twice.model.body("9").parent == "8"
+    assert twice.clients[ME].selected == ("8", "9")
+    assert len(twice.undo) == 1
+    alone = after(state, events.Duplicate(ME, ("3",), False))
+    assert names(alone) == ["1", "2", "3", "8", "4", "5", "6", "7"]
+    nested = after(state, events.Duplicate(ME, ("5", "3"), True))
+    assert len(names(nested)) == 9  # 5 goes along with 3, once
+
+
+def test_a_branch_is_mirrored_and_what_is_wrong_is_said(state):
+    state = after(state, events.Edit(ME, 1, "6", "name", (), "left_leg"))
+    state = after(state, events.MirrorBranch(ME, "left_leg", "y"))
+    assert "right_leg" in names(state)
+    assert state.clients[ME].selection == "right_leg"
+    assert "nobody" in notice(after(state, events.MirrorBranch(ME, "nobody", "y")))
+
+
+def test_several_rows_are_deleted_in_one_step(state):
+    left = after(state, events.DeleteBodies(ME, ("3", "6"), "attach"))
+    assert names(left) == ["1", "2", "4", "5", "7"]
+    assert left.model.body("7").parent == "2"
+    assert after(left, events.Undo(ME)).model is state.model
+    assert names(after(state, events.DeleteBodies(ME, ("2",), "delete"))) == ["1"]
+
+
+def test_rows_move_before_another_or_to_the_end(state):
+    assert names(after(state, events.MoveRows(ME, ("6", "4"), "2")))[:4] == ["1", "4", "6", "2"]
+    assert names(after(state, events.MoveRows(ME, ("2",), None)))[-1] == "2"
+    assert after(state, events.MoveRows(ME, ("2",), "2")).model is state.model
+
+
+def test_rows_move_to_another_parent_unless_it_hangs_on_them(state):
+    moved = after(state, events.SetParent(ME, ("3", "6"), "1"))
+    assert [moved.model.body(n).parent for n in ("3", "6")] == ["1", "1"]
+    refused = after(state, events.SetParent(ME, ("2",), "5"))
+    assert refused.model is state.model
+    assert "cycle" in notice(refused)
+
+
+def test_d1_the_number_of_bodies_may_be_changed_later(state):
+    more = after(state, events.CountBodies(ME, 1, "9"))
+    assert [(b.name, b.parent) for b in more.model.bodies[7:]] == [("8", "7"), ("9", "8")]
+    fewer = after(state, events.CountBodies(ME, 1, "5"))
+    assert names(fewer) == ["1", "2", "3", "4", "5"]
+    assert after(fewer, events.Undo(ME)).model is state.model
+    for text in ("0", "1001", "many", "1e400", "9" * 10_000):
+        refused = after(state, events.CountBodies(ME, 2, text))
+        assert refused.model is state.model
+        assert "from 1 to 1000" in reply(refused)
+    assert after(state, events.CountBodies(ME, 3, "7")).undo == ()
+
+
+def test_too_many_bodies_are_refused_with_their_number(state):
+    full = after(state, events.NewModel(ME, 1, "1000"))
+    for event in (events.AddBody(ME, None), events.Duplicate(ME, ("3",), False)):
+        refused = after(full, event)
+        assert refused.model is full.model
+        assert "1000 at most" in notice(refused)
+
+
+# -- 1.4: paste from a spreadsheet --------------------------------------------------------------
+
+
+def paste(text: str, rows: tuple[str, ...] = (), column: int = 0, under: str | None = None):
+    return events.Paste(ME, 1, text, rows, column, under)
+
+
+def test_lines_become_new_rows_and_speak_of_each_other(state):
+    text = "hip\t7\t1 revolute\tholonomic\nknee\thip\t0\nfoot\n"
+    new = after(state, paste(text)).model
+    assert [(b.name, b.parent, b.joint) for b in new.bodies[7:]] == [
+        ("hip", "7", "revolute"), ("knee", "hip", "weld"), ("foot", "knee", "revolute"),
+    ]  # fmt: skip
+    assert after(state, paste("toe", under="5")).model.body("toe").parent == "5"
+
+
+def test_what_was_copied_is_pasted_as_a_second_branch(state):
+    copied = "3\t2\t1 revolute\tholonomic\n5\t3\t1 revolute\tholonomic"
+    new = after(state, paste(copied))
+    assert [(b.name, b.parent) for b in new.model.bodies[7:]] == [("8", "2"), ("9", "8")]
+    assert new.clients[ME].selected == ("8", "9")
+    assert len(new.undo) == 1
+
+
+def test_lines_fill_rows_from_a_cell_on(state):
+    filled = after(state, paste("1\t2\n\t3", ("4", "5"), 1)).model
+    assert [(b.parent, b.dof) for b in filled.bodies[3:5]] == [("1", 2), ("3", 3)]
+    swapped = after(state, paste("5\n4", ("4", "5")))
+    assert names(swapped)[3:5] == ["5", "4"]
+    longer = after(state, paste("six\nseven\neight", ("6", "7"))).model
+    assert [b.name for b in longer.bodies[5:]] == ["six", "seven", "eight"]
+    assert longer.body("eight").parent == "seven"
+
+
+def test_headings_choose_the_columns(state):
+    text = "Body\tMass\tDoF\tlink z\nrod\t1e-3\t3\t-0.5\n"
+    rod = after(state, paste(text)).model.body("rod")
+    assert (rod.mass, rod.joint, rod.link[2]) == (1e-3, "spherical", -0.5)
+
+
+@pytest.mark.parametrize(
+    ("text", "rows", "column", "said"),
+    [
+        ("a\tnobody", (), 0, "no body is named 'nobody'"),
+        ("a\t1\t9", (), 0, "line 1, dof: must be a whole number from 0 to 6; given '9'"),
+        ("a\t1\nb\t1\tmany", (), 0, "line 2, dof: must be"),
+        ("a\t1\t3 compound", (), 0, "line 1, dof: a compound joint of 3 DoF is made in its"),
+        ("a\t1\t1\tknot", (), 0, "line 1, constraint: no constraint is called 'knot'"),
+        ("a\t1\t1\tholonomic\tmore", (), 0, "line 1 has 5 cells; 4 fit: name, parent, dof"),
+        ("Body\tMass\na\t1e400", (), 0, "line 1, mass: '1e400' is too large"),
+        ("Body\tMass\na\tnan", (), 0, "line 1, mass: must be a number"),
+        ("4\n4", ("2", "3"), 0, "already the name of row"),
+        ("1\n2", ("3",), 1, "line 2 has no row; paste into the column Body"),
+        ("5", ("2",), 1, "closes a cycle"),
+        ("", (), 0, "nothing to paste"),
+        ("x" * 5000, (), 0, "at most 100"),
+        ("b", ("nobody",), 0, "body 'nobody'"),
+        ("\n".join(f"r{k}" for k in range(1000)), (), 0, "1007 bodies; 1000 at most"),
+    ],
+)
+def test_a_refused_paste_changes_nothing_and_says_which_line_and_why(
+    state, text, rows, column, said
+):
+    refused = after(state, paste(text, rows, column))
+    assert refused.model is state.model
+    assert refused.undo == ()
+    assert reply(refused).startswith("Nothing was pasted: ")
+    assert said in reply(refused)
+
+
+@pytest.mark.parametrize("name", ["<b>bold</b>", "🦿 leg", '"quoted"', "=SUM(A1)", "a b"])
+def test_odd_names_are_pasted_as_they_are(state, name):
+    quoted = '"' + name.replace('"', '""') + '"'  # as spreadsheets write them
+    assert name in names(after(state, paste(quoted if '"' in name else name)))
+
+
+def test_constraints_are_not_pasted_and_that_is_said(state):
+    pin = pg.Constraint(name="pin", kind="point", body="7")
+    state = after(initial(state.model.replace(constraints=(pin,))), events.Connected(ME))
+    state = after(state, paste("a\t7\t1\tpin"))
+    assert "list of constraints" in notice(state)

@@ -208,17 +208,17 @@ def test_add_body_hangs_on_the_given_one_and_is_selected(state):
 
 
 def test_the_last_body_can_go_and_another_come(state):
-    state = after(state, events.DeleteBody(ME, "1", "delete"))
+    state = after(state, events.DeleteBodies(ME, ("1",), "delete"))
     assert state.derived.names == ()
     assert after(state, events.AddBody(ME, None)).derived.names == ("1",)
 
 
 def test_delete_attaches_children_or_takes_them_along(state):
-    attached = after(state, events.Select(ME, "3"), events.DeleteBody(ME, "3", "attach"))
+    attached = after(state, events.Select(ME, "3"), events.DeleteBodies(ME, ("3",), "attach"))
     assert attached.model.body("5").parent == "2"
     assert attached.clients[ME].selection is None
-    assert after(state, events.DeleteBody(ME, "2", "delete")).derived.names == ("1",)
-    assert after(state, events.DeleteBody(ME, "nobody", "attach")).model is state.model
+    assert after(state, events.DeleteBodies(ME, ("2",), "delete")).derived.names == ("1",)
+    assert after(state, events.DeleteBodies(ME, ("nobody",), "attach")).model is state.model
 
 
 def test_open_replaces_the_model_and_a_bad_file_says_why(state):

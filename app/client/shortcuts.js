@@ -1,0 +1,39 @@
+// The sheet of all keys, opened by "?".
+pgraph.shortcuts = (() => {
+  const { make } = pgraph;
+  const SHEET = [
+    ["Anywhere", [
+      ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Space", "play or pause"], ["Esc", "select nothing"], ["?", "this sheet"],
+    ]],
+    ["In the table", [
+      ["↑ ↓ ← →", "next cell"], ["Tab", "next cell, Shift Tab the one before"], ["Home End", "first or last cell of the row"],
+      ["Ctrl ↑ ↓", "first or last row"], ["type, or F2", "edit the cell"], ["Enter", "take it and go down, Shift Enter up"], ["Esc", "put back what was there"],
+    ]],
+    ["Rows", [
+      ["Shift ↑ ↓", "select several; also Shift click, Ctrl click"], ["Ctrl A", "select all"], ["Ctrl Enter", "add a body"], ["Ctrl D", "duplicate"],
+      ["Delete", "delete the selected rows (click their number)"], ["Alt ↑ ↓", "move up or down"], ["Alt →", "hang on the row above"], ["Alt ←", "hang on the parent’s parent"],
+      ["Ctrl C, Ctrl V", "copy rows, paste rows of a spreadsheet"],
+    ]],
+  ];
+
+  function open() {
+    if (document.querySelector("dialog.pgraph-keys")) return;
+    const keys = (text) => text.split(", ").flatMap((part, i) => [i ? ", " : "", make("kbd", { textContent: part })]);
+    const part = ([title, lines]) => make("section", {}, make("h3", { textContent: title }),
+      make("dl", {}, ...lines.flatMap(([key, what]) => [make("dt", {}, ...keys(key)), make("dd", { textContent: what })])));
+    const close = make("button", { className: "action primary", textContent: "Close", onclick: () => sheet.close() });
+    const sheet = make("dialog", { className: "pgraph pgraph-keys", "aria-label": "keyboard shortcuts", onclose: () => sheet.remove() },
+      make("div", { className: "columns" }, ...SHEET.map(part)), close);
+    sheet.addEventListener("click", (event) => { if (event.target === sheet) sheet.close(); });
+    sheet.addEventListener("keydown", (event) => event.stopPropagation());
+    document.body.append(sheet);
+    sheet.showModal();
+  }
+
+  window.addEventListener("keydown", (event) => {
+    if (event.key !== "?" || event.target.closest?.("input, select, textarea, dialog")) return;
+    event.preventDefault();
+    open();
+  });
+  return { open };
+})();
