@@ -41,10 +41,11 @@ def cut_joint(
             raise ModelError(Problem(where, "axes", text))
         if joint in ("revolute", "prismatic", "cylindrical"):
             given["axis"] = body.axes[0]
-    name = given.pop("name", None) or _free_name(f"{body.name}-{parent}", taken)
+    name = given.pop("name", None) or free_name(f"{body.name}-{parent}", taken)
     return Constraint(name=name, kind=CUT[joint], body=body.name, other=parent, **given)
 
 
-def _free_name(name: str, taken: Sequence[str]) -> str:
+def free_name(name: str, taken: Sequence[str]) -> str:
+    """The name, with a number behind it where it is taken."""
     numbered = (f"{name} {k}" for k in range(2, len(taken) + 3))
     return next(free for free in (name, *numbered) if free not in taken)

@@ -33,6 +33,7 @@ from .parameters import (
     still_true,
 )
 from .problems import PARTS, problems
+from .rerooting import cut_elsewhere
 from .scenario import Scenario
 from .sentences import shown
 from .world import DOWN, World
@@ -204,6 +205,19 @@ class Model(World):
         if model is self and formulas == self.formulas:
             return self
         return model._made(model.notices, formulas=formulas)
+
+    def cut_at(self, body: str, /, *, loop: str | None = None) -> Self:
+        """A new model with the same physics, its loop through `body` cut at that body's joint.
+
+        The constraint that closed it becomes a joint, the joints in between are turned around and
+        belong to the bodies that were their parents; frames of bodies there move to their new
+        joints, and what refers to points and joints follows (`notices`). `loop` names the
+        constraint where several loops pass. Raises ModelError for joints that cannot be turned.
+        """
+        self.body(body)
+        parts = {"bodies": self.bodies, **self._others()}
+        found, notice = cut_elsewhere(parts, body, loop)
+        return self._with((*self.notices, notice), **found)
 
     def _with_parents(
         self, name: str, parents: tuple[Any, ...], changes: Mapping[str, Any]
