@@ -10,7 +10,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, RevoluteJoint, SpatialInertia, UnitInertia
 
-from tests.golden.elementary import inertia_of, sizes
+from pgraph_core.peers.elementary import inertia_of, sizes
 
 from .scenes import Scene
 

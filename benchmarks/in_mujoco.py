@@ -1,4 +1,4 @@
-"""A scene in MuJoCo, built with MjSpec: text is too deep for its parser beyond 500 bodies."""
+"""A scene in MuJoCo: what is timed, on `pgraph_core.peers.in_mujoco`."""
 
 from __future__ import annotations
 
@@ -8,25 +8,15 @@ from typing import Any
 import mujoco
 import mujoco.rollout
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
+from pgraph_core.peers import in_mujoco as peer
+from pgraph_core.peers.elementary import rows_of
 from tests.core.trees import State
 from tests.golden import with_mujoco
-from tests.golden.elementary import PLACEHOLDER, Row, inertia_of, rows_of
 
 from .scenes import STEP, Scene
 
-KINDS = {
-    "rotate": mujoco.mjtJoint.mjJNT_HINGE,
-    "translate": mujoco.mjtJoint.mjJNT_SLIDE,
-    "ball": mujoco.mjtJoint.mjJNT_BALL,
-}
-INTEGRATORS = {
-    "semi_implicit_euler": mujoco.mjtIntegrator.mjINT_EULER,
-    "rk4": mujoco.mjtIntegrator.mjINT_RK4,
-}
-TREE_ONLY = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
 STIFF_ANCHOR = (
     'solref="0.0005 1" solimp="0.9999 0.9999 0.001"'  # what its RK4 at 0.2 ms still takes
 )
@@ -35,54 +25,14 @@ ANCHOR = 'solref="0.002 1" solimp="0.99 0.999 0.001"'  # MuJoCo's feet are soft:
 
 def spec_builder(scene: Scene, method: str = "semi_implicit_euler") -> Callable[[], Any]:
     """A function that builds the spec from numbers that are at hand."""
-    prepared = [_arguments(row) for row in scene.rows]
-
-    def build() -> Any:
-        spec = mujoco.MjSpec()
-        spec.compiler.degree = False
-        spec.compiler.boundmass = spec.compiler.boundinertia = 0
-        spec.option.gravity = scene.model.gravity
-        spec.option.timestep, spec.option.integrator = STEP, INTEGRATORS[method]
-        spec.option.disableflags |= TREE_ONLY
-        bodies = [spec.worldbody]
-        for parent, body, joint in prepared:
-            bodies.append(bodies[parent + 1].add_body(**body))
-            if joint == "free":
-                bodies[-1].add_freejoint()
-            elif joint:
-                bodies[-1].add_joint(**joint)
-        return spec
-
-    return build
-
-
-def _arguments(row: Row) -> tuple[int, dict[str, Any], Any]:
-    """(parent, of add_body, of add_joint) for a row whose body has one motion or none."""
-    assert row.body is not None
-    mass, com, inertia = inertia_of(row.body)
-    xx, yy, zz = np.diag(inertia)
-    body = {
-        "name": row.name,
-        "pos": row.shift,
-        "quat": Rotation.from_matrix(row.turn).as_quat(scalar_first=True),
-        "mass": mass,
-        "ipos": com,
-        "fullinertia": [xx, yy, zz, inertia[0, 1], inertia[0, 2], inertia[1, 2]],
-        "explicitinertial": True,
-    }
-    if row.kind == PLACEHOLDER:
-        return row.parent, body, None
-    if row.kind == "free":
-        return row.parent, body, "free"
-    joint = {"type": KINDS[row.kind], "axis": row.axis, "armature": row.armature}
-    return row.parent, body, joint
+    return peer.spec_builder(scene.rows, scene.model.gravity, STEP, method)
 
 
 def loaded(scene: Scene, method: str = "semi_implicit_euler") -> tuple[Any, Any, np.ndarray]:
     """(model, data in the scene's state, T with qvel = T v)."""
     model = spec_builder(scene, method)().compile()
     data = mujoco.MjData(model)
-    data.qpos[:], T = with_mujoco.coordinates(scene.rows, scene.state)
+    data.qpos[:], T = peer.coordinates(scene.rows, scene.state.q, scene.state.v)
     data.qvel[:] = T @ scene.state.v
     data.qfrc_applied[:] = T @ scene.state.tau
     return model, data, T
@@ -115,7 +65,7 @@ def stance(state: State, anchor: str = ANCHOR, option: str = "") -> tuple[Any, A
     flag, extra = 'contact="disable"', f"<equality>{feet}</equality>"
     model = mujoco.MjModel.from_xml_string(with_mujoco.mjcf(state.model, rows, option, flag, extra))
     data = mujoco.MjData(model)
-    data.qpos[:], T = with_mujoco.coordinates(rows, state)
+    data.qpos[:], T = peer.coordinates(rows, state.q, state.v)
     data.qfrc_applied[:] = T @ state.tau
     return model, data
 

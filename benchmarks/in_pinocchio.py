@@ -7,19 +7,19 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
+from pgraph_core.peers import in_pinocchio as peer
+from pgraph_core.peers.elementary import rows_of
 from tests.core.trees import State
-from tests.golden import with_pinocchio
-from tests.golden.elementary import rows_of
 
 from .scenes import Scene
 
 
 def forward_dynamics(scene: Scene) -> tuple[Callable[[], object], np.ndarray]:
     """(the call, v' in our coordinates)."""
-    model, _ = with_pinocchio.build(scene.model, scene.rows)
+    model, *_ = peer.build(scene.model, scene.rows)
     data = model.createData()
     state = scene.state
-    q, T, Tdot_v = with_pinocchio.coordinates(scene.rows, model, state)
+    q, T, Tdot_v = peer.coordinates(scene.rows, state.q, state.v)
     v, tau = T @ state.v, np.linalg.solve(T.T, state.tau)
     found = np.linalg.solve(T, pin.aba(model, data, q, v, tau) - Tdot_v)
     return lambda: pin.aba(model, data, q, v, tau), found
@@ -27,7 +27,7 @@ def forward_dynamics(scene: Scene) -> tuple[Callable[[], object], np.ndarray]:
 
 def derivatives(scene: Scene) -> tuple[Callable[[], object], np.ndarray]:
     """(the call, ∂v'/∂q, ∂v'/∂v and M⁻¹ stacked); of hinges, whose coordinates are ours."""
-    model, _ = with_pinocchio.build(scene.model, scene.rows)
+    model, *_ = peer.build(scene.model, scene.rows)
     data = model.createData()
     _, _, q, v, tau, *_ = scene.state
     pin.computeABADerivatives(model, data, q, v, tau)
@@ -38,15 +38,15 @@ def derivatives(scene: Scene) -> tuple[Callable[[], object], np.ndarray]:
 
 def builder(scene: Scene) -> Callable[[], object]:
     """Model and data from rows that are at hand."""
-    return lambda: with_pinocchio.build(scene.model, scene.rows)[0].createData()
+    return lambda: peer.build(scene.model, scene.rows)[0].createData()
 
 
 def stance(state: State) -> tuple[Callable[[], object], Callable[[], list]]:
     """(the call, the contact forces in world axes after it) of Pinocchio's proximal solver."""
     rows = rows_of(state.model, state.topology)
-    model, _ = with_pinocchio.build(state.model, rows)
+    model, *_ = peer.build(state.model, rows)
     data = model.createData()
-    q, T, _ = with_pinocchio.coordinates(rows, model, state)
+    q, T, _ = peer.coordinates(rows, state.q, state.v)
     held, found = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
     for c in state.model.constraints:
         place = pin.SE3(np.eye(3), np.array(c.point))

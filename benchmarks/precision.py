@@ -12,10 +12,10 @@ from collections.abc import Iterator
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.peers.elementary import rows_of
 from tests.core import fifty_digits
 from tests.core.precision_cases import LONG, SHORT, turned
 from tests.core.trees import State
-from tests.golden.elementary import rows_of
 
 from .machine import ROOT, has, machine
 from .report import piped

@@ -8,8 +8,8 @@ import numpy as np
 
 import pgraph_core as pg
 import static_models
+from pgraph_core.peers.elementary import Row, rows_of
 from tests.core.trees import State, random_state
-from tests.golden.elementary import Row, rows_of
 
 STEP = 1e-3  # s
 

@@ -46,6 +46,9 @@ if TYPE_CHECKING:
     from .mechanism import Mechanism as Mechanism
     from .mobility import Mobility as Mobility
     from .operators import home_poses as home_poses
+    from .report.comparison import work_precision as work_precision
+    from .report.reference import Reference as Reference
+    from .report.study import Study as Study
     from .result import Result as Result
     from .result import Status as Status
     from .simulation import simulate as simulate
@@ -67,6 +70,9 @@ _LAZY = {
     "Mechanism": "mechanism",
     "Mobility": "mobility",
     "home_poses": "operators",
+    "work_precision": "report.comparison",
+    "Reference": "report.reference",
+    "Study": "report.study",
     "Result": "result",
     "Status": "result",
     "simulate": "simulation",

@@ -91,9 +91,11 @@ def simulate(
         raise InputError(Problem("simulate", "stabilise", text))
     forces = (*mech.model.forces, *(given.forces if given else ()))
     drives, loads = mech.drives(forces), mech.loads(forces)
-    contacts = mech.contacts(_touching(mech, given))
-    active, changing = changes(mech, given, switches, _active(mech, given), (t_start, t_end))
-    q0, v0 = _start(mech, given, q, v)
+    contacts = mech.contacts(touching_contacts(mech, given))
+    active, changing = changes(
+        mech, given, switches, active_constraints(mech, given), (t_start, t_end)
+    )
+    q0, v0 = initial_state(mech, given, q, v)
     name = method if method is not None else given.method if given else "auto"
     if method is None and rtol is not None and name not in ADAPTIVE:
         name = "auto"  # a tolerance replaces the scenario's method where that takes none
@@ -335,7 +337,7 @@ def _gains(step: float) -> Array:
     return np.array([2 * alpha, alpha * alpha])
 
 
-def _active(mech: Mechanism, given: Any) -> Ints:
+def active_constraints(mech: Mechanism, given: Any) -> Ints:
     if given is None or given.constraints is None:
         return mech.active
     wanted = set(given.constraints)
@@ -359,14 +361,14 @@ def _in_phases(mech: Mechanism, contacts: Tables) -> tuple[Tables | None, tuple[
     return rest._replace(limits=(), limit_blocks=none), sites
 
 
-def _touching(mech: Mechanism, given: Any) -> tuple[Contact, ...]:
+def touching_contacts(mech: Mechanism, given: Any) -> tuple[Contact, ...]:
     """The contacts that act."""
     if given is None or given.contacts is None:
         return tuple(c for c in mech.model.contacts if c.active)
     return tuple(c for c in mech.model.contacts if c.name in given.contacts)
 
 
-def _start(mech: Mechanism, given: Any, q: Any, v: Any) -> tuple[Array, Array]:
+def initial_state(mech: Mechanism, given: Any, q: Any, v: Any) -> tuple[Array, Array]:
     """Initial state: the arguments, else the scenario's, else the model's."""
     q0, v0 = mech.home()
     if given is not None:

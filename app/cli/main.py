@@ -11,7 +11,7 @@ from types import ModuleType
 
 from pgraph_core.errors import PgraphError
 
-from . import bench, check, info, models, new, run, stability, start, verify
+from . import bench, check, info, models, new, report, run, stability, start, verify
 from .answer import print_answer, print_problems
 
 COMMANDS: dict[str, ModuleType] = {
@@ -20,6 +20,7 @@ COMMANDS: dict[str, ModuleType] = {
     "info": info,
     "check": check,
     "run": run,
+    "report": report,
     "verify": verify,
     "stability": stability,
     "bench": bench,

@@ -12,10 +12,10 @@ import numpy as np
 import pinocchio as pin
 
 import pgraph_core as pg
+from pgraph_core.peers.elementary import rows_of
 
 from ..core.trees import State
 from . import with_pinocchio
-from .elementary import rows_of
 
 SCENARIO, FRAMES = "stance", 6  # Fig. 10: a picture every 50 ms
 
@@ -65,7 +65,7 @@ def constrained(model: pg.Model, scenario: pg.Scenario) -> Callable:
     """(t, q, v) -> (v', forces (4, 3)) with the scenario's servos, by pin.constraintDynamics."""
     topology = pg.Topology.of(model)
     rows = rows_of(model, topology)
-    robot, _ = with_pinocchio.build(model, rows)
+    robot, *_ = with_pinocchio.build(model, rows)
     data = robot.createData()
     held, found = contacts(model, robot)
     pin.initConstraintDynamics(robot, data, held, found)
@@ -78,7 +78,7 @@ def constrained(model: pg.Model, scenario: pg.Scenario) -> Callable:
         for j, f in servo:
             tau[j] = f.kp * (value(f.target, t) - q[j + 1]) - f.kd * v[j] + value(f.torque, t)
         state = State(model, topology, unit, v, tau, v, np.zeros((0, 6)))
-        p, T, Tdot_v = with_pinocchio.coordinates(rows, robot, state)
+        p, T, Tdot_v = with_pinocchio.coordinates(rows, state.q, state.v)
         load = np.linalg.solve(T.T, tau)
         a = pin.constraintDynamics(robot, data, p, T @ v, load, held, found, settings)
         forces = np.array([c.contact_force.linear for c in found])

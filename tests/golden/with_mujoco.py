@@ -6,11 +6,9 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from pgraph_core.peers.elementary import PLACEHOLDER, Row, inertia_of, rows_of
+from pgraph_core.peers.in_mujoco import SPECK, coordinates
 from pgraph_core.rotation import matrix
-
-from .elementary import PLACEHOLDER, Row, inertia_of, rows_of, sizes
-
-SPECK = 1e-13  # mass and inertia of rows between the motions of a joint: MuJoCo wants some
 
 TREE_ONLY = 'contact="disable" constraint="disable"'
 
@@ -20,7 +18,7 @@ def evaluate(state) -> dict[str, np.ndarray]:
     rows = rows_of(state.model, state.topology)
     model = mujoco.MjModel.from_xml_string(mjcf(state.model, rows))
     data = mujoco.MjData(model)
-    data.qpos[:], T = coordinates(rows, state)
+    data.qpos[:], T = coordinates(rows, state.q, state.v)
     data.qvel[:] = T @ state.v
     data.qfrc_applied[:] = T @ state.tau  # T is orthogonal
     mujoco.mj_forward(model, data)
@@ -95,22 +93,3 @@ def _inertial(row: Row) -> str:
 
 def _text(numbers) -> str:
     return " ".join(repr(float(x)) for x in numbers)
-
-
-def coordinates(rows: list[Row], state):
-    """MuJoCo's qpos, and T with qvel = T v: linear first, angular in body axes. T is orthogonal.
-
-    A root's free joint holds the place in the world, a free motion further out three slides.
-    """
-    at = sizes(rows)
-    q, T = [], np.eye(len(state.v))
-    for i, row in enumerate(rows):
-        ours, j = state.q[at.q[i] : at.q[i + 1]], at.v[i]
-        root = row.kind == "free" and row.parent < 0
-        q += [*(ours[:3] + row.shift), *ours[3:]] if root else list(ours)
-        if row.kind == "ball":
-            T[j : j + 3, j : j + 3] = matrix(ours).T
-        elif row.kind == "free":
-            none, local = np.zeros((3, 3)), matrix(ours[3:]).T
-            T[j : j + 6, j : j + 6] = np.block([[none, np.eye(3)], [local, none]])
-    return np.array(q), T

@@ -1,7 +1,7 @@
-"""A model as elementary rows, one motion each: the common ground of both oracles' builders.
+"""A model as elementary rows, one motion each: the common ground of all builders of peers.
 
 Rows are aligned with the parent body's axes at q = 0; the constant rotation of a body enters
-after its last motion. Both oracles then read the same quaternions as we do.
+after its last motion. Peers then read the same quaternions as we do.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-import pgraph_core as pg
-from pgraph_core.rotation import matrix
+from ..rotation import matrix
+from ..schema import Body, Model
+from ..topology import Topology
 
 PLACEHOLDER = "none"  # kind of the row of a welded body
 
@@ -26,10 +27,10 @@ class Row(NamedTuple):
     kind: str
     axis: np.ndarray
     armature: float
-    body: pg.Body | None  # where the row is a body's last
+    body: Body | None  # where the row is a body's last
 
 
-def rows_of(model: pg.Model, topology: pg.Topology) -> list[Row]:
+def rows_of(model: Model, topology: Topology) -> list[Row]:
     """All rows in number order."""
     rows: list[Row] = []
     last = {"ground": (-1, np.eye(3))}
@@ -50,7 +51,7 @@ def rows_of(model: pg.Model, topology: pg.Topology) -> list[Row]:
     return rows
 
 
-def inertia_of(body: pg.Body) -> tuple[float, np.ndarray, np.ndarray]:
+def inertia_of(body: Body) -> tuple[float, np.ndarray, np.ndarray]:
     """Mass, centre of mass and central inertia in the axes of the body's last row."""
     home = matrix(body.rotation)
     return body.mass, home @ body.com, home @ np.array(body.inertia) @ home.T

@@ -1,0 +1,131 @@
+"""`pgraph report MODEL`: what each method costs at which accuracy, beside the installed peers."""
+
+from __future__ import annotations
+
+import json
+from argparse import ArgumentParser, ArgumentTypeError, BooleanOptionalAction, Namespace
+from pathlib import Path
+from typing import Any
+
+import pgraph_core as pg
+import static_models
+from pgraph_core.errors import FileError, InputError, Problem, choices
+from pgraph_core.kernels import warm_up
+
+from . import given
+from .answer import Answer
+from .bar import Bar, progress_bar
+
+HELP = "error against run time of every method, and of the peers that are installed"
+
+
+def arguments(parser: ArgumentParser) -> None:
+    parser.add_argument(
+        "model", metavar="MODEL", nargs="?", help="a file or the name of a built-in model"
+    )
+    parser.add_argument("--case", metavar="NAME", help="instead: a case whose motion is known")
+    parser.add_argument("--scenario", help="default: the model's first one, if it has any")
+    parser.add_argument("--t-end", type=given.duration, metavar="S", help="duration [s]")
+    parser.add_argument("--methods", type=names, metavar="M,M", help="default: all that suit")
+    parser.add_argument("--steps", type=numbers, metavar="S,S", help="default: h0 halved 8 times")
+    parser.add_argument("--tolerances", type=numbers, metavar="R,R", help="default: 1e-2 .. 1e-12")
+    parser.add_argument("--fixed", action="store_true", help="given steps for every method")
+    parser.add_argument("--target", type=given.duration, metavar="E", help="recommend for it")
+    parser.add_argument("--rounds", type=given.body_count, default=5, help="of timing; default 5")
+    parser.add_argument(
+        "--longest", type=given.duration, metavar="S", help="leave out longer runs; default 1 s"
+    )
+    parser.add_argument(
+        "--peers", action=BooleanOptionalAction, default=True, help="other engines beside"
+    )
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help="write a page (.html), .json, .svg or .txt"
+    )
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Names with commas in between."""
+    return tuple(x.strip() for x in text.split(",") if x.strip())
+
+
+def numbers(text: str) -> tuple[float, ...]:
+    """Numbers with commas in between."""
+    try:
+        return tuple(float(x) for x in text.split(",") if x.strip())
+    except ValueError:
+        raise ArgumentTypeError(f"must be numbers with commas between; given {text!r}") from None
+
+
+def answer(args: Namespace) -> Answer:
+    """Raises PgraphError. A target that no method reaches is exit code 1, after all rows."""
+    _checked(args)
+    mech, options = _motion(args)
+    bar = progress_bar()
+    for i, n, _ in warm_up():
+        bar("compiling", i / n)
+    study = _study(mech, args, options, bar)
+    data = json.loads(study.to_json())
+    if args.output:
+        study.save(args.output)
+        data["output"] = args.output
+    return Answer(data, str(study), _problem(study))
+
+
+def _checked(args: Namespace) -> None:
+    """What can be said before the work."""
+    if (args.model is None) == (args.case is None):
+        raise InputError(Problem("pgraph report", "", "give either a MODEL or --case NAME"))
+    endings = pg.Study.SUFFIXES
+    if args.output and Path(args.output).suffix.lower() not in endings:
+        raise FileError(Problem(args.output, "", f"must end in {', '.join(endings)}"))
+
+
+def _motion(args: Namespace) -> tuple[pg.Mechanism, dict[str, Any]]:
+    if args.case is not None:
+        return _case(args.case)
+    model = given.model(args.model)
+    scenario = args.scenario or next((s.name for s in model.scenarios), None)
+    return pg.Mechanism(model), {"scenario": scenario}
+
+
+def _case(name: str) -> tuple[pg.Mechanism, dict[str, Any]]:
+    """The motion of a case, with its reference; what it is run by is what is compared here."""
+    found = list(static_models.cases(name))
+    if len(found) > 1:
+        text = f"stands for several; choose one of {choices([case.name for case in found], 40)}"
+        raise InputError(Problem(f"case '{name}'", "", text))
+    case = found[0]
+    kept = {key: x for key, x in case.options.items() if key not in ("method", "step", "rtol")}
+    kept["t_end"] = float(case.t[-1]) if case.t is not None else 1.0
+    return pg.Mechanism(case.model), {**kept, "reference": case}
+
+
+def _study(mech: pg.Mechanism, args: Namespace, options: dict[str, Any], bar: Bar) -> pg.Study:
+    from pgraph_core.peers import PEERS
+
+    asked = ("t_end", "methods", "steps", "tolerances", "target", "longest")
+    options |= {name: getattr(args, name) for name in asked if getattr(args, name) is not None}
+    try:
+        return pg.work_precision(
+            mech,
+            fixed=args.fixed,
+            rounds=args.rounds,
+            peers=tuple(PEERS) if args.peers else (),
+            progress=lambda fraction: bar("measuring", fraction),
+            **options,
+        )
+    finally:
+        bar("", 1.0)
+
+
+def _problem(study: pg.Study) -> str:
+    """The sentence of a study that found nothing to recommend."""
+    if not any(row.ok for row in study.rows):
+        return next((row.reason for row in study.rows if row.reason), "no run reached the end")
+    if study.target is None:
+        return ""
+    try:
+        study.recommend()
+    except InputError as unmet:
+        return unmet.problems[0].text
+    return ""

@@ -1,0 +1,184 @@
+"""What a motion needs of a peer: rows, drives of joints, feet that hold, a state, times."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..mechanism import Mechanism
+from ..rotation import matrix
+from ..schema import Constraint, Force, Model
+from ..schema.curves import Table
+from ..schema.names import GROUND
+from ..system import Array
+from .elementary import Row, rows_of, sizes
+
+NO_KNOTS = np.zeros(1)
+PLAIN = ("rotate", "translate")
+
+
+class Drive(NamedTuple):
+    """A force on one joint coordinate: -kp q - kd v + u(t), u by straight lines between knots."""
+
+    row: int
+    q: int  # index into our q
+    v: int  # index into our v
+    kp: float
+    kd: float
+    t: Array  # (k,) [s]
+    u: Array  # (k,)
+
+
+class Hold(NamedTuple):
+    """A point of a body that stays at a place in the world."""
+
+    name: str
+    row: int
+    point: Array  # (3,) in the axes of the row
+    place: Array  # (3,) world
+
+
+class Exported(NamedTuple):
+    """A motion as every peer is given it."""
+
+    model: Model
+    rows: list[Row]
+    q: Array  # our initial state
+    v: Array
+    t: Array  # (n,) from 0
+    drives: tuple[Drive, ...]
+    holds: tuple[Hold, ...]
+
+    @property
+    def knots(self) -> Array:
+        """The times at which a run has to stop: those of output, and where drives bend."""
+        bends = [d.t[(d.t > 0) & (d.t < self.t[-1])] for d in self.drives]
+        found = np.unique(np.concatenate((self.t, *bends)))
+        near = np.diff(found, append=np.inf) > 1e-12 * self.t[-1]
+        return np.union1d(found[near], self.t)
+
+
+class Trajectory(NamedTuple):
+    """What a peer leaves, in our coordinates."""
+
+    q: Array  # (n, nq)
+    seconds: float  # of its stepping alone
+    counters: dict[str, int]
+
+
+class Refused(Exception):
+    """A motion that a peer is not given, with the reason in words."""
+
+
+def exported(
+    mech: Mechanism, q: Array, v: Array, t: Array, scenario: str | None, tau: Any
+) -> Exported:
+    """The motion for the peers. Raises Refused with what they are not given."""
+    model = mech.model
+    given = None if scenario is None else model.scenario(scenario)
+    rows = rows_of(model, mech.topology)
+    _refuse(mech, given, tau, t)
+    forces = (*model.forces, *(given.forces if given else ()))
+    drives = [*(_drive(mech, force) for force in forces), *_springs(mech)]
+    if tau is not None:
+        drives += _constant(mech, rows, np.asarray(tau, dtype=float))
+    chosen = None if given is None or given.constraints is None else set(given.constraints)
+    active = [c for c in model.constraints if (c.active if chosen is None else c.name in chosen)]
+    holds = tuple(_hold(mech, c) for c in active)
+    return Exported(model, rows, q, v, t, _merged(drives), holds)
+
+
+def _merged(drives: list[Drive]) -> tuple[Drive, ...]:
+    """One drive a coordinate."""
+    found: dict[int, Drive] = {}
+    for d in drives:
+        if (e := found.get(d.v)) is not None:
+            t = np.union1d(d.t, e.t)
+            u = np.interp(t, d.t, d.u) + np.interp(t, e.t, e.u)
+            d = Drive(d.row, d.q, d.v, d.kp + e.kp, d.kd + e.kd, t, u)
+        found[d.v] = d
+    return tuple(found.values())
+
+
+def _refuse(mech: Mechanism, given: Any, tau: Any, t: Array) -> None:
+    """What no peer is given here. Raises Refused."""
+    model = mech.model
+    if given is not None and given.switches:
+        raise Refused("constraints that go on and off")
+    if callable(tau):
+        raise Refused("torques from a function")
+    if t[0] != 0:
+        raise Refused("times that do not begin at 0")
+    chosen = None if given is None else given.contacts
+    if any(c.active if chosen is None else c.name in chosen for c in model.contacts):
+        raise Refused("contacts")
+    for body in model.bodies:
+        if any(pair is not None and any(x is not None for x in pair) for pair in body.limits):
+            raise Refused(f"limits (body '{body.name}')")
+        if any(body.friction):
+            raise Refused(f"joint friction (body '{body.name}')")
+
+
+def _drive(mech: Mechanism, force: Force) -> Drive:
+    if force.kind not in ("motor", "servo") or force.torque_limit is not None:
+        limited = " with a torque limit" if force.torque_limit is not None else ""
+        raise Refused(f"force '{force.name}', a {force.kind}{limited}")
+    target, torque = _knots(force.target), _knots(force.torque)
+    t = np.union1d(target[0], torque[0])
+    u = force.kp * np.interp(t, *target) + np.interp(t, *torque)
+    return Drive(*_coordinate(mech, force.body, force.coordinate), force.kp, force.kd, t, u)
+
+
+def _knots(curve: Any) -> tuple[Array, Array]:
+    if isinstance(curve, Table):
+        return np.array(curve.t), np.array(curve.value)
+    return NO_KNOTS, np.full(1, float(curve))
+
+
+def _springs(mech: Mechanism) -> list[Drive]:
+    """Springs and dampers of joints."""
+    found = []
+    for name in mech.names:
+        body = mech.model.body(name)
+        for i, (kp, kd, rest) in enumerate(zip(body.stiffness, body.damping, body.rest)):
+            if kp or kd:
+                u = np.full(1, kp * rest)
+                found.append(Drive(*_coordinate(mech, name, i), kp, kd, NO_KNOTS, u))
+    return found
+
+
+def _constant(mech: Mechanism, rows: list[Row], tau: Array) -> list[Drive]:
+    """Given torques."""
+    at, found = sizes(rows), []
+    for i, row in enumerate(rows):
+        for j in range(at.v[i], at.v[i + 1]):
+            if tau[j] and row.kind not in PLAIN:
+                raise Refused(f"torques on a joint of kind {row.kind}")
+            if tau[j]:
+                found.append(Drive(i, at.q[i], j, 0.0, 0.0, NO_KNOTS, np.full(1, tau[j])))
+    return found
+
+
+def _coordinate(mech: Mechanism, name: str, motion: int) -> tuple[int, int, int]:
+    """(row, index into q, index into v) of a motion of a body's joint."""
+    if any(m.kind not in PLAIN for m in mech.model.body(name).sequence):
+        raise Refused(f"a drive or spring on a ball or free joint (body '{name}')")
+    joint = mech.joints[name]
+    return _first_row(mech, name) + motion, joint.q.start + motion, joint.v.start + motion
+
+
+def _first_row(mech: Mechanism, name: str) -> int:
+    before = mech.names[: mech.names.index(name)]
+    return sum(max(1, len(mech.model.body(other).sequence)) for other in before)
+
+
+def _hold(mech: Mechanism, c: Constraint) -> Hold:
+    if c.kind != "point" or c.other != GROUND:
+        raise Refused(f"constraint '{c.name}' of kind {c.kind}")
+    body = mech.model.body(c.body)
+    point = np.array(body.tip_point if c.point is None else c.point)
+    x, R = mech.pose(mech.home()[0], c.body)
+    place = x + R @ point if c.other_point is None else np.array(c.other_point)
+    last = _first_row(mech, c.body) + max(1, len(body.sequence)) - 1
+    return Hold(c.name, last, matrix(body.rotation) @ point, place)

@@ -1,0 +1,338 @@
+"""A motion in Exudyn, as one kinematic tree of minimal coordinates.
+
+Its joints turn about or slide along an axis of a frame, so a link's frame has z along the axis; a
+ball becomes three turns, a free root three slides and three turns. Which turn comes last is
+chosen by the spin at the start, so that they stay regular for as long as can be.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..bodies import quaternions
+from ..rotation import matrix
+from ..system import Array
+from .elementary import Row, inertia_of, sizes
+from .exported import Exported, Refused, Trajectory
+
+NONE = np.zeros((3, 3))
+MOST = 300  # degrees of freedom: its mass matrix is dense, and a run of it cannot be stopped
+
+
+class Link(NamedTuple):
+    """One joint of the tree, in the frame of the link before it."""
+
+    parent: int
+    kind: str  # RevoluteX .. PrismaticZ
+    turn: Array  # (3, 3) from the parent link's frame
+    shift: Array  # (3,)
+    mass: float = 0.0
+    com: Array = np.zeros(3)
+    inertia: Array = NONE
+
+
+class Tree(NamedTuple):
+    """The links, the last one of each row with the axes of its frame, and the order of turns."""
+
+    links: list[Link]
+    last: dict[int, tuple[int, Array]]
+    orders: dict[int, str]  # of rows that are balls or free
+
+
+def along_z(axis: Array) -> Array:
+    """(3, 3) rotation that brings z onto the axis."""
+    return Rotation.align_vectors(axis[None], [[0, 0, 1]])[0].as_matrix()
+
+
+def tree_of(rows: list[Row], q: Array, v: Array) -> Tree:
+    """The joints of all rows: hinges, slides, balls, and free roots."""
+    tree, at = Tree([], {-1: (-1, np.eye(3))}, {}), sizes(rows)
+    for i, row in enumerate(rows):
+        parent, home = tree.last[row.parent]
+        mass, com, inertia = (0.0, np.zeros(3), NONE) if row.body is None else inertia_of(row.body)
+        turn, shift = home.T @ row.turn, home.T @ row.shift
+        if row.kind in ("rotate", "translate"):
+            axes = along_z(row.axis)
+            kind = "RevoluteZ" if row.kind == "rotate" else "PrismaticZ"
+            own = mass, axes.T @ com, axes.T @ inertia @ axes
+            tree.links.append(Link(parent, kind, turn @ axes, shift, *own))
+            tree.last[i] = (len(tree.links) - 1, axes)
+            continue
+        if row.kind not in ("ball", "free") or (row.kind == "free" and row.parent >= 0):
+            raise Refused(f"a joint of kind {row.kind} (body '{row.name}')")
+        order = _order(q[at.q[i] : at.q[i + 1]], v[at.v[i] : at.v[i] + 3])
+        kinds = [f"Prismatic{axis}" for axis in "XYZ"] if row.kind == "free" else []
+        kinds += [f"Revolute{axis}" for axis in order]
+        for n, kind in enumerate(kinds):
+            link = Link(parent, kind, turn, shift)
+            last = n == len(kinds) - 1
+            tree.links.append(link._replace(mass=mass, com=com, inertia=inertia) if last else link)
+            parent, turn, shift = len(tree.links) - 1, np.eye(3), np.zeros(3)
+        tree.last[i], tree.orders[i] = (len(tree.links) - 1, np.eye(3)), order
+    return tree
+
+
+def _order(place: Array, spin: Array) -> str:
+    """Three axes, the last one nearest to the spin in body axes, the first nearest to z."""
+    body = np.abs(matrix(place[-4:].tolist()).T @ spin)
+    last = "XYZ"[int(np.argmax(body))] if body.max() > 0 else "Z"
+    first, middle = {"X": "ZY", "Y": "ZX", "Z": "XY"}[last]
+    return first + middle + last
+
+
+def coordinates(rows: list[Row], tree: Tree, q: Array, v: Array) -> tuple[Array, Array]:
+    """(q, v) of Exudyn: quaternions as three turns."""
+    at = sizes(rows)
+    found: tuple[list[float], list[float]] = [], []
+    for i, row in enumerate(rows):
+        x, y = q[at.q[i] : at.q[i + 1]], v[at.v[i] : at.v[i + 1]]
+        if row.kind not in ("ball", "free"):
+            found[0].extend(x)
+            found[1].extend(y)
+            continue
+        order = tree.orders[i]
+        angles = Rotation.from_quat(x[-4:], scalar_first=True).as_euler(order)
+        axes = np.column_stack(_axes(order, angles))
+        found[0].extend((*x[:-4], *angles))
+        found[1].extend((*y[3:], *np.linalg.solve(axes, y[:3])))
+    return np.array(found[0]), np.array(found[1])
+
+
+def _axes(order: str, angles: Array) -> tuple[Array, Array, Array]:
+    """Where the axes of the three turns point in the parent's axes."""
+    unit = dict(zip("XYZ", np.eye(3)))
+    first = Rotation.from_euler(order[0], angles[0])
+    second = first * Rotation.from_euler(order[1], angles[1])
+    return unit[order[0]], first.apply(unit[order[1]]), second.apply(unit[order[2]])
+
+
+def ours(rows: list[Row], tree: Tree, theirs: Array) -> Array:
+    """(n, nq) our coordinates from Exudyn's."""
+    parts, j = [], 0
+    for i, row in enumerate(rows):
+        if row.kind not in ("ball", "free"):
+            parts.append(theirs[:, j : j + 1])
+            j += 1
+            continue
+        if row.kind == "free":
+            parts.append(theirs[:, j : j + 3])
+            j += 3
+        turns = Rotation.from_euler(tree.orders[i], theirs[:, j : j + 3])
+        parts.append(turns.as_quat(scalar_first=True))
+        j += 3
+    return np.concatenate(parts, axis=1)
+
+
+def tree_system(
+    links: list[Link], q: Array, v: Array, gravity: Any, control: dict[str, Any] | None = None
+) -> tuple[Any, Any, int, int]:
+    """(container, system, number of the tree's node, number of the tree)."""
+    exudyn, items = import_module("exudyn"), import_module("exudyn.itemInterface")
+    container = exudyn.SystemContainer()
+    system = container.AddSystem()
+    node = system.AddNode(
+        items.NodeGenericODE2(
+            referenceCoordinates=0 * q,
+            initialCoordinates=q,
+            initialCoordinates_t=v,
+            numberOfODE2Coordinates=len(q),
+        )
+    )
+    tree = system.AddObject(
+        items.ObjectKinematicTree(
+            nodeNumber=node,
+            jointTypes=[getattr(exudyn.JointType, link.kind) for link in links],
+            linkParents=[link.parent for link in links],
+            jointTransformations=exudyn.Matrix3DList([link.turn for link in links]),
+            jointOffsets=exudyn.Vector3DList([link.shift for link in links]),
+            linkInertiasCOM=exudyn.Matrix3DList([link.inertia for link in links]),
+            linkCOMs=exudyn.Vector3DList([link.com for link in links]),
+            linkMasses=[link.mass for link in links],
+            gravity=list(gravity),
+            **(control or {}),
+        )
+    )
+    return container, system, node, tree
+
+
+def alone_system(row: Row, q: Array, v: Array, gravity: Any) -> tuple[Any, Any, int]:
+    """(container, system, node) of one body on a ball or free joint, turned by a Lie group."""
+    exudyn, items = import_module("exudyn"), import_module("exudyn.itemInterface")
+    assert row.body is not None
+    mass, com, inertia = inertia_of(row.body)
+    about = inertia + mass * (com @ com * np.eye(3) - np.outer(com, com))
+    R = row.turn @ matrix(q[-4:].tolist())
+    place = row.shift + (row.turn @ q[:3] if row.kind == "free" else 0.0)
+    moving = row.turn @ v[3:] if row.kind == "free" else np.zeros(3)
+    container = exudyn.SystemContainer()
+    system = container.AddSystem()
+    node = system.AddNode(
+        items.NodeRigidBodyRotVecLG(
+            referenceCoordinates=[*place, *Rotation.from_matrix(R).as_rotvec()],
+            initialVelocities=[*moving, *(R.T @ row.turn @ v[:3])],
+        )
+    )
+    held = row.kind == "ball"  # the pivot as centre: gravity's force is taken off, its torque not
+    centre = np.zeros(3) if held else com
+    body = system.AddObject(
+        items.ObjectRigidBody(
+            nodeNumber=node,
+            physicsMass=mass,
+            physicsCenterOfMass=list(centre),
+            physicsInertia=[*np.diag(about), about[1, 2], about[0, 2], about[0, 1]],
+        )
+    )
+    for point, sign in ((com, 1.0), (np.zeros(3), -1.0)) if held else ((com, 1.0),):
+        mark = system.AddMarker(items.MarkerBodyRigid(bodyNumber=body, localPosition=list(point)))
+        force = list(sign * mass * np.array(gravity))
+        system.AddLoad(items.LoadForceVector(markerNumber=mark, loadVector=force))
+    return container, system, node
+
+
+class Run:
+    """A system of a motion, run again and again at steps of any width."""
+
+    def __init__(self, motion: Exported):
+        """Built once. Raises Refused where a kinematic tree cannot be it."""
+        for row in motion.rows:
+            if row.armature:
+                raise Refused(f"armature (body '{row.name}')")
+        apart = np.diff(motion.t)
+        if np.ptp(apart) > 1e-9 * motion.t[-1]:
+            raise Refused("times that are not evenly spaced")
+        self.motion = motion
+        self.exudyn = import_module("exudyn")
+        items = import_module("exudyn.itemInterface")
+        self.alone = len(motion.rows) == 1 and motion.rows[0].kind in ("ball", "free")
+        if len(motion.v) > MOST:
+            raise Refused(f"more than {MOST} degrees of freedom: its steps cannot be stopped")
+        kinds = self.exudyn.OutputVariableType
+        if self.alone:
+            made = alone_system(motion.rows[0], motion.q, motion.v, motion.model.gravity)
+            self.container, self.system, node = made  # the container must outlive it
+            wanted = (kinds.Position, kinds.RotationMatrix)
+        else:
+            node = self._grow(items)
+            wanted = (kinds.Coordinates,)
+        self.sensors = [
+            self.system.AddSensor(
+                items.SensorNode(nodeNumber=node, storeInternal=True, outputVariableType=kind)
+            )
+            for kind in wanted
+        ]
+        self.system.Assemble()
+
+    def _grow(self, items: Any) -> int:
+        """A kinematic tree, its drives and the points that hold; the number of its node."""
+        motion = self.motion
+        self.tree = tree_of(motion.rows, motion.q, motion.v)
+        q, v = coordinates(motion.rows, self.tree, motion.q, motion.v)
+        control = self._control(len(q))
+        made = tree_system(self.tree.links, q, v, motion.model.gravity, control)
+        self.container, self.system, node, self.number = made
+        self._hold(items)
+        return node
+
+    def _control(self, n: int) -> dict[str, Any]:
+        """Its proportional and derivative control of joints."""
+        if not self.motion.drives:
+            return {}
+        at_v = sizes(self.motion.rows).v
+        first = [link for link, _ in (self.tree.last[i] for i in range(len(at_v) - 1))]
+        self.joints = [first[d.row] for d in self.motion.drives]
+        kp, kd = np.zeros(n), np.zeros(n)
+        for joint, drive in zip(self.joints, self.motion.drives):
+            kp[joint], kd[joint] = drive.kp, drive.kd
+        return {
+            "jointPControlVector": list(kp),
+            "jointDControlVector": list(kd),
+            "jointPositionOffsetVector": [0.0] * n,
+            "jointVelocityOffsetVector": [0.0] * n,
+            "jointForceVector": list(self._force(0.0, n)),
+        }
+
+    def _force(self, t: float, n: int) -> Array:
+        found = np.zeros(n)
+        for joint, drive in zip(self.joints, self.motion.drives):
+            found[joint] = np.interp(t, drive.t, drive.u)
+        return found
+
+    def _hold(self, items: Any) -> None:
+        if not self.motion.holds:
+            return
+        ground = self.system.AddObject(items.ObjectGround())
+        for hold in self.motion.holds:
+            link, axes = self.tree.last[hold.row]
+            foot = self.system.AddMarker(
+                items.MarkerKinematicTreeRigid(
+                    objectNumber=self.number,
+                    linkNumber=link,
+                    localPosition=list(axes.T @ hold.point),
+                )
+            )
+            place = self.system.AddMarker(
+                items.MarkerBodyRigid(bodyNumber=ground, localPosition=list(hold.place))
+            )
+            self.system.AddObject(items.ObjectJointSpherical(markerNumbers=[foot, place]))
+
+    @property
+    def solvers(self) -> dict[str, float]:
+        """Its methods for this motion, and the order of each."""
+        if self.motion.holds:
+            return {"TrapezoidalIndex2": 2.0}
+        return {"RK44": 4.0, "RK67": 6.0}
+
+    def __call__(self, solver: str, step: float, going: Callable[[], bool]) -> Trajectory | None:
+        """One of its methods at a step that divides the output's spacing; it cannot be stopped."""
+        motion, spacing = self.motion, float(self.motion.t[1])
+        each = max(1, int(np.ceil(spacing / step - 1e-9)))
+        settings = self._settings(each * (len(motion.t) - 1), motion.t[-1], spacing)
+        if any(len(d.t) > 1 for d in motion.drives):
+            self.system.SetPreStepUserFunction(self._follow)
+            self._follow(self.system, 0.0)
+        began = time.perf_counter()
+        kind = getattr(self.exudyn.DynamicSolverType, solver)
+        self.system.SolveDynamic(settings, solverType=kind, showHints=False, showCausingItems=False)
+        seconds = time.perf_counter() - began
+        return Trajectory(self._states(spacing), seconds, {"steps": each * (len(motion.t) - 1)})
+
+    def _states(self, spacing: float) -> Array:
+        """(n, nq) what its sensors kept, in our coordinates."""
+        motion, found = self.motion, []
+        for sensor in self.sensors:
+            kept = self.system.GetSensorStoredData(sensor)
+            found.append(kept[np.searchsorted(kept[:, 0], motion.t - 1e-6 * spacing), 1:])
+        if not self.alone:
+            return ours(motion.rows, self.tree, found[0])
+        row = motion.rows[0]
+        turns = row.turn.T @ found[1].reshape(-1, 3, 3)
+        place = (found[0] - row.shift) @ row.turn if row.kind == "free" else found[0][:, :0]
+        return np.concatenate((place, quaternions(turns)), axis=1)
+
+    def _settings(self, steps: int, t_end: float, spacing: float) -> Any:
+        settings = self.exudyn.SimulationSettings()
+        settings.timeIntegration.numberOfSteps = steps
+        settings.timeIntegration.endTime = t_end
+        settings.timeIntegration.verboseMode = 0
+        settings.timeIntegration.automaticStepSize = False
+        settings.timeIntegration.adaptiveStep = False
+        settings.timeIntegration.newton.relativeTolerance = 1e-10
+        settings.timeIntegration.newton.absoluteTolerance = 1e-12
+        if self.motion.holds:  # rows of feet may say the same twice
+            settings.linearSolverType = self.exudyn.LinearSolverType.EigenDense
+            settings.linearSolverSettings.ignoreSingularJacobian = True
+        settings.solutionSettings.writeSolutionToFile = False
+        settings.solutionSettings.sensorsWritePeriod = spacing
+        settings.displayStatistics = settings.displayComputationTime = False
+        return settings
+
+    def _follow(self, system: Any, t: float) -> bool:
+        n = len(self.tree.links)
+        system.SetObjectParameter(self.number, "jointForceVector", list(self._force(t, n)))
+        return True

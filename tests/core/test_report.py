@@ -1,0 +1,373 @@
+"""Error against run time: what is measured, against what, and what is said of it.
+
+Tests look at errors and counters; no time is asserted.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+import static_models
+from pgraph_core.report import work
+from pgraph_core.report.errors import Errors, angles
+from pgraph_core.report.orders import observed_order
+from pgraph_core.report.reference import horizon
+from pgraph_core.report.study import seconds_at
+from pgraph_core.report.timing import measured, ratios, spread
+
+from .test_orders import heavy_top, tumbling_body
+
+
+def built_in(name: str) -> pg.Mechanism:
+    return pg.Mechanism(pg.Model.load(static_models.path(name)))
+
+
+@pytest.fixture(scope="module")
+def study() -> pg.Study:
+    """A double pendulum, with a step at which semi-implicit Euler is bad."""
+    return pg.work_precision(
+        built_in("double_pendulum"),
+        t_end=0.5,
+        methods=("semi_implicit_euler", "rk4", "dop853"),
+        steps=(0.02, 0.01, 0.005),
+        tolerances=(1e-4, 1e-7, 1e-13),
+        rounds=2,
+        frames=11,
+        target=1e-5,
+    )
+
+
+# -- what is measured ----------------------------------------------------------------------------
+
+
+def test_every_method_runs_at_every_setting(study: pg.Study):
+    found = [(row.method, row.step, row.rtol) for row in study.rows]
+    steps = [(m, h, None) for m in ("semi_implicit_euler", "rk4") for h in (0.02, 0.01, 0.005)]
+    assert found == steps + [("dop853", None, rtol) for rtol in (1e-4, 1e-7, 1e-13)]
+    assert all(row.ok and row.seconds and row.error for row in study.rows)
+    assert [row.counters["steps"] for row in study.rows if row.method == "rk4"] == [30, 50, 100]
+
+
+def test_errors_are_those_of_the_states(study: pg.Study):
+    """Of hinges that turn by small angles: the tips are where the angles put them."""
+    mech = built_in("double_pendulum")
+    t = np.linspace(0, 0.5, 11)
+    fine, rough = (
+        pg.simulate(mech, t_end=0.5, t_eval=t, **given)
+        for given in ({"method": "dop853", "rtol": 1e-13}, {"method": "rk4", "step": 0.02})
+    )
+    turned = np.abs(np.cumsum(rough.q - fine.q, axis=1)).max()
+    row = next(row for row in study.rows if row.method == "rk4" and row.step == 0.02)
+    assert row.error_max is not None
+    assert turned * 0.99 < row.error_max < 10 * turned
+
+
+def test_the_error_does_not_see_where_the_mechanism_stands():
+    """1e4 m away a point's distance from the origin would make every error 1e4 times smaller."""
+    options = {"t_end": 0.3, "methods": "rk4", "steps": 0.01, "rounds": 1, "frames": 11}
+    model = pg.Model.load(static_models.path("double_pendulum"))
+    first = model.bodies[0]
+    away = model.edit(first.name, link=(1e4, 0.0, 0.0))
+    here, there = (pg.work_precision(pg.Mechanism(m), **options) for m in (model, away))
+    assert here.rows[0].error == pytest.approx(there.rows[0].error, rel=0.2)
+
+
+def test_small_angles_between_rotations_are_exact():
+    q = np.array([[1.0, 0, 0, 0]])
+    for a in (1e-12, 1e-6, 1.0, 3.0):
+        p = np.array([[np.cos(a / 2), 0, np.sin(a / 2), 0]])
+        assert angles(p, q)[0] == pytest.approx(a, rel=1e-9)
+        assert angles(-p, q)[0] == pytest.approx(a, rel=1e-9)
+
+
+def test_the_three_errors_of_a_run():
+    e = np.array([[0.0, 0.0], [3.0, 4.0], [1.0, 2.0]])
+    assert Errors.of(e) == Errors(pytest.approx(np.sqrt(30 / 6)), 2.0, 4.0)
+    assert Errors.of(np.array([[np.nan]])).rms == np.inf
+
+
+def top_held_by_a_constraint() -> pg.Model:
+    """The fast top as a free body of which a point is held."""
+    (top,) = heavy_top().bodies
+    free = pg.Body(
+        name="top",
+        joint="free",
+        mass=top.mass,
+        com=top.com,
+        inertia=top.inertia,
+        q=(0, 0, 0, *top.q),
+        v=(*top.v, 0, 0, 0),
+    )
+    held = pg.Constraint(name="pivot", body="top", point=(0, 0, 0))
+    return pg.Model(bodies=(free,), constraints=(held,))
+
+
+RANGES = {  # duration [s] and numbers of steps, at which the order shows
+    "semi_implicit_euler": (0.25, (100, 200, 400, 800)),
+    "rk4": (0.25, (24, 48, 100, 200)),
+    "dopri5": (1.0, (120, 150, 190, 240)),
+    "dop853": (0.5, (16, 20, 24, 28)),
+    "ros2": (0.25, (50, 100, 200)),
+    "radau5": (0.25, (8, 12, 18, 28)),
+}
+
+
+LONGER = {  # a free body turns so smoothly that short motions show rounding alone
+    "dopri5": (4.0, (300, 360, 450, 560)),
+    "dop853": (3.0, (32, 40, 48, 64)),
+}
+
+
+@pytest.mark.parametrize("method", RANGES)
+@pytest.mark.parametrize("make", [tumbling_body, heavy_top, top_held_by_a_constraint])
+def test_observed_orders_are_the_claimed_ones(make, method: str):
+    """Within 0.3, on a free body, a ball and with a constraint, at steps that are given."""
+    t_end, counts = RANGES[method]
+    if make is tumbling_body:
+        t_end, counts = LONGER.get(method, RANGES[method])
+    found = pg.work_precision(
+        pg.Mechanism(make()),
+        t_end=t_end,
+        methods=method,
+        steps=[t_end / n for n in counts],
+        fixed=True,
+        rounds=1,
+        frames=3,
+    )
+    seen, claimed = found.orders[method]
+    assert seen == pytest.approx(claimed, abs=0.3), [row.error for row in found.rows]
+
+
+def test_orders_of_methods_that_choose_steps_come_from_given_ones():
+    found = pg.work_precision(
+        pg.Mechanism(heavy_top()), t_end=0.5, methods="radau5", tolerances=1e-3, rounds=1, frames=9
+    )
+    assert found.orders["radau5"] == (pytest.approx(5.0, abs=0.3), 5.0)
+
+
+def test_an_order_is_the_slope_of_the_middle_third():
+    """Coarse runs and rounding do not count."""
+    n = 4.0 * 2.0 ** np.arange(10)
+    errors = np.maximum(0.09 * (n / 4) ** -4, 1e-14)
+    errors[0] = 7.0
+    assert observed_order(list(zip(n, errors))) == pytest.approx(4, abs=1e-6)
+    assert observed_order([(1, 1e-3), (2, 1e-4)]) is None
+
+
+# -- the reference ---------------------------------------------------------------------------------
+
+
+def test_a_made_reference_says_how_good_it_is(study: pg.Study):
+    assert study.reference["source"] == "dop853 at rtol 1e-14 against rtol 1e-13"
+    assert study.reference["accuracy"] < 1e-12
+    assert study.reference["limit"] == 10 * study.reference["accuracy"]
+
+
+def test_what_the_reference_cannot_tell_apart_is_said():
+    mech, t = built_in("double_pendulum"), np.linspace(0, 0.3, 7)
+    rough = pg.simulate(mech, t_end=0.3, t_eval=t, method="rk4", step=0.01)
+    found = pg.work_precision(
+        mech, t_end=0.3, methods="dop853", tolerances=1e-9, rounds=1, reference=rough
+    )
+    (row,) = found.rows
+    assert row.limited
+    assert row.error == pytest.approx(3 * rough.error_estimate)
+    assert f">= {row.digits:.0f}" in str(found)
+    assert "reference limit" in str(found)
+
+
+def test_given_states_are_a_reference():
+    mech, t = built_in("double_pendulum"), np.linspace(0, 0.3, 7)
+    fine = pg.simulate(mech, t_end=0.3, t_eval=t, method="dop853", rtol=1e-13)
+    options = {"t_end": 0.3, "methods": "rk4", "steps": 0.01, "rounds": 1}
+    given = pg.work_precision(mech, reference=(t, fine.q), **options)
+    made = pg.work_precision(mech, frames=7, **options)
+    assert given.rows[0].error == pytest.approx(made.rows[0].error, rel=1e-6)
+    assert given.frames == 7
+
+
+def test_chaotic_motion_is_compared_up_to_where_two_references_agree():
+    apart = np.full((50, 2), 1e-12)
+    apart[30:] = 1e-3
+    assert horizon(apart) == 30
+    assert horizon(apart[:20]) == 20
+
+
+def test_a_long_chaotic_motion_is_cut():
+    mech = built_in("double_pendulum").edit("upper", q=3.0)
+    found = pg.work_precision(mech, t_end=30.0, methods="rk4", steps=0.3, rounds=1)
+    assert found.t_end < 30.0
+    assert found.notes[0].startswith(f"chaotic: compared up to t = {found.t_end:.4g} s of 30 s")
+
+
+# -- what does not work out ------------------------------------------------------------------------
+
+
+def test_a_run_that_fails_stays_with_its_reason():
+    stiff = pg.Model.serial(1).edit("1", stiffness=1e6, q=1.0)
+    found = pg.work_precision(
+        pg.Mechanism(stiff), t_end=0.5, methods="rk4", steps=(1e-2, 2e-4), rounds=1, frames=5
+    )
+    bad, good = found.rows
+    assert not bad.ok
+    assert bad.error is None
+    assert "the motion stopped being finite" in bad.reason
+    assert bad.reason in str(found)
+    assert good.ok
+
+
+def test_a_run_that_takes_too_long_is_left_out():
+    found = pg.work_precision(
+        built_in("quadruped"),
+        t_end=0.25,
+        scenario="stance",
+        methods="rk4",
+        steps=(1e-3, 1e-6),
+        rounds=1,
+        longest=0.2,
+    )
+    assert [row.ok for row in found.rows] == [True, False]
+    assert found.rows[1].reason == "left out: it would take more than 0.2 s"
+
+
+def test_a_study_can_be_stopped():
+    """It ends where the caller's function says no, with what it has."""
+    calls = []
+
+    def stop(fraction: float) -> bool:
+        calls.append(fraction)
+        return len(calls) < 8
+
+    found = pg.work_precision(
+        built_in("double_pendulum"), t_end=0.5, methods="rk4", rounds=2, progress=stop
+    )
+    assert found.cancelled
+    assert len(calls) == 8
+    assert "CANCELLED" in str(found)
+
+
+def test_progress_goes_up_to_one():
+    seen: list[float] = []
+    pg.work_precision(
+        built_in("pendulum"),
+        t_end=0.2,
+        methods="rk4",
+        steps=(0.02, 0.01),
+        rounds=2,
+        frames=11,
+        progress=seen.append,
+    )
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+
+
+def test_contacts_are_measured_too():
+    """Rigid contact: moreau_jean and the methods that go from event to event."""
+    ball = pg.Body(name="ball", joint="free", mass=1.0, q=(0, 0, 0.2, 1, 0, 0, 0))
+    touch = pg.Contact(name="floor", body="ball", points=((0, 0, 0),), restitution=0.5)
+    mech = pg.Mechanism(pg.Model(bodies=(ball,), contacts=(touch,)))
+    found = pg.work_precision(mech, t_end=0.3, steps=(0.01, 0.005), rounds=1, frames=7)
+    assert found.methods == ("moreau_jean", "rk4", "semi_implicit_euler")
+    best = min(found.rows, key=lambda row: row.error or np.inf)
+    assert best.method == "rk4"
+
+
+# -- timing --------------------------------------------------------------------------------------
+
+
+def test_rounds_are_interleaved():
+    order: list[int] = []
+
+    def run(i: int) -> float:
+        order.append(i)
+        return float(i + 1)
+
+    found = measured([lambda i=i: run(i) for i in range(3)], [1.0, 1.0, 1.0], 4)
+    assert found == [[1.0] * 4, [2.0] * 4, [3.0] * 4]
+    assert [sorted(order[3 * k : 3 * k + 3]) for k in range(4)] == [[0, 1, 2]] * 4
+    assert order != [0, 1, 2] * 4
+
+
+def test_ratios_are_taken_within_a_round():
+    """The machine slows down tenfold in the second round: the ratio does not see it."""
+    assert ratios([3.0, 30.0, 3.0], [1.0, 10.0, 1.0]) == (3.0, 3.0, 3.0)
+    assert spread([5.0, 1.0, 3.0, 2.0, 4.0]) == (2.0, 3.0, 4.0)
+
+
+def test_the_baseline_has_ratio_one(study: pg.Study):
+    assert study.baseline is not None
+    assert study.rows[study.baseline].ratio == (1.0, 1.0, 1.0)
+
+
+# -- what is said --------------------------------------------------------------------------------
+
+
+def test_the_cheapest_run_that_meets_the_target_is_recommended(study: pg.Study):
+    row = study.recommend()
+    fit = [r for r in study.rows if (r.error or 1) <= 1e-5]
+    assert row in fit
+    assert row.time == min(r.time for r in fit)
+    assert study.recommend(1e-2).error <= 1e-2
+
+
+def test_times_at_equal_error_lie_between_the_points(study: pg.Study):
+    row = study.rows[3]
+    rows = tuple(replace(row, error=e, seconds=(s, s, s)) for e, s in ((1e-2, 1.0), (1e-4, 4.0)))
+    assert seconds_at(rows, 1e-3) == pytest.approx(2.0)
+    assert seconds_at(rows, 1e-4) == 4.0
+    assert seconds_at(rows, 1.0) == 1.0
+    assert seconds_at(rows, 1e-5) == np.inf
+
+
+def test_peers_are_compared_at_equal_error(study: pg.Study):
+    theirs = replace(study.rows[5], method="Peer rk4", peer="Peer", error=1e-9, seconds=(9, 9, 9))
+    found = replace(study, rows=(*study.rows, theirs)).against_peers()
+    assert [row["error"] for row in found] == [10.0**-k for k in range(3, 10)]
+    assert all(row["peer"] == "Peer rk4" and row["ratio"] > 1 for row in found)
+
+
+def test_a_study_is_json(study: pg.Study):
+    data = json.loads(study.to_json())
+    assert len(data["rows"]) == len(study.rows)
+    assert data["rows"][0]["method"] == "semi_implicit_euler"
+    assert data["rows"][data["recommended"]]["error"] <= 1e-5
+    assert data["reference"]["source"] == study.reference["source"]
+
+
+def test_the_figure_is_svg_with_a_point_a_row(study: pg.Study):
+    figure = ElementTree.fromstring(study.figure())
+    titles = [e.text or "" for e in figure.iter("{http://www.w3.org/2000/svg}title")]
+    for row in study.rows:
+        assert any(t.startswith(f"{row.method}, {row.setting}\n") for t in titles)
+
+
+@pytest.mark.parametrize("suffix", pg.Study.SUFFIXES)
+def test_a_report_is_written(study: pg.Study, suffix: str, tmp_path):
+    path = tmp_path / f"report{suffix}"
+    study.save(path)
+    text = path.read_text(encoding="utf-8")
+    assert "dop853" in text
+    assert ("http" in text.replace("http://www.w3.org/2000/svg", "")) is False
+
+
+# -- peers ---------------------------------------------------------------------------------------
+
+
+def test_a_peer_that_is_not_installed_is_said(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("pgraph_core.report.beside.installed", lambda name: False)
+    found = pg.work_precision(
+        built_in("pendulum"), t_end=0.1, methods="rk4", steps=0.01, rounds=1, peers="mujoco"
+    )
+    assert found.notes == ("MuJoCo is not installed (pip install mujoco)",)
+
+
+def test_no_peer_is_looked_for_unless_asked(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(work, "peer_sides", None, raising=False)
+    found = pg.work_precision(built_in("pendulum"), t_end=0.1, methods="rk4", steps=0.01, rounds=1)
+    assert not any(row.peer for row in found.rows)
