@@ -12,6 +12,7 @@ from .errors import InputError as InputError
 from .errors import ModelError as ModelError
 from .errors import PgraphError as PgraphError
 from .errors import Problem as Problem
+from .plan import Plan as Plan
 from .schema import Body as Body
 from .schema import Constraint as Constraint
 from .schema import Contact as Contact

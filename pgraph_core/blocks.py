@@ -7,7 +7,6 @@ from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from .errors import ModelError, Problem
 from .kernels import layout as at
@@ -287,6 +286,8 @@ def curve(q_of_t: Table | Sine | Polynomial | None) -> tuple[tuple[float, ...], 
             last = (t[-1], value[-1], 0.0, 0.0, 0.0)
             if len(t) == 1:
                 return (last,)
+            from scipy.interpolate import CubicSpline
+
             pieces = CubicSpline(t, value, bc_type="clamped").c[::-1].T
             return (*((x, *map(float, piece)) for x, piece in zip(t, pieces)), last)
     return ()

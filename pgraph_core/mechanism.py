@@ -22,6 +22,7 @@ from .kernels._jit import ready
 from .kernels.handle import address_of
 from .loads import TYPES as LOADS
 from .loads import loads
+from .plan import Plan
 from .scene import Scene
 from .schema import Contact, Force, Model
 from .schema.force import BETWEEN
@@ -115,6 +116,10 @@ class Mechanism:
         new._nq, new._nv = self._nq, self._nv
         new._zero, new._work = self._zero, self._work
         return new
+
+    def plan(self, *, scenario: str | None = None, method: str = "auto") -> Plan:
+        """What runs of this scene need, what is left out of them, and what that saves."""
+        return Plan.of(self.model, scenario=scenario, method=method)
 
     # -- the digraph ---------------------------------------------------------------------------
 

@@ -327,7 +327,6 @@ class Recording:
             timing=timing,
             error_estimate=estimate,
             header=header,
-            left_out=left_out(self.mech, self.plan),
             notices=(*self.notices, *self.contact_notices()),
         )
 
@@ -393,23 +392,3 @@ def _coarser(plan: Plan) -> tuple[Plan, float] | None:
     width = np.diff(times) / count
     ratio = float(np.max(width) / np.max(plan.width))
     return plan._replace(times=times, substeps=count, width=width), ratio**power
-
-
-def left_out(mech: Mechanism, plan: Plan) -> tuple[str, ...]:
-    """What this scene does not need and therefore does not run."""
-    found: list[str] = []
-    kinds = set(mech.system.rows[1:, at.KIND].tolist())
-    merged = mech.nb - len(np.unique(mech.system.bodies_i[1:, at.ROW]))
-    if not len(plan.ever):
-        found.append("no active constraint: no Delassus matrix, no projection")
-    if not len(plan.drives[0]):
-        found.append("no spring, damper, motor or servo: no drive forces")
-    if not len(plan.loads[0]):
-        found.append("no wrench or spring between bodies: no loads")
-    if not kinds & {at.BALL, at.FREE}:
-        found.append("no ball or free joint: no quaternions to keep")
-    if merged:
-        found.append(f"{merged} welded bodies merged into their parents: fewer rows to sweep")
-    if not plan.contacts and not plan.sites:
-        found.append("no contact, no limit: no gap functions, no impulses")
-    return tuple(found)

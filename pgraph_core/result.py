@@ -17,6 +17,7 @@ import numpy as np
 from .bodies import BodyMotion, bodies_over, turned
 from .contact_record import ContactRecord, Event
 from .errors import FileError, Problem
+from .plan import Plan
 from .schema import Force, Model
 from .schema.files import write_atomic
 from .system import Array
@@ -66,8 +67,19 @@ class Result:
     timing: Mapping[str, float]  # seconds a phase
     error_estimate: float  # largest |change of q| at the end against twice the step [rad, m]
     header: Mapping[str, Any]  # version, model hash, method, step, ...
-    left_out: tuple[str, ...]  # what this scene did not need and therefore did not run
     notices: tuple[str, ...] = field(default=())  # what a person should know
+
+    @cached_property
+    def plan(self) -> Plan:
+        """What this scene needed, what it did not, and what that saved."""
+        model, acting = self.mechanism.model, tuple(self.constraint_force)
+        given = {"scenario": self.header.get("scenario"), "method": self.header["method"]}
+        return Plan.of(model, acting=acting, **given)
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What this scene did not need and therefore did not run, a sentence each."""
+        return self.plan.left_out
 
     @property
     def contact_force(self) -> Mapping[str, Array]:
@@ -175,7 +187,8 @@ class Result:
             raise FileError(Problem(str(path), "", text)) from None
         model = Model.from_json(json.dumps(header.pop("model")), source=str(path))
         status = Status[header.pop("status")]
-        header["left_out"], header["notices"] = map(tuple, (header["left_out"], header["notices"]))
+        header["notices"] = tuple(header["notices"])
+        header.pop("left_out", None)  # of runs saved before it followed from the model
         return cls(
             Mechanism(model), status, constraint_force=forces, contacts=contacts, **header, **arrays
         )
@@ -211,7 +224,7 @@ ARRAYS = (
     "dissipation",
     "constraint_drift",
 )
-SCALARS = ("message", "counters", "timing", "error_estimate", "header", "left_out", "notices")
+SCALARS = ("message", "counters", "timing", "error_estimate", "header", "notices")
 
 
 INTERNAL = ("gear", "motion", "velocity")  # act in joints, as motors do

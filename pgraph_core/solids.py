@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from .kernels import layout as at
 from .kernels.manifold import MOST
@@ -87,6 +86,8 @@ def points(places: Any) -> Solid:
 
 def hull(places: Any) -> Solid:
     """The convex hull of points that span a volume; facets in one plane are one face."""
+    from scipy.spatial import ConvexHull
+
     places = np.asarray(places, float)
     found = ConvexHull(places)
     normals = found.equations[:, :3]

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
 from .operators import Operators
 from .operators.constraint_rows import Rows, radius_of_gyration, rows_of
@@ -107,10 +106,14 @@ class Tied:
     @cached_property
     def scaled(self) -> Array:
         """(m, nv) J L⁻ᵀ: rows whose lengths and angles are those of the mass metric."""
+        from scipy.linalg import solve_triangular
+
         return solve_triangular(self.root, self.J.T, lower=True).T
 
     def step(self, y: Any) -> Array:
         """(nv,) L⁻ᵀ y: back from the mass metric."""
+        from scipy.linalg import solve_triangular
+
         return solve_triangular(self.root.T, y, lower=False)
 
     @cached_property

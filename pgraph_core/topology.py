@@ -12,7 +12,6 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from .errors import InputError, Problem, choices
 from .schema import Model
@@ -93,6 +92,8 @@ class Topology:
 
     def adjacency(self) -> Any:
         """S, eq. (1): (nb, nb) sparse, 1 where the row's body is a child of the column's."""
+        from scipy import sparse
+
         child = np.flatnonzero(self.parent)
         ones = np.ones(len(child))
         return sparse.csr_array((ones, (child, self.parent[child] - 1)), shape=(self.nb, self.nb))

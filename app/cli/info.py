@@ -50,6 +50,7 @@ def facts(model: pg.Model) -> dict[str, Any]:
         "mobility": _mobility(model, topology),
         "forces": [force.name for force in model.forces],
         "scenarios": [scenario.name for scenario in model.scenarios],
+        "plan": pg.Plan.of(model).to_dict(),
     }
 
 
@@ -79,6 +80,8 @@ def _text(model: pg.Model, data: dict[str, Any]) -> str:
         f"constraints        {', '.join(data['constraints']) or 'none'}",
         f"scenarios          {', '.join(data['scenarios']) or 'none'}",
         *(("", data["mobility"]["text"]) if data["mobility"] else ()),
+        "",
+        *pg.Plan.of(model).lines(),
         "",
         aligned(rows, header=("#", "body", "parent", "joint", "DoF", "mass [kg]")),
     )

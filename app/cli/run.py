@@ -52,7 +52,9 @@ def answer(args: Namespace) -> Answer:
     data["timing"] = {"compile": compiling} | data["timing"]
     if args.output:
         data["output"] = args.output
-    return Answer(data, "\n".join(_lines(data)), "" if result.status.ok else result.message)
+    return Answer(
+        data, "\n".join(_lines(data, result.plan)), "" if result.status.ok else result.message
+    )
 
 
 def facts(result: pg.Result) -> dict[str, Any]:
@@ -70,13 +72,14 @@ def facts(result: pg.Result) -> dict[str, Any]:
         "constraint_drift": result.constraint_drift.max(axis=0),
         "counters": result.counters,
         "timing": result.timing,
+        "plan": result.plan.to_dict(),
         "left_out": result.left_out,
         "notices": result.notices,
         "header": result.header,
     }
 
 
-def _lines(data: dict[str, Any]) -> list[str]:
+def _lines(data: dict[str, Any], plan: pg.Plan) -> list[str]:
     scenario = f", scenario {data['scenario']}" if data["scenario"] else ""
     position, velocity = data["constraint_drift"]
     counters = (
@@ -92,7 +95,7 @@ def _lines(data: dict[str, Any]) -> list[str]:
         f"constraint drift   {position:.3g} m, {velocity:.3g} m/s",
         f"cost               {', '.join(counters)}",
         f"time               {', '.join(timing)}",
-        *(f"left out           {text}" for text in data["left_out"]),
+        *plan.lines(),
         *(f"note               {text}" for text in data["notices"]),
         *([f"written            {data['output']}"] if "output" in data else []),
     ]

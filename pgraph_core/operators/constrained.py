@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
-from scipy.linalg import solve
 
 from ..rotation import Array
 from ..schema import Constraint
@@ -28,6 +27,8 @@ def constrained_dynamics(
     free = op.forward_dynamics(tau)
     omega = delassus(op, J)
     lam = -np.linalg.pinv(omega, rcond=RANK, hermitian=True) @ (J @ free + drift)
+    from scipy.linalg import solve
+
     vdot = free + solve(op.mass_matrix, J.T @ lam, assume_a="pos")
     forces, start = {}, 0
     for c, rows in zip(held, _rows(op, held, t)):
@@ -38,6 +39,8 @@ def constrained_dynamics(
 
 def delassus(op: Operators, J: Array) -> Array:
     """Ω = J M⁻¹ Jᵀ, eq. (29)."""
+    from scipy.linalg import solve
+
     return J @ solve(op.mass_matrix, J.T, assume_a="pos")
 
 

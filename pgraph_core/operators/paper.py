@@ -7,8 +7,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy import sparse
-from scipy.linalg import solve
 
 from ..rotation import Array, skew
 from ..schema import Body, Model
@@ -83,6 +81,8 @@ class Operators:
     @cached_property
     def H(self) -> Any:
         """(6 nb, nv) axes of motion, eqs. (6), (7): a 6 x dof block a body on the diagonal."""
+        from scipy import sparse
+
         return sparse.block_diag([joint.H for joint in self.joints], format="csr")
 
     @cached_property
@@ -111,6 +111,8 @@ class Operators:
     def M(self) -> Any:
         """(6 nb, 6 nb) spatial masses, below eq. (12)."""
         data = [self._spatial_mass(k) for k in range(self.topology.nb)]
+        from scipy import sparse
+
         return sparse.block_diag(data, format="bsr")
 
     @cached_property
@@ -219,6 +221,8 @@ class Operators:
         """(nv,) θ'' = M⁻¹(τ - C - JᵀF), eq. (26), by a dense solve."""
         tau = np.zeros(self.nv) if tau is None else tau
         rest = self.inverse_dynamics(np.zeros(self.nv), external)
+        from scipy.linalg import solve
+
         return solve(self.mass_matrix, tau - rest, assume_a="pos")
 
     # -- energy ------------------------------------------------------------------------------

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy import sparse
 
 from ..rotation import Array, skew
 from ..topology import Ints, find
@@ -28,6 +27,8 @@ def blocks(
     start = np.searchsorted(at[order], np.arange(shape[0] + 1))
     data = np.reshape(data, (-1, 6, 6))[order]
     size = (6 * shape[0], 6 * shape[1])
+    from scipy import sparse
+
     matrix = sparse.bsr_array((data, column[order], start), shape=size, blocksize=(6, 6)).tocsr()
     matrix.eliminate_zeros()
     return matrix
