@@ -108,8 +108,8 @@ METHODS = {
 }
 
 
-def method_of(name: str, *, impulses: bool = False) -> Method:
-    """The method called `name`; `impulses` says that the scene has some.
+def method_of(name: str, *, impulses: bool = False, touching: bool = True) -> Method:
+    """The method called `name`; `impulses` says that the scene has some, `touching` contacts.
 
     Raises InputError with the choices.
     """
@@ -119,5 +119,9 @@ def method_of(name: str, *, impulses: bool = False) -> Method:
     if impulses and METHODS[name].step is None:
         text = f"{name} cannot take impulses: the scene has rigid contacts or joint limits; use "
         text += "'moreau_jean', 'auto', or 'rk4' from event to event"
+        raise InputError(Problem("simulate", "method", text))
+    if name == "moreau_jean" and not touching:
+        text = "moreau_jean is for impulses, and no contact and no limit acts here; use 'auto', or "
+        text += "'semi_implicit_euler', which makes the same steps without them"
         raise InputError(Problem("simulate", "method", text))
     return METHODS[name]

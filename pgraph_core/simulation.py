@@ -103,7 +103,11 @@ def simulate(
     asked = (
         None
         if name == "auto" and not impulses
-        else method_of("moreau_jean" if name == "auto" else name, impulses=impulses)
+        else method_of(
+            "moreau_jean" if name == "auto" else name,
+            impulses=impulses,
+            touching=contacts is not None,
+        )
     )
     usual = given.step if given else 1e-3
     rate, looking = 0.0, time.perf_counter()

@@ -158,7 +158,7 @@ class ChosenSteps:
         control[at.WIDEST], control[at.SPAN] = given.widest, float(np.ptp(self.times))
         control[at.TIME] = self.times[0]
         control[at.LENGTH], control[at.LAST_ERROR] = length_of(mech), 1e-4
-        control[at.JACOBIAN_RATE], control[at.JACOBIAN_AT] = 2.0, -1.0
+        control[at.JACOBIAN_RATE], control[at.JACOBIAN_AT] = np.inf, np.nan
         control[at.WIDTH] = given.widest if given.fixed else 0.0
         return control
 

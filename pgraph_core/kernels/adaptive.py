@@ -16,7 +16,7 @@ from .handle import caller
 from .motion import F1, F2, I1, OUT, call_acceleration, call_projection, call_record, opened
 from .moving import normalise_all, rate
 from .run import STEP_ROUNDS, call_settle, fastest_row
-from .vec import finite
+from .vec import add_scaled, cross, dot, finite, store3
 
 f8, i8, u1 = types.float64, types.int64, types.boolean
 C2 = types.complex128[:, ::1]
@@ -37,6 +37,7 @@ call_attempt = caller(ATTEMPT)
 call_look_back = caller(LOOK_BACK)
 
 EPS = 2.220446049250313e-16
+KEPT = 1.2  # a change of width below it is not worth factoring a matrix anew
 NOT_SOLVED = -1.0  # what an attempt gives where its equations were not solved
 
 
@@ -193,6 +194,31 @@ def larger(x, y):
 # -- explicit Runge-Kutta ------------------------------------------------------------------------
 
 
+@sweep
+def turn_spins(rows, size, stages, by, row, back):
+    """ω of balls and free bodies in `row`, or its rate, into the body's axes, or `back`.
+
+    The body is turned as in row `by`. Stages are added up in its axes: there an error of the
+    attitude is no error of ω, which a rotation that is not stable would make grow.
+    """
+    nq, nv = size
+    if nq == nv:
+        return
+    sign = 2.0 if back else -2.0
+    for k in range(1, rows.shape[0]):
+        kind = rows[k, at.KIND]
+        if kind >= at.BALL:
+            i = rows[k, at.QI] + (3 if kind == at.FREE else 0)
+            j = nq + rows[k, at.VI]
+            w = stages[by, i]
+            u = (stages[by, i + 1], stages[by, i + 2], stages[by, i + 3])
+            share = 1.0 / (w * w + dot(u, u))
+            x = (stages[row, j], stages[row, j + 1], stages[row, j + 2])
+            across = cross(u, x)
+            x = add_scaled(x, sign * w * share, across)
+            store3(stages[row], j, add_scaled(x, 2.0 * share, cross(u, across)))
+
+
 @kernel(ATTEMPT, nogil=True)
 def attempt_runge_kutta(scene, accelerate, tableau, size, h, stages, control, matrices, flow):
     """One step of an explicit method from Y into CANDIDATE; its error over the tolerance."""
@@ -202,24 +228,48 @@ def attempt_runge_kutta(scene, accelerate, tableau, size, h, stages, control, ma
     clip = settings[at.CLIP]
     n = stages.shape[1]
     s = b.shape[0]
+    rows = opened(scene)[0]
     copied(stages, at.SLOPE, at.STAGE, n)
+    turn_spins(rows, size, stages, at.Y, at.STAGE, False)
+    base(rows, size, stages, at.Y)
     for r in range(1, s):
-        combine(stages, at.Y, a[r], r, h, at.TRIAL)
         x = min(t + c[r] * h, clip)
-        slope(scene, accelerate, x, size, stages, at.TRIAL, at.STAGE + r, flow, counters)
-    combine(stages, at.Y, b, s, h, at.CANDIDATE)
+        stage(scene, accelerate, rows, x, size, h, a[r], r, stages, flow, counters)
+    combine(stages, at.ERROR, b, s, h, at.CANDIDATE)
+    turn_spins(rows, size, stages, at.CANDIDATE, at.CANDIDATE, True)
     if not finite(stages[at.CANDIDATE]):
         return math.inf
     if error.shape[1] > s:
-        x = min(t + h, clip)
-        slope(scene, accelerate, x, size, stages, at.CANDIDATE, at.STAGE + s, flow, counters)
-    rows = opened(scene)[0]
+        last_stage(scene, accelerate, rows, min(t + h, clip), size, s, stages, flow, counters)
     weigh(rows, size, stages, settings)
     found = estimate(rows, size, error[0], h, stages)
     if error.shape[0] > 1 and found > 0.0:  # [Hairer, Norsett, Wanner 1993, II.10]
         other = 0.1 * estimate(rows, size, error[1], h, stages)
         found = found * found / math.sqrt(found * found + other * other)
     return found
+
+
+@sweep
+def base(rows, size, stages, row):
+    """The state in `row` into ERROR, spins in the bodies' axes."""
+    copied(stages, row, at.ERROR, stages.shape[1])
+    turn_spins(rows, size, stages, row, at.ERROR, False)
+
+
+@sweep
+def stage(scene, accelerate, rows, t, size, h, weights, r, stages, flow, counters):
+    """Stage r from `base` and those before."""
+    combine(stages, at.ERROR, weights, r, h, at.TRIAL)
+    turn_spins(rows, size, stages, at.TRIAL, at.TRIAL, True)
+    slope(scene, accelerate, t, size, stages, at.TRIAL, at.STAGE + r, flow, counters)
+    turn_spins(rows, size, stages, at.TRIAL, at.STAGE + r, False)
+
+
+@sweep
+def last_stage(scene, accelerate, rows, t, size, s, stages, flow, counters):
+    """The stage at CANDIDATE, which is the first one of the next step."""
+    slope(scene, accelerate, t, size, stages, at.CANDIDATE, at.STAGE + s, flow, counters)
+    turn_spins(rows, size, stages, at.CANDIDATE, at.STAGE + s, False)
 
 
 @sweep
@@ -238,10 +288,11 @@ def fill(scene, accelerate, tableau, size, stages, control, flow):
     a, b, c, _, _ = tableau
     settings, flags, counters = control
     h = settings[at.W_OLD]
+    rows = opened(scene)[0]
+    base(rows, size, stages, at.Y_OLD)
     for r in range(b.shape[0] + 1, a.shape[0]):
-        combine(stages, at.Y_OLD, a[r], r, h, at.TRIAL)
         x = min(settings[at.T_OLD] + c[r] * h, settings[at.CLIP])
-        slope(scene, accelerate, x, size, stages, at.TRIAL, at.STAGE + r, flow, counters)
+        stage(scene, accelerate, rows, x, size, h, a[r], r, stages, flow, counters)
     flags[at.FILLED] = 1
 
 
@@ -262,9 +313,12 @@ def within(scene, accelerate, tableau, size, stages, control, flow, share):
         if x != 0.0:
             for i in range(n):
                 stages[at.TRIAL, i] += x * stages[at.STAGE + r, i]
+    rows = opened(scene)[0]
+    base(rows, size, stages, at.Y_OLD)
     for i in range(n):
-        stages[at.TRIAL, i] = stages[at.Y_OLD, i] + settings[at.W_OLD] * stages[at.TRIAL, i]
-    normalise_all(opened(scene)[0], stages[at.TRIAL, : size[0]])
+        stages[at.TRIAL, i] = stages[at.ERROR, i] + settings[at.W_OLD] * stages[at.TRIAL, i]
+    turn_spins(rows, size, stages, at.TRIAL, at.TRIAL, True)
+    normalise_all(rows, stages[at.TRIAL, : size[0]])
 
 
 # -- the run -------------------------------------------------------------------------------------
@@ -366,9 +420,10 @@ def accept(scene, links, tableau, size, h, end, corner, stabilised, stages, cont
     n = stages.shape[1]
     s = tableau[1].shape[0]
     explicit = tableau[4].shape[0] > 0
+    rows = opened(scene)[0]
     if explicit and tableau[3].shape[1] == s:
         x = min(settings[at.TIME] + h, settings[at.CLIP])
-        slope(scene, accelerate, x, size, stages, at.CANDIDATE, at.STAGE + s, flow, counters)
+        last_stage(scene, accelerate, rows, x, size, s, stages, flow, counters)
     copied(stages, at.Y, at.Y_OLD, n)
     copied(stages, at.CANDIDATE, at.Y, n)
     settings[at.T_OLD] = settings[at.TIME]
@@ -377,7 +432,6 @@ def accept(scene, links, tableau, size, h, end, corner, stabilised, stages, cont
     flags[at.FILLED] = 0
     flags[at.REJECTED] = 0
     counters[at.N_STEP] += 1
-    rows = opened(scene)[0]
     q = stages[at.Y, :nq]
     v = stages[at.Y, nq : nq + nv]
     normalise_all(rows, q)
@@ -388,6 +442,7 @@ def accept(scene, links, tableau, size, h, end, corner, stabilised, stages, cont
     flags[at.FRESH] = 1 if explicit and not moved and not corner else 0
     if flags[at.FRESH] == 1:
         copied(stages, at.STAGE + s, at.SLOPE, n)
+        turn_spins(rows, size, stages, at.Y, at.SLOPE, True)
         rate(rows, q, v, stages[at.SLOPE, :nq])
     if not moved:
         return at.DONE
@@ -425,6 +480,8 @@ def step_once(
     if ends:
         end = corners[flags[at.KNOT]] if corner else stop
     widen(settings, flags, controller, min(error, 1.0), h)
+    if tableau[4].shape[0] == 0 and h < settings[at.WIDTH] < KEPT * h:
+        settings[at.WIDTH] = h
     code = accept(scene, links, tableau, size, h, end, corner, stabilised, stages, control, flow)
     if code == at.DONE and events[0] != 0:
         call_look_back(events[0], (scene, accelerate, tableau, size, stages, control, flow, events))

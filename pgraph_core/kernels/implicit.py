@@ -14,7 +14,7 @@ import math
 from . import layout as at
 from ._jit import kernel, part, sweep
 from .adaptive import ATTEMPT, EPS, NOT_SOLVED, larger, weigh
-from .linear import factor, substitute
+from .linear import factor, row_times, substitute
 from .motion import call_acceleration, opened
 from .moving import advance, local_rate
 from .vec import finite
@@ -29,6 +29,7 @@ LEAST = 6  # columns
 TURN = 1e-6  # step of differences over their scale
 KEEP = 1e-3  # Newton's rate below which the next step takes the same Jacobian
 ITERATIONS = 12
+SHARE = 0.1  # of nv: steps that ROS2 takes with one Jacobian
 ROUNDING = 1e-13  # a correction below it, over its scale, is rounding
 GAMMA = 1.0 - math.sqrt(0.5)  # of ROS2: L-stable
 
@@ -151,10 +152,7 @@ def solve(rows, shift, real, nv, factors, pivots, right, x):
     """(λ - J)⁻¹ right into the place of `right` (2 nv); x is scratch."""
     speeds = real[3 * nv + SPEEDS]
     for i in range(nv):
-        y = right[nv + i] + shift * right[i]
-        for j in range(nv):
-            y -= real[nv + i, j] * right[j]
-        x[i] = y
+        x[i] = right[nv + i] + shift * right[i] - row_times(real, nv + i, 0, nv, right)
     half_turn(rows, speeds, 1.0, right, x)
     substitute(factors, nv, pivots, x)
     for i in range(nv):
@@ -374,15 +372,20 @@ def attempt_ros2(scene, accelerate, tableau, size, h, stages, control, matrices,
     """One step of ROS2 from Y into CANDIDATE; its error over the tolerance, of order 1.
 
     (1 - γ h J) k₁ = f(z₀), (1 - γ h J) k₂ = f(z₀ + h k₁) - 2 k₁, z₁ = z₀ + 3/2 h k₁ + 1/2 h k₂.
+    Its order holds for any J: an old one serves several steps of their own choice where J costs
+    more than they do.
     """
-    settings, _, counters = control
+    settings, flags, counters = control
     real = matrices[0]
     nq, nv = size
     base = 3 * nv
     rows = opened(scene)[0]
     prepare(scene, size, stages, settings, real)
-    if settings[at.JACOBIAN_AT] != settings[at.TIME]:
+    settings[at.JACOBIAN_RATE] += 1.0  # steps with it, here
+    old = settings[at.JACOBIAN_RATE] > SHARE * nv or flags[at.REJECTED] == 1
+    if settings[at.JACOBIAN_AT] != settings[at.TIME] and (old or flags[at.FIXED] == 1):
         jacobian(scene, accelerate, size, stages, control, real, flow)
+        settings[at.JACOBIAN_RATE] = 0.0
     shift = 1.0 / (GAMMA * h)
     factors, pivots = real[2 * nv : base], real[base + PIVOTS]
     if settings[at.FACTORED] != h:

@@ -181,7 +181,9 @@ RTOL, ATOL = 6, 7  # relative to the scales below; absolute, for every coordinat
 WIDEST, SPAN = 8, 9  # largest step, length of the run [s]
 LENGTH = 10  # of the mechanism, or as far as it slid [m]
 SPIN, SPEED = 11, 12  # fastest so far [rad/s, m/s]
-JACOBIAN_RATE = 13  # how fast Newton's method converged last; 2 where there is no Jacobian yet
+JACOBIAN_RATE = (
+    13  # of Newton's method, the last one; of ROS2, steps with this Jacobian; large: none
+)
 FACTORED = 14  # width for which the matrices are factored
 JACOBIAN_AT = 15  # time of the Jacobian
 CONTROL = 16

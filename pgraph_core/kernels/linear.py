@@ -1,6 +1,6 @@
 """Small dense linear systems, real or complex: factors in place, partial pivoting."""
 
-from ._jit import sweep
+from ._jit import part, sweep
 
 
 @sweep
@@ -45,6 +45,23 @@ def factor(a, n, pivots):
     return True
 
 
+@part
+def row_times(a, k, first, last, x):
+    """Σ a[k, c] x[c] from `first` to `last`, in four sums that need not wait for each other."""
+    y0 = y1 = y2 = y3 = 0.0 * x[0]
+    c = first
+    while c + 4 <= last:
+        y0 += a[k, c] * x[c]
+        y1 += a[k, c + 1] * x[c + 1]
+        y2 += a[k, c + 2] * x[c + 2]
+        y3 += a[k, c + 3] * x[c + 3]
+        c += 4
+    while c < last:
+        y0 += a[k, c] * x[c]
+        c += 1
+    return (y0 + y1) + (y2 + y3)
+
+
 @sweep
 def substitute(a, n, pivots, x):
     """a⁻¹ x in the place of x, after `factor`."""
@@ -53,11 +70,6 @@ def substitute(a, n, pivots, x):
         y = x[row]
         x[row] = x[k]
         x[k] = y
-        for r in range(k):
-            y -= a[k, r] * x[r]
-        x[k] = y
+        x[k] = y - row_times(a, k, 0, k, x)
     for k in range(n - 1, -1, -1):
-        y = x[k]
-        for c in range(k + 1, n):
-            y -= a[k, c] * x[c]
-        x[k] = y / a[k, k]
+        x[k] = (x[k] - row_times(a, k, k + 1, n, x)) / a[k, k]

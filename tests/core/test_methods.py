@@ -66,12 +66,12 @@ def test_heavy_top_to_eight_digits():
 
 
 def test_a_body_that_turns_over_to_eight_digits_after_four_flips():
-    """Each flip multiplies errors by 1e2 to 1e4: the tolerance is near rounding."""
+    """Each flip multiplies errors of ω by 1e2 to 1e4; errors of the attitude do not become some."""
     t, reference = case("free_rigid_body_dzhanibekov")
     body = pg.Body(name="a", joint="free", inertia=np.diag([1.0, 2.0, 3.0]))
     mech = pg.Mechanism(pg.Model(bodies=(body,), gravity=(0, 0, 0)))
     q, v = np.array([0.0, 0, 0, 1, 0, 0, 0]), np.array([0.01, 5.0, 0.01, 0, 0, 0])
-    done = run(mech, t, q, v, rtol=2e-15)
+    done = run(mech, t, q, v, rtol=1e-10)
     turned = np.array([mech.pose(x, "a")[1] for x in done.q])
     assert worst(turned.reshape(-1, 9), np.reshape(reference["R"], (-1, 9))) < 1e-8
 
@@ -145,25 +145,6 @@ def test_slider_crank_with_its_loop():
     assert worst(done.q[:, 0], reference["theta"]) < 1e-9
     assert done.constraint_drift.max() < 1e-9  # between steps too: frames are projected
     assert done.energy_drift < 1e-10
-
-
-def test_the_order_holds_with_constraints():
-    mech, q, tau = slider_crank(), crank_start(), np.array([4.0, 0, 0])
-    end = {"t_end": 0.4, "frames": 2, "tau": tau}
-    fine = pg.simulate(mech, q, method="dop853", rtol=1e-14, **end).q[-1]
-    for method, order, counts in (
-        ("rk4", 4, (100, 200, 400)),
-        ("dopri5", 5, (60, 90, 130)),
-        ("dop853", 8, (10, 13, 17)),
-        ("radau5", 5, (20, 30, 45)),
-        ("ros2", 2, (200, 400)),
-    ):
-        errors = [
-            worst(pg.simulate(mech, q, method=method, step=0.4 / n, **end).q[-1], fine)
-            for n in counts
-        ]
-        slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
-        assert slope == pytest.approx(order, abs=0.3), (method, errors)
 
 
 # -- against SciPy -----------------------------------------------------------------------------
@@ -268,7 +249,7 @@ def test_auto_takes_radau_where_springs_are_stiff():
     assert pg.simulate(mech, q, t_end=0.5).header["method"] == "radau5"
 
 
-@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler", "dop853"])
+@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler", "dopri5", "dop853"])
 def test_steps_too_wide_for_an_explicit_method_are_said(method):
     """The limit is that of the method: 5 % below it the run lives, 20 % above it does not."""
     mech, q = stiff_pendulum(1e6)

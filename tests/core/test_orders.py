@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+import static_models
 
 from .trees import random_case
 
@@ -78,6 +79,69 @@ def test_observed_order_is_the_claimed_order(make, method):
     errors = [error(model, method, int(n), t_end, fine.q[-1]) for n in steps]
     slope = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
     assert slope == pytest.approx(ORDER[method], abs=0.3), errors
+
+
+WITH_ROWS = {  # steps of the loop in 0.4 s, and of the disc in 0.5 s
+    "semi_implicit_euler": ((100, 200, 400), (100, 200, 400)),
+    "rk4": ((100, 200, 400), (25, 50, 100)),
+    "dopri5": ((60, 90, 130), (20, 30, 45)),
+    "dop853": ((10, 13, 17), (8, 10, 13)),
+    "radau5": ((20, 30, 45), (8, 12, 18)),
+    "ros2": ((200, 400, 800), (50, 100, 200)),
+}
+
+
+@pytest.mark.parametrize("method", WITH_ROWS)
+@pytest.mark.parametrize("name", ["slider_crank", "rolling_disc"])
+def test_the_order_holds_with_constraints(name, method):
+    """A loop that a motor drives, three rows of it redundant; a disc whose speeds are tied."""
+    mech = pg.Mechanism(pg.Model.load(static_models.path(name)))
+    loop = name == "slider_crank"
+    counts, t_end = WITH_ROWS[method][0 if loop else 1], 0.4 if loop else 0.5
+    options = {"t_end": t_end, "frames": 2, "scenario": "turn" if loop else "roll"}
+    fine = pg.simulate(mech, method="dop853", rtol=1e-14, **options).q[-1]
+    runs = [pg.simulate(mech, method=method, step=t_end / n, **options) for n in counts]
+    errors = [abs(run.q[-1] - fine).max() for run in runs]
+    slope = -np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert slope == pytest.approx(ORDER[method], abs=0.3), errors
+    assert max(run.constraint_drift.max() for run in runs) < 1e-9
+
+
+def test_moreau_jeans_order_is_one():
+    """On a body that tumbles above a ground that it does not reach."""
+    ball = {"kind": "sphere", "radius": 0.1}
+    body = (
+        tumbling_body()
+        .bodies[0]
+        .model_copy(update={"link": (0, 0, 9.0), "shape": pg.Shape(**ball)})
+    )
+    mech = pg.Mechanism(pg.Model(bodies=(body,), contacts=(pg.Contact(name="c", body=body.name),)))
+    options = {"t_end": 0.25, "frames": 2}
+    fine = pg.simulate(
+        pg.Mechanism(pg.Model(bodies=(body,))), method="dop853", rtol=1e-13, **options
+    )
+    steps = np.array([100, 200, 400, 800])
+    errors = [
+        abs(pg.simulate(mech, method="moreau_jean", step=0.25 / n, **options).q - fine.q).max()
+        for n in steps
+    ]
+    slope = -np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    assert slope == pytest.approx(1.0, abs=0.3), errors
+
+
+@pytest.mark.parametrize("method", ORDER)
+def test_frames_between_steps_are_as_good_as_the_steps(method):
+    """At odd times of a top, no error is notably larger than those at the ends of equal steps."""
+    mech, (t_end, steps) = pg.Mechanism(heavy_top()), RANGE[method]
+    step = t_end / steps[1]
+    odd = t_end * np.sort(np.random.default_rng(1).uniform(0, 1, 41))
+    even = np.linspace(0.0, t_end, steps[1] + 1)
+    worst = []
+    for times in (even, odd):
+        fine = pg.simulate(mech, t_end=t_end, t_eval=times, method="dop853", rtol=1e-14).q
+        run = pg.simulate(mech, t_end=t_end, t_eval=times, method=method, step=step)
+        worst.append(abs(run.q - fine).max())
+    assert worst[1] < 2.0 * worst[0]
 
 
 @pytest.mark.parametrize("make", [tumbling_body, heavy_top, mixed_tree])

@@ -1,0 +1,148 @@
+"""What `auto` chooses and says, bad input of runs, and how runs that fail end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+import static_models
+
+from .test_cases import DOWN, mass
+from .test_methods import chain, double_pendulum, stiff_pendulum
+
+# -- auto ------------------------------------------------------------------------------------------
+
+
+def free_body():
+    return pg.Mechanism(pg.Model.load(static_models.path("tennis_racket")))
+
+
+def ball_on_the_ground():
+    ball = pg.Body(
+        name="b", joint="free", link=(0, 0, 0.3), shape={"kind": "sphere", "radius": 0.1}
+    )
+    return pg.Mechanism(pg.Model(bodies=(ball,), contacts=(pg.Contact(name="c", body="b"),)))
+
+
+def loop():
+    return pg.Mechanism(pg.Model.load(static_models.path("bricard")))
+
+
+SMOOTH = "dop853: smooth motion, to a tight tolerance, at steps of its own choice"
+STEPPED = "rk4: the most accurate of the methods for smooth motion at a fixed step"
+
+
+@pytest.mark.parametrize(
+    ("make", "options", "why"),
+    [
+        (free_body, {}, SMOOTH),
+        (free_body, {"step": 1e-2}, STEPPED),
+        (free_body, {"rtol": 1e-4}, "dopri5: smooth motion, to a loose tolerance"),
+        (loop, {}, SMOOTH),
+        (loop, {"step": 1e-3}, STEPPED),
+        (lambda: chain(1000), {"t_end": 0.01}, SMOOTH),
+        (ball_on_the_ground, {}, "moreau_jean: the scene has rigid contacts or joint limits"),
+        (lambda: stiff_pendulum(1e12)[0], {},
+         "radau5: springs or dampers make rates of 1e+06/s, the rest 3.57/s"),
+        (lambda: stiff_pendulum(1e12)[0], {"step": 1e-2},
+         "radau5: the fastest rate, 1e+06/s, times the step is too much for rk4"),
+        (lambda: stiff_pendulum(1e4)[0], {"step": 1e-3}, STEPPED),
+    ],
+)  # fmt: skip
+def test_auto_chooses_what_suits_and_says_why(make, options, why):
+    """And it does suit: the run reaches its end with an error that can be lived with."""
+    run = pg.simulate(make(), frames=11, **({"t_end": 0.2} | options))
+    assert run.status.ok, run.message
+    assert run.header["why"].split("/s, the rest")[0] == why.split("/s, the rest")[0]
+    assert run.header["method"] == why.split(":")[0]
+    assert run.error_estimate < (1e-2 if run.header["method"] == "moreau_jean" else 1e-3)
+
+
+# -- bad input -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"method": "rk5"}, "method: no method is called 'rk5'; choose one of auto, "
+         "semi_implicit_euler, rk4, dopri5, dop853, ros2, radau5, moreau_jean"),
+        ({"method": "moreau_jean"}, "method: moreau_jean is for impulses, and no contact and no "
+         "limit acts here; use 'auto', or 'semi_implicit_euler', which makes the same steps "
+         "without them"),
+        ({"step": 0.0}, "step: must be a finite number > 0 [s]; given 0.0"),
+        ({"step": -1e-3, "method": "rk4"}, "step: must be a finite number > 0 [s]; given -0.001"),
+        ({"step": float("nan")}, "step: must be a finite number > 0 [s]; given nan"),
+        ({"rtol": 0.0}, "rtol: must be a finite number > 0; given 0.0"),
+        ({"rtol": 1e-17}, "rtol: must lie within 1e-15, rounding, and 0.1; given 1e-17"),
+        ({"rtol": 1e-6, "method": "rk4"}, "rtol: rk4 takes a step, not a tolerance; for one "
+         "choose dopri5, dop853, ros2, radau5"),
+        ({"atol": -1.0}, "atol: must be a finite number > 0; given -1.0"),
+        ({"t_end": 0.0}, "t_end: must be a finite number > 0 [s]; given 0.0"),
+        ({"t_start": 2.0}, "t_end: must be a finite number > t_start = 2 [s]; given 1.0"),
+        ({"t_eval": [0.0, 1.5]}, "t_eval: must ascend within 0 to t_end = 1 s"),
+        ({"t_eval": [-0.1, 0.5]}, "t_eval: must ascend within 0 to t_end = 1 s"),
+        ({"t_eval": [0.5, 0.2]}, "t_eval: must ascend within 0 to t_end = 1 s"),
+        ({"t_eval": ["now"]}, "t_eval: must be a list of finite times [s]"),
+        ({"frames": 1}, "frames: must be a whole number >= 2; given 1"),
+        ({"max_steps": 0}, "max_steps: must be a whole number >= 1; given 0"),
+    ],
+)  # fmt: skip
+def test_bad_input_is_one_sentence(options, said):
+    with pytest.raises(pg.InputError) as refused:
+        pg.simulate(double_pendulum(), **({"t_end": 1.0} | options))
+    assert str(refused.value) == f"simulate, {said}"
+
+
+# -- failures --------------------------------------------------------------------------------------
+
+
+def excited(k):
+    mech, q = stiff_pendulum(k)
+    return mech, q + np.array([0.0, 1e-6])
+
+
+@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler", "dopri5", "dop853"])
+def test_an_explicit_method_that_blows_up_keeps_what_it_has(method):
+    """Of a rod of 1e8 N/m at a step fifty times too wide; the cause was said before."""
+    mech, q = excited(1e8)
+    run = pg.simulate(mech, q, t_end=1.0, method=method, step=5e-3)
+    assert run.status is pg.Status.NOT_FINITE
+    assert 0 < run.t[-1] < 0.5
+    assert np.isfinite(run.q).all()
+    assert len(run.q) == len(run.t) == len(run.energy)
+    assert run.message.startswith("the motion stopped being finite at t = ")
+    assert "body 'a' moved fastest; try a step below 0.005 s" in run.message
+    assert any("try radau5" in notice for notice in run.notices)
+
+
+def test_newtons_method_that_fails_is_named():
+    """Steps of 2 s on a double pendulum that takes 1.5 s for a swing."""
+    q = np.array([2.5, 1.0])
+    run = pg.simulate(double_pendulum(), q, t_end=20.0, method="radau5", step=2.0)
+    assert run.status is pg.Status.NOT_SOLVED
+    assert run.message.startswith("the equations of an implicit step could not be solved at t = ")
+    assert "try a step below 2 s" in run.message
+
+
+@pytest.mark.parametrize("method", ["dopri5", "dop853", "radau5", "ros2"])
+def test_a_step_that_falls_below_what_time_resolves_is_named(method):
+    """A torque that grows without bound towards t = 0.3."""
+    mech = pg.Mechanism(pg.Model(bodies=(mass("a"),), **DOWN))
+
+    def torque(t, q, v):
+        return np.array([1.0 / max(0.3 - t, 0.0) ** 2 if t < 0.3 else np.nan])
+
+    run = pg.simulate(mech, t_end=1.0, method=method, rtol=1e-6, tau=torque, max_steps=20_000)
+    assert not run.status.ok
+    assert 0.29 < run.t[-1] <= 0.3 + 1e-12
+    assert np.isfinite(run.q).all()
+    assert "body 'a' moved fastest" in run.message
+    assert "may" in run.message or "try" in run.message
+
+
+def test_too_many_steps_are_named():
+    run = pg.simulate(excited(1e8)[0], excited(1e8)[1], t_end=1.0, method="dop853", max_steps=100)
+    assert run.status is pg.Status.TOO_MANY_STEPS
+    assert run.counters["steps"] + run.counters["rejected_steps"] == 100
+    assert "give a larger max_steps or rtol, or try radau5 if it is stiff" in run.message
