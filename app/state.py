@@ -105,6 +105,7 @@ class Client:
     reply: Reply | None = None
     notice: Notice | None = None
     downloads: int = 0  # how often the model was asked for as a file
+    plots: tuple[tuple[str, str], ...] = ()  # (quantity, of what), in their order
     walk: str = ""  # what it steps through: "pgraph" (Fig. 4), "frames" (Fig. 8) or nothing
     gizmo: str = ""  # what of the selected body it moves in 3D: "link", "com" or nothing
     grip: Grip | None = None  # while it does

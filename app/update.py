@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .events import Event
-from .reducers import editing, graph, living, playing, posing, running, session, table
+from .reducers import editing, graph, living, playing, plotting, posing, running, session, table
 from .state import State
 
 REDUCERS = (
@@ -15,6 +15,7 @@ REDUCERS = (
     playing.update,
     graph.update,
     posing.update,
+    plotting.update,
 )
 
 

@@ -40,6 +40,7 @@ SCRIPTS = (
     "run",
     "show",
     "playback",
+    "plots",
 )
 STYLES = (
     "page",
@@ -53,6 +54,7 @@ STYLES = (
     "run",
     "show",
     "playback",
+    "plots",
 )
 LARGEST_MESSAGE = 16 * 1024 * 1024  # [bytes] from a page; viser's own limit is 50 MB
 LOOPBACK = ("127.0.0.1", "localhost", "::1")

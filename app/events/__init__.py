@@ -56,6 +56,9 @@ from .playing import (
 from .playing import (
     Tick as Tick,
 )
+from .plotting import (
+    Plot as Plot,
+)
 from .posing import (
     Gizmo as Gizmo,
 )

@@ -9,7 +9,10 @@ import viser
 from ..client.bridge import Bridge
 from ..events import Connected, Disconnected, Event
 from .digraph import DigraphView
+from .exports import ExportView
+from .ghost import GhostView
 from .playback import PlaybackView
+from .plots import PlotsView
 from .properties import PropertiesView
 from .run import RunView
 from .scene import SceneView
@@ -33,6 +36,8 @@ class Page:
             table = TableView(bridge)
         with graph.add_tab("Digraph", viser.Icon.SITEMAP):
             digraph = DigraphView(bridge)
+        with graph.add_tab("Plots", viser.Icon.CHART_LINE):
+            plots = PlotsView(bridge)
         toolbar, run, show = ToolbarView(bridge), RunView(bridge), ShowView(bridge)  # viser's panel
         with properties.add_tab("Properties", viser.Icon.ADJUSTMENTS):
             details = PropertiesView(bridge)
@@ -46,8 +51,8 @@ class Page:
         properties.dock_below(gui.main_panel)
         playback.float(x=15, y=-15, width=470)
         self.views = (
-            table, digraph, toolbar, run, show, details, player, SceneView(server, send),
-            SessionView(bridge),
+            table, digraph, toolbar, run, show, details, player, plots, SceneView(server, send),
+            GhostView(server), ExportView(bridge), SessionView(bridge),
         )  # fmt: skip
 
         @server.on_client_connect

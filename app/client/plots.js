@@ -1,0 +1,175 @@
+// Plots: chips to choose from, charts that share their time axis, a cursor that follows playback.
+(() => {
+  const { make, send } = pgraph;
+  const COLORS = ["#2f6fd0", "#d9730d", "#2a9d5c", "#a83fc4", "#c0392b"];
+  const LEFT = 52, RIGHT = 8, TOP = 6, BOTTOM = 18, HEIGHT = 132;
+  let zoom = null, charts = [], cursor = 0;
+
+  function build(host) {
+    host.replaceChildren(
+      make("div", { className: "chips of-body" }), make("div", { className: "chips of-scene" }),
+      make("div", { className: "muted hint" }), make("div", { className: "charts" }));
+    new ResizeObserver(() => paintAll(host)).observe(host.querySelector(".charts"));
+  }
+
+  const shown = (kind, of) => charts.some((c) => c.data.kind === kind && c.data.of === of);
+
+  function choices(host, data) {
+    const chip = ([kind, of, label]) => make("button", {
+      className: "chip-button", textContent: label, "data-kind": kind, "data-of": of, "aria-pressed": shown(kind, of),
+      onclick: (event) => send("Plot", { kind, of, on: event.currentTarget.getAttribute("aria-pressed") !== "true" }),
+    });
+    const heading = (text) => make("span", { className: "muted heading-text", textContent: text });
+    host.querySelector(".of-body").replaceChildren(...(data.body
+      ? [heading(`${data.body}:`), ...data.of_body.map(chip)]
+      : [heading("Select a body to plot its motion and forces.")]));
+    host.querySelector(".of-scene").replaceChildren(...(data.of_scene.length ? [heading("Run:"), ...data.of_scene.map(chip)] : []));
+    host.querySelector(".hint").textContent = data.hint;
+    host.querySelector(".hint").hidden = !data.hint;
+  }
+
+  function draw(host, data) {
+    const kept = new Map(charts.map((c) => [`${c.data.kind}/${c.data.of}`, c]));
+    charts = data.charts.map((d) => {
+      const chart = kept.get(`${d.kind}/${d.of}`) ?? newChart(host, d);
+      chart.data = d;
+      return chart;
+    });
+    host.querySelector(".charts").replaceChildren(...charts.map((c) => c.box));
+    for (const chip of host.querySelectorAll(".chip-button")) {
+      chip.setAttribute("aria-pressed", shown(chip.dataset.kind, chip.dataset.of));
+    }
+    paintAll(host);
+  }
+
+  function newChart(host, data) {
+    const canvas = make("canvas", { className: "chart", role: "img", "aria-label": data.title });
+    const legend = make("span", { className: "legend" });
+    const chart = { data, canvas, legend, hover: null };
+    chart.box = make("figure", { className: "plot" },
+      make("figcaption", {}, make("strong", { textContent: data.title }), make("span", { className: "muted", textContent: ` ${data.unit}` }), legend,
+        make("button", { className: "remove", textContent: "×", title: `Take away ${data.title}`, "aria-label": `take away ${data.title}`,
+          onclick: () => send("Plot", { kind: data.kind, of: data.of, on: false }) })),
+      canvas);
+    let from = null;
+    canvas.addEventListener("pointerdown", (event) => { from = event.offsetX; canvas.setPointerCapture(event.pointerId); });
+    canvas.addEventListener("pointermove", (event) => { chart.hover = event.offsetX; chart.band = from === null ? null : [from, event.offsetX]; paint(chart); });
+    canvas.addEventListener("pointerleave", () => { chart.hover = null; paint(chart); });
+    canvas.addEventListener("pointerup", (event) => {
+      const span = [from, event.offsetX].sort((a, b) => a - b).map((x) => timeAt(chart, x));
+      const dragged = Math.abs(event.offsetX - from) > 5;
+      from = chart.band = null;
+      if (dragged) { zoom = span; paintAll(host); } else send("Scrub", { time: span[0] });
+    });
+    canvas.addEventListener("dblclick", () => { zoom = null; paintAll(host); });
+    return chart;
+  }
+
+  function extent(chart) {
+    const all = [...chart.data.curves, ...chart.data.ghost];
+    let [t0, t1, y0, y1] = [Infinity, -Infinity, Infinity, -Infinity];
+    for (const { t } of all) if (t.length) { t0 = Math.min(t0, t[0]); t1 = Math.max(t1, t[t.length - 1]); }
+    if (zoom) [t0, t1] = zoom;
+    for (const { t, y } of all) for (let i = 0; i < t.length; i++) {
+      if (t[i] >= t0 && t[i] <= t1) { y0 = Math.min(y0, y[i]); y1 = Math.max(y1, y[i]); }
+    }
+    if (!(t1 > t0)) return null;
+    if (!(y1 >= y0)) [y0, y1] = [0, 1];
+    const least = 1e-9 * Math.max(Math.abs(y0), Math.abs(y1)) || 1e-12; // rounding is not blown up
+    if (y1 - y0 < least) { y0 -= least; y1 += least; }
+    const room = 0.06 * (y1 - y0);
+    return { t0, t1, y0: y0 - room, y1: y1 + room };
+  }
+
+  function timeAt(chart, x) {
+    const { t0, t1 } = chart.extent ?? { t0: 0, t1: 1 }, width = chart.canvas.clientWidth - LEFT - RIGHT;
+    return t0 + (t1 - t0) * Math.min(1, Math.max(0, (x - LEFT) / width));
+  }
+
+  // Round steps: 1, 2 or 5 times a power of ten.
+  function ticks(low, high, most) {
+    const raw = (high - low) / most, power = 10 ** Math.floor(Math.log10(raw));
+    const step = [1, 2, 5, 10].map((k) => k * power).find((s) => s >= raw);
+    const found = [];
+    for (let k = Math.ceil(low / step); k * step <= high; k++) found.push(k * step);
+    return { step, at: found };
+  }
+  function label(value, step) {
+    if (Math.abs(value) < 1e-3 * step) return "0";
+    const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+    return Math.abs(value) >= 1e5 || decimals > 4 ? value.toExponential(1) : value.toFixed(decimals);
+  }
+
+  function paintAll(host) { for (const chart of charts) paint(chart); }
+
+  function paint(chart) {
+    const { canvas } = chart, width = canvas.clientWidth, ratio = window.devicePixelRatio || 1;
+    if (!width) return;
+    canvas.width = width * ratio;
+    canvas.height = HEIGHT * ratio;
+    const g = canvas.getContext("2d"), style = getComputedStyle(canvas);
+    const ink = style.getPropertyValue("--ink"), soft = style.getPropertyValue("--soft"), line = style.getPropertyValue("--line");
+    g.scale(ratio, ratio);
+    g.font = "10.5px system-ui, sans-serif";
+    const view = (chart.extent = extent(chart));
+    if (!view) { g.fillStyle = soft; g.fillText("no run yet", LEFT, HEIGHT / 2); legend(chart, []); return; }
+    const x = (t) => LEFT + ((t - view.t0) / (view.t1 - view.t0)) * (width - LEFT - RIGHT);
+    const y = (v) => TOP + ((view.y1 - v) / (view.y1 - view.y0)) * (HEIGHT - TOP - BOTTOM);
+    axes(g, view, x, y, width, { soft, line });
+    g.save();
+    g.beginPath(); g.rect(LEFT, TOP, width - LEFT - RIGHT, HEIGHT - TOP - BOTTOM); g.clip();
+    chart.data.ghost.forEach((c, i) => curve(g, c, x, y, COLORS[i % COLORS.length], true));
+    chart.data.curves.forEach((c, i) => curve(g, c, x, y, COLORS[i % COLORS.length], false));
+    if (chart.band) { g.fillStyle = "rgba(47,111,208,.15)"; g.fillRect(chart.band[0], TOP, chart.band[1] - chart.band[0], HEIGHT); }
+    g.strokeStyle = ink; g.lineWidth = 1;
+    g.beginPath(); g.moveTo(x(cursor), TOP); g.lineTo(x(cursor), HEIGHT); g.stroke();
+    g.restore();
+    const time = chart.hover === null ? cursor : timeAt(chart, chart.hover);
+    legend(chart, chart.data.curves.map((c, i) => [c.label, COLORS[i % COLORS.length], valueAt(c, time)]));
+  }
+
+  function axes(g, view, x, y, width, { soft, line }) {
+    const across = ticks(view.t0, view.t1, Math.max(2, width / 80)), up = ticks(view.y0, view.y1, 4);
+    g.strokeStyle = line; g.fillStyle = soft; g.lineWidth = 1;
+    g.textAlign = "right"; g.textBaseline = "middle";
+    for (const v of up.at) {
+      g.beginPath(); g.moveTo(LEFT, y(v)); g.lineTo(width - RIGHT, y(v)); g.stroke();
+      g.fillText(label(v, up.step), LEFT - 5, y(v));
+    }
+    g.textAlign = "center"; g.textBaseline = "top";
+    for (const t of across.at) g.fillText(label(t, across.step), Math.min(x(t), width - 14), HEIGHT - BOTTOM + 4);
+  }
+
+  function curve(g, { t, y: values }, x, y, color, ghost) {
+    g.strokeStyle = color; g.lineWidth = ghost ? 1 : 1.6; g.globalAlpha = ghost ? 0.55 : 1;
+    g.setLineDash(ghost ? [4, 3] : []);
+    g.beginPath();
+    for (let i = 0; i < t.length; i++) g.lineTo(x(t[i]), y(values[i]));
+    g.stroke();
+    g.setLineDash([]); g.globalAlpha = 1;
+  }
+
+  function valueAt({ t, y }, time) {
+    if (!t.length) return null;
+    let low = 0, high = t.length - 1;
+    while (high - low > 1) { const mid = (low + high) >> 1; if (t[mid] > time) high = mid; else low = mid; }
+    return Math.abs(t[low] - time) < Math.abs(t[high] - time) ? y[low] : y[high];
+  }
+
+  function legend(chart, entries) {
+    chart.legend.replaceChildren(...entries.map(([name, color, value]) => {
+      const said = value === null ? "" : Number(value.toPrecision(4)).toString();
+      return make("span", { className: "entry" }, Object.assign(make("span", { className: "dash" }), { style: `background:${color}` }), `${name} ${said}`);
+    }));
+  }
+
+  function follow(host, moment) {
+    cursor = moment[0];
+    paintAll(host);
+  }
+
+  pgraph.view("plots", {
+    build, plots: draw, signals: choices,
+    playback: (host, data) => follow(host, data.moment), time: follow, theme: (host) => setTimeout(() => paintAll(host), 300),
+  });
+})();

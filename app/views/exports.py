@@ -1,0 +1,99 @@
+"""A run as a file for one page: a table, the arrays, or an animation that plays by itself."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import viser
+
+from ..client.bridge import Bridge, quiet
+from ..state import Exporting, Run, State, between, derive
+from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies
+from .scene import GRID, viewpoint
+
+PICTURES = 30  # of an animation, a second
+MOST_PICTURES = 3000
+ASPECT = 1.6  # of the window that an animation is framed for
+
+
+class ExportView:
+    """Makes the file in a thread and sends it to the page that asked."""
+
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+
+    def render(self, old: State, new: State) -> None:
+        asked = new.exporting
+        if asked is not None and asked is not old.exporting:
+            threading.Thread(
+                target=self._send, args=(asked,), name="pgraph-export", daemon=True
+            ).start()
+
+    def _send(self, asked: Exporting) -> None:
+        handle = self._bridge.server.get_clients().get(asked.client)
+        if handle is None:
+            return
+        name = re.sub(r"[^\w-]+", "_", asked.run.model.name) or "run"
+        try:
+            content = MAKERS[asked.what](asked.run)
+        except Exception as error:  # said on the page: the session goes on
+            handle.add_notification(
+                "Not exported", f"{type(error).__name__}: {error}", color=(200, 60, 50)
+            )
+            return
+        handle.send_file_download(f"{name}.{asked.what}", content, save_immediately=True)
+
+
+def table(run: Run) -> bytes:
+    """Everything over time, units in the first line."""
+    return run.result.to_csv().encode()
+
+
+def arrays(run: Run) -> bytes:
+    """The run with its model, as `pg.Result.load` reads it."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "run.npz"
+        run.result.save(path)
+        return path.read_bytes()
+
+
+def animation(run: Run) -> bytes:
+    """One HTML file, the viewer in it: a server of its own draws the pictures of the run."""
+    state = State(run.model, derive(run.model), run.request)
+    with quiet():
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        return _animated(server, state, run).encode()
+    finally:
+        with quiet():
+            server.stop()
+
+
+def _animated(server: viser.ViserServer, state: State, run: Run) -> str:
+    plane, up = GRID[state.model.up]
+    server.scene.set_up_direction(up)
+    server.scene.add_grid(
+        "/ground", plane=plane, infinite_grid=True, fade_distance=14 * state.derived.size
+    )
+    camera = server.initial_camera
+    camera.position, camera.look_at = viewpoint(state, ASPECT)
+    camera.up = up
+    kind = SeparateBodies if len(state.derived.names) <= SEPARATE else BatchedBodies
+    drawn: Bodies = kind(server, lambda client, number: None)
+    drawn.show(state)
+    t, pose = np.asarray(run.result.t), np.asarray(run.result.body_pose)
+    count = int(np.clip((t[-1] - t[0]) * PICTURES, 2, MOST_PICTURES))
+    times = np.linspace(t[0], t[-1], count)
+    serializer = server.get_scene_serializer()
+    for time in times:
+        drawn.place(*between(t, pose, float(time)))
+        serializer.insert_sleep(float(times[1] - times[0]))
+    return serializer.as_html()
+
+
+MAKERS: dict[str, Callable[[Run], bytes]] = {"csv": table, "npz": arrays, "html": animation}

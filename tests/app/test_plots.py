@@ -1,0 +1,97 @@
+"""Plots: what can be drawn of a run, and what is sent (interface 1.8)."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from app import events
+from app.signals import KINDS, POINTS, Signal, curves, of_body, of_scene, thinned, title
+from app.state import initial
+from app.update import update
+from app.views.plots import plots, signals
+
+ME = 1
+
+
+@pytest.fixture(scope="module")
+def run(quadruped) -> pg.Result:
+    return pg.simulate(pg.Mechanism(quadruped), scenario="stance", t_end=0.02)
+
+
+def test_every_signal_of_a_body_is_its_column_of_the_result(run, quadruped):
+    signals = {s.kind: curves(run, s) for s in of_body(quadruped, "left_tibia")}
+    k = run.mechanism.topology.number("left_tibia") - 1
+    assert signals["position"][1].y == run.body_pose[:, k, 1].tolist()
+    assert signals["angular_acceleration"][2].y == run.body_acceleration[:, k, 2].tolist()
+    assert signals["joint_torque"][2].y == run.joint_force[:, k, 2].tolist()
+    assert [len(signals[kind]) for kind in ("q", "v", "vdot")] == [1, 1, 1]
+    assert signals["q"][0].y == run.q[:, 6 + k].tolist()
+    assert {len(c.t) for found in signals.values() for c in found} == {len(run.t)}
+
+
+def test_signals_of_the_scene_are_what_it_has(run):
+    found = of_scene(run)
+    assert Signal("constraint_force", "left_hind_paw") in found
+    assert not any(s.kind.startswith("contact") for s in found)
+    force = curves(run, Signal("constraint_force", "left_hind_paw"))
+    assert force[1].y == run.constraint_force["left_hind_paw"][:, 4].tolist()
+    assert [c.label for c in curves(run, Signal("energy", ""))][2] == "total"
+
+
+def test_a_signal_that_the_run_lacks_has_no_curves(run):
+    assert curves(run, Signal("contact_gap", "nothing")) == []
+    assert curves(run, Signal("position", "nobody")) == []
+
+
+def test_titles_read_like_words():
+    assert title(Signal("joint_torque", "knee")) == "joint torque of knee"
+    assert title(Signal("constraint_force", "loop")) == "force of loop"
+    assert title(Signal("energy", "")) == "energy"
+    assert all(kind.unit for kind in KINDS.values())
+
+
+def test_thinning_keeps_extremes_ends_and_order():
+    t = np.linspace(0, 1, 100_000)
+    y = np.sin(40 * t)
+    y[54_321] = 9.0
+    curve = thinned("", t, y)
+    assert len(curve.t) <= 2 * POINTS + 2
+    assert max(curve.y) == 9.0
+    assert (curve.t[0], curve.t[-1]) == (0.0, 1.0)
+    assert np.all(np.diff(curve.t) > 0)
+
+
+def test_what_is_not_finite_is_left_out():
+    assert thinned("", np.arange(3.0), np.array([1.0, np.inf, 2.0])).y == [1.0, 2.0]
+
+
+def test_each_page_has_its_own_plots(run, quadruped):
+    state = initial(quadruped)
+    for event in (events.Connected(ME), events.Connected(2), events.Simulate(ME)):
+        state = update(state, event)
+    state = update(state, events.Simulated(1, run))
+    state = update(state, events.Plot(ME, "energy", "", True))
+    state = update(state, events.Plot(ME, "q", "left_tibia", True))
+    assert update(state, events.Plot(ME, "nonsense", "", True)) is state
+    assert state.clients[2].plots == ()
+    sent = plots(state, state.clients[ME])["charts"]
+    assert [c["title"] for c in sent] == ["energy", "joint position of left_tibia"]
+    assert json.dumps(sent, allow_nan=False)
+    assert json.dumps(signals(state, state.clients[ME]), allow_nan=False)
+    fewer = update(state, events.Plot(ME, "energy", "", False))
+    assert [s[0] for s in fewer.clients[ME].plots] == ["q"]
+
+
+def test_a_ghost_is_drawn_beside(run, quadruped):
+    state = update(initial(quadruped), events.Connected(ME))
+    for event in (
+        events.Simulate(ME), events.Simulated(1, run), events.Plot(ME, "energy", "", True),
+        events.Compare(ME),
+    ):  # fmt: skip
+        state = update(state, event)
+    sent = plots(state, state.clients[ME])["charts"][0]
+    assert sent["ghost"] == sent["curves"]

@@ -1,0 +1,75 @@
+"""Live runs, plots and what comes after a run, in a real browser (interface 1.7, 1.8, 1.10)."""
+
+from __future__ import annotations
+
+import pytest
+
+import pgraph_core as pg
+from app import events
+from app.server import Server
+
+from .conftest import NOBODY, until
+
+
+@pytest.fixture
+def two_rods(page, served: Server):
+    """The page on two swinging rods."""
+    model = pg.Model.serial(2)
+    until(lambda: served.store.state.kernels.ready, "compiled kernels", seconds=300)
+    served.send(events.OpenText(NOBODY, "rods", model.to_json()))
+    until(lambda: page.locator("table.bodies tr[data-name]").count() == 2, "two rods")
+    yield page
+    served.send(events.StopLive(NOBODY))
+    for client in served.store.state.clients:
+        for kind in ("q", "energy"):
+            served.send(events.Plot(client, kind, "1" if kind == "q" else "", False))
+
+
+def test_live_it_plays_while_it_computes_and_follows_an_edit(two_rods, served):
+    page = two_rods
+    page.locator("button.live").click()
+    until(lambda: served.store.state.t_end > 0.2, "a live run")
+    until(lambda: "at 0." not in page.locator(".lively .said").inner_text(), "its time said")
+    page.locator('tr[data-name="2"] td').first.click()
+    mass = page.locator('[aria-label^="Mass"], [data-field="mass"] input').first
+    mass.fill("5")
+    mass.press("Enter")
+    until(lambda: served.store.state.run.result.mechanism.model.body("2").mass == 5, "the edit")
+    page.locator("button.play").click()
+    until(lambda: not served.store.state.live.running, "a pause")
+    page.locator("button.stop").click()
+    until(lambda: page.locator(".after").is_visible(), "the run to keep")
+    assert served.store.state.run.result.t[-1] > 0.2
+
+
+def test_a_click_on_a_quantity_plots_it_and_the_cursor_follows(two_rods, served):
+    page = two_rods
+    page.locator("button.simulate").click()
+    page.locator(".summary dd").first.wait_for()
+    page.get_by_role("tab", name="Plots").click()
+    page.locator('tr[data-name="1"] td').first.click()
+    page.locator('.chip-button[data-kind="q"][data-of="1"]').click()
+    page.locator('.chip-button[data-kind="energy"]').click()
+    until(lambda: page.locator("figure.plot").count() == 2, "two charts")
+    chart = page.locator("canvas.chart").first
+    box = chart.bounding_box()
+    chart.click(position={"x": 52 + (box["width"] - 60) / 2, "y": 60})
+    until(lambda: abs(served.store.state.playback.time - 1.0) < 0.05, "the middle of the run")
+    legend = page.locator("figure.plot .legend").first
+    shown = served.store.state.run.result
+    frame = abs(shown.t - served.store.state.playback.time).argmin()
+    until(lambda: f"{shown.q[frame, 0]:.3g}"[:5] in legend.inner_text(), "the value there")
+    page.locator("figure.plot .remove").first.click()
+    until(lambda: page.locator("figure.plot").count() == 1, "one chart")
+    page.get_by_role("tab", name="Digraph").click()
+
+
+def test_a_run_is_downloaded_as_a_table(two_rods, served):
+    page = two_rods
+    page.locator("button.simulate").click()
+    page.locator(".after").wait_for()
+    with page.expect_download() as download:
+        page.locator("button.export.csv").click()
+    text = download.value.path().read_text()
+    assert text.splitlines()[0].startswith("t [s],")
+    assert len(text.splitlines()) == len(served.store.state.run.result.t) + 1
