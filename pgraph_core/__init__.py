@@ -16,7 +16,10 @@ from .plan import Plan as Plan
 from .schema import Body as Body
 from .schema import Constraint as Constraint
 from .schema import Contact as Contact
+from .schema import Footfall as Footfall
 from .schema import Force as Force
+from .schema import Gains as Gains
+from .schema import Gait as Gait
 from .schema import Ground as Ground
 from .schema import Model as Model
 from .schema import Polynomial as Polynomial
@@ -43,6 +46,8 @@ if TYPE_CHECKING:
     from .cases import verify as verify
     from .columns import Columns as Columns
     from .frames import frame_update_trace as frame_update_trace
+    from .gait.controller import Controller as Controller
+    from .gait.presets import gaits as gaits
     from .joining import joined as joined
     from .mechanism import Mechanism as Mechanism
     from .mobility import Mobility as Mobility
@@ -67,6 +72,8 @@ _LAZY = {
     "verify": "cases",
     "Columns": "columns",
     "frame_update_trace": "frames",
+    "Controller": "gait.controller",
+    "gaits": "gait.presets",
     "joined": "joining",
     "Mechanism": "mechanism",
     "Mobility": "mobility",

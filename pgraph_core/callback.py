@@ -42,6 +42,10 @@ class UserTorque:
             self._called = _Address(self._call)
             self.address = address_of_function(self._called)
 
+    def notices(self) -> list[str]:
+        """What a person should know of the run, from the side of the torques."""
+        return []
+
     def _call(self, t: float, *_: int) -> int:
         try:
             self._tau[:] = self._checked(t)
@@ -58,6 +62,16 @@ class UserTorque:
             text = f"the function raised {type(error).__name__}: {error} (at t = {t:.6g} s)"
             raise InputError(Problem("simulate", "tau", text)) from error
         return fitting("tau", given, len(self._v))
+
+
+def acting(tau: Any, nq: int, nv: int) -> UserTorque | None:
+    """What compiled runs call for `tau`; None where it is no function.
+
+    A controller brings a compiled function of its own, with a workspace for each run.
+    """
+    if hasattr(tau, "acting"):
+        return tau.acting()
+    return UserTorque(tau, nq, nv) if callable(tau) else None
 
 
 def fitting(name: str, value: Any, n: int) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .assembly import NOTABLE, assembled
-from .callback import UserTorque
+from .callback import acting
 from .contact_record import NOTHING, ContactRecord, Event
 from .errors import InputError
 from .kernels import layout as at
@@ -62,7 +62,7 @@ class Recording:
         self.steps = stepping(mech, plan, q, v)
         self.q, self.v = self.steps.q, self.steps.v
         self.tau = tau
-        self.user = UserTorque(tau, mech.nq, mech.nv) if callable(tau) else None
+        self.user = acting(tau, mech.nq, mech.nv)
         self.scene = self._new_scene()
         self._ahead = deque(plan.changes)
         if plan.changes:
@@ -300,6 +300,9 @@ class Recording:
             found.append(f"in {tally[at.N_MISSED]} steps there were more contact points than room")
         return found
 
+    def _said(self) -> list[str]:
+        return self.user.notices() if self.user is not None else []
+
     def result(
         self, estimate: float, timing: dict[str, float], header: dict[str, Any], shown: Any
     ) -> Result:
@@ -327,7 +330,7 @@ class Recording:
             timing=timing,
             error_estimate=estimate,
             header=header,
-            notices=(*self.notices, *self.contact_notices()),
+            notices=(*self.notices, *self.contact_notices(), *self._said()),
         )
 
     def rows(self, shown: NDArray[np.bool_]) -> Any:

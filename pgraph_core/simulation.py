@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from .contacts import Tables
+from .gait.controller import Controller
 from .errors import InputError, Problem, choices
 from .integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_of
 from .kernels import layout as at
@@ -95,7 +96,9 @@ def simulate(
     active, changing = changes(
         mech, given, switches, active_constraints(mech, given), (t_start, t_end)
     )
-    q0, v0 = initial_state(mech, given, q, v)
+    if tau is None and given is not None and given.gait is not None:
+        tau = Controller(mech, given.gait)
+    q0, v0 = initial_state(mech, given, q, v, tau)
     name = method if method is not None else given.method if given else "auto"
     if method is None and rtol is not None and name not in ADAPTIVE:
         name = "auto"  # a tolerance replaces the scenario's method where that takes none
@@ -372,9 +375,11 @@ def touching_contacts(mech: Mechanism, given: Any) -> tuple[Contact, ...]:
     return tuple(c for c in mech.model.contacts if c.name in given.contacts)
 
 
-def initial_state(mech: Mechanism, given: Any, q: Any, v: Any) -> tuple[Array, Array]:
-    """Initial state: the arguments, else the scenario's, else the model's."""
-    q0, v0 = mech.home()
+def initial_state(
+    mech: Mechanism, given: Any, q: Any, v: Any, tau: Any = None
+) -> tuple[Array, Array]:
+    """Initial state: the arguments, else the scenario's, else a gait's, else the model's."""
+    q0, v0 = tau.start() if isinstance(tau, Controller) else mech.home()
     if given is not None:
         for state, entries, column in ((q0, given.q, at.QI), (v0, given.v, at.VI)):
             for name, values in entries.items():

@@ -18,7 +18,7 @@ from .classics import (
     tennis_racket,
 )
 from .loops import andrews, bricard, four_bar, rolling_disc, slider_crank
-from .quadruped import quadruped
+from .quadruped import quadruped, quadruped_hips
 from .shapes import Vector, bar
 
 BUILDERS: dict[str, Callable[[], pg.Model]] = {}
@@ -88,7 +88,8 @@ def chain_10() -> pg.Model:
     return _with_bars(model, "chain of 10", _swing("the chain falls and whips"))
 
 
-BUILDERS["quadruped"] = quadruped
+for _walker in (quadruped, quadruped_hips):
+    BUILDERS[_walker.__name__] = _walker
 for _loop in (four_bar, slider_crank, bricard, andrews, rolling_disc):
     BUILDERS[_loop.__name__] = _loop
 for _classic in (

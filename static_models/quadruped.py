@@ -1,4 +1,4 @@
-"""The quadruped: bodies from quadruped.csv, four feet on the ground, a push and a stand."""
+"""The quadrupeds: bodies from quadruped.csv, four feet on the ground; hips that also spread."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from .stance import FEET, holding_torques, push
 TRUNK = ("pelvis", "lumbar", "thorax", "shoulder_neck_head")
 DURATION = 0.25  # of the push [s]
 KNOTS = 126  # of its tables, at ends of steps: every 2 ms
+HIPS = ("left_humerus", "right_humerus", "left_femur", "right_femur")
+FRICTION = 0.7  # of the paws' soles on the ground
 
 # Gains of the servos [N m/rad], [N m s/rad]: as stiff as RK4 takes at 1 ms with much to spare.
 # The fastest mode of the standing body decays at less than 500 1/s, in both scenarios.
@@ -32,7 +34,31 @@ def quadruped() -> pg.Model:
         up="y",
         bodies=tuple(_with_shape(body, bodies) for body in bodies),
         constraints=tuple(sorted(feet, key=lambda foot: FEET.index(foot.name))),
+        contacts=_soles(bodies),
         scenarios=(_stance(bodies), _stand(bodies)),
+    )
+
+
+def quadruped_hips() -> pg.Model:
+    """The quadruped whose legs also spread: hips that turn about x, then z; nothing else differs."""
+    model = quadruped().replace(name="quadruped_hips", constraints=(), scenarios=())
+    for hip in HIPS:
+        model = model.edit(hip, joint="universal").edit(hip, axes=((1, 0, 0), (0, 0, 1)))
+    return model
+
+
+def _soles(bodies: list[pg.Body]) -> tuple[pg.Contact, ...]:
+    """A point of each paw that may touch the ground; they act in scenarios that name them."""
+    tips = {body.name: body.tip_point for body in bodies}
+    return tuple(
+        pg.Contact(
+            name=foot.replace("paw", "foot"),
+            body=foot,
+            points=(tips[foot],),
+            friction=FRICTION,
+            active=False,
+        )
+        for foot in FEET
     )
 
 

@@ -9,6 +9,9 @@ from .curves import Sine as Sine
 from .curves import Table as Table
 from .curves import VectorTable as VectorTable
 from .force import Force as Force
+from .gait import Footfall as Footfall
+from .gait import Gains as Gains
+from .gait import Gait as Gait
 from .model import Model as Model
 from .scenario import Scenario as Scenario
 from .scenario import Switch as Switch

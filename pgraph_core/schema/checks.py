@@ -242,6 +242,11 @@ def scenario_problems(
             Problem(where, "switches", text) for text in switch_problems(s.switches, constraints)
         ]
         found += force_problems(s.forces, bodies, f"{where}, ")
+        feet = [fall.foot for fall in s.gait.feet] if s.gait else []
+        found += [
+            Problem(where, "gait", problem.text)
+            for problem in _active_problems(where, "contact", feet, contacts)
+        ]
     return found
 
 

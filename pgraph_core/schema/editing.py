@@ -201,6 +201,9 @@ def without(
         own = part.touches if isinstance(part, Constraint) else (part.body, part.other)
         return not names.isdisjoint(own)
 
+    def lame(s: Scenario) -> bool:
+        return s.gait is not None and any(f.foot in gone["contacts"] for f in s.gait.feet)
+
     def cut(s: Scenario) -> Scenario:
         return s.model_copy(
             update={
@@ -209,6 +212,7 @@ def without(
                 "forces": tuple(f for f in s.forces if not touched(f)),
                 **_without(s, gone["constraints"]),
                 "contacts": _left(s.contacts, gone["contacts"]),
+                "gait": None if lame(s) else s.gait,
             }
         )
 
@@ -225,5 +229,8 @@ def without(
         for kind in gone
         for part in parts[kind]
         if part.name in gone[kind]
+    ]
+    notices += [
+        f"scenario '{s.name}': its gait went with a foot" for s in parts["scenarios"] if lame(s)
     ]
     return {**kept, "scenarios": tuple(map(cut, parts["scenarios"]))}, notices

@@ -1,4 +1,4 @@
-"""A named run of a model: initial state, drives, active constraints, duration, method."""
+"""A named run of a model: initial state, drives, what drives it, active parts, duration, method."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from ..errors import choices
 from ..methods import METHOD_NAMES
 from .fields import Described, Number, PerMotion, refuse
 from .force import Force
+from .gait import Gait
 from .sentences import shown
 
 
@@ -39,6 +40,9 @@ class Scenario(Described):
     contacts: tuple[str, ...] | None = Field(
         default=None,
         description="names of the active contacts; left out: the model's own choice",
+    )
+    gait: Gait | None = Field(
+        default=None, description="a gait that drives the joints, or nothing: {'name': ...}"
     )
     t_end: Annotated[Number, Field(gt=0)] = Field(default=1.0, description="a duration > 0 [s]")
     step: Annotated[Number, Field(gt=0)] = Field(default=1e-3, description="a step > 0 [s]")

@@ -1,0 +1,1 @@
+"""Walking: a gait and a quadruped make a controller, which runs take as they take torques."""

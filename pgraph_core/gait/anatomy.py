@@ -1,0 +1,159 @@
+"""What a walking controller needs to know of a model: legs, spine, mass. Refused in sentences."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import InputError, Problem, choices
+from ..kernels import gait_layout as go
+from ..kernels import layout as at
+from ..mechanism import Mechanism
+from ..schema import Contact, Footfall, Gait, Model
+from ..system import Array, Ints
+
+Z, X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
+FLAT = 1e-9  # m: what counts as no distance to the side
+
+
+class Anatomy(NamedTuple):
+    """Four legs, the front ones first, left before right; at q = 0 in the world."""
+
+    feet: tuple[Footfall, ...]
+    legs_i: Ints  # (4, LEG_I)
+    legs_f: Array  # (4, LEG_F), what a gait says of them left out
+    hips: Array  # (4, 3) [m]
+    soles: Array  # (4, 3) [m]
+    spine: Ints  # (ns, 2) places in q and v
+    mass: float  # [kg]
+    centre: Array  # (3,) centre of mass [m]
+    inertia: Array  # (3,) about it [kg m²]
+
+    @property
+    def longest(self) -> Array:
+        """(4,) reach of the legs [m]."""
+        a = self.legs_f[:, go.LONG : go.LONG + 2]
+        b = self.legs_f[:, go.SHANK : go.SHANK + 2]
+        bend = 0.99 * np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
+        return np.sqrt((a**2).sum(axis=1) + (b**2).sum(axis=1) + 2 * bend)
+
+
+def anatomy(mech: Mechanism, gait: Gait) -> Anatomy:
+    """The legs of a gait's feet. Raises InputError where the model cannot walk on them."""
+    model = mech.model
+    if model.up != "y":
+        raise _refused(gait, f"walks where up is 'y' and legs swing about z; up is '{model.up}'")
+    q0 = np.zeros(mech.nq)
+    root = model.bodies[mech.topology.row[0]]
+    if root.joint != "free" or mech.system.rows[1, at.KIND] != at.FREE:
+        raise _refused(gait, f"needs a trunk that is free; the joint of '{root.name}' is not")
+    q0[3] = 1.0
+    position, _ = mech.poses(q0)
+    legs = [_leg(mech, gait, fall, position) for fall in gait.feet]
+    legs.sort(key=lambda leg: (-round(leg.hip[0], 6), leg.hip[2]))
+    if not legs[1].hip[0] > legs[2].hip[0]:
+        raise _refused(gait, "needs two feet in front and two behind")
+    front, hind = legs[0].girdle, legs[2].girdle
+    mass, centre, inertia = _whole(mech, q0)
+    return Anatomy(
+        feet=tuple(leg.fall for leg in legs),
+        legs_i=np.array([leg.numbers for leg in legs]),
+        legs_f=np.array([leg.lengths for leg in legs]),
+        hips=np.array([leg.hip for leg in legs]),
+        soles=np.array([leg.sole for leg in legs]),
+        spine=_spine(mech, gait, front, hind),
+        mass=mass,
+        centre=centre,
+        inertia=inertia,
+    )
+
+
+class _Leg(NamedTuple):
+    fall: Footfall
+    girdle: str
+    numbers: Ints
+    lengths: Array
+    hip: Array
+    sole: Array
+
+
+def _refused(gait: Gait, text: str) -> InputError:
+    return InputError(Problem(f"gait '{gait.name}'", "", text))
+
+
+def _foot(model: Model, gait: Gait, name: str) -> Contact:
+    """The contact that is a foot: one point over the ground."""
+    known = {contact.name: contact for contact in model.contacts}
+    if name not in known:
+        do = f"choose one of {choices(known)}" if known else "the model has no contact"
+        raise _refused(gait, f"no contact is named '{name}'; {do}")
+    contact = known[name]
+    if len(contact.points) != 1 or contact.other != "ground":
+        raise _refused(gait, f"a foot is one point over the ground, contact '{name}' is not")
+    return contact
+
+
+def _leg(mech: Mechanism, gait: Gait, fall: Footfall, position: Array) -> _Leg:
+    model, number = mech.model, mech.topology.number
+    contact = _foot(model, gait, fall.foot)
+    paw = model.body(contact.body)
+    chain = [paw]
+    while len(chain) < 4 and chain[-1].parent != "ground":
+        chain.append(model.body(chain[-1].parent))
+    axes = [tuple(m.axis for m in body.sequence if m.kind == "rotate") for body in chain[:3]]
+    fine = len(chain) == 4 and axes[:2] == [(Z,), (Z,)] and axes[2] in ((Z,), (X, Z))
+    if not fine:
+        text = "three hinges about z, the hip's after one about x or alone"
+        raise _refused(gait, f"a leg has {text}; that of '{fall.foot}' has not")
+    _, shank, thigh, girdle = chain
+    lengths = np.zeros(go.LEG_F)
+    tip = np.array(contact.points[0])
+    parts = np.array([shank.link, paw.link, tip])
+    if np.abs(parts[:, 2]).max() > FLAT:
+        raise _refused(gait, f"a leg lies in a plane across z; that of '{fall.foot}' does not")
+    for column, part in ((go.THIGH, 0), (go.SHANK, 1), (go.PAW, 2)):
+        lengths[column : column + 2] = parts[part, :2]
+    lengths[go.LONG : go.LONG + 2] = (parts[0] + parts[2])[:2]
+    lengths[go.TIP : go.TIP + 3] = tip
+    hip = position[number(thigh.name) - 1]
+    sole = position[number(paw.name) - 1] + tip
+    lengths[go.AHEAD] = sole[0] - hip[0] + fall.ahead
+    lengths[go.SIDE] = np.sign(hip[2])
+    lengths[go.OFFSET], lengths[go.DUTY] = fall.offset, fall.duty
+    return _Leg(fall, girdle.name, _numbers(mech, paw.name, thigh.name, girdle.name), lengths, hip,
+                sole)  # fmt: skip
+
+
+def _numbers(mech: Mechanism, paw: str, thigh: str, girdle: str) -> Ints:
+    rows = mech.system.bodies_i[:, at.ROW]
+    row = {name: int(rows[mech.topology.number(name)]) for name in (paw, thigh, girdle)}
+    joint = mech.joints[thigh]
+    spreads = len(joint.kinds) == 2
+    found = np.zeros(go.LEG_I, dtype=np.int64)
+    found[go.GIRDLE], found[go.HIP], found[go.FOOT] = row[girdle], row[thigh] - spreads, row[paw]
+    found[go.Q_SPREAD], found[go.V_SPREAD] = (joint.q.start, joint.v.start) if spreads else (0, -1)
+    found[go.Q_FLEX], found[go.V_FLEX] = joint.q.start + spreads, joint.v.start + spreads
+    return found
+
+
+def _spine(mech: Mechanism, gait: Gait, front: str, hind: str) -> Ints:
+    """Places of the hinges between the girdles."""
+    found, name = [], front
+    while name != hind:
+        body = mech.model.body(name)
+        if body.parent == "ground" or len(mech.joints[name].kinds) != 1:
+            text = f"'{hind}' carries the trunk up to '{front}', hinge by hinge; it does not here"
+            raise _refused(gait, f"walks where {text}")
+        found.append((mech.joints[name].q.start, mech.joints[name].v.start))
+        name = body.parent
+    return np.array(found[::-1], dtype=np.int64).reshape(-1, 2)
+
+
+def _whole(mech: Mechanism, q: Array) -> tuple[float, Array, Array]:
+    """(mass, centre of mass, inertia about it) of all bodies at q, from M's first block."""
+    block = mech.mass_matrix(q)[:6, :6]
+    mass = float(block[3, 3])
+    arm = np.array([block[5, 1], block[3, 2], block[4, 0]]) / -mass
+    about = block[:3, :3] - mass * ((arm @ arm) * np.eye(3) - np.outer(arm, arm))
+    return mass, mech.poses(q)[0][0] + arm, np.diag(about).copy()

@@ -1,0 +1,44 @@
+"""The pose that a gait starts from: on the ground, at its height, the paws parallel to the thighs.
+
+Vectors in a leg's plane are complex numbers x + i y, and a turn by an angle is exp(i angle).
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+
+import numpy as np
+
+from ..kernels import gait_layout as go
+from ..mechanism import Mechanism
+from ..schema import Gait
+from ..system import Array
+from .anatomy import Anatomy
+from .ground import height_under
+
+
+def standing(mech: Mechanism, gait: Gait, a: Anatomy) -> tuple[Array, Array]:
+    """(q, v) at rest, every foot under its hip on the ground of the model."""
+    q, v = np.zeros(mech.nq), np.zeros(mech.nv)
+    q[3] = 1.0
+    q[1] = height_under(mech.model, a.centre[0], a.centre[2]) - a.centre[1] + gait.height
+    for hip, i, f in zip(a.hips, a.legs_i, a.legs_f):
+        spreads = i[go.V_SPREAD] >= 0
+        x, z = f[go.AHEAD], f[go.SIDE] * gait.width * spreads
+        y = height_under(mech.model, hip[0] + x, hip[2] + z) - hip[1] - q[1]
+        bend, knee = leg(f, complex(x, -math.hypot(y, z)))
+        q[i[go.Q_FLEX] : i[go.Q_FLEX] + 3] = bend, knee, -knee
+        if spreads:
+            q[i[go.Q_SPREAD]] = math.atan2(-z, -y)
+    return q, v
+
+
+def leg(f: Array, foot: complex) -> tuple[float, float]:
+    """(hip's angle, knee's) that bring a foot to its place from the hip, as `kernels.legs`."""
+    a, b = (complex(*f[k : k + 2]) for k in (go.LONG, go.SHANK))
+    cosine = (abs(foot) ** 2 - abs(a) ** 2 - abs(b) ** 2) / (2 * abs(a) * abs(b))
+    side = cmath.phase(b / a)
+    bend = math.copysign(math.acos(min(max(cosine, -1.0), 1.0)), side)
+    knee = bend - side
+    return cmath.phase(foot / (a + b * cmath.exp(1j * knee))), knee
