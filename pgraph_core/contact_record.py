@@ -52,7 +52,7 @@ class ContactRecord:
     """(n, nb, 6) [torque, force] of all contacts on every body about its origin, world axes."""
 
     normal: Mapping[str, Array] = field(default_factory=dict)
-    """(n,) part of the force off the ground [N]; events only."""
+    """(n,) part of the force off the ground [N], of touches with the ground."""
     phases: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
     """(n,) swing, weight acceptance, slip or stance by contact point; a limit: free or stop."""
     events: tuple[Event, ...] = ()

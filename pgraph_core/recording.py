@@ -20,6 +20,7 @@ from .kernels import motion
 from .kernels.handle import address_of
 from .mechanism import Mechanism
 from .null_rows import redundancy
+from .phase_log import stepped_over
 from .result import Result, Status
 from .scene import Scene
 from .singular import Instant, singular_notice
@@ -82,6 +83,8 @@ class Recording:
         self.notices: list[str] = []
         self.log: list[Event] = []
         self._flow = np.zeros(3)
+        self._changes = [np.zeros((0, 3))]  # of the phases of contacts, as logged by the kernels
+        self._unlogged = 0  # changes that there was no room for
         self._first: Instant | None = None  # the state that constraints are met in
         self._redundant = False  # whether rows say nothing new there
 
@@ -102,7 +105,18 @@ class Recording:
 
     def _advance(self, budget: int) -> int:
         """At most `budget` steps and frames on; the kernel's status code."""
-        return self.steps.advance(self.scene.address, budget, self.out)
+        code = self.steps.advance(self.scene.address, budget, self.out)
+        self._take_changes()
+        return code
+
+    def _take_changes(self) -> None:
+        """Keep the changes of phases that the kernels have logged, and make room for others."""
+        if self.scene.touching is not None:
+            tally, changes = self.scene.touching.tally, self.scene.touching.changes
+            count = int(tally[at.N_LOGGED])
+            self._changes.append(changes[:count].copy())
+            self._unlogged += max(count - len(changes), 0)
+            tally[at.N_LOGGED] = 0
 
     def run(self, progress: Progress = None) -> None:
         """All frames, or as many as there are before it fails or is cancelled."""
@@ -248,21 +262,12 @@ class Recording:
         step = given.widest if given else float(np.max(self.plan.width, initial=0.0))
         return f"try a step below {step:.3g} s, or less stiffness and damping there"
 
-    def _contacts(self, pushes: Array, touches: Array) -> ContactRecord:
+    def _contacts(self, t: Array, pushes: Array, touches: Array) -> ContactRecord:
         """What the recorded frames say of contacts and limits."""
-        tables = self.plan.contacts
-        if not tables:
-            return NOTHING
-        forces = np.concatenate((touches[..., 3:6], touches[..., :3]), axis=-1)
-        names = [t.name for t in tables.touches]
-        limits = touches[:, len(names) :, at.TO_FORCE].T
-        return ContactRecord(
-            dict(zip(names, forces.swapaxes(0, 1))),
-            dict(zip(names, touches[..., at.TO_GAP].T)),
-            dict(zip(names, touches[..., at.TO_SLIP].T)),
-            dict(zip(tables.limits, limits)),
-            pushes,
-        )
+        if not self.plan.contacts:
+            return replace(NOTHING, events=tuple(self.log))
+        up, changes = self.mech.model.ground_normal, np.concatenate(self._changes)
+        return stepped_over(self.plan.contacts, np.array(up), t, pushes, touches, changes)
 
     def _note_singular(self) -> None:
         """A sentence on the singular positions that were passed, if there were any."""
@@ -296,6 +301,8 @@ class Recording:
                 "the contact solver stopped at its cap: laws missed by up to "
                 f"{worst[at.MISSED]:.1e} of the velocities; try a smaller step"
             )
+        if self._unlogged:
+            found.append(f"{self._unlogged} changes of contacts' phases were too many to log")
         if tally[at.N_MISSED]:
             found.append(f"in {tally[at.N_MISSED]} steps there were more contact points than room")
         return found
@@ -325,7 +332,7 @@ class Recording:
             dissipation=energy[:, 3],
             constraint_drift=drift,
             constraint_force=self.scene.forces(wrenches.swapaxes(0, 1).copy(), self.plan.ever),
-            contacts=replace(self._contacts(pushes, touches), events=tuple(self.log)),
+            contacts=self._contacts(self.steps.times[: self.done][rows], pushes, touches),
             counters=dict(zip(COUNTERS, self.steps.counters.tolist())) | self._contact_counters(),
             timing=timing,
             error_estimate=estimate,

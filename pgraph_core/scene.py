@@ -50,7 +50,7 @@ class Scene:
         self.given = np.zeros(mech.nv)
         self.user = user
         self.work = np.zeros((len(mech.system.rows), at.WORK))
-        self.touching = TouchSpace(mech, contacts, len(own.blocks_i)) if contacts else None
+        self.touching = TouchSpace(mech, contacts, len(own.blocks_i), steps=blocks is None) if contacts else None
         imposed = address_of(motion.constrain) if len(self.blocks.blocks_i) else 0
         links = np.append(self.touching.links if self.touching else NO_CONTACTS, imposed)
         self.space = space(mech.system.rows, mech.nq, mech.nv, self.blocks, active, contacts, links)
@@ -109,8 +109,11 @@ class Scene:
 class TouchSpace:
     """The contacts of a scene behind one address, with what they remember from step to step."""
 
-    def __init__(self, mech: Mechanism, contacts: Tables, first: int):
-        """`first` is the number of blocks that stand before those of contacts."""
+    def __init__(self, mech: Mechanism, contacts: Tables, first: int, *, steps: bool):
+        """`first` is the number of blocks that stand before those of contacts.
+
+        `steps`: each step is taken once, so that what contacts do in it can be remembered.
+        """
         from .kernels import touch  # collision kernels: only where something touches
 
         n, count = len(contacts.touches), contacts.room
@@ -118,6 +121,7 @@ class TouchSpace:
         self.tally[at.FIRST_LIMIT], self.tally[at.N_LIMITS] = first, len(contacts.limits)
         self.tally[at.FIRST_CONTACT] = first + len(contacts.limits)
         self.worst = np.zeros(2)
+        self.changes = np.zeros((max(MOST_CHANGES, 2 * n), 3))
         shapes = len(contacts.geometry[0])
         self._kept = (
             contacts.geometry,
@@ -135,16 +139,19 @@ class TouchSpace:
             self.worst,
             *mech.system[2:4],
             np.zeros(mech.nv),
+            np.full(n, -1, dtype=np.int64),
+            self.changes,
         )
         self._buffer = buffer()
         touch.save_contacts(self._buffer, self._kept)
         kernels = (touch.find, touch.contact_forces, touch.record_contacts)
-        settle = address_of(touch.keep_anchors) if contacts.remembers else 0
+        settle = address_of(touch.settle_contacts) if steps else 0
         self.links = np.array(
             [address_of_array(self._buffer), *map(address_of, kernels), settle], dtype=np.int64
         )
 
 
+MOST_CHANGES = 4096  # of phases between two looks at them
 NO_CONTACTS = np.zeros(5, dtype=np.int64)
 DENSE = 150  # rows of unilateral blocks, above which no Ω is held; as `impulse.DENSE`
 

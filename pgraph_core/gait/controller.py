@@ -157,6 +157,7 @@ def _settings(a: Anatomy, gait: Gait) -> Array:
     along = a.hips[:2].mean(axis=0) - a.hips[2:].mean(axis=0)
     s[go.PITCH] = math.atan2(along[1], along[0])
     s[go.GAIN_SPEED], s[go.GAIN_DRIFT], s[go.GAIN_SWAY] = gains.speed, gains.drift, gains.sway
+    s[go.GAIN_SURGE] = gains.surge
     pairs = (gains.height, gains.roll, gains.pitch, gains.yaw, gains.swing, gains.spine, gains.paw)
     s[go.GAIN_HEIGHT : go.PLACE] = np.ravel(pairs)
     s[go.PLACE : go.TIGHT_TORQUE] = gains.place, gains.place_drift, gains.place_roll

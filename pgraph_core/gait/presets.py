@@ -36,6 +36,7 @@ def _stand(feet: Sequence[str]) -> Gait:
         feet=_falls(feet, (0.0,) * 4, (1.0,) * 4),
         speed=0.0,
         height=0.5,
+        gains=Gains(sway=40.0, surge=40.0),
     )
 
 

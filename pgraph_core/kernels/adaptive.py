@@ -437,7 +437,7 @@ def accept(scene, links, tableau, size, h, end, corner, stabilised, stages, cont
     normalise_all(rows, q)
     extra = opened(scene)[6][12]
     if extra[at.THEIR_SETTLE] != 0:
-        call_settle(extra[at.THEIR_SETTLE], (scene, q, v))
+        call_settle(extra[at.THEIR_SETTLE], (scene, end, q, v))
     moved = stabilised and opened(scene)[4][5][0] > 0
     flags[at.FRESH] = 1 if explicit and not moved and not corner else 0
     if flags[at.FRESH] == 1:

@@ -21,6 +21,7 @@ PLACE, PLACE_DRIFT, PLACE_ROLL = 40, 41, 42  # touchdown ahead of speed errors [
 TIGHT_TORQUE, TIGHT_FORCE = 43, 44  # how closely the trunk's torque and force are met
 LEVER = 45  # 1: hips spread, so that feet push sideways; 0: all hinges are parallel
 LIMP = 46  # damping of all joints once it has fallen [N m s/rad]
+GAIN_SURGE = 49  # towards the middle of the feet, as GAIN_SWAY [1/s²]
 LOW, UPRIGHT = 47, 48  # a fall: lower than this part of HEIGHT, or more tilted than this cosine
 SETTINGS = 64
 

@@ -278,12 +278,16 @@ LAW = 6
 # touches: float64 (nt, 8), world axes: what A gets, smallest gap, fastest slip
 TO_FORCE, TO_TORQUE, TO_GAP, TO_SLIP = 0, 3, 6, 7  # torque about the origin of A's body
 TOUCH = 8
-# tally: int64 (9,)
+# stages: int64 (nt,) the touches' phases (below), -1 before the first step
+# changes: float64 (room, 3): time [s], touch, its new phase; whoever reads them sets N_LOGGED to 0
+CH_TIME, CH_TOUCH, CH_PHASE = 0, 1, 2
+# tally: int64 (10,)
 N_FOUND, N_KEPT, FIRST_LIMIT, N_LIMITS, FIRST_CONTACT = 0, 1, 2, 3, 4
 FROZEN = 5  # 1: `pushes` of the last step act, rigid contacts being known only by their impulses
 N_FALLBACK, N_CALMED = 6, 7  # steps solved by ADMM; steps whose bounce was left out
 N_MISSED = 8  # steps with more contact points than there is room for
-TALLY = 9
+N_LOGGED = 9  # changes of phases that wait in `changes`
+TALLY = 10
 # limit_tau: float64 (nv,): torques of joint limits in the last step; their touches come last
 # worst: float64 (2,): largest law missed relative to the velocities, deepest penetration [m]
 MISSED, DEEPEST = 0, 1

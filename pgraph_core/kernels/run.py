@@ -22,7 +22,7 @@ f8, i8 = types.float64, types.int64
 # scene, accelerate, tableau, t, h, q, v, stages, flow, ledger; solver iterations
 STEP = i8(i8, i8, TABLEAU, f8, f8, F1, F1, F2, F1, F1)
 call_step = caller(STEP)
-SETTLE = i8(i8, F1, F1)  # scene, q, v: after a step of a scene with contacts that remember
+SETTLE = i8(i8, f8, F1, F1)  # scene, t, q, v: after a step of a scene with contacts
 call_settle = caller(SETTLE)
 
 
@@ -89,7 +89,7 @@ def finish(scene, project, stabilised, t, q, v, counters):
         return at.NOT_FINITE
     extra = opened(scene)[6][12]
     if extra[at.THEIR_SETTLE] != 0:
-        call_settle(extra[at.THEIR_SETTLE], (scene, q, v))
+        call_settle(extra[at.THEIR_SETTLE], (scene, t, q, v))
     if stabilised and opened(scene)[4][5][0] > 0:
         rounds = call_projection(project, (scene, t, q, v, STEP_ROUNDS))
         counters[at.N_PROJECT] += abs(rounds)

@@ -33,11 +33,14 @@ TOUCHES = types.UniTuple(I2, 4)
 SEARCH = types.Tuple((F2, F2, I2, I1))
 FOUND = types.Tuple((F2, I2))
 # geometry, ground, touch, poses, search, found, laws, kept, kept_i, pushes, touches, tally, worst,
-# bodies_i, bodies_f, limit_tau
+# bodies_i, bodies_f, limit_tau, stages, changes
 CONTACTS = types.Tuple(
-    (GEOMETRY, F2, TOUCHES, F2, SEARCH, FOUND, F2, F2, I2, F2, F2, I1, F1, I2, F2, F1)
+    (GEOMETRY, F2, TOUCHES, F2, SEARCH, FOUND, F2, F2, I2, F2, F2, I1, F1, I2, F2, F1, I1, F2)
 )
 _save, contacts_at = stored(CONTACTS)
+
+STILL = 1e-5  # m/s: slip of a rigid contact that is the solver's rounding
+CREEPING = 2.0 * at.CREEP  # m/s: slip that a regularised contact needs to hold
 
 
 @kernel(types.void(I1, CONTACTS))
@@ -243,8 +246,48 @@ def push_back(contacts, n, law, u):
 
 
 @kernel(SETTLE, nogil=True)
+def settle_contacts(scene, t, q, v):
+    """After a step that ends at t: what contacts remember of it, and changes of their phases."""
+    contacts = contacts_at(opened(scene)[6][12][at.HAS_CONTACTS])
+    laws = contacts[6]
+    sticks = False
+    for k in range(laws.shape[0]):
+        sticks = sticks or laws[k, at.LW_LAW] == at.PENALTY
+    if sticks:
+        keep_anchors(scene, q, v)
+    log_phases(contacts, t)
+    return 0
+
+
+@sweep
+def log_phases(contacts, t):
+    """Changes of the touches' phases, from the forces and slips of the last step."""
+    laws, touches, tally, stages, changes = (
+        contacts[6], contacts[10], contacts[11], contacts[16], contacts[17],
+    )  # fmt: skip
+    for k in range(laws.shape[0]):
+        force = load(touches, k, at.TO_FORCE)
+        still = STILL if laws[k, at.LW_LAW] == at.RIGID else CREEPING
+        before = stages[k]
+        if not dot(force, force) > 0.0:
+            now = at.SWING
+        elif touches[k, at.TO_SLIP] <= still:
+            now = at.STANCE
+        else:
+            now = at.ACCEPTANCE if before == at.SWING or before == at.ACCEPTANCE else at.SLIP
+        if now != before:
+            stages[k] = now
+            n = tally[at.N_LOGGED]
+            if n < changes.shape[0]:
+                changes[n, at.CH_TIME] = t
+                changes[n, at.CH_TOUCH] = k
+                changes[n, at.CH_PHASE] = now
+            tally[at.N_LOGGED] = n + 1
+
+
+@sweep
 def keep_anchors(scene, q, v):
-    """After a step: where penalty friction sticks; an anchor that slid follows on the rim."""
+    """Where penalty friction sticks; an anchor that slid follows on the rim."""
     rows, const, _, _, _, work, space, _, _, _ = opened(scene)
     contacts = contacts_at(space[12][at.HAS_CONTACTS])
     outboard(rows, const, work, q, v)
@@ -277,7 +320,6 @@ def keep_anchors(scene, q, v):
         kept_i[n, 1] = found_i[n, at.CT_SHAPE_B]
         kept_i[n, 2] = found_i[n, at.CT_FEATURE]
     tally[at.N_KEPT] = count
-    return 0
 
 
 @kernel(CONTACT_RECORD, nogil=True)

@@ -173,6 +173,7 @@ def wanted(s, waves, phase, t, felt, angles, rates, com, u):
     up = s[k] * (s[go.HEIGHT] + level_at(felt, com[0]) + rise - com[1])
     up += s[k + 1] * (rise_u + slope * u[0] - u[1]) + rise_a
     ahead = s[go.GAIN_SPEED] * (speed_at(s, t) + surge_u - u[0]) + surge_a
+    ahead += s[go.GAIN_SURGE] * sure * (surge + middle[0] - com[0])
     right = s[go.GAIN_DRIFT] * (s[go.DRIFT] + sway_u - u[2]) + sway_a
     right += s[go.GAIN_SWAY] * sure * (sway + middle[2] - com[2])
     off = s[go.HEADING] + s[go.TURN] * (t - s[go.TURN_T]) - angles[1]

@@ -36,6 +36,7 @@ class Gains(Frozen):
     speed: AtLeast0 = Field(default=8.0, description="a number >= 0 [1/s]")
     drift: AtLeast0 = Field(default=5.0, description="a number >= 0 [1/s]")
     sway: AtLeast0 = Field(default=0.0, description="a number >= 0 [1/s^2]")
+    surge: AtLeast0 = Field(default=0.0, description="a number >= 0 [1/s^2]")
     height: Pair = Field(default=(150.0, 20.0), description="two numbers >= 0 [1/s^2, 1/s]")
     roll: Pair = Field(default=(120.0, 40.0), description="two numbers >= 0 [1/s^2, 1/s]")
     pitch: Pair = Field(default=(150.0, 25.0), description="two numbers >= 0 [1/s^2, 1/s]")
