@@ -25,12 +25,18 @@ LIFTED = "the ground cannot pull"
 
 
 def stepped_over(
-    tables: Tables, up: Array, t: Array, pushes: Array, touches: Array, changes: Array
+    tables: Tables,
+    up: Array,
+    t: Array,
+    pushes: Array,
+    touches: Array,
+    changes: Array,
+    graze: float,
 ) -> ContactRecord:
     """What frames and the log of changes say of contacts and limits; `up`: the ground's normal."""
     names = [touch.name for touch in tables.touches]
     forces = np.concatenate((touches[..., 3:6], touches[..., :3]), axis=-1).swapaxes(0, 1)
-    phases, events = phases_over(changes, tables.touches, t)
+    phases, events = phases_over(changes, tables.touches, t, graze)
     return ContactRecord(
         force=dict(zip(names, forces)),
         gap=dict(zip(names, touches[..., at.TO_GAP].T)),
@@ -48,16 +54,17 @@ def stepped_over(
 
 
 def phases_over(
-    changes: Array, touches: Sequence[Touch], t: Array
+    changes: Array, touches: Sequence[Touch], t: Array, graze: float = 0.0
 ) -> tuple[dict[str, NDArray[np.str_]], tuple[Event, ...]]:
     """({touch: (len(t),) phase}, events) from rows [time, touch, phase] in the order of time.
 
-    The phase of a touch's first row is that of the start. Touches of one contact between many
-    bodies together have phases as one.
+    The phase of a touch's first row is that of the start. Flights shorter than `graze` are none:
+    time stepping lets go of a point for a step where what it carries is moved out of the ground.
+    Touches of one contact between many bodies together have phases as one.
     """
     phases, events = {}, []
     for k, touch in enumerate(touches):
-        own = changes[changes[:, at.CH_TOUCH] == k]
+        own = _without_grazes(changes[changes[:, at.CH_TOUCH] == k], graze)
         if not len(own):
             continue
         codes = own[:, at.CH_PHASE].astype(int)
@@ -68,6 +75,17 @@ def phases_over(
             for time, before, after in zip(own[1:, at.CH_TIME], codes, codes[1:])
         ]
     return phases, tuple(sorted(events, key=lambda event: event.t))
+
+
+def _without_grazes(own: Array, graze: float) -> Array:
+    """Rows of one touch without flights shorter than `graze`, and what then changes nothing."""
+    if len(own) < 3:
+        return own
+    short = np.zeros(len(own), dtype=bool)
+    short[1:-1] = (own[1:-1, at.CH_PHASE] == at.SWING) & (np.diff(own[1:, at.CH_TIME]) < graze)
+    own = own[~short]
+    anew = np.append(True, np.diff(own[:, at.CH_PHASE]) != 0)
+    return own[anew]
 
 
 def _event(t: float, touch: Touch, before: int, after: int) -> Event:

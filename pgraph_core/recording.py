@@ -32,6 +32,7 @@ from .system import Array
 LOOSER = 32.0  # tolerance of the run that the error estimate compares with
 COMPARED = 65  # frames at most, where they cost something beside the steps
 CHUNK = 0.02  # s of computation between two looks at `progress`
+GRAZE = 2.5  # steps: a shorter flight of a contact is none
 LOOSE = 1e-6  # of the velocities: a law missed by more is said
 Progress = Callable[[float], Any] | None
 
@@ -267,7 +268,9 @@ class Recording:
         if not self.plan.contacts:
             return replace(NOTHING, events=tuple(self.log))
         up, changes = self.mech.model.ground_normal, np.concatenate(self._changes)
-        return stepped_over(self.plan.contacts, np.array(up), t, pushes, touches, changes)
+        impulses = self.plan.method.name == "moreau_jean"
+        graze = GRAZE * float(np.max(self.plan.width, initial=0.0)) if impulses else 0.0
+        return stepped_over(self.plan.contacts, np.array(up), t, pushes, touches, changes, graze)
 
     def _note_singular(self) -> None:
         """A sentence on the singular positions that were passed, if there were any."""

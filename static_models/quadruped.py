@@ -35,16 +35,30 @@ def quadruped() -> pg.Model:
         bodies=tuple(_with_shape(body, bodies) for body in bodies),
         constraints=tuple(sorted(feet, key=lambda foot: FEET.index(foot.name))),
         contacts=_soles(bodies),
-        scenarios=(_stance(bodies), _stand(bodies)),
+        scenarios=(_stance(bodies), _stand(bodies), _walk("bound", 10.0)),
     )
 
 
 def quadruped_hips() -> pg.Model:
     """The quadruped whose legs also spread: hips that turn about x, then z; nothing else differs."""
-    model = quadruped().replace(name="quadruped_hips", constraints=(), scenarios=())
+    walks = tuple(_walk(name, 10.0) for name in ("trot", "crawl", "gallop", "stand"))
+    model = quadruped().replace(name="quadruped_hips", constraints=(), scenarios=walks)
     for hip in HIPS:
         model = model.edit(hip, joint="universal").edit(hip, axes=((1, 0, 0), (0, 0, 1)))
     return model
+
+
+def _walk(name: str, t_end: float) -> pg.Scenario:
+    gait = pg.gaits()[name]
+    return pg.Scenario(
+        name=name,
+        description=gait.description,
+        constraints=(),
+        contacts=tuple(fall.foot for fall in gait.feet),
+        gait=gait,
+        t_end=t_end,
+        step=1e-3,
+    )
 
 
 def _soles(bodies: list[pg.Body]) -> tuple[pg.Contact, ...]:

@@ -14,7 +14,7 @@ FEET = ("left_front_foot", "right_front_foot", "left_hind_foot", "right_hind_foo
 
 def gaits(feet: Sequence[str] = FEET) -> dict[str, Gait]:
     """The presets by name; `feet` are contacts: left and right in front, left and right behind."""
-    return {gait.name: gait for gait in (make(feet) for make in (_stand, _trot, _bound))}
+    return {gait.name: gait for gait in (make(feet) for make in (_stand, _crawl, _trot, _bound, _gallop))}
 
 
 def _falls(
@@ -40,6 +40,26 @@ def _stand(feet: Sequence[str]) -> Gait:
     )
 
 
+def _crawl(feet: Sequence[str]) -> Gait:
+    return Gait(
+        name="crawl",
+        description="one foot after the other, three on the ground; the body sways over them",
+        feet=_falls(feet, (0.25, 0.75, 0.0, 0.5), (0.785,) * 4),
+        stride=0.8,
+        speed=0.25,
+        height=0.5,
+        width=0.0094,
+        landing=0.068,
+        loading=0.0915,
+        sway=(0.0128, -0.0024),
+        least=12.7,
+        gains=Gains(
+            speed=4.5, drift=0.126, sway=8.86, roll=(158, 48), pitch=(34.8, 39.4), place=-0.0275,
+            place_drift=0.0486, place_roll=-0.148, tight_torque=10.3, tight_force=1.58,
+        ),
+    )  # fmt: skip
+
+
 def _trot(feet: Sequence[str]) -> Gait:
     return Gait(
         name="trot",
@@ -48,12 +68,13 @@ def _trot(feet: Sequence[str]) -> Gait:
         stride=0.38,
         speed=0.6,
         height=0.5,
-        width=0.0042,
-        landing=0.22,
-        loading=0.044,
+        width=0.0024,
+        landing=0.3085,
+        loading=0.14,
+        least=8.4,
         gains=Gains(
-            speed=18.2, drift=6.5, sway=5.85, roll=(98, 50), pitch=(373, 37), place=0.0235,
-            place_drift=0.162, place_roll=-0.083, tight_torque=21, tight_force=3,
+            speed=34.6, drift=13.2, sway=15.3, roll=(142, 42), pitch=(311, 24.8), place=-0.0362,
+            place_drift=0.118, place_roll=-0.0542, tight_torque=22.9, tight_force=6.79,
         ),
     )  # fmt: skip
 
@@ -62,21 +83,44 @@ def _bound(feet: Sequence[str]) -> Gait:
     return Gait(
         name="bound",
         description="hind feet, then front feet; the spine bends and stretches with them",
-        feet=_falls(feet, (0.467, 0.467, 0.0, 0.0), (0.378, 0.378, 0.425, 0.425),
-                    (-0.028, -0.028, 0.005, 0.005)),
-        stride=0.328,
+        feet=_falls(feet, (0.456, 0.456, 0.0, 0.0), (0.386, 0.386, 0.432, 0.432),
+                    (-0.027, -0.027, 0.02, 0.02)),
+        stride=0.325,
         speed=1.2,
         acceleration=1.0,
+        height=0.466,
+        clearance=0.069,
+        landing=0.363,
+        loading=0.1615,
+        push=1.009,
+        rise=1.0,
+        nod=0.509,
+        flexion=(0.0131, 0.0637),
+        gains=Gains(
+            speed=5.3, drift=0, height=(45.5, 6.75), roll=(100, 15), pitch=(25.3, 11.2), yaw=(40, 10),
+            place=0.031, place_drift=0, place_roll=0, tight_torque=18.3, tight_force=3.17,
+        ),
+    )  # fmt: skip
+
+
+def _gallop(feet: Sequence[str]) -> Gait:
+    return Gait(
+        name="gallop",
+        description="hind feet one after the other, then front feet; the spine bends and stretches",
+        feet=_falls(feet, (0.467, 0.567, 0.0, 0.1), (0.378, 0.378, 0.425, 0.425),
+                    (-0.028, -0.028, 0.005, 0.005)),
+        stride=0.34,
+        speed=1.4,
+        acceleration=0.5,
         height=0.4645,
         clearance=0.069,
-        landing=0.364,
+        landing=0.3,
         loading=0.154,
-        push=1.018,
         rise=1.0,
         nod=0.547,
         flexion=(0.0167, 0.066),
         gains=Gains(
-            speed=5.54, drift=0, height=(44.8, 6.6), roll=(100, 15), pitch=(28.7, 11.7), yaw=(40, 10),
-            place=0.0375, place_drift=0, place_roll=0, tight_torque=15.3, tight_force=2.4,
+            speed=5.54, drift=4, height=(44.8, 6.6), roll=(100, 30), pitch=(28.7, 11.7), yaw=(40, 10),
+            place=0.0375, place_drift=0.12, place_roll=-0.08, tight_torque=15.3, tight_force=2.4,
         ),
     )  # fmt: skip
