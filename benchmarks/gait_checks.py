@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ import static_models
 STEP = 1e-3  # s
 EVENT_STEPS = (5e-4, 2.5e-4, 1.25e-4)  # s: of event-driven runs
 LADDER = (1e-3, 5e-4, 2.5e-4, 1.25e-4)  # s: of time stepping
+SWUNG = 0.05  # s: a shorter flight is a bounce
 SETTLED = 1.0  # s: before it a run starts from a stand
 
 
@@ -53,7 +54,7 @@ def run_of(name: str, gait: str, t_end: float, **options: object) -> pg.Result:
 def walked(name: str, gait: str, t_end: float) -> Walked:
     """The numbers of a walk in time stepping."""
     run, twice = run_of(name, gait, t_end), run_of(name, gait, t_end)
-    mech, late = run.mechanism, run.t >= SETTLED
+    late = run.t >= SETTLED
     up = 1 - 2 * (run.q[late, 4] ** 2 + run.q[late, 6] ** 2)
     torque, limit = torques(run, gait)
     return Walked(
@@ -111,24 +112,23 @@ def torques(run: pg.Result, gait: str) -> tuple[dict[str, float], dict[str, floa
     )
 
 
-def event_times(run: pg.Result, after: str) -> dict[str, np.ndarray]:
-    """{foot: times at which it came into a phase, or left the ground for "swing"}."""
-    return {
-        foot: np.array([e.t for e in run.events if e.contact == foot and counts(e, after)])
-        for foot in run.phases
-    }
-
-
-def counts(event: Any, after: str) -> bool:
-    return event.after == "swing" if after == "swing" else event.before == "swing"
+def touchdowns(run: pg.Result, foot: str) -> np.ndarray:
+    """Times at which a foot ends a swing of more than SWUNG [s]."""
+    found, left = [], -SWUNG
+    for event in run.events:
+        if event.contact == foot and event.after == "swing":
+            left = event.t
+        elif event.contact == foot and event.before == "swing" and event.t - left > SWUNG:
+            found.append(event.t)
+    return np.array(found)
 
 
 def apart(run: pg.Result, exact: pg.Result) -> float:
-    """Mean distance of each touchdown from the nearest one of another run [s]."""
+    """Mean distance of touchdowns from those of another run [s]; inf where they do not pair."""
     found = []
-    other = event_times(exact, "stance")
-    for foot, times in event_times(run, "stance").items():
-        found += [float(np.abs(other[foot] - t).min()) for t in times]
+    for foot in exact.phases:
+        mine, other = touchdowns(run, foot), touchdowns(exact, foot)
+        found += np.abs(mine - other).tolist() if len(mine) == len(other) else [np.inf]
     return float(np.mean(found))
 
 
@@ -141,7 +141,9 @@ class Rung(NamedTuple):
     energy: float  # what the ledger missed, of its range
 
 
-def ladder(name: str, gait: str, t_end: float = 1.5) -> tuple[list[Rung], list[tuple[float, float]]]:
+def ladder(
+    name: str, gait: str, t_end: float = 1.5
+) -> tuple[list[Rung], list[tuple[float, float]]]:
     """(time stepping at each step against the finest event-driven run, the ledgers of those)."""
     exact = [run_of(name, gait, t_end, method="rk4", step=h) for h in EVENT_STEPS]
     rungs = []

@@ -1,7 +1,7 @@
 """Finds the numbers of a gait: `python -m benchmarks.gait_search trot [--generations N]`, by hand.
 
 Cross entropy: gaits are drawn about the best ones so far, each runs some seconds from a push, and
-what is counted is falling, tilting, missing its speed, slipping, pounding, and not repeating itself.
+what counts is falling, tilting, missing its speed, slipping, pounding, and not repeating itself.
 """
 
 from __future__ import annotations
@@ -130,7 +130,9 @@ def quality(run: pg.Result, gait: pg.Gait) -> float:
     v, q = run.v[half:], run.q[half:, 1:]
     n = round(gait.stride / STEP)
     again = 5 * np.abs(q[n:] - q[:-n]).mean() + np.abs(v[n:] - v[:-n]).mean()
-    slip = max(float(s[half:][np.isfinite(s[half:])].sum()) * STEP for s in run.contact_slip.values())
+    slip = max(
+        float(s[half:][np.isfinite(s[half:])].sum()) * STEP for s in run.contact_slip.values()
+    )
     slip /= run.t[-1] / 2 / gait.stride  # a stance
     pounding = max(float(np.sort(f[half:])[-20:].mean()) for f in run.contact_normal.values())
     landings = sum("swing" in e.before for e in run.events if e.t > run.t[half])
@@ -165,7 +167,7 @@ def search(name: str, gait: pg.Gait, mech: pg.Mechanism, generations: int, t_end
     return changed(gait, dict(zip(names, np.round(best[1], 4).tolist())))
 
 
-def _score(names, mech, gait, t_end, numbers) -> float:  # noqa: ANN001
+def _score(names, mech, gait, t_end, numbers) -> float:
     return cost(mech, gait, dict(zip(names, numbers.tolist())), t_end)
 
 
@@ -176,7 +178,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=5.0)
     args = parser.parse_args()
     gait = pg.gaits()[args.gait]
-    model = pg.Model.load(static_models.path("quadruped" if args.gait == "bound" else "quadruped_hips"))
+    model = pg.Model.load(
+        static_models.path("quadruped" if args.gait == "bound" else "quadruped_hips")
+    )
     contacts = tuple(c.model_copy(update={"active": True}) for c in model.contacts)
     mech = pg.Mechanism(model.replace(contacts=contacts, constraints=(), scenarios=()))
     best = search(args.gait, gait, mech, args.generations, args.seconds)

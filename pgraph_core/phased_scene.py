@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 class PhasedScene(Scene):
     """A scene with sites; `arrange` makes a change of `sites_i[:, S_PHASE]` effective."""
 
+    once = False  # a step that ends at an event is taken again, shorter
+
     def __init__(
         self,
         mech: Mechanism,

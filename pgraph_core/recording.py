@@ -270,7 +270,9 @@ class Recording:
         up, changes = self.mech.model.ground_normal, np.concatenate(self._changes)
         impulses = self.plan.method.name == "moreau_jean"
         graze = GRAZE * float(np.max(self.plan.width, initial=0.0)) if impulses else 0.0
-        return stepped_over(self.plan.contacts, np.array(up), t, pushes, touches, changes, graze)
+        found = stepped_over(self.plan.contacts, np.array(up), t, pushes, touches, changes, graze)
+        events = sorted((*found.events, *self.log), key=lambda event: event.t)
+        return replace(found, events=tuple(events))
 
     def _note_singular(self) -> None:
         """A sentence on the singular positions that were passed, if there were any."""

@@ -30,6 +30,8 @@ class Scene:
     `active` may be changed between calls, and `given` (nv,), the torques beside all others.
     """
 
+    once = True  # each step is taken once: what happened in it is so
+
     def __init__(
         self,
         mech: Mechanism,
@@ -50,7 +52,8 @@ class Scene:
         self.given = np.zeros(mech.nv)
         self.user = user
         self.work = np.zeros((len(mech.system.rows), at.WORK))
-        self.touching = TouchSpace(mech, contacts, len(own.blocks_i), steps=blocks is None) if contacts else None
+        before = len(own.blocks_i)
+        self.touching = TouchSpace(mech, contacts, before, steps=self.once) if contacts else None
         imposed = address_of(motion.constrain) if len(self.blocks.blocks_i) else 0
         links = np.append(self.touching.links if self.touching else NO_CONTACTS, imposed)
         self.space = space(mech.system.rows, mech.nq, mech.nv, self.blocks, active, contacts, links)

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from .contacts import Tables
-from .gait.controller import Controller
 from .errors import InputError, Problem, choices
+from .gait.controller import Controller
 from .integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_of
 from .kernels import layout as at
 from .mechanism import NO_LOADS, Mechanism

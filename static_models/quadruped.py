@@ -40,7 +40,7 @@ def quadruped() -> pg.Model:
 
 
 def quadruped_hips() -> pg.Model:
-    """The quadruped whose legs also spread: hips that turn about x, then z; nothing else differs."""
+    """The quadruped whose legs also spread: hips turn about x, then z; nothing else differs."""
     walks = tuple(_walk(name, 10.0) for name in ("trot", "crawl", "gallop", "stand"))
     model = quadruped().replace(name="quadruped_hips", constraints=(), scenarios=walks)
     for hip in HIPS:

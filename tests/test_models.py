@@ -27,6 +27,7 @@ NAMES = (
     "heavy_top",
     "pendulum",
     "quadruped",
+    "quadruped_hips",
     "rolling_disc",
     "skate",
     "slider_crank",

@@ -55,7 +55,7 @@ def anatomy(mech: Mechanism, gait: Gait) -> Anatomy:
     if not legs[1].hip[0] > legs[2].hip[0]:
         raise _refused(gait, "needs two feet in front and two behind")
     front, hind = legs[0].girdle, legs[2].girdle
-    mass, centre, inertia = _whole(mech, q0)
+    mass, centre, inertia = whole(mech, q0)
     return Anatomy(
         feet=tuple(leg.fall for leg in legs),
         legs_i=np.array([leg.numbers for leg in legs]),
@@ -150,7 +150,7 @@ def _spine(mech: Mechanism, gait: Gait, front: str, hind: str) -> Ints:
     return np.array(found[::-1], dtype=np.int64).reshape(-1, 2)
 
 
-def _whole(mech: Mechanism, q: Array) -> tuple[float, Array, Array]:
+def whole(mech: Mechanism, q: Array) -> tuple[float, Array, Array]:
     """(mass, centre of mass, inertia about it) of all bodies at q, from M's first block."""
     block = mech.mass_matrix(q)[:6, :6]
     mass = float(block[3, 3])

@@ -14,15 +14,27 @@ from ..kernels import gait_layout as go
 from ..mechanism import Mechanism
 from ..schema import Gait
 from ..system import Array
-from .anatomy import Anatomy
+from .anatomy import Anatomy, whole
 from .ground import height_under
+
+ROUNDS = 6  # bent legs move the centre of mass: a sixth of the way a round
 
 
 def standing(mech: Mechanism, gait: Gait, a: Anatomy) -> tuple[Array, Array]:
     """(q, v) at rest, every foot under its hip on the ground of the model."""
     q, v = np.zeros(mech.nq), np.zeros(mech.nv)
     q[3] = 1.0
-    q[1] = height_under(mech.model, a.centre[0], a.centre[2]) - a.centre[1] + gait.height
+    wanted = height_under(mech.model, a.centre[0], a.centre[2]) + gait.height
+    high = a.centre[1]
+    for _ in range(ROUNDS):
+        q[1] += wanted - high
+        _bend(mech, gait, a, q)
+        high = whole(mech, q)[1][1]
+    return q, v
+
+
+def _bend(mech: Mechanism, gait: Gait, a: Anatomy, q: Array) -> None:
+    """The legs' joints into q, so that the feet are on the ground."""
     for hip, i, f in zip(a.hips, a.legs_i, a.legs_f):
         spreads = i[go.V_SPREAD] >= 0
         x, z = f[go.AHEAD], f[go.SIDE] * gait.width * spreads
@@ -31,7 +43,6 @@ def standing(mech: Mechanism, gait: Gait, a: Anatomy) -> tuple[Array, Array]:
         q[i[go.Q_FLEX] : i[go.Q_FLEX] + 3] = bend, knee, -knee
         if spreads:
             q[i[go.Q_SPREAD]] = math.atan2(-z, -y)
-    return q, v
 
 
 def leg(f: Array, foot: complex) -> tuple[float, float]:

@@ -14,7 +14,10 @@ FEET = ("left_front_foot", "right_front_foot", "left_hind_foot", "right_hind_foo
 
 def gaits(feet: Sequence[str] = FEET) -> dict[str, Gait]:
     """The presets by name; `feet` are contacts: left and right in front, left and right behind."""
-    return {gait.name: gait for gait in (make(feet) for make in (_stand, _crawl, _trot, _bound, _gallop))}
+    return {
+        gait.name: gait
+        for gait in (make(feet) for make in (_stand, _crawl, _trot, _bound, _gallop))
+    }
 
 
 def _falls(
@@ -97,8 +100,9 @@ def _bound(feet: Sequence[str]) -> Gait:
         nod=0.509,
         flexion=(0.0131, 0.0637),
         gains=Gains(
-            speed=5.3, drift=0, height=(45.5, 6.75), roll=(100, 15), pitch=(25.3, 11.2), yaw=(40, 10),
-            place=0.031, place_drift=0, place_roll=0, tight_torque=18.3, tight_force=3.17,
+            speed=5.3, drift=0, height=(45.5, 6.75), roll=(100, 15), pitch=(25.3, 11.2),
+            yaw=(40, 10), place=0.031, place_drift=0, place_roll=0, tight_torque=18.3,
+            tight_force=3.17,
         ),
     )  # fmt: skip
 
@@ -107,20 +111,23 @@ def _gallop(feet: Sequence[str]) -> Gait:
     return Gait(
         name="gallop",
         description="hind feet one after the other, then front feet; the spine bends and stretches",
-        feet=_falls(feet, (0.467, 0.567, 0.0, 0.1), (0.378, 0.378, 0.425, 0.425),
-                    (-0.028, -0.028, 0.005, 0.005)),
-        stride=0.34,
+        feet=_falls(feet, (0.402, 0.5, 0.0, 0.08), (0.392, 0.392, 0.437, 0.437),
+                    (-0.0485, -0.0485, 0.0728, 0.0728)),
+        stride=0.3117,
         speed=1.4,
         acceleration=0.5,
-        height=0.4645,
+        height=0.4614,
+        width=0.0062,
         clearance=0.069,
-        landing=0.3,
-        loading=0.154,
+        landing=0.372,
+        loading=0.198,
+        push=1.018,
         rise=1.0,
-        nod=0.547,
-        flexion=(0.0167, 0.066),
+        nod=0.676,
+        flexion=(0.0171, 0.0574),
         gains=Gains(
-            speed=5.54, drift=4, height=(44.8, 6.6), roll=(100, 30), pitch=(28.7, 11.7), yaw=(40, 10),
-            place=0.0375, place_drift=0.12, place_roll=-0.08, tight_torque=15.3, tight_force=2.4,
+            speed=5.25, drift=2.31, height=(45, 5.95), roll=(134, 39.6), pitch=(4.42, 14.3),
+            yaw=(40, 10), place=0.0595, place_drift=0.1115, place_roll=-0.0857,
+            tight_torque=20.1, tight_force=2.12,
         ),
     )  # fmt: skip

@@ -96,7 +96,7 @@ def swing(legs_i, legs_f, f, place, speed, push, q, v, s, vdot):
 
 @sweep
 def stand(legs_i, legs_f, f, q, v, s, vdot):
-    """v' of a leg along the motion that leaves its foot in place, towards the pantograph's shape."""
+    """v' of a leg along the motion that leaves its foot in place, towards a pantograph's shape."""
     i = legs_i[f, go.Q_FLEX]
     j = legs_i[f, go.V_FLEX]
     bend = q[i] + q[i + 1]

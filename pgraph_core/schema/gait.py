@@ -80,9 +80,12 @@ class Gait(Described):
         default=0.0, description="a finite number: how far outside of its hip a foot lands [m]"
     )
     clearance: AtLeast0 = Field(default=0.06, description="a height >= 0 of a swinging foot [m]")
-    landing: AtLeast0 = Field(default=0.2, description="a speed >= 0 of a foot down at its end [m/s]")
+    landing: AtLeast0 = Field(
+        default=0.2, description="a speed >= 0 of a foot down at its end [m/s]"
+    )
     loading: Annotated[Number, Field(gt=0, le=0.5)] = Field(
-        default=0.1, description="above 0, at most 0.5: the part of a stance in which its load comes"
+        default=0.1,
+        description="above 0, at most 0.5: the part of a stance in which its load comes",
     )
     push: Positive = Field(
         default=1.0, description="a number > 0: loads beforehand, of those that carry the weight"
@@ -91,10 +94,16 @@ class Gait(Described):
     nod: Number = Field(default=0.0, description="a number: of the pitching that these loads make")
     sway: Numbers = Field(default=(), description="a wave of up to 8 numbers, to the side [m]")
     surge: Numbers = Field(default=(), description="a wave of up to 8 numbers, forward [m]")
-    flexion: Numbers = Field(default=(), description="a wave of up to 8 numbers, of the spine [rad]")
-    grip: Positive = Field(default=0.55, description="a number > 0: friction that forces may ask for")
+    flexion: Numbers = Field(
+        default=(), description="a wave of up to 8 numbers, of the spine [rad]"
+    )
+    grip: Positive = Field(
+        default=0.55, description="a number > 0: friction that forces may ask for"
+    )
     least: AtLeast0 = Field(default=5.0, description="a number >= 0: the least load of a foot [N]")
-    leg_torque: Positive = Field(default=150.0, description="a number > 0: a leg hinge's limit [N m]")
+    leg_torque: Positive = Field(
+        default=150.0, description="a number > 0: a leg hinge's limit [N m]"
+    )
     spine_torque: Positive = Field(default=200.0, description="a number > 0: a spine hinge's [N m]")
     gains: Gains = Field(default=Gains(), description="an object of gains")
 

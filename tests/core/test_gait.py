@@ -1,0 +1,174 @@
+"""The quadrupeds walk: speeds, slips, limits, phases, agreement of the two ways of stepping."""
+
+from __future__ import annotations
+
+import csv
+import io
+from functools import cache
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+import static_models
+from benchmarks import gait_checks
+
+TEN_MM = 1e-2  # m a stance: what a foot may slip at a friction of 0.7
+DEPTH = 3e-3  # m: half of a step's way at landing, and what is not yet moved out
+WALKS = (
+    ("quadruped_hips", "trot", 0.5),
+    ("quadruped_hips", "crawl", 0.2),
+    ("quadruped", "bound", 1.0),
+)
+
+
+@cache
+def mechanism(name: str) -> pg.Mechanism:
+    return pg.Mechanism(pg.Model.load(static_models.path(name)))
+
+
+@cache
+def short(name: str, scenario: str) -> pg.Result:
+    """Three seconds by the ordinary door, frames at every step."""
+    return pg.simulate(mechanism(name), scenario=scenario, t_end=3.0, frames=3001, estimate=False)
+
+
+@pytest.mark.parametrize(("name", "scenario", "speed"), WALKS)
+def test_a_walk_goes_on_its_way(name: str, scenario: str, speed: float):
+    run = short(name, scenario)
+    assert run.status.ok
+    assert not run.notices
+    late = run.t > 2.0
+    assert run.q[-1, 0] - run.q[late, 0][0] > speed * 0.99
+    assert abs(run.q[-1, 2]) < 0.05
+
+
+@pytest.mark.parametrize(("name", "scenario", "speed"), WALKS)
+def test_feet_hold_and_torques_keep_their_limits(name: str, scenario: str, speed: float):
+    run = short(name, scenario)
+    for foot, gap in run.contact_gap.items():
+        assert max(gait_checks.slips(run, foot)) < TEN_MM
+        assert gap[np.isfinite(gap)].min() > -DEPTH
+    torque, limit = gait_checks.torques(run, scenario)
+    assert torque["leg"] < limit["leg"]  # legs do not even reach them
+    assert torque["spine"] <= limit["spine"]
+
+
+def test_a_second_run_gives_the_same_bits():
+    again = pg.simulate(
+        mechanism("quadruped"), scenario="bound", t_end=3.0, frames=3001, estimate=False
+    )
+    first = short("quadruped", "bound")
+    assert np.array_equal(first.q, again.q)
+    assert np.array_equal(first.v, again.v)
+    assert first.events == again.events
+
+
+def test_phases_are_those_of_forces():
+    """A foot in swing bears nothing; all others push. A flight of one step is a graze."""
+    run = short("quadruped_hips", "trot")
+    for foot, phase in run.phases.items():
+        push = run.contact_normal[foot]
+        assert np.all(push[1:][phase[1:] == "swing"] == 0.0)
+        bears = push[1:][phase[1:] != "swing"] > 0.0
+        assert bears.mean() > 0.95
+        assert {"swing", "stance"} <= set(phase)
+
+
+def test_events_change_the_phases_at_their_times():
+    run = short("quadruped_hips", "trot")
+    for event in run.events:
+        k = int(np.searchsorted(run.t, event.t - 1e-9))
+        assert run.phases[event.contact][k] == event.after
+        assert run.phases[event.contact][k - 1] == event.before
+
+
+def test_csv_has_the_numbers_of_the_run():
+    run = short("quadruped_hips", "trot")
+    rows = list(csv.DictReader(io.StringIO(run.to_csv())))
+    for foot in run.phases:
+        assert [row[f"{foot} phase"] for row in rows] == run.phases[foot].tolist()
+        for axis, force in zip("xyz", run.contact_force[foot].T[3:]):
+            assert [float(row[f"{foot} F{axis} [N]"]) for row in rows] == force.tolist()
+
+
+def test_time_stepping_and_events_agree_to_the_order_of_the_step():
+    exact = gait_checks.run_of("quadruped_hips", "trot", 0.8, method="rk4", step=2.5e-4)
+    assert exact.energy_drift < 1e-5  # of order 4: 1e-6 at 0.125 ms
+    runs = [
+        gait_checks.run_of("quadruped_hips", "trot", 0.8, step=h, method="moreau_jean")
+        for h in (1e-3, 2.5e-4)
+    ]
+    apart = [gait_checks.apart(run, exact) for run in runs]
+    assert apart[0] < 4e-3
+    assert apart[1] < 0.5 * apart[0]
+    far = [np.abs(run.q[-1] - exact.q[-1]).max() for run in runs]
+    assert far[1] < 0.5 * far[0]
+
+
+def test_the_pose_to_start_from_stands_on_its_feet():
+    """Legs' inverse kinematics against the mechanism's own poses."""
+    for name in ("quadruped", "quadruped_hips"):
+        mech = mechanism(name)
+        walk = pg.Controller(mech, pg.gaits()["trot"])
+        q, _ = walk.start()
+        for contact in mech.model.contacts:
+            origin, turn = mech.pose(q, contact.body)
+            place = origin + turn @ np.array(contact.points[0])
+            assert place[1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_standing_torques_hold_the_weight():
+    """What the controller asks for at rest, with the feet held, accelerates next to nothing."""
+    mech = mechanism("quadruped")
+    gait = pg.gaits()["stand"]
+    walk = pg.Controller(mech, gait)
+    q, v = walk.start()
+    held = tuple(c.model_copy(update={"other_point": None}) for c in mech.model.constraints)
+    tied = mech.model.replace(constraints=held)
+    for body, joint in mech.joints.items():  # a constraint holds a foot where the model stands
+        tied = tied.edit(body, q=tuple(q[joint.q].tolist()))
+    vdot, force = pg.Mechanism(tied).constrained_dynamics(q, v, walk(0.0, q, v))
+    assert np.abs(vdot[:6]).max() < 1.0  # the centre of mass is pulled to the feet's middle
+    weight = sum(f[4] for f in force.values())
+    assert weight == pytest.approx(33 * 9.81, rel=0.02)
+
+
+def test_a_fall_is_said_and_the_run_kept():
+    mech = mechanism("quadruped_hips")
+    walk = pg.Controller(mech, pg.gaits()["trot"])
+    q, v = walk.start()
+    v[5] = 3.0
+    run = pg.simulate(mech, q, v, scenario="trot", t_end=2.0)
+    assert run.status.ok
+    assert run.t[-1] == 2.0
+    (said,) = [text for text in run.notices if "fell" in text]
+    assert said.startswith("it fell at t = ")
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(
+    ("name", "scenario", "seconds", "speed"),
+    [
+        ("quadruped_hips", "trot", 30.0, 0.5),
+        ("quadruped_hips", "crawl", 30.0, 0.2),
+        ("quadruped_hips", "gallop", 30.0, 1.2),
+        ("quadruped", "bound", 10.0, 1.0),
+    ],
+)
+def test_long_walks(name: str, scenario: str, seconds: float, speed: float):
+    found = gait_checks.walked(name, scenario, seconds)
+    assert not found.fell
+    assert found.speed > speed
+    assert found.slip < TEN_MM
+    assert found.depth < DEPTH
+    assert found.again
+    assert all(found.torque[part] <= found.limit[part] for part in found.limit)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(("name", "gait"), [("quadruped_hips", "trot"), ("quadruped", "bound")])
+def test_ledgers_and_phases_on_a_ladder(name: str, gait: str):
+    rungs, ledgers = gait_checks.ladder(name, gait)
+    assert ledgers[-1][1] < 1e-6
+    assert rungs[-1].touchdowns < 0.5 * rungs[0].touchdowns
