@@ -52,7 +52,7 @@ def test_info_of_the_quadruped(capsys):
     assert info["dof"] == [6] + 15 * [1]
     assert info["names"][:2] == ["pelvis", "lumbar"]
     assert info["mass"] == pytest.approx(33.0)
-    assert info["scenarios"] == ["stance", "stand"]
+    assert info["scenarios"] == ["stance", "stand", "bound"]
     assert len(info["constraints"]) == 4
 
 
