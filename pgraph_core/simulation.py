@@ -379,6 +379,8 @@ def initial_state(
     mech: Mechanism, given: Any, q: Any, v: Any, tau: Any = None
 ) -> tuple[Array, Array]:
     """Initial state: the arguments, else the scenario's, else a gait's, else the model's."""
+    if tau is None and given is not None and given.gait is not None:
+        tau = Controller(mech, given.gait)
     q0, v0 = tau.start() if isinstance(tau, Controller) else mech.home()
     if given is not None:
         for state, entries, column in ((q0, given.q, at.QI), (v0, given.v, at.VI)):
