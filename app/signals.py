@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.result import coordinates
 
 POINTS = 1200  # pairs of extremes a curve: more than a screen has columns
 XYZ = ("x", "y", "z")
@@ -48,13 +47,15 @@ def body(array: str, first: int) -> Callable[[pg.Result, str], tuple[Sequence[st
     return read
 
 
-def joint(array: str, which: int) -> Callable[[pg.Result, str], tuple[Sequence[str], np.ndarray]]:
-    """A joint's own columns of q, v or v'."""
+def joint(array: str, size: str) -> Callable[[pg.Result, str], tuple[Sequence[str], np.ndarray]]:
+    """A joint's own columns of q, v or v', of which the body's field `size` has as many."""
 
     def read(run: pg.Result, name: str) -> tuple[Sequence[str], np.ndarray]:
-        places = [place for place, _ in coordinates(run.mechanism)[which]]
-        mine = [i for i, place in enumerate(places) if place.rsplit(" ", 1)[0] == name]
-        return [str(k + 1) for k in range(len(mine))], getattr(run, array)[:, mine]
+        model, first = run.mechanism.model, 0
+        count = len(getattr(model.body(name), size))
+        for before in run.mechanism.names[: run.mechanism.topology.number(name) - 1]:
+            first += len(getattr(model.body(before), size))
+        return [str(k + 1) for k in range(count)], getattr(run, array)[:, first : first + count]
 
     return read
 
@@ -81,9 +82,9 @@ def drifts(run: pg.Result, _: str) -> tuple[Sequence[str], np.ndarray]:
 
 
 KINDS = {
-    "q": Kind("joint position", "rad, m", joint("q", 0)),
-    "v": Kind("joint velocity", "rad/s, m/s", joint("v", 1)),
-    "vdot": Kind("joint acceleration", "rad/s², m/s²", joint("vdot", 1)),
+    "q": Kind("joint position", "rad, m", joint("q", "q")),
+    "v": Kind("joint velocity", "rad/s, m/s", joint("v", "v")),
+    "vdot": Kind("joint acceleration", "rad/s², m/s²", joint("vdot", "v")),
     "position": Kind("position", "m", body("body_pose", 0)),
     "velocity": Kind("velocity", "m/s", body("body_velocity", 3)),
     "spin": Kind("angular velocity", "rad/s", body("body_velocity", 0)),
