@@ -165,7 +165,7 @@ def _damped(seen: Evidence) -> Cell | None:
     if not (lost > seen.asked.target and lost > error / 2):
         return None
     text = f"{lost:.1e} of the energy is lost that the model keeps, error {error:.1e}"
-    return _with_needed(seen, Verdict.DAMPED, text)
+    return _with_needed(seen, Verdict.DAMPED, text, max(lost, error))
 
 
 def _inaccurate(seen: Evidence) -> Cell | None:
@@ -175,16 +175,16 @@ def _inaccurate(seen: Evidence) -> Cell | None:
     text = f"error {error:.1e}"
     if error <= target:
         text += f" by accident: {half:.1e} at half of the step"
-    return _with_needed(seen, Verdict.INACCURATE, text)
+    return _with_needed(seen, Verdict.INACCURATE, text, error)
 
 
-def _with_needed(seen: Evidence, status: Verdict, text: str) -> Cell:
-    """The cell, with the step that the observed order says would do."""
+def _with_needed(seen: Evidence, status: Verdict, text: str, excess: float) -> Cell:
+    """The cell, with the step that brings `excess` to the target by the observed order."""
     cell, asked = seen.cell, seen.asked
     if not cell.order > SLOPE:
         text += "; it does not shrink with the step here"
         return replace(cell, status=status, text=text)
     order = min(cell.order, METHODS[asked.method].order + 0.5)
-    step = asked.step * min((asked.target / cell.error) ** (1.0 / order), 1.0)
+    step = asked.step * min((asked.target / excess) ** (1.0 / order), 1.0)
     text += f"; a step of {step:.2g} s would do (order {cell.order:.1f})"
     return replace(cell, status=status, text=text, step_needed=step)

@@ -151,7 +151,9 @@ def _setting(run: Result) -> str:
 
 
 def rate_of(mech: Mechanism, states: list[tuple[Array, Array]]) -> float:
-    """The fastest rate at some states [1/s]."""
+    """The fastest rate at some states [1/s]; 0 with contacts, whose stiffness it would not see."""
+    if mech.contacts(tuple(c for c in mech.model.contacts if c.active)) is not None:
+        return 0.0
     acts = (mech.drives(mech.model.forces), mech.loads(mech.model.forces))
     return max(fastest_rate(mech, acts, mech.active, q, v) for q, v in states)
 

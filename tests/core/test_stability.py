@@ -279,3 +279,40 @@ def test_no_threshold_has_a_unit(name):
     errors = [cell.error for cell in found.cells]
     assert len({cell.status for cell in found.cells}) == 1
     np.testing.assert_allclose(errors, errors[1], rtol=1e-3)
+
+
+# -- bad input ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (
+            {"axis": "mood"},
+            "stability_map, axis: no axis is called 'mood'; choose one of stiffness, ",
+        ),
+        ({"values": ()}, "stability_map, values: must be finite numbers, at least one; given ()"),
+        (
+            {"values": [1.0, float("nan")]},
+            "stability_map, values: must be finite numbers, at least one; given [1.0, nan]",
+        ),
+        ({"steps": [0.0]}, "stability_map, steps: steps must be > 0 [s]; given 0"),
+        (
+            {"axis": "step", "steps": [1e-3]},
+            "stability_map, steps: the values of axis 'step' are the steps; leave steps out",
+        ),
+        ({"t_end": -1.0}, "stability_map, t_end: must be a finite number > 0; given -1.0"),
+        ({"target": 0.0}, "stability_map, target: must be a finite number > 0; given 0.0"),
+        ({"methods": ()}, "stability_map, methods: give at least one of semi_implicit_euler, "),
+        ({"methods": ["rk5"]}, "simulate, method: no method is called 'rk5'; choose one of auto, "),
+        (
+            {"axis": "friction"},
+            "stability_map, axis: friction varies contacts; the model has none",
+        ),
+    ],
+)
+def test_bad_input(options, said):
+    mech, q = stiff_pendulum(1e6)
+    with pytest.raises(pg.InputError) as refused:
+        pg.stability_map(mech, q, **options)
+    assert str(refused.value).startswith(said)

@@ -1,0 +1,148 @@
+"""Stability maps of scenes made extreme: `python -m benchmarks.stability` prints docs/stability.md.
+
+Each preset is a built-in or small model, an axis, and what the map is to show.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from collections import Counter
+from typing import Any, NamedTuple
+
+import pgraph_core as pg
+import static_models
+from pgraph_core.stability.axes import AXES
+
+from . import forced
+
+STEPS = (1e-2, 1e-3, 1e-4)
+SLOPE = 0.2  # rad
+
+
+class Preset(NamedTuple):
+    """A map to make."""
+
+    title: str
+    model: pg.Model
+    axis: str
+    values: tuple[float, ...]
+    options: dict[str, Any]
+
+
+def _built_in(name: str) -> pg.Model:
+    return pg.Model.load(static_models.path(name))
+
+
+def _sliding(law: Any) -> pg.Model:
+    """A block just above a slope and along it, let go with some speed."""
+    up, along = math.cos(SLOPE), math.sin(SLOPE)
+    q = (-1e-3 * along, 0.0, 1e-3 * up, math.cos(SLOPE / 2), 0.0, -math.sin(SLOPE / 2), 0.0)
+    block = pg.Body(name="block", joint="free", q=q, v=(0, 0, 0, 0.5 * up, 0, 0.5 * along))
+    corners = tuple((x, y, 0.0) for x in (-0.1, 0.1) for y in (-0.1, 0.1))
+    contact = pg.Contact(name="base", body="block", law=law, points=corners)
+    ground = pg.Ground(slope=SLOPE)
+    return pg.Model(name="block on a slope", bodies=(block,), contacts=(contact,), ground=ground)
+
+
+def presets() -> list[Preset]:
+    """What is shown."""
+    stiff, double = _built_in("stiff_pendulum"), _built_in("double_pendulum")
+    whole = {"steps": (1e-1, 1e-2, 1e-3, 1e-4), "t_end": 2.0}
+    short = {"steps": STEPS, "t_end": 0.5}
+    shorter = {"steps": (1e-2, 1e-3), "t_end": 0.3}
+    fine = {"steps": (1e-3, 1e-4, 1e-5), "t_end": 0.1}
+    loop = _built_in("four_bar")
+    return [
+        Preset("Stiffness", stiff, "stiffness", AXES["stiffness"].values, whole),
+        Preset("Damping", stiff, "damping_ratio", (0, 0.1, 1, 10), short),
+        Preset("Mass ratio", double, "mass_ratio", (1e-12, 1e-6, 1, 1e3, 1e9), short),
+        Preset("Inertia", double, "inertia", (1e-15, 1e-6, 1, 1e3), short),
+        Preset("Speed", double, "speed", (1, 10, 100), short),
+        Preset("Joint friction", double, "joint_friction", (0, 0.1, 1, 10), short),
+        Preset("Links", _built_in("pendulum"), "chain_length", (2, 10, 50, 100), shorter),
+        Preset("Redundant constraints", loop, "redundancy", (0, 1, 5), shorter),
+        Preset("Near a singular position", loop, "singularity", (0, 1e-6, 1e-2), shorter),
+        Preset("Friction", _sliding("complementarity"), "friction", (0, 0.1, 0.3, 3), shorter),
+        Preset("Stiff contact", _sliding("soft"), "contact_stiffness", (1e3, 1e5, 1e7), fine),
+        Preset("Length", double, "length_scale", (1e-9, 1, 1e9), short),
+    ]
+
+
+def section(preset: Preset) -> str:
+    """A map as Markdown, with what it cost."""
+    began, worked = time.perf_counter(), time.process_time()
+    found = pg.stability_map(preset.model, axis=preset.axis, values=preset.values, **preset.options)
+    seconds, processor = time.perf_counter() - began, time.process_time() - worked
+    count = Counter(cell.status for cell in found.cells)
+    said = ", ".join(f"{n} {status}" for status, n in count.items())
+    calls = sum(cell.evaluations for cell in found.cells if cell.status != "SLOW")
+    cost = f"{len(found.cells)} cells: {said}. {calls:.1e} evaluations at the steps asked for, "
+    cost += f"{seconds:.1f} s, {processor:.1f} s of processors."
+    print(preset.title, f"{seconds:.1f} s", file=sys.stderr, flush=True)
+    return f"## {preset.title}\n\n```\n{found}\n```\n\n{cost}"
+
+
+def main() -> None:
+    """Print the page."""
+    print(f"{INTRODUCTION}{axes()}\n{MEASURED}")
+    for preset in presets():
+        print(f"{section(preset)}\n")
+    print(LEFT_OUT)
+    forced.main()
+
+
+INTRODUCTION = """# Where methods hold, and what a scene does not pay for
+
+    pgraph stability stiff_pendulum --scenario swing -o map.html
+    pgraph stability double_pendulum --axis mass_ratio --steps 1e-2,1e-3
+    pgraph stability quadruped --scenario stance --all
+
+`pg.stability_map(model, axis=..., values=..., methods=..., steps=..., t_end=...)` runs every value
+of an axis with every method at every step, and at half of the step. Each cell gets one verdict.
+
+| verdict | means | says |
+| --- | --- | --- |
+| OK | the error is at most `target`, 1e-3 rad or of the mechanism's length | error, order |
+| INACCURATE | bounded, but further off | the step that would do, from the observed order |
+| UNSTABLE | the method makes the motion grow | when, which body, predicted largest step |
+| DAMPED | lost energy that the model keeps, as large as the error | how much |
+| DRIFT | constraints are left by more than the target | how far, when |
+| FAILED | the run ended early, or was refused | the run's own sentence |
+| SLOW | more evaluations than the budget | how many |
+
+* **Nothing is right by its own word.** Each value has a reference: two runs far finer than the
+  cells, by different methods where two can do it. What they differ by is how well the motion is
+  known; where that is worse than the target, no cell is called OK.
+* **The predicted largest step** of an explicit method is its limit (2.83 of RK4) over the fastest
+  rate of the linearised motion, at several times of the run; contacts have none.
+* **DAMPED in a short run** of semi-implicit Euler may come back: its energy error swings.
+* **Axes** are data: a name, a function from model to model, usual values, a unit
+  (`pgraph_core/stability/axes`, a file each):
+"""
+
+MEASURED = """
+All below is printed by `python -m benchmarks.stability` on two shared, busy cores of an AMD EPYC.
+"""
+
+LEFT_OUT = """## What a scene does not need
+
+`mech.plan()` says what a scene needs, what is left out of its runs, and what that saves;
+`pgraph info` and `pgraph run` print it. Forcing a part on does not change the motion; the last
+column is what the steps then cost, against those without it (a chain of six rods, RK4,
+interleaved, median of nine).
+"""
+
+
+def axes() -> str:
+    """A list of them."""
+    lines = (
+        f"  * `{axis.name}`: {axis.what}{f' [{axis.unit}]' if axis.unit else ''}"
+        for axis in AXES.values()
+    )
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    main()
