@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from html import escape
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 from .text import title
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
 
 WIDE, HIGH, GAP = 26, 24, 12  # of a cell, and between methods
 LEFT, TOP = 84, 64
+LETTER_WIDE = 6.8  # of a method's name
 COLOUR = {
     Verdict.OK: "#2e9e5b",
     Verdict.INACCURATE: "#e3b341",
@@ -27,17 +29,13 @@ DARK_ON = (Verdict.INACCURATE,)  # verdicts whose colour takes a dark letter
 
 def figure(found: StabilityMap) -> str:
     """Rows are values, groups of columns methods, columns in a group steps; a letter a cell too."""
-    per = max(len(found.steps), 1)
-    group = per * WIDE + GAP
-    name_width = max(len(m) for m in found.methods) * 7.2 if per == 1 else 0
-    group = max(group, name_width + GAP)
-    width = LEFT + len(found.methods) * group
+    starts = _starts(found)
     high = TOP + len(found.values) * HIGH
-    parts = [_heads(found, group), _rows(found)]
+    width = max(starts[-1], 640)
+    parts = [_heads(found, starts), _rows(found)]
     for cell in found.cells:
-        column = found.methods.index(cell.method)
         step = found.steps.index(_base(found, cell)) if found.steps else 0
-        x = LEFT + column * group + step * WIDE
+        x = starts[found.methods.index(cell.method)] + step * WIDE
         parts.append(_cell(cell, x, TOP + found.values.index(cell.value) * HIGH))
     parts.append(_legend(high + 14))
     size = f'viewBox="0 0 {width:.0f} {high + 44}" width="{width:.0f}" height="{high + 44}"'
@@ -48,6 +46,12 @@ def figure(found: StabilityMap) -> str:
     )
 
 
+def _starts(found: StabilityMap) -> list[float]:
+    """Where the columns of each method begin, as wide as its steps and its name; then the end."""
+    widths = (max(len(found.steps) * WIDE, LETTER_WIDE * len(m)) + GAP for m in found.methods)
+    return list(accumulate(widths, initial=float(LEFT)))
+
+
 def _base(found: StabilityMap, cell: Cell) -> float:
     """The step as asked for: where times are scaled, that of a cell is another."""
     if cell.step in found.steps:
@@ -56,17 +60,22 @@ def _base(found: StabilityMap, cell: Cell) -> float:
     return sorted(found.steps)[own.index(cell.step)]
 
 
-def _heads(found: StabilityMap, group: float) -> str:
-    ink = 'fill="var(--ink, currentColor)"'
+def _style(size: int, ink: str = "var(--ink, currentColor)") -> str:
+    """Colour and size of a text, which the style of a page does not overrule."""
+    return f"fill: {ink}; font-size: {size}px"
+
+
+def _heads(found: StabilityMap, starts: list[float]) -> str:
+    ink = f'style="{_style(11)}"'
     parts = [f'<text x="4" y="{TOP - 8}" {ink}>{escape(found.axis)}</text>']
     for i, name in enumerate(found.methods):
-        x = LEFT + i * group
-        parts.append(f'<text x="{x}" y="{TOP - 40}" {ink} font-weight="600">{escape(name)}</text>')
+        x = starts[i]
+        parts.append(f'<text x="{x}" y="{TOP - 40}" {ink}>{escape(name)}</text>')
         for j, step in enumerate(found.steps):
             at = x + j * WIDE + WIDE / 2
             parts.append(
-                f'<text x="{at}" y="{TOP - 6}" {ink} text-anchor="start" '
-                f'transform="rotate(-40 {at} {TOP - 6})" font-size="9">{step:g}</text>'
+                f'<text x="{at}" y="{TOP - 6}" style="{_style(9)}" '
+                f'transform="rotate(-40 {at} {TOP - 6})">{step:g}</text>'
             )
     return "".join(parts)
 
@@ -74,7 +83,7 @@ def _heads(found: StabilityMap, group: float) -> str:
 def _rows(found: StabilityMap) -> str:
     return "".join(
         f'<text x="{LEFT - 8}" y="{TOP + i * HIGH + 16}" text-anchor="end" '
-        f'fill="var(--ink, currentColor)">{value:g}</text>'
+        f'style="{_style(11)}">{value:g}</text>'
         for i, value in enumerate(found.values)
     )
 
@@ -88,7 +97,8 @@ def _cell(cell: Cell, x: float, y: float) -> str:
     return (
         f'<g tabindex="0"><title>{said}</title><rect x="{x:.1f}" y="{y}" width="{WIDE - 2}" '
         f'height="{HIGH - 2}" rx="3" fill="{COLOUR[cell.status]}"/>'
-        f'<text x="{x + WIDE / 2 - 1:.1f}" y="{y + 15}" text-anchor="middle" fill="{ink}">'
+        f'<text x="{x + WIDE / 2 - 1:.1f}" y="{y + 15}" text-anchor="middle" '
+        f'style="{_style(11, ink)}">'
         f"{letter}</text></g>"
     )
 
@@ -98,7 +108,7 @@ def _legend(y: float) -> str:
     for verdict in Verdict:
         parts.append(
             f'<rect x="{x}" y="{y}" width="12" height="12" rx="2" fill="{COLOUR[verdict]}"/>'
-            f'<text x="{x + 16}" y="{y + 10}" fill="var(--ink, currentColor)">{verdict}</text>'
+            f'<text x="{x + 16}" y="{y + 10}" style="{_style(11)}">{verdict}</text>'
         )
         x += 24 + 7.4 * len(verdict)
     return "".join(parts)
