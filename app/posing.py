@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,12 +61,14 @@ def home(model: pg.Model) -> np.ndarray:
     return np.array([x for body in bodies for x in body.q], dtype=float)
 
 
-def coordinates(state: State) -> list[Coordinate]:
-    """Every coordinate of every joint at what is shown."""
+def coordinates(state: State, names: Container[str] | None = None) -> list[Coordinate]:
+    """Every coordinate of every joint at what is shown, or of those in `names`."""
     q, reach = shown_q(state), 2 * state.derived.size
     bodies = bodies_of(state.model, pg.Topology.of(state.model))
     found = []
     for body, place in zip(bodies, q_slices(bodies)):
+        if names is not None and body.name not in names:
+            continue
         for i, (label, value, low, high, unit) in enumerate(_of_joint(body, q[place], reach)):
             low, high = min(low, value), max(high, value)
             found.append(Coordinate(body.name, i, label, value, low, high, unit))

@@ -7,11 +7,14 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.meshes import load_mesh
 
 Color = tuple[int, int, int]
 TRUNK_HUE = 0.63  # bodies that carry several tips
@@ -81,10 +84,13 @@ def mesh(parts: Sequence[Piece]) -> Any:
     return trimesh.util.concatenate([_solid(part) for part in parts])
 
 
-def unit(kind: str) -> Any:
-    """A trimesh whose bounding box is the unit cube: what batched bodies are scaled from."""
+def unit(kind: str, file: str = "") -> Any:
+    """A trimesh whose bounding box is the unit cube: what batched bodies are scaled from.
+
+    Of a mesh it is the file's own, which one scale makes a body of.
+    """
     tall = (1.0, 1.0, 2.0) if kind == "capsule" else (1.0, 1.0, 1.0)
-    solid = _solid(Piece("box" if kind == "mesh" else kind, tall, (0.0,) * 3, np.eye(3)))  # type: ignore[arg-type]
+    solid = _solid(Piece(kind, tall, (0.0,) * 3, np.eye(3), file))  # type: ignore[arg-type]
     solid.apply_scale([1.0, 1.0, 1.0 / tall[2]])
     return solid
 
@@ -112,14 +118,46 @@ def _solid(part: Piece) -> Any:
     return solid
 
 
+def cone() -> Any:
+    """A trimesh that opens from the origin upwards to the unit square at height 1."""
+    import trimesh
+
+    solid = trimesh.creation.cone(radius=0.5, height=1.0, sections=32)
+    solid.apply_transform(np.diag([1.0, -1.0, -1.0, 1.0]))  # the apex is above: turned about x
+    solid.apply_translation((0.0, 0.0, 1.0))
+    return solid
+
+
 def _file(name: str) -> Any:
     """The mesh in a file; a small box where it cannot be read, so that the body is still there."""
     import trimesh
 
+    found = _read(name, _changed(name))
+    return trimesh.creation.box(extents=(0.1, 0.1, 0.1)) if isinstance(found, str) else found.copy()
+
+
+def unreadable(bodies: Sequence[pg.Body]) -> tuple[str, ...]:
+    """A sentence for each mesh that cannot be read and is drawn as a box."""
+    files = {b.shape.file for b in bodies if b.shape is not None and b.shape.file}
+    found = (_read(name, _changed(name)) for name in sorted(files))
+    return tuple(text for text in found if isinstance(text, str))
+
+
+@lru_cache(maxsize=64)
+def _read(name: str, changed: int) -> Any:
+    """The mesh in a file, or the sentence that says why it is none; `changed`: when it was."""
     try:
-        return trimesh.load(name, force="mesh")
-    except (OSError, ValueError, TypeError, NotImplementedError):
-        return trimesh.creation.box(extents=(0.1, 0.1, 0.1))
+        return load_mesh(name)
+    except pg.PgraphError as error:
+        return str(error)
+
+
+def _changed(name: str) -> int:
+    """When a file was written last; 0 where there is none."""
+    try:
+        return Path(name).stat().st_mtime_ns
+    except (OSError, ValueError):
+        return 0
 
 
 def reach(

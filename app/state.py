@@ -17,8 +17,13 @@ from .digraph import Layout, layout
 from .shapes import Color, branch_colors, children_of, reach, to_wxyz
 
 SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # of playback
-SHOWN_AT_FIRST = frozenset({"axes"})
-SHOWABLE = frozenset({"axes", "links", "coms", "names", "forces"})
+SHOWN_AT_FIRST = frozenset({"shapes", "axes"})
+SHOWABLE = frozenset(
+    {
+        "shapes", "axes", "links", "coms", "inertias", "frames", "names", "points", "forces",
+        "cones",
+    }
+)  # fmt: skip
 FREE_RUN = ""  # the scenario of a run that has none
 METHODS = (
     "auto",
@@ -95,6 +100,15 @@ class Grip:
 
 
 @dataclass(frozen=True)
+class Inspected:
+    """The part of an operator that a page looks at; None: all rows, all columns."""
+
+    what: str  # as in `app/matrices.py`
+    rows: tuple[int, int] | None = None  # from, to
+    columns: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True)
 class Client:
     """One open page: what it selected and what it was told last."""
 
@@ -107,8 +121,11 @@ class Client:
     downloads: int = 0  # how often the model was asked for as a file
     plots: tuple[tuple[str, str], ...] = ()  # (quantity, of what), in their order
     walk: str = ""  # what it steps through: "pgraph" (Fig. 4), "frames" (Fig. 8) or nothing
+    posing: bool = False  # whether it has the sliders of the joints in view
     gizmo: str = ""  # what of the selected body it moves in 3D: "link", "com" or nothing
     grip: Grip | None = None  # while it does
+    inspected: Inspected | None = None  # the operator it looks at
+    exported: tuple[int, str, str] = (0, "", "")  # how often, and what it asked for as a file
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,18 @@
 from __future__ import annotations
 
 from .events import Event
-from .reducers import editing, graph, living, playing, plotting, posing, running, session, table
+from .reducers import (
+    editing,
+    graph,
+    living,
+    looking,
+    playing,
+    plotting,
+    posing,
+    running,
+    session,
+    table,
+)
 from .state import State
 
 REDUCERS = (
@@ -16,6 +27,7 @@ REDUCERS = (
     graph.update,
     posing.update,
     plotting.update,
+    looking.update,
 )
 
 

@@ -97,6 +97,17 @@ window.pgraph = (() => {
     return picture;
   };
 
+  // `act(true)` when a host comes into view, `act(false)` when it leaves it, as tabs change.
+  const inView = new Map(); // host -> act, told again after a reconnection
+  pgraph.whileVisible = (host, act) => {
+    new IntersectionObserver((entries) => {
+      const now = entries.at(-1).isIntersecting;
+      if (now === inView.has(host)) return;
+      if (now) inView.set(host, act); else inView.delete(host);
+      act(now);
+    }).observe(host);
+  };
+
   // A sentence in passing, for what has no cell any more.
   pgraph.toast = (text) => {
     const note = pgraph.make("div", { className: "pgraph pgraph-toast", role: "alert", textContent: text });
@@ -111,6 +122,7 @@ window.pgraph = (() => {
     if (!again) return;
     if (latest.selection) pgraph.send("SelectBodies", { body: latest.selection, bodies: latest.selected ?? [] });
     if (latest.theme?.dark) pgraph.send("Theme", { dark: true });
+    for (const act of inView.values()) act(true);
   }
 
   // The shape of the 3D view, once its size has settled: the camera is set for it.

@@ -1,21 +1,28 @@
-// What is drawn over the bodies, as switches.
+// What is drawn in 3D, a switch each, and what of the selected body the gizmo moves.
 (() => {
   const { make, send } = pgraph;
-  const SHOW = [
-    ["axes", "joint axes"], ["links", "link vectors"], ["coms", "centres of mass"],
-    ["names", "names"], ["forces", "constraint forces"],
-  ];
+  const GIZMOS = [["", "nothing"], ["link", "link vector"], ["com", "centre of mass"]];
 
   function build(host) {
-    host.replaceChildren(make("fieldset", { className: "show" }, make("legend", { textContent: "Show" }),
-      ...SHOW.map(([what, label]) => make("label", {}, make("input", {
-        type: "checkbox", "data-what": what,
-        onchange: (event) => send("Show", { what, on: event.target.checked }),
-      }), label))));
+    const gizmo = make("select", { className: "cell gizmo", "aria-label": "move in 3D", onchange: () => send("Gizmo", { what: gizmo.value }) },
+      ...GIZMOS.map(([value, textContent]) => make("option", { value, textContent })));
+    host.replaceChildren(make("fieldset", { className: "show" }, make("legend", { textContent: "Show" }), make("div", { className: "switches" }),
+      make("div", { className: "field" }, make("div", { className: "what", textContent: "Move in 3D" }), gizmo), make("div", { className: "muted why" })));
   }
 
-  function draw(host, shown) {
-    for (const box of host.querySelectorAll("[data-what]")) box.checked = shown.includes(box.dataset.what);
+  function draw(host, data) {
+    const box = host.querySelector(".switches");
+    const known = [...box.querySelectorAll("input")].map((input) => input.dataset.what).join();
+    if (known !== data.switches.map(({ what }) => what).join()) {
+      box.replaceChildren(...data.switches.map(({ what, label }) => make("label", {}, make("input", {
+        type: "checkbox", "data-what": what, onchange: (event) => send("Show", { what, on: event.target.checked }),
+      }), label)));
+    }
+    data.switches.forEach(({ what, on }) => { box.querySelector(`[data-what="${what}"]`).checked = on; });
+    host.querySelector(".gizmo").value = data.gizmo;
+    const why = host.querySelector(".why");
+    why.hidden = !data.gizmo;
+    why.textContent = data.selected ? `Drag the arrows at ${data.selected}: one undo step.` : "Select a body first.";
   }
 
   pgraph.view("show", { build, show: draw });

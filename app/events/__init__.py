@@ -35,6 +35,15 @@ from .graph import (
 from .graph import (
     StepThrough as StepThrough,
 )
+from .looking import (
+    ExportOperator as ExportOperator,
+)
+from .looking import (
+    Inspect as Inspect,
+)
+from .looking import (
+    Unreadable as Unreadable,
+)
 from .playing import (
     Loop as Loop,
 )
@@ -70,6 +79,9 @@ from .posing import (
 )
 from .posing import (
     Pose as Pose,
+)
+from .posing import (
+    Posing as Posing,
 )
 from .posing import (
     Pull as Pull,
@@ -198,6 +210,7 @@ Event = (
     | Compiled
     | Saved
     | NotKept
+    | Unreadable
 )
 OF_THE_SERVER = (Connected, Disconnected, Misread)
 

@@ -26,6 +26,13 @@ class Pose(FromPage):
 
 
 @dataclass(frozen=True)
+class Posing(FromPage):
+    """The sliders of the joints came into view, or went out of it."""
+
+    on: bool
+
+
+@dataclass(frozen=True)
 class HomePose(FromPage):
     """Show the model's initial state, or the run, again."""
 

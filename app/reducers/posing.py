@@ -22,6 +22,8 @@ def update(state: State, event: Event) -> State | None:
     match event:
         case events.Pose():
             return posed(state, event)
+        case events.Posing(client, on):
+            return with_client(state, client, posing=on)
         case events.HomePose():
             return replace(state, posed=None, pose_problem="")
         case events.UsePose(client):

@@ -21,7 +21,7 @@ class Bodies(Protocol):
 
     def show(self, state: State) -> None: ...
     def place(self, positions: np.ndarray, wxyz: np.ndarray) -> None: ...
-    def fade(self, opacity: float | None) -> None: ...
+    def fade(self, opacity: float | None, visible: bool) -> None: ...
     def remove(self) -> None: ...
 
 
@@ -75,9 +75,10 @@ class SeparateBodies:
         for (_, node), p, quaternion in zip(self._drawn, positions, wxyz):
             node.position, node.wxyz = p, quaternion
 
-    def fade(self, opacity: float | None) -> None:
+    def fade(self, opacity: float | None, visible: bool) -> None:
         for _, node in self._drawn:
-            node.opacity = opacity
+            node.opacity = opacity if visible else 0.0  # overlays hang on it
+            node.cast_shadow = visible
 
     def remove(self) -> None:
         for _, node in self._drawn:
@@ -95,27 +96,29 @@ class BatchedBodies:
 
     def show(self, state: State) -> None:
         self.remove()
-        found: dict[str, list[tuple[int, shapes.Piece]]] = defaultdict(list)
+        found: dict[tuple[str, str], list[tuple[int, shapes.Piece]]] = defaultdict(list)
         for k in range(1, len(state.derived.names) + 1):
             for piece in pieces(state, k):
-                found["box" if piece.kind == "mesh" else piece.kind].append((k, piece))
-        for kind, parts in found.items():
-            self._batches.append(self._batch(state, kind, parts))
+                found[piece.kind, piece.file].append((k, piece))
+        for i, ((kind, file), parts) in enumerate(found.items()):
+            name = f"/bodies/{kind} {i}" if file else f"/bodies/{kind}"
+            self._batches.append(self._batch(state, name, shapes.unit(kind, file), parts))
 
-    def _batch(self, state: State, kind: str, parts: list[tuple[int, shapes.Piece]]) -> Any:
+    def _batch(
+        self, state: State, name: str, solid: Any, parts: list[tuple[int, shapes.Piece]]
+    ) -> Any:
         owner = np.array([k for k, _ in parts])
         local = np.array([piece.position for _, piece in parts])
         turned = shapes.to_wxyz(np.array([piece.rotation for _, piece in parts]))
-        solid = shapes.unit(kind)
         node = self._server.scene.add_batched_meshes_simple(
-            f"/bodies/{kind}",
+            name,
             solid.vertices,
             solid.faces,
             batched_wxyzs=turned,
             batched_positions=local,
             batched_scales=np.array([piece.size for _, piece in parts]),
             batched_colors=np.array([state.derived.colors[k - 1] for k, _ in parts]),
-            flat_shading=kind == "box",
+            flat_shading=len(solid.faces) < 100,
             lod="off",
         )
 
@@ -133,9 +136,9 @@ class BatchedBodies:
             node.batched_positions = positions[k] + np.einsum("nij,nj->ni", R[k], local)
             node.batched_wxyzs = shapes.times(wxyz[k], turned)
 
-    def fade(self, opacity: float | None) -> None:
+    def fade(self, opacity: float | None, visible: bool) -> None:
         for *_, node in self._batches:
-            node.opacity = opacity
+            node.opacity, node.visible = opacity, visible
 
     def remove(self) -> None:
         for *_, node in self._batches:

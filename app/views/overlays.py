@@ -1,19 +1,19 @@
-"""What can be shown over the bodies: joint axes, link vectors, centres of mass, names, forces."""
+"""What can be shown over the bodies: axes, links, masses, names, frames, points and forces."""
 
 from __future__ import annotations
 
-from collections import defaultdict
 from typing import Any
 
 import numpy as np
 import viser
 
-from .. import shapes
+from .. import marks, shapes
 from ..state import State
 from .bodies import SEPARATE
 
 AXIS, LINK, COM, FORCE = (224, 120, 20), (96, 106, 120), (200, 40, 150), (30, 160, 90)
-Local = dict[int, np.ndarray]  # number of a body (0: the ground) -> points in its frame [m]
+INERTIA, POINT, CONE, PULL = (110, 80, 200), (220, 50, 40), (30, 160, 90), (230, 90, 20)
+TRIAD = ((205, 45, 45), (45, 155, 60), (50, 90, 220))  # x, y, z
 
 
 class Overlays:
@@ -23,6 +23,7 @@ class Overlays:
     def __init__(self, server: viser.ViserServer):
         self._scene = server.scene
         self._nodes: dict[str, list[Any]] = {}
+        self._solids: marks.Placed | None = None
 
     def clear(self) -> None:
         """Nothing drawn: the bodies are about to be drawn anew."""
@@ -36,18 +37,70 @@ class Overlays:
                 self._local(kind, state, positions, wxyz)
             else:
                 self._remove(kind)
+        self._inertias(state, positions, wxyz)
         self._forces(state, positions, wxyz)
 
+    def pull(self, state: State, positions: np.ndarray, wxyz: np.ndarray) -> None:
+        """An arrow from where the mouse pulls on a body; of 1 m at a force of m g."""
+        self._remove("pull")
+        if (pull := state.pull) is None or pull.body not in state.derived.number:
+            return
+        k = state.derived.number[pull.body] - 1
+        at = positions[k] + shapes.to_matrix(wxyz[k]) @ np.asarray(pull.point)
+        weight = 9.81 * sum(body.mass for body in state.model.bodies) or 1.0
+        line = np.array([(at, at + state.derived.size / weight * np.asarray(pull.force))])
+        self._nodes["pull"] = _arrows(self._scene, "/pull", line, state.derived.size, PULL)
+
     def _forces(self, state: State, positions: np.ndarray, wxyz: np.ndarray) -> None:
-        arrows = np.zeros((0, 2, 3))
-        if "forces" in state.shown:
-            arrows = force_lines(state, positions, shapes.to_matrix(wxyz)).astype(np.float32)
+        wanted = state.shown & {"forces", "cones"}
+        found = marks.pushes(state, positions, shapes.to_matrix(wxyz)) if wanted else []
+        metres = marks.scale(state) if found else 0.0
+        arrows = marks.arrows(found if "forces" in wanted else [], metres).astype(np.float32)
         drawn = self._nodes.get("forces")
         if drawn and drawn[0].points.shape == arrows.shape:
             drawn[0].points = arrows
         else:
             self._remove("forces")
-            self._nodes["forces"] = _arrows(self._scene, arrows, state.derived.size)
+            self._nodes["forces"] = _arrows(
+                self._scene, "/forces", arrows, state.derived.size, FORCE
+            )
+        normal = np.asarray(state.model.ground_normal)
+        at, size = marks.cones(found if "cones" in wanted else [], metres, normal)
+        turned = shapes.to_wxyz(shapes.z_to(normal)[None])
+        self._batch("cones", shapes.cone, at, np.repeat(turned, len(at), 0), size, CONE, 0.25)
+
+    def _inertias(self, state: State, positions: np.ndarray, wxyz: np.ndarray) -> None:
+        if "inertias" not in state.shown:
+            self._remove("inertias")
+            return
+        if not self._nodes.get("inertias"):
+            self._solids = marks.ellipsoids(state)
+        assert self._solids is not None
+        at, turned = marks.placed(self._solids, positions, wxyz)
+        size = self._solids.size
+        self._batch("inertias", lambda: shapes.unit("sphere"), at, turned, size, INERTIA, 0.55)
+
+    def _batch(
+        self, kind: str, solid: Any, at: Any, wxyz: Any, size: Any, color: Any, opacity: Any
+    ) -> None:
+        """Solids of one kind, moved where they are drawn already."""
+        drawn = self._nodes.get(kind)
+        if drawn and drawn[0].batched_positions.shape == at.shape:
+            node = drawn[0]
+            node.batched_positions, node.batched_wxyzs = at, wxyz
+            node.batched_scales = size
+            return
+        self._remove(kind)
+        if len(at) == 0:
+            return
+        unit = solid()
+        self._nodes[kind] = [
+            self._scene.add_batched_meshes_simple(
+                f"/{kind}", unit.vertices, unit.faces, batched_wxyzs=wxyz, batched_positions=at,
+                batched_scales=size, batched_colors=color, opacity=opacity, lod="off",
+                cast_shadow=False, receive_shadow=False,
+            )
+        ]  # fmt: skip
 
     def _local(self, kind: str, state: State, positions: np.ndarray, wxyz: np.ndarray) -> None:
         attached = len(state.derived.names) <= SEPARATE
@@ -60,7 +113,7 @@ class Overlays:
                 for k, at in points.items()
             ]
             return
-        placed = world(points, positions, shapes.to_matrix(wxyz))
+        placed = marks.world(points, positions, shapes.to_matrix(wxyz))
         if kind == "names":
             self._move_names(state, placed)
         elif kind in self._nodes:
@@ -80,65 +133,6 @@ class Overlays:
             node.remove()
 
 
-def axes(state: State) -> Local:
-    """A line along each joint axis, through the body's origin; a joint of several motions has
-    all but its last axis in the frame it leaves from."""
-    d, half = state.derived, 0.13 * state.derived.grain
-    found: dict[int, list[Any]] = defaultdict(list)
-    for k, name in enumerate(d.names, 1):
-        body = state.model.body(name)
-        turned = shapes.to_matrix(np.asarray(body.rotation))
-        for i, axis in enumerate(body.axes):
-            a = half * np.asarray(axis) / np.linalg.norm(axis)
-            if i == len(body.axes) - 1:
-                found[k].append((-a, a))
-            else:
-                at, a = np.asarray(body.link), turned @ a
-                found[d.parent[k - 1]].append((at - a, at + a))
-    return {k: np.array(lines) for k, lines in found.items()}
-
-
-def links(state: State) -> Local:
-    """From each body's origin to where its children hang on it."""
-    d = state.derived
-    return {
-        k: np.array([(np.zeros(3), state.model.body(d.names[child - 1]).link) for child in below])
-        for k, below in enumerate(d.children)
-        if below
-    }
-
-
-def coms(state: State) -> Local:
-    """Centres of mass."""
-    names = enumerate(state.derived.names, 1)
-    return {k: np.array([state.model.body(name).com]) for k, name in names}
-
-
-def world(local: Local, positions: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """All points in world axes, in the order of `local`."""
-    placed = [p if k == 0 else positions[k - 1] + p @ R[k - 1].T for k, p in local.items()]
-    return np.concatenate(placed) if placed else np.zeros((0, 3))
-
-
-def force_lines(state: State, positions: np.ndarray, R: np.ndarray) -> np.ndarray:
-    """(n, 2, 3): constraint forces of the run at its time, the largest half the model long."""
-    if state.run is None:
-        return np.zeros((0, 2, 3))
-    result, d = state.run.result, state.derived
-    frame = min(int(np.searchsorted(result.t, state.playback.time)), len(result.t) - 1)
-    forces = {name: np.asarray(wrench)[:, 3:] for name, wrench in result.constraint_force.items()}
-    largest = max((float(np.abs(f).max()) for f in forces.values()), default=0.0)
-    if not np.isfinite(largest) or largest == 0.0:
-        return np.zeros((0, 2, 3))
-    lines = []
-    for constraint in state.model.constraints:
-        if constraint.name in forces:
-            k = d.number[constraint.body] - 1
-            at = positions[k] + R[k] @ np.asarray(state.model.point_of(constraint))
-            lines.append((at, at + 0.5 * d.size / largest * forces[constraint.name][frame]))
-    return np.array(lines).reshape(-1, 2, 3)
-
-
 def _lines(color: shapes.Color, pixels: float) -> Any:
     def add(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, k: int) -> Any:
         return scene.add_line_segments(
@@ -148,11 +142,22 @@ def _lines(color: shapes.Color, pixels: float) -> Any:
     return add
 
 
-def _points(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, k: int) -> Any:
-    return scene.add_point_cloud(
-        name, points, colors=COM, point_size=0.03 * state.derived.grain, point_shape="circle",
-        precision="float32",
-    )  # fmt: skip
+def _triads(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, k: int) -> Any:
+    one = np.repeat(np.array(TRIAD, np.uint8)[:, None], 2, axis=1)
+    colors = np.tile(one, (len(points) // 3, 1, 1))
+    return scene.add_line_segments(
+        name, points, colors=colors, thickness=3.0, thickness_units="screen"
+    )
+
+
+def _points(color: shapes.Color) -> Any:
+    def add(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, k: int) -> Any:
+        return scene.add_point_cloud(
+            name, points, colors=color, point_size=0.03 * state.derived.grain,
+            point_shape="circle", precision="float32",
+        )  # fmt: skip
+
+    return add
 
 
 def _name(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, k: int) -> Any:
@@ -160,15 +165,23 @@ def _name(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, k:
     return scene.add_label(name, text, position=points[0], font_screen_scale=0.8)
 
 
-def _arrows(scene: viser.SceneApi, points: np.ndarray, size: float) -> list[Any]:
+def _arrows(
+    scene: viser.SceneApi, name: str, points: np.ndarray, size: float, color: shapes.Color
+) -> list[Any]:
     if len(points) == 0:
         return []
     node = scene.add_arrows(
-        "/forces", points, colors=FORCE, shaft_radius=0.008 * size, head_radius=0.022 * size,
+        name, points, colors=color, shaft_radius=0.008 * size, head_radius=0.022 * size,
         head_length=0.05 * size,
     )  # fmt: skip
     return [node]
 
 
-LOCAL = {"axes": axes, "links": links, "coms": coms, "names": coms}
-ADD = {"axes": _lines(AXIS, 4.0), "links": _lines(LINK, 2.5), "coms": _points, "names": _name}
+LOCAL = {
+    "axes": marks.axes, "links": marks.links, "coms": marks.coms, "names": marks.coms,
+    "frames": marks.frames, "points": marks.points,
+}  # fmt: skip
+ADD = {
+    "axes": _lines(AXIS, 4.0), "links": _lines(LINK, 2.5), "coms": _points(COM), "names": _name,
+    "frames": _triads, "points": _points(POINT),
+}  # fmt: skip

@@ -11,6 +11,7 @@ from ..events import Connected, Disconnected, Event
 from .digraph import DigraphView
 from .exports import ExportView
 from .ghost import GhostView
+from .joints import JointsView
 from .playback import PlaybackView
 from .plots import PlotsView
 from .properties import PropertiesView
@@ -41,6 +42,8 @@ class Page:
         toolbar, run, show = ToolbarView(bridge), RunView(bridge), ShowView(bridge)  # viser's panel
         with properties.add_tab("Properties", viser.Icon.ADJUSTMENTS):
             details = PropertiesView(bridge)
+        with properties.add_tab("Pose", viser.Icon.ADJUSTMENTS_HORIZONTAL):
+            joints = JointsView(bridge)
         with playback.add_tab("Playback", viser.Icon.PLAYER_PLAY):
             player = PlaybackView(bridge)
         bodies.dock_left()
@@ -51,8 +54,8 @@ class Page:
         properties.dock_below(gui.main_panel)
         playback.float(x=15, y=-15, width=470)
         self.views = (
-            table, digraph, toolbar, run, show, details, player, plots, SceneView(server, send),
-            GhostView(server), ExportView(bridge), SessionView(bridge),
+            table, digraph, toolbar, run, show, details, joints, player, plots,
+            SceneView(server, send), GhostView(server), ExportView(bridge), SessionView(bridge),
         )  # fmt: skip
 
         @server.on_client_connect

@@ -8,9 +8,10 @@ import numpy as np
 import viser
 
 from .. import shapes
-from ..events import Event, Select
+from ..events import Event, Select, Unreadable
 from ..state import State, poses
 from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies, pieces
+from .gizmo import Gizmos
 from .overlays import Overlays
 
 GRID: dict[str, tuple] = {
@@ -19,7 +20,7 @@ GRID: dict[str, tuple] = {
 VIEW = {"x": (0.42, 0.8, -1.0), "y": (0.55, 0.4, 1.0), "z": (0.55, -1.0, 0.4)}  # towards the camera
 FIELD_OF_VIEW, DISTANCE = 0.85, 2.9  # [rad], in sizes of the model
 TYPICAL_ASPECT = 0.6  # of the view between the docks at 1280 x 800
-INSIDE = {"links", "coms"}  # what is seen only through the bodies
+INSIDE = {"links", "coms", "inertias", "frames", "points"}  # is seen only through the bodies
 OUTLINE = (255, 170, 20)
 
 
@@ -30,7 +31,10 @@ class SceneView:
         self._bodies: Bodies | None = None
         self._overlays = Overlays(server)
         self._selected: dict[int, viser.FrameHandle] = {}  # by client
+        self._gizmos = Gizmos(server, send)
         self._framed = -1
+        self._up = ""
+        self._boxes: tuple[str, ...] = ()  # what was said of meshes that cannot be read
         self._send = send
 
     def render(self, old: State, new: State) -> None:
@@ -38,9 +42,9 @@ class SceneView:
             return  # the first page gets its table first: drawing in 3D may be slow there
         rebuilt = self._bodies is None or new.derived is not old.derived
         with self._server.atomic():
-            another = new.framed != self._framed
+            another = new.framed != self._framed or new.model.up != self._up
             if another:
-                self._framed = new.framed
+                self._framed, self._up = new.framed, new.model.up
                 self._ground(new)
             if rebuilt:
                 self._rebuild(new)
@@ -49,14 +53,27 @@ class SceneView:
                 if another or (now.aspect and (before is None or before.aspect is None)):
                     self._look(client, new)
             self._select(old, new, rebuilt)
-            moved = new.playback.time != old.playback.time or new.run is not old.run
-            if rebuilt or moved or new.clients is not old.clients:
-                self._place(new)
-            if rebuilt or new.shown != old.shown:
-                assert self._bodies is not None
-                self._bodies.fade(0.35 if new.shown & INSIDE else None)
-            if rebuilt or moved or new.shown != old.shown:
-                self._overlays.render(new, *poses(new))
+            moved = any((
+                new.playback.time != old.playback.time,
+                new.run is not old.run,
+                new.pose is not old.pose,
+            ))  # fmt: skip
+            self._draw(old, new, rebuilt, moved)
+
+    def _draw(self, old: State, new: State, rebuilt: bool, moved: bool) -> None:
+        """Bodies and what is over them, as far as they changed."""
+        at = poses(new)
+        pages = new.clients is not old.clients
+        if rebuilt or moved or pages:
+            self._place(new)
+            self._gizmos.render(new, *at, anew=rebuilt)
+        if rebuilt or new.shown != old.shown:
+            assert self._bodies is not None
+            self._bodies.fade(0.35 if new.shown & INSIDE else None, "shapes" in new.shown)
+        if rebuilt or moved or new.shown != old.shown:
+            self._overlays.render(new, *at)
+        if rebuilt or moved or new.pull is not old.pull:
+            self._overlays.pull(new, *at)
 
     def _clicked(self, client: int, number: int) -> None:
         if number <= len(self._names):
@@ -71,6 +88,10 @@ class SceneView:
             self._bodies = kind(self._server, self._clicked)
         self._bodies.show(state)
         self._names = state.derived.names
+        boxes = shapes.unreadable(state.model.bodies)
+        if boxes and boxes != self._boxes:
+            self._send(Unreadable(boxes))
+        self._boxes = boxes
 
     def _place(self, state: State) -> None:
         positions, wxyz = poses(state)

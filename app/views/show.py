@@ -1,10 +1,11 @@
-"""What is drawn over the bodies, as switches."""
+"""Switches for what is drawn in 3D, as far as the scene has it; and what the gizmo moves."""
 
 from __future__ import annotations
 
+from .. import marks
 from ..client.bridge import Bridge
-from ..state import State
-from . import audience
+from ..state import Client, State
+from . import Payload, audience
 
 
 class ShowView:
@@ -13,5 +14,19 @@ class ShowView:
         bridge.host("show")
 
     def render(self, old: State, new: State) -> None:
-        for client in audience(old, new, new.shown != old.shown):
-            self._bridge.send(client, "show", sorted(new.shown))
+        changed = new.derived is not old.derived or new.shown != old.shown
+        clients = set(audience(old, new, changed))
+        for client, page in new.clients.items():
+            before = old.clients.get(client, Client())
+            moved = (before.gizmo, before.selection) != (page.gizmo, page.selection)
+            if client in clients or moved:
+                self._bridge.send(client, "show", show(new, page))
+
+
+def show(state: State, page: Client) -> Payload:
+    """The switches there are, which are on, and what this page's gizmo moves."""
+    switches = [
+        {"what": what, "label": label, "on": what in state.shown}
+        for what, label in marks.showable(state)
+    ]
+    return {"switches": switches, "gizmo": page.gizmo, "selected": page.selection}

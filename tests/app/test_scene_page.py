@@ -136,3 +136,72 @@ def _nobody_steps(page, served):
     for client in served.store.state.clients:
         served.send(events.StepThrough(client, ""))
     served.send(events.HomePose(NOBODY))
+
+
+# -- the 3D view -------------------------------------------------------------------------------
+
+
+def drawn(page: Any, name: str) -> bool:
+    """The 3D view has such a node."""
+    return page.evaluate("(name) => name in window.__viserSceneTree.getState()", name)
+
+
+def test_a_slider_poses_the_mechanism_and_use_as_initial_state_keeps_it(page, served):
+    page.get_by_role("tab", name="Pose").click()
+    cell = page.get_by_label("left_femur about z in rad")
+    cell.fill("0.4")
+    cell.press("Enter")
+    until(lambda: served.store.state.pose is not None, "a pose by hand")
+    assert served.store.state.model.body("left_femur").q == (0.0,)
+    slider = page.get_by_label("left_tibia about z", exact=True)
+    slider.evaluate("e => { e.value = -0.6; e.dispatchEvent(new Event('input')); }")
+    until(lambda: "-0.6" in page.get_by_label("left_tibia about z in rad").input_value(), "-0.6")
+    page.get_by_role("button", name="Use as initial state").click()
+    until(lambda: served.store.state.model.body("left_tibia").q[0] < -0.59, "the initial state")
+    page.get_by_role("tab", name="Properties").click()
+
+
+def test_the_gizmo_moves_the_selected_body_as_one_undo_step_at_release(page, served):
+    page.locator('tr[data-name="thorax"] td.number').click()
+    page.locator("select.gizmo").select_option("com")
+    until(lambda: drawn(page, "/grip/control"), "the gizmo")
+    steps = len(served.store.state.undo)
+    page.evaluate(
+        """(owner) => {
+      const name = "/grip/control", wxyz = [1, 0, 0, 0], send = window.__viserMutable.sendMessage;
+      for (let k = 0; k < 20; k++) {
+        const position = [0.1 + 0.01 * k, 0, 0];
+        send({ type: "TransformControlsUpdateMessage", name, wxyz, position, owner });
+      }
+      send({ type: "TransformControlsDragEndMessage", name, owner });
+    }""",
+        str(max(served.viser.get_clients())),
+    )
+    until(lambda: len(served.store.state.undo) == steps + 1, "one undo step")
+    assert served.store.state.model.body("thorax").com == pytest.approx((0.29, 0, 0))
+    page.locator("select.gizmo").select_option("")
+    until(lambda: not drawn(page, "/grip/control"), "no gizmo")
+
+
+def test_each_kind_of_mark_has_a_switch_that_draws_and_clears_it(page, served):
+    for what, name in (
+        ("frames", "/bodies/3/frames"), ("inertias", "/inertias"), ("points", "/bodies/7/points"),
+    ):  # fmt: skip
+        box = page.locator(f'[data-what="{what}"]')
+        box.check()
+        until(lambda name=name: drawn(page, name), f"{what} in 3D")
+        box.uncheck()
+        until(lambda name=name: not drawn(page, name), f"no {what} in 3D")
+    assert page.locator('[data-what="cones"]').count() == 0  # nothing here touches
+
+
+@pytest.mark.parametrize("up", ["x", "z"])
+def test_the_ground_and_the_camera_follow_the_up_axis(page, served, up):
+    model = served.store.state.model.replace(up=up)
+    served.send(events.OpenText(NOBODY, "turned", model.to_json()))
+    client = max(served.viser.get_clients())
+    camera = served.viser.get_clients()[client].camera
+    axis = "xyz".index(up)
+    until(lambda: abs(camera.up_direction[axis]) > 0.9, f"{up} up")
+    grid = served.viser.scene.get_handle_by_name("/ground")
+    assert grid.plane == {"x": "yz", "z": "xy"}[up]
