@@ -189,12 +189,13 @@ def stiff_spring_pendulum(data: dict[str, Any]) -> Entries:
 
 
 def a02_n_four_bar(data: dict[str, Any]) -> Entries:
+    """Flat positions cost digits, the more the nearer a step comes: 3 to 7 of them."""
     for n in (1, 2, 10, 40):
         corner = {"body": "crank 0", "point": (0, 1, 0)}
         yield entry(
             f"models/four_bar_windows_{n}.json",
-            seen("point", f"{n}/x_B0", 1e-8, **corner, axes="x"),
-            seen("point", f"{n}/y_B0", 1e-8, **corner, axes="y"),
+            seen("point", f"{n}/x_B0", 1e-6, **corner, axes="x"),
+            seen("point", f"{n}/y_B0", 1e-6, **corner, axes="y"),
             seen("drift", [0.0] * len(data["t"]), 1e-9),
             run=STEPPED,
             variant=str(n),

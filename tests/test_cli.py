@@ -387,3 +387,34 @@ def test_python_m_app_and_a_reader_that_has_seen_enough():
     assert writer.stderr.read() == b""
     writer.stderr.close()
     assert writer.wait(timeout=60) == 0
+
+
+# -- verify --------------------------------------------------------------------------------------
+
+
+def test_verify_tells_how_near_it_comes(capsys):
+    rows = told(capsys, "verify", "heavy_top", "mass_ratio_light_tip_1em6")["cases"]
+    assert [row["case"] for row in rows] == ["heavy_top", "mass_ratio_light_tip_1em6"]
+    assert all(row["ok"] and row["error"] <= row["target"] for row in rows)
+    assert all(row["steps"] > 0 and row["seconds"] > 0 for row in rows)
+    out, err = said(capsys, "verify", "heavy_top")
+    assert out.splitlines()[0].split()[:4] == ["case", "compared", "error", "target"]
+    assert out.endswith("\n1 of 1 cases reach their targets\n")
+    assert err == ""  # nobody watches
+
+
+def test_verify_of_a_file_that_misses(capsys, tmp_path):
+    data = json.loads((static_models.CASES / "double_pendulum.json").read_text())
+    data["cases"][0]["run"] = {"method": "rk4", "step": 0.05}
+    file = tmp_path / "coarse.json"
+    file.write_text(json.dumps(data))
+    out, err = said(capsys, "verify", str(file), code=1)
+    assert "MISSED" in out
+    assert err == "missed: double_pendulum\n"
+
+
+def test_verify_of_what_is_not_there(capsys):
+    _, err = said(capsys, "verify", "horse", code=1)
+    assert err.startswith("case 'horse': no case has this name; choose one of a01_simple_pendulum")
+    _, err = said(capsys, "verify", "horse.json", code=1)
+    assert err.startswith("horse.json: cannot be read: No such file")
