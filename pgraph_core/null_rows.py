@@ -47,13 +47,14 @@ def standing_for(nulls: Array, share: float = SHARE) -> list[int]:
     """
     left, found = nulls.copy(), []
     for column in range(left.shape[1] - 1, -1, -1):
-        pivot = int(np.abs(left[:, column]).argmax())
-        if len(left) and abs(left[pivot, column]) > share:
-            found.append(column)
-            row = left[pivot] / left[pivot, column]
-            left = np.delete(left - np.outer(left[:, column], row), pivot, axis=0)
         if not len(left):
             break
+        pivot = int(np.abs(left[:, column]).argmax())
+        if abs(left[pivot, column]) > share:
+            found.append(column)
+            row = left[pivot] / left[pivot, column]
+            left = left - left[:, column, None] * row
+            left = left[np.arange(len(left)) != pivot]
     return found[::-1]
 
 

@@ -109,7 +109,7 @@ class SiteTables(NamedTuple):
     """Sites as kernels take them; columns in `kernels/layout.py`."""
 
     sites_i: Ints  # (ns, 6)
-    sites_f: Array  # (ns, 30)
+    sites_f: Array  # (ns, 31)
 
 
 def with_sites(

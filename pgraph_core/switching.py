@@ -34,6 +34,8 @@ def changes(
     Those `asked` for replace a scenario's. Raises InputError.
     """
     switches = _read(mech, asked, span) if asked is not None else given.switches if given else ()
+    if not switches:
+        return active, ()
     numbers = {c.name: i for i, c in enumerate(mech.model.constraints)}
     now, found = set(active.tolist()), []
     for t, group in groupby(sorted(switches, key=lambda s: s.t), key=lambda s: s.t):
@@ -91,4 +93,6 @@ def with_instants(times: Array, found: Sequence[Change]) -> tuple[Array, tuple[C
 
 def ever(active: Ints, found: Sequence[Change]) -> Ints:
     """All constraints that are active at some time."""
+    if not found:
+        return active
     return np.unique(np.concatenate([active, *(change.on for change in found)])).astype(np.int64)

@@ -118,6 +118,19 @@ def whole_point(blocks_i, i):
 
 
 @part
+def turns_with_speed(blocks):
+    """Whether rows of an active block turn with velocities of points, as `turning` says."""
+    blocks_i, active = blocks[0], blocks[5]
+    found = False
+    for j in range(1, active[0] + 1):
+        i = active[j]
+        kind = blocks_i[i, at.B_TYPE]
+        still = along_coordinates(kind) or kind == at.T_ALIGN or whole_point(blocks_i, i)
+        found = found or not still
+    return found
+
+
+@part
 def row_direction(blocks_i, blocks_f, i, r, work):
     """d, or t, of row r of a block whose directions are fixed in its bodies."""
     kind = blocks_i[i, at.B_TYPE]

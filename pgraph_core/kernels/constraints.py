@@ -15,6 +15,7 @@ from .blocks import (
     residual_acceleration,
     residual_velocity,
     total,
+    turns_with_speed,
     velocities,
 )
 from .dips import watch
@@ -149,11 +150,15 @@ def respond(rows, const, blocks, work, space):
 
 
 @sweep
-def located(scene, v):
-    """Origins, their velocities and the active blocks' places, after the frames; rows in all."""
+def located(scene, v, moving):
+    """Origins and the active blocks' places, after the frames; rows in all.
+
+    And velocities of origins, where something is `moving` that they are wanted of.
+    """
     rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
     positions(rows, work)
-    velocities(rows, const, work, v, space[6])
+    if moving:
+        velocities(rows, const, work, v, space[6])
     locate(blocks, work, space[4])
     return number_rows(blocks, space[1])
 
@@ -180,7 +185,7 @@ def impose(scene, t, q, v, vdot):
     """
     rows, const, _, _, blocks, work, space, gains, _, _ = opened(scene)
     vectors = space[5]
-    m = located(scene, v)
+    m = located(scene, v, gains[0] > 0.0 or turns_with_speed(blocks))
     rhs = vectors[RHS]
     residual_acceleration(blocks, work, space, t, vdot, rhs)
     if gains[0] > 0.0:
@@ -305,7 +310,7 @@ def settle(scene, t, q, v):
     if known == 0.0 or not moved < NEAR:
         return False
     frames(rows, const, work, q, v)
-    m = located(scene, v)
+    m = located(scene, v, True)
     rounding = NO_GAP * extent(rows, blocks, work)
     speeds(scene, t, v, RHS)
     missed = along_nulls(nulls, count, vectors[RHS], m)
@@ -353,7 +358,7 @@ def project(scene, t, q, v, rounds):
     for taken in range(1, rounds + 1):
         outboard(rows, const, work, q, v)
         inboard(rows, const, work, zero)
-        m = located(scene, v)
+        m = located(scene, v, True)
         mu, count = delassus(rows, const, blocks, work, space, m)
         speeds(scene, t, v, RHS)
         correct(scene, mu, count, m, 0.0)
@@ -371,7 +376,7 @@ def project(scene, t, q, v, rounds):
     if gap <= CLOSED * size:
         return taken
     frames(rows, const, work, q, v)  # beside a mechanism that is a point every gap is large
-    located(scene, v)
+    located(scene, v, False)
     gaps(scene, t, q, RHS)
     return taken if largest(vectors[RHS], m) <= CLOSED * gap else -1
 

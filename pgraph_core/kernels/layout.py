@@ -301,7 +301,7 @@ S_FRESH = 5  # 1: its phase began at this instant, so what is watched starts at 
 SITE_I = 6
 SWING, ACCEPTANCE, SLIP, STANCE = 0, 1, 2, 3
 
-# sites_f: float64 (ns, 30), world axes; a limit's force and rates are about or along its axis
+# sites_f: float64 (ns, 31), world axes; a limit's force and rates are about or along its axis
 S_FRICTION = 0
 S_NORMAL = 1  # 3
 S_WAY = 4  # 3, direction of slip, also where it is only about to slip
@@ -317,7 +317,8 @@ S_ACC_N, S_ACC_T = 23, 24  # normal acceleration; 3, tangential
 S_START = 27  # gap at the start of the step, or slip along S_WAY where it slides
 S_EASE = 28  # tangential acceleration that one newton gives a sliding point
 S_BLEND = 29  # speed below which a step cannot follow how friction turns slip
-SITE_F = 30
+S_BEFORE = 30  # S_RATE at the start of the step
+SITE_F = 31
 
 # of a frame: float64 (ns, 11)
 F_FORCE, F_PLACE, F_SLIP, F_PUSH, F_GAP = 0, 3, 6, 9, 10  # 3, 3, 3; normal part of the force

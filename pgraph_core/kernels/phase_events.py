@@ -5,6 +5,8 @@ a step is bracketed and closed in on by secants and bisection over the width of 
 method of one step can be located in, and needs no dense output.
 """
 
+import math
+
 from numba import types
 
 from . import layout as at
@@ -19,6 +21,7 @@ WIDTH = 1e-14  # s: a bracket this narrow is an instant
 TRIALS = 80
 FORCE_TOLERANCE = 1e-11  # of the largest contact force: rounding of the solution for them
 PIVOT_TOLERANCE = 1e-9
+NEARLY = 0.02  # of how far a gap falls and rises in a step: what the cubic may be off
 NOTHING = 1.0  # what a monitor that watches nothing shows
 
 
@@ -79,6 +82,7 @@ def start(sites, h):
             rate += sites_f[s, at.S_DRAG] * sites_f[s, at.S_EASE]
     for s in range(sites_i.shape[0]):
         sites_f[s, at.S_START] = sites_f[s, at.S_DISTANCE]
+        sites_f[s, at.S_BEFORE] = sites_f[s, at.S_RATE]
         if slides(sites_i[s, at.S_PHASE]):
             slip_v = load(sites_f, s, at.S_SLIP_V)
             along = dot(slip_v, load(sites_f, s, at.S_WAY))
@@ -100,6 +104,30 @@ def accepted(sites):
                 sites_i[s, at.S_FRESH] = 0
         elif sites_f[s, at.S_DISTANCE] > 2.0 * sites_f[s, at.S_NOISE]:
             sites_i[s, at.S_FRESH] = 0
+
+
+@sweep
+def lowest(sites, h):
+    """When within the step a gap may have dipped below zero and recovered; h where none has.
+
+    By the cubic through gaps and rates at both ends; what it leaves above zero by little is
+    looked at too.
+    """
+    _, sites_i, sites_f, _, _, _, _, _, _ = sites
+    first = h
+    for s in range(sites_i.shape[0]):
+        a = h * sites_f[s, at.S_BEFORE]
+        b = h * sites_f[s, at.S_RATE]
+        if sites_i[s, at.S_PHASE] != at.SWING or not (a < 0.0 < b):
+            continue
+        before = sites_f[s, at.S_START]
+        rise = sites_f[s, at.S_DISTANCE] - before
+        square = 3.0 * rise - 2.0 * a - b
+        cube = a + b - 2.0 * rise
+        x = -a / (square + math.sqrt(max(square * square - 3.0 * cube * a, 0.0)))
+        if 0.0 < x < 1.0 and before + x * (a + x * (square + x * cube)) < NEARLY * (b - a):
+            first = min(first, x * h)
+    return first
 
 
 @sweep
@@ -229,8 +257,17 @@ def run_phased(
                 frame = (scene, links[0], t, q, v, flow, ledger, i, out)
                 cursor[at.FRAME] = i + call_record(record, frame)
             return code
+        end = h
+        if not over(sites[4], at.W_NOW):
+            end = lowest(sites, h)
+            if end < h:
+                trial(scene, held, links, sites, tableau, stabilised, t, end, q, v, stages, flow,
+                      ledger, saved, counters)  # fmt: skip
+                if not over(sites[4], at.W_NOW):
+                    trial(scene, held, links, sites, tableau, stabilised, t, h, q, v, stages, flow,
+                          ledger, saved, counters)  # fmt: skip
         if over(sites[4], at.W_NOW):
-            w = locate_event(scene, held, links, sites, tableau, stabilised, t, h, q, v, stages,
+            w = locate_event(scene, held, links, sites, tableau, stabilised, t, end, q, v, stages,
                              flow, ledger, saved, counters)  # fmt: skip
             clock[at.CL_EVENT] = t + w
             clock[at.CL_DONE] += w

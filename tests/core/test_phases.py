@@ -391,3 +391,32 @@ def test_events_and_phases_survive_a_file(tmp_path):
         "t = 0.142784312 s: floor of ball: swing: hit at 1.40071 m/s and bounced at 0.700357 m/s"
     )
     assert "floor phase" in done.to_csv().splitlines()[0]
+
+
+@pytest.mark.parametrize("depth", [1e-4, 1e-6, 1e-8, -1e-8, -1e-6])
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_a_touch_and_go_within_one_step_is_found(depth, share):
+    """A bob on a spring dips below the ground for a part of one step, or stays above it."""
+    rate, size, step = 100.0, 0.01, 1e-3
+    low = 0.02 + share * step
+    middle = size - depth
+    bob = pg.Body(
+        name="bob",
+        joint="prismatic",
+        stiffness=rate**2,
+        rest=middle,
+        q=middle - size * np.cos(rate * low),
+        v=-size * rate * np.sin(rate * low),
+    )
+    floor = pg.Contact(name="floor", body="bob", points=((0, 0, 0),), restitution=0.5)
+    model = pg.Model(bodies=(bob,), contacts=(floor,), gravity=(0, 0, 0))
+    done = run(model, t_end=0.04, step=step)
+    assert done.status.ok
+    if depth < 0:
+        assert done.events == ()
+        return
+    hit = low - np.arccos(1 - depth / size) / rate
+    speed = rate * np.sqrt(2 * size * depth)
+    error = 5e-9 / speed  # what RK4 makes of the place at this step
+    assert abs(done.events[0].t - hit) < error
+    assert done.contact_gap["floor"].min() > -1e-12
