@@ -5,8 +5,9 @@ from __future__ import annotations
 import bisect
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -313,29 +314,27 @@ def first_request(model: pg.Model) -> Request:
 def derive(model: pg.Model) -> Derived:
     """Topology, layout, home poses, colours and the constraint column of a model."""
     top = pg.Topology.of(model)
-    names, parent = tuple(top.names), tuple(int(p) for p in top.parent)
-    separation = frozenset(int(k) for k in top.separation_bodies)
-    children = children_of(parent)
+    names, parent = tuple(top.names), tuple(top.parent.tolist())
     bodies = [model.body(name) for name in names]
-    positions, rotations = pg.home_poses(model)
-    center, size = reach(bodies, children, positions, rotations)
-    touching = {body.name: summary(model, body) for body in bodies}
     loops = loops_of(model, top)
-    letters = tuple(len(name) for name in names)
+    tree = _tree(parent, tuple(top.dof.tolist()))
+    positions, rotations = pg.home_poses(model)
+    center, size = reach(bodies, tree.children, positions, rotations)
+    ends = tuple((loop.body, loop.other) for loop in loops)
     return Derived(
         names=names,
         number={name: k for k, name in enumerate(names, 1)},
         parent=parent,
-        children=children,
-        pgraph=tuple(int(k) for k in top.pgraph),
-        jdof=tuple(int(k) for k in top.jdof),
-        tips=frozenset(int(k) for k in top.tips),
-        separation=separation,
-        dof=sum(body.dof for body in bodies),
-        constraints=touching,
+        children=tree.children,
+        pgraph=tree.pgraph,
+        jdof=tree.jdof,
+        tips=frozenset(top.tips.tolist()),
+        separation=frozenset(top.separation_bodies.tolist()),
+        dof=int(top.dof.sum()),
+        constraints=touching(model),
         loops=loops,
-        layout=layout(parent, letters, [(loop.body, loop.other) for loop in loops]),
-        colors=branch_colors(parent),
+        layout=_layout(parent, tuple(map(len, names)), ends),
+        colors=tree.colors,
         positions=np.asarray(positions, dtype=float),
         wxyz=to_wxyz(np.asarray(rotations, dtype=float)),
         center=center,
@@ -343,12 +342,41 @@ def derive(model: pg.Model) -> Derived:
     )  # fmt: skip
 
 
-def summary(model: pg.Model, body: pg.Body) -> tuple[str, ...]:
+class Tree(NamedTuple):
+    """What follows from parents and degrees of freedom alone: most edits leave it as it is."""
+
+    children: tuple[tuple[int, ...], ...]
+    pgraph: tuple[int, ...]
+    jdof: tuple[int, ...]
+    colors: tuple[Color, ...]
+
+
+@lru_cache(maxsize=16)
+def _tree(parent: tuple[int, ...], dof: tuple[int, ...]) -> Tree:
+    pgraph = pg.pgraph_of(parent)
+    jdof = pg.jdof_of(pgraph, dof)
+    walk = tuple(pgraph.tolist()), tuple(jdof.tolist())
+    return Tree(children_of(parent), *walk, branch_colors(parent))
+
+
+_layout = lru_cache(maxsize=16)(layout)
+
+
+def touching(model: pg.Model) -> dict[str, tuple[str, ...]]:
     """The constraint column: constraints and contacts that touch a body, and its limits."""
-    found = [c.name for c in model.constraints if body.name in c.touches]
-    every = ("*",) if body.shape is not None else ()
-    found += [c.name for c in model.contacts if {c.body, c.other} & {body.name, *every}]
-    return (*found, *(("limits",) if any(body.limits) else ()))
+    found: dict[str, list[str]] = {body.name: [] for body in model.bodies}
+    shaped = [body.name for body in model.bodies if body.shape is not None]
+    for c in model.constraints:
+        for name in c.touches:
+            found[name].append(c.name)
+    for contact in model.contacts:
+        ends = {contact.body, contact.other}
+        for name in {*ends, *(shaped if "*" in ends else ())} & found.keys():
+            found[name].append(contact.name)
+    for body in model.bodies:
+        if any(body.limits):
+            found[body.name].append("limits")
+    return {name: tuple(names) for name, names in found.items()}
 
 
 def poses(state: State) -> tuple[np.ndarray, np.ndarray]:

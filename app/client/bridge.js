@@ -4,6 +4,7 @@ if (window.pgraph) return; // a reconnected page has it already
 window.pgraph = (() => {
   const views = {};     // view name -> {build(host), topic: draw(host, data), ...}
   const listeners = {}; // topic -> function(data), for what is drawn in no host
+  const kept = {}; // view name -> its host, of views that outlive it: half-typed cells stay
   const latest = {}; // topic -> data, to draw again when a host is mounted
   let uplink = null, serial = 0, waiting = [];
 
@@ -34,12 +35,15 @@ window.pgraph = (() => {
     },
     mount() {
       for (const [view, topics] of Object.entries(views)) {
-        for (const host of pgraph.hosts(view)) {
-          if (host.dataset.ready) continue;
+        for (const made of pgraph.hosts(view)) {
+          if (made.dataset.ready) continue;
+          const again = topics.keep && kept[view] && !kept[view].isConnected, host = again ? kept[view] : made;
+          if (again) made.replaceWith(host);
           host.dataset.ready = "1";
-          topics.build?.(host);
+          if (topics.keep) kept[view] = host;
+          if (!again) topics.build?.(host);
           for (const topic of Object.keys(topics)) {
-            if (topic !== "build" && topic in latest) topics[topic](host, latest[topic]);
+            if (topic !== "build" && topic !== "keep" && topic in latest) topics[topic](host, latest[topic]);
           }
         }
       }

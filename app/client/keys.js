@@ -110,7 +110,7 @@ pgraph.keys = (() => {
   // Alt: up and down among the rows, right below the row above, left to the parent's parent.
   function moved(tr, key) {
     const names = table().shown(), chosen = table().selected().filter((name) => names.includes(name));
-    const bodies = chosen.includes(tr.dataset.name) ? chosen : [tr.dataset.name];
+    const bodies = chosen.length ? chosen : [tr.dataset.name];
     const first = names.indexOf(bodies[0]), last = names.indexOf(bodies.at(-1));
     if (key === "ArrowUp" && first > 0) send("MoveRows", { bodies, before: names[first - 1] });
     else if (key === "ArrowDown" && last + 1 < names.length) send("MoveRows", { bodies, before: names[last + 2] ?? null });

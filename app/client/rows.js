@@ -69,9 +69,10 @@ pgraph.rows = (() => {
   function mirror(host) {
     const body = pgraph.latest.selection, row = table().row(body);
     if (!row) return;
-    const parent = row.parent === "ground" ? "the world" : row.parent;
-    ask(host, `Mirror ${body} at a plane through the origin of ${parent}, normal to its`,
-      ...["x", "y", "z"].map((plane) => answer(host, plane, "MirrorBranch", { body, plane }, `plane-${plane}`)));
+    const of = row.parent === "ground" ? "the world" : row.parent;
+    const planes = ["x", "y", "z"].map((plane) => answer(host, plane, "MirrorBranch", { body, plane }, `plane-${plane}`));
+    for (const made of planes) made.title = `The plane through the origin of ${of}, normal to its ${made.textContent} axis`;
+    ask(host, `Mirror ${body} along`, ...planes);
   }
 
   // Bodies with children: re-attach them, or delete them too?
@@ -95,7 +96,7 @@ pgraph.rows = (() => {
     const gone = table().rows().slice(n).map((row) => row.name);
     const list = gone.length > 6 ? `${gone.slice(0, 5).join(", ")}, … ${gone.at(-1)}` : gone.join(", ");
     ask(host, `Delete the last ${gone.length === 1 ? "body" : `${gone.length} bodies`} (${list})?`,
-      answer(host, "Delete", "CountBodies", { serial, text }, "primary"));
+      answer(host, "Delete", "DeleteBodies", { bodies: gone, children: "attach" }, "primary"));
   }
 
   return { bar, count, enable, add, duplicate, remove, close };

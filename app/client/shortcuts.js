@@ -7,7 +7,7 @@ pgraph.shortcuts = (() => {
     ]],
     ["In the table", [
       ["↑ ↓ ← →", "next cell"], ["Tab", "next cell, Shift Tab the one before"], ["Home End", "first or last cell of the row"],
-      ["Ctrl ↑ ↓", "first or last row"], ["type, or F2", "edit the cell"], ["Enter", "take it and go down, Shift Enter up"], ["Esc", "put back what was there"],
+      ["Ctrl ↑ ↓", "first or last row"], ["F2", "edit the cell; typing replaces what is in it"], ["Enter", "take it and go down, Shift Enter up"], ["Esc", "put back what was there"],
     ]],
     ["Rows", [
       ["Shift ↑ ↓", "select several; also Shift click, Ctrl click"], ["Ctrl A", "select all"], ["Ctrl Enter", "add a body"], ["Ctrl D", "duplicate"],

@@ -62,10 +62,12 @@ def grown(state: State, client: int, make: Callable[[], pg.Model], label: str) -
 
 def rod(model: pg.Model, name: str, parent: str) -> pg.Body:
     """A slender rod at the tip of `parent`; the first on the ground is free to move."""
-    new = pg.Model.serial(2).bodies[1]
-    joint = {"joint": "free"} if not model.bodies else {}
+    root, new = pg.Model.serial(2).bodies
+    if not model.bodies:
+        free = pg.Model(bodies=(root,)).edit(root.name, joint="free").bodies[0]
+        return free.model_copy(update={"name": name})
     link = (0.0, 0.0, 0.0) if parent == GROUND else model.body(parent).tip or new.link
-    return new.model_copy(update={"name": name, "parent": parent, "link": link, **joint})
+    return new.model_copy(update={"name": name, "parent": parent, "link": link})
 
 
 def _added(model: pg.Model, parent: str | None) -> pg.Model:

@@ -55,8 +55,26 @@ def frames(model: Model, topology: Topology, q: Sequence[float] | Array) -> tupl
 def home_poses(model: Model) -> tuple[Array, Array]:
     """`frames` at the model's initial q, in number order."""
     topology = Topology.of(model)
-    q = [x for body in bodies_of(model, topology) for x in body.q]
-    return frames(model, topology, q)
+    local = [_at_home(body) for body in bodies_of(model, topology)]
+    position = np.zeros((len(local) + 1, 3))
+    rotation = np.zeros((len(local) + 1, 3, 3))
+    rotation[0] = np.eye(3)
+    for k, (p, (link, turned)) in enumerate(zip(topology.parent.tolist(), local), start=1):
+        position[k] = position[p] + rotation[p] @ link
+        rotation[k] = rotation[p] @ turned
+    return position[1:], rotation[1:]
+
+
+def _at_home(body: Body) -> tuple[Array, Array]:
+    """Origin and rotation in the parent's frame at the initial q; made once a row.
+
+    After an edit all other rows are the same objects: a table of 1000 is placed in milliseconds.
+    """
+    known = vars(body)
+    if "at_home" not in known:
+        (position,), (rotation,) = _frames([body], [0], body.q, [slice(None)])
+        known["at_home"] = position, rotation
+    return known["at_home"]
 
 
 def _frames(

@@ -82,7 +82,12 @@ def open_page(browser: Any, served: Server) -> Iterator[Callable[[], Any]]:
 
 @pytest.fixture(scope="session")
 def the_page(open_page: Callable[[], Any]) -> Any:
-    return open_page()
+    page = open_page()
+    page.evaluate(  # software GL draws nothing else until it has drawn the first pictures
+        "new Promise((done) => { let k = 5; (function next() { "
+        "k-- ? requestAnimationFrame(next) : done(true); })(); })"
+    )
+    return page
 
 
 @pytest.fixture

@@ -206,3 +206,11 @@ def test_constraints_are_not_pasted_and_that_is_said(state):
     state = after(initial(state.model.replace(constraints=(pin,))), events.Connected(ME))
     state = after(state, paste("a\t7\t1\tpin"))
     assert "list of constraints" in notice(state)
+
+
+def test_the_first_body_of_an_empty_table_is_free_and_can_be_saved(state):
+    empty = after(state, events.DeleteBodies(ME, ("1",), "delete"))
+    for event in (events.AddBody(ME, None), paste("a\tground"), events.CountBodies(ME, 1, "2")):
+        model = after(empty, event).model
+        assert model.bodies[0].joint == "free"
+        assert pg.Model.from_json(model.to_json()) == model

@@ -1,0 +1,88 @@
+"""What one edit of the page costs: `python -m benchmarks.editing [--page]`.
+
+Server: from the event to the messages for two pages, without the 3D view and with it. With --page
+also in a real browser: from Enter to the number in the table, digraph and properties.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import statistics
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pgraph_core as pg
+import static_models
+from app import events
+from app.state import State, derive, initial
+from app.update import update
+from app.views.digraph import digraph
+from app.views.properties import properties
+from app.views.table import table
+from benchmarks.machine import machine
+
+SIZES = (16, 999)  # the table holds 1000, and one edit adds a body
+PAGES = (1, 2)
+
+
+def model_of(n: int) -> pg.Model:
+    return pg.Model.load(static_models.path("quadruped")) if n == 16 else pg.Model.serial(n)
+
+
+def median(act: Callable[[int], object], repeats: int = 15) -> float:
+    """Milliseconds of `act(k)`, the first call left out."""
+    times = []
+    for k in range(repeats + 1):
+        start = time.perf_counter()
+        act(k)
+        times.append(time.perf_counter() - start)
+    return 1e3 * statistics.median(times[1:])
+
+
+def payloads(state: State) -> int:
+    """All that an edit sends to one page, as JSON; its length."""
+    shown = (table(state), digraph(state), properties(state, state.model.bodies[0].name))
+    return sum(len(json.dumps(part)) for part in shown)
+
+
+def edits(n: int) -> dict[str, Callable[[int], events.Event]]:
+    """A kind of edit each, different at every call."""
+    model = model_of(n)
+    middle, last = model.bodies[n // 2].name, model.bodies[-1].name
+
+    def typed(body: str, field: Any, text: Callable[[int], str]) -> Callable[[int], events.Event]:
+        return lambda k: events.Edit(1, k, body, field, (), text(k))
+
+    return {
+        "mass": typed(middle, "mass", lambda k: str(1 + 1e-3 * (k + 1))),
+        "name": typed(middle, "name", lambda k: f"body_{k}"),
+        "parent": typed(last, "parent", lambda k: model.bodies[k % (n // 2)].name),
+        "dof": typed(middle, "dof", lambda k: "23"[k % 2]),
+        "duplicate": lambda k: events.Duplicate(1, (last,), True),
+    }
+
+
+def server(n: int) -> dict[str, float]:
+    """Milliseconds a kind of edit: the new state, and what two pages are sent."""
+    state = initial(model_of(n))
+    for client in PAGES:
+        state = update(state, events.Connected(client))
+    found = {
+        name: median(lambda k, make=make: payloads(update(state, make(k))))
+        for name, make in edits(n).items()
+    }
+    return {"derive": median(lambda k: derive(state.model)), **found}
+
+
+def main() -> None:
+    argparse.ArgumentParser(description=__doc__).parse_args()
+    print(f"{machine()}\nmilliseconds on the server, medians\n")
+    for n in SIZES:
+        said = "  ".join(f"{name} {ms:.2f}" for name, ms in server(n).items())
+        print(f"{n:5} bodies: {said}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,125 @@
+"""Interface 1.9 to 1.11 in the browser: files, two people, a lost connection, keys."""
+
+from __future__ import annotations
+
+import random
+from typing import Any
+
+import pytest
+
+from app import events
+from app.views.table import table
+
+from .conftest import NOBODY, until
+from .test_page import row
+
+
+def drop(page: Any, name: str, content: str) -> None:
+    """A file dropped on the page; `content` is JavaScript for its parts."""
+    page.evaluate(
+        """([name, content]) => {
+      const data = new DataTransfer();
+      data.items.add(new File(eval(content), name));
+      for (const type of ['dragover', 'drop']) {
+        document.body.dispatchEvent(new DragEvent(type, { dataTransfer: data, bubbles: true }));
+      }
+    }""",
+        [name, content],
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("bad.json", "['{\"bodies\": 3']", "bad.json was not opened"),
+        ("noise.json", "[new Uint8Array([255, 0, 254])]", "noise.json was not opened"),
+        ("big.json", "[new Uint8Array(1e8)]", "it has 100.0 MB; a model file has at most 8 MB"),
+    ],
+)
+def test_1_10_a_file_that_is_no_model_is_refused_in_a_sentence(page, served, name, content, said):
+    before = served.store.state.model
+    drop(page, name, content)
+
+    def answered() -> bool:
+        notices = [client.notice for client in served.store.state.clients.values()]
+        return (
+            any(n and n.bad and n.title == said for n in notices) or page.get_by_text(said).count()
+        )
+
+    until(answered, said)
+    assert served.store.state.model is before
+
+
+def test_1_10_a_model_dropped_on_the_page_is_opened(page, served):
+    drop(page, "two.json", """['{"name": "two", "bodies": [{"name": "a"}, {"name": "b"}]}']""")
+    row(page, "b").wait_for()
+    assert [body.name for body in served.store.state.model.bodies] == ["a", "b"]
+    page.keyboard.press("Control+z")
+    row(page, "pelvis").wait_for()
+
+
+def test_1_11_two_pages_edit_at_once_and_agree(page, open_page, served):
+    """25 edits from each; a half-typed cell is left alone, and undo leads back to the start."""
+    start = served.store.state.model
+    steps = len(served.store.state.undo)
+    other = open_page()
+    half = row(other, "pelvis").locator("input.name")
+    half.fill("half-typed")
+    row(page, "pelvis").locator(".others i").wait_for()  # where the other is
+    rng = random.Random(3)
+    for k in range(25):
+        for at in (page, other):
+            body = rng.choice(list(start.row))
+            field, text = rng.choice(
+                (("mass", str(1 + k)), ("dof", str(k % 4)), ("name", "pelvis"))
+            )
+            at.evaluate(
+                "([k, body, field, text]) => pgraph.send('Edit', "
+                "{ serial: 10000 + k, body, field, index: [], text })",
+                [k, body, field, text],
+            )
+    last = "() => { pgraph.send('Show', { what: 'names', on: false }); return true; }"
+    assert page.evaluate(last) and other.evaluate(last)  # noqa: PT018
+    expected = None
+
+    def agreed() -> bool:
+        nonlocal expected
+        expected = [row["joint"] for row in table(served.store.state)["rows"]]
+        seen = "() => pgraph.latest.table.rows.map((row) => row.joint)"
+        return page.evaluate(seen) == expected == other.evaluate(seen)
+
+    until(agreed, "both pages on the model")
+    assert half.input_value() == "half-typed"
+    for _ in range(len(served.store.state.undo) - steps):
+        served.send(events.Undo(NOBODY))
+    until(lambda: served.store.state.model is start, "the start")
+    other.keyboard.press("Escape")
+    other.close()
+    until(lambda: page.locator(".others i").count() == 0, "no mark when that page is gone")
+
+
+def test_1_11_a_page_that_comes_back_has_its_rows_selected_and_its_cell_half_typed(page, served):
+    row(page, "thorax").locator("td.number").click()
+    row(page, "lumbar").locator("td.number").click(modifiers=["Shift"])
+    until(lambda: page.locator("tr.selected").count() == 2, "two rows")
+    half = row(page, "pelvis").locator("input.name")
+    half.evaluate("(cell) => { cell.value = 'half-typed'; }")
+    before = set(served.store.state.clients)
+    served.viser._websock_server.disconnect_all_clients()
+    until(lambda: set(served.store.state.clients) - before, "the page to come back")
+
+    def selections() -> list[tuple[str, ...]]:
+        return [page.selected for page in served.store.state.clients.values()]
+
+    until(lambda: selections() == [("lumbar", "thorax")], "both rows")
+    assert half.input_value() == "half-typed"
+    half.press("Escape")
+
+
+def test_the_question_mark_lists_the_keys(page):
+    page.keyboard.press("?")
+    sheet = page.get_by_role("dialog", name="keyboard shortcuts")
+    sheet.wait_for()
+    assert "undo" in sheet.inner_text()
+    page.keyboard.press("Escape")
+    until(lambda: sheet.count() == 0, "the sheet closed")

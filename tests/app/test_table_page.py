@@ -1,0 +1,205 @@
+"""Interface 1.3 and 1.4 in the browser: the table as a spreadsheet."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from app import events
+from app.server import Server
+
+from .conftest import NOBODY, until
+from .test_page import row, sentence
+
+
+def names(served: Server) -> list[str]:
+    return [body.name for body in served.store.state.model.bodies]
+
+
+def focused(page: Any) -> list[str]:
+    """Row and kind of the focused cell."""
+    return page.evaluate("""() => {
+      const cell = document.activeElement;
+      return [cell.closest('tr')?.dataset.name, cell.getAttribute('aria-label') ?? cell.tagName];
+    }""")
+
+
+def chosen(page: Any) -> list[str]:
+    return page.locator("tr.selected").evaluate_all("(rows) => rows.map((e) => e.dataset.name)")
+
+
+def paste(page: Any, text: str) -> None:
+    """What the browser does at Ctrl+V with this on the clipboard."""
+    page.evaluate(
+        """(text) => {
+      const data = new DataTransfer();
+      data.setData('text/plain', text);
+      document.activeElement.dispatchEvent(new ClipboardEvent('paste',
+        { clipboardData: data, bubbles: true, cancelable: true }));
+    }""",
+        text,
+    )
+
+
+def copied(page: Any) -> str:
+    return page.evaluate("""() => {
+      const data = new DataTransfer();
+      document.activeElement.dispatchEvent(new ClipboardEvent('copy',
+        { clipboardData: data, bubbles: true, cancelable: true }));
+      return data.getData('text/plain');
+    }""")
+
+
+@pytest.fixture
+def chain(page: Any, served: Server) -> Any:
+    """The page on five bodies in a row."""
+    served.send(events.NewModel(NOBODY, 1, "5"))
+    page.wait_for_function("() => pgraph.latest.table.rows.length === 5")
+    return page
+
+
+def test_1_3_arrows_tab_home_and_enter_move_as_in_a_spreadsheet(chain, served):
+    page = chain
+    row(page, "2").locator("input.name").focus()
+    for key, place in (
+        ("ArrowDown", ["3", "name"]), ("ArrowRight", ["3", "parent"]), ("ArrowUp", ["2", "parent"]),
+        ("Tab", ["2", "DoF"]), ("End", ["2", "BUTTON"]), ("Home", ["2", "name"]),
+        ("Control+ArrowDown", ["5", "name"]), ("Control+Home", ["1", "name"]),
+        ("Enter", ["2", "name"]), ("Shift+Enter", ["1", "name"]), ("PageDown", ["5", "name"]),
+    ):  # fmt: skip
+        page.keyboard.press(key)
+        assert focused(page) == place, key
+    until(lambda: chosen(page) == ["5"], "the row of the focus selected")
+    page.keyboard.type("toe")  # replaces what is there
+    page.keyboard.press("ArrowLeft")  # within the text now
+    page.keyboard.type("_")
+    page.keyboard.press("Shift+Enter")
+    until(lambda: names(served)[-1] == "to_e", "the typed name")
+    until(lambda: focused(page) == ["4", "name"], "the row above, once it was taken")
+    page.keyboard.press("F2")
+    page.keyboard.type("th")
+    page.keyboard.press("Escape")
+    assert row(page, "4").locator("input.name").input_value() == "4"
+    assert served.store.state.model.body("4").name == "4"
+
+
+def test_1_4_several_rows_are_selected_moved_and_deleted(chain, served):
+    page = chain
+    row(page, "2").locator("td.number").click()
+    row(page, "4").locator("td.number").click(modifiers=["Shift"])
+    until(lambda: chosen(page) == ["2", "3", "4"], "three rows")
+    row(page, "3").locator("td.number").click(modifiers=["Control"])
+    until(lambda: chosen(page) == ["2", "4"], "without the middle one")
+    page.keyboard.press("Alt+ArrowUp")
+    until(lambda: names(served) == ["2", "4", "1", "3", "5"], "both above the first")
+    page.keyboard.press("Delete")
+    page.get_by_text("attach 2 children to what stays").click()
+    until(lambda: names(served) == ["1", "3", "5"], "both gone")
+    assert served.store.state.model.body("3").parent == "1"
+    page.keyboard.press("Control+z")
+    until(lambda: len(names(served)) == 5, "both back in one step")
+
+
+def test_1_4_rows_are_dragged_between_rows_and_onto_one(chain, served):
+    page = chain
+    handle, target = row(page, "5").locator("td.number"), row(page, "2")
+    handle.drag_to(target, target_position={"x": 60, "y": 2})
+    until(lambda: names(served) == ["1", "5", "2", "3", "4"], "5 before 2")
+    handle.drag_to(row(page, "1"), target_position={"x": 60, "y": 13})
+    until(lambda: served.store.state.model.body("5").parent == "1", "5 on 1")
+
+
+def test_1_4_duplicate_and_mirror_a_branch(page, served):
+    row(page, "left_femur").locator("td.number").click()
+    until(lambda: chosen(page) == ["left_femur"], "the femur")
+    page.keyboard.press("Control+d")
+    page.get_by_text("with all it carries").click()
+    until(lambda: chosen(page) == [f"left_{x}_2" for x in ("femur", "tibia", "hind_paw")], "a leg")
+    page.locator("button.mirror").click()
+    page.locator(".ask .plane-z").click()
+    until(lambda: "right_femur_2" in names(served), "its mirror image")
+    mirrored = served.store.state.model.body("right_femur_2")
+    assert mirrored.link == served.store.state.model.body("right_femur").link
+
+
+def test_1_4_copy_gives_what_paste_takes(chain, served):
+    page = chain
+    row(page, "2").locator("td.number").click()
+    row(page, "3").locator("td.number").click(modifiers=["Shift"])
+    until(lambda: chosen(page) == ["2", "3"], "two rows")
+    text = copied(page)
+    assert text == "2\t1\t1 revolute\tholonomic\n3\t2\t1 revolute\tholonomic"
+    paste(page, text)
+    until(lambda: names(served)[5:] == ["6", "7"], "two new rows")
+    assert [served.store.state.model.body(n).parent for n in ("6", "7")] == ["1", "6"]
+    row(page, "6").locator("input.name").click()
+    paste(page, "hip\tground\t3\nknee\t\t0 weld\n")
+    until(lambda: names(served)[5:] == ["hip", "knee"], "both filled")
+    assert served.store.state.model.body("hip").joint == "spherical"
+    row(page, "hip").wait_for()
+    before = served.store.state.model
+    paste(page, "a\tnowhere")
+    page.get_by_text("Nothing was pasted: body 'a', parent: no body is named 'nowhere'").wait_for()
+    assert served.store.state.model is before
+
+
+def test_1_4_search_shows_the_rows_with_the_words(page):
+    search = page.get_by_label("search bodies")
+    search.fill("hind tibia")
+    assert page.locator("tr[data-name]:visible").count() == 2
+    search.fill("no such thing")
+    assert page.get_by_text("No body has “no such thing” in its row.").is_visible()
+    search.press("Escape")
+    assert page.locator("tr[data-name]:visible").count() == 16
+
+
+def test_d1_the_number_of_bodies_is_a_field(chain, served):
+    page = chain
+    field = page.get_by_label("number of bodies")
+    field.fill("7")
+    field.press("Enter")
+    until(lambda: names(served)[5:] == ["6", "7"], "two more")
+    row(page, "7").wait_for()
+    field.fill("4")
+    field.press("Enter")
+    page.get_by_text("Delete the last 3 bodies (5, 6, 7)?").wait_for()
+    assert len(names(served)) == 7
+    page.locator(".ask .primary").click()
+    until(lambda: len(names(served)) == 4, "four")
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [("x" * 10_000, "at most 100 characters"), ("\u202e", "control characters"), (" ", "empty")],
+)
+def test_bad_input_in_a_cell_is_refused_beside_it(chain, served, typed, said):
+    cell = row(chain, "3").locator("input.name")
+    cell.fill(typed)
+    cell.press("Enter")
+    assert said in sentence(chain)
+    assert names(served) == ["1", "2", "3", "4", "5"]
+    cell.press("Escape")
+
+
+def test_1_4_a_thousand_rows_are_shown_within_a_second_and_typed_into(page, served):
+    served.send(events.NewModel(NOBODY, 1, "1000"))
+    page.wait_for_function("() => pgraph.latest.table.rows.length === 1000")
+    took = page.evaluate("""() => {
+      const host = document.querySelector('.pgraph[data-view="table"]');
+      const data = JSON.parse(JSON.stringify(pgraph.latest.table));
+      return Math.min(...[1, 2, 3].map(() => {
+        pgraph.receive('table', { ...data, rows: data.rows.slice(0, 1) });
+        const start = performance.now();
+        pgraph.receive('table', data);
+        host.offsetHeight;
+        return performance.now() - start;
+      }));
+    }""")
+    assert took < 1000
+    row(page, "500").locator("td.number").click()
+    page.keyboard.press("Enter")
+    page.keyboard.type("middle")
+    page.keyboard.press("Enter")
+    until(lambda: names(served)[499] == "middle", "the typed name")
+    until(lambda: focused(page) == ["501", "name"], "the next row")
