@@ -120,6 +120,7 @@ class Client:
     reply: Reply | None = None
     notice: Notice | None = None
     downloads: int = 0  # how often the model was asked for as a file
+    reports: int = 0  # how often the report was asked for as a file
     plots: tuple[tuple[str, str], ...] = ()  # (quantity, of what), in their order
     walk: str = ""  # what it steps through: "pgraph" (Fig. 4), "frames" (Fig. 8) or nothing
     posing: bool = False  # whether it has the sliders of the joints in view
@@ -210,6 +211,37 @@ class Live:
 
 
 @dataclass(frozen=True)
+class ReportRequest:
+    """What a report is asked for."""
+
+    target: float = 1e-6  # the error that is wanted
+    t_end: float | None = None  # [s]; None: as the run, but not for long
+    axis: str = "stiffness"  # of the stability map
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """A report under way."""
+
+    id: int
+    kind: str  # precision or stability
+    model: pg.Model
+    request: Request
+    reporting: ReportRequest
+    fraction: float = 0.0
+    cancelled: bool = False
+
+
+@dataclass(frozen=True)
+class Report:
+    """A report, and the model it is of."""
+
+    kind: str
+    model: pg.Model
+    result: Any  # pgraph_core's Study or StabilityMap
+
+
+@dataclass(frozen=True)
 class Exporting:
     """A run to be sent to one page as a file."""
 
@@ -252,6 +284,10 @@ class State:
     live: Live | None = None
     ghost: Run | None = None  # an earlier run, shown beside
     exporting: Exporting | None = None
+    reporting: ReportRequest = ReportRequest()
+    analysis: Analysis | None = None
+    analysis_problem: str = ""  # why the last one gave no report
+    report: Report | None = None
     run_problem: str = ""  # why the last job gave no result
     playback: Playback = Playback()
     kernels: Kernels = Kernels()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from .events import Event
 from .reducers import (
+    analysing,
     editing,
     graph,
     living,
@@ -28,6 +29,7 @@ REDUCERS = (
     posing.update,
     plotting.update,
     looking.update,
+    analysing.update,
 )
 
 

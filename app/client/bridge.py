@@ -42,6 +42,7 @@ SCRIPTS = (
     "show",
     "playback",
     "plots",
+    "reports",
 )
 STYLES = (
     "page",
@@ -57,6 +58,7 @@ STYLES = (
     "show",
     "playback",
     "plots",
+    "reports",
 )
 LARGEST_MESSAGE = 16 * 1024 * 1024  # [bytes] from a page; viser's own limit is 50 MB
 LOOPBACK = ("127.0.0.1", "localhost", "::1")

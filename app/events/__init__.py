@@ -7,6 +7,27 @@ import json
 from pydantic import TypeAdapter
 
 from ..state import SHOWABLE
+from .analysing import (
+    Analyse as Analyse,
+)
+from .analysing import (
+    CancelAnalysis as CancelAnalysis,
+)
+from .analysing import (
+    DownloadReport as DownloadReport,
+)
+from .analysing import (
+    Measured as Measured,
+)
+from .analysing import (
+    Measuring as Measuring,
+)
+from .analysing import (
+    NotMeasured as NotMeasured,
+)
+from .analysing import (
+    SetReport as SetReport,
+)
 from .base import FromPage as FromPage
 from .editing import (
     Edit as Edit,
@@ -200,6 +221,9 @@ from .table import (
 
 Event = (
     FromPage
+    | Measuring
+    | Measured
+    | NotMeasured
     | Tick
     | Progress
     | Simulated

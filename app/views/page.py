@@ -15,6 +15,7 @@ from .joints import JointsView
 from .playback import PlaybackView
 from .plots import PlotsView
 from .properties import PropertiesView
+from .reports import ReportsView
 from .run import RunView
 from .scene import SceneView
 from .session import ACCENT, SessionView
@@ -39,6 +40,8 @@ class Page:
             digraph = DigraphView(bridge)
         with graph.add_tab("Plots", viser.Icon.CHART_LINE):
             plots = PlotsView(bridge)
+        with graph.add_tab("Report", viser.Icon.REPORT_ANALYTICS):
+            reports = ReportsView(bridge)
         toolbar, run, show = ToolbarView(bridge), RunView(bridge), ShowView(bridge)  # viser's panel
         with properties.add_tab("Properties", viser.Icon.ADJUSTMENTS):
             details = PropertiesView(bridge)
@@ -54,7 +57,7 @@ class Page:
         properties.dock_below(gui.main_panel)
         playback.float(x=15, y=-15, width=470)
         self.views = (
-            table, digraph, toolbar, run, show, details, joints, player, plots,
+            table, digraph, toolbar, run, show, details, joints, player, plots, reports,
             SceneView(server, send), GhostView(server), ExportView(bridge), SessionView(bridge),
         )  # fmt: skip
 

@@ -64,6 +64,23 @@ def test_a_click_on_a_quantity_plots_it_and_the_cursor_follows(two_rods, served)
     page.get_by_role("tab", name="Digraph").click()
 
 
+def test_a_report_is_measured_shown_and_enlarged(two_rods, served):
+    page = two_rods
+    client = next(iter(served.store.state.clients))
+    served.send(events.SetReport(client, 1, "t_end", "0.05"))
+    page.get_by_role("tab", name="Report").click()
+    page.locator("button.precision").click()
+    page.locator(".outcome .figure svg").wait_for(timeout=60_000)
+    assert page.locator(".outcome .advice").inner_text().startswith("Take ")
+    assert page.locator(".outcome .rows tbody tr").count() > 5
+    page.locator(".outcome .figure").click()
+    large = page.locator(".figure-large svg")
+    until(lambda: large.bounding_box()["width"] > 700, "the figure over all panels")
+    page.keyboard.press("Escape")
+    until(lambda: page.locator(".figure-large").count() == 0, "the page again")
+    page.get_by_role("tab", name="Digraph").click()
+
+
 def test_a_run_is_downloaded_as_a_table(two_rods, served):
     page = two_rods
     page.locator("button.simulate").click()

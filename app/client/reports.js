@@ -1,0 +1,87 @@
+// Reports: error against run time and the stability map, with progress, figure and rows.
+(() => {
+  const { make, cells, send } = pgraph;
+  const button = (className, textContent, title, onclick) =>
+    make("button", { className: `action ${className}`, textContent, title, onclick });
+
+  function build(host) {
+    const edit = (field) => (serial, value) => send("SetReport", { serial, field, text: value });
+    const target = cells.input(edit("target"), { label: "error wanted", numeric: true });
+    const t_end = cells.input(edit("t_end"), { label: "duration of the report", numeric: true });
+    const axis = cells.choice(() => pgraph.latest.reports.axes, edit("axis"), { label: "axis" });
+    t_end.placeholder = "as simulated";
+    host.pgraphCells = { target, t_end, axis };
+    const field = (label, unit, cell, help) => make("div", { className: "field", title: help },
+      make("div", { className: "what" }, make("span", { textContent: label }), make("span", { className: "unit", textContent: unit })), cell);
+    host.replaceChildren(
+      make("div", { className: "report-settings" },
+        field("Error wanted", "", target, "The cheapest setting that reaches it is recommended"),
+        field("Duration", "s", t_end, "Length of the motion that is measured; empty: as simulated, 1 s at most")),
+      make("div", { className: "bar asks" },
+        button("primary precision", "Error against run time", "Every method at many settings, timed", () => send("Analyse", { kind: "precision" }))),
+      make("div", { className: "bar asks" },
+        button("primary stability", "Stability map", "Which methods hold where", () => send("Analyse", { kind: "stability" })),
+        make("span", { className: "muted", textContent: "over" }), axis),
+      make("div", { className: "job", hidden: true }, make("progress", { max: 1 }), make("span", { className: "said" }),
+        button("cancel-report", "Cancel", "Stop, and keep what there is", () => send("CancelAnalysis"))),
+      make("div", { className: "problem sentence", hidden: true }),
+      make("div", { className: "outcome", hidden: true },
+        make("div", { className: "bar" }, make("strong", { className: "title" }), make("span", { className: "spring" }),
+          button("page", "Page", "The whole report as one HTML file", () => send("DownloadReport"))),
+        make("div", { className: "stale sentence", hidden: true }),
+        make("div", { className: "advice" }),
+        make("div", { className: "figure", role: "button", tabIndex: 0, title: "Larger",
+          onclick: (event) => enlarge(event.currentTarget),
+          onkeydown: (event) => { if (event.key === "Enter") enlarge(event.currentTarget); } }),
+        make("div", { className: "scroll" }, make("table", { className: "rows" }, make("thead"), make("tbody"))),
+        make("ul", { className: "notes muted" })));
+  }
+
+  // Over all panels, until a click or Escape.
+  function enlarge(figure) {
+    const picture = figure.firstElementChild?.cloneNode(true);
+    if (!picture) return;
+    const over = make("div", { className: "pgraph figure-large", role: "dialog", tabIndex: -1, "aria-label": "the figure, larger", title: "Click to close" }, picture);
+    over.onclick = () => over.remove();
+    over.onkeydown = (event) => { if (event.key === "Escape") { event.stopPropagation(); over.remove(); figure.focus(); } };
+    document.body.append(over);
+    over.focus();
+  }
+
+  function draw(host, data) {
+    const $ = (selector) => host.querySelector(selector);
+    const { target, t_end, axis } = host.pgraphCells;
+    cells.set(target, data.target);
+    cells.set(t_end, data.t_end ?? "");
+    cells.choose(axis, data.axis);
+    for (const ask of host.querySelectorAll(".asks button")) ask.disabled = data.job !== null;
+    $(".job").hidden = data.job === null;
+    if (data.job) {
+      $(".job progress").value = data.job.fraction;
+      $(".job .said").textContent = `${Math.round(100 * data.job.fraction)} %`;
+    }
+    $(".problem").hidden = !data.problem;
+    $(".problem").textContent = data.problem;
+    $(".outcome").hidden = data.result === null;
+    if (data.result) outcome($, data.result);
+  }
+
+  function outcome($, result) {
+    const row = (tag) => (entries) => make("tr", {}, ...entries.map((textContent) => make(tag, { textContent })));
+    $(".title").textContent = result.title;
+    $(".advice").textContent = result.advice;
+    $(".stale").hidden = !result.stale;
+    $(".stale").textContent = result.stale;
+    $(".rows thead").replaceChildren(row("th")(result.head));
+    $(".rows tbody").replaceChildren(...result.rows.map(row("td")));
+    $(".notes").replaceChildren(...result.notes.map((textContent) => make("li", { textContent })));
+  }
+
+  function picture(host, { svg }) {
+    const parsed = new DOMParser().parseFromString(svg || "<svg xmlns='http://www.w3.org/2000/svg'/>", "image/svg+xml");
+    for (const script of parsed.querySelectorAll("script")) script.remove();
+    host.querySelector(".figure").replaceChildren(document.importNode(parsed.documentElement, true));
+  }
+
+  pgraph.view("reports", { build, reports: draw, figure: picture });
+})();

@@ -1,0 +1,111 @@
+"""The reports in the page: settings, what is measured, and what is said of it."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+import pgraph_core as pg
+from app import events
+from app.analyst import Analyst
+from app.reducers.analysing import AXES
+from app.state import Kernels, State, initial
+from app.update import update
+from app.views.reports import page, reports
+from pgraph_core.stability.axes import AXES as KNOWN_AXES
+
+ME = 1
+
+
+@pytest.fixture
+def state() -> State:
+    model = pg.Model.serial(2)
+    state = replace(initial(model), kernels=Kernels(ready=True))
+    return update(state, events.Connected(ME))
+
+
+def measured(state: State, kind: Any) -> State:
+    """The state after a report, by the thread that measures it."""
+    heard: list[Any] = []
+    done = threading.Event()
+
+    def send(event: Any) -> None:
+        heard.append(event)
+        if not isinstance(event, events.Measuring):
+            done.set()
+
+    state = update(state, events.Analyse(ME, kind))
+    Analyst(send).render(state, state)
+    assert done.wait(120)
+    for event in heard:
+        state = update(state, event)
+    return state
+
+
+def test_the_axes_of_the_page_are_those_of_the_map():
+    assert set(AXES) == set(KNOWN_AXES)
+
+
+def test_error_against_run_time(state):
+    state = update(state, events.SetReport(ME, 1, "t_end", "0.2"))
+    state = measured(state, "precision")
+    assert state.analysis is None
+    sent = reports(state)["result"]
+    assert "Take " in sent["advice"]
+    assert sent["rows"]
+    assert state.report is not None
+    assert state.report.result.figure().startswith("<svg")
+    assert "<html" in page(state.report)[:400].lower()
+    assert json.dumps(reports(state), allow_nan=False)
+    stale = update(state, events.Edit(ME, 2, "1", "mass", (), "3"))
+    assert reports(stale)["result"]["stale"] == "Measured before the model was changed."
+
+
+def test_stability(state):
+    state = update(state, events.SetReport(ME, 1, "axis", "step"))
+    state = update(state, events.SetReport(ME, 2, "t_end", "0.1"))
+    sent = reports(measured(state, "stability"))["result"]
+    assert sent["title"].startswith("Stability over step")
+    assert " settings are as accurate as asked for." in sent["advice"]
+
+
+def test_a_report_that_cannot_be_made_says_why(state):
+    state = update(state, events.SetReport(ME, 1, "axis", "contact_stiffness"))
+    state = measured(state, "stability")
+    assert state.report is None
+    assert "contact" in state.analysis_problem
+
+
+@pytest.mark.parametrize(
+    ("field", "text", "sentence"),
+    [
+        ("target", "2", "The error that is wanted must be above 0 and at most 1; given 2."),
+        ("t_end", "1e9", "The duration must be above 0 and at most 60; given 1e+09."),
+        ("axis", "nonsense", f"The axis must be one of {', '.join(AXES)}."),
+    ],
+)
+def test_settings_that_do_not_fit_are_refused(state, field, text, sentence):
+    refused = update(state, events.SetReport(ME, 7, field, text))
+    assert refused.reporting == state.reporting
+    assert refused.clients[ME].reply.text == sentence
+
+
+def test_a_cancelled_report_ends_soon(state):
+    asked = update(state, events.Analyse(ME, "precision"))
+    heard: list[Any] = []
+    analyst = Analyst(heard.append)
+    analyst.render(asked, asked)
+    while not heard:
+        time.sleep(0.01)
+    cancelled = update(asked, events.CancelAnalysis(ME))
+    analyst.render(asked, cancelled)
+    end = time.monotonic() + 30
+    while isinstance(heard[-1], events.Measuring) and time.monotonic() < end:
+        time.sleep(0.01)
+    assert not isinstance(heard[-1], events.Measuring)
+    assert update(cancelled, heard[-1]).analysis is None
