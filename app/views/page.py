@@ -12,6 +12,7 @@ from .digraph import DigraphView
 from .exports import ExportView
 from .ghost import GhostView
 from .joints import JointsView
+from .operators import OperatorsView
 from .playback import PlaybackView
 from .plots import PlotsView
 from .properties import PropertiesView
@@ -38,6 +39,8 @@ class Page:
             table = TableView(bridge)
         with graph.add_tab("Digraph", viser.Icon.SITEMAP):
             digraph = DigraphView(bridge)
+        with graph.add_tab("Operators", viser.Icon.GRID_DOTS):
+            operators = OperatorsView(bridge)
         with graph.add_tab("Plots", viser.Icon.CHART_LINE):
             plots = PlotsView(bridge)
         with graph.add_tab("Report", viser.Icon.REPORT_ANALYTICS):
@@ -57,8 +60,8 @@ class Page:
         properties.dock_below(gui.main_panel)
         playback.float(x=15, y=-15, width=470)
         self.views = (
-            table, digraph, toolbar, run, show, details, joints, player, plots, reports,
-            SceneView(server, send), GhostView(server), ExportView(bridge), SessionView(bridge),
+            table, digraph, operators, toolbar, run, show, details, joints, player, plots,
+            reports, SceneView(server, send), GhostView(server), ExportView(bridge), SessionView(bridge),
         )  # fmt: skip
 
         @server.on_client_connect

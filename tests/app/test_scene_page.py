@@ -205,3 +205,19 @@ def test_the_ground_and_the_camera_follow_the_up_axis(page, served, up):
     until(lambda: abs(camera.up_direction[axis]) > 0.9, f"{up} up")
     grid = served.viser.scene.get_handle_by_name("/ground")
     assert grid.plane == {"x": "yz", "z": "xy"}[up]
+
+
+# -- the Operators tab -------------------------------------------------------------------------
+
+
+def test_d11_operators_are_viewable_with_the_value_under_the_pointer(page, served):
+    page.get_by_role("tab", name="Operators").click()
+    value = page.locator('[data-view="operators"] .value')
+    until(lambda: "21 × 21" in value.inner_text(), "the mass matrix")
+    page.locator("canvas.cells").hover(position={"x": 3, "y": 3})
+    until(lambda: "M[pelvis 1, pelvis 1] =" in value.inner_text(), "its first entry")
+    page.get_by_label("operator").select_option("S")
+    until(lambda: "16 × 16" in value.inner_text(), "the adjacency")
+    page.get_by_role("tab", name="Digraph").click()
+    idle = lambda: all(c.inspected is None for c in served.store.state.clients.values())  # noqa: E731
+    until(idle, "nothing computed out of view")

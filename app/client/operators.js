@@ -1,0 +1,86 @@
+// The Operators tab: one operator as a picture of its cells; values under the pointer.
+(() => {
+  const { make, send } = pgraph;
+  let what = "M";
+
+  function build(host) {
+    const kind = make("select", { className: "cell kind", "aria-label": "operator", onchange: () => { what = kind.value; look(); } });
+    const canvas = make("canvas", { className: "cells", role: "img", "aria-label": "pattern of the operator" });
+    const files = ["npz", "csv", "mtx"].map((suffix) => make("button", { className: "action", textContent: suffix, title: `Download as .${suffix}`, onclick: () => send("ExportOperator", { what, suffix }) }));
+    host.replaceChildren(make("div", { className: "bar" }, kind, make("button", { className: "action whole", textContent: "Whole", title: "All rows and columns", onclick: look }), ...files),
+      make("div", { className: "muted facts" }), make("div", { className: "value", role: "status" }), make("div", { className: "sentence problem" }), canvas);
+    canvas.addEventListener("pointermove", (event) => told(host, event));
+    canvas.addEventListener("pointerleave", () => describe(host));
+    canvas.addEventListener("click", (event) => closer(host, event));
+    new ResizeObserver(() => paint(host)).observe(host);
+    pgraph.whileVisible(host, (on) => { if (on) look(); else send("Inspect", { what: "", rows: null, columns: null }); });
+  }
+  const look = () => send("Inspect", { what, rows: null, columns: null });
+
+  function draw(host, data) {
+    const kind = host.querySelector(".kind");
+    if (!kind.options.length) kind.append(...Object.entries(data.titles).map(([value, textContent]) => make("option", { value, textContent })));
+    kind.value = what = data.what;
+    host.operator = data;
+    host.querySelector(".facts").textContent = data.facts;
+    host.querySelector(".problem").textContent = data.problem;
+    host.querySelector("canvas").hidden = Boolean(data.problem);
+    host.querySelector(".whole").disabled = Boolean(data.problem) || (data.rows[1] - data.rows[0] === data.shape[0] && data.columns[1] - data.columns[0] === data.shape[1]);
+    host.found = new Map((data.cells ?? []).map(([i, j, x]) => [`${i} ${j}`, x]));
+    paint(host);
+    describe(host);
+  }
+
+  const sides = (data) => [Math.ceil((data.rows[1] - data.rows[0]) / data.step[0]), Math.ceil((data.columns[1] - data.columns[0]) / data.step[1])];
+
+  function paint(host) {
+    const data = host.operator, canvas = host.querySelector("canvas");
+    if (!data || data.problem) return;
+    const [n, m] = sides(data), style = getComputedStyle(host), wide = Math.max(host.clientWidth - 24, 100);
+    host.size = Math.max(2, Math.min(wide / Math.max(m, 1), 26));
+    const ratio = window.devicePixelRatio || 1, w = host.size * m, h = host.size * n;
+    canvas.style.width = `${w}px`;
+    canvas.style.height = `${h}px`;
+    canvas.width = Math.max(1, Math.round(w * ratio));
+    canvas.height = Math.max(1, Math.round(h * ratio));
+    const pen = canvas.getContext("2d"), most = Math.max(...data.cells.map(([, , x]) => Math.abs(x)), 1e-300);
+    pen.scale(ratio, ratio);
+    pen.fillStyle = style.getPropertyValue("--hover");
+    pen.fillRect(0, 0, w, h);
+    const gap = host.size > 6 ? 0.5 : 0;
+    for (const [i, j, x] of data.cells) { // six decades from the largest down to faint
+      pen.globalAlpha = Math.max(0.15, 1 + Math.log10(Math.abs(x) / most) / 6);
+      pen.fillStyle = x < 0 ? "#d9730d" : "#2f6fd0";
+      pen.fillRect(j * host.size + gap, i * host.size + gap, host.size - 2 * gap, host.size - 2 * gap);
+    }
+    pen.globalAlpha = 1;
+  }
+
+  function at(host, event) {
+    const box = event.target.getBoundingClientRect();
+    return [Math.floor((event.clientY - box.top) / host.size), Math.floor((event.clientX - box.left) / host.size)];
+  }
+  function told(host, event) {
+    const data = host.operator, [i, j] = at(host, event), [r, c] = data.step, x = host.found.get(`${i} ${j}`) ?? 0;
+    const span = (names, k, step) => (step === 1 ? names[k] : `${names[k * step]} … ${names[Math.min((k + 1) * step, names.length) - 1]}`);
+    if (data.row_names[i * r] === undefined || data.column_names[j * c] === undefined) return;
+    const largest = r * c > 1 ? "largest " : "";
+    host.querySelector(".value").textContent = `${data.what}[${span(data.row_names, i, r)}, ${span(data.column_names, j, c)}] = ${largest}${x}`;
+  }
+  function describe(host) {
+    const data = host.operator;
+    if (!data || data.problem) { host.querySelector(".value").textContent = ""; return; }
+    const blocks = data.step[0] * data.step[1] > 1 ? `; a cell is ${data.step[0]} × ${data.step[1]} entries, click to see them` : "";
+    host.querySelector(".value").textContent = `${data.equation}, ${data.shape[0]} × ${data.shape[1]}; blue +, orange −${blocks}`;
+  }
+  // The entries around a block that was clicked.
+  function closer(host, event) {
+    const { step, rows, columns, shape } = host.operator;
+    if (step[0] * step[1] === 1) return;
+    const around = (k, s, from, size) => { const low = Math.max(0, Math.min(from + k * s - 48, size - 96)); return [low, Math.min(low + 96, size)]; };
+    const [i, j] = at(host, event);
+    send("Inspect", { what, rows: around(i, step[0], rows[0], shape[0]), columns: around(j, step[1], columns[0], shape[1]) });
+  }
+
+  pgraph.view("operators", { build, operator: draw });
+})();
