@@ -61,7 +61,8 @@ class Page:
         playback.float(x=15, y=-15, width=470)
         self.views = (
             table, digraph, operators, toolbar, run, show, details, joints, player, plots,
-            reports, SceneView(server, send), GhostView(server), ExportView(bridge), SessionView(bridge),
+            reports, SceneView(server, send), GhostView(server), ExportView(bridge),
+            SessionView(bridge),
         )  # fmt: skip
 
         @server.on_client_connect

@@ -216,7 +216,7 @@ def test_d11_operators_are_viewable_with_the_value_under_the_pointer(page, serve
     until(lambda: "21 × 21" in value.inner_text(), "the mass matrix")
     page.locator("canvas.cells").hover(position={"x": 3, "y": 3})
     until(lambda: "M[pelvis 1, pelvis 1] =" in value.inner_text(), "its first entry")
-    page.get_by_label("operator").select_option("S")
+    page.get_by_label("operator", exact=True).select_option("S")
     until(lambda: "16 × 16" in value.inner_text(), "the adjacency")
     page.get_by_role("tab", name="Digraph").click()
     idle = lambda: all(c.inspected is None for c in served.store.state.clients.values())  # noqa: E731
