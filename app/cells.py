@@ -8,8 +8,15 @@ from typing import Any
 
 import pgraph_core as pg
 
+from .intents import Display, Quantity
+
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 LONGEST_NAME = 100
+UNITS: dict[Quantity, dict[str, tuple[float, float]]] = {  # typed unit -> (times, divided by)
+    "length": {"mm": (1, 1000), "cm": (1, 100), "m": (1, 1)},
+    "angle": {"rad": (1, 1), "deg": (math.pi, 180), "°": (math.pi, 180)},
+    "number": {},
+}
 
 
 class Refusal(ValueError):
@@ -21,18 +28,36 @@ def number(text: str) -> float:
     typed = text.strip()
     if not NUMBER.fullmatch(typed):
         hint = "; write the decimal point as '.'" if "," in typed else " such as 0.25 or 1e-6"
-        raise Refusal(f"must be a number{hint}; given {_quoted(typed)}")
+        raise Refusal(f"must be a number{hint}; given {quoted(typed)}")
     value = float(typed)
     if not math.isfinite(value):
-        raise Refusal(f"{_quoted(typed)} is too large for a number; use less than 1.8e308")
+        raise Refusal(f"{quoted(typed)} is too large for a number; use less than 1.8e308")
     return value
+
+
+def quantity(text: str, of: Quantity, display: Display) -> float:
+    """The SI value typed: in the page's unit, or in the one that is typed with it: 3 mm, 30 deg.
+
+    Raises Refusal.
+    """
+    typed = text.strip()
+    unit = next((u for u in UNITS[of] if typed.endswith(u) and len(u) < len(typed)), None)
+    if unit is None or not NUMBER.fullmatch(typed.removesuffix(unit).strip()):
+        return display.si(number(text), of)
+    times, by = UNITS[of][unit]
+    return number(typed.removesuffix(unit)) * times / by
+
+
+def content(text: str, of: Quantity, display: Display) -> float | str:
+    """A number in SI units, or the formula typed in place of one. Raises Refusal."""
+    return text.strip() if text.lstrip().startswith("=") else quantity(text, of, display)
 
 
 def whole(text: str, low: int, high: int) -> int:
     """The whole number typed, within [low, high]. Raises Refusal."""
     typed = text.strip()
     if not re.fullmatch(r"\d{1,9}", typed) or not low <= int(typed) <= high:
-        raise Refusal(f"must be a whole number from {low} to {high}; given {_quoted(typed)}")
+        raise Refusal(f"must be a whole number from {low} to {high}; given {quoted(typed)}")
     return int(typed)
 
 
@@ -50,24 +75,24 @@ def change(body: pg.Body, field: str, index: tuple[int, ...], text: str) -> dict
         case "tip" if not text.strip():
             return {"tip": None}
         case "tip":
-            return {"tip": _replaced(body.tip_point, index, number(text))}
+            return {"tip": replaced(body.tip_point, index, number(text))}
         case "inertia" if len(index) == 2:
-            upper = _replaced(body.inertia, index, number(text))
-            return {"inertia": _replaced(upper, (index[1], index[0]), number(text))}
-    return {field: _replaced(getattr(body, field), index, number(text))}
+            upper = replaced(body.inertia, index, number(text))
+            return {"inertia": replaced(upper, (index[1], index[0]), number(text))}
+    return {field: replaced(getattr(body, field), index, number(text))}
 
 
-def _replaced(value: Any, index: tuple[int, ...], new: float) -> Any:
+def replaced(value: Any, index: tuple[int, ...], new: Any) -> Any:
     """`value` with the entry at `index` replaced by `new`."""
     if not index:
         if isinstance(value, tuple):
             raise Refusal("has several numbers; say which")
         return new
     first, *rest = index
-    if not isinstance(value, tuple) or first >= len(value):
+    if not isinstance(value, (tuple, list)) or first >= len(value):
         raise Refusal("has no such entry any more")
-    return (*value[:first], _replaced(value[first], tuple(rest), new), *value[first + 1 :])
+    return (*value[:first], replaced(value[first], tuple(rest), new), *value[first + 1 :])
 
 
-def _quoted(text: str) -> str:
+def quoted(text: str) -> str:
     return repr(text if len(text) <= 40 else text[:37] + "...")

@@ -10,6 +10,7 @@ import pgraph_core as pg
 import static_models
 
 from .analyst import Analyst
+from .asking import Errands, Reports
 from .autosave import Autosave, left_behind
 from .client.bridge import Bridge, open_server, quiet, token_for
 from .events import Event, from_page
@@ -40,7 +41,8 @@ class Server:
         bridge = Bridge(viser, lambda client, text: self.send(from_page(client, text)))
         page = Page(bridge, self.send)
         self._autosave = Autosave(keep, host, self.port, given, self.send) if keep else None
-        work = (Simulator(self.send), LiveRunner(self.send), Analyst(self.send), Files(self.send))
+        beside = (Simulator, LiveRunner, Analyst, Files, Reports, Errands)
+        work = [worker(self.send) for worker in beside]
         self.store.start((*page.views, *work, *filter(None, [self._autosave])))
         self._compiler = Compiler(self.send)
 

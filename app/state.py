@@ -15,6 +15,7 @@ import pgraph_core as pg
 from pgraph_core.topology import Loop, loops_of
 
 from .digraph import Layout, layout
+from .intents import Display, Errand, MobilityReport, Picking
 from .shapes import Color, branch_colors, children_of, reach, to_wxyz
 
 SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # of playback
@@ -80,6 +81,7 @@ class Reply:
 
     serial: int
     text: str
+    offer: str = ""  # what a button beside the sentence would do, e.g. "use the nearest possible"
 
 
 @dataclass(frozen=True)
@@ -128,6 +130,12 @@ class Client:
     grip: Grip | None = None  # while it does
     inspected: Inspected | None = None  # the operator it looks at
     exported: tuple[int, str, str] = (0, "", "")  # how often, and what it asked for as a file
+    display: Display = field(default_factory=Display)
+    picking: Picking | None = None
+    opened: tuple[str, str] | None = None  # (part, name) of what the constraints tab shows whole
+    listed: str | None = None  # body whose constraints alone are listed
+    called: int = 0  # how often the constraints tab was asked to come forward
+    watching: bool = False  # whether the constraints tab is in sight
 
 
 @dataclass(frozen=True)
@@ -295,6 +303,10 @@ class State:
     kept: Mapping[str, Kept] = field(default_factory=dict)  # by what it is called in a list
     greeting: Notice | None = None  # to pages that open, until the model is changed
     shown: frozenset[str] = SHOWN_AT_FIRST
+    errands: tuple[Errand, ...] = ()  # under way, in order
+    errand_count: int = 0  # how many were sent; the last one's id
+    mobility: MobilityReport | None = None
+    mobility_asked: pg.Model | None = None  # a large model, whose report takes long
     framed: int = 0  # counts the models opened; the camera is set anew for each
     posed: Pose | None = None  # the last pose by hand
     pose_problem: str = ""  # why a joint could not be moved further

@@ -5,7 +5,10 @@ from __future__ import annotations
 from .events import Event
 from .reducers import (
     analysing,
+    constraining,
+    describing,
     editing,
+    errands,
     graph,
     living,
     looking,
@@ -19,10 +22,13 @@ from .reducers import (
 from .state import State
 
 REDUCERS = (
+    constraining.update,  # first: while a body is picked, a click selects nothing
     session.update,
     editing.update,
     table.update,
     living.update,
+    describing.update,
+    errands.update,
     running.update,
     playing.update,
     graph.update,

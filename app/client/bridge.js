@@ -54,10 +54,16 @@ window.pgraph = (() => {
       listeners[topic]?.(data);
       for (const view of Object.keys(views)) pgraph.draw(view, topic);
     },
-    // The tab of that name to the front, about a body: its view hears it as `constraintsFor`.
+    // The tab of that name to the front; viser's tabs listen to the pointer, not to clicks.
+    front(name) {
+      const label = [...document.querySelectorAll('[role="tab"]')].find((tab) => tab.title === name);
+      for (const kind of ["pointerdown", "pointerup", "click"]) {
+        label?.dispatchEvent(new PointerEvent(kind, { bubbles: true, button: 0, pointerId: 1, isPrimary: true }));
+      }
+    },
+    // The same, about a body: its view hears it as `constraintsFor`.
     show(tab, body) {
-      const labels = document.querySelectorAll('[role="tab"], .mantine-Tabs-tab, button');
-      [...labels].find((label) => label.textContent.trim() === tab)?.click();
+      pgraph.front(tab);
       pgraph.receive(`${tab.toLowerCase()}For`, body);
     },
     drain() {

@@ -6,7 +6,8 @@ pgraph.cells = (() => {
   let quiet = false; // cells are being moved about: leaving one is nobody's doing
 
   const dirty = (cell) => cell.value !== cell.dataset.shown;
-  const digits = (x) => (typeof x === "number" ? String(Number(x.toPrecision(7))) : x);
+  // As many digits as the cell has room for; all of them in the title, and while it is typed in.
+  const digits = (x, cell) => (typeof x === "number" ? String(Number(x.toPrecision(cell.dataset.digits ?? 7))) : x);
 
   // The current value of the model; typed text that is not yet taken stays.
   function set(cell, value, title = "") {
@@ -14,12 +15,12 @@ pgraph.cells = (() => {
     cell.dataset.full = String(value);
     if (!cell.classList.contains("refused")) cell.title = title || cell.dataset.full;
     if (!untouched || cell.classList.contains("refused")) return;
-    show(cell, document.activeElement === cell ? cell.dataset.full : digits(value));
+    show(cell, document.activeElement === cell ? cell.dataset.full : digits(value, cell));
   }
   function show(cell, text) { cell.value = cell.dataset.shown = text; }
   function settled(cell) {
     const full = cell.dataset.full ?? "";
-    return cell.dataset.numeric && full !== "" ? digits(Number(full)) : full;
+    return cell.dataset.numeric && full !== "" && !Number.isNaN(Number(full)) ? digits(Number(full), cell) : full;
   }
 
   function revert(cell) {
@@ -32,6 +33,10 @@ pgraph.cells = (() => {
   function commit(cell, send) {
     if (!dirty(cell)) { if (!cell.classList.contains("refused")) revert(cell); return; }
     if (cell.dataset.sent === cell.value && cell.classList.contains("refused")) return;
+    ask(cell, send);
+  }
+  // Sends what the cell holds, changed or not, and waits for the answer.
+  function ask(cell, send) {
     const serial = pgraph.nextSerial();
     pending.set(serial, cell);
     cell.dataset.sent = cell.value;
@@ -40,7 +45,7 @@ pgraph.cells = (() => {
   }
 
   // Python's answer: taken, or the sentence that says why not.
-  function reply({ serial, text }) {
+  function reply({ serial, text, offer }) {
     const cell = pending.get(serial);
     pending.delete(serial);
     if (!cell?.isConnected) { if (text) pgraph.toast(text); return; }
@@ -54,6 +59,11 @@ pgraph.cells = (() => {
     cell.setAttribute("aria-invalid", "true");
     cell.title = text;
     sentence(cell, text);
+    cell.onrefuse?.(offer, noteOf(cell));
+  }
+  function noteOf(cell) {
+    const note = (cell.closest("tr, .field, .ask") ?? cell.parentElement).nextElementSibling;
+    return note?.classList.contains("sentence") ? (note.querySelector("td") ?? note) : null;
   }
 
   // The sentence stands below the row of the cell.
@@ -133,6 +143,6 @@ pgraph.cells = (() => {
     } finally { quiet = false; }
   }
 
-  return { set, reply, input, choice, choose, commit, keepingFocus, resting: () => !quiet };
+  return { set, reply, revert, await: ask, input, choice, choose, commit, keepingFocus, resting: () => !quiet };
 })();
 pgraph.on("reply", pgraph.cells.reply);

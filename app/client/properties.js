@@ -1,64 +1,55 @@
-// Everything about the selected body, each number in a cell of its own.
+// Everything about the selected bodies, or about the model where none is selected.
 (() => {
-  const { make, cells } = pgraph;
+  const { make, forms, send } = pgraph;
+  const LARGEST_MESH = 10_000_000; // [bytes]
 
-  function build(host) { host.replaceChildren(make("div", { className: "properties" })); }
+  function build(host) {
+    host.replaceChildren(make("div", { className: "properties" },
+      make("div", { className: "heading" }, make("span", { className: "chip" }), make("strong"), make("span", { className: "muted" })),
+      forms.units(true),
+      make("div")));
+  }
 
   function draw(host, data) {
-    const box = host.firstElementChild;
-    const shape = JSON.stringify(data.groups?.map((g) => g.fields.map((f) => [f.field, f.cells.length, f.columns])));
-    const { name, number } = box.dataset; // a renamed body keeps its cells and their focus
-    const same = box.dataset.shape === shape && (name === data.body || number === String(data.number));
-    if (data.body === null) { empty(box, data); return; }
-    if (!same) rebuild(box, data, shape);
-    fill(box, data);
-  }
-
-  function empty(box, data) {
-    delete box.dataset.shape;
-    box.replaceChildren(
-      make("p", { className: "muted", textContent: "Select a body: click a row, a node of the digraph, or the body itself." }),
-      make("p", { className: "muted", textContent: data.hint }));
-  }
-
-  function rebuild(box, data, shape) {
-    Object.assign(box.dataset, { shape, name: data.body, number: data.number });
-    const heading = make("div", { className: "heading" }, make("span", { className: "chip" }), make("strong"), make("span", { className: "muted" }));
-    box.replaceChildren(heading, ...data.groups.map((group) => {
-      const body = make("div", {}, ...group.fields.map((field) => fieldRow(box, field)));
-      if (!group.title) return body;
-      return make("details", { open: group.open }, make("summary", { textContent: group.title }), body);
-    }));
-  }
-
-  function fieldRow(box, field) {
-    const edit = (index) => (serial, text) =>
-      pgraph.send("Edit", { serial, body: box.dataset.name, field: field.field, index, text });
-    const grid = make("div", { className: `grid columns-${field.columns}` }, ...field.cells.map((cell) => {
-      const label = [field.label, cell.name || cell.index.map((i) => i + 1).join(" ")].filter(Boolean).join(" ");
-      if (field.options) return cells.choice(() => field.options.map((o) => [o, o]), edit(cell.index), { label });
-      const input = cells.input(edit(cell.index), { label, numeric: field.numeric });
-      return cell.name ? make("label", { className: "axis" }, make("span", { textContent: cell.name }), input) : input;
-    }));
-    const unit = make("span", { className: "unit", textContent: field.unit });
-    return make("div", { className: "field", "data-field": field.field },
-      make("div", { className: "what", title: field.help }, make("span", { textContent: field.label }), unit), grid);
-  }
-
-  function fill(box, data) {
-    Object.assign(box.dataset, { name: data.body, number: data.number });
-    const [chip, name, kind] = box.querySelector(".heading").children;
-    chip.style.background = data.color;
-    name.textContent = data.body;
+    const [heading, units, box] = host.firstElementChild.children;
+    const [chip, name, kind] = heading.children;
+    const some = data.bodies.length > 0;
+    chip.style.background = data.color ?? "transparent";
+    name.textContent = data.title;
     kind.textContent = data.subtitle;
-    const inputs = box.querySelectorAll(".cell");
-    let at = 0;
-    for (const group of data.groups) for (const field of group.fields) for (const cell of field.cells) {
-      const input = inputs[at++];
-      if (field.options) cells.choose(input, cell.value);
-      else cells.set(input, cell.value, field.help);
-      input.classList.toggle("implied", Boolean(cell.implied));
+    forms.showUnits(units, data.display);
+    for (const select of units.querySelectorAll("select")) select.hidden = !some;
+    // A renamed body keeps its cells and their focus: its number is the same.
+    const renamed = data.bodies.length === 1 && box.pgraphBodies?.length === 1 && String(box.pgraphNumber) === String(data.number);
+    const key = renamed ? box.dataset.key : data.bodies.join("\u0000");
+    Object.assign(box, { pgraphBodies: data.bodies, pgraphNumber: data.number });
+    forms.draw(box, data.groups, some ? ofBodies(box) : ofModel, key);
+  }
+
+  const ofBodies = (box) => ({
+    edit: (field, entries, serial) => send("EditBodies", { serial, bodies: box.pgraphBodies, field, entries }),
+    mend: (field, entries, serial) => send("Mend", { serial, bodies: box.pgraphBodies, field, entries }),
+    press: (button) => send("EditBodies", {
+      serial: pgraph.nextSerial(), bodies: box.pgraphBodies, field: button.fields.field, entries: [[button.fields.index, button.fields.text]],
+    }),
+    density: (serial, text) => send("FillFromShape", { serial, bodies: box.pgraphBodies, density: text }),
+    upload: (file) => upload(file, box.pgraphBodies),
+    parameter: (event, fields) => send(event, fields),
+  });
+  const ofModel = {
+    edit: (field, entries, serial) => send("EditWorld", { serial, field, index: entries[0][0], text: entries[0][1] }),
+    press: (button) => send("EditWorld", { serial: pgraph.nextSerial(), field: button.fields.field, index: button.fields.index, text: button.fields.text }),
+    parameter: (event, fields) => send(event, fields),
+  };
+
+  async function upload(file, bodies) {
+    if (file.size > LARGEST_MESH) {
+      pgraph.toast(`${file.name} has ${(file.size / 1e6).toFixed(1)} MB; a mesh file has at most 10 MB.`);
+      return;
     }
+    const reader = new FileReader();
+    reader.onload = () => send("UploadMesh", { bodies, name: file.name, content: reader.result.split(",", 2)[1] ?? "" });
+    reader.readAsDataURL(file);
   }
 
   pgraph.view("properties", { build, properties: draw });

@@ -7,6 +7,8 @@ import json
 from pydantic import TypeAdapter
 
 from ..state import SHOWABLE
+from . import constraining as constraining
+from . import describing as describing
 from .analysing import (
     Analyse as Analyse,
 )
@@ -235,6 +237,8 @@ Event = (
     | Saved
     | NotKept
     | Unreadable
+    | constraining.MobilityFound
+    | constraining.ErrandDone
 )
 OF_THE_SERVER = (Connected, Disconnected, Misread)
 

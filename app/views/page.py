@@ -8,6 +8,7 @@ import viser
 
 from ..client.bridge import Bridge
 from ..events import Connected, Disconnected, Event
+from .constraints import ConstraintsView
 from .digraph import DigraphView
 from .exports import ExportView
 from .ghost import GhostView
@@ -39,6 +40,8 @@ class Page:
             table = TableView(bridge)
         with graph.add_tab("Digraph", viser.Icon.SITEMAP):
             digraph = DigraphView(bridge)
+        with graph.add_tab("Constraints", viser.Icon.LINK):
+            ties = ConstraintsView(bridge)
         with graph.add_tab("Operators", viser.Icon.GRID_DOTS):
             operators = OperatorsView(bridge)
         with graph.add_tab("Plots", viser.Icon.CHART_LINE):
@@ -60,7 +63,7 @@ class Page:
         properties.dock_below(gui.main_panel)
         playback.float(x=15, y=-15, width=470)
         self.views = (
-            table, digraph, operators, toolbar, run, show, details, joints, player, plots,
+            table, digraph, ties, operators, toolbar, run, show, details, joints, player, plots,
             reports, SceneView(server, send), GhostView(server), ExportView(bridge),
             SessionView(bridge),
         )  # fmt: skip

@@ -41,7 +41,7 @@ class SessionView:
 
     def _tell(self, client: int, before: Client, now: Client, state: State) -> None:
         if now.reply is not None and now.reply is not before.reply:
-            reply = {"serial": now.reply.serial, "text": now.reply.text}
+            reply = {"serial": now.reply.serial, "text": now.reply.text, "offer": now.reply.offer}
             self._bridge.send(client, "reply", reply)
         if now.notice is not None and now.notice is not before.notice:
             self._notify(client, now.notice)

@@ -55,7 +55,7 @@ def test_every_kind_of_joint_has_all_its_numbers_in_cells(joint):
     state = initial(pg.Model.serial(2).edit("2", joint=joint))
     body = state.model.body("2")
     sent = {}
-    for group in properties(state, "2")["groups"]:
+    for group in properties(state, ("2",))["groups"]:
         for field in group["fields"]:
             sent.setdefault(field["field"], []).extend(cell["value"] for cell in field["cells"])
     for name in ("axes", "link", "rotation", "com", "inertia", "q", "v", "damping"):
@@ -63,6 +63,6 @@ def test_every_kind_of_joint_has_all_its_numbers_in_cells(joint):
         assert sent.get(name, []) == expected
 
 
-def test_nobody_selected_gives_a_hint(state):
-    assert properties(state, None)["body"] is None
-    assert properties(state, "gone")["body"] is None
+def test_nobody_selected_gives_the_model(state):
+    assert properties(state, ())["bodies"] == []
+    assert properties(state, ("gone",))["bodies"] == []

@@ -1,0 +1,159 @@
+// The list of constraints, contacts, forces and joint limits; what they leave free; picking.
+(() => {
+  const { make, forms, send } = pgraph;
+  const button = (className, textContent, title, onclick) => make("button", { className: `action ${className}`, textContent, title, onclick });
+
+  function build(host) {
+    const box = make("div", { className: "ties" },
+      make("div", { className: "top" },
+        button("primary add-tie", "+ Add", "A constraint, contact, force, limit or loop", () => choose(host)),
+        button("assemble", "Assemble", "Move the initial state onto the constraints", () => { document.activeElement?.blur(); send("AssembleState"); }),
+        make("span", { className: "filter" }), make("span", { className: "spring" }), forms.units(false)),
+      make("div", { className: "chooser", hidden: true }),
+      make("div", { className: "report" }),
+      make("div", { className: "lists" }));
+    host.replaceChildren(box);
+    new IntersectionObserver((seen) => send("WatchConstraints", { on: seen.at(-1).isIntersecting })).observe(host);
+  }
+
+  // One line each: what it is good for; a click asks for its bodies.
+  function choose(host) {
+    const box = host.querySelector(".chooser"), data = pgraph.latest.constraints;
+    box.hidden = !box.hidden;
+    if (box.hidden) return;
+    const body = data.listed ?? pgraph.latest.selection ?? null;
+    box.replaceChildren(...data.kinds.flatMap(({ part, title, kinds }) => [
+      make("h4", { textContent: title }),
+      ...kinds.map(([kind, about]) => make("button", { "data-kind": `${part} ${kind}`, onclick: () => {
+        box.hidden = true;
+        send("AddPart", { part, kind, body });
+      } }, make("strong", { textContent: kind }), make("span", { textContent: about })))]));
+    box.querySelector("button").focus();
+    box.onkeydown = (event) => { if (event.key === "Escape") { box.hidden = true; event.stopPropagation(); } };
+  }
+
+  function draw(host, data) {
+    const box = host.querySelector(".ties");
+    filter(box.querySelector(".filter"), data);
+    forms.showUnits(box.querySelector(".units"), data.display);
+    const assemble = box.querySelector(".assemble");
+    assemble.disabled = data.assembling || !data.lists[0].items.length;
+    report(box.querySelector(".report"), data.mobility);
+    const lists = box.querySelector(".lists");
+    if (!lists.children.length) lists.append(...[...data.lists, { part: "limits" }].map(({ part }) => make("section", { "data-part": part })));
+    for (const list of data.lists) section(lists.querySelector(`[data-part="${list.part}"]`), list);
+    limits(lists.querySelector('[data-part="limits"]'), data);
+  }
+
+  function filter(box, data) {
+    if (data.listed === null) { box.replaceChildren(); return; }
+    box.replaceChildren(make("span", { textContent: `of ${data.listed} ` }),
+      button("small all", "show all", "", () => send("OpenConstraints", { body: null })));
+  }
+
+  function report(box, data) {
+    box.className = `report ${data.state}`;
+    const lines = data.lines.map((line) => make("li", { className: line.bad ? "bad" : "" },
+      ...(line.constraint ? [make("button", { className: "link", textContent: line.constraint, onclick: () => open("constraints", line.constraint) }), ` ${line.text}`] : [line.text])));
+    box.replaceChildren(make("div", { className: "headline", textContent: data.text }), ...(lines.length ? [make("ul", {}, ...lines)] : []));
+    if (data.state === "large") box.append(button("small", "Report", "takes minutes for hundreds of bodies", () => send("AskMobility")));
+  }
+
+  const open = (part, name) => send("OpenPart", { part, name });
+
+  function section(box, list) {
+    if (!box.querySelector("h4")) box.append(make("h4", { textContent: list.title }), make("div", { className: "empty" }));
+    box.querySelector(".empty").textContent = list.items.length ? "" : "none";
+    box.querySelector(".empty").hidden = list.items.length > 0;
+    const old = [...box.querySelectorAll(".tie")];
+    const kept = new Map(old.map((el) => [el.dataset.name, el]));
+    const names = new Set(list.items.map((item) => item.name));
+    const now = list.items.map((item, i) => {
+      const renamed = old.length === list.items.length && !names.has(old[i].dataset.name) ? old[i] : null;
+      const el = kept.get(item.name) ?? renamed ?? tie(list.part);
+      kept.delete(el.dataset.name);
+      fill(el, list.part, item);
+      return el;
+    });
+    for (const el of kept.values()) el.remove();
+    now.forEach((el, i) => { if (box.children[i + 2] !== el) box.insertBefore(el, box.children[i + 2] ?? null); });
+  }
+
+  function tie(part) {
+    const el = make("div", { className: "tie" });
+    const name = () => el.dataset.name;
+    const line = make("div", { className: "line" });
+    if (part !== "forces") {
+      line.append(make("input", { type: "checkbox", title: "whether it acts",
+        onchange: (event) => send("SwitchPart", { part, name: name(), on: event.target.checked }) }));
+    }
+    line.append(
+      make("button", { className: "title", onclick: () => open(part, el.classList.contains("open") ? null : name()) },
+        make("strong"), make("span", { className: "between" }), make("span", { className: "kind" })),
+      button("small copy", "copy", "Duplicate", () => send("DuplicatePart", { part, name: name() })),
+      button("small delete-tie", "×", "Delete", () => send("DeletePart", { part, name: name() })));
+    el.append(line);
+    return el;
+  }
+
+  function fill(el, part, item) {
+    el.dataset.name = item.name;
+    el.classList.toggle("open", item.form !== null);
+    el.classList.toggle("off", item.active === false);
+    const box = el.querySelector('input[type="checkbox"]');
+    if (box) { box.checked = item.active; box.setAttribute("aria-label", `${item.name} acts`); }
+    el.querySelector("strong").textContent = item.name;
+    el.querySelector(".between").textContent = item.between;
+    el.querySelector(".kind").textContent = item.kind;
+    el.querySelector(".title").setAttribute("aria-expanded", String(item.form !== null));
+    let form = el.querySelector(".form");
+    if (item.form === null) { form?.remove(); return; }
+    if (!form) { form = make("div", { className: "form" }); el.append(form); }
+    const edit = (field, entries, serial) => send("EditPart", { serial, part, name: el.dataset.name, field, entries });
+    forms.draw(form, item.form, {
+      edit,
+      press: (b) => {
+        if (b.event === "Pick") send("Pick", { part, name: el.dataset.name, slot: b.fields.slot });
+        else edit(b.fields.field, [[b.fields.index, b.fields.text]], pgraph.nextSerial());
+      },
+    }, part);
+  }
+
+  function limits(box, data) {
+    const lines = data.limits.map(({ body, text }) => make("div", { className: "tie" }, make("div", { className: "line" },
+      make("button", { className: "title", title: "edit in the properties of the body", onclick: () => send("Select", { body }) },
+        make("strong", { textContent: body }), make("span", { className: "between", textContent: text })))));
+    box.replaceChildren(make("h4", { textContent: "Joint limits" }), ...(lines.length ? lines : [make("div", { className: "empty", textContent: "none" })]));
+  }
+
+  // -- picking: a banner over the page; the tab makes room for the digraph and comes back --------
+  let picking = false, called = null;
+
+  function banner(data) {
+    document.querySelector(".pgraph-banner")?.remove();
+    if (data.picking) {
+      const names = data.picking.names.map(([name, text]) => button("small", text, "", () => send("PickName", { name })));
+      const view = document.querySelector("canvas").getBoundingClientRect();
+      const style = `left: ${view.left + view.width / 2}px; max-width: ${Math.max(view.width - 24, 260)}px`;
+      document.body.append(make("div", { className: "pgraph pgraph-banner", role: "status", style },
+        make("span", { textContent: data.picking.text }), ...names, button("small", "Cancel", "Escape", () => send("Unpick"))));
+      if (!picking) { document.activeElement?.blur(); pgraph.front("Digraph"); }
+    } else if (picking) pgraph.front("Constraints");
+    picking = Boolean(data.picking);
+    if (called !== null && data.called !== called) pgraph.front("Constraints");
+    called = data.called;
+  }
+
+  // In the table a click on the selected row selects nothing anew, so it is heard here.
+  document.addEventListener("mousedown", (event) => {
+    const name = picking && event.target.closest?.("tr[data-name]")?.dataset.name;
+    if (!name) return;
+    event.stopPropagation();
+    event.preventDefault();
+    send("PickName", { name });
+  }, true);
+
+  pgraph.on("constraints", banner);
+  pgraph.on("constraintsFor", (body) => { if (body !== undefined) send("OpenConstraints", { body }); });
+  pgraph.view("constraints", { build, constraints: draw });
+})();

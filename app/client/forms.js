@@ -1,0 +1,176 @@
+// Forms: groups of fields of cells. A row is taken whole: cells that were refused are sent again
+// with the next one, so that an inertia or a quaternion can be typed number by number.
+pgraph.forms = (() => {
+  const { make, cells } = pgraph;
+  const shapeOf = (groups) => JSON.stringify(groups.map((g) => [g.title, g.fields.map((f) =>
+    [f.field, f.label, f.kind, f.columns, f.cells.map((c) => [c.index, c.name]), f.buttons.map((b) => b.text), f.options?.length, f.rows?.length])]));
+  const isDirty = (cell) => cell.value !== cell.dataset.shown;
+
+  // `ask` = {edit(field, entries, serial), mend(...), press(button, field), density, upload, parameter}.
+  function draw(box, groups, ask, key) {
+    const shape = shapeOf(groups);
+    if (box.dataset.shape !== shape || box.dataset.key !== key) {
+      const folded = new Map([...box.querySelectorAll(":scope > details")].map((d) => [d.dataset.title, d.open]));
+      box.pgraphAsk = ask;
+      box.replaceChildren(...groups.map((g) => group(box, g, folded)));
+      Object.assign(box.dataset, { shape, key });
+    }
+    box.pgraphAsk = ask;
+    fill(box, groups);
+  }
+
+  function group(box, data, folded) {
+    const body = make("div", {}, ...data.fields.map((f) => row(box, f)));
+    if (!data.title) return body;
+    return make("details", { open: folded.get(data.title) ?? data.open, "data-title": data.title },
+      make("summary", { textContent: data.title }), body);
+  }
+
+  function row(box, field) {
+    if (field.kind === "parameters") return parameters(box, field);
+    const grid = make("div", { className: `grid columns-${field.columns}` });
+    grid.append(...field.cells.map((cell) => input(box, grid, field, cell)));
+    if (field.kind === "density") density(box, grid, field);
+    const unit = make("span", { className: "unit" });
+    const buttons = field.buttons.map((b) => make("button", {
+      className: "action small", textContent: b.text, title: b.title, onclick: () => box.pgraphAsk.press(b, field),
+    }));
+    if (field.upload) buttons.push(upload(box));
+    return make("div", {}, make("div", { className: "field", "data-field": field.field },
+      make("div", { className: "what", title: field.help }, make("span", { textContent: field.label }), unit), grid, ...buttons),
+    make("div", { className: "note muted" }));
+  }
+
+  function input(box, grid, field, cell) {
+    const label = [field.label, cell.name || cell.index.map((i) => i + 1).join(" ")].filter(Boolean).join(" ");
+    const send = (serial) => {
+      const typed = [...grid.querySelectorAll(".cell")].filter(isDirty);
+      const entries = typed.map((one) => [one.pgraphIndex, one.value]);
+      made.onaccept = () => typed.filter((one) => one !== made).forEach(cells.revert);
+      made.onrefuse = (offer, note) => repair(box, field, entries, offer, note, made);
+      box.pgraphAsk.edit(field.field, entries, serial);
+    };
+    let made;
+    if (field.kind === "choice") made = cells.choice(() => made.pgraphOptions, send, { label });
+    else if (field.kind === "names") made = cells.choice(() => names(made.pgraphOptions), send, { label });
+    else made = cells.input(send, { label, numeric: field.kind === "number", leaving: field.kind !== "density" });
+    if (field.columns >= 3) made.dataset.digits = 5;
+    made.pgraphIndex = cell.index;
+    made.pgraphOptions = field.options ?? [];
+    return cell.name ? make("label", { className: "axis" }, make("span", { textContent: cell.name }), made) : made;
+  }
+  const names = (extra) => [...extra.map((n) => [n, n === "*" ? "every body with a shape" : n]),
+    ...(pgraph.latest.table?.rows ?? []).map((r) => [r.name, r.name])];
+
+  function repair(box, field, entries, offer, note, cell) {
+    if (!offer || !note) return;
+    note.append(" ", make("button", { className: "action small offer", textContent: offer, onclick: () => {
+      cells.await(cell, (serial) => box.pgraphAsk.mend(field.field, entries, serial));
+    } }));
+  }
+
+  function density(box, grid, field) {
+    const cell = grid.querySelector("input");
+    cell.placeholder = "density";
+    cell.dataset.shown = "";
+    const send = (serial, text) => box.pgraphAsk.density(serial, text);
+    const list = make("select", { className: "cell", "aria-label": "material" },
+      make("option", { value: "", textContent: "material …" }), ...field.options.map(([value, text]) => make("option", { value, textContent: text })));
+    list.onchange = () => { if (list.value) cell.value = list.value; };
+    const take = make("button", { className: "action small take", textContent: "Take", title: field.help, onclick: () => {
+      if (!cell.value) { cell.focus(); return; }
+      cells.await(cell, send);
+    } });
+    grid.className = "grid density";
+    grid.prepend(list);
+    grid.append(take);
+  }
+
+  function upload(box) {
+    const file = make("input", { type: "file", accept: ".stl,.obj,.ply,.off,.glb", hidden: true, "aria-label": "mesh file" });
+    file.onchange = () => { if (file.files[0]) box.pgraphAsk.upload(file.files[0]); file.value = ""; };
+    const press = make("button", { className: "action small", textContent: "Mesh file …", title: "STL, OBJ, PLY, OFF or GLB, 10 MB at most", onclick: () => file.click() });
+    return make("span", {}, press, file);
+  }
+
+  // Named numbers: name, value, how many cells use it; the last row makes a new one.
+  function parameters(box, field) {
+    const ask = (...args) => box.pgraphAsk.parameter(...args);
+    const rows = field.rows.map((row) => {
+      const name = cells.input((serial, text) => ask("RenameParameter", { serial, name: name.dataset.full, text }), { label: "parameter name" });
+      const value = cells.input((serial, text) => ask("EditParameter", { serial, name: name.dataset.full, text }), { label: "parameter value", numeric: true });
+      const out = make("button", { className: "action small", textContent: "×", onclick: () => ask("DeleteParameter", { name: name.dataset.full }) });
+      return make("div", {}, make("div", { className: "field parameter" }, name, make("span", { textContent: "=" }), value, make("span", { className: "muted used" }), out));
+    });
+    const name = cells.input(() => {}, { label: "new parameter name", leaving: false });
+    const send = (serial, text) => ask("EditParameter", { serial, name: name.value, text });
+    const value = cells.input(send, { label: "new parameter value", leaving: false });
+    Object.assign(name, { placeholder: "name" });
+    Object.assign(value, { placeholder: "value" });
+    name.dataset.shown = value.dataset.shown = "";
+    value.onaccept = () => { name.value = value.value = ""; };
+    const add = make("button", { className: "action small", textContent: "Add", onclick: () => cells.await(value, send) });
+    const fresh = make("div", { className: "field parameter fresh" }, name, make("span", { textContent: "=" }), value, make("span", { className: "muted used" }), add);
+    return make("div", { className: "parameters", title: field.help }, ...rows, fresh);
+  }
+
+  function fill(box, groups) {
+    const rows = [...box.querySelectorAll(":scope > div > div, :scope > details > div > div")];
+    let at = 0;
+    for (const group of groups) for (const field of group.fields) {
+      const row = rows[at++];
+      if (field.kind === "parameters") { fillParameters(row, field); continue; }
+      row.querySelector(".unit").textContent = field.unit;
+      row.querySelector(".note").textContent = field.note;
+      const inputs = [...row.querySelectorAll(".cell")].filter((cell) => cell.pgraphIndex);
+      if (field.kind === "density") continue;
+      field.cells.forEach((cell, i) => fillCell(inputs[i], field, cell));
+    }
+  }
+  function fillCell(input, field, cell) {
+    input.pgraphOptions = cell.varied ? [["", "varied"], ...(field.options ?? [])] : field.options ?? [];
+    if (field.kind === "choice" || field.kind === "names") cells.choose(input, cell.value);
+    else {
+      input.placeholder = cell.varied ? "varied" : "";
+      const formula = typeof cell.value === "string" && cell.value.startsWith("=");
+      input.classList.toggle("formula", formula);
+      cells.set(input, cell.value, field.help);
+    }
+    input.classList.toggle("implied", Boolean(cell.implied));
+  }
+  function fillParameters(row, field) {
+    const lines = row.querySelectorAll(".parameter:not(.fresh)");
+    field.rows.forEach((data, i) => {
+      const [name, value] = lines[i].querySelectorAll(".cell");
+      cells.set(name, data.name);
+      cells.set(value, data.value);
+      lines[i].querySelector(".used").textContent = data.used === 0 ? "unused" : `${data.used} ${data.used === 1 ? "cell" : "cells"}`;
+    });
+  }
+
+  // Units and forms of this page alone; the file has radians and metres.
+  function units(show) {
+    const toggle = (what, a, b) => make("button", {
+      className: "action small", "data-unit": what, title: "shown and typed in; files hold radians and metres",
+      onclick: (event) => pgraph.send("SetDisplay", { what, value: event.target.textContent === a ? b : a }),
+    });
+    const box = make("span", { className: "units" }, toggle("angle", "rad", "deg"), toggle("length", "m", "mm"));
+    if (show) {
+      box.append(make("select", { className: "cell", "aria-label": "orientation as", title: "how orientations are shown",
+        onchange: (event) => pgraph.send("SetDisplay", { what: "turn", value: event.target.value }) },
+      ...[["quaternion", "quaternion"], ["euler", "roll pitch yaw"], ["axis", "axis and angle"]].map(([value, textContent]) => make("option", { value, textContent }))),
+      make("select", { className: "cell", "aria-label": "inertia about", title: "about which point the inertia is shown",
+        onchange: (event) => pgraph.send("SetDisplay", { what: "about", value: event.target.value }) },
+      ...[["com", "inertia: com"], ["origin", "inertia: origin"]].map(([value, textContent]) => make("option", { value, textContent }))));
+    }
+    return box;
+  }
+  function showUnits(box, display) {
+    box.querySelector('[data-unit="angle"]').textContent = display.angle;
+    box.querySelector('[data-unit="length"]').textContent = display.length;
+    const [turn, about] = box.querySelectorAll("select");
+    if (turn) { turn.value = display.turn; about.value = display.about; }
+  }
+
+  return { draw, units, showUnits };
+})();

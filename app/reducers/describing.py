@@ -1,0 +1,287 @@
+"""What the events do to properties of bodies and of the model, and to how they are shown (pure)."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import math
+import re
+from dataclasses import replace
+from typing import Any
+
+import pgraph_core as pg
+from pgraph_core.meshes import mass_properties
+from pgraph_core.schema.parameters import evaluated, names_in
+
+from .. import body_cells, cells
+from ..body_cells import edit_of, mended
+from ..cells import Refusal
+from ..events import Event
+from ..events import describing as asked
+from ..intents import Display, FillMass, ReadMesh
+from ..state import Notice, Reply, State, told, with_client
+from .answering import answered, attempted
+from .errands import sent
+
+LABELS = {
+    "rotation": "orientation", "rotation_euler": "orientation", "rotation_axis": "orientation",
+    "com": "centre of mass", "link": "link vector", "motions": "motions",
+}  # fmt: skip
+CHOICES = {
+    "angle": ("rad", "deg"), "length": ("m", "mm"), "turn": ("quaternion", "euler", "axis"),
+    "about": ("com", "origin"),
+}  # fmt: skip
+
+
+def update(state: State, event: Event) -> State | None:
+    """The state after an event of the properties; None for any other event."""
+    match event:
+        case asked.EditBodies():
+            return edited(state, event)
+        case asked.Mend():
+            return repaired(state, event)
+        case asked.FillFromShape():
+            return filled(state, event)
+        case asked.UploadMesh():
+            return uploaded(state, event)
+        case asked.EditWorld(client, serial, field, index, text):
+            make = lambda: world_edited(state, client, field, index, text)  # noqa: E731
+            return answered(state, client, serial, make, f"{field} of the model")
+        case asked.SetDisplay(client, what, value) if value in CHOICES[what]:
+            display = replace(display_of(state, client), **{what: value})
+            return with_client(state, client, display=display)
+    return _parameters(state, event)
+
+
+def _parameters(state: State, event: Event) -> State | None:
+    model = state.model
+    match event:
+        case asked.EditParameter(client, serial, name, text):
+            make = lambda: parameter_set(model, name.strip(), text)  # noqa: E731
+            return answered(state, client, serial, make, f"parameter {name.strip()}")
+        case asked.RenameParameter(client, serial, name, text):
+            make = lambda: parameter_renamed(model, name, text.strip())  # noqa: E731
+            return answered(state, client, serial, make, f"name of parameter {name}")
+        case asked.DeleteParameter(client, name):
+            label = f"delete parameter {name}"
+            return attempted(state, client, lambda: parameter_removed(model, name), label)
+    return None
+
+
+def display_of(state: State, client: int) -> Display:
+    """How numbers are shown on a page."""
+    page = state.clients.get(client)
+    return page.display if page is not None else Display()
+
+
+# -- bodies ------------------------------------------------------------------------------------
+
+
+def edited(state: State, event: asked.EditBodies) -> State:
+    """Typed cells of one body or several: one undo step, or the sentence that refuses them."""
+    return answered(
+        state, event.client, event.serial, lambda: _edited(state, event), _label(event),
+        lambda: _offer(state, event),
+    )  # fmt: skip
+
+
+def _label(event: asked.EditBodies | asked.Mend) -> str:
+    field = event.field.removeprefix("shape_") if event.field != "shape_kind" else "shape"
+    several = f"{len(event.bodies)} bodies"
+    of = event.bodies[0] if len(event.bodies) == 1 else several
+    return f"{LABELS.get(event.field, field)} of {of}"
+
+
+def _changes(state: State, event: asked.EditBodies | asked.Mend) -> dict[str, dict[str, Any]]:
+    display, changes = display_of(state, event.client), {}
+    for name in event.bodies:
+        body = state.model.body(name)
+        try:
+            changes[name] = (
+                cells.change(body, "name", (), event.entries[0][1])
+                if event.field == "name"
+                else edit_of(state.model, body, event.field, event.entries, display)
+            )
+        except Refusal as refusal:
+            field = LABELS.get(event.field, event.field.replace("_", " "))
+            raise Refusal(f"body '{name}', {field}: {refusal}") from None
+    return changes
+
+
+def _edited(state: State, event: asked.EditBodies) -> pg.Model:
+    if event.field == "name" and len(event.bodies) > 1:
+        raise Refusal("several bodies cannot have one name; select one")
+    changes = _changes(state, event)
+    if len(changes) == 1:
+        ((name, change),) = changes.items()
+        return state.model.edit(name, **change)
+    return state.model.edit_all(changes)
+
+
+def _offer(state: State, event: asked.EditBodies) -> str:
+    """What a repair would do with the refused entries; "" where there is none."""
+    try:
+        changes = _changes(state, event)
+        bodies = [mended(state.model.body(n), *_one(event, c)) for n, c in changes.items()]
+        if None in bodies:
+            return ""
+        state.model.edit_all({n: b for n, b in zip(changes, bodies) if b is not None})
+    except (Refusal, pg.PgraphError, ValueError, OverflowError):
+        return ""
+    return {"inertia": "Use the nearest possible inertia"}.get(event.field, "Make it a unit one")
+
+
+def _one(event: asked.EditBodies | asked.Mend, change: dict[str, Any]) -> tuple[str, Any]:
+    field = "rotation" if event.field.startswith("rotation") else event.field
+    return field, change
+
+
+def repaired(state: State, event: asked.Mend) -> State:
+    """The offer taken."""
+
+    def make() -> pg.Model:
+        new = {}
+        for name, change in _changes(state, event).items():
+            mending = mended(state.model.body(name), *_one(event, change))
+            if mending is None:
+                raise Refusal("there is nothing to repair")
+            new[name] = mending
+        return state.model.edit_all(new)
+
+    return answered(state, event.client, event.serial, make, f"repair {_label(event)}")
+
+
+# -- mass from shape, meshes -------------------------------------------------------------------
+
+
+def filled(state: State, event: asked.FillFromShape) -> State:
+    """Mass properties from the shapes: at once, or by an errand where a mesh has to be read."""
+    try:
+        density = cells.number(event.density)
+        if density <= 0:
+            raise Refusal(f"must be > 0 [kg/m³]; given {density:g}")
+        bodies = [state.model.body(name) for name in event.bodies]
+        bare = next((b.name for b in bodies if b.shape is None), None)
+        if bare is not None:
+            raise Refusal(f"needs a shape, which '{bare}' does not have; choose one first")
+    except (Refusal, pg.PgraphError) as problem:
+        sentence = f"The density {problem}" if isinstance(problem, Refusal) else str(problem)
+        return with_client(state, event.client, reply=Reply(event.serial, sentence))
+    if any(b.shape is not None and b.shape.kind == "mesh" for b in bodies):
+        state = with_client(state, event.client, reply=Reply(event.serial, ""))
+        return sent(state, event.client, FillMass(event.bodies, density))
+    of = event.bodies[0] if len(bodies) == 1 else f"{len(bodies)} bodies"
+    make = lambda: state.model.edit_all(mass_of(bodies, density))  # noqa: E731
+    return answered(state, event.client, event.serial, make, f"mass of {of} from shape")
+
+
+def mass_of(bodies: list[pg.Body], density: float) -> dict[str, dict[str, Any]]:
+    """Mass, centre of mass and inertia of bodies that fill their shapes. Raises PgraphError."""
+    found = {}
+    for body in bodies:
+        assert body.shape is not None
+        mass, com, inertia = mass_properties(body.shape, density)
+        if not (math.isfinite(mass) and mass >= 0):
+            raise Refusal(f"gives '{body.name}' a mass of {mass}")
+        even = body_cells.possible(inertia)  # symmetric to the last digit
+        found[body.name] = {"mass": float(mass), "com": tuple(map(float, com)), "inertia": even}
+    return found
+
+
+def uploaded(state: State, event: asked.UploadMesh) -> State:
+    """An errand that keeps and reads the file."""
+    try:
+        content = base64.b64decode(event.content, validate=True)
+    except (binascii.Error, ValueError):
+        notice = Notice("Not done", "The mesh file did not arrive whole; try again.", bad=True)
+        return told(state, event.client, notice)
+    return sent(state, event.client, ReadMesh(event.bodies, event.name, content))
+
+
+# -- the model ---------------------------------------------------------------------------------
+
+
+def world_edited(
+    state: State, client: int, field: str, index: tuple[int, ...], text: str
+) -> pg.Model:
+    """The model with another name, gravity, up or ground. Raises Refusal, PgraphError."""
+    model, display = state.model, display_of(state, client)
+    match field:
+        case "name":
+            if not text.strip() or len(text) > cells.LONGEST_NAME:
+                raise Refusal(f"The name has 1 to {cells.LONGEST_NAME} characters.")
+            return model.replace(name=text.strip())
+        case "up":
+            return model.replace(up=text)
+        case "gravity":
+            return model.replace(gravity=cells.replaced(model.gravity, index, cells.number(text)))
+        case "uphill":
+            level = (1.0, 0.0, 0.0) if model.up != "x" else (0.0, 1.0, 0.0)
+            old = model.ground.uphill or level
+            new = cells.replaced(old, index, cells.number(text)) if text.strip() else None
+            return _grounded(model, uphill=new)
+        case "slope":
+            return _grounded(model, slope=cells.quantity(text, "angle", display))
+        case "steps":
+            return _grounded(model, steps=_steps(model.ground, index, text, display))
+    return _grounded(model, **{field: cells.number(text)})
+
+
+def _grounded(model: pg.Model, **fields: Any) -> pg.Model:
+    return model.replace(ground={**model.ground.model_dump(), **fields})
+
+
+def _steps(
+    ground: pg.Ground, index: tuple[int, ...], text: str, display: Display
+) -> tuple[Any, ...]:
+    """Steps with a number typed in one, one added or one taken out."""
+    steps = [step.model_dump() for step in ground.steps]
+    if not index:
+        far = max((s["high"][0] for s in steps), default=0.0)
+        return (*steps, {"low": (far, -1.0), "high": (far + 1.0, 1.0), "height": 0.1})
+    i, *rest = index
+    if i >= len(steps):
+        raise Refusal("has no such step any more")
+    if not rest:
+        return (*steps[:i], *steps[i + 1 :])
+    key = ("low", "low", "high", "high", "height")[rest[0]]
+    value = cells.quantity(text, "length", display)
+    old = steps[i][key]
+    new = value if key == "height" else cells.replaced(old, (rest[0] % 2,), value)
+    return (*steps[:i], {**steps[i], key: new}, *steps[i + 1 :])
+
+
+# -- parameters --------------------------------------------------------------------------------
+
+
+def parameter_set(model: pg.Model, name: str, text: str) -> pg.Model:
+    """The model with a parameter's value, which may be a sum of others. Raises Refusal."""
+    others = {key: x for key, x in model.parameters.items() if key != name}
+    try:
+        formula = text.lstrip().startswith("=")
+        value = evaluated(text, others) if formula else cells.number(text)
+    except ValueError as problem:
+        raise Refusal(f"parameter '{name}': {problem}") from None
+    return model.replace(parameters={**model.parameters, name: value})
+
+
+def parameter_renamed(model: pg.Model, old: str, new: str) -> pg.Model:
+    """The model with a parameter's other name in every formula. Raises Refusal, PgraphError."""
+    if new in model.parameters and new != old:
+        raise Refusal(f"another parameter is named '{new}'; choose another name")
+    if not new or not new.isidentifier():
+        raise Refusal(f"a parameter's name is one word of letters, digits and _; given {new!r}")
+    renamed = {new if key == old else key: x for key, x in model.parameters.items()}
+    word = re.compile(rf"\b{re.escape(old)}\b")
+    formulas = tuple(
+        f.model_copy(update={"text": word.sub(new, f.text)}) if old in names_in(f.text) else f
+        for f in model.formulas
+    )
+    return model.replace(parameters=renamed, formulas=formulas)
+
+
+def parameter_removed(model: pg.Model, name: str) -> pg.Model:
+    """The model without a parameter; cells that used it keep their numbers."""
+    left = {key: x for key, x in model.parameters.items() if key != name}
+    formulas = tuple(f for f in model.formulas if name not in names_in(f.text))
+    return model.replace(parameters=left, formulas=formulas)

@@ -1,0 +1,330 @@
+"""Constraints, contacts, forces, limits and loops in their tab (interface.md 1.6; D12-D18)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+import static_models
+from app import events
+from app.asking import answer, report, wanted
+from app.events import constraining as c
+from app.events import from_page
+from app.kinds import KINDS
+from app.parts import knots, table_of
+from app.state import initial
+from app.update import update
+from app.views.constraints import constraints
+from app.views.digraph import digraph
+
+ME = 1
+
+
+@pytest.fixture
+def state():
+    model = pg.Model.serial(3).edit("3", shape={"kind": "sphere", "radius": 0.05})
+    return update(initial(model), events.Connected(ME))
+
+
+def add(state, part, kind, body="3", other="1"):
+    state = update(state, c.AddPart(ME, part, kind, body))
+    return update(state, events.Select(ME, other)) if state.clients[ME].picking else state
+
+
+def edit(state, part, name, field, *entries):
+    return update(state, c.EditPart(ME, 7, part, name, field, tuple(entries)))
+
+
+def told(state) -> str:
+    return state.clients[ME].reply.text
+
+
+def shown(state):
+    return constraints(state, state.clients[ME])
+
+
+CASES = [(part, kind) for part in ("constraints", "forces", "loops") for kind in KINDS[part]]
+
+
+@pytest.mark.parametrize(("part", "kind"), CASES)
+def test_d12_every_kind_is_added_by_clicks_with_what_it_needs(state, part, kind):
+    after = add(state, part, kind)
+    assert len(after.undo) == 1
+    kept = "constraints" if part == "loops" else part
+    (item,) = getattr(after.model, kept)
+    assert after.clients[ME].opened == (kept, item.name)
+    pg.Mechanism(after.model)  # and it can run
+    form = next(x["form"] for ls in shown(after)["lists"] for x in ls["items"])
+    assert form[0]["fields"]
+
+
+@pytest.mark.parametrize("law", list(KINDS["contacts"]))
+def test_d17_d18_contacts_of_every_law_on_ground_and_body(state, law):
+    after = update(state, c.AddPart(ME, "contacts", law, "3"))
+    after = update(after, c.PickName(ME, "ground"))
+    assert after.model.contacts[0].law == law
+    assert after.model.contacts[0].other == "ground"
+    for other in KINDS["contacts"]:
+        after = edit(after, "contacts", "contact", "law", ((), other))
+        assert after.model.contacts[0].law == other
+
+
+def test_d13_the_last_column_is_filled_from_the_list(state):
+    after = add(state, "constraints", "distance")
+    assert after.derived.constraints["3"] == ("distance",)
+    assert after.derived.constraints["1"] == ("distance",)
+    assert after.derived.constraints["2"] == ()
+
+
+def test_d14_a_body_of_a_constraint_is_picked_by_a_click(state):
+    state = add(state, "constraints", "point")
+    state = update(state, c.Pick(ME, "constraints", "point", "other"))
+    assert "other body" in shown(state)["picking"]["text"]
+    after = update(state, events.Select(ME, "2"))
+    assert after.model.constraints[0].other == "2"
+    assert after.clients[ME].picking is None
+    assert after.clients[ME].selection is None  # a click while picking selects nothing
+
+
+def test_d14_escape_ends_picking_and_the_ground_can_be_picked(state):
+    picking = update(state, c.AddPart(ME, "constraints", "point", "3"))
+    assert update(picking, events.Select(ME, None)).clients[ME].picking is None
+    assert update(picking, c.Unpick(ME)).clients[ME].picking is None
+    grounded = update(picking, c.PickName(ME, "ground"))
+    assert grounded.model.constraints[0].other == "ground"
+    assert update(picking, c.PickName(ME, "nobody")).clients[ME].picking is not None
+
+
+def test_d14_two_people_pick_each_for_themselves(state):
+    state = update(state, events.Connected(2))
+    state = update(state, c.AddPart(ME, "constraints", "point", "3"))
+    state = update(state, events.Select(2, "2"))
+    assert state.clients[2].selection == "2"
+    assert state.clients[ME].picking is not None
+
+
+def test_d15_a_second_parent_is_a_cut_joint_and_a_loop_edge(state):
+    after = add(state, "loops", "revolute")
+    assert after.model.constraints[0].kind == "revolute"
+    assert after.model.body("3").parent == "2"
+    assert [(loop["body"], loop["other"]) for loop in digraph(after)["loops"]] == [(3, 1)]
+
+
+def test_d16_d17_active_switch_and_joint_limits(state):
+    after = add(state, "constraints", "point")
+    off = update(after, c.SwitchPart(ME, "constraints", "point", False))
+    assert not off.model.constraints[0].active
+    limited = update(off, c.AddPart(ME, "limits", "limits", "2"))
+    assert limited.model.body("2").limits == ((-np.pi, np.pi),)
+    assert shown(limited)["limits"][0]["body"] == "2"
+    ball = pg.Model.serial(1).edit("1", joint="spherical")
+    refused = update(
+        update(initial(ball), events.Connected(ME)), c.AddPart(ME, "limits", "limits", "1")
+    )
+    assert "no motion that a limit could bound" in refused.clients[ME].notice.text
+
+
+@pytest.mark.parametrize(
+    ("part", "kind", "field", "entries", "value"),
+    [
+        ("constraints", "point", "point", (((0,), "0.1"),), (0.1, 0.0, 0.0)),
+        ("constraints", "point", "other_point", (((2,), "2 mm"),), (0.6, 0.0, 0.002)),
+        ("constraints", "distance", "length", (((), "0.7"),), 0.7),
+        ("constraints", "gear", "ratio", (((), "-2"),), -2.0),
+        ("constraints", "revolute", "axis", (((1,), "1"),), (0.0, 1.0, 0.0)),
+        ("constraints", "rolling", "radius", (((), "0.2"),), 0.2),
+        ("constraints", "velocity", "value", (((), "3"),), 3.0),
+        ("constraints", "velocity", "coefficients", (((0, 0), "2"),), {"3": (2.0,)}),
+        ("forces", "servo", "kp", (((), "100"),), 100.0),
+        ("forces", "servo", "torque_limit", (((), "5"),), 5.0),
+        ("forces", "motor", "torque", (((), "0.5"),), 0.5),
+        ("forces", "spring", "rest", (((), "0.3"),), 0.3),
+        ("forces", "wrench", "force", (((0,), "10"),), (10.0, 0.0, 0.0)),
+    ],
+)
+def test_points_directions_and_numbers_are_set(state, part, kind, field, entries, value):
+    after = edit(add(state, part, kind), part, kind, field, *entries)
+    assert told(after) == ""
+    found = getattr(getattr(after.model, part)[0], field)
+    assert found == (value if isinstance(value, dict) else pytest.approx(value))
+    assert len(after.undo) == 2
+
+
+def test_an_empty_cell_leaves_it_out_again(state):
+    state = add(state, "constraints", "distance")
+    state = edit(state, "constraints", "distance", "length", ((), "0.7"))
+    state = edit(state, "constraints", "distance", "length", ((), ""))
+    assert state.model.constraints[0].length is None
+
+
+def test_motions_over_time(state):
+    state = add(state, "constraints", "motion")
+    for curve in ("sine", "table", "polynomial"):
+        state = edit(state, "constraints", "motion", "curve", ((), curve))
+        assert told(state) == ""
+    state = edit(state, "constraints", "motion", "polynomial", ((1,), "2"))
+    assert state.model.constraints[0].q_of_t.coefficients[:2] == (0.0, 2.0)
+    state = edit(state, "constraints", "motion", "curve", ((), "table"))
+    state = edit(state, "constraints", "motion", "table", ((), "0 0; 1 0.5; 2 0"))
+    assert state.model.constraints[0].q_of_t.value == (0.0, 0.5, 0.0)
+    bad = edit(state, "constraints", "motion", "table", ((), "0 0; 0 1"))
+    assert "ascend" in told(bad)
+
+
+def test_forces_over_time(state):
+    state = add(state, "forces", "servo")
+    state = edit(state, "forces", "servo", "target", ((), "0 0; 1 0.5"))
+    assert state.model.forces[0].target == pg.Table(t=(0.0, 1.0), value=(0.0, 0.5))
+    state = add(state, "forces", "wrench")
+    state = edit(state, "forces", "wrench", "force_over", ((), "over time"))
+    state = edit(state, "forces", "wrench", "force", ((), "0 0 0 1; 2 0 0 3"))
+    assert state.model.forces[1].force.value == ((0.0, 0.0, 1.0), (0.0, 0.0, 3.0))
+    state = edit(state, "forces", "wrench", "force_over", ((), "constant"))
+    assert state.model.forces[1].force == (0.0, 0.0, 1.0)
+
+
+def test_tables_are_typed_as_they_are_shown():
+    table = {"t": (0.0, 0.5), "value": (1.0, -2.5)}
+    assert table_of(knots(table), 1) == table
+    assert table_of("0\t1\n0.5\t-2.5\n", 1) == table  # pasted from a spreadsheet
+
+
+@pytest.mark.parametrize("kind", list(KINDS["constraints"]))
+@pytest.mark.parametrize("other", list(KINDS["constraints"]))
+def test_a_constraint_becomes_any_other_kind(state, kind, other):
+    after = edit(add(state, "constraints", kind), "constraints", kind, "kind", ((), other))
+    assert told(after) == "" or "gear needs a second body" in told(after) or "ground" in told(after)
+    if not told(after):
+        assert after.model.constraints[0].kind == other
+
+
+def test_names_are_followed_by_scenarios_and_duplicates_are_free():
+    quadruped = pg.Model.load(static_models.path("quadruped"))
+    state = update(initial(quadruped), events.Connected(ME))
+    name = quadruped.constraints[0].name
+    using = [s.name for s in quadruped.scenarios if name in (s.constraints or ())]
+    after = edit(state, "constraints", name, "name", ((), "sole"))
+    assert all("sole" in after.model.scenario(s).constraints for s in using)
+    copied = update(after, c.DuplicatePart(ME, "constraints", "sole"))
+    assert copied.model.constraints[1].name == "sole 2"
+    gone = update(copied, c.DeletePart(ME, "constraints", "sole"))
+    assert "sole" not in [x.name for x in gone.model.constraints]
+    assert all("sole" not in (s.constraints or ()) for s in gone.model.scenarios)
+
+
+@pytest.mark.parametrize(
+    ("field", "text", "part"),
+    [
+        ("length", "-1", "a length > 0"),
+        ("length", "1e400", "too large"),
+        ("length", "<i>", "must be a number"),
+        ("point", "nan", "must be a number"),
+        ("name", "", "not empty"),
+        ("name", "x" * 10_000, "at most 100 characters"),
+        ("other", "3", "constrained to itself"),
+        ("other", "nobody", "no body is named"),
+        ("kind", "glue", "must be one of"),
+    ],
+)
+def test_what_does_not_fit_is_a_sentence(state, field, text, part):
+    state = add(state, "constraints", "distance")
+    index = (0,) if field == "point" else ()
+    after = edit(state, "constraints", "distance", field, (index, text))
+    assert after.model is state.model
+    assert part in told(after)
+    assert len(told(after)) < 300
+
+
+def test_the_list_of_one_body(state):
+    state = add(add(state, "constraints", "point"), "forces", "motor", "2")
+    state = update(state, c.OpenConstraints(ME, "2"))
+    names = [x["name"] for ls in shown(state)["lists"] for x in ls["items"]]
+    assert names == ["motor"]
+    assert state.clients[ME].called == 3  # also for each new one
+    assert shown(update(state, c.OpenConstraints(ME, None)))["listed"] is None
+
+
+# -- mobility and assembly ---------------------------------------------------------------------
+
+
+def reported(state):
+    """The state with a page that watches, and the report on its model."""
+    state = update(state, c.WatchConstraints(ME, True))
+    assert wanted(state)
+    return update(state, report(state.model))
+
+
+def test_redundant_rows_are_named_with_what_would_do():
+    model = pg.Model.load(static_models.path("slider_crank"))
+    state = reported(update(initial(model), events.Connected(ME)))
+    told_ = shown(state)["mobility"]
+    assert told_["text"].startswith("1 degree of freedom left: 3 of the tree")
+    assert told_["lines"][0] == {
+        "constraint": "pin",
+        "text": "unnecessarily removes translation along z, rotation about x and rotation about y; "
+        "a 'line' would do",
+        "bad": False,
+    }
+    assert "singular matrix" not in str(told_)
+
+
+def test_the_advice_is_right():
+    """As a line the pin has no redundant row and leaves the same freedom."""
+    model = pg.Model.load(static_models.path("slider_crank"))
+    state = update(initial(model), events.Connected(ME))
+    line = {"name": "pin", "kind": "line", "body": model.constraints[0].body,
+            "other": model.constraints[0].other, "other_axis": (0, 0, 1)}  # fmt: skip
+    found = report(state.model.replace(constraints=(line,))).found
+    assert found.dof == 1
+    assert not found.redundant
+
+
+def test_a_report_of_another_model_is_dropped():
+    model = pg.Model.load(static_models.path("four_bar"))
+    state = update(initial(model), events.Connected(ME))
+    late = report(model)
+    after = update(state, c.SwitchPart(ME, "constraints", "loop", False))
+    assert update(after, late) is after
+    assert (
+        shown(after)["mobility"]["text"] == "3 degrees of freedom; no active constraint takes any."
+    )
+
+
+def test_constraints_that_cannot_be_met_are_said_with_their_gap():
+    model = pg.Model.load(static_models.path("four_bar"))
+    state = update(initial(model), events.Connected(ME))
+    state = edit(state, "constraints", "loop", "other_point", ((1,), "9"))
+    told_ = shown(reported(state))["mobility"]
+    assert told_["state"] == "failed"
+    assert "misses by" in told_["text"]
+    assert told_["lines"][0]["constraint"] == "loop"
+
+
+def test_assemble_moves_the_initial_state_in_one_step():
+    model = pg.Model.load(static_models.path("four_bar")).edit("coupler", q=(0.2,))
+    state = update(initial(model), events.Connected(ME))
+    asked = update(state, c.AssembleState(ME))
+    after = update(asked, answer(asked.errands[0]))
+    assert len(after.undo) == 1
+    assert "moved by up to" in after.clients[ME].notice.text
+    again = update(after, c.AssembleState(ME))
+    same = update(again, answer(again.errands[0]))
+    assert same.model is after.model
+    assert "already" in same.clients[ME].notice.text
+
+
+def test_a_page_cannot_send_what_is_no_event():
+    good = '{"event": "AddPart", "part": "constraints", "kind": "point", "body": null}'
+    assert isinstance(from_page(ME, good), c.AddPart)
+    for bad in (
+        '{"event": "AddPart", "part": "bodies", "kind": "point", "body": null}',
+        '{"event": "EditPart", "serial": 1, "part": "forces", "name": "a", "field": "b", '
+        '"entries": []}',
+        '{"event": "ErrandDone", "id": 1}',
+        '{"event": "MobilityFound", "model": null, "found": null}',
+    ):
+        assert isinstance(from_page(ME, bad), events.Misread)
+    unknown = '{"event": "AddPart", "part": "constraints", "kind": "glue", "body": "1"}'
+    state = update(initial(pg.Model.serial(2)), events.Connected(ME))
+    assert update(state, from_page(ME, unknown)) is state

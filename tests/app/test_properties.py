@@ -1,0 +1,378 @@
+"""What is typed into properties becomes the model: SI, exact, one undo step (interface.md 1.5)."""
+
+from __future__ import annotations
+
+import base64
+import math
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import pgraph_core as pg
+from app import events
+from app.asking import Errands, answer
+from app.body_cells import axis_of, euler_of, from_axis, from_euler, held, possible, shifted
+from app.events import describing as d
+from app.events.constraining import ErrandDone
+from app.intents import Display, Errand, ReadMesh
+from app.state import initial
+from app.update import update
+from app.views.properties import properties
+from pgraph_core.rotation import matrix
+
+ME = 1
+ROD = pg.Body(name="rod")
+
+
+@pytest.fixture
+def state():
+    return update(initial(pg.Model.serial(4)), events.Connected(ME))
+
+
+def edit(state, field, *entries, bodies=("2",), kind=d.EditBodies):
+    return update(state, kind(ME, 7, bodies, field, tuple(entries)))
+
+
+def told(state) -> str:
+    return state.clients[ME].reply.text
+
+
+def show(state, what, value):
+    return update(state, d.SetDisplay(ME, what, value))
+
+
+# -- numbers and units -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("field", "index", "text", "value"),
+    [
+        ("mass", (), "1e-6", 1e-6),
+        ("link", (1,), "0.1", 0.1),
+        ("com", (0,), "5 mm", 0.005),
+        ("q", (0,), "30 deg", math.pi / 6),
+        ("v", (0,), "-2", -2.0),
+        ("damping", (0,), "0.25", 0.25),
+        ("limit_restitution", (0,), "0.5", 0.5),
+        ("friction", (0,), "2", 2.0),
+        ("armature", (0,), "1e-3", 1e-3),
+        ("rest", (0,), "0.3", 0.3),
+        ("stiffness", (0,), "40", 40.0),
+    ],
+)
+def test_a_number_typed_is_the_number_used(state, field, index, text, value):
+    after = edit(state, field, (index, text))
+    found = getattr(after.model.body("2"), field)
+    for i in index:
+        found = found[i]
+    assert found == pytest.approx(value, rel=1e-15)
+    assert told(after) == ""
+    assert len(after.undo) == 1
+
+
+@given(st.floats(-1e6, 1e6), st.sampled_from(("angle", "length")))
+def test_display_units_lose_no_digit(x, quantity):
+    display = Display("deg", "mm")
+    assert display.si(display.shown(x, quantity), quantity) == pytest.approx(x, rel=3e-16)
+
+
+@given(st.decimals(-1000, 1000, places=3))
+def test_what_was_typed_in_degrees_or_millimetres_is_shown_again(x):
+    display = Display("deg", "mm")
+    for quantity in ("angle", "length"):
+        assert display.shown(display.si(float(x), quantity), quantity) == float(x)
+
+
+def test_display_units_never_reach_the_file(state):
+    state = show(show(state, "angle", "deg"), "length", "mm")
+    after = edit(edit(state, "link", ((0,), "150")), "q", ((0,), "90"))
+    body = after.model.body("2")
+    assert body.link[0] == 0.15
+    assert body.q == (math.pi / 2,)
+    assert "deg" not in after.model.to_json()
+    sent = properties(after, ("2",), after.clients[ME].display)
+    fields = {f["field"]: f for g in sent["groups"] for f in g["fields"]}
+    assert fields["q"]["cells"][0]["value"] == 90.0
+    assert fields["link"]["cells"][0]["value"] == 150.0
+    assert (fields["q"]["unit"], fields["link"]["unit"]) == ("deg", "mm")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "abc", "1e400", "nan", "inf", "1,5", "<b>1</b>", "🦿", "9" * 10_000, "1 furlong"]
+)
+@pytest.mark.parametrize("field", ["mass", "link", "inertia", "q", "limits"])
+def test_bad_input_leaves_the_model_and_gives_a_sentence(state, field, text):
+    if field == "limits" and not text:
+        pytest.skip("an empty limit is an open one")
+    index = {"mass": (), "inertia": (0, 0), "limits": (0, 1)}.get(field, (0,))
+    after = edit(state, field, (index, text))
+    assert after.model is state.model
+    assert "2" in told(after)
+    assert len(told(after)) < 300
+
+
+# -- fields ------------------------------------------------------------------------------------
+
+
+def test_limits_are_typed_one_by_one_and_left_open(state):
+    one = edit(state, "limits", ((0, 0), "-1"))
+    assert one.model.body("2").limits == ((-1.0, None),)
+    two = edit(one, "limits", ((0, 1), "1"))
+    assert two.model.body("2").limits == ((-1.0, 1.0),)
+    none = edit(two, "limits", ((0, 0), ""), ((0, 1), ""))
+    assert none.model.body("2").limits == ()
+
+
+def test_d8_a_compound_joint_gets_motions_one_by_one(state):
+    state = edit(state, "joint", ((), "compound"))
+    assert [m for m, _ in state.model.body("2").motions] == ["ball", "translate"]
+    state = edit(state, "motions", ((0,), "rotate"))
+    state = edit(state, "motions", ((2,), "translate"))
+    assert [m for m, _ in state.model.body("2").motions] == ["rotate", "translate", "translate"]
+    state = edit(state, "axes", ((0, 0), "1"), ((0, 2), "0"))
+    assert state.model.body("2").axes[0] == (1.0, 0.0, 0.0)
+    state = edit(state, "motions", ((1,), ""))
+    assert state.model.body("2").dof == 2
+    for _ in range(2):
+        state = edit(state, "motions", ((0,), ""))
+    assert "weld" in told(state)
+
+
+@settings(max_examples=60)
+@given(st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1))
+def test_an_orientation_is_the_same_in_every_form(q):
+    for there, back in ((euler_of, from_euler), (axis_of, from_axis)):
+        assert np.allclose(matrix(back(there(q))), matrix(q), atol=1e-7)
+
+
+def test_euler_angles_are_roll_pitch_yaw(state):
+    state = show(show(state, "turn", "euler"), "angle", "deg")
+    after = edit(state, "rotation_euler", ((2,), "90"))
+    assert matrix(after.model.body("2").rotation) @ (1, 0, 0) == pytest.approx((0, 1, 0), abs=1e-15)
+
+
+def test_several_bodies_are_edited_at_once_in_one_undo_step(state):
+    after = edit(state, "mass", ((), "3"), bodies=("1", "3", "4"))
+    assert [b.mass for b in after.model.bodies] == [3.0, 1.0, 3.0, 3.0]
+    assert len(after.undo) == 1
+    refused = edit(after, "mass", ((), "-3"), bodies=("1", "3"))
+    assert refused.model is after.model
+    sent = properties(after, ("1", "2"))
+    fields = {f["field"]: f for g in sent["groups"] for f in g["fields"]}
+    assert fields["mass"]["cells"][0].get("varied")
+    assert not fields["com"]["cells"][0].get("varied")
+    assert fields["mass"]["cells"][0]["value"] == ""
+
+
+# -- inertia -----------------------------------------------------------------------------------
+
+
+def test_an_inertia_about_the_origin_is_kept_about_the_centre_of_mass(state):
+    state = show(state, "about", "origin")
+    body = state.model.body("2")
+    seen = held(state.model, body, "inertia", state.clients[ME].display)
+    assert seen[1][1] == pytest.approx(body.inertia[1][1] + body.mass * body.com[0] ** 2)
+    after = edit(state, "inertia", ((0, 1), "1e-5"))
+    back = shifted(after.model.body("2").inertia, body.mass, body.com, 1.0)
+    assert back[0][1] == back[1][0] == pytest.approx(1e-5)
+
+
+@settings(max_examples=100)
+@given(st.lists(st.floats(-10, 10), min_size=9, max_size=9))
+def test_a_repair_is_possible_and_leaves_what_is_possible(values):
+    given_ = np.reshape(values, (3, 3))
+    given_ = given_ + given_.T
+    new = possible(given_)
+    assert np.allclose(possible(new), new, atol=1e-12)
+    pg.Body(name="rod", inertia=new)
+
+
+def test_an_impossible_inertia_is_refused_with_an_offer_that_is_one_step(state):
+    refused = edit(state, "inertia", ((2, 2), "1"))
+    assert "triangle inequality" in told(refused)
+    assert "by 0.99" in told(refused)
+    assert refused.clients[ME].reply.offer == "Use the nearest possible inertia"
+    mended = edit(refused, "inertia", ((2, 2), "1"), kind=d.Mend)
+    a, b, c = np.linalg.eigvalsh(mended.model.body("2").inertia)
+    assert c == pytest.approx(1.0)
+    assert a + b == pytest.approx(c)
+    assert len(mended.undo) == 1
+
+
+def test_a_quaternion_is_made_a_unit_one(state):
+    ball = edit(state, "joint", ((), "spherical"))
+    refused = edit(ball, "q", ((0,), "1"), ((1,), "1"))
+    assert "unit quaternion" in told(refused)
+    assert refused.clients[ME].reply.offer
+    mended = edit(refused, "q", ((0,), "1"), ((1,), "1"), kind=d.Mend)
+    assert math.hypot(*mended.model.body("2").q) == pytest.approx(1.0)
+
+
+# -- shapes ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("kind", "volume"),
+    [
+        ("box", lambda s: np.prod(s.size)),
+        ("sphere", lambda s: 4 / 3 * math.pi * s.radius**3),
+        ("cylinder", lambda s: math.pi * s.radius**2 * s.length),
+        ("capsule", lambda s: math.pi * s.radius**2 * (s.length + 4 / 3 * s.radius)),
+    ],
+)
+def test_mass_properties_follow_from_shape_and_density(state, kind, volume):
+    shaped = edit(state, "shape_kind", ((), kind))
+    shape = shaped.model.body("2").shape
+    assert np.linalg.norm(shape.position) == pytest.approx(0.1)  # the middle of the rod
+    after = update(shaped, d.FillFromShape(ME, 1, ("2",), "1000"))
+    body = after.model.body("2")
+    assert body.mass == pytest.approx(1000 * volume(shape))
+    assert body.com == pytest.approx(shape.position)
+    assert len(after.undo) == 2
+
+
+@pytest.mark.parametrize(("density", "part"), [("-1", "> 0"), ("x", "number"), ("1", "shape")])
+def test_no_mass_without_density_and_shape(state, density, part):
+    after = update(state, d.FillFromShape(ME, 1, ("2",), density))
+    assert part in told(after)
+    assert after.model is state.model
+
+
+CUBE = "solid a\n" + "\n".join(
+    "facet normal 0 0 0\nouter loop\n"
+    + "\n".join(f"vertex {x} {y} {z}" for x, y, z in face)
+    + "\nendloop\nendfacet"
+    for face in (
+        ((0, 0, 0), (0, 1, 0), (1, 0, 0)), ((0, 0, 0), (1, 0, 0), (0, 0, 1)),
+        ((0, 0, 0), (0, 0, 1), (0, 1, 0)), ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    )
+)  # fmt: skip
+
+
+def upload(state, name: str, content: bytes):
+    text = base64.b64encode(content).decode()
+    after = update(state, d.UploadMesh(ME, ("2",), name, text))
+    (errand,) = after.errands
+    return update(after, answer(errand))
+
+
+def test_a_mesh_file_becomes_the_shape_and_gives_the_mass(state, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    after = upload(state, "tetra.stl", f"{CUBE}\nendsolid a\n".encode())
+    assert after.model.body("2").shape.kind == "mesh"
+    assert "4 faces" in after.clients[ME].notice.text
+    asked = update(after, d.FillFromShape(ME, 1, ("2",), "600"))
+    filled = update(asked, answer(asked.errands[0]))
+    assert filled.model.body("2").mass == pytest.approx(100.0)
+    assert filled.model.body("2").com == pytest.approx((0.25, 0.25, 0.25))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "part"),
+    [
+        ("a.exe", b"MZ", "no mesh is read from .exe files"),
+        ("broken.stl", b"solid nothing here", "broken.stl"),
+        ("../../etc/x.obj", b"v 0 0", "x.obj"),
+        ("empty.ply", b"", "empty.ply"),
+    ],
+)
+def test_a_broken_mesh_is_a_sentence(state, tmp_path, monkeypatch, name, content, part):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    after = upload(state, name, content)
+    assert after.model is state.model
+    assert part in after.clients[ME].notice.text
+    assert not any(p.is_file() for p in tmp_path.rglob("*"))
+
+
+def test_an_open_mesh_is_drawn_and_said_to_have_no_volume(state, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    one_less = CUBE[: CUBE.rindex("facet normal")]
+    after = upload(state, "open.stl", f"{one_less}\nendsolid a\n".encode())
+    assert "not closed" in after.clients[ME].notice.text
+    assert after.model.body("2").shape.kind == "mesh"
+
+
+def test_an_errand_for_another_model_is_dropped_with_a_word(state):
+    asked = update(state, d.UploadMesh(ME, ("2",), "a.stl", ""))
+    edited_ = edit(asked, "mass", ((), "2"))
+    after = update(edited_, ErrandDone(1, {"2": {"mass": 9.0}}))
+    assert after.model is edited_.model
+    assert "changed meanwhile" in after.clients[ME].notice.text
+
+
+def test_errands_are_answered_beside_the_store(state):
+    heard = []
+    worker = Errands(heard.append)
+    errand = Errand(1, ME, state.model, ReadMesh(("2",), "a.txt", b""))
+
+    worker.render(state, replace(state, errands=(errand,)))
+    end = time.monotonic() + 5
+    while not heard and time.monotonic() < end:
+        time.sleep(0.01)
+    assert "no mesh is read" in heard[0].problem
+
+
+# -- the model and its parameters --------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("field", "index", "text", "value"),
+    [
+        ("name", (), "crane", lambda m: m.name == "crane"),
+        ("gravity", (2,), "-1.62", lambda m: m.gravity == (0, 0, -1.62)),
+        ("up", (), "y", lambda m: m.up == "y" and m.gravity == (0, -9.81, 0)),
+        ("friction", (), "0.8", lambda m: m.ground.friction == 0.8),
+        ("restitution", (), "0.1", lambda m: m.ground.restitution == 0.1),
+        ("slope", (), "10 deg", lambda m: m.ground.slope == pytest.approx(math.pi / 18)),
+        ("uphill", (1,), "1", lambda m: m.ground.uphill == (1.0, 1.0, 0.0)),
+        ("steps", (), "", lambda m: len(m.ground.steps) == 1),
+    ],
+)
+def test_properties_of_the_model(state, field, index, text, value):
+    after = update(state, d.EditWorld(ME, 1, field, index, text))
+    assert told(after) == ""
+    assert value(after.model)
+    assert len(after.undo) == 1
+
+
+def test_steps_of_the_ground_are_edited_and_taken_out(state):
+    state = update(state, d.EditWorld(ME, 1, "steps", (), ""))
+    state = update(state, d.EditWorld(ME, 1, "steps", (0, 4), "0.25"))
+    assert state.model.ground.steps[0].height == 0.25
+    bad = update(state, d.EditWorld(ME, 1, "steps", (0, 0), "99"))
+    assert "low must be less" in told(bad)
+    state = update(state, d.EditWorld(ME, 1, "steps", (0,), ""))
+    assert state.model.ground.steps == ()
+
+
+def test_one_parameter_for_four_legs(state):
+    state = update(state, d.EditParameter(ME, 1, "thigh", "0.3"))
+    state = edit(state, "link", ((0,), "=thigh"), bodies=("2", "3", "4"))
+    state = edit(state, "com", ((0,), "=thigh/2"), bodies=("2",))
+    assert state.model.body("3").link == (0.3, 0, 0)
+    state = edit(state, "link", ((1,), "0.1"), bodies=("3",))  # the formula beside it stays
+    longer = update(state, d.EditParameter(ME, 1, "thigh", "0.4"))
+    assert longer.model.body("3").link == (0.4, 0.1, 0)
+    assert longer.model.body("2").com[0] == 0.2
+    assert len(longer.undo) == len(state.undo) + 1
+    renamed = update(longer, d.RenameParameter(ME, 1, "thigh", "femur"))
+    assert renamed.model.parameters == {"femur": 0.4}
+    assert {f.text for f in renamed.model.formulas} == {"=femur", "=femur/2"}
+    gone = update(renamed, d.DeleteParameter(ME, "femur"))
+    assert gone.model.formulas == ()
+    assert gone.model.body("3").link[0] == 0.4
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [("=thig", "no parameter is named 'thig'"), ("=1/0", "divides by zero"), ("=(", "no formula")],
+)
+def test_a_bad_formula_is_a_sentence(state, text, part):
+    state = update(state, d.EditParameter(ME, 1, "thigh", "0.3"))
+    after = edit(state, "mass", ((), text))
+    assert part in told(after)
+    assert after.model is state.model

@@ -1,0 +1,157 @@
+"""Properties and constraints as a person meets them (interface.md 1.5, 1.6; D9, D12-D18)."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from app import events
+from app.events.describing import SetDisplay
+
+from .conftest import NOBODY, until
+
+
+@pytest.fixture
+def bench(page: Any, served: Any) -> Any:
+    """The page on three hinged bodies."""
+    served.send(events.NewModel(NOBODY, 0, "3"))
+    page.wait_for_function("() => pgraph.latest.table.rows.length === 3")
+    for client in served.store.state.clients:
+        served.send(SetDisplay(client, "angle", "rad"))
+        served.send(SetDisplay(client, "length", "m"))
+    yield page
+    page.evaluate("() => pgraph.front('Digraph')")
+
+
+def model(served: Any) -> Any:
+    return served.store.state.model
+
+
+def cell(page: Any, field: str, k: int = 0) -> Any:
+    return page.locator(f'[data-view=properties] [data-field="{field}"] .cell').nth(k)
+
+
+def tie_cell(page: Any, field: str, k: int = 0) -> Any:
+    return page.locator(f'.tie.open [data-field="{field}"] .cell').nth(k)
+
+
+def choose_body(page: Any, name: str) -> None:
+    page.locator(f'tr[data-name="{name}"] td.number').click()
+    page.wait_for_function("(n) => pgraph.latest.properties.bodies.includes(n)", arg=name)
+
+
+def typed(cell: Any, text: str) -> None:
+    cell.fill(text)
+    cell.press("Enter")
+
+
+def test_1_5_an_impossible_inertia_is_refused_with_its_inequality_and_repaired(bench, served):
+    choose_body(bench, "2")
+    before = model(served)
+    typed(cell(bench, "inertia", 8), "1")
+    bench.wait_for_selector(".offer")
+    assert "triangle inequality" in bench.locator(".sentence:visible").first.inner_text()
+    assert model(served) is before
+    bench.locator(".offer").click()
+    until(lambda: model(served).body("2").inertia[2][2] == 1.0, "the repaired inertia")
+    until(lambda: bench.locator(".refused").count() == 0, "no refused cell")
+    bench.keyboard.press("Control+z")
+    until(lambda: model(served) is before, "one undo step")
+
+
+def test_1_5_an_inertia_is_typed_number_by_number(bench, served):
+    choose_body(bench, "2")
+    for k in (0, 4, 8):
+        typed(cell(bench, "inertia", k), "7")
+    until(lambda: model(served).body("2").inertia[0][0] == 7.0, "taken once it is possible")
+    until(lambda: bench.locator(".refused").count() == 0, "no refused cell")
+
+
+def test_1_5_shape_and_mass_from_its_density(bench, served):
+    choose_body(bench, "1")
+    summary = bench.locator('summary:text-is("Shape")')
+    if not summary.evaluate("e => e.parentElement.open"):
+        summary.click()
+    cell(bench, "shape_kind").focus()
+    cell(bench, "shape_kind").select_option("box")
+    cell(bench, "shape_size", 2).wait_for()
+    for k in range(3):
+        typed(cell(bench, "shape_size", k), "100 mm")
+        until(lambda k=k: model(served).body("1").shape.size[k] == 0.1, "an edge")
+    bench.get_by_label("material").select_option("7850")
+    bench.locator(".take").click()
+    until(lambda: abs(model(served).body("1").mass - 7.85) < 1e-12, "7.85 kg of steel")
+
+
+def test_1_5_one_parameter_for_two_links_and_units_that_never_reach_the_file(bench, served):
+    bench.keyboard.press("Escape")
+    bench.wait_for_function("() => pgraph.latest.properties.bodies.length === 0")
+    summary = bench.locator('summary:text-is("Parameters")')
+    if not summary.evaluate("e => e.parentElement.open"):
+        summary.click()
+    bench.get_by_label("new parameter name").fill("rod")
+    typed(bench.get_by_label("new parameter value"), "0.2")
+    until(lambda: model(served).parameters == {"rod": 0.2}, "a parameter")
+    for name in ("2", "3"):
+        choose_body(bench, name)
+        typed(cell(bench, "link"), "=rod")
+        until(lambda n=name: any(f.name == n for f in model(served).formulas), "a formula")
+    bench.locator('[data-view=properties] [data-unit="length"]').click()
+    bench.wait_for_function("() => pgraph.latest.properties.display.length === 'mm'")
+    typed(cell(bench, "com", 1), "5")
+    until(lambda: model(served).body("3").com[1] == 0.005, "5 mm are 0.005 m")
+    bench.evaluate(
+        "() => { document.activeElement.blur(); pgraph.send('Select', { body: null }); }"
+    )
+    bench.wait_for_function("() => pgraph.latest.properties.bodies.length === 0")
+    typed(bench.get_by_label("parameter value", exact=True), "0.5")
+    until(lambda: model(served).body("3").link[0] == model(served).body("2").link[0] == 0.5, "both")
+
+
+@pytest.mark.parametrize("hostile", ["1e400", "<b>1</b>", "nan", "🦿", "9" * 10_000])
+def test_what_is_no_number_is_refused_beside_its_cell(bench, served, hostile):
+    choose_body(bench, "1")
+    before = model(served)
+    typed(cell(bench, "mass"), hostile)
+    bench.wait_for_selector(".sentence:visible")
+    assert model(served) is before
+    assert bench.locator(".pgraph b").count() == 0
+    cell(bench, "mass").press("Escape")
+    until(lambda: bench.locator(".sentence:visible").count() == 0, "reverted")
+
+
+def test_d15_close_a_loop_by_clicking_in_the_digraph_and_the_report_comes(bench, served):
+    bench.evaluate("() => pgraph.front('Constraints')")
+    bench.locator(".add-tie").click()
+    bench.locator('[data-kind="loops spherical"]').click()
+    bench.wait_for_selector(".pgraph-banner")
+    bench.locator('svg.digraph g.node[data-name="3"] circle').last.click()
+    bench.wait_for_function("() => pgraph.latest.constraints.picking?.text.includes(\"'3'\")")
+    bench.locator('svg.digraph g.node[data-name="1"] circle').last.click()
+    until(lambda: [c.name for c in model(served).constraints] == ["3-1"], "a cut joint")
+    bench.wait_for_selector(".tie.open")
+    bench.wait_for_function("() => pgraph.latest.digraph.loops.length === 1")
+    assert bench.locator(".pgraph-banner").count() == 0
+    bench.wait_for_function("() => pgraph.latest.constraints.mobility.state === 'done'")
+    assert "of freedom left" in bench.locator(".report .headline").inner_text()
+
+
+def test_d14_d17_a_contact_is_picked_edited_switched_and_deleted(bench, served):
+    bench.evaluate("() => pgraph.front('Constraints')")
+    bench.locator(".add-tie").click()
+    bench.locator('[data-kind="contacts soft"]').click()
+    bench.wait_for_selector(".pgraph-banner")
+    bench.locator('tr[data-name="3"] td.number').click()
+    bench.get_by_role("button", name="ground", exact=True).click()
+    until(lambda: len(model(served).contacts) == 1, "a contact")
+    bench.wait_for_function("() => pgraph.latest.table.rows[2].constraints.length === 1")
+    tie_cell(bench, "stiffness").wait_for()
+    typed(tie_cell(bench, "stiffness"), "-1")
+    bench.wait_for_selector(".tie .sentence")
+    typed(tie_cell(bench, "stiffness"), "1e5")
+    until(lambda: model(served).contacts[0].stiffness == 1e5, "a stiffness")
+    bench.locator('.tie input[type="checkbox"]').click()
+    until(lambda: not model(served).contacts[0].active, "switched off")
+    bench.locator(".delete-tie").click()
+    until(lambda: not model(served).contacts, "deleted")
