@@ -47,6 +47,10 @@ if TYPE_CHECKING:
     from .columns import Columns as Columns
     from .frames import frame_update_trace as frame_update_trace
     from .gait.controller import Controller as Controller
+    from .gait.footprints import Footprint as Footprint
+    from .gait.footprints import footprints as footprints
+    from .gait.footprints import footprints_csv as footprints_csv
+    from .gait.ground import underfoot as underfoot
     from .gait.presets import gaits as gaits
     from .joining import joined as joined
     from .mechanism import Mechanism as Mechanism
@@ -60,6 +64,7 @@ if TYPE_CHECKING:
     from .simulation import simulate as simulate
     from .stability.map import StabilityMap as StabilityMap
     from .stability.map import stability_map as stability_map
+    from .walk import Walk as Walk
 
 _LAZY = {
     "Assembly": "assembly",
@@ -74,6 +79,11 @@ _LAZY = {
     "frame_update_trace": "frames",
     "Controller": "gait.controller",
     "gaits": "gait.presets",
+    "Footprint": "gait.footprints",
+    "footprints": "gait.footprints",
+    "footprints_csv": "gait.footprints",
+    "underfoot": "gait.ground",
+    "Walk": "walk",
     "joined": "joining",
     "Mechanism": "mechanism",
     "Mobility": "mobility",

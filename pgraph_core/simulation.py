@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from numbers import Integral, Real
 from typing import Any
@@ -19,7 +19,7 @@ from .mechanism import NO_LOADS, Mechanism
 from .phased_recording import PhasedRecording
 from .recording import Recording, error_estimate
 from .result import Result
-from .schema import Contact
+from .schema import Contact, Force
 from .sites import Site, sites_of
 from .stepping import FIXED_RTOL, Plan, Tolerance, corners
 from .stiffness import fastest_rate
@@ -53,6 +53,7 @@ def simulate(
     frames: int | None = None,
     t_eval: Any = None,
     scenario: str | None = None,
+    forces: Sequence[Force] = (),
     stabilise: str | None = "project",
     switches: Any = None,
     progress: Callable[[float], Any] | None = None,
@@ -63,7 +64,8 @@ def simulate(
     `tau` is an array (nv,) or a function f(t, q, v), called at every stage: a Python one, or one
     compiled by `numba.njit`, which costs a hundredth. `frames` is how many evenly spaced states
     are recorded, `t_eval` their times. `scenario` names a run of the model, whose parts the other
-    arguments replace. `stabilise` keeps constraints: "project", "baumgarte" or None.
+    arguments replace; `forces` act beside its own. `stabilise` keeps constraints: "project",
+    "baumgarte" or None.
     `switches` are (t, name of a constraint, True or False): it goes on or off then, between two
     steps and without anything being built anew; frames at that time show what is after it.
     `progress(fraction)` is called now and then; a run stops where it returns False. Without
@@ -90,7 +92,7 @@ def simulate(
     if stabilise not in STABILISE:
         text = f"must be 'project', 'baumgarte' or None; given {stabilise!r}"
         raise InputError(Problem("simulate", "stabilise", text))
-    forces = (*mech.model.forces, *(given.forces if given else ()))
+    forces = (*mech.model.forces, *(given.forces if given else ()), *forces)
     drives, loads = mech.drives(forces), mech.loads(forces)
     contacts = mech.contacts(touching_contacts(mech, given))
     active, changing = changes(
@@ -381,7 +383,8 @@ def initial_state(
     """Initial state: the arguments, else the scenario's, else a gait's, else the model's."""
     if tau is None and given is not None and given.gait is not None:
         tau = Controller(mech, given.gait)
-    q0, v0 = tau.start() if isinstance(tau, Controller) else mech.home()
+    known = q is not None and v is not None
+    q0, v0 = tau.start() if isinstance(tau, Controller) and not known else mech.home()
     if given is not None:
         for state, entries, column in ((q0, given.q, at.QI), (v0, given.v, at.VI)):
             for name, values in entries.items():

@@ -54,6 +54,18 @@ class Controller:
         """The compiled function of one run, with its own workspace and settings."""
         return GaitTorque(self)
 
+    def changed(self, t: float, /, **fields: object) -> Controller:
+        """The controller of a gait with other fields, which goes on from this one's clock at t."""
+        new = Controller(self.mech, self.gait.edit(**fields))
+        old, s = self.settings, new.settings
+        rise = old[go.SPEED_TO] - old[go.SPEED_FROM]
+        most = old[go.SPEED_RATE] * max(t - old[go.SPEED_T], 0.0)
+        s[go.SPEED_FROM] = old[go.SPEED_FROM] + min(max(rise, -most), most)
+        s[go.CLOCK_PHASE] = old[go.CLOCK_PHASE] + (t - old[go.CLOCK_T]) / old[go.STRIDE]
+        s[go.HEADING] = old[go.HEADING] + old[go.TURN] * (t - old[go.TURN_T])
+        s[[go.CLOCK_T, go.SPEED_T, go.TURN_T]] = t
+        return new
+
     def start(self) -> tuple[Array, Array]:
         """(q, v) at rest: on the ground at the gait's height, the paws parallel to the thighs."""
         return standing(self.mech, self.gait, self.anatomy)

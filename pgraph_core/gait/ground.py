@@ -1,8 +1,11 @@
-"""The height of the ground under a point, where up is y."""
+"""The ground that is walked on: its height where up is y, and other ground for the same model."""
 
 from __future__ import annotations
 
-from ..schema import Model
+from collections.abc import Sequence
+
+from ..schema import Contact, Ground, Model, Step
+from ..schema.fields import fields_of
 
 
 def height_under(model: Model, x: float, z: float) -> float:
@@ -15,3 +18,35 @@ def height_under(model: Model, x: float, z: float) -> float:
         if x0 <= x <= x1 and z0 <= z <= z1:
             raised = step.height
     return height + raised / n[1]
+
+
+LAWS: dict[str, dict[str, float]] = {  # of a paw's sole: it gives 2 mm under its load
+    "complementarity": {},
+    "penalty": {"stiffness": 5e4, "damping": 100.0},
+    "soft": {"stiffness": 1e6, "damping": 0.5},
+}
+
+
+def underfoot(
+    model: Model,
+    *,
+    law: str | None = None,
+    friction: float | None = None,
+    slope: float | None = None,
+    steps: Sequence[Step] | None = None,
+) -> Model:
+    """The model on other ground: what is given changes, for all contacts with the ground.
+
+    A law comes with the stiffness and damping of a paw's sole, with which explicit methods take
+    steps of 0.25 ms (penalty) where Hunt and Crossley's needs an implicit one, "ros2".
+    """
+    changes: dict[str, object] = {} if friction is None else {"friction": friction}
+    if law is not None:
+        changes |= {"law": law, "stiffness": None, "damping": None, **LAWS.get(law, {})}
+    contacts = tuple(
+        Contact(**{**fields_of(c), **changes}) if c.other == "ground" else c for c in model.contacts
+    )
+    ground = fields_of(model.ground)
+    ground |= {} if slope is None else {"slope": slope}
+    ground |= {} if steps is None else {"steps": tuple(steps)}
+    return model.replace(contacts=contacts, ground=Ground(**ground))

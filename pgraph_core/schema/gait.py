@@ -42,7 +42,7 @@ class Gains(Frozen):
     pitch: Pair = Field(default=(150.0, 25.0), description="two numbers >= 0 [1/s^2, 1/s]")
     yaw: Pair = Field(default=(60.0, 12.0), description="two numbers >= 0 [1/s^2, 1/s]")
     swing: Pair = Field(default=(1600.0, 80.0), description="two numbers >= 0 [1/s^2, 1/s]")
-    spine: Pair = Field(default=(900.0, 60.0), description="two numbers >= 0 [1/s^2, 1/s]")
+    spine: Pair = Field(default=(400.0, 18.0), description="two numbers >= 0 [1/s^2, 1/s]")
     paw: Pair = Field(default=(400.0, 40.0), description="two numbers >= 0 [1/s^2, 1/s]")
     place: Number = Field(default=0.03, description="a step's change by an error of speed [s]")
     place_drift: Number = Field(default=0.15, description="the same to the side [s]")

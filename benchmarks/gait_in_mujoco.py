@@ -1,0 +1,125 @@
+"""The trot in MuJoCo: the same model, torques of the same compiled controller, its own contacts."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+import pgraph_core as pg
+from pgraph_core.kernels import walking
+
+from .gait_checks import SETTLED, STEP, mechanism
+
+SECONDS, ROUNDS = 3.0, 300
+SOLE = 1e-3  # m: MuJoCo's feet are balls of this radius
+
+
+def model_of(mech: pg.Mechanism) -> Any:
+    """The quadruped as MuJoCo's users would write it: two hinges in a hip's body, its defaults."""
+    import mujoco
+
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.timestep, spec.option.gravity = STEP, mech.model.gravity
+    friction = [float(mech.model.contacts[0].friction or 0.0), 0.005, 0.0001]
+    turn = [np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0]
+    plane = mujoco.mjtGeom.mjGEOM_PLANE
+    spec.worldbody.add_geom(type=plane, size=[0, 0, 1], quat=turn, friction=friction)
+    made: dict[str, Any] = {"ground": spec.worldbody}
+    for b in mech.model.bodies:
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = b.inertia
+        made[b.name] = made[b.parent].add_body(
+            name=b.name, pos=b.link, mass=b.mass, ipos=b.com,
+            fullinertia=[xx, yy, zz, xy, xz, yz], explicitinertial=True,
+        )  # fmt: skip
+        if b.joint == "free":
+            made[b.name].add_freejoint()
+        for axis in b.axes if b.joint != "free" else ():
+            made[b.name].add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis)
+    for c in mech.model.contacts:
+        x, y, z = c.points[0]
+        place = (x, y + SOLE, z)
+        ball = mujoco.mjtGeom.mjGEOM_SPHERE
+        made[c.body].add_geom(type=ball, size=[SOLE, 0, 0], pos=place, friction=friction, condim=3)
+    return spec.compile()
+
+
+def walked(
+    model: Any, mech: pg.Mechanism, walk: pg.Controller, late: int
+) -> tuple[Any, np.ndarray]:
+    """(state after `late` steps, torques of each later one) of a walk under the controller."""
+    import mujoco
+
+    data, at_work = mujoco.MjData(model), walk.acting()
+    q, v = walk.start()
+    origin = np.array(mech.model.bodies[0].link)
+    data.qpos[:] = q
+    data.qpos[:3] += origin
+    first, torques = np.zeros(1 + model.nq + model.nv), np.zeros((round(SECONDS / STEP), mech.nv))
+    for k, tau in enumerate(torques):
+        if k == late:
+            first[1:] = np.concatenate((data.qpos, data.qvel))
+        q[:] = data.qpos
+        q[:3] -= origin
+        mujoco.mj_kinematics(model, data)
+        turn = data.xmat[1].reshape(3, 3)
+        v[:3], v[3:6], v[6:] = turn @ data.qvel[3:6], data.qvel[:3], data.qvel[6:]
+        tau[6:] = at_work.torque(k * STEP, q, v)[6:]
+        data.qfrc_applied[:] = tau
+        mujoco.mj_step(model, data)
+    if data.qpos[1] < 0.4:
+        raise SystemExit("the trot falls in MuJoCo; nothing is timed")
+    return first, torques[late:]
+
+
+def times() -> dict[str, float]:
+    """Seconds a step over half a stride, the least of interleaved rounds: what disturbs adds to it.
+
+    Ours with the controller in it; MuJoCo's without, its torques being those recorded before.
+    """
+    import mujoco.rollout
+
+    mech = mechanism("quadruped_hips")
+    gait = mech.model.scenario("trot").gait
+    assert gait is not None
+    model = model_of(mech)
+    late, steps = round(SETTLED / gait.stride) * gait.stride, round(gait.stride / STEP / 2)
+    first, torques = walked(model, mech, pg.Controller(mech, gait), round(late / STEP))
+    start = pg.simulate(mech, scenario="trot", t_end=late, frames=2, estimate=False)
+    spec, data = mujoco.mjtState.mjSTATE_QFRC_APPLIED, mujoco.MjData(model)
+    options = {"control": torques[None, :steps], "control_spec": int(spec), "nstep": steps}
+    found: dict[str, list[float]] = {"pgraph": [], "mujoco": []}
+    for _ in range(ROUNDS):
+        run = pg.simulate(
+            mech, start.q[-1], start.v[-1], scenario="trot", t_start=late, frames=2,
+            t_end=late + steps * STEP, step=STEP, estimate=False,
+        )  # fmt: skip
+        found["pgraph"].append(run.timing["step"] / steps)
+        begin = time.perf_counter()
+        mujoco.rollout.rollout(model, [data], first[None], **options)
+        found["mujoco"].append((time.perf_counter() - begin) / steps)
+    return {side: min(seconds) for side, seconds in found.items()}
+
+
+def controller_call() -> float:
+    """Seconds that one call of the compiled controller takes, the least of many rounds."""
+    mech = mechanism("quadruped_hips")
+    gait = mech.model.scenario("trot").gait
+    assert gait is not None
+    walk = pg.Controller(mech, gait)
+    at_work, state = walk.acting(), walk.start()
+    at_work.torque(0.0, *state)
+    places = [row.ctypes.data for row in at_work.exchange[:3]]
+    spent = []
+    for _ in range(ROUNDS):
+        begin = time.perf_counter()
+        for k in range(100):
+            walking.walking(1e-3 * k, *places)
+        spent.append((time.perf_counter() - begin) / 100)
+    return min(spent)
+
+
+if __name__ == "__main__":
+    print({side: f"{1e6 * seconds:.2f} us" for side, seconds in times().items()})

@@ -1,0 +1,111 @@
+"""Writes docs/gaits.md: `python -m benchmarks.gaits`. MuJoCo is compared with where it is there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from .gait_checks import Walked, ladder, walked
+from .gait_robustness import PUSH_FOR, SECONDS, table
+from .machine import cpu, has
+
+PAGE = Path(__file__).parent.parent / "docs" / "gaits.md"
+WALKS = (
+    ("quadruped_hips", "trot", 30.0),
+    ("quadruped_hips", "crawl", 30.0),
+    ("quadruped_hips", "gallop", 30.0),
+    ("quadruped", "bound", 10.0),
+)
+START = "<!-- figures: python -m benchmarks.gaits -->"
+
+
+def main() -> None:
+    text = PAGE.read_text(encoding="utf-8").split(START)[0]
+    parts = [*walks(), *ladders(), *beside_mujoco(), "## Robustness", "", *robustness()]
+    PAGE.write_text(text + START + "\n\n" + "\n".join(parts) + "\n", encoding="utf-8")
+    print("\n".join(parts))
+
+
+def walks() -> list[str]:
+    found = [walked(*walk) for walk in WALKS]
+    return [
+        f"Measured on {cpu()}, other programs running beside.",
+        "",
+        "## Walks on flat ground",
+        "",
+        "Time stepping at 1 ms, friction 0.7, from a stand. Slip is the farthest way of a sole in",
+        "one stance, depth the deepest foot, torque the largest asked for and its limit.",
+        "",
+        "| gait | model | time [s] | speed [m/s] | aside [m] | tilt [deg] | slip [mm] | "
+        "depth [mm] | leg [N m] | spine [N m] | ledger | same bits again |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|",
+        *(_row(w) for w in found),
+        "",
+    ]
+
+
+def _row(w: Walked) -> str:
+    torque = [f"{w.torque[part]:.0f} of {w.limit[part]:.0f}" for part in ("leg", "spine")]
+    return (
+        f"| {w.gait} | {w.model} | {w.seconds:g}{' ' + w.fell if w.fell else ''} | {w.speed:.3f} | "
+        f"{w.aside:.3f} | {w.tilt:.1f} | {1e3 * w.slip:.1f} | {1e3 * w.depth:.1f} | {torque[0]} | "
+        f"{torque[1]} | {w.energy:.1e} | {'yes' if w.again else 'no'} |"
+    )
+
+
+def ladders() -> list[str]:
+    lines = [
+        "## Event-driven and time stepping",
+        "",
+        "1.5 s of each. Touchdowns and the trunk's place are compared with the finest event-driven",
+        "run (rk4): both come closer as the step does. The ledger misses O(h) in time stepping,",
+        "and O(h⁴), as rk4 does, from event to event.",
+        "",
+    ]
+    for name, gait in (("quadruped_hips", "trot"), ("quadruped", "bound")):
+        rungs, ledgers = ladder(name, gait)
+        exact = dict(ledgers)
+        lines += [
+            f"| {gait}: step [ms] | touchdowns apart [ms] | trunk apart [mm] | ledger | "
+            "ledger, event-driven |",
+            "|---|---|---|---|---|",
+        ]
+        lines += [
+            f"| {1e3 * r.step:g} | {1e3 * r.touchdowns:.2f} | {1e3 * r.place:.2f} | "
+            + f"{r.energy:.1e} | "
+            + (f"{exact[r.step]:.1e} |" if r.step in exact else "too wide for rk4 |")
+            for r in rungs
+        ] + [""]
+    return lines
+
+
+def beside_mujoco() -> list[str]:
+    if not has("mujoco"):
+        return []
+    from .gait_in_mujoco import controller_call, times
+
+    found, call = times(), controller_call()
+    ours, theirs = found["pgraph"], found["mujoco"]
+    return [
+        "## Speed",
+        "",
+        "The trot, one thread, 1 ms, the least of many interleaved rounds of half a stride:",
+        f"{1e6 * ours:.1f} us a step with the controller, {1e-3 / ours:.0f} times real time.",
+        "MuJoCo's step with its own contacts and the recorded torques of the same controller: "
+        f"{1e6 * theirs:.1f} us;",
+        f"with the controller's {1e6 * call:.1f} us, {(theirs + call) / ours:.2f} times ours.",
+        "",
+    ]
+
+
+def robustness() -> list[str]:
+    return [
+        f"On their feet after {SECONDS:g} s: the hardest of what was tried, in unbroken order.",
+        f"Pushes last {PUSH_FOR:g} s, on the pelvis; the controller knows of none of it: masses,",
+        "slopes and steps are what it feels through its feet.",
+        "",
+        *table(),
+    ]
+
+
+if __name__ == "__main__":
+    main()
