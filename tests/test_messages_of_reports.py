@@ -46,6 +46,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
         "work_precision, tolerances: are 70 settings of each method; give 64 at most",
     ),
     ({"t_end": 0}, "work_precision, t_end: must be a finite number > 0 [s]; given 0"),
+    ({"clock": "sun"}, "work_precision, clock: must be one of wall, processor; given 'sun'"),
     ({"rounds": 0}, "work_precision, rounds: must be a whole number >= 1; given 0"),
     ({"frames": 2.5}, "work_precision, frames: must be a whole number >= 3; given 2.5"),
     (

@@ -33,6 +33,10 @@ def arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--target", type=given.duration, metavar="E", help="recommend for it")
     parser.add_argument("--rounds", type=given.body_count, default=5, help="of timing; default 5")
     parser.add_argument(
+        "--clock", choices=("wall", "processor"), default="wall",
+        help="processor: without what other programs take; default: wall",
+    )  # fmt: skip
+    parser.add_argument(
         "--longest", type=given.duration, metavar="S", help="leave out longer runs; default 1 s"
     )
     parser.add_argument(
@@ -110,6 +114,7 @@ def _study(mech: pg.Mechanism, args: Namespace, options: dict[str, Any], bar: Ba
             mech,
             fixed=args.fixed,
             rounds=args.rounds,
+            clock=args.clock,
             peers=tuple(PEERS) if args.peers else (),
             progress=lambda fraction: bar("measuring", fraction),
             **options,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -51,19 +52,36 @@ class Exported(NamedTuple):
     holds: tuple[Hold, ...]
 
     @property
+    def bends(self) -> Array:
+        """The times within the run at which drives bend."""
+        bends = [d.t[(d.t > 0) & (d.t < self.t[-1])] for d in self.drives]
+        return np.unique(np.concatenate((np.zeros(0), *bends)))
+
+    @property
     def knots(self) -> Array:
         """The times at which a run has to stop: those of output, and where drives bend."""
-        bends = [d.t[(d.t > 0) & (d.t < self.t[-1])] for d in self.drives]
-        found = np.unique(np.concatenate((self.t, *bends)))
+        found = np.unique(np.concatenate((self.t, self.bends)))
         near = np.diff(found, append=np.inf) > 1e-12 * self.t[-1]
         return np.union1d(found[near], self.t)
+
+
+class Clocks:
+    """Wall and processor time from here on."""
+
+    def __init__(self) -> None:
+        """They run."""
+        self.began = time.perf_counter(), time.thread_time()
+
+    def read(self) -> tuple[float, float]:
+        """(wall, processor) seconds so far."""
+        return time.perf_counter() - self.began[0], time.thread_time() - self.began[1]
 
 
 class Trajectory(NamedTuple):
     """What a peer leaves, in our coordinates."""
 
     q: Array  # (n, nq)
-    seconds: float  # of its stepping alone
+    seconds: tuple[float, float]  # of its stepping alone, by the wall's clock and the processor's
     counters: dict[str, int]
 
 

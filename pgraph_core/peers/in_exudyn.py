@@ -7,7 +7,6 @@ chosen by the spin at the start, so that they stay regular for as long as can be
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any, NamedTuple
@@ -19,7 +18,7 @@ from ..bodies import quaternions
 from ..rotation import matrix
 from ..system import Array
 from .elementary import Row, inertia_of, sizes
-from .exported import Exported, Refused, Trajectory
+from .exported import Clocks, Exported, Refused, Trajectory
 
 NONE = np.zeros((3, 3))
 MOST = 300  # degrees of freedom: its mass matrix is dense, and a run of it cannot be stopped
@@ -296,10 +295,10 @@ class Run:
         if any(len(d.t) > 1 for d in motion.drives):
             self.system.SetPreStepUserFunction(self._follow)
             self._follow(self.system, 0.0)
-        began = time.perf_counter()
+        clocks = Clocks()
         kind = getattr(self.exudyn.DynamicSolverType, solver)
         self.system.SolveDynamic(settings, solverType=kind, showHints=False, showCausingItems=False)
-        seconds = time.perf_counter() - began
+        seconds = clocks.read()
         return Trajectory(self._states(spacing), seconds, {"steps": each * (len(motion.t) - 1)})
 
     def _states(self, spacing: float) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import time
+from bisect import bisect_right
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 from ..rotation import matrix
 from ..system import Array
 from .elementary import PLACEHOLDER, Row, inertia_of, sizes
-from .exported import Exported, Trajectory
+from .exported import Clocks, Exported, Trajectory
 
 PROXIMAL = (1e-12, 1e-9, 20)  # accuracy, mu, iterations of its solver for points that hold
 
@@ -131,22 +131,27 @@ class Run:
             pin.initConstraintDynamics(self.model, self.data, self.held, self.found)
         self.settings = pin.ProximalSettings(*PROXIMAL)
 
-    def __call__(self, rtol: float, going: Callable[[], bool]) -> Trajectory | None:
-        """SciPy's DOP853 to a tolerance, anew where drives bend; None where `going` said no."""
+    @property
+    def ways(self) -> tuple[str, ...]:
+        """How SciPy's DOP853 may go: over all at once, or anew where drives bend."""
+        return ("dop853", "dop853 in pieces") if len(self.motion.bends) else ("dop853",)
+
+    def __call__(self, way: str, rtol: float, going: Callable[[], bool]) -> Trajectory | None:
+        """One run to a tolerance; None where `going` said no."""
         from scipy.integrate import solve_ivp
 
         motion, evaluations = self.motion, 0
         q, T, _ = coordinates(motion.rows, motion.q, motion.v)
         y = np.concatenate((q, T @ motion.v))
         kept = [q[None]]
-        bends = np.unique(np.concatenate([d.t for d in motion.drives])) if motion.drives else []
-        ends = [*(t for t in bends if 0 < t < motion.t[-1]), motion.t[-1]]
-        start, began = 0.0, time.perf_counter()
+        ends = motion.t[-1:] if way == "dop853" else np.append(motion.bends, motion.t[-1])
+        close = 1e-12 * motion.t[-1]  # a frame and a bend that are meant to be one time
+        start, rate, clocks = 0.0, self._rate(going), Clocks()
         try:
-            for end in ends:
-                wanted = motion.t[(motion.t > start + 1e-14) & (motion.t <= end)]
+            for end in ends.tolist():
+                here = (motion.t > start + close) & (motion.t <= end + close)
+                wanted = np.minimum(motion.t[here], end)
                 times = np.union1d(wanted, [end])
-                rate = self._rate(start, end, going)
                 done = solve_ivp(rate, (start, end), y, "DOP853", times, rtol=rtol, atol=rtol)
                 if not done.success:
                     return None
@@ -154,19 +159,22 @@ class Run:
                 y, start, evaluations = done.y[:, -1], end, evaluations + done.nfev
         except Cancelled:
             return None
-        seconds = time.perf_counter() - began
+        seconds = clocks.read()
         found = ours(motion.rows, np.concatenate(kept))
         return Trajectory(found, seconds, {"evaluations": int(evaluations)})
 
-    def _rate(self, start: float, end: float, going: Callable[[], bool]) -> Callable[..., Array]:
-        """y' within a piece in which drives are straight lines."""
+    def _rate(self, going: Callable[[], bool]) -> Callable[..., Array]:
+        """y'; drives are straight lines between all their knots."""
         pin, model, data, nq = self.pin, self.model, self.data, self.model.nq
-        first = np.array([np.interp(start, d.t, d.u) for d in self.motion.drives])
-        last = np.array([np.interp(end, d.t, d.u) for d in self.motion.drives])
-        slope = (last - first) / (end - start)
+        drives, driven = self.motion.drives, bool(self.motion.drives)
+        knots = np.unique(np.concatenate([[0.0, np.inf], *(d.t for d in drives)]))[:-1]
+        u = np.array([np.interp(knots, d.t, d.u) for d in drives]).reshape(len(drives), -1).T
+        slope = np.zeros_like(u)
+        slope[:-1] = np.diff(u, axis=0) / np.diff(knots)[:, None]
+        times = knots.tolist()
         at_q, at_v, kp, kd = self.at_q, self.at_v, self.kp, self.kd
         turning, held, found, settings = self.turning, self.held, self.found, self.settings
-        tau, driven, fixed = np.zeros(model.nv), bool(len(first)), len(held) > 0
+        tau, fixed = np.zeros(model.nv), len(held) > 0
         count = 0
 
         def rate(t: float, y: Array) -> Array:
@@ -176,7 +184,9 @@ class Run:
                 raise Cancelled
             q, v = y[:nq], y[nq:]
             if driven:
-                tau[at_v] = first + (t - start) * slope - kp * q[at_q] - kd * v[at_v]
+                k = bisect_right(times, t) - 1
+                force = u[k] + (t - times[k]) * slope[k]
+                tau[at_v] = force - kp * q[at_q] - kd * v[at_v]
             if turning:
                 q = pin.normalize(model, q)
             if fixed:

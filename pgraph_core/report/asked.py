@@ -13,6 +13,7 @@ from ..mechanism import Mechanism
 from ..peers import PEERS
 from .sides import usual
 from .task import Task
+from .work import CLOCKS
 
 
 def names(methods: Any, task: Task) -> tuple[str, ...]:
@@ -39,6 +40,14 @@ def peers(given: Any) -> tuple[str, ...]:
             text = f"no peer is called {name!r}; choose from {choices(PEERS)}"
             raise InputError(Problem("work_precision", "peers", text))
     return names
+
+
+def clock(given: Any) -> str:
+    """The clock asked for. Raises InputError with the choices."""
+    if given not in CLOCKS:
+        text = f"must be one of {choices(CLOCKS)}; given {given!r}"
+        raise InputError(Problem("work_precision", "clock", text))
+    return given
 
 
 def duration(mech: Mechanism, t_end: Any, scenario: str | None) -> float:

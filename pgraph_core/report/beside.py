@@ -44,7 +44,10 @@ def _sides(name: str, peer: Peer, motion: Exported, rungs: Any) -> list[Side]:
         return [_side(peer, "rk4", 4.0, steps, lambda s, going: run(s.step, going))]
     if name == "pinocchio":
         tolerances = tuple(Setting(rtol=rtol) for rtol in rungs[1])
-        return [_side(peer, "dop853", 8.0, tolerances, lambda s, going: run(s.rtol, going))]
+        return [
+            _side(peer, way, 8.0, tolerances, lambda s, going, way=way: run(way, s.rtol, going))
+            for way in run.ways
+        ]
     return [
         _side(
             peer, solver, order, steps, lambda s, going, solver=solver: run(solver, s.step, going)
@@ -60,9 +63,9 @@ def _side(peer: Peer, method: str, order: float, settings: tuple[Setting, ...], 
         except Exception as error:  # as above
             if isinstance(error, Stopped):
                 raise
-            return Outcome(NOTHING, 0.0, False, _first_line(error))
+            return Outcome(NOTHING, (0.0, 0.0), False, _first_line(error))
         if done is None:
-            return Outcome(NOTHING, 0.0, False, "", cancelled=True)
+            return Outcome(NOTHING, (0.0, 0.0), False, "", cancelled=True)
         return Outcome(done.q, done.seconds, counters=done.counters)
 
     return Side(f"{peer.label} {method}", order, settings, run, peer.label)

@@ -32,6 +32,7 @@ def work_precision(
     fixed: bool = False,
     reference: Any = None,
     rounds: int = 5,
+    clock: str = "wall",
     scenario: str | None = None,
     tau: Any = None,
     stabilise: str | None = "project",
@@ -47,7 +48,8 @@ def work_precision(
     [s] (h0 2^-k, k = 0 .. 8); `fixed` gives steps to all. Errors are without unit, over `frames`
     times (docs/report.md), against `reference`: a Result, (t, q), a Case, a Reference, or by
     default the finest run there is, whose own error is estimated and printed. `peers` are names
-    of other engines ("mujoco", "pinocchio", "exudyn"). A run of more than `longest` seconds is
+    of other engines ("mujoco", "pinocchio", "exudyn"). `clock="processor"` does not count what
+    other programs take, on a machine that is not quiet. A run of more than `longest` seconds is
     left out. `progress(fraction)` is called now and then; where it returns False the study ends
     with what it has, `cancelled`.
 
@@ -64,5 +66,5 @@ def work_precision(
     rate = task.fastest_rate()
     rungs = ladder(steps, tolerances, task.spacing, rate, task.t_end)
     names = asked.names(methods, task)
-    work = Work(task, progress, longest, rounds)
+    work = Work(task, progress, longest, rounds, asked.clock(clock))
     return work.study(names, rungs, fixed, given, rate, target, asked.peers(peers))

@@ -14,8 +14,11 @@ if TYPE_CHECKING:
 def sections(study: Study) -> tuple[Section, ...]:
     """The parts of the page, for those who put them into another one."""
     notes = "".join(f"<p>{escape(line)}</p>" for line in text.foot(study) if line)
+    header, *rows = text.peers(study) or [[]]
+    beside = [Section("At equal error", table(header, rows))] if rows else []
     return (
         Section("Error against run time", study.figure()),
+        *beside,
         Section("What it says", notes),
         Section("All runs", table(text.HEADER, map(text.cells_of, study.rows))),
     )

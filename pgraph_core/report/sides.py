@@ -18,7 +18,7 @@ class Outcome(NamedTuple):
     """One run, whoever made it."""
 
     q: Array  # (n, nq) in our coordinates, as far as it came
-    seconds: float  # of the stepping loop
+    seconds: tuple[float, float]  # of the stepping loop, by the wall's clock and the processor's
     ok: bool = True
     reason: str = ""  # why not
     counters: Mapping[str, int] = {}
@@ -55,7 +55,7 @@ def outcome(run: Result) -> Outcome:
     gaps = [float(-gap.min(initial=0.0)) for gap in run.contact_gap.values()]
     return Outcome(
         run.q,
-        run.timing["step"],
+        (run.timing["step"], run.timing["step_processor"]),
         ok,
         "" if ok else run.message,
         run.counters,

@@ -35,6 +35,7 @@ class Study:
     baseline: int | None  # the row that ratios are relative to
     target: float | None
     rounds: int
+    clock: str  # that the times are by: "wall" or "processor"
     timing: Mapping[str, float]  # seconds of the study's parts
     machine: Mapping[str, Any]
     left_out: tuple[str, ...]  # what the scene did not need

@@ -22,7 +22,9 @@ def table(study: Study) -> str:
     """Everything that a person reads on a terminal."""
     cells = [[row[i] for i in SHOWN] for row in (HEADER, *map(cells_of, study.rows))]
     left = [i in WORDS for i in SHOWN]
-    return "\n".join((*head(study), "", *aligned(cells, left), "", *foot(study)))
+    rows = peers(study)
+    beside = ["", *aligned(rows, [i < 2 for i in range(len(rows[0]))])] if rows else []
+    return "\n".join((*head(study), "", *aligned(cells, left), *beside, "", *foot(study)))
 
 
 def aligned(cells: list[list[str]], left: list[bool]) -> list[str]:
@@ -80,12 +82,13 @@ def head(study: Study) -> tuple[str, ...]:
         f"{study.frames} times",
         f"reference        {given['source']}, good to {given['accuracy']:.1e}; errors below "
         f"{given['limit']:.1e} are not told apart",
-        f"machine          {study.machine['cpu']}, one thread, medians of {study.rounds} rounds",
+        f"machine          {study.machine['cpu']}, one thread, medians of {study.rounds} rounds, "
+        f"{study.clock} time",
     )
 
 
 def foot(study: Study) -> tuple[str, ...]:
-    """Orders, ratios, the recommendation, notes, times of the study."""
+    """Orders, the recommendation, notes, times of the study."""
     orders = (
         f"{name} {'none seen' if seen is None else f'{seen:.2f}'} ({claimed:g})"
         for name, (seen, claimed) in study.orders.items()
@@ -93,7 +96,6 @@ def foot(study: Study) -> tuple[str, ...]:
     spent = (f"{name} {duration(seconds)}" for name, seconds in study.timing.items() if seconds)
     return (
         f"observed orders  {', '.join(orders)}",
-        *peers(study),
         *(f"recommended      {line}" for line in [advice(study)] if line),
         *(f"left out         {line}" for line in study.left_out),
         *(f"note             {line}" for line in study.notes),
@@ -114,7 +116,7 @@ def advice(study: Study) -> str:
     return f"{row.method}, {row.setting}: error {row.error:.1e} in {took} for {study.target:g}"
 
 
-def peers(study: Study) -> list[str]:
+def peers(study: Study) -> list[list[str]]:
     """Times at equal error: ours, and of each peer with how many times longer it takes."""
     found = study.against_peers()
     if not found:
@@ -129,7 +131,7 @@ def peers(study: Study) -> list[str]:
             for n in names
         )
         cells.append([f"{level:.0e}", ours["ours"], duration(ours["seconds"]), *theirs])
-    return ["", *aligned(cells, [True, True] + [False] * (len(names) + 1)), ""]
+    return cells
 
 
 def _e(value: float | None) -> str:

@@ -21,6 +21,7 @@ from .study import Study
 from .task import Progress, Stopped, Task
 from .timing import measured, ratios, spread
 
+CLOCKS = ("wall", "processor")
 PATIENCE = 10.0  # times longer than others a run of a reference may take
 MOST_GROWTH = 4.0  # of the time from one tolerance to the next: more is the machine
 USUAL_TARGET = 1e-6  # of the baseline, where no target is given
@@ -30,8 +31,9 @@ SHARE = {"reference": 0.1, "first": 0.4, "rounds": 1.0}  # of the progress, at e
 class Work:
     """A study under way."""
 
-    def __init__(self, task: Task, progress: Any, longest: float, rounds: int):
+    def __init__(self, task: Task, progress: Any, longest: float, rounds: int, clock: str):
         self.task, self.progress, self.longest, self.rounds = task, progress, longest, rounds
+        self.clock = CLOCKS.index(clock)
         self.fraction = 0.0
         self.timing: dict[str, float] = {}
         self.notes: list[str] = []
@@ -134,9 +136,9 @@ class Work:
             took: list[float] = []
             for setting in side.settings:
                 done = self._run(side, setting, _expected(side.settings, took))
-                took.append(done.seconds)
+                took.append(done.seconds[0])
                 rows.append(self._row(side, setting, done, found))
-                firsts.append((self._again(side, setting), done.seconds))
+                firsts.append((self._again(side, setting), done.seconds[0]))
                 self.said(SHARE["reference"] + part * len(rows) / total)
         self.timing["first runs"] = time.perf_counter() - began
         return firsts
@@ -144,17 +146,17 @@ class Work:
     def _run(self, side: Side, setting: Setting, expected: float) -> Outcome:
         """The first run, with its estimate, where it is not expected to take too long."""
         if expected > self.longest:
-            return Outcome(np.zeros((0, 0)), expected, False, self._too_long())
+            return Outcome(np.zeros((0, 0)), (expected, 0.0), False, self._too_long())
         done = side.run(setting, self.watch(), True)
         if done.cancelled:
-            return done._replace(seconds=np.inf, reason=self._too_long())
+            return done._replace(seconds=(np.inf, 0.0), reason=self._too_long())
         return done
 
     def _too_long(self) -> str:
         return f"left out: it would take more than {self.longest:g} s"
 
     def _again(self, side: Side, setting: Setting) -> Callable[[], float]:
-        return lambda: side.run(setting, self.watch(np.inf), False).seconds
+        return lambda: side.run(setting, self.watch(np.inf), False).seconds[self.clock]
 
     def _row(self, side: Side, setting: Setting, done: Outcome, found: Reference) -> Row:
         if not done.ok or len(done.q) != len(found.t):
@@ -209,6 +211,7 @@ class Work:
             baseline,
             target,
             self.rounds,
+            CLOCKS[self.clock],
             self.timing,
             machine(),
             self.left_out,

@@ -1,0 +1,94 @@
+"""Error against run time beside MuJoCo, Pinocchio with SciPy and Exudyn, on four motions.
+
+`python -m benchmarks.work_precision` prints the tables of docs/report.md; `--page FILE` writes the
+diagrams as one page, `--svg FOLDER` each of them; names after them pick some of the motions.
+"""
+
+from __future__ import annotations
+
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import pgraph_core as pg
+import static_models
+from pgraph_core.report.document import sections
+from pgraph_core.report.html import Section, page
+from pgraph_core.report.text import peers
+
+from .methods import motions
+
+ROUNDS, LONGEST = 5, 4.0
+METHODS = ("rk4", "dopri5", "dop853")  # none of the motions is stiff
+PEERS = ("mujoco", "pinocchio", "exudyn")
+
+
+def motion(name: str, **options: Any) -> pg.Study:
+    """One of `benchmarks.methods`."""
+    found = motions()[name]
+    q, v = (np.array(x, dtype=float) for x in (found.q, found.v))
+    return measured(pg.Mechanism(found.model), q, v, t_end=found.t_end, **options)
+
+
+def stance(**options: Any) -> pg.Study:
+    """The quadruped's push on four feet."""
+    mech = pg.Mechanism(pg.Model.load(static_models.path("quadruped")))
+    return measured(mech, scenario="stance", frames=126, **options)  # its tables' knots
+
+
+def measured(*mech_and_state: Any, **options: Any) -> pg.Study:
+    """Beside the peers, by the processor's clock: the machine need not be quiet."""
+    given = {"methods": METHODS, "peers": PEERS, "target": 1e-6, "longest": LONGEST}
+    return pg.work_precision(*mech_and_state, **{**given, "clock": "processor", **options})
+
+
+SCENES: dict[str, Callable[..., pg.Study]] = {
+    "double pendulum": lambda **options: motion("double pendulum", **options),
+    "heavy top": lambda **options: motion("top at 150 rad/s", **options),
+    "quadruped stance": stance,
+    "chain of 100": lambda **options: motion("chain of 100", **options),
+}
+
+
+def table(name: str, study: pg.Study) -> str:
+    """Times at equal error as Markdown."""
+    header, *rows = peers(study)
+    lines = (header, ["---"] * len(header), *rows)
+    body = (f"| {' | '.join(cells).replace(' x)', ' ×)')} |" for cells in lines)
+    return "\n".join((f"### {name}", "", *body, *study.notes))
+
+
+def arguments() -> Namespace:
+    """What was typed."""
+    parser = ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(SCENES))
+    parser.add_argument("--page", metavar="FILE")
+    parser.add_argument("--svg", metavar="FOLDER", type=Path)
+    parser.add_argument("--rounds", type=int, default=ROUNDS)
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Print the tables."""
+    args = arguments()
+    parts: list[Section] = []
+    machine = ""
+    for name in args.names or SCENES:
+        study = SCENES[name](rounds=args.rounds)
+        machine = f"{study.machine['cpu']}, one thread, processor time, medians of {args.rounds}"
+        print(f"{table(name, study)}\n", flush=True)
+        least = min((row["ratio"] for row in study.against_peers()), default=float("nan"))
+        print(f"{name}: at least {least:.2g} times faster than each peer", file=sys.stderr)
+        parts += [Section(f"{name}: {part.title}", part.body) for part in sections(study)]
+        if args.svg:
+            (args.svg / f"{name.replace(' ', '_')}.svg").write_text(study.figure())
+    if args.page:
+        Path(args.page).write_text(page("Error against run time", parts, [machine]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,24 @@
+"""Error against run time: which method, at which setting, for the accuracy that is wanted."""
+
+import pgraph_core as pg
+import static_models
+
+mech = pg.Mechanism(pg.Model.load(static_models.path("double_pendulum")))
+study = pg.work_precision(
+    mech,
+    t_end=1.0,
+    methods=("rk4", "dopri5", "dop853"),
+    tolerances=(1e-3, 1e-5, 1e-7, 1e-9),
+    target=1e-6,
+)
+print(study)
+
+row = study.recommend()  # the cheapest run that came to 1e-6
+print("\nits error is below 1e-6:", row.error <= 1e-6)
+print("and for three digits:", study.recommend(1e-3).method)
+
+run = pg.simulate(mech, t_end=1.0, method=row.method, **row.setting.options)
+print(run.status.value)
+
+# study.save("report.html") writes the diagram and the table as one page; pgraph report does it all:
+#     pgraph report double_pendulum --t-end 1 --target 1e-6 -o report.html
