@@ -8,9 +8,12 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 import pgraph_core as pg
 
-from .events import Advanced, Event, Stuck
+from .events import Advanced, Event, Pull, Stuck
+from .pulling import pull_force
 from .state import FREE_RUN, Live, State
 
 PICTURES = 60  # a second
@@ -55,7 +58,7 @@ class LiveRunner:
                 time.sleep(0.25 / PICTURES)
                 continue
             try:
-                part = motion.advanced(state.model, live, min(due, LONGEST_PART))
+                part = motion.advanced(state.model, live, min(due, LONGEST_PART), state.pull)
             except Exception as error:  # said on the page: the session goes on
                 said = str(error) if isinstance(error, pg.PgraphError) else repr(error)
                 self._send(Stuck(id, f"The live run stopped: {said}"))
@@ -102,8 +105,10 @@ class Motion:
         chosen = live.request.rtol is not None and live.request.step is None
         return 1 / PICTURES if chosen else live.request.step or USUAL_STEP
 
-    def advanced(self, model: pg.Model, live: Live, due: float) -> pg.Result:
-        """About `due` seconds further, in whole steps, on `model`."""
+    def advanced(
+        self, model: pg.Model, live: Live, due: float, pull: Pull | None = None
+    ) -> pg.Result:
+        """About `due` seconds further, in whole steps, on `model`; the mouse may pull on a body."""
         self._follow(model)
         request, step = live.request, self.step(live)
         span = step * max(1, math.floor(due / step + 1e-9))
@@ -122,11 +127,24 @@ class Motion:
             else request.scenario
             if request.scenario in known
             else None,
+            tau=self._torque(pull),
             estimate=False,
         )
         if len(part.t):
             self.time, self._state = float(part.t[-1]), (part.q[-1], part.v[-1])
         return part
+
+    def _torque(self, pull: Pull | None) -> np.ndarray | None:
+        """(nv,) what the mouse does in the joints, Jᵀ F of eq. (24); None: it does not pull."""
+        if pull is None or pull.target is None or pull.body not in self._mech.names:
+            return None
+        mech = self._mech
+        q, v = mech.home() if self._state[0] is None else self._state
+        position, rotation = mech.pose(q, pull.body)
+        J = mech.jacobian(q, pull.body, point=pull.point)[3:]
+        mass = sum(body.mass for body in mech.model.bodies)
+        grip = position + rotation @ np.asarray(pull.point)
+        return J.T @ pull_force(grip, J @ v, np.asarray(pull.target), mass)
 
     def _follow(self, model: pg.Model) -> None:
         """Another model: bodies of the same name keep their joints' positions and velocities."""

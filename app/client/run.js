@@ -13,7 +13,7 @@
         settings(host),
         make("div", { className: "start" },
           button("primary simulate", "Simulate", "Run in the background", () => now("Simulate")),
-          button("live", "Live", "Play while it computes; properties may be changed meanwhile", () => now("GoLive"))),
+          button("live", "Live", "Play while it computes: edit meanwhile, or pull a body with Ctrl and the mouse", () => now("GoLive"))),
         make("div", { className: "job", hidden: true }, make("progress", { max: 1 }), text("span", "said"),
           button("cancel", "Cancel", "Stop the simulation", () => send("Cancel"))),
         make("div", { className: "job lively", hidden: true }, text("span", "dot"), text("span", "said"),

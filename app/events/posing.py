@@ -61,8 +61,8 @@ class Grip(FromPage):
 
 @dataclass(frozen=True)
 class Pull(FromPage):
-    """The mouse pulls on a body: with `force` [N] at `point` [m] in the body's axes; 0: let go."""
+    """The mouse pulls on a body's `point`, in its axes, towards `target`, in the world's [m]."""
 
     body: Text
     point: Vector
-    force: Vector
+    target: Vector | None  # None: let go

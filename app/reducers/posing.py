@@ -35,8 +35,8 @@ def update(state: State, event: Event) -> State | None:
             return with_client(state, client, gizmo=what)
         case events.Grip() if event.body in state.model.row:
             return gripped(state, event)
-        case events.Pull(_, body, _, force) if body in state.model.row:
-            return replace(state, pull=event if any(force) else None)
+        case events.Pull(_, body, _, target) if body in state.model.row:
+            return replace(state, pull=event if target is not None else None)
         case _:
             return None
 

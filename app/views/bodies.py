@@ -14,6 +14,8 @@ from ..state import State
 
 SEPARATE = 50  # bodies up to which each is a node of its own
 Clicked = Callable[[int, int], None]  # client, number of the body
+Pulled = Callable[[int, int, viser.SceneNodeDragEvent], None]  # the same, and the drag
+PULLING = "cmd/ctrl"  # held while the mouse pulls on a body
 
 
 class Bodies(Protocol):
@@ -39,9 +41,9 @@ def pieces(state: State, number: int) -> tuple[shapes.Piece, ...]:
 class SeparateBodies:
     """A node a body; only bodies that look different are sent again."""
 
-    def __init__(self, server: viser.ViserServer, clicked: Clicked):
+    def __init__(self, server: viser.ViserServer, clicked: Clicked, pulled: Pulled):
         self._server = server
-        self._clicked = clicked
+        self._clicked, self._pulled = clicked, pulled
         self._drawn: list[tuple[Any, viser.MeshHandle]] = []  # (looks, node) by number
 
     def show(self, state: State) -> None:
@@ -69,6 +71,10 @@ class SeparateBodies:
         async def _(event: viser.SceneNodePointerEvent) -> None:
             self._clicked(event.client_id, number)
 
+        @node.on_drag("left", modifier=PULLING)
+        async def _(event: viser.SceneNodeDragEvent) -> None:
+            self._pulled(event.client_id, number, event)
+
         return node
 
     def place(self, positions: np.ndarray, wxyz: np.ndarray) -> None:
@@ -89,9 +95,9 @@ class SeparateBodies:
 class BatchedBodies:
     """One node a kind of solid; each instance is a unit solid, scaled and placed."""
 
-    def __init__(self, server: viser.ViserServer, clicked: Clicked):
+    def __init__(self, server: viser.ViserServer, clicked: Clicked, pulled: Pulled):
         self._server = server
-        self._clicked = clicked
+        self._clicked, self._pulled = clicked, pulled
         self._batches: list[tuple[np.ndarray, np.ndarray, np.ndarray, Any]] = []
 
     def show(self, state: State) -> None:
@@ -126,6 +132,11 @@ class BatchedBodies:
         async def _(event: viser.SceneNodePointerEvent) -> None:
             if event.instance_index is not None:
                 self._clicked(event.client_id, int(owner[event.instance_index]))
+
+        @node.on_drag("left", modifier=PULLING)
+        async def _(event: viser.SceneNodeDragEvent) -> None:
+            if event.instance_index is not None:
+                self._pulled(event.client_id, int(owner[event.instance_index]), event)
 
         return owner, local, turned, node
 

@@ -84,7 +84,7 @@ def _animated(server: viser.ViserServer, state: State, run: Run) -> str:
     camera.position, camera.look_at = viewpoint(state, ASPECT)
     camera.up = up
     kind = SeparateBodies if len(state.derived.names) <= SEPARATE else BatchedBodies
-    drawn: Bodies = kind(server, lambda client, number: None)
+    drawn: Bodies = kind(server, lambda *_: None, lambda *_: None)
     drawn.show(state)
     t, pose = np.asarray(run.result.t), np.asarray(run.result.body_pose)
     count = int(np.clip((t[-1] - t[0]) * PICTURES, 2, MOST_PICTURES))

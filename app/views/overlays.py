@@ -41,14 +41,13 @@ class Overlays:
         self._forces(state, positions, wxyz)
 
     def pull(self, state: State, positions: np.ndarray, wxyz: np.ndarray) -> None:
-        """An arrow from where the mouse pulls on a body; of 1 m at a force of m g."""
+        """An arrow from where the mouse pulls on a body to where it pulls it."""
         self._remove("pull")
         if (pull := state.pull) is None or pull.body not in state.derived.number:
             return
         k = state.derived.number[pull.body] - 1
         at = positions[k] + shapes.to_matrix(wxyz[k]) @ np.asarray(pull.point)
-        weight = 9.81 * sum(body.mass for body in state.model.bodies) or 1.0
-        line = np.array([(at, at + state.derived.size / weight * np.asarray(pull.force))])
+        line = np.array([(at, np.asarray(pull.target))])
         self._nodes["pull"] = _arrows(self._scene, "/pull", line, state.derived.size, PULL)
 
     def _forces(self, state: State, positions: np.ndarray, wxyz: np.ndarray) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import viser
 
 from .. import shapes
-from ..events import Event, Select, Unreadable
+from ..events import Event, Pull, Select, Unreadable
 from ..state import State, poses
 from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies, pieces
 from .gizmo import Gizmos
@@ -36,8 +36,11 @@ class SceneView:
         self._up = ""
         self._boxes: tuple[str, ...] = ()  # what was said of meshes that cannot be read
         self._send = send
+        self._state: State | None = None
+        self._grips: dict[int, tuple[float, float, float]] = {}  # by client, in the body's axes
 
     def render(self, old: State, new: State) -> None:
+        self._state = new
         if self._bodies is None and not any(page.aspect for page in new.clients.values()):
             return  # the first page gets its table first: drawing in 3D may be slow there
         rebuilt = self._bodies is None or new.derived is not old.derived
@@ -79,13 +82,25 @@ class SceneView:
         if number <= len(self._names):
             self._send(Select(client, self._names[number - 1]))
 
+    def _pulled(self, client: int, number: int, event: viser.SceneNodeDragEvent) -> None:
+        """A drag on a body: its grip is fixed where the drag begins, in the body's axes."""
+        if self._state is None or self._state.live is None or number > len(self._names):
+            return  # only what moves can be pulled
+        positions, wxyz = poses(self._state)
+        if event.phase == "start" or client not in self._grips:
+            arm = np.asarray(event.start_position) - positions[number - 1]
+            x, y, z = (shapes.to_matrix(wxyz[number - 1]).T @ arm).tolist()
+            self._grips[client] = x, y, z
+        target = None if event.phase == "end" else event.end_position
+        self._send(Pull(client, self._names[number - 1], self._grips[client], target))
+
     def _rebuild(self, state: State) -> None:
         self._overlays.clear()
         kind = SeparateBodies if len(state.derived.names) <= SEPARATE else BatchedBodies
         if not isinstance(self._bodies, kind):
             if self._bodies is not None:
                 self._bodies.remove()
-            self._bodies = kind(self._server, self._clicked)
+            self._bodies = kind(self._server, self._clicked, self._pulled)
         self._bodies.show(state)
         self._names = state.derived.names
         boxes = shapes.unreadable(state.model.bodies)

@@ -194,3 +194,17 @@ def test_blank_steps_and_tolerances_are_the_method_s(ran):
     assert refused.clients[ME].reply.text == (
         "The tolerance must lie between 1e-15 and 0.1; given 1."
     )
+
+
+def test_the_mouse_pulls_a_body_towards_it(live):
+    model = live.model.replace(gravity=(0.0, 0.0, 0.0))
+    target = (0.0, 1.0, 0.5)
+    pull = events.Pull(ME, "2", (0.0, 0.0, 0.0), target)
+    free, pulled = Motion(), Motion()
+    for _ in range(30):
+        calm = free.advanced(model, live.live, STEP)
+        drawn = pulled.advanced(model, live.live, STEP, pull)
+    assert np.abs(calm.v).max() < 1e-12
+    start = calm.body_pose[0, 1, :3]
+    now = drawn.body_pose[-1, 1, :3]
+    assert np.linalg.norm(now - target) < np.linalg.norm(start - target) - 0.01

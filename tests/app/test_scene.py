@@ -268,14 +268,14 @@ def test_a_pull_is_towards_the_mouse_is_damped_and_has_a_bound():
 
 def test_a_pull_is_kept_until_it_lets_go(quadruped):
     pulled = update(quadruped, events.Pull(ME, "thorax", (0, 0, 0), (1.0, 0, 0)))
-    assert pulled.pull.force == (1.0, 0, 0)
-    assert update(pulled, events.Pull(ME, "thorax", (0, 0, 0), (0, 0, 0))).pull is None
+    assert pulled.pull.target == (1.0, 0, 0)
+    assert update(pulled, events.Pull(ME, "thorax", (0, 0, 0), None)).pull is None
 
 
 @pytest.mark.parametrize("message", [
     '{"event": "Grip", "body": "a", "what": "mass", "vector": [0, 0, 0], "done": true}',
     '{"event": "Grip", "body": "a", "what": "com", "vector": [0, 0, 1e999], "done": true}',
-    '{"event": "Pull", "body": "a", "point": [0, 0], "force": [0, 0, 0]}',
+    '{"event": "Pull", "body": "a", "point": [0, 0], "target": [0, 0, 0]}',
     '{"event": "Pose", "serial": 1, "body": "a", "index": 9, "text": "1"}',
     '{"event": "Drop", "serial": 1, "body": "a", "parent": null, "loop": false}',
 ])  # fmt: skip
