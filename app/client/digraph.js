@@ -77,8 +77,8 @@ pgraph.digraph = (() => {
     const kind = (k) => (tips.has(k) ? " tip" : separation.has(k) ? " separation" : "");
     const graph = host.graph = { data, children, nodes: [ground(data)], edges: [null], entries: data.names.map(() => []), marked: [] };
     graph.entries.unshift([]);
-    const right = Math.max(...data.x) + RADIUS + 7;
-    data.names.forEach((_, i) => { graph.nodes.push(node(data, i + 1, kind(i + 1), right)); graph.edges.push(edge(data, i + 1)); });
+    const right = clear(data);
+    data.names.forEach((_, i) => { graph.nodes.push(node(data, i + 1, kind(i + 1), right[i + 1] + RADIUS + 7)); graph.edges.push(edge(data, i + 1)); });
     vectors(host.querySelector(".vectors"), graph);
     canvas.replaceChildren(...graph.edges.slice(1), ...loops(data), ...graph.nodes);
     if (!known || known.names.length !== data.names.length || known.kind !== data.kind) canvas.fit();
@@ -103,6 +103,13 @@ pgraph.digraph = (() => {
     box.replaceChildren(
       make("div", { className: "entry names" }, make("span", { textContent: "Pgraph" }), make("span", { textContent: "jdof" })),
       ...data.pgraph.map(entry));
+  }
+
+  // In lanes: right of which x a row is clear of the lines that pass it.
+  function clear(data) {
+    const right = [...data.x];
+    data.parent.forEach((p, i) => { for (let j = p; j <= i; j++) right[j] = Math.max(right[j], data.x[p]); });
+    return right;
   }
 
   function edge(data, k) {

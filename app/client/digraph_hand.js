@@ -10,9 +10,9 @@ pgraph.digraphHand = (host, canvas, graph) => {
     if (!data) return;
     const w = canvas.clientWidth || 400, h = canvas.clientHeight || 300;
     const whole = Math.min(w / data.width, h / data.height, 1.15);
-    view.scale = Math.max(data.kind === "lanes" ? Math.min(w / data.width, 1) : whole, 0.45);
+    view.scale = data.kind === "lanes" ? Math.max(Math.min(w / data.width, 1), 0.8) : Math.max(whole, 0.45);
     view.x = data.kind === "tree" ? (data.width - w / view.scale) / 2 : -4;
-    if (data.width * view.scale > w) view.x = Math.min(data.x[0] - w / view.scale / 2, data.width - w / view.scale);
+    if (data.kind === "tree" && data.width * view.scale > w) view.x = Math.min(data.x[0] - w / view.scale / 2, data.width - w / view.scale);
     view.y = Math.min(0, (data.height - h / view.scale) / 2);
     view.moved = false;
     apply();
