@@ -124,19 +124,19 @@ def touchdowns(run: pg.Result, foot: str) -> np.ndarray:
 
 
 def apart(run: pg.Result, exact: pg.Result) -> float:
-    """Mean distance of touchdowns from those of another run [s]; inf where they do not pair."""
+    """Median distance of touchdowns from those of another run [s]; inf where they do not pair."""
     found = []
     for foot in exact.phases:
         mine, other = touchdowns(run, foot), touchdowns(exact, foot)
         found += np.abs(mine - other).tolist() if len(mine) == len(other) else [np.inf]
-    return float(np.mean(found))
+    return float(np.median(found))
 
 
 class Rung(NamedTuple):
     """Time stepping against an event-driven run at one step."""
 
     step: float
-    touchdowns: float  # [s] mean distance of touchdown times
+    touchdowns: float  # [s] median distance of touchdown times
     place: float  # [m] largest distance of the trunk
     energy: float  # what the ledger missed, of its range
 

@@ -139,7 +139,7 @@ def quality(run: pg.Result, gait: pg.Gait) -> float:
     extra = landings / (4 * run.t[-1] / 2 / gait.stride) - 1
     wobble = np.abs(v[:, :2]).mean() + 0.3 * np.abs(v[:, 2]).mean() + 2 * v[:, 5].std()
     wobble += abs(float(v[:, 5].mean())) + 2 * abs(float(v[:, 3].mean()) - gait.speed)
-    return float(again + 50 * slip + 5e-4 * pounding + 0.2 * max(extra, 0) + wobble)
+    return float(again + 120 * slip + 5e-4 * pounding + 0.2 * max(extra, 0) + wobble)
 
 
 def search(name: str, gait: pg.Gait, mech: pg.Mechanism, generations: int, t_end: float,

@@ -65,7 +65,7 @@ def ladders() -> list[str]:
         rungs, ledgers = ladder(name, gait)
         exact = dict(ledgers)
         lines += [
-            f"| {gait}: step [ms] | touchdowns apart [ms] | trunk apart [mm] | ledger | "
+            f"| {gait}: step [ms] | touchdowns apart, median [ms] | trunk apart [mm] | ledger | "
             "ledger, event-driven |",
             "|---|---|---|---|---|",
         ]

@@ -89,7 +89,7 @@ def _lines(data: dict[str, Any], plan: pg.Plan) -> list[str]:
     return [
         f"{data['model']}{scenario}: {data['message']}",
         f"method             {data['method']}, {_steps(data)}, t = {data['t']:.6g} s",
-        f"error estimate     {_estimate(data['error_estimate'])}",
+        f"error estimate     {_estimate(data)}",
         f"energy             {data['energy'][0]:.6g} J at first, {data['energy'][1]:.6g} J at last",
         f"energy drift       {data['energy_drift']:.3g} of its range",
         f"constraint drift   {position:.3g} m, {velocity:.3g} m/s",
@@ -108,7 +108,10 @@ def _steps(data: dict[str, Any]) -> str:
     return f"step {data['step']:.6g} s"
 
 
-def _estimate(error: float) -> str:
+def _estimate(data: dict[str, Any]) -> str:
+    error = data["error_estimate"]
     if math.isnan(error):
-        return "none: the run did not reach its end"
+        ended = data["status"] == "DONE"
+        why = "a function gives the torques" if ended else "the run did not reach its end"
+        return f"none: {why}"
     return f"{error:.3g} rad or m"

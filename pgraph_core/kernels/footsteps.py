@@ -11,8 +11,11 @@ SPREAD = 1e-3  # m²: feet closer together along x say nothing of a slope
 
 
 @sweep
-def ground(feet):
-    """(sure, middle of the feet that carry, slope along x): the ground as they feel it."""
+def ground(feet, guess):
+    """(sure, middle of the feet that carry, slope along x, guess): the ground as they feel it.
+
+    `guess` is its height where no foot carries.
+    """
     total = 1e-9
     middle = (0.0, 0.0, 0.0)
     for f in range(feet.shape[0]):
@@ -26,14 +29,14 @@ def ground(feet):
         xx += feet[f, go.LOAD] * d[0] * d[0]
         xy += feet[f, go.LOAD] * d[0] * d[1]
     sure = smooth(total / SURE)
-    return sure, middle, sure * xy / xx
+    return sure, middle, sure * xy / xx, guess
 
 
 @part
 def level_at(felt, x):
-    """Height of the ground at x; where no foot carries, that of the world's zero."""
-    sure, middle, slope = felt
-    return sure * (middle[1] + slope * (x - middle[0]))
+    """Height of the ground at x."""
+    sure, middle, slope, guess = felt
+    return sure * (middle[1] + slope * (x - middle[0])) + (1.0 - sure) * guess
 
 
 @sweep

@@ -36,6 +36,8 @@ def wave(waves, i, s, phase):
     x2 = 0.0
     for k in range(go.HARMONICS):
         a, b = waves[i, 2 * k], waves[i, 2 * k + 1]
+        if a == 0.0 and b == 0.0:
+            continue
         c = math.cos(2.0 * math.pi * (k + 1) * phase)
         n = math.sin(2.0 * math.pi * (k + 1) * phase)
         w = rate * (k + 1)

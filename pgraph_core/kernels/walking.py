@@ -86,7 +86,7 @@ def feel(work, linear, legs_i, legs_f, s, phase, heading, feet):
 @sweep
 def wanted(s, waves, phase, t, felt, angles, rates, com, u):
     """[torque about the centre of mass, force] that feet are to give the body, heading axes."""
-    sure, middle, slope = felt
+    sure, middle, slope, _ = felt
     rise, rise_u, rise_a = wave(waves, go.RISE, s, phase)
     nod, nod_u, nod_a = wave(waves, go.NOD, s, phase)
     sway, sway_u, sway_a = wave(waves, go.SWAY, s, phase)
@@ -210,7 +210,7 @@ def walking(t, q_place, v_place, tau_place):
     com, u = into(heading, com), into(heading, u)
     phase = phase_at(s, t)
     feel(work, linear, legs_i, legs_f, s, phase, heading, feet)
-    felt = ground(feet)
+    felt = ground(feet, com[1] - s[go.HEIGHT] - wave(waves, go.RISE, s, phase)[0])
     if has_fallen(work, s, com, level_at(felt, com[0])):
         if fallen[0] < 0.0:
             fallen[0] = t
