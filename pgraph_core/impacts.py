@@ -7,7 +7,7 @@ u_n ≥ -e u_n⁻; λ_t is within μ λ_n where nothing slips, and on that rim a
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -163,41 +163,50 @@ def _one(omega: Array, u: Array, row: Row) -> Array:
 
 
 def _sliding(omega: Array, u: Array, mu: float) -> Array:
-    """λ on the rim of the cone, against the slip that is left."""
+    """λ on the rim of the cone, against the slip that is left.
 
-    def of(angle: float) -> tuple[Array, Array]:
-        d = np.array([0.0, math.cos(angle), math.sin(angle)])
-        along = np.array([1.0, 0.0, 0.0]) - mu * d
-        pull = float(omega[0] @ along)
-        size = -u[0] / pull if pull > 0 else math.inf
-        lam = size * along if math.isfinite(size) else along * 0.0
-        return lam, u + omega @ lam
+    Slip towards d leaves u - u_n Ω a / p with a = n - μ d and p = Ω_n a > 0; times p, what of it
+    lies across d has no poles.
+    """
+    if mu == 0.0:
+        return np.array([-u[0] / omega[0, 0], 0.0, 0.0])
 
     def across(angle: float) -> float:
-        _, after = of(angle)
-        return float(math.cos(angle) * after[2] - math.sin(angle) * after[1])
+        d = np.array([math.cos(angle), math.sin(angle)])
+        along = np.array([1.0, *(-mu * d)])
+        left = float(omega[0] @ along) * u[1:] - u[0] * (omega[1:] @ along)
+        return float(d[0] * left[1] - d[1] * left[0])
 
     start = math.atan2(u[2], u[1])
-    angles = start + np.linspace(-math.pi, math.pi, DIRECTIONS + 1)
+    angles = (start + np.linspace(-math.pi, math.pi, DIRECTIONS + 1)).tolist()
     values = [across(a) for a in angles]
     best, most = np.zeros(3), -math.inf
     for a, c, at_a, at_c in zip(angles, angles[1:], values, values[1:]):
-        if at_a * at_c > 0:
+        angle = _root(across, a, c, at_a, at_c)
+        if angle is None:
             continue
-        angle = _root(across, float(a), float(c), at_a, at_c)
-        lam, after = of(angle)
-        slip = float(math.cos(angle) * after[1] + math.sin(angle) * after[2])
-        if lam[0] > 0 and slip > most:
+        d = np.array([0.0, math.cos(angle), math.sin(angle)])
+        along = np.array([1.0, 0.0, 0.0]) - mu * d
+        pull = float(omega[0] @ along)
+        if not pull > 0:
+            continue
+        lam = -u[0] / pull * along
+        slip = float(d @ (u + omega @ lam))
+        if lam[0] < math.inf and slip > most:
             best, most = lam, slip
     return best
 
 
-def _root(function: object, a: float, b: float, at_a: float, at_b: float) -> float:
-    """Where a function is zero between a and b, where it has opposite signs."""
+def _root(
+    function: Callable[[float], float], a: float, b: float, at_a: float, at_b: float
+) -> float | None:
+    """Where a function is zero between a and b; None where its signs are alike, or it overflows."""
     if at_a == 0.0:
         return a
     if at_b == 0.0:
         return b
+    if (at_a > 0) == (at_b > 0) or not math.isfinite(at_b - at_a):  # a product may underflow
+        return None
     from scipy.optimize import brentq
 
     return float(brentq(function, a, b, xtol=1e-15, rtol=1e-15))  # pyright: ignore

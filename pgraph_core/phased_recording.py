@@ -352,6 +352,9 @@ class PhasedRecording(Recording):
         self._accelerations(t)
         before = scene.phase.copy()
         omega, u = scene.impact(t, self.q, self.v, sites)
+        if not (np.isfinite(omega).all() and np.isfinite(u).all()):
+            self._stop(Status.NOT_FINITE, f"{Status.NOT_FINITE.value} in the impact at t = {t:g} s")
+            return
         rows, rest = self._impact_rows(t, sites, u, jammed)
         bilateral = len(u) - sum(row.size for row in rows)
         solved = impacts.impulses(omega, u, bilateral, rows)
