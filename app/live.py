@@ -15,6 +15,9 @@ import pgraph_core as pg
 from .events import Advanced, Event, Pull, Stuck
 from .pulling import pull_force
 from .state import FREE_RUN, Live, State
+from .stitching import Seam
+from .walker import LYING, Walker, gait_of
+from .walking import Walking
 
 PICTURES = 60  # a second
 LONGEST_PART = 0.1  # [s] of motion: a slow model shows at least what it computed meanwhile
@@ -54,19 +57,21 @@ class LiveRunner:
                 time.sleep(1 / PICTURES)
                 continue
             due = clock.due(motion.time, state.playback.speed)
-            if due < motion.step(live):
+            if due < motion.least(live):
                 time.sleep(0.25 / PICTURES)
                 continue
             try:
-                part = motion.advanced(state.model, live, min(due, LONGEST_PART), state.pull)
+                part = motion.advanced(
+                    state.model, live, min(due, LONGEST_PART), state.pull, state.walking
+                )
             except Exception as error:  # said on the page: the session goes on
                 said = str(error) if isinstance(error, pg.PgraphError) else repr(error)
                 self._send(Stuck(id, f"The live run stopped: {said}"))
                 return
             if len(part.t) > 1:
                 self._send(Advanced(id, part, clock.pace))
-            if not part.status.ok:
-                self._send(Stuck(id, f"The live run stopped: {part.message}."))
+            if (over := motion.over(part)) is not None:
+                self._send(Stuck(id, over))
                 return
 
 
@@ -99,21 +104,59 @@ class Motion:
         self._model: pg.Model | None = None
         self._mech: Any = None
         self._state: tuple[Any, Any] = (None, None)  # q, v; None: as the scenario starts
+        self._seam = Seam()
+        self._touches = False  # whether there are contacts
+        self._walker: Walker | None = None
 
     def step(self, live: Live) -> float:
         """Width of a step [s], or of a picture where the method chooses its steps."""
         chosen = live.request.rtol is not None and live.request.step is None
         return 1 / PICTURES if chosen else live.request.step or USUAL_STEP
 
+    def least(self, live: Live) -> float:
+        """The shortest part [s]: a step, or a picture where parts find again what touches."""
+        return 1 / PICTURES if self._touches else self.step(live)
+
     def advanced(
-        self, model: pg.Model, live: Live, due: float, pull: Pull | None = None
+        self,
+        model: pg.Model,
+        live: Live,
+        due: float,
+        pull: Pull | None = None,
+        walking: Walking | None = None,
     ) -> pg.Result:
         """About `due` seconds further, in whole steps, on `model`; the mouse may pull on a body."""
         self._follow(model)
-        request, step = live.request, self.step(live)
+        walking = walking or Walking()
+        step = self.step(live)
         span = step * max(1, math.floor(due / step + 1e-9))
-        known = {s.name for s in model.scenarios}
-        part = pg.simulate(
+        if (offer := gait_of(model, live, walking)) is None:
+            part = self._simulated(live, step, span, pull)
+        else:
+            self._walker = self._walker or Walker(walking.pushes)
+            now = (self.time, *self._state)
+            if (grip := self._grip(pull)) is not None:
+                self._walker.pull(grip[1], pull.body if pull else "")
+            part = self._walker.advanced(self._mech, offer, live, walking, now, span)
+        part = self._seam.sewn(part)
+        self._touches = bool(part.contact_force)
+        if len(part.t):
+            self.time, self._state = float(part.t[-1]), (part.q[-1], part.v[-1])
+        return part
+
+    def over(self, part: pg.Result) -> str | None:
+        """Why there is nothing to go on with; None where there is."""
+        if not part.status.ok:
+            return f"The live run stopped: {part.message}."
+        fell = self._walker.fell if self._walker is not None else None
+        if fell is None or self.time - fell < LYING:
+            return None
+        return f"It fell at t = {fell:.3g} s; the run is kept."
+
+    def _simulated(self, live: Live, step: float, span: float, pull: Pull | None) -> pg.Result:
+        request = live.request
+        known = {s.name for s in self._mech.model.scenarios}
+        return pg.simulate(
             self._mech,
             *self._state,
             t_start=self.time,
@@ -130,12 +173,14 @@ class Motion:
             tau=self._torque(pull),
             estimate=False,
         )
-        if len(part.t):
-            self.time, self._state = float(part.t[-1]), (part.q[-1], part.v[-1])
-        return part
 
     def _torque(self, pull: Pull | None) -> np.ndarray | None:
         """(nv,) what the mouse does in the joints, Jᵀ F of eq. (24); None: it does not pull."""
+        grip = self._grip(pull)
+        return None if grip is None else grip[0].T @ grip[1]
+
+    def _grip(self, pull: Pull | None) -> tuple[np.ndarray, np.ndarray] | None:
+        """(Jacobian (3, nv), force (3,) [N]) of what the mouse pulls on; None: nothing."""
         if pull is None or pull.target is None or pull.body not in self._mech.names:
             return None
         mech = self._mech
@@ -143,8 +188,8 @@ class Motion:
         position, rotation = mech.pose(q, pull.body)
         J = mech.jacobian(q, pull.body, point=pull.point)[3:]
         mass = sum(body.mass for body in mech.model.bodies)
-        grip = position + rotation @ np.asarray(pull.point)
-        return J.T @ pull_force(grip, J @ v, np.asarray(pull.target), mass)
+        at = position + rotation @ np.asarray(pull.point)
+        return J, pull_force(at, J @ v, np.asarray(pull.target), mass)
 
     def _follow(self, model: pg.Model) -> None:
         """Another model: bodies of the same name keep their joints' positions and velocities."""

@@ -55,6 +55,8 @@ def showable(state: State) -> tuple[tuple[str, str], ...]:
         ),
         ("forces", "forces", held),
         ("cones", "friction cones", touching and any(_friction(model, c) for c in model.contacts)),
+        ("footprints", "footprints", any(len(c.points) == 1 for c in model.contacts)),
+        ("follow", "camera follows", any(body.joint == "free" for body in model.bodies)),
     ]
     return tuple((what, label) for what, label, there in found if there and model.bodies)
 
@@ -206,6 +208,9 @@ def scale(state: State) -> float:
     result = state.run.result
     every = (*result.constraint_force.values(), *result.contact_force.values())
     largest = max((float(np.abs(np.asarray(w)[:, 3:]).max()) for w in every if len(w)), default=0.0)
+    if state.live is not None:  # of a part there is no largest that stays
+        weight = 9.81 * sum(body.mass for body in state.model.bodies)
+        largest = max(largest, weight)
     return LONGEST * state.derived.size / largest if 0 < largest < np.inf else 0.0
 
 

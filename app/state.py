@@ -5,7 +5,7 @@ from __future__ import annotations
 import bisect
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,15 +15,17 @@ import pgraph_core as pg
 from pgraph_core.topology import Loop, loops_of
 
 from .digraph import Layout, layout
+from .footfalls import Change, changes
 from .intents import Display, Errand, MobilityReport, Picking
 from .shapes import Color, branch_colors, children_of, reach, to_wxyz
+from .walking import Walking
 
 SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # of playback
 SHOWN_AT_FIRST = frozenset({"shapes", "axes"})
 SHOWABLE = frozenset(
     {
         "shapes", "axes", "links", "coms", "inertias", "frames", "names", "points", "forces",
-        "cones",
+        "cones", "footprints", "follow",
     }
 )  # fmt: skip
 FREE_RUN = ""  # the scenario of a run that has none
@@ -126,6 +128,7 @@ class Client:
     plots: tuple[tuple[str, str], ...] = ()  # (quantity, of what), in their order
     walk: str = ""  # what it steps through: "pgraph" (Fig. 4), "frames" (Fig. 8) or nothing
     posing: bool = False  # whether it has the sliders of the joints in view
+    follow: bool = False  # whether its camera goes along
     gizmo: str = ""  # what of the selected body it moves in 3D: "link", "com" or nothing
     grip: Grip | None = None  # while it does
     inspected: Inspected | None = None  # the operator it looks at
@@ -189,6 +192,11 @@ class Run:
     request: Request
     result: Any  # pgraph_core's result
 
+    @cached_property
+    def falls(self) -> tuple[Change, ...]:
+        """What its feet did."""
+        return changes(self.result)
+
 
 @dataclass(frozen=True)
 class Pose:
@@ -211,6 +219,7 @@ class Live:
     running: bool = True
     parts: tuple[Any, ...] = ()  # results, one after the other
     pace: float = 1.0  # its speed over the one asked for
+    falls: tuple[Change, ...] = ()  # what its feet did
 
     def part_at(self, time: float) -> Any:
         """The part that holds `time`, else the last."""
@@ -299,6 +308,7 @@ class State:
     run_problem: str = ""  # why the last job gave no result
     playback: Playback = Playback()
     kernels: Kernels = Kernels()
+    walking: Walking = field(default_factory=Walking)
     saving: Saving | None = None
     kept: Mapping[str, Kept] = field(default_factory=dict)  # by what it is called in a list
     greeting: Notice | None = None  # to pages that open, until the model is changed
@@ -329,6 +339,13 @@ class State:
             return None if part is None else Run(self.model, live.request, part)
         run = self.last_run
         return run if run is not None and run.model is self.model else None
+
+    @property
+    def falls(self) -> tuple[Change, ...]:
+        """What feet did in the run to play."""
+        if self.live is not None:
+            return self.live.falls
+        return self.run.falls if self.run is not None else ()
 
     @property
     def t_end(self) -> float:

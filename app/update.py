@@ -18,11 +18,13 @@ from .reducers import (
     running,
     session,
     table,
+    walking,
 )
 from .state import State
 
 REDUCERS = (
     constraining.update,  # first: while a body is picked, a click selects nothing
+    walking.update,
     session.update,
     editing.update,
     table.update,

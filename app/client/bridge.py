@@ -44,6 +44,8 @@ SCRIPTS = (
     "run",
     "show",
     "playback",
+    "phases",
+    "gait",
     "plots",
     "reports",
 )
@@ -63,6 +65,8 @@ STYLES = (
     "run",
     "show",
     "playback",
+    "phases",
+    "gait",
     "plots",
     "reports",
 )

@@ -220,6 +220,21 @@ from .table import (
 from .table import (
     SetParent as SetParent,
 )
+from .walking import (
+    Push as Push,
+)
+from .walking import (
+    SetGait as SetGait,
+)
+from .walking import (
+    SetGround as SetGround,
+)
+from .walking import (
+    SetWalk as SetWalk,
+)
+from .walking import (
+    Walk as Walk,
+)
 
 Event = (
     FromPage

@@ -25,6 +25,7 @@ from ..state import (
     told,
     with_client,
 )
+from ..walking import Walking
 from . import living
 
 UNDO_DEPTH = 200
@@ -131,7 +132,7 @@ def _at(kept: Kept) -> str:
 def _replaced(state: State, model: pg.Model, label: str) -> State:
     """Another model altogether: its own request, and the camera framed on it."""
     state = with_model(state, model, label)
-    return replace(state, request=first_request(model), framed=state.framed + 1)
+    return replace(state, request=first_request(model), framed=state.framed + 1, walking=Walking())
 
 
 def with_model(state: State, model: pg.Model, label: str) -> State:

@@ -8,9 +8,11 @@ import pgraph_core as pg
 
 from .. import events
 from ..events import Event
+from ..footfalls import changes
 from ..state import Live, Run, State
 
 MOST_PARTS = 36_000  # ten minutes of pictures: older ones are let go
+MOST_FALLS = 36_000  # and of the changes of feet
 
 
 def update(state: State, event: Event) -> State | None:
@@ -46,7 +48,12 @@ def advanced(state: State, live: Live, part: pg.Result, pace: float) -> State:
     """Further by a part; of a model with other bodies, which is gone by now, nothing."""
     if tuple(part.mechanism.names) != state.derived.names:
         return state
-    live = replace(live, parts=(*live.parts, part)[-MOST_PARTS:], pace=pace)
+    live = replace(
+        live,
+        parts=(*live.parts, part)[-MOST_PARTS:],
+        pace=pace,
+        falls=(*live.falls, *changes(part, live.falls))[-MOST_FALLS:],
+    )
     return at_its_end(state, live) if live.running else replace(state, live=live)
 
 
@@ -89,7 +96,7 @@ def followed(live: Live | None, old: pg.Model, new: pg.Model) -> Live | None:
     if live is None:
         return None
     same = joints(old) == joints(new)
-    return live if same else replace(live, parts=())
+    return live if same else replace(live, parts=(), falls=())
 
 
 def joints(model: pg.Model) -> list[tuple[str, str, int]]:

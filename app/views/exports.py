@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,8 @@ import viser
 from ..client.bridge import Bridge, quiet
 from ..state import Exporting, Run, State, between, derive
 from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies
-from .scene import GRID, viewpoint
+from .ground import GRID, grid, steps
+from .scene import viewpoint
 
 PICTURES = 30  # of an animation, a second
 MOST_PICTURES = 3000
@@ -75,11 +76,9 @@ def animation(run: Run) -> bytes:
 
 
 def _animated(server: viser.ViserServer, state: State, run: Run) -> str:
-    plane, up = GRID[state.model.up]
+    up = GRID[state.model.up][1]
     server.scene.set_up_direction(up)
-    server.scene.add_grid(
-        "/ground", plane=plane, infinite_grid=True, fade_distance=14 * state.derived.size
-    )
+    ground = [grid(server.scene, state.model, state.derived.size), steps(server.scene, state.model)]
     camera = server.initial_camera
     camera.position, camera.look_at = viewpoint(state, ASPECT)
     camera.up = up
@@ -90,10 +89,25 @@ def _animated(server: viser.ViserServer, state: State, run: Run) -> str:
     count = int(np.clip((t[-1] - t[0]) * PICTURES, 2, MOST_PICTURES))
     times = np.linspace(t[0], t[-1], count)
     serializer = server.get_scene_serializer()
+    leaves = travelled(pose[:, 0], up).max() > state.derived.size
     for time in times:
-        drawn.place(*between(t, pose, float(time)))
+        positions, wxyz = between(t, pose, float(time))
+        gone = level(positions[0] - pose[0, 0, :3], up) if leaves else np.zeros(3)
+        drawn.place(positions - gone, wxyz)
+        for node in filter(None, ground):
+            node.position = -gone  # the ground moves where the camera would have to
         serializer.insert_sleep(float(times[1] - times[0]))
     return serializer.as_html()
+
+
+def travelled(pose: np.ndarray, up: Sequence[float]) -> np.ndarray:
+    """(n,) how far a body is from where it began, along the ground [m]."""
+    return np.linalg.norm(level(pose[:, :3] - pose[0, :3], up), axis=-1)
+
+
+def level(way: np.ndarray, up: Sequence[float]) -> np.ndarray:
+    """Vectors (..., 3) without their part along `up`."""
+    return way * (1.0 - np.asarray(up))
 
 
 MAKERS: dict[str, Callable[[Run], bytes]] = {"csv": table, "npz": arrays, "html": animation}

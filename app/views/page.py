@@ -11,9 +11,13 @@ from ..events import Connected, Disconnected, Event
 from .constraints import ConstraintsView
 from .digraph import DigraphView
 from .exports import ExportView
+from .follow import FollowView
+from .footprints import FootprintsView
+from .gait import GaitView
 from .ghost import GhostView
 from .joints import JointsView
 from .operators import OperatorsView
+from .phases import PhasesView
 from .playback import PlaybackView
 from .plots import PlotsView
 from .properties import PropertiesView
@@ -53,8 +57,10 @@ class Page:
             details = PropertiesView(bridge)
         with properties.add_tab("Pose", viser.Icon.ADJUSTMENTS_HORIZONTAL):
             joints = JointsView(bridge)
+        with properties.add_tab("Gait", viser.Icon.PAW):
+            walk = GaitView(bridge)
         with playback.add_tab("Playback", viser.Icon.PLAYER_PLAY):
-            player = PlaybackView(bridge)
+            player, feet = PlaybackView(bridge), PhasesView(bridge)
         bodies.dock_left()
         bodies.set_width(LEFT)
         graph.dock_below(bodies)
@@ -64,8 +70,8 @@ class Page:
         playback.float(x=15, y=-15, width=470)
         self.views = (
             table, digraph, ties, operators, toolbar, run, show, details, joints, player, plots,
-            reports, SceneView(server, send), GhostView(server), ExportView(bridge),
-            SessionView(bridge),
+            reports, walk, feet, SceneView(server, send), GhostView(server),
+            FootprintsView(server), FollowView(server), ExportView(bridge), SessionView(bridge),
         )  # fmt: skip
 
         @server.on_client_connect

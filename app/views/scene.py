@@ -12,11 +12,9 @@ from ..events import Event, Pull, Select, Unreadable
 from ..state import State, poses
 from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies, pieces
 from .gizmo import Gizmos
+from .ground import GRID, GroundView
 from .overlays import Overlays
 
-GRID: dict[str, tuple] = {
-    "x": ("yz", (1.0, 0.0, 0.0)), "y": ("xz", (0.0, 1.0, 0.0)), "z": ("xy", (0.0, 0.0, 1.0)),
-}  # fmt: skip
 VIEW = {"x": (0.42, 0.8, -1.0), "y": (0.55, 0.4, 1.0), "z": (0.55, -1.0, 0.4)}  # towards the camera
 FIELD_OF_VIEW, DISTANCE = 0.85, 2.9  # [rad], in sizes of the model
 TYPICAL_ASPECT = 0.6  # of the view between the docks at 1280 x 800
@@ -32,6 +30,7 @@ class SceneView:
         self._overlays = Overlays(server)
         self._selected: dict[int, viser.FrameHandle] = {}  # by client
         self._gizmos = Gizmos(server, send)
+        self._ground_view = GroundView(server)
         self._framed = -1
         self._up = ""
         self._boxes: tuple[str, ...] = ()  # what was said of meshes that cannot be read
@@ -48,7 +47,8 @@ class SceneView:
             another = new.framed != self._framed or new.model.up != self._up
             if another:
                 self._framed, self._up = new.framed, new.model.up
-                self._ground(new)
+                self._start(new)
+            self._ground_view.render(new)
             if rebuilt:
                 self._rebuild(new)
             for client, now in new.clients.items():
@@ -154,24 +154,10 @@ class SceneView:
             )
         return frame
 
-    def _ground(self, state: State) -> None:
-        """Another model: the ground, which way is up, and where new pages look from."""
-        plane, up = GRID[state.model.up]
-        size = state.derived.size
-        cell = shapes.spaced(size)
+    def _start(self, state: State) -> None:
+        """Another model: which way is up, and where new pages look from."""
+        up, size = GRID[state.model.up][1], state.derived.size
         self._server.scene.set_up_direction(up)
-        self._server.scene.add_grid(
-            "/ground",
-            plane=plane,
-            infinite_grid=True,
-            cell_size=cell / 5,
-            section_size=cell,
-            cell_color=(190, 195, 202),
-            section_color=(140, 147, 156),
-            fade_distance=14 * size,
-            fade_strength=2.0,
-            shadow_opacity=0.18,
-        )
         start = self._server.initial_camera
         # viser returns to this after a change of `up`, so it has to suit the pages that are open
         known = (page.aspect for page in state.clients.values() if page.aspect is not None)

@@ -18,7 +18,9 @@ class ShowView:
         clients = set(audience(old, new, changed))
         for client, page in new.clients.items():
             before = old.clients.get(client, Client())
-            moved = (before.gizmo, before.selection) != (page.gizmo, page.selection)
+            moved = (before.gizmo, before.selection, before.follow) != (
+                page.gizmo, page.selection, page.follow,
+            )  # fmt: skip
             if client in clients or moved:
                 self._bridge.send(client, "show", show(new, page))
 
@@ -26,7 +28,11 @@ class ShowView:
 def show(state: State, page: Client) -> Payload:
     """The switches there are, which are on, and what this page's gizmo moves."""
     switches = [
-        {"what": what, "label": label, "on": what in state.shown}
+        {
+            "what": what,
+            "label": label,
+            "on": page.follow if what == "follow" else what in state.shown,
+        }
         for what, label in marks.showable(state)
     ]
     return {"switches": switches, "gizmo": page.gizmo, "selected": page.selection}

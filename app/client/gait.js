@@ -1,0 +1,91 @@
+// The walk: which gait, how fast, over what ground; and what the feet did.
+(() => {
+  const { make, cells, send } = pgraph;
+  const MOST = 60; // lines of the log
+  const text = (tag, className, textContent = "") => make(tag, { className, textContent });
+  const button = (className, textContent, title, onclick) => make("button", { className: `action ${className}`, textContent, title, onclick });
+
+  function build(host) {
+    const walk = (field) => (serial, value) => send("SetWalk", { serial, field, text: value });
+    const ground = (field) => (serial, value) => send("SetGround", { serial, field, text: value });
+    const gait = cells.choice(() => pgraph.latest.gait.gaits ?? [], (serial, value) => send("SetGait", { serial, gait: value }), { label: "gait" });
+    const law = cells.choice(() => pgraph.latest.gait.laws ?? [], ground("law"), { label: "contact law" });
+    const number = (send_, label) => cells.input(send_, { label, numeric: true });
+    const c = { gait, law, speed: number(walk("speed"), "walking speed"), turn: number(walk("turn"), "turning"),
+      friction: number(ground("friction"), "friction of the ground"), slope: number(ground("slope"), "slope"), steps: number(ground("steps"), "height of steps") };
+    const speed = slider(c.speed, walk("speed"), "speed slider"), turn = slider(c.turn, walk("turn"), "turning slider");
+    host.pgraphGait = { ...c, speedSlider: speed, turnSlider: turn };
+    const field = (label, unit, cell, help, ...more) => make("div", { className: `field ${more.length ? "slid" : ""}`, title: help },
+      make("div", { className: "what" }, text("span", "", label), text("span", "unit", unit)), ...more, cell);
+    host.replaceChildren(
+      make("div", { className: "no-gait", hidden: true }, text("p", "muted why"), button("open-walker", "Open quadruped_hips", "The built-in model that trots, crawls and gallops", () => send("OpenBuiltIn", { name: "quadruped_hips" }))),
+      make("div", { className: "gait", hidden: true },
+        make("div", { className: "settings" }, field("Gait", "", gait, "When each foot is on the ground")),
+        text("p", "muted about"),
+        make("div", { className: "start" }, button("primary walk-on", "Walk", "Walk live: what is set here acts at once", () => send(pgraph.latest.gait.live ? "StopLive" : "Walk"))),
+        make("div", { className: "problem sentence", role: "alert", hidden: true }),
+        make("fieldset", {}, make("legend", { textContent: "Steer" }),
+          field("Speed", "m/s", c.speed, "Forward; the speed follows as fast as the gait allows", speed),
+          field("Turning", "rad/s", c.turn, "To the left where positive", turn),
+          make("div", { className: "pushes" }, text("span", "muted", "Push"), ...["left", "right", "ahead", "back"].map((side) =>
+            button("push", side, `A quarter of the weight ${side} for 0.15 s`, () => send("Push", { side }))))),
+        make("fieldset", {}, make("legend", { textContent: "Ground" }), make("div", { className: "settings" },
+          field("Friction", "", c.friction, "Coulomb's coefficient under the feet"),
+          field("Slope", "°", c.slope, "How steeply it rises ahead; set before a walk"),
+          field("Steps", "m", c.steps, "Height of platforms to walk over, from 1 m ahead on; 0: none. Set before a walk"),
+          field("Contact", "", law, "The law of the feet: rigid, or one that gives"))),
+        make("fieldset", { className: "log" }, make("legend", { textContent: "Foot events" }), make("ol", { className: "falls" }))));
+  }
+
+  // A slider types into its cell, so that a refusal stands beside it.
+  function slider(cell, edit, label) {
+    const range = make("input", { type: "range", step: 0.01, "aria-label": label });
+    range.addEventListener("input", () => { cell.value = range.value; cells.commit(cell, edit); });
+    range.addEventListener("pointerdown", () => { range.dataset.held = "1"; });
+    range.addEventListener("pointerup", () => { delete range.dataset.held; });
+    return range;
+  }
+  function slide(range, low, high, value) {
+    range.min = low;
+    range.max = high;
+    if (!range.dataset.held) range.value = value;
+  }
+
+  function draw(host, data) {
+    const $ = (selector) => host.querySelector(selector), c = host.pgraphGait;
+    $(".no-gait").hidden = !data.why;
+    $(".gait").hidden = Boolean(data.why);
+    $(".why").textContent = data.why;
+    if (data.why) return;
+    cells.choose(c.gait, data.gait);
+    cells.choose(c.law, data.law);
+    for (const name of ["speed", "turn", "friction", "slope", "steps"]) cells.set(c[name], data[name]);
+    slide(c.speedSlider, 0, data.fastest, data.speed);
+    slide(c.turnSlider, -data.turning, data.turning, data.turn);
+    c.turnSlider.disabled = c.turn.disabled = !data.turns;
+    c.turn.closest(".field").title = data.turns ? "To the left where positive" : "Its hips do not spread: it cannot turn";
+    $(".about").textContent = data.about;
+    $(".walk-on").textContent = data.live ? "Stop" : "Walk";
+    $(".walk-on").disabled = data.busy;
+    for (const push of host.querySelectorAll(".push")) push.disabled = !data.live;
+    $(".problem").hidden = !data.problem;
+    $(".problem").textContent = data.problem;
+  }
+
+  // The last changes of feet, newest first; a click looks there.
+  function log(host, data) {
+    const list = host.querySelector(".falls");
+    if (!list) return;
+    const before = {}, lines = [];
+    for (const [foot, t, phase] of data.changes) {
+      if (before[foot] !== undefined) lines.push([foot, t, before[foot], phase]);
+      before[foot] = phase;
+    }
+    host.querySelector(".log").hidden = !data.feet.length;
+    list.replaceChildren(...lines.slice(-MOST).reverse().map(([foot, t, was, now]) => make("li", {},
+      make("button", { className: "fall", title: "Look there", onclick: () => send("Scrub", { time: t }) },
+        text("span", "t", t.toFixed(3)), text("span", "foot", data.feet[foot].replaceAll("_", " ")), text("span", "now", `${data.phases[was]} → ${data.phases[now]}`)))));
+  }
+
+  pgraph.view("gait", { build, gait: draw, phases: log });
+})();

@@ -1,0 +1,82 @@
+// What each foot does, as coloured bars under the timeline; a click there scrubs.
+(() => {
+  const { make, send } = pgraph;
+  const COLORS = ["--swing", "--acceptance", "--slip", "--stance"]; // in the order of the phases
+  const WINDOW = 6; // [s] that the bars show at most
+  const ROW = 9, GAP = 3;
+
+  function build(host) {
+    const canvas = make("canvas", { className: "bars", title: "Phases of the feet: click to look there" });
+    const scrub = (event) => {
+      const box = canvas.getBoundingClientRect(), [from, to] = range(host);
+      send("Scrub", { time: from + (to - from) * Math.min(Math.max((event.clientX - box.left) / box.width, 0), 1) });
+    };
+    canvas.addEventListener("pointerdown", (event) => { canvas.setPointerCapture(event.pointerId); scrub(event); });
+    canvas.addEventListener("pointermove", (event) => { if (event.buttons) scrub(event); });
+    host.replaceChildren(make("div", { className: "feet", hidden: true }, make("div", { className: "names" }), canvas), make("div", { className: "phase-legend muted", hidden: true }));
+    new ResizeObserver(() => paint(host)).observe(canvas);
+  }
+
+  // The stretch of time that the bars show: all of it, or what is around the time shown.
+  function range(host) {
+    const [time, start, end] = pgraph.latest.time ?? pgraph.latest.playback?.moment ?? [0, 0, 0];
+    if (end - start <= WINDOW) return [start, Math.max(end, start + 1e-3)];
+    const from = Math.min(Math.max(time - WINDOW / 2, start), end - WINDOW);
+    return [from, from + WINDOW];
+  }
+
+  function draw(host, data) {
+    const feet = host.querySelector(".feet"), legend = host.querySelector(".phase-legend");
+    feet.hidden = legend.hidden = !data.feet.length;
+    if (feet.hidden) return;
+    const key = data.feet.join();
+    if (feet.dataset.key !== key) {
+      feet.dataset.key = key;
+      host.querySelector(".names").replaceChildren(...data.feet.map((foot) => make("div", { textContent: spoken(foot), title: foot })));
+      const order = [3, 0, 1, 2].filter((k) => data.phases[k]);
+      legend.replaceChildren(...order.map((k) => make("span", {}, swatch(k), data.phases[k])));
+    }
+    paint(host);
+  }
+  function swatch(k) {
+    const chip = make("span", { className: "chip" });
+    chip.style.background = `var(${COLORS[k]})`;
+    return chip;
+  }
+  const spoken = (foot) => foot.replaceAll("_", " ").replace(/ foot$/, "");
+
+  // Only the picture: the numbers are those of the topic.
+  function paint(host) {
+    const data = pgraph.latest.phases, canvas = host.querySelector("canvas.bars");
+    if (!data?.feet.length || !canvas.clientWidth) return;
+    const scale = window.devicePixelRatio || 1, wide = canvas.clientWidth, tall = data.feet.length * (ROW + GAP) - GAP;
+    canvas.style.height = `${tall}px`;
+    if (canvas.width !== Math.round(wide * scale) || canvas.height !== Math.round(tall * scale)) {
+      canvas.width = Math.round(wide * scale);
+      canvas.height = Math.round(tall * scale);
+    }
+    const pen = canvas.getContext("2d"), style = getComputedStyle(host);
+    const colors = COLORS.map((name) => style.getPropertyValue(name));
+    pen.setTransform(scale, 0, 0, scale, 0, 0);
+    pen.clearRect(0, 0, wide, tall);
+    const [from, to] = range(host), [time, , end] = pgraph.latest.time ?? pgraph.latest.playback.moment;
+    const x = (t) => wide * Math.min(Math.max((t - from) / (to - from), 0), 1);
+    const last = data.feet.map(() => null);
+    const fill = (foot, until) => {
+      const now = last[foot];
+      if (!now || until <= from || now[1] >= to) return;
+      pen.fillStyle = colors[now[2]];
+      pen.fillRect(x(now[1]), foot * (ROW + GAP), Math.max(x(until) - x(now[1]), 1), ROW);
+    };
+    for (const change of data.changes) {
+      fill(change[0], change[1]);
+      last[change[0]] = change;
+    }
+    last.forEach((_, foot) => fill(foot, end));
+    pen.fillStyle = style.getPropertyValue("--ink");
+    pen.fillRect(Math.min(x(time), wide - 1.5), 0, 1.5, tall);
+  }
+
+  // The playback's topics move the cursor: both come over the same way as the phases.
+  pgraph.view("phases", { build, phases: draw, time: paint, theme: (host) => setTimeout(() => paint(host), 300), playback: (host) => { pgraph.latest.time = pgraph.latest.playback.moment; paint(host); } });
+})();

@@ -1,0 +1,52 @@
+"""Cameras that go along with the first body, each page as it chose."""
+
+from __future__ import annotations
+
+import numpy as np
+import viser
+
+from ..state import State, poses
+from .ground import GRID
+
+LEAST = 1e-3  # [m] below which a camera stays
+
+
+class FollowView:
+    """The way from the eye to what it looks at is the page's own, also while it is turned."""
+
+    def __init__(self, server: viser.ViserServer):
+        self._server = server
+        self._ahead: dict[int, np.ndarray] = {}  # of what each page looks at, from the body [m]
+
+    def render(self, old: State, new: State) -> None:
+        for client in self._ahead.keys() - new.clients.keys():
+            del self._ahead[client]
+        following = [key for key, page in new.clients.items() if page.follow]
+        for client in self._ahead.keys() - set(following):
+            del self._ahead[client]
+        if not following or not new.derived.names:
+            return
+        at = level(new)
+        handles = self._server.get_clients()
+        for client in following:
+            if client not in handles or new.clients[client].aspect is None:
+                continue
+            camera = handles[client].camera
+            if client not in self._ahead or new.framed != old.framed:
+                self._ahead[client] = np.asarray(camera.look_at) - level(old)
+            move(camera, at + self._ahead[client])
+
+
+def level(state: State) -> np.ndarray:
+    """(3,) where the first body is, its height left out."""
+    up = np.array(GRID[state.model.up][1])
+    at = np.asarray(poses(state)[0][0])
+    return at - (at @ up) * up
+
+
+def move(camera: viser.CameraHandle, target: np.ndarray) -> None:
+    """Look at `target` from where the page looks from."""
+    way = np.asarray(camera.position) - np.asarray(camera.look_at)
+    if np.linalg.norm(target - np.asarray(camera.look_at)) > LEAST:
+        camera.position = target + way
+        camera.look_at = target

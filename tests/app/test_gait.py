@@ -1,0 +1,203 @@
+"""Walks on the page, without a browser: events, parts that go on, what is said, what is sent."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+import static_models
+from app import events, marks
+from app.footfalls import Change, changes, prints, since
+from app.live import Motion
+from app.reducers.walking import SHOWN
+from app.shapes import to_matrix
+from app.state import Kernels, State, initial, poses
+from app.update import update
+from app.views import exports
+from app.views.gait import gait
+from app.views.phases import phases
+
+ME = 1
+PART = 0.0167  # [s]
+
+
+@cache
+def ready(name: str = "quadruped_hips") -> Any:
+    model = pg.Model.load(static_models.path(name))
+    return after(replace(initial(model), kernels=Kernels(ready=True)), events.Connected(ME))
+
+
+def after(state: State, *happened: events.Event) -> Any:
+    for event in happened:
+        state = update(state, event)
+    return state
+
+
+def walked(state: State, motion: Motion, seconds: float) -> Any:
+    """A live run further by parts, as its thread does it."""
+    for _ in range(round(seconds / PART)):
+        assert state.live is not None
+        part = motion.advanced(state.model, state.live, PART, None, state.walking)
+        state = after(state, events.Advanced(state.live.id, part, 1.0))
+        if (over := motion.over(part)) is not None:
+            assert state.live is not None
+            return after(state, events.Stuck(state.live.id, over))
+    return state
+
+
+@cache
+def trotted() -> Any:
+    """A second of the trot, a change of speed, a second more; over."""
+    state = walked(after(ready(), events.Walk(ME)), motion := Motion(), 1.0)
+    state = walked(after(state, events.SetWalk(ME, 1, "speed", "0.9")), motion, 1.0)
+    return after(state, events.StopLive(ME))
+
+
+def test_walk_goes_live_with_the_scenario_of_the_gait():
+    state = after(ready(), events.SetGait(ME, 1, "crawl"), events.Walk(ME))
+    assert state.live is not None
+    assert (state.live.request.scenario, state.live.request.method) == ("crawl", "auto")
+    assert state.shown >= SHOWN
+    assert state.clients[ME].follow
+    assert after(state, events.Show(ME, "follow", False)).clients[ME].follow is False
+
+
+def test_live_of_a_scenario_with_a_gait_walks_by_it():
+    state = after(ready(), events.SetScenario(ME, 1, "crawl"), events.GoLive(ME))
+    assert state.live is not None
+    assert gait(state)["gait"] == "crawl"
+
+
+def test_parts_of_a_walk_make_one_walk():
+    run = trotted().last_run.result
+    assert run.status.ok
+    assert not run.notices  # of a fall
+    assert np.all(np.diff(run.t) > 0)
+    way = run.q[-1, 0] - run.q[np.searchsorted(run.t, 1.5), 0]
+    assert way / (run.t[-1] - run.t[np.searchsorted(run.t, 1.5)]) > 0.65  # it became faster
+    foot = "left_hind_foot"
+    down = run.phases[foot] == "stance"
+    load = run.contact_normal[foot]
+    assert np.mean(load[down][1:] > 0) > 0.9
+    assert np.all(load[run.phases[foot] == "swing"] < 1.0)
+
+
+def test_no_foot_changes_because_a_part_begins():
+    run = trotted().last_run.result
+    for foot in ("left_front_foot", "right_hind_foot"):
+        lifts = [e.t for e in run.events if e.contact == foot and e.after == "swing"]
+        assert np.all(np.diff(lifts) > 0.3)  # one a stride of 0.38 s
+        chain = [(e.before, e.after) for e in run.events if e.contact == foot]
+        assert all(a[1] == b[0] for a, b in pairwise(chain))
+
+
+def test_what_the_page_shows_is_what_the_csv_says():
+    state = trotted()
+    head, *rows = csv.reader(io.StringIO(exports.table(state.last_run).decode()))
+    table = {name: [row[k] for row in rows] for k, name in enumerate(head)}
+    shown = phases(state.falls, state, running=False)
+    for number, foot in enumerate(shown["feet"]):
+        own = [(t, code) for k, t, code in shown["changes"] if k == number]
+        counted = sum(e.contact == foot for e in state.last_run.result.events)
+        assert len(own) == counted + 1
+        for t, phase in zip(map(float, table["t [s]"]), table[f"{foot} phase"]):
+            now = [code for at, code in own if at <= t + 1e-9]
+            assert shown["phases"][now[-1]] == phase
+
+
+def test_the_arrows_are_the_forces_of_the_csv():
+    state = trotted()
+    head, *rows = csv.reader(io.StringIO(exports.table(state.last_run).decode()))
+    k = len(rows) // 2
+    state = after(state, events.Scrub(ME, float(rows[k][0])))
+    positions, wxyz = poses(state)
+    arrows = marks.pushes(state, positions, to_matrix(wxyz))
+    names = list(state.last_run.result.contact_force)
+    for name, push in zip(names, arrows):
+        said = [float(rows[k][head.index(f"{name} F{axis} [N]")]) for axis in "xyz"]
+        assert push.force.tolist() == pytest.approx(said)
+
+
+def test_footprints_lie_on_the_ground_where_feet_came_down():
+    state = trotted()
+    at = prints(state.falls, state.t_end, 100)
+    assert len(at) > 12
+    assert np.abs(at[:, 1]).max() < 2e-3
+    assert at[-1, 0] > at[0, 0]
+    assert len(prints(state.falls, 0.0, 100)) == 2  # the diagonal that does not swing
+
+
+def test_a_long_record_is_sent_from_where_it_is_shown():
+    found = [Change("a", t, k % 2) for k, t in enumerate((0.0, 1.0, 2.0, 3.0))]
+    assert [change.t for change in since(found, 1.5)] == [1.0, 2.0, 3.0]
+
+
+def test_a_fall_is_said_and_the_run_kept():
+    state, motion = after(ready(), events.Walk(ME)), Motion()
+    state = walked(state, motion, 0.4)
+    for _ in range(12):
+        state = walked(after(state, events.Push(ME, "left")), motion, 2 * PART)
+    state = walked(state, motion, 3.0)
+    assert state.live is None
+    assert state.run_problem.startswith("It fell at t = ")
+    assert state.run_problem.endswith("; the run is kept.")
+    assert state.last_run.result.t[-1] > 0.5
+    assert len([x for x in state.last_run.result.notices if "fell" in x]) == 1
+
+
+def test_a_speed_out_of_reach_is_refused_with_what_the_legs_can():
+    state = after(ready(), events.SetWalk(ME, 7, "speed", "9"))
+    assert state.walking.changes == {}
+    assert state.clients[ME].reply.serial == 7
+    assert state.clients[ME].reply.text.startswith(
+        "gait 'trot', speed: 9 m/s is more than 'left_front_foot' can follow, 3.31 m/s"
+    )
+    typed = after(state, events.SetWalk(ME, 8, "speed", "fast")).clients[ME].reply.text
+    assert typed.startswith("The speed ")
+
+
+def test_models_without_feet_say_what_a_gait_takes():
+    assert gait(initial(pg.Model.serial(2)))["why"] == (
+        "'serial 2' has no foot: a gait takes four, each a contact of one point with the ground."
+    )
+    walker = ready().model
+    bare = walker.replace(scenarios=())
+    assert gait(initial(bare))["why"] == (
+        "No scenario of 'quadruped_hips' has a gait: give one a 'gait' (docs/gaits.md)."
+    )
+
+
+def test_hinges_all_about_z_do_not_turn():
+    assert gait(ready("quadruped"))["gait"] == "bound"
+    assert not gait(ready("quadruped"))["turns"]
+    assert gait(ready())["turns"]
+
+
+def test_the_ground_is_the_model_s_and_each_change_one_undo_step():
+    state = after(ready(), events.SetGround(ME, 1, "slope", "5"))
+    state = after(state, events.SetGround(ME, 2, "friction", "0.4"))
+    state = after(state, events.SetGround(ME, 3, "steps", "0.05"))
+    state = after(state, events.SetGround(ME, 4, "law", "penalty"))
+    assert len(state.undo) == len(ready().undo) + 4
+    shown = gait(state)
+    assert (shown["slope"], shown["friction"], shown["steps"]) == (5.0, 0.4, 0.05)
+    assert after(state, events.Walk(ME)).live.request.method == "rk4"
+    walking = after(state, events.Walk(ME), events.SetGround(ME, 5, "slope", "0"))
+    assert walking.clients[ME].reply.text == (
+        "The slope is set before a walk: stop this one first."
+    )
+
+
+def test_changes_of_a_part_add_to_what_is_known():
+    run = trotted().last_run.result
+    whole = changes(run)
+    assert {change.foot for change in whole} == set(run.phases)
+    assert len(changes(run, whole)) == len(whole) - len(run.phases)
