@@ -132,7 +132,13 @@ def _at(kept: Kept) -> str:
 def _replaced(state: State, model: pg.Model, label: str) -> State:
     """Another model altogether: its own request, and the camera framed on it."""
     state = with_model(state, model, label)
-    return replace(state, request=first_request(model), framed=state.framed + 1, walking=Walking())
+    return replace(
+        state,
+        request=first_request(model),
+        framed=state.framed + 1,
+        walking=Walking(),
+        run_problem="",
+    )
 
 
 def with_model(state: State, model: pg.Model, label: str) -> State:

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+import pgraph_core as pg
 from app import events
 
 from .conftest import NOBODY, until
@@ -192,7 +193,10 @@ def test_each_kind_of_mark_has_a_switch_that_draws_and_clears_it(page, served):
         until(lambda name=name: drawn(page, name), f"{what} in 3D")
         box.uncheck()
         until(lambda name=name: not drawn(page, name), f"no {what} in 3D")
-    assert page.locator('[data-what="cones"]').count() == 0  # nothing here touches
+    assert page.locator('[data-what="cones"]').count() == 1  # its feet touch where it walks
+    served.send(events.OpenText(NOBODY, "rods", pg.Model.serial(2).to_json()))
+    gone = page.locator('[data-what="cones"]')
+    until(lambda: gone.count() == 0, "no switch for cones where nothing touches")
 
 
 @pytest.mark.parametrize("up", ["x", "z"])

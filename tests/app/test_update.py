@@ -452,3 +452,9 @@ def test_the_constraint_column_names_contacts_and_limits():
     )
     column = derive(model.replace(contacts=contacts)).constraints
     assert column == {"1": ("floor",), "2": ("limits",), "3": ("tip",)}
+
+
+def test_another_model_takes_what_was_said_of_the_last_run_away(state):
+    cancelled = after(state, events.Simulate(ME), events.Cancel(ME))
+    assert cancelled.run_problem
+    assert after(cancelled, events.OpenBuiltIn(ME, "serial")).run_problem == ""
