@@ -24,7 +24,7 @@ from .phase_log import stepped_over
 from .result import Result, Status
 from .scene import Scene
 from .singular import Instant, singular_notice
-from .stepping import Plan, stepping
+from .stepping import Plan, onto_corners, stepping
 from .switched_scene import closed, hold_here
 from .switching import Change
 from .system import Array
@@ -367,27 +367,44 @@ def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) ->
     The difference of both, over what it shrinks by between them: twice the step, or LOOSER times
     the tolerance. A sum of the steps' own errors would miss what an unstable motion makes of
     them. nan where torques come from a function, which is not called a second time, and where
-    the second run fails.
+    the second run fails. What tables cost that bend inside steps goes by where in a step they do,
+    not by its width alone: it is the difference from a run whose steps end there.
     """
-    plan = record.plan
     if record.user is not None:
         return float("nan")
-    found = _coarser(plan)
+    if len(record.plan.kinks) == 0:
+        return _by_coarser(record, q, v, progress)
+    bent = _again(record, onto_corners(record.plan), q, v, progress)
+    if not bent.status.ok:
+        return float("nan")
+    theirs = bent.out[0][np.searchsorted(bent.plan.times, record.plan.times)]
+    return float(np.max(np.abs(record.out[0] - theirs))) + _by_coarser(bent, q, v, progress)
+
+
+def _by_coarser(record: Recording, q: Array, v: Array, progress: Progress) -> float:
+    """Largest error of q, from the same run at wider steps."""
+    found = _coarser(record.plan)
     if found is None:
         return float("nan")
     coarser, ratio = found
-    coarse = type(record)(record.mech, coarser, q, v, record.tau)
-    coarse.run(progress and (lambda _: progress(1.0)))
+    coarse = _again(record, coarser, q, v, progress)
     if not coarse.status.ok:
         return float("nan")
     mine = record.out[0][np.searchsorted(record.plan.times, coarser.times)]
     return float(np.max(np.abs(coarse.out[0] - mine), initial=0.0)) / (ratio - 1.0)
 
 
+def _again(record: Recording, plan: Plan, q: Array, v: Array, progress: Progress) -> Recording:
+    """The run of another plan."""
+    again = type(record)(record.mech, plan, q, v, record.tau)
+    again.run(progress and (lambda _: progress(1.0)))
+    return again
+
+
 def _coarser(plan: Plan) -> tuple[Plan, float] | None:
     """The same run, cheaper, and how many times larger its error is."""
     power = plan.method.order
-    cuts = np.searchsorted(plan.times, [change.t for change in plan.changes])
+    cuts = np.searchsorted(plan.times, [*(change.t for change in plan.changes), *plan.kinks])
     few = np.linspace(0, len(plan.times) - 1, COMPARED).astype(int)
     some = plan.times[np.union1d(few, cuts)]
     if plan.tolerance is not None:

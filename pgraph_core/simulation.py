@@ -21,7 +21,7 @@ from .recording import Recording, error_estimate
 from .result import Result
 from .schema import Contact, Force
 from .sites import Site, sites_of
-from .stepping import FIXED_RTOL, Plan, Tolerance, corners
+from .stepping import FIXED_RTOL, NO_TIMES, Plan, Tolerance, corners, corners_inside
 from .stiffness import fastest_rate
 from .switching import changes, ever, with_instants
 from .system import Array, Ints
@@ -32,6 +32,7 @@ MOST_CHOSEN = 10_000_000  # steps of a method that chooses them, where nothing e
 FRAMES = 1000  # recorded where nothing else is asked for: more are seldom looked at
 STABILISE = ("project", "baumgarte", None)
 VERSION = version("pgraph")
+KINKED = 2  # order that is left where tables bend inside steps
 MANY = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
 NO_FORCES = ((np.zeros((0, at.DRIVE)), np.zeros((0, 2)), 0), NO_LOADS)
 ADAPTIVE = tuple(method.name for method in METHODS.values() if method.adaptive)
@@ -142,9 +143,12 @@ def simulate(
         asked_for = frame_times(t_start, t_end, FRAMES + 1 if frames is None else frames, t_eval)
     times, changing = with_instants(asked_for, changing) if changing else (asked_for, ())
     substeps, width = steps_between(times, wide)
+    bends = corners(mech, drives, loads, ever(active, changing), t_start, t_end)
+    kinks = NO_TIMES
     if tolerance is not None:
-        held = ever(active, changing)
-        tolerance = tolerance._replace(corners=corners(mech, drives, loads, held, t_start, t_end))
+        tolerance = tolerance._replace(corners=bends)
+    elif chosen.order > KINKED:
+        kinks = corners_inside(bends, times, width)
     gains = np.zeros(2)
     if stabilise == "baumgarte":
         gains = _gains(usual if step is None else step)
@@ -162,9 +166,10 @@ def simulate(
         tolerance,
         sites,
         changing,
+        kinks,
     )
     record = (PhasedRecording if sites else Recording)(mech, plan, q0, v0, tau)
-    record.notices += _stiff(plan, rate)
+    record.notices += _stiff(plan, rate) + _bent(plan)
     built, busy = time.perf_counter(), time.thread_time()
     record.run(progress)
     stepped, busy = time.perf_counter(), time.thread_time() - busy
@@ -223,6 +228,19 @@ def _stiff(plan: Plan, rate: float) -> list[str]:
         return []
     x = rate * step
     return [f"stiff: lambda*dt = {x:.3g}, explicit limit dt < {limit / rate:.3g} s, try radau5"]
+
+
+def _bent(plan: Plan) -> list[str]:
+    """A notice where tables bend inside given steps, which takes the method's order."""
+    count = len(plan.kinks)
+    if count == 0:
+        return []
+    step = float(np.max(plan.width))
+    lie = "1 corner of tables lies" if count == 1 else f"{count} corners of tables lie"
+    return [
+        f"{lie} inside steps of {step:.4g} s: the error there shrinks as the step's square only; "
+        f"choose a step that divides the times of knots, or an adaptive method such as dopri5"
+    ]
 
 
 def _tolerance(

@@ -17,6 +17,8 @@ from .switching import Change, ever
 from .system import Array, Drives, Ints, Loads
 
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
+NO_TIMES = np.zeros(0)
+AT_END = 1e-6  # of a step: a corner this near its end is there
 FIXED_RTOL = 1e-9  # what implicit methods solve their equations to where steps are given
 
 
@@ -47,6 +49,7 @@ class Plan(NamedTuple):
     tolerance: Tolerance | None  # None: steps are given
     sites: tuple[Site, ...] = ()  # contact points and limits of an event-driven run
     changes: tuple[Change, ...] = ()  # constraints that go on and off
+    kinks: Array = NO_TIMES  # corners of tables inside steps of given width [s]
 
     @property
     def ever(self) -> Ints:
@@ -227,3 +230,21 @@ def corners(
                 found.append(blocks.curves[first : first + count, 0])
     times = np.unique(np.concatenate(found))
     return times[(times > t_start) & (times < t_end)]
+
+
+def corners_inside(bends: Array, times: Array, width: Array) -> Array:
+    """The corners that lie inside steps of given width, and not at their ends."""
+    interval = np.searchsorted(times, bends, side="right") - 1
+    among = (interval >= 0) & (interval < len(width))
+    bends, interval = bends[among], interval[among]
+    share = (bends - times[interval]) / width[interval]
+    return bends[np.abs(share - np.round(share)) > AT_END]
+
+
+def onto_corners(plan: Plan) -> Plan:
+    """The same run at steps of given width that end at corners of tables too."""
+    times = np.union1d(plan.times, plan.kinks)
+    apart = np.diff(times)
+    usual = plan.width[np.searchsorted(plan.times, times[:-1], side="right") - 1]
+    substeps = np.maximum(np.ceil(apart / usual - 1e-9), 1).astype(np.int64)
+    return plan._replace(times=times, substeps=substeps, width=apart / substeps)
