@@ -12,7 +12,7 @@ from ..footfalls import prints
 from ..state import State
 
 MOST = 64  # discs, the last ones
-COLOR, OPACITY = (30, 90, 200), 0.85
+COLOR, OPACITY = (8, 34, 110), 0.9
 WIDE, THICK = 0.055, 0.004  # of the model's size
 
 
