@@ -16,7 +16,7 @@ from pgraph_core.contact_record import PHASES, SWING, ContactRecord, Event
 from pgraph_core.phase_log import CAUSES, LIFTED
 
 ON_GROUND = frozenset(PHASES) - {SWING}
-GRAZE = 5e-3  # [s]: a flight that begins or ends a part and is shorter is none
+GRAZE = 5e-3  # [s]: what is over sooner than this after a part begins is no change
 
 
 class Seam:
@@ -43,14 +43,19 @@ class Seam:
         phases, events = dict(now.phases), list(now.events)
         for name, phase in now.phases.items():
             known = str(was.phases[name][-1]) if name in was.phases else str(phase[0])
-            if known == phase[0] or known not in PHASES:
+            soon = [e for e in events if e.contact == name and e.t - t[0] < GRAZE]
+            if known not in PHASES or (known == phase[0] and not soon):
                 continue
-            first = next((event for event in events if event.contact == name), None)
-            body = first.body if first else _body(name, was, now)
-            if first is not None and first.t - t[0] < GRAZE:
-                events.remove(first)
-                phases[name] = np.where(t < first.t, known, phase)
-                events += _event(first.t, name, body, known, first.after)
+            body = soon[0].body if soon else _body(name, was, now)
+            if soon and soon[-1].after == known:
+                events = [event for event in events if event not in soon]
+                phases[name] = np.where(t < soon[-1].t, known, phase)
+            elif known == phase[0]:
+                continue
+            elif soon:
+                events.remove(soon[0])
+                phases[name] = np.where(t < soon[0].t, known, phase)
+                events += _event(soon[0].t, name, body, known, soon[0].after)
             elif phase[0] == SWING and name in self._lifted:
                 events.append(self._lifted[name])
             else:

@@ -21,19 +21,21 @@ class FollowView:
     def render(self, old: State, new: State) -> None:
         for client in self._ahead.keys() - new.clients.keys():
             del self._ahead[client]
-        following = [key for key, page in new.clients.items() if page.follow]
+        leaves = any(body.joint == "free" for body in new.model.bodies)
+        following = [key for key, page in new.clients.items() if page.follow and leaves]
         for client in self._ahead.keys() - set(following):
             del self._ahead[client]
-        if not following or not new.derived.names:
+        if not following:
             return
-        at = level(new)
+        at, another = level(new), new.framed != old.framed
         handles = self._server.get_clients()
         for client in following:
             if client not in handles or new.clients[client].aspect is None:
                 continue
             camera = handles[client].camera
-            if client not in self._ahead or new.framed != old.framed:
-                self._ahead[client] = np.asarray(camera.look_at) - level(old)
+            if client not in self._ahead or another:
+                was = at if another else level(old)
+                self._ahead[client] = np.asarray(camera.look_at) - was
             move(camera, at + self._ahead[client])
 
 
