@@ -27,7 +27,8 @@ class FollowView:
             del self._ahead[client]
         if not following:
             return
-        at, another = level(new), new.framed != old.framed
+        at = level(new)
+        another = new.framed != old.framed or not old.derived.names
         handles = self._server.get_clients()
         for client in following:
             if client not in handles or new.clients[client].aspect is None:
