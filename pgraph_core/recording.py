@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .assembly import NOTABLE, assembled
+from .blocked import blocked
 from .callback import acting
 from .contact_record import NOTHING, ContactRecord, Event
 from .errors import InputError
@@ -28,6 +29,7 @@ from .stepping import Plan, onto_corners, stepping
 from .switched_scene import closed, hold_here
 from .switching import Change
 from .system import Array
+from .tied import Tied
 
 LOOSER = 32.0  # tolerance of the run that the error estimate compares with
 COMPARED = 65  # frames at most, where they cost something beside the steps
@@ -253,7 +255,8 @@ class Recording:
         given = self.plan.tolerance
         match status:
             case Status.CANNOT_CLOSE:
-                return "the mechanism may be torn or at a singular position"
+                torn = "the mechanism may be torn or at a singular position"
+                return self._blocked() or torn
             case Status.STEP_TOO_SMALL:
                 return "forces may jump there, or the tolerance may be too small: try a larger one"
             case Status.TOO_MANY_STEPS:
@@ -262,6 +265,18 @@ class Recording:
             return "the motion itself may grow without bound, or forces may jump there"
         step = given.widest if given else float(np.max(self.plan.width, initial=0.0))
         return f"try a step below {step:.3g} s, or less stiffness and damping there"
+
+    def _blocked(self) -> str:
+        """What blocks the last state recorded to second order; "" where nothing does."""
+        if self.done == 0:
+            return ""
+        last, plan = self.done - 1, self.plan
+        past = plan.changes[: len(plan.changes) - len(self._ahead)]
+        active = past[-1].active if past else plan.active
+        held = tuple(self.mech.model.constraints[i] for i in active.tolist())
+        t = float(self.steps.times[last])
+        q, v = self.out[0][last], self.out[1][last]
+        return blocked(Tied(self.mech.model, self.mech.topology, held, q, v, t))
 
     def _contacts(self, t: Array, pushes: Array, touches: Array) -> ContactRecord:
         """What the recorded frames say of contacts and limits."""
