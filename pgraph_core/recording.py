@@ -357,7 +357,12 @@ class Recording:
             timing=timing,
             error_estimate=estimate,
             header=header,
-            notices=(*self.notices, *self.contact_notices(), *self._said()),
+            notices=(
+                *self.notices,
+                *self.steps.notices(),
+                *self.contact_notices(),
+                *self._said(),
+            ),
         )
 
     def rows(self, shown: NDArray[np.bool_]) -> Any:

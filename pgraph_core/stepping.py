@@ -18,6 +18,7 @@ from .system import Array, Drives, Ints, Loads
 
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
 NO_TIMES = np.zeros(0)
+PART = 0.25  # of a step that could not be solved: what is tried first
 AT_END = 1e-6  # of a step: a corner this near its end is there
 FIXED_RTOL = 1e-9  # what implicit methods solve their equations to where steps are given
 
@@ -81,6 +82,10 @@ class Stepping(Protocol):
         """Go on from a state, or with equations, that have just changed; the last frame anew."""
         ...
 
+    def notices(self) -> list[str]:
+        """What a person should know of the steps taken."""
+        ...
+
 
 def stepping(mech: Mechanism, plan: Plan, q: Array, v: Array) -> Stepping:
     """What the plan's method needs."""
@@ -129,6 +134,10 @@ class GivenSteps:
         part = taken / self.plan.substeps[frame - 1] if 0 < frame <= last else 0.0
         return float(min(1.0, max(0.0, frame - 1 + part) / max(last, 1)))
 
+    def notices(self) -> list[str]:
+        """Nothing: every step is as wide as asked for."""
+        return []
+
 
 class ChosenSteps:
     """Steps chosen by their error, frames on dense output."""
@@ -153,6 +162,7 @@ class ChosenSteps:
         self.flags[at.MOST], self.flags[at.FIXED] = self.tolerance.most, self.tolerance.fixed
         self.matrices = matrices(mech.nv) if method.implicit else NO_MATRICES
         self.events = no_events()
+        self.parted = 0  # steps of given width that were taken in parts
         self.links = _links(method.attempt)
 
     def _control(self, mech: Mechanism) -> Array:
@@ -167,6 +177,41 @@ class ChosenSteps:
 
     def advance(self, scene: int, budget: int, out: tuple[Array, ...]) -> int:
         """At most `budget` attempts and frames on; the kernel's status code."""
+        code = self._attempts(scene, budget, out)
+        if code == at.NOT_SOLVED and self.tolerance.fixed:
+            return self._in_parts(scene, out)
+        return code
+
+    def _in_parts(self, scene: int, out: tuple[Array, ...]) -> int:
+        """A step of given width that could not be solved, in steps of the method's own choice."""
+        self._take_back()
+        self.parted += 1
+        end = self.control[at.TIME] + self.tolerance.widest * (1 - 1e-9)
+        self.flags[at.FIXED], self.control[at.WIDTH] = 0, PART * self.tolerance.widest
+        code = at.RUNNING
+        while code == at.RUNNING and self.control[at.TIME] < end:
+            code = self._attempts(scene, 1, out)
+        self.flags[at.FIXED] = 1
+        return code
+
+    def _take_back(self) -> None:
+        """The frame of a failure is none."""
+        moved = np.flatnonzero(self.times != self.plan.times)
+        if len(moved):
+            self.cursor[at.FRAME] = moved[0]
+            self.times[moved] = self.plan.times[moved]
+
+    def notices(self) -> list[str]:
+        """How many steps were taken in parts."""
+        if self.parted == 0:
+            return []
+        of = "1 step" if self.parted == 1 else f"{self.parted} steps"
+        return [
+            f"the equations of {of} of {self.tolerance.widest:.4g} s could not be solved at once, "
+            "as where friction sets in: narrower ones were taken there"
+        ]
+
+    def _attempts(self, scene: int, budget: int, out: tuple[Array, ...]) -> int:
         plan = self.plan
         return adaptive.run_adaptive(
             scene, self.links, tuple(plan.method.tableau), plan.method.controller,
