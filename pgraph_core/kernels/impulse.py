@@ -11,6 +11,7 @@ import math
 
 from . import layout as at
 from ._jit import part, sweep
+from .constraints import couplings
 from .factors import factor3
 from .proximal import (
     CHANGE,
@@ -32,6 +33,7 @@ TOLERANCE = 1e-10  # of the largest velocity among the rows
 CROWD = 1e-6  # where there is no fallback: a heap's forces wander more than that anyhow
 SWEEPS = 200  # of Gauss-Seidel where there is no fallback
 FEW_SWEEPS = 40  # where there is one
+SOLID = 1e-10  # relative, squared: what moves less across a contact is taken as fixed
 INNER = 8  # rounds between normal and friction of one contact
 ROUNDS = 20000  # of ADMM; a stack of four at 1 : 10 each takes thousands in its first steps
 DENSE = 150  # rows, above which there is no Ω to fall back on
@@ -57,6 +59,7 @@ def solve_impulses(blocks, space, m, first, report):
             space[5][LAMBDA, r] = 0.0
         return
     if first > 1 and m <= DENSE:
+        couplings(blocks, space)
         report[2] = alternate(blocks, space, m, first, size, report)
         return
     if m > DENSE:
@@ -64,6 +67,7 @@ def solve_impulses(blocks, space, m, first, report):
         return
     report[2] = gauss_seidel(blocks, space, first, size, FEW_SWEEPS, TOLERANCE, report)
     if report[2] > TOLERANCE:
+        couplings(blocks, space)
         report[2] = alternate(blocks, space, m, first, size, report)
 
 
@@ -189,7 +193,7 @@ def held(own, i, u, old):
 
 @part
 def contact(own, i, u, old, back, mu):
-    """λ of one contact: normal and friction in turn, each exactly, the other given."""
+    """λ of one contact: what holds it, or normal and friction in turn, each exactly."""
     n = old[0]
     t = (old[1], old[2])
     free_n = u[0] + back - own[i, 0] * n - own[i, 1] * t[0] - own[i, 2] * t[1]
@@ -197,6 +201,9 @@ def contact(own, i, u, old, back, mu):
     free_y = u[2] - own[i, 6] * n - own[i, 7] * t[0] - own[i, 8] * t[1]
     if not own[i, 0] > 0.0:
         return (0.0, 0.0, 0.0)
+    hold = stuck(own, i, free_n, free_x, free_y)
+    if hold[0] > 0.0 and math.sqrt(hold[1] ** 2 + hold[2] ** 2) <= mu * hold[0]:
+        return hold
     for _ in range(INNER):
         last = n
         n = max(0.0, -(free_n + own[i, 1] * t[0] + own[i, 2] * t[1]) / own[i, 0])
@@ -208,6 +215,25 @@ def contact(own, i, u, old, back, mu):
         if moved <= 1e-15 * n:
             break
     return (n, t[0], t[1])
+
+
+@part
+def stuck(own, i, free_n, free_x, free_y):
+    """λ that leaves a contact at rest; none where a direction cannot move."""
+    w = 1.0 / own[i, 0]
+    p = w * own[i, 3]
+    q = w * own[i, 6]
+    a = own[i, 4] - p * own[i, 1]
+    b = own[i, 5] - p * own[i, 2]
+    c = own[i, 8] - q * own[i, 2]
+    det = a * c - b * b
+    if not det > SOLID * (own[i, 4] + own[i, 8]) ** 2:
+        return (0.0, 0.0, 0.0)
+    x = free_x - p * free_n
+    y = free_y - q * free_n
+    d = 1.0 / det
+    t = (d * (b * y - c * x), d * (b * x - a * y))
+    return (-w * (free_n + own[i, 1] * t[0] + own[i, 2] * t[1]), t[0], t[1])
 
 
 @part

@@ -11,9 +11,9 @@ import math
 from . import layout as at
 from ._jit import kernel, part, sweep
 from .blocks import locate, residual_velocity, total, velocities
-from .constraints import couplings, driven_power, number_rows, unit_responses
+from .constraints import driven_power, number_rows, unit_responses
 from .forces import lookup
-from .impulse import BEFORE, DENSE, DUAL, REPORT, SPLIT, gained, gather, responses, solve_impulses
+from .impulse import BEFORE, DUAL, REPORT, SPLIT, gained, gather, responses, solve_impulses
 from .kinematics import base_axes, positions
 from .motion import call_acceleration, opened
 from .moving import advance
@@ -60,8 +60,6 @@ def moreau_jean(scene, accelerate, tableau, t, h, q, v, stages, flow, ledger):
         set_velocities(rows, const, blocks, work, space, t, h, v, stages[3, :nv], m)
         space[5][FACTORED, 2] = 0.0  # Y is no longer that of the last factors
         unit_responses(rows, const, blocks, work, space)
-        if m <= DENSE:
-            couplings(blocks, space)
         warm_start(blocks, contacts, space, first, m)
         taken = solve(blocks, contacts, space, m, first, ledger)
     else:

@@ -107,23 +107,30 @@ def weigh(feet, s, com, mat):
 
 @sweep
 def factor(mat):
-    """Cholesky's factor of the first six columns, in their place."""
+    """Cholesky's factor of the first six columns, in their place; of its diagonal the inverse."""
     for j in range(6):
-        for i in range(j, 6):
+        x = mat[j, j]
+        for k in range(j):
+            x -= mat[j, k] * mat[j, k]
+        d = 1.0 / math.sqrt(x)
+        mat[j, j] = d
+        for i in range(j + 1, 6):
             x = mat[i, j]
             for k in range(j):
                 x -= mat[i, k] * mat[j, k]
-            mat[i, j] = math.sqrt(x) if i == j else x / mat[j, j]
+            mat[i, j] = d * x
 
 
 @sweep
 def substitute(mat):
-    """The solution in the place of the right side, column 6."""
+    """The solution in the place of the right side, column 6: by columns, which wait for least."""
     for i in range(6):
-        for k in range(i):
-            mat[i, 6] -= mat[i, k] * mat[k, 6]
-        mat[i, 6] /= mat[i, i]
-    for i in range(5, -1, -1):
+        x = mat[i, i] * mat[i, 6]
+        mat[i, 6] = x
         for k in range(i + 1, 6):
-            mat[i, 6] -= mat[k, i] * mat[k, 6]
-        mat[i, 6] /= mat[i, i]
+            mat[k, 6] -= mat[k, i] * x
+    for i in range(5, -1, -1):
+        x = mat[i, i] * mat[i, 6]
+        mat[i, 6] = x
+        for k in range(i):
+            mat[k, 6] -= mat[i, k] * x
