@@ -119,8 +119,8 @@ window.pgraph = (() => {
   };
 
   // A sentence in passing, for what has no cell any more.
-  pgraph.toast = (text) => {
-    const note = pgraph.make("div", { className: "pgraph pgraph-toast", role: "alert", textContent: text });
+  pgraph.toast = (text, good = false) => {
+    const note = pgraph.make("div", { className: `pgraph pgraph-toast${good ? " good" : ""}`, role: good ? "status" : "alert", textContent: text });
     document.body.append(note);
     setTimeout(() => note.remove(), 8000);
   };

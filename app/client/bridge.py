@@ -48,6 +48,7 @@ SCRIPTS = (
     "gait",
     "plots",
     "reports",
+    "done",
 )
 STYLES = (
     "page",

@@ -127,18 +127,20 @@
   }
 
   // -- picking: a banner over the page; the tab makes room for the digraph and comes back --------
-  let picking = false, called = null;
+  let picking = false, called = null, asked = "";
 
   function banner(data) {
-    document.querySelector(".pgraph-banner")?.remove();
-    if (data.picking) {
+    const now = JSON.stringify(data.picking ?? null), same = now === asked;
+    asked = now; // drawn again only for another question: a button must not go under the pointer
+    if (!same) document.querySelector(".pgraph-banner")?.remove();
+    if (data.picking && !same) {
       const names = data.picking.names.map(([name, text]) => button("small", text, "", () => send("PickName", { name })));
       const view = document.querySelector("canvas").getBoundingClientRect();
       const style = `left: ${view.left + view.width / 2}px; max-width: ${Math.max(view.width - 24, 260)}px`;
       document.body.append(make("div", { className: "pgraph pgraph-banner", role: "status", style },
         make("span", { textContent: data.picking.text }), ...names, button("small", "Cancel", "Escape", () => send("Unpick"))));
       if (!picking) { document.activeElement?.blur(); pgraph.front("Digraph"); }
-    } else if (picking) pgraph.front("Constraints");
+    } else if (picking && !data.picking) pgraph.front("Constraints");
     picking = Boolean(data.picking);
     if (called !== null && data.called !== called) pgraph.front("Constraints");
     called = data.called;

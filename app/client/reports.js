@@ -24,7 +24,7 @@
         make("span", { className: "muted", textContent: "over" }), axis),
       make("div", { className: "job", hidden: true }, make("progress", { max: 1 }), make("span", { className: "said" }),
         button("cancel-report", "Cancel", "Stop, and keep what there is", () => send("CancelAnalysis"))),
-      make("div", { className: "problem sentence", hidden: true }),
+      make("div", { className: "problem sentence", role: "alert", hidden: true }),
       make("div", { className: "outcome", hidden: true },
         make("div", { className: "bar" }, make("strong", { className: "title" }), make("span", { className: "spring" }),
           button("page", "Page", "The whole report as one HTML file", () => send("DownloadReport"))),

@@ -18,7 +18,7 @@
           button("cancel", "Cancel", "Stop the simulation", () => send("Cancel"))),
         make("div", { className: "job lively", hidden: true }, text("span", "dot"), text("span", "said"),
           button("stop", "Stop", "End the live run and keep it", () => send("StopLive"))),
-        make("div", { className: "problem sentence", hidden: true }),
+        make("div", { className: "problem sentence", role: "alert", hidden: true }),
         make("dl", { className: "summary", hidden: true }),
         after()));
   }
@@ -86,13 +86,21 @@
     const $ = (selector) => host.querySelector(selector);
     const summary = $(".summary");
     summary.hidden = $(".after").hidden = data.summary === null;
-    const lines = (data.summary ?? []).flatMap(([what, value, good]) => [
-      make("dt", { textContent: what }), make("dd", { textContent: value, className: good ? "" : "bad" })]);
-    summary.replaceChildren(...lines);
+    const key = JSON.stringify(data.summary), same = summary.dataset.key === key;
+    summary.dataset.key = key;
+    if (!same) summary.replaceChildren(...(data.summary ?? []).flatMap(([what, value, good]) => [
+      make("dt", { textContent: what }), make("dd", { className: good ? "" : "bad" }, folded(value))]));
     $(".ghost").textContent = data.ghost ? "No ghost" : "Compare";
     $(".ghost").title = data.ghost ? "Take the ghost away" : "Keep this run as a ghost beside the next one";
     $(".ghost").setAttribute("aria-pressed", data.ghost);
     $(".ghost").classList.toggle("on", data.ghost);
+  }
+
+  // A long list is one line until it is asked for.
+  function folded(text) {
+    const items = text.split("; ");
+    if (items.length < 4) return text;
+    return make("details", {}, make("summary", { textContent: `${items.length} things` }), ...items.map((item) => make("div", { textContent: item })));
   }
 
   function progress(bar, fraction) {

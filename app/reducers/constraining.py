@@ -137,6 +137,8 @@ def picked(state: State, client: int, body: str | None) -> State:
     picking = _picking(state, client)
     if picking is None or body is None:
         return with_client(state, client, picking=None)
+    if body == picking.body:  # clicked again, or selected before: the other is still asked for
+        return state
     known = body in state.derived.number or body in allowed(picking)
     return _next(state, client, body) if known else state
 
@@ -145,7 +147,7 @@ def allowed(picking: Picking) -> tuple[str, ...]:
     """What may be picked beside a body."""
     if picking.part == "contacts":
         return (parts.EVERY,) if picking.slot == "body" else (parts.GROUND, parts.EVERY)
-    return (parts.GROUND,) if picking.slot == "other" and picking.part != "loops" else ()
+    return (parts.GROUND,) if picking.slot == "other" else ()
 
 
 def _next(state: State, client: int, body: str) -> State:

@@ -135,13 +135,13 @@ def _picking(picking: Picking | None) -> Payload | None:
     word = WORD.get(picking.part, "limit")
     what = f"{picking.kind} {word}" if picking.part not in ("loops", "limits") else word
     if picking.part == "loops":
-        what = f"loop, cut at a {picking.kind} joint"
+        what = f"loop, cut at a {picking.kind} joint,"
         names = {"body": "the body", "other": "its second parent"}
-    of = f"'{picking.name}'" if picking.name else f"a new {what}"
+    of = f"'{picking.name}'" if picking.name else f"A new {what}"
     if picking.part == "limits":
-        of = "a joint limit"
-    first = f" on '{picking.body}'" if picking.body else ""
-    text = f"Click {names[picking.slot]} of {of}{first}: in the digraph, the table or the 3D view."
+        of = "A joint limit"
+    about = f"{of} on '{picking.body}'" if picking.body else of.rstrip(",")
+    text = f"{about}: click {names[picking.slot]} in the digraph, the table or the 3D view."
     labels = {parts.GROUND: "ground", parts.EVERY: "every body with a shape"}
     return {"text": text, "names": [[name, labels[name]] for name in allowed(picking)]}
 

@@ -1,0 +1,31 @@
+// The title of the page: the model's name; while it is in the back, what has ended there meanwhile.
+(() => {
+  const LONG = 2000; // [ms] who waits that long looks elsewhere
+  const plain = () => [pgraph.latest.toolbar?.name, "Pgraph"].filter(Boolean).join(" – ");
+  let told = "";
+
+  function watch(topic, said) {
+    let since = null;
+    pgraph.on(topic, (data) => {
+      if (data.job !== null) { since ??= performance.now(); return; }
+      const took = since === null ? 0 : performance.now() - since;
+      since = null;
+      if (took > LONG || (took && document.hidden)) tell(data.problem || said(data), !data.problem);
+    });
+  }
+
+  function tell(text, good) {
+    pgraph.toast(text, good);
+    if (document.hidden || !document.hasFocus()) told = `${good ? "✓" : "✗"} ${text} – `;
+    title();
+  }
+
+  function title() { document.title = told + plain(); }
+  function seen() { if (!document.hidden) { told = ""; title(); } }
+  document.addEventListener("visibilitychange", seen);
+  window.addEventListener("focus", seen);
+
+  pgraph.on("toolbar", title);
+  watch("run", (data) => `Simulated: ${data.summary?.[0]?.[1] ?? "the run reached its end"}`);
+  watch("reports", (data) => `Ready: ${data.result?.title ?? "the report"}`);
+})();
