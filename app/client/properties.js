@@ -15,6 +15,7 @@
     const [chip, name, kind] = heading.children;
     const some = data.bodies.length > 0;
     chip.style.background = data.color ?? "transparent";
+    chip.hidden = !data.color;
     name.textContent = data.title;
     kind.textContent = data.subtitle;
     forms.showUnits(units, data.display);

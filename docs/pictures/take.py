@@ -4,7 +4,7 @@
     python docs/pictures/take.py --all FOLDER       # each tab, light and dark, in two sizes
     python docs/pictures/take.py --only plots ...   # those alone
 
-Needs what the browser tests need. Pictures are written with 128 colours, which nobody sees.
+Needs what the browser tests need. Pictures are written with 256 colours.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ HERE = Path(__file__).parent
 FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 Size = tuple[int, int]
 SMALL, LARGE = (1280, 800), (1920, 1080)
-COLORS = 128
+COLORS = 256
 LONG = 120_000  # [ms] compiled code on a busy machine
 
 
@@ -53,10 +53,7 @@ def simulate(page: Page, at: float = 0.6) -> None:
     page.get_by_role("button", name="Simulate", exact=True).click()
     page.locator(".summary dd").first.wait_for(timeout=LONG)
     slider = page.locator('.pgraph[data-view="playback"] input[type="range"]')
-    slider.evaluate(
-        "(e, at) => { e.value = at * e.max; e.dispatchEvent(new Event('input', {bubbles: true})); }",
-        at,
-    )
+    slider.evaluate("(e, at) => { e.value = at * e.max; e.dispatchEvent(new Event('input')); }", at)
 
 
 def overview(page: Page) -> None:
@@ -80,7 +77,7 @@ def constraints(page: Page) -> None:
 
 def operators(page: Page) -> None:
     tab(page, "Operators")
-    page.wait_for_function("() => pgraph.latest.operators")
+    page.wait_for_function("() => pgraph.latest.operator")
 
 
 def plots(page: Page) -> None:
@@ -127,9 +124,8 @@ def prepared(page: Page, scene: Scene, *, dark: bool) -> None:
 
 def shot(page: Page, path: Path) -> None:
     """The page as it is, once the notices are gone and the 3D view is drawn."""
-    page.evaluate(
-        "() => document.querySelectorAll('.mantine-Notification-closeButton').forEach((e) => e.click())"
-    )
+    notices = page.locator(".mantine-Notification-closeButton")
+    notices.evaluate_all("(found) => found.forEach((e) => e.click())")
     page.mouse.move(640, 5)
     page.wait_for_timeout(1500)  # the picture of software WebGL comes late
     picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")

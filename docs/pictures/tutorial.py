@@ -1,4 +1,4 @@
-"""Take the pictures of docs/tutorial.md: `python -m docs.pictures.tutorial`, as its test does it."""
+"""Pictures of docs/tutorial.md, taken as its test does it: `python -m docs.pictures.tutorial`."""
 
 from __future__ import annotations
 
