@@ -20,10 +20,13 @@ from app.live import Motion
 from app.reducers.walking import SHOWN
 from app.shapes import to_matrix
 from app.state import Kernels, State, initial, poses
+from app.stitching import Seam
 from app.update import update
 from app.views import exports
 from app.views.gait import gait
+from app.views.ground import solid
 from app.views.phases import phases
+from pgraph_core.contact_record import Event
 
 ME = 1
 PART = 0.0167  # [s]
@@ -201,3 +204,35 @@ def test_changes_of_a_part_add_to_what_is_known():
     whole = changes(run)
     assert {change.foot for change in whole} == set(run.phases)
     assert len(changes(run, whole)) == len(whole) - len(run.phases)
+
+
+def test_steps_are_drawn_on_the_plane_of_the_ground_and_as_high_as_they_are():
+    state = after(ready(), events.SetGround(ME, 1, "slope", "8"))
+    state = after(state, events.SetGround(ME, 2, "steps", "0.05"))
+    corners = solid(state.model, state.model.ground.steps[0])
+    off = corners @ np.asarray(state.model.ground_normal)
+    np.testing.assert_allclose(off, [0.0] * 4 + [0.05] * 4, atol=1e-12)
+
+
+def test_parts_that_begin_with_a_graze_are_sewn_without_it():
+    run = pg.simulate(mechanism(), scenario="trot", t_end=0.1, estimate=False)
+    foot = "left_hind_foot"
+    stands = np.full(len(run.t), "stance")
+    first = replace(run, contacts=replace(run.contacts, phases={foot: stands}, events=()))
+    late = 0.1 + run.t
+    graze = np.where(late < 0.102, "swing", "stance")
+    came = Event(0.102, foot, "left_hind_paw", "swing", "stance", "it touched down")
+    second = replace(
+        first, t=late, contacts=replace(first.contacts, phases={foot: graze}, events=(came,))
+    )
+    seam = Seam()
+    seam.sewn(first)
+    sewn = seam.sewn(second)
+    assert sewn.events == ()
+    assert set(sewn.phases[foot]) == {"stance"}
+    np.testing.assert_array_equal(sewn.contact_force[foot][0], run.contact_force[foot][-1])
+
+
+@cache
+def mechanism() -> pg.Mechanism:
+    return pg.Mechanism(ready().model)
