@@ -110,6 +110,9 @@ SCENES = {
 }
 
 
+IN_THE_DOCUMENTS = ("page", "tab_constraints", "tab_operators", "tab_plots", "tab_report")
+
+
 def prepared(page: Page, scene: Scene, *, dark: bool) -> None:
     """The page on the scene's model, everything else as at the start."""
     page.wait_for_selector("table.bodies tr[data-name]")
@@ -160,14 +163,15 @@ def main() -> None:
     """What the documents show, or everything for a critical look."""
     parser = argparse.ArgumentParser(description="Pictures of the page, for the documents.")
     parser.add_argument("--all", type=Path, metavar="FOLDER")
-    parser.add_argument("--only", nargs="*", choices=SCENES, default=list(SCENES))
+    parser.add_argument("--only", nargs="*", choices=SCENES, default=None)
     given = parser.parse_args()
+    names = list(SCENES) if given.all else list(IN_THE_DOCUMENTS)
     server = serve(pg.Model.load(static_models.path("quadruped")), port=18090, open_browser=False)
     server.viser.scene.configure_default_lights(cast_shadow=False)  # software GL is slow
     with sync_playwright() as playwright:
         path = shutil.which("chromium") or sys.exit("needs chromium")
         browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
-        for name, file, dark, size in wanted(given.only, given.all):
+        for name, file, dark, size in wanted(given.only or names, given.all):
             take(browser, server.url, name, file, dark=dark, size=size)
         browser.close()
     server.stop()
