@@ -165,13 +165,14 @@ def main() -> None:
     parser.add_argument("--all", type=Path, metavar="FOLDER")
     parser.add_argument("--only", nargs="*", choices=SCENES, default=None)
     given = parser.parse_args()
-    names = list(SCENES) if given.all else list(IN_THE_DOCUMENTS)
+    names: list[str] = list(SCENES) if given.all else list(IN_THE_DOCUMENTS)
+    names = given.only or names
     server = serve(pg.Model.load(static_models.path("quadruped")), port=18090, open_browser=False)
     server.viser.scene.configure_default_lights(cast_shadow=False)  # software GL is slow
     with sync_playwright() as playwright:
         path = shutil.which("chromium") or sys.exit("needs chromium")
         browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
-        for name, file, dark, size in wanted(given.only or names, given.all):
+        for name, file, dark, size in wanted(names, given.all):
             take(browser, server.url, name, file, dark=dark, size=size)
         browser.close()
     server.stop()

@@ -14,7 +14,7 @@ from docs.pictures.take import FLAGS, LONG, shot
 from tests.app.test_tutorial import STEPS, Person
 
 HERE = Path(__file__).parent
-SIZE = {"width": 1200, "height": 720}
+WIDTH, HEIGHT = 1200, 720
 
 
 def main() -> None:
@@ -24,7 +24,7 @@ def main() -> None:
     with sync_playwright() as playwright:
         path = shutil.which("chromium") or sys.exit("needs chromium")
         browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
-        page = browser.new_page(viewport=SIZE)
+        page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
         page.set_default_timeout(LONG)
         page.goto(server.url)
         page.wait_for_selector("table.bodies tr[data-name]")

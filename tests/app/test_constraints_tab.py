@@ -111,6 +111,19 @@ def test_d15_a_second_parent_is_a_cut_joint_and_a_loop_edge(state):
     assert [(loop["body"], loop["other"]) for loop in digraph(after)["loops"]] == [(3, 1)]
 
 
+def test_d15_a_loop_through_the_ground_and_a_body_clicked_twice_is_still_asked_for_its_second(
+    state,
+):
+    state = update(state, c.AddPart(ME, "loops", "revolute", "3"))
+    asked = state.clients[ME].picking
+    state = update(state, events.Select(ME, "3"))
+    assert state.clients[ME].picking is asked
+    state = update(state, c.PickName(ME, "ground"))
+    assert [(x.body, x.other, x.kind) for x in state.model.constraints] == [
+        ("3", "ground", "revolute")
+    ]
+
+
 def test_d16_d17_active_switch_and_joint_limits(state):
     after = add(state, "constraints", "point")
     off = update(after, c.SwitchPart(ME, "constraints", "point", False))
