@@ -70,6 +70,7 @@ pgraph.digraph = (() => {
   function draw(host, data) {
     const canvas = host.querySelector("svg.digraph");
     const before = host.graph, known = before?.data;
+    const focused = canvas.contains(document.activeElement) ? known?.names[numberAt(document.activeElement) - 1] : undefined;
     canvas.release();
     const tips = new Set(data.tips), separation = new Set(data.separation);
     const children = [[], ...data.names.map(() => [])];
@@ -83,6 +84,8 @@ pgraph.digraph = (() => {
     canvas.replaceChildren(...graph.edges.slice(1), ...loops(data), ...graph.nodes);
     if (!known || known.names.length !== data.names.length || known.kind !== data.kind) canvas.fit();
     mark(host, pgraph.latest.selection);
+    const again = focused === undefined ? 0 : data.names.indexOf(focused) + 1;
+    if (again) { reachable(graph, again); graph.nodes[again].focus({ preventScroll: true }); } // before the hover: a focus shows its card
     hover(host, known ? data.names.indexOf(known.names[(before.hovered ?? 0) - 1]) + 1 : 0);
     pgraph.steps.redrawn(host);
   }

@@ -21,6 +21,7 @@ FLAGS = (
     "--no-first-run", "--disable-background-networking", "--disable-component-update",
     "--disable-sync",
 )  # fmt: skip
+MARKER = "pelvis"  # selected to see that a page has caught up
 NOBODY = -1  # a page that is not there: events of the tests themselves
 
 
@@ -97,12 +98,16 @@ def page(the_page: Any, served: Server, quadruped: pg.Model) -> Any:
     served.send(events.Cancel(NOBODY))
     served.send(events.OpenText(NOBODY, "quadruped", quadruped.to_json()))
     for client in served.store.state.clients:
-        served.send(events.Select(client, None))
+        served.send(events.Select(client, MARKER))
     for what in ("names", "links", "coms", "forces"):
         served.send(events.Show(NOBODY, what, False))
-    the_page.keyboard.press("Escape")
     until(lambda: served.store.state.framed > opened, "the quadruped on the server")
     scenario = served.store.state.request.scenario
     the_page.wait_for_function("(s) => pgraph.latest.run.request.scenario === s", arg=scenario)
+    # messages come in order: with this selection all that was drawn before it is there
+    the_page.wait_for_function("(name) => pgraph.latest.selection === name", arg=MARKER)
+    for client in served.store.state.clients:
+        served.send(events.Select(client, None))
+    the_page.wait_for_function("pgraph.latest.selection === null")
     until(lambda: the_page.locator("tr.selected, .refused").count() == 0, "a page at rest")
     return the_page

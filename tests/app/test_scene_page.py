@@ -99,6 +99,11 @@ def test_arrows_move_along_the_tree_and_enter_selects(page, served):
     page.keyboard.press("ArrowUp")
     page.keyboard.press("Enter")
     until(lambda: "left_femur" in selections(served), "left_femur selected")
+    served.send(events.Edit(NOBODY, 0, "thorax", "mass", (), "7"))  # somebody else's: drawn anew
+    until(lambda: page.evaluate("pgraph.latest.digraph") and served.store.state.undo, "the edit")
+    page.keyboard.press("ArrowUp")
+    page.keyboard.press("Enter")
+    until(lambda: "pelvis" in selections(served), "the focus kept over the redraw")
 
 
 def selections(served: Any) -> list[str | None]:
@@ -207,8 +212,8 @@ def test_the_ground_and_the_camera_follow_the_up_axis(page, served, up):
     camera = served.viser.get_clients()[client].camera
     axis = "xyz".index(up)
     until(lambda: abs(camera.up_direction[axis]) > 0.9, f"{up} up")
-    grid = served.viser.scene.get_handle_by_name("/ground")
-    assert grid.plane == {"x": "yz", "z": "xy"}[up]
+    scene, across = served.viser.scene, {"x": "yz", "z": "xy"}[up]
+    until(lambda: scene.get_handle_by_name("/ground").plane == across, "the ground across it")
 
 
 # -- the Operators tab -------------------------------------------------------------------------
