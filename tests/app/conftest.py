@@ -91,21 +91,26 @@ def the_page(open_page: Callable[[], Any]) -> Any:
     return page
 
 
+def caught_up(page: Any, served: Server) -> bool:
+    """Whether a selection made now is on the page: messages come in order, so all before it is."""
+    for client in served.store.state.clients:
+        served.send(events.Select(client, MARKER))
+    page.wait_for_timeout(30)
+    return page.evaluate("pgraph.latest.selection") == MARKER
+
+
 @pytest.fixture
 def page(the_page: Any, served: Server, quadruped: pg.Model) -> Any:
     """The page on the quadruped as it is in the file, nothing selected."""
     opened = served.store.state.framed
+    the_page.keyboard.press("Escape")  # what is half typed or asked goes away
+    the_page.evaluate("document.activeElement?.blur()")
     served.send(events.Cancel(NOBODY))
     served.send(events.OpenText(NOBODY, "quadruped", quadruped.to_json()))
-    for client in served.store.state.clients:
-        served.send(events.Select(client, MARKER))
     for what in ("names", "links", "coms", "forces"):
         served.send(events.Show(NOBODY, what, False))
     until(lambda: served.store.state.framed > opened, "the quadruped on the server")
-    scenario = served.store.state.request.scenario
-    the_page.wait_for_function("(s) => pgraph.latest.run.request.scenario === s", arg=scenario)
-    # messages come in order: with this selection all that was drawn before it is there
-    the_page.wait_for_function("(name) => pgraph.latest.selection === name", arg=MARKER)
+    until(lambda: caught_up(the_page, served), "a page that shows it")
     for client in served.store.state.clients:
         served.send(events.Select(client, None))
     the_page.wait_for_function("pgraph.latest.selection === null")

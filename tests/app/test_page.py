@@ -272,9 +272,13 @@ def test_a_new_model_is_seen_whole(page, served):
 
     def framed() -> bool:
         state = served.store.state
-        (client, shown), *_ = served.viser.get_clients().items()
-        place, _ = viewpoint(state, state.clients[client].aspect)
-        return bool(np.allclose(shown.camera.position, place, atol=1e-3))
+        client = max(served.viser.get_clients())  # the page that came last
+        aspect = state.clients[client].aspect
+        if aspect is None:
+            return False
+        place, _ = viewpoint(state, aspect)
+        camera = served.viser.get_clients()[client].camera
+        return bool(np.allclose(camera.position, place, atol=1e-3))
 
     until(framed, "the camera on the new model")
 
