@@ -133,15 +133,20 @@ window.pgraph = (() => {
     if (latest.selection) pgraph.send("SelectBodies", { body: latest.selection, bodies: latest.selected ?? [] });
     if (latest.theme?.dark) pgraph.send("Theme", { dark: true });
     for (const act of inView.values()) act(true);
+    watchView();
   }
 
-  // The shape of the 3D view, once its size has settled: the camera is set for it.
+  // The shape of the 3D view, once its size has settled: the camera is set for it. To observe is
+  // to be told at once, so a reconnected page says it again, of the canvas that it has by then.
+  let watched = null;
   function watchView() {
-    const canvas = document.querySelector("canvas");
+    const canvas = document.querySelector("canvas:not(.pgraph *)");
     if (!canvas) { setTimeout(watchView, 100); return; }
+    watched?.disconnect();
     let settling = null;
     const tell = () => pgraph.send("Viewport", { aspect: canvas.clientWidth / Math.max(canvas.clientHeight, 1) });
-    new ResizeObserver(() => { clearTimeout(settling); settling = setTimeout(tell, 250); }).observe(canvas);
+    watched = new ResizeObserver(() => { clearTimeout(settling); settling = setTimeout(tell, 250); });
+    watched.observe(canvas);
   }
   watchView();
 

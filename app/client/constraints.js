@@ -135,7 +135,7 @@
     if (!same) document.querySelector(".pgraph-banner")?.remove();
     if (data.picking && !same) {
       const names = data.picking.names.map(([name, text]) => button("small", text, "", () => send("PickName", { name })));
-      const view = document.querySelector("canvas").getBoundingClientRect();
+      const view = document.querySelector("canvas:not(.pgraph *)").getBoundingClientRect();
       const style = `left: ${view.left + view.width / 2}px; max-width: ${Math.max(view.width - 24, 260)}px`;
       document.body.append(make("div", { className: "pgraph pgraph-banner", role: "status", style },
         make("span", { textContent: data.picking.text }), ...names, button("small", "Cancel", "Escape", () => send("Unpick"))));

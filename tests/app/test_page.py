@@ -484,4 +484,5 @@ def test_a_page_that_lost_its_connection_keeps_its_selection(page, served):
     until(lambda: set(served.store.state.clients) - before, "the page to come back")
     until(lambda: [c.selection for c in served.store.state.clients.values()] == ["thorax"],
           "its selection")  # fmt: skip
+    until(lambda: all(c.aspect for c in served.store.state.clients.values()), "its view's shape")
     row(page, "thorax").locator("td.number").wait_for()
