@@ -77,6 +77,8 @@ def evaluated(text: str, parameters: Mapping[str, float]) -> float:
     if len(text) > LONGEST:
         raise ValueError(f"a formula has at most {LONGEST} characters; given {len(text)}")
     try:
+        if "\0" in text:
+            raise SyntaxError  # as Python itself says from 3.11.4 on
         tree = ast.parse(text.strip().removeprefix("=").strip(), mode="eval")
         result = _value(tree.body, parameters)
     except (SyntaxError, MemoryError, RecursionError):

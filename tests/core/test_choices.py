@@ -116,13 +116,12 @@ def test_an_explicit_method_that_blows_up_keeps_what_it_has(method):
     assert any("try radau5" in notice for notice in run.notices)
 
 
-def test_newtons_method_that_fails_is_named():
+def test_steps_too_wide_for_newtons_method_are_parted_and_said():
     """Steps of 2 s on a double pendulum that takes 1.5 s for a swing."""
     q = np.array([2.5, 1.0])
     run = pg.simulate(double_pendulum(), q, t_end=20.0, method="radau5", step=2.0)
-    assert run.status is pg.Status.NOT_SOLVED
-    assert run.message.startswith("the equations of an implicit step could not be solved at t = ")
-    assert "try a step below 2 s" in run.message
+    assert run.status.ok
+    assert any("steps of 2 s could not be solved at once" in said for said in run.notices)
 
 
 @pytest.mark.parametrize("method", ["dopri5", "dop853", "radau5", "ros2"])
