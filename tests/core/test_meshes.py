@@ -184,4 +184,5 @@ def test_trimesh_is_imported_for_files_only():
         "meshes.mass_properties(pg.Shape(kind='sphere', radius=1), 1);"
         "assert 'trimesh' not in sys.modules"
     )
-    subprocess.run([sys.executable, "-c", code], check=True)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
