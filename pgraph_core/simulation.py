@@ -24,7 +24,7 @@ from .sites import Site, sites_of
 from .stepping import FIXED_RTOL, NO_TIMES, Plan, Tolerance, corners, corners_inside
 from .stiffness import fastest_rate
 from .switching import changes, ever, with_instants
-from .system import Array, Ints
+from .system import Array, Drives, Ints, Loads
 
 MOST_STEPS = 1_000_000_000  # a day of computing
 LEAST_RTOL = 1e-15  # below it errors of a step are rounding
@@ -106,30 +106,11 @@ def simulate(
     if method is None and rtol is not None and name not in ADAPTIVE:
         name = "auto"  # a tolerance replaces the scenario's method where that takes none
     impulses = contacts is not None and contacts.rigid
-    asked = (
-        None
-        if name == "auto" and not impulses
-        else method_of(
-            "moreau_jean" if name == "auto" else name,
-            impulses=impulses,
-            touching=contacts is not None,
-        )
-    )
     usual = given.step if given else 1e-3
-    rate, looking = 0.0, time.perf_counter()
-    if not callable(tau) and (asked is None or not asked.implicit):
-        rate = fastest_rate(mech, (drives, loads), active, q0, v0)
-    looked = time.perf_counter() - looking
-    if asked is not None:
-        chosen, why = asked, f"{name}: as asked"
-        if name == "auto":
-            why = "moreau_jean: the scene has rigid contacts or joint limits"
-    else:
-        stepped = step is not None or given is not None or contacts is not None
-        rest = rate
-        if rate * span > MANY:
-            rest = fastest_rate(mech, NO_FORCES, active, q0, v0)
-        chosen, why = automatic(usual if stepped and step is None else step, rtol, rate, rest, span)
+    stepped = usual if step is None and (given is not None or contacts is not None) else step
+    chosen, why, rate, looked = _choice(
+        mech, (drives, loads), active, (q0, v0), name, contacts, stepped, rtol, span, callable(tau)
+    )
     sites: tuple[Site, ...] = ()
     if contacts and impulses and chosen.name != "moreau_jean":
         contacts, sites = _in_phases(mech, contacts)
@@ -197,6 +178,37 @@ def simulate(
     shown = np.isin(times, asked_for) if changing else np.ones(len(times), dtype=bool)
     shown[0] = t_eval is None or len(asked_for) == np.size(t_eval)
     return record.result(error, timing, header, shown)
+
+
+def _choice(
+    mech: Mechanism,
+    acting: tuple[Drives, Loads],
+    active: Ints,
+    start: tuple[Array, Array],
+    name: str,
+    contacts: Tables | None,
+    step: float | None,
+    rtol: float | None,
+    span: float,
+    unknown: bool,
+) -> tuple[Method, str, float, float]:
+    """(method, why, fastest rate [1/s], time spent on it [s]) for the asked name or "auto".
+
+    The rate is 0 where nothing needs it, or where torques are `unknown`: given by a function.
+    """
+    impulses, asked = contacts is not None and contacts.rigid, None
+    if name != "auto" or impulses:
+        known = "moreau_jean" if name == "auto" else name
+        asked = method_of(known, impulses=impulses, touching=contacts is not None)
+    rate, looking = 0.0, time.perf_counter()
+    if not unknown and (asked is None or not asked.implicit):
+        rate = fastest_rate(mech, acting, active, *start)
+    looked = time.perf_counter() - looking
+    if asked is not None:
+        impacts = "moreau_jean: the scene has rigid contacts or joint limits"
+        return asked, impacts if name == "auto" else f"{name}: as asked", rate, looked
+    rest = fastest_rate(mech, NO_FORCES, active, *start) if rate * span > MANY else rate
+    return *automatic(step, rtol, rate, rest, span), rate, looked
 
 
 def automatic(
