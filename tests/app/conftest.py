@@ -100,7 +100,7 @@ def caught_up(page: Any, served: Server) -> bool:
 
 
 @pytest.fixture
-def page(the_page: Any, served: Server, quadruped: pg.Model) -> Any:
+def page(the_page: Any, served: Server, quadruped: pg.Model) -> Iterator[Any]:
     """The page on the quadruped as it is in the file, nothing selected."""
     opened = served.store.state.framed
     the_page.keyboard.press("Escape")  # what is half typed or asked goes away
@@ -115,4 +115,6 @@ def page(the_page: Any, served: Server, quadruped: pg.Model) -> Any:
         served.send(events.Select(client, None))
     the_page.wait_for_function("pgraph.latest.selection === null")
     until(lambda: the_page.locator("tr.selected, .refused").count() == 0, "a page at rest")
-    return the_page
+    yield the_page
+    for event in (events.StopLive(NOBODY), events.Cancel(NOBODY), events.CancelAnalysis(NOBODY)):
+        served.send(event)

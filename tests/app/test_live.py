@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -114,26 +116,33 @@ def test_parts_of_a_run_that_is_over_are_dropped(live):
 
 
 def test_the_thread_keeps_the_clock_follows_edits_and_ends(live):
-    state, heard = live, []
+    state, count, one_at_a_time = live, 0, threading.RLock()
 
-    def send(event: Any) -> None:
-        nonlocal state
-        heard.append(event)
-        state = update(state, event)
-        runner.render(state, state)
+    def send(event: Any) -> None:  # from this thread and the runner's, as a store takes them
+        nonlocal state, count
+        with one_at_a_time:
+            state, count = update(state, event), count + 1
+            runner.render(state, state)
+
+    def wait(until: Callable[[], bool]) -> None:
+        end = time.monotonic() + 60
+        while not until():
+            assert time.monotonic() < end
+            time.sleep(0.01)
+
+    def mass() -> float:
+        return state.run.result.mechanism.model.body("1").mass if state.run else 0.0
 
     runner = LiveRunner(send)
     runner.render(state, state)
-    end = time.monotonic() + 20
-    while (state.t_end < 0.1 or len(heard) < 3) and time.monotonic() < end:
-        time.sleep(0.01)
-    assert state.t_end >= 0.1
-    send(events.Edit(ME, 2, "1", "mass", (), "7"))
-    while state.run.result.mechanism.model.body("1").mass != 7 and time.monotonic() < end:
-        time.sleep(0.01)
-    assert state.run.result.mechanism.model.body("1").mass == 7
-    send(events.StopLive(ME))
+    try:
+        wait(lambda: state.t_end >= 0.1 and count >= 3)
+        send(events.Edit(ME, 2, "1", "mass", (), "7"))
+        wait(lambda: mass() == 7)
+    finally:
+        send(events.StopLive(ME))
     assert isinstance(state.run.result, pg.Result)
+    wait(lambda: not any(thread.name == "pgraph-live" for thread in threading.enumerate()))
 
 
 def test_a_clock_that_is_far_behind_waits(monkeypatch):
