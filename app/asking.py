@@ -15,8 +15,8 @@ from queue import SimpleQueue
 from typing import Any
 
 import pgraph_core as pg
-from pgraph_core.meshes import load_mesh, mass_properties
-from pgraph_core.mobility import mobility
+from pgraph_core.constraints.mobility import mobility
+from pgraph_core.shapes.meshes import load_mesh, mass_properties
 
 from .cells import Refusal
 from .events import Event

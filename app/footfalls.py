@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.contact_record import PHASES, SWING
+from pgraph_core.result.contact_record import PHASES, SWING
 
 from .shapes import to_matrix
 

@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.contact_record import PHASES, SWING, ContactRecord, Event
-from pgraph_core.phase_log import CAUSES, LIFTED
+from pgraph_core.result.contact_record import PHASES, SWING, ContactRecord, Event
+from pgraph_core.simulation.phase_log import CAUSES, LIFTED
 
 ON_GROUND = frozenset(PHASES) - {SWING}
 GRAZE = 5e-3  # [s]: what is over sooner than this after a part begins is no change

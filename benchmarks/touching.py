@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from pgraph_core import solids
 from pgraph_core.kernels import collision
+from pgraph_core.shapes import solids
 
 from .machine import has
 from .timing import Case

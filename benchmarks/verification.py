@@ -7,7 +7,7 @@ import sys
 import pgraph_core as pg
 import static_models
 from app.cli.verify import facts
-from pgraph_core.observables import KINDS
+from pgraph_core.cases.observables import KINDS
 
 from .machine import machine
 

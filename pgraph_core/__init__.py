@@ -36,57 +36,57 @@ from .topology import parent_of as parent_of
 from .topology import pgraph_of as pgraph_of
 
 if TYPE_CHECKING:
-    from .assembly import Assembly as Assembly
-    from .batch import Batch as Batch
-    from .batch_simulation import BatchResult as BatchResult
-    from .batch_simulation import simulate_batch as simulate_batch
     from .cases import Case as Case
     from .cases import Verdict as Verdict
     from .cases import load_cases as load_cases
     from .cases import verify as verify
     from .columns import Columns as Columns
-    from .frames import frame_update_trace as frame_update_trace
+    from .constraints.assembly import Assembly as Assembly
+    from .constraints.mobility import Mobility as Mobility
     from .gait.controller import Controller as Controller
     from .gait.footprints import Footprint as Footprint
     from .gait.footprints import footprints as footprints
     from .gait.footprints import footprints_csv as footprints_csv
     from .gait.ground import underfoot as underfoot
     from .gait.presets import gaits as gaits
-    from .joining import joined as joined
     from .mechanism import Mechanism as Mechanism
-    from .mobility import Mobility as Mobility
+    from .mechanism.batch import Batch as Batch
     from .operators import home_poses as home_poses
+    from .operators.frame_update import frame_update_trace as frame_update_trace
     from .report.comparison import work_precision as work_precision
     from .report.reference import Reference as Reference
     from .report.study import Study as Study
     from .result import Result as Result
     from .result import Status as Status
+    from .result.joining import joined as joined
     from .simulation import simulate as simulate
+    from .simulation.batches import BatchResult as BatchResult
+    from .simulation.batches import simulate_batch as simulate_batch
+    from .simulation.walk import Walk as Walk
     from .stability.map import StabilityMap as StabilityMap
     from .stability.map import stability_map as stability_map
-    from .walk import Walk as Walk
 
 _LAZY = {
-    "Assembly": "assembly",
-    "Batch": "batch",
-    "BatchResult": "batch_simulation",
-    "simulate_batch": "batch_simulation",
+    "Assembly": "constraints.assembly",
+    "Batch": "mechanism.batch",
+    "BatchResult": "simulation.batches",
+    "simulate_batch": "simulation.batches",
     "Case": "cases",
     "Verdict": "cases",
     "load_cases": "cases",
     "verify": "cases",
     "Columns": "columns",
-    "frame_update_trace": "frames",
+    "frame_update_trace": "operators.frame_update",
     "Controller": "gait.controller",
     "gaits": "gait.presets",
     "Footprint": "gait.footprints",
     "footprints": "gait.footprints",
     "footprints_csv": "gait.footprints",
     "underfoot": "gait.ground",
-    "Walk": "walk",
-    "joined": "joining",
+    "Walk": "simulation.walk",
+    "joined": "result.joining",
     "Mechanism": "mechanism",
-    "Mobility": "mobility",
+    "Mobility": "constraints.mobility",
     "home_poses": "operators",
     "work_precision": "report.comparison",
     "Reference": "report.reference",

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .blocks import normals_of
+from .constraints.blocks import normals_of
 from .kernels import layout as at
 from .rotation import unit_vector
 from .schema import Force, Model, VectorTable

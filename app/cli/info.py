@@ -8,7 +8,7 @@ from typing import Any
 
 import pgraph_core as pg
 from pgraph_core import joints
-from pgraph_core.mobility import mobility
+from pgraph_core.constraints.mobility import mobility
 
 from . import given
 from .answer import Answer, aligned

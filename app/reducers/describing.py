@@ -10,8 +10,8 @@ from dataclasses import replace
 from typing import Any
 
 import pgraph_core as pg
-from pgraph_core.meshes import mass_properties
 from pgraph_core.schema.parameters import evaluated, names_in
+from pgraph_core.shapes.meshes import mass_properties
 
 from .. import body_cells, cells
 from ..body_cells import edit_of, mended

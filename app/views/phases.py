@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from pgraph_core.contact_record import PHASES
+from pgraph_core.result.contact_record import PHASES
 
 from ..client.bridge import Bridge
 from ..footfalls import Change, since

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from ..callback import UserTorque
 from ..errors import InputError, Problem
 from ..kernels import gait_layout as go
 from ..kernels import layout as at
@@ -14,6 +13,7 @@ from ..kernels import walking
 from ..kernels._jit import JIT, compile_kernel, ready
 from ..kernels.handle import _KEPT, WORDS, address_of
 from ..mechanism import Mechanism
+from ..mechanism.callback import UserTorque
 from ..schema import Gait
 from ..system import Array
 from .anatomy import Anatomy, anatomy

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..bodies import turned
-from ..contact_record import SWING
+from ..mechanism.bodies import turned
 from ..result import Result
+from ..result.contact_record import SWING
 from ..system import Array
 
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..bodies import quaternions
+from ..mechanism.bodies import quaternions
 from ..rotation import matrix
 from ..system import Array
 from .elementary import Row, inertia_of, sizes

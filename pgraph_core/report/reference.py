@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..cases import Case
+from ..cases.observables import Still
 from ..errors import InputError, Problem
 from ..mechanism import Mechanism
-from ..observables import Still
 from ..result import Result
 from ..system import Array
 from .errors import differences, rms

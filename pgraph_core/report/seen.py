@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..bodies import bodies_over, turned
 from ..mechanism import Mechanism
-from ..stepping import length_of
+from ..mechanism.bodies import bodies_over, turned
+from ..simulation.stepping import length_of
 from ..system import Array
 
 

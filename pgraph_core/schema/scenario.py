@@ -7,10 +7,10 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 
 from ..errors import choices
-from ..methods import METHOD_NAMES
 from .fields import Described, Number, PerMotion, refuse
 from .force import Force
 from .gait import Gait
+from .methods import METHOD_NAMES
 from .sentences import shown
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..result import Result, Status
-from ..stepping import length_of
+from ..simulation.stepping import length_of
 from ..system import Array
 from .reference import Reference, misses
 from .verdict import NAN, Cell, Verdict

@@ -13,8 +13,8 @@ from ..kernels import layout as at
 from ..mechanism import Mechanism
 from ..result import Result
 from ..simulation import simulate
-from ..stepping import length_of
-from ..stiffness import fastest_rate
+from ..simulation.stepping import length_of
+from ..simulation.stiffness import fastest_rate
 from ..system import Array
 from .runs import per_step
 

@@ -26,7 +26,7 @@ from app.views import exports
 from app.views.gait import gait
 from app.views.ground import solid
 from app.views.phases import phases
-from pgraph_core.contact_record import Event
+from pgraph_core.result.contact_record import Event
 
 ME = 1
 PART = 0.0167  # [s]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core import impacts
-from pgraph_core.phased_scene import PhasedScene
+from pgraph_core.contact import impacts
+from pgraph_core.simulation.phased_scene import PhasedScene
 
 SMALLEST = (1e-2, 1e-9, 1e-160, 1e-310)  # products of the last ones underflow
 

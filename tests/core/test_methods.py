@@ -7,15 +7,15 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import pgraph_core as pg
-from pgraph_core import tableaus
+from pgraph_core.integrators import tableaus
 from pgraph_core.kernels import layout as at
 from pgraph_core.kernels._jit import kernel
 from pgraph_core.kernels.events import EVENT, look_back
 from pgraph_core.kernels.handle import address_of
-from pgraph_core.mechanism import NO_LOADS
-from pgraph_core.recording import Recording
-from pgraph_core.simulation import frame_times
-from pgraph_core.stepping import Plan, Tolerance
+from pgraph_core.mechanism.mechanism import NO_LOADS
+from pgraph_core.simulation.recording import Recording
+from pgraph_core.simulation.simulation import frame_times
+from pgraph_core.simulation.stepping import Plan, Tolerance
 
 from .test_cases import DOWN, case, mass, place, rod, worst
 

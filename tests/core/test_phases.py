@@ -9,7 +9,7 @@ import pytest
 
 import pgraph_core as pg
 import static_models
-from pgraph_core.phased_scene import PhasedScene
+from pgraph_core.simulation.phased_scene import PhasedScene
 
 G = 9.81
 FEET = ("left_front_paw", "right_front_paw", "left_hind_paw", "right_hind_paw")

@@ -9,7 +9,7 @@ import pytest
 
 import pgraph_core as pg
 import static_models
-from pgraph_core.scene import Scene
+from pgraph_core.mechanism.scene import Scene
 
 METHODS = [
     {"method": "rk4", "step": 1e-3},

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pgraph_core import solids
 from pgraph_core.kernels import collision
 from pgraph_core.kernels import layout as at
-from pgraph_core.solids import Placed, Solid
+from pgraph_core.shapes import solids
+from pgraph_core.shapes.solids import Placed, Solid
 
 FLAT = solids.ground((0, 0, 1))
 NOTHING = np.zeros((0, 2), np.int64)

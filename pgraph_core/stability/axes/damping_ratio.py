@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
+from ...constraints.tied import home
 from ...joints import nv
 from ...operators import Operators
 from ...schema import Force, Model
-from ...tied import home
 from ...topology import Topology
 from ..axis import Axis, changed, lacking
 

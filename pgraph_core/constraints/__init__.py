@@ -1,0 +1,1 @@
+"""Constraints: rows of kernels, loops that close, what moves, what is redundant or singular."""

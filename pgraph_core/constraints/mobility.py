@@ -1,0 +1,352 @@
+"""Degrees of freedom that constraints leave: ranks, redundant rows by name, singular positions.
+
+Ranks are those of the rows in the mass metric, turning rows times the model's length, with a cut
+of 1e-7, since positions that are good to rounding are 1e-8 off where constraints meet to second
+order only; rows are judged in the order of the model, so that the later of two that say the same is
+called redundant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError
+from ..rotation import Array
+from ..schema import Model
+from ..topology import Topology
+from .closing import closed, contradiction, descended
+from .tied import (
+    COORDINATE,
+    Group,
+    Tied,
+    advanced,
+    apart,
+    axis_name,
+    held_by,
+    home,
+    is_turn,
+    joints_of,
+)
+
+CUT = 1e-7  # of a group's largest singular value: below it a row says nothing new
+CUT_AROUND = 1e-4  # the same at positions around, which are met to MET
+MET = 1e-11  # of the mechanism's size: to second order that is 3e-6 of a turn
+NEARBY = 0.05  # rad, or of the mechanism's size: a look at the positions around
+STAYED = 0.2  # of that: a move that was taken back
+LOOK_ROUNDS = 40
+LOOKS = 3  # at positions around
+BRANCH_LOOKS = 12  # where there are branches
+SAME = 0.99  # cosine between two directions of one branch
+PART = 1e-6  # of the largest: a joint that moves
+LISTED = 8  # rows, joints or branches in a sentence
+
+
+@dataclass(frozen=True)
+class Redundant:
+    """A row that says nothing new."""
+
+    constraint: str
+    direction: str  # "rotation about x", in world axes unless a body is named
+    bodies: tuple[str, ...]  # that it touches
+    only_here: bool  # whether it says something at positions nearby
+
+    def __str__(self) -> str:
+        return f"{self.direction} of constraint '{self.constraint}'"
+
+
+@dataclass(frozen=True)
+class Mobility:
+    """What constraints leave of a mechanism's freedom at one position."""
+
+    tree: int  # degrees of freedom without the constraints
+    constraints: int  # how many are active
+    rows: int  # of them, velocity rows counted
+    rank: int  # of all rows here
+    dof: int  # ways to move off: tree - rank
+    positions: int  # dimension of the positions that can be reached by closing loops alone
+    redundant: tuple[Redundant, ...]
+    extra: int  # ways to move that are there only here: a singular position
+    finite: bool  # whether they lead anywhere; False: parts can shake, not move
+    joints: tuple[str, ...]  # that take part in motions, where the position is singular
+    branches: tuple[tuple[float, ...], ...]  # (nv,) directions in which motions lead away
+    branch: int  # index of the one that the velocity takes; -1: none
+    moved: float  # how far the position was from meeting the constraints [rad or m]
+    names: tuple[str, ...]  # the joint of each degree of freedom
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fields by name, for JSON; `text` is the report in words."""
+        return asdict(self) | {"text": str(self)}
+
+    def __str__(self) -> str:
+        return "\n".join((*_counts(self), *_redundant(self), *_singular(self)))
+
+
+def mobility(
+    model: Model,
+    topology: Topology,
+    q: Array | None = None,
+    v: Array | None = None,
+    active: Sequence[str] | None = None,
+) -> Mobility:
+    """The report at q, the initial state by default, moved first to where constraints are met.
+
+    A velocity decides between branches at a singular position. O(n³) in the degrees of freedom.
+    Raises InputError where the constraints cannot be met.
+    """
+    at = home(model, topology) if q is None else q
+    tied = Tied(model, topology, held_by(model, active), at)
+    ended = closed(tied)
+    if not ended.closed:
+        raise InputError(contradiction(ended))
+    here = ended.tied
+    basis, found = _judged(here)
+    holonomic, _ = _judged(here, holonomic=True)
+    generic, finite, again, branches = len(basis), True, found, ()
+    if found:
+        generic, finite, again, branches = _around(here, len(basis), found)
+    extra = generic - len(basis)
+    null = _null(here, basis)
+    return Mobility(
+        tree=here.op.nv,
+        constraints=len(here.held),
+        rows=len(here.J),
+        rank=len(basis),
+        dof=here.op.nv - len(basis),
+        positions=here.op.nv - len(holonomic),
+        redundant=_named(here, found, again if extra else found),
+        extra=extra,
+        finite=finite,
+        joints=_moving(here, null) if extra else (),
+        branches=tuple(tuple(d.tolist()) for d in branches),
+        branch=_taken(here, branches, v),
+        moved=float(np.max(np.abs(apart(tied, here.q)), initial=0.0)),
+        names=_joint_of_each(here),
+    )
+
+
+Found = list[tuple[Group, Array]]  # groups with what is redundant of them, (k, rows)
+
+
+def _judged(tied: Tied, holonomic: bool = False, cut: float = CUT) -> tuple[Array, Found]:
+    """An orthonormal basis (rank, nv) of the rows' span, and what is redundant, in turn."""
+    basis, found = np.zeros((0, tied.op.nv)), []
+    for group in tied.groups:
+        if holonomic and not group.holonomic:
+            continue
+        rows = tied.scaled[group.rows]
+        scale = float(np.linalg.norm(rows, 2)) if rows.size else 0.0
+        rows = rows / (scale or 1.0)
+        for _ in range(2):
+            rows = rows - (rows @ basis.T) @ basis
+        left, sizes, right = np.linalg.svd(rows)
+        rank = int((sizes > cut).sum())
+        if rank < len(rows):
+            found.append((group, left[:, rank:].T))
+        basis = np.vstack((basis, right[:rank]))
+    return basis, found
+
+
+def _null(tied: Tied, basis: Array) -> Array:
+    """(nv - rank, nv) velocities that all rows allow, orthonormal in the mass metric."""
+    full = np.linalg.svd(basis)[2] if len(basis) else np.eye(tied.op.nv)
+    return np.array([tied.step(y) for y in full[len(basis) :]]).reshape(-1, tied.op.nv)
+
+
+def _around(here: Tied, rank: int, found: Found) -> tuple[int, bool, Found, tuple[Array, ...]]:
+    """Largest rank at positions around, whether any can be reached, what is redundant there.
+
+    And, where the rank is larger around and one way to move is left, the directions to go.
+    """
+    basis, _ = _judged(here)
+    null = _null(here, basis)
+    if not len(null):
+        return rank, True, found, ()
+    random = np.random.default_rng(0)
+    most, again = rank, found
+    steps: list[Array] = []
+    back = 0
+    for n in range(BRANCH_LOOKS):
+        if n >= LOOKS and (most == rank or here.op.nv - most != 1):
+            break
+        step, other = _look(here, random.normal(size=len(null)) @ null)
+        if other is None:
+            continue
+        if other is here:
+            back += 1
+            continue
+        steps.append(step)
+        around, redundant = _judged(other, cut=CUT_AROUND)
+        if len(around) > most:
+            most, again = len(around), redundant
+    if back and not steps:
+        return here.op.nv, False, [], ()
+    single = most > rank and here.op.nv - most == 1
+    return most, True, again, _branches(here, steps) if single else ()
+
+
+def _look(here: Tied, step: Array) -> tuple[Array, Tied | None]:
+    """A position around: the move to it, and itself; `here` where it led back, None if nowhere."""
+    reach = np.where(is_turn(here), 1.0, here.size)
+    step = step * (NEARBY / float(np.max(np.abs(step) / reach)))
+    ended = descended(here.at(advanced(here, step)), MET, LOOK_ROUNDS)
+    moved = apart(here, ended.tied.q)
+    if not ended.closed:
+        return moved, None
+    stayed = float(np.max(np.abs(moved) / reach)) < STAYED * NEARBY
+    return moved, here if stayed else ended.tied
+
+
+def _branches(here: Tied, steps: list[Array]) -> tuple[Array, ...]:
+    """The directions of moves, each once, the largest entry 1."""
+    found: list[Array] = []
+    for step in steps:
+        if all(abs(_cosine(here, step, other)) < SAME for other in found):
+            found.append(step / step[np.abs(step).argmax()])
+    return tuple(found)
+
+
+def _cosine(here: Tied, a: Array, b: Array) -> float:
+    x, y = here.root.T @ a, here.root.T @ b
+    return float(x @ y / np.sqrt((x @ x) * (y @ y)))
+
+
+def _taken(here: Tied, branches: tuple[Array, ...], v: Array | None) -> int:
+    if v is None or not branches or not np.abs(v).max() > 0:
+        return -1
+    along = [abs(_cosine(here, d, v)) for d in branches]
+    return int(np.argmax(along)) if max(along) > SAME else -1
+
+
+def _named(tied: Tied, found: Found, around: Found) -> tuple[Redundant, ...]:
+    """Redundant rows by direction; those that a group does not have around are only here."""
+    elsewhere = {(g.constraint.name, g.nature): _directions(tied, g, n) for g, n in around}
+    rows: list[Redundant] = []
+    for group, null in found:
+        c = group.constraint
+        here = _directions(tied, group, null)
+        there = elsewhere.get((c.name, group.nature), [])
+        first = sorted(here, key=lambda d: d not in there)
+        named = [(d, k >= len(there)) for k, d in enumerate(first)]
+        rows += [Redundant(c.name, d, (c.body, *_others(group)), only) for d, only in named]
+    return tuple(rows)
+
+
+def _others(group: Group) -> tuple[str, ...]:
+    c = group.constraint
+    named = (c.other, *(c.coefficients or ())) if group.nature != COORDINATE else c.touches
+    return tuple(name for name in dict.fromkeys(named) if name != c.body)
+
+
+def _directions(tied: Tied, group: Group, null: Array) -> list[str]:
+    """Combinations of a group's rows in words: along axes as far as they go."""
+    if group.nature == COORDINATE:
+        return ["coordinate"] * len(null)
+    spanned = _upright(null @ group.directions)
+    about = "about" if group.nature == "rotation" else "along"
+    other = tied.topology.number(group.constraint.other)
+    named = [f"{group.nature} {about} {axis_name(d, tied, other)}" for d in spanned]
+    return named[: len(null)] + [group.nature] * (len(null) - len(named))
+
+
+def _upright(vectors: Array) -> list[Array]:
+    """Unit vectors with the span of the rows: along world axes where that holds some."""
+    _, sizes, right = np.linalg.svd(vectors)
+    basis = right[: int((sizes > 1e-9 * max(float(sizes.max(initial=0.0)), 1e-300)).sum())]
+    found: list[Array] = []
+    while len(basis):
+        inside = basis.T @ basis
+        axis = int(np.argmax(np.diag(inside) - 1e-9 * np.arange(3)))
+        chosen = inside[axis] / np.linalg.norm(inside[axis])
+        found.append(chosen)
+        rest = basis - np.outer(basis @ chosen, chosen)
+        basis = np.linalg.svd(rest)[2][: len(basis) - 1]
+    return found
+
+
+def _joint_of_each(tied: Tied) -> tuple[str, ...]:
+    return tuple(name for name, span in joints_of(tied) for _ in range(span.stop - span.start))
+
+
+def _moving(tied: Tied, null: Array) -> tuple[str, ...]:
+    size = np.linalg.norm(null, axis=0)
+    largest = float(size.max(initial=0.0))
+    return tuple(name for name, s in joints_of(tied) if size[s].max() > PART * largest)
+
+
+# -- in words ----------------------------------------------------------------------------------
+
+
+def _counts(m: Mobility) -> list[str]:
+    if not m.rows:
+        return [f"{_many(m.tree, 'degree')} of freedom, no active constraint"]
+    lines = [
+        f"{_many(m.tree, 'degree')} of freedom of the tree; {_many(m.rows, 'row')} of "
+        f"{_many(m.constraints, 'active constraint')}, rank {m.rank}: "
+        f"{_many(m.dof, 'degree')} of freedom left"
+    ]
+    if m.positions != m.dof:
+        lines.append(
+            f"velocities have {_many(m.dof, 'degree')} of freedom, positions {m.positions}: "
+            "rolling and blades forbid velocities, not places"
+        )
+    if m.moved > 1e-6:
+        lines.append(
+            f"counted where constraints are met, up to {m.moved:.3g} (rad or m in a joint) away"
+        )
+    return lines
+
+
+def _redundant(m: Mobility) -> list[str]:
+    always = [row for row in m.redundant if not row.only_here]
+    if not always:
+        return []
+    lines = [
+        f"{len(always)} of {_many(m.rows, 'row')} {_is(always)} redundant: the motion does not "
+        "depend on it, the forces are those of least norm"
+    ]
+    lines += [f"  {row}, between {_listed(row.bodies)}" for row in always[:LISTED]]
+    if len(always) > LISTED:
+        lines.append(f"  and {len(always) - LISTED} more")
+    lines.append("  for forces that are unique let constraints of kinds with fewer rows close it")
+    return lines
+
+
+def _singular(m: Mobility) -> list[str]:
+    if not m.extra:
+        return []
+    here = [str(row) for row in m.redundant if row.only_here]
+    lines = [
+        f"singular position: {_many(m.extra, 'more way')} to move than around it, as "
+        f"{_listed(here) or 'rows'} {'says' if len(here) < 2 else 'say'} nothing new here",
+        f"  joints that can move: {_listed(m.joints)}",
+    ]
+    if not m.finite:
+        return [*lines, "  none of it leads anywhere: the parts can shake, not move"]
+    lines += [
+        f"  branch {n}{' (the velocity takes it)' if n == m.branch + 1 else ''}: {_motion(m, d)}"
+        for n, d in enumerate(m.branches[:LISTED], start=1)
+    ]
+    if m.branch < 0:
+        lines.append("  at rest the forces decide where it goes; a velocity chooses a branch")
+    return lines
+
+
+def _motion(m: Mobility, direction: tuple[float, ...]) -> str:
+    parts = [f"{name} {x:+.3g}" for name, x in zip(m.names, direction) if abs(x) > 0.02]
+    return ", ".join(parts[:LISTED]) + (", ..." if len(parts) > LISTED else "")
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names[:LISTED]) + (" ..." if len(names) > LISTED else "")
+
+
+def _many(count: int, word: str) -> str:
+    return f"{count} {word}{'' if count == 1 else 's'}"
+
+
+def _is(items: Sequence[Any]) -> str:
+    return "is" if len(items) == 1 else "are"

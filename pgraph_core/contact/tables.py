@@ -1,0 +1,313 @@
+"""Contacts and joint limits of a model as the kernels take them; columns in `kernels/layout.py`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import combinations
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..constraints.blocks import Blocks, radius_of_gyration
+from ..errors import ModelError, PgraphError, Problem
+from ..kernels import layout as at
+from ..rotation import matrix
+from ..schema import Body, Contact, Model, Shape
+from ..schema.names import EVERY, GROUND
+from ..shapes import solids
+from ..shapes.solids import Placed, Solid
+from ..system import Array, Ints, System
+from ..topology import Topology
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+
+LAWS = {"complementarity": at.RIGID, "soft": at.SOFT, "penalty": at.PENALTY}
+ROOM = {at.SPHERE: 1, at.CAPSULE: 2}  # contact points of a shape, 8 of others
+SINKS = 1e-4  # of the bodies' size: how deep its weight presses what touches, if nothing is given
+SPEED = 1.0  # m/s: where a soft contact that gives no damping has its restitution
+
+
+class Touch(NamedTuple):
+    """One shape over the ground, one pair of shapes, or all members of a contact together."""
+
+    name: str
+    body: str
+    other: str
+    contact: Contact
+
+
+class Tables(NamedTuple):
+    """Contacts and limits of a scene: arrays of the kernels, and what their rows stand for."""
+
+    touches: tuple[Touch, ...]
+    limits: tuple[str, ...]  # names of limits, one a block
+    geometry: tuple[Array, ...]
+    ground: Array
+    touch: tuple[Ints, ...]
+    laws: Array  # (touches, 6)
+    limit_blocks: tuple[Ints, Array, Ints, Array]  # as in `Blocks`
+    room: int  # contact points that there is room for
+    remembers: bool  # penalty friction sticks to anchors
+
+    def __bool__(self) -> bool:
+        return bool(self.touches or self.limits)
+
+    @property
+    def rigid(self) -> bool:
+        """Whether anything here needs impulses: a rigid contact, or a limit."""
+        return bool(self.limits) or any(t.contact.law == "complementarity" for t in self.touches)
+
+
+def tables(mech: Mechanism, active: tuple[Contact, ...]) -> Tables:
+    """The tables of these contacts and of all limits. Raises ModelError, FileError."""
+    found = _Shapes(mech)
+    for contact in active:
+        found.add(contact)
+    return found.tables(*_limits(mech))
+
+
+class _Shapes:
+    """Shapes that touch, each once, and what may touch what."""
+
+    def __init__(self, mech: Mechanism):
+        self.mech, self.model = mech, mech.model
+        self.parts = mech.model, mech.topology, mech.system
+        self.apart = joined(mech.topology, mech.system)
+        self.placed: list[Placed] = []
+        self.number: dict[tuple[str, tuple[Any, ...]], int] = {}
+        self.touches: list[Touch] = []
+        self.on_ground: list[tuple[int, int]] = []
+        self.pairs: list[tuple[int, int, int]] = []
+        self.members: list[tuple[int, int]] = []
+
+    def add(self, c: Contact) -> None:
+        """All touches that a contact asks for."""
+        if c.body == EVERY and c.other == EVERY:
+            slot = self._slot(c.name, c)
+            self.members += [(self._shape(b, c), slot) for b in self._shaped()]
+            return
+        for body, other in self._ends(c):
+            name = c.name if EVERY not in (c.body, c.other) else f"{c.name}[{_one(c, body, other)}]"
+            if other == GROUND:
+                slot = self._slot(name, c, body, other)
+                self.on_ground.append((self._shape(self.model.body(body), c), slot))
+                continue
+            a, b = self._shape(self.model.body(body), c), self._other(other, c)
+            if self.placed[a].row == self.placed[b].row:
+                text = f"'{body}' and '{other}' are welded together and cannot touch"
+                raise ModelError(Problem(f"contact '{c.name}'", "other", text))
+            self.pairs.append((a, b, self._slot(name, c, body, other)))
+
+    def _ends(self, c: Contact) -> Iterator[tuple[str, str]]:
+        shaped = [b.name for b in self._shaped()]
+        for body in shaped if c.body == EVERY else [c.body]:
+            for other in shaped if c.other == EVERY else [c.other]:
+                every = EVERY in (c.body, c.other)
+                if body != other and not (every and self._tied(body, other)):
+                    yield body, other
+
+    def _tied(self, body: str, other: str) -> bool:
+        """Whether a joint ties two bodies: such pairs touch only where both are named."""
+        numbers = sorted(self.mech.topology.number(name) for name in (body, other))
+        return tuple(numbers) in self.apart
+
+    def _shaped(self) -> list[Body]:
+        return [b for b in self.model.bodies if b.shape is not None]
+
+    def _slot(self, name: str, c: Contact, body: str = EVERY, other: str = EVERY) -> int:
+        self.touches.append(Touch(name, body, other, c))
+        return len(self.touches) - 1
+
+    def _other(self, name: str, c: Contact) -> int:
+        return self._shape(self.model.body(name), c, points=False)
+
+    def _shape(self, body: Body, c: Contact, points: bool = True) -> int:
+        """Number of a body's shape, or of the points that a contact gives."""
+        own = c.points if points else ()
+        key = (body.name, own)
+        if key not in self.number:
+            self.number[key] = len(self.placed)
+            self.placed.append(self._place(body, own, c))
+        return self.number[key]
+
+    def _place(self, body: Body, own: tuple[Any, ...], c: Contact) -> Placed:
+        number = self.mech.topology.number(body.name)
+        packed = self.mech.system
+        home = packed.bodies_f[number, at.HOME : at.HOME + 9].reshape(3, 3)
+        offset = packed.bodies_f[number, at.OFFSET : at.OFFSET + 3]
+        row = int(packed.bodies_i[number, at.ROW])
+        if own:
+            return Placed(solids.points(own), row, number, offset.tolist(), home)
+        shape = body.shape
+        if shape is None:
+            text = f"body '{body.name}' has no shape; give it one, or give the contact points"
+            raise ModelError(Problem(f"contact '{c.name}'", "body", text))
+        position = offset + home @ np.array(shape.position)
+        return Placed(
+            _solid(c.name, body.name, shape),
+            row,
+            number,
+            position.tolist(),
+            home @ matrix(shape.rotation),
+        )
+
+    def tables(self, limits: tuple[str, ...], blocks: tuple[Ints, Array, Ints, Array]) -> Tables:
+        geometry = solids.packed(self.placed)
+        room = sum(self._points(i) for i, _ in self.on_ground)
+        room += sum(8 * max(len(self.placed[a].solid.vertices[:1]), 1) for a, _, _ in self.pairs)
+        room += sum(8 for _ in self.members)
+        return Tables(
+            tuple(self.touches),
+            limits,
+            geometry,
+            ground_of(self.model),
+            (
+                _ints(self.on_ground, 2),
+                _ints(self.pairs, 3),
+                _ints(self.members, 2),
+                _ints(sorted(self.apart) if self.members else [], 2),
+            ),
+            np.array([law(t.contact, *self.parts) for t in self.touches]).reshape(-1, at.LAW),
+            blocks,
+            room,
+            any(t.contact.law == "penalty" for t in self.touches),
+        )
+
+    def _points(self, i: int) -> int:
+        solid = self.placed[i].solid
+        return len(solid.vertices) if solid.kind == at.POINTS else ROOM.get(solid.kind, 8)
+
+
+def _one(c: Contact, body: str, other: str) -> str:
+    """What tells a touch of a contact of many from the others."""
+    return body if c.other != EVERY else other if c.body != EVERY else f"{body}, {other}"
+
+
+def ground_of(model: Model) -> Array:
+    """The plane, and the steps on it in its own axes (`solids.ground_axes`)."""
+    patches = []
+    for step in model.ground.steps:
+        spans = list(zip(step.low, step.high))
+        if model.up == "y":  # x, z in the description; z, x in the plane's own axes
+            spans.reverse()
+        patches.append((*spans[0], *spans[1], step.height))
+    return solids.ground(model.ground_normal, patches)
+
+
+def joined(topology: Topology, packed: System) -> set[tuple[int, int]]:
+    """Pairs of bodies, the smaller number first, that a joint ties or that one row carries."""
+    found = {(int(p), k) for k, p in enumerate(topology.parent, start=1) if p}
+    rows = packed.bodies_i[1:, at.ROW]
+    for row in np.unique(rows):
+        found |= set(combinations((np.flatnonzero(rows == row) + 1).tolist(), 2))
+    return found
+
+
+def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[float, ...]:
+    """(6,) law, friction, restitution, stiffness, damping, 0, with what is left out filled in.
+
+    Without a stiffness, the weight of the lightest tree that touches presses it in by 1e-4 of the
+    bodies' size; a damping gives the restitution, of a soft contact at 1 m/s.
+    """
+    friction = model.ground.friction if c.friction is None else c.friction
+    restitution = model.ground.restitution if c.restitution is None else c.restitution
+    mass = min(_masses(c, topology, packed), default=1.0)
+    depth = SINKS * radius_of_gyration(packed)
+    weight = mass * (float(np.linalg.norm(model.gravity)) or 9.81)
+    soft = c.law == "soft"
+    stiffness = weight / depth ** (1.5 if soft else 1.0) if c.stiffness is None else c.stiffness
+    if c.damping is not None:
+        damping = c.damping
+    elif soft:  # e = 1 - 2/3 c v
+        damping = 1.5 * (1 - restitution) / SPEED
+    else:
+        damping = 2 * damping_ratio(restitution) * np.sqrt(stiffness * mass)
+    return float(LAWS[c.law]), friction, restitution, stiffness, damping, 0.0
+
+
+def damping_ratio(restitution: float) -> float:
+    """Of a linear spring and damper that gives this restitution; 1 where nothing comes back."""
+    if restitution <= 0:
+        return 1.0
+    rate = -np.log(restitution)
+    return float(rate / np.hypot(np.pi, rate))
+
+
+def _masses(c: Contact, topology: Topology, packed: System) -> list[float]:
+    """Masses of the trees of the bodies that a contact names, of all where it names every one."""
+    parent, mass = topology.parent.tolist(), packed.bodies_f[1:, at.B_MASS].tolist()
+    root = list(range(topology.nb + 1))
+    total = [0.0] * (topology.nb + 1)
+    for k, p in enumerate(parent, start=1):
+        root[k] = root[p] if p else k
+        total[root[k]] += mass[k - 1]
+    names = {c.body, c.other} - {GROUND, EVERY}
+    numbers = map(topology.number, names) if names else range(1, topology.nb + 1)
+    return [total[root[k]] for k in numbers if total[root[k]] > 0]
+
+
+def _solid(contact: str, body: str, shape: Shape) -> Solid:
+    """A body's shape as the kernels see it. Raises ModelError naming contact and body."""
+    from ..shapes.meshes import solid_of  # trimesh is imported by scenes with meshes alone
+
+    try:
+        return solid_of(shape)
+    except PgraphError as error:
+        where = f"contact '{contact}'"
+        problems = [Problem(where, "", f"the shape of '{body}': {p}") for p in error.problems]
+        raise ModelError(problems) from None
+
+
+def _ints(rows: list[Any], columns: int) -> Ints:
+    return np.array(rows, dtype=np.int64).reshape(-1, columns)
+
+
+def _limits(mech: Mechanism) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Array]]:
+    """Names and blocks of all joint limits: a row c q - VALUE >= 0 each."""
+    names: list[str] = []
+    rows: list[tuple[int, ...]] = []
+    values: list[Array] = []
+    terms: list[tuple[int, int]] = []
+    factors: list[float] = []
+    for body in mech.model.bodies:
+        if not any(body.limits):
+            continue
+        number = mech.topology.number(body.name)
+        motions = np.flatnonzero(mech.system.body_of_row == number).tolist()
+        many = sum(pair is not None for pair in body.limits) > 1
+        for m, (k, pair, bounce) in enumerate(zip(motions, body.limits, body.limit_restitution)):
+            if pair is None:
+                continue
+            for sign, bound, side in ((1.0, pair[0], "low"), (-1.0, pair[1], "high")):
+                if bound is None:
+                    continue
+                _, _, qi, vi = mech.system.rows[k].tolist()
+                block = np.zeros(at.BLOCK_F)
+                block[at.VALUE], block[at.BOUNCE] = sign * bound, bounce
+                rows.append((at.T_LIMIT, k, 0, 1, len(terms), 1, 0, 0))
+                values.append(block)
+                terms.append((vi, qi))
+                factors.append(sign)
+                names.append(f"{body.name} {side} limit" + (f" {m}" if many else ""))
+    return tuple(names), (
+        _ints(rows, at.BLOCK_I),
+        np.array(values).reshape(-1, at.BLOCK_F),
+        _ints(terms, 2),
+        np.array(factors),
+    )
+
+
+def extended(blocks: Blocks, contacts: Tables) -> Blocks:
+    """The blocks of constraints, then of limits, then room for contact points."""
+    ints, floats, terms_i, terms_f = contacts.limit_blocks
+    ints = ints.copy()
+    ints[:, at.B_TERM] += len(blocks.terms_i)
+    return blocks._replace(
+        blocks_i=np.vstack(
+            (blocks.blocks_i, ints, np.zeros((contacts.room, at.BLOCK_I), np.int64))
+        ),
+        blocks_f=np.vstack((blocks.blocks_f, floats, np.zeros((contacts.room, at.BLOCK_F)))),
+        terms_i=np.vstack((blocks.terms_i, terms_i)),
+        terms_f=np.concatenate((blocks.terms_f, terms_f)),
+    )

@@ -1,0 +1,127 @@
+"""The integration methods as data: adding one is one entry."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from ..errors import InputError, Problem, choices
+from ..kernels import adaptive, implicit, moreau, run
+from . import tableaus
+from .tableaus import Tableau
+
+
+class Method(NamedTuple):
+    """A method: its numbers, the kernel that makes a step or attempts one, what it is for."""
+
+    name: str
+    order: int
+    tableau: Tableau
+    use: str  # what it is for
+    step: Any = None  # the kernel of a step of given width; None: it chooses its steps
+    attempt: Any = None  # the kernel that tries a step and estimates its error
+    # safety, exponents of this error and the last one, least and largest change of the width
+    controller: tuple[float, float, float, float, float] = (0.9, 0.0, 0.0, 0.2, 6.0)
+    limit: float = 0.0  # largest rate x step of an oscillation that is stable; 0: any
+
+    @property
+    def adaptive(self) -> bool:
+        """Whether it can choose its steps by their error."""
+        return self.attempt is not None
+
+    @property
+    def implicit(self) -> bool:
+        """Whether it solves equations, with a Jacobian."""
+        return self.limit == 0.0
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of the dynamics a step."""
+        return max(len(self.tableau.b), 1)
+
+
+def _pi(order: int, last: float, most: float) -> tuple[float, float, float, float, float]:
+    """PI control of an error that grows as h^order ([Hairer, Wanner 1996, IV.2])."""
+    return 0.9, 1.0 / order - 0.75 * last, last, 0.2, most
+
+
+RK4 = Method(
+    "rk4",
+    4,
+    tableaus.rk4(),
+    "smooth motion at a fixed step",
+    step=run.runge_kutta,
+    limit=2.83,
+)
+SEMI_IMPLICIT_EULER = Method(
+    "semi_implicit_euler",
+    1,
+    tableaus.euler(),
+    "playback and long runs without drift of energy, at low accuracy",
+    step=run.semi_implicit,
+    limit=2.0,
+)
+DOPRI5 = Method(
+    "dopri5",
+    5,
+    tableaus.dopri5(),
+    "smooth motion to three to six digits, tables with many corners",
+    attempt=adaptive.attempt_runge_kutta,
+    controller=_pi(5, 0.04, 10.0),
+    limit=1.0,
+)
+DOP853 = Method(
+    "dop853",
+    8,
+    tableaus.dop853(),
+    "smooth motion to six digits and more",
+    attempt=adaptive.attempt_runge_kutta,
+    controller=_pi(8, 0.04, 6.0),
+    limit=4.5,
+)
+RADAU5 = Method(
+    "radau5",
+    5,
+    tableaus.radau5(),
+    "stiff springs, dampers and friction, at steps that do not resolve them",
+    attempt=implicit.attempt_radau,
+    controller=_pi(4, 0.04, 8.0),
+)
+ROS2 = Method(
+    "ros2",
+    2,
+    tableaus.ros2(),
+    "stiff motion for playback: one factorisation a step",
+    attempt=implicit.attempt_ros2,
+    controller=_pi(2, 0.0, 6.0),
+)
+MOREAU_JEAN = Method(
+    "moreau_jean",
+    1,
+    tableaus.euler(),
+    "rigid contacts, joint limits and impacts, many at once",
+    step=moreau.moreau_jean,
+    limit=2.0,
+)
+METHODS = {
+    method.name: method
+    for method in (SEMI_IMPLICIT_EULER, RK4, DOPRI5, DOP853, ROS2, RADAU5, MOREAU_JEAN)
+}
+
+
+def method_of(name: str, *, impulses: bool = False, touching: bool = True) -> Method:
+    """The method called `name`; `impulses` says that the scene has some, `touching` contacts.
+
+    Raises InputError with the choices.
+    """
+    if name not in METHODS:
+        text = f"no method is called {name!r}; choose one of {choices(('auto', *METHODS))}"
+        raise InputError(Problem("simulate", "method", text))
+    if impulses and METHODS[name].step is None:
+        text = f"{name} cannot take impulses: the scene has rigid contacts or joint limits; use "
+        text += "'moreau_jean', 'auto', or 'rk4' from event to event"
+        raise InputError(Problem("simulate", "method", text))
+    if name == "moreau_jean" and not touching:
+        text = "moreau_jean is for impulses, and no contact and no limit acts here; use 'auto', or "
+        text += "'semi_implicit_euler', which makes the same steps without them"
+        raise InputError(Problem("simulate", "method", text))
+    return METHODS[name]

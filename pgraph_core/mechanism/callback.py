@@ -1,0 +1,108 @@
+"""Torques from a user's function: called from compiled runs at every stage."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba import carray, cfunc, types  # pyright: ignore[reportPrivateImportUsage]
+from numba.core.dispatcher import Dispatcher
+from numba.core.errors import NumbaError
+
+from ..errors import InputError, Problem
+from ..kernels._jit import JIT
+from ..kernels.handle import address_of_function
+from ..system import Array
+
+_Address = ctypes.CFUNCTYPE(
+    ctypes.c_int64, ctypes.c_double, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64
+)
+
+
+class UserTorque:
+    """f(t, q, v) -> τ (nv,), a Python function or one compiled by `numba.njit`.
+
+    A compiled one costs tens of nanoseconds a call, a Python one some microseconds.
+    """
+
+    def __init__(self, function: Callable[[float, Array, Array], Any], nq: int, nv: int):
+        """Nothing is called yet. Raises InputError where numba cannot compile a call."""
+        self.function = function
+        self.exchange = np.zeros((3, max(nq, nv, 1)))
+        self.answer = np.zeros(1, dtype=np.int64)
+        self.error: InputError | None = None
+        self._q, self._v = self.exchange[0, :nq], self.exchange[1, :nv]
+        self._tau = self.exchange[2, :nv]
+        if JIT and isinstance(function, Dispatcher):
+            self._called: Any = _compiled(function, nq, nv)
+            self.address = int(self._called.address)
+        else:
+            self._called = _Address(self._call)
+            self.address = address_of_function(self._called)
+
+    def notices(self) -> list[str]:
+        """What a person should know of the run, from the side of the torques."""
+        return []
+
+    def _call(self, t: float, *_: int) -> int:
+        try:
+            self._tau[:] = self._checked(t)
+        except InputError as error:
+            self.error = error
+            return 1
+        return 0
+
+    def _checked(self, t: float) -> Array:
+        """The function's answer to copies. Raises InputError where it raises or does not fit."""
+        try:
+            given = self.function(t, self._q.copy(), self._v.copy())
+        except Exception as error:
+            text = f"the function raised {type(error).__name__}: {error} (at t = {t:.6g} s)"
+            raise InputError(Problem("simulate", "tau", text)) from error
+        return fitting("tau", given, len(self._v))
+
+
+def acting(tau: Any, nq: int, nv: int) -> UserTorque | None:
+    """What compiled runs call for `tau`; None where it is no function.
+
+    A controller brings a compiled function of its own, with a workspace for each run.
+    """
+    if hasattr(tau, "acting"):
+        return tau.acting()
+    return UserTorque(tau, nq, nv) if callable(tau) else None
+
+
+def fitting(name: str, value: Any, n: int) -> Array:
+    """`value` as n finite numbers. Raises InputError."""
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(Problem(name, "", f"must be numbers; given {value!r:.60}")) from None
+    if array.shape != (n,):
+        raise InputError(Problem(name, "", f"must have shape {(n,)}; given {array.shape}"))
+    bad = np.flatnonzero(~np.isfinite(array))
+    if len(bad):
+        raise InputError(Problem(name, "", f"must be finite; entry {bad[0]} is {array[bad[0]]}"))
+    return array
+
+
+def _compiled(function: Any, nq: int, nv: int) -> Any:
+    """The function behind C's calling convention; an answer of another length is a failure."""
+    pointer = types.CPointer(types.float64)
+
+    def called(t: float, q: Any, v: Any, tau: Any) -> int:
+        given = function(t, carray(q, (nq,)), carray(v, (nv,)))
+        if given.shape[0] != nv:
+            return 1
+        out = carray(tau, (nv,))
+        for j in range(nv):
+            out[j] = given[j]
+        return 0
+
+    try:
+        return cfunc(types.int64(types.float64, pointer, pointer, pointer))(called)
+    except NumbaError as error:
+        text = f"numba cannot compile the function for (t, q, v): {str(error).splitlines()[0]}"
+        raise InputError(Problem("simulate", "tau", text)) from None

@@ -1,0 +1,205 @@
+"""Scene: a mechanism with its forces and constraints, and the workspaces of the kernels."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ..constraints.blocks import Blocks
+from ..contact.tables import Tables, extended
+from ..kernels import layout as at
+from ..kernels import motion
+from ..kernels.dips import LEAST
+from ..kernels.handle import address_of, address_of_array, buffer
+from ..kernels.proximal import FACTORED
+from ..shapes import solids
+from ..system import Array, Drives, Ints, Loads
+
+if TYPE_CHECKING:
+    from .callback import UserTorque
+    from .mechanism import Mechanism
+
+NO_GAINS = np.zeros(2)
+NO_USER = (0, np.zeros((0, 0)), np.zeros(0, dtype=np.int64))
+
+
+class Scene:
+    """What kernels take of a run behind one `address`; it belongs to one thread at a time.
+
+    `active` may be changed between calls, and `given` (nv,), the torques beside all others.
+    """
+
+    once = True  # each step is taken once: what happened in it is so
+
+    def __init__(
+        self,
+        mech: Mechanism,
+        drives: Drives,
+        loads: Loads,
+        active: Ints,
+        *,
+        contacts: Tables | None = None,
+        gains: Array = NO_GAINS,
+        user: UserTorque | None = None,
+        blocks: Blocks | None = None,
+    ):
+        """`active` are the indices of constraints; `blocks` are the mechanism's unless given."""
+        self.mech, self.drives, self.loads = mech, drives, loads
+        own = mech.blocks if blocks is None else blocks
+        self.blocks: Blocks = extended(own, contacts) if contacts else own
+        self.active = np.zeros(len(self.blocks.blocks_i) + 1, dtype=np.int64)
+        self.given = np.zeros(mech.nv)
+        self.user = user
+        self.work = np.zeros((len(mech.system.rows), at.WORK))
+        before = len(own.blocks_i)
+        self.touching = TouchSpace(mech, contacts, before, steps=self.once) if contacts else None
+        imposed = address_of(motion.constrain) if len(self.blocks.blocks_i) else 0
+        links = np.append(self.touching.links if self.touching else NO_CONTACTS, imposed)
+        self.space = space(mech.system.rows, mech.nq, mech.nv, self.blocks, active, contacts, links)
+        self.activate(active)
+        tables = (*self.blocks[2:], self.active)
+        acts = NO_USER if user is None else (user.address, user.exchange, user.answer)
+        parts = (self.work, self.space, gains, self.given, acts)
+        rows, const = mech.tree  # a step with contacts counts stiff drives as inertia: its own copy
+        const = const.copy() if contacts else const
+        self._kept = (rows, const, drives, loads, tables, *parts)
+        self._buffer = buffer()
+        motion.save_scene(self._buffer, self._kept)
+        self.address = address_of_array(self._buffer)
+
+    def activate(self, constraints: Ints) -> None:
+        """Switch on the blocks of these constraints, and no others."""
+        self._spans = self.spans_of(constraints)
+        chosen = [block for _, *span in self._spans for block in range(*span)]
+        self.active[0] = len(chosen)
+        self.active[1 : len(chosen) + 1] = chosen
+        self.space[5][LEAST] = np.inf
+        self.space[5][FACTORED, 2] = 0.0  # the last factors were of other blocks
+        self.space[8][:] = 0.0
+        self.space[8][0, at.DIP_ROWS] = self.blocks.blocks_i[chosen, at.B_SIZE].sum()
+
+    def switch(self, constraints: Ints) -> None:
+        """Activate these constraints in a run under way."""
+        self.activate(constraints)
+
+    @property
+    def held(self) -> int:
+        """Address of the scene whose active blocks are what is projected."""
+        return self.address
+
+    @property
+    def spans(self) -> list[tuple[str, int, int]]:
+        """(name, first block, end of its blocks) of every active constraint."""
+        return self._spans
+
+    def spans_of(self, constraints: Ints) -> list[tuple[str, int, int]]:
+        """(name, first block, end of its blocks) of these constraints."""
+        first, names = self.blocks.first.tolist(), self.blocks.names
+        return [(names[i], first[i], first[i + 1]) for i in constraints.tolist()]
+
+    def forces(self, wrenches: Array, constraints: Ints | None = None) -> dict[str, Array]:
+        """{name: (..., 6)} [torque, force] on `body` at `point` from wrenches (blocks, ..., 6).
+
+        Of these constraints, the active ones by default.
+        """
+        return {
+            name: wrenches[a] if b == a + 1 else wrenches[a:b].sum(axis=0)
+            for name, a, b in (self._spans if constraints is None else self.spans_of(constraints))
+        }
+
+
+class TouchSpace:
+    """The contacts of a scene behind one address, with what they remember from step to step."""
+
+    def __init__(self, mech: Mechanism, contacts: Tables, first: int, *, steps: bool):
+        """`first` is the number of blocks that stand before those of contacts.
+
+        `steps`: each step is taken once, so that what contacts do in it can be remembered.
+        """
+        from ..kernels import touch  # collision kernels: only where something touches
+
+        n, count = len(contacts.touches), contacts.room
+        self.tally = np.zeros(at.TALLY, dtype=np.int64)
+        self.tally[at.FIRST_LIMIT], self.tally[at.N_LIMITS] = first, len(contacts.limits)
+        self.tally[at.FIRST_CONTACT] = first + len(contacts.limits)
+        self.worst = np.zeros(2)
+        self.changes = np.zeros((max(MOST_CHANGES, 2 * n), 3))
+        shapes = len(contacts.geometry[0])
+        self._kept = (
+            contacts.geometry,
+            contacts.ground,
+            contacts.touch,
+            np.zeros((shapes, at.POSE)),
+            solids.search_space(contacts.geometry, len(contacts.touch[2])),
+            solids.contact_arrays(count),
+            contacts.laws,
+            np.zeros((count, 3)),
+            np.zeros((count, 3), dtype=np.int64),
+            np.zeros((mech.nb + 1, 6)),
+            np.zeros((n + len(contacts.limits), at.TOUCH)),
+            self.tally,
+            self.worst,
+            *mech.system[2:4],
+            np.zeros(mech.nv),
+            np.full(n, -1, dtype=np.int64),
+            self.changes,
+        )
+        self._buffer = buffer()
+        touch.save_contacts(self._buffer, self._kept)
+        kernels = (touch.find, touch.contact_forces, touch.record_contacts)
+        settle = address_of(touch.settle_contacts) if steps else 0
+        self.links = np.array(
+            [address_of_array(self._buffer), *map(address_of, kernels), settle], dtype=np.int64
+        )
+
+
+MOST_CHANGES = 4096  # of phases between two looks at them
+NO_CONTACTS = np.zeros(5, dtype=np.int64)
+DENSE = 150  # rows of unilateral blocks, above which no Ω is held; as `impulse.DENSE`
+
+
+def space(
+    rows: Ints,
+    nq: int,
+    nv: int,
+    blocks: Blocks,
+    active: Ints,
+    contacts: Tables | None,
+    links: Ints,
+) -> tuple[Any, ...]:
+    """Workspace of the constraint kernels, for as many rows as may be active at once."""
+    count, n = len(blocks.blocks_i), len(rows)
+    chosen = [b for i in active.tolist() for b in range(blocks.first[i], blocks.first[i + 1])]
+    m = most = int(blocks.blocks_i[chosen, at.B_SIZE].sum())
+    if contacts is not None:
+        most = m + len(contacts.limits) + 3 * contacts.room
+        m = max(m, min(most, DENSE))
+    m = -(-m // 3) * 3  # whole blocks of three
+    width = path_width(rows, nv, blocks) if count else 0
+    return (
+        np.zeros((count, 3 * width)),
+        np.zeros((count, width + at.SLOT), dtype=np.int64),
+        np.zeros((m, m)),
+        np.zeros((m, m)),
+        np.zeros((count, at.PLACE)),
+        np.zeros((14, max(most + 2, nq, nv, 3))),
+        np.zeros((n, 3)),
+        np.zeros((n, 6)),
+        np.zeros((at.DIPS if count else 1, at.DIP_STATE + max(nq + nv, 2))),
+        np.zeros((m, m)),
+        np.zeros(nv, dtype=np.int64),
+        np.zeros((count, 9)),
+        links,
+    )
+
+
+def path_width(rows: Ints, nv: int, blocks: Blocks) -> int:
+    """Most degrees of freedom that a block's two paths to the ground have."""
+    if np.any(blocks.blocks_i[:, at.B_TERMS] > 0):
+        return nv
+    depth = [0] * len(rows)
+    size = (1, 1, 3, 6)
+    for k, (parent, kind, _, _) in enumerate(rows[1:].tolist(), start=1):
+        depth[k] = size[kind] + depth[parent]
+    return min(nv, 2 * max(depth))

@@ -1,0 +1,1 @@
+"""Shapes that touch: convex solids, and meshes with their mass properties."""

@@ -1,0 +1,229 @@
+"""Shapes as the kernels see them: what bounds each, and the packed arrays of many.
+
+Columns and tables are those of `kernels/layout.py`. A cylinder's own surface is what the ground
+sees; other bodies see a prism of `SIDES` sides inside it, 0.5 % of the radius off at most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..kernels import layout as at
+from ..kernels.manifold import MOST
+
+Array = np.ndarray
+SIDES = 32
+FLAT = 1e-12  # 1 - cosine of the angle below which two facets of a hull are one face
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A shape in its own frame: a ball of `radius` about its vertices, or a convex polytope."""
+
+    kind: int
+    vertices: Array  # (n, 3) [m]
+    rings: tuple[tuple[int, ...], ...] = ()  # vertices around each face, from outside
+    edges: Array | None = None  # (m, 4); left out: found from the rings
+    radius: float = 0.0
+    half: float = 0.0
+
+    @property
+    def box(self) -> tuple[Array, Array]:
+        """(half extents, centre) of the bounding box [m]."""
+        low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
+        if self.kind in (at.SPHERE, at.CAPSULE):
+            low, high = low - self.radius, high + self.radius
+        if self.kind == at.CYLINDER:
+            high = np.array((self.radius, self.radius, self.half))
+            low = -high
+        return (high - low) / 2, (high + low) / 2
+
+    @property
+    def reach(self) -> float:
+        """Distance of the farthest point from the shape's origin [m]."""
+        if self.kind == at.CYLINDER:
+            return float(np.hypot(self.radius, self.half))
+        return float(np.linalg.norm(self.vertices, axis=1).max() + self.radius)
+
+
+def sphere(radius: float) -> Solid:
+    """A ball about the shape's origin."""
+    return Solid(at.SPHERE, np.zeros((1, 3)), radius=radius)
+
+
+def capsule(radius: float, length: float) -> Solid:
+    """Along z; `length` is without the caps."""
+    ends = np.array(((0.0, 0.0, -length / 2), (0.0, 0.0, length / 2)))
+    return Solid(at.CAPSULE, ends, (), np.array(((0, 1, -1, -1),)), radius, length / 2)
+
+
+def box(size: Sequence[float]) -> Solid:
+    """Edge lengths along x, y, z."""
+    corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    rings = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    return Solid(at.BOX, corners * np.asarray(size, float) / 2, rings)
+
+
+def cylinder(radius: float, length: float) -> Solid:
+    """Along z, with its prism."""
+    angle = 2 * np.pi * np.arange(SIDES) / SIDES
+    rim = np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=1)
+    vertices = np.array([(*p, z) for z in (-length / 2, length / 2) for p in rim])
+    after = [*range(1, SIDES), 0]
+    rings = [(k, after[k], SIDES + after[k], SIDES + k) for k in range(SIDES)]
+    rings += [tuple(reversed(range(SIDES))), tuple(range(SIDES, 2 * SIDES))]
+    return Solid(at.CYLINDER, vertices, tuple(rings), radius=radius, half=length / 2)
+
+
+def points(places: Any) -> Solid:
+    """Explicit contact points in the shape's frame."""
+    return Solid(at.POINTS, np.array(places, float).reshape(-1, 3))
+
+
+def hull(places: Any) -> Solid:
+    """The convex hull of points that span a volume; facets in one plane are one face."""
+    from scipy.spatial import ConvexHull
+
+    places = np.asarray(places, float)
+    found = ConvexHull(places)
+    normals = found.equations[:, :3]
+    group = np.arange(len(normals))
+    for f in range(len(normals)):
+        for g in found.neighbors[f]:
+            if group[f] != group[g] and normals[f] @ normals[g] > 1 - FLAT:
+                group[group == group[g]] = group[f]
+    rings = []
+    for one in np.unique(group):
+        n = normals[group == one].mean(axis=0)
+        rings.append(_around(places, np.unique(found.simplices[group == one]), n))
+    kept = np.unique(np.concatenate(rings))
+    number = {int(old): new for new, old in enumerate(kept)}
+    renamed = tuple(tuple(number[int(v)] for v in ring) for ring in rings)
+    return Solid(at.HULL, places[kept], renamed)
+
+
+def _around(places: Array, ring: Array, n: Array) -> Array:
+    """The vertices of one face counterclockwise about its outward normal."""
+    middle = places[ring].mean(axis=0)
+    x = places[ring[0]] - middle
+    x = x - (x @ n) * n
+    y = np.cross(n, x)
+    apart = places[ring] - middle
+    return ring[np.argsort(np.arctan2(apart @ y, apart @ x))]
+
+
+def normals_of(solid: Solid) -> Array:
+    """(nface, 3) outward unit normals, by Newell's method."""
+    found = np.zeros((len(solid.rings), 3))
+    for f, ring in enumerate(solid.rings):
+        p = solid.vertices[list(ring)] - solid.vertices[ring[0]]
+        found[f] = np.cross(p, np.roll(p, -1, axis=0)).sum(axis=0)
+        found[f] /= np.linalg.norm(found[f])
+    return found
+
+
+def edges_of(solid: Solid) -> Array:
+    """(nedge, 4): vertices u, v, faces f, g, with v - u along n_g × n_f."""
+    if solid.edges is not None:
+        return solid.edges
+    left = {}
+    for f, ring in enumerate(solid.rings):
+        for u, v in zip(ring, (*ring[1:], ring[0])):
+            left[u, v] = f
+    found = [(u, v, left[v, u], f) for (u, v), f in left.items() if u < v]
+    return np.array(found, np.int64).reshape(-1, 4)
+
+
+class Placed(NamedTuple):
+    """A solid on a body: `position` and `rotation` in the home axes of the body's row."""
+
+    solid: Solid
+    row: int
+    body: int
+    position: Sequence[float] = (0.0, 0.0, 0.0)
+    rotation: Any = np.eye(3)
+
+
+def packed(shapes: Iterable[Placed]) -> tuple[Array, ...]:
+    """The `geometry` of the kernels: shapes_i, shapes_f, vertices, normals, faces, rings, edges."""
+    shapes = list(shapes)
+    shapes_i = np.zeros((len(shapes), at.SHAPE_I), np.int64)
+    shapes_f = np.zeros((len(shapes), at.SHAPE_F))
+    solids = [shape.solid for shape in shapes]
+    normals, edges = [normals_of(s) for s in solids], [edges_of(s) for s in solids]
+    first = np.zeros(3, np.int64)
+    for i, shape in enumerate(shapes):
+        s = shape.solid
+        counts = np.array((len(s.vertices), len(s.rings), len(edges[i])))
+        ranges = np.stack((first, counts), axis=1).ravel()
+        shapes_i[i] = (s.kind, shape.row, shape.body, *ranges)
+        half, middle = s.box
+        rotation = np.asarray(shape.rotation, float).ravel()
+        sizes = (s.radius, s.half, *half, *middle, s.reach)
+        shapes_f[i] = (*shape.position, *rotation, *sizes)
+        first += counts
+    rings = [ring for s in solids for ring in s.rings]
+    lengths = np.array([len(ring) for ring in rings], np.int64)
+    faces = np.stack((np.cumsum(lengths) - lengths, lengths), axis=1)
+    return (
+        shapes_i,
+        shapes_f,
+        np.concatenate([np.zeros((0, 3)), *(s.vertices for s in solids)]),
+        np.concatenate([np.zeros((0, 3)), *normals]),
+        faces.reshape(-1, 2),
+        np.array([v for ring in rings for v in ring], np.int64),
+        np.concatenate([np.zeros((0, 4), np.int64), *edges]),
+    )
+
+
+def ground(normal: Sequence[float], patches: Iterable[Sequence[float]] = ()) -> Array:
+    """The `ground` of the kernels: the plane, and patches (x0, x1, y0, y1, height) of it.
+
+    x and y of a patch are along `ground_axes`, its height is along the normal [m].
+    """
+    n = np.asarray(normal, float) / np.linalg.norm(normal)
+    patches = list(patches)
+    table = np.zeros((1 + len(patches), at.GROUND))
+    x, y = ground_axes(n)
+    table[0] = (*n, *x, *y)
+    for k, patch in enumerate(patches, start=1):
+        table[k, :5] = patch
+    return table
+
+
+def ground_axes(normal: Array) -> tuple[Array, Array]:
+    """The plane's own x and y: the two world axes after the steepest one, laid into the plane.
+
+    For an upright normal z these are x and y, for y they are z and x, for x they are y and z.
+    """
+    up = int(np.argmax(np.abs(normal)))
+    first = np.eye(3)[(up + 1) % 3]
+    x = first - (first @ normal) * normal
+    x /= np.linalg.norm(x)
+    return x, np.cross(normal, x)
+
+
+def search_space(geometry: tuple[Array, ...], members: int) -> tuple[Array, ...]:
+    """The `search` of the kernels for as many members: room, bounds, cells, buckets."""
+    shapes_i = geometry[0]
+    faces = geometry[4]
+    corners = int(shapes_i[:, at.SH_VERTICES].max(initial=0))
+    sides = int(shapes_i[:, at.SH_FACES].max(initial=0))
+    ring = int(faces[:, 1].max(initial=0))
+    rows = 2 * (corners + sides) + 2 * (2 * ring + corners) + MOST
+    buckets = 1 << max(2 * members - 1, 1).bit_length()
+    return (
+        np.zeros((rows, at.ROOM)),
+        np.zeros((len(shapes_i), 6)),
+        np.zeros((members, at.CELL), np.int64),
+        np.zeros(buckets, np.int64),
+    )
+
+
+def contact_arrays(count: int) -> tuple[Array, Array]:
+    """The `out` of the kernels: room for so many contact points."""
+    return np.zeros((count, at.CONTACT_F)), np.zeros((count, at.CONTACT_I), np.int64)

@@ -1,0 +1,109 @@
+"""Walk: a walk that goes on piece by piece, while a person changes its speed or pushes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from ..errors import InputError, Problem
+from ..gait.controller import Controller
+from ..mechanism import Mechanism
+from ..result import Result
+from ..schema import Force, Gait, Model, VectorTable
+from ..system import Array
+from .simulation import simulate
+
+EDGE = 1e-6  # s in which a push comes and goes
+
+
+class Walk:
+    """A walking mechanism at a time: `step` takes it on, what is changed acts from then on.
+
+    How a page plays while it computes, with `walk = Walk(mech, scenario="trot")`:
+
+        part = walk.step(0.05)           # a Result, ready long before its 50 ms are over
+        show(part); parts.append(part)   # `joined(parts)` is the whole run, for files and plots
+        walk.change(speed=0.9)           # any field of the gait; its clock and heading go on,
+        walk.change(**gaits["crawl"].model_dump())       # the speed follows its `acceleration`
+        walk.push((0, 0, 80), seconds=0.2)               # [N] on the trunk's origin, world axes
+        walk.follow(underfoot(walk.mech.model, friction=0.3))    # other ground, law or masses
+
+    A piece takes up where the last one ended, at absolute times: the same changes at the same
+    times give the same bits. The controller has no memory, so that (t, q, v, gait) is all there
+    is to keep. A fall is said in the piece's notices, and from then on in `fell`.
+    """
+
+    def __init__(
+        self,
+        mech: Mechanism,
+        scenario: str,
+        *,
+        gait: Gait | None = None,
+        q: Array | None = None,
+        v: Array | None = None,
+        step: float | None = None,
+        method: str | None = None,
+    ):
+        """Standing at the start. Raises InputError where the scenario has no gait to walk by."""
+        given = mech.model.scenario(scenario)
+        if gait is None and given.gait is None:
+            text = f"scenario '{scenario}' has no gait; give one"
+            raise InputError(Problem("Walk", "gait", text))
+        self.mech, self.scenario = mech, scenario
+        self.controller = Controller(mech, gait or given.gait)  # type: ignore[arg-type]
+        start = self.controller.start()
+        self.t = 0.0
+        self.q, self.v = start[0] if q is None else q, start[1] if v is None else v
+        self.fell = False
+        self._options = {"step": step, "method": method}
+        self._pushes: list[tuple[float, Force]] = []  # when each is over
+
+    @property
+    def gait(self) -> Gait:
+        """The gait as it is now."""
+        return self.controller.gait
+
+    def step(self, dt: float, *, frames: int | None = None) -> Result:
+        """The next `dt` seconds."""
+        self._pushes = [push for push in self._pushes if push[0] > self.t]
+        run = simulate(
+            self.mech,
+            self.q,
+            self.v,
+            t_start=self.t,
+            t_end=self.t + dt,
+            scenario=self.scenario,
+            tau=self.controller,
+            forces=tuple(force for _, force in self._pushes),
+            frames=frames,
+            estimate=False,
+            **self._options,  # type: ignore[arg-type]
+        )
+        if len(run.t):
+            self.t, self.q, self.v = float(run.t[-1]), run.q[-1], run.v[-1]
+        self.fell = self.fell or any("fell" in text for text in run.notices)
+        return run
+
+    def change(self, **fields: Any) -> None:
+        """Other fields of the gait from now on. Raises ModelError, InputError; then all stays."""
+        self.controller = self.controller.changed(self.t, **fields)
+
+    def push(
+        self, force: Sequence[float], seconds: float = 0.1, *, body: str | None = None
+    ) -> None:
+        """A force [N] on a body's origin, by default the trunk's, from now on, world axes."""
+        t, (x, y, z) = self.t, force
+        end = t + seconds
+        table = VectorTable(
+            t=(t - EDGE, t, end, end + EDGE),
+            value=((0.0, 0.0, 0.0), (x, y, z), (x, y, z), (0.0, 0.0, 0.0)),
+        )
+        name, whose = f"push at {t:.6g} s", body or self.mech.names[0]
+        wrench = Force(name=name, kind="wrench", body=whose, force=table, point=(0.0, 0.0, 0.0))
+        self._pushes.append((end + EDGE, wrench))
+
+    def follow(self, model: Model) -> None:
+        """Go on with another model of the same joints; the controller knows nothing of it."""
+        mech = Mechanism(model)
+        self.q, self.v, _ = mech.state_from(self.mech, self.q, self.v)
+        self.mech = mech
