@@ -17,6 +17,7 @@ from pgraph_core.topology import Loop, loops_of
 from .digraph import Layout, layout
 from .footfalls import Change, changes
 from .intents import Display, Errand, MobilityReport, Picking
+from .renames import Rename
 from .shapes import Color, branch_colors, children_of, reach, to_wxyz
 from .walking import Walking
 
@@ -295,6 +296,7 @@ class State:
     clients: Mapping[int, Client] = field(default_factory=dict)
     undo: tuple[Step, ...] = ()
     redo: tuple[Step, ...] = ()
+    renames: tuple[Rename, ...] = ()  # of late
     last_run: Run | None = None
     job: Job | None = None
     jobs: int = 0  # how many were asked for; the last one's id
@@ -321,6 +323,11 @@ class State:
     posed: Pose | None = None  # the last pose by hand
     pose_problem: str = ""  # why a joint could not be moved further
     pull: Any = None  # the event of the mouse that pulls on a body
+
+    @property
+    def renamed(self) -> int:
+        """How often something got another name."""
+        return self.renames[-1].number if self.renames else 0
 
     @property
     def pose(self) -> Pose | None:

@@ -20,6 +20,7 @@ from .reducers import (
     table,
     walking,
 )
+from .renames import as_now
 from .state import State
 
 REDUCERS = (
@@ -43,6 +44,7 @@ REDUCERS = (
 
 def update(state: State, event: Event) -> State:
     """The state after `event`. Unfit and stale events leave it as it was, or say why."""
+    event = as_now(state.renames, event)
     for reducer in REDUCERS:
         changed = reducer(state, event)
         if changed is not None:

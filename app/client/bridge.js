@@ -23,7 +23,7 @@ window.pgraph = (() => {
     on(topic, act) { listeners[topic] = act; },
     // An event for Python, by its class name; the blank makes equal events differ for viser.
     send(event, fields = {}) {
-      waiting.push(JSON.stringify({ event, ...fields }) + " ".repeat(serial++ % 2));
+      waiting.push(JSON.stringify({ event, seen: latest.renamed ?? null, ...fields }) + " ".repeat(serial++ % 2));
       flush();
     },
     nextSerial: () => ++serial,

@@ -32,13 +32,15 @@ pgraph.cells = (() => {
 
   function commit(cell, send) {
     if (!dirty(cell)) { if (!cell.classList.contains("refused")) revert(cell); return; }
-    if (cell.dataset.sent === cell.value && cell.classList.contains("refused")) return;
+    const said = cell.classList.contains("refused") || cell.classList.contains("waiting");
+    if (cell.dataset.sent === cell.value && said) return;
     ask(cell, send);
   }
   // Sends what the cell holds, changed or not, and waits for the answer.
   function ask(cell, send) {
     const serial = pgraph.nextSerial();
     pending.set(serial, cell);
+    cell.pgraphSerial = serial;
     cell.dataset.sent = cell.value;
     cell.classList.add("waiting");
     send(serial, cell.value);
@@ -49,6 +51,7 @@ pgraph.cells = (() => {
     const cell = pending.get(serial);
     pending.delete(serial);
     if (!cell?.isConnected) { if (text) pgraph.toast(text); return; }
+    if (cell.pgraphSerial !== serial) return; // it was typed in and sent again since
     cell.classList.remove("waiting");
     if (!text) {
       cell.onaccept?.();
@@ -92,6 +95,7 @@ pgraph.cells = (() => {
       if (!dirty(cell) && leaving) show(cell, cell.dataset.full ?? "");
       cell.select();
     });
+    cell.pgraphCommit = () => commit(cell, send);
     if (leaving) cell.addEventListener("blur", () => { if (!quiet) commit(cell, send); });
     cell.addEventListener("keydown", (event) => {
       if (event.key === "Enter") {

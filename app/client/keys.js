@@ -77,18 +77,24 @@ pgraph.keys = (() => {
   function next(tr, step, column) {
     const names = table().shown(), name = names[names.indexOf(tr.dataset.name) + step];
     if (name !== undefined) go(name, column);
+    return name !== undefined;
+  }
+  function rest(cell) {
+    delete cell.dataset.editing;
+    cell.select();
   }
 
-  // Enter commits a cell that was typed in and goes on once it is taken.
+  // Enter commits a cell that was typed in and goes on at once: keys that follow belong to the
+  // next row however late the answer comes. A refusal stands beside its cell and moves nothing.
   function entered(tr, target, step) {
     const column = cellsOf(tr).indexOf(target);
     if (column < 0) { cellsOf(tr)[0].focus(); return true; }
     if (target.matches("button")) return false;
     if (target.matches("input") && target.value !== target.dataset.shown) {
-      target.onaccept = () => { target.onaccept = null; if (document.activeElement === target) next(tr, step, column); };
-      return false; // the cell commits itself
+      target.pgraphCommit();
+      if (table().taken(tr, target.value)) return true;
     }
-    next(tr, step, column);
+    if (!next(tr, step, column) && target.matches("input")) rest(target);
     return true;
   }
 

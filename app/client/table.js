@@ -60,6 +60,8 @@ pgraph.table = (() => {
   function pick(name) {
     anchor = name;
     if (selected().length === 1 && selected()[0] === name) return;
+    pgraph.latest.selected = [name]; // keys may repeat before the answer is here
+    pgraph.latest.selection = name;
     pgraph.send("Select", { body: name });
   }
   function toggle(name) {
@@ -75,7 +77,7 @@ pgraph.table = (() => {
     choose(names.slice(Math.min(from, at), Math.max(from, at) + 1), to);
   }
   function choose(bodies, body) {
-    pgraph.latest.selected = bodies; // keys may repeat before the answer is here
+    pgraph.latest.selected = bodies;
     pgraph.latest.selection = body;
     pgraph.send("SelectBodies", { body, bodies });
   }
@@ -167,6 +169,15 @@ pgraph.table = (() => {
     button.classList.toggle("muted", row.constraints.length === 0);
   }
 
+  // Whether a typed name can only be refused: it is empty, or another row's.
+  function taken(tr, text) {
+    const typed = text.trim(), called = (row) => {
+      const cell = trs.get(row.name)?.querySelector("input.name.waiting");
+      return (cell?.dataset.sent ?? row.name).trim();
+    };
+    return !typed || rows.some((row) => row.name !== tr.dataset.name && called(row) === typed);
+  }
+
   // Ground and every body that does not hang on `name` itself.
   function parents(name) {
     const below = new Set([name]);
@@ -223,5 +234,5 @@ pgraph.table = (() => {
   }
 
   pgraph.view("table", { keep: true, build, table: draw, selection: mark, selected: mark, others });
-  return { selected, shown, extend, pick, search, furnish, row: (name) => byName.get(name), tr: (name) => trs.get(name), rows: () => rows };
+  return { selected, shown, extend, pick, taken, search, furnish, row: (name) => byName.get(name), tr: (name) => trs.get(name), rows: () => rows };
 })();

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from pydantic import ConfigDict, Field
@@ -17,3 +17,4 @@ class FromPage:
 
     __pydantic_config__ = ConfigDict(extra="forbid")
     client: int
+    seen: int | None = field(default=None, kw_only=True)  # renames it knew of; None: all

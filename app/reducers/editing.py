@@ -11,6 +11,7 @@ import pgraph_core as pg
 from .. import cells, events
 from ..cells import Refusal
 from ..events import Event
+from ..renames import remembered
 from ..state import (
     FREE_RUN,
     Client,
@@ -131,9 +132,11 @@ def _at(kept: Kept) -> str:
 
 def _replaced(state: State, model: pg.Model, label: str) -> State:
     """Another model altogether: its own request, and the camera framed on it."""
+    known = state.renames
     state = with_model(state, model, label)
     return replace(
         state,
+        renames=known,  # what stands in a row now is another thing, not another name
         request=first_request(model),
         framed=state.framed + 1,
         walking=Walking(),
@@ -179,6 +182,7 @@ def _showing(state: State, model: pg.Model) -> State:
         live=live,
         model=model,
         derived=derived,
+        renames=remembered(state.renames, state.model, model),
         clients=clients,
         request=request,
         playback=playback,

@@ -6,7 +6,7 @@ import re
 
 from ..client.bridge import Bridge
 from ..state import Client, Notice, State
-from . import Payload
+from . import Payload, audience
 
 ACCENT = (47, 111, 208)
 PEOPLE = ("#d9730d", "#2f9e6b", "#a33fb5", "#c2255c", "#0c8599")
@@ -31,6 +31,8 @@ class SessionView:
                 self._theme(client, now.dark)
             self._tell(client, before or Client(), now, new)
         self._others(old, new)
+        for client in audience(old, new, new.renamed != old.renamed):
+            self._bridge.send(client, "renamed", new.renamed)  # after what shows the new names
 
     def _others(self, old: State, new: State) -> None:
         """Where everybody else is, to each page; again only where somebody moved."""

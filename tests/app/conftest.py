@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import shutil
+import threading
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -33,6 +35,18 @@ def until(true: Callable[[], Any], what: str, seconds: float = 20.0) -> Any:
             pytest.fail(f"after {seconds:g} s still not: {what}")
         time.sleep(0.02)
     return value
+
+
+@contextlib.contextmanager
+def held(server: Server) -> Iterator[None]:
+    """The server answers nothing meanwhile: what a page does must not hang on how soon it does."""
+    gate, plain = threading.Event(), server.store._update
+    server.store._update = lambda state, event: (gate.wait(), plain(state, event))[1]
+    try:
+        yield
+    finally:
+        server.store._update = plain
+        gate.set()
 
 
 @pytest.fixture(scope="session")

@@ -9,7 +9,7 @@ import pytest
 from app import events
 from app.server import Server
 
-from .conftest import NOBODY, until
+from .conftest import NOBODY, held, until
 from .test_page import row, sentence
 
 
@@ -82,6 +82,54 @@ def test_1_3_arrows_tab_home_and_enter_move_as_in_a_spreadsheet(chain, served):
     page.keyboard.press("Escape")
     assert row(page, "4").locator("input.name").input_value() == "4"
     assert served.store.state.model.body("4").name == "4"
+
+
+def test_1_3_what_is_typed_before_the_server_answers_goes_where_it_belongs(chain, served):
+    page = chain
+    row(page, "1").locator("input.name").focus()
+    page.keyboard.press("F2")
+    with held(served):
+        page.keyboard.press("Control+a")
+        for name in ("crank", "coupler", "rocker"):
+            page.keyboard.type(name)
+            page.keyboard.press("Enter")
+        assert focused(page) == ["4", "name"]
+        page.keyboard.press("Shift+Enter")
+        page.keyboard.press("ArrowRight")
+        page.keyboard.press("ArrowRight")
+        row(page, "3").locator("select").nth(1).select_option("3")  # by its name until then
+        page.keyboard.press("Escape")
+        row(page, "5").locator("input.name").focus()
+        page.keyboard.type("toe")
+        page.keyboard.press("Enter")
+        page.keyboard.type("foot")  # the last row: typed anew
+        page.keyboard.press("Tab")
+    until(lambda: names(served) == ["crank", "coupler", "rocker", "4", "foot"], "all the names")
+    model = served.store.state.model
+    assert [model.body(name).parent for name in names(served)[1:]] == names(served)[:-1]
+    until(lambda: served.store.state.model.body("rocker").joint == "spherical", "its joint")
+    until(lambda: page.locator(".waiting").count() == 0, "all cells answered")
+    assert page.locator("tr .name").evaluate_all("(all) => all.map((e) => e.value)") == names(served)
+    assert page.locator(".refused").count() == 0
+
+
+def test_1_3_a_refused_name_keeps_its_sentence_and_moves_nothing(chain, served):
+    page = chain
+    row(page, "1").locator("input.name").focus()
+    page.keyboard.type("2")
+    page.keyboard.press("Enter")
+    assert focused(page) == ["1", "name"]  # the page itself knows that name
+    assert "'2' is already the name of row 2" in sentence(page)
+    with held(served):
+        page.keyboard.type("x" * 101)
+        page.keyboard.press("Enter")
+        page.keyboard.type("two")
+    page.get_by_text("at most 100 characters").wait_for()
+    assert focused(page) == ["2", "name"]
+    page.keyboard.press("Enter")
+    until(lambda: names(served)[:2] == ["1", "two"], "the second name")
+    assert page.get_by_text("at most 100 characters").is_visible()
+    row(page, "1").locator("input.name").press("Escape")
 
 
 def test_1_4_several_rows_are_selected_moved_and_deleted(chain, served):

@@ -1,0 +1,78 @@
+"""What pages say by names that changed meanwhile is meant of what carries them now."""
+
+from __future__ import annotations
+
+import pytest
+
+import pgraph_core as pg
+from app import events
+from app.events import constraining, describing
+from app.state import Reply, State, initial
+from app.update import update
+
+ME, OTHER = 1, 2
+
+
+def after(state: State, *happened: events.Event) -> State:
+    for event in happened:
+        state = update(state, event)
+    return state
+
+
+@pytest.fixture
+def state() -> State:
+    model = pg.Model.serial(3).replace(parameters={"rod": 0.2})
+    model = model.close_loop("3", "1", joint="spherical")
+    return after(initial(model), events.Connected(ME), events.Connected(OTHER))
+
+
+def named(body: str, name: str, client: int = OTHER) -> events.Edit:
+    return events.Edit(client, 1, body, "name", (), name)
+
+
+def test_an_edit_by_a_name_of_before_is_of_the_same_body(state):
+    state = after(state, named("2", "knee"), named("1", "2"))
+    state = after(state, events.Edit(ME, 1, "2", "mass", (), "5", seen=0))
+    assert state.model.body("knee").mass == 5.0
+    state = after(state, events.Edit(ME, 2, "2", "mass", (), "6", seen=2))
+    assert (state.model.body("2").mass, state.model.body("knee").mass) == (6.0, 5.0)
+
+
+def test_names_in_lists_cells_and_questions_follow(state):
+    state = after(state, named("2", "knee"))
+    state = after(state, events.SelectBodies(ME, "2", ("2", "3"), seen=0))
+    assert state.clients[ME].selected == ("knee", "3")
+    state = after(state, events.Edit(ME, 1, "3", "parent", (), "2", seen=0))
+    assert state.clients[ME].reply == Reply(1, "")
+    state = after(state, describing.EditBodies(ME, 2, ("2",), "mass", (((), "3"),), seen=0))
+    assert state.model.body("knee").mass == 3.0
+    state = after(state, events.SetParent(ME, ("2",), "ground", seen=0))
+    assert state.model.body("knee").parent == "ground"
+
+
+def test_parts_and_parameters_follow_too(state):
+    (loop,) = (c.name for c in state.model.constraints)
+    edit = constraining.EditPart
+    state = after(state, edit(ME, 1, "constraints", loop, "name", (((), "pin"),), seen=0))
+    state = after(state, edit(ME, 2, "constraints", loop, "point", (((0,), "0.1"),), seen=0))
+    assert state.model.constraints[0].name == "pin"
+    assert state.model.constraints[0].point[0] == 0.1
+    state = after(state, describing.RenameParameter(ME, 3, "rod", "length", seen=1))
+    state = after(state, describing.EditParameter(ME, 4, "rod", "0.3", seen=1))
+    assert state.model.parameters == {"length": 0.3}
+
+
+def test_undo_gives_names_back_and_what_is_under_way_follows(state):
+    state = after(state, named("2", "knee"), events.Undo(OTHER))
+    state = after(state, events.Edit(ME, 1, "knee", "mass", (), "7", seen=1))
+    assert state.model.body("2").mass == 7.0
+
+
+def test_another_model_is_no_rename(state):
+    state = after(state, events.NewModel(OTHER, 1, "3"), named("1", "a"))
+    assert state.renamed == 1
+    text = pg.Model.serial(3).edit("2", name="other").to_json()
+    state = after(state, events.OpenText(OTHER, "x", text))
+    state = after(state, events.Edit(ME, 1, "2", "mass", (), "7", seen=0))
+    assert "no body has this name" in state.clients[ME].reply.text
+
