@@ -46,9 +46,7 @@ def _pairs(old: Sequence[Any], new: Sequence[Any]) -> list[tuple[Any, Any]]:
     return [(a, b) for a, b in other if a.name not in after and b.name not in before]
 
 
-def remembered(
-    renames: tuple[Rename, ...], old: pg.Model, new: pg.Model
-) -> tuple[Rename, ...]:
+def remembered(renames: tuple[Rename, ...], old: pg.Model, new: pg.Model) -> tuple[Rename, ...]:
     """With those of an edit from `old` to `new`."""
     last = renames[-1].number if renames else 0
     more = [Rename(last + k, *said) for k, said in enumerate(found(old, new), 1)]

@@ -118,6 +118,7 @@ class Inspected:
 class Client:
     """One open page: what it selected and what it was told last."""
 
+    page: str = ""  # what the page calls itself, also when it comes back
     selection: str | None = None  # the body that was selected last
     selected: tuple[str, ...] = ()  # all selected bodies, in the table's order; it among them
     dark: bool = False
@@ -294,6 +295,7 @@ class State:
     request: Request
     gallery: Mapping[str, str] = field(default_factory=dict)  # built-in name -> JSON text
     clients: Mapping[int, Client] = field(default_factory=dict)
+    left: Mapping[str, Client] = field(default_factory=dict)  # pages that went, by their names
     undo: tuple[Step, ...] = ()
     redo: tuple[Step, ...] = ()
     renames: tuple[Rename, ...] = ()  # of late

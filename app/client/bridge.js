@@ -4,9 +4,11 @@ if (window.pgraph) return; // a reconnected page has it already
 window.pgraph = (() => {
   const views = {};     // view name -> {build(host), topic: draw(host, data), ...}
   const listeners = {}; // topic -> function(data), for what is drawn in no host
-  const kept = {}; // view name -> its host, of views that outlive it: half-typed cells stay
+  const kept = {}; // view name -> its host, put back after a lost connection: half-typed cells stay
   const latest = {}; // topic -> data, to draw again when a host is mounted
-  let uplink = null, serial = 0, waiting = [];
+  const ME = crypto.getRandomValues(new Uint32Array(4)).join("-"); // this page, as long as it is open
+  let uplink = null, serial = 0, waiting = [], resuming = null; // the serial of our Hello while we are coming back
+  const late = new Set(); // topics that came meanwhile
 
   function flush() {
     const viser = window.__viserMutable;
@@ -37,20 +39,20 @@ window.pgraph = (() => {
       for (const [view, topics] of Object.entries(views)) {
         for (const made of pgraph.hosts(view)) {
           if (made.dataset.ready) continue;
-          const again = topics.keep && kept[view] && !kept[view].isConnected, host = again ? kept[view] : made;
-          if (again) made.replaceWith(host);
-          host.dataset.ready = "1";
-          if (topics.keep) kept[view] = host;
-          if (!again) topics.build?.(host);
-          for (const topic of Object.keys(topics)) {
-            if (topic !== "build" && topic !== "keep" && topic in latest) topics[topic](host, latest[topic]);
-          }
+          const again = kept[view] && !kept[view].isConnected;
+          if (again) made.replaceWith(kept[view]);
+          else kept[view] = made;
+          kept[view].dataset.ready = "1";
+          if (!again) topics.build?.(made);
+          if (resuming === null) redraw(view);
         }
       }
     },
     receive(topic, data) {
       if (topic === "uplink") { connected(data); return; }
+      if (topic === "reply" && data.serial === resuming) { resumed(); return; }
       latest[topic] = data;
+      if (resuming !== null && topic !== "reply") { late.add(topic); return; }
       listeners[topic]?.(data);
       for (const view of Object.keys(views)) pgraph.draw(view, topic);
     },
@@ -125,13 +127,25 @@ window.pgraph = (() => {
     setTimeout(() => note.remove(), 8000);
   };
 
-  // A reconnected page is a new client to viser: it takes its selection and theme along.
+  function redraw(view) {
+    for (const topic of Object.keys(views[view])) if (topic !== "build") pgraph.draw(view, topic);
+  }
+
+  // A reconnected page is a new client to viser. It says who it was, and draws nothing until it is
+  // that again: a form of something else would take the place of what is half typed.
   function connected(uuid) {
-    const again = uplink !== null;
+    const again = uplink !== null, { angle = "rad", length = "m", turn = "quaternion", about = "com" } = latest.properties?.display ?? {};
     uplink = uuid;
-    if (!again) return;
-    if (latest.selection) pgraph.send("SelectBodies", { body: latest.selection, bodies: latest.selected ?? [] });
-    if (latest.theme?.dark) pgraph.send("Theme", { dark: true });
+    const hello = ++serial;
+    if (again) resuming = hello;
+    pgraph.send("Hello", { serial: hello, page: ME, body: latest.selection ?? null, bodies: latest.selected ?? [], dark: Boolean(latest.theme?.dark), display: [angle, length, turn, about] });
+  }
+  function resumed() {
+    resuming = null;
+    for (const topic of late) listeners[topic]?.(latest[topic]);
+    late.clear();
+    for (const view of Object.keys(views)) if (pgraph.hosts(view).length) redraw(view);
+    pgraph.cells.again();
     for (const act of inView.values()) act(true);
     watchView();
   }

@@ -39,7 +39,7 @@ pgraph.cells = (() => {
   // Sends what the cell holds, changed or not, and waits for the answer.
   function ask(cell, send) {
     const serial = pgraph.nextSerial();
-    pending.set(serial, cell);
+    pending.set(serial, { cell, send });
     cell.pgraphSerial = serial;
     cell.dataset.sent = cell.value;
     cell.classList.add("waiting");
@@ -48,7 +48,7 @@ pgraph.cells = (() => {
 
   // Python's answer: taken, or the sentence that says why not.
   function reply({ serial, text, offer }) {
-    const cell = pending.get(serial);
+    const cell = pending.get(serial)?.cell;
     pending.delete(serial);
     if (!cell?.isConnected) { if (text) pgraph.toast(text); return; }
     if (cell.pgraphSerial !== serial) return; // it was typed in and sent again since
@@ -63,6 +63,15 @@ pgraph.cells = (() => {
     cell.title = text;
     sentence(cell, text);
     cell.onrefuse?.(offer, noteOf(cell));
+  }
+  // After a lost connection: what was not answered is asked again, as far as it is an edit.
+  function again() {
+    const lost = [...pending.values()];
+    pending.clear();
+    for (const { cell, send } of lost) {
+      cell.classList.remove("waiting");
+      if (cell.isConnected && cell.pgraphCommit && dirty(cell)) ask(cell, send);
+    }
   }
   function noteOf(cell) {
     const note = (cell.closest("tr, .field, .ask") ?? cell.parentElement).nextElementSibling;
@@ -95,7 +104,7 @@ pgraph.cells = (() => {
       if (!dirty(cell) && leaving) show(cell, cell.dataset.full ?? "");
       cell.select();
     });
-    cell.pgraphCommit = () => commit(cell, send);
+    if (leaving) cell.pgraphCommit = () => commit(cell, send);
     if (leaving) cell.addEventListener("blur", () => { if (!quiet) commit(cell, send); });
     cell.addEventListener("keydown", (event) => {
       if (event.key === "Enter") {
@@ -134,19 +143,25 @@ pgraph.cells = (() => {
     show(cell, value);
   }
 
+  // `act` takes cells away or puts them there: leaving one is nobody's doing.
+  function quietly(act) {
+    const before = quiet;
+    quiet = true;
+    try { act(); } finally { quiet = before; }
+  }
+
   // `act` may move the focused cell, which takes the focus from it: it has it back afterwards.
   function keepingFocus(act) {
     const cell = document.activeElement, [from, to] = [cell?.selectionStart, cell?.selectionEnd];
-    quiet = true;
-    try {
+    quietly(() => {
       act();
       if (cell?.isConnected && document.activeElement !== cell) {
         cell.focus({ preventScroll: true });
         if (typeof from === "number") cell.setSelectionRange(from, to);
       }
-    } finally { quiet = false; }
+    });
   }
 
-  return { set, reply, revert, await: ask, input, choice, choose, commit, keepingFocus, resting: () => !quiet };
+  return { set, reply, again, revert, await: ask, input, choice, choose, commit, quietly, keepingFocus, resting: () => !quiet };
 })();
 pgraph.on("reply", pgraph.cells.reply);

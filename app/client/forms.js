@@ -11,12 +11,37 @@ pgraph.forms = (() => {
     const shape = shapeOf(groups);
     if (box.dataset.shape !== shape || box.dataset.key !== key) {
       const folded = new Map([...box.querySelectorAll(":scope > details")].map((d) => [d.dataset.title, d.open]));
+      const same = box.dataset.key === key, typed = same ? halfTyped(box) : [];
+      if (!same) left(box);
       box.pgraphAsk = ask;
-      box.replaceChildren(...groups.map((g) => group(box, g, folded)));
+      cells.quietly(() => box.replaceChildren(...groups.map((g) => group(box, g, folded))));
       Object.assign(box.dataset, { shape, key });
+      fill(box, groups);
+      cells.quietly(() => typed.forEach((one) => retyped(box, one)));
+      return;
     }
     box.pgraphAsk = ask;
     fill(box, groups);
+  }
+
+  // A form goes while a cell is typed in: that is to leave the cell, which commits it.
+  function left(box) {
+    const cell = document.activeElement;
+    if (box.contains(cell) && cell.pgraphCommit) cell.pgraphCommit();
+  }
+  // The same form with other fields, as others change them: what is half typed stays in its cell.
+  const place = (cell) => [cell.closest("[data-field]")?.dataset.field, cell.getAttribute("aria-label")].join();
+  function halfTyped(box) {
+    const here = (cell) => cell === document.activeElement;
+    return [...box.querySelectorAll("input.cell")].filter((cell) => isDirty(cell) || here(cell)).map((cell) => ({
+      at: place(cell), text: cell.value, dirty: isDirty(cell), focused: here(cell), span: [cell.selectionStart, cell.selectionEnd] }));
+  }
+  function retyped(box, { at, text, dirty, focused, span }) {
+    const cell = [...box.querySelectorAll("input.cell")].find((one) => place(one) === at);
+    if (!cell) return;
+    if (focused) cell.focus({ preventScroll: true });
+    if (dirty) cell.value = text;
+    if (focused) cell.setSelectionRange(...span);
   }
 
   function group(box, data, folded) {
@@ -46,7 +71,8 @@ pgraph.forms = (() => {
     const send = (serial) => {
       const typed = [...grid.querySelectorAll(".cell")].filter(isDirty);
       const entries = typed.map((one) => [one.pgraphIndex, one.value]);
-      made.onaccept = () => typed.filter((one) => one !== made).forEach(cells.revert);
+      const texts = typed.map((one) => one.value);
+      made.onaccept = () => typed.forEach((one, i) => { if (one !== made && one.value === texts[i]) cells.revert(one); });
       made.onrefuse = (offer, note) => repair(box, field, entries, offer, note, made);
       box.pgraphAsk.edit(field.field, entries, serial);
     };

@@ -24,17 +24,17 @@
     const renamed = data.bodies.length === 1 && box.pgraphBodies?.length === 1 && String(box.pgraphNumber) === String(data.number);
     const key = renamed ? box.dataset.key : data.bodies.join("\u0000");
     Object.assign(box, { pgraphBodies: data.bodies, pgraphNumber: data.number });
-    forms.draw(box, data.groups, some ? ofBodies(box) : ofModel, key);
+    forms.draw(box, data.groups, some ? ofBodies(data.bodies) : ofModel, key);
   }
 
-  const ofBodies = (box) => ({
-    edit: (field, entries, serial) => send("EditBodies", { serial, bodies: box.pgraphBodies, field, entries }),
-    mend: (field, entries, serial) => send("Mend", { serial, bodies: box.pgraphBodies, field, entries }),
+  const ofBodies = (bodies) => ({
+    edit: (field, entries, serial) => send("EditBodies", { serial, bodies, field, entries }),
+    mend: (field, entries, serial) => send("Mend", { serial, bodies, field, entries }),
     press: (button) => send("EditBodies", {
-      serial: pgraph.nextSerial(), bodies: box.pgraphBodies, field: button.fields.field, entries: [[button.fields.index, button.fields.text]],
+      serial: pgraph.nextSerial(), bodies, field: button.fields.field, entries: [[button.fields.index, button.fields.text]],
     }),
-    density: (serial, text) => send("FillFromShape", { serial, bodies: box.pgraphBodies, density: text }),
-    upload: (file) => upload(file, box.pgraphBodies),
+    density: (serial, text) => send("FillFromShape", { serial, bodies, density: text }),
+    upload: (file) => upload(file, bodies),
     parameter: (event, fields) => send(event, fields),
   });
   const ofModel = {

@@ -233,6 +233,6 @@ pgraph.table = (() => {
     empty.textContent = rows.length ? `No body has “${text}” in its row.` : "No bodies: add one.";
   }
 
-  pgraph.view("table", { keep: true, build, table: draw, selection: mark, selected: mark, others });
+  pgraph.view("table", { build, table: draw, selection: mark, selected: mark, others });
   return { selected, shown, extend, pick, taken, search, furnish, row: (name) => byName.get(name), tr: (name) => trs.get(name), rows: () => rows };
 })();

@@ -170,6 +170,9 @@ from .session import (
     Download as Download,
 )
 from .session import (
+    Hello as Hello,
+)
+from .session import (
     Misread as Misread,
 )
 from .session import (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -18,6 +18,23 @@ class Connected(FromPage):
 @dataclass(frozen=True)
 class Disconnected(FromPage):
     pass
+
+
+@dataclass(frozen=True)
+class Hello(FromPage):
+    """A page that connects says which it is and what it shows: it may have been here before."""
+
+    serial: int
+    page: Annotated[str, Field(max_length=100)]  # its own name, the same as long as it is open
+    body: Text | None
+    bodies: tuple[Text, ...]
+    dark: bool
+    display: tuple[
+        Literal["rad", "deg"],
+        Literal["m", "mm"],
+        Literal["quaternion", "euler", "axis"],
+        Literal["com", "origin"],
+    ]
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,10 @@ from dataclasses import replace
 
 from .. import events
 from ..events import Event
+from ..intents import Display
 from ..state import Client, Notice, Reply, Saving, State, told, with_client
+
+MOST_LEFT = 50  # pages that are remembered
 
 
 def update(state: State, event: Event) -> State | None:
@@ -15,9 +18,10 @@ def update(state: State, event: Event) -> State | None:
         case events.Connected(client):
             page = Client(notice=state.greeting)
             return replace(state, clients={**state.clients, client: page})
+        case events.Hello():
+            return greeted(state, event)
         case events.Disconnected(client):
-            left = {key: value for key, value in state.clients.items() if key != client}
-            return replace(state, clients=left)
+            return gone(state, client)
         case events.Misread(client, text):
             return told(state, client, Notice("The page sent something unknown", text, bad=True))
         case events.Select(client, body):
@@ -43,6 +47,36 @@ def update(state: State, event: Event) -> State | None:
             return state if problem else told(state, client, Notice("Saved", path))
         case _:
             return None
+
+
+def gone(state: State, client: int) -> State:
+    """Without that page; what it looked at is kept for when it comes back."""
+    here = dict(state.clients)
+    page = here.pop(client, None)
+    if page is None or not page.page:
+        return replace(state, clients=here)
+    others = [(name, old) for name, old in state.left.items() if name != page.page]
+    return replace(state, clients=here, left=dict([*others, (page.page, page)][-MOST_LEFT:]))
+
+
+def greeted(state: State, event: events.Hello) -> State:
+    """A page as it was before its connection was lost, as far as that is known."""
+    client = event.client
+    if client not in state.clients:
+        return state
+    fresh = state.clients[client]
+    old = state.left.get(event.page) or next(
+        (x for key, x in state.clients.items() if x.page == event.page and key != client), fresh
+    )
+    page = replace(
+        old, page=event.page, dark=event.dark, display=Display(*event.display), grip=None,
+        aspect=fresh.aspect, notice=fresh.notice, reply=Reply(event.serial, ""),
+        downloads=fresh.downloads, reports=fresh.reports, exported=fresh.exported,
+        selection=None, selected=(),
+    )  # fmt: skip
+    left = {name: x for name, x in state.left.items() if name != event.page}
+    state = replace(state, clients={**state.clients, client: page}, left=left)
+    return selected(state, client, event.body, event.bodies)
 
 
 def selected(state: State, client: int, body: str | None, bodies: tuple[str, ...]) -> State:

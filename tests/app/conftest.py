@@ -27,7 +27,7 @@ MARKER = "pelvis"  # selected to see that a page has caught up
 NOBODY = -1  # a page that is not there: events of the tests themselves
 
 
-def until(true: Callable[[], Any], what: str, seconds: float = 20.0) -> Any:
+def until(true: Callable[[], Any], what: str, seconds: float = 60.0) -> Any:
     """Wait for a truthy value; fails saying what did not come."""
     end = time.monotonic() + seconds
     while not (value := true()):
@@ -85,7 +85,7 @@ def open_page(browser: Any, served: Server) -> Iterator[Callable[[], Any]]:
 
     def opened() -> Any:
         page = browser.new_page(viewport={"width": 1150, "height": 720})
-        page.set_default_timeout(15_000)
+        page.set_default_timeout(60_000)
         page.on("pageerror", lambda error: faults.append(str(error)))
         page.goto(served.url)
         page.wait_for_selector("table.bodies tr[data-name]")

@@ -76,3 +76,30 @@ def test_another_model_is_no_rename(state):
     state = after(state, events.Edit(ME, 1, "2", "mass", (), "7", seen=0))
     assert "no body has this name" in state.clients[ME].reply.text
 
+
+def hello(client: int, page: str, body: str | None = None) -> events.Hello:
+    bodies = () if body is None else (body,)
+    units = ("deg", "m", "euler", "com")
+    return events.Hello(client, 7, page, body, bodies, True, units)  # type: ignore[arg-type]
+
+
+def test_1_11_a_page_that_comes_back_is_what_it_was(state):
+    state = after(state, hello(ME, "a page"), events.Download(ME), events.Plot(ME, "q", "2", True))
+    was = state.clients[ME]
+    state = after(state, events.Disconnected(ME), events.Connected(5), hello(5, "a page", "2"))
+    now = state.clients[5]
+    assert (now.plots, now.display, now.dark) == (was.plots, was.display, True)
+    assert (now.selection, now.selected, now.downloads) == ("2", ("2",), 0)
+    assert now.reply == Reply(7, "")
+    assert state.left == {}
+
+
+def test_1_11_a_new_server_takes_a_page_s_word_for_it(state):
+    state = after(state, events.Connected(5), hello(5, "unknown", "gone"))
+    assert (state.clients[5].selection, state.clients[5].display.angle) == (None, "deg")
+
+
+def test_only_the_last_pages_are_remembered(state):
+    for k in range(60):
+        state = after(state, events.Connected(9), hello(9, f"{k}"), events.Disconnected(9))
+    assert list(state.left) == [f"{k}" for k in range(10, 60)]

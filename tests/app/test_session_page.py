@@ -11,7 +11,7 @@ from app import events
 from app.views.table import table
 
 from .conftest import NOBODY, until
-from .test_page import row
+from .test_page import field, row
 
 
 def drop(page: Any, name: str, content: str) -> None:
@@ -114,6 +114,48 @@ def test_1_11_a_page_that_comes_back_has_its_rows_selected_and_its_cell_half_typ
     until(lambda: selections() == [("lumbar", "thorax")], "both rows")
     assert half.input_value() == "half-typed"
     half.press("Escape")
+
+
+def test_1_11_forms_keep_what_is_half_typed_and_their_units_through_a_lost_connection(page, served):
+    row(page, "left_femur").locator("td.number").click()
+    page.wait_for_function("() => pgraph.latest.properties.bodies[0] === 'left_femur'")
+    page.locator('[data-view=properties] [data-unit="length"]').click()
+    page.wait_for_function("() => pgraph.latest.properties.display.length === 'mm'")
+    field(page, "link", 1).fill("-3")
+    page.evaluate("window.kept = document.activeElement")
+    before = set(served.store.state.clients)
+    served.viser._websock_server.disconnect_all_clients()
+    until(lambda: set(served.store.state.clients) - before, "the page to come back")
+    now = lambda: [c.display.length for c in served.store.state.clients.values()]  # noqa: E731
+    until(lambda: now() == ["mm"], "its units")
+    until(lambda: page.evaluate("kept.isConnected"), "the cell itself again")
+    assert field(page, "link", 1).input_value() == "-3"
+    field(page, "link", 1).press("Enter")
+    until(lambda: served.store.state.model.body("left_femur").link[1] == -0.003, "3 mm")
+    page.locator('[data-view=properties] [data-unit="length"]').click()
+
+
+def test_1_11_a_joint_changed_by_another_leaves_the_half_typed_cell_and_its_focus(page, served):
+    row(page, "left_femur").locator("td.number").click()
+    page.wait_for_function("() => pgraph.latest.properties.bodies[0] === 'left_femur'")
+    field(page, "com", 1).focus()
+    page.keyboard.type("0.12")
+    served.send(events.Edit(NOBODY, 1, "left_femur", "joint", (), "spherical"))
+    page.wait_for_function("() => pgraph.latest.properties.subtitle.includes('spherical')")
+    page.keyboard.type("5")
+    page.keyboard.press("Enter")
+    until(lambda: served.store.state.model.body("left_femur").com[1] == 0.125, "all of it")
+
+
+def test_1_3_a_cell_left_for_another_body_in_the_digraph_is_committed(page, served):
+    row(page, "left_femur").locator("td.number").click()
+    page.wait_for_function("() => pgraph.latest.properties.bodies[0] === 'left_femur'")
+    mass = served.store.state.model.body("pelvis").mass
+    field(page, "mass").focus()
+    page.keyboard.type("1.75")
+    served.send(events.Select(max(served.store.state.clients), "pelvis"))
+    until(lambda: served.store.state.model.body("left_femur").mass == 1.75, "its own mass")
+    assert served.store.state.model.body("pelvis").mass == mass
 
 
 def test_the_question_mark_lists_the_keys(page):

@@ -109,7 +109,9 @@ def test_1_3_what_is_typed_before_the_server_answers_goes_where_it_belongs(chain
     assert [model.body(name).parent for name in names(served)[1:]] == names(served)[:-1]
     until(lambda: served.store.state.model.body("rocker").joint == "spherical", "its joint")
     until(lambda: page.locator(".waiting").count() == 0, "all cells answered")
-    assert page.locator("tr .name").evaluate_all("(all) => all.map((e) => e.value)") == names(served)
+    assert page.locator("tr .name").evaluate_all("(all) => all.map((e) => e.value)") == names(
+        served
+    )
     assert page.locator(".refused").count() == 0
 
 
