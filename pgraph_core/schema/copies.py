@@ -13,6 +13,7 @@ from .force import BETWEEN, Force
 from .force import TAKES as FORCE_TAKES
 from .mirror import Mirror, other_side
 from .names import GROUND
+from .parameters import LONGEST, Formula, at, negated, ordered, probed
 from .scenario import Scenario
 
 PAIR = ("body", "other")
@@ -60,7 +61,11 @@ def names_of_copies(
 
 
 def copied(
-    parts: Mapping[str, Sequence[Any]], root: Body, names: Names, mirror: Mirror | None = None
+    parts: Mapping[str, Sequence[Any]],
+    formulas: Sequence[Formula],
+    root: Body,
+    names: Names,
+    mirror: Mirror | None = None,
 ) -> tuple[dict[str, Any], list[str]]:
     """All parts with those of the copied bodies once more, and what could not be copied.
 
@@ -70,12 +75,15 @@ def copied(
     known = {body.name: body for body in parts["bodies"]}
     copy = _Copy(names, mirror, root, known)
     found: dict[str, Any] = {"bodies": bodies}
-    called: dict[str, Names] = {}  # of each kind: old name -> that of the copy
+    called: dict[str, Names] = {"bodies": names}  # of each kind: old name -> that of the copy
     for kind in ("constraints", "contacts", "forces"):
         new, called[kind] = copy.parts(parts[kind])
         found[kind] = (*parts[kind], *new)
     found["scenarios"] = tuple(copy.scenario(s, called) for s in parts["scenarios"])
-    return found, list(dict.fromkeys(copy.lost))
+    lost = list(dict.fromkeys(copy.lost))
+    new = (copy.formula(f, parts[f.part], called[f.part]) for f in formulas)
+    found["formulas"] = ordered((*formulas, *filter(None, new)))
+    return found, lost
 
 
 def _bodies(rows: Sequence[Body], names: Names, mirror: Mirror | None) -> tuple[Body, ...]:
@@ -135,6 +143,23 @@ class _Copy:
                 return None
             renamed |= change
         return part.model_copy(update=renamed)
+
+    def formula(self, f: Formula, parts: Sequence[Any], called: Names) -> Formula | None:
+        """That of the copy's cell, with the sign that the reflection gives it; None: a number."""
+        if f.name not in called:
+            return None
+        part = probed(next(x for x in parts if x.name == f.name), f.path, 1.0)
+        if f.part != "bodies":
+            part = self.part(part)
+        elif self.mirror is not None:
+            part = self.mirror.body(part)
+        path = tuple(self.names.get(str(x), x) if k else x for k, x in enumerate(f.path))
+        found = at(part, path)
+        signs = set(found) if isinstance(found, tuple) else {found}
+        text = f.text if signs == {1.0} else negated(f.text)
+        if signs not in ({1.0}, {-1.0}) or len(text) > LONGEST:
+            return None
+        return f.model_copy(update={"name": called[f.name], "path": path, "text": text})
 
     def scenario(self, s: Scenario, called: Mapping[str, Names]) -> Scenario:
         """Initial values, forces and the list of active parts for the copies too."""

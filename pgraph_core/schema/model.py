@@ -298,9 +298,8 @@ class Model(World):
         return self._copied(names, root, Mirror("xyz".index(plane)))
 
     def _copied(self, names: Mapping[str, str], root: Body, mirror: Mirror | None = None) -> Self:
-        parts, notices = copied({**self._others(), "bodies": self.bodies}, root, names, mirror)
-        own = (f for f in self.formulas if f.part == "bodies" and f.name in names)
-        parts["formulas"] = (*self.formulas, *followed((), own, names))
+        all_parts = {**self._others(), "bodies": self.bodies}
+        parts, notices = copied(all_parts, self.formulas, root, names, mirror)
         return self._with(notices, **parts)
 
     def move(self, name: str | Iterable[str], /, to: int) -> Self:

@@ -130,6 +130,21 @@ def _named(name: str, parameters: Mapping[str, float]) -> float:
     raise ValueError(f"no parameter is named {shown(name)}; {do}")
 
 
+def negated(text: str) -> str:
+    """The formula of the opposite number; of that again, the formula itself."""
+    inner = text.strip().removeprefix("=").strip()
+    rest = inner.removeprefix("-")
+    if rest != inner and (rest.isidentifier() or _enclosed(rest)):
+        return "=" + (rest if rest.isidentifier() else rest[1:-1])
+    return f"=-{inner}" if inner.isidentifier() else f"=-({inner})"
+
+
+def _enclosed(text: str) -> bool:
+    """Whether the first parenthesis closes with the last character."""
+    depth = [text[:k].count("(") - text[:k].count(")") for k in range(1, len(text))]
+    return text[:1] == "(" and text[-1:] == ")" and min(depth, default=0) > 0
+
+
 def names_in(text: str) -> set[str]:
     """The names that a formula uses; none where it is no formula."""
     try:
@@ -268,6 +283,17 @@ def put(value: Any, path: Sequence[str | int], new: Any) -> Any:
         return (*value[:first], put(value[first], rest, new), *value[first + 1 :])
     data = fields_of(value) if isinstance(value, Frozen) else dict(value or {})
     return {**data, str(first): put(data.get(str(first)), rest, new)}
+
+
+def probed(value: Any, path: Sequence[str | int], x: float) -> Any:
+    """`value` with a number at a path, everywhere if it is one for all; not validated."""
+    if not path:
+        return (x,) * len(value) if isinstance(value, tuple) else x
+    first, rest = path[0], path[1:]
+    if isinstance(first, int):
+        return (*value[:first], probed(value[first], rest, x), *value[first + 1 :])
+    new = {str(first): probed(at(value, path[:1]), rest, x)}
+    return {**value, **new} if isinstance(value, Mapping) else value.model_copy(update=new)
 
 
 def inlined(part: Any, formulas: Iterable[Formula]) -> dict[str, Any]:

@@ -75,6 +75,13 @@ def at_rest(served, page) -> bool:
     return parts(served) == before
 
 
+@pytest.mark.nightly  # needs a machine at rest
+def test_the_trot_plays_at_a_rate_that_looks_like_motion(walker, served):
+    walker.locator(".walk-on").click()
+    until(lambda: parts(served) > 10, "a walk")
+    until(lambda: best_rate(served, walker, 2.5) >= RATE, f"{RATE} pictures in a second", 40.0)
+
+
 def test_the_trot_plays_while_its_speed_is_moved_then_pauses_scrubs_and_is_kept(walker, served):
     page = walker
     page.evaluate(
@@ -85,7 +92,9 @@ def test_the_trot_plays_while_its_speed_is_moved_then_pauses_scrubs_and_is_kept(
     page.locator(".walk-on").click()
     until(lambda: parts(served) > 10, "a walk")
     before = parts(served)
-    until(lambda: best_rate(served, page, 2.5) >= RATE, f"{RATE} pictures in a second", 40.0)
+    for k in range(5):  # it goes on while it is steered
+        slide(page, 0.5 + 0.1 * (k % 4))
+        until(lambda k=k: parts(served) > before + 20 * (k + 1), "more of the walk")
     slide(page, 0.8)
     until(lambda: served.store.state.walking.changes.get("speed") == 0.8, "the speed that is slid")
     pages = served.viser.get_clients().values()

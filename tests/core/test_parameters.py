@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pgraph_core as pg
-from pgraph_core.schema.parameters import evaluated, names_in
+from pgraph_core.schema.parameters import evaluated, names_in, negated
 
 NAMES = {"a": 2.0, "thigh": 0.22, "n": -3.0}
 
@@ -200,3 +200,52 @@ def test_a_parameter_in_use_cannot_go(legs):
 def test_names_of_a_formula():
     assert names_in("=a/(b_2 + 1)*sqrt(c)") == {"a", "b_2", "c", "sqrt"}
     assert names_in("=)") == set()
+
+
+TIED = """{"parameters": {"r": 0.1, "side": 0.07, "none": 0.0, "k": 50.0}, "bodies": [
+    {"name": "trunk", "joint": "free"},
+    {"name": "left_hip", "parent": "trunk", "joint": "spherical",
+     "link": ["=r", "=none", "=-(side)"], "com": [0.0, "=-side/2", "=side"], "q": [1, 0, 0, 0],
+     "inertia": [[0.02, "=r/100", 0], ["=r/100", 0.02, 0], [0, 0, 0.02]],
+     "shape": {"kind": "box", "size": ["=r", 0.1, 0.1],
+     "position": [0, 0, "=side"]}},
+    {"name": "left_knee", "parent": "left_hip", "q": ["=side"],
+     "v": "=none", "stiffness": "=k"}],
+  "constraints": [
+    {"name": "left rope", "body": "left_knee", "other": "trunk", "kind": "distance",
+     "length": "=4*r", "point": [0, "=r", "=none"], "other_point": ["=side", 0, "=side"]},
+    {"name": "left row", "body": "left_knee", "kind": "velocity", "value": "=r",
+     "coefficients": {"left_knee": ["=k"]}}],
+  "contacts": [{"name": "left sole", "body": "left_knee", "points": [[0, 0, "=side"]],
+     "friction": "=k/100"}],
+  "forces": [
+    {"name": "left push", "kind": "wrench", "body": "left_knee", "frame": "body",
+     "force": ["=k", 0, "=k"], "torque": ["=r", 0, "=-r"], "point": [0, 0, "=none"]},
+    {"name": "left drive", "kind": "servo", "body": "left_knee", "kp": "=k", "target": "=side"}]}"""
+
+
+@pytest.mark.parametrize("copy", ["x", "y", "z", None])
+def test_to_copy_and_to_change_a_parameter_commute(copy):
+    """A formula of a copy has the sign of its cell's reflection, also where it is zero now."""
+    model = pg.Model.from_json(TIED)
+    other = {"r": 0.25, "side": -0.03, "none": 0.4, "k": 80.0}
+
+    def copied(model: pg.Model) -> pg.Model:
+        return model.duplicate("left_hip") if copy is None else model.mirror("left_hip", copy)
+
+    twins = copied(model)
+    assert len(twins.formulas) == 2 * len(model.formulas)
+    assert pg.Model.from_json(twins.to_json()) == twins
+    changed, expected = twins.replace(parameters=other), copied(model.replace(parameters=other))
+    assert changed.formulas == expected.formulas
+    assert changed == expected
+
+
+def test_a_formula_reflected_twice_is_itself():
+    for text in ("=a", "=-a", "=a + b", "=-(a + b)", "=-(a) + (b)", "=(a)*(b)"):
+        once = negated(text)
+        names = {"a": 0.3, "b": 0.7}
+        assert evaluated(once, names) == -evaluated(text, names)
+        assert evaluated(negated(once), names) == evaluated(text, names)
+    assert negated(negated("=a + b")) == "=a + b"
+    assert negated("=-a") == "=a"
