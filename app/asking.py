@@ -18,17 +18,17 @@ import pgraph_core as pg
 from pgraph_core.constraints.mobility import mobility
 from pgraph_core.shapes.meshes import load_mesh, mass_properties
 
+from .archive import FORMATS, unpacked
 from .cells import Refusal
 from .events import Event
 from .events.constraining import ErrandDone, MobilityFound
-from .intents import Assemble, Errand, FillMass, ReadMesh
+from .intents import Assemble, Errand, FillMass, ReadArchive, ReadMesh
 from .reducers.describing import mass_of
 from .state import State
 
 BY_ITSELF = 60  # degrees of freedom up to which the report comes unasked: it costs O(n³)
 LARGEST_MESH = 10_000_000  # [bytes]
 LARGE = 5.0  # [m] a mesh beyond this is likely not in metres
-FORMATS = ("glb", "obj", "off", "ply", "stl")
 
 Send = Callable[[Event], None]
 
@@ -104,6 +104,8 @@ def answer(errand: Errand) -> ErrandDone:
                 changes, text = assembled(errand.model)
             case ReadMesh() as read:
                 changes, text = shaped(read)
+            case ReadArchive(_, content):
+                return ErrandDone(errand.id, opened=unpacked(content, folder()))
             case FillMass(bodies, density):
                 changes = mass_of([errand.model.body(name) for name in bodies], density)
                 text = "Mass, centre of mass and inertia follow from the shape."

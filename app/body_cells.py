@@ -90,8 +90,7 @@ def edit_of(
     if field == "shape_kind":
         return {"shape": _shape(body, entries[0][1])}
     if field == "motions":
-        fresh = dict.fromkeys(("q", "v", "limits", *PER_MOTION), ())
-        return {"motions": _motions(body, entries), **fresh}
+        return {"motions": _motions(body, entries)}
     if field == "joint":
         return {"joint": entries[0][1]}
     if field == "tip" and any(not text.strip() for _, text in entries):
@@ -141,10 +140,12 @@ def _numbers(value: Sequence[Any], what: str) -> list[float]:
 def euler_of(q: Sequence[float]) -> tuple[float, float, float]:
     """Roll, pitch, yaw [rad]: R = Rot(z, yaw) Rot(y, pitch) Rot(x, roll), pitch within ±π/2."""
     R = matrix(q)
-    pitch = math.asin(min(max(-float(R[2, 0]), -1.0), 1.0))
-    if abs(R[2, 0]) > 1 - 1e-12:  # roll and yaw turn about one line: all of it is yaw
-        return (0.0, pitch, math.atan2(-R[0, 1], R[1, 1]))
-    return (math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0]))
+    level = math.hypot(R[2, 1], R[2, 2])
+    # at 90 degrees of pitch roll and yaw turn about one line: all of it is yaw
+    roll = math.atan2(R[2, 1], R[2, 2]) if level > 1e-9 else 0.0
+    s, c = math.sin(roll), math.cos(roll)
+    yaw = math.atan2(s * R[0, 2] - c * R[0, 1], c * R[1, 1] - s * R[1, 2])
+    return (roll, math.atan2(-R[2, 0], level), yaw)
 
 
 def from_euler(angles: Sequence[float]) -> tuple[float, ...]:

@@ -78,6 +78,14 @@ class ReadMesh:
 
 
 @dataclass(frozen=True)
+class ReadArchive:
+    """Keep the meshes of an uploaded zip and open its model."""
+
+    file: str
+    content: bytes
+
+
+@dataclass(frozen=True)
 class FillMass:
     """Mass, centre of mass and inertia of these bodies from their shapes and a density."""
 
@@ -92,7 +100,7 @@ class Errand:
     id: int
     client: int
     model: pg.Model
-    what: Assemble | ReadMesh | FillMass
+    what: Assemble | ReadMesh | ReadArchive | FillMass
 
 
 @dataclass(frozen=True)

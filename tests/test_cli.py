@@ -418,3 +418,18 @@ def test_verify_of_what_is_not_there(capsys):
     assert err.startswith("case 'horse': no case has this name; choose one of a01_simple_pendulum")
     _, err = said(capsys, "verify", "horse.json", code=1)
     assert err.startswith("horse.json: cannot be read: No such file")
+
+
+def test_check_names_the_bodies_whose_mesh_cannot_be_read(capsys, tmp_path: Path):
+    model = pg.Model.serial(2).edit("2", shape={"kind": "mesh", "file": "part.stl"})
+    (tmp_path / "m.json").write_text(model.to_json())
+    _, err = said(capsys, "check", str(tmp_path / "m.json"), code=1)
+    assert "body '2', shape: mesh" in err
+    assert "part.stl: there is no such file" in err
+
+
+def test_check_says_that_a_scenario_asks_for_an_unknown_method(capsys, tmp_path: Path):
+    text = '{"bodies": [{"name": "a"}], "scenarios": [{"name": "s", "method": "rk5"}]}'
+    (tmp_path / "m.json").write_text(text)
+    _, err = said(capsys, "check", str(tmp_path / "m.json"), code=1)
+    assert "scenario 's', method: no method is called 'rk5'; choose one of auto, " in err

@@ -170,3 +170,26 @@ def test_sentences(call, sentence):
     with pytest.raises(pg.ModelError) as refused:
         call(pg.Model.serial(3))
     assert str(refused.value) == sentence
+
+
+def test_other_motions_of_a_compound_joint_are_another_joint():
+    """As `joint` and `dof` do: what belonged to the old motions is reset, and said."""
+    slide, turn = ("translate", (1.0, 0.0, 0.0)), ("rotate", (0.0, 0.0, 1.0))
+    body = pg.Body(
+        name="a", joint="compound", motions=(turn, slide), q=(0.3, 0.2), v=(1, 2), damping=(1, 2)
+    )
+    drive = pg.Force(name="drive", kind="motor", body="a", coordinate=1, torque=1.0)
+    model = pg.Model(bodies=(body,), forces=(drive,))
+    other = model.edit("a", motions=(turn,))
+    assert (other.body("a").q, other.body("a").v, other.body("a").damping) == ((0,), (0,), (0,))
+    assert other.notices == (
+        "body 'a': the joint is now compound (1 DoF); reset: q, v, damping",
+        "force 'drive' went: it does not fit the joint",
+    )
+    swapped = model.edit("a", motions=(slide, turn))
+    assert swapped.body("a").q == (0.0, 0.0)
+    given = model.edit("a", motions=(turn, slide, ("ball", (0, 0, 1))), q=(1, 2, 1, 0, 0, 0))
+    assert given.body("a").q[:2] == (1.0, 2.0)
+    assert given.notices == ("body 'a': the joint is now compound (5 DoF); reset: v, damping",)
+    turned = model.edit("a", motions=(("rotate", (0, 1, 0)), slide))
+    assert (turned.body("a").q, turned.notices) == ((0.3, 0.2), ())

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 
+import pgraph_core as pg
+from pgraph_core.errors import ModelError, Problem
+from pgraph_core.shapes.meshes import load_mesh
+
 from . import given
 from .answer import Answer
 
@@ -15,6 +19,20 @@ def arguments(parser: ArgumentParser) -> None:
 
 
 def answer(args: Namespace) -> Answer:
-    """Reading a model raises with all its problems, which `main` prints."""
+    """Reading a model raises with all its problems, which `main` prints; so do its meshes."""
     model = given.model(args.model)
+    if found := mesh_problems(model):
+        raise ModelError(found)
     return Answer({"problems": []}, f"{model.name}: no problem found")
+
+
+def mesh_problems(model: pg.Model) -> list[Problem]:
+    """One for each body whose mesh file cannot be read."""
+    found = []
+    for body in model.bodies:
+        if body.shape is not None and body.shape.file:
+            try:
+                load_mesh(body.shape.file)
+            except pg.PgraphError as error:
+                found.append(Problem(f"body '{body.name}'", "shape", str(error)))
+    return found

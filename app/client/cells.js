@@ -48,8 +48,9 @@ pgraph.cells = (() => {
 
   // Python's answer: taken, or the sentence that says why not.
   function reply({ serial, text, offer }) {
-    const cell = pending.get(serial)?.cell;
+    const { cell, doubt } = pending.get(serial) ?? {};
     pending.delete(serial);
+    if (doubt) { doubt(text, offer); return; }
     if (!cell?.isConnected) { if (text) pgraph.toast(text); return; }
     if (cell.pgraphSerial !== serial) return; // it was typed in and sent again since
     cell.classList.remove("waiting");
@@ -64,11 +65,29 @@ pgraph.cells = (() => {
     sentence(cell, text);
     cell.onrefuse?.(offer, noteOf(cell));
   }
+  // What there is to say of a cell while it is typed in: one question at a time, the last text wins.
+  function doubtful(cell, send) {
+    if (cell.pgraphDoubting) return;
+    if (!dirty(cell)) { if (!cell.classList.contains("refused")) sentence(cell, ""); return; }
+    const serial = pgraph.nextSerial(), typed = cell.value;
+    cell.pgraphDoubting = true;
+    pending.set(serial, { cell, send, doubt(text, offer) {
+      cell.pgraphDoubting = false;
+      if (!cell.isConnected || !dirty(cell) || cell.classList.contains("waiting")) return;
+      if (cell.value !== typed) { doubtful(cell, send); return; }
+      if (cell.classList.contains("refused") && cell.dataset.sent === typed) return;
+      sentence(cell, text);
+      if (text) cell.onrefuse?.(offer, noteOf(cell));
+    } });
+    send(serial, typed);
+  }
+
   // After a lost connection: what was not answered is asked again, as far as it is an edit.
   function again() {
     const lost = [...pending.values()];
     pending.clear();
-    for (const { cell, send } of lost) {
+    for (const { cell, send, doubt } of lost) {
+      if (doubt) { cell.pgraphDoubting = false; continue; }
       cell.classList.remove("waiting");
       if (cell.isConnected && cell.pgraphCommit && dirty(cell)) ask(cell, send);
     }
@@ -162,6 +181,6 @@ pgraph.cells = (() => {
     });
   }
 
-  return { set, reply, again, revert, await: ask, input, choice, choose, commit, quietly, keepingFocus, resting: () => !quiet };
+  return { set, reply, again, doubtful, revert, await: ask, input, choice, choose, commit, quietly, keepingFocus, resting: () => !quiet };
 })();
 pgraph.on("reply", pgraph.cells.reply);

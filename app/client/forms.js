@@ -6,7 +6,7 @@ pgraph.forms = (() => {
     [f.field, f.label, f.kind, f.columns, f.cells.map((c) => [c.index, c.name]), f.buttons.map((b) => b.text), f.options?.length, f.rows?.length])]));
   const isDirty = (cell) => cell.value !== cell.dataset.shown;
 
-  // `ask` = {edit(field, entries, serial), mend(...), press(button, field), density, upload, parameter}.
+  // `ask` = {edit(field, entries, serial), check(...), mend(...), press(button, field), density, upload, parameter}.
   function draw(box, groups, ask, key) {
     const shape = shapeOf(groups);
     if (box.dataset.shape !== shape || box.dataset.key !== key) {
@@ -68,9 +68,15 @@ pgraph.forms = (() => {
 
   function input(box, grid, field, cell) {
     const label = [field.label, cell.name || cell.index.map((i) => i + 1).join(" ")].filter(Boolean).join(" ");
+    const typedIn = () => [...grid.querySelectorAll(".cell")].filter(isDirty);
+    const entriesOf = (typed) => typed.map((one) => [one.pgraphIndex, one.value]);
+    const check = (serial) => {
+      const entries = entriesOf(typedIn());
+      made.onrefuse = (offer, note) => repair(box, field, entries, offer, note, made);
+      box.pgraphAsk.check(field.field, entries, serial);
+    };
     const send = (serial) => {
-      const typed = [...grid.querySelectorAll(".cell")].filter(isDirty);
-      const entries = typed.map((one) => [one.pgraphIndex, one.value]);
+      const typed = typedIn(), entries = entriesOf(typed);
       const texts = typed.map((one) => one.value);
       made.onaccept = () => typed.forEach((one, i) => { if (one !== made && one.value === texts[i]) cells.revert(one); });
       made.onrefuse = (offer, note) => repair(box, field, entries, offer, note, made);
@@ -80,6 +86,7 @@ pgraph.forms = (() => {
     if (field.kind === "choice") made = cells.choice(() => made.pgraphOptions, send, { label });
     else if (field.kind === "names") made = cells.choice(() => names(made.pgraphOptions), send, { label });
     else made = cells.input(send, { label, numeric: field.kind === "number", leaving: field.kind !== "density" });
+    if (field.live) made.addEventListener("input", () => cells.doubtful(made, check));
     if (field.columns >= 3) made.dataset.digits = 5;
     made.pgraphIndex = cell.index;
     made.pgraphOptions = field.options ?? [];

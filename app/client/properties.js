@@ -1,7 +1,6 @@
 // Everything about the selected bodies, or about the model where none is selected.
 (() => {
   const { make, forms, send } = pgraph;
-  const LARGEST_MESH = 10_000_000; // [bytes]
 
   function build(host) {
     host.replaceChildren(make("div", { className: "properties" },
@@ -29,12 +28,13 @@
 
   const ofBodies = (bodies) => ({
     edit: (field, entries, serial) => send("EditBodies", { serial, bodies, field, entries }),
+    check: (field, entries, serial) => send("Check", { serial, bodies, field, entries }),
     mend: (field, entries, serial) => send("Mend", { serial, bodies, field, entries }),
     press: (button) => send("EditBodies", {
       serial: pgraph.nextSerial(), bodies, field: button.fields.field, entries: [[button.fields.index, button.fields.text]],
     }),
     density: (serial, text) => send("FillFromShape", { serial, bodies, density: text }),
-    upload: (file) => upload(file, bodies),
+    upload: (file) => pgraph.files.mesh(file, bodies),
     parameter: (event, fields) => send(event, fields),
   });
   const ofModel = {
@@ -42,16 +42,6 @@
     press: (button) => send("EditWorld", { serial: pgraph.nextSerial(), field: button.fields.field, index: button.fields.index, text: button.fields.text }),
     parameter: (event, fields) => send(event, fields),
   };
-
-  async function upload(file, bodies) {
-    if (file.size > LARGEST_MESH) {
-      pgraph.toast(`${file.name} has ${(file.size / 1e6).toFixed(1)} MB; a mesh file has at most 10 MB.`);
-      return;
-    }
-    const reader = new FileReader();
-    reader.onload = () => send("UploadMesh", { bodies, name: file.name, content: reader.result.split(",", 2)[1] ?? "" });
-    reader.readAsDataURL(file);
-  }
 
   pgraph.view("properties", { build, properties: draw });
 })();

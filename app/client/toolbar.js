@@ -55,7 +55,7 @@
   }
 
   function saveQuestion(close) {
-    const download = button("primary download", "Download as a file", "JSON", () => { send("Download"); close(); });
+    const download = button("primary download", "Download as a file", "JSON; with mesh files a zip of that and them", () => { send("Download"); close(); });
     const path = `${pgraph.latest.toolbar.name.replace(/[^\w-]+/g, "_")}.json`;
     const save = (serial, typedPath) => send("Save", { serial, path: typedPath });
     return [make("div", { className: "ask" }, download), ...typed("or on this computer as", path, "Save", close, save)];
@@ -72,14 +72,14 @@
   }
 
   function openQuestion(close) {
-    const file = make("input", { type: "file", accept: ".json,application/json", hidden: true });
+    const file = make("input", { type: "file", accept: ".json,.zip,application/json,application/zip", hidden: true });
     file.onchange = () => { pgraph.files.read(file.files[0]); close(); };
     const item = (event) => ([name, what]) => make("button", {
       className: "item", "data-model": name, onclick: () => { send(event, { name }); close(); },
     }, make("strong", { textContent: name }), make("span", { className: "muted", textContent: what }));
     const kept = pgraph.latest.toolbar.kept.map((name) => [name, "from an earlier session"]);
     return [make("div", { className: "gallery" }, ...kept.map(item("OpenKept")), ...pgraph.latest.toolbar.gallery.map(item("OpenBuiltIn"))),
-      make("div", { className: "ask" }, button("file", "Open a file …", "A model saved as JSON; it can also be dropped on the page", () => file.click()), file)];
+      make("div", { className: "ask" }, button("file", "Open a file …", "A model saved as JSON, or as zip with its meshes; it can also be dropped on the page", () => file.click()), file)];
   }
 
   pgraph.view("toolbar", { build, toolbar: draw });

@@ -38,6 +38,9 @@ from .editing import (
     NewModel as NewModel,
 )
 from .editing import (
+    OpenArchive as OpenArchive,
+)
+from .editing import (
     OpenBuiltIn as OpenBuiltIn,
 )
 from .editing import (

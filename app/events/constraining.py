@@ -120,9 +120,10 @@ class MobilityFound:
 
 @dataclass(frozen=True)
 class ErrandDone:
-    """What an errand found: changes of bodies, and a sentence about them; or a problem."""
+    """What an errand found: changes of bodies, or a whole model, and a sentence; or a problem."""
 
     id: int
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     text: str = ""
     problem: str = ""
+    opened: pg.Model | None = None

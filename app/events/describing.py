@@ -33,6 +33,16 @@ class EditBodies(FromPage):
 
 
 @dataclass(frozen=True)
+class Check(FromPage):
+    """The same while it is typed: what would be said of it; nothing is changed."""
+
+    serial: int
+    bodies: Bodies
+    field: BodyField
+    entries: Entries
+
+
+@dataclass(frozen=True)
 class Mend(FromPage):
     """The same with the nearest that the bodies can take: the offer beside a refusal."""
 

@@ -55,6 +55,14 @@ class OpenKept(FromPage):
 
 
 @dataclass(frozen=True)
+class OpenArchive(FromPage):
+    """A zip of a model and its meshes, read by the page."""
+
+    name: Text
+    content: Annotated[str, Field(max_length=16_000_000)]  # base64
+
+
+@dataclass(frozen=True)
 class OpenText(FromPage):
     """A file's content, read by the page."""
 

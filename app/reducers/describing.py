@@ -6,6 +6,7 @@ import base64
 import binascii
 import math
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -16,9 +17,9 @@ from pgraph_core.shapes.meshes import mass_properties
 from .. import body_cells, cells
 from ..body_cells import edit_of, mended
 from ..cells import Refusal
-from ..events import Event
+from ..events import Event, OpenArchive
 from ..events import describing as asked
-from ..intents import Display, FillMass, ReadMesh
+from ..intents import Display, FillMass, ReadArchive, ReadMesh
 from ..state import Notice, Reply, State, told, with_client
 from .answering import answered, attempted
 from .errands import sent
@@ -32,18 +33,25 @@ CHOICES = {
     "about": ("com", "origin"),
 }  # fmt: skip
 
+Typed = asked.EditBodies | asked.Check | asked.Mend
+
 
 def update(state: State, event: Event) -> State | None:
     """The state after an event of the properties; None for any other event."""
     match event:
+        case asked.Check():
+            return checked(state, event)
         case asked.EditBodies():
             return edited(state, event)
         case asked.Mend():
             return repaired(state, event)
         case asked.FillFromShape():
             return filled(state, event)
-        case asked.UploadMesh():
-            return uploaded(state, event)
+        case asked.UploadMesh(client, bodies, name, content):
+            make = lambda data: ReadMesh(bodies, name, data)  # noqa: E731
+            return uploaded(state, client, content, make)
+        case OpenArchive(client, name, content):
+            return uploaded(state, client, content, lambda data: ReadArchive(name, data))
         case asked.EditWorld(client, serial, field, index, text):
             make = lambda: world_edited(state, client, field, index, text)  # noqa: E731
             return answered(state, client, serial, make, f"{field} of the model")
@@ -85,14 +93,26 @@ def edited(state: State, event: asked.EditBodies) -> State:
     )  # fmt: skip
 
 
-def _label(event: asked.EditBodies | asked.Mend) -> str:
+def checked(state: State, event: asked.Check) -> State:
+    """What the model has against half-typed cells, and a repair; to type on is no fault."""
+    reply = Reply(event.serial, "")
+    try:
+        _edited(state, event)
+    except pg.PgraphError as problem:
+        reply = Reply(event.serial, str(problem), _offer(state, event))
+    except Refusal:
+        pass
+    return with_client(state, event.client, reply=reply)
+
+
+def _label(event: Typed) -> str:
     field = event.field.removeprefix("shape_") if event.field != "shape_kind" else "shape"
     several = f"{len(event.bodies)} bodies"
     of = event.bodies[0] if len(event.bodies) == 1 else several
     return f"{LABELS.get(event.field, field)} of {of}"
 
 
-def _changes(state: State, event: asked.EditBodies | asked.Mend) -> dict[str, dict[str, Any]]:
+def _changes(state: State, event: Typed) -> dict[str, dict[str, Any]]:
     display, changes = display_of(state, event.client), {}
     for name in event.bodies:
         body = state.model.body(name)
@@ -108,7 +128,7 @@ def _changes(state: State, event: asked.EditBodies | asked.Mend) -> dict[str, di
     return changes
 
 
-def _edited(state: State, event: asked.EditBodies) -> pg.Model:
+def _edited(state: State, event: Typed) -> pg.Model:
     if event.field == "name" and len(event.bodies) > 1:
         raise Refusal("several bodies cannot have one name; select one")
     changes = _changes(state, event)
@@ -118,7 +138,7 @@ def _edited(state: State, event: asked.EditBodies) -> pg.Model:
     return state.model.edit_all(changes)
 
 
-def _offer(state: State, event: asked.EditBodies) -> str:
+def _offer(state: State, event: Typed) -> str:
     """What a repair would do with the refused entries; "" where there is none."""
     try:
         changes = _changes(state, event)
@@ -131,7 +151,7 @@ def _offer(state: State, event: asked.EditBodies) -> str:
     return {"inertia": "Use the nearest possible inertia"}.get(event.field, "Make it a unit one")
 
 
-def _one(event: asked.EditBodies | asked.Mend, change: dict[str, Any]) -> tuple[str, Any]:
+def _one(event: Typed, change: dict[str, Any]) -> tuple[str, Any]:
     field = "rotation" if event.field.startswith("rotation") else event.field
     return field, change
 
@@ -188,14 +208,16 @@ def mass_of(bodies: list[pg.Body], density: float) -> dict[str, dict[str, Any]]:
     return found
 
 
-def uploaded(state: State, event: asked.UploadMesh) -> State:
+def uploaded(
+    state: State, client: int, content: str, make: Callable[[bytes], ReadMesh | ReadArchive]
+) -> State:
     """An errand that keeps and reads the file."""
     try:
-        content = base64.b64decode(event.content, validate=True)
+        data = base64.b64decode(content, validate=True)
     except (binascii.Error, ValueError):
-        notice = Notice("Not done", "The mesh file did not arrive whole; try again.", bad=True)
-        return told(state, event.client, notice)
-    return sent(state, event.client, ReadMesh(event.bodies, event.name, content))
+        notice = Notice("Not done", "The file did not arrive whole; try again.", bad=True)
+        return told(state, client, notice)
+    return sent(state, client, make(data))
 
 
 # -- the model ---------------------------------------------------------------------------------

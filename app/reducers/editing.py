@@ -98,11 +98,19 @@ def new_model(state: State, client: int, serial: int, text: str) -> State:
 def opened(state: State, client: int, name: str, content: str) -> State:
     """The model in a file's text, or why it is none."""
     try:
-        model = pg.Model.from_json(content)
-        if len(model.bodies) > MOST_BODIES:
-            raise Refusal(f"it has {len(model.bodies)} bodies; {MOST_BODIES} at most")
-    except (pg.PgraphError, Refusal) as error:
-        return told(state, client, Notice(f"{name} was not opened", str(error), bad=True))
+        return shown_model(state, client, name, pg.Model.from_json(content))
+    except pg.PgraphError as error:
+        return shown_model(state, client, name, None, str(error))
+
+
+def shown_model(
+    state: State, client: int, name: str, model: pg.Model | None, problem: str = ""
+) -> State:
+    """A model that was read in place of the one that is shown, or why it is not."""
+    if model is not None and len(model.bodies) > MOST_BODIES:
+        problem = f"it has {len(model.bodies)} bodies; {MOST_BODIES} at most"
+    if model is None or problem:
+        return told(state, client, Notice(f"{name} was not opened", problem, bad=True))
     state = _replaced(state, model, f"open {name}")
     return told(state, client, Notice(f"Opened {model.name}"))
 

@@ -7,11 +7,14 @@ from typing import Any
 
 from ..events import Event
 from ..events.constraining import ErrandDone
-from ..intents import Assemble, Errand, FillMass, ReadMesh
+from ..intents import Assemble, Errand, FillMass, ReadArchive, ReadMesh
 from ..state import Notice, State, told
 from .answering import attempted
+from .editing import shown_model
 
 LABELS = {Assemble: "assemble", ReadMesh: "mesh file", FillMass: "mass from shape"}
+
+Task = Assemble | ReadMesh | ReadArchive | FillMass
 
 
 def update(state: State, event: Event) -> State | None:
@@ -22,7 +25,7 @@ def update(state: State, event: Event) -> State | None:
     return None
 
 
-def sent(state: State, client: int, what: Assemble | ReadMesh | FillMass) -> State:
+def sent(state: State, client: int, what: Task) -> State:
     """One more errand under way, for the model as it stands."""
     errand = Errand(state.errand_count + 1, client, state.model, what)
     return replace(state, errands=(*state.errands, errand), errand_count=errand.id)
@@ -34,6 +37,8 @@ def done(state: State, event: ErrandDone) -> State:
     if errand is None:
         return state
     state = replace(state, errands=tuple(e for e in state.errands if e.id != event.id))
+    if isinstance(errand.what, ReadArchive):
+        return shown_model(state, errand.client, errand.what.file, event.opened, event.problem)
     label = LABELS[type(errand.what)]
     if event.problem:
         return told(state, errand.client, Notice(f"Not done: {label}", event.problem, bad=True))

@@ -44,9 +44,15 @@ def update(state: State, event: Event) -> State | None:
             return replace(state, saving=Saving(client, serial, path, state.model))
         case events.Saved(client, serial, path, problem):
             state = with_client(state, client, reply=Reply(serial, problem))
-            return state if problem else told(state, client, Notice("Saved", path))
+            return state if problem else told(state, client, Notice("Saved", said(path, state)))
         case _:
             return None
+
+
+def said(path: str, state: State) -> str:
+    """Where the model was saved, and its meshes."""
+    meshes = any(b.shape is not None and b.shape.file for b in state.model.bodies)
+    return f"{path}; its mesh files are in the folder 'meshes' beside it" if meshes else path
 
 
 def gone(state: State, client: int) -> State:

@@ -218,7 +218,7 @@ class _Form:
         about = {"com": "about the centre of mass", "origin": "about the frame's origin"}
         help = f"{about[self.display.about]}, {ABOUT['inertia'].help}"
         return field("inertia", "Inertia", cells, unit="kg m²", help=help, columns=3,
-                     note=physical(self.body))  # fmt: skip
+                     note=physical(self.body), live=True)  # fmt: skip
 
     def tip(self) -> Payload:
         found = self.vector("tip")

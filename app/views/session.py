@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import re
+import pgraph_core as pg
 
+from ..archive import packed
 from ..client.bridge import Bridge
 from ..state import Client, Notice, State
 from . import Payload, audience
@@ -49,9 +50,10 @@ class SessionView:
             self._notify(client, now.notice)
         handle = self._bridge.server.get_clients().get(client)
         if now.downloads != before.downloads and handle is not None:
-            name = re.sub(r"[^\w-]+", "_", state.model.name) or "model"
-            content = state.model.to_json().encode()
-            handle.send_file_download(f"{name}.json", content, save_immediately=True)
+            try:
+                handle.send_file_download(*packed(state.model), save_immediately=True)
+            except pg.PgraphError as error:
+                self._notify(client, Notice("Not saved", str(error), bad=True))
 
     def _notify(self, client: int, notice: Notice) -> None:
         handle = self._bridge.server.get_clients().get(client)

@@ -12,7 +12,7 @@ from .body_checks import PER_MOTION
 from .checks import fits_joint, force_problems, state_problems
 from .constraint import Constraint
 from .contact import Contact
-from .fields import Described, fields_of
+from .fields import Described, fields_of, listed
 from .force import Force
 from .scenario import Scenario
 from .sentences import nearest
@@ -39,9 +39,10 @@ def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
     }
     data = fields_of(old)
     kind, dof = changes.get("joint", old.joint), changes.get("dof", old.dof)
-    new_joint = kind != old.joint or dof != old.dof
+    new_joint = kind != old.joint or dof != old.dof or _moves_otherwise(old, changes)
     if new_joint:
-        data = {key: value for key, value in data.items() if key not in (*JOINT_FIELDS, "joint")}
+        kept = {"joint"} if kind == old.joint == "compound" and "motions" in changes else set()
+        data = {k: x for k, x in data.items() if k in kept or k not in (*JOINT_FIELDS, "joint")}
     elif "dof" in changes:
         changes = {key: value for key, value in changes.items() if key != "dof"}
     if "motions" in changes:
@@ -49,7 +50,8 @@ def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
     new = _refused_as(old.name, {**data, **changes})
     if not new_joint:
         return new, []
-    lost = [key for key in JOINT_FIELDS if key not in changes and _set(old, key)]
+    given = {*changes, "axes"} if "motions" in changes else changes
+    lost = [key for key in JOINT_FIELDS if key not in given and _set(old, key)]
     text = f"body '{new.name}': the joint is now {new.joint} ({new.dof} DoF)"
     return new, [text + (f"; reset: {', '.join(lost)}" if lost else "")]
 
@@ -88,9 +90,23 @@ def _refused_as(name: str, data: dict[str, Any]) -> Body:
         raise ModelError(Problem(where, p.field, p.text) for p in error.problems) from None
 
 
+def _moves_otherwise(old: Body, changes: Mapping[str, Any]) -> bool:
+    """Whether a compound joint is given other kinds of motions, to which its q do not belong."""
+    motions = listed(changes.get("motions"))
+    if old.joint != "compound" or not isinstance(motions, tuple):
+        return False
+    try:
+        return [kind for kind, *_ in motions] != [m.kind for m in old.sequence]
+    except TypeError:
+        return False  # ill-formed motions are refused by their own field
+
+
 def _set(body: Body, field: str) -> bool:
     """Whether a joint's field differs from what a fresh joint of its kind has."""
-    return getattr(body, field) != getattr(Body(name="fresh", joint=body.joint), field)
+    motions = () if field in ("axes", "motions") else body.motions
+    return getattr(body, field) != getattr(
+        Body(name="fresh", joint=body.joint, motions=motions), field
+    )
 
 
 def renamed(part: T, names: Mapping[str, str], fields: tuple[str, ...]) -> T:

@@ -12,6 +12,7 @@ from pydantic import Field, ValidationError
 
 from ..errors import ModelError, Problem, choices
 from . import files
+from .assets import gathered, located
 from .body import Body
 from .checks import model_problems
 from .constraint import Constraint
@@ -135,10 +136,10 @@ class Model(World):
     def edit(self, name: str, /, **changes: Any) -> Self:
         """A new model in which body `name` has the changed fields; a new name is followed.
 
-        A new `joint` or `dof` resets that joint's axes, q, v and springs, and forces and initial
-        values that do not fit it go (`notices` says so). Of several parents, ("a", "b"), the first
-        is the one in the tree; the others close loops, cut at joints like the body's own.
-        Raises ModelError; this model stays as it is.
+        A new `joint`, `dof` or other kinds of `motions` reset that joint's axes, q, v and springs,
+        and forces and initial values that do not fit it go (`notices` says so). Of several parents,
+        ("a", "b"), the first is the one in the tree; the others close loops, cut at joints like the
+        body's own. Raises ModelError; this model stays as it is.
         """
         if any(formulas_in(changes)):
             return self._with_formulas(name, changes)
@@ -376,9 +377,18 @@ class Model(World):
 
     @classmethod
     def load(cls, path: str | Path, /) -> Self:
-        """The model in a file. Raises FileError or ModelError."""
-        return cls.from_json(files.read(path), source=str(path))
+        """The model in a file; its mesh files are found from there on.
+
+        Raises FileError or ModelError.
+        """
+        data = files.parse(files.read(path), str(path))
+        return cls(**located(data, Path(path).parent))
 
     def save(self, path: str | Path, /) -> None:
-        """Write the description; a file that is there is replaced whole or not at all."""
-        files.write_atomic(path, self.to_json())
+        """Write the description; a file that is there is replaced whole or not at all.
+
+        Mesh files that are not in its folder are copied to `meshes` beside it, so that the folder
+        opens on another machine. Raises FileError.
+        """
+        parent = Path(path).parent
+        files.write_atomic(path, (gathered(self, parent) if parent.is_dir() else self).to_json())

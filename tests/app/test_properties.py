@@ -194,6 +194,17 @@ def test_a_repair_is_possible_and_leaves_what_is_possible(values):
     pg.Body(name="rod", inertia=new)
 
 
+def test_what_is_half_typed_is_judged_and_nothing_changed(state):
+    bad = edit(state, "inertia", ((2, 2), "1"), kind=d.Check)
+    assert bad.model is state.model
+    assert "triangle inequality" in told(bad)
+    assert bad.clients[ME].reply.offer == "Use the nearest possible inertia"
+    assert told(edit(bad, "inertia", ((2, 2), "1e"), kind=d.Check)) == ""
+    assert told(edit(bad, "inertia", ((2, 2), "3.5e-3"), kind=d.Check)) == ""
+    mended = edit(bad, "inertia", ((2, 2), "1"), kind=d.Mend)
+    assert mended.model.body("2").inertia[2][2] == 1.0
+
+
 def test_an_impossible_inertia_is_refused_with_an_offer_that_is_one_step(state):
     refused = edit(state, "inertia", ((2, 2), "1"))
     assert "triangle inequality" in told(refused)

@@ -49,7 +49,17 @@ def typed(cell: Any, text: str) -> None:
 def test_1_5_an_impossible_inertia_is_refused_with_its_inequality_and_repaired(bench, served):
     choose_body(bench, "2")
     before = model(served)
-    typed(cell(bench, "inertia", 8), "1")
+    cell(bench, "inertia", 8).focus()
+    bench.keyboard.type("1")  # said while it is typed
+    bench.wait_for_selector(".offer")
+    assert "triangle inequality" in bench.locator(".sentence:visible").first.inner_text()
+    assert bench.locator(".refused").count() == 0
+    bench.keyboard.type("e")  # no number yet: nothing is said of it
+    until(lambda: bench.locator(".sentence:visible").count() == 0, "nothing said")
+    bench.keyboard.press("Backspace")
+    bench.wait_for_selector(".offer")
+    bench.keyboard.press("Enter")
+    bench.wait_for_selector(".refused")
     bench.wait_for_selector(".offer")
     assert "triangle inequality" in bench.locator(".sentence:visible").first.inner_text()
     assert model(served) is before

@@ -50,6 +50,28 @@ def test_1_10_a_file_that_is_no_model_is_refused_in_a_sentence(page, served, nam
     assert served.store.state.model is before
 
 
+def test_1_10_a_mesh_dropped_on_the_page_is_the_shape_of_what_is_selected(
+    page, served, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    drop(page, "part.stl", "['solid broken']")
+    page.get_by_text("select the body first whose shape it is").wait_for()
+    row(page, "thorax").locator("td.number").click()
+    page.wait_for_function("() => pgraph.latest.selected[0] === 'thorax'")
+    drop(page, "huge.stl", "[new Uint8Array(1e8)]")
+    page.get_by_text("it has 100.0 MB; a mesh file has at most 10 MB").wait_for()
+    before = served.store.state.model
+    drop(page, "part.stl", "['solid broken']")
+    notices = lambda: [c.notice for c in served.store.state.clients.values()]  # noqa: E731
+    until(lambda: any(n and "part.stl" in n.text for n in notices()), "a sentence")
+    assert served.store.state.model is before
+    corners = ((0, 0, 0), (0.1, 0, 0), (0, 0.1, 0), (0, 0, 0.1))
+    faces = ("3 0 2 1", "3 0 1 3", "3 0 3 2", "3 1 2 3")
+    lines = ["OFF", "4 4 6", *(" ".join(map(str, c)) for c in corners), *faces]
+    drop(page, "part.off", f"[{chr(10).join(lines)!r}]")
+    until(lambda: served.store.state.model.body("thorax").shape.kind == "mesh", "its shape")
+
+
 def test_1_10_a_model_dropped_on_the_page_is_opened(page, served):
     drop(page, "two.json", """['{"name": "two", "bodies": [{"name": "a"}, {"name": "b"}]}']""")
     row(page, "b").wait_for()
