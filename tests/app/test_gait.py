@@ -26,6 +26,7 @@ from app.views import exports
 from app.views.gait import gait
 from app.views.ground import solid
 from app.views.phases import phases
+from pgraph_core.kernels import gait_layout as go
 from pgraph_core.result.contact_record import Event
 
 ME = 1
@@ -236,3 +237,39 @@ def test_parts_that_begin_with_a_graze_are_sewn_without_it():
 @cache
 def mechanism() -> pg.Mechanism:
     return pg.Mechanism(ready().model)
+
+
+def asked_speed(motion: Motion) -> float:
+    """What the controller is asked for now [m/s]."""
+    assert motion._walker is not None
+    s, t = motion._walker._walk.controller.settings, motion.time
+    most = s[go.SPEED_RATE] * max(t - s[go.SPEED_T], 0.0)
+    return s[go.SPEED_FROM] + float(np.clip(s[go.SPEED_TO] - s[go.SPEED_FROM], -most, most))
+
+
+def test_the_speed_asked_for_follows_every_edit_as_fast_as_the_gait_allows():
+    """Whatever sets it: the slider, another gait, the scenario's gait itself, undo."""
+    state, motion = after(ready(), events.Walk(ME)), Motion()
+    model, name = state.model, state.live.request.scenario
+
+    def other(speed: float) -> str:
+        scenarios = tuple(
+            s.model_copy(update={"gait": s.gait.edit(speed=speed)}) if s.name == name else s
+            for s in model.scenarios
+        )
+        return model.replace(scenarios=scenarios).to_json()
+
+    edits = (
+        events.SetWalk(ME, 1, "speed", "0.9"), events.SetGait(ME, 1, "crawl"),
+        events.SetGait(ME, 1, "trot"), events.OpenText(ME, "slow", other(0.1)),
+        events.OpenText(ME, "fast", other(1.1)), events.Undo(ME),
+    )  # fmt: skip
+    asked = []
+    for edit in edits:
+        for _ in range(3):
+            state = walked(state, motion, PART)
+            asked.append(asked_speed(motion))
+        state = after(state, edit)
+    fastest = max(s.gait.acceleration for s in model.scenarios if s.gait is not None)
+    assert np.abs(np.diff(asked)).max() <= fastest * 1.01 * PART
+    assert np.ptp(asked) > 0.05
