@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
-from app.cli import main
+
+def main() -> int:
+    """The program; its exit code."""
+    # before NumPy is imported: on busy processors OpenBLAS's threads wait a hundred times as long
+    # for each other as matrices of a mechanism take to compute
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    from app.cli import main
+
+    return main()
+
 
 if __name__ == "__main__":
     sys.exit(main())

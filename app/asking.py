@@ -26,7 +26,7 @@ from .intents import Assemble, Errand, FillMass, ReadArchive, ReadMesh
 from .reducers.describing import mass_of
 from .state import State
 
-BY_ITSELF = 60  # degrees of freedom up to which the report comes unasked: it costs O(n³)
+BY_ITSELF = 300  # degrees of freedom up to which the report comes unasked: it costs O(n³)
 LARGEST_MESH = 10_000_000  # [bytes]
 LARGE = 5.0  # [m] a mesh beyond this is likely not in metres
 

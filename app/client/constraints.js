@@ -56,7 +56,7 @@
     const lines = data.lines.map((line) => make("li", { className: line.bad ? "bad" : "" },
       ...(line.constraint ? [make("button", { className: "link", textContent: line.constraint, onclick: () => open("constraints", line.constraint) }), ` ${line.text}`] : [line.text])));
     box.replaceChildren(make("div", { className: "headline", textContent: data.text }), ...(lines.length ? [make("ul", {}, ...lines)] : []));
-    if (data.state === "large") box.append(button("small", "Report", "takes minutes for hundreds of bodies", () => send("AskMobility")));
+    if (data.state === "large") box.append(button("small", "Report", "takes seconds for a thousand bodies", () => send("AskMobility")));
   }
 
   const open = (part, name) => send("OpenPart", { part, name });

@@ -13,7 +13,8 @@ from ..kernels import motion
 from ..rotation import Array
 from ..system import Ints
 from .closing import SPEED, closed, contradiction, speed_contradiction, stopped
-from .tied import Tied, apart, is_turn, joints_of
+from .tied import Tied
+from .tree import Tree
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -70,8 +71,8 @@ def assembled(
     changes = [float(np.max(np.abs(b - a), initial=0.0)) for a, b in ((q, new_q), (v, new_v))]
     if rounds >= 0 and max(changes) <= NOTABLE:
         return new_q, new_v, Assembly(changes[0], "", True, changes[1])
-    tied = Tied(mech.model, mech.topology, held, q, v, t)
-    far = rounds < 0 or float(np.abs(apart(tied, new_q)).max(initial=0.0)) > FAR
+    tied = Tied(Tree(mech.model, mech.topology), held, q, v, t)
+    far = rounds < 0 or float(np.abs(tied.tree.apart(q, new_q)).max(initial=0.0)) > FAR
     if far or not np.isfinite(new_v).all():
         ended = closed(tied)
         if not ended.closed and rounds < 0:
@@ -91,11 +92,11 @@ def _speeds(tied: Tied) -> Array:
 
 
 def _report(before: Tied, q: Array, v: Array) -> Assembly:
-    step, turns = np.abs(apart(before, q)), is_turn(before)
-    moves = [(float(step[span].max()), name, span) for name, span in joints_of(before)]
+    step, turns = np.abs(before.tree.apart(before.q, q)), before.tree.turns
+    moves = [(float(step[span].max()), name, span) for name, span in before.tree.joints]
     most, name, span = max(moves, key=lambda m: m[0], default=(0.0, "", slice(0, 0)))
     turned = bool(turns[span][step[span].argmax()]) if most > 0 else True
-    change = float(np.max(np.abs(v - before.op.speeds), initial=0.0))
+    change = float(np.max(np.abs(v - before.speeds), initial=0.0))
     return Assembly(most, name if most > NOTABLE else "", turned, change)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..rotation import Array
-from .tied import Tied, joints_of
+from .tied import Tied
 
 FAINT = 1e-3  # of the largest: singular values of rows that runs take for none
 MOSTLY = 0.9  # of the gap: what lies where rows say next to nothing
@@ -30,7 +30,7 @@ def blocked(tied: Tied) -> str:
     if np.linalg.norm(combination) < MOSTLY * whole:
         return ""
     motion = tied.step(rows.T @ combination)
-    joint, _ = max(joints_of(tied), key=lambda j: float(np.linalg.norm(motion[j[1]])))
+    joint, _ = max(tied.tree.joints, key=lambda j: float(np.linalg.norm(motion[j[1]])))
     full = np.zeros(len(tied.gap))
     full[tied.holonomic] = combination
     names = " and ".join(f"'{name}'" for name in _parts(tied, full))

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..errors import Problem
 from ..rotation import Array
-from .tied import ANGLE, Tied, advanced, is_turn
+from .tied import ANGLE, Tied
 
 ROUNDS = 150
 ROUNDING = 1e-13  # relative to the mechanism's size: a gap that is none
@@ -39,8 +39,8 @@ def closed(tied: Tied) -> Closing:
     best = descended(tied)
     random = np.random.default_rng(0)
     for n in range(TRIES if not best.closed else 0):
-        turned = random.normal(size=tied.op.nv) * (0.3 + 0.4 * n)
-        other = descended(tied.at(advanced(tied, turned * _longest(tied) / LONGEST)))
+        turned = random.normal(size=tied.nv) * (0.3 + 0.4 * n)
+        other = descended(tied.at(tied.tree.advanced(tied.q, turned * _longest(tied) / LONGEST)))
         if other.closed:
             return other
         best = min(best, other, key=lambda c: _gap(c.tied))
@@ -55,7 +55,7 @@ def descended(tied: Tied, enough: float = ROUNDING, rounds: int = ROUNDS) -> Clo
         gap = _gap(tied)
         if gap <= enough * tied.size:
             return Closing(tied, taken, True)
-        trial = tied.at(advanced(tied, _step(tied, damping)))
+        trial = tied.at(tied.tree.advanced(tied.q, _step(tied, damping)))
         gained = 1.0 - _gap(trial) / gap
         if gained > 0.0:
             tied, damping = trial, damping / 4
@@ -68,18 +68,18 @@ def descended(tied: Tied, enough: float = ROUNDING, rounds: int = ROUNDS) -> Clo
 
 
 def _step(tied: Tied, damping: float) -> Array:
-    A, g = tied.scaled[tied.holonomic], tied.gap[tied.holonomic]
-    most = float(np.max((A * A).sum(axis=1), initial=0.0))
+    left, sizes, right = tied.parts
+    most = float(np.max((left * sizes) ** 2 @ np.ones(len(sizes)), initial=0.0))
     mu = damping * _gap(tied) / tied.size * most
-    wide = np.vstack((A, np.sqrt(mu) * np.eye(A.shape[1])))
-    y = np.linalg.lstsq(wide, np.concatenate((-g, np.zeros(A.shape[1]))), rcond=None)[0]
+    share = np.divide(sizes, sizes**2 + mu, out=np.zeros(len(sizes)), where=sizes > 0)
+    y = -right.T @ (share * (left.T @ tied.gap[tied.holonomic]))
     step = tied.step(y)
     over = float(np.max(np.abs(step) / _longest(tied), initial=0.0))
     return step / max(over, 1.0)
 
 
 def _longest(tied: Tied) -> Array:
-    return np.where(is_turn(tied), LONGEST, LONGEST * tied.size)
+    return np.where(tied.tree.turns, LONGEST, LONGEST * tied.size)
 
 
 def _gap(tied: Tied) -> float:
@@ -91,8 +91,8 @@ def stopped(tied: Tied) -> tuple[Array, float]:
 
     `missed` is relative to the speeds at hand.
     """
-    y = np.linalg.lstsq(tied.scaled, -tied.slip, rcond=1e-10)[0]
-    v = tied.op.speeds + tied.step(y)
+    y = np.linalg.lstsq(tied.scaled, -tied.slip, rcond=1e-10)[0].astype(float, copy=False)
+    v = tied.speeds + tied.step(y)
     left = tied.slip + tied.scaled @ y
     scale = float(np.max(np.abs(tied.slip), initial=0.0)) or 1.0
     return v, float(np.max(np.abs(left), initial=0.0)) / scale
@@ -133,7 +133,7 @@ def _missed(tied: Tied) -> list[str]:
 
 def _worst(tied: Tied) -> tuple[float, str]:
     """The largest gap with its unit."""
-    turns = is_turn(tied)
+    turns = tied.tree.turns
     found: list[tuple[float, float, str]] = []
     for group in tied.groups:
         gap = float(np.abs(tied.gap[group.rows]).max())

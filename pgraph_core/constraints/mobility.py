@@ -23,14 +23,11 @@ from .tied import (
     COORDINATE,
     Group,
     Tied,
-    advanced,
-    apart,
     axis_name,
     held_by,
     home,
-    is_turn,
-    joints_of,
 )
+from .tree import Tree
 
 CUT = 1e-7  # of a group's largest singular value: below it a row says nothing new
 CUT_AROUND = 1e-4  # the same at positions around, which are met to MET
@@ -42,6 +39,7 @@ LOOKS = 3  # at positions around
 BRANCH_LOOKS = 12  # where there are branches
 SAME = 0.99  # cosine between two directions of one branch
 PART = 1e-6  # of the largest: a joint that moves
+PANEL = 16  # groups that are freed of what came before at once: a matrix product, not a vector's
 LISTED = 8  # rows, joints or branches in a sentence
 
 
@@ -98,32 +96,32 @@ def mobility(
     Raises InputError where the constraints cannot be met.
     """
     at = home(model, topology) if q is None else q
-    tied = Tied(model, topology, held_by(model, active), at)
+    tied = Tied(Tree(model, topology), held_by(model, active), at)
     ended = closed(tied)
     if not ended.closed:
         raise InputError(contradiction(ended))
     here = ended.tied
     basis, found = _judged(here)
-    holonomic, _ = _judged(here, holonomic=True)
+    everywhere = all(group.holonomic for group in here.groups)
+    holonomic = len(basis) if everywhere else len(_judged(here, holonomic=True)[0])
     generic, finite, again, branches = len(basis), True, found, ()
     if found:
-        generic, finite, again, branches = _around(here, len(basis), found)
+        generic, finite, again, branches = _around(here, basis, found)
     extra = generic - len(basis)
-    null = _null(here, basis)
     return Mobility(
-        tree=here.op.nv,
+        tree=here.nv,
         constraints=len(here.held),
         rows=len(here.J),
         rank=len(basis),
-        dof=here.op.nv - len(basis),
-        positions=here.op.nv - len(holonomic),
+        dof=here.nv - len(basis),
+        positions=here.nv - holonomic,
         redundant=_named(here, found, again if extra else found),
         extra=extra,
         finite=finite,
-        joints=_moving(here, null) if extra else (),
+        joints=_moving(here, basis) if extra else (),
         branches=tuple(tuple(d.tolist()) for d in branches),
         branch=_taken(here, branches, v),
-        moved=float(np.max(np.abs(apart(tied, here.q)), initial=0.0)),
+        moved=float(np.max(np.abs(tied.tree.apart(at, here.q)), initial=0.0)),
         names=_joint_of_each(here),
     )
 
@@ -133,46 +131,49 @@ Found = list[tuple[Group, Array]]  # groups with what is redundant of them, (k, 
 
 def _judged(tied: Tied, holonomic: bool = False, cut: float = CUT) -> tuple[Array, Found]:
     """An orthonormal basis (rank, nv) of the rows' span, and what is redundant, in turn."""
-    basis, found = np.zeros((0, tied.op.nv)), []
-    for group in tied.groups:
-        if holonomic and not group.holonomic:
-            continue
-        rows = tied.scaled[group.rows]
-        scale = float(np.linalg.norm(rows, 2)) if rows.size else 0.0
-        rows = rows / (scale or 1.0)
-        for _ in range(2):
-            rows = rows - (rows @ basis.T) @ basis
-        left, sizes, right = np.linalg.svd(rows)
-        rank = int((sizes > cut).sum())
-        if rank < len(rows):
-            found.append((group, left[:, rank:].T))
-        basis = np.vstack((basis, right[:rank]))
-    return basis, found
+    groups = [group for group in tied.groups if group.holonomic or not holonomic]
+    basis, rank = np.empty((min(len(tied.J), tied.nv), tied.nv)), 0
+    found: Found = []
+    for first in range(0, len(groups), PANEL):
+        panel, known = groups[first : first + PANEL], rank
+        start = panel[0].rows.start
+        left_over = _freed(basis[:known], tied.scaled[start : panel[-1].rows.stop])
+        for group in panel:
+            rows = left_over[group.rows.start - start : group.rows.stop - start]
+            scale = np.linalg.norm(tied.scaled[group.rows], 2) if tied.nv else 0.0
+            rows = _freed(basis[known:rank], rows / (scale or 1.0))
+            left, sizes, right = np.linalg.svd(rows, full_matrices=len(rows) > tied.nv)
+            new = int((sizes > cut).sum())
+            if new < len(rows):
+                found.append((group, left[:, new:].T))
+            basis[rank : rank + new] = right[:new]
+            rank += new
+    return basis[:rank], found
 
 
-def _null(tied: Tied, basis: Array) -> Array:
-    """(nv - rank, nv) velocities that all rows allow, orthonormal in the mass metric."""
-    full = np.linalg.svd(basis)[2] if len(basis) else np.eye(tied.op.nv)
-    return np.array([tied.step(y) for y in full[len(basis) :]]).reshape(-1, tied.op.nv)
+def _freed(basis: Array, y: Array) -> Array:
+    """(..., nv) what is left of vectors in the mass metric beside an orthonormal basis."""
+    for _ in range(2):
+        y = y - (y @ basis.T) @ basis
+    return y
 
 
-def _around(here: Tied, rank: int, found: Found) -> tuple[int, bool, Found, tuple[Array, ...]]:
+def _around(here: Tied, basis: Array, found: Found) -> tuple[int, bool, Found, tuple[Array, ...]]:
     """Largest rank at positions around, whether any can be reached, what is redundant there.
 
     And, where the rank is larger around and one way to move is left, the directions to go.
     """
-    basis, _ = _judged(here)
-    null = _null(here, basis)
-    if not len(null):
+    rank = len(basis)
+    if rank == here.nv:
         return rank, True, found, ()
     random = np.random.default_rng(0)
     most, again = rank, found
     steps: list[Array] = []
     back = 0
     for n in range(BRANCH_LOOKS):
-        if n >= LOOKS and (most == rank or here.op.nv - most != 1):
+        if n >= LOOKS and (most == rank or here.nv - most != 1):
             break
-        step, other = _look(here, random.normal(size=len(null)) @ null)
+        step, other = _look(here, here.step(_freed(basis, random.normal(size=here.nv))))
         if other is None:
             continue
         if other is here:
@@ -183,17 +184,17 @@ def _around(here: Tied, rank: int, found: Found) -> tuple[int, bool, Found, tupl
         if len(around) > most:
             most, again = len(around), redundant
     if back and not steps:
-        return here.op.nv, False, [], ()
-    single = most > rank and here.op.nv - most == 1
+        return here.nv, False, [], ()
+    single = most > rank and here.nv - most == 1
     return most, True, again, _branches(here, steps) if single else ()
 
 
 def _look(here: Tied, step: Array) -> tuple[Array, Tied | None]:
     """A position around: the move to it, and itself; `here` where it led back, None if nowhere."""
-    reach = np.where(is_turn(here), 1.0, here.size)
+    reach = np.where(here.tree.turns, 1.0, here.size)
     step = step * (NEARBY / float(np.max(np.abs(step) / reach)))
-    ended = descended(here.at(advanced(here, step)), MET, LOOK_ROUNDS)
-    moved = apart(here, ended.tied.q)
+    ended = descended(here.at(here.tree.advanced(here.q, step)), MET, LOOK_ROUNDS)
+    moved = here.tree.apart(here.q, ended.tied.q)
     if not ended.closed:
         return moved, None
     stayed = float(np.max(np.abs(moved) / reach)) < STAYED * NEARBY
@@ -247,7 +248,7 @@ def _directions(tied: Tied, group: Group, null: Array) -> list[str]:
         return ["coordinate"] * len(null)
     spanned = _upright(null @ group.directions)
     about = "about" if group.nature == "rotation" else "along"
-    other = tied.topology.number(group.constraint.other)
+    other = tied.tree.topology.number(group.constraint.other)
     named = [f"{group.nature} {about} {axis_name(d, tied, other)}" for d in spanned]
     return named[: len(null)] + [group.nature] * (len(null) - len(named))
 
@@ -268,13 +269,14 @@ def _upright(vectors: Array) -> list[Array]:
 
 
 def _joint_of_each(tied: Tied) -> tuple[str, ...]:
-    return tuple(name for name, span in joints_of(tied) for _ in range(span.stop - span.start))
+    return tuple(name for name, span in tied.tree.joints for _ in range(span.stop - span.start))
 
 
-def _moving(tied: Tied, null: Array) -> tuple[str, ...]:
-    size = np.linalg.norm(null, axis=0)
+def _moving(tied: Tied, basis: Array) -> tuple[str, ...]:
+    """Joints that a motion which all rows allow moves."""
+    size = np.linalg.norm(tied.step(_freed(basis, np.eye(tied.nv)).T), axis=1)
     largest = float(size.max(initial=0.0))
-    return tuple(name for name, s in joints_of(tied) if size[s].max() > PART * largest)
+    return tuple(name for name, s in tied.tree.joints if size[s].max() > PART * largest)
 
 
 # -- in words ----------------------------------------------------------------------------------

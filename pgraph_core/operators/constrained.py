@@ -60,5 +60,5 @@ def constraint_rows(
 
 
 def _rows(op: Operators, held: Iterable[Constraint], t: float) -> list[Rows]:
-    length = radius_of_gyration(op)
+    length = radius_of_gyration(op.bodies)
     return [rows_of(op, c, length, t) for c in held]

@@ -7,15 +7,45 @@ b* the point of `other` at the same place.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from ..rotation import Array, unit_vector
-from ..schema import Constraint, Polynomial, Sine, Table
-from .motion import home_poses, v_slices
-from .paper import Operators
+from ..schema import Body, Constraint, Model, Polynomial, Sine, Table
+from ..topology import Topology
+from .motion import Joint, v_slices
+
+
+class Bodies(Protocol):
+    """The bodies of a model in a state: `Operators`, or whatever answers as they do."""
+
+    @property
+    def model(self) -> Model: ...
+    @property
+    def topology(self) -> Topology: ...
+    @cached_property
+    def bodies(self) -> list[Body]: ...
+    @cached_property
+    def home(self) -> tuple[Array, Array]: ...
+    @cached_property
+    def nv(self) -> int: ...
+    @property
+    def q(self) -> Array: ...
+    @cached_property
+    def speeds(self) -> Array: ...
+    @cached_property
+    def position(self) -> Array: ...
+    @cached_property
+    def rotation(self) -> Array: ...
+
+    def point_position(self, k: int, point: Array) -> Array: ...
+    def point_jacobian(self, k: int, point: Array) -> Array: ...
+    def point_bias(self, k: int, point: Array) -> Array: ...
+    def omega(self, k: int) -> Array: ...
+    def joint(self, k: int) -> Joint: ...
 
 
 class Rows(NamedTuple):
@@ -28,25 +58,25 @@ class Rows(NamedTuple):
     wrench: Array  # (m, 6) [torque, force] on `body` at `point` of a unit multiplier, world axes
 
 
-def rows_of(op: Operators, c: Constraint, length: float, t: float = 0.0) -> Rows:
+def rows_of(op: Bodies, c: Constraint, length: float, t: float = 0.0) -> Rows:
     """The rows of a constraint at the state of `op`; `length` [m] stands for one radian."""
     return _KINDS[c.kind](_Pair(op, c, length, t))
 
 
-def radius_of_gyration(op: Operators) -> float:
+def radius_of_gyration(bodies: Sequence[Body]) -> float:
     """How far the mass of bodies is from their origins, over all bodies [m]; 1 where none is."""
-    moment = sum(np.trace(b.inertia) / 2 + b.mass * np.dot(b.com, b.com) for b in op.bodies)
-    mass = sum(b.mass for b in op.bodies)
+    moment = sum(np.trace(b.inertia) / 2 + b.mass * np.dot(b.com, b.com) for b in bodies)
+    mass = sum(b.mass for b in bodies)
     return float(np.sqrt(moment / mass)) if mass > 0 and moment > 0 else 1.0
 
 
-def points_of(op: Operators, c: Constraint) -> tuple[Array, Array]:
+def points_of(op: Bodies, c: Constraint) -> tuple[Array, Array]:
     """The two points in their bodies' frames; one left out is where the other is at home."""
     body, other = op.topology.number(c.body), op.topology.number(c.other)
     point = np.array(op.model.point_of(c))
     if c.other_point is not None or c.kind == "rolling":
         return point, np.array(c.other_point or (0.0, 0.0, 0.0))
-    position, rotation = home_poses(op.model)
+    position, rotation = op.home
     at = position[body - 1] + rotation[body - 1] @ point
     return point, rotation[other - 1].T @ (at - position[other - 1]) if other else at
 
@@ -54,30 +84,43 @@ def points_of(op: Operators, c: Constraint) -> tuple[Array, Array]:
 class _End:
     """A point of a body (0: the ground) and how it moves, world axes."""
 
-    def __init__(self, op: Operators, number: int, x: Array):
+    def __init__(self, op: Bodies, number: int, x: Array):
         self.x = x
         if number == 0:
             self.J, self.bias, self.omega = np.zeros((6, op.nv)), np.zeros(6), np.zeros(3)
             return
         point = op.rotation[number - 1].T @ (x - op.position[number - 1])
         self.J, self.bias = op.point_jacobian(number, point), op.point_bias(number, point)
-        self.omega = op.joints[number - 1].omega
+        self.omega = op.omega(number)
 
 
 class _Pair:
     """`body` at its point, and `other` both at its own point and at the place of the first."""
 
-    def __init__(self, op: Operators, c: Constraint, length: float, t: float):
+    def __init__(self, op: Bodies, c: Constraint, length: float, t: float):
         self.op, self.c, self.length, self.t = op, c, length, t
         self.a, self.b = op.topology.number(c.body), op.topology.number(c.other)
         self.point, self.other_point = points_of(op, c)
         self.R_a, self.R_b = _rotation(op.rotation, self.a), _rotation(op.rotation, self.b)
-        home = home_poses(op.model)[1]
+        home = op.home[1]
         self.home = _rotation(home, self.b).T @ _rotation(home, self.a)  # axes of a to those of b
         self.x_a = op.point_position(self.a, self.point)
         self.x_b = op.point_position(self.b, self.other_point) if self.b else self.other_point
-        self.end, self.here = _End(op, self.a, self.x_a), _End(op, self.b, self.x_a)
-        self.far = _End(op, self.b, self.x_b)
+
+    @cached_property
+    def end(self) -> _End:
+        """`point`."""
+        return _End(self.op, self.a, self.x_a)
+
+    @cached_property
+    def here(self) -> _End:
+        """What is of `other` at the place of `point`."""
+        return _End(self.op, self.b, self.x_a)
+
+    @cached_property
+    def far(self) -> _End:
+        """`other_point`."""
+        return _End(self.op, self.b, self.x_b)
 
     def axes(self) -> tuple[Array, Array]:
         """(axis, other_axis) in their bodies' axes."""
@@ -146,7 +189,7 @@ class _Pair:
             number = self.op.topology.number(name)
             J[0, v_slices(self.op.bodies)[number - 1]] += factors
             if number == self.a:
-                H = self.op.joints[number - 1].H
+                H = self.op.joint(number).H
                 turns = np.linalg.norm(H[:3], axis=0) > 0.5
                 wrench[0, :3] += H[:3] @ (factors * turns)
                 wrench[0, 3:] += H[3:] @ (factors * ~turns)
@@ -159,7 +202,7 @@ class _Pair:
         return position, factor * np.eye(body.dof)[k or 0]
 
 
-def _positions(op: Operators, name: str) -> list[float]:
+def _positions(op: Bodies, name: str) -> list[float]:
     """q by degree of freedom; nan for those of balls."""
     number, start = op.topology.number(name), 0
     for body in op.bodies[: number - 1]:
@@ -220,7 +263,7 @@ def _distance(p: _Pair) -> Rows:
     apart = p.x_a - p.x_b
     now, length = float(np.linalg.norm(apart)), p.c.length
     if length is None:
-        position, rotation = home_poses(p.op.model)
+        position, rotation = p.op.home
         a = position[p.a - 1] + rotation[p.a - 1] @ p.point
         b = position[p.b - 1] + rotation[p.b - 1] @ p.other_point if p.b else p.other_point
         length = float(np.linalg.norm(a - b))

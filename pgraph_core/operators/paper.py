@@ -11,7 +11,7 @@ import numpy as np
 from ..rotation import Array, skew
 from ..schema import Body, Model
 from ..topology import Topology
-from .motion import Joint, bodies_of, joint_motion, q_slices, v_slices
+from .motion import Joint, bodies_of, home_poses, joint_motion, q_slices, v_slices
 from .structure import blocks, kernel_operator, phi, propagation_operator
 
 
@@ -57,6 +57,19 @@ class Operators:
             )
             found.append(joint_motion(body, rotation, omega, q[i], self.speeds[j]))
         return found
+
+    def joint(self, k: int) -> Joint:
+        """The joint of body number k."""
+        return self.joints[k - 1]
+
+    def omega(self, k: int) -> Array:
+        """(3,) angular velocity of body number k [rad/s]."""
+        return self.joints[k - 1].omega
+
+    @cached_property
+    def home(self) -> tuple[Array, Array]:
+        """Origins (nb, 3) and rotations (nb, 3, 3) of the body frames at the model's initial q."""
+        return home_poses(self.model)
 
     @cached_property
     def link(self) -> Array:

@@ -16,6 +16,7 @@ from ..constraints.blocked import blocked
 from ..constraints.null_rows import redundancy
 from ..constraints.singular import Instant, singular_notice
 from ..constraints.tied import Tied
+from ..constraints.tree import Tree
 from ..errors import InputError
 from ..kernels import layout as at
 from ..kernels import motion
@@ -276,7 +277,8 @@ class Recording:
         held = tuple(self.mech.model.constraints[i] for i in active.tolist())
         t = float(self.steps.times[last])
         q, v = self.out[0][last], self.out[1][last]
-        return blocked(Tied(self.mech.model, self.mech.topology, held, q, v, t))
+        tree = Tree(self.mech.model, self.mech.topology)
+        return blocked(Tied(tree, held, q, v, t))
 
     def _contacts(self, t: Array, pushes: Array, touches: Array) -> ContactRecord:
         """What the recorded frames say of contacts and limits."""

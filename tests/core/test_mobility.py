@@ -136,6 +136,29 @@ def test_every_row_of_a_constraint_said_twice_is_redundant():
     assert [row.constraint for row in report.redundant] == ["loop 0", "again", "again", "again"]
 
 
+def test_fifty_loops_that_share_their_cranks_leave_one_way_to_move():
+    report = pg.Mechanism(windows(50)).mobility()
+    assert (report.tree, report.rows, report.rank, report.dof) == (101, 150, 100, 1)
+    assert [row.constraint for row in report.redundant] == [f"loop {i}" for i in range(50)]
+    assert {row.direction for row in report.redundant} == {"translation along z"}
+
+
+def test_a_closed_chain_of_220_links_is_counted():
+    """A regular polygon: two of the three rows of its pin are all that a plane asks."""
+    n = 220
+    turn, names = 2 * np.pi / n, [f"link {i}" for i in range(n)]
+    parents = ["ground", *names]
+    places = [(0.0, 0.0, 0.0)] + [(1.0, 0.0, 0.0)] * (n - 1)
+    links = [
+        pg.Body(name=name, parent=parent, link=place, q=(turn,))
+        for name, parent, place in zip(names, parents, places)
+    ]
+    pin = pg.Constraint(name="pin", body=names[-1], point=(1, 0, 0), other_point=(0, 0, 0))
+    report = pg.Mechanism(pg.Model(bodies=tuple(links), constraints=(pin,))).mobility()
+    assert (report.rows, report.rank, report.dof, report.extra) == (3, 2, n - 2, 0)
+    assert [str(row) for row in report.redundant] == ["translation along z of constraint 'pin'"]
+
+
 # -- assembly ------------------------------------------------------------------------------------
 
 
