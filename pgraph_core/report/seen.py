@@ -9,7 +9,7 @@ import numpy as np
 
 from ..mechanism import Mechanism
 from ..mechanism.bodies import bodies_over, turned
-from ..simulation.stepping import length_of
+from ..mechanism.scale import length_of
 from ..system import Array
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from ..mechanism import Mechanism
 from ..result import Result
 from ..simulation import simulate
-from ..simulation.simulation import active_constraints, initial_state, touching_contacts
+from ..simulation.acting import active_constraints, initial_state, touching_contacts
 from ..simulation.stiffness import fastest_rate
 from ..system import Array
 from .ladder import Setting

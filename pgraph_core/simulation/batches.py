@@ -15,7 +15,7 @@ from ..mechanism import Mechanism
 from ..mechanism.batch import Batch, some
 from ..schema import Model
 from ..system import Array
-from .simulation import schedule
+from .times import schedule
 
 
 class BatchResult(NamedTuple):

@@ -21,9 +21,9 @@ from ..mechanism.bodies import bodies_over
 from ..result import Result, Status
 from ..result.contact_record import FREE, PHASES, STOP, ContactRecord, Event
 from ..system import Array, Ints
+from .given_steps import GivenSteps
 from .phased_scene import PhasedScene
 from .recording import Recording
-from .stepping import GivenSteps
 
 TOUCHING = 1e-9  # relative to the size of the coordinates: a gap that is none at the start
 SAME_TIME = 1e-10  # s: touchdowns within it are one impact

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..integrators import METHODS
 from ..mechanism import Mechanism
+from ..mechanism.scale import length_of
 from ..result import Result, Status
-from ..simulation.stepping import length_of
 from ..system import Array
 from .reference import Reference, misses
 from .verdict import NAN, Cell, Verdict

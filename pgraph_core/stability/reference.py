@@ -11,9 +11,9 @@ from ..errors import PgraphError
 from ..integrators import METHODS
 from ..kernels import layout as at
 from ..mechanism import Mechanism
+from ..mechanism.scale import length_of
 from ..result import Result
 from ..simulation import simulate
-from ..simulation.stepping import length_of
 from ..simulation.stiffness import fastest_rate
 from ..system import Array
 from .runs import per_step

@@ -14,8 +14,8 @@ from pgraph_core.kernels.events import EVENT, look_back
 from pgraph_core.kernels.handle import address_of
 from pgraph_core.mechanism.mechanism import NO_LOADS
 from pgraph_core.simulation.recording import Recording
-from pgraph_core.simulation.simulation import frame_times
-from pgraph_core.simulation.stepping import Plan, Tolerance
+from pgraph_core.simulation.run_plan import RunPlan, Tolerance
+from pgraph_core.simulation.times import frame_times
 
 from .test_cases import DOWN, case, mass, place, rod, worst
 
@@ -340,7 +340,7 @@ def watched(mech, q, rtol, wanted=0):
     none = np.zeros(0, dtype=np.int64)
     times = frame_times(0.0, 3.0, 31, None)
     method = pg.integrators.DOP853
-    plan = Plan(
+    plan = RunPlan(
         method,
         times,
         none,

@@ -1,0 +1,78 @@
+"""The error of a run, from a second, coarser one."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..system import Array
+from .corners import onto_corners
+from .recording import Progress, Recording
+from .run_plan import RunPlan
+
+LOOSER = 32.0  # tolerance of the run that the error estimate compares with
+COMPARED = 65  # frames at most, where they cost something beside the steps
+
+
+def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) -> float:
+    """Largest error of q over the run [rad, m], from a second, coarser one.
+
+    The difference of both, over what it shrinks by between them: twice the step, or LOOSER times
+    the tolerance. A sum of the steps' own errors would miss what an unstable motion makes of
+    them. nan where torques come from a function, which is not called a second time, and where
+    the second run fails. What tables cost that bend inside steps goes by where in a step they do,
+    not by its width alone: it is the difference from a run whose steps end there.
+    """
+    if record.user is not None:
+        return float("nan")
+    if len(record.plan.kinks) == 0:
+        return _by_coarser(record, q, v, progress)
+    bent = _again(record, onto_corners(record.plan), q, v, progress)
+    if not bent.status.ok:
+        return float("nan")
+    theirs = bent.out[0][np.searchsorted(bent.plan.times, record.plan.times)]
+    return float(np.max(np.abs(record.out[0] - theirs))) + _by_coarser(bent, q, v, progress)
+
+
+def _by_coarser(record: Recording, q: Array, v: Array, progress: Progress) -> float:
+    """Largest error of q, from the same run at wider steps."""
+    found = _coarser(record.plan)
+    if found is None:
+        return float("nan")
+    coarser, ratio = found
+    coarse = _again(record, coarser, q, v, progress)
+    if not coarse.status.ok:
+        return float("nan")
+    mine = record.out[0][np.searchsorted(record.plan.times, coarser.times)]
+    return float(np.max(np.abs(coarse.out[0] - mine), initial=0.0)) / (ratio - 1.0)
+
+
+def _again(record: Recording, plan: RunPlan, q: Array, v: Array, progress: Progress) -> Recording:
+    """The run of another plan."""
+    again = type(record)(record.mech, plan, q, v, record.tau)
+    again.run(progress and (lambda _: progress(1.0)))
+    return again
+
+
+def _coarser(plan: RunPlan) -> tuple[RunPlan, float] | None:
+    """The same run, cheaper, and how many times larger its error is."""
+    power = plan.method.order
+    cuts = np.searchsorted(plan.times, [*(change.t for change in plan.changes), *plan.kinks])
+    few = np.linspace(0, len(plan.times) - 1, COMPARED).astype(int)
+    some = plan.times[np.union1d(few, cuts)]
+    if plan.tolerance is not None:
+        given = plan.tolerance
+        if given.fixed:
+            twice = given._replace(widest=2 * given.widest)
+            return plan._replace(times=some, tolerance=twice), 2.0**power
+        loose = given._replace(rtol=LOOSER * given.rtol, atol=LOOSER * given.atol)
+        return plan._replace(times=some, tolerance=loose), LOOSER
+    if int(np.sum(plan.substeps)) < 2:
+        return None
+    if int(np.max(plan.substeps)) == 1:  # every second frame, so that kinks of tables stay steps
+        keep = np.union1d(np.arange(0, len(plan.times), 2), [*cuts, len(plan.times) - 1])
+        times, count = plan.times[keep], np.ones(len(keep) - 1, dtype=np.int64)
+    else:
+        times, count = plan.times, -(-plan.substeps // 2)
+    width = np.diff(times) / count
+    ratio = float(np.max(width) / np.max(plan.width))
+    return plan._replace(times=times, substeps=count, width=width), ratio**power
