@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
-from .. import joints
-from ..joints import Motion
 from ..kernels import gather, pack
 from ..kernels._jit import JIT, ready
-from ..schema import Body, Model
-from ..schema.editing import edited
+from ..schema import Model
 from ..schema.force import BETWEEN
 from ..schema.names import GROUND
 from ..schema.world import DOWN
@@ -23,23 +19,18 @@ from .checks import (
     JOINTS,
     MOTIONS,
     PHYSICS,
-    Array,
-    Ints,
     codes,
     converted,
     ints,
-    joint_of,
-    names,
     physics,
     refusal,
     refuse_cycles,
 )
+from .checks import names as names_of
+from .description import Numbers, described, numbers_of, with_fields
+from .kinds import KINDS
+from .writing import DIRECT, written
 
-# parent (nb,) rows from 1, 0 = ground; body (nb + 1, 18) and motion (nm, 9), whose columns are in
-# `kernels/pack.py`; q and v in one array (nq + nv,): all in the order of the table
-Numbers: TypeAlias = tuple[Ints, Array, Array, Array]
-
-DIRECT = {"mass": pack.MASS, "com": pack.COM, "link": pack.LINK}  # fields that an edit writes
 EDITS = 64  # edits that are kept one by one
 
 NO_INTS, NO_FLOATS, NO_AXES = np.empty(0, INT), np.empty(0), np.empty((0, 3))
@@ -47,19 +38,6 @@ ORIGIN, IDENTITY = np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]])
 ONE, SMALL, PASSIVE = np.ones(1), 0.01 * np.eye(3)[None], np.zeros((1, len(PHYSICS)))
 GRAVITY = np.array(DOWN["z"])
 REVOLUTE = np.array([JOINTS.index("revolute")])
-
-
-def _kinds() -> Array:
-    """Motions of every kind of joint, as `kernels/gather.py` takes them."""
-    table = np.zeros((len(JOINTS), 1 + 3 * gather.STRIDE))
-    for row, kind in zip(table, JOINTS):
-        row[gather.COUNT] = len(joints.DEFAULT[kind])
-        for n, (motion, axis) in enumerate(joints.DEFAULT[kind]):
-            row[1 + n * gather.STRIDE :][: gather.STRIDE] = MOTIONS.index(motion), *axis
-    return table
-
-
-KINDS = _kinds()
 NEW = object.__new__
 
 
@@ -136,7 +114,7 @@ class Columns:
             empty(nq + nv),
         )
         self._nq = nq
-        self._keep(_names_of(names, nb), None)
+        self._keep(None if names is None else names_of(names, nb), None)
         check = ready(gather.gather)
         given = given if JIT else converted(given)  # uncompiled, it takes any type
         try:
@@ -153,16 +131,7 @@ class Columns:
     def of(cls, model: Model, /) -> Columns:
         """The columns of a model; `model()` gives the model back, with all that it has besides."""
         columns = cls.__new__(cls)
-        bodies, rows = model.bodies, model.row
-        parent = [0 if b.parent == GROUND else rows[b.parent] + 1 for b in bodies]
-        records = [b.records for b in bodies]
-        columns.numbers = (
-            np.array(parent, INT),
-            _floats([_ground(model), *[r[0] for r in records]]).reshape(-1, pack.BODY),
-            _floats([r[1] for r in records]).reshape(-1, pack.MOTION),
-            _floats([*[r[2] for r in records], *[r[3] for r in records]]),
-        )
-        columns._nq = sum([len(r[2]) for r in records]) // 8
+        columns.numbers, columns._nq = numbers_of(model)
         columns._keep(None, model)
         return columns
 
@@ -216,10 +185,10 @@ class Columns:
         """The description in rows, made when first asked for."""
         if self._model is None:
             if self is self._root:
-                model = _described(self)
+                model = described(self)
             else:
                 base, changes = self._since()
-                model = _edited(base.model(), changes)
+                model = with_fields(base.model(), changes)
             names, self._nq = self.names, self.nq
             self._keep(names, model)
         assert self._model is not None
@@ -257,7 +226,7 @@ class Columns:
                 if parent.item(row - 1) != to:
                     parent = parent.copy()
                     parent[row - 1] = to
-            elif field not in DIRECT or (body := _written(body, row, field, value)) is None:
+            elif field not in DIRECT or (body := written(body, row, field, value)) is None:
                 return None
         if parent is self.numbers[0] and body is self.numbers[1]:
             return self
@@ -273,79 +242,3 @@ class Columns:
         """The edits since as one, so that no chain of them grows."""
         self._before, self._change = self._since()
         self._depth = 1
-
-
-def _written(body: Array, row: int, field: str, value: Any) -> Array | None:
-    """`body` with a plain finite value in a field of a row, or None."""
-    numbers = (value,) if field == "mass" else value
-    if type(numbers) is not tuple or len(numbers) != (1 if field == "mass" else 3):
-        return None
-    for x in numbers:
-        if type(x) not in (float, int) or not -np.inf < x < np.inf:
-            return None
-    if field == "mass" and numbers[0] < 0:
-        return None
-    first = DIRECT[field]
-    old = body[row, first : first + len(numbers)]
-    if old.tolist() == list(numbers):
-        return body
-    body = body.copy()
-    body[row, first : first + len(numbers)] = numbers
-    return body
-
-
-def _names_of(given: Sequence[str] | None, nb: int) -> tuple[str, ...] | None:
-    return None if given is None else names(given, nb)
-
-
-def _ground(model: Model) -> bytes:
-    """Row 0 of the table's bodies."""
-    return struct.pack(f"{pack.BODY}d", *model.gravity, *(0.0,) * (pack.BODY - 3))
-
-
-def _floats(records: list[bytes]) -> Array:
-    """Records joined into an array of our own, which kernels may take."""
-    return np.frombuffer(bytearray().join(records))
-
-
-def _edited(model: Model, changes: Mapping[str, Mapping[str, Any]]) -> Model:
-    """The model after all of the edits; only the whole has to be valid. Raises ModelError."""
-    bodies = list(model.bodies)
-    for name, fields in changes.items():
-        bodies[model.row[name]], _ = edited(model.body(name), fields)
-    return model if bodies == list(model.bodies) else model.replace(bodies=tuple(bodies))
-
-
-def _described(columns: Columns) -> Model:
-    """A model with the rows of the columns, whose numbers have been checked."""
-    parent, body, motion, start = (x.tolist() for x in columns.numbers)
-    label = (GROUND, *columns.names)
-    bodies: list[Body] = []
-    m = qi = 0
-    vi = columns.nq
-    for name, p, row in zip(columns.names, parent, body[1:]):
-        count = int(row[pack.MOTIONS])
-        mine = motion[m : m + count]
-        motions = tuple(Motion(MOTIONS[int(x[0])], tuple(x[1:4])) for x in mine)
-        q_end, v_end = qi + joints.nq(motions), vi + joints.nv(motions)
-        xx, yy, zz, xy, xz, yz = row[pack.INERTIA : pack.INERTIA + 6]
-        fields: dict[str, Any] = {
-            "name": name,
-            "parent": label[p],
-            "joint": joint_of(motions),
-            "axes": tuple([m.axis for m in motions if m.kind in ("rotate", "translate")]),
-            "motions": motions,
-            "link": tuple(row[pack.LINK : pack.LINK + 3]),
-            "rotation": tuple(row[pack.ROTATION : pack.ROTATION + 4]),
-            "mass": row[pack.MASS],
-            "com": tuple(row[pack.COM : pack.COM + 3]),
-            "inertia": ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)),
-            "q": tuple(start[qi:q_end]),
-            "v": tuple(start[vi:v_end]),
-        }
-        for column, field in enumerate(PHYSICS, start=pack.ARMATURE):
-            fields[field] = tuple([x[column] for x in mine])
-        fields["limit_restitution"] = (0.0,) * count
-        bodies.append(Body.model_construct(None, **fields))
-        m, qi, vi = m + count, q_end, v_end
-    return Model(name="columns", gravity=tuple(body[0][:3]), bodies=tuple(bodies))
