@@ -20,7 +20,7 @@ from ..system import Array, Ints, System
 from ..topology import Topology
 
 if TYPE_CHECKING:
-    from ..mechanism import Mechanism
+    from ..mechanism.packed import Packed
 
 LAWS = {"complementarity": at.RIGID, "soft": at.SOFT, "penalty": at.PENALTY}
 ROOM = {at.SPHERE: 1, at.CAPSULE: 2}  # contact points of a shape, 8 of others
@@ -59,7 +59,7 @@ class Tables(NamedTuple):
         return bool(self.limits) or any(t.contact.law == "complementarity" for t in self.touches)
 
 
-def tables(mech: Mechanism, active: tuple[Contact, ...]) -> Tables:
+def tables(mech: Packed, active: tuple[Contact, ...]) -> Tables:
     """The tables of these contacts and of all limits. Raises ModelError, FileError."""
     found = _Shapes(mech)
     for contact in active:
@@ -70,7 +70,7 @@ def tables(mech: Mechanism, active: tuple[Contact, ...]) -> Tables:
 class _Shapes:
     """Shapes that touch, each once, and what may touch what."""
 
-    def __init__(self, mech: Mechanism):
+    def __init__(self, mech: Packed):
         self.mech, self.model = mech, mech.model
         self.parts = mech.model, mech.topology, mech.system
         self.apart = joined(mech.topology, mech.system)
@@ -263,7 +263,7 @@ def _ints(rows: list[Any], columns: int) -> Ints:
     return np.array(rows, dtype=np.int64).reshape(-1, columns)
 
 
-def _limits(mech: Mechanism) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Array]]:
+def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Array]]:
     """Names and blocks of all joint limits: a row c q - VALUE >= 0 each."""
     names: list[str] = []
     rows: list[tuple[int, ...]] = []

@@ -21,6 +21,7 @@ from ..system import Array
 if TYPE_CHECKING:
     from .mechanism import Mechanism
 
+NO_EXTERNAL = np.zeros((0, 6))
 BackEnd = Literal["articulated", "composite", "operators"]
 
 
@@ -30,6 +31,24 @@ def dense(back_end: str) -> bool:
         text = f"is {back_end!r:.60}; choose one of {choices(get_args(BackEnd))}"
         raise InputError(Problem("back_end", "", text))
     return back_end == "operators"
+
+
+def accelerated(
+    mech: Mechanism,
+    back_end: str,
+    state: tuple[Array, Array, Array],
+    external: Array | None,
+    vdot: Array,
+) -> int:
+    """v' of (q, v, tau) into `vdot` by a back end; a kernel's status code. Raises InputError."""
+    wrench = NO_EXTERNAL if external is None else external
+    if dense(back_end):
+        return by_operators(mech, *state, wrench, vdot)
+    if back_end == "composite":
+        return by_composite(mech, *state, wrench, vdot)
+    if external is None:
+        return dynamics.forward_dynamics(*mech.tree, *state, mech.work, vdot)
+    return dynamics.forward_dynamics_external(*mech.system[:4], *state, wrench, mech.work, vdot)
 
 
 def by_composite(

@@ -10,7 +10,7 @@ import numpy as np
 from ..integrators import DOP853, DOPRI5, RADAU5, RK4, Method, method_of
 from ..kernels import layout as at
 from ..mechanism import Mechanism
-from ..mechanism.mechanism import NO_LOADS
+from ..mechanism.packed import NO_LOADS
 from .acting import Acting
 from .stiffness import fastest_rate
 

@@ -12,7 +12,7 @@ from pgraph_core.kernels import layout as at
 from pgraph_core.kernels._jit import kernel
 from pgraph_core.kernels.events import EVENT, look_back
 from pgraph_core.kernels.handle import address_of
-from pgraph_core.mechanism.mechanism import NO_LOADS
+from pgraph_core.mechanism.packed import NO_LOADS
 from pgraph_core.simulation.recording import Recording
 from pgraph_core.simulation.run_plan import RunPlan, Tolerance
 from pgraph_core.simulation.times import frame_times
