@@ -12,6 +12,7 @@ from .intents import Display, Quantity
 
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 LONGEST_NAME = 100
+FAR = 1e15  # [m]; beyond, pictures have no numbers
 UNITS: dict[Quantity, dict[str, tuple[float, float]]] = {  # typed unit -> (times, divided by)
     "length": {"mm": (1, 1000), "cm": (1, 100), "m": (1, 1)},
     "angle": {"rad": (1, 1), "deg": (math.pi, 180), "°": (math.pi, 180)},
@@ -40,6 +41,15 @@ def quantity(text: str, of: Quantity, display: Display) -> float:
 
     Raises Refusal.
     """
+    found = _quantity(text, of, display)
+    if of == "length" and abs(found) > FAR:
+        raise Refusal(
+            f"is too long to be drawn; use at most {FAR:g} m; given {quoted(text.strip())}"
+        )
+    return found
+
+
+def _quantity(text: str, of: Quantity, display: Display) -> float:
     typed = text.strip()
     unit = next((u for u in UNITS[of] if typed.endswith(u) and len(u) < len(typed)), None)
     if unit is None or not NUMBER.fullmatch(typed.removesuffix(unit).strip()):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 import os
 import re
 import stat
@@ -83,3 +84,37 @@ def test_pictures_of_the_documents_are_there():
     for file in (ROOT / "README.md", *(ROOT / "docs").glob("*.md")):
         for picture in re.findall(r"!\[[^]]*\]\(([^)]+)\)", file.read_text()):
             assert (file.parent / picture).is_file(), picture
+
+
+def named_in(line: str) -> list[tuple[Path, str]]:
+    """(file, pattern of a name) of a line of docs/page.md: 'test_page: a_name, b_...; test_x'."""
+    found = []
+    for part in line.split(";"):
+        module, _, names = part.strip().partition(":")
+        file = ROOT / (f"{module}.py" if "/" in module else f"tests/app/{module}.py")
+        for name in names.split(",") if names else ["*"]:
+            found.append((file, name.strip().replace("...", "*")))
+    return found
+
+
+def test_each_test_that_the_table_of_the_page_names_is_there():
+    text = (ROOT / "docs" / "page.md").read_text().split("## What is tested")[1]
+    lines = re.findall(r"^\| (\S+[^|]*) \| ([^|]+) \|$", text, re.MULTILINE)[1:]
+    told = {word for line, _ in lines for word in re.findall(r"\b(?:1\.\d+|D\d+)\b", line)}
+    assert told == {*(f"1.{k}" for k in range(1, 12)), *(f"D{k}" for k in range(1, 19))}
+    missing = []
+    for _, tests in lines:
+        for file, pattern in named_in(tests):
+            names = re.findall(r"^def test_(\w+)", file.read_text(), re.MULTILINE)
+            if not any(fnmatch.fnmatchcase(name, pattern) for name in names):
+                missing.append(f"{file.name}: {pattern}")
+    assert missing == []
+
+
+def test_the_tutorial_types_what_its_test_types():
+    text = (ROOT / "docs" / "tutorial.md").read_text()
+    script = (ROOT / "tests" / "app" / "test_tutorial.py").read_text()
+    typed = re.findall(r"(?:type|`:|next|coupler|rocker) `(-?\w[\w.]*)`|`(\w+)`, Enter", text)
+    words = {a or b for a, b in typed}
+    assert words >= {"3", "crank", "coupler", "rocker", "-1"}
+    assert [word for word in sorted(words) if f'"{word}"' not in script] == []

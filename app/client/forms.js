@@ -107,6 +107,12 @@ pgraph.forms = (() => {
     cell.placeholder = "density";
     cell.dataset.shown = "";
     const send = (serial, text) => box.pgraphAsk.density(serial, text);
+    cell.addEventListener("keydown", (event) => { // taken by Enter; it is no cell of the model
+      if (event.key !== "Enter") return;
+      event.stopImmediatePropagation();
+      event.preventDefault();
+      take.click();
+    }, true);
     const list = make("select", { className: "cell", "aria-label": "material" },
       make("option", { value: "", textContent: "material …" }), ...field.options.map(([value, text]) => make("option", { value, textContent: text })));
     list.onchange = () => { if (list.value) cell.value = list.value; };

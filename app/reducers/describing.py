@@ -227,11 +227,20 @@ def world_edited(
     state: State, client: int, field: str, index: tuple[int, ...], text: str
 ) -> pg.Model:
     """The model with another name, gravity, up or ground. Raises Refusal, PgraphError."""
+    try:
+        return _world(state, client, field, index, text)
+    except Refusal as refusal:
+        raise Refusal(f"The {field} {refusal}") from None
+
+
+def _world(state: State, client: int, field: str, index: tuple[int, ...], text: str) -> pg.Model:
     model, display = state.model, display_of(state, client)
     match field:
         case "name":
             if not text.strip() or len(text) > cells.LONGEST_NAME:
-                raise Refusal(f"The name has 1 to {cells.LONGEST_NAME} characters.")
+                raise Refusal(
+                    f"must have 1 to {cells.LONGEST_NAME} characters; given {len(text.strip())}"
+                )
             return model.replace(name=text.strip())
         case "up":
             return model.replace(up=text)

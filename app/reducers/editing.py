@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import pgraph_core as pg
@@ -11,7 +11,7 @@ import pgraph_core as pg
 from .. import cells, events
 from ..cells import Refusal
 from ..events import Event
-from ..renames import remembered
+from ..renames import found, remembered
 from ..state import (
     FREE_RUN,
     Client,
@@ -154,7 +154,7 @@ def _replaced(state: State, model: pg.Model, label: str) -> State:
 
 def with_model(state: State, model: pg.Model, label: str) -> State:
     """`model` in place of the current one, as one undo step; nothing if it is the same."""
-    if model is state.model:
+    if model is state.model or model == state.model:
         return state
     undo = (*state.undo, Step(state.model, label))[-UNDO_DEPTH:]
     return replace(_showing(state, model), undo=undo, redo=(), greeting=None)
@@ -181,7 +181,11 @@ def redone(state: State) -> State:
 def _showing(state: State, model: pg.Model) -> State:
     """`model` shown: what follows from it, selections by name or row, playback at its start."""
     derived = derive(model)
-    clients = {key: _follows(client, state.model, model) for key, client in state.clients.items()}
+    names = {(kind, old): new for kind, old, new in found(state.model, model)}
+    clients = {
+        key: _named(_follows(client, state.model, model), names)
+        for key, client in state.clients.items()
+    }
     request = _request_for(model, state.request)
     live = living.followed(state.live, state.model, model)
     playback = state.playback if live else replace(state.playback, time=0.0, playing=False)
@@ -209,6 +213,16 @@ def _follows(client: Client, old: pg.Model, new: pg.Model) -> Client:
     kept = sorted((names[n] for n in client.selected if n in names), key=new.row.__getitem__)
     last = names.get(client.selection or "", kept[-1] if kept else None)
     return replace(client, selection=last, selected=tuple(kept))
+
+
+def _named(client: Client, names: Mapping[tuple[str, str], str]) -> Client:
+    """What the page has opened, listed and plotted, under its new names."""
+    if not names:
+        return client
+    opened = client.opened and (client.opened[0], names.get(client.opened, client.opened[1]))
+    listed = client.listed and names.get(("bodies", client.listed), client.listed)
+    plots = tuple((kind, names.get(("bodies", of), of)) for kind, of in client.plots)
+    return replace(client, opened=opened, listed=listed, plots=plots)
 
 
 def _request_for(model: pg.Model, request: Request) -> Request:

@@ -11,6 +11,7 @@ import viser
 
 from .. import shapes
 from ..state import State
+from . import at_rest
 
 SEPARATE = 50  # bodies up to which each is a node of its own
 Clicked = Callable[[int, int], None]  # client, number of the body
@@ -66,6 +67,7 @@ class SeparateBodies:
             color=state.derived.colors[number - 1],
             flat_shading=len(solid.faces) < 100,
         )
+        at_rest(node)
 
         @node.on_click
         async def _(event: viser.SceneNodePointerEvent) -> None:

@@ -7,6 +7,7 @@ import viser
 
 from .. import shapes
 from ..state import Run, State, between, derive
+from . import at_rest
 from .bodies import pieces
 
 COLOR, OPACITY = (120, 128, 140), 0.28
@@ -30,17 +31,16 @@ class GhostView:
         nodes = []
         for k in range(1, len(of.derived.names) + 1):
             solid = shapes.mesh(pieces(of, k))
-            nodes.append(
-                self._server.scene.add_mesh_simple(
-                    f"/ghost/{k}",
-                    solid.vertices,
-                    solid.faces,
-                    color=COLOR,
-                    opacity=OPACITY,
-                    cast_shadow=False,
-                    receive_shadow=False,
-                )
+            node = self._server.scene.add_mesh_simple(
+                f"/ghost/{k}",
+                solid.vertices,
+                solid.faces,
+                color=COLOR,
+                opacity=OPACITY,
+                cast_shadow=False,
+                receive_shadow=False,
             )
+            nodes.append(at_rest(node))
         return nodes
 
     def _place(self, ghost: Run, time: float) -> None:

@@ -11,6 +11,7 @@ import viser
 
 from ..events import Event, Grip
 from ..state import Client, State
+from . import at_rest
 
 PACE = 0.04  # [s] between the places that are told while it is dragged
 LARGE = 0.3  # of the grain of the model
@@ -58,7 +59,7 @@ class Gizmos:
             "/grip/control", LARGE * state.derived.grain, disable_rotations=True, depth_test=False,
             position=at,
         )  # fmt: skip
-        frame = handle.scene.add_frame("/grip", show_axes=False)
+        frame = at_rest(handle.scene.add_frame("/grip", show_axes=False))
         numbers = handle.scene.add_label("/grip/numbers", "", position=at, font_screen_scale=0.9)
         self._drawn[client] = Gizmo(body, what, frame, control, numbers)
         self._listen(control, client, body, what)

@@ -10,6 +10,7 @@ import viser
 from .. import shapes
 from ..events import Event, Pull, Select, Unreadable
 from ..state import State, poses
+from . import at_rest
 from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies, pieces
 from .gizmo import Gizmos
 from .ground import GRID, GroundView
@@ -152,7 +153,7 @@ class SceneView:
                 cast_shadow=False,
                 receive_shadow=False,
             )
-        return frame
+        return at_rest(frame)
 
     def _start(self, state: State) -> None:
         """Another model: which way is up, and where new pages look from."""

@@ -390,3 +390,27 @@ def test_a_bad_formula_is_a_sentence(state, text, part):
     after = edit(state, "mass", ((), text))
     assert part in told(after)
     assert after.model is state.model
+
+
+def test_a_refusal_of_the_model_s_own_cells_names_the_field(state):
+    for field, text, said in (
+        ("gravity", "x", "The gravity must be a number such as 0.25 or 1e-6; given 'x'"),
+        ("name", " ", "The name must have 1 to 100 characters; given 0"),
+        ("slope", "1e400", "The slope '1e400' is too large for a number"),
+    ):
+        index = (0,) if field == "gravity" else ()
+        after = update(state, d.EditWorld(ME, 1, field, index, text))
+        assert told(after).startswith(said)
+        assert after.model is state.model
+
+
+def test_the_same_value_again_is_no_undo_step(state):
+    same = update(state, d.EditWorld(ME, 1, "gravity", (2,), "-9.81"))
+    assert (same.model is state.model, told(same), same.undo) == (True, "", ())
+    assert edit(state, "mass", ((), "1.0")).undo == ()
+
+
+def test_a_length_that_no_picture_can_hold_is_refused(state):
+    after = edit(state, "link", ((0,), "1e308"))
+    assert "link vector: is too long to be drawn; use at most 1e+15 m" in told(after)
+    assert edit(state, "link", ((0,), "1e12")).model.body("2").link[0] == 1e12

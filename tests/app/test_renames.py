@@ -103,3 +103,16 @@ def test_only_the_last_pages_are_remembered(state):
     for k in range(60):
         state = after(state, events.Connected(9), hello(9, f"{k}"), events.Disconnected(9))
     assert list(state.left) == [f"{k}" for k in range(10, 60)]
+
+
+def test_what_a_page_has_open_follows_its_name_and_undo(state):
+    (loop,) = (c.name for c in state.model.constraints)
+    state = after(state, constraining.OpenPart(ME, "constraints", loop))
+    state = after(state, constraining.OpenConstraints(ME, "2"), events.Plot(ME, "q", "2", True))
+    edit = constraining.EditPart(OTHER, 1, "constraints", loop, "name", (((), "pin"),))
+    state = after(state, edit, named("2", "knee"))
+    page = state.clients[ME]
+    opened = (page.opened, page.listed, page.plots)
+    assert opened == (("constraints", "pin"), "knee", (("q", "knee"),))
+    page = after(state, events.Undo(OTHER), events.Undo(OTHER)).clients[ME]
+    assert (page.opened, page.listed) == (("constraints", loop), "2")

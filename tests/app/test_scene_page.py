@@ -13,6 +13,7 @@ import pgraph_core as pg
 from app import events
 
 from .conftest import NOBODY, until
+from .test_page import place, row
 
 
 def node(page: Any, name: str) -> Any:
@@ -230,3 +231,22 @@ def test_d11_operators_are_viewable_with_the_value_under_the_pointer(page, serve
     page.get_by_role("tab", name="Digraph").click()
     idle = lambda: all(c.inspected is None for c in served.store.state.clients.values())  # noqa: E731
     until(idle, "nothing computed out of view")
+
+
+def test_what_is_drawn_anew_under_its_name_stands_as_it_does_now(page, served):
+    """viser keeps the pose of a node that was removed, and does not say one that is the default."""
+    turn = "(name) => window.__viserMutable.nodeRefFromName[name]?.quaternion.w ?? null"
+    row(page, "left_femur").locator("td.number").click()
+    until(lambda: place(page, "/selected"), "its outline")
+    for w, event in ((0.54, events.Edit(NOBODY, 1, "left_femur", "q", (0,), "2")),
+                     (1.0, events.Undo(NOBODY))):  # fmt: skip
+        served.send(event)
+        for name in ("/selected", "/bodies/11"):
+            until(lambda n=name, w=w: abs(page.evaluate(turn, n) - w) < 0.01, f"{name} at {w}")
+    served.send(events.Edit(NOBODY, 1, "right_hind_paw", "q", (0,), "2"))
+    until(lambda: abs(page.evaluate(turn, "/bodies/16") - 0.54) < 0.01, "the last body turned")
+    served.send(events.DeleteBodies(NOBODY, ("right_hind_paw",), "attach"))
+    until(lambda: page.evaluate(turn, "/bodies/16") is None, "the last body gone")
+    served.send(events.Undo(NOBODY))
+    served.send(events.Undo(NOBODY))
+    until(lambda: page.evaluate(turn, "/bodies/16") == 1.0, "the last body as it was")
