@@ -22,6 +22,7 @@ from .pose import standing
 SAMPLES = 400  # of a stride, to plan its waves
 G = 9.81
 LOW, UPRIGHT, LIMP = 0.6, 0.5, 2.0  # what counts as a fall; damping after it [N m s/rad]
+BLURRED = 1e-14  # of a time: the clock's rounding
 REACH = 0.98  # of the longest leg that a step may use
 
 
@@ -65,6 +66,22 @@ class Controller:
         s[go.HEADING] = old[go.HEADING] + old[go.TURN] * (t - old[go.TURN_T])
         s[[go.CLOCK_T, go.SPEED_T, go.TURN_T]] = t
         return new
+
+    def ticks(self, t_start: float, t_end: float) -> Array:
+        """Times in between at which feet begin to carry or to swing: torques jump there [s].
+
+        Two each, so near that rounding of the clock is between them.
+        """
+        s, f = self.settings, self.legs_f
+        clock = s[go.CLOCK_PHASE] + (np.array([t_start, t_end]) - s[go.CLOCK_T]) / s[go.STRIDE]
+        turns = np.arange(np.floor(clock[0]) - 1, np.ceil(clock[1]) + 1)
+        feet = f[f[:, go.DUTY] < 1]
+        parts = np.concatenate((feet[:, go.OFFSET], feet[:, go.OFFSET] + feet[:, go.DUTY]))
+        phase = np.add.outer(turns, np.unique(parts % 1.0)).ravel()
+        t = s[go.CLOCK_T] + (phase - s[go.CLOCK_PHASE]) * s[go.STRIDE]
+        apart = BLURRED * np.maximum(np.abs(t), s[go.STRIDE])
+        t = np.union1d(t - apart, t + apart)
+        return t[(t > t_start) & (t < t_end)]
 
     def start(self) -> tuple[Array, Array]:
         """(q, v) at rest: on the ground at the gait's height, the paws parallel to the thighs."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from ..errors import InputError, Problem, choices
-from ..kernels import adaptive, implicit, moreau, run
+from ..kernels import explicit, implicit, moreau, run
 from . import tableaus
 from .tableaus import Tableau
 
@@ -32,6 +32,11 @@ class Method(NamedTuple):
     def implicit(self) -> bool:
         """Whether it solves equations, with a Jacobian."""
         return self.limit == 0.0
+
+    @property
+    def eventful(self) -> bool:
+        """Whether it can go from event to event: events are located in a step of it."""
+        return self.name != "moreau_jean" and (self.step is not None or not self.implicit)
 
     @property
     def evaluations(self) -> int:
@@ -65,7 +70,7 @@ DOPRI5 = Method(
     5,
     tableaus.dopri5(),
     "smooth motion to three to six digits, tables with many corners",
-    attempt=adaptive.attempt_runge_kutta,
+    attempt=explicit.attempt_runge_kutta,
     controller=_pi(5, 0.04, 10.0),
     limit=1.0,
 )
@@ -74,7 +79,7 @@ DOP853 = Method(
     8,
     tableaus.dop853(),
     "smooth motion to six digits and more",
-    attempt=adaptive.attempt_runge_kutta,
+    attempt=explicit.attempt_runge_kutta,
     controller=_pi(8, 0.04, 6.0),
     limit=4.5,
 )
@@ -116,9 +121,10 @@ def method_of(name: str, *, impulses: bool = False, touching: bool = True) -> Me
     if name not in METHODS:
         text = f"no method is called {name!r}; choose one of {choices(('auto', *METHODS))}"
         raise InputError(Problem("simulate", "method", text))
-    if impulses and METHODS[name].step is None:
-        text = f"{name} cannot take impulses: the scene has rigid contacts or joint limits; use "
-        text += "'moreau_jean', 'auto', or 'rk4' from event to event"
+    if impulses and name != "moreau_jean" and not METHODS[name].eventful:
+        text = f"{name} cannot take impulses: the scene has rigid contacts or joint limits, and it "
+        text += "has no dense output to find them on; use 'moreau_jean', 'auto', or from event to "
+        text += f"event {choices(m.name for m in METHODS.values() if m.eventful)}"
         raise InputError(Problem("simulate", "method", text))
     if name == "moreau_jean" and not touching:
         text = "moreau_jean is for impulses, and no contact and no limit acts here; use 'auto', or "

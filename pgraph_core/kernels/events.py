@@ -7,7 +7,9 @@ from numba import types
 
 from . import layout as at
 from ._jit import kernel, part, sweep
-from .adaptive import EPS, LOOK_BACK, copied, within
+from .adaptive import LOOK_BACK
+from .attempt import EPS, copied
+from .explicit import within
 from .handle import caller
 from .motion import F1
 

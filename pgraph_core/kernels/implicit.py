@@ -13,10 +13,11 @@ import math
 
 from . import layout as at
 from ._jit import kernel, part, sweep
-from .adaptive import ATTEMPT, EPS, NOT_SOLVED, larger, weigh
+from .attempt import ATTEMPT, EPS, NOT_SOLVED
 from .linear import factor, row_times, substitute
 from .motion import call_acceleration, opened
 from .moving import advance, local_rate
+from .scales import larger, weigh
 from .vec import finite
 
 # rows of the real matrices, from 3 nv on: 2 nv wide

@@ -25,9 +25,11 @@ from .proximal import CHANGE, LAMBDA, RHS, STEP, factor_proximal, solve_proximal
 from .vec import add_scaled, dot, load, scale, store3
 
 # addresses of: the equations of motion without sites, the same scene without active blocks, the
-# scene whose active blocks are what is projected, the equations with sites, what records without
+# scene whose active blocks are what is projected, the equations with sites, what records without,
+# what observes sites, what projects
 LINK_TREE, LINK_BARE, LINK_HELD, LINK_PHASED, LINK_RECORD, LINK_OBSERVE = 0, 1, 2, 3, 4, 5
-LINKS_OF_SITES = 6
+LINK_PROJECT = 6
+LINKS_OF_SITES = 7
 # links, sites_i, sites_f, every site's S_SLIDE as active blocks, watched, columns (3 k + 2, m): c
 # and the right side, what Ω_BB⁺ makes of them, and Ω of the normals; small (3 k + 2, k); and what
 # frames keep of all sites: phases (n, ns), the rest (n, ns, 11)

@@ -58,6 +58,11 @@ def controlled(mech: Mechanism, given: Scenario | None) -> Controller | None:
     return Controller(mech, given.gait) if given is not None and given.gait is not None else None
 
 
+def ticks(tau: Any, span: tuple[float, float]) -> Array:
+    """Times at which a controller's torques jump by its clock [s]; none of other torques."""
+    return tau.ticks(*span) if isinstance(tau, Controller) else np.zeros(0)
+
+
 def active_constraints(mech: Mechanism, given: Scenario | None) -> Ints:
     """Indices of the constraints that a scenario activates, else the model's active ones."""
     if given is None or given.constraints is None:

@@ -32,7 +32,7 @@ def chosen(
 ) -> Choice:
     """The method called `name`, or for "auto" the one that suits. Raises InputError."""
     asked = None
-    if name != "auto" or acts.impulses:
+    if name != "auto" or (acts.impulses and rtol is None):
         known = "moreau_jean" if name == "auto" else name
         asked = method_of(known, impulses=acts.impulses, touching=acts.contacts is not None)
     rate, looking = 0.0, time.perf_counter()
@@ -43,8 +43,17 @@ def chosen(
     if asked is not None:
         impacts = "moreau_jean: the scene has rigid contacts or joint limits"
         return Choice(asked, impacts if name == "auto" else f"{name}: as asked", rate, looked)
+    if acts.impulses:
+        return Choice(*from_event_to_event(rtol), rate, looked)
     rest = fastest_rate(mech, NO_FORCES, *start) if rate * span > MANY else rate
     return Choice(*automatic(step, rtol, rate, rest, span), rate, looked)
+
+
+def from_event_to_event(rtol: float | None) -> tuple[Method, str]:
+    """The method that suits impulses to a tolerance, and why."""
+    if rtol is not None and rtol > 1e-5:
+        return DOPRI5, "dopri5: rigid contacts or joint limits, to a loose tolerance"
+    return DOP853, "dop853: rigid contacts or joint limits, to a tight tolerance"
 
 
 def automatic(

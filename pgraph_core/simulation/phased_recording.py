@@ -13,16 +13,15 @@ from numpy.typing import NDArray
 from ..constraints.assembly import ASSEMBLY_ROUNDS
 from ..contact import impacts
 from ..kernels import layout as at
-from ..kernels import motion, phase_events, phases
+from ..kernels import motion, phase_watch
 from ..kernels import sites as site_kernels
-from ..kernels.handle import address_of
 from ..kernels.proximal import FACTORED
 from ..mechanism.bodies import bodies_over
 from ..result import Result, Status
 from ..result.contact_record import FREE, PHASES, STOP, ContactRecord, Event
 from ..system import Array, Ints
-from .given_steps import GivenSteps
 from .phased_scene import PhasedScene
+from .phased_stepping import PhasedChosenSteps, PhasedGivenSteps, phased_stepping
 from .recording import Recording
 
 TOUCHING = 1e-9  # relative to the size of the coordinates: a gap that is none at the start
@@ -32,7 +31,7 @@ SHORTEST = 1e-11  # s: a flight below it is none
 STUCK = 1e-8  # of the characteristic speed: slip that has ended
 ALIGNED = 1e-10  # rad: a direction of slip this near is found
 MOST_TURNS = 100
-SLACK = 0.5 * phase_events.FORCE_TOLERANCE
+SLACK = 0.5 * phase_watch.FORCE_TOLERANCE
 MANY = 300  # events within SAME_TIME: they do not end
 
 
@@ -40,14 +39,11 @@ class PhasedRecording(Recording):
     """A recording whose contacts swing, slide and stand; Python decides at events alone."""
 
     scene: PhasedScene
-    steps: GivenSteps
+    steps: PhasedGivenSteps | PhasedChosenSteps
 
     def __init__(self, mech: Any, plan: Any, q: Array, v: Array, tau: Any):
         """As Recording; `plan.sites` are the contact points and limits."""
         super().__init__(mech, plan, q, v, tau)
-        kernels = (phases.phased_acceleration, motion.projection, site_kernels.phased_record)
-        self.links = (*(address_of(kernel) for kernel in kernels), self.steps.links[3])
-        self.clock = np.zeros(2)
         self.causes: dict[int, str] = {}
         self._ends: dict[int, float] = {}  # when the bounces of what comes to rest are over
         self.tally = {"phase_switches": 0, "impacts": 0, "bounces_left_out": 0}
@@ -55,6 +51,9 @@ class PhasedRecording(Recording):
         self._times: deque[float] = deque(maxlen=MANY)
         self._resting = np.zeros(len(plan.sites), dtype=bool)  # no normal velocity at this event
         self._vdot = np.zeros(mech.nv)
+
+    def _new_steps(self, q: Array, v: Array) -> PhasedGivenSteps | PhasedChosenSteps:
+        return phased_stepping(self.mech, self.plan, q, v)
 
     def _new_scene(self) -> PhasedScene:
         plan = self.plan
@@ -84,7 +83,9 @@ class PhasedRecording(Recording):
         size = float(np.max(np.abs(f[:, at.S_PLACE : at.S_PLACE + 3]), initial=0.0)) or 1.0
         speeds = np.abs(f[:, [at.S_RATE, *range(at.S_SLIP_V, at.S_SLIP_V + 3)]])
         self.speed = float(max(np.sqrt(gravity * size), np.max(speeds, initial=0.0))) or 1.0
-        f[:, at.S_STILL] = 1e-10 * self.speed
+        f[:, at.S_STILL] = max(1e-10, 10 * self.steps.blurred) * self.speed
+        self.stuck = max(1e-8, 100 * self.steps.blurred) * self.speed
+        self.steps.scale(self.speed / gravity if gravity else float(np.ptp(self.plan.times)))
         self._first_phases(TOUCHING * size)
         return self.status.ok
 
@@ -93,9 +94,9 @@ class PhasedRecording(Recording):
         scene, f = self.scene, self.scene.sites_f
         hits = []
         for s in np.flatnonzero(f[:, at.S_DISTANCE] <= touching).tolist():
-            if f[s, at.S_RATE] < -STUCK * self.speed:
+            if f[s, at.S_RATE] < -self.stuck:
                 hits.append(s)
-            elif f[s, at.S_RATE] <= STUCK * self.speed:
+            elif f[s, at.S_RATE] <= self.stuck:
                 self._close(s, at.SLIP)
             else:
                 scene.sites_i[s, at.S_FRESH] = 1
@@ -119,18 +120,16 @@ class PhasedRecording(Recording):
         self._note_changes(self.start, before)
 
     def _advance(self, budget: int) -> int:
-        steps, plan = self.steps, self.plan
+        steps = self.steps
         last = int(steps.counters[at.N_STEP]) + budget
         while budget > 0:
-            code = phase_events.run_phased(
-                self.scene.address, self.links, plan.method.tableau[:3],
-                steps.schedule, steps.cursor, budget, plan.project, self.q, self.v, steps.stages,
-                self._flow, steps.ledger, steps.counters, steps.failure, self.out, self.clock,
-            )  # fmt: skip
+            code = steps.advance(self.scene.address, budget, self.out)
             if code != at.EVENT:
                 return code
             began = time.perf_counter()
-            self._event(float(self.clock[at.CL_EVENT]))
+            self._observe(steps.event)  # frames may have been looked at since
+            self._event(steps.event)
+            steps.go_on()
             self.switching += time.perf_counter() - began
             if not self.status.ok:
                 return at.EVENT
@@ -193,6 +192,7 @@ class PhasedRecording(Recording):
         self._ends.clear()
         scene.arrange()
         self._observe(t)
+        phase_watch.begin(scene.address, self.steps.turning)
 
     def _log(self, t: float, s: int, before: int, cause: str) -> None:
         site = self.scene.sites[s]
@@ -221,7 +221,7 @@ class PhasedRecording(Recording):
         f = self.scene.sites_f[s]
         u = f[at.S_SLIP_V : at.S_SLIP_V + 3]
         speed = float(np.linalg.norm(u))
-        if self.scene.sites_i[s, at.S_LIMIT] or speed <= STUCK * self.speed:
+        if self.scene.sites_i[s, at.S_LIMIT] or speed <= self.stuck:
             self._set(s, at.STANCE)
         else:
             f[at.S_WAY : at.S_WAY + 3] = u / speed
@@ -237,6 +237,7 @@ class PhasedRecording(Recording):
         if size > 0:
             f[at.S_WAY : at.S_WAY + 3] = -drag / size
         self._set(s, at.ACCEPTANCE if before in (at.SWING, at.ACCEPTANCE) else at.SLIP)
+        self.scene.sites_i[s, at.S_FRESH] = 1
         share = f"{size:.4g} N would exceed {f[at.S_FRICTION]:g} of {f[at.S_PUSH]:.4g} N"
         self.causes[s] = f"friction of {share}"
 
@@ -245,7 +246,7 @@ class PhasedRecording(Recording):
         f = self.scene.sites_f[s]
         u = f[at.S_SLIP_V : at.S_SLIP_V + 3]
         speed = float(np.linalg.norm(u))
-        if speed <= STUCK * self.speed:
+        if speed <= self.stuck:
             for k in np.flatnonzero(self._still() & self._sliding()).tolist():
                 self._set(k, at.STANCE)
                 self.causes[k] = "its slip came to zero"
@@ -277,7 +278,7 @@ class PhasedRecording(Recording):
         sliding = self._sliding()
         points = scene.sites_i[:, at.S_LIMIT] == 0
         for s in np.flatnonzero(
-            sliding & (f[:, at.S_PIVOT] < -phase_events.PIVOT_TOLERANCE)
+            sliding & (f[:, at.S_PIVOT] < -phase_watch.PIVOT_TOLERANCE)
         ).tolist():
             self._painleve(t, s)
             return True
@@ -328,7 +329,7 @@ class PhasedRecording(Recording):
 
     def _still(self) -> NDArray[np.bool_]:
         slip = self.scene.sites_f[:, at.S_SLIP_V : at.S_SLIP_V + 3]
-        return np.linalg.norm(slip, axis=1) <= STUCK * self.speed
+        return np.linalg.norm(slip, axis=1) <= self.stuck
 
     def _sliding(self) -> NDArray[np.bool_]:
         return (self.scene.phase == at.SLIP) | (self.scene.phase == at.ACCEPTANCE)

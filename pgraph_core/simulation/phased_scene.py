@@ -76,6 +76,7 @@ class PhasedScene(Scene):
         links[phases.LINK_PHASED] = address_of(phases.phased_acceleration)
         links[phases.LINK_RECORD] = address_of(motion.record)
         links[phases.LINK_OBSERVE] = address_of(site_kernels.observe)
+        links[phases.LINK_PROJECT] = address_of(motion.projection)
         count, rows = len(self.sites), len(self.space[2])
         parts = (
             links,

@@ -12,7 +12,7 @@ from ..contact.tables import Tables
 from ..errors import InputError, Problem
 from ..mechanism import Mechanism
 from ..system import Array
-from .acting import Acting
+from .acting import Acting, ticks
 from .arguments import Asked, positive, tolerance_of
 from .choice import Choice, chosen
 from .corners import corners, corners_inside
@@ -49,7 +49,7 @@ def planned(mech: Mechanism, acts: Acting, asked: Asked) -> Planned:
     bends = corners(mech, acts.drives, acts.loads, ever(acts.active, changes), *asked.span)
     kinks = NO_TIMES
     if tolerance is not None:
-        tolerance = tolerance._replace(corners=bends)
+        tolerance = tolerance._replace(corners=np.union1d(bends, ticks(acts.tau, asked.span)))
     elif choice.method.order > KINKED:
         kinks = corners_inside(bends, times, width)
     plan = RunPlan(

@@ -26,7 +26,7 @@ from ..system import Array, Ints
 from .contact_words import contact_counters, contact_notices, contacts_of, switched
 from .failures import failure
 from .run_plan import RunPlan
-from .stepping import stepping
+from .stepping import Stepping, stepping
 from .switched_scene import closed, hold_here
 from .switching import Change
 
@@ -51,7 +51,7 @@ class Recording:
     def __init__(self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, tau: Any):
         """Nothing is computed yet. Raises InputError where `tau` does not fit."""
         self.mech, self.plan = mech, plan
-        self.steps = stepping(mech, plan, q, v)
+        self.steps = self._new_steps(q, v)
         self.q, self.v = self.steps.q, self.steps.v
         self.tau = tau
         self.user = acting(tau, mech.nq, mech.nv)
@@ -78,6 +78,9 @@ class Recording:
         self._unlogged = 0  # changes that there was no room for
         self._first: Instant | None = None  # the state that constraints are met in
         self._redundant = False  # whether rows say nothing new there
+
+    def _new_steps(self, q: Array, v: Array) -> Stepping:
+        return stepping(self.mech, self.plan, q, v)
 
     def _new_scene(self) -> Scene:
         plan, own = self.plan, self.mech.blocks

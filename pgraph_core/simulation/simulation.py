@@ -61,9 +61,10 @@ def simulate(
     is then the largest one, and `max_steps` ends a run that takes more. With a `step` and no
     `rtol` every step is as wide as it.
 
-    Rigid contacts and joint limits are stepped over by "moreau_jean", the choice of "auto"; "rk4"
-    and "semi_implicit_euler" go from event to event of points on the ground (gait phases), and
-    always project.
+    Rigid contacts and joint limits are stepped over by "moreau_jean", the choice of "auto" where
+    no `rtol` is given; "dop853" and "dopri5", its choices where one is, and "rk4" and
+    "semi_implicit_euler" go from event to event of points on the ground (gait phases), and always
+    project.
 
     Raises InputError for arguments that do not fit. A numerical failure is a Status.
     """
