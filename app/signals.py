@@ -106,10 +106,13 @@ OF_BODIES = (
 )  # fmt: skip
 
 
+OF_JOINTS = ("q", "v", "vdot")
+
+
 def of_body(model: pg.Model, name: str) -> list[Signal]:
     """What can be plotted of a body."""
     moves = model.body(name).dof > 0
-    return [Signal(kind, name) for kind in OF_BODIES if moves or kind not in ("q", "v", "vdot")]
+    return [Signal(kind, name) for kind in OF_BODIES if moves or kind not in OF_JOINTS]
 
 
 def of_scene(run: pg.Result) -> list[Signal]:
@@ -133,6 +136,18 @@ def title(signal: Signal) -> str:
     if signal.of == SCENE:
         return label
     return f"{label} {signal.of}" if label.endswith(" of") else f"{label} of {signal.of}"
+
+
+def unit(model: pg.Model, signal: Signal) -> str:
+    """Of its numbers; a joint that both turns and slides has two."""
+    both = KINDS[signal.kind].unit
+    if signal.kind not in OF_JOINTS or not any(body.name == signal.of for body in model.bodies):
+        return both
+    turning, sliding = both.split(", ")
+    motions = {motion.kind for motion in model.body(signal.of).sequence}
+    if motions == {"rotate"} or (signal.kind != "q" and motions <= {"rotate", "ball"}):
+        return turning
+    return sliding if motions == {"translate"} else both
 
 
 def curves(run: pg.Result, signal: Signal) -> list[Curve]:

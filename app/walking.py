@@ -16,6 +16,7 @@ LAWS = {  # of the feet: what they are called, and how each is stepped over
     "soft": ("soft (Hunt and Crossley)", "rk4", 1e-4),
 }
 FIRST, LONG, APART, WIDE, MANY = 1.0, 0.8, 1.6, 5.0, 12  # platforms to walk over [m]
+FEET = 4  # that a gait takes
 PUSH, LASTS = 0.25, 0.15  # of the weight [1], for so long [s]
 SIDES = {"left": (0, -1), "right": (0, 1), "back": (-1, 0), "ahead": (1, 0)}  # trunk's x and z
 
@@ -63,15 +64,16 @@ def offered(model: pg.Model, walking: Walking) -> Offer | None:
     return offer._replace(gait=offer.gait.edit(**walking.changes))
 
 
+def has_feet(model: pg.Model) -> bool:
+    """Whether it has a gait, or the four feet for one: contacts of one point with the ground."""
+    feet = [c for c in model.contacts if c.other == "ground" and len(c.points) == 1]
+    return len(feet) >= FEET or bool(offers(model))
+
+
 def why_not(model: pg.Model) -> str:
-    """Why there is nothing to walk with; "" where there is."""
+    """Why a model with feet has nothing to walk with; "" where it has."""
     if offers(model):
         return ""
-    feet = [c for c in model.contacts if c.other == "ground" and len(c.points) == 1]
-    if len(feet) < 4:
-        count = {0: "no foot", 1: "one foot"}.get(len(feet), f"{len(feet)} feet")
-        text = "a gait takes four, each a contact of one point with the ground"
-        return f"'{model.name}' has {count}: {text}."
     return f"No scenario of '{model.name}' has a gait: give one a 'gait' (docs/gaits.md)."
 
 

@@ -123,7 +123,9 @@ window.pgraph = (() => {
   // A sentence in passing, for what has no cell any more.
   pgraph.toast = (text, good = false) => {
     const note = pgraph.make("div", { className: `pgraph pgraph-toast${good ? " good" : ""}`, role: good ? "status" : "alert", textContent: text });
-    document.body.append(note);
+    let notes = document.querySelector(".pgraph-toasts");
+    if (!notes) document.body.append(notes = pgraph.make("div", { className: "pgraph-toasts" }));
+    notes.append(note);
     setTimeout(() => note.remove(), 8000);
   };
 
@@ -159,10 +161,17 @@ window.pgraph = (() => {
     watched?.disconnect();
     let settling = null;
     const tell = () => pgraph.send("Viewport", { aspect: canvas.clientWidth / Math.max(canvas.clientHeight, 1) });
-    watched = new ResizeObserver(() => { clearTimeout(settling); settling = setTimeout(tell, 250); });
+    watched = new ResizeObserver(() => { place(canvas); clearTimeout(settling); settling = setTimeout(tell, 250); });
     watched.observe(canvas);
   }
   watchView();
+
+  // For what floats over the 3D view: where it is.
+  function place(canvas) {
+    const { left, width } = canvas.getBoundingClientRect();
+    document.documentElement.style.setProperty("--view-left", `${left}px`);
+    document.documentElement.style.setProperty("--view-width", `${width}px`);
+  }
 
   function shortcut(event) {
     const typing = event.target.closest?.("input, select, textarea");

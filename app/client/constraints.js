@@ -105,6 +105,7 @@
     el.querySelector("strong").textContent = item.name;
     el.querySelector(".between").textContent = item.between;
     el.querySelector(".kind").textContent = item.kind;
+    el.querySelector(".title").title = `${item.name}: ${item.between}`;
     el.querySelector(".title").setAttribute("aria-expanded", String(item.form !== null));
     let form = el.querySelector(".form");
     if (item.form === null) { form?.remove(); return; }
@@ -135,9 +136,7 @@
     if (!same) document.querySelector(".pgraph-banner")?.remove();
     if (data.picking && !same) {
       const names = data.picking.names.map(([name, text]) => button("small", text, "", () => send("PickName", { name })));
-      const view = document.querySelector("canvas:not(.pgraph *)").getBoundingClientRect();
-      const style = `left: ${view.left + view.width / 2}px; max-width: ${Math.max(view.width - 24, 260)}px`;
-      document.body.append(make("div", { className: "pgraph pgraph-banner", role: "status", style },
+      document.body.append(make("div", { className: "pgraph pgraph-banner", role: "status" },
         make("span", { textContent: data.picking.text }), ...names, button("small", "Cancel", "Escape", () => send("Unpick"))));
       if (!picking) { document.activeElement?.blur(); pgraph.front("Digraph"); }
     } else if (picking && !data.picking) pgraph.front("Constraints");

@@ -54,17 +54,21 @@ pgraph.digraph = (() => {
       button("walk", "Step through", "The seven steps that make Pgraph, and a frame update", () => pgraph.steps.toggle()));
   }
 
-  // The picture takes the height that the rest leaves in the scrolling panel around it.
+  // The picture takes the height that the rest leaves in the scrolling panel around it, which is
+  // another element once the panel was moved.
   function fillPanel(host, canvas) {
-    let panel = host.parentElement;
-    while (panel && !["scroll", "auto"].includes(getComputedStyle(panel).overflowY)) panel = panel.parentElement;
-    if (!panel) return;
+    let known = null;
     const resize = () => {
+      let panel = host.parentElement;
+      while (panel && !["scroll", "auto"].includes(getComputedStyle(panel).overflowY)) panel = panel.parentElement;
+      if (!panel) return;
+      if (panel !== known) { if (known) watch.unobserve(known); watch.observe(panel); known = panel; }
       const rest = host.offsetHeight - canvas.clientHeight + 14;
       canvas.style.height = `${Math.max(panel.clientHeight - rest, 150)}px`;
     };
     const watch = new ResizeObserver(resize);
-    for (const el of [panel, ...host.children]) if (!el.contains(canvas)) watch.observe(el);
+    for (const el of host.children) if (!el.contains(canvas)) watch.observe(el);
+    window.addEventListener("resize", resize);
   }
 
   function draw(host, data) {

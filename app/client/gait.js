@@ -20,9 +20,9 @@
     host.replaceChildren(
       make("div", { className: "no-gait", hidden: true }, text("p", "muted why"), button("open-walker", "Open quadruped_hips", "The built-in model that trots, crawls and gallops", () => send("OpenBuiltIn", { name: "quadruped_hips" }))),
       make("div", { className: "gait", hidden: true },
-        make("div", { className: "settings" }, field("Gait", "", gait, "When each foot is on the ground")),
+        make("div", { className: "field", title: "When each foot is on the ground" }, text("div", "what", "Gait"), gait,
+          button("primary walk-on", "Walk", "Walk live: what is set here acts at once", () => send(pgraph.latest.gait.live ? "StopLive" : "Walk"))),
         text("p", "muted about"),
-        make("div", { className: "start" }, button("primary walk-on", "Walk", "Walk live: what is set here acts at once", () => send(pgraph.latest.gait.live ? "StopLive" : "Walk"))),
         make("div", { className: "problem sentence", role: "alert", hidden: true }),
         make("fieldset", {}, make("legend", { textContent: "Steer" }),
           field("Speed", "m/s", c.speed, "Forward; the speed follows as fast as the gait allows", speed),
@@ -82,6 +82,7 @@
       before[foot] = phase;
     }
     host.querySelector(".log").hidden = !data.feet.length;
+    lines.sort((one, other) => one[1] - other[1]);
     list.replaceChildren(...lines.slice(-MOST).reverse().map(([foot, t, was, now]) => make("li", {},
       make("button", { className: "fall", title: "Look there", onclick: () => send("Scrub", { time: t }) },
         text("span", "t", t.toFixed(3)), text("span", "foot", data.feet[foot].replaceAll("_", " ")), text("span", "now", `${data.phases[was]} → ${data.phases[now]}`)))));

@@ -50,7 +50,7 @@
     const gap = host.size > 6 ? 0.5 : 0;
     for (const [i, j, x] of data.cells) { // six decades from the largest down to faint
       pen.globalAlpha = Math.max(0.15, 1 + Math.log10(Math.abs(x) / most) / 6);
-      pen.fillStyle = x < 0 ? "#d9730d" : "#2f6fd0";
+      pen.fillStyle = x < 0 ? style.getPropertyValue("--minus") : style.getPropertyValue("--plus");
       pen.fillRect(j * host.size + gap, i * host.size + gap, host.size - 2 * gap, host.size - 2 * gap);
     }
     pen.globalAlpha = 1;
@@ -82,5 +82,5 @@
     send("Inspect", { what, rows: around(i, step[0], rows[0], shape[0]), columns: around(j, step[1], columns[0], shape[1]) });
   }
 
-  pgraph.view("operators", { build, operator: draw });
+  pgraph.view("operators", { build, operator: draw, theme: (host) => setTimeout(() => paint(host), 300) });
 })();

@@ -1,7 +1,7 @@
 // Plots: chips to choose from, charts that share their time axis, a cursor that follows playback.
 (() => {
   const { make, send } = pgraph;
-  const COLORS = ["#2f6fd0", "#d9730d", "#2a9d5c", "#a83fc4", "#c0392b"];
+  const SERIES = 8; // colours, which the style has as --s0 and so on
   const LEFT = 52, RIGHT = 8, TOP = 6, BOTTOM = 18, HEIGHT = 132;
   let zoom = null, charts = [], cursor = 0;
 
@@ -108,6 +108,7 @@
     canvas.width = width * ratio;
     canvas.height = HEIGHT * ratio;
     const g = canvas.getContext("2d"), style = getComputedStyle(canvas);
+    const color = (i) => style.getPropertyValue(`--s${i % SERIES}`);
     const ink = style.getPropertyValue("--ink"), soft = style.getPropertyValue("--soft"), line = style.getPropertyValue("--line");
     g.scale(ratio, ratio);
     g.font = "10.5px system-ui, sans-serif";
@@ -118,14 +119,15 @@
     axes(g, view, x, y, width, { soft, line });
     g.save();
     g.beginPath(); g.rect(LEFT, TOP, width - LEFT - RIGHT, HEIGHT - TOP - BOTTOM); g.clip();
-    chart.data.ghost.forEach((c, i) => curve(g, c, x, y, COLORS[i % COLORS.length], true));
-    chart.data.curves.forEach((c, i) => curve(g, c, x, y, COLORS[i % COLORS.length], false));
+    chart.data.ghost.forEach((c, i) => curve(g, c, x, y, color(i), true));
+    chart.data.curves.forEach((c, i) => curve(g, c, x, y, color(i), false));
     if (chart.band) { g.fillStyle = "rgba(47,111,208,.15)"; g.fillRect(chart.band[0], TOP, chart.band[1] - chart.band[0], HEIGHT); }
     g.strokeStyle = ink; g.lineWidth = 1;
     g.beginPath(); g.moveTo(x(cursor), TOP); g.lineTo(x(cursor), HEIGHT); g.stroke();
     g.restore();
     const time = chart.hover === null ? cursor : timeAt(chart, chart.hover);
-    legend(chart, chart.data.curves.map((c, i) => [c.label, COLORS[i % COLORS.length], valueAt(c, time)]));
+    const alone = chart.data.curves.length === 1; // then its label says nothing
+    legend(chart, chart.data.curves.map((c, i) => [alone ? "" : c.label, color(i), valueAt(c, time)]));
   }
 
   function axes(g, view, x, y, width, { soft, line }) {

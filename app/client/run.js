@@ -9,7 +9,7 @@
   function build(host) {
     host.replaceChildren(
       make("div", { className: "kernels", hidden: true }, text("span", "said"), make("progress", { max: 1 })),
-      make("fieldset", { className: "run" }, make("legend", { textContent: "Simulate" }),
+      make("div", { className: "run" },
         settings(host),
         make("div", { className: "start" },
           button("primary simulate", "Simulate", "Run in the background", () => now("Simulate")),
@@ -19,8 +19,8 @@
         make("div", { className: "job lively", hidden: true }, text("span", "dot"), text("span", "said"),
           button("stop", "Stop", "End the live run and keep it", () => send("StopLive"))),
         make("div", { className: "problem sentence", role: "alert", hidden: true }),
-        make("dl", { className: "summary", hidden: true }),
-        after()));
+        after(),
+        make("dl", { className: "summary", hidden: true })));
   }
 
   function settings(host) {
@@ -36,21 +36,22 @@
     return make("div", { className: "settings" },
       field("Scenario", "", scenario, "A run that the model describes, or a free one"),
       field("Method", "", method, "How to step; automatic says why it chose what it chose"),
-      field("Duration", "s", t_end, "Length of the run"),
-      field("Step", "s", step, "Width of a step; empty: the method chooses"),
-      field("Tolerance", "", rtol, "Error of a step beside the mechanism's own scales; empty: by the step"));
+      make("div", { className: "numbers wide" },
+        field("Duration", "s", t_end, "Length of the run"),
+        field("Step", "s", step, "Width of a step; empty: the method chooses"),
+        field("Tolerance", "", rtol, "Error of a step beside the mechanism's own scales; empty: by the step")));
   }
 
   // What a finished run is good for.
   function after() {
-    return make("div", { className: "after bar", hidden: true },
+    const keep = [["csv", "CSV", "Everything over time as a table"], ["npz", "NPZ", "The run with its model, for Python"],
+      ["html", "HTML", "The animation as one file that any browser plays"]];
+    return make("div", { className: "after", hidden: true },
       button("continue", "Continue", "Go on from the end for as long again", () => now("Continue")),
       button("pose", "Use pose", "The pose shown becomes the initial state of the model", () => now("UsePose")),
       button("ghost", "Compare", "Keep this run as a ghost beside the next one", () => now("Compare")),
-      text("span", "spring"),
-      ...[["csv", "CSV", "Everything over time as a table"], ["npz", "NPZ", "The run with its model, for Python"],
-        ["html", "HTML", "The animation as one file that any browser plays"]].map(([what, label, title]) =>
-        button(`export ${what}`, label, title, () => send("Export", { what }))));
+      make("span", { className: "keep" }, text("span", "muted", "Keep as"), ...keep.map(([what, label, title]) =>
+        button(`export ${what}`, label, title, () => send("Export", { what })))));
   }
 
   function draw(host, data) {

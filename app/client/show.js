@@ -6,7 +6,7 @@
   function build(host) {
     const gizmo = make("select", { className: "cell gizmo", "aria-label": "move in 3D", onchange: () => send("Gizmo", { what: gizmo.value }) },
       ...GIZMOS.map(([value, textContent]) => make("option", { value, textContent })));
-    host.replaceChildren(make("fieldset", { className: "show" }, make("legend", { textContent: "Show" }), make("div", { className: "switches" }),
+    host.replaceChildren(make("div", { className: "show" }, make("div", { className: "switches" }),
       make("div", { className: "field" }, make("div", { className: "what", textContent: "Move in 3D" }), gizmo), make("div", { className: "muted why" })));
   }
 

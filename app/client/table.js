@@ -155,6 +155,7 @@ pgraph.table = (() => {
     tr.querySelector(".chip").style.background = row.color;
     tr.querySelector(".n").textContent = row.number;
     const constraint = row.constraints.join(", ") || "holonomic";
+    [row.name, row.parent, "", constraint].forEach((value, i) => { tr.children[i + 1].title = value; });
     if (!tr.dataset.furnished) {
       [row.name, row.parent, `${row.dof} ${row.joint}`, constraint].forEach((value, i) => { tr.children[i + 1].textContent = value; });
       return;

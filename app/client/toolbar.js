@@ -66,6 +66,7 @@
     const cell = cells.input(act, { label: question, leaving: false });
     cell.dataset.shown = "";
     cell.value = suggestion;
+    cell.style.minWidth = `${Math.min(suggestion.length, 26) + 2}ch`;
     cell.onaccept = close;
     const go = button("primary go", verb, "", () => cells.commit(cell, act));
     return [make("div", { className: "ask" }, make("span", { textContent: question }), cell, go)];

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 
+import viser
+
 from ..client.bridge import Bridge
 from ..state import State
-from ..walking import LAWS, friction, law, offered, offers, step_height, turns, why_not
+from ..walking import LAWS, friction, has_feet, law, offered, offers, step_height, turns, why_not
 from . import Payload, audience
 
 PARTS = ("derived", "walking", "run_problem", "job")
@@ -14,11 +16,23 @@ FASTEST, TURNING = 1.5, 0.6  # ends of the sliders [m/s, rad/s]
 
 
 class GaitView:
-    def __init__(self, bridge: Bridge):
-        self._bridge = bridge
-        bridge.host("gait")
+    """The last tab of a panel, there as long as the model has feet."""
+
+    def __init__(self, bridge: Bridge, panel: viser.PanelHandle):
+        self._bridge, self._panel = bridge, panel
+        self._tab: viser.GuiTabHandle | None = None
+
+    def _place(self, wanted: bool) -> None:
+        if wanted and self._tab is None:
+            self._tab = self._panel.add_tab("Gait", viser.Icon.PAW)
+            with self._tab:
+                self._bridge.host("gait")
+        elif not wanted and self._tab is not None:
+            self._tab.remove()
+            self._tab = None
 
     def render(self, old: State, new: State) -> None:
+        self._place(has_feet(new.model))
         changed = any(getattr(old, part) is not getattr(new, part) for part in PARTS)
         changed = changed or (old.live is None) != (new.live is None)
         clients = audience(old, new, changed)

@@ -30,6 +30,7 @@ from .table import TableView
 from .toolbar import ToolbarView
 
 LEFT, RIGHT = 450, 330  # widths of the docks [px]
+PLAYBACK = 470  # width [px] of the playback; its style widens it where there is room
 
 
 class Page:
@@ -52,13 +53,14 @@ class Page:
             plots = PlotsView(bridge)
         with graph.add_tab("Report", viser.Icon.REPORT_ANALYTICS):
             reports = ReportsView(bridge)
-        toolbar, run, show = ToolbarView(bridge), RunView(bridge), ShowView(bridge)  # viser's panel
+        toolbar, run = ToolbarView(bridge), RunView(bridge)  # viser's panel
         with properties.add_tab("Properties", viser.Icon.ADJUSTMENTS):
             details = PropertiesView(bridge)
         with properties.add_tab("Pose", viser.Icon.ADJUSTMENTS_HORIZONTAL):
             joints = JointsView(bridge)
-        with properties.add_tab("Gait", viser.Icon.PAW):
-            walk = GaitView(bridge)
+        with properties.add_tab("Show", viser.Icon.EYE):
+            show = ShowView(bridge)
+        walk = GaitView(bridge, properties)
         with playback.add_tab("Playback", viser.Icon.PLAYER_PLAY):
             player, feet = PlaybackView(bridge), PhasesView(bridge)
         bodies.dock_left()
@@ -67,7 +69,7 @@ class Page:
         gui.main_panel.dock_right()
         gui.main_panel.set_width(RIGHT)
         properties.dock_below(gui.main_panel)
-        playback.float(x=15, y=-15, width=470)
+        playback.float(x=15, y=-15, width=PLAYBACK)
         self.views = (
             table, digraph, ties, operators, toolbar, run, show, details, joints, player, plots,
             reports, walk, feet, SceneView(server, send), GhostView(server),

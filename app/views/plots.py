@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..client.bridge import Bridge
-from ..signals import KINDS, Curve, Signal, curves, of_body, of_scene, thinned, title
+from ..signals import KINDS, Curve, Signal, curves, of_body, of_scene, thinned, title, unit
 from ..state import Client, Run, State
 from . import Payload
 
@@ -75,7 +75,7 @@ def chart(state: State, signal: Signal) -> Payload:
         "kind": signal.kind,
         "of": signal.of,
         "title": title(signal),
-        "unit": KINDS[signal.kind].unit,
+        "unit": unit(state.run.model if state.run else state.model, signal),
         "curves": [curve._asdict() for curve in of_state(state, signal)],
         "ghost": [c._asdict() for c in curves(ghost.result, signal)] if ghost else [],
     }

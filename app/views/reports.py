@@ -23,7 +23,7 @@ class ReportsView:
         clients = audience(old, new, changed)
         payload = reports(new) if clients else {}
         figures = set(audience(old, new, new.report is not old.report))
-        figure = {"svg": new.report.result.figure() if new.report else ""} if figures else {}
+        figure = {"svg": drawn(new)} if figures else {}
         for client in clients:
             self._bridge.send(client, "reports", payload)
         for client in figures:
@@ -48,6 +48,15 @@ def page(report: Report) -> str:
     from pgraph_core.stability.page import page
 
     return page([report.result])
+
+
+def drawn(state: State) -> str:
+    """The figure of the last report, for the width of the tab."""
+    report = state.report
+    if report is None:
+        return ""
+    precise = report.kind == "precision"
+    return report.result.figure(narrow=True) if precise else report.result.figure()
 
 
 def reports(state: State) -> Payload:

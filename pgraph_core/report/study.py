@@ -115,9 +115,11 @@ class Study:
         """One JSON object, under the names of this class."""
         return json.dumps(_plain(self.to_dict()), allow_nan=False)
 
-    def figure(self) -> str:
-        """The diagram as SVG, which takes the colours of the page it stands in."""
-        return figure.diagram(self)
+    def figure(self, *, narrow: bool = False) -> str:
+        """The diagram as SVG, which takes the colours of the page it stands in; `narrow`: for a
+        column beside other things."""
+        paper = figure.narrow(len(self.methods)) if narrow else figure.wide()
+        return figure.diagram(self, paper)
 
     def html(self) -> str:
         """The report as one page."""

@@ -119,6 +119,7 @@ def page(the_page: Any, served: Server, quadruped: pg.Model) -> Iterator[Any]:
     opened = served.store.state.framed
     the_page.keyboard.press("Escape")  # what is half typed or asked goes away
     the_page.evaluate("document.activeElement?.blur()")
+    the_page.evaluate("['Digraph', 'Properties'].forEach(pgraph.front)")
     served.send(events.Cancel(NOBODY))
     served.send(events.OpenText(NOBODY, "quadruped", quadruped.to_json()))
     for what in ("names", "links", "coms", "forces"):

@@ -26,6 +26,7 @@ from app.views import exports
 from app.views.gait import gait
 from app.views.ground import solid
 from app.views.phases import phases
+from app.walking import has_feet
 from pgraph_core.kernels import gait_layout as go
 from pgraph_core.result.contact_record import Event
 
@@ -168,12 +169,16 @@ def test_a_speed_out_of_reach_is_refused_with_what_the_legs_can():
     assert typed.startswith("The speed ")
 
 
-def test_models_without_feet_say_what_a_gait_takes():
-    assert gait(initial(pg.Model.serial(2)))["why"] == (
-        "'serial 2' has no foot: a gait takes four, each a contact of one point with the ground."
-    )
+def test_only_models_with_feet_have_a_gait_tab_and_without_a_gait_it_says_what_to_give():
     walker = ready().model
     bare = walker.replace(scenarios=())
+    three = bare.replace(contacts=bare.contacts[:3])
+    assert [has_feet(m) for m in (walker, bare, three, pg.Model.serial(2))] == [
+        True,
+        True,
+        False,
+        False,
+    ]
     assert gait(initial(bare))["why"] == (
         "No scenario of 'quadruped_hips' has a gait: give one a 'gait' (docs/gaits.md)."
     )

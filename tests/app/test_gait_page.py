@@ -150,10 +150,25 @@ def test_a_speed_out_of_reach_is_refused_beside_the_control(walker, served):
     cell.press("Escape")
 
 
-def test_a_model_without_feet_says_so_in_the_tab(walker, served):
-    rods = pg.Model.serial(2)
-    served.send(events.OpenText(NOBODY, "rods", rods.to_json()))
-    why = gait(initial(rods))["why"]
+def test_the_tab_goes_with_the_feet_and_comes_with_them(walker, served):
+    page = walker
+    tabs = page.get_by_role("tab", name="Gait")
+    served.send(events.OpenText(NOBODY, "rods", pg.Model.serial(2).to_json()))
+    until(lambda: tabs.count() == 0, "no tab where nothing has feet")
+    until(lambda: page.locator(".properties").is_visible(), "another tab of the panel in front")
+    served.send(events.Undo(NOBODY))
+    until(lambda: tabs.count() == 1, "the tab again with the feet")
+    tabs.click()
+    until(lambda: page.locator(".walk-on").is_visible(), "the gait in it")
+    footless = served.store.state.model.replace(scenarios=(), contacts=())
+    served.send(events.OpenText(NOBODY, "footless", footless.to_json()))
+    until(lambda: tabs.count() == 0, "no tab without feet")
+
+
+def test_feet_without_a_gait_say_what_to_give_and_offer_a_model_that_walks(walker, served):
+    bare = served.store.state.model.replace(scenarios=())
+    served.send(events.OpenText(NOBODY, "bare", bare.to_json()))
+    why = gait(initial(bare))["why"]
     until(lambda: walker.locator(".no-gait .why").inner_text() == why, "why it cannot walk")
     walker.locator(".open-walker").click()
     until(lambda: walker.locator(".walk-on").is_visible(), "the built-in model that walks")

@@ -346,7 +346,7 @@ def simulated(page, served):
     until(lambda: served.store.state.kernels.ready, "compiled kernels", seconds=300)
     page.locator('.run [aria-label="scenario"]').focus()
     page.locator('.run [aria-label="scenario"]').select_option("")
-    duration = page.get_by_label("duration")
+    duration = page.get_by_label("duration", exact=True)
     until(lambda: duration.input_value() == "2", "a free run's settings")
     duration.fill("1")
     duration.press("Enter")
@@ -467,6 +467,7 @@ def test_nothing_is_cut_off(page):
 
 
 def test_show_switches_draw_and_clear(page):
+    page.get_by_role("tab", name="Show").click()
     for what in ("names", "links", "coms"):
         box = page.locator(f'[data-what="{what}"]')
         box.check()

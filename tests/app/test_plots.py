@@ -9,7 +9,7 @@ import pytest
 
 import pgraph_core as pg
 from app import events
-from app.signals import KINDS, POINTS, Signal, curves, of_body, of_scene, thinned, title
+from app.signals import KINDS, POINTS, Signal, curves, of_body, of_scene, thinned, title, unit
 from app.state import initial
 from app.update import update
 from app.views.plots import plots, signals
@@ -52,6 +52,20 @@ def test_titles_read_like_words():
     assert title(Signal("constraint_force", "loop")) == "force of loop"
     assert title(Signal("energy", "")) == "energy"
     assert all(kind.unit for kind in KINDS.values())
+
+
+@pytest.mark.parametrize(
+    ("joint", "units"),
+    [
+        ("revolute", ("rad", "rad/s", "rad/s²")), ("prismatic", ("m", "m/s", "m/s²")),
+        ("universal", ("rad", "rad/s", "rad/s²")), ("spherical", ("rad, m", "rad/s", "rad/s²")),
+        ("cylindrical", ("rad, m", "rad/s, m/s", "rad/s², m/s²")),
+    ],
+)  # fmt: skip
+def test_units_are_those_of_the_joint(joint, units):
+    model = pg.Model(bodies=(pg.Body(name="a", joint=joint),))
+    assert tuple(unit(model, Signal(kind, "a")) for kind in ("q", "v", "vdot")) == units
+    assert unit(model, Signal("energy", "")) == "J"
 
 
 def test_thinning_keeps_extremes_ends_and_order():

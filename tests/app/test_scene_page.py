@@ -170,6 +170,7 @@ def test_a_slider_poses_the_mechanism_and_use_as_initial_state_keeps_it(page, se
 
 def test_the_gizmo_moves_the_selected_body_as_one_undo_step_at_release(page, served):
     page.locator('tr[data-name="thorax"] td.number').click()
+    page.get_by_role("tab", name="Show").click()
     page.locator("select.gizmo").select_option("com")
     until(lambda: drawn(page, "/grip/control"), "the gizmo")
     steps = len(served.store.state.undo)
@@ -191,6 +192,7 @@ def test_the_gizmo_moves_the_selected_body_as_one_undo_step_at_release(page, ser
 
 
 def test_each_kind_of_mark_has_a_switch_that_draws_and_clears_it(page, served):
+    page.get_by_role("tab", name="Show").click()
     for what, name in (
         ("frames", "/bodies/3/frames"), ("inertias", "/inertias"), ("points", "/bodies/7/points"),
     ):  # fmt: skip

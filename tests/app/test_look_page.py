@@ -1,0 +1,114 @@
+"""How the page looks, as far as a test can say it, in a real browser: at two sizes, light and dark,
+no panel over another, no text cut off without a title, none too faint or too small to read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import pgraph_core as pg
+import static_models
+from app import events
+from app.server import Server
+
+from .conftest import NOBODY, until
+
+LOOKS = (Path(__file__).parent / "looks.js").read_text(encoding="utf-8")
+LEAST, SMALL = 4.5, 8.0  # contrast of text (WCAG 2.2, AA); height of letters [px]
+SIZES = ((1280, 800), (1920, 1080))
+TABS = (  # what is in front below the table, and below the model
+    ("Digraph", "Properties"), ("Constraints", "Pose"), ("Operators", "Show"), ("Plots", "Gait"),
+    ("Report", "Properties"),
+)  # fmt: skip
+ASKED = ("new", "open", "save", "keys")  # buttons that ask or tell something
+
+
+def faults(page: Any) -> list[str]:
+    return page.evaluate(LOOKS, [LEAST, SMALL])["faults"]
+
+
+def in_order(page: Any, what: str) -> None:
+    """Fails with what is wrong; colours fade and panels move for a moment after a change."""
+    page.wait_for_timeout(50)
+    try:
+        until(lambda: not faults(page), "in order", seconds=8.0)
+    except pytest.fail.Exception:
+        pytest.fail(f"{what}: {'; '.join(faults(page))}")
+
+
+@pytest.fixture(scope="module")
+def walked(quadruped_hips: pg.Model) -> pg.Model:
+    """A quadruped with a short walk, and a part each that names what there is in the tabs."""
+    short = tuple(s.model_copy(update={"t_end": 0.3}) for s in quadruped_hips.scenarios)
+    return quadruped_hips.replace(scenarios=short)
+
+
+@pytest.fixture(scope="module")
+def quadruped_hips() -> pg.Model:
+    return pg.Model.load(static_models.path("quadruped_hips"))
+
+
+@pytest.fixture
+def seen(page: Any, served: Server, walked: pg.Model) -> Iterator[Callable[..., Any]]:
+    """The page in a size and a theme, with a run, a body selected and plots."""
+    before = page.viewport_size
+    until(lambda: served.store.state.kernels.ready, "compiled kernels", seconds=300)
+    served.send(events.OpenText(NOBODY, "walked", walked.to_json()))
+
+    def show(size: tuple[int, int], dark: bool) -> Any:
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        page.evaluate("(dark) => pgraph.send('Theme', { dark })", dark)
+        scheme = "dark" if dark else "light"
+        until(lambda: page.locator(f"html[data-mantine-color-scheme={scheme}]").count(), scheme)
+        return page
+
+    page.locator("button.simulate").click()
+    page.locator(".summary dd").first.wait_for(timeout=60_000)
+    page.locator('tr[data-name="shoulder_neck_head"] td.number').click()
+    for client in served.store.state.clients:
+        for kind, of in (("q", "shoulder_neck_head"), ("energy", "")):
+            served.send(events.Plot(client, kind, of, True))
+    yield show
+    for client in served.store.state.clients:
+        for kind, of in (("q", "shoulder_neck_head"), ("energy", "")):
+            served.send(events.Plot(client, kind, of, False))
+    page.keyboard.press("Escape")
+    show((before["width"], before["height"]), False)
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("size", SIZES, ids=["1280x800", "1920x1080"])
+def test_every_tab_is_in_order(seen, served, size, dark):
+    page = seen(size, dark)
+    for below_table, below_model in TABS:
+        page.evaluate("(tabs) => tabs.forEach(pgraph.front)", [below_table, below_model])
+        in_order(page, f"{below_table}, {below_model}")
+    for which in ASKED:
+        page.locator(f"button.{which}").click()
+        in_order(page, which)
+        page.keyboard.press("Escape")
+    until(
+        lambda: page.locator(".asked:not(:empty), dialog.pgraph-keys").count() == 0, "no question"
+    )
+    page.evaluate("pgraph.toast('a notice'); pgraph.toast('another', true)")
+    cell = page.locator('tr[data-name="lumbar"] input.name')
+    cell.fill("thorax")
+    cell.press("Enter")
+    page.locator("table.bodies tr.sentence").wait_for()
+    in_order(page, "a refused cell, and notices")
+    cell.press("Escape")
+
+
+@pytest.mark.parametrize("width", [1100, 1280, 1920])
+def test_what_floats_stays_within_the_3d_view(seen, width):
+    page = seen((width, 800), False)
+    inside = """() => { const box = (e) => e.getBoundingClientRect();
+      const view = box(document.querySelector('canvas:not(.pgraph *)'));
+      const bar = box(document.querySelector('[data-floating-window]'));
+      const controls = [...document.querySelectorAll('.transport > *')].map(box);
+      return bar.left >= view.left - 1 && bar.right <= view.right + 1
+        && controls.every((one) => one.left >= bar.left && one.right <= bar.right); }"""
+    until(lambda: page.evaluate(inside), "the playback within the 3D view")
