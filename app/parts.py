@@ -23,7 +23,6 @@ Item = Any  # pg.Constraint | pg.Contact | pg.Force
 Places = Mapping[str, tuple[np.ndarray, np.ndarray]]  # body name -> position, rotation at home
 
 VECTORS = {"point", "other_point", "axis", "other_axis"}
-OVER_TIME = {"torque", "target"}  # a number or a table
 CURVES = ("polynomial", "sine", "table")
 KIND_FIELD = {"constraints": "kind", "contacts": "law", "forces": "kind"}
 LAW_TAKES = {

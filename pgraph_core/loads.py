@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from .constraints.blocks import normals_of
 from .kernels import layout as at
-from .rotation import unit_vector
+from .rotation import normals_of, unit_vector
 from .schema import Force, Model, VectorTable
 from .system import Array, Loads, System, point_in_row
 from .topology import Topology

@@ -64,3 +64,10 @@ def rodrigues(axis: Sequence[float] | Array, angle: float) -> Array:
     """(3, 3) rotation about a unit axis: Rot(h, θ) = I + (h×) sin θ + (h×)² (1 - cos θ), Fig. 7."""
     h = skew(axis)
     return np.eye(3) + math.sin(angle) * h + (1.0 - math.cos(angle)) * (h @ h)
+
+
+def normals_of(axis: Array) -> tuple[Array, Array]:
+    """Two unit vectors that make a right-handed frame with a unit axis as the third."""
+    least = np.eye(3)[np.argmin(np.abs(axis))]
+    first = unit_vector(np.cross(least, axis).astype(float))
+    return first, np.cross(axis, first)

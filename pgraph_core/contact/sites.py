@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..constraints.blocks import Blocks, normals_of
+from ..constraints.blocks import Blocks
 from ..errors import InputError, Problem
 from ..kernels import layout as at
-from ..rotation import matrix
+from ..rotation import matrix, normals_of
 from ..schema import Body, Contact, Model
 from ..schema.names import GROUND
 from ..system import Array, Ints, System, point_in_row

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.constraints.blocks import blocks, curve
+from pgraph_core.constraints.blocks import blocks
+from pgraph_core.constraints.kinds import curve
 from pgraph_core.kernels import layout as at
 from pgraph_core.operators import Operators, constrained_dynamics, frames
 from pgraph_core.operators.constraint_rows import prescribed, radius_of_gyration, rows_of
