@@ -267,6 +267,7 @@ class Exporting:
     client: int
     what: str
     run: Run
+    shown: frozenset[str] = SHOWN_AT_FIRST  # on the page that asks
 
 
 @dataclass(frozen=True)

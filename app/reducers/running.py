@@ -40,7 +40,7 @@ def update(state: State, event: Event) -> State | None:
         case events.Compare() if state.live is None:
             return replace(state, ghost=state.run if state.ghost is None else None)
         case events.Export(client, what) if state.run is not None and state.live is None:
-            return replace(state, exporting=Exporting(client, what, state.run))
+            return replace(state, exporting=Exporting(client, what, state.run, state.shown))
         case events.Cancel() if state.job is not None:
             return replace(state, job=None, run_problem="The simulation was cancelled.")
         case events.Progress() | events.Simulated() | events.Failed():

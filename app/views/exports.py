@@ -6,15 +6,19 @@ import re
 import tempfile
 import threading
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import viser
 
 from ..client.bridge import Bridge, quiet
-from ..state import Exporting, Run, State, between, derive
+from ..footfalls import prints
+from ..state import SHOWN_AT_FIRST, Exporting, Playback, Run, State, between, derive
 from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies
+from .footprints import MOST, FootprintsView
 from .ground import GRID, grid, steps
+from .overlays import Overlays
 from .scene import viewpoint
 
 PICTURES = 30  # of an animation, a second
@@ -41,13 +45,23 @@ class ExportView:
             return
         name = re.sub(r"[^\w-]+", "_", asked.run.model.name) or "run"
         try:
-            content = MAKERS[asked.what](asked.run)
+            content = made(asked)
         except Exception as error:  # said on the page: the session goes on
             handle.add_notification(
                 "Not exported", f"{type(error).__name__}: {error}", color=(200, 60, 50)
             )
             return
         handle.send_file_download(f"{name}.{asked.what}", content, save_immediately=True)
+
+
+def made(asked: Exporting) -> bytes:
+    """The file that is asked for."""
+    match asked.what:
+        case "csv":
+            return table(asked.run)
+        case "npz":
+            return arrays(asked.run)
+    return animation(asked.run, asked.shown)
 
 
 def table(run: Run) -> bytes:
@@ -63,19 +77,25 @@ def arrays(run: Run) -> bytes:
         return path.read_bytes()
 
 
-def animation(run: Run) -> bytes:
-    """One HTML file, the viewer in it: a server of its own draws the pictures of the run."""
-    state = State(run.model, derive(run.model), run.request)
+def animation(run: Run, shown: frozenset[str] = SHOWN_AT_FIRST) -> bytes:
+    """One HTML file, the viewer in it: a server of its own draws the pictures of the run.
+
+    Forces, friction cones, footprints and marks of bodies are in it where they are `shown`.
+    """
+    state = State(run.model, derive(run.model), run.request, last_run=run, shown=shown)
     with quiet():
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
-        return _animated(server, state, run).encode()
+        serializer = server.get_scene_serializer()
+        draw(server, state, run, serializer.insert_sleep)
+        return serializer.as_html().encode()
     finally:
         with quiet():
             server.stop()
 
 
-def _animated(server: viser.ViserServer, state: State, run: Run) -> str:
+def draw(server: viser.ViserServer, state: State, run: Run, wait: Callable[[float], None]) -> None:
+    """Every picture of the run in turn, `wait` [s] in between."""
     up = GRID[state.model.up][1]
     server.scene.set_up_direction(up)
     ground = [grid(server.scene, state.model, state.derived.size), steps(server.scene, state.model)]
@@ -88,16 +108,19 @@ def _animated(server: viser.ViserServer, state: State, run: Run) -> str:
     t, pose = np.asarray(run.result.t), np.asarray(run.result.body_pose)
     count = int(np.clip((t[-1] - t[0]) * PICTURES, 2, MOST_PICTURES))
     times = np.linspace(t[0], t[-1], count)
-    serializer = server.get_scene_serializer()
+    overlays, feet = Overlays(server), FootprintsView(server)
     leaves = travelled(pose[:, 0], up).max() > state.derived.size
     for time in times:
         positions, wxyz = between(t, pose, float(time))
         gone = level(positions[0] - pose[0, 0, :3], up) if leaves else np.zeros(3)
         drawn.place(positions - gone, wxyz)
+        now = replace(state, playback=Playback(float(time)))
+        overlays.render(now, positions, wxyz, gone)
+        if "footprints" in state.shown:
+            feet.show(now, prints(run.falls, float(time), MOST) - gone)
         for node in filter(None, ground):
             node.position = -gone  # the ground moves where the camera would have to
-        serializer.insert_sleep(float(times[1] - times[0]))
-    return serializer.as_html()
+        wait(float(times[1] - times[0]))
 
 
 def travelled(pose: np.ndarray, up: Sequence[float]) -> np.ndarray:
@@ -108,6 +131,3 @@ def travelled(pose: np.ndarray, up: Sequence[float]) -> np.ndarray:
 def level(way: np.ndarray, up: Sequence[float]) -> np.ndarray:
     """Vectors (..., 3) without their part along `up`."""
     return way * (1.0 - np.asarray(up))
-
-
-MAKERS: dict[str, Callable[[Run], bytes]] = {"csv": table, "npz": arrays, "html": animation}

@@ -24,7 +24,10 @@ class FootprintsView:
 
     def render(self, old: State, new: State) -> None:
         falls = new.falls if "footprints" in new.shown else ()
-        at = prints(falls, new.playback.time, MOST)
+        self.show(new, prints(falls, new.playback.time, MOST))
+
+    def show(self, state: State, at: np.ndarray) -> None:
+        """A disc at each of these places, and no others."""
         if at.shape == self._at.shape and np.array_equal(at, self._at):
             return
         self._at = at
@@ -33,7 +36,7 @@ class FootprintsView:
             return
         if self._node is not None:
             self._node.remove()
-        self._node = draw(self._scene, new, at) if len(at) else None
+        self._node = draw(self._scene, state, at) if len(at) else None
 
 
 def draw(scene: viser.SceneApi, state: State, at: np.ndarray) -> Any:

@@ -13,6 +13,7 @@ from .bodies import SEPARATE
 
 AXIS, LINK, COM, FORCE = (224, 120, 20), (96, 106, 120), (200, 40, 150), (30, 160, 90)
 INERTIA, POINT, CONE, PULL = (110, 80, 200), (220, 50, 40), (30, 160, 90), (230, 90, 20)
+NOWHERE = np.zeros(3)
 TRIAD = ((205, 45, 45), (45, 155, 60), (50, 90, 220))  # x, y, z
 
 
@@ -30,15 +31,17 @@ class Overlays:
         for kind in list(self._nodes):
             self._remove(kind)
 
-    def render(self, state: State, positions: np.ndarray, wxyz: np.ndarray) -> None:
-        """Draw what `state.shown` asks for, with the bodies at these poses."""
+    def render(
+        self, state: State, positions: np.ndarray, wxyz: np.ndarray, gone: np.ndarray = NOWHERE
+    ) -> None:
+        """Draw what `state.shown` asks for, bodies at these poses, all moved back by `gone`."""
         for kind in LOCAL:
             if kind in state.shown:
-                self._local(kind, state, positions, wxyz)
+                self._local(kind, state, positions - gone, wxyz)
             else:
                 self._remove(kind)
-        self._inertias(state, positions, wxyz)
-        self._forces(state, positions, wxyz)
+        self._inertias(state, positions - gone, wxyz)
+        self._forces(state, positions, wxyz, gone)
 
     def pull(self, state: State, positions: np.ndarray, wxyz: np.ndarray) -> None:
         """An arrow from where the mouse pulls on a body to where it pulls it."""
@@ -50,11 +53,14 @@ class Overlays:
         line = np.array([(at, np.asarray(pull.target))])
         self._nodes["pull"] = _arrows(self._scene, "/pull", line, state.derived.size, PULL)
 
-    def _forces(self, state: State, positions: np.ndarray, wxyz: np.ndarray) -> None:
+    def _forces(
+        self, state: State, positions: np.ndarray, wxyz: np.ndarray, gone: np.ndarray
+    ) -> None:
         wanted = state.shown & {"forces", "cones"}
         found = marks.pushes(state, positions, shapes.to_matrix(wxyz)) if wanted else []
         metres = marks.scale(state) if found else 0.0
-        arrows = marks.arrows(found if "forces" in wanted else [], metres).astype(np.float32)
+        arrows = marks.arrows(found if "forces" in wanted else [], metres) - gone
+        arrows = arrows.astype(np.float32)
         drawn = self._nodes.get("forces")
         if drawn and drawn[0].points.shape == arrows.shape:
             drawn[0].points = arrows
@@ -66,7 +72,9 @@ class Overlays:
         normal = np.asarray(state.model.ground_normal)
         at, size = marks.cones(found if "cones" in wanted else [], metres, normal)
         turned = shapes.to_wxyz(shapes.z_to(normal)[None])
-        self._batch("cones", shapes.cone, at, np.repeat(turned, len(at), 0), size, CONE, 0.25)
+        self._batch(
+            "cones", shapes.cone, at - gone, np.repeat(turned, len(at), 0), size, CONE, 0.25
+        )
 
     def _inertias(self, state: State, positions: np.ndarray, wxyz: np.ndarray) -> None:
         if "inertias" not in state.shown:

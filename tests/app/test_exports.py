@@ -5,13 +5,16 @@ from __future__ import annotations
 import csv
 import io
 import re
+from typing import Any
 
 import numpy as np
 import pytest
+import viser
 
 import pgraph_core as pg
-from app import events
-from app.state import Request, Run, initial
+import static_models
+from app import events, marks
+from app.state import Request, Run, State, derive, initial
 from app.update import update
 from app.views import exports
 
@@ -41,6 +44,63 @@ def test_the_animation_is_one_page_that_asks_for_nothing_else(run):
     page = exports.animation(run).decode()
     assert page.lstrip().lower().startswith("<!doctype html")
     assert not re.search(r'<(script|link|img)[^>]+(src|href)="https?://', page)
+
+
+@pytest.fixture(scope="module")
+def walk() -> Run:
+    model = pg.Model.load(static_models.path("quadruped_hips"))
+    result = pg.simulate(pg.Mechanism(model), scenario="trot", t_end=0.8, estimate=False)
+    return Run(model, Request(), result)
+
+
+def drawn(run: Run, shown: frozenset[str]) -> list[dict[str, tuple[Any, ...]]]:
+    """What of a run's marks stands in the scene at each picture of its animation."""
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    pictures: list[dict[str, tuple[Any, ...]]] = []
+
+    def taken(_: float) -> None:
+        nodes = server.scene._handle_from_node_name
+        pictures.append({
+            name: np.array(getattr(nodes[name], field))
+            for name, field in MARKS.items()
+            if name in nodes
+        })  # fmt: skip
+
+    try:
+        state = State(run.model, derive(run.model), run.request, last_run=run, shown=shown)
+        exports.draw(server, state, run, taken)
+    finally:
+        server.stop()
+    return pictures
+
+
+MARKS = {"/forces": "points", "/cones": "batched_positions", "/footprints": "batched_positions"}
+
+
+def test_an_animation_shows_forces_and_footprints_where_the_page_does(walk):
+    """No arrow is longer than the largest force; feet leave more prints, on the ground."""
+    pictures = drawn(walk, frozenset({"shapes", "forces", "cones", "footprints"}))
+    assert all(set(MARKS) == set(picture) for picture in pictures[1:])
+    assert len(pictures[-1]["/footprints"]) > len(pictures[0]["/footprints"])
+    state = State(walk.model, derive(walk.model), walk.request, last_run=walk)
+    longest = marks.scale(state) * max(
+        np.linalg.norm(force[:, 3:], axis=1).max() for force in walk.result.contact_force.values()
+    )
+    sizes = [np.linalg.norm(np.diff(p["/forces"], axis=1), axis=-1) for p in pictures]
+    assert 0.1 * longest < max(size.max() for size in sizes) < 1.0001 * longest
+    heights = np.concatenate([picture["/footprints"][:, 1] for picture in pictures])
+    assert np.abs(heights).max() < 2e-3
+
+
+def test_an_animation_of_a_page_that_shows_no_marks_has_none(walk):
+    assert not any(drawn(walk, frozenset({"shapes"})))
+
+
+def test_what_the_page_shows_goes_with_the_export(run):
+    state = update(initial(run.model), events.Connected(1))
+    state = update(update(state, events.Simulate(1)), events.Simulated(1, run.result))
+    state = update(state, events.Show(1, "footprints", True))
+    assert "footprints" in update(state, events.Export(1, "html")).exporting.shown
 
 
 def test_only_a_finished_run_is_exported(run):
