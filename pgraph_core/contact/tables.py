@@ -49,6 +49,7 @@ class Tables(NamedTuple):
     limit_blocks: tuple[Ints, Array, Ints, Array]  # as in `Blocks`
     room: int  # contact points that there is room for
     remembers: bool  # penalty friction sticks to anchors
+    rate: float  # about the fastest [1/s] that soft and penalty contacts make of a body at rest
 
     def __bool__(self) -> bool:
         return bool(self.touches or self.limits)
@@ -172,6 +173,7 @@ class _Shapes:
             blocks,
             room,
             any(t.contact.law == "penalty" for t in self.touches),
+            max((contact_rate(t.contact, *self.parts) for t in self.touches), default=0.0),
         )
 
     def _points(self, i: int) -> int:
@@ -212,9 +214,8 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
     """
     friction = model.ground.friction if c.friction is None else c.friction
     restitution = model.ground.restitution if c.restitution is None else c.restitution
-    mass = min(_masses(c, topology, packed), default=1.0)
+    mass, weight = _lightest(c, model, topology, packed)
     depth = SINKS * radius_of_gyration(packed)
-    weight = mass * (float(np.linalg.norm(model.gravity)) or 9.81)
     soft = c.law == "soft"
     stiffness = weight / depth ** (1.5 if soft else 1.0) if c.stiffness is None else c.stiffness
     if c.damping is not None:
@@ -224,6 +225,24 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
     else:
         damping = 2 * damping_ratio(restitution) * np.sqrt(stiffness * mass)
     return float(LAWS[c.law]), friction, restitution, stiffness, damping, 0.0
+
+
+def contact_rate(c: Contact, model: Model, topology: Topology, packed: System) -> float:
+    """Rate [1/s] of what lies on a soft or penalty contact: its spring, damper and friction."""
+    kind, friction, _, stiffness, damping, _ = law(c, model, topology, packed)
+    mass, weight = _lightest(c, model, topology, packed)
+    if kind == at.SOFT:
+        depth = (weight / stiffness) ** (2 / 3)
+        return float(np.sqrt(1.5 * weight / depth / mass) + friction * weight / mass / at.CREEP)
+    if kind == at.PENALTY:
+        return float(np.sqrt(stiffness / mass) + damping / mass)
+    return 0.0
+
+
+def _lightest(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[float, float]:
+    """(mass [kg], weight [N]) of the lightest tree that a contact names."""
+    mass = min(_masses(c, topology, packed), default=1.0)
+    return mass, mass * (float(np.linalg.norm(model.gravity)) or 9.81)
 
 
 def damping_ratio(restitution: float) -> float:

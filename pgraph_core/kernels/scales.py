@@ -113,5 +113,5 @@ def size_of(rows, size, stages, row):
 
 @part
 def larger(x, y):
-    """The larger magnitude; nan where y is."""
-    return x if abs(y) <= x else abs(y)
+    """The larger magnitude; nan where one of the two is."""
+    return x if abs(y) <= x or not x >= 0.0 else abs(y)

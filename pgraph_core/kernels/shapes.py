@@ -51,10 +51,10 @@ def bound(geometry, poses, i, slack, bounds):
 
 @part
 def far_apart(shapes_f, poses, i, j, margin):
-    """Whether the balls that hold two shapes are farther apart than `margin`."""
+    """Whether the balls that hold two shapes are farther apart than `margin`, or nowhere."""
     x = sub(load(poses, i, at.PO_POS), load(poses, j, at.PO_POS))
     near = shapes_f[i, at.SH_REACH] + shapes_f[j, at.SH_REACH] + margin
-    return dot(x, x) > near * near
+    return not dot(x, x) <= near * near
 
 
 @sweep

@@ -285,7 +285,7 @@ def solid_solid(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
     crossed = edge_separation(geometry, room, a, b, least)
     edges = crossed[0] if crossed[1] >= 0 else -math.inf
     best = max(faces, edges)
-    if best > limit:
+    if best > limit or best == -math.inf:  # numbers that have overflowed
         return n
     tied = best - prefer if best <= 0.0 else best - CERTAIN * size
     written = -1

@@ -43,7 +43,11 @@ def joined(runs: Sequence[Result], /) -> Result:
         counters=_added([r.counters for r in runs]),
         timing=_added([r.timing for r in runs]),
         error_estimate=float(sum(r.error_estimate for r in runs)),
-        header={**last.header, "t_start": runs[0].header.get("t_start", 0.0)},
+        header={
+            **last.header,
+            "t_start": runs[0].header.get("t_start", 0.0),
+            "forces": [force for r in runs for force in r.header.get("forces", ())],
+        },
         notices=tuple(dict.fromkeys(text for r in runs for text in r.notices)),
     )
 

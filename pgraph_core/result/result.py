@@ -234,7 +234,7 @@ def body_motion(run: Result) -> BodyMotion:
     """Body motion and joint forces of all frames from (q, v, v') and what acts on the bodies."""
     mech = run.mechanism
     states = (run.q, run.v, run.vdot)
-    external = mech.load_wrenches(_forces(run), run.t, run.q, run.v)
+    external = _loads(run)
     if run.contacts.wrench.size:
         external += run.contacts.wrench
     motion = bodies_over(mech.system, *states, external)
@@ -244,10 +244,16 @@ def body_motion(run: Result) -> BodyMotion:
     return motion
 
 
-def _forces(run: Result) -> tuple[Force, ...]:
-    """The forces of a run: the model's, then those of its scenario."""
-    model, name = run.mechanism.model, run.header.get("scenario")
-    return (*model.forces, *(model.scenario(name).forces if name is not None else ()))
+def _loads(run: Result) -> Array:
+    """(n, nb, 6) what the forces of the model, its scenario and the call do on the bodies."""
+    mech, name = run.mechanism, run.header.get("scenario")
+    own = mech.model.forces + (mech.model.scenario(name).forces if name is not None else ())
+    loads = mech.load_wrenches(own, run.t, run.q, run.v)
+    for begin, end, given in run.header.get("forces", ()):
+        force = Force.model_validate(given)
+        acts = (run.t >= begin) & ((run.t < end) | (end >= run.t[-1]))
+        loads[acts] += mech.load_wrenches((force,), run.t[acts], run.q[acts], run.v[acts])
+    return loads
 
 
 def coordinates(mech: Mechanism) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
@@ -271,7 +277,7 @@ def _add_constraint_wrenches(run: Result, motion: BodyMotion, out: Array) -> Non
         if c.name not in run.constraint_force or c.kind in INTERNAL:
             continue
         wrench = run.constraint_force[c.name]
-        point = mech.model.body(c.body).tip_point if c.point is None else c.point
+        point = mech.model.point_of(c)
         b = mech.topology.number(c.body) - 1
         place = position[:, b] + turned(motion.pose[:, b, 3:], np.asarray(point))
         for body, signed in ((c.body, wrench), (c.other, -wrench)):

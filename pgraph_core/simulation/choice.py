@@ -46,7 +46,8 @@ def chosen(
     if acts.impulses:
         return Choice(*from_event_to_event(rtol), rate, looked)
     rest = fastest_rate(mech, NO_FORCES, *start) if rate * span > MANY else rate
-    return Choice(*automatic(step, rtol, rate, rest, span), rate, looked)
+    touching = acts.contacts is not None
+    return Choice(*automatic(step, rtol, rate, rest, span, touching), rate, looked)
 
 
 def from_event_to_event(rtol: float | None) -> tuple[Method, str]:
@@ -57,7 +58,12 @@ def from_event_to_event(rtol: float | None) -> tuple[Method, str]:
 
 
 def automatic(
-    step: float | None, rtol: float | None, rate: float, rest: float, t_end: float
+    step: float | None,
+    rtol: float | None,
+    rate: float,
+    rest: float,
+    t_end: float,
+    touching: bool,
 ) -> tuple[Method, str]:
     """The method that suits, and why; `rate` is the fastest one, `rest` that without springs."""
     if step is not None and rtol is None:
@@ -72,6 +78,8 @@ def automatic(
             RADAU5,
             f"radau5: springs or dampers make rates of {rate:.3g}/s, the rest {rest:.3g}/s",
         )
+    if touching:
+        return DOPRI5, "dopri5: soft contacts, whose forces bend, at steps of its own choice"
     if rtol is not None and rtol > 1e-5:
         return DOPRI5, "dopri5: smooth motion, to a loose tolerance"
     return DOP853, "dop853: smooth motion, to a tight tolerance, at steps of its own choice"

@@ -20,6 +20,7 @@ from .run_plan import NO_TIMES, RunPlan, Tolerance
 from .switching import ever, with_instants
 from .times import FRAMES, frame_times, given_times, steps_between
 
+RESOLVED = 0.25  # steps times the rate of penalty contacts where no step is given
 KINKED = 2  # order that is left where tables bend inside steps
 
 
@@ -34,7 +35,8 @@ class Planned(NamedTuple):
 
 def planned(mech: Mechanism, acts: Acting, asked: Asked) -> Planned:
     """The plan of what acts, stepped and recorded as asked. Raises InputError."""
-    named = asked.usual if asked.step is None and (asked.given or acts.contacts) else asked.step
+    asked = _with_contacts(acts, asked)
+    named = asked.usual if asked.step is None and (asked.given or acts.impulses) else asked.step
     length = asked.span[1] - asked.span[0]
     choice = chosen(mech, acts, asked.method, named, asked.rtol, length)
     contacts, sites = acts.contacts, ()
@@ -68,8 +70,16 @@ def planned(mech: Mechanism, acts: Acting, asked: Asked) -> Planned:
         changes,
         kinks,
     )
-    notices = _stiff(plan, choice.rate) + _bent(plan)
+    notices = _stiff(plan, choice.rate) + _bent(plan) + _hard(plan)
     return Planned(plan, choice, _shown(plan, asked, asked_for), notices)
+
+
+def _with_contacts(acts: Acting, asked: Asked) -> Asked:
+    """With the step that penalty contacts take, where neither step nor scenario gives one."""
+    contacts, said = acts.contacts, asked.given or asked.step is not None or asked.rtol is not None
+    if said or contacts is None or not contacts.remembers or acts.impulses:
+        return asked
+    return asked._replace(step=min(asked.usual, RESOLVED / contacts.rate))
 
 
 def _frames(asked: Asked, tolerance: Tolerance | None) -> tuple[float, Array]:
@@ -120,6 +130,18 @@ def _stiff(plan: RunPlan, rate: float) -> list[str]:
         return []
     x = rate * step
     return [f"stiff: lambda*dt = {x:.3g}, explicit limit dt < {limit / rate:.3g} s, try radau5"]
+
+
+def _hard(plan: RunPlan) -> list[str]:
+    """A notice where given steps are too wide for the stiffness or friction of contacts."""
+    rate = plan.contacts.rate if plan.contacts is not None else 0.0
+    if plan.step is None or plan.method.implicit or rate * plan.step <= 1.0:
+        return []
+    return [
+        f"soft or penalty contacts make rates of about {rate:.3g}/s, which steps of "
+        f"{plan.step:.3g} s do not resolve: give {RESOLVED / rate:.2g} s or less, or a smaller "
+        "stiffness"
+    ]
 
 
 def _bent(plan: RunPlan) -> list[str]:

@@ -69,6 +69,7 @@ def simulate(
     Raises InputError for arguments that do not fit. A numerical failure is a Status.
     """
     began = time.perf_counter()
+    forces = tuple(forces)
     given = mech.model.scenario(scenario) if scenario is not None else None
     check_choices(frames, t_eval, stabilise)
     span, name = span_of(given, t_start, t_end), method_name(given, method, rtol)
@@ -91,7 +92,9 @@ def simulate(
         "step_processor": busy,  # without what other programs took
         "estimate": time.perf_counter() - stepped,
     }
-    return record.result(error, timing, _header(mech, scenario, asked, made), made.shown)
+    header = _header(mech, scenario, asked, made)
+    header["forces"] = [(*span, f.model_dump(mode="json", exclude_none=True)) for f in forces]
+    return record.result(error, timing, header, made.shown)
 
 
 def _header(mech: Mechanism, scenario: str | None, asked: Asked, made: Planned) -> dict[str, Any]:
