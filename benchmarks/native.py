@@ -8,9 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba import types
 
 from pgraph_core.kernels._jit import OPTIONS
 from pgraph_core.kernels.dynamics import articulated
+from pgraph_core.kernels.handle import caller
+
+_call = caller(
+    types.int64(types.float64, types.uint64, types.uint64, types.uint64)
+)  # t, and where q, v and τ stand
 
 
 @numba.njit(**OPTIONS)
@@ -34,3 +40,10 @@ def mujoco_loop(model: Any, data: Any) -> Callable[[int], None]:
             mj_forward(model_address, data_address)
 
     return lambda n: loop(model._address, data._address, n)
+
+
+@numba.njit(**OPTIONS)
+def torques(address, q, v, tau, step, n):
+    """A controller behind an address, n times, as runs call it; q, v, tau are places."""
+    for k in range(n):
+        _call(address, (k * step, q, v, tau))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any, NamedTuple, TypeAlias, cast
 
 import numpy as np
@@ -34,8 +35,8 @@ class System(NamedTuple):
 
 
 # Springs and dampers of joints, then motors and servos, as kernels take them (a plain tuple: numba
-# would compile everything again for a named one): table (nd, 10), knots (nk, 2) of time [s] and
-# value, and how many rows are springs and dampers.
+# would compile everything again for a named one): table (nd, 10), knots (nk, 3) of time [s],
+# value and slope, and how many rows are springs and dampers.
 Drives: TypeAlias = tuple[Array, Array, int]
 # Forces on bodies and between two, as kernels take them: integers (nl, 8), numbers (nl, 20), knots
 Loads: TypeAlias = tuple[Ints, Array, Array]
@@ -75,7 +76,7 @@ def system(arrays: Packed, nq: int) -> System:
 def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force, ...]) -> Drives:
     """The rows of joint springs and dampers, and of the motors and servos in `forces`."""
     table: list[tuple[float, ...]] = []
-    knots: list[tuple[float, float]] = []
+    knots: list[tuple[float, float, float]] = []
     for number, row in enumerate(topology.row.tolist(), start=1):
         body = model.bodies[row]
         if has_springs(body):
@@ -90,7 +91,12 @@ def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force
         limit = np.inf if force.torque_limit is None else force.torque_limit
         position = at_q if force.kind == "servo" and force.kp else -1
         table.append((at_v, position, force.kp, force.kd, limit, *target, *torque, 0.0))
-    return np.array(table).reshape(-1, at.DRIVE), np.array(knots).reshape(-1, 2), passive
+    return np.array(table).reshape(-1, at.DRIVE), np.array(knots).reshape(-1, 3), passive
+
+
+def bends(drives: Drives) -> Array:
+    """Ascending times at which a table of these drives bends [s]."""
+    return np.unique(drives[1][:, 0])
 
 
 def has_springs(body: Body) -> bool:
@@ -125,11 +131,16 @@ def _springs(body: Any, at_vq: list[tuple[int, int]], knots: list[Any]) -> list[
     return found
 
 
-def _knots(value: float | Table, knots: list[tuple[float, float]]) -> tuple[int, int]:
+def _knots(value: float | Table, knots: list[tuple[float, float, float]]) -> tuple[int, int]:
     """(first knot, number of knots) of a constant or a table, appended to `knots`."""
-    first = len(knots)
-    knots += [(0.0, value)] if isinstance(value, float | int) else list(zip(value.t, value.value))
-    return first, len(knots) - first
+    if isinstance(value, float | int):
+        knots.append((0.0, value, 0.0))
+        return len(knots) - 1, 1
+    t, x = value.t, value.value
+    slopes = [(b - a) / (u - s) for (s, u), (a, b) in zip(pairwise(t), pairwise(x))]
+    rate = (len(t) - 1) / (t[-1] - t[0]) if len(t) > 1 else 0.0
+    knots += zip(t, x, (*slopes, rate))
+    return len(knots) - len(t), len(t)
 
 
 def point_in_row(packed: System, number: int, point: Any) -> Array:

@@ -5,7 +5,7 @@ signed distances alone, for event functions. What a scene does not ask for is a 
 """
 
 from . import layout as at
-from ._jit import kernel, sweep
+from ._jit import kernel, part, sweep
 from .broad import member_contacts
 from .ground import ground_contacts, ground_gap, top
 from .pairs import pair_contacts, pair_gap
@@ -13,7 +13,7 @@ from .shapes import far_apart, label, place
 from .vec import dot, load
 
 
-@sweep
+@part
 def find_contacts(geometry, ground, touch, poses, search, margin, out):
     """All contact points within `margin` [m] of what may touch; how many there are.
 

@@ -36,7 +36,8 @@ from .proximal import (
     solve_proximal,
 )
 from .scene import opened
-from .vec import accumulate, add_scaled, cross, largest, load, scale, store, sub
+from .triple import load_triple, numbers, triple
+from .vec import accumulate, cross, largest, load, scale, store, sub
 
 NO_GAP = 1e-14  # relative to the mechanism's size: rounding
 CLOSED = 1e-7  # relative to it: a loop with a larger gap after all rounds is open
@@ -95,17 +96,16 @@ def delassus(rows, const, blocks, work, space, m):
 @part
 def couple(blocks_i, i, n, y, slots, where, dinv, omega):
     """The block of Ω between blocks i and n: joints on both their paths."""
-    a = (0.0, 0.0, 0.0)
-    b = (0.0, 0.0, 0.0)
-    c = (0.0, 0.0, 0.0)
+    u = triple(0.0, 0.0, 0.0)
+    v, w = u, u
     for s in range(slots[n, at.SLOTS]):
         k = slots[n, at.SLOT + s]
-        mine = where[k] - 1
-        if mine >= 0:
-            other = scale(dinv[k], load(y, n, 3 * s))
-            a = add_scaled(a, y[i, 3 * mine], other)
-            b = add_scaled(b, y[i, 3 * mine + 1], other)
-            c = add_scaled(c, y[i, 3 * mine + 2], other)
+        mine = max(where[k] - 1, 0)
+        other = (dinv[k] if where[k] > 0 else 0.0) * load_triple(y, n, 3 * s)  # no branch is missed
+        u = u + y[i, 3 * mine] * other
+        v = v + y[i, 3 * mine + 1] * other
+        w = w + y[i, 3 * mine + 2] * other
+    a, b, c = numbers(u), numbers(v), numbers(w)
     r = slots[i, at.FIRST]
     q = slots[n, at.FIRST]
     rows = blocks_i[i, at.B_SIZE]
@@ -199,7 +199,7 @@ def impose(scene, t, q, v, vdot):
     for r in range(m):
         rhs[r] = -rhs[r]
     mu, count = delassus(rows, const, blocks, work, space, m)
-    watch(space, t, q, v)
+    watch(scene, t, q, v)
     remember(vectors, q, mu, count)
     iterations = solve_proximal(space[2], space[3], space[9], mu, count, vectors, m, 0.0)
     respond(rows, const, blocks, work, space)

@@ -7,6 +7,7 @@ anything has no dip. What dips only because rows take each other's place is sort
 
 from . import layout as at
 from ._jit import sweep
+from .scene import opened
 
 LEAST = 13  # row of `vectors`: the smallest inverse pivots so far
 DIP = 100.0  # times smaller than its largest: a pivot in a dip
@@ -16,10 +17,10 @@ TOGETHER = 4.0  # times the way between evaluations: stages of one step see one 
 
 
 @sweep
-def watch(space, t, q, v):
+def watch(scene, t, q, v):
     """Count dips after a factorisation; keep the deepest place of the first ones."""
-    factor, dips = space[3], space[8]
-    least = space[5][LEAST]
+    space = opened(scene)[6]
+    factor, dips, least = space[3], space[8], space[5][LEAST]
     deepest = OVER
     gap = abs(t - dips[0, at.DIP_TIME])
     if gap > ROUNDING * abs(t):

@@ -28,12 +28,10 @@ TINY = 1e-60  # a spring of length zero pulls nowhere, without a branch
 
 
 @part
-def knot_after(knots, first, count, t):
-    """The first knot later than t, which lies within the table: most are evenly spaced."""
-    begin = knots[first, 0]
-    last = first + count - 1
-    n = first + 1 + int((t - begin) * (count - 1) / (knots[last, 0] - begin))
-    n = min(n, last)
+def knot_after(knots, first, count, t, rate):
+    """The first knot later than t, within the table; `rate` knots a second, evenly as a rule."""
+    n = first + 1 + int((t - knots[first, 0]) * rate)
+    n = min(n, first + count - 1)
     while t < knots[n - 1, 0]:
         n -= 1
     while t >= knots[n, 0]:
@@ -44,13 +42,13 @@ def knot_after(knots, first, count, t):
 @part
 def lookup(knots, first, count, t):
     """Value of a table at time t: straight lines between knots, constant outside them."""
+    last = first + count - 1
     if t <= knots[first, 0]:
         return knots[first, 1]
-    if not t < knots[first + count - 1, 0]:
-        return knots[first + count - 1, 1]
-    n = knot_after(knots, first, count, t)
-    share = (t - knots[n - 1, 0]) / (knots[n, 0] - knots[n - 1, 0])
-    return knots[n - 1, 1] + share * (knots[n, 1] - knots[n - 1, 1])
+    if not t < knots[last, 0]:
+        return knots[last, 1]
+    n = knot_after(knots, first, count, t, knots[last, 2]) - 1
+    return knots[n, 1] + (t - knots[n, 0]) * knots[n, 2]
 
 
 @sweep
@@ -120,7 +118,8 @@ def between(knots, first, count, t, column):
         return load(knots, first, column)
     if not t < knots[last, 0]:
         return load(knots, last, column)
-    n = knot_after(knots, first, count, t)
+    rate = (count - 1) / (knots[last, 0] - knots[first, 0])
+    n = knot_after(knots, first, count, t, rate)
     share = (t - knots[n - 1, 0]) / (knots[n, 0] - knots[n - 1, 0])
     x = load(knots, n - 1, column)
     return add_scaled(x, share, sub(load(knots, n, column), x))

@@ -93,7 +93,7 @@ def ground_gap(geometry, ground, poses, i):
     return gap
 
 
-@sweep
+@part
 def ground_contacts(geometry, ground, poses, i, margin, room, out, n):
     """Append where shape i is within `margin` of the ground; the new number of contact points.
 

@@ -4,6 +4,7 @@ import math
 
 from . import gait_layout as go
 from ._jit import part, sweep
+from .sines import sine_cosine
 
 
 @part
@@ -38,8 +39,7 @@ def wave(waves, i, s, phase):
         a, b = waves[i, 2 * k], waves[i, 2 * k + 1]
         if a == 0.0 and b == 0.0:
             continue
-        c = math.cos(2.0 * math.pi * (k + 1) * phase)
-        n = math.sin(2.0 * math.pi * (k + 1) * phase)
+        n, c = sine_cosine(2.0 * math.pi * (k + 1) * phase)
         w = rate * (k + 1)
         x += a * c + b * n
         x1 += w * (b * c - a * n)

@@ -25,7 +25,9 @@ from .proximal import (
     store_factor3,
     whole_blocks,
 )
-from .vec import add_scaled, dot, load, scale, store
+from .scene import opened
+from .triple import load_triple, numbers, store_triple, triple
+from .vec import add_scaled, dot, load
 
 # rows of `vectors`: velocities before; ADMM's dual and copy; what the solver reports
 BEFORE, DUAL, SPLIT, REPORT = 9, 10, 11, 12
@@ -40,14 +42,16 @@ DENSE = 150  # rows, above which there is no Ω to fall back on
 
 
 @sweep
-def solve_impulses(blocks, space, m, first, report):
+def solve_impulses(scene, m, first):
     """λ of all active rows into LAMBDA, from b in RHS; λ given there is where it starts.
 
-    Active blocks from the `first` on are unilateral. `report` (3,): sweeps and rounds taken, and
-    the largest velocity by which a law is missed, relative to the largest in b.
+    What they do to the joints goes into STEP; into REPORT sweeps and rounds taken, and the largest
+    velocity by which a law is missed, relative to the largest in b. Active blocks from the `first`
+    on are unilateral.
     """
-    blocks_i, _, _, _, _, active = blocks
-    y, slots, own = space[0], space[1], space[11]
+    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
+    active = blocks[5]
+    y, slots, own, report = space[0], space[1], space[11], space[5][REPORT]
     for j in range(1, active[0] + 1):
         own_block(y, slots, space[5][DINV], active[j], own)
     size = largest_velocity(space[5], m)
@@ -57,18 +61,17 @@ def solve_impulses(blocks, space, m, first, report):
     if size == 0.0:
         for r in range(m):
             space[5][LAMBDA, r] = 0.0
+        responses(scene)
         return
-    if first > 1 and m <= DENSE:
+    few = m <= DENSE
+    whole = few and first > 1
+    if not whole:
+        sweeps, tolerance = (FEW_SWEEPS, TOLERANCE) if few else (SWEEPS, CROWD)
+        report[2] = gauss_seidel(scene, first, size, sweeps, tolerance)
+    if whole or (few and report[2] > TOLERANCE):
         couplings(blocks, space)
-        report[2] = alternate(blocks, space, m, first, size, report)
-        return
-    if m > DENSE:
-        report[2] = gauss_seidel(blocks, space, first, size, SWEEPS, CROWD, report)
-        return
-    report[2] = gauss_seidel(blocks, space, first, size, FEW_SWEEPS, TOLERANCE, report)
-    if report[2] > TOLERANCE:
-        couplings(blocks, space)
-        report[2] = alternate(blocks, space, m, first, size, report)
+        report[2] = alternate(scene, m, first, size)
+        responses(scene)
 
 
 @sweep
@@ -83,27 +86,25 @@ def largest_velocity(vectors, m):
 @part
 def own_block(y, slots, dinv, i, own):
     """The block's part of Ω, nine numbers, from its rows of Y."""
-    a = (0.0, 0.0, 0.0)
-    b = (0.0, 0.0, 0.0)
-    c = (0.0, 0.0, 0.0)
+    u = triple(0.0, 0.0, 0.0)
+    v, w = u, u
     for s in range(slots[i, at.SLOTS]):
-        x = load(y, i, 3 * s)
-        z = scale(dinv[slots[i, at.SLOT + s]], x)
-        a = add_scaled(a, x[0], z)
-        b = add_scaled(b, x[1], z)
-        c = add_scaled(c, x[2], z)
-    store(own, i, 0, a)
-    store(own, i, 3, b)
-    store(own, i, 6, c)
+        z = dinv[slots[i, at.SLOT + s]] * load_triple(y, i, 3 * s)
+        u = u + y[i, 3 * s] * z
+        v = v + y[i, 3 * s + 1] * z
+        w = w + y[i, 3 * s + 2] * z
+    store_triple(own, i, 0, u)
+    store_triple(own, i, 3, v)
+    store_triple(own, i, 6, w)
 
 
 @part
 def gather(y, slots, i, z):
     """Y z of a block: what joints' responses z give its rows."""
-    u = (0.0, 0.0, 0.0)
+    u = triple(0.0, 0.0, 0.0)
     for s in range(slots[i, at.SLOTS]):
-        u = add_scaled(u, z[slots[i, at.SLOT + s]], load(y, i, 3 * s))
-    return u
+        u = u + z[slots[i, at.SLOT + s]] * load_triple(y, i, 3 * s)
+    return numbers(u)
 
 
 @part
@@ -121,8 +122,9 @@ def rows_of(x, r, size):
 
 
 @sweep
-def responses(blocks, space):
+def responses(scene):
     """STEP = diag(1/d) Yᵀ λ of the active blocks."""
+    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
     blocks_i, _, _, _, _, active = blocks
     y, slots, vectors = space[0], space[1], space[5]
     z = vectors[STEP]
@@ -135,15 +137,16 @@ def responses(blocks, space):
 
 
 @sweep
-def gauss_seidel(blocks, space, first, size, sweeps, tolerance, report):
+def gauss_seidel(scene, first, size, sweeps, tolerance):
     """Sweeps over the blocks until no velocity changes; the last change over `size`."""
+    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
     blocks_i, blocks_f, _, _, _, active = blocks
     y, slots, vectors, own = space[0], space[1], space[5], space[11]
     rhs = vectors[RHS]
     lam = vectors[LAMBDA]
     dinv = vectors[DINV]
     z = vectors[STEP]
-    responses(blocks, space)
+    responses(scene)
     change = 0.0
     for taken in range(1, sweeps + 1):
         change = 0.0
@@ -159,7 +162,7 @@ def gauss_seidel(blocks, space, first, size, sweeps, tolerance, report):
             for c in range(n):
                 lam[r + c] = new[c]
                 change = max(change, abs(step[c]) * own[i, 4 * c])
-        report[0] = taken
+        vectors[REPORT, 0] = taken
         if not change > tolerance * size:
             break
     return change / size
@@ -272,8 +275,9 @@ def in_disc(a, b, c, x, y, radius):
 
 
 @sweep
-def alternate(blocks, space, m, first, size, report):
+def alternate(scene, m, first, size):
     """ADMM on Ω, all rows at once; what is left of the laws over `size`."""
+    _, _, _, _, _, _, space, _, _, _ = opened(scene)
     omega, vectors = space[2], space[5]
     x = vectors[LAMBDA]
     y = vectors[DUAL]
@@ -291,7 +295,7 @@ def alternate(blocks, space, m, first, size, report):
     left = math.inf
     look = 8
     for taken in range(1, ROUNDS + 1):
-        target(blocks, space[1], vectors, first, m)
+        target(scene, first, m)
         for r in range(m):
             vectors[CHANGE, r] = eta * x[r] + rho * z[r] + y[r] - vectors[CHANGE, r]
         for r in range(m, whole_blocks(m)):
@@ -301,7 +305,7 @@ def alternate(blocks, space, m, first, size, report):
             x[r] = vectors[CHANGE, r]
             vectors[STEP, r] = z[r]
             z[r] = x[r] - y[r] / rho
-        onto_cones(blocks, space[1], z, first)
+        onto_cones(scene, first)
         primal = 0.0
         dual = 0.0
         for r in range(m):
@@ -309,7 +313,7 @@ def alternate(blocks, space, m, first, size, report):
             primal = max(primal, abs(x[r] - z[r]) * omega[r, r])
             dual = max(dual, rho * abs(z[r] - vectors[STEP, r]))
         left = max(primal, dual) / size
-        report[1] = taken
+        vectors[REPORT, 1] = taken
         if left <= TOLERANCE:
             break
         if taken == look:  # ever more seldom, or ρ may swing for ever
@@ -324,9 +328,11 @@ def alternate(blocks, space, m, first, size, report):
 
 
 @sweep
-def target(blocks, slots, vectors, first, m):
+def target(scene, first, m):
     """b with the bounce of normals, and with μ |u_t| that makes Coulomb's cone its own dual's."""
+    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
     blocks_i, blocks_f, _, _, _, active = blocks
+    slots, vectors = space[1], space[5]
     out = vectors[CHANGE]
     for r in range(m):
         out[r] = vectors[RHS, r]
@@ -340,9 +346,11 @@ def target(blocks, slots, vectors, first, m):
 
 
 @sweep
-def onto_cones(blocks, slots, z, first):
-    """Nearest z that every unilateral law admits."""
+def onto_cones(scene, first):
+    """Nearest SPLIT that every unilateral law admits."""
+    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
     blocks_i, blocks_f, _, _, _, active = blocks
+    slots, z = space[1], space[5][SPLIT]
     for j in range(first, active[0] + 1):
         i = active[j]
         r = slots[i, at.FIRST]
@@ -377,11 +385,12 @@ def shifted_factor(omega, factor, shift, m):
 
 
 @sweep
-def gained(blocks, space, first):
+def gained(scene, first):
     """(kinetic energy that the unilateral impulses add [J], the sum of what they turn over).
 
     After `responses`.
     """
+    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
     blocks_i, _, _, _, _, active = blocks
     y, slots, vectors = space[0], space[1], space[5]
     gain = 0.0

@@ -1,9 +1,8 @@
 """Outboard sweeps: frames, velocities, and what depends on them, eqs. (5)-(9)."""
 
-import math
-
 from . import layout as at
 from ._jit import part, sweep
+from .sines import sine_cosine
 from .vec import (
     about_origin,
     add,
@@ -118,12 +117,12 @@ def rigid(const, work, k):
 
 @part
 def angles(rows, work, q):
-    """Sine and cosine of every rotation into UU: apart, so that calls do not break the sweep."""
+    """Sine and cosine of every rotation into UU: apart, as they need not wait for each other."""
     for k in range(1, rows.shape[0]):
         if rows[k, at.KIND] == at.ROTATE:
-            angle = q[rows[k, at.QI]]
-            work[k, at.UU] = math.sin(angle)
-            work[k, at.UU + 1] = math.cos(angle)
+            sine, cosine = sine_cosine(q[rows[k, at.QI]])
+            work[k, at.UU] = sine
+            work[k, at.UU + 1] = cosine
 
 
 @sweep

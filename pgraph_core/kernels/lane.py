@@ -2,9 +2,9 @@
 
 `lanes(a)` views a C-contiguous float64 array (..., W) as an array (...) of lanes. Kernels index
 it as any array and are compiled by type alone, for one instance or for W at once. Lanes know
-+ - * / neg, their in-place forms, sqrt, sin, cos, floor, atan2, min and max with a number; a float
-becomes a lane where it is stored or meets one. They cannot be compared: a kernel for lanes branches
-on the structure of a mechanism, never on its state.
++ - * / neg, their in-place forms, sqrt, floor, atan2, min and max with a number, and the
+`sine_cosine` of `sines`; a float becomes a lane where it is stored or meets one. They cannot be
+compared: a kernel for lanes branches on the structure of a mechanism, never on its state.
 """
 
 from __future__ import annotations
@@ -118,70 +118,24 @@ def _unary(function: Any, emit: Any) -> None:
     lower_builtin(function, Lane)(lower)
 
 
-def _llvm(builder: Any, name: str, value: Any) -> Any:
-    """An LLVM intrinsic of a vector."""
+def llvm(builder: Any, name: str, value: Any) -> Any:
+    """An LLVM intrinsic of a vector or a double."""
+    kind = f"v{value.type.count}f64" if isinstance(value.type, ir.VectorType) else "f64"
     function = cgutils.get_or_insert_function(
-        builder.module,
-        ir.FunctionType(value.type, [value.type]),
-        f"llvm.{name}.v{value.type.count}f64",
+        builder.module, ir.FunctionType(value.type, [value.type]), f"llvm.{name}.{kind}"
     )
     return builder.call(function, [value])
 
 
-# sin and cos of Cephes (S. L. Moshier): reduction by π/4 in three parts, minimax polynomials;
-# within 1 ulp for |x| < 1e5, and losing as x²·1e-26 beyond.
-PI_4 = (7.85398125648498535156e-1, 3.77489470793079817668e-8, 2.69515142907905952645e-15)
-SIN = (
-    1.58962301576546568060e-10,
-    -2.50507477628578072866e-8,
-    2.75573136213857245213e-6,
-    -1.98412698295895385996e-4,
-    8.33333333332211858878e-3,
-    -1.66666666666666307295e-1,
-)
-COS = (
-    -1.13585365213876817300e-11,
-    2.08757008419747316778e-9,
-    -2.75573141792967388112e-7,
-    2.48015872888517045348e-5,
-    -1.38888888888730564116e-3,
-    4.16666666666665929218e-2,
-)
-
-
-def _sine_or_cosine(builder: Any, x: Any, width: int, quarter: int) -> Any:
-    """sin(x + quarter π/2): x = n π/2 + r with |r| <= π/4; n's parity picks sin r or cos r."""
-    number = lambda value: splat(builder, ir.Constant(DOUBLE, value), width)  # noqa: E731
-    n = _llvm(builder, "rint", builder.fmul(x, number(2.0 / math.pi)))
-    r = x
-    for part in PI_4:
-        r = builder.fsub(r, builder.fmul(n, number(2.0 * part)))
-    z = builder.fmul(r, r)
-    sine = _polynomial(builder, SIN, z, number)
-    sine = builder.fadd(r, builder.fmul(r, builder.fmul(z, sine)))
-    cosine = builder.fmul(builder.fmul(z, z), _polynomial(builder, COS, z, number))
-    cosine = builder.fadd(builder.fsub(number(1.0), builder.fmul(number(0.5), z)), cosine)
-    whole = ir.VectorType(ir.IntType(64), width)
-    i = builder.add(builder.fptosi(n, whole), ir.Constant(whole, [quarter] * width))
-    one, two, zero = (ir.Constant(whole, [k] * width) for k in (1, 2, 0))
-    odd = builder.icmp_signed("!=", builder.and_(i, one), zero)
-    value = builder.select(odd, cosine, sine)
-    negative = builder.icmp_signed("!=", builder.and_(i, two), zero)
-    return builder.select(negative, builder.fneg(value), value)
-
-
-def _polynomial(builder: Any, coefficients: Any, z: Any, number: Any) -> Any:
-    value = number(coefficients[0])
-    for c in coefficients[1:]:
-        value = builder.fadd(builder.fmul(value, z), number(c))
-    return value
-
-
 _unary(operator.neg, lambda builder, x, width: builder.fneg(x))
-_unary(math.sqrt, lambda builder, x, width: _llvm(builder, "sqrt", x))
-_unary(math.floor, lambda builder, x, width: _llvm(builder, "floor", x))
-_unary(math.sin, lambda builder, x, width: _sine_or_cosine(builder, x, width, 0))
-_unary(math.cos, lambda builder, x, width: _sine_or_cosine(builder, x, width, 1))
+_unary(math.sqrt, lambda builder, x, width: llvm(builder, "sqrt", x))
+_unary(math.floor, lambda builder, x, width: llvm(builder, "floor", x))
+
+
+def called(builder: Any, name: str, args: Any) -> Any:
+    """A function of the C library."""
+    kind = ir.FunctionType(DOUBLE, [DOUBLE] * len(args))
+    return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), args)
 
 
 @infer_global(math.atan2)
@@ -194,13 +148,11 @@ class _Atan2(AbstractTemplate):
 @lower_builtin(math.atan2, Lane, Lane)
 def _atan2(context: Any, builder: Any, sig: Any, args: Any) -> Any:
     """One place after the other: few ask for it."""
-    kind = ir.FunctionType(DOUBLE, [DOUBLE, DOUBLE])
-    function = cgutils.get_or_insert_function(builder.module, kind, "atan2")
     found = ir.Constant(args[0].type, ir.Undefined)
     for n in range(sig.return_type.width):
         place = ir.IntType(32)(n)
         pair = [builder.extract_element(a, place) for a in args]
-        found = builder.insert_element(found, builder.call(function, pair), place)
+        found = builder.insert_element(found, called(builder, "atan2", pair), place)
     return found
 
 

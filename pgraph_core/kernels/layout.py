@@ -71,7 +71,7 @@ DR_TORQUE, DR_TORQUE_N = 7, 8
 DR_FRICTION = 9  # [N m, N]
 DRIVE = 10
 CREEP = 1e-3  # rad/s, m/s: friction is regularised as v / √(v² + creep²)
-# knots: float64 (nk, 2): time [s] and value
+# knots: float64 (nk, 3): time [s], value, slope after it; of a table's last one, knots a second
 
 # -- constraint blocks -----------------------------------------------------------------------------
 # A constraint is one or two blocks of up to three rows; x is the place of a block's point.

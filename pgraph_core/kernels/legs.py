@@ -10,6 +10,7 @@ import math
 
 from . import gait_layout as go
 from ._jit import part, sweep
+from .sines import sine_cosine
 
 STRAIGHT, FOLDED = 0.99, -0.98  # cosine of the knee's bend: no nearer to either
 FLAT = 0.02  # m²: below it the leg is nearly straight, and rates are damped
@@ -19,8 +20,7 @@ FASTEST, HARDEST = 35.0, 900.0  # rad/s, rad/s²: what is asked of a hinge at mo
 
 @part
 def turned(angle, x, y):
-    c = math.cos(angle)
-    s = math.sin(angle)
+    s, c = sine_cosine(angle)
     return c * x - s * y, s * x + c * y
 
 
@@ -76,7 +76,7 @@ def swing(legs_i, legs_f, f, place, speed, push, q, v, s, vdot):
     y = place[1]
     if legs_i[f, go.V_SPREAD] >= 0:
         spread = math.atan2(-place[2], -place[1])
-        y = -math.hypot(place[1], place[2])
+        y = -math.sqrt(place[1] * place[1] + place[2] * place[2])
         speed = out_of_spread(spread, speed)
         push = out_of_spread(spread, push)
         k = legs_i[f, go.V_SPREAD]

@@ -13,7 +13,7 @@ from ._jit import kernel, part, sweep
 from .blocks import locate, residual_velocity, total, velocities
 from .constraints import driven_power, number_rows, unit_responses
 from .forces import lookup
-from .impulse import BEFORE, DUAL, REPORT, SPLIT, gained, gather, responses, solve_impulses
+from .impulse import BEFORE, DUAL, REPORT, SPLIT, gained, gather, solve_impulses
 from .kinematics import base_axes, positions
 from .motion import call_acceleration, opened
 from .moving import advance
@@ -28,6 +28,7 @@ DEPTH = 1e-5  # relative to the extent of what moves: penetration that is left a
 RECOVER = 0.2  # of what is deeper, a step
 GAIN = 1e-6  # of what impulses turn over: a gain of energy beyond it is no rounding
 PUSH_SWEEPS = 30
+ENOUGH = 1e-3  # of what is to be recovered in a step: a sweep that moves less is the last
 
 
 @kernel(STEP_SIGNATURE, nogil=True)
@@ -43,7 +44,7 @@ def moreau_jean(scene, accelerate, tableau, t, h, q, v, stages, flow, ledger):
     contacts[11][at.FROZEN] = 0
     active[0] = 0  # constraints come in with the impulses
     advance(rows, q, v, 0.5 * h)
-    stiffen(rows, const, drives, space[5], t + 0.5 * h, h, q, v, given)
+    stiffen(scene, t + 0.5 * h, h, q, v)
     call_acceleration(accelerate, (scene, t + 0.5 * h, q, v, stages[2, :nv], stages[3, :nv], flow))
     ledger[at.WORK_DONE] += h * flow[0]
     ledger[at.DISSIPATED] += h * flow[1]
@@ -53,19 +54,20 @@ def moreau_jean(scene, accelerate, tableau, t, h, q, v, stages, flow, ledger):
     positions(rows, work)
     active[0] = bilateral
     first = bilateral + 1
-    add_unilateral(scene, blocks, contacts, work, space, q)
+    size = extent(work)
+    add_unilateral(scene, q, size)
     taken = 0
     if active[0] > 0:
         m = number_rows(blocks, space[1])
-        set_velocities(rows, const, blocks, work, space, t, h, v, stages[3, :nv], m)
+        set_velocities(scene, t, h, v, stages[3, :nv])
         space[5][FACTORED, 2] = 0.0  # Y is no longer that of the last factors
         unit_responses(rows, const, blocks, work, space)
-        warm_start(blocks, contacts, space, first, m)
-        taken = solve(blocks, contacts, space, m, first, ledger)
+        warm_start(scene, first, m)
+        taken = solve(scene, m, first, ledger)
     else:
         space[5][STEP, :nv] = 0.0
-    clear(contacts)
-    book(blocks, contacts, work, space, first, h)
+    clear(space[12][at.HAS_CONTACTS])
+    book(scene, first, h)
     if active[0] > 0:
         spread(rows, const, work, space[5][STEP])
     for j in range(nv):
@@ -76,15 +78,17 @@ def moreau_jean(scene, accelerate, tableau, t, h, q, v, stages, flow, ledger):
         ledger[at.WORK_DONE] += 0.5 * work_done
     advance(rows, q, v, 0.5 * h)
     if active[0] >= first:
-        push_out(rows, const, blocks, contacts, work, space, first, h, q, v)
+        push_out(scene, first, q, size)
     active[0] = bilateral
     contacts[11][at.FROZEN] = 1
     return taken
 
 
 @sweep
-def stiffen(rows, const, drives, vectors, t, h, q, v, given):
+def stiffen(scene, t, h, q, v):
     """Count what drives resist a change of v as inertia, what springs gain until h as torque."""
+    rows, const, drives, _, _, _, space, _, given, _ = opened(scene)
+    vectors = space[5]
     table, knots, passive = drives
     damping = vectors[DUAL]
     stiffness = vectors[SPLIT]
@@ -150,8 +154,10 @@ def saturated(table, knots, n, t, q, v):
 
 
 @sweep
-def add_unilateral(scene, blocks, contacts, work, space, q):
-    """Append limits and rigid contacts that touch to the active blocks."""
+def add_unilateral(scene, q, size):
+    """Append limits and rigid contacts that touch to the active blocks; `size` is the extent."""
+    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
+    contacts = contacts_at(space[12][at.HAS_CONTACTS])
     blocks_i, blocks_f, terms_i, terms_f, _, active = blocks
     laws, tally = contacts[6], contacts[11]
     first = tally[at.FIRST_LIMIT]
@@ -162,7 +168,7 @@ def add_unilateral(scene, blocks, contacts, work, space, q):
             active[active[0]] = i
     if laws.shape[0] == 0:
         return
-    near = NEAR * extent(work)
+    near = NEAR * size
     first = tally[at.FIRST_CONTACT]
     for n in range(touching(scene, space, near)):
         law = contacts[5][1][n, at.CT_CONTACT]
@@ -175,16 +181,18 @@ def add_unilateral(scene, blocks, contacts, work, space, q):
 @part
 def extent(work):
     """Length of the longest link, displacements included [m]: what small gaps are relative to."""
-    size = 0.0
+    x, y, z = 0.0, 0.0, 0.0
     for k in range(1, work.shape[0]):
-        for n in range(3):
-            size = max(size, abs(work[k, at.L + n]))
-    return size
+        x = max(x, abs(work[k, at.L]))
+        y = max(y, abs(work[k, at.L + 1]))
+        z = max(z, abs(work[k, at.L + 2]))
+    return max(x, max(y, z))
 
 
 @sweep
-def set_velocities(rows, const, blocks, work, space, t, h, v, vdot, m):
+def set_velocities(scene, t, h, v, vdot):
     """J v into BEFORE and J (v + h v') into RHS, less what rows follow at the step's end."""
+    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
     vectors, linear = space[5], space[6]
     locate(blocks, work, space[4])
     velocities(rows, const, work, v, linear)
@@ -197,8 +205,10 @@ def set_velocities(rows, const, blocks, work, space, t, h, v, vdot, m):
 
 
 @sweep
-def warm_start(blocks, contacts, space, first, m):
+def warm_start(scene, first, m):
     """λ of the last step where a contact point goes on, zero elsewhere."""
+    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
+    contacts = contacts_at(space[12][at.HAS_CONTACTS])
     active, slots = blocks[5], space[1]
     lam = space[5][LAMBDA]
     for r in range(m):
@@ -215,20 +225,20 @@ def warm_start(blocks, contacts, space, first, m):
 
 
 @sweep
-def solve(blocks, contacts, space, m, first, ledger):
+def solve(scene, m, first, ledger):
     """Impulses, without bounce where it would gain energy; what they take goes into the ledger."""
+    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
+    contacts = contacts_at(space[12][at.HAS_CONTACTS])
     tally = contacts[11]
     answer = space[5][REPORT]
-    solve_impulses(blocks, space, m, first, answer)
-    responses(blocks, space)
-    gain, size = gained(blocks, space, first)
-    if gain > GAIN * size and bounces(blocks, space, first):
+    solve_impulses(scene, m, first)
+    gain, size = gained(scene, first)
+    if gain > GAIN * size and bounces(scene, first):
         tally[at.N_CALMED] += 1
         for j in range(first, blocks[5][0] + 1):
             blocks[1][blocks[5][j], at.BOUNCE] = 0.0
-        solve_impulses(blocks, space, m, first, answer)
-        responses(blocks, space)
-        gain, size = gained(blocks, space, first)
+        solve_impulses(scene, m, first)
+        gain, size = gained(scene, first)
     ledger[at.DISSIPATED] -= gain
     if answer[1] > 0.0:
         tally[at.N_FALLBACK] += 1
@@ -237,8 +247,9 @@ def solve(blocks, contacts, space, m, first, ledger):
 
 
 @part
-def bounces(blocks, space, first):
+def bounces(scene, first):
     """Whether something comes back from an impact: not from what the step's own forces press."""
+    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
     slots, vectors = space[1], space[5]
     found = False
     for j in range(first, blocks[5][0] + 1):
@@ -250,8 +261,10 @@ def bounces(blocks, space, first):
 
 
 @sweep
-def book(blocks, contacts, work, space, first, h):
+def book(scene, first, h):
     """Keep the impulses for the next step, and as forces on bodies and in touches."""
+    _, _, _, _, blocks, work, space, _, _, _ = opened(scene)
+    contacts = contacts_at(space[12][at.HAS_CONTACTS])
     active, slots = blocks[5], space[1]
     lam = space[5][LAMBDA]
     found_i, kept, kept_i, tally = contacts[5][1], contacts[7], contacts[8], contacts[11]
@@ -277,14 +290,17 @@ def book(blocks, contacts, work, space, first, h):
         kept_i[count, 2] = found_i[n, at.CT_FEATURE]
         count += 1
         u = gather(space[0], slots, active[j], space[5][STEP])
-        slip = math.hypot(space[5][RHS, r + 1] + u[1], space[5][RHS, r + 2] + u[2])
-        note(contacts, work, n, force, slip)
+        x, z = space[5][RHS, r + 1] + u[1], space[5][RHS, r + 2] + u[2]
+        slip = math.sqrt(x * x + z * z)
+        note(space[12][at.HAS_CONTACTS], work, n, force, slip)
     tally[at.N_KEPT] = count
 
 
 @sweep
-def push_out(rows, const, blocks, contacts, work, space, first, h, q, v):
-    """Move q out of what is deeper than a little, by normal rows alone, in the mass metric."""
+def push_out(scene, first, q, size):
+    """Move q out of what is deeper than a little of the extent, by normal rows, in mass metric."""
+    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
+    contacts = contacts_at(space[12][at.HAS_CONTACTS])
     blocks_i, _, _, _, _, active = blocks
     y, slots, vectors, own = space[0], space[1], space[5], space[11]
     lam = vectors[LAMBDA]
@@ -293,7 +309,6 @@ def push_out(rows, const, blocks, contacts, work, space, first, h, q, v):
     found_f, tally, worst = contacts[5][0], contacts[11], contacts[12]
     begin = tally[at.FIRST_CONTACT]
     deepest = 0.0
-    size = extent(work)
     for j in range(first, active[0] + 1):
         n = active[j] - begin
         if n >= 0:
@@ -306,6 +321,7 @@ def push_out(rows, const, blocks, contacts, work, space, first, h, q, v):
     for j in range(first, active[0] + 1):
         lam[slots[active[j], at.FIRST]] = 0.0
     for _ in range(PUSH_SWEEPS):
+        moved = 0.0
         for j in range(first, active[0] + 1):
             i = active[j]
             n = i - begin
@@ -319,7 +335,10 @@ def push_out(rows, const, blocks, contacts, work, space, first, h, q, v):
             for s in range(slots[i, at.SLOTS]):
                 k = slots[i, at.SLOT + s]
                 z[k] += dinv[k] * y[i, 3 * s] * (new - lam[r])
+            moved = max(moved, abs(new - lam[r]) * own[i, 0])
             lam[r] = new
+        if not moved > ENOUGH * RECOVER * deepest:
+            break
     spread(rows, const, work, z)
     advance(rows, q, z, 1.0)
 

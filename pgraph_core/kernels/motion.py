@@ -72,9 +72,9 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
     """
     rows, const, drives, _, _, work, _, _, given, user = opened(scene)
     put_in, dissipated = drive(drives, t, q, v, given, tau)
-    if user[0] != 0:
-        put_in += user_torque(user, t, q, v, tau)
     outboard(rows, const, work, q, v)
+    if user[0] != 0:  # which may take what `outboard` left
+        put_in += user_torque(user, t, q, v, tau)
     _, _, _, loads, _, _, space, _, _, _ = opened(scene)  # again: what is not needed is not read
     if loads[0].shape[0] > 0:
         positions(rows, work)

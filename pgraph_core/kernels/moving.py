@@ -4,6 +4,7 @@ import math
 
 from . import layout as at
 from ._jit import part, sweep
+from .sines import sine_cosine
 from .vec import add_cross, add_scaled, cross, dot, scale, store3
 
 TINY = 1e-60  # keeps sin(x)/x at 1 where x = 0, without a branch (lanes have none)
@@ -31,8 +32,8 @@ def advance(rows, q, v, h):
 def turn(q, i, half):
     """Quaternion at q[i] turned by twice the vector `half`, in the fixed (parent's) axes."""
     angle = math.sqrt(dot(half, half) + TINY)
-    c = math.cos(angle)
-    x = scale(math.sin(angle) / angle, half)
+    s, c = sine_cosine(angle)
+    x = scale(s / angle, half)
     w = q[i]
     u = (q[i + 1], q[i + 2], q[i + 3])
     q[i] = c * w - dot(x, u)

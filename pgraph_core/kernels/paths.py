@@ -8,6 +8,7 @@ from . import layout as at
 from ._jit import part
 from .factors import backward3, backward6, forward3, solve3
 from .kinematics import base_axes, load_inertia
+from .triple import numbers, store_triple, triple
 from .vec import (
     accumulate,
     add,
@@ -44,16 +45,22 @@ def pivots(rows, work, dinv):
 
 @part
 def unit_wrenches(blocks_i, i, work, place, column, k, sign):
-    """The block's unit wrenches on row k, at its origin: moment and force of each in turn."""
+    """The block's unit wrenches on row k, at its origin: (moment, force), of triples."""
     arm = sub(load(place, i, column), load(work, k, at.X))
     size = blocks_i[i, at.B_SIZE]
     none = (0.0, 0.0, 0.0)
     a = scale(sign, load(place, i, at.PLACE_D))
     b = scale(sign, load(place, i, at.PLACE_D + 3)) if size > 1 else none
     c = scale(sign, load(place, i, at.PLACE_D + 6)) if size > 2 else none
+    d = (triple(a[0], b[0], c[0]), triple(a[1], b[1], c[1]), triple(a[2], b[2], c[2]))
     if blocks_i[i, at.B_TYPE] == at.T_ALIGN:
-        return (a, none, b, none, c, none)
-    return (cross(arm, a), a, cross(arm, b), b, cross(arm, c), c)
+        return d, no_triples()
+    return cross(arm, d), d
+
+
+@part
+def no_triples():
+    return (triple(0.0, 0.0, 0.0), triple(0.0, 0.0, 0.0), triple(0.0, 0.0, 0.0))
 
 
 @part
@@ -76,9 +83,8 @@ def carry(rows, blocks_i, i, work, space):
     a = blocks_i[i, at.B_A]
     b = blocks_i[i, at.B_B]
     meet = meeting(rows, a, b)
-    none = (0.0, 0.0, 0.0)
-    x = (none, none, none, none, none, none)
-    before = x
+    moment, force = no_triples(), no_triples()
+    moment_b, force_b = moment, force
     slot = 0
     for leg in range(3):
         k = meet
@@ -88,83 +94,55 @@ def carry(rows, blocks_i, i, work, space):
             k = a
         stop = 0 if leg == 2 else meet
         if leg == 2:
-            x = add_wrenches(before, x)
+            moment, force = add(moment_b, moment), add(force_b, force)
         elif k > 0:
-            before = x
+            moment_b, force_b = moment, force
             column = at.PLACE_Q if leg == 0 else at.PLACE_P
-            x = unit_wrenches(blocks_i, i, work, place, column, k, 2.0 * leg - 1.0)
+            moment, force = unit_wrenches(blocks_i, i, work, place, column, k, 2.0 * leg - 1.0)
         while k > stop:
-            x, slot = past(rows, work, k, x, y, slots, i, slot)
+            moment, force, slot = past(rows, work, k, moment, force, y, slots, i, slot)
             k = 0 if rows[k, at.KIND] == at.FREE else rows[k, at.PARENT]
     slots[i, at.SLOTS] = slot
 
 
 @part
-def add_wrenches(x, z):
-    return (
-        add(x[0], z[0]),
-        add(x[1], z[1]),
-        add(x[2], z[2]),
-        add(x[3], z[3]),
-        add(x[4], z[4]),
-        add(x[5], z[5]),
-    )
-
-
-@part
-def past(rows, work, k, x, y, slots, i, slot):
+def past(rows, work, k, moment, force, y, slots, i, slot):
     """(three wrenches past joint k, the next free slot); the joint keeps its share of each."""
     kind = rows[k, at.KIND]
     width = width_of(kind)
     for n in range(width):
         slots[i, at.SLOT + slot + n] = rows[k, at.VI] + n
-    none = (0.0, 0.0, 0.0)
     link = load(work, k, at.L)
     if kind <= at.TRANSLATE:
         h = load(work, k, at.H)
-        if kind == at.ROTATE:
-            share = (dot(h, x[0]), dot(h, x[2]), dot(h, x[4]))
-        else:
-            share = (dot(h, x[1]), dot(h, x[3]), dot(h, x[5]))
-        u0 = load(work, k, at.U)
-        u1 = load(work, k, at.U + 3)
-        d = work[k, at.D]
-        store(y, i, 3 * slot, share)
-        a = add_scaled(x[1], -share[0] * d, u1)
-        b = add_scaled(x[3], -share[1] * d, u1)
-        c = add_scaled(x[5], -share[2] * d, u1)
-        p = add_cross(add_scaled(x[0], -share[0] * d, u0), link, a)
-        q = add_cross(add_scaled(x[2], -share[1] * d, u0), link, b)
-        r = add_cross(add_scaled(x[4], -share[2] * d, u0), link, c)
-        x = (p, a, q, b, r, c)
+        share = dot(h, moment) if kind == at.ROTATE else dot(h, force)
+        store_triple(y, i, 3 * slot, share)
+        passed = -work[k, at.D] * share
+        force = add_scaled(force, passed, load(work, k, at.U + 3))
+        moment = add_cross(add_scaled(moment, passed, load(work, k, at.U)), link, force)
     elif kind == at.BALL:  # it passes a force on, and no moment
-        a = past_ball(work, k, x[0], x[1], y, i, 3 * slot)
-        b = past_ball(work, k, x[2], x[3], y, i, 3 * slot + 1)
-        c = past_ball(work, k, x[4], x[5], y, i, 3 * slot + 2)
-        x = (cross(link, a), a, cross(link, b), b, cross(link, c), c)
+        force = past_ball(work, k, moment, force, y, i, slot)
+        moment = cross(link, force)
     else:  # the last joint that feels a wrench
-        into_free(work, k, x[0], x[1], y, i, 3 * slot)
-        into_free(work, k, x[2], x[3], y, i, 3 * slot + 1)
-        into_free(work, k, x[4], x[5], y, i, 3 * slot + 2)
-        x = (none, none, none, none, none, none)
-    return x, slot + width
+        into_free(work, k, moment, force, y, i, slot)
+        moment, force = no_triples(), no_triples()
+    return moment, force, slot + width
 
 
 @part
-def past_ball(work, k, moment, force, y, i, column):
+def past_ball(work, k, moment, force, y, i, slot):
     """The force behind a ball."""
     _, b, _ = load_inertia(work, k)
     f = load6(work, k, at.U)
     share = forward3(f, moment)
-    y[i, column] = share[0]
-    y[i, column + 3] = share[1]
-    y[i, column + 6] = share[2]
+    for n in range(3):
+        store_triple(y, i, 3 * (slot + n), share[n])
     return sub(force, mul_t(b, solve3(f, moment)))
 
 
 @part
-def into_free(work, k, moment, force, y, i, column):
-    """L⁻¹ of a wrench on a free row."""
+def into_free(work, k, moment, force, y, i, slot):
+    """L⁻¹ of wrenches on a free row."""
     a = at.IA
     y0, y1, y2 = moment
     y3, y4, y5 = force
@@ -175,12 +153,9 @@ def into_free(work, k, moment, force, y, i, column):
     y4 -= work[k, a + 13] * y3
     y5 -= work[k, a + 15] * y0 + work[k, a + 16] * y1 + work[k, a + 17] * y2
     y5 -= work[k, a + 18] * y3 + work[k, a + 19] * y4
-    y[i, column] = y0
-    y[i, column + 3] = y1
-    y[i, column + 6] = y2
-    y[i, column + 9] = y3
-    y[i, column + 12] = y4
-    y[i, column + 15] = y5
+    share = (y0, y1, y2, y3, y4, y5)
+    for n in range(6):
+        store_triple(y, i, 3 * (slot + n), share[n])
 
 
 @part
@@ -198,15 +173,27 @@ def carry_coordinates(rows, const, blocks, i, work, space):
                 push(rows, const, work, k, column, terms_f[n], whole)
         if not any_of(whole, k):
             continue
-        x = (load(whole, k, 0), load(whole, k, 3), none, none, none, none)
+        moment, force = alone(load(whole, k, 0)), alone(load(whole, k, 3))
         store(whole, k, 0, none)
         store(whole, k, 3, none)
-        x, slot = past(rows, work, k, x, y, slots, i, slot)
+        moment, force, slot = past(rows, work, k, moment, force, y, slots, i, slot)
         p = rows[k, at.PARENT]
         if p > 0 and rows[k, at.KIND] != at.FREE:
-            accumulate(whole, p, 0, x[0])
-            accumulate(whole, p, 3, x[1])
+            accumulate(whole, p, 0, first_of(moment))
+            accumulate(whole, p, 3, first_of(force))
     slots[i, at.SLOTS] = slot
+
+
+@part
+def alone(x):
+    """A vector as the first of three."""
+    return (triple(x[0], 0.0, 0.0), triple(x[1], 0.0, 0.0), triple(x[2], 0.0, 0.0))
+
+
+@part
+def first_of(x):
+    """The first of three vectors."""
+    return (numbers(x[0])[0], numbers(x[1])[0], numbers(x[2])[0])
 
 
 @part

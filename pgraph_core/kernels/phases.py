@@ -104,7 +104,7 @@ def phased_acceleration(scene, t, q, v, tau, vdot, flow):
     couplings(blocks, space)
     flow[2] = 0.0
     flow[1] += solve_phased(blocks, work, space, sites, m, flow)
-    watch(space, t, q, v)  # rows of constraints come first: their pivots know nothing of sites
+    watch(scene, t, q, v)  # rows of constraints come first: their pivots know nothing of sites
     respond(rows, const, blocks, work, space)
     for j in range(vdot.shape[0]):
         vdot[j] += vectors[STEP, j]

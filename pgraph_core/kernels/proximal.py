@@ -11,7 +11,8 @@ import math
 
 from ._jit import part, sweep
 from .factors import backward3, factor3, solve3
-from .vec import add_scaled, load, load3, mul, scale, store, store3, sub
+from .triple import load_triple, numbers, store_triple, triple
+from .vec import load, load3, store, store3
 
 RHS, LAMBDA, CHANGE, DINV, STEP, ZERO = 0, 1, 2, 3, 4, 5  # rows of `vectors`
 PLACED, FACTORED = 7, 8  # q of the last factors; their μ, null directions, whether there are any
@@ -26,13 +27,6 @@ INVERSE_ITERATIONS = 2  # towards a null direction: each leaves μ/λ of what is
 def whole_blocks(m):
     """m rounded up to whole blocks of three."""
     return (m + 2) // 3 * 3
-
-
-@part
-def load33(a, i, j):
-    """Block (i, j), row by row."""
-    x, y, z = load(a, i, j), load(a, i + 1, j), load(a, i + 2, j)
-    return (x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2])
 
 
 @part
@@ -51,16 +45,15 @@ def store_factor3(factor, i, f):
 
 
 @part
-def add_mul_t(x, a, i, j, y):
-    """x + Aᵀ y for block (i, j) of a."""
-    x = add_scaled(x, y[0], load(a, i, j))
-    x = add_scaled(x, y[1], load(a, i + 1, j))
-    return add_scaled(x, y[2], load(a, i + 2, j))
+def less_block(y, a, i, j, x):
+    """The triple y - Aᵀ x for block (i, j) of a, and entries i to i + 2 of x."""
+    more = x[i] * load_triple(a, i, j) + x[i + 1] * load_triple(a, i + 1, j)
+    return y - x[i + 2] * load_triple(a, i + 2, j) - more  # y waits for the last two alone
 
 
 @sweep
 def factor_proximal(omega, factor, nulls, m):
-    """L diag(B) Lᵀ = Ω + μI: factors of the 3x3 B, L's blocks below; (μ, null directions)."""
+    """L diag(B) Lᵀ = Ω + μI: factors of the 3x3 B, L below, Lᵀ above; (μ, null directions)."""
     trace = 0.0
     for r in range(m):
         trace += omega[r, r]
@@ -94,25 +87,31 @@ def factor_proximal(omega, factor, nulls, m):
 
 @part
 def eliminate(factor, f, i, j, end):
-    """Block row j less its part along block row i."""
-    x, y, z = load(factor, i, j), load(factor, i + 1, j), load(factor, i + 2, j)
-    a = solve3(f, (x[0], y[0], z[0]))
-    b = solve3(f, (x[1], y[1], z[1]))
-    c = solve3(f, (x[2], y[2], z[2]))
+    """Block row j less its part along block row i; L's block, and above the diagonal Lᵀ's."""
+    block = (
+        load_triple(factor, i, j), load_triple(factor, i + 1, j), load_triple(factor, i + 2, j),
+    )  # fmt: skip
+    along = solve3(f, block)
+    x, y, z = numbers(along[0]), numbers(along[1]), numbers(along[2])
+    a, b, c = (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])
+    for k in range(j, end, 3):
+        u, v, w = (
+            load_triple(factor, i, k), load_triple(factor, i + 1, k), load_triple(factor, i + 2, k),
+        )  # fmt: skip
+        take_rows(factor, j, k, a, u, v, w)
+        take_rows(factor, j + 1, k, b, u, v, w)
+        take_rows(factor, j + 2, k, c, u, v, w)
     store(factor, j, i, a)
     store(factor, j + 1, i, b)
     store(factor, j + 2, i, c)
-    for k in range(j, end, 3):
-        x, y, z = load(factor, i, k), load(factor, i + 1, k), load(factor, i + 2, k)
-        store(factor, j, k, take_rows(load(factor, j, k), a, x, y, z))
-        store(factor, j + 1, k, take_rows(load(factor, j + 1, k), b, x, y, z))
-        store(factor, j + 2, k, take_rows(load(factor, j + 2, k), c, x, y, z))
+    for n in range(3):
+        store_triple(factor, i + n, j, along[n])
 
 
 @part
-def take_rows(row, a, x, y, z):
-    """row - a₀ x - a₁ y - a₂ z."""
-    return add_scaled(add_scaled(add_scaled(row, -a[0], x), -a[1], y), -a[2], z)
+def take_rows(factor, j, k, a, u, v, w):
+    """Entries k to k + 2 of row j less a₀ u + a₁ v + a₂ w."""
+    store_triple(factor, j, k, load_triple(factor, j, k) - a[0] * u - a[1] * v - a[2] * w)
 
 
 @part
@@ -123,10 +122,10 @@ def begin_null(factor, f, i, n, x, end):
     pivot = (1.0 if n == 0 else 0.0, 1.0 if n == 1 else 0.0, 1.0 if n == 2 else 0.0)
     store3(x, i, backward3(f, pivot))
     for k in range(i - 3, -1, -3):
-        y = (0.0, 0.0, 0.0)
+        y = triple(0.0, 0.0, 0.0)
         for j in range(k + 3, i + 3, 3):
-            y = add_mul_t(y, factor, j, k, scale(-1.0, load3(x, j)))
-        store3(x, k, y)
+            y = less_block(y, factor, j, k, x)
+        store3(x, k, numbers(y))
     normalise(x, end)
 
 
@@ -186,15 +185,17 @@ def solve_factor(factor, x, m):
     """(Ω + μI)⁻¹ x in place; the largest magnitude of the result."""
     end = whole_blocks(m)
     for i in range(3, end, 3):
-        y = load3(x, i)
+        y = triple(x[i], x[i + 1], x[i + 2])
         for k in range(0, i, 3):
-            y = sub(y, mul(load33(factor, i, k), load3(x, k)))
-        store3(x, i, y)
+            y = less_block(y, factor, k, i, x)
+        store3(x, i, numbers(y))
     size = 0.0
     for i in range(end - 3, -1, -3):
-        y = solve3(load_factor3(factor, i), load3(x, i))
+        begun = solve3(load_factor3(factor, i), load3(x, i))
+        y = triple(begun[0], begun[1], begun[2])
         for k in range(i + 3, end, 3):
-            y = add_mul_t(y, factor, k, i, scale(-1.0, load3(x, k)))
+            y = less_block(y, factor, k, i, x)
+        y = numbers(y)
         store3(x, i, y)
         size = max(size, max(abs(y[0]), max(abs(y[1]), abs(y[2]))))
     return size
@@ -202,12 +203,12 @@ def solve_factor(factor, x, m):
 
 @part
 def remainder(omega, rhs, lam, out, end):
-    """rhs - Ω λ."""
+    """rhs - Ω λ, by the columns of Ω, which is symmetric."""
     for i in range(0, end, 3):
-        y = load3(rhs, i)
+        y = triple(rhs[i], rhs[i + 1], rhs[i + 2])
         for k in range(0, end, 3):
-            y = sub(y, mul(load33(omega, i, k), load3(lam, k)))
-        store3(out, i, y)
+            y = less_block(y, omega, k, i, lam)
+        store3(out, i, numbers(y))
 
 
 @sweep

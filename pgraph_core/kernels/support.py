@@ -19,7 +19,7 @@ ROUNDS = 6
 MOST = 4.0  # weights: the largest load of one foot
 
 
-@sweep
+@part
 def centre(rows, const, work, linear):
     """(centre of mass, its velocity), world axes."""
     total = 0.0

@@ -142,8 +142,9 @@ def kept_place(contacts, n, start):
 
 
 @sweep
-def clear(contacts):
+def clear(address):
     """No contact pushes: at the start of a step, or of a record."""
+    contacts = contacts_at(address)
     pushes, touches, limit_tau = contacts[9], contacts[10], contacts[15]
     for j in range(limit_tau.shape[0]):
         limit_tau[j] = 0.0
@@ -157,8 +158,9 @@ def clear(contacts):
 
 
 @sweep
-def note(contacts, work, n, force, slip):
+def note(address, work, n, force, slip):
     """Book a force on A at contact point n: on its bodies, and in its touch."""
+    contacts = contacts_at(address)
     found_f, pushes, touches = contacts[5][0], contacts[9], contacts[10]
     bodies_f = contacts[14]
     a, b, body_a, body_b, law = ends(contacts, n)
@@ -202,7 +204,7 @@ def contact_forces(scene, v, tau, flow):
         return 0
     positions(rows, work)
     velocities(rows, const, work, v, space[6])
-    clear(contacts)
+    clear(space[12][at.HAS_CONTACTS])
     for n in range(touching(scene, space, 0.0)):
         a, b, _, _, law = ends(contacts, n)
         if laws[law, at.LW_LAW] != at.RIGID:
@@ -211,7 +213,7 @@ def contact_forces(scene, v, tau, flow):
             force, slip = push_back(contacts, n, law, u)
             apply(work, a, p, (0.0, 0.0, 0.0), force)
             apply(work, b, p, (0.0, 0.0, 0.0), scale(-1.0, force))
-            note(contacts, work, n, force, slip)
+            note(space[12][at.HAS_CONTACTS], work, n, force, slip)
             flow[1] -= dot(force, u)
     return 0
 
@@ -248,20 +250,21 @@ def push_back(contacts, n, law, u):
 @kernel(SETTLE, nogil=True)
 def settle_contacts(scene, t, q, v):
     """After a step that ends at t: what contacts remember of it, and changes of their phases."""
-    contacts = contacts_at(opened(scene)[6][12][at.HAS_CONTACTS])
-    laws = contacts[6]
+    address = opened(scene)[6][12][at.HAS_CONTACTS]
+    laws = contacts_at(address)[6]
     sticks = False
     for k in range(laws.shape[0]):
         sticks = sticks or laws[k, at.LW_LAW] == at.PENALTY
     if sticks:
         keep_anchors(scene, q, v)
-    log_phases(contacts, t)
+    log_phases(address, t)
     return 0
 
 
 @sweep
-def log_phases(contacts, t):
+def log_phases(address, t):
     """Changes of the touches' phases, from the forces and slips of the last step."""
+    contacts = contacts_at(address)
     laws, touches, tally, stages, changes = (
         contacts[6], contacts[10], contacts[11], contacts[16], contacts[17],
     )  # fmt: skip

@@ -12,7 +12,7 @@ from numba import types
 
 from . import gait_layout as go
 from . import layout as at
-from ._jit import kernel, part, sweep
+from ._jit import kernel, part
 from .blocks import velocities
 from .dynamics import newton_euler
 from .footsteps import ground, level_at, step_to, swing_foot
@@ -27,8 +27,8 @@ from .vec import add, add_cross, add_scaled, cross, dot, load, load9, mul, mul_t
 G = 9.81
 
 # rows, const, work, linear, legs_i, legs_f, settings, waves, feet, matrix (6, 7), q, v, τ, v',
-# limits (nv,), spine, fallen
-WALK = types.Tuple((I2, F2, F2, F2, I2, F2, F1, F2, F2, F2, F1, F1, F1, F1, F1, I2, F1))
+# limits (nv,), spine, fallen, work of the run that asks, after `outboard`; empty where none does
+WALK = types.Tuple((I2, F2, F2, F2, I2, F2, F1, F2, F2, F2, F1, F1, F1, F1, F1, I2, F1, F2))
 _save, opened_walk = stored(WALK)
 
 
@@ -38,7 +38,7 @@ def save_walk(buffer, walk):
     _save(buffer, walk)
 
 
-@sweep
+@part
 def trunk(work, linear, legs_i, s):
     """(heading, (roll, yaw, pitch), their rates) from the line between the hips' middles."""
     hind = legs_i[2, go.GIRDLE]
@@ -48,7 +48,7 @@ def trunk(work, linear, legs_i, s):
         side = 0.5 if f < 2 else -0.5
         d = add_scaled(d, side, load(work, legs_i[f, go.HIP], at.X))
         u = add_scaled(u, side, load(linear, legs_i[f, go.HIP], 0))
-    flat = math.hypot(d[0], d[2])
+    flat = math.sqrt(d[0] * d[0] + d[2] * d[2])
     heading = (d[0] / flat, -d[2] / flat)
     d = into(heading, d)
     u = into(heading, u)
@@ -60,7 +60,7 @@ def trunk(work, linear, legs_i, s):
     return heading, (roll, math.atan2(heading[1], heading[0]), pitch), (w[0], w[1], nods)
 
 
-@sweep
+@part
 def feel(work, linear, legs_i, legs_f, s, phase, heading, feet):
     """Where the feet are, which ones carry by their clocks, and how much they are to carry."""
     for f in range(legs_i.shape[0]):
@@ -83,7 +83,7 @@ def feel(work, linear, legs_i, legs_f, s, phase, heading, feet):
         store(feet, f, go.FORCE_F, (0.0, up, 0.0))
 
 
-@sweep
+@part
 def wanted(s, waves, phase, t, felt, angles, rates, com, u):
     """[torque about the centre of mass, force] that feet are to give the body, heading axes."""
     sure, middle, slope, _ = felt
@@ -112,7 +112,7 @@ def wanted(s, waves, phase, t, felt, angles, rates, com, u):
     )  # fmt: skip
 
 
-@sweep
+@part
 def base_acceleration(work, feet, s, heading, com, vdot):
     """(angular, linear) of the root that the feet's forces give, also into `vdot`; world axes."""
     force = (0.0, 0.0, 0.0)
@@ -133,10 +133,10 @@ def base_acceleration(work, feet, s, heading, com, vdot):
     return alpha, linear
 
 
-@sweep
-def swing_leg(walk, t, f, heading, u, roll, felt, base):
+@part
+def swing_leg(walk, work, t, f, heading, u, roll, felt, base):
     """v' of a swinging leg: its foot's aim, seen from its girdle."""
-    _, _, work, linear, legs_i, legs_f, s, _, feet, _, q, v, _, vdot, _, _, _ = walk
+    _, _, _, linear, legs_i, legs_f, s, _, feet, _, q, v, _, vdot, _, _, _, _ = walk
     g = legs_i[f, go.GIRDLE]
     hip = load(work, legs_i[f, go.HIP], at.X)
     hip_u = load(linear, legs_i[f, go.HIP], 0)
@@ -154,10 +154,10 @@ def swing_leg(walk, t, f, heading, u, roll, felt, base):
     swing(legs_i, legs_f, f, mul_t(r, arm), mul_t(r, rate), mul_t(r, push), q, v, s, vdot)
 
 
-@sweep
-def legs_and_spine(walk, t, phase, heading, u, roll, felt, base):
+@part
+def legs_and_spine(walk, work, t, phase, heading, u, roll, felt, base):
     """v' of all hinges."""
-    _, _, _, _, legs_i, legs_f, s, waves, feet, _, q, v, _, vdot, _, spine, _ = walk
+    _, _, _, _, legs_i, legs_f, s, waves, feet, _, q, v, _, vdot, _, spine, _, _ = walk
     bend, bend_u, bend_a = wave(waves, go.FLEXION, s, phase)
     for n in range(spine.shape[0]):
         i, j = spine[n, 0], spine[n, 1]
@@ -169,10 +169,10 @@ def legs_and_spine(walk, t, phase, heading, u, roll, felt, base):
         if feet[f, go.SWING] < 0.0:
             stand(legs_i, legs_f, f, q, v, s, vdot)
         else:
-            swing_leg(walk, t, f, heading, u, roll, felt, base)
+            swing_leg(walk, work, t, f, heading, u, roll, felt, base)
 
 
-@sweep
+@part
 def take_off_forces(rows, work, legs_i, feet, heading, tau):
     """τ less Jᵀ f of the feet's forces."""
     for f in range(feet.shape[0]):
@@ -193,6 +193,14 @@ def has_fallen(work, s, com, level):
     return com[1] - level < s[go.LOW] * s[go.HEIGHT] or upright < s[go.UPRIGHT]
 
 
+@part
+def copied_bias(work, out):
+    """b of all rows: `newton_euler` overwrites it, and a run goes on with it."""
+    for k in range(1, work.shape[0]):
+        store(out, k, at.P, load(work, k, at.P))
+        store(out, k, at.P + 3, load(work, k, at.P + 3))
+
+
 @kernel(types.int64(types.float64, types.uint64, types.uint64, types.uint64), later=True)
 def walking(t, q_place, v_place, tau_place):
     """τ at (t, q, v), which stand where the tuple behind `tau_place` says; 0.
@@ -200,9 +208,11 @@ def walking(t, q_place, v_place, tau_place):
     After a fall the joints are only damped; the first time of one is kept in `fallen`.
     """
     walk = opened_walk(tau_place + (tau_place - v_place))
-    (rows, const, work, linear, legs_i, legs_f, s, waves, feet, mat, q, v, tau, vdot, limit, _,
-     fallen) = walk  # fmt: skip
-    outboard(rows, const, work, q, v)
+    (rows, const, mine, linear, legs_i, legs_f, s, waves, feet, mat, q, v, tau, vdot, limit, _,
+     fallen, theirs) = walk  # fmt: skip
+    work = theirs if theirs.shape[0] > 0 else mine
+    if theirs.shape[0] == 0:
+        outboard(rows, const, work, q, v)
     positions(rows, work)
     velocities(rows, const, work, v, linear)
     com, u = centre(rows, const, work, linear)
@@ -219,8 +229,12 @@ def walking(t, q_place, v_place, tau_place):
     else:
         carry(feet, s, wanted(s, waves, phase, t, felt, angles, rates, com, u), com, mat)
         base = base_acceleration(work, feet, s, heading, com, vdot)
-        legs_and_spine(walk, t, phase, heading, u, angles[0], felt, base)
+        legs_and_spine(walk, work, t, phase, heading, u, angles[0], felt, base)
+        copied_bias(work, mine)
         newton_euler(rows, const, v, vdot, work, tau)
+        copied_bias(mine, work)
+        store(work, 0, at.U, (0.0, 0.0, 0.0))  # where forces of the root have ended
+        store(work, 0, at.U + 3, (0.0, 0.0, 0.0))
         take_off_forces(rows, work, legs_i, feet, heading, tau)
         for j in range(6):
             tau[j] = 0.0

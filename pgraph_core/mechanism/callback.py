@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numba import carray, cfunc, types  # pyright: ignore[reportPrivateImportUsage]
@@ -15,6 +15,9 @@ from ..errors import InputError, Problem
 from ..kernels._jit import JIT
 from ..kernels.handle import address_of_function
 from ..system import Array
+
+if TYPE_CHECKING:
+    from .mechanism import Mechanism
 
 _Address = ctypes.CFUNCTYPE(
     ctypes.c_int64, ctypes.c_double, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64
@@ -41,6 +44,9 @@ class UserTorque:
         else:
             self._called = _Address(self._call)
             self.address = address_of_function(self._called)
+
+    def join(self, mech: Mechanism, work: Array) -> None:
+        """A run begins whose kernels keep what they know of bodies in `work`: no use here."""
 
     def notices(self) -> list[str]:
         """What a person should know of the run, from the side of the torques."""

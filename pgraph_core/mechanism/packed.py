@@ -20,7 +20,7 @@ from ..loads import loads
 from ..plan import Plan
 from ..schema import Contact, Force, Model
 from ..schema.force import BETWEEN
-from ..system import Array, Drives, Ints, Loads, System, drives, packed, system
+from ..system import Array, Drives, Ints, Loads, System, bends, drives, packed, system
 from ..topology import Topology
 from .back_ends import NO_EXTERNAL
 from .carrying import Joint, joints_of
@@ -42,7 +42,8 @@ class Packed:
     Attributes are shared by all that is asked of a mechanism; nothing is kept of a state.
     """
 
-    _driven: tuple[tuple[Force, ...], Drives] | None = None  # forces last asked for, packed
+    # forces last asked for, packed, and when their tables bend
+    _driven: tuple[tuple[Force, ...], Drives, Array] | None = None
 
     def __init__(self, model: Model | Columns, /):
         """Number and pack a valid model, or a table in columns."""
@@ -195,9 +196,15 @@ class Packed:
         """
         kept = self._driven
         if kept is None or kept[0] != forces:
-            kept = (forces, drives(self.model, self.topology, self.system, forces))
+            new = drives(self.model, self.topology, self.system, forces)
+            kept = (forces, new, bends(new))
             self._driven = kept
         return kept[1]
+
+    def bends(self, drives: Drives) -> Array:
+        """Ascending times at which tables of these drives bend; kept as they are."""
+        kept = self._driven
+        return kept[2] if kept is not None and kept[1] is drives else bends(drives)
 
     def loads(self, forces: tuple[Force, ...]) -> Loads:
         """The given wrenches and springs between bodies."""

@@ -59,6 +59,8 @@ class Scene:
         self.space = space(mech.system.rows, mech.nq, mech.nv, self.blocks, active, contacts, links)
         self.activate(active)
         tables = (*self.blocks[2:], self.active)
+        if user is not None:
+            user.join(mech, self.work)
         acts = NO_USER if user is None else (user.address, user.exchange, user.answer)
         parts = (self.work, self.space, gains, self.given, acts)
         rows, const = mech.tree  # a step with contacts counts stiff drives as inertia: its own copy

@@ -15,7 +15,7 @@ from .acting import Acting
 from .stiffness import fastest_rate
 
 MANY = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
-NO_FORCES = ((np.zeros((0, at.DRIVE)), np.zeros((0, 2)), 0), NO_LOADS)
+NO_FORCES = ((np.zeros((0, at.DRIVE)), np.zeros((0, 3)), 0), NO_LOADS)
 
 
 class Choice(NamedTuple):

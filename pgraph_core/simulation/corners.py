@@ -16,14 +16,15 @@ def corners(
     mech: Mechanism, drives: Drives, loads: Loads, active: Ints, t_start: float, t_end: float
 ) -> Array:
     """Times within the run at which a table of forces or of a followed motion bends [s]."""
-    found = [drives[1][:, 0], loads[2][:, 0]]
+    found = [mech.bends(drives), loads[2][:, 0]]
     blocks = mech.blocks
-    for i in active.tolist():
+    for i in active.tolist() if len(blocks.curves) else ():
         for block in range(blocks.first[i], blocks.first[i + 1]):
             first, count = blocks.blocks_i[block, [at.B_CURVE, at.B_KNOTS]].tolist()
             if count > 0:
                 found.append(blocks.curves[first : first + count, 0])
-    times = np.unique(np.concatenate(found))
+    others = any(len(x) for x in found[1:])
+    times = np.unique(np.concatenate(found)) if others else found[0]
     return times[(times > t_start) & (times < t_end)]
 
 

@@ -5,6 +5,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_core.kernels.lane import LANE_WIDTH, lanes
+from pgraph_core.kernels.sines import sine_cosine
 from tests.core.trees import random_case
 
 SIZES = (1, LANE_WIDTH - 1, LANE_WIDTH, 3 * LANE_WIDTH + 1)
@@ -176,25 +177,30 @@ def test_an_instance_that_blows_up_leaves_the_others_alone():
     assert many.finite.tolist() == [True, False, True]
 
 
-def test_sine_and_cosine_of_lanes():
-    """One ulp of 1 up to 1e4 rad."""
-    import math
-
+def test_sine_and_cosine_together_of_lanes_and_of_numbers():
+    """One ulp below 1, up to 1e4 rad; of numbers at any distance, where the library is asked."""
     import numba
 
     @numba.njit(_nrt=False)
     def both(x, s, c):
         a, b, d = lanes(x), lanes(s), lanes(c)
         for i in range(a.shape[0]):
-            b[i] = math.sin(a[i])
-            d[i] = math.cos(a[i])
+            b[i], d[i] = sine_cosine(a[i])
+
+    @numba.njit(_nrt=False)
+    def each(x, s, c):
+        for i in range(x.shape[0]):
+            s[i], c[i] = sine_cosine(x[i])
 
     x = np.random.default_rng(0).uniform(-1e4, 1e4, (2000, LANE_WIDTH))
     x[0] = 0.0
-    s, c = np.empty_like(x), np.empty_like(x)
-    both(x, s, c)
-    assert np.max(np.abs(s - np.sin(x))) < 2.3e-16
-    assert np.max(np.abs(c - np.cos(x))) < 2.3e-16
+    far = np.concatenate((x.ravel(), [1e-300, 1e5, -3e7, 1e300, -np.inf, np.nan]))
+    for function, angles in ((both, x), (each, far)):
+        s, c = np.empty_like(angles), np.empty_like(angles)
+        function(angles, s, c)
+        with np.errstate(invalid="ignore"):
+            np.testing.assert_allclose(s, np.sin(angles), rtol=0, atol=1.2e-16)
+            np.testing.assert_allclose(c, np.cos(angles), rtol=0, atol=1.2e-16)
 
 
 @pytest.mark.parametrize(
