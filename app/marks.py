@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -68,12 +69,12 @@ def axes(state: State) -> Local:
     found: dict[int, list[Any]] = defaultdict(list)
     for k, name in enumerate(d.names, 1):
         body = state.model.body(name)
-        turned = shapes.to_matrix(np.asarray(body.rotation))
         for i, axis in enumerate(body.axes):
-            a = half * np.asarray(axis) / np.linalg.norm(axis)
+            a = half / math.hypot(*axis) * np.asarray(axis)
             if i == len(body.axes) - 1:
                 found[k].append((-a, a))
             else:
+                turned = shapes.to_matrix(np.asarray(body.rotation))
                 at, a = np.asarray(body.link), turned @ a
                 found[d.parent[k - 1]].append((at - a, at + a))
     return {k: np.array(lines) for k, lines in found.items()}

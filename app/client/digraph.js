@@ -80,12 +80,16 @@ pgraph.digraph = (() => {
     const children = [[], ...data.names.map(() => [])];
     data.parent.forEach((p, i) => children[p].push(i + 1));
     const kind = (k) => (tips.has(k) ? " tip" : separation.has(k) ? " separation" : "");
-    const graph = host.graph = { data, children, nodes: [ground(data)], edges: [null], entries: data.names.map(() => []), marked: [] };
+    const { parts, part } = keeping(before?.parts);
+    const graph = host.graph = { data, children, parts, reachable: 1, nodes: [ground(data, part)], edges: [null], entries: data.names.map(() => []), marked: [] };
     graph.entries.unshift([]);
     const right = clear(data);
-    data.names.forEach((_, i) => { graph.nodes.push(node(data, i + 1, kind(i + 1), right[i + 1] + RADIUS + 7)); graph.edges.push(edge(data, i + 1)); });
-    vectors(host.querySelector(".vectors"), graph);
-    canvas.replaceChildren(...graph.edges.slice(1), ...loops(data), ...graph.nodes);
+    data.names.forEach((_, i) => {
+      graph.nodes.push(node(data, i + 1, kind(i + 1), right[i + 1] + RADIUS + 7, part));
+      graph.edges.push(edge(data, i + 1, part));
+    });
+    vectors(host.querySelector(".vectors"), graph, part);
+    arrange(canvas, [...graph.edges.slice(1), ...loops(data, part), ...graph.nodes]);
     if (!known || known.names.length !== data.names.length || known.kind !== data.kind) canvas.fit();
     mark(host, pgraph.latest.selection);
     const again = focused === undefined ? 0 : data.names.indexOf(focused) + 1;
@@ -94,22 +98,45 @@ pgraph.digraph = (() => {
     pgraph.steps.redrawn(host);
   }
 
-  function vectors(box, graph) {
+  // Elements by what they are made from: a redraw makes those anew that are others than before,
+  // and the rest is as if it were new.
+  function keeping(before) {
+    const parts = new Map();
+    const part = (key, made) => {
+      const known = key.join("\u0000"), el = before?.get(known) ?? made();
+      el.pgraphClass ??= el.getAttribute("class");
+      if (el.getAttribute("class") !== el.pgraphClass) el.setAttribute("class", el.pgraphClass);
+      parts.set(known, el);
+      return el;
+    };
+    return { parts, part };
+  }
+  // These elements and no others, in this order; what stands where it should is not touched.
+  function arrange(box, elements) {
+    const wanted = new Set(elements);
+    for (const el of [...box.children]) if (!wanted.has(el)) el.remove();
+    let at = box.firstElementChild;
+    for (const el of elements) {
+      if (at === el) at = at.nextElementSibling;
+      else box.insertBefore(el, at);
+    }
+  }
+
+  function vectors(box, graph, part) {
     const { data } = graph, met = new Set([0]);
     const entry = (k, i) => {
       const name = k > 0 ? data.names[k - 1] : "ground";
       const again = met.has(k);
       met.add(k);
-      const made = make("button", {
+      const made = part(["entry", i, k, name, again, data.jdof[i]], () => make("button", {
         className: again ? "entry again" : "entry", title: again ? `back to ${name}` : name, tabIndex: -1,
         onclick: () => select(k > 0 ? name : null), "data-name": k > 0 ? name : "",
-      }, make("span", { textContent: k }), make("span", { textContent: data.jdof[i] }));
+      }, make("span", { textContent: k }), make("span", { textContent: data.jdof[i] })));
       graph.entries[k].push(made);
       return made;
     };
-    box.replaceChildren(
-      make("div", { className: "entry names" }, make("span", { textContent: "Pgraph" }), make("span", { textContent: "jdof" })),
-      ...data.pgraph.map(entry));
+    const names = () => make("div", { className: "entry names" }, make("span", { textContent: "Pgraph" }), make("span", { textContent: "jdof" }));
+    arrange(box, [part(["names"], names), ...data.pgraph.map(entry)]);
   }
 
   // In lanes: right of which x a row is clear of the lines that pass it.
@@ -119,28 +146,27 @@ pgraph.digraph = (() => {
     return right;
   }
 
-  function edge(data, k) {
+  function edge(data, k, part) {
     const p = data.parent[k - 1], x0 = data.x[p], y0 = data.y[p], x1 = data.x[k], y1 = data.y[k];
     const tree = data.kind === "tree";
     const d = tree ? `M${x0} ${y0} C${x0} ${y0 + 24} ${x1} ${y1 - 26} ${x1} ${y1 - RADIUS}` : `M${x0} ${y0} V${y1 - 22} L${x1} ${y1}`;
-    const g = svg("g", { class: "edge", "data-edge": data.names[k - 1] }, svg("path", { d }));
-    if (tree) g.append(written("dof", x1 + 4, y1 - RADIUS - 4, data.dof[k - 1]));
-    return g;
+    return part(["edge", k, data.names[k - 1], d, tree && data.dof[k - 1]], () => {
+      const g = svg("g", { class: "edge", "data-edge": data.names[k - 1] }, svg("path", { d }));
+      if (tree) g.append(written("dof", x1 + 4, y1 - RADIUS - 4, data.dof[k - 1]));
+      return g;
+    });
   }
 
   // A constraint: to the ground as a mark below the node, to another body as a dashed line.
-  function loops(data) {
+  function loops(data, part) {
     return data.loops.map(({ name, kind, body, other }, i) => {
       const x = data.x[body || other], y = data.y[body || other];
-      const g = svg("g", { class: "loop", "data-loop": name }, titled(`${name} (${kind})`));
-      if (body === 0 || other === 0) {
-        const side = data.kind === "tree" ? [x, y + RADIUS + 4] : [x - 8, y + RADIUS - 5];
-        g.append(svg("path", { class: "mark", d: hatch(...side) }));
-      } else {
-        const d = rounded(data.routes[i]);
-        g.append(svg("path", { class: "reach", d }), svg("path", { class: "line", d }));
-      }
-      return g;
+      const grounded = body === 0 || other === 0;
+      const d = grounded ? hatch(...(data.kind === "tree" ? [x, y + RADIUS + 4] : [x - 8, y + RADIUS - 5])) : rounded(data.routes[i]);
+      return part(["loop", i, name, kind, grounded, d], () => {
+        const lines = grounded ? [svg("path", { class: "mark", d })] : [svg("path", { class: "reach", d }), svg("path", { class: "line", d })];
+        return svg("g", { class: "loop", "data-loop": name }, titled(`${name} (${kind})`), ...lines);
+      });
     });
   }
   const hatch = (x, y) => `M${x - 8} ${y} h16 M${x - 5} ${y + 3} h10 M${x - 2} ${y + 6} h4`;
@@ -161,21 +187,27 @@ pgraph.digraph = (() => {
     return `${corner[0] + part * dx} ${corner[1] + part * dy}`;
   }
 
-  function ground(data) {
+  function ground(data, part) {
     const x = data.x[0], y = data.y[0];
-    return svg("g", { class: "ground", "data-number": 0, "aria-label": "ground" }, svg("rect", { x: x - 12, y: y - 12, width: 70, height: 22 }),
-      svg("path", { d: hatch(x, y) }), written("label muted", x + 14, y + 4, "ground"));
+    return part(["ground", x, y], () => svg("g", { class: "ground", "data-number": 0, "aria-label": "ground" },
+      svg("rect", { x: x - 12, y: y - 12, width: 70, height: 22 }),
+      svg("path", { d: hatch(x, y) }), written("label muted", x + 14, y + 4, "ground")));
   }
 
-  function node(data, k, kind, right) {
-    const name = data.names[k - 1], x = data.x[k], y = data.y[k];
-    const g = svg("g", {
+  function node(data, k, kind, right, part) {
+    const name = data.names[k - 1], tree = data.kind === "tree", place = [data.x[k], data.y[k], tree ? data.x[k] + RADIUS + 5 : right];
+    const g = part(["node", k, kind, name, data.colors[k - 1], ...place], () => drawn(data, k, kind, ...place));
+    if (g.getAttribute("tabindex") !== String(k === 1 ? 0 : -1)) g.setAttribute("tabindex", k === 1 ? 0 : -1);
+    return g;
+  }
+  function drawn(data, k, kind, x, y, beside) {
+    const name = data.names[k - 1], g = svg("g", {
       class: `node${kind}`, "data-name": name, "data-number": k, tabindex: k === 1 ? 0 : -1, role: "button", "aria-label": `${k} ${name}`,
       style: `--body: ${data.colors[k - 1]}`,
     });
     if (kind === " separation") g.append(svg("circle", { class: "outer", cx: x, cy: y, r: RADIUS + 3 }));
     g.append(svg("circle", { cx: x, cy: y, r: RADIUS }), written("number", x, y + 3.5, k),
-      written("label", data.kind === "tree" ? x + RADIUS + 5 : right, y + 4, label(name)));
+      written("label", beside, y + 4, label(name)));
     return g;
   }
   const label = (name) => (name.length > 20 ? `${name.slice(0, 19)}…` : name);
@@ -197,7 +229,8 @@ pgraph.digraph = (() => {
   }
   // One node takes part in the order of tabs; arrows lead to the others.
   function reachable(graph, k) {
-    graph.nodes[graph.reachable ?? 1]?.setAttribute("tabindex", -1);
+    if (k === graph.reachable) return;
+    graph.nodes[graph.reachable]?.setAttribute("tabindex", -1);
     graph.nodes[graph.reachable = k]?.setAttribute("tabindex", 0);
   }
 

@@ -149,8 +149,8 @@ pgraph.table = (() => {
 
   function fill(tr, row) {
     const text = JSON.stringify(row);
-    tr.dataset.name = row.name;
     if (tr.dataset.drawn === text) return;
+    tr.dataset.name = row.name;
     tr.dataset.drawn = text;
     tr.querySelector(".chip").style.background = row.color;
     tr.querySelector(".n").textContent = row.number;

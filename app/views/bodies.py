@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import viser
+
+import pgraph_core as pg
 
 from .. import shapes
 from ..state import State
@@ -94,6 +96,27 @@ class SeparateBodies:
         self._drawn = []
 
 
+class Made(NamedTuple):
+    """A body as it is drawn, and what that was made from."""
+
+    body: pg.Body
+    links: tuple[tuple[float, float, float], ...]
+    pieces: tuple[shapes.Piece, ...]
+    color: tuple[int, int, int]
+
+
+def _alike(before: list[Made], now: list[Made]) -> bool:
+    """Whether two lists of bodies look the same."""
+    return len(before) == len(now) and all(
+        a.color == b.color and (a.pieces is b.pieces or _looks(a) == _looks(b))
+        for a, b in zip(before, now)
+    )
+
+
+def _looks(made: Made) -> list[Any]:
+    return [(p.kind, p.file, p.size, p.position, p.rotation.tobytes()) for p in made.pieces]
+
+
 class BatchedBodies:
     """One node a kind of solid; each instance is a unit solid, scaled and placed."""
 
@@ -101,16 +124,32 @@ class BatchedBodies:
         self._server = server
         self._clicked, self._pulled = clicked, pulled
         self._batches: list[tuple[np.ndarray, np.ndarray, np.ndarray, Any]] = []
+        self._made: list[Made] = []  # by number
 
     def show(self, state: State) -> None:
+        before, self._made = self._made, self._made_of(state)
+        if self._batches and _alike(before, self._made):
+            return  # an edit of something else: what is drawn stays
         self.remove()
         found: dict[tuple[str, str], list[tuple[int, shapes.Piece]]] = defaultdict(list)
-        for k in range(1, len(state.derived.names) + 1):
-            for piece in pieces(state, k):
+        for k, (*_, solids, _) in enumerate(self._made, 1):
+            for piece in solids:
                 found[piece.kind, piece.file].append((k, piece))
         for i, ((kind, file), parts) in enumerate(found.items()):
             name = f"/bodies/{kind} {i}" if file else f"/bodies/{kind}"
             self._batches.append(self._batch(state, name, shapes.unit(kind, file), parts))
+
+    def _made_of(self, state: State) -> list[Made]:
+        """What every body is drawn as; made anew for bodies that are others than before."""
+        found: list[Made] = []
+        for k, (name, color) in enumerate(zip(state.derived.names, state.derived.colors), 1):
+            body, ends = state.model.body(name), links(state, k)
+            before = self._made[k - 1] if k <= len(self._made) else None
+            if before and before.body is body and before.links == ends:
+                found.append(before._replace(color=color))
+            else:
+                found.append(Made(body, ends, shapes.pieces(body, ends), color))
+        return found
 
     def _batch(
         self, state: State, name: str, solid: Any, parts: list[tuple[int, shapes.Piece]]
@@ -146,8 +185,12 @@ class BatchedBodies:
         R = shapes.to_matrix(wxyz)
         for owner, local, turned, node in self._batches:
             k = owner - 1
-            node.batched_positions = positions[k] + np.einsum("nij,nj->ni", R[k], local)
-            node.batched_wxyzs = shapes.times(wxyz[k], turned)
+            at = (positions[k] + np.einsum("nij,nj->ni", R[k], local)).astype(np.float32)
+            facing = shapes.times(wxyz[k], turned).astype(np.float32)
+            if not np.array_equal(node.batched_positions, at):
+                node.batched_positions = at
+            if not np.array_equal(node.batched_wxyzs, facing):
+                node.batched_wxyzs = facing
 
     def fade(self, opacity: float | None, visible: bool) -> None:
         for *_, node in self._batches:

@@ -11,6 +11,7 @@ from .. import marks, shapes
 from ..state import State
 from .bodies import SEPARATE
 
+STAY = {"axes", "links"}  # lines of one look, whatever the model
 AXIS, LINK, COM, FORCE = (224, 120, 20), (96, 106, 120), (200, 40, 150), (30, 160, 90)
 INERTIA, POINT, CONE, PULL = (110, 80, 200), (220, 50, 40), (30, 160, 90), (230, 90, 20)
 NOWHERE = np.zeros(3)
@@ -25,11 +26,16 @@ class Overlays:
         self._scene = server.scene
         self._nodes: dict[str, list[Any]] = {}
         self._solids: marks.Placed | None = None
+        self._attached = True  # the nodes hang on those of bodies
 
-    def clear(self) -> None:
-        """Nothing drawn: the bodies are about to be drawn anew."""
-        for kind in list(self._nodes):
+    def clear(self, attached: bool) -> None:
+        """Nothing drawn: the bodies are about to be drawn anew.
+
+        Lines that hang on no body stay, to be moved where they have to be.
+        """
+        for kind in self._nodes.keys() - (set() if attached or self._attached else STAY):
             self._remove(kind)
+        self._attached = attached
 
     def render(
         self, state: State, positions: np.ndarray, wxyz: np.ndarray, gone: np.ndarray = NOWHERE
@@ -123,9 +129,14 @@ class Overlays:
         placed = marks.world(points, positions, shapes.to_matrix(wxyz))
         if kind == "names":
             self._move_names(state, placed)
-        elif kind in self._nodes:
-            self._nodes[kind][0].points = placed.astype(np.float32)
-        elif len(placed):
+            return
+        placed, drawn = placed.astype(np.float32), self._nodes.get(kind)
+        if drawn and drawn[0].points.shape == placed.shape:
+            if not np.array_equal(drawn[0].points, placed):
+                drawn[0].points = placed
+            return
+        self._remove(kind)
+        if len(placed):
             self._nodes[kind] = [ADD[kind](self._scene, f"/{kind}", placed, state, 0)]
 
     def _move_names(self, state: State, placed: np.ndarray) -> None:

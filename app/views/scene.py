@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import viser
@@ -11,7 +12,7 @@ from .. import shapes
 from ..events import Event, Pull, Select, Unreadable
 from ..state import State, poses
 from . import at_rest
-from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies, pieces
+from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies, links, pieces
 from .gizmo import Gizmos
 from .ground import GRID, GroundView
 from .overlays import Overlays
@@ -30,6 +31,7 @@ class SceneView:
         self._bodies: Bodies | None = None
         self._overlays = Overlays(server)
         self._selected: dict[int, viser.FrameHandle] = {}  # by client
+        self._outlined: dict[int, Any] = {}  # what these were made from
         self._gizmos = Gizmos(server, send)
         self._ground_view = GroundView(server)
         self._framed = -1
@@ -96,8 +98,9 @@ class SceneView:
         self._send(Pull(client, self._names[number - 1], self._grips[client], target))
 
     def _rebuild(self, state: State) -> None:
-        self._overlays.clear()
-        kind = SeparateBodies if len(state.derived.names) <= SEPARATE else BatchedBodies
+        few = len(state.derived.names) <= SEPARATE
+        self._overlays.clear(few)
+        kind = SeparateBodies if few else BatchedBodies
         if not isinstance(self._bodies, kind):
             if self._bodies is not None:
                 self._bodies.remove()
@@ -123,15 +126,28 @@ class SceneView:
         """An outline and the axes of the selected body, on that page only."""
         for client in self._selected.keys() - new.clients.keys():
             del self._selected[client]
+            self._outlined.pop(client, None)
         for client, now in new.clients.items():
             before = old.clients.get(client)
             if not rebuilt and before is not None and before.selection == now.selection:
                 continue
+            looks = self._looks(new, now.selection)
+            if client in self._selected and looks == self._outlined.get(client):
+                continue  # it is moved with its body
+            self._outlined[client] = looks
             if (frame := self._selected.pop(client, None)) is not None:
                 frame.remove()
             handle = self._server.get_clients().get(client)
             if now.selection is not None and handle is not None:
                 self._selected[client] = self._outline(handle, new, now.selection)
+
+    def _looks(self, state: State, name: str | None) -> Any:
+        """All that an outline is made from."""
+        if name is None:
+            return None
+        d, body = state.derived, state.model.body(name)
+        shape = body.shape, links(state, d.number[name]), body.tip, body.com, body.mass
+        return shape, d.grain
 
     def _outline(self, client: viser.ClientHandle, state: State, name: str) -> viser.FrameHandle:
         size = state.derived.grain
