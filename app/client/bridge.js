@@ -10,6 +10,11 @@ window.pgraph = (() => {
   let uplink = null, serial = 0, waiting = [], resuming = null; // the serial of our Hello while we are coming back
   const late = new Set(); // topics that came meanwhile
 
+  // A fault in one view is told to the console; it takes nothing from the others.
+  function safely(act) {
+    try { act(); } catch (fault) { setTimeout(() => { throw fault; }); }
+  }
+
   function flush() {
     const viser = window.__viserMutable;
     if (!uplink || !viser?.sendMessage) { setTimeout(flush, 50); return; }
@@ -33,7 +38,7 @@ window.pgraph = (() => {
     draw(view, topic) {
       const draw = views[view][topic];
       if (!draw || !(topic in latest)) return;
-      for (const host of pgraph.hosts(view)) if (host.dataset.ready) draw(host, latest[topic]);
+      for (const host of pgraph.hosts(view)) if (host.dataset.ready) safely(() => draw(host, latest[topic]));
     },
     mount() {
       for (const [view, topics] of Object.entries(views)) {
@@ -53,7 +58,7 @@ window.pgraph = (() => {
       if (topic === "reply" && data.serial === resuming) { resumed(); return; }
       latest[topic] = data;
       if (resuming !== null && topic !== "reply") { late.add(topic); return; }
-      listeners[topic]?.(data);
+      safely(() => listeners[topic]?.(data));
       for (const view of Object.keys(views)) pgraph.draw(view, topic);
     },
     // The tab of that name to the front; viser's tabs listen to the pointer, not to clicks.

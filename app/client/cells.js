@@ -31,7 +31,7 @@ pgraph.cells = (() => {
   }
 
   function commit(cell, send) {
-    if (!dirty(cell)) { if (!cell.classList.contains("refused")) revert(cell); return; }
+    if (!dirty(cell) && !cell.pgraphAsks) { if (!cell.classList.contains("refused")) revert(cell); return; }
     const said = cell.classList.contains("refused") || cell.classList.contains("waiting");
     if (cell.dataset.sent === cell.value && said) return;
     ask(cell, send);
@@ -123,6 +123,7 @@ pgraph.cells = (() => {
       if (!dirty(cell) && leaving) show(cell, cell.dataset.full ?? "");
       cell.select();
     });
+    cell.pgraphAsks = !leaving; // a question is answered by nothing too
     if (leaving) cell.pgraphCommit = () => commit(cell, send);
     if (leaving) cell.addEventListener("blur", () => { if (!quiet) commit(cell, send); });
     cell.addEventListener("keydown", (event) => {

@@ -26,7 +26,8 @@
       box.dataset.key = key;
       box.replaceChildren(...data.rows.map((row, i) => joint(row, data.rows[i - 1]?.body === row.body)));
     }
-    data.rows.forEach((row, i) => fill(box.children[i], row, data.selected));
+    const lines = box.querySelectorAll(":scope > .joint"); // between them stand sentences
+    data.rows.forEach((row, i) => fill(lines[i], row, data.selected));
   }
 
   function joint(row, again) {

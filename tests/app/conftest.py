@@ -24,6 +24,7 @@ FLAGS = (
     "--disable-sync",
 )  # fmt: skip
 MARKER = "pelvis"  # selected to see that a page has caught up
+ON_PURPOSE = "thrown by a test"
 NOBODY = -1  # a page that is not there: events of the tests themselves
 
 
@@ -92,7 +93,8 @@ def open_page(browser: Any, served: Server) -> Iterator[Callable[[], Any]]:
         return page
 
     yield opened
-    assert faults == []  # our script raised nothing in all the tests
+    # our script raised nothing in all the tests, but where one of them made it
+    assert [fault for fault in faults if ON_PURPOSE not in fault] == []
 
 
 @pytest.fixture(scope="session")

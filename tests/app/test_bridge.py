@@ -12,10 +12,11 @@ import websockets.asyncio.server
 import websockets.exceptions
 from websockets.sync.client import connect
 
+from app import events
 from app.client import bridge
 from app.server import Server
 
-from .conftest import until
+from .conftest import NOBODY, ON_PURPOSE, until
 
 
 def answer(server: Server, **headers: str) -> tuple[int, str]:
@@ -142,3 +143,23 @@ def test_a_taken_port_gives_the_next_one(served, quadruped, capsys):
         assert f"Port {served.port} is taken; using {second.port}." in capsys.readouterr().out
     finally:
         second.stop()
+
+
+def test_a_fault_in_one_view_takes_nothing_from_the_others(page, served):
+    page.evaluate(
+        """(text) => {
+      const host = document.body.appendChild(document.createElement('div'));
+      Object.assign(host, { className: 'pgraph', hidden: true });
+      Object.assign(host.dataset, { view: 'faulty', ready: '1' });
+      pgraph.view('faulty', { table() { throw new Error(text); } });
+    }""",
+        ON_PURPOSE,
+    )
+    try:
+        served.send(events.Edit(NOBODY, 1, "pelvis", "name", (), "hips"))
+        page.locator('tr[data-name="hips"]').wait_for()
+        for client in served.store.state.clients:
+            served.send(events.Select(client, "hips"))
+        page.wait_for_function("() => pgraph.latest.properties.title === 'hips'")
+    finally:
+        page.evaluate("pgraph.view('faulty', {})")

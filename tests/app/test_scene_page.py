@@ -252,3 +252,19 @@ def test_what_is_drawn_anew_under_its_name_stands_as_it_does_now(page, served):
     served.send(events.Undo(NOBODY))
     served.send(events.Undo(NOBODY))
     until(lambda: page.evaluate(turn, "/bodies/16") == 1.0, "the last body as it was")
+
+
+def test_a_refused_coordinate_leaves_the_others_in_their_rows(page, served):
+    """The sentence stands between the rows."""
+    page.evaluate("() => pgraph.front('Pose')")
+    cells = page.locator(".joint .cell")
+    cells.first.wait_for()
+    cells.first.fill("x")
+    cells.first.press("Enter")
+    page.get_by_text("body 'pelvis', q: must be a number").wait_for()
+    served.send(events.Pose(NOBODY, 0, "left_tibia", 0, "0.25"))
+    cell = page.get_by_label("left_tibia about z in rad")
+    until(lambda: cell.input_value() == "0.25", "its own row")
+    cells.first.press("Escape")
+    served.send(events.HomePose(NOBODY))
+    page.evaluate("() => pgraph.front('Properties')")

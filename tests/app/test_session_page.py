@@ -187,3 +187,14 @@ def test_the_question_mark_lists_the_keys(page):
     assert "undo" in sheet.inner_text()
     page.keyboard.press("Escape")
     until(lambda: sheet.count() == 0, "the sheet closed")
+
+
+def test_1_1_a_question_answered_by_nothing_is_refused_too(page, served):
+    page.locator("button.new").click()
+    cell = page.get_by_label("How many bodies?")
+    for text, given in (("x", "'x'"), ("", "''")):
+        cell.fill(text)
+        cell.press("Enter")
+        page.get_by_text(f"must be a whole number from 1 to 1000; given {given}").wait_for()
+    cell.press("Escape")
+    until(lambda: cell.count() == 0, "the question gone")
