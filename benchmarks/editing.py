@@ -1,7 +1,6 @@
-"""What one edit of the page costs: `python -m benchmarks.editing [--page]`.
+"""What one edit of the page costs: `python -m benchmarks.editing`.
 
-Server: from the event to the messages for two pages, without the 3D view and with it. With --page
-also in a real browser: from Enter to the number in the table, digraph and properties.
+Server: from the event to the messages for two pages, without the 3D view.
 """
 
 from __future__ import annotations
