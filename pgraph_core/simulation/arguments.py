@@ -9,7 +9,9 @@ import numpy as np
 
 from ..errors import InputError, Problem, choices
 from ..integrators import METHODS, Method
-from ..schema import Scenario
+from ..mechanism import Mechanism
+from ..schema import Force, Scenario
+from ..schema.checks import force_problems
 from .run_plan import FIXED_RTOL, Tolerance
 
 LEAST_RTOL = 1e-15  # below it errors of a step are rounding
@@ -53,13 +55,30 @@ def method_name(given: Scenario | None, method: str | None, rtol: Any) -> str:
     return "auto" if rtol is not None and name not in ADAPTIVE else name
 
 
-def check_choices(frames: Any, t_eval: Any, stabilise: Any) -> None:
+def check_choices(frames: Any, t_eval: Any, stabilise: Any, rtol: Any, progress: Any) -> None:
     """Raise InputError where arguments exclude each other or are none of their choices."""
     if frames is not None and t_eval is not None:
         raise InputError(Problem("simulate", "frames", "give frames or t_eval, not both"))
     if stabilise not in STABILISE:
         text = f"must be 'project', 'baumgarte' or None; given {stabilise!r}"
         raise InputError(Problem("simulate", "stabilise", text))
+    if rtol is not None:
+        positive("rtol", rtol, unit="")
+    if progress is not None and not callable(progress):
+        text = f"must be a function of the fraction that is done; given {progress!r}"
+        raise InputError(Problem("simulate", "progress", text))
+
+
+def forces_of(mech: Mechanism, forces: Any) -> tuple[Force, ...]:
+    """The forces of a call, which fit the model. Raises InputError."""
+    known = isinstance(forces, (tuple, list)) and all(isinstance(f, Force) for f in forces)
+    if not known:
+        text = f"must be a list of pg.Force; given {forces!r:.60}"
+        raise InputError(Problem("simulate", "forces", text))
+    bodies = {b.name: b for b in mech.model.bodies} if forces else {}
+    if found := [problem for f in forces for problem in force_problems((f,), bodies)]:
+        raise InputError(found)
+    return tuple(forces)
 
 
 def start_time(value: Any) -> float:

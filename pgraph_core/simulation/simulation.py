@@ -13,7 +13,7 @@ from ..mechanism import Mechanism
 from ..result import Result
 from ..schema import Force
 from .acting import acting
-from .arguments import MOST_CHOSEN, Asked, check_choices, method_name, span_of
+from .arguments import MOST_CHOSEN, Asked, check_choices, forces_of, method_name, span_of
 from .estimate import error_estimate
 from .phased_recording import PhasedRecording
 from .planning import Planned, planned
@@ -69,9 +69,9 @@ def simulate(
     Raises InputError for arguments that do not fit. A numerical failure is a Status.
     """
     began = time.perf_counter()
-    forces = tuple(forces)
+    forces = forces_of(mech, forces)
     given = mech.model.scenario(scenario) if scenario is not None else None
-    check_choices(frames, t_eval, stabilise)
+    check_choices(frames, t_eval, stabilise, rtol, progress)
     span, name = span_of(given, t_start, t_end), method_name(given, method, rtol)
     acts = acting(mech, given, forces, switches, tau, (q, v), span)
     asked = Asked(given, span, name, step, rtol, atol, max_steps, frames, t_eval, stabilise)
