@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,6 +11,7 @@ import pgraph_core as pg
 import static_models
 
 STEP = 1e-3  # s
+RTOL = 1e-8  # of event-driven runs that choose their steps
 EVENT_STEPS = (5e-4, 2.5e-4, 1.25e-4)  # s: of event-driven runs
 LADDER = (1e-3, 5e-4, 2.5e-4, 1.25e-4)  # s: of time stepping
 SWUNG = 0.05  # s: a shorter flight is a bounce
@@ -152,3 +153,15 @@ def ladder(
         far = float(np.linalg.norm(run.q[:, :3] - exact[-1].q[:, :3], axis=1).max())
         rungs.append(Rung(h, apart(run, exact[-1]), far, run.energy_drift))
     return rungs, [(h, run.energy_drift) for h, run in zip(EVENT_STEPS, exact)]
+
+
+def to_a_tolerance(name: str, gait: str, seconds: float) -> pg.Result:
+    """A walk from event to event, at steps chosen by their error."""
+    return run_of(name, gait, seconds, method="dop853", rtol=RTOL)
+
+
+def under_law(law: Any, method: str, setting: dict[str, float]) -> pg.Result:
+    """The trot on feet of another contact law."""
+    model = pg.underfoot(pg.Model.load(static_models.path("quadruped_hips")), law=law)
+    mech = pg.Mechanism(model)
+    return pg.simulate(mech, scenario="trot", t_end=1.5, method=method, estimate=False, **setting)

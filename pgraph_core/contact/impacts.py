@@ -57,7 +57,16 @@ def impulses(omega: Array, u: Array, bilateral: int, rows: Sequence[Row]) -> Sol
 
 
 def _sweep_all(omega: Array, free: Array, rows: Sequence[Row], lam: Array) -> float:
-    """Sites in turn until no impulse changes; the last change, relative to the largest."""
+    """Sites in turn until no impulse changes; the last change, relative to the largest.
+
+    Before that all at once: what is alike on both sides of a mirror then stays so, where sites in
+    turn would choose a side.
+    """
+    if len(rows) > 1:
+        lam[:] = _at_once(omega, free, rows)
+        if any(lam[row.first] > 0 for row in rows) and _guess(omega, free, rows, lam):
+            return 0.0
+        lam[:] = 0.0
     parts = [slice(r.first, r.first + r.size) for r in rows]
     change = 0.0
     for sweep in range(1, SWEEPS + 1 if len(rows) > 1 else 2):
@@ -75,6 +84,27 @@ def _sweep_all(omega: Array, free: Array, rows: Sequence[Row], lam: Array) -> fl
         if sweep % GUESS == 0 and _guess(omega, free, rows, lam):
             return 0.0
     return change
+
+
+def _at_once(omega: Array, free: Array, rows: Sequence[Row]) -> Array:
+    """λ with which all sites that close stick; on the rim where that is outside of the cone."""
+    lam = np.zeros(len(free))
+    closing = [row for row in rows if row.held or free[row.first] + row.back < 0]
+    picked = [row.first + k for row in closing for k in range(row.size)]
+    wanted = free.copy()
+    for row in closing:
+        wanted[row.first] += row.back
+    block = omega[np.ix_(picked, picked)]
+    lam[picked] = -np.linalg.lstsq(block, wanted[picked], rcond=RANK)[0]
+    for row in closing:
+        drag, most = lam[row.first + 1 : row.first + row.size], row.friction * lam[row.first]
+        if row.size == 1 or row.held or np.linalg.norm(drag) <= most:
+            continue
+        slip = free[row.first + 1 : row.first + 3]
+        speed = float(np.linalg.norm(slip))
+        way = slip / speed if speed > 0 else -drag / np.linalg.norm(drag)
+        drag[:] = -max(most, 0.0) * way
+    return lam
 
 
 def _guess(omega: Array, free: Array, rows: Sequence[Row], lam: Array) -> bool:

@@ -174,6 +174,19 @@ def test_the_trot_closes_its_ledger_and_agrees_with_given_steps():
         assert done.phases[event.contact][k] == following[-1].after
 
 
+def test_what_is_alike_on_both_sides_stays_so():
+    """Feet that land in pairs, sliding: their impulses choose no side, and the trunk keeps its way.
+
+    Which impulses act across is not unique: neither foot can move aside against the other.
+    """
+    mech = pg.Mechanism(pg.Model.load(static_models.path("quadruped")))
+    options = {"method": "rk4", "step": 2.5e-4, "estimate": False, "frames": 2}
+    done = pg.simulate(mech, scenario="bound", t_end=1.85, **options)
+    assert done.status.ok, done.message
+    assert done.counters["impacts"] > 10
+    assert np.abs(done.v[-1, [0, 1, 5]]).max() < 1e-9  # roll, yaw, aside: it was 0.1 rad/s
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("gait", ["trot", "crawl"])
 def test_thirty_seconds_of_a_walk_close_their_ledger(gait):
