@@ -5,13 +5,11 @@ from __future__ import annotations
 import base64
 import binascii
 import math
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import pgraph_core as pg
-from pgraph_core.schema.parameters import evaluated, names_in
 from pgraph_core.shapes.meshes import mass_properties
 
 from .. import body_cells, cells
@@ -21,8 +19,9 @@ from ..events import Event, OpenArchive
 from ..events import describing as asked
 from ..intents import Display, FillMass, ReadArchive, ReadMesh
 from ..state import Notice, Reply, State, told, with_client
-from .answering import answered, attempted
+from .answering import answered
 from .errands import sent
+from .world import world_edited
 
 LABELS = {
     "rotation": "orientation", "rotation_euler": "orientation", "rotation_axis": "orientation",
@@ -53,26 +52,12 @@ def update(state: State, event: Event) -> State | None:
         case OpenArchive(client, name, content):
             return uploaded(state, client, content, lambda data: ReadArchive(name, data))
         case asked.EditWorld(client, serial, field, index, text):
-            make = lambda: world_edited(state, client, field, index, text)  # noqa: E731
+            display = display_of(state, client)
+            make = lambda: world_edited(state.model, display, field, index, text)  # noqa: E731
             return answered(state, client, serial, make, f"{field} of the model")
         case asked.SetDisplay(client, what, value) if value in CHOICES[what]:
             display = replace(display_of(state, client), **{what: value})
             return with_client(state, client, display=display)
-    return _parameters(state, event)
-
-
-def _parameters(state: State, event: Event) -> State | None:
-    model = state.model
-    match event:
-        case asked.EditParameter(client, serial, name, text):
-            make = lambda: parameter_set(model, name.strip(), text)  # noqa: E731
-            return answered(state, client, serial, make, f"parameter {name.strip()}")
-        case asked.RenameParameter(client, serial, name, text):
-            make = lambda: parameter_renamed(model, name, text.strip())  # noqa: E731
-            return answered(state, client, serial, make, f"name of parameter {name}")
-        case asked.DeleteParameter(client, name):
-            label = f"delete parameter {name}"
-            return attempted(state, client, lambda: parameter_removed(model, name), label)
     return None
 
 
@@ -218,101 +203,3 @@ def uploaded(
         notice = Notice("Not done", "The file did not arrive whole; try again.", bad=True)
         return told(state, client, notice)
     return sent(state, client, make(data))
-
-
-# -- the model ---------------------------------------------------------------------------------
-
-
-def world_edited(
-    state: State, client: int, field: str, index: tuple[int, ...], text: str
-) -> pg.Model:
-    """The model with another name, gravity, up or ground. Raises Refusal, PgraphError."""
-    try:
-        return _world(state, client, field, index, text)
-    except Refusal as refusal:
-        raise Refusal(f"The {field} {refusal}") from None
-
-
-def _world(state: State, client: int, field: str, index: tuple[int, ...], text: str) -> pg.Model:
-    model, display = state.model, display_of(state, client)
-    match field:
-        case "name":
-            if not text.strip() or len(text) > cells.LONGEST_NAME:
-                raise Refusal(
-                    f"must have 1 to {cells.LONGEST_NAME} characters; given {len(text.strip())}"
-                )
-            return model.replace(name=text.strip())
-        case "up":
-            return model.replace(up=text)
-        case "gravity":
-            return model.replace(gravity=cells.replaced(model.gravity, index, cells.number(text)))
-        case "uphill":
-            level = (1.0, 0.0, 0.0) if model.up != "x" else (0.0, 1.0, 0.0)
-            old = model.ground.uphill or level
-            new = cells.replaced(old, index, cells.number(text)) if text.strip() else None
-            return _grounded(model, uphill=new)
-        case "slope":
-            return _grounded(model, slope=cells.quantity(text, "angle", display))
-        case "steps":
-            return _grounded(model, steps=_steps(model.ground, index, text, display))
-    return _grounded(model, **{field: cells.number(text)})
-
-
-def _grounded(model: pg.Model, **fields: Any) -> pg.Model:
-    return model.replace(ground={**model.ground.model_dump(), **fields})
-
-
-def _steps(
-    ground: pg.Ground, index: tuple[int, ...], text: str, display: Display
-) -> tuple[Any, ...]:
-    """Steps with a number typed in one, one added or one taken out."""
-    steps = [step.model_dump() for step in ground.steps]
-    if not index:
-        far = max((s["high"][0] for s in steps), default=0.0)
-        return (*steps, {"low": (far, -1.0), "high": (far + 1.0, 1.0), "height": 0.1})
-    i, *rest = index
-    if i >= len(steps):
-        raise Refusal("has no such step any more")
-    if not rest:
-        return (*steps[:i], *steps[i + 1 :])
-    key = ("low", "low", "high", "high", "height")[rest[0]]
-    value = cells.quantity(text, "length", display)
-    old = steps[i][key]
-    new = value if key == "height" else cells.replaced(old, (rest[0] % 2,), value)
-    return (*steps[:i], {**steps[i], key: new}, *steps[i + 1 :])
-
-
-# -- parameters --------------------------------------------------------------------------------
-
-
-def parameter_set(model: pg.Model, name: str, text: str) -> pg.Model:
-    """The model with a parameter's value, which may be a sum of others. Raises Refusal."""
-    others = {key: x for key, x in model.parameters.items() if key != name}
-    try:
-        formula = text.lstrip().startswith("=")
-        value = evaluated(text, others) if formula else cells.number(text)
-    except ValueError as problem:
-        raise Refusal(f"parameter '{name}': {problem}") from None
-    return model.replace(parameters={**model.parameters, name: value})
-
-
-def parameter_renamed(model: pg.Model, old: str, new: str) -> pg.Model:
-    """The model with a parameter's other name in every formula. Raises Refusal, PgraphError."""
-    if new in model.parameters and new != old:
-        raise Refusal(f"another parameter is named '{new}'; choose another name")
-    if not new or not new.isidentifier():
-        raise Refusal(f"a parameter's name is one word of letters, digits and _; given {new!r}")
-    renamed = {new if key == old else key: x for key, x in model.parameters.items()}
-    word = re.compile(rf"\b{re.escape(old)}\b")
-    formulas = tuple(
-        f.model_copy(update={"text": word.sub(new, f.text)}) if old in names_in(f.text) else f
-        for f in model.formulas
-    )
-    return model.replace(parameters=renamed, formulas=formulas)
-
-
-def parameter_removed(model: pg.Model, name: str) -> pg.Model:
-    """The model without a parameter; cells that used it keep their numbers."""
-    left = {key: x for key, x in model.parameters.items() if key != name}
-    formulas = tuple(f for f in model.formulas if name not in names_in(f.text))
-    return model.replace(parameters=left, formulas=formulas)
