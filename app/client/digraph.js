@@ -3,6 +3,7 @@ pgraph.digraph = (() => {
   const { make } = pgraph;
   const NS = "http://www.w3.org/2000/svg";
   const RADIUS = 11, CORNER = 6;
+  const LEAST = 150, LEGIBLE = 0.82, MOST = 420; // [px] of the picture, and the scale of its letters
   const svg = (tag, attributes = {}, ...children) => {
     const el = document.createElementNS(NS, tag);
     for (const [key, value] of Object.entries(attributes)) el.setAttribute(key, value);
@@ -64,8 +65,11 @@ pgraph.digraph = (() => {
       if (!panel) return;
       if (panel !== known) { if (known) watch.unobserve(known); watch.observe(panel); known = panel; }
       const rest = host.offsetHeight - canvas.clientHeight + 14;
-      canvas.style.height = `${Math.max(panel.clientHeight - rest, 150)}px`;
+      const data = host.graph?.data; // rather scroll than letters that nobody reads
+      const needed = data?.kind === "tree" ? Math.min(LEGIBLE * data.height, MOST) : 0;
+      canvas.style.height = `${Math.max(panel.clientHeight - rest, needed, LEAST)}px`;
     };
+    host.fillPanel = resize;
     const watch = new ResizeObserver(resize);
     for (const el of host.children) if (!el.contains(canvas)) watch.observe(el);
     window.addEventListener("resize", resize);
@@ -90,7 +94,7 @@ pgraph.digraph = (() => {
     });
     vectors(host.querySelector(".vectors"), graph, part);
     arrange(canvas, [...graph.edges.slice(1), ...loops(data, part), ...graph.nodes]);
-    if (!known || known.names.length !== data.names.length || known.kind !== data.kind) canvas.fit();
+    if (!known || known.names.length !== data.names.length || known.kind !== data.kind) { host.fillPanel(); canvas.fit(); }
     mark(host, pgraph.latest.selection);
     const again = focused === undefined ? 0 : data.names.indexOf(focused) + 1;
     if (again) { reachable(graph, again); graph.nodes[again].focus({ preventScroll: true }); } // before the hover: a focus shows its card

@@ -102,16 +102,26 @@ def walk(page: Page, until: float = 3.2, at: float = 0.9) -> None:
 
 
 def fall(page: Page) -> None:
-    """On ice, pushed until it lies."""
+    """On ice, where it cannot stand."""
     tab(page, "Gait")
     friction = page.locator('[aria-label="friction of the ground"]')
     friction.fill("0.02")
     friction.press("Enter")
     page.locator(".walk-on").click()
-    page.wait_for_function("() => (pgraph.latest.time ?? [0])[0] > 1", timeout=LONG)
-    page.wait_for_timeout(5000)
-    page.locator(".walk-on").click()
     page.locator(".summary dd").first.wait_for(timeout=LONG)
+
+
+def live(page: Page) -> None:
+    """A run that plays while it computes."""
+    page.locator("button.live").click()
+    page.wait_for_function("() => (pgraph.latest.time ?? [0])[0] > 0.2", timeout=LONG)
+
+
+def picking(page: Page) -> None:
+    """A new constraint that asks for its bodies."""
+    kinds(page)
+    page.locator('button[data-kind="constraints distance"]').click()
+    page.locator(".pgraph-banner").wait_for()
 
 
 def several(page: Page) -> None:
@@ -178,6 +188,8 @@ SCENES = {
     "tab_show": Scene("quadruped_hips", show),
     "tab_gait": Scene("quadruped_hips", walk),
     "fall": Scene("quadruped_hips", fall),
+    "live": Scene("pendulum", live),
+    "picking": Scene("four_bar", picking),
     "ties": Scene("quadruped_hips", constraints),
     "kinds": Scene("four_bar", kinds),
     "loop": Scene("four_bar", nothing),

@@ -50,6 +50,8 @@ def prepared(page: Page, scene: Scene) -> None:
     name = pg.Model.load(static_models.path(scene.model)).name
     page.wait_for_function("(name) => pgraph.latest.toolbar.name === name", arg=name)
     page.wait_for_function("() => pgraph.latest.run.kernels === null", timeout=LONG)
+    notices = page.locator(".mantine-Notification-root button")
+    notices.evaluate_all("(found) => found.forEach((e) => e.click())")
     scene.prepare(page)
 
 

@@ -63,7 +63,7 @@
   for (const el of [...all, ...drawn]) {
     if ((!own(el) && !el.matches("input:not([type=range], [type=checkbox]), select")) || idle(el) || !words(el).trim()) continue;
     const style = getComputedStyle(el), below = paper(el), ink = parsed(drawn.has(el) ? style.fill : style.color);
-    const size = parseFloat(style.fontSize) * (drawn.has(el) ? el.getScreenCTM().a : 1);
+    const size = parseFloat(style.fontSize) * (drawn.has(el) ? Math.hypot(el.getScreenCTM().a, el.getScreenCTM().b) : 1);
     if (size < small) found.push(`${short(words(el))} is ${size.toFixed(1)} px high`);
     const seen = over([...ink.slice(0, 3), ink[3] * faint(el)], below);
     const [low, high] = [light(seen), light(below)].sort((a, b) => a - b), ratio = (high + 0.05) / (low + 0.05);
