@@ -15,7 +15,8 @@ from typing import Any
 import pgraph_core as pg
 import static_models
 from app import events
-from app.state import State, derive, initial
+from app.deriving import derive
+from app.state import State, initial
 from app.update import update
 from app.views.digraph import digraph
 from app.views.properties import properties

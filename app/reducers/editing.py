@@ -10,6 +10,7 @@ import pgraph_core as pg
 
 from .. import cells, events
 from ..cells import Refusal
+from ..deriving import derive
 from ..events import Event
 from ..renames import found, remembered
 from ..state import (
@@ -21,7 +22,6 @@ from ..state import (
     Request,
     State,
     Step,
-    derive,
     first_request,
     told,
     with_client,

@@ -13,8 +13,9 @@ import numpy as np
 import viser
 
 from ..client.bridge import Bridge, quiet
+from ..deriving import derive
 from ..footfalls import prints
-from ..state import SHOWN_AT_FIRST, Exporting, Playback, Run, State, between, derive
+from ..state import SHOWN_AT_FIRST, Exporting, Playback, Run, State, between
 from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies
 from .footprints import MOST, FootprintsView
 from .ground import GRID, grid, steps

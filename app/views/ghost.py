@@ -6,7 +6,8 @@ import numpy as np
 import viser
 
 from .. import shapes
-from ..state import Run, State, between, derive
+from ..deriving import derive
+from ..state import Run, State, between
 from . import at_rest
 from .bodies import pieces
 

@@ -14,7 +14,8 @@ import viser
 import pgraph_core as pg
 import static_models
 from app import events, marks
-from app.state import Request, Run, State, derive, initial
+from app.deriving import derive
+from app.state import Request, Run, State, initial
 from app.update import update
 from app.views import exports
 

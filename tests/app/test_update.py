@@ -10,7 +10,8 @@ import pytest
 
 import pgraph_core as pg
 from app import events
-from app.state import FREE_RUN, Request, State, between, derive, initial, poses
+from app.deriving import derive
+from app.state import FREE_RUN, Request, State, between, initial, poses
 from app.update import update
 
 ME, OTHER = 1, 2
