@@ -141,7 +141,7 @@ def _at(kept: Kept) -> str:
 def _replaced(state: State, model: pg.Model, label: str) -> State:
     """Another model altogether: its own request, and the camera framed on it."""
     known = state.renames
-    state = with_model(state, model, label)
+    state = _with(state, model, label)
     return replace(
         state,
         renames=known,  # what stands in a row now is another thing, not another name
@@ -154,8 +154,12 @@ def _replaced(state: State, model: pg.Model, label: str) -> State:
 
 def with_model(state: State, model: pg.Model, label: str) -> State:
     """`model` in place of the current one, as one undo step; nothing if it is the same."""
-    if model is state.model or model == state.model:
+    if model is state.model:
         return state
+    return _with(state, model, label)
+
+
+def _with(state: State, model: pg.Model, label: str) -> State:
     undo = (*state.undo, Step(state.model, label))[-UNDO_DEPTH:]
     return replace(_showing(state, model), undo=undo, redo=(), greeting=None)
 

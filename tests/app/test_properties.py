@@ -404,12 +404,6 @@ def test_a_refusal_of_the_model_s_own_cells_names_the_field(state):
         assert after.model is state.model
 
 
-def test_the_same_value_again_is_no_undo_step(state):
-    same = update(state, d.EditWorld(ME, 1, "gravity", (2,), "-9.81"))
-    assert (same.model is state.model, told(same), same.undo) == (True, "", ())
-    assert edit(state, "mass", ((), "1.0")).undo == ()
-
-
 def test_a_length_that_no_picture_can_hold_is_refused(state):
     after = edit(state, "link", ((0,), "1e308"))
     assert "link vector: is too long to be drawn; use at most 1e+15 m" in told(after)

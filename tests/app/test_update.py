@@ -459,3 +459,10 @@ def test_another_model_takes_what_was_said_of_the_last_run_away(state):
     cancelled = after(state, events.Simulate(ME), events.Cancel(ME))
     assert cancelled.run_problem
     assert after(cancelled, events.OpenBuiltIn(ME, "serial")).run_problem == ""
+
+
+def test_a_model_opened_again_starts_anew(ran):
+    again = after(ran, events.OpenText(ME, "same", ran.model.to_json()))
+    assert again.model.to_json() == ran.model.to_json()
+    assert again.run is None
+    assert len(again.undo) == len(ran.undo) + 1
