@@ -119,7 +119,7 @@ def moved(body: pg.Body, q: np.ndarray, index: int, value: float) -> np.ndarray:
             vector[i] = value
             q[place + len(x) - 4 : place + len(x)] = quaternion(vector)
         return q
-    return q
+    raise _cannot(body, f"its joint has no coordinate {index + 1}")  # asked before an edit
 
 
 def rotation_vector(wxyz: np.ndarray) -> np.ndarray:

@@ -67,6 +67,16 @@ def test_building_again_gives_the_same_bytes(tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", static_models.names())
+def test_models_compare_by_their_fields_whatever_they_were_used_for(name: str):
+    used, fresh, again = (pg.Model.load(static_models.path(name)) for _ in range(3))
+    for one in (used, again):
+        pg.simulate(pg.Mechanism(one), t_end=1e-3)
+        pg.Mechanism(one).mobility()
+    assert used == fresh == again
+    assert used != used.edit(used.bodies[0].name, mass=123.0)
+
+
+@pytest.mark.parametrize("name", static_models.names())
 def test_every_body_has_a_shape_and_every_model_a_scenario(name: str):
     assert all(body.shape is not None for body in model(name).bodies)
     assert all(s.description and s.t_end > 0 for s in model(name).scenarios)

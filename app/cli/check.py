@@ -6,7 +6,6 @@ from argparse import ArgumentParser, Namespace
 
 import pgraph_core as pg
 from pgraph_core.errors import ModelError, Problem
-from pgraph_core.shapes.meshes import load_mesh
 
 from . import given
 from .answer import Answer
@@ -28,6 +27,8 @@ def answer(args: Namespace) -> Answer:
 
 def mesh_problems(model: pg.Model) -> list[Problem]:
     """One for each body whose mesh file cannot be read."""
+    from pgraph_core.shapes.meshes import load_mesh  # with the compiler: `check` does without
+
     found = []
     for body in model.bodies:
         if body.shape is not None and body.shape.file:

@@ -29,6 +29,13 @@ class Frozen(BaseModel):
             object.__delattr__(copy, name)
         return copy
 
+    def __eq__(self, other: object) -> bool:
+        """Equal fields; what is cached beside them says nothing."""
+        if not isinstance(other, Frozen) or type(self) is not type(other):
+            return NotImplemented
+        mine, others = vars(self), vars(other)
+        return all(mine[name] == others[name] for name in type(self).model_fields)
+
 
 def listed(value: Any) -> Any:
     """Lists and NumPy arrays as tuples, NumPy scalars as numbers; anything else unchanged."""

@@ -84,6 +84,13 @@ def test_a_slider_says_where_the_loops_cannot_be_closed():
     assert held.pose is state.pose
 
 
+def test_a_coordinate_that_an_edit_took_away_is_said(quadruped):
+    """A page may ask before it has heard of the edit."""
+    state = pose(quadruped, "left_femur", 1, 0.4)
+    assert state.posed is None
+    assert state.pose_problem.endswith("its joint has no coordinate 2")
+
+
 def test_before_the_fast_code_is_there_a_loop_says_so():
     state = dataclasses.replace(built_in("four_bar"), kernels=Kernels())
     assert "still being compiled" in pose(state, "left crank", 0, 1.6).pose_problem
