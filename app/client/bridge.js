@@ -125,6 +125,8 @@ window.pgraph = (() => {
     }).observe(host);
   };
 
+  pgraph.inView = (host) => inView.has(host);
+
   // A sentence in passing, for what has no cell any more.
   pgraph.toast = (text, good = false) => {
     const note = pgraph.make("div", { className: `pgraph pgraph-toast${good ? " good" : ""}`, role: good ? "status" : "alert", textContent: text });

@@ -168,6 +168,20 @@ def test_a_slider_poses_the_mechanism_and_use_as_initial_state_keeps_it(page, se
     page.get_by_role("tab", name="Properties").click()
 
 
+def test_no_slider_of_another_model_is_ever_there(page, served, quadruped):
+    """The page is told of joints while it shows them: what stood there before is gone."""
+    page.get_by_role("tab", name="Pose").click()
+    page.get_by_label("left_femur about z in rad").wait_for()
+    page.get_by_role("tab", name="Properties").click()
+    page.locator(".joint").first.wait_for(state="detached")
+    two = quadruped.edit("left_femur", dof=2)
+    served.send(events.OpenText(NOBODY, "two", two.to_json()))
+    page.get_by_role("tab", name="Pose").click()
+    page.get_by_label("left_femur about y in rad").wait_for()
+    page.get_by_role("tab", name="Properties").click()
+    page.locator(".joint").first.wait_for(state="detached")
+
+
 def test_the_gizmo_moves_the_selected_body_as_one_undo_step_at_release(page, served):
     page.locator('tr[data-name="thorax"] td.number').click()
     page.get_by_role("tab", name="Show").click()
