@@ -1,6 +1,8 @@
 """What one edit of the page costs: `python -m benchmarks.editing`.
 
-Server: from the event to the messages for two pages, without the 3D view.
+Server: from the event to the messages for two pages, without the 3D view and with it. With --page
+also in a real browser: from Enter to the value in the table, digraph, properties and the 3D view of
+two pages (`visible.py`).
 """
 
 from __future__ import annotations
@@ -77,11 +79,21 @@ def server(n: int) -> dict[str, float]:
 
 
 def main() -> None:
-    argparse.ArgumentParser(description=__doc__).parse_args()
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("--page", action="store_true", help="in a browser too")
+    options.add_argument("--rounds", type=int, default=7, help="edits of a kind in the browser")
+    given = options.parse_args()
     print(f"{machine()}\nmilliseconds on the server, medians\n")
     for n in SIZES:
         said = "  ".join(f"{name} {ms:.2f}" for name, ms in server(n).items())
         print(f"{n:5} bodies: {said}")
+    if given.page:
+        from .visible import VIEWPORT, measured
+
+        print("\nmilliseconds in Chromium with SwiftShader: medians [quartiles]\n")
+        for n in SIZES:
+            for line in measured(n, model_of(n), VIEWPORT, given.rounds):
+                print(line, flush=True)
 
 
 if __name__ == "__main__":
