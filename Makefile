@@ -16,7 +16,7 @@ test: check ## set up everything that the tests need, and run them
 	@$(BIN)/python -m pytest
 
 nightly: check ## every test, the long ones too
-	@$(BIN)/python -m pytest -m "nightly or not nightly"
+	@PGRAPH_EXPLORE=1 $(BIN)/python -m pytest -m "nightly or not nightly"
 
 check: $(VENV)/installed-for-tests
 	@.ci/browser $(BIN)/python
