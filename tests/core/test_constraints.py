@@ -149,7 +149,7 @@ def test_points_of_any_tree_equal_the_dense_pseudo_inverse(seed):
     vdot, force = pg.Mechanism(model).constrained_dynamics(s.q, v, s.tau)
     expected, forces = constrained_dynamics(op, s.tau)
     M = pg.Mechanism(model).mass_matrix(s.q)
-    lost = np.finfo(float).eps * np.linalg.cond(M)  # by dense algebra: 5e-6 of a motion was seen
+    lost = np.finfo(float).eps * np.linalg.cond(M)  # what the dense oracle may lose
     assert scaled_error(vdot, expected) < max(1e-8, lost)
     for name in forces:
         assert scaled_error(force[name], forces[name]) < max(1e-6, lost)
