@@ -7,6 +7,7 @@ import io
 import re
 import tempfile
 import zipfile
+import zlib
 from pathlib import Path, PurePosixPath
 
 import pgraph_core as pg
@@ -17,6 +18,8 @@ from .cells import Refusal
 LARGEST = 12_000_000  # [bytes] as it is sent
 LARGEST_WITHIN = 100_000_000  # [bytes] unpacked
 FORMATS = ("glb", "obj", "off", "ply", "stl")
+# what zipfile raises: damaged, cut, encrypted or by an unknown method, names that are no text
+DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError)
 
 
 def packed(model: pg.Model) -> tuple[str, bytes]:
@@ -39,26 +42,41 @@ def packed(model: pg.Model) -> tuple[str, bytes]:
 
 
 def unpacked(content: bytes, keep: Path) -> pg.Model:
-    """The model in a zip; its meshes go to a folder of `keep`. Raises Refusal, PgraphError."""
+    """The model in a zip; its meshes go to a folder of `keep`, once all of it could be read.
+
+    Raises Refusal, PgraphError, OSError.
+    """
     try:
-        archive = zipfile.ZipFile(io.BytesIO(content))
+        size, held = _contents(content)
+    except DAMAGED as error:
+        raise Refusal(f"it is no zip that can be read ({error}); pack it again") from None
+    if size > LARGEST_WITHIN:
+        said = f"{size / 1e6:.0f} MB unpacked"
+        raise Refusal(f"it has {said}; {LARGEST_WITHIN / 1e6:.0f} MB at most")
+    models = [name for name in held if _is_model(name)]
+    if len(models) != 1:
+        raise Refusal(f"it holds {len(models)} model files (.json), not one")
+    folder = keep / hashlib.sha256(content).hexdigest()[:16]
+    for name, data in held.items():
+        to = folder / name
+        to.parent.mkdir(parents=True, exist_ok=True)
+        to.write_bytes(data)
+    return pg.Model.load(folder / models[0])
+
+
+def _contents(content: bytes) -> tuple[int, dict[PurePosixPath, bytes]]:
+    """(bytes unpacked, models and meshes by name); what is too large is left packed."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
         files = {PurePosixPath(item.filename): item for item in archive.infolist()}
         size = sum(item.file_size for item in files.values())
         if size > LARGEST_WITHIN:
-            said = f"{size / 1e6:.0f} MB unpacked"
-            raise Refusal(f"it has {said}; {LARGEST_WITHIN / 1e6:.0f} MB at most")
-        models = [name for name in files if name.suffix == ".json" and len(name.parts) == 1]
-        if len(models) != 1:
-            raise Refusal(f"it holds {len(models)} model files (.json), not one")
-        folder = keep / hashlib.sha256(content).hexdigest()[:16]
-        for name, item in files.items():
-            if name in models or _is_mesh(name):
-                to = folder / name
-                to.parent.mkdir(parents=True, exist_ok=True)
-                to.write_bytes(archive.read(item))
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError) as error:
-        raise Refusal(f"it is no zip that can be read: {error}") from None
-    return pg.Model.load(folder / models[0])
+            return size, {}
+        wanted = {name: item for name, item in files.items() if _is_model(name) or _is_mesh(name)}
+        return size, {name: archive.read(item) for name, item in wanted.items()}
+
+
+def _is_model(name: PurePosixPath) -> bool:
+    return name.suffix == ".json" and len(name.parts) == 1
 
 
 def _is_mesh(name: PurePosixPath) -> bool:

@@ -49,7 +49,7 @@ def main() -> None:
 def walks() -> list[str]:
     found = [walked(*walk) for walk in WALKS]
     return [
-        f"Measured on {cpu()}, other programs running beside.",
+        f"Measured on {cpu()}.",
         "",
         "## Walks on flat ground",
         "",

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import base64
 import io
+import shutil
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 import trimesh
 
@@ -153,3 +155,25 @@ def test_a_zip_writes_nowhere_but_where_meshes_are_kept(home):
     assert written == ["a.json", "fine.stl"]
     with pytest.raises(Refusal):
         archive.unpacked(hostile[:-40], home / "keep")
+
+
+def test_a_damaged_zip_is_a_sentence_and_leaves_nothing(home):
+    """Any byte changed, any part cut off: what was packed, or a refusal."""
+    body = ("meshes/fine.stl", bytes(range(256)) * 4)
+    whole, kept = zipped(("a.json", MODEL), body), home / "keep"
+    rng = np.random.default_rng(0)
+    said = []
+    for _ in range(1000):
+        damaged = bytearray(whole)
+        damaged[rng.integers(len(whole))] ^= int(rng.integers(1, 256))
+        try:
+            archive.unpacked(bytes(damaged[: rng.integers(len(whole) // 2, 2 * len(whole))]), kept)
+        except Refusal as refusal:
+            said.append(str(refusal))
+        else:
+            shutil.rmtree(kept)
+        assert not kept.exists()
+    assert len(said) > 100
+    assert {text.split(" (")[0] for text in said} <= {
+        "it is no zip that can be read", "it holds 0 model files",
+    }  # fmt: skip
