@@ -11,7 +11,7 @@ import zlib
 from pathlib import Path, PurePosixPath
 
 import pgraph_core as pg
-from pgraph_core.schema.assets import FOLDER
+from pgraph_core.model.assets import FOLDER
 
 from .cells import Refusal
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pgraph_core as pg
-from pgraph_core.schema.files import write_atomic
+from pgraph_core.model.files import write_atomic
 
 from .events import Event, NotKept
 from .state import Kept, State

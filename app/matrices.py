@@ -10,7 +10,7 @@ from scipy import io as files
 from scipy import sparse
 
 import pgraph_core as pg
-from pgraph_core.operators import Operators
+from pgraph_core.paper import Operators
 
 from .posing import shown_q
 from .state import Inspected, State

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.model.constraint import IN_JOINTS
+from pgraph_core.model.constraint import TAKES as CONSTRAINT_TAKES
+from pgraph_core.model.force import TAKES as FORCE_TAKES
 from pgraph_core.rotation import matrix
-from pgraph_core.schema.constraint import IN_JOINTS
-from pgraph_core.schema.constraint import TAKES as CONSTRAINT_TAKES
-from pgraph_core.schema.force import TAKES as FORCE_TAKES
 
 from .cells import LONGEST_NAME, Refusal, content, number, replaced, whole
 from .intents import Display, Part, Quantity

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, get_args
 
 import pgraph_core as pg
-from pgraph_core.schema.copies import free_name
+from pgraph_core.model.copies import free_name
 
 from . import cells
 from .cells import Refusal

@@ -10,9 +10,9 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.joints import Motion
-from pgraph_core.operators import frames
-from pgraph_core.operators.motion import bodies_of, elementary, q_slices
-from pgraph_core.schema.fields import fields_of
+from pgraph_core.model.fields import fields_of
+from pgraph_core.paper import frames
+from pgraph_core.paper.motion import bodies_of, elementary, q_slices
 
 from .shapes import to_wxyz
 from .state import Pose, Run, State

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import pgraph_core as pg
-from pgraph_core.schema import Step
+from pgraph_core.model import Step
 
 LAWS = {  # of the feet: what they are called, and how each is stepped over
     "complementarity": ("rigid", "auto", 1e-3),

@@ -80,7 +80,7 @@ def simulated(job: Job, progress: Callable[[float], bool]) -> object:
 class Compiler:
     """Compiles the kernels in a process of its own and tells how far it is."""
 
-    def __init__(self, send: Send, command: tuple[str, ...] = ("-m", "pgraph_core.kernels")):
+    def __init__(self, send: Send, command: tuple[str, ...] = ("-m", "pgraph_core.engine")):
         self._send = send
         self._command = (sys.executable, *command)
         self._process: subprocess.Popen[str] | None = None

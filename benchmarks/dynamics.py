@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.kernels import layout as at
+from pgraph_core.engine import layout as at
 from pgraph_core.mechanism.back_ends import BackEnd
 from tests.core.trees import State
 

@@ -18,10 +18,10 @@ import numba
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core import kernels
-from pgraph_core.kernels import layout as at
-from pgraph_core.kernels._jit import OPTIONS
-from pgraph_core.kernels.vec import finite
+from pgraph_core import engine as kernels
+from pgraph_core.engine import layout as at
+from pgraph_core.engine.compiler.jit import OPTIONS
+from pgraph_core.engine.vec import finite
 
 from . import native
 from .scenes import STEP, Scene, differ

@@ -10,9 +10,9 @@ from typing import Any
 import numba
 from numba import types
 
-from pgraph_core.kernels._jit import OPTIONS
-from pgraph_core.kernels.dynamics import articulated
-from pgraph_core.kernels.handle import caller
+from pgraph_core.engine.compiler.address import caller
+from pgraph_core.engine.compiler.jit import OPTIONS
+from pgraph_core.engine.tree.dynamics import articulated
 
 _call = caller(
     types.int64(types.float64, types.uint64, types.uint64, types.uint64)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pgraph_core.kernels import collision
+from pgraph_core.engine.contact import collision
 from pgraph_core.shapes import solids
 
 from .machine import has

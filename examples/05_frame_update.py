@@ -6,7 +6,7 @@ Run it with `python examples/05_frame_update.py`. docs/pgraph_by_hand.md explain
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.operators import kernel_operator_of_pgraph
+from pgraph_core.paper import kernel_operator_of_pgraph
 
 
 def table(model: pg.Model) -> None:

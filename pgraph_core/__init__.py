@@ -12,24 +12,24 @@ from .errors import InputError as InputError
 from .errors import ModelError as ModelError
 from .errors import PgraphError as PgraphError
 from .errors import Problem as Problem
+from .model import Body as Body
+from .model import Constraint as Constraint
+from .model import Contact as Contact
+from .model import Footfall as Footfall
+from .model import Force as Force
+from .model import Gains as Gains
+from .model import Gait as Gait
+from .model import Ground as Ground
+from .model import Model as Model
+from .model import Polynomial as Polynomial
+from .model import Scenario as Scenario
+from .model import Shape as Shape
+from .model import Sine as Sine
+from .model import Step as Step
+from .model import Switch as Switch
+from .model import Table as Table
+from .model import VectorTable as VectorTable
 from .plan import Plan as Plan
-from .schema import Body as Body
-from .schema import Constraint as Constraint
-from .schema import Contact as Contact
-from .schema import Footfall as Footfall
-from .schema import Force as Force
-from .schema import Gains as Gains
-from .schema import Gait as Gait
-from .schema import Ground as Ground
-from .schema import Model as Model
-from .schema import Polynomial as Polynomial
-from .schema import Scenario as Scenario
-from .schema import Shape as Shape
-from .schema import Sine as Sine
-from .schema import Step as Step
-from .schema import Switch as Switch
-from .schema import Table as Table
-from .schema import VectorTable as VectorTable
 from .topology import Topology as Topology
 from .topology import jdof_of as jdof_of
 from .topology import parent_of as parent_of
@@ -51,8 +51,8 @@ if TYPE_CHECKING:
     from .gait.presets import gaits as gaits
     from .mechanism import Mechanism as Mechanism
     from .mechanism.batch import Batch as Batch
-    from .operators import home_poses as home_poses
-    from .operators.frame_update import frame_update_trace as frame_update_trace
+    from .paper import home_poses as home_poses
+    from .paper.frame_update import frame_update_trace as frame_update_trace
     from .report.comparison import work_precision as work_precision
     from .report.reference import Reference as Reference
     from .report.study import Study as Study
@@ -76,7 +76,7 @@ _LAZY = {
     "load_cases": "cases",
     "verify": "cases",
     "Columns": "columns",
-    "frame_update_trace": "operators.frame_update",
+    "frame_update_trace": "paper.frame_update",
     "Controller": "gait.controller",
     "gaits": "gait.presets",
     "Footprint": "gait.footprints",
@@ -87,7 +87,7 @@ _LAZY = {
     "joined": "result.joining",
     "Mechanism": "mechanism",
     "Mobility": "constraints.mobility",
-    "home_poses": "operators",
+    "home_poses": "paper",
     "work_precision": "report.comparison",
     "Reference": "report.reference",
     "Study": "report.study",

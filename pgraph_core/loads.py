@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from .kernels import layout as at
+from .engine import layout as at
+from .model import Force, Model, VectorTable
 from .rotation import normals_of, unit_vector
-from .schema import Force, Model, VectorTable
 from .system import Array, Loads, System, point_in_row
 from .topology import Topology
 

@@ -10,8 +10,8 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from .schema import Body, Constraint, Contact, Force, Model
-from .schema.methods import AUTO
+from .model import Body, Constraint, Contact, Force, Model
+from .model.methods import AUTO
 
 IMPLICIT = ("ros2", "radau5")  # methods with a Jacobian
 STEPPED_OVER = "moreau_jean"  # the method that needs no times of impacts

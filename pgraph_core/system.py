@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from . import joints
 from .columns import Columns
-from .kernels import layout as at
-from .kernels.layout import BODIES_I, BODY, CONST
-from .kernels.pack import pack
-from .schema import Body, Force, Model, Table
+from .engine import layout as at
+from .engine.layout import BODIES_I, BODY, CONST
+from .engine.packing.pack import pack
+from .model import Body, Force, Model, Table
 from .topology import Topology
 
 Array: TypeAlias = NDArray[np.float64]
@@ -23,7 +23,7 @@ EMPTY = np.empty
 
 
 class System(NamedTuple):
-    """Constants of a mechanism; columns in `kernels/layout.py`."""
+    """Constants of a mechanism; columns in `engine/layout.py`."""
 
     rows: Ints  # (n + 1, 4)
     const: Array  # (n + 1, 28)

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import InputError, Problem, choices
-from .schema import Model
-from .schema.constraint import IN_JOINTS
-from .schema.names import GROUND
-from .schema.sentences import shown
+from .model import Model
+from .model.constraint import IN_JOINTS
+from .model.names import GROUND
+from .model.sentences import shown
 
 Ints: TypeAlias = "NDArray[np.int64]"
 

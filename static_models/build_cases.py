@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.schema.files import write_atomic
+from pgraph_core.model.files import write_atomic
 
 from . import CASES, case_models, classics
 

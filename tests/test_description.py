@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.schema import constraint, force
+from pgraph_core.model import constraint, force
 
 TEXT = (Path(__file__).parent.parent / "docs" / "description.md").read_text(encoding="utf-8")
 SECTIONS = dict(re.findall(r"^## (\w+)\n(.*?)(?=^## |\Z)", TEXT, flags=re.M | re.S))

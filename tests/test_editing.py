@@ -7,8 +7,8 @@ import pytest
 
 import pgraph_core as pg
 import static_models
-from pgraph_core.schema.copies import free_name
-from pgraph_core.schema.mirror import other_side
+from pgraph_core.model.copies import free_name
+from pgraph_core.model.mirror import other_side
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ import pytest
 
 import pgraph_core as pg
 import static_models
-from pgraph_core.schema import files
+from pgraph_core.model import files
 
 MODEL = pg.Model.serial(3)
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import pgraph_core as pg
 import static_models
+from pgraph_core.engine import warm_up
 from pgraph_core.errors import FileError, InputError, Problem, choices
-from pgraph_core.kernels import warm_up
 
 from . import given
 from .answer import Answer

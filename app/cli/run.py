@@ -8,7 +8,7 @@ from argparse import ArgumentParser, Namespace
 from typing import Any
 
 import pgraph_core as pg
-from pgraph_core.kernels import warm_up
+from pgraph_core.engine import warm_up
 
 from . import given
 from .answer import Answer

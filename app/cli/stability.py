@@ -8,7 +8,7 @@ from typing import Any
 
 import pgraph_core as pg
 from pgraph_core.errors import FileError, InputError, Problem
-from pgraph_core.schema.files import write_atomic
+from pgraph_core.model.files import write_atomic
 
 from . import given
 from .answer import Answer

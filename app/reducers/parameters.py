@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pgraph_core as pg
-from pgraph_core.schema.parameters import evaluated, names_in
+from pgraph_core.model.parameters import evaluated, names_in
 
 from .. import cells
 from ..cells import Refusal

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pgraph_core.schema.parameters import names_in
+from pgraph_core.model.parameters import names_in
 
 from ..intents import Display
 from ..state import State

@@ -16,9 +16,9 @@ import numpy as np
 
 from ..errors import FileError, Problem, choices
 from ..mechanism import Mechanism
+from ..model import Model
+from ..model.files import read
 from ..result import Result
-from ..schema import Model
-from ..schema.files import read
 from ..simulation import simulate
 from ..system import Array
 from .observables import KINDS, Motion, Still, errors, rotations

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import joints
+from ..engine.packing import gather
 from ..errors import ModelError, Problem, choices
 from ..joints import JointKind, Motion, MotionKind
-from ..kernels import gather
-from ..schema import Body
-from ..schema.checks import tree_problems
-from ..schema.names import GROUND, name_problem
-from ..schema.sentences import shown
+from ..model import Body
+from ..model.checks import tree_problems
+from ..model.names import GROUND, name_problem
+from ..model.sentences import shown
 
 Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
@@ -23,7 +23,7 @@ Ints: TypeAlias = NDArray[np.int64]
 JOINTS: tuple[JointKind, ...] = tuple(joints.DEFAULT)  # what the numbers of `joint` mean
 MOTIONS: tuple[MotionKind, ...] = ("rotate", "translate", "ball", "free")  # ... and of `motion`
 PHYSICS = ("armature", "stiffness", "damping", "rest", "friction")
-# as `kernels/gather.py` numbers what is wrong
+# as `engine/packing/gather.py` numbers what is wrong
 COLUMNS = ("parent", "joint", "motion", "axis", "link", "rotation", "mass", "com", "inertia")
 COLUMNS += (*PHYSICS, "q", "v", "gravity")
 # the arguments of `gather`, and the shape of an entry where they are float64

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels import gather, pack
-from ..kernels._jit import JIT, ready
-from ..schema import Model
-from ..schema.force import BETWEEN
-from ..schema.names import GROUND
-from ..schema.world import DOWN
+from ..engine.compiler.jit import JIT, ready
+from ..engine.packing import gather, pack
+from ..model import Model
+from ..model.force import BETWEEN
+from ..model.names import GROUND
+from ..model.world import DOWN
 from .checks import (
     INT,
     JOINTS,

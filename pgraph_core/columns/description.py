@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from .. import joints
+from ..engine.packing import pack
 from ..joints import Motion
-from ..kernels import pack
-from ..schema import Body, Model
-from ..schema.editing import edited
-from ..schema.names import GROUND
+from ..model import Body, Model
+from ..model.editing import edited
+from ..model.names import GROUND
 from .checks import INT, MOTIONS, PHYSICS, Array, Ints, joint_of
 
 if TYPE_CHECKING:
     from .columns import Columns
 
 # parent (nb,) rows from 1, 0 = ground; body (nb + 1, 18) and motion (nm, 9), whose columns are in
-# `kernels/pack.py`; q and v in one array (nq + nv,): all in the order of the table
+# `engine/packing/pack.py`; q and v in one array (nq + nv,): all in the order of the table
 Numbers: TypeAlias = tuple[Ints, Array, Array, Array]
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from .. import joints
-from ..kernels import gather
+from ..engine.packing import gather
 from .checks import JOINTS, MOTIONS, Array
 
 
 def _kinds() -> Array:
-    """Motions of every kind of joint, as `kernels/gather.py` takes them."""
+    """Motions of every kind of joint, as `engine/packing/gather.py` takes them."""
     table = np.zeros((len(JOINTS), 1 + 3 * gather.STRIDE))
     for row, kind in zip(table, JOINTS):
         row[gather.COUNT] = len(joints.DEFAULT[kind])

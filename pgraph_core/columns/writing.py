@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels import pack
+from ..engine.packing import pack
 from .checks import Array
 
 DIRECT = {"mass": pack.MASS, "com": pack.COM, "link": pack.LINK}  # fields that an edit writes

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..engine import motion
 from ..errors import InputError, Problem, choices
-from ..kernels import motion
 from ..rotation import Array
 from ..system import Ints
 from .closing import SPEED, closed, contradiction, speed_contradiction, stopped

@@ -1,4 +1,4 @@
-"""Constraints as blocks of rows, which is what kernels take; columns in `kernels/layout.py`."""
+"""Constraints as blocks of rows, which is what kernels take; columns in `engine/layout.py`."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernels import layout as at
-from ..schema import Constraint, Model
+from ..engine import layout as at
+from ..model import Constraint, Model
 from ..system import Array, Ints, System
 from ..topology import Topology
 from .ends import Block, Ends

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..engine import layout as at
 from ..errors import ModelError, Problem
-from ..kernels import layout as at
+from ..model import Constraint, Model
 from ..rotation import unit_vector
-from ..schema import Constraint, Model
 from ..system import Array, System, joint_coordinates, point_in_row
 from ..topology import Topology
 

@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..kernels import layout as at
+from ..engine import layout as at
+from ..model import Polynomial, Sine, Table
 from ..rotation import normals_of, unit_vector
-from ..schema import Polynomial, Sine, Table
 from ..system import joint_coordinates
 from .ends import Block, Ends
 

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError
+from ..model import Model
 from ..rotation import Array
-from ..schema import Model
 from ..topology import Topology
 from .closing import closed, contradiction, descended
 from .tied import (

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..kernels import layout as at
-from ..kernels.proximal import FACTORED
+from ..engine import layout as at
+from ..engine.constraints.proximal import FACTORED
 from ..rotation import Array
 
 if TYPE_CHECKING:

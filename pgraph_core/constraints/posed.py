@@ -12,12 +12,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..columns import Columns
-from ..kernels import bodies as kernels
-from ..kernels import dynamics
-from ..kernels import layout as at
-from ..operators.motion import Joint, joint_motion
+from ..engine import layout as at
+from ..engine.tree import bodies as kernels
+from ..engine.tree import dynamics
+from ..model import Body, Model
+from ..paper.motion import Joint, joint_motion
 from ..rotation import Array
-from ..schema import Body, Model
 from ..system import System, packed, point_in_row, system
 from ..topology import Topology
 from .tree import Tree

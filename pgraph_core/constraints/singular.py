@@ -1,6 +1,6 @@
 """Singular positions that a run passed: what its dips were, in words, at next to no cost.
 
-The kernels keep where pivots fell far below their largest (`kernels/dips.py`). Here the smallest
+The kernels keep where pivots fell far below their largest (`engine/constraints/dips.py`). Here the smallest
 eigenvalue of Ω that is not always zero is followed along the velocity from there: at a singular
 position it touches zero, as the square of the distance.
 """
@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..kernels import layout as at
-from ..kernels import motion, run
-from ..kernels.proximal import FACTORED
+from ..engine import layout as at
+from ..engine import motion
+from ..engine.constraints.proximal import FACTORED
+from ..engine.stepping import run
 from ..system import Array
 from .null_rows import named, standing_for
 

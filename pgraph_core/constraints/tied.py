@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..operators.constraint_rows import Rows, rows_of
-from ..operators.motion import bodies_of
+from ..model import Constraint, Model
+from ..paper.constraint_rows import Rows, rows_of
+from ..paper.motion import bodies_of
 from ..rotation import Array
-from ..schema import Constraint, Model
 from ..topology import Topology
 from .tree import Tree
 
 if TYPE_CHECKING:
-    from ..operators import Operators
+    from ..paper import Operators
     from .posed import Posed
 
 LENGTH, ANGLE, SLIP, COORDINATE = "translation", "rotation", "slip", "coordinate"

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..operators import Operators
-from ..operators.constraint_rows import radius_of_gyration
-from ..operators.motion import bodies_of, home_poses, q_slices, v_slices
+from ..model import Body, Model
+from ..paper import Operators
+from ..paper.constraint_rows import radius_of_gyration
+from ..paper.motion import bodies_of, home_poses, q_slices, v_slices
 from ..rotation import Array, multiply, unit
-from ..schema import Body, Model
 from ..topology import Ints, Topology
 
 if TYPE_CHECKING:

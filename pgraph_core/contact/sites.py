@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ..constraints.blocks import Blocks
+from ..engine import layout as at
 from ..errors import InputError, Problem
-from ..kernels import layout as at
+from ..model import Body, Contact, Model
+from ..model.names import GROUND
 from ..rotation import matrix, normals_of
-from ..schema import Body, Contact, Model
-from ..schema.names import GROUND
 from ..system import Array, Ints, System, point_in_row
 from ..topology import Topology
 from .tables import Tables, Touch
@@ -106,7 +106,7 @@ def _limits(topology: Topology, packed: System, tables: Tables) -> Iterator[Site
 
 
 class SiteTables(NamedTuple):
-    """Sites as kernels take them; columns in `kernels/layout.py`."""
+    """Sites as kernels take them; columns in `engine/layout.py`."""
 
     sites_i: Ints  # (ns, 6)
     sites_f: Array  # (ns, 31)

@@ -1,4 +1,4 @@
-"""Contacts and joint limits of a model as the kernels take them; columns in `kernels/layout.py`."""
+"""Contacts and joint limits of a model as the kernels take them; columns in `engine/layout.py`."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..constraints.blocks import Blocks, radius_of_gyration
+from ..engine import layout as at
 from ..errors import ModelError, PgraphError, Problem
-from ..kernels import layout as at
+from ..model import Body, Contact, Model, Shape
+from ..model.names import EVERY, GROUND
 from ..rotation import matrix
-from ..schema import Body, Contact, Model, Shape
-from ..schema.names import EVERY, GROUND
 from ..shapes import solids
 from ..shapes.solids import Placed, Solid
 from ..system import Array, Ints, System

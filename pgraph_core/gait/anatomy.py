@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..engine import layout as at
+from ..engine.gait import layout as go
 from ..errors import InputError, Problem, choices
-from ..kernels import gait_layout as go
-from ..kernels import layout as at
 from ..mechanism import Mechanism
-from ..schema import Contact, Footfall, Gait, Model
+from ..model import Contact, Footfall, Gait, Model
 from ..system import Array, Ints
 
 Z, X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)

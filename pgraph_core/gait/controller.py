@@ -6,15 +6,15 @@ import math
 
 import numpy as np
 
+from ..engine import layout as at
+from ..engine.compiler.address import _KEPT, WORDS, address_of
+from ..engine.compiler.jit import JIT, compile_kernel, ready
+from ..engine.gait import layout as go
+from ..engine.gait import walking
 from ..errors import InputError, Problem
-from ..kernels import gait_layout as go
-from ..kernels import layout as at
-from ..kernels import walking
-from ..kernels._jit import JIT, compile_kernel, ready
-from ..kernels.handle import _KEPT, WORDS, address_of
 from ..mechanism import Mechanism
 from ..mechanism.callback import UserTorque
-from ..schema import Gait
+from ..model import Gait
 from ..system import Array
 from .anatomy import Anatomy, anatomy
 from .pose import standing

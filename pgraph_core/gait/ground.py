@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..schema import Contact, Ground, Model, Step
-from ..schema.fields import fields_of
+from ..model import Contact, Ground, Model, Step
+from ..model.fields import fields_of
 
 
 def height_under(model: Model, x: float, z: float) -> float:

@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from ..kernels import gait_layout as go
+from ..engine.gait import layout as go
 from ..mechanism import Mechanism
-from ..schema import Gait
+from ..model import Gait
 from ..system import Array
 from .anatomy import Anatomy, whole
 from .ground import height_under
@@ -46,7 +46,7 @@ def _bend(mech: Mechanism, gait: Gait, a: Anatomy, q: Array) -> None:
 
 
 def leg(f: Array, foot: complex) -> tuple[float, float]:
-    """(hip's angle, knee's) that bring a foot to its place from the hip, as `kernels.legs`."""
+    """(hip's angle, knee's) that bring a foot to its place from the hip, as `engine.gait.legs`."""
     a, b = (complex(*f[k : k + 2]) for k in (go.LONG, go.SHANK))
     cosine = (abs(foot) ** 2 - abs(a) ** 2 - abs(b) ** 2) / (2 * abs(a) * abs(b))
     side = cmath.phase(b / a)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..schema import Footfall, Gains, Gait
+from ..model import Footfall, Gains, Gait
 
 FEET = ("left_front_foot", "right_front_foot", "left_hind_foot", "right_hind_foot")
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from ..engine.stepping import explicit, implicit, moreau, run
 from ..errors import InputError, Problem, choices
-from ..kernels import explicit, implicit, moreau, run
 from . import tableaus
 from .tableaus import Tableau
 

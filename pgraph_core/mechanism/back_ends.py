@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
+from ..engine import layout as at
+from ..engine.tree import dynamics
 from ..errors import InputError, Problem, choices
-from ..kernels import dynamics
-from ..kernels import layout as at
 from ..system import Array
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def by_operators(
     mech: Mechanism, q: Array, v: Array, tau: Array, external: Array, vdot: Array
 ) -> int:
     """v' into `vdot` by eq. (26); a status code as kernels give it."""
-    from ..operators import Operators  # SciPy takes a while to import
+    from ..paper import Operators  # SciPy takes a while to import
 
     op = Operators(mech.model, mech.topology, mech.position(q), mech.finite("v", v, mech.nv))
     loads = mech.finite("tau", tau, mech.nv), mech.finite("external", external, *external.shape)

@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..engine import layout as at
+from ..engine.compiler.lane import LANE_WIDTH
+from ..engine.stepping import batch as kernels
 from ..errors import InputError, Problem, choices
-from ..kernels import batch as kernels
-from ..kernels import layout as at
-from ..kernels.lane import LANE_WIDTH
-from ..schema import Model
+from ..model import Model
 from ..system import Array, Loads
 
 if TYPE_CHECKING:

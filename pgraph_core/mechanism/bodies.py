@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..kernels import bodies as kernels
-from ..kernels import layout as at
+from ..engine import layout as at
+from ..engine.tree import bodies as kernels
 from ..system import Array, System
 
 

@@ -11,9 +11,9 @@ from numba import carray, cfunc, types  # pyright: ignore[reportPrivateImportUsa
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
 
+from ..engine.compiler.address import address_of_function
+from ..engine.compiler.jit import JIT
 from ..errors import InputError, Problem
-from ..kernels._jit import JIT
-from ..kernels.handle import address_of_function
 from ..system import Array
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..kernels import layout as at
+from ..engine import layout as at
 from ..system import Array, System
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ class Carried(NamedTuple):
 class Joint(NamedTuple):
     """What moves in a joint, and where in q and v."""
 
-    kinds: tuple[int, ...]  # of its motions, as in `kernels/layout.py`
+    kinds: tuple[int, ...]  # of its motions, as in `engine/layout.py`
     q: slice
     v: slice
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..kernels import layout as at
-from ..kernels import run
-from ..kernels import slopes as kernels
-from ..kernels.lane import LANE_WIDTH
+from ..engine import layout as at
+from ..engine.compiler.lane import LANE_WIDTH
+from ..engine.stepping import run
+from ..engine.tree import slopes as kernels
 from ..system import Array
 
 if TYPE_CHECKING:

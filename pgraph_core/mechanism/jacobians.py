@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..kernels import dynamics
-from ..kernels import layout as at
+from ..engine import layout as at
+from ..engine.tree import dynamics
 from ..system import Array, point_in_row
 
 if TYPE_CHECKING:

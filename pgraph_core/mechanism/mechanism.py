@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..constraints.assembly import Assembly, assembled, indices
-from ..kernels import dynamics, motion
-from ..kernels._jit import ready
-from ..kernels.handle import address_of
-from ..schema import Force
+from ..engine import motion
+from ..engine.compiler.address import address_of
+from ..engine.compiler.jit import ready
+from ..engine.tree import dynamics
+from ..model import Force
 from ..system import Array
 from . import jacobians, masses, wrenches
 from .back_ends import NO_EXTERNAL, BackEnd, accelerated, dense
@@ -43,7 +44,7 @@ class Mechanism(Packed):
         return self._operators(q).Phi
 
     def _operators(self, q: Array, v: Array | None = None) -> Any:
-        from ..operators import Operators
+        from ..paper import Operators
 
         speeds = self.rest if v is None else self.finite("v", v, self.nv)
         return Operators(self.model, self.topology, self.position(q), speeds)

@@ -11,15 +11,16 @@ import numpy as np
 from ..columns import Columns
 from ..constraints.blocks import Blocks, blocks
 from ..contact.tables import Tables, tables
+from ..engine import layout as at
+from ..engine.compiler.jit import ready
+from ..engine.packing import numbering
+from ..engine.tree import bodies, dynamics
 from ..errors import InputError, Problem
-from ..kernels import bodies, dynamics, numbering
-from ..kernels import layout as at
-from ..kernels._jit import ready
 from ..loads import TYPES as LOADS
 from ..loads import loads
+from ..model import Contact, Force, Model
+from ..model.force import BETWEEN
 from ..plan import Plan
-from ..schema import Contact, Force, Model
-from ..schema.force import BETWEEN
 from ..system import Array, Drives, Ints, Loads, System, bends, drives, packed, system
 from ..topology import Topology
 from .back_ends import NO_EXTERNAL

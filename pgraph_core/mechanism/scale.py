@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..kernels import layout as at
+from ..engine import layout as at
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism

@@ -8,11 +8,11 @@ import numpy as np
 
 from ..constraints.blocks import Blocks
 from ..contact.tables import Tables, extended
-from ..kernels import layout as at
-from ..kernels import motion
-from ..kernels.dips import LEAST
-from ..kernels.handle import address_of, address_of_array, buffer
-from ..kernels.proximal import FACTORED
+from ..engine import layout as at
+from ..engine import motion
+from ..engine.compiler.address import address_of, address_of_array, buffer
+from ..engine.constraints.dips import LEAST
+from ..engine.constraints.proximal import FACTORED
 from ..shapes import solids
 from ..system import Array, Drives, Ints, Loads
 
@@ -119,7 +119,7 @@ class TouchSpace:
 
         `steps`: each step is taken once, so that what contacts do in it can be remembered.
         """
-        from ..kernels import touch  # collision kernels: only where something touches
+        from ..engine.contact import touch  # collision kernels: only where something touches
 
         n, count = len(contacts.touches), contacts.room
         self.tally = np.zeros(at.TALLY, dtype=np.int64)

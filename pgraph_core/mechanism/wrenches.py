@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..kernels import motion
+from ..engine import motion
 from ..loads import TYPES as LOADS
-from ..schema import Force
+from ..model import Force
 from ..system import Array
 from .bodies import shifted
 from .scene import Scene

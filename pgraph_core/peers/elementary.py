@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..model import Body, Model
 from ..rotation import matrix
-from ..schema import Body, Model
 from ..topology import Topology
 
 PLACEHOLDER = "none"  # kind of the row of a welded body

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..mechanism import Mechanism
+from ..model import Constraint, Force, Model
+from ..model.curves import Table
+from ..model.names import GROUND
 from ..rotation import matrix
-from ..schema import Constraint, Force, Model
-from ..schema.curves import Table
-from ..schema.names import GROUND
 from ..system import Array
 from .elementary import Row, rows_of, sizes
 

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..errors import FileError, InputError, Problem
-from ..schema.files import write_atomic
+from ..model.files import write_atomic
 from . import figure, text
 from .rows import Row
 

@@ -16,9 +16,9 @@ import numpy as np
 
 from ..errors import FileError, Problem
 from ..mechanism.bodies import BodyMotion, bodies_over, turned
+from ..model import Force, Model
+from ..model.files import write_atomic
 from ..plan import Plan
-from ..schema import Force, Model
-from ..schema.files import write_atomic
 from ..system import Array
 from .contact_record import ContactRecord, Event
 

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import FileError, ModelError, Problem, choices
+from ..model import Shape
 from ..rotation import matrix
-from ..schema import Shape
 from . import solids
 from .solids import Solid
 

@@ -1,6 +1,6 @@
 """Shapes as the kernels see them: what bounds each, and the packed arrays of many.
 
-Columns and tables are those of `kernels/layout.py`. A cylinder's own surface is what the ground
+Columns and tables are those of `engine/layout.py`. A cylinder's own surface is what the ground
 sees; other bodies see a prism of `SIDES` sides inside it, 0.5 % of the radius off at most.
 """
 
@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..kernels import layout as at
-from ..kernels.manifold import MOST
+from ..engine import layout as at
+from ..engine.contact.manifold import MOST
 
 Array = np.ndarray
 SIDES = 32

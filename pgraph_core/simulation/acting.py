@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..contact.tables import Tables
+from ..engine import layout as at
 from ..gait.controller import Controller
-from ..kernels import layout as at
 from ..mechanism import Mechanism
-from ..schema import Contact, Force, Scenario
+from ..model import Contact, Force, Scenario
 from ..system import Array, Drives, Ints, Loads
 from .switching import Change, changes
 

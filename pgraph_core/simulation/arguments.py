@@ -10,8 +10,8 @@ import numpy as np
 from ..errors import InputError, Problem, choices
 from ..integrators import METHODS, Method
 from ..mechanism import Mechanism
-from ..schema import Force, Scenario
-from ..schema.checks import force_problems
+from ..model import Force, Scenario
+from ..model.checks import force_problems
 from .run_plan import FIXED_RTOL, Tolerance
 
 LEAST_RTOL = 1e-15  # below it errors of a step are rounding

@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..engine.compiler.lane import LANE_WIDTH
+from ..engine.stepping import batch as kernels
 from ..errors import InputError, Problem
 from ..integrators import Method, method_of
-from ..kernels import batch as kernels
-from ..kernels.lane import LANE_WIDTH
 from ..mechanism import Mechanism
 from ..mechanism.batch import Batch, some
-from ..schema import Model
+from ..model import Model
 from ..system import Array
 from .times import schedule
 

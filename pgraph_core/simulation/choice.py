@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..engine import layout as at
 from ..integrators import DOP853, DOPRI5, RADAU5, RK4, Method, method_of
-from ..kernels import layout as at
 from ..mechanism import Mechanism
 from ..mechanism.packed import NO_LOADS
 from .acting import Acting

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels import adaptive, implicit
-from ..kernels import layout as at
+from ..engine import layout as at
+from ..engine.stepping import adaptive, implicit
 from ..mechanism import Mechanism
 from ..mechanism.scale import length_of
 from ..system import Array, Ints

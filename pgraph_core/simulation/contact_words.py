@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..kernels import layout as at
+from ..engine import layout as at
 from ..mechanism import Mechanism
 from ..mechanism.scene import Scene
 from ..result.contact_record import NOTHING, ContactRecord, Event

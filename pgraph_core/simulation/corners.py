@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels import layout as at
+from ..engine import layout as at
 from ..mechanism import Mechanism
 from ..system import Array, Drives, Ints, Loads
 from .run_plan import RunPlan

@@ -9,7 +9,7 @@ import numpy as np
 from ..constraints.blocked import blocked
 from ..constraints.tied import Tied
 from ..constraints.tree import Tree
-from ..kernels import layout as at
+from ..engine import layout as at
 from ..result import Status
 
 if TYPE_CHECKING:

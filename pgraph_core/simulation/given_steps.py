@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels import layout as at
-from ..kernels import run
+from ..engine import layout as at
+from ..engine.stepping import run
 from ..mechanism import Mechanism
 from ..system import Array, Ints
 from .links import links_of

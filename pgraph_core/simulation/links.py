@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ..kernels import motion
-from ..kernels.handle import address_of
+from ..engine import motion
+from ..engine.compiler.address import address_of
 
 
 def links_of(step: object) -> tuple[int, ...]:

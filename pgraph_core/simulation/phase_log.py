@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contact.tables import Tables, Touch
-from ..kernels import layout as at
+from ..engine import layout as at
+from ..model.names import GROUND
 from ..result.contact_record import PHASES, ContactRecord, Event
-from ..schema.names import GROUND
 from ..system import Array
 
 CAUSES = {

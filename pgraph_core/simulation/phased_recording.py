@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from ..constraints.assembly import ASSEMBLY_ROUNDS
 from ..contact import impacts
-from ..kernels import layout as at
-from ..kernels import motion, phase_watch
-from ..kernels import sites as site_kernels
-from ..kernels.proximal import FACTORED
+from ..engine import layout as at
+from ..engine import motion
+from ..engine.constraints.proximal import FACTORED
+from ..engine.contact import phase_watch
+from ..engine.contact import sites as site_kernels
 from ..mechanism.bodies import bodies_over
 from ..result import Result, Status
 from ..result.contact_record import FREE, PHASES, STOP, ContactRecord, Event

@@ -9,11 +9,12 @@ import numpy as np
 
 from ..contact.sites import Site, with_sites
 from ..contact.tables import Tables
-from ..kernels import layout as at
-from ..kernels import motion, phases
-from ..kernels import sites as site_kernels
-from ..kernels.handle import address_of, address_of_array, buffer
-from ..kernels.proximal import LAMBDA, RHS
+from ..engine import layout as at
+from ..engine import motion
+from ..engine.compiler.address import address_of, address_of_array, buffer
+from ..engine.constraints.proximal import LAMBDA, RHS
+from ..engine.contact import phases
+from ..engine.contact import sites as site_kernels
 from ..mechanism.scene import Scene
 from ..system import Array, Drives, Ints, Loads
 

@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels import layout as at
-from ..kernels import motion, phase_dense, phase_events, phases
-from ..kernels import sites as site_kernels
-from ..kernels.handle import address_of
+from ..engine import layout as at
+from ..engine import motion
+from ..engine.compiler.address import address_of
+from ..engine.contact import phases
+from ..engine.contact import sites as site_kernels
+from ..engine.stepping import phase_dense, phase_events
 from ..mechanism import Mechanism
 from ..system import Array
 from .chosen_steps import ChosenSteps

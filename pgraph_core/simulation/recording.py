@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from ..constraints.assembly import NOTABLE, assembled
 from ..constraints.null_rows import redundancy
 from ..constraints.singular import Instant, singular_notice
+from ..engine import layout as at
+from ..engine import motion
+from ..engine.compiler.address import address_of
 from ..errors import InputError
-from ..kernels import layout as at
-from ..kernels import motion
-from ..kernels.handle import address_of
 from ..mechanism import Mechanism
 from ..mechanism.callback import acting
 from ..mechanism.scene import Scene

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..mechanism import Mechanism
+from ..model import Force
 from ..result import Result
-from ..schema import Force
 from .acting import acting
 from .arguments import MOST_CHOSEN, Asked, check_choices, forces_of, method_name, span_of
 from .estimate import error_estimate

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels import motion, stiffness
-from ..kernels.handle import address_of
+from ..engine import motion
+from ..engine.compiler.address import address_of
+from ..engine.stepping import stiffness
 from ..mechanism import Mechanism
 from ..mechanism.scene import Scene
 from ..system import Array, Drives, Ints, Loads

@@ -6,10 +6,10 @@ import numpy as np
 
 from ..constraints.assembly import ASSEMBLY_ROUNDS
 from ..constraints.blocks import values_of
+from ..engine import motion
+from ..engine.constraints.proximal import RHS
+from ..engine.contact import sites as site_kernels
 from ..errors import InputError, ModelError, Problem
-from ..kernels import motion
-from ..kernels import sites as site_kernels
-from ..kernels.proximal import RHS
 from ..mechanism.scene import Scene
 from ..system import Array
 from .switching import Change

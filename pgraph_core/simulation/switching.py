@@ -10,8 +10,8 @@ import numpy as np
 
 from ..errors import InputError, ModelError, Problem
 from ..mechanism import Mechanism
-from ..schema import Scenario, Switch
-from ..schema.checks import switch_problems
+from ..model import Scenario, Switch
+from ..model.checks import switch_problems
 from ..system import Array, Ints
 
 SAME = 1e-12  # of the run: times this near are one

@@ -8,8 +8,8 @@ from typing import Any
 from ..errors import InputError, Problem
 from ..gait.controller import Controller
 from ..mechanism import Mechanism
+from ..model import Force, Gait, Model, VectorTable
 from ..result import Result
-from ..schema import Force, Gait, Model, VectorTable
 from ..system import Array
 from .simulation import simulate
 

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from ..errors import InputError, Problem
-from ..schema import Body, Model
-from ..schema.fields import fields_of
+from ..model import Body, Model
+from ..model.fields import fields_of
 
 
 def unchanged(model: Model, value: float) -> Model:

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 from ..errors import PgraphError
 from ..integrators import METHODS
 from ..mechanism import Mechanism
+from ..model import Model
 from ..result import Status
-from ..schema import Model
 from ..simulation import simulate
 from .axis import Axis
 from .judging import Asked, judged, limit

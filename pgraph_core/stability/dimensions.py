@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from ..errors import InputError, Problem
 from ..joints import Motion
-from ..schema import Body, Constraint, Contact, Force, Ground, Model, Table, VectorTable
-from ..schema.constraint import IN_JOINTS
+from ..model import Body, Constraint, Contact, Force, Ground, Model, Table, VectorTable
+from ..model.constraint import IN_JOINTS
 from .axis import changed
 
 

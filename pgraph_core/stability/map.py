@@ -13,8 +13,8 @@ from typing import Any
 from ..errors import FileError, InputError, Problem, choices
 from ..integrators import METHODS, method_of
 from ..mechanism import Mechanism
-from ..schema import Model
-from ..schema.files import write_atomic
+from ..model import Model
+from ..model.files import write_atomic
 from .axes import AXES
 from .cells import Sweep, computed
 from .start import in_scenario, started

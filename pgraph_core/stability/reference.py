@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..engine import layout as at
 from ..errors import PgraphError
 from ..integrators import METHODS
-from ..kernels import layout as at
 from ..mechanism import Mechanism
 from ..mechanism.scale import length_of
 from ..result import Result

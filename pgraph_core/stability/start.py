@@ -7,7 +7,7 @@ from typing import Any
 from ..errors import InputError, Problem
 from ..joints import nq, nv
 from ..mechanism import Mechanism
-from ..schema import Model
+from ..model import Model
 from .axis import changed
 
 

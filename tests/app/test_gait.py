@@ -27,7 +27,7 @@ from app.views.gait import gait
 from app.views.ground import solid
 from app.views.phases import phases
 from app.walking import has_feet
-from pgraph_core.kernels import gait_layout as go
+from pgraph_core.engine.gait import layout as go
 from pgraph_core.result.contact_record import Event
 
 ME = 1

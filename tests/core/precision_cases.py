@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.model.fields import fields_of
 from pgraph_core.rotation import matrix, multiply
-from pgraph_core.schema.fields import fields_of
 
 from .trees import State, random_body, random_quaternion, random_state
 

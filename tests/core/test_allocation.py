@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.kernels import dynamics, warm_up
-from pgraph_core.kernels import layout as at
-from pgraph_core.kernels._jit import JIT, KERNELS, OPTIONS, cache_folder
+from pgraph_core.engine import layout as at
+from pgraph_core.engine import warm_up
+from pgraph_core.engine.compiler.jit import JIT, KERNELS, OPTIONS, cache_folder
+from pgraph_core.engine.tree import dynamics
 
 from .trees import random_case
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.kernels.lane import LANE_WIDTH, lanes
-from pgraph_core.kernels.sines import sine_cosine
+from pgraph_core.engine.compiler.lane import LANE_WIDTH, lanes
+from pgraph_core.engine.compiler.sines import sine_cosine
 from tests.core.trees import random_case
 
 SIZES = (1, LANE_WIDTH - 1, LANE_WIDTH, 3 * LANE_WIDTH + 1)

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pgraph_core.kernels import collision
-from pgraph_core.kernels import layout as at
+from pgraph_core.engine import layout as at
+from pgraph_core.engine.contact import collision
 from pgraph_core.shapes import solids
 
 from .touching import FLAT, NOTHING, Scene, random_pose, random_solid

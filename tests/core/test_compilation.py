@@ -5,11 +5,11 @@ import sys
 
 import pytest
 
-from pgraph_core.kernels._jit import JIT, KERNELS, source_hash
+from pgraph_core.engine.compiler.jit import JIT, KERNELS, source_hash
 
 USE = """
 import numpy as np, pgraph_core as pg, static_models
-from pgraph_core.kernels._jit import KERNELS
+from pgraph_core.engine.compiler.jit import KERNELS
 for name in static_models.names():
     mech = pg.Mechanism(pg.Model.load(static_models.path(name)))
     q, v = mech.home()
@@ -28,9 +28,9 @@ print(missed, many)
 COLD = """
 import sys, time
 from pathlib import Path
-from pgraph_core.kernels import _jit, warm_up
+from pgraph_core.engine import _jit, warm_up
 _jit.cache_folder = lambda: Path(sys.argv[1])
-import pgraph_core.kernels.dynamics
+import pgraph_core.engine.tree.dynamics
 _jit.compile_kernel("forward_dynamics")
 alone = time.process_time()
 for _ in warm_up():
@@ -49,14 +49,14 @@ def test_all_kernels_compile_within_nine_times_of_one(tmp_path):
 
 
 def test_warmed_up_kernels_are_all_that_a_session_needs():
-    """The cache that `python -m pgraph_core.kernels` fills is the one that calls look in."""
-    subprocess.run([sys.executable, "-m", "pgraph_core.kernels"], check=True, capture_output=True)
+    """The cache that `python -m pgraph_core.engine` fills is the one that calls look in."""
+    subprocess.run([sys.executable, "-m", "pgraph_core.engine"], check=True, capture_output=True)
     done = subprocess.run([sys.executable, "-c", USE], check=True, capture_output=True, text=True)
     assert done.stdout.strip() == "{} {}"
 
 
 def test_every_kernel_states_its_signature():
-    import pgraph_core.kernels.run  # noqa: F401 (registers its kernels)
+    import pgraph_core.engine.stepping.run  # noqa: F401 (registers its kernels)
 
     assert JIT
     assert {"run", "constrained_dynamics"} <= set(KERNELS)

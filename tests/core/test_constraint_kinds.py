@@ -8,11 +8,11 @@ import pytest
 import pgraph_core as pg
 from pgraph_core.constraints.blocks import blocks
 from pgraph_core.constraints.kinds import curve
-from pgraph_core.kernels import layout as at
-from pgraph_core.operators import Operators, constrained_dynamics, frames
-from pgraph_core.operators.constraint_rows import prescribed, radius_of_gyration, rows_of
-from pgraph_core.operators.motion import home_poses
-from pgraph_core.schema.constraint import TAKES
+from pgraph_core.engine import layout as at
+from pgraph_core.model.constraint import TAKES
+from pgraph_core.paper import Operators, constrained_dynamics, frames
+from pgraph_core.paper.constraint_rows import prescribed, radius_of_gyration, rows_of
+from pgraph_core.paper.motion import home_poses
 
 from .trees import moved, random_model, random_state, scaled_error
 

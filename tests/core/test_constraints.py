@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 import pgraph_core as pg
 import static_models
-from pgraph_core.operators import Operators, constrained_dynamics
-from pgraph_core.operators.constrained import active_constraints, constraint_rows, delassus
+from pgraph_core.paper import Operators, constrained_dynamics
+from pgraph_core.paper.constrained import active_constraints, constraint_rows, delassus
 
 from .trees import moved, random_case, scaled_error
 

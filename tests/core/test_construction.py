@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import pgraph_core as pg
 import static_models
-from pgraph_core.kernels import layout as at
+from pgraph_core.engine import layout as at
 
 from .trees import random_case, random_model, shuffled
 

@@ -7,7 +7,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_core import joints
-from pgraph_core.operators.motion import bodies_of
+from pgraph_core.paper.motion import bodies_of
 
 from . import fifty_digits
 from .fifty_digits import exact, mp

@@ -11,9 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pgraph_core as pg
-from pgraph_core.operators import Operators
-from pgraph_core.operators import frames as absolute
-from pgraph_core.operators.frame_update import frame_update_trace, frame_vectors, increments, visits
+from pgraph_core.paper import Operators
+from pgraph_core.paper import frames as absolute
+from pgraph_core.paper.frame_update import (
+    frame_update_trace,
+    frame_vectors,
+    increments,
+    visits,
+)
 
 from .trees import moved, random_body, random_case, random_state, scaled_error
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from pgraph_core.kernels import layout as at
+from pgraph_core.engine import layout as at
 from pgraph_core.shapes import solids
 
 from .touching import KINDS, Scene, pose, random_pose, random_solid

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.kernels import layout as at
+from pgraph_core.engine import layout as at
 from pgraph_core.loads import loads
-from pgraph_core.operators import Operators
-from pgraph_core.operators.loads import load_of
-from pgraph_core.operators.motion import frames, home_poses
+from pgraph_core.paper import Operators
+from pgraph_core.paper.loads import load_of
+from pgraph_core.paper.motion import frames, home_poses
 
 from .trees import moved, random_case, scaled_error
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pgraph_core as pg
-from pgraph_core.operators import Operators
+from pgraph_core.paper import Operators
 
 from .trees import random_case, scaled_error
 

@@ -7,11 +7,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import pgraph_core as pg
+from pgraph_core.engine import layout as at
+from pgraph_core.engine.compiler.address import address_of
+from pgraph_core.engine.compiler.jit import kernel
+from pgraph_core.engine.stepping.events import EVENT, look_back
 from pgraph_core.integrators import tableaus
-from pgraph_core.kernels import layout as at
-from pgraph_core.kernels._jit import kernel
-from pgraph_core.kernels.events import EVENT, look_back
-from pgraph_core.kernels.handle import address_of
 from pgraph_core.mechanism.packed import NO_LOADS
 from pgraph_core.simulation.recording import Recording
 from pgraph_core.simulation.run_plan import RunPlan, Tolerance

@@ -80,12 +80,12 @@ def test_ranks_and_redundant_rows_by_name(name, rows, rank, dof, redundant):
 @pytest.mark.parametrize("name", ["slider_crank", "bricard", "quadruped", "andrews"])
 def test_the_rank_is_that_of_the_dense_rows_off_the_first_position(name):
     """An oracle that knows neither groups nor order: the singular values of all rows."""
-    from pgraph_core.operators.constrained import constraint_rows
+    from pgraph_core.paper.constrained import constraint_rows
 
     mech = mechanism(name)
     q, v = mech.home()
     q, v, _ = mech.assemble(q + 0.05 * (np.abs(q) < 0.4), v)
-    from pgraph_core.operators import Operators
+    from pgraph_core.paper import Operators
 
     J, _ = constraint_rows(Operators(mech.model, mech.topology, q), mech.model.constraints)
     values = np.linalg.svd(J @ np.linalg.inv(np.linalg.cholesky(mech.mass_matrix(q))).T)[1]

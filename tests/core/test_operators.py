@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pgraph_core as pg
-from pgraph_core.operators import (
+from pgraph_core.paper import (
     Operators,
     home_poses,
     kernel_operator_of_pgraph,

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import pgraph_core as pg
-from pgraph_core.schema.parameters import evaluated, names_in, negated
+from pgraph_core.model.parameters import evaluated, names_in, negated
 
 NAMES = {"a": 2.0, "thigh": 0.22, "n": -3.0}
 

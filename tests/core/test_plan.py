@@ -17,7 +17,7 @@ import static_models
 from benchmarks import forced
 from pgraph_core import plan
 from pgraph_core.integrators import METHODS
-from pgraph_core.schema.constraint import TAKES
+from pgraph_core.model.constraint import TAKES
 
 from .test_cases import mass
 

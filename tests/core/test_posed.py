@@ -8,8 +8,8 @@ import pytest
 import pgraph_core as pg
 from pgraph_core.constraints.posed import Packed, Posed
 from pgraph_core.constraints.tree import Tree
-from pgraph_core.operators import Operators
-from pgraph_core.operators.constraint_rows import rows_of
+from pgraph_core.paper import Operators
+from pgraph_core.paper.constraint_rows import rows_of
 
 from .test_constraint_kinds import ROWS, case
 from .trees import moved, random_case, scaled_error

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.kernels import run
-from pgraph_core.operators import Operators
+from pgraph_core.engine.stepping import run
+from pgraph_core.paper import Operators
 from tests.core.trees import random_case, random_model, random_state, scaled_error
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import pgraph_core as pg
 import static_models
-from pgraph_core.operators import Operators
+from pgraph_core.paper import Operators
 
 from .test_constraints import FEET, parallelogram
 from .trees import random_case, scaled_error

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.operators import Operators
+from pgraph_core.paper import Operators
 
 from .trees import scaled_error
 

@@ -8,8 +8,8 @@ import pytest
 import pgraph_core as pg
 from pgraph_core.contact.tables import damping_ratio, ground_of
 from pgraph_core.contact.tables import tables as tables_of
-from pgraph_core.kernels import collision
-from pgraph_core.kernels import layout as at
+from pgraph_core.engine import layout as at
+from pgraph_core.engine.contact import collision
 from pgraph_core.shapes.solids import contact_arrays, search_space
 
 BALL = {"kind": "sphere", "radius": 0.1}

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pgraph_core.kernels import collision
-from pgraph_core.kernels import layout as at
+from pgraph_core.engine import layout as at
+from pgraph_core.engine.contact import collision
 from pgraph_core.shapes import solids
 from pgraph_core.shapes.solids import Placed, Solid
 

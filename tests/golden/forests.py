@@ -16,7 +16,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core import joints
-from pgraph_core.operators.motion import bodies_of
+from pgraph_core.paper.motion import bodies_of
 
 from ..core.trees import State, random_case
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ...errors import InputError, Problem
-from ...schema import Body, Model
-from ...schema.names import GROUND
+from ...model import Body, Model
+from ...model.names import GROUND
 from ..axis import Axis, changed
 
 

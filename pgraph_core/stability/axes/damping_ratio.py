@@ -8,8 +8,8 @@ import numpy as np
 
 from ...constraints.tied import home
 from ...joints import nv
-from ...operators import Operators
-from ...schema import Force, Model
+from ...model import Force, Model
+from ...paper import Operators
 from ...topology import Topology
 from ..axis import Axis, changed, lacking
 

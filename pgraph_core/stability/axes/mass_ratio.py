@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from ...schema import Model
-from ...schema.names import GROUND
+from ...model import Model
+from ...model.names import GROUND
 from ...topology import Topology
 from ..axis import Axis, changed, lacking
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...errors import InputError, Problem
-from ...schema import Model
+from ...model import Model
 from ..axis import Axis, lacking
 
 

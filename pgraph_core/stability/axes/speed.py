@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ...schema import Model
+from ...model import Model
 from ..axis import Axis, changed, lacking
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ...joints import SIZE
-from ...schema import Body, Model
+from ...model import Body, Model
 from ..axis import Axis, changed, lacking
 
 BETWEEN = ("spring", "torsion")

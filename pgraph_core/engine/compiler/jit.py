@@ -1,0 +1,200 @@
+"""How kernels are compiled: options, and a disk cache that notices every edit of a kernel.
+
+Numba's own cache keys a function by its own file and misses edits of helpers in others. Here
+the cache folder is named by a hash of all kernel sources. All settings sit on the dispatchers:
+code of the user that uses numba never feels them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+from numba.core.sigutils import normalize_signature
+from numba.core.types import unliteral
+
+# No reference counting: kernels allocate nothing, and its atomic counts take half of their time.
+OPTIONS: dict[str, Any] = {"_nrt": False, "fastmath": {"contract"}, "error_model": "numpy"}
+ENGINE = Path(__file__).parent.parent
+JIT = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
+
+
+@cache
+def source_hash(folder: Path = ENGINE) -> str:
+    """Hash of every kernel source: the name of the cache folder."""
+    digest = hashlib.sha256(numba.__version__.encode())
+    for path in sorted(folder.rglob("*.py")):
+        digest.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+@cache
+def cache_folder() -> Path:
+    """$PGRAPH_CACHE if set, else next to the sources, else the user's cache folder."""
+    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    chosen = [Path(os.environ["PGRAPH_CACHE"])] if os.environ.get("PGRAPH_CACHE") else []
+    for base in (*chosen, ENGINE / "__pycache__", user / "pgraph"):
+        folder = base / f"kernels-{source_hash()}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            return folder
+    return ENGINE / "__pycache__"  # nothing can be written: numba compiles at each start
+
+
+class _PartLibrary(JITCodeLibrary):
+    """A helper as kernels link it: optimised and turned into machine code there, not before."""
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        return 0  # as numba has it for what is not there
+
+    @property
+    def codegen(self) -> Any:
+        return _NoEnvironment
+
+
+class _NoEnvironment:
+    """In the place of what would tell machine code where its Python objects are."""
+
+    @staticmethod
+    def set_env(name: str, environment: Any) -> None:
+        pass
+
+
+class _PartCompiler(Compiler):
+    """Numba's compiler, into a `_PartLibrary`."""
+
+    def define_pipelines(self) -> Any:
+        state: Any = self.state
+        state.library = _PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        return super().define_pipelines()
+
+
+class _Locator(_CacheLocator):
+    """Where numba finds the compiled form of one kernel."""
+
+    def __init__(self, py_func: Callable[..., Any]):
+        self._line = py_func.__code__.co_firstlineno
+
+    def get_cache_path(self) -> Any:
+        return str(cache_folder())
+
+    def get_source_stamp(self) -> Any:
+        return source_hash()
+
+    def get_disambiguator(self) -> Any:
+        return str(self._line)
+
+    @classmethod
+    def from_function(cls, py_func: Callable[..., Any], py_file: str) -> _Locator:
+        return cls(py_func)
+
+
+class _Impl(CompileResultCacheImpl):
+    _locator_classes = [_Locator]  # noqa: RUF012 (numba's own protocol)
+
+
+class _Cache(FunctionCache):
+    _impl_class = _Impl
+
+
+def _one_a_type(dispatcher: Any) -> Any:
+    """Compile a helper for the types it is called with, not anew for every constant."""
+    if JIT:
+        template = dispatcher.get_call_template
+        dispatcher.get_call_template = lambda args, kws: template(
+            tuple(unliteral(arg) for arg in args),
+            {name: unliteral(arg) for name, arg in kws.items()},
+        )
+    return dispatcher
+
+
+PART: dict[str, Any] = {
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    "pipeline_class": _PartCompiler,
+    **OPTIONS,
+}
+
+
+def part(function: Callable[..., Any]) -> Any:
+    """A small helper, always inlined; no wrappers, so that it compiles twice as fast."""
+    return _one_a_type(numba.njit(**PART, forceinline=True)(function))
+
+
+def sweep(function: Callable[..., Any]) -> Any:
+    """A helper that loops over rows: called, so that a kernel holds its code only once.
+
+    Said in so many words: to numba, what an inlined helper calls is to be inlined as well.
+    """
+    return _one_a_type(numba.njit(**PART, forceinline=False)(function))
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """A stage of one kernel, merged into it before anything is compiled."""
+    return numba.njit(**PART, inline="always")(function)
+
+
+def kernel(
+    signature: Any, *, nogil: bool = False, later: bool = False
+) -> Callable[[Callable[..., Any]], Any]:
+    """A compiled function that Python calls, cached on disk; `signature` None: when first called.
+
+    `later` keeps it out of the warm-up: it is compiled where something asks for it.
+
+    Short kernels keep the GIL, so that a workspace is never used by two threads at once; whole
+    runs release it (`nogil`) and bring their own workspace.
+    """
+
+    def compiled(function: Callable[..., Any]) -> Any:
+        dispatcher: Any = numba.njit(nogil=nogil, **OPTIONS)(function)
+        if JIT:
+            dispatcher._cache = _Cache(function)
+        if signature is not None:
+            (LATER if later else KERNELS)[function.__name__] = (dispatcher, signature)
+        return dispatcher
+
+    return compiled
+
+
+def compile_kernel(name: str) -> None:
+    """Compile a kernel, or load it from the disk cache.
+
+    Numba keys its cache by what `compile` is given: types, as a call gives them, not the text.
+    """
+    dispatcher, signature = KERNELS.get(name) or LATER[name]
+    if JIT and not dispatcher.signatures:
+        types, _ = normalize_signature(signature)
+        dispatcher.compile(tuple(types))
+
+
+def ready(dispatcher: Any) -> Any:
+    """A kernel compiled for its signature alone: other types raise TypeError, nothing compiles.
+
+    Python code can then try a call with what it was given, and look closer only if it fails.
+    """
+    if JIT and dispatcher._can_compile:
+        compile_kernel(dispatcher.__name__)
+        dispatcher.disable_compile()
+    return dispatcher
+
+
+KERNELS: dict[str, tuple[Any, str]] = {}  # every kernel and its signature, for the warm-up
+LATER: dict[str, tuple[Any, str]] = {}  # those that are not warmed up

@@ -1,0 +1,1 @@
+"""Constraint rows, their Delassus matrix, rank-safe solution and projection."""

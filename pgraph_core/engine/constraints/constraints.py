@@ -1,0 +1,392 @@
+"""Bilateral constraints: Delassus matrix by the articulated factors, rank-safe solve, projection.
+
+λ are the multipliers of the active blocks' rows in turn: forces and torques on `body` (R10).
+`space` is named in `layout`; blocks in `blocks`.
+"""
+
+from .. import layout as at
+from ..compiler.jit import part, sweep
+from ..compiler.triple import load_triple, numbers, triple
+from ..scene import opened
+from ..tree.articulated import inboard
+from ..tree.kinematics import frames, outboard, positions
+from ..tree.moving import advance
+from ..vec import accumulate, cross, largest, load, scale, store, sub
+from .blocks import (
+    along_coordinates,
+    fixed_point,
+    locate,
+    residual,
+    residual_acceleration,
+    residual_velocity,
+    total,
+    turns_with_speed,
+    velocities,
+)
+from .dips import watch
+from .paths import carry, carry_coordinates, pivots, spread
+from .proximal import (
+    CHANGE,
+    DINV,
+    FACTORED,
+    LAMBDA,
+    PLACED,
+    RHS,
+    STEP,
+    ZERO,
+    along_nulls,
+    factor_proximal,
+    solve_proximal,
+)
+
+NO_GAP = 1e-14  # relative to the mechanism's size: rounding
+CLOSED = 1e-7  # relative to it: a loop with a larger gap after all rounds is open
+SMALL_MOVE = 1e-10  # rad, m: below it one factorisation serves position and velocity
+NEAR = 1e-4  # how far from where they were made factors may serve a correction
+
+
+@part
+def number_rows(blocks, slots):
+    """First row of every active block; the number of rows in all."""
+    blocks_i, _, _, _, _, active = blocks
+    m = 0
+    for j in range(1, active[0] + 1):
+        slots[active[j], at.FIRST] = m
+        m += blocks_i[active[j], at.B_SIZE]
+    return m
+
+
+@part
+def unit_responses(rows, const, blocks, work, space):
+    """Y of the active blocks from the articulated factors."""
+    blocks_i, _, _, _, _, active = blocks
+    pivots(rows, work, space[5][DINV])
+    for j in range(1, active[0] + 1):
+        i = active[j]
+        if along_coordinates(blocks_i[i, at.B_TYPE]):
+            carry_coordinates(rows, const, blocks, i, work, space)
+        else:
+            carry(rows, blocks_i, i, work, space)
+
+
+@part
+def couplings(blocks, space):
+    """Ω of the active blocks from their Y."""
+    blocks_i, _, _, _, _, active = blocks
+    y, slots, omega, where, dinv = space[0], space[1], space[2], space[10], space[5][DINV]
+    for j in range(1, active[0] + 1):
+        i = active[j]
+        count = slots[i, at.SLOTS]
+        for s in range(count):
+            where[slots[i, at.SLOT + s]] = s + 1
+        for n in range(j, active[0] + 1):
+            couple(blocks_i, i, active[n], y, slots, where, dinv, omega)
+        for s in range(count):
+            where[slots[i, at.SLOT + s]] = 0
+
+
+@part
+def delassus(rows, const, blocks, work, space, m):
+    """Y and Ω of the active blocks, Ω's factor; μ, null directions."""
+    unit_responses(rows, const, blocks, work, space)
+    couplings(blocks, space)
+    return factor_proximal(space[2], space[3], space[9], m)
+
+
+@part
+def couple(blocks_i, i, n, y, slots, where, dinv, omega):
+    """The block of Ω between blocks i and n: joints on both their paths."""
+    u = triple(0.0, 0.0, 0.0)
+    v, w = u, u
+    for s in range(slots[n, at.SLOTS]):
+        k = slots[n, at.SLOT + s]
+        mine = max(where[k] - 1, 0)
+        other = (dinv[k] if where[k] > 0 else 0.0) * load_triple(y, n, 3 * s)  # no branch is missed
+        u = u + y[i, 3 * mine] * other
+        v = v + y[i, 3 * mine + 1] * other
+        w = w + y[i, 3 * mine + 2] * other
+    a, b, c = numbers(u), numbers(v), numbers(w)
+    r = slots[i, at.FIRST]
+    q = slots[n, at.FIRST]
+    rows = blocks_i[i, at.B_SIZE]
+    columns = blocks_i[n, at.B_SIZE]
+    if rows == 3 and columns == 3:
+        store(omega, r, q, a)
+        store(omega, r + 1, q, b)
+        store(omega, r + 2, q, c)
+        store(omega, q, r, (a[0], b[0], c[0]))
+        store(omega, q + 1, r, (a[1], b[1], c[1]))
+        store(omega, q + 2, r, (a[2], b[2], c[2]))
+        return
+    whole = (a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2])
+    for x in range(rows):
+        for z in range(columns):
+            omega[r + x, q + z] = whole[3 * x + z]
+            omega[q + z, r + x] = whole[3 * x + z]
+
+
+@part
+def respond(rows, const, blocks, work, space):
+    """M⁻¹ Jᵀ λ into STEP."""
+    blocks_i, _, _, _, _, active = blocks
+    y, slots, vectors = space[0], space[1], space[5]
+    lam = vectors[LAMBDA]
+    dinv = vectors[DINV]
+    step = vectors[STEP]
+    for k in range(dinv.shape[0]):
+        step[k] = 0.0
+    for j in range(1, active[0] + 1):
+        i = active[j]
+        r = slots[i, at.FIRST]
+        size = blocks_i[i, at.B_SIZE]
+        x = lam[r]
+        z = lam[r + 1] if size > 1 else 0.0
+        w = lam[r + 2] if size > 2 else 0.0
+        for s in range(slots[i, at.SLOTS]):
+            k = slots[i, at.SLOT + s]
+            total = x * y[i, 3 * s] + z * y[i, 3 * s + 1] + w * y[i, 3 * s + 2]
+            step[k] += total * dinv[k]
+    spread(rows, const, work, step)
+
+
+@sweep
+def located(scene, v, moving):
+    """Origins and the active blocks' places, after the frames; rows in all.
+
+    And velocities of origins, where something is `moving` that they are wanted of.
+    """
+    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
+    positions(rows, work)
+    if moving:
+        velocities(rows, const, work, v, space[6])
+    locate(blocks, work, space[4])
+    return number_rows(blocks, space[1])
+
+
+@sweep
+def gaps(scene, t, q, row):
+    """g of the active blocks into a row of `vectors`, after `located`."""
+    _, _, _, _, blocks, work, space, _, _, _ = opened(scene)
+    residual(blocks, work, space, t, q, space[5][row])
+
+
+@sweep
+def speeds(scene, t, v, row):
+    """g' of the active blocks into a row of `vectors`, after `located`."""
+    _, _, _, _, blocks, work, space, _, _, _ = opened(scene)
+    residual_velocity(blocks, work, space, t, v, space[5][row])
+
+
+@part
+def impose(scene, t, q, v, vdot):
+    """Add M⁻¹ Jᵀ λ to v' so that J v' + J' v = 0, eqs. (27)-(29); λ is left in `vectors`.
+
+    The scene's gains (2,) are Baumgarte's 2α and α², zero without it.
+    """
+    rows, const, _, _, blocks, work, space, gains, _, _ = opened(scene)
+    vectors = space[5]
+    m = located(scene, v, gains[0] > 0.0 or turns_with_speed(blocks))
+    rhs = vectors[RHS]
+    residual_acceleration(blocks, work, space, t, vdot, rhs)
+    if gains[0] > 0.0:
+        other = vectors[CHANGE]
+        speeds(scene, t, v, CHANGE)
+        for r in range(m):
+            rhs[r] += gains[0] * other[r]
+        gaps(scene, t, q, CHANGE)
+        for r in range(m):
+            rhs[r] += gains[1] * other[r]
+    for r in range(m):
+        rhs[r] = -rhs[r]
+    mu, count = delassus(rows, const, blocks, work, space, m)
+    watch(scene, t, q, v)
+    remember(vectors, q, mu, count)
+    iterations = solve_proximal(space[2], space[3], space[9], mu, count, vectors, m, 0.0)
+    respond(rows, const, blocks, work, space)
+    for j in range(vdot.shape[0]):
+        vdot[j] += vectors[STEP, j]
+    return iterations
+
+
+@part
+def driven_power(blocks, space, v):
+    """λ Σ c v of the coordinate rows [W]: what motions over time put in; others do no work."""
+    blocks_i, _, terms_i, terms_f, _, active = blocks
+    power = 0.0
+    for j in range(1, active[0] + 1):
+        i = active[j]
+        kind = blocks_i[i, at.B_TYPE]
+        if kind == at.T_COORD or kind == at.T_VELOCITY:
+            lam = space[5][LAMBDA, space[1][i, at.FIRST]]
+            power += lam * total(blocks_i, terms_i, terms_f, i, 0, v)
+    return power
+
+
+@part
+def remember(vectors, q, mu, count):
+    """Where the factors at hand were made, for `settle`."""
+    for i in range(q.shape[0]):
+        vectors[PLACED, i] = q[i]
+    vectors[FACTORED, 0] = mu
+    vectors[FACTORED, 1] = count
+    vectors[FACTORED, 2] = 1.0
+
+
+@part
+def drift(rows, const, blocks, work, space, t, q, v, out):
+    """Largest |g| and |g'| of the active blocks into out (2,), after `outboard`."""
+    vectors = space[5]
+    positions(rows, work)
+    velocities(rows, const, work, v, space[6])
+    m = number_rows(blocks, space[1])
+    locate(blocks, work, space[4])
+    residual(blocks, work, space, t, q, vectors[CHANGE])
+    out[0] = largest(vectors[CHANGE], m)
+    residual_velocity(blocks, work, space, t, v, vectors[CHANGE])
+    out[1] = largest(vectors[CHANGE], m)
+
+
+@part
+def wrenches(rows, blocks, work, space, out):
+    """[torque, force] on `body` of every active block, world axes, at its point PA; others 0.
+
+    A coordinate row gives its torque or force on the first body of its terms, about its origin.
+    """
+    blocks_i, blocks_f, terms_i, terms_f, _, active = blocks
+    slots, place, vectors = space[1], space[4], space[5]
+    for i in range(out.shape[0]):
+        store(out, i, 0, (0.0, 0.0, 0.0))
+        store(out, i, 3, (0.0, 0.0, 0.0))
+    for j in range(1, active[0] + 1):
+        i = active[j]
+        kind = blocks_i[i, at.B_TYPE]
+        a = blocks_i[i, at.B_A]
+        if along_coordinates(kind):
+            x = scale(vectors[LAMBDA, slots[i, at.FIRST]], load(work, a, at.H))
+            if rows[a, at.KIND] <= at.TRANSLATE:
+                x = scale(terms_f[blocks_i[i, at.B_TERM]], x)
+                store(out, i, 0 if rows[a, at.KIND] == at.ROTATE else 3, x)
+            continue
+        arm = sub(load(place, i, at.PLACE_P), fixed_point(blocks_f, i, at.PA, work, a))
+        for r in range(blocks_i[i, at.B_SIZE]):
+            d = load(place, i, at.PLACE_D + 3 * r)
+            x = scale(vectors[LAMBDA, slots[i, at.FIRST] + r], d)
+            accumulate(out, i, 0, x if kind == at.T_ALIGN else cross(arm, x))
+            if kind != at.T_ALIGN:
+                accumulate(out, i, 3, x)
+
+
+@part
+def extent(rows, blocks, work):
+    """Size of the mechanism's coordinates [m]: what rounding of positions is relative to."""
+    blocks_f = blocks[1]
+    x, y, z = 0.0, 0.0, 0.0
+    for k in range(1, rows.shape[0]):
+        x = max(x, abs(work[k, at.X]))
+        y = max(y, abs(work[k, at.X + 1]))
+        z = max(z, abs(work[k, at.X + 2]))
+    size = max(x, max(y, z))
+    for i in range(blocks_f.shape[0]):
+        for n in range(6):
+            size = max(size, abs(blocks_f[i, n]))
+    return size
+
+
+@sweep
+def settle(scene, t, q, v):
+    """`project` by the factors of the last acceleration; False, and nothing moved, if too far off.
+
+    A correction by factors from `moved` away misses by `moved` times itself: next to nothing at
+    the end of a step, whose last stage was close by and whose gap is small.
+    """
+    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
+    vectors, nulls = space[5], space[9]
+    mu, count = vectors[FACTORED, 0], int(vectors[FACTORED, 1])
+    known = vectors[FACTORED, 2]
+    vectors[FACTORED, 2] = 0.0
+    moved = 0.0
+    for i in range(q.shape[0]):
+        moved = max(moved, abs(q[i] - vectors[PLACED, i]))
+    if known == 0.0 or not moved < NEAR:
+        return False
+    frames(rows, const, work, q, v)
+    m = located(scene, v, True)
+    rounding = NO_GAP * extent(rows, blocks, work)
+    speeds(scene, t, v, RHS)
+    missed = along_nulls(nulls, count, vectors[RHS], m)
+    correct(scene, mu, count, m, rounding)
+    change = vectors[ZERO]
+    for j in range(v.shape[0]):
+        change[j] = vectors[STEP, j]
+    missed = max(missed, moved * largest(change, v.shape[0]))
+    gaps(scene, t, q, RHS)
+    open_gap = largest(vectors[RHS], m) > rounding
+    if open_gap:
+        missed = max(missed, along_nulls(nulls, count, vectors[RHS], m))
+        correct(scene, mu, count, m, rounding)
+        step = largest(vectors[STEP], v.shape[0])
+        missed = max(missed, moved * step)
+        if not step < SMALL_MOVE:
+            return False
+    if not missed <= rounding:
+        return False
+    for j in range(v.shape[0]):
+        v[j] += change[j]
+    if open_gap:
+        advance(rows, q, vectors[STEP], 1.0)
+    return True
+
+
+@part
+def project(scene, t, q, v, rounds):
+    """Move q and v onto the constraints in the mass metric; rounds taken, -1 where it fails.
+
+    Both corrections use one factorisation; it is made anew while positions move notably. Next to
+    a singular position rounding alone moves them: a gap that is rounding is none.
+    """
+    if settle(scene, t, q, v):
+        return 1
+    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
+    vectors = space[5]
+    zero = vectors[ZERO]
+    for j in range(v.shape[0]):
+        zero[j] = 0.0
+    m = 0
+    gap = 0.0
+    size = 1.0
+    taken = 0
+    for taken in range(1, rounds + 1):
+        outboard(rows, const, work, q, v)
+        inboard(rows, const, work, zero)
+        m = located(scene, v, True)
+        mu, count = delassus(rows, const, blocks, work, space, m)
+        speeds(scene, t, v, RHS)
+        correct(scene, mu, count, m, 0.0)
+        for j in range(v.shape[0]):
+            v[j] += vectors[STEP, j]
+        gaps(scene, t, q, RHS)
+        gap = largest(vectors[RHS], m)
+        size = extent(rows, blocks, work)
+        if gap <= NO_GAP * size:
+            return taken
+        correct(scene, mu, count, m, 0.0)
+        advance(rows, q, vectors[STEP], 1.0)
+        if largest(vectors[STEP], v.shape[0]) < SMALL_MOVE:
+            break
+    if gap <= CLOSED * size:
+        return taken
+    frames(rows, const, work, q, v)  # beside a mechanism that is a point every gap is large
+    located(scene, v, False)
+    gaps(scene, t, q, RHS)
+    return taken if largest(vectors[RHS], m) <= CLOSED * gap else -1
+
+
+@sweep
+def correct(scene, mu, count, m, enough):
+    """-M⁻¹ Jᵀ Ω⁺ RHS into STEP, to what is `enough` of RHS."""
+    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
+    vectors = space[5]
+    for r in range(m):
+        vectors[RHS, r] = -vectors[RHS, r]
+    solve_proximal(space[2], space[3], space[9], mu, count, vectors, m, enough)
+    respond(rows, const, blocks, work, space)

@@ -1,0 +1,124 @@
+"""Shapes against the ground: exact points and gaps.
+
+The ground is a plane through the world's origin, and rectangles of it at another height. The
+height under a point is the only thing that a patch changes: it has no side faces, so a point that
+crosses its border meets the new height at once. A step that can be bumped into is a box on row 0.
+"""
+
+import math
+
+from .. import layout as at
+from ..compiler.jit import part, sweep
+from ..vec import add_scaled, cross, dot, load, load9, scale, store
+from .manifold import thin
+from .shapes import put, vertex
+
+UPRIGHT = 1e-12  # below it the lowest direction of a cylinder's rim is rounding
+
+
+@part
+def height(ground, p):
+    """Of the ground under a point, along the normal [m]."""
+    x = dot(p, load(ground, 0, at.GR_X))
+    y = dot(p, load(ground, 0, at.GR_Y))
+    found = 0.0
+    for k in range(1, ground.shape[0]):
+        over = ground[k, at.GR_X0] <= x <= ground[k, at.GR_X1]
+        if over and ground[k, at.GR_Y0] <= y <= ground[k, at.GR_Y1]:
+            found = ground[k, at.GR_HEIGHT]
+    return found
+
+
+@sweep
+def top(ground):
+    """The greatest height that the ground has [m]."""
+    found = 0.0
+    for k in range(1, ground.shape[0]):
+        found = max(found, ground[k, at.GR_HEIGHT])
+    return found
+
+
+@part
+def above(ground, p):
+    """Height of a point over the ground under it."""
+    return dot(p, load(ground, 0, at.GR_NORMAL)) - height(ground, p)
+
+
+@part
+def rim_point(geometry, ground, poses, i, k):
+    """(point k of a cylinder, its feature): the lowest of either rim, then three quarter turns on.
+
+    Only the lower end is turned around: five points, whose lowest is the cylinder's.
+    """
+    n = load(ground, 0, at.GR_NORMAL)
+    r = load9(poses, i, at.PO_ROT)
+    axis = (r[2], r[5], r[8])
+    tilt = dot(n, axis)
+    down = add_scaled(scale(tilt, axis), -1.0, n)
+    size = math.sqrt(dot(down, down))
+    down = scale(1.0 / size, down) if size > UPRIGHT else (r[0], r[3], r[6])
+    far = k == 1 if k < 2 else tilt <= 0.0  # the end at +z
+    if k == 2 or k == 4:
+        down = cross(axis, down)
+    if k >= 3:
+        down = scale(-1.0, down)
+    half = geometry[1][i, at.SH_HALF]
+    centre = add_scaled(load(poses, i, at.PO_POS), half if far else -half, axis)
+    feature = k + 3 if k >= 2 and far else k
+    return add_scaled(centre, geometry[1][i, at.SH_RADIUS], down), feature
+
+
+@part
+def candidate(geometry, ground, poses, i, k):
+    """(place, radius, feature) of the k-th ball that may touch the ground."""
+    if geometry[0][i, at.SH_KIND] == at.CYLINDER:
+        p, feature = rim_point(geometry, ground, poses, i, k)
+        return p, 0.0, feature
+    return vertex(geometry, poses, i, k), geometry[1][i, at.SH_RADIUS], k
+
+
+@part
+def candidates(shapes_i, i):
+    """How many there are."""
+    return 5 if shapes_i[i, at.SH_KIND] == at.CYLINDER else shapes_i[i, at.SH_VERTICES]
+
+
+@sweep
+def ground_gap(geometry, ground, poses, i):
+    """Signed distance of shape i from the ground [m]."""
+    gap = math.inf
+    for k in range(candidates(geometry[0], i)):
+        p, radius, _ = candidate(geometry, ground, poses, i, k)
+        gap = min(gap, above(ground, p) - radius)
+    return gap
+
+
+@part
+def ground_contacts(geometry, ground, poses, i, margin, room, out, n):
+    """Append where shape i is within `margin` of the ground; the new number of contact points.
+
+    Sphere 1 point, capsule 2, box its vertices, cylinder up to 5 (the lowest of both rims and a
+    square on the lower one), hull its vertices thinned to 8, points all. Feature: the vertex; of a
+    cylinder 0 and 1 the lowest points of its ends, 2-4 and 5-7 the rest of their squares.
+    """
+    shapes_i = geometry[0]
+    normal = load(ground, 0, at.GR_NORMAL)
+    kind = shapes_i[i, at.SH_KIND]
+    found = 0
+    for k in range(candidates(shapes_i, i)):
+        p, radius, feature = candidate(geometry, ground, poses, i, k)
+        gap = above(ground, p) - radius
+        if gap > margin:
+            continue
+        if kind == at.HULL:
+            store(room, found, 0, p)
+            room[found, at.RO_HEIGHT] = gap
+            room[found, at.RO_TAG] = k
+            found += 1
+        else:
+            n = put(out, n, add_scaled(p, -gap - radius, normal), normal, gap, feature)
+    for k in range(thin(room, 0, found, normal)):
+        gap = room[k, at.RO_HEIGHT]
+        on_ground = add_scaled(load(room, k, 0), -gap, normal)
+        n = put(out, n, on_ground, normal, gap, int(room[k, at.RO_TAG]))
+    return n

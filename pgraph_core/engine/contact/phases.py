@@ -1,0 +1,348 @@
+"""The equations of motion with contact points in phases: swing, sliding, stance.
+
+A stance is three bilateral rows, a limit one. A sliding point has its normal row, and a force
+s (n - μ w) on the body: w is where it slides to. With B the bilateral rows and the stances,
+Ω of all rows and c_j = Ω_·n - μ Ω_·w of sliding point j,
+
+    (C_S - Ω_SB Ω_BB⁺ C_B) s = r_S - Ω_SB Ω_BB⁺ r_B
+
+is all that is not symmetric. Its diagonal at or below zero is Painlevé's case.
+"""
+
+import math
+
+from numba import types
+
+from .. import layout as at
+from ..compiler.address import stored
+from ..compiler.jit import kernel, part, sweep
+from ..constraints.blocks import locate, residual_acceleration, slip, velocities
+from ..constraints.constraints import couplings, number_rows, respond, unit_responses
+from ..constraints.dips import watch
+from ..constraints.proximal import CHANGE, LAMBDA, RHS, STEP, factor_proximal, solve_proximal
+from ..motion import ACCELERATION, F2, F3, I1, I2, SCENE, call_acceleration
+from ..tree.kinematics import positions
+from ..vec import add_scaled, dot, load, scale, store3
+
+# addresses of: the equations of motion without sites, the same scene without active blocks, the
+# scene whose active blocks are what is projected, the equations with sites, what records without,
+# what observes sites, what projects
+LINK_TREE, LINK_BARE, LINK_HELD, LINK_PHASED, LINK_RECORD, LINK_OBSERVE = 0, 1, 2, 3, 4, 5
+LINK_PROJECT = 6
+LINKS_OF_SITES = 7
+# links, sites_i, sites_f, every site's S_SLIDE as active blocks, watched, columns (3 k + 2, m): c
+# and the right side, what Ω_BB⁺ makes of them, and Ω of the normals; small (3 k + 2, k); and what
+# frames keep of all sites: phases (n, ns), the rest (n, ns, 11)
+SITES = types.Tuple((I1, I2, F2, I1, F2, F2, F2, I2, F3))
+PHASED = types.Tuple((*SCENE, SITES))
+_save, opened_phased = stored(PHASED)
+
+RANK = 1e-11  # singular values of sliding points below this part of the largest are zero
+JACOBI_SWEEPS = 30
+SHARES = 200  # projections on cones and back
+SHARED = 1e-12  # of the largest multiplier: forces this near their cones are in them
+INSIDE = 1e-9  # part of the cone that is left free, so that projections end inside
+OVER = 1.5  # over-relaxation
+
+
+@kernel(types.void(I1, PHASED), later=True)
+def save_phased(buffer, scene):
+    """Keep a scene with sites where `opened_phased` finds it; `opened` finds the scene alone."""
+    _save(buffer, scene)
+
+
+@part
+def slides(phase):
+    """Whether a site in this phase slides."""
+    return phase == at.SLIP or phase == at.ACCEPTANCE
+
+
+@part
+def tangential(sites_f, s, u):
+    """u without its part along the normal of site s."""
+    n = load(sites_f, s, at.S_NORMAL)
+    return add_scaled(u, -dot(u, n), n)
+
+
+@part
+def way(sites_f, s, u):
+    """Direction of slip: of u, of S_WAY where u is zero, and beyond the end of a slide.
+
+    Friction turns slow slip across its way at the rate μ N w / |u|, too fast for an explicit step:
+    there the way of the step's start weighs as much as keeps the step stable.
+    """
+    before = load(sites_f, s, at.S_WAY)
+    u = tangential(sites_f, s, u)
+    if not dot(u, before) > 0.0:
+        return before
+    weight = sites_f[s, at.S_STILL]
+    blend = sites_f[s, at.S_BLEND]
+    if blend > 0.0:
+        left = max(0.0, 1.0 - 0.25 * math.sqrt(dot(u, u)) / blend)
+        weight += blend * left * left
+    u = add_scaled(u, weight, before)
+    return scale(1.0 / math.sqrt(dot(u, u)), u)
+
+
+@kernel(ACCELERATION, nogil=True, later=True)
+def phased_acceleration(scene, t, q, v, tau, vdot, flow):
+    """As `acceleration`, with the sites of the scene in their phases."""
+    rows, const, _, _, blocks, work, space, _, _, _, sites = opened_phased(scene)
+    links = sites[0]
+    call_acceleration(links[LINK_TREE], (links[LINK_BARE], t, q, v, tau, vdot, flow))
+    if blocks[5][0] == 0:
+        return 0
+    vectors = space[5]
+    positions(rows, work)
+    velocities(rows, const, work, v, space[6])
+    m = number_rows(blocks, space[1])
+    locate(blocks, work, space[4])
+    residual_acceleration(blocks, work, space, t, vdot, vectors[RHS])
+    for r in range(m):
+        vectors[RHS, r] = -vectors[RHS, r]
+    unit_responses(rows, const, blocks, work, space)
+    couplings(blocks, space)
+    flow[2] = 0.0
+    flow[1] += solve_phased(blocks, work, space, sites, m, flow)
+    watch(scene, t, q, v)  # rows of constraints come first: their pivots know nothing of sites
+    respond(rows, const, blocks, work, space)
+    for j in range(vdot.shape[0]):
+        vdot[j] += vectors[STEP, j]
+    return 0
+
+
+@sweep
+def solve_phased(blocks, work, space, sites, m, flow):
+    """λ of all active rows, sliding blocks last; power that friction takes [W]."""
+    _, sites_i, sites_f, _, _, columns, small, _, _ = sites
+    slots, omega, factor, vectors, nulls = space[1], space[2], space[3], space[5], space[9]
+    lam = vectors[LAMBDA]
+    held, k, count = m, 0, 0
+    for s in range(sites_i.shape[0]):
+        if slides(sites_i[s, at.S_PHASE]):
+            held = min(held, slots[sites_i[s, at.S_SLIDE], at.FIRST])
+            k += 1
+    for r in range(m):
+        columns[k, r] = vectors[RHS, r]
+    if k > 0:
+        slide_columns(blocks, work, space, sites, k, m)
+    for r in range(m):
+        lam[r] = 0.0
+    if held > 0:
+        mu, count = factor_proximal(omega, factor, nulls, held)
+        for j in range(k + 1):
+            for r in range(held):
+                vectors[RHS, r] = columns[j, r]
+            flow[2] += solve_proximal(omega, factor, nulls, mu, count, vectors, held, 0.0)
+            for r in range(held):
+                columns[k + 1 + j, r] = lam[r]
+    if k == 0:
+        if held > 0 and count > 0:
+            share_out(blocks, space, sites, count, held)
+        return 0.0
+    reduce_slides(sites, held, k)
+    if k == 1:
+        small[2, 0] = small[1, 0] / small[0, 0] if small[0, 0] != 0.0 else 0.0
+    else:
+        solve_small(small, k)
+    power = share_slides(blocks, space, sites, held, k, work)
+    if count > 0:
+        share_out(blocks, space, sites, count, held)
+    return power
+
+
+@sweep
+def share_out(blocks, space, sites, count, held):
+    """Move λ of stances along null directions of Ω into their cones, where that can be done.
+
+    Forces of redundant supports are not unique: those of least norm may leave a cone though
+    others do not. Projections on the cones and back along the null directions, in turn.
+    """
+    _, sites_i, sites_f, _, _, _, _, _, _ = sites
+    slots, place, vectors, nulls = space[1], space[4], space[5], space[9]
+    lam = vectors[LAMBDA]
+    change = vectors[CHANGE]
+    for _ in range(SHARES):
+        worst = 0.0
+        size = 0.0
+        for r in range(held):
+            change[r] = 0.0
+            size = max(size, abs(lam[r]))
+        for s in range(sites_i.shape[0]):
+            if sites_i[s, at.S_PHASE] == at.STANCE:
+                i = sites_i[s, at.S_STANCE]
+                r = slots[i, at.FIRST]
+                if sites_i[s, at.S_LIMIT] == 1:
+                    step = (max(0.0, -lam[r]), 0.0, 0.0)
+                    change[r] = step[0]
+                else:
+                    step = into_cone(sites_f, s, place, i, lam, r)
+                    store3(change, r, step)
+                worst = max(worst, dot(step, step))
+        if not worst > (SHARED * size) ** 2:
+            return
+        for n in range(count):
+            along = 0.0
+            for r in range(held):
+                along += nulls[n, r] * change[r]
+            for r in range(held):
+                lam[r] += OVER * along * nulls[n, r]
+
+
+@part
+def into_cone(sites_f, s, place, i, lam, r):
+    """What λ of a stance lacks to the nearest force in its cone, a little inside the rim."""
+    mu = sites_f[s, at.S_FRICTION] * (1.0 - INSIDE)
+    normal = load(sites_f, s, at.S_NORMAL)
+    n = (
+        dot(normal, load(place, i, at.PLACE_D)),
+        dot(normal, load(place, i, at.PLACE_D + 3)),
+        dot(normal, load(place, i, at.PLACE_D + 6)),
+    )
+    x = (lam[r], lam[r + 1], lam[r + 2])
+    push = dot(n, x)
+    drag = add_scaled(x, -push, n)
+    size = math.sqrt(dot(drag, drag))
+    if size <= mu * push:
+        return (0.0, 0.0, 0.0)
+    best = max(0.0, (push + mu * size) / (1.0 + mu * mu))
+    target = scale(best, n)
+    if size > 0.0:
+        target = add_scaled(target, mu * best / size, drag)
+    return add_scaled(target, -1.0, x)
+
+
+@sweep
+def slide_columns(blocks, work, space, sites, k, m):
+    """c_j, and Ω_·n, of every sliding site in turn into `columns`: factoring writes into Ω."""
+    _, sites_i, sites_f, _, _, columns, _, _, _ = sites
+    slots, omega, place = space[1], space[2], space[4]
+    j = 0
+    for s in range(sites_i.shape[0]):
+        if not slides(sites_i[s, at.S_PHASE]):
+            continue
+        i = sites_i[s, at.S_SLIDE]
+        d = way(sites_f, s, slip(blocks[0], i, work, space[6], place))
+        x = sites_f[s, at.S_FRICTION] * dot(d, load(place, i, at.PLACE_D + 3))
+        y = sites_f[s, at.S_FRICTION] * dot(d, load(place, i, at.PLACE_D + 6))
+        n = slots[i, at.FIRST]
+        for r in range(m):
+            columns[j, r] = omega[r, n] - x * omega[r, n + 1] - y * omega[r, n + 2]
+            columns[2 * k + 2 + j, r] = omega[r, n]
+        sites_f[s, at.S_EASE] = 0.5 * (omega[n + 1, n + 1] + omega[n + 2, n + 2])
+        j += 1
+
+
+@sweep
+def reduce_slides(sites, held, k):
+    """The k equations of the sliding sites: matrix in the first k rows of `small`, then r."""
+    _, sites_i, sites_f, _, _, columns, small, _, _ = sites
+    i = 0
+    n = held
+    for s in range(sites_i.shape[0]):
+        if not slides(sites_i[s, at.S_PHASE]):
+            continue
+        n = held + 3 * i
+        for j in range(k + 1):
+            x = columns[j, n]
+            for r in range(held):
+                x -= columns[2 * k + 2 + i, r] * columns[k + 1 + j, r]
+            if j < k:
+                small[i, j] = x
+            else:
+                small[k, i] = x
+        sites_f[s, at.S_PIVOT] = small[i, i] / columns[2 * k + 2 + i, n]
+        i += 1
+
+
+@sweep
+def solve_small(small, k):
+    """Row 2 k of `small`: least-norm solution of S s = r by one-sided Jacobi rotations.
+
+    S is in rows 0 to k - 1, r in row k; rows k + 1 to 2 k - 1 and on are scratch: a box that
+    slides on four corners makes S singular, and forces of least norm are those of a soft ground.
+    """
+    base = 2 * k + 1  # V, row by row
+    for i in range(k):
+        for j in range(k):
+            small[base + i, j] = 1.0 if i == j else 0.0
+    for _ in range(JACOBI_SWEEPS):
+        turned = 0
+        for p in range(k - 1):
+            for q in range(p + 1, k):
+                turned += rotate_columns(small, base, p, q, k)
+        if turned == 0:
+            break
+    largest = 0.0
+    for j in range(k):
+        largest = max(largest, column_dot(small, j, j, k))
+    for i in range(k):
+        small[2 * k, i] = 0.0
+    for j in range(k):
+        size = column_dot(small, j, j, k)
+        if size > RANK * RANK * largest:
+            x = 0.0
+            for i in range(k):
+                x += small[i, j] * small[k, i]
+            for i in range(k):
+                small[2 * k, i] += small[base + i, j] * x / size
+
+
+@part
+def column_dot(small, p, q, k):
+    total = 0.0
+    for i in range(k):
+        total += small[i, p] * small[i, q]
+    return total
+
+
+@sweep
+def rotate_columns(small, base, p, q, k):
+    """Columns p and q of S V made orthogonal; 0 if they were."""
+    a = column_dot(small, p, p, k)
+    b = column_dot(small, q, q, k)
+    c = column_dot(small, p, q, k)
+    if not abs(c) > 1e-15 * math.sqrt(a * b):
+        return 0
+    zeta = (b - a) / (2.0 * c)
+    t = 1.0 / (abs(zeta) + math.sqrt(1.0 + zeta * zeta))
+    if zeta < 0.0:
+        t = -t
+    cosine = 1.0 / math.sqrt(1.0 + t * t)
+    sine = cosine * t
+    for i in range(k):
+        x = small[i, p]
+        small[i, p] = cosine * x - sine * small[i, q]
+        small[i, q] = sine * x + cosine * small[i, q]
+        x = small[base + i, p]
+        small[base + i, p] = cosine * x - sine * small[base + i, q]
+        small[base + i, q] = sine * x + cosine * small[base + i, q]
+    return 1
+
+
+@sweep
+def share_slides(blocks, space, sites, held, k, work):
+    """λ of all rows from the sizes s of the sliding forces; power that friction takes."""
+    _, sites_i, sites_f, _, _, columns, small, _, _ = sites
+    slots, place, lam = space[1], space[4], space[5][LAMBDA]
+    power = 0.0
+    j = 0
+    for r in range(held):
+        lam[r] = columns[2 * k + 1, r]
+    for s in range(sites_i.shape[0]):
+        if not slides(sites_i[s, at.S_PHASE]):
+            continue
+        i = sites_i[s, at.S_SLIDE]
+        size = small[2 * k, j]
+        for r in range(held):
+            lam[r] -= size * columns[k + 1 + j, r]
+        u = slip(blocks[0], i, work, space[6], place)
+        d = way(sites_f, s, u)
+        drag = size * sites_f[s, at.S_FRICTION]
+        n = slots[i, at.FIRST]
+        lam[n] = size
+        lam[n + 1] = -drag * dot(d, load(place, i, at.PLACE_D + 3))
+        lam[n + 2] = -drag * dot(d, load(place, i, at.PLACE_D + 6))
+        power += drag * dot(d, u)
+        j += 1
+    return power

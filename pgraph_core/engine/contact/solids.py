@@ -1,0 +1,312 @@
+"""Convex solids with corners against each other, and against balls and capsules.
+
+The signed distance of two convex polytopes is the largest separation along the normals of the
+faces of their difference A - B: faces of A, faces of B, and products of edges whose arcs cross on
+the Gauss map [Gottschalk et al. 1996; Gregorius 2013]. That is exact where they penetrate, and
+where the nearest features are a face and a vertex or two edges. Else (vertex to edge or vertex)
+the nearest pair is searched, pruned by the separation. Nothing iterates, so nothing can stall.
+"""
+
+import math
+
+from .. import layout as at
+from ..compiler.jit import part, sweep
+from ..vec import add, add_scaled, cross, dot, load, scale, store, sub
+from .manifold import CROSSING, clip_polygon, swap, thin
+from .segments import segment_segment
+from .separation import (
+    edge_line,
+    edge_normals,
+    edge_separation,
+    face_corner,
+    face_separation,
+    lay_out,
+)
+from .shapes import put
+
+CERTAIN = 1e-12  # of the sizes: rounding of a distance
+PREFER = 1e-9  # of the smaller size: a face is taken where two edges overlap only this much less
+NO_WAY = 1e-9  # of the sizes: nearer corners have no direction between them worth having
+FACE_A, FACE_B, EDGES, CORNER, CAPSULE_EDGE = 1, 2, 3, 4, 5  # kinds of touch
+
+
+@part
+def feature_of(kind, x, y):
+    """One number for what touches: kind of touch, two of vertex, edge or face; 3 bits are free."""
+    return (kind << 48) | (x << 26) | (y << 3)
+
+
+@sweep
+def facing(geometry, room, b, deepest, n):
+    """The face of b that lies flattest along n at its deepest vertex; -1 if b has none.
+
+    It is one of the two beside the flattest edge there, so that an edge which lies across a face
+    as a whole belongs to it.
+    """
+    if b[4] == 0:
+        return -1
+    edges = geometry[6]
+    flattest = math.inf
+    found = 0
+    for e in range(b[6]):
+        start = edges[b[5] + e, 0] == deepest
+        if not start and edges[b[5] + e, 1] != deepest:
+            continue
+        _, d = edge_line(geometry, room, b, e)
+        rise = (1.0 if start else -1.0) * dot(n, d) / math.sqrt(dot(d, d))
+        if rise < flattest:
+            flattest = rise
+            found = e
+    f, g = edge_normals(geometry, room, b, found)
+    return edges[b[5] + found, 2] if dot(f, n) <= dot(g, n) else edges[b[5] + found, 3]
+
+
+@sweep
+def clipped(geometry, room, row, a, face, b, deepest):
+    """(first row, number, smallest height) of b's facing face within the sides of a's face.
+
+    Heights are over a's face; a segment or a point is its own face.
+    """
+    faces, rings = geometry[4], geometry[5]
+    corner, n = face_corner(geometry, room, a, face)
+    other = facing(geometry, room, b, deepest, n)
+    start = faces[b[3] + other, 0] if other >= 0 else 0
+    m = faces[b[3] + other, 1] if other >= 0 else b[1]
+    ring = faces[a[3] + face, 0]
+    count = faces[a[3] + face, 1]
+    spare = row + m + count
+    for k in range(m):
+        v = rings[start + k] if other >= 0 else k
+        store(room, row + k, 0, load(room, b[0] + v, 0))
+        room[row + k, at.RO_TAG] = v
+    u = load(room, a[0] + rings[ring + count - 1], 0)
+    for k in range(count):
+        v = load(room, a[0] + rings[ring + k], 0)
+        outward = cross(sub(v, u), n)
+        m = clip_polygon(room, row, m, spare, outward, dot(outward, u), CROSSING + 2 * k)
+        row, spare = spare, row
+        u = v
+    low = math.inf
+    for k in range(row, row + m):
+        room[k, at.RO_HEIGHT] = dot(n, sub(load(room, k, 0), corner))
+        low = min(low, room[k, at.RO_HEIGHT])
+    return row, m, low
+
+
+@sweep
+def face_contacts(geometry, room, row, m, a, face, radii, kind, origin, margin, out, n):
+    """Write the clipped points over a's face, thinned; `radii` are those of a's and b's shape."""
+    radius, other_radius = radii
+    _, normal = face_corner(geometry, room, a, face)
+    kept = 0
+    for k in range(m):
+        if room[row + k, at.RO_HEIGHT] - radius - other_radius <= margin:
+            swap(room, row + kept, row + k)
+            kept += 1
+    for k in range(row, row + thin(room, row, kept, normal)):
+        p = add(origin, load(room, k, 0))
+        height = room[k, at.RO_HEIGHT]
+        gap = height - radius - other_radius
+        feature = feature_of(kind, face, int(room[k, at.RO_TAG]))
+        if kind == FACE_A:
+            on_b = add_scaled(p, -other_radius, normal)
+            n = put(out, n, on_b, scale(-1.0, normal), gap, feature)
+        else:
+            n = put(out, n, add_scaled(p, radius - height, normal), normal, gap, feature)
+    return n
+
+
+@sweep
+def by_face(geometry, room, row, a, found, b, radii, kind, origin, size, margin, out, n):
+    """Contact points where a face of a separates; -1 where the nearest features are elsewhere."""
+    separation, face, deepest = found
+    row, m, low = clipped(geometry, room, row, a, face, b, deepest)
+    if low > separation + CERTAIN * size:
+        if separation > 0.0:
+            return -1
+        m += 1  # the deepest vertex lies beside the face: it belongs to the touch all the same
+        store(room, row + m - 1, 0, load(room, b[0] + deepest, 0))
+        room[row + m - 1, at.RO_HEIGHT] = separation
+        room[row + m - 1, at.RO_TAG] = deepest
+    return face_contacts(geometry, room, row, m, a, face, radii, kind, origin, margin, out, n)
+
+
+@sweep
+def by_edges(geometry, room, a, found, b, radii, origin, margin, out, n):
+    """The contact point of two edges; -1 where they are not nearest within their lengths."""
+    separation, i, j, way = found
+    p, da = edge_line(geometry, room, a, i)
+    q, db = edge_line(geometry, room, b, j)
+    feature = feature_of(EDGES, i, j)
+    across = cross(da, db)
+    r = sub(q, p)
+    s = dot(cross(r, db), across) / dot(across, across)
+    t = dot(cross(r, da), across) / dot(across, across)
+    if separation > 0.0:
+        if min(s, t) < -CERTAIN or max(s, t) > 1.0 + CERTAIN:
+            return -1
+        if a[4] == 0 or b[4] == 0:
+            feature = feature_of(CAPSULE_EDGE, i, j)
+            return ends_of_capsule(p, da, radii, q, db, origin, margin, feature, out, n)
+    gap = separation - radii[0] - radii[1]
+    if gap > margin:
+        return n
+    on_b = add(origin, add_scaled(add_scaled(q, min(max(t, 0.0), 1.0), db), -radii[1], way))
+    return put(out, n, on_b, scale(-1.0, way), gap, feature)
+
+
+@sweep
+def ends_of_capsule(p, da, radii, q, db, origin, margin, feature, out, n):
+    """A capsule along an edge: the points of two segments."""
+    start = add(origin, p)
+    other = add(origin, q)
+    return segment_segment(out, n, start, da, radii[0], other, db, radii[1], margin, feature)
+
+
+@sweep
+def measure(room, a, n):
+    """Heights of all vertices along n; the lowest and the highest."""
+    low = math.inf
+    high = -math.inf
+    for k in range(a[0], a[0] + a[1]):
+        h = dot(n, load(room, k, 0))
+        room[k, at.RO_HEIGHT] = h
+        low = min(low, h)
+        high = max(high, h)
+    return low, high
+
+
+@sweep
+def vertex_to_edge(geometry, room, a, b, way, base, best):
+    """(distance, vertex of a, edge of b, place on it from 0 to 1) below `best`, edge -1 if none.
+
+    `base` is b's extreme height along `way` on a's side: what lies farther than the best cannot be
+    nearest, so few pairs are looked at.
+    """
+    edges = geometry[6]
+    found_v, found_e, place = -1, -1, 0.0
+    for k in range(a[1]):
+        below = way * (base - room[a[0] + k, at.RO_HEIGHT])
+        if below >= best:
+            continue
+        x = load(room, a[0] + k, 0)
+        for e in range(b[6]):
+            h0 = room[b[0] + edges[b[5] + e, 0], at.RO_HEIGHT]
+            h1 = room[b[0] + edges[b[5] + e, 1], at.RO_HEIGHT]
+            further = min(way * (h0 - base), way * (h1 - base))
+            if below + further >= best:
+                continue
+            p, d = edge_line(geometry, room, b, e)
+            size = dot(d, d)
+            t = dot(sub(x, p), d) / size if size > 0.0 else 0.0
+            t = min(max(t, 0.0), 1.0)
+            apart = sub(x, add_scaled(p, t, d))
+            distance = math.sqrt(dot(apart, apart))
+            if distance < best:
+                best = distance
+                found_v, found_e, place = k, e, t
+    return best, found_v, found_e, place
+
+
+@sweep
+def edge_at(geometry, room, b, v, d):
+    """The edge of b at vertex v that is most parallel to d."""
+    edges = geometry[6]
+    best = -1.0
+    found = 0
+    for e in range(b[6]):
+        if edges[b[5] + e, 0] == v or edges[b[5] + e, 1] == v:
+            _, way = edge_line(geometry, room, b, e)
+            x = dot(way, d) ** 2 / dot(way, way)
+            if x > best:
+                best = x
+                found = e
+    return found
+
+
+@sweep
+def by_corner(geometry, room, a, b, way, radii, origin, size, margin, out, n):
+    """Contact points where a vertex is nearest to an edge or a vertex; `way` from a to b."""
+    low_b, _ = measure(room, b, way)
+    _, high_a = measure(room, a, way)
+    best, v, e, t = vertex_to_edge(geometry, room, a, b, 1.0, low_b, math.inf)
+    of_a = True
+    best_b, v_b, e_b, t_b = vertex_to_edge(geometry, room, b, a, -1.0, high_a, best)
+    if e_b >= 0:
+        best, v, e, t, of_a = best_b, v_b, e_b, t_b, False
+    if best - radii[0] - radii[1] > margin:
+        return n
+    if a[4] == 0 and a[1] == 2:
+        p, d = edge_line(geometry, room, a, 0)
+        edge = e if of_a else edge_at(geometry, room, b, v, d)
+        q, db = edge_line(geometry, room, b, edge)
+        feature = feature_of(CAPSULE_EDGE, 0, edge)
+        return ends_of_capsule(p, d, radii, q, db, origin, margin, feature, out, n)
+    if b[4] == 0 and b[1] == 2:
+        q, d = edge_line(geometry, room, b, 0)
+        edge = edge_at(geometry, room, a, v, d) if of_a else e
+        p, da = edge_line(geometry, room, a, edge)
+        feature = feature_of(CAPSULE_EDGE, edge, 0)
+        return ends_of_capsule(p, da, radii, q, d, origin, margin, feature, out, n)
+    p, d = edge_line(geometry, room, b if of_a else a, e)
+    on_edge = add_scaled(p, t, d)
+    vertex = load(room, (a[0] if of_a else b[0]) + v, 0)
+    on_b = on_edge if of_a else vertex
+    between = sub(on_b, vertex if of_a else on_edge)
+    if best > NO_WAY * size:
+        way = scale(1.0 / best, between)
+    feature = feature_of(CORNER, v, e) if of_a else feature_of(CORNER, 1 << 20 | e, v)
+    on_b = add(origin, add_scaled(on_b, -radii[1], way))
+    return put(out, n, on_b, scale(-1.0, way), best - radii[0] - radii[1], feature)
+
+
+@sweep
+def solid_solid(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
+    """Append where two shapes are within `margin`; at least one of them has faces."""
+    shapes_f = geometry[1]
+    origin = load(poses, i, at.PO_POS)
+    a, row = lay_out(geometry, poses, i, only_a, origin, room, 0)
+    b, row = lay_out(geometry, poses, j, only_b, origin, room, row)
+    radius_a = shapes_f[i, at.SH_RADIUS] if a[4] == 0 else 0.0
+    radius_b = shapes_f[j, at.SH_RADIUS] if b[4] == 0 else 0.0
+    radii = (radius_a, radius_b)
+    reach_a, reach_b = shapes_f[i, at.SH_REACH], shapes_f[j, at.SH_REACH]
+    size = reach_a + reach_b
+    prefer = PREFER * min(reach_a, reach_b) + CERTAIN * size
+    limit = margin + radius_a + radius_b
+    by_a = face_separation(geometry, room, a, b)
+    if by_a[0] > limit:
+        return n
+    by_b = face_separation(geometry, room, b, a)
+    if by_b[0] > limit:
+        return n
+    faces = max(by_a[0], by_b[0])
+    least = faces + prefer if faces <= 0.0 else faces - CERTAIN * size
+    crossed = edge_separation(geometry, room, a, b, least)
+    edges = crossed[0] if crossed[1] >= 0 else -math.inf
+    best = max(faces, edges)
+    if best > limit or best == -math.inf:  # numbers that have overflowed
+        return n
+    tied = best - prefer if best <= 0.0 else best - CERTAIN * size
+    written = -1
+    if by_a[0] >= tied:
+        written = by_face(
+            geometry, room, row, a, by_a, b, radii, FACE_A, origin, size, margin, out, n
+        )
+    if written < 0 and by_b[0] >= tied:
+        turned = (radius_b, radius_a)
+        written = by_face(
+            geometry, room, row, b, by_b, a, turned, FACE_B, origin, size, margin, out, n
+        )
+    if written < 0 and edges >= tied:
+        written = by_edges(geometry, room, a, crossed, b, radii, origin, margin, out, n)
+    if written >= 0:
+        return written
+    if edges >= faces:
+        way = crossed[3]
+    elif by_a[0] >= by_b[0]:
+        _, way = face_corner(geometry, room, a, by_a[1])
+    else:
+        _, way = face_corner(geometry, room, b, by_b[1])
+        way = scale(-1.0, way)
+    return by_corner(geometry, room, a, b, way, radii, origin, size, margin, out, n)

@@ -1,0 +1,240 @@
+"""Forces beside gravity: springs, dampers, friction, motors and servos of joints; loads on bodies.
+
+What a joint's own parts do is in `drives`, what acts on bodies or between two in `loads`.
+"""
+
+import math
+
+from . import layout as at
+from .compiler.jit import part, sweep
+from .constraints.blocks import fixed_point, point_velocity
+from .tree.kinematics import joint_force
+from .vec import (
+    accumulate,
+    add,
+    add_cross,
+    add_scaled,
+    cross,
+    dot,
+    load,
+    load9,
+    mul,
+    scale,
+    store,
+    sub,
+)
+
+TINY = 1e-60  # a spring of length zero pulls nowhere, without a branch
+
+
+@part
+def knot_after(knots, first, count, t, rate):
+    """The first knot later than t, within the table; `rate` knots a second, evenly as a rule."""
+    n = first + 1 + int((t - knots[first, 0]) * rate)
+    n = min(n, first + count - 1)
+    while t < knots[n - 1, 0]:
+        n -= 1
+    while t >= knots[n, 0]:
+        n += 1
+    return n
+
+
+@part
+def lookup(knots, first, count, t):
+    """Value of a table at time t: straight lines between knots, constant outside them."""
+    last = first + count - 1
+    if t <= knots[first, 0]:
+        return knots[first, 1]
+    if not t < knots[last, 0]:
+        return knots[last, 1]
+    n = knot_after(knots, first, count, t, knots[last, 2]) - 1
+    return knots[n, 1] + (t - knots[n, 0]) * knots[n, 2]
+
+
+@sweep
+def drive(drives, t, q, v, given, tau):
+    """τ of all drives and the given torques into `tau`; (power put in, power dissipated) [W]."""
+    table, knots, passive = drives
+    put_in = 0.0
+    dissipated = 0.0
+    for j in range(tau.shape[0]):
+        tau[j] = 0.0
+    for j in range(given.shape[0]):  # empty where no torques are given
+        tau[j] = given[j]
+        put_in += given[j] * v[j]
+    for n in range(table.shape[0]):
+        j = int(table[n, at.DR_V])
+        i = int(table[n, at.DR_Q])
+        kd = table[n, at.DR_KD]
+        speed = v[j]
+        drag = kd * speed
+        friction = table[n, at.DR_FRICTION]
+        if friction > 0.0:
+            drag += friction * speed / math.sqrt(speed * speed + at.CREEP * at.CREEP)
+        torque = -drag
+        if i >= 0:
+            first = int(table[n, at.DR_TARGET])
+            target = lookup(knots, first, int(table[n, at.DR_TARGET_N]), t)
+            torque += table[n, at.DR_KP] * (target - q[i])
+        if n < passive:
+            dissipated += drag * speed
+        else:
+            first = int(table[n, at.DR_TORQUE])
+            torque += lookup(knots, first, int(table[n, at.DR_TORQUE_N]), t)
+            limit = table[n, at.DR_LIMIT]
+            torque = min(max(torque, -limit), limit)
+            put_in += torque * v[j]
+        tau[j] += torque
+    return put_in, dissipated
+
+
+@sweep
+def elastic(drives, q):
+    """Energy of the joints' springs [J]."""
+    table, knots, passive = drives
+    energy = 0.0
+    for n in range(passive):
+        i = int(table[n, at.DR_Q])
+        if i >= 0:
+            stretch = q[i] - knots[int(table[n, at.DR_TARGET]), 1]
+            energy += 0.5 * table[n, at.DR_KP] * stretch * stretch
+    return energy
+
+
+@part
+def apply(work, k, p, torque, force):
+    """A wrench at p on row k, off the bias force P; the ground takes any."""
+    if k > 0:
+        arm = sub(p, load(work, k, at.X))
+        accumulate(work, k, at.P, scale(-1.0, add_cross(torque, arm, force)))
+        accumulate(work, k, at.P + 3, scale(-1.0, force))
+
+
+@part
+def between(knots, first, count, t, column):
+    """Three columns of a table at time t: straight lines between knots, constant outside them."""
+    last = first + count - 1
+    if t <= knots[first, 0]:
+        return load(knots, first, column)
+    if not t < knots[last, 0]:
+        return load(knots, last, column)
+    rate = (count - 1) / (knots[last, 0] - knots[first, 0])
+    n = knot_after(knots, first, count, t, rate)
+    share = (t - knots[n - 1, 0]) / (knots[n, 0] - knots[n - 1, 0])
+    x = load(knots, n - 1, column)
+    return add_scaled(x, share, sub(load(knots, n, column), x))
+
+
+@part
+def load_of(loads, i, work, linear, t):
+    """(torque, force) on A at p, the point `end` of B that takes the opposite, powers [W]."""
+    table_i, table_f, knots = loads
+    a = table_i[i, at.L_A]
+    b = table_i[i, at.L_B]
+    none = (0.0, 0.0, 0.0)
+    p = fixed_point(table_f, i, at.L_PA, work, a)
+    if table_i[i, at.L_TYPE] == at.WRENCH:
+        first = table_i[i, at.L_KNOT]
+        torque = between(knots, first, table_i[i, at.L_KNOTS], t, 1)
+        force = between(knots, first, table_i[i, at.L_KNOTS], t, 4)
+        if table_i[i, at.L_FRAME] == 1:
+            r = load9(work, a, at.R)
+            torque = mul(r, torque)
+            force = mul(r, force)
+        put_in = dot(torque, load(work, a, at.W))
+        put_in += dot(force, point_velocity(work, linear, a, p))
+        return p, torque, force, p, put_in, 0.0
+    if table_i[i, at.L_TYPE] == at.SPRING:
+        end = fixed_point(table_f, i, at.L_PB, work, b)
+        d, length = along(p, end)
+        u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, end))
+        speed = dot(d, u)
+        damping = table_f[i, at.L_DAMP] * speed
+        pull = table_f[i, at.L_STIFF] * (length - table_f[i, at.L_REST]) + damping
+        return p, none, scale(-pull, d), end, 0.0, damping * speed
+    angle, axis = twist(table_f, i, work, a, b)
+    rate = dot(axis, sub(load(work, a, at.W), load(work, b, at.W)))
+    damping = table_f[i, at.L_DAMP] * rate
+    torque = scale(-table_f[i, at.L_STIFF] * angle - damping, axis)
+    return p, torque, none, p, 0.0, damping * rate
+
+
+@sweep
+def apply_loads(loads, work, linear, t):
+    """All loads onto the rows, after `positions` and `velocities`; powers in and dissipated [W]."""
+    table_i = loads[0]
+    put_in = 0.0
+    dissipated = 0.0
+    for i in range(table_i.shape[0]):
+        p, torque, force, end, more, lost = load_of(loads, i, work, linear, t)
+        apply(work, table_i[i, at.L_A], p, torque, force)
+        apply(work, table_i[i, at.L_B], end, scale(-1.0, torque), scale(-1.0, force))
+        put_in += more
+        dissipated += lost
+    return put_in, dissipated
+
+
+@sweep
+def torque_of_loads(rows, const, loads, work, linear, tau):
+    """τ = Hᵀ φᵀ F of all loads at t = 0, eqs. (12), (23), after `positions` and `velocities`.
+
+    P is used up.
+    """
+    for k in range(rows.shape[0]):
+        store(work, k, at.P, (0.0, 0.0, 0.0))
+        store(work, k, at.P + 3, (0.0, 0.0, 0.0))
+    apply_loads(loads, work, linear, 0.0)
+    for k in range(rows.shape[0] - 1, 0, -1):
+        moment = load(work, k, at.P)
+        force = load(work, k, at.P + 3)
+        joint_force(rows, const, work, k, scale(-1.0, force), scale(-1.0, moment), tau)
+        p = rows[k, at.PARENT]
+        accumulate(work, p, at.P, add_cross(moment, load(work, k, at.L), force))
+        accumulate(work, p, at.P + 3, force)
+
+
+@part
+def along(p, end):
+    """(unit vector from `end` to p, distance)."""
+    apart = sub(p, end)
+    length = math.sqrt(dot(apart, apart) + TINY)
+    return scale(1.0 / length, apart), length
+
+
+@part
+def twist(table, i, work, a, b):
+    """(angle of A from its rest about its axis, the angle's gradient), angle within ±π.
+
+    The angle leads from B's reference to A's, seen along the axis. Its gradient is the axis
+    while both share it; elsewhere it makes the torque the slope of ½ k angle².
+    """
+    turn_a = load9(work, a, at.R)
+    h = mul(turn_a, load(table, i, at.L_AXIS))
+    mine = mul(turn_a, load(table, i, at.L_REF))
+    other = mul(load9(work, b, at.R), load(table, i, at.L_REF_B))
+    n = cross(other, mine)
+    y = dot(h, n)
+    x = dot(other, mine)
+    angle = math.atan2(y, x) - table[i, at.L_REST]
+    angle -= 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
+    across = add(add(cross(h, n), scale(x, h)), scale(-dot(h, mine), other))
+    slope = scale(1.0 / (x * x + y * y), add_scaled(scale(x, across), y, n))
+    return angle, slope
+
+
+@sweep
+def elastic_loads(loads, work):
+    """Energy of springs between bodies [J], after `positions`."""
+    table_i, table_f, _ = loads
+    energy = 0.0
+    for i in range(table_i.shape[0]):
+        a = table_i[i, at.L_A]
+        b = table_i[i, at.L_B]
+        if table_i[i, at.L_TYPE] == at.SPRING:
+            p = fixed_point(table_f, i, at.L_PA, work, a)
+            _, length = along(p, fixed_point(table_f, i, at.L_PB, work, b))
+            energy += 0.5 * table_f[i, at.L_STIFF] * (length - table_f[i, at.L_REST]) ** 2
+        elif table_i[i, at.L_TYPE] == at.TORSION:
+            angle, _ = twist(table_f, i, work, a, b)
+            energy += 0.5 * table_f[i, at.L_STIFF] * angle * angle
+    return energy

@@ -1,0 +1,120 @@
+"""Legs of a hip and three hinges about z: inverse kinematics, and where their joints are to go.
+
+In swing the paw stays parallel to the thigh, as in a pantograph: the foot is then at
+e^{iθ} (a + e^{iκ} b) in the leg's plane, with a = thigh + paw, b the middle segment, θ the hip's
+angle, κ the knee's, and -κ the paw's. In stance the foot is where it stands, and only the leg's
+motion that leaves it there is held to the same shape.
+"""
+
+import math
+
+from ..compiler.jit import part, sweep
+from ..compiler.sines import sine_cosine
+from . import layout as go
+
+STRAIGHT, FOLDED = 0.99, -0.98  # cosine of the knee's bend: no nearer to either
+FLAT = 0.02  # m²: below it the leg is nearly straight, and rates are damped
+DAMPED = 1e-5  # m⁴
+FASTEST, HARDEST = 35.0, 900.0  # rad/s, rad/s²: what is asked of a hinge at most
+
+
+@part
+def turned(angle, x, y):
+    s, c = sine_cosine(angle)
+    return c * x - s * y, s * x + c * y
+
+
+@part
+def clamp(x, most):
+    return min(max(x, -most), most)
+
+
+@part
+def reach(legs_f, f, x, y):
+    """(hip's angle, knee's) that bring the foot to (x, y) from the hip, or as near as it goes."""
+    ax, ay = legs_f[f, go.LONG], legs_f[f, go.LONG + 1]
+    bx, by = legs_f[f, go.SHANK], legs_f[f, go.SHANK + 1]
+    aa = ax * ax + ay * ay
+    bb = bx * bx + by * by
+    cosine = (x * x + y * y - aa - bb) / (2.0 * math.sqrt(aa * bb))
+    bend = math.acos(min(max(cosine, FOLDED), STRAIGHT))
+    home = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
+    knee = (bend if home > 0.0 else -bend) - home
+    px, py = turned(knee, bx, by)
+    px += ax
+    py += ay
+    return math.atan2(px * y - py * x, px * x + py * y), knee
+
+
+@part
+def two_rates(place, b, rate):
+    """Rates of hip and knee that give the foot a velocity in the leg's plane."""
+    x, y = place
+    bx, by = b
+    area = x * by - y * bx
+    over = area / (area * area + DAMPED) if abs(area) < FLAT else 1.0 / area
+    return (rate[0] * bx + rate[1] * by) * over, -(rate[0] * x + rate[1] * y) * over
+
+
+@part
+def out_of_spread(spread, x):
+    """A vector of the girdle's axes in those of the leg's plane."""
+    y, z = turned(-spread, x[1], x[2])
+    return (x[0], y, z)
+
+
+@sweep
+def swing(legs_i, legs_f, f, place, speed, push, q, v, s, vdot):
+    """v' of a leg whose foot is to be at `place` from the hip, with a velocity and acceleration.
+
+    All three in the girdle's axes, relative to it.
+    """
+    i = legs_i[f, go.Q_FLEX]
+    j = legs_i[f, go.V_FLEX]
+    kp = s[go.GAIN_SWING]
+    kd = s[go.GAIN_SWING + 1]
+    y = place[1]
+    if legs_i[f, go.V_SPREAD] >= 0:
+        spread = math.atan2(-place[2], -place[1])
+        y = -math.sqrt(place[1] * place[1] + place[2] * place[2])
+        speed = out_of_spread(spread, speed)
+        push = out_of_spread(spread, push)
+        k = legs_i[f, go.V_SPREAD]
+        vdot[k] = kp * (spread - q[legs_i[f, go.Q_SPREAD]]) + kd * (speed[2] / y - v[k])
+        vdot[k] += push[2] / y
+    hip, knee = reach(legs_f, f, place[0], y)
+    b = turned(hip + knee, legs_f[f, go.SHANK], legs_f[f, go.SHANK + 1])
+    hip_rate, knee_rate = two_rates((place[0], y), b, (speed[0], speed[1]))
+    hip_push, knee_push = two_rates((place[0], y), b, (push[0], push[1]))
+    hip_rate = clamp(hip_rate, FASTEST)
+    knee_rate = clamp(knee_rate, FASTEST)
+    vdot[j] = kp * (hip - q[i]) + kd * (hip_rate - v[j]) + clamp(hip_push, HARDEST)
+    bent = clamp(knee_push, HARDEST)
+    vdot[j + 1] = kp * (knee - q[i + 1]) + kd * (knee_rate - v[j + 1]) + bent
+    vdot[j + 2] = kp * (-knee - q[i + 2]) + kd * (-knee_rate - v[j + 2]) - bent
+
+
+@sweep
+def stand(legs_i, legs_f, f, q, v, s, vdot):
+    """v' of a leg along the motion that leaves its foot in place, towards a pantograph's shape."""
+    i = legs_i[f, go.Q_FLEX]
+    j = legs_i[f, go.V_FLEX]
+    bend = q[i] + q[i + 1]
+    fx, fy = turned(bend + q[i + 2], legs_f[f, go.PAW], legs_f[f, go.PAW + 1])
+    kx, ky = turned(bend, legs_f[f, go.SHANK], legs_f[f, go.SHANK + 1])
+    kx += fx
+    ky += fy
+    hx, hy = turned(q[i], legs_f[f, go.THIGH], legs_f[f, go.THIGH + 1])
+    hx += kx
+    hy += ky
+    hip = kx * fy - ky * fx  # along the cross product of the foot's two rows of J
+    knee = fx * hy - fy * hx
+    paw = hx * ky - hy * kx
+    size = math.sqrt(hip * hip + knee * knee + paw * paw)
+    along = knee + paw
+    if abs(along) < 0.05 * size:
+        along = 0.05 * size if along >= 0.0 else -0.05 * size
+    pull = -s[go.GAIN_PAW] * (q[i + 1] + q[i + 2]) - s[go.GAIN_PAW + 1] * (v[j + 1] + v[j + 2])
+    vdot[j] = pull * hip / along
+    vdot[j + 1] = pull * knee / along
+    vdot[j + 2] = pull * paw / along

@@ -1,0 +1,136 @@
+"""Forces of feet that carry a trunk: those that come closest to a wanted wrench, in their cones.
+
+With A the wrench of unit forces about the centre of mass, and W how far each foot is loaded,
+
+    f ← cone(f + W Aᵀ (A W Aᵀ + T)⁻¹ (goal - A f))
+
+a few times over: one factor, whatever the number of feet. T is what keeps it regular where feet
+cannot give a torque, as two of them about the line between them.
+"""
+
+import math
+
+from .. import layout as at
+from ..compiler.jit import part, sweep
+from ..vec import add, add_cross, add_scaled, cross, dot, load, load9, mul, scale, store, sub
+from . import layout as go
+
+ROUNDS = 6
+MOST = 4.0  # weights: the largest load of one foot
+
+
+@part
+def centre(rows, const, work, linear):
+    """(centre of mass, its velocity), world axes."""
+    total = 0.0
+    x = (0.0, 0.0, 0.0)
+    u = (0.0, 0.0, 0.0)
+    for k in range(1, rows.shape[0]):
+        m = const[k, at.MASS]
+        c = mul(load9(work, k, at.R), load(const, k, at.COM))
+        x = add_scaled(x, m, add(load(work, k, at.X), c))
+        u = add_scaled(u, m, add_cross(load(linear, k, 0), load(work, k, at.W), c))
+        total += m
+    return scale(1.0 / total, x), scale(1.0 / total, u)
+
+
+@sweep
+def carry(feet, s, goal, com, mat):
+    """Add to the feet's forces what meets `goal`, [torque about `com`, force], heading axes."""
+    weigh(feet, s, com, mat)
+    factor(mat)
+    for _ in range(ROUNDS):
+        for i in range(6):
+            mat[i, 6] = goal[i]
+        for f in range(feet.shape[0]):
+            one = load(feet, f, go.FORCE_F)
+            moment = cross(sub(load(feet, f, go.PLACE_F), com), one)
+            for i in range(3):
+                mat[i, 6] -= moment[i]
+                mat[3 + i, 6] -= one[i]
+        substitute(mat)
+        turn = (mat[0, 6], mat[1, 6], mat[2, 6])
+        push = (mat[3, 6], mat[4, 6], mat[5, 6])
+        for f in range(feet.shape[0]):
+            w = feet[f, go.LOAD]
+            if w > 0.0:
+                arm = sub(load(feet, f, go.PLACE_F), com)
+                force = add_scaled(load(feet, f, go.FORCE_F), w, add(push, cross(turn, arm)))
+                store(feet, f, go.FORCE_F, in_cone(force, w, s))
+
+
+@part
+def in_cone(force, w, s):
+    """A force that pushes enough, and not more than friction holds."""
+    up = min(max(force[1], s[go.LEAST] * w), MOST * s[go.MASS] * 9.81 * w)
+    side = force[2] * s[go.LEVER]
+    size = math.sqrt(force[0] * force[0] + side * side)
+    k = min(1.0, s[go.GRIP] * up / size) if size > 0.0 else 1.0
+    return (k * force[0], up, k * side)
+
+
+@sweep
+def weigh(feet, s, com, mat):
+    """A W Aᵀ + T into the lower triangle of `mat`."""
+    for i in range(6):
+        for j in range(6):
+            mat[i, j] = 0.0
+        tight = s[go.TIGHT_TORQUE] if i < 3 else s[go.TIGHT_FORCE]
+        mat[i, i] = 1.0 / (tight * tight)
+    for f in range(feet.shape[0]):
+        w = feet[f, go.LOAD]
+        p = sub(load(feet, f, go.PLACE_F), com)
+        x, y, z = p
+        size = dot(p, p)
+        mat[0, 0] += w * (size - x * x)
+        mat[1, 1] += w * (size - y * y)
+        mat[2, 2] += w * (size - z * z)
+        mat[1, 0] -= w * x * y
+        mat[2, 0] -= w * x * z
+        mat[2, 1] -= w * y * z
+        mat[3, 1] += w * z
+        mat[3, 2] -= w * y
+        mat[4, 0] -= w * z
+        mat[4, 2] += w * x
+        mat[5, 0] += w * y
+        mat[5, 1] -= w * x
+        for i in range(3):
+            mat[3 + i, 3 + i] += w
+        w *= 1.0 - s[go.LEVER]  # no hinge feels a force along z where all are parallel to it
+        mat[0, 0] -= w * y * y
+        mat[1, 0] += w * x * y
+        mat[1, 1] -= w * x * x
+        mat[5, 0] -= w * y
+        mat[5, 1] += w * x
+        mat[5, 5] -= w
+
+
+@sweep
+def factor(mat):
+    """Cholesky's factor of the first six columns, in their place; of its diagonal the inverse."""
+    for j in range(6):
+        x = mat[j, j]
+        for k in range(j):
+            x -= mat[j, k] * mat[j, k]
+        d = 1.0 / math.sqrt(x)
+        mat[j, j] = d
+        for i in range(j + 1, 6):
+            x = mat[i, j]
+            for k in range(j):
+                x -= mat[i, k] * mat[j, k]
+            mat[i, j] = d * x
+
+
+@sweep
+def substitute(mat):
+    """The solution in the place of the right side, column 6: by columns, which wait for least."""
+    for i in range(6):
+        x = mat[i, i] * mat[i, 6]
+        mat[i, 6] = x
+        for k in range(i + 1, 6):
+            mat[k, 6] -= mat[k, i] * x
+    for i in range(5, -1, -1):
+        x = mat[i, i] * mat[i, 6]
+        mat[i, 6] = x
+        for k in range(i):
+            mat[k, 6] -= mat[i, k] * x

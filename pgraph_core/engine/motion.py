@@ -1,0 +1,196 @@
+"""The equations of motion of a scene: v' of the driven, loaded, constrained system; its energies.
+
+Methods call these kernels by address.
+"""
+
+import math
+
+from numba import types
+
+from . import layout as at
+from .compiler.address import caller
+from .compiler.jit import kernel, part
+from .constraints.blocks import velocities
+from .constraints.constraints import drift, driven_power, impose, project, wrenches
+from .forces import apply_loads, drive, elastic, elastic_loads, load_of, torque_of_loads
+from .scene import F1, F2, I1, I2, OUT, SCENE, opened, save
+from .scene import F3 as F3
+from .tree.articulated import inboard, joint_acceleration, singular_row
+from .tree.kinematics import kinetic_and_potential, outboard, positions
+from .vec import accumulate, add, add_cross, finite, load, load9, mul, scale, sub
+
+TAU = 6  # row of `vectors`: the joints' own forces
+
+# a user's function takes time and the addresses of q, v and τ; another answer than 0 is a failure
+_call_user = caller(types.int64(types.float64, types.uint64, types.uint64, types.uint64))
+
+ACCELERATION = types.int64(types.int64, types.float64, F1, F1, F1, F1, F1)
+PROJECTION = types.int64(types.int64, types.float64, F1, F1, types.int64)
+RECORD = types.int64(types.int64, types.int64, types.float64, F1, F1, F1, F1, types.int64, OUT)
+# of contacts, compiled only for a scene that has some (`touch`): forces, and what is recorded
+CONTACT_FORCES = types.int64(types.int64, F1, F1, F1)
+CONTACT_RECORD = types.int64(types.int64, F2, F2)
+# of constraints, compiled only for a scene that has some
+CONSTRAIN = types.int64(types.int64, types.float64, F1, F1, F1, F1)
+call_acceleration = caller(ACCELERATION)
+call_constrain = caller(CONSTRAIN)
+call_contact_forces = caller(CONTACT_FORCES)
+call_contact_record = caller(CONTACT_RECORD)
+call_projection = caller(PROJECTION)
+call_record = caller(RECORD)
+
+
+@kernel(types.void(I1, SCENE))
+def save_scene(buffer, scene):
+    """Keep a scene's tuple where `opened` finds it."""
+    save(buffer, scene)
+
+
+@part
+def user_torque(user, t, q, v, tau):
+    """Add what a user's function gives to τ; its power [W]. Where it fails, τ is not finite."""
+    address, exchange, answer = user
+    for i in range(q.shape[0]):
+        exchange[0, i] = q[i]
+    for j in range(v.shape[0]):
+        exchange[1, j] = v[j]
+        exchange[2, j] = 0.0
+    places = (exchange[0].ctypes.data, exchange[1].ctypes.data, exchange[2].ctypes.data)
+    answer[0] = _call_user(address, (t, places[0], places[1], places[2]))
+    power = 0.0
+    for j in range(v.shape[0]):
+        tau[j] += exchange[2, j] if answer[0] == 0 else math.nan
+        power += exchange[2, j] * v[j]
+    return power
+
+
+@kernel(ACCELERATION, nogil=True)
+def acceleration(scene, t, q, v, tau, vdot, flow):
+    """v' into `vdot`, the joints' own forces into `tau`; the first row without inertia, or 0.
+
+    `flow` (3,) gets the power put in and dissipated [W], and the solver's iterations.
+    """
+    rows, const, drives, _, _, work, _, _, given, user = opened(scene)
+    put_in, dissipated = drive(drives, t, q, v, given, tau)
+    outboard(rows, const, work, q, v)
+    if user[0] != 0:  # which may take what `outboard` left
+        put_in += user_torque(user, t, q, v, tau)
+    _, _, _, loads, _, _, space, _, _, _ = opened(scene)  # again: what is not needed is not read
+    if loads[0].shape[0] > 0:
+        positions(rows, work)
+        velocities(rows, const, work, v, space[6])
+        more, lost = apply_loads(loads, work, space[6], t)
+        put_in += more
+        dissipated += lost
+    flow[0] = put_in
+    flow[1] = dissipated
+    if space[12][at.HAS_CONTACTS] != 0:
+        call_contact_forces(space[12][at.THEIR_FORCES], (scene, v, tau, flow))
+    inboard(rows, const, work, tau)
+    joint_acceleration(rows, const, work, vdot)
+    flow[2] = 0.0
+    if opened(scene)[4][5][0] > 0:
+        call_constrain(space[12][at.THEIR_CONSTRAINTS], (scene, t, q, v, vdot, flow))
+    return 0
+
+
+@kernel(CONSTRAIN, nogil=True)
+def constrain(scene, t, q, v, vdot, flow):
+    """Add what the active constraints make of v'; their power in flow[0], iterations in flow[2]."""
+    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
+    flow[2] = impose(scene, t, q, v, vdot)
+    flow[0] += driven_power(blocks, space, v)
+    return 0
+
+
+@kernel(types.int64(types.int64, types.int64, types.float64, F1, F1, F1, F1, F1, F2))
+def constrained_dynamics(scene, accelerate, t, q, v, given, flow, vdot, forces):
+    """v' and the wrenches of blocks; 0, or -1 where not finite, or the first singular row."""
+    rows, _, _, _, blocks, work, space, _, kept, _ = opened(scene)
+    for j in range(given.shape[0]):
+        kept[j] = given[j]
+    tau = space[5][TAU, : v.shape[0]]
+    call_acceleration(accelerate, (scene, t, q, v, tau, vdot, flow))
+    if blocks[5][0] > 0:
+        wrenches(rows, blocks, work, space, forces)
+    singular = singular_row(rows, work)
+    if singular > 0:
+        return singular
+    return 0 if finite(vdot) else -1
+
+
+@kernel(PROJECTION, nogil=True)
+def projection(scene, t, q, v, rounds):
+    """Move q and v onto the active constraints; rounds taken, -1 where it fails."""
+    return project(scene, t, q, v, rounds)
+
+
+@kernel(RECORD, nogil=True)
+def record(scene, accelerate, t, q, v, flow, ledger, i, out):
+    """Frame i: state, v', wrenches, energies, ledger, residuals; whether all of it is finite."""
+    rows, const, drives, loads, blocks, work, space, _, _, _ = opened(scene)
+    qs, vs, vdots, forces, energies, drifts, pushes, touches = out
+    tau = space[5][TAU, : v.shape[0]]
+    call_acceleration(accelerate, (scene, t, q, v, tau, vdots[i], flow))
+    for n in range(q.shape[0]):
+        qs[i, n] = q[n]
+    for n in range(v.shape[0]):
+        vs[i, n] = v[n]
+    if blocks[5][0] > 0:
+        wrenches(rows, blocks, work, space, forces[i])
+        drift(rows, const, blocks, work, space, t, q, v, drifts[i])
+    if space[12][at.HAS_CONTACTS] != 0:
+        call_contact_record(space[12][at.THEIR_RECORD], (scene, pushes[i], touches[i]))
+    kinetic, potential = kinetic_and_potential(rows, const, work, v)
+    energies[i, 0] = kinetic
+    energies[i, 1] = potential + elastic(drives, q) + elastic_loads(loads, work)
+    energies[i, 2] = ledger[at.WORK_DONE]
+    energies[i, 3] = ledger[at.DISSIPATED]
+    return 1 if finite(vdots[i]) and finite(energies[i]) else 0
+
+
+@kernel(types.UniTuple(types.float64, 2)(types.int64, F1, F1))
+def energy(scene, q, v):
+    """(kinetic, potential) energy, springs included [J]."""
+    rows, const, drives, loads, _, work, _, _, _, _ = opened(scene)
+    outboard(rows, const, work, q, v)
+    kinetic, potential = kinetic_and_potential(rows, const, work, v)
+    return kinetic, potential + elastic(drives, q) + elastic_loads(loads, work)
+
+
+@kernel(types.void(types.int64, I2, I2, F2, types.float64, F1, F1, F2))
+def load_wrenches(scene, carriers, bodies_i, bodies_f, t, q, v, external):
+    """Add the loads to `external` (nb, 6); `carriers` (nl, 2) are the numbers of their bodies."""
+    rows, const, _, loads, _, work, space, _, _, _ = opened(scene)
+    outboard(rows, const, work, q, v)
+    positions(rows, work)
+    velocities(rows, const, work, v, space[6])
+    for i in range(carriers.shape[0]):
+        p, torque, force, end, _, _ = load_of(loads, i, work, space[6], t)
+        for side in range(2):
+            b = carriers[i, side]
+            if b > 0:
+                k = bodies_i[b, at.ROW]
+                origin = mul(load9(work, k, at.R), load(bodies_f, b, at.OFFSET))
+                origin = add(load(work, k, at.X), origin)
+                arm = sub(p if side == 0 else end, origin)
+                sign = 1.0 if side == 0 else -1.0
+                accumulate(external, b - 1, 0, scale(sign, add_cross(torque, arm, force)))
+                accumulate(external, b - 1, 3, scale(sign, force))
+
+
+@kernel(types.void(types.int64, F1, F1, F1))
+def drive_torque(scene, q, v, tau):
+    """τ of springs, dampers, motors, servos and given torques at t = 0."""
+    _, _, drives, _, _, _, _, _, given, _ = opened(scene)
+    drive(drives, 0.0, q, v, given, tau)
+
+
+@kernel(types.void(types.int64, F1, F1, F1))
+def load_torque(scene, q, v, tau):
+    """τ of the loads on bodies at t = 0: Hᵀ φᵀ F, eqs. (12), (23)."""
+    rows, const, _, loads, _, work, space, _, _, _ = opened(scene)
+    outboard(rows, const, work, q, v)
+    positions(rows, work)
+    velocities(rows, const, work, v, space[6])
+    torque_of_loads(rows, const, loads, work, space[6], tau)

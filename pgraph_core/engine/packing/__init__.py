@@ -1,0 +1,1 @@
+"""From columns of numbers to the packed arrays of a mechanism."""

@@ -1,0 +1,1 @@
+"""Integration methods, step loops, dense output, events."""

@@ -1,0 +1,419 @@
+"""Implicit steps: Radau IIA of order 5, and the linearly implicit ROS2; compiled where asked for.
+
+A step is taken in local coordinates z = (ξ, w): q moved along ξ from where the step began, and
+v = v₀ + w. Balls and free bodies turn by the exponential of ξ, whose rate is dexp⁻¹(ξ) ω, so that
+orders hold on rotations too. In (λ - J) z = r with J = [W 1; A B], ξ alone is solved for:
+
+    (λ² - λ (B + W) - (A - B W)) ξ = r₂ + (λ - B) r₁,    w = (λ - W) ξ - r₁
+
+A and B are central differences; W = ½ ω×. See [Hairer, Wanner 1996, IV.8] and [Verwer et al. 1999].
+"""
+
+import math
+
+from .. import layout as at
+from ..compiler.jit import kernel, part, sweep
+from ..linear import factor, row_times, substitute
+from ..motion import call_acceleration, opened
+from ..tree.moving import advance, local_rate
+from ..vec import finite
+from .attempt import ATTEMPT, EPS, NOT_SOLVED
+from .scales import larger, weigh
+
+# rows of the real matrices, from 3 nv on: 2 nv wide
+PIVOTS, PIVOTS_C = 0, 1
+Z, F, W = 2, 5, 8  # 3 each: stages, their slopes, decoupled stages
+RIGHT, SCRATCH, WEIGHTS, SPEEDS, POWERS = 11, 12, 13, 14, 15
+ROWS = 16
+LEAST = 6  # columns
+
+TURN = 1e-6  # step of differences over their scale
+KEEP = 1e-3  # Newton's rate below which the next step takes the same Jacobian
+ITERATIONS = 12
+SHARE = 0.1  # of nv: steps that ROS2 takes with one Jacobian
+ROUNDING = 1e-13  # a correction below it, over its scale, is rounding
+GAMMA = 1.0 - math.sqrt(0.5)  # of ROS2: L-stable
+
+
+@sweep
+def local_slope(scene, accelerate, t, size, stages, z, out, flow, counters):
+    """z' at local coordinates z."""
+    nq, nv = size
+    rows = opened(scene)[0]
+    q = stages[at.TRIAL, :nq]
+    v = stages[at.TRIAL, nq : nq + nv]
+    for i in range(nq):
+        q[i] = stages[at.Y, i]
+    for j in range(nv):
+        v[j] = stages[at.Y, nq + j] + z[nv + j]
+    advance(rows, q, z[:nv], 1.0)
+    local_rate(rows, z, v, out)
+    tau = stages[at.TORQUE, :nv]
+    call_acceleration(accelerate, (scene, t, q, v, tau, out[nv : 2 * nv], flow))
+    counters[at.N_EVAL] += 1
+    counters[at.N_ITERATE] += int(flow[2])
+
+
+@sweep
+def local_weights(rows, size, stages, weights):
+    """One over the tolerance of ξ and w, after `weigh`."""
+    nq, nv = size
+    for k in range(1, rows.shape[0]):
+        i = rows[k, at.QI]
+        j = rows[k, at.VI]
+        kind = rows[k, at.KIND]
+        if kind == at.FREE:
+            for n in range(3):
+                weights[j + 3 + n] = stages[at.WEIGHT, i + n]
+            i += 3
+        weights[j] = stages[at.WEIGHT, i]
+        if kind >= at.BALL:
+            weights[j + 1] = stages[at.WEIGHT, i]
+            weights[j + 2] = stages[at.WEIGHT, i]
+    for j in range(nv):
+        weights[nv + j] = stages[at.WEIGHT, nq + j]
+
+
+@sweep
+def half_turn(rows, v, sign, x, out):
+    """Add sign · W x to `out`, W = ½ ω× of every ball and free body."""
+    for k in range(1, rows.shape[0]):
+        if rows[k, at.KIND] >= at.BALL:
+            j = rows[k, at.VI]
+            a, b, c = 0.5 * sign * v[j], 0.5 * sign * v[j + 1], 0.5 * sign * v[j + 2]
+            out[j] += b * x[j + 2] - c * x[j + 1]
+            out[j + 1] += c * x[j] - a * x[j + 2]
+            out[j + 2] += a * x[j + 1] - b * x[j]
+
+
+@sweep
+def jacobian(scene, accelerate, size, stages, control, real, flow):
+    """A - B W and B + W at Y into the first rows of `real`, by central differences."""
+    settings, _, counters = control
+    nq, nv = size
+    rows = opened(scene)[0]
+    t = min(settings[at.TIME], settings[at.CLIP])
+    z = real[3 * nv + SCRATCH]
+    plus = real[3 * nv + F]
+    minus = real[3 * nv + F + 1]
+    weights = real[3 * nv + WEIGHTS]
+    for j in range(2 * nv):
+        z[j] = 0.0
+    for j in range(2 * nv):
+        move = TURN
+        if weights[j] > 0.0:
+            move = TURN / (weights[j] * (settings[at.RTOL] + settings[at.ATOL]))
+        z[j] = move
+        local_slope(scene, accelerate, t, size, stages, z, plus, flow, counters)
+        z[j] = -move
+        local_slope(scene, accelerate, t, size, stages, z, minus, flow, counters)
+        z[j] = 0.0
+        first = 0 if j < nv else nv
+        for i in range(nv):
+            real[first + i, j - first] = (plus[nv + i] - minus[nv + i]) / (2.0 * move)
+    speeds = real[3 * nv + SPEEDS]
+    for j in range(nv):
+        speeds[j] = stages[at.Y, nq + j]
+    for k in range(1, rows.shape[0]):
+        if rows[k, at.KIND] >= at.BALL:
+            add_half_turn(real, nv, rows[k, at.VI], speeds)
+    counters[at.N_JACOBIAN] += 1
+    settings[at.JACOBIAN_AT] = settings[at.TIME]
+    settings[at.FACTORED] = 0.0
+
+
+@part
+def add_half_turn(real, nv, j, speeds):
+    """A - B W and B + W of one ball: W is skew."""
+    a, b, c = 0.5 * speeds[j], 0.5 * speeds[j + 1], 0.5 * speeds[j + 2]
+    for i in range(nv):
+        x, y, z = real[nv + i, j], real[nv + i, j + 1], real[nv + i, j + 2]
+        real[i, j] -= c * y - b * z
+        real[i, j + 1] -= a * z - c * x
+        real[i, j + 2] -= b * x - a * y
+    real[nv + j, j + 1] -= c
+    real[nv + j, j + 2] += b
+    real[nv + j + 1, j] += c
+    real[nv + j + 1, j + 2] -= a
+    real[nv + j + 2, j] -= b
+    real[nv + j + 2, j + 1] += a
+
+
+@sweep
+def assemble(shift, real, nv, out):
+    """λ² - λ (B + W) - (A - B W)."""
+    for i in range(nv):
+        for j in range(nv):
+            out[i, j] = -shift * real[nv + i, j] - real[i, j]
+        out[i, i] += shift * shift
+
+
+@sweep
+def solve(rows, shift, real, nv, factors, pivots, right, x):
+    """(λ - J)⁻¹ right into the place of `right` (2 nv); x is scratch."""
+    speeds = real[3 * nv + SPEEDS]
+    for i in range(nv):
+        x[i] = right[nv + i] + shift * right[i] - row_times(real, nv + i, 0, nv, right)
+    half_turn(rows, speeds, 1.0, right, x)
+    substitute(factors, nv, pivots, x)
+    for i in range(nv):
+        right[nv + i] = shift * x[i] - right[i]
+    half_turn(rows, speeds, -1.0, x, right[nv:])
+    for i in range(nv):
+        right[i] = x[i]
+
+
+@sweep
+def size_of_local(z, weights, n):
+    """Largest |z| over its tolerance."""
+    worst = 0.0
+    for j in range(n):
+        worst = larger(worst, abs(z[j]) * weights[j])
+    return worst
+
+
+@sweep
+def prepare(scene, size, stages, settings, real):
+    """Weights of a step from Y."""
+    nv = size[1]
+    for i in range(stages.shape[1]):
+        stages[at.CANDIDATE, i] = stages[at.Y, i]
+    rows = opened(scene)[0]
+    weigh(rows, size, stages, settings)
+    local_weights(rows, size, stages, real[3 * nv + WEIGHTS])
+
+
+@sweep
+def finish_local(scene, size, stages, z, power, loss):
+    """CANDIDATE from Y, local coordinates and what the ledger gets."""
+    nq, nv = size
+    q = stages[at.CANDIDATE, :nq]
+    advance(opened(scene)[0], q, z[:nv], 1.0)
+    for j in range(nv):
+        stages[at.CANDIDATE, nq + j] += z[nv + j]
+    stages[at.CANDIDATE, nq + nv] += power
+    stages[at.CANDIDATE, nq + nv + 1] += loss
+
+
+# -- Radau IIA -----------------------------------------------------------------------------------
+
+
+@sweep
+def factor_radau(tableau, h, nv, settings, matrices, counters):
+    """Both matrices of a step of width h, factored; whether they can be."""
+    real, pair = matrices
+    mu = tableau[0][6]
+    assemble(mu[0] / h, real, nv, real[2 * nv : 3 * nv])
+    assemble(complex(mu[1], mu[2]) / h, real, nv, pair[:nv])
+    settings[at.FACTORED] = h
+    counters[at.N_FACTOR] += 1
+    done = factor(real[2 * nv : 3 * nv], nv, real[3 * nv + PIVOTS])
+    return factor(pair[:nv], nv, real[3 * nv + PIVOTS_C]) and done
+
+
+@sweep
+def correct_stages(rows, tableau, h, nv, matrices):
+    """One iteration of Newton's method: W and Z; the size of the correction over its tolerance."""
+    real, pair = matrices
+    base = 3 * nv
+    t, inverse, mu = tableau[0][:3], tableau[0][3:6], tableau[0][6]
+    right = real[base + RIGHT]
+    right_c = pair[nv]
+    shift = mu[0] / h
+    shift_c = complex(mu[1], mu[2]) / h
+    for j in range(2 * nv):
+        x = y = z = 0.0
+        for i in range(3):
+            f = real[base + F + i, j]
+            x += inverse[0, i] * f
+            y += inverse[1, i] * f
+            z += inverse[2, i] * f
+        right[j] = x - shift * real[base + W, j]
+        right_c[j] = complex(y, z) - shift_c * complex(real[base + W + 1, j], real[base + W + 2, j])
+    scratch = real[base + SCRATCH]
+    solve(rows, shift, real, nv, real[2 * nv : base], real[base + PIVOTS], right, scratch)
+    solve(rows, shift_c, real, nv, pair[:nv], real[base + PIVOTS_C], right_c, pair[nv + 1])
+    weights = real[base + WEIGHTS]
+    change = max(size_of_local(right, weights, 2 * nv), size_of_local(right_c, weights, 2 * nv))
+    for j in range(2 * nv):
+        real[base + W, j] += right[j]
+        real[base + W + 1, j] += right_c[j].real
+        real[base + W + 2, j] += right_c[j].imag
+        for i in range(3):
+            real[base + Z + i, j] = (
+                t[i, 0] * real[base + W, j]
+                + t[i, 1] * real[base + W + 1, j]
+                + t[i, 2] * real[base + W + 2, j]
+            )
+    return change
+
+
+@sweep
+def newton(scene, accelerate, tableau, size, h, stages, control, matrices, flow):
+    """The stages Z of a step; whether they were found. Its rate goes into `control`.
+
+    A correction that is rounding counts as none: what rounding is grows with the stiffness.
+    """
+    settings, _, counters = control
+    real = matrices[0]
+    nv = size[1]
+    base = 3 * nv
+    rows = opened(scene)[0]
+    for row in range(3):
+        for j in range(2 * nv):
+            real[base + Z + row, j] = 0.0
+            real[base + W + row, j] = 0.0
+    rtol = settings[at.RTOL]
+    enough = max(10.0 * EPS / rtol, min(0.03, math.sqrt(rtol)))
+    last = 0.0
+    for n in range(ITERATIONS):
+        for i in range(3):
+            t = min(settings[at.TIME] + tableau[2][i] * h, settings[at.CLIP])
+            out = real[base + F + i]
+            local_slope(scene, accelerate, t, size, stages, real[base + Z + i], out, flow, counters)
+            real[base + POWERS, 2 * i] = flow[0]
+            real[base + POWERS, 2 * i + 1] = flow[1]
+            if not finite(out[: 2 * nv]):
+                return False
+        counters[at.N_NEWTON] += 1
+        change = correct_stages(rows, tableau, h, nv, matrices)
+        if not change < math.inf:
+            return False
+        if n > 0:
+            rate = change / last if last > 0.0 else 0.0
+            settings[at.JACOBIAN_RATE] = rate
+            if rate >= 1.0:
+                return change * rtol < 100.0 * ROUNDING
+            if rate / (1.0 - rate) * change < enough:
+                return True
+        if change * rtol < ROUNDING:
+            return True
+        last = change
+    return False
+
+
+@sweep
+def radau_error(scene, accelerate, tableau, size, h, stages, control, matrices, flow):
+    """Error of a step over its tolerance, filtered of what is stiff."""
+    settings, flags, counters = control
+    real = matrices[0]
+    nq, nv = size
+    base = 3 * nv
+    rows = opened(scene)[0]
+    shift = tableau[0][6, 0] / h
+    right = real[base + RIGHT]
+    weights = real[base + WEIGHTS]
+    scratch = real[base + SCRATCH]
+    factors, pivots = real[2 * nv : base], real[base + PIVOTS]
+    weighted_stages(tableau[3][0], h, real, base, nv)
+    for j in range(nv):
+        right[j] = real[base + W, j] + stages[at.Y, nq + j]
+        right[nv + j] = real[base + W, nv + j] + stages[at.SLOPE, nq + j]
+    solve(rows, shift, real, nv, factors, pivots, right, scratch)
+    error = size_of_local(right, weights, 2 * nv)
+    if error > 1.0 and (flags[at.REJECTED] == 1 or counters[at.N_STEP] == 0):
+        out = real[base + F]
+        t = min(settings[at.TIME], settings[at.CLIP])
+        local_slope(scene, accelerate, t, size, stages, right, out, flow, counters)
+        for j in range(2 * nv):
+            right[j] = real[base + W, j] + out[j]
+        solve(rows, shift, real, nv, factors, pivots, right, scratch)
+        error = size_of_local(right, weights, 2 * nv)
+    return error
+
+
+@part
+def weighted_stages(error, h, real, base, nv):
+    """Σ e_i Z_i / h into W."""
+    for j in range(2 * nv):
+        x = 0.0
+        for i in range(3):
+            x += error[i] * real[base + Z + i, j]
+        real[base + W, j] = x / h
+
+
+@kernel(ATTEMPT, nogil=True, later=True)
+def attempt_radau(scene, accelerate, tableau, size, h, stages, control, matrices, flow):
+    """One step of Radau IIA from Y into CANDIDATE; its error over the tolerance."""
+    settings, flags, counters = control
+    real = matrices[0]
+    nv = size[1]
+    base = 3 * nv
+    prepare(scene, size, stages, settings, real)
+    solved = False
+    while not solved:
+        if not settings[at.JACOBIAN_RATE] < KEEP and settings[at.JACOBIAN_AT] != settings[at.TIME]:
+            jacobian(scene, accelerate, size, stages, control, real, flow)
+        if settings[at.FACTORED] != h and not factor_radau(
+            tableau, h, nv, settings, matrices, counters
+        ):
+            return NOT_SOLVED
+        solved = newton(scene, accelerate, tableau, size, h, stages, control, matrices, flow)
+        if not solved:
+            if settings[at.JACOBIAN_AT] == settings[at.TIME]:
+                return NOT_SOLVED
+            settings[at.JACOBIAN_RATE] = 2.0
+    error = 0.0
+    if flags[at.FIXED] == 0:
+        error = radau_error(scene, accelerate, tableau, size, h, stages, control, matrices, flow)
+    power = 0.0
+    loss = 0.0
+    for i in range(3):
+        power += h * tableau[1][i] * real[base + POWERS, 2 * i]
+        loss += h * tableau[1][i] * real[base + POWERS, 2 * i + 1]
+    finish_local(scene, size, stages, real[base + Z + 2], power, loss)
+    return error if finite(stages[at.CANDIDATE]) else math.inf
+
+
+# -- ROS2 ----------------------------------------------------------------------------------------
+
+
+@kernel(ATTEMPT, nogil=True, later=True)
+def attempt_ros2(scene, accelerate, tableau, size, h, stages, control, matrices, flow):
+    """One step of ROS2 from Y into CANDIDATE; its error over the tolerance, of order 1.
+
+    (1 - γ h J) k₁ = f(z₀), (1 - γ h J) k₂ = f(z₀ + h k₁) - 2 k₁, z₁ = z₀ + 3/2 h k₁ + 1/2 h k₂.
+    Its order holds for any J: an old one serves several steps of their own choice where J costs
+    more than they do.
+    """
+    settings, flags, counters = control
+    real = matrices[0]
+    nq, nv = size
+    base = 3 * nv
+    rows = opened(scene)[0]
+    prepare(scene, size, stages, settings, real)
+    settings[at.JACOBIAN_RATE] += 1.0  # steps with it, here
+    old = settings[at.JACOBIAN_RATE] > SHARE * nv or flags[at.REJECTED] == 1
+    if settings[at.JACOBIAN_AT] != settings[at.TIME] and (old or flags[at.FIXED] == 1):
+        jacobian(scene, accelerate, size, stages, control, real, flow)
+        settings[at.JACOBIAN_RATE] = 0.0
+    shift = 1.0 / (GAMMA * h)
+    factors, pivots = real[2 * nv : base], real[base + PIVOTS]
+    if settings[at.FACTORED] != h:
+        assemble(shift, real, nv, factors)
+        settings[at.FACTORED] = h
+        counters[at.N_FACTOR] += 1
+        if not factor(factors, nv, pivots):
+            return NOT_SOLVED
+    scratch = real[base + SCRATCH]
+    first, second, z = real[base + RIGHT], real[base + F], real[base + Z]
+    for j in range(nv):
+        first[j] = shift * stages[at.Y, nq + j]
+        first[nv + j] = shift * stages[at.SLOPE, nq + j]
+    solve(rows, shift, real, nv, factors, pivots, first, scratch)
+    for j in range(2 * nv):
+        z[j] = h * first[j]
+    t = min(settings[at.TIME] + h, settings[at.CLIP])
+    local_slope(scene, accelerate, t, size, stages, z, second, flow, counters)
+    for j in range(2 * nv):
+        second[j] = shift * (second[j] - 2.0 * first[j])
+    solve(rows, shift, real, nv, factors, pivots, second, scratch)
+    for j in range(2 * nv):
+        z[j] = h * (1.5 * first[j] + 0.5 * second[j])
+        first[j] = 0.5 * h * (first[j] + second[j])
+    power = 0.5 * h * (stages[at.SLOPE, nq + nv] + flow[0])
+    loss = 0.5 * h * (stages[at.SLOPE, nq + nv + 1] + flow[1])
+    finish_local(scene, size, stages, z, power, loss)
+    if not finite(stages[at.CANDIDATE]):
+        return math.inf
+    return size_of_local(first, real[base + WEIGHTS], 2 * nv)

@@ -1,0 +1,359 @@
+"""Moreau and Jean's time stepping: smooth forces and impulses in one velocity update.
+
+q_m = q + h/2 v; v⁺ = v + h v'(q_m, v) + M⁻¹ Jᵀ λ with all that touches at q_m; q⁺ = q_m + h/2 v⁺
+([Moreau 1988], [Jean 1999]). Impacts need no events, many at once cost no more than one. Dampers
+and servos of hinges and sliders are taken at the end of the step, which is stable however stiff
+they are: h d + h²/2 k counts as inertia there.
+"""
+
+import math
+
+from .. import layout as at
+from ..compiler.jit import kernel, part, sweep
+from ..constraints.blocks import locate, residual_velocity, total, velocities
+from ..constraints.constraints import driven_power, number_rows, unit_responses
+from ..constraints.paths import spread
+from ..constraints.proximal import CHANGE, DINV, FACTORED, LAMBDA, RHS, STEP
+from ..contact.impulse import BEFORE, DUAL, REPORT, SPLIT, gained, gather, solve_impulses
+from ..contact.touch import clear, contacts_at, kept_place, note, set_block, touching
+from ..forces import lookup
+from ..motion import call_acceleration, opened
+from ..tree.kinematics import base_axes, positions
+from ..tree.moving import advance
+from ..vec import add, add_scaled, load, mul, store
+from .run import STEP as STEP_SIGNATURE
+
+NEAR = 1e-9  # relative to the extent of what moves: a gap that is none
+DEPTH = 1e-5  # relative to the extent of what moves: penetration that is left alone
+RECOVER = 0.2  # of what is deeper, a step
+GAIN = 1e-6  # of what impulses turn over: a gain of energy beyond it is no rounding
+PUSH_SWEEPS = 30
+ENOUGH = 1e-3  # of what is to be recovered in a step: a sweep that moves less is the last
+
+
+@kernel(STEP_SIGNATURE, nogil=True)
+def moreau_jean(scene, accelerate, tableau, t, h, q, v, stages, flow, ledger):
+    """One step; the solver's sweeps."""
+    rows, const, drives, _, blocks, work, space, _, given, _ = opened(scene)
+    contacts = contacts_at(space[12][at.HAS_CONTACTS])
+    active = blocks[5]
+    bilateral = active[0]
+    nv = v.shape[0]
+    for j in range(nv):
+        stages[1, j] = v[j]
+    contacts[11][at.FROZEN] = 0
+    active[0] = 0  # constraints come in with the impulses
+    advance(rows, q, v, 0.5 * h)
+    stiffen(scene, t + 0.5 * h, h, q, v)
+    call_acceleration(accelerate, (scene, t + 0.5 * h, q, v, stages[2, :nv], stages[3, :nv], flow))
+    ledger[at.WORK_DONE] += h * flow[0]
+    ledger[at.DISSIPATED] += h * flow[1]
+    relax(rows, const, space[5], given)
+    for j in range(nv):
+        stages[4, j] = space[5][DUAL, j]
+    positions(rows, work)
+    active[0] = bilateral
+    first = bilateral + 1
+    size = extent(work)
+    add_unilateral(scene, q, size)
+    taken = 0
+    if active[0] > 0:
+        m = number_rows(blocks, space[1])
+        set_velocities(scene, t, h, v, stages[3, :nv])
+        space[5][FACTORED, 2] = 0.0  # Y is no longer that of the last factors
+        unit_responses(rows, const, blocks, work, space)
+        warm_start(scene, first, m)
+        taken = solve(scene, m, first, ledger)
+    else:
+        space[5][STEP, :nv] = 0.0
+    clear(space[12][at.HAS_CONTACTS])
+    book(scene, first, h)
+    if active[0] > 0:
+        spread(rows, const, work, space[5][STEP])
+    for j in range(nv):
+        v[j] += h * stages[3, j] + space[5][STEP, j]
+    book_drives(rows, drives, stages, stages[4], h, v, ledger)
+    if bilateral > 0:  # impulses times the mean speed over the step
+        work_done = driven_power(blocks, space, stages[1]) + driven_power(blocks, space, v)
+        ledger[at.WORK_DONE] += 0.5 * work_done
+    advance(rows, q, v, 0.5 * h)
+    if active[0] >= first:
+        push_out(scene, first, q, size)
+    active[0] = bilateral
+    contacts[11][at.FROZEN] = 1
+    return taken
+
+
+@sweep
+def stiffen(scene, t, h, q, v):
+    """Count what drives resist a change of v as inertia, what springs gain until h as torque."""
+    rows, const, drives, _, _, _, space, _, given, _ = opened(scene)
+    vectors = space[5]
+    table, knots, passive = drives
+    damping = vectors[DUAL]
+    stiffness = vectors[SPLIT]
+    for j in range(v.shape[0]):  # with a hinge: joints of several coordinates stay as they are
+        damping[j] = 0.0
+        stiffness[j] = 0.0
+    for n in range(table.shape[0]):
+        j = int(table[n, at.DR_V])
+        kd = table[n, at.DR_KD]
+        if kd > 0.0 and not saturated(table, knots, n, t, q, v):
+            damping[j] += kd
+            if table[n, at.DR_Q] >= 0.0:
+                stiffness[j] += table[n, at.DR_KP]
+    for k in range(1, rows.shape[0]):
+        if rows[k, at.KIND] <= at.TRANSLATE:
+            j = rows[k, at.VI]
+            vectors[CHANGE, j] = const[k, at.ARMATURE]
+            vectors[LAMBDA, j] = given[j]
+            damping[j] = h * damping[j] + 0.5 * h * h * stiffness[j]
+            const[k, at.ARMATURE] += damping[j]
+            given[j] -= 0.5 * h * stiffness[j] * v[j]
+
+
+@sweep
+def relax(rows, const, vectors, given):
+    """Undo `stiffen`."""
+    for k in range(1, rows.shape[0]):
+        if rows[k, at.KIND] <= at.TRANSLATE:
+            j = rows[k, at.VI]
+            const[k, at.ARMATURE] = vectors[CHANGE, j]
+            given[j] = vectors[LAMBDA, j]
+
+
+@part
+def book_drives(rows, drives, stages, extra, h, v, ledger):
+    """What joints' torques did over the step, beyond what they seemed to at its start."""
+    more = 0.0
+    for k in range(1, rows.shape[0]):
+        if rows[k, at.KIND] <= at.TRANSLATE:
+            j = rows[k, at.VI]
+            change = v[j] - stages[1, j]
+            mean = 0.5 * (v[j] + stages[1, j])
+            more += (h * stages[2, j] - extra[j] * change) * mean - h * stages[2, j] * stages[1, j]
+    if drives[0].shape[0] > drives[2]:
+        ledger[at.WORK_DONE] += more
+    else:
+        ledger[at.DISSIPATED] -= more
+
+
+@part
+def saturated(table, knots, n, t, q, v):
+    """Whether drive n gives its largest torque."""
+    j = int(table[n, at.DR_V])
+    i = int(table[n, at.DR_Q])
+    torque = -table[n, at.DR_KD] * v[j]
+    if i >= 0:
+        first = int(table[n, at.DR_TARGET])
+        target = lookup(knots, first, int(table[n, at.DR_TARGET_N]), t)
+        torque += table[n, at.DR_KP] * (target - q[i])
+    first = int(table[n, at.DR_TORQUE])
+    torque += lookup(knots, first, int(table[n, at.DR_TORQUE_N]), t)
+    return abs(torque) > table[n, at.DR_LIMIT]
+
+
+@sweep
+def add_unilateral(scene, q, size):
+    """Append limits and rigid contacts that touch to the active blocks; `size` is the extent."""
+    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
+    contacts = contacts_at(space[12][at.HAS_CONTACTS])
+    blocks_i, blocks_f, terms_i, terms_f, _, active = blocks
+    laws, tally = contacts[6], contacts[11]
+    first = tally[at.FIRST_LIMIT]
+    for i in range(first, first + tally[at.N_LIMITS]):
+        gap = total(blocks_i, terms_i, terms_f, i, 1, q) - blocks_f[i, at.VALUE]
+        if gap <= 0.0:
+            active[0] += 1
+            active[active[0]] = i
+    if laws.shape[0] == 0:
+        return
+    near = NEAR * size
+    first = tally[at.FIRST_CONTACT]
+    for n in range(touching(scene, space, near)):
+        law = contacts[5][1][n, at.CT_CONTACT]
+        if laws[law, at.LW_LAW] == at.RIGID and contacts[5][0][n, at.CT_GAP] <= near:
+            set_block(contacts, blocks, n, first + n)
+            active[0] += 1
+            active[active[0]] = first + n
+
+
+@part
+def extent(work):
+    """Length of the longest link, displacements included [m]: what small gaps are relative to."""
+    x, y, z = 0.0, 0.0, 0.0
+    for k in range(1, work.shape[0]):
+        x = max(x, abs(work[k, at.L]))
+        y = max(y, abs(work[k, at.L + 1]))
+        z = max(z, abs(work[k, at.L + 2]))
+    return max(x, max(y, z))
+
+
+@sweep
+def set_velocities(scene, t, h, v, vdot):
+    """J v into BEFORE and J (v + h v') into RHS, less what rows follow at the step's end."""
+    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
+    vectors, linear = space[5], space[6]
+    locate(blocks, work, space[4])
+    velocities(rows, const, work, v, linear)
+    residual_velocity(blocks, work, space, t, v, vectors[BEFORE])
+    for j in range(v.shape[0]):
+        vectors[STEP, j] = v[j] + h * vdot[j]
+    turn_rates(rows, const, work, vectors[STEP])
+    velocities(rows, const, work, vectors[STEP], linear)
+    residual_velocity(blocks, work, space, t + h, vectors[STEP], vectors[RHS])
+
+
+@sweep
+def warm_start(scene, first, m):
+    """λ of the last step where a contact point goes on, zero elsewhere."""
+    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
+    contacts = contacts_at(space[12][at.HAS_CONTACTS])
+    active, slots = blocks[5], space[1]
+    lam = space[5][LAMBDA]
+    for r in range(m):
+        lam[r] = 0.0
+    begin = contacts[11][at.FIRST_CONTACT]
+    for j in range(first, active[0] + 1):
+        n = active[j] - begin
+        if n >= 0:
+            k = kept_place(contacts, n, n)
+            if k >= 0:
+                r = slots[active[j], at.FIRST]
+                for c in range(3):
+                    lam[r + c] = contacts[7][k, c]
+
+
+@sweep
+def solve(scene, m, first, ledger):
+    """Impulses, without bounce where it would gain energy; what they take goes into the ledger."""
+    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
+    contacts = contacts_at(space[12][at.HAS_CONTACTS])
+    tally = contacts[11]
+    answer = space[5][REPORT]
+    solve_impulses(scene, m, first)
+    gain, size = gained(scene, first)
+    if gain > GAIN * size and bounces(scene, first):
+        tally[at.N_CALMED] += 1
+        for j in range(first, blocks[5][0] + 1):
+            blocks[1][blocks[5][j], at.BOUNCE] = 0.0
+        solve_impulses(scene, m, first)
+        gain, size = gained(scene, first)
+    ledger[at.DISSIPATED] -= gain
+    if answer[1] > 0.0:
+        tally[at.N_FALLBACK] += 1
+    contacts[12][at.MISSED] = max(contacts[12][at.MISSED], answer[2])
+    return int(answer[0] + answer[1])
+
+
+@part
+def bounces(scene, first):
+    """Whether something comes back from an impact: not from what the step's own forces press."""
+    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
+    slots, vectors = space[1], space[5]
+    found = False
+    for j in range(first, blocks[5][0] + 1):
+        i = blocks[5][j]
+        before = vectors[BEFORE, slots[i, at.FIRST]]
+        pressed = abs(vectors[RHS, slots[i, at.FIRST]] - before)
+        found = found or (blocks[1][i, at.BOUNCE] > 0.0 and -before > 4.0 * pressed)
+    return found
+
+
+@sweep
+def book(scene, first, h):
+    """Keep the impulses for the next step, and as forces on bodies and in touches."""
+    _, _, _, _, blocks, work, space, _, _, _ = opened(scene)
+    contacts = contacts_at(space[12][at.HAS_CONTACTS])
+    active, slots = blocks[5], space[1]
+    lam = space[5][LAMBDA]
+    found_i, kept, kept_i, tally = contacts[5][1], contacts[7], contacts[8], contacts[11]
+    touches, limit_tau = contacts[10], contacts[15]
+    begin = tally[at.FIRST_CONTACT]
+    count = 0
+    for j in range(first, active[0] + 1):
+        n = active[j] - begin
+        r = slots[active[j], at.FIRST]
+        if n < 0:
+            term = blocks[0][active[j], at.B_TERM]
+            torque = blocks[3][term] * lam[r] / h
+            limit_tau[blocks[2][term, 0]] += torque
+            touches[touches.shape[0] + n, at.TO_FORCE] = torque
+            continue
+        force = (0.0, 0.0, 0.0)
+        for c in range(3):
+            kept[count, c] = lam[r + c]
+            d = load(blocks[1], active[j], at.DIR + 3 * c)
+            force = add_scaled(force, lam[r + c] / h, d)
+        kept_i[count, 0] = found_i[n, at.CT_SHAPE_A]
+        kept_i[count, 1] = found_i[n, at.CT_SHAPE_B]
+        kept_i[count, 2] = found_i[n, at.CT_FEATURE]
+        count += 1
+        u = gather(space[0], slots, active[j], space[5][STEP])
+        x, z = space[5][RHS, r + 1] + u[1], space[5][RHS, r + 2] + u[2]
+        slip = math.sqrt(x * x + z * z)
+        note(space[12][at.HAS_CONTACTS], work, n, force, slip)
+    tally[at.N_KEPT] = count
+
+
+@sweep
+def push_out(scene, first, q, size):
+    """Move q out of what is deeper than a little of the extent, by normal rows, in mass metric."""
+    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
+    contacts = contacts_at(space[12][at.HAS_CONTACTS])
+    blocks_i, _, _, _, _, active = blocks
+    y, slots, vectors, own = space[0], space[1], space[5], space[11]
+    lam = vectors[LAMBDA]
+    dinv = vectors[DINV]
+    z = vectors[STEP]
+    found_f, tally, worst = contacts[5][0], contacts[11], contacts[12]
+    begin = tally[at.FIRST_CONTACT]
+    deepest = 0.0
+    for j in range(first, active[0] + 1):
+        n = active[j] - begin
+        if n >= 0:
+            deepest = max(deepest, -found_f[n, at.CT_GAP])
+    worst[at.DEEPEST] = max(worst[at.DEEPEST], deepest)
+    if not deepest > DEPTH * size:
+        return
+    for k in range(z.shape[0]):
+        z[k] = 0.0
+    for j in range(first, active[0] + 1):
+        lam[slots[active[j], at.FIRST]] = 0.0
+    for _ in range(PUSH_SWEEPS):
+        moved = 0.0
+        for j in range(first, active[0] + 1):
+            i = active[j]
+            n = i - begin
+            if n < 0 or not own[i, 0] > 0.0:
+                continue
+            r = slots[i, at.FIRST]
+            gap = RECOVER * (found_f[n, at.CT_GAP] + 0.5 * DEPTH * size)
+            for s in range(slots[i, at.SLOTS]):
+                gap += y[i, 3 * s] * z[slots[i, at.SLOT + s]]
+            new = max(lam[r] - gap / own[i, 0], 0.0)
+            for s in range(slots[i, at.SLOTS]):
+                k = slots[i, at.SLOT + s]
+                z[k] += dinv[k] * y[i, 3 * s] * (new - lam[r])
+            moved = max(moved, abs(new - lam[r]) * own[i, 0])
+            lam[r] = new
+        if not moved > ENOUGH * RECOVER * deepest:
+            break
+    spread(rows, const, work, z)
+    advance(rows, q, z, 1.0)
+
+
+@sweep
+def turn_rates(rows, const, work, v):
+    """Angular velocities of all rows for other joint velocities, frames unchanged."""
+    for k in range(1, rows.shape[0]):
+        p = rows[k, at.PARENT]
+        j = rows[k, at.VI]
+        w = load(work, p, at.W)
+        kind = rows[k, at.KIND]
+        if kind == at.ROTATE:
+            w = add_scaled(w, v[j], load(work, k, at.H))
+        elif kind >= at.BALL:
+            axes = base_axes(const, work, p, k)
+            w = add(w, mul(axes, (v[j], v[j + 1], v[j + 2])))
+        store(work, k, at.W, w)

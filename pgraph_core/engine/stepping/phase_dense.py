@@ -1,0 +1,112 @@
+"""Phases of contact points and limits in runs whose steps are chosen by their error.
+
+A step is taken as if no phase ended in it: what moves goes on smoothly past such an instant.
+Then the first one is looked for on dense output, and the step ends there.
+"""
+
+from .. import layout as at
+from ..compiler.jit import kernel, sweep
+from ..contact.phase_watch import (
+    TRIALS,
+    WIDTH,
+    accepted,
+    bracket_of,
+    lowest,
+    narrowed,
+    next_try,
+    over,
+    start,
+    watch,
+)
+from ..contact.phases import LINK_HELD, LINK_OBSERVE, LINK_PROJECT, opened_phased
+from ..contact.sites import call_observe
+from ..motion import PROJECTION, call_projection
+from .adaptive import LOOK_BACK
+from .attempt import copied
+from .explicit import within
+
+PARTS = 4  # of a step that are looked at for themselves
+
+
+@kernel(PROJECTION, nogil=True, later=True)
+def phased_projection(scene, t, q, v, rounds):
+    """As `projection`, onto what is held; rounds taken, -1 where it fails."""
+    links = opened_phased(scene)[10][0]
+    return call_projection(links[LINK_PROJECT], (links[LINK_HELD], t, q, v, rounds))
+
+
+@sweep
+def look(scene, accelerate, tableau, size, stages, control, flow, sites, low, w):
+    """The state a time low + w after the last step's start, into TRIAL, observed and watched."""
+    settings, _, counters = control
+    nq, nv = size
+    h = settings[at.W_OLD]
+    if low + w < h:
+        within(scene, accelerate, tableau, size, stages, control, flow, (low + w) / h)
+    else:
+        copied(stages, at.Y, at.TRIAL, stages.shape[1])
+    q = stages[at.TRIAL, :nq]
+    v = stages[at.TRIAL, nq : nq + nv]
+    vdot = stages[at.ERROR, nq : nq + nv]
+    t = settings[at.T_OLD] + low + w
+    call_observe(sites[0][LINK_OBSERVE], (scene, t, q, v, vdot, flow))
+    counters[at.N_EVAL] += 1
+    watch(sites, at.W_NOW, w)
+
+
+@sweep
+def seen(scene, accelerate, tableau, size, stages, control, flow, sites, low, width):
+    """Width at which a phase has ended in a part of the step from `low`; 0 where none has."""
+    watched = sites[4]
+    look(scene, accelerate, tableau, size, stages, control, flow, sites, low, width)
+    if over(watched, at.W_NOW):
+        return width
+    dip = lowest(sites, width)
+    if dip < width:
+        look(scene, accelerate, tableau, size, stages, control, flow, sites, low, dip)
+        if over(watched, at.W_NOW):
+            return dip
+        look(scene, accelerate, tableau, size, stages, control, flow, sites, low, width)
+    return 0.0
+
+
+@sweep
+def locate(scene, accelerate, tableau, size, stages, control, flow, sites, low, end):
+    """The first width from `low` at which a phase ends, its state in TRIAL, what ended in W_NOW."""
+    watched = sites[4]
+    bracket = bracket_of(watched, end)
+    ended = True
+    for n in range(TRIALS):
+        if bracket[1] - bracket[0] <= WIDTH:
+            break
+        w = next_try(watched, bracket, n)
+        look(scene, accelerate, tableau, size, stages, control, flow, sites, low, w)
+        ended = over(watched, at.W_NOW)
+        bracket = narrowed(watched, bracket, w, ended)
+    if not ended:
+        look(scene, accelerate, tableau, size, stages, control, flow, sites, low, bracket[1])
+    return bracket[1]
+
+
+@kernel(LOOK_BACK, nogil=True, later=True)
+def look_for_phases(scene, accelerate, tableau, size, stages, control, flow, events):
+    """Go back to where the first phase ends within the last step, if one does.
+
+    The first of events' numbers is the time in which friction may turn slow slip around [s].
+    """
+    settings, flags, _ = control
+    sites = opened_phased(scene)[10]
+    h = settings[at.W_OLD]
+    for n in range(PARTS):
+        low = h * n / PARTS
+        width = h * (n + 1) / PARTS - low
+        end = seen(scene, accelerate, tableau, size, stages, control, flow, sites, low, width)
+        if end > 0.0:
+            w = locate(scene, accelerate, tableau, size, stages, control, flow, sites, low, end)
+            copied(stages, at.TRIAL, at.Y, stages.shape[1])
+            settings[at.TIME] = settings[at.T_OLD] + low + w
+            flags[at.FRESH] = 0
+            flags[at.FIRED] = 1
+            return
+        accepted(sites)
+        start(sites, events[2][0])

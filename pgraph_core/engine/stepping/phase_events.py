@@ -1,0 +1,139 @@
+"""Runs of given steps with events: a step that ends a phase is taken again, shorter, until there.
+
+The first such instant of a step is bracketed and closed in on by secants and bisection over the
+width of the step: any method of one step can be located in, and needs no dense output.
+"""
+
+from numba import types
+
+from .. import layout as at
+from ..compiler.jit import kernel, sweep
+from ..contact.phase_watch import (
+    TRIALS,
+    WIDTH,
+    accepted,
+    bracket_of,
+    lowest,
+    narrowed,
+    next_try,
+    over,
+    start,
+    watch,
+)
+from ..contact.phases import LINK_HELD, LINK_OBSERVE, opened_phased
+from ..contact.sites import call_observe
+from ..motion import F1, F2, I1, OUT, call_record
+from .run import LINKS, TABLEAU, call_step, fail, finish, keep, restore
+
+
+@sweep
+def trial(scene, held, links, sites, tableau, stabilised, t, w, q, v, stages, flow, ledger,
+          before, counters):  # fmt: skip
+    """A step of width w from the state kept, observed; a status code."""
+    step = links[3]
+    row = stages.shape[0] - 2
+    restore(q, v, stages, row)
+    ledger[0] = before[0]
+    ledger[1] = before[1]
+    arguments = (scene, links[0], tableau, t, w, q, v, stages, flow, ledger)
+    counters[at.N_ITERATE] += call_step(step, arguments)
+    counters[at.N_EVAL] += max(tableau[1].shape[0], 1) + 1
+    code = finish(held, links[1], stabilised, t + w, q, v, counters)
+    if code == at.DONE:
+        vdot = stages[4, : v.shape[0]]
+        call_observe(sites[0][LINK_OBSERVE], (scene, t + w, q, v, vdot, flow))
+        watch(sites, at.W_NOW, w)
+    return code
+
+
+@sweep
+def locate_event(scene, held, links, sites, tableau, stabilised, t, h, q, v, stages, flow, ledger,
+                 before, counters):  # fmt: skip
+    """The first width at which a phase ends, its state in q and v, what ended in W_NOW."""
+    watched = sites[4]
+    bracket = bracket_of(watched, h)
+    ended = True
+    for n in range(TRIALS):
+        width = bracket[1] - bracket[0]
+        if width <= WIDTH or width <= 1e-15 * h:
+            break
+        w = next_try(watched, bracket, n)
+        code = trial(scene, held, links, sites, tableau, stabilised, t, w, q, v, stages, flow,
+                     ledger, before, counters)  # fmt: skip
+        ended = code != at.DONE or over(watched, at.W_NOW)
+        bracket = narrowed(watched, bracket, w, ended)
+    if not ended:
+        trial(scene, held, links, sites, tableau, stabilised, t, bracket[1], q, v, stages, flow,
+              ledger, before, counters)  # fmt: skip
+    return bracket[1]
+
+
+@kernel(
+    types.int64(types.int64, LINKS, TABLEAU, types.Tuple((F1, I1, F1)), I1, types.int64,
+       types.boolean, F1, F1, F2, F1, F1, I1, F1, OUT, F1),
+    nogil=True,
+    later=True,
+)  # fmt: skip
+def run_phased(
+    scene, links, tableau, schedule, cursor, budget, stabilised, q, v, stages, flow, ledger,
+    counters, failure, out, clock,
+):  # fmt: skip
+    """As `run`; EVENT where a phase ends: `clock` is there, W_NOW says which of what is watched.
+
+    Sites have been observed at the state it starts from.
+    """
+    record = links[2]
+    times, substeps, width = schedule
+    sites = opened_phased(scene)[10]
+    held = sites[0][LINK_HELD]
+    kept = stages.shape[0] - 2
+    for _ in range(budget):
+        i = cursor[at.FRAME]
+        if i == times.shape[0]:
+            return at.DONE
+        taken = cursor[at.TAKEN]
+        if i == 0 or taken == substeps[i - 1]:
+            if not call_record(record, (scene, links[0], times[i], q, v, flow, ledger, i, out)):
+                fail(scene, times[i], v, failure)
+                return at.NOT_FINITE
+            cursor[at.FRAME] = i + 1
+            cursor[at.TAKEN] = 0
+            continue
+        h = width[i - 1] - clock[at.CL_DONE]
+        t = times[i - 1] + taken * width[i - 1] + clock[at.CL_DONE]
+        keep(q, v, stages, kept)
+        start(sites, h)
+        saved = (ledger[0], ledger[1])
+        code = trial(scene, held, links, sites, tableau, stabilised, t, h, q, v, stages, flow,
+                     ledger, saved, counters)  # fmt: skip
+        counters[at.N_STEP] += 1
+        if code != at.DONE:
+            restore(q, v, stages, kept)
+            fail(scene, t, v, failure)
+            if taken > 0 or clock[at.CL_DONE] > 0.0:
+                times[i] = t
+                frame = (scene, links[0], t, q, v, flow, ledger, i, out)
+                cursor[at.FRAME] = i + call_record(record, frame)
+            return code
+        end = h
+        if not over(sites[4], at.W_NOW):
+            end = lowest(sites, h)
+            if end < h:
+                trial(scene, held, links, sites, tableau, stabilised, t, end, q, v, stages, flow,
+                      ledger, saved, counters)  # fmt: skip
+                if not over(sites[4], at.W_NOW):
+                    trial(scene, held, links, sites, tableau, stabilised, t, h, q, v, stages, flow,
+                          ledger, saved, counters)  # fmt: skip
+        if over(sites[4], at.W_NOW):
+            w = locate_event(scene, held, links, sites, tableau, stabilised, t, end, q, v, stages,
+                             flow, ledger, saved, counters)  # fmt: skip
+            clock[at.CL_EVENT] = t + w
+            clock[at.CL_DONE] += w
+            if width[i - 1] - clock[at.CL_DONE] <= 1e-12 * width[i - 1]:
+                cursor[at.TAKEN] = taken + 1
+                clock[at.CL_DONE] = 0.0
+            return at.EVENT
+        accepted(sites)
+        cursor[at.TAKEN] = taken + 1
+        clock[at.CL_DONE] = 0.0
+    return at.DONE if cursor[at.FRAME] == times.shape[0] else at.RUNNING

@@ -1,0 +1,191 @@
+"""Runs at fixed steps inside compiled calls: frames, steps between them, what ends a step.
+
+A run is a sequence of frames; between two frames lie `substeps[i]` steps of `width[i]`. What
+makes a step of a method is called by address, as the equations of motion are: one small kernel a
+method. `links` are the addresses of acceleration, projection, record and step.
+"""
+
+from numba import types
+
+from .. import layout as at
+from ..compiler.address import caller
+from ..compiler.jit import kernel, part, sweep
+from ..motion import F1, F2, I1, OUT, call_acceleration, call_projection, call_record, opened
+from ..tree.moving import advance, normalise_all, rate
+from ..vec import finite
+
+STEP_ROUNDS = 10  # of projection a step: one is the rule
+
+LINKS = types.UniTuple(types.int64, 4)
+TABLEAU = types.Tuple((F2, F1, F1))
+f8, i8 = types.float64, types.int64
+# scene, accelerate, tableau, t, h, q, v, stages, flow, ledger; solver iterations
+STEP = i8(i8, i8, TABLEAU, f8, f8, F1, F1, F2, F1, F1)
+call_step = caller(STEP)
+SETTLE = i8(i8, f8, F1, F1)  # scene, t, q, v: after a step of a scene with contacts
+call_settle = caller(SETTLE)
+
+
+@kernel(STEP, nogil=True)
+def runge_kutta(scene, accelerate, tableau, t, h, q, v, stages, flow, ledger):
+    """One explicit Runge-Kutta step of (q, v), and of the ledger; solver iterations.
+
+    `stages` rows: q0, v0, τ, then q' and v' of each stage in turn.
+    """
+    rows = opened(scene)[0]
+    a, b, c = tableau
+    nq = q.shape[0]
+    nv = v.shape[0]
+    for i in range(nq):
+        stages[0, i] = q[i]
+    for j in range(nv):
+        stages[1, j] = v[j]
+    tau = stages[2, :nv]
+    total = 0
+    for n in range(b.shape[0]):
+        for r in range(n):
+            if a[n, r] != 0.0:
+                for i in range(nq):
+                    q[i] += h * a[n, r] * stages[3 + 2 * r, i]
+                for j in range(nv):
+                    v[j] += h * a[n, r] * stages[4 + 2 * r, j]
+        rate(rows, q, v, stages[3 + 2 * n, :nq])
+        vdot = stages[4 + 2 * n, :nv]
+        call_acceleration(accelerate, (scene, t + c[n] * h, q, v, tau, vdot, flow))
+        ledger[at.WORK_DONE] += h * b[n] * flow[0]
+        ledger[at.DISSIPATED] += h * b[n] * flow[1]
+        total += int(flow[2])
+        for i in range(nq):
+            q[i] = stages[0, i]
+        for j in range(nv):
+            v[j] = stages[1, j]
+    for n in range(b.shape[0]):
+        for i in range(nq):
+            q[i] += h * b[n] * stages[3 + 2 * n, i]
+        for j in range(nv):
+            v[j] += h * b[n] * stages[4 + 2 * n, j]
+    normalise_all(rows, q)
+    return total
+
+
+@kernel(STEP, nogil=True)
+def semi_implicit(scene, accelerate, tableau, t, h, q, v, stages, flow, ledger):
+    """v += h v', then q moved along the new v; order 1, symplectic for conservative trees."""
+    nv = v.shape[0]
+    vdot = stages[4, :nv]
+    call_acceleration(accelerate, (scene, t, q, v, stages[2, :nv], vdot, flow))
+    for j in range(nv):
+        v[j] += h * vdot[j]
+    ledger[at.WORK_DONE] += h * flow[0]
+    ledger[at.DISSIPATED] += h * flow[1]
+    advance(opened(scene)[0], q, v, h)
+    return int(flow[2])
+
+
+@part
+def finish(scene, project, stabilised, t, q, v, counters):
+    """What ends a step: still finite, and moved back onto the constraints; a status code."""
+    if not finite(v):
+        return at.NOT_FINITE
+    extra = opened(scene)[6][12]
+    if extra[at.THEIR_SETTLE] != 0:
+        call_settle(extra[at.THEIR_SETTLE], (scene, t, q, v))
+    if stabilised and opened(scene)[4][5][0] > 0:
+        rounds = call_projection(project, (scene, t, q, v, STEP_ROUNDS))
+        counters[at.N_PROJECT] += abs(rounds)
+        if not finite(v):
+            return at.NOT_FINITE
+        if rounds < 0:
+            return at.NOT_CONVERGED
+    return at.DONE
+
+
+@kernel(
+    i8(i8, LINKS, TABLEAU, types.Tuple((F1, I1, F1)), I1, i8, types.boolean, F1, F1, F2, F1, F1,
+       I1, F1, OUT),
+    nogil=True,
+)  # fmt: skip
+def run(
+    scene, links, tableau, schedule, cursor, budget, stabilised, q, v, stages, flow, ledger,
+    counters, failure, out,
+):  # fmt: skip
+    """At most `budget` steps and frames on from `cursor`; a status code, RUNNING if not over.
+
+    Frame 0 is the state as given. Where a step fails, the state before it becomes the last
+    frame, and `failure` gets its time and the row that moved fastest.
+    """
+    accelerate, project, record, step = links
+    times, substeps, width = schedule
+    before = stages.shape[0] - 2
+    for _ in range(budget):
+        i = cursor[at.FRAME]
+        if i == times.shape[0]:
+            return at.DONE
+        taken = cursor[at.TAKEN]
+        if i == 0 or taken == substeps[i - 1]:
+            if not call_record(record, (scene, accelerate, times[i], q, v, flow, ledger, i, out)):
+                fail(scene, times[i], v, failure)
+                return at.NOT_FINITE
+            cursor[at.FRAME] = i + 1
+            cursor[at.TAKEN] = 0
+            continue
+        h = width[i - 1]
+        t = times[i - 1] + taken * h
+        keep(q, v, stages, before)
+        iterations = call_step(step, (scene, accelerate, tableau, t, h, q, v, stages, flow, ledger))
+        counters[at.N_EVAL] += max(tableau[1].shape[0], 1)
+        counters[at.N_STEP] += 1
+        counters[at.N_ITERATE] += iterations
+        code = finish(scene, project, stabilised, t + h, q, v, counters)
+        if code != at.DONE:
+            restore(q, v, stages, before)
+            fail(scene, t, v, failure)
+            if taken > 0:
+                times[i] = t
+                frame = (scene, accelerate, t, q, v, flow, ledger, i, out)
+                cursor[at.FRAME] = i + call_record(record, frame)
+            return code
+        cursor[at.TAKEN] = taken + 1
+    return at.DONE if cursor[at.FRAME] == times.shape[0] else at.RUNNING
+
+
+@part
+def keep(q, v, stages, row):
+    """The state before a step, for the case that it fails."""
+    for i in range(q.shape[0]):
+        stages[row, i] = q[i]
+    for j in range(v.shape[0]):
+        stages[row + 1, j] = v[j]
+
+
+@part
+def restore(q, v, stages, row):
+    """Back to the state before the step."""
+    for i in range(q.shape[0]):
+        q[i] = stages[row, i]
+    for j in range(v.shape[0]):
+        v[j] = stages[row + 1, j]
+
+
+@part
+def fail(scene, t, v, failure):
+    failure[0] = t
+    failure[1] = fastest_row(opened(scene)[0], v)
+
+
+@sweep
+def fastest_row(rows, v):
+    """Row of the largest joint velocity."""
+    best = 0.0
+    row = 1
+    for k in range(1, rows.shape[0]):
+        if abs(v[rows[k, at.VI]]) > best:
+            best = abs(v[rows[k, at.VI]])
+            row = k
+    return row
+
+
+@kernel("void(i8[:,::1],f8[::1],f8[::1],f8)")
+def move(rows, q, v, h):
+    """q moved along v for the time h."""
+    advance(rows, q, v, h)

@@ -1,0 +1,130 @@
+"""What users ask about bodies, welded ones too: poses, velocities, accelerations, joint forces."""
+
+from .. import layout as at
+from ..compiler.jit import kernel, part, sweep
+from ..vec import (
+    about_origin,
+    add,
+    add_cross,
+    cross,
+    load,
+    load6,
+    load9,
+    mat_mul,
+    mul,
+    rotate_sym,
+    scale,
+    store,
+    store9,
+    sub,
+    sym_mul,
+)
+from .kinematics import accelerate, linear_velocity, outboard, positions
+
+TREE = "i8[:,::1],f8[:,::1],i8[:,::1],f8[:,::1]"
+
+
+@kernel(f"void({TREE},f8[::1],f8[::1],f8[:,::1],f8[:,::1],f8[:,::1])")
+def poses(rows, const, bodies_i, bodies_f, q, v, work, position, rotation):
+    """Origins (nb, 3) and rotations (nb, 9) of all bodies in the world; `v` must be zero."""
+    outboard(rows, const, work, q, v)
+    positions(rows, work)
+    for b in range(1, bodies_i.shape[0]):
+        place(work, bodies_i, bodies_f, b, position, rotation)
+
+
+@part
+def place(work, bodies_i, bodies_f, b, position, rotation):
+    """Origin and rotation of body b."""
+    k = bodies_i[b, at.ROW]
+    r = load9(work, k, at.R)
+    store(position, b - 1, 0, add(load(work, k, at.X), mul(r, load(bodies_f, b, at.OFFSET))))
+    store9(rotation, b - 1, 0, mat_mul(r, load9(bodies_f, b, at.HOME)))
+
+
+@kernel(
+    f"void({TREE},f8[:,::1],f8[:,::1],f8[:,::1],f8[:,:,::1],f8[:,::1],f8[:,:,::1],f8[:,:,::1],"
+    "f8[:,:,::1],f8[:,:,::1],f8[:,:,::1])",
+    nogil=True,
+)
+def motion_and_forces(
+    rows,
+    const,
+    bodies_i,
+    bodies_f,
+    qs,
+    vs,
+    vdots,
+    external,
+    work,
+    position,
+    rotation,
+    velocity,
+    acceleration,
+    force,
+):
+    """Over all frames: poses, velocities, accelerations (6,) and joint forces (6,) of bodies.
+
+    Everything in world axes at the bodies' origins; `external` are the wrenches on the bodies.
+    """
+    for i in range(qs.shape[0]):
+        outboard(rows, const, work, qs[i], vs[i])
+        positions(rows, work)
+        for k in range(1, rows.shape[0]):  # velocities of origins into U
+            p = rows[k, at.PARENT]
+            store(work, k, at.U, linear_velocity(rows, const, work, vs[i], k, load(work, p, at.U)))
+        accelerate(rows, const, work, vs[i], vdots[i])
+        for b in range(1, bodies_i.shape[0]):
+            place(work, bodies_i, bodies_f, b, position[i], rotation[i])
+            move_body(work, bodies_i, bodies_f, b, velocity[i], acceleration[i])
+            load_body(work, bodies_i, bodies_f, b, acceleration[i], external[i], force[i])
+        gather(bodies_i, position[i], force[i])
+        gravity = load(const, 0, at.GRAVITY)
+        for b in range(acceleration.shape[1]):  # base acceleration -g taken off again (R7)
+            store(acceleration[i], b, 3, add(load(acceleration[i], b, 3), gravity))
+
+
+@part
+def move_body(work, bodies_i, bodies_f, b, velocity, acceleration):
+    """V and V' of body b from those of the row that carries it."""
+    k = bodies_i[b, at.ROW]
+    offset = mul(load9(work, k, at.R), load(bodies_f, b, at.OFFSET))
+    w = load(work, k, at.W)
+    alpha = load(work, k, at.P)
+    store(velocity, b - 1, 0, w)
+    store(velocity, b - 1, 3, add_cross(load(work, k, at.U), w, offset))
+    linear = add_cross(load(work, k, at.P + 3), alpha, offset)
+    store(acceleration, b - 1, 0, alpha)
+    store(acceleration, b - 1, 3, add(linear, cross(w, cross(w, offset))))
+
+
+@part
+def load_body(work, bodies_i, bodies_f, b, acceleration, external, force):
+    """M V' + b - external of body b, eq. (12): what its joint and its children must supply."""
+    k = bodies_i[b, at.ROW]
+    r = load9(work, k, at.R)
+    w = load(work, k, at.W)
+    m = bodies_f[b, at.B_MASS]
+    c = mul(r, load(bodies_f, b, at.B_COM))
+    central = load6(bodies_f, b, at.B_INERTIA)
+    inertia = about_origin(rotate_sym(r, central), m, c)
+    alpha = load(acceleration, b - 1, 0)
+    linear = load(acceleration, b - 1, 3)
+    mc = scale(m, c)
+    moment = add_cross(add_cross(sym_mul(inertia, alpha), mc, linear), w, sym_mul(inertia, w))
+    pull = add(add_cross(scale(m, linear), alpha, mc), cross(w, cross(w, mc)))
+    store(force, b - 1, 0, sub(moment, load(external, b - 1, 0)))
+    store(force, b - 1, 3, sub(pull, load(external, b - 1, 3)))
+
+
+@sweep
+def gather(bodies_i, position, force):
+    """F_p += φᵀ F, eq. (12), tips to root: the full force in every joint (checklist B18)."""
+    for b in range(bodies_i.shape[0] - 1, 0, -1):
+        p = bodies_i[b, at.BODY_PARENT]
+        if p > 0:
+            link = sub(load(position, b - 1, 0), load(position, p - 1, 0))
+            pull = load(force, b - 1, 3)
+            moment = add_cross(load(force, b - 1, 0), link, pull)
+            store(force, p - 1, 0, add(load(force, p - 1, 0), moment))
+            store(force, p - 1, 3, add(load(force, p - 1, 3), pull))

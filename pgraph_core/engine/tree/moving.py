@@ -1,0 +1,109 @@
+"""How q moves along v: rates, finite moves, unit quaternions."""
+
+import math
+
+from .. import layout as at
+from ..compiler.jit import part, sweep
+from ..compiler.sines import sine_cosine
+from ..vec import add_cross, add_scaled, cross, dot, scale, store3
+
+TINY = 1e-60  # keeps sin(x)/x at 1 where x = 0, without a branch (lanes have none)
+
+
+@sweep
+def advance(rows, q, v, h):
+    """q moved along v for the time h; quaternions by the exponential of the rotation h ω."""
+    for k in range(1, rows.shape[0]):
+        i = rows[k, at.QI]
+        j = rows[k, at.VI]
+        kind = rows[k, at.KIND]
+        if kind <= at.TRANSLATE:
+            q[i] += h * v[j]
+            continue
+        if kind == at.FREE:
+            for n in range(3):
+                q[i + n] += h * v[j + 3 + n]
+            i += 3
+        half = scale(0.5 * h, (v[j], v[j + 1], v[j + 2]))
+        turn(q, i, half)
+
+
+@part
+def turn(q, i, half):
+    """Quaternion at q[i] turned by twice the vector `half`, in the fixed (parent's) axes."""
+    angle = math.sqrt(dot(half, half) + TINY)
+    s, c = sine_cosine(angle)
+    x = scale(s / angle, half)
+    w = q[i]
+    u = (q[i + 1], q[i + 2], q[i + 3])
+    q[i] = c * w - dot(x, u)
+    new = add_cross(add_scaled(scale(c, u), w, x), x, u)
+    store3(q, i + 1, new)
+    normalise(q, i)
+
+
+@part
+def normalise(q, i):
+    """The quaternion at q[i] at length one."""
+    w, x, y, z = q[i], q[i + 1], q[i + 2], q[i + 3]
+    s = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
+    for n in range(4):
+        q[i + n] *= s
+
+
+@sweep
+def rate(rows, q, v, out):
+    """q' for given v: quaternions by half ω times q, ω in the parent's axes."""
+    for k in range(1, rows.shape[0]):
+        i = rows[k, at.QI]
+        j = rows[k, at.VI]
+        kind = rows[k, at.KIND]
+        if kind <= at.TRANSLATE:
+            out[i] = v[j]
+            continue
+        if kind == at.FREE:
+            for n in range(3):
+                out[i + n] = v[j + 3 + n]
+            i += 3
+        x, y, z = 0.5 * v[j], 0.5 * v[j + 1], 0.5 * v[j + 2]
+        w, a, b, c = q[i], q[i + 1], q[i + 2], q[i + 3]
+        out[i] = -x * a - y * b - z * c
+        out[i + 1] = x * w + y * c - z * b
+        out[i + 2] = y * w + z * a - x * c
+        out[i + 3] = z * w + x * b - y * a
+
+
+@sweep
+def normalise_all(rows, q):
+    """Every quaternion at length one."""
+    for k in range(1, rows.shape[0]):
+        if rows[k, at.KIND] == at.BALL:
+            normalise(q, rows[k, at.QI])
+        elif rows[k, at.KIND] == at.FREE:
+            normalise(q, rows[k, at.QI] + 3)
+
+
+@sweep
+def local_rate(rows, xi, v, out):
+    """ξ' where q has moved along ξ from its start; of turns dexp⁻¹(ξ) ω ([Hairer et al. 2006]).
+
+    ω - ½ ξ × ω + c ξ × (ξ × ω), c = (1 - ½ φ cot ½ φ) / φ², φ = |ξ|.
+    """
+    for k in range(1, rows.shape[0]):
+        j = rows[k, at.VI]
+        kind = rows[k, at.KIND]
+        if kind <= at.TRANSLATE:
+            out[j] = v[j]
+            continue
+        if kind == at.FREE:
+            for n in range(3):
+                out[j + 3 + n] = v[j + 3 + n]
+        x = (xi[j], xi[j + 1], xi[j + 2])
+        omega = (v[j], v[j + 1], v[j + 2])
+        square = dot(x, x)
+        c = 1.0 / 12.0 + square / 720.0
+        if square > 1e-4:
+            half = 0.5 * math.sqrt(square)
+            c = (1.0 - half / math.tan(half)) / square
+        turned = cross(x, omega)
+        store3(out, j, add_scaled(add_scaled(omega, -0.5, turned), c, cross(x, turned)))

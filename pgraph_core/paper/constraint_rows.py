@@ -1,0 +1,383 @@
+"""Residuals, Jacobians and J'θ' of every kind of constraint, from the paper's dense operators.
+
+Made for reading and as an oracle: nothing here knows the blocks that the kernels take. Relative
+motion is what an observer on `other` sees: v_rel = v_a - v_b*, a_rel = a_a - a_b* - 2 ω_b × v_rel,
+b* the point of `other` at the same place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from ..model import Body, Constraint, Model, Polynomial, Sine, Table
+from ..rotation import Array, unit_vector
+from ..topology import Topology
+from .motion import Joint, v_slices
+
+
+class Bodies(Protocol):
+    """The bodies of a model in a state: `Operators`, or whatever answers as they do."""
+
+    @property
+    def model(self) -> Model: ...
+    @property
+    def topology(self) -> Topology: ...
+    @cached_property
+    def bodies(self) -> list[Body]: ...
+    @cached_property
+    def home(self) -> tuple[Array, Array]: ...
+    @cached_property
+    def nv(self) -> int: ...
+    @property
+    def q(self) -> Array: ...
+    @cached_property
+    def speeds(self) -> Array: ...
+    @cached_property
+    def position(self) -> Array: ...
+    @cached_property
+    def rotation(self) -> Array: ...
+
+    def point_position(self, k: int, point: Array) -> Array: ...
+    def point_jacobian(self, k: int, point: Array) -> Array: ...
+    def point_bias(self, k: int, point: Array) -> Array: ...
+    def omega(self, k: int) -> Array: ...
+    def joint(self, k: int) -> Joint: ...
+
+
+class Rows(NamedTuple):
+    """The rows of one constraint; angular ones times a length, so that residuals are lengths."""
+
+    residual: Array  # (m,) position level; 0 for a row that only velocities obey
+    J: Array  # (m, nv)
+    drift: Array  # (m,) J'θ', and what a prescribed motion adds: rows ask J θ'' + drift = 0
+    speed: Array  # (m,) rows ask J θ' = speed
+    wrench: Array  # (m, 6) [torque, force] on `body` at `point` of a unit multiplier, world axes
+
+
+def rows_of(op: Bodies, c: Constraint, length: float, t: float = 0.0) -> Rows:
+    """The rows of a constraint at the state of `op`; `length` [m] stands for one radian."""
+    return _KINDS[c.kind](_Pair(op, c, length, t))
+
+
+def radius_of_gyration(bodies: Sequence[Body]) -> float:
+    """How far the mass of bodies is from their origins, over all bodies [m]; 1 where none is."""
+    moment = sum(np.trace(b.inertia) / 2 + b.mass * np.dot(b.com, b.com) for b in bodies)
+    mass = sum(b.mass for b in bodies)
+    return float(np.sqrt(moment / mass)) if mass > 0 and moment > 0 else 1.0
+
+
+def points_of(op: Bodies, c: Constraint) -> tuple[Array, Array]:
+    """The two points in their bodies' frames; one left out is where the other is at home."""
+    body, other = op.topology.number(c.body), op.topology.number(c.other)
+    point = np.array(op.model.point_of(c))
+    if c.other_point is not None or c.kind == "rolling":
+        return point, np.array(c.other_point or (0.0, 0.0, 0.0))
+    position, rotation = op.home
+    at = position[body - 1] + rotation[body - 1] @ point
+    return point, rotation[other - 1].T @ (at - position[other - 1]) if other else at
+
+
+class _End:
+    """A point of a body (0: the ground) and how it moves, world axes."""
+
+    def __init__(self, op: Bodies, number: int, x: Array):
+        self.x = x
+        if number == 0:
+            self.J, self.bias, self.omega = np.zeros((6, op.nv)), np.zeros(6), np.zeros(3)
+            return
+        point = op.rotation[number - 1].T @ (x - op.position[number - 1])
+        self.J, self.bias = op.point_jacobian(number, point), op.point_bias(number, point)
+        self.omega = op.omega(number)
+
+
+class _Pair:
+    """`body` at its point, and `other` both at its own point and at the place of the first."""
+
+    def __init__(self, op: Bodies, c: Constraint, length: float, t: float):
+        self.op, self.c, self.length, self.t = op, c, length, t
+        self.a, self.b = op.topology.number(c.body), op.topology.number(c.other)
+        self.point, self.other_point = points_of(op, c)
+        self.R_a, self.R_b = _rotation(op.rotation, self.a), _rotation(op.rotation, self.b)
+        home = op.home[1]
+        self.home = _rotation(home, self.b).T @ _rotation(home, self.a)  # axes of a to those of b
+        self.x_a = op.point_position(self.a, self.point)
+        self.x_b = op.point_position(self.b, self.other_point) if self.b else self.other_point
+
+    @cached_property
+    def end(self) -> _End:
+        """`point`."""
+        return _End(self.op, self.a, self.x_a)
+
+    @cached_property
+    def here(self) -> _End:
+        """What is of `other` at the place of `point`."""
+        return _End(self.op, self.b, self.x_a)
+
+    @cached_property
+    def far(self) -> _End:
+        """`other_point`."""
+        return _End(self.op, self.b, self.x_b)
+
+    def axes(self) -> tuple[Array, Array]:
+        """(axis, other_axis) in their bodies' axes."""
+        c = self.c
+        if c.axis is not None:
+            axis = unit_vector(c.axis)
+            return axis, self.home @ axis if c.other_axis is None else unit_vector(c.other_axis)
+        if c.other_axis is not None:
+            return self.home.T @ unit_vector(c.other_axis), unit_vector(c.other_axis)
+        if c.kind == "universal":
+            return np.array([0.0, 1.0, 0.0]), self.home @ [1.0, 0.0, 0.0]
+        return np.array([0.0, 0.0, 1.0]), self.home @ [0.0, 0.0, 1.0]
+
+    def relative(self) -> tuple[Array, Array, Array]:
+        """J, velocity and acceleration at θ'' = 0 of `point` as seen from `other`."""
+        J = self.end.J[3:] - self.here.J[3:]
+        v = J @ self.op.speeds
+        spin = np.cross(self.here.omega, v)
+        return J, v, self.end.bias[3:] - self.here.bias[3:] - 2 * spin
+
+    def spin(self) -> tuple[Array, Array, Array]:
+        """J, velocity and acceleration at θ'' = 0 of the turning as seen from `other`."""
+        J = self.end.J[:3] - self.here.J[:3]
+        turning = np.cross(self.here.omega, self.end.omega)
+        return J, J @ self.op.speeds, self.end.bias[:3] - self.here.bias[:3] - turning
+
+    # -- row types -----------------------------------------------------------------------------
+
+    def together(self) -> Rows:
+        """x_a = x_b, in world axes and each end at its own point."""
+        J = self.end.J[3:] - self.far.J[3:]
+        drift = self.end.bias[3:] - self.far.bias[3:]
+        return Rows(self.x_a - self.x_b, J, drift, np.zeros(3), _wrench(force=np.eye(3)))
+
+    def held(self, dirs: Array) -> Rows:
+        """d · (x_a - x_b) = 0 for directions fixed in `other`, given in its axes."""
+        d = np.atleast_2d(dirs) @ self.R_b.T
+        J, _, bias = self.relative()
+        zero = np.zeros(len(d))
+        return Rows(d @ (self.x_a - self.x_b), d @ J, d @ bias, zero, _wrench(force=d))
+
+    def normal(self, axes: Array, others: Array) -> Rows:
+        """a · b = 0 for pairs of directions fixed in the two bodies, times the length."""
+        a, b = np.atleast_2d(axes) @ self.R_a.T, np.atleast_2d(others) @ self.R_b.T
+        J, omega, bias = self.spin()
+        about = np.cross(a, b) * self.length
+        bent = np.cross(np.cross(omega, a), b) * self.length  # as seen from `other`
+        drift = about @ bias + bent @ omega
+        residual = (a * b).sum(axis=1) * self.length
+        return Rows(residual, about @ J, drift, np.zeros(len(a)), _wrench(torque=about))
+
+    def slipping(self, arm: Array, rate: Array, w: Array, gap: float) -> Rows:
+        """The velocity of what is at `point` + arm, along w fixed in `other`; rate: of the arm."""
+        J, _, bias = self.relative()
+        turn, omega, turn_bias = self.spin()
+        J = J - np.cross(arm, turn.T).T
+        bias = bias + np.cross(turn_bias, arm) + np.cross(omega, rate)
+        residual = np.array([gap, 0.0, 0.0])
+        at_point = _wrench(torque=np.cross(arm, w), force=w)
+        return Rows(residual, w @ J, w @ bias, np.zeros(3), at_point)
+
+    def coordinates(self, terms: dict[str, Array]) -> tuple[Array, Array]:
+        """(1, nv) and (1, 6): coefficients on θ', and the joint's own share as a wrench."""
+        J, wrench = np.zeros((1, self.op.nv)), np.zeros((1, 6))
+        for name, factors in terms.items():
+            number = self.op.topology.number(name)
+            J[0, v_slices(self.op.bodies)[number - 1]] += factors
+            if number == self.a:
+                H = self.op.joint(number).H
+                turns = np.linalg.norm(H[:3], axis=0) > 0.5
+                wrench[0, :3] += H[:3] @ (factors * turns)
+                wrench[0, 3:] += H[3:] @ (factors * ~turns)
+        return J, wrench
+
+    def coordinate(self, name: str, k: int | None, factor: float) -> tuple[float, Array]:
+        """q of a coordinate with a position, and its coefficients on the joint's θ'."""
+        body = self.op.model.body(name)
+        position = _positions(self.op, name)[k or 0]
+        return position, factor * np.eye(body.dof)[k or 0]
+
+
+def _positions(op: Bodies, name: str) -> list[float]:
+    """q by degree of freedom; nan for those of balls."""
+    number, start = op.topology.number(name), 0
+    for body in op.bodies[: number - 1]:
+        start += len(body.q)
+    found: list[float] = []
+    for motion in op.bodies[number - 1].sequence:
+        if motion.kind in ("rotate", "translate"):
+            found.append(float(op.q[start]))
+            start += 1
+        else:
+            found += [np.nan] * (3 if motion.kind == "ball" else 6)
+            start += 4 if motion.kind == "ball" else 7
+    return found
+
+
+def _rotation(rotation: Array, number: int) -> Array:
+    return rotation[number - 1] if number else np.eye(3)
+
+
+def _beside(axis: Array) -> Array:
+    """(2, 3) an orthonormal basis of what is normal to an axis."""
+    return np.linalg.svd(axis[None])[2][1:]
+
+
+def _wrench(torque: Array | None = None, force: Array | None = None) -> Array:
+    given = force if torque is None else torque
+    zero = np.zeros_like(given)
+    return np.hstack((zero if torque is None else torque, zero if force is None else force))
+
+
+def _together(*parts: Rows) -> Rows:
+    return Rows(*(np.concatenate(columns) for columns in zip(*parts)))
+
+
+def _upright(p: _Pair) -> Rows:
+    """Orientation as at home: columns of R_a against those of R_b, in pairs."""
+    at_home = p.home.T
+    pairs = ((1, 2), (2, 0), (0, 1))
+    return p.normal(np.array([at_home[:, s] for s, _ in pairs]), np.eye(3)[[t for _, t in pairs]])
+
+
+def _revolute(p: _Pair) -> Rows:
+    axis, other = p.axes()
+    return _together(p.together(), p.normal(np.tile(axis, (2, 1)), _beside(other)))
+
+
+def _cylindrical(p: _Pair) -> Rows:
+    axis, other = p.axes()
+    return _together(p.normal(np.tile(axis, (2, 1)), _beside(other)), p.held(_beside(other)))
+
+
+def _universal(p: _Pair) -> Rows:
+    axis, other = p.axes()
+    return _together(p.together(), p.normal(axis, other))
+
+
+def _distance(p: _Pair) -> Rows:
+    apart = p.x_a - p.x_b
+    now, length = float(np.linalg.norm(apart)), p.c.length
+    if length is None:
+        position, rotation = p.op.home
+        a = position[p.a - 1] + rotation[p.a - 1] @ p.point
+        b = position[p.b - 1] + rotation[p.b - 1] @ p.other_point if p.b else p.other_point
+        length = float(np.linalg.norm(a - b))
+    u = apart / now
+    J = p.end.J[3:] - p.far.J[3:]
+    v = J @ p.op.speeds
+    drift = u @ (p.end.bias[3:] - p.far.bias[3:]) + (v @ v - (u @ v) ** 2) / now
+    one = np.zeros(1)
+    return Rows(np.array([now - length]), (u @ J)[None], one + drift, one, _wrench(force=u[None]))
+
+
+def _rolling(p: _Pair) -> Rows:
+    c, shape = p.c, p.op.bodies[p.a - 1].shape
+    normal = p.op.model.ground_normal if p.b == 0 else (0.0, 0.0, 1.0)
+    fixed = unit_vector(c.other_axis or normal)
+    w = np.vstack((fixed, _beside(fixed))) @ p.R_b.T
+    n = w[0]
+    radius = c.radius or (shape.radius if shape and shape.radius else 0.0)
+    height = float(n @ (p.x_a - p.x_b))
+    if c.axis is None:
+        return p.slipping(-radius * n, np.zeros(3), w, height - radius)
+    axis = p.R_a @ unit_vector(c.axis)
+    across = n - (n @ axis) * axis  # towards the highest point of the rim
+    u = unit_vector(across)
+    turned = np.cross(p.spin()[1], axis)
+    rate = -(n @ turned) * axis - (n @ axis) * turned
+    rate = (rate - (u @ rate) * u) / np.linalg.norm(across)
+    return p.slipping(
+        -radius * u, -radius * rate, w, height - radius * float(np.linalg.norm(across))
+    )
+
+
+def _skate(p: _Pair) -> Rows:
+    a = p.R_a @ p.axes()[0]
+    J, v, bias = p.relative()
+    drift = a @ bias + np.cross(p.spin()[1], a) @ v
+    one = np.zeros(1)
+    return Rows(one, (a @ J)[None], one + drift, one, _wrench(force=a[None]))
+
+
+def _gear(p: _Pair) -> Rows:
+    c, zero = p.c, np.zeros(1)
+    ratio = 1.0 if c.ratio is None else c.ratio
+    own, factors = p.coordinate(c.body, c.coordinate, 1.0)
+    driver, others = p.coordinate(c.other, c.other_coordinate, -ratio)
+    J, wrench = p.coordinates({c.body: factors, c.other: others})
+    return Rows(zero + own - ratio * driver - (c.offset or 0.0), J, zero, zero, wrench)
+
+
+def _motion(p: _Pair) -> Rows:
+    own, factors = p.coordinate(p.c.body, p.c.coordinate, 1.0)
+    J, wrench = p.coordinates({p.c.body: factors})
+    q, v, vdot = prescribed(p.c.q_of_t, p.t)
+    return Rows(np.array([own - q]), J, np.array([-vdot]), np.array([v]), wrench)
+
+
+def prescribed(q_of_t: Table | Sine | Polynomial | None, t: float) -> tuple[float, float, float]:
+    """q, q', q'' of a prescribed motion at a time; a table is a spline at rest at its ends."""
+    match q_of_t:
+        case Sine(mean=mean, amplitude=size, frequency=w, phase=phase):
+            angle = w * t + phase
+            return (
+                mean + size * np.sin(angle),
+                size * w * np.cos(angle),
+                -size * w * w * np.sin(angle),
+            )
+        case Polynomial(coefficients=c):
+            f = np.polynomial.Polynomial(c)
+            return float(f(t)), float(f.deriv(1)(t)), float(f.deriv(2)(t))
+        case Table(t=times, value=value):
+            return _spline(np.array(times), np.array(value), t)
+    raise ValueError(q_of_t)
+
+
+def _spline(times: Array, value: Array, t: float) -> tuple[float, float, float]:
+    """A cubic spline by its slopes at the knots; at a knot what follows it counts."""
+    if t < times[0] or t >= times[-1]:
+        return float(value[0] if t < times[0] else value[-1]), 0.0, 0.0
+    h, n = np.diff(times), len(times)
+    A, b = np.eye(n), np.zeros(n)
+    for k in range(1, n - 1):  # the second derivative is continuous
+        A[k, k - 1 : k + 2] = 1 / h[k - 1], 2 / h[k - 1] + 2 / h[k], 1 / h[k]
+        rises = np.diff(value)[k - 1 : k + 1] / h[k - 1 : k + 1] ** 2
+        b[k] = 3 * rises.sum()
+    slope = np.linalg.solve(A, b)
+    k = int(np.searchsorted(times, t, side="right")) - 1
+    s, d = t - times[k], value[k + 1] - value[k]
+    c2 = (3 * d / h[k] - 2 * slope[k] - slope[k + 1]) / h[k]
+    c3 = (slope[k] + slope[k + 1] - 2 * d / h[k]) / h[k] ** 2
+    f = np.polynomial.Polynomial([value[k], slope[k], c2, c3])
+    return float(f(s)), float(f.deriv(1)(s)), float(f.deriv(2)(s))
+
+
+def _velocity(p: _Pair) -> Rows:
+    terms = {name: np.array(x) for name, x in (p.c.coefficients or {}).items()}
+    J, wrench = p.coordinates(terms)
+    zero = np.zeros(1)
+    return Rows(zero, J, zero, zero + (p.c.value or 0.0), wrench)
+
+
+_KINDS: dict[str, Callable[[_Pair], Rows]] = {
+    "point": lambda p: p.together(),
+    "weld": lambda p: _together(p.together(), _upright(p)),
+    "revolute": _revolute,
+    "prismatic": lambda p: _together(_upright(p), p.held(_beside(p.axes()[1]))),
+    "cylindrical": _cylindrical,
+    "universal": _universal,
+    "distance": _distance,
+    "line": lambda p: p.held(_beside(p.axes()[1])),
+    "plane": lambda p: p.held(p.axes()[1]),
+    "orientation": _upright,
+    "gear": _gear,
+    "motion": _motion,
+    "rolling": _rolling,
+    "skate": _skate,
+    "velocity": _velocity,
+}

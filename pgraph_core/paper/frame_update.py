@@ -1,0 +1,281 @@
+"""Fig. 7: the frames of all bodies brought from one q to the next by walking along Pgraph.
+
+The figure's drawing is lost: this is our reconstruction from the text of sec. 4, which names
+Rot, find, P and F(P). Teaching and checking use it; `Mechanism` makes frames anew from q (R14).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from ..joints import SIZE, Motion
+from ..model import Body, Model
+from ..rotation import Array, matrix, multiply, rodrigues, unit
+from ..topology import Ints, Topology
+from .motion import (
+    axes_of_motion,
+    bodies_of,
+    displacement,
+    elementary,
+    q_slices,
+    turn,
+    v_slices,
+)
+
+CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])  # of a quaternion
+
+
+class Visit(NamedTuple):
+    """One place of Pgraph, all counted from 1 as in the paper."""
+
+    kappa: int
+    number: int  # Pgraph(κ); 0 is the ground
+    find: int  # the first place of that number: a re-entry where it is not κ (R2, R17)
+    P: tuple[int, ...]  # the body and all that its joint carries; empty at a re-entry
+
+
+class Movement(NamedTuple):
+    """Where one motion of a joint stands in the array of frame vectors and in v."""
+
+    turns: slice  # of v: angles [rad]
+    slides: slice  # of v: displacements [m]
+    slide: int  # row of its displacement
+    axes: slice  # rows of its axes
+    carried: Ints  # rows that it turns: F(P), without what comes before it in its own joint
+
+
+@dataclass(frozen=True)
+class FrameVectors:
+    """What Fig. 7 updates: link vectors, axes of motion and axes of the body frames, world axes.
+
+    A body's rows of `vectors` are: the link to where its joint starts; for each motion its
+    displacement [m] and its axes (one, or the three of a ball or free motion); the three axes
+    of the body's frame.
+    """
+
+    topology: Topology
+    rows: tuple[slice, ...]  # of `vectors`, by number
+    walk: tuple[tuple[Visit, tuple[Movement, ...]], ...]  # along Pgraph
+    vectors: Array  # (n, 3)
+
+    @property
+    def rotation(self) -> Array:
+        """(nb, 3, 3) rotations of the body frames."""
+        return np.array([self.vectors[r][-3:].T for r in self.rows]).reshape(-1, 3, 3)
+
+    @property
+    def link(self) -> Array:
+        """(nb, 3) from the parent's origin to the body's, displacement included [m]."""
+        slides = [[m.slide for m in parts] for visit, parts in self.walk if visit.P]
+        first = [visit.number for visit, _ in self.walk if visit.P]
+        link = np.zeros((len(self.rows), 3))
+        for number, slide in zip(first, slides):
+            link[number - 1] = self.vectors[[self.rows[number - 1].start, *slide]].sum(axis=0)
+        return link
+
+    @property
+    def position(self) -> Array:
+        """(nb, 3) origins of the body frames [m]."""
+        position = np.zeros((len(self.rows) + 1, 3))
+        for k, (p, link) in enumerate(zip(self.topology.parent, self.link), start=1):
+            position[k] = position[p] + link
+        return position[1:]
+
+    def updated(self, increment: Sequence[float] | Array) -> FrameVectors:
+        """The frames after `increment` (nv,) [rad, m], as v is laid out: Fig. 7.
+
+        `increments(model, q, q_next)` are exact for any step; the paper's θ' Δt drifts with Δt.
+        """
+        F, step = self.vectors.copy(), np.asarray(increment, dtype=float)
+        for _, movements in self.walk:
+            for move in movements:
+                _carry(F, move, step)
+        return replace(self, vectors=F)
+
+
+def _carry(F: Array, move: Movement, step: Array) -> None:
+    """One motion (R15): l += h d where it slides, F(P) = Rot(h, Δθ) F(P) where it turns."""
+    axes = F[move.axes]
+    if len(slid := step[move.slides]):
+        F[move.slide] += slid @ axes
+    if len(turned := step[move.turns]):
+        F[move.carried] = F[move.carried] @ rotation_by(turned @ axes).T
+
+
+def rotation_by(vector: Array) -> Array:
+    """(3, 3) Rot(h, Δθ) of the rotation vector h Δθ; Rodrigues' formula."""
+    angle = float(np.linalg.norm(vector))
+    return rodrigues(vector / angle, angle) if angle else np.eye(3)
+
+
+# -- the walk along Pgraph -------------------------------------------------------------------
+
+
+def visits(pgraph: Sequence[int] | Ints) -> tuple[Visit, ...]:
+    """find and P at every place of Pgraph.
+
+    A body's joint carries all that is entered after it, up to the first place whose number
+    was there before the body: that is the way back to a separation body further in.
+    """
+    places = np.asarray(pgraph, dtype=np.int64).tolist()
+    find: dict[int, int] = {}
+    for kappa, number in enumerate(places, start=1):
+        find.setdefault(number, kappa)
+    found = []
+    for kappa, number in enumerate(places, start=1):
+        entered = number > 0 and find[number] == kappa
+        P = _carried(places, find, kappa) if entered else ()
+        found.append(Visit(kappa, number, find[number], P))
+    return tuple(found)
+
+
+def _carried(places: list[int], find: dict[int, int], kappa: int) -> tuple[int, ...]:
+    P = [places[kappa - 1]]
+    for place in range(kappa + 1, len(places) + 1):
+        number = places[place - 1]
+        if find[number] < kappa:
+            break
+        if find[number] == place:
+            P.append(number)
+    return tuple(P)
+
+
+# -- the vectors at some q -------------------------------------------------------------------
+
+
+def frame_vectors(model: Model, q: Sequence[float] | Array) -> FrameVectors:
+    """The frame vectors at q, made without increments: the start of Fig. 7."""
+    topology = Topology.of(model)
+    bodies = bodies_of(model, topology)
+    rotation, blocks = [np.eye(3)], []
+    for body, p, place in zip(bodies, topology.parent, q_slices(bodies)):
+        blocks.append(_vectors_of(body, rotation[p], np.asarray(q, dtype=float)[place]))
+        rotation.append(blocks[-1][-3:].T)
+    ends = np.cumsum([0, *(len(block) for block in blocks)]).tolist()
+    rows = tuple(slice(a, b) for a, b in pairwise(ends))
+    walk = []
+    for visit in visits(topology.pgraph):
+        moves = _movements(visit, bodies, rows) if visit.P else ()
+        walk.append((visit, moves))
+    return FrameVectors(topology, rows, tuple(walk), np.vstack([np.zeros((0, 3)), *blocks]))
+
+
+def _vectors_of(body: Body, turned: Array, q: Array) -> Array:
+    """The rows of one body whose parent has the rotation `turned`."""
+    home = matrix(body.rotation)
+    rows = [turned @ body.link]
+    for motion, x in elementary(body, q):
+        rows.append(displacement(motion, turned, home, x))
+        H = axes_of_motion(motion, turned, home)
+        rows.extend(H[3:].T if motion.kind == "translate" else H[:3, :3].T)
+        turned = turned @ turn(motion, home, x)
+    return np.array([*rows, *(turned @ home).T])
+
+
+def _movements(visit: Visit, bodies: list[Body], rows: tuple[slice, ...]) -> tuple[Movement, ...]:
+    """Every motion of the visited body's joint, with the rows F(P) that it turns."""
+    own = rows[visit.number - 1]
+    outer = [np.arange(rows[j - 1].start, rows[j - 1].stop) for j in visit.P[1:]]
+    v = v_slices(bodies)[visit.number - 1].start
+    row, moves = own.start + 1, []
+    for motion in bodies[visit.number - 1].sequence:
+        turns, slides = _turns_and_slides(motion, v)
+        end = row + 1 + (3 if motion.kind in ("ball", "free") else 1)
+        carried = np.concatenate((np.arange(end, own.stop), *outer))
+        moves.append(Movement(turns, slides, row, slice(row + 1, end), carried))
+        row, v = end, v + SIZE[motion.kind][1]
+    return tuple(moves)
+
+
+def _turns_and_slides(motion: Motion, v: int) -> tuple[slice, slice]:
+    turns = {"rotate": 1, "translate": 0}.get(motion.kind, 3)
+    return slice(v, v + turns), slice(v + turns, v + SIZE[motion.kind][1])
+
+
+# -- increments ------------------------------------------------------------------------------
+
+
+def increments(model: Model, q: Sequence[float] | Array, q_next: Sequence[float] | Array) -> Array:
+    """(nv,) exact Δθ from q to q_next [rad, m]; a ball's is its relative rotation vector (R15)."""
+    bodies = bodies_of(model, Topology.of(model))
+    found: list[float] = []
+    for body, place in zip(bodies, q_slices(bodies)):
+        pairs = zip(elementary(body, q[place]), elementary(body, q_next[place]))
+        for (motion, x), (_, y) in pairs:
+            found.extend(_increment(motion, np.asarray(x), np.asarray(y)))
+    return np.array(found)
+
+
+def _increment(motion: Motion, x: Array, y: Array) -> Array:
+    if motion.kind in ("rotate", "translate"):
+        return y - x
+    w, *axis = multiply(unit(y[-4:].tolist()), unit((x[-4:] * CONJUGATE).tolist()))
+    sine = float(np.linalg.norm(axis))
+    angle = 2 * np.arctan2(sine, abs(w)) * np.copysign(1.0, w)
+    turned = np.array(axis) * (angle / sine if sine else 0.0)
+    return np.concatenate((turned, y[:-4] - x[:-4]))
+
+
+# -- the trace -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class FrameUpdateTrace:
+    """One update, place by place, as in Fig. 8; `print` it for the table."""
+
+    names: tuple[str, ...]  # by number
+    steps: tuple[tuple[Visit, str], ...]  # and what the joint does, in words
+    frames: FrameVectors  # after the update
+
+    def __str__(self) -> str:
+        rows = [["κ", "Pgraph(κ)", "find", "P", "F(P)"]]
+        for visit, does in self.steps:
+            P = " ".join(map(str, visit.P)) or "-"
+            rows.append([str(visit.kappa), str(visit.number), str(visit.find), P, does])
+        wide = [max(len(row[i]) for row in rows) for i in range(4)]
+        return "\n".join(_line(row, wide) for row in rows)
+
+
+def _line(row: list[str], wide: list[int]) -> str:
+    numbers = [cell.rjust(w) for cell, w in zip(row[:3], wide)]
+    return "  ".join((*numbers, row[3].ljust(wide[3]), row[4]))
+
+
+def frame_update_trace(
+    model: Model, q: Sequence[float] | Array, q_next: Sequence[float] | Array
+) -> FrameUpdateTrace:
+    """The update of all frames from q to q_next by exact increments, place by place: Fig. 8."""
+    start, step = frame_vectors(model, q), increments(model, q, q_next)
+    bodies = bodies_of(model, start.topology)
+    steps = []
+    for visit, moves in start.walk:
+        if visit.P:
+            body = bodies[visit.number - 1]
+            text = _in_words(body, visit.number, moves, step)
+        else:
+            text = "the start: ground" if visit.kappa == visit.find else "a re-entry: nothing turns"
+        steps.append((visit, text))
+    return FrameUpdateTrace(start.topology.names, tuple(steps), start.updated(step))
+
+
+def _in_words(body: Body, number: int, moves: tuple[Movement, ...], step: Array) -> str:
+    if not moves:
+        return "a weld: nothing turns"
+    said = []
+    for m, move in enumerate(moves, start=1):
+        h = f"h{number}" if len(moves) == 1 else f"h{number},{m}"
+        if len(turned := step[move.turns]):
+            said.append(f"Rot({h}, {np.linalg.norm(turned) if len(turned) > 1 else turned[0]:.3f})")
+        if len(slid := step[move.slides]):
+            d = (
+                f"{slid[0]:.3f}"
+                if len(slid) == 1
+                else "[" + " ".join(f"{x:.3f}" for x in slid) + "]"
+            )
+            said.append(f"l{number} += {h} {d}")
+    return ", ".join(said)

@@ -1,0 +1,108 @@
+"""Wrenches and springs between bodies as generalised forces, from the dense operators."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..joints import home
+from ..model import Force, VectorTable
+from ..rotation import Array, unit_vector
+from .motion import frames, home_poses
+from .paper import Operators
+
+
+class Load(NamedTuple):
+    """What a force on bodies does in a state."""
+
+    tau: Array  # (nv,) generalised force
+    energy: float  # stored in its spring [J]
+    power: float  # of a wrench, put in [W]
+    dissipated: float  # by its damper [W]
+
+
+def load_of(op: Operators, f: Force, t: float = 0.0) -> Load:
+    """The wrench, spring or torsion spring `f` at the state of `op` and time t."""
+    return {"wrench": _wrench, "spring": _spring, "torsion": _torsion}[f.kind](op, f, t)
+
+
+def _wrench(op: Operators, f: Force, t: float) -> Load:
+    number = op.topology.number(f.body)
+    wrench = np.concatenate((_at(f.torque, t), _at(f.force, t)))
+    if f.frame == "body":
+        wrench = (wrench.reshape(2, 3) @ op.rotation[number - 1].T).reshape(6)
+    J = op.point_jacobian(number, np.array(f.point or (0.0, 0.0, 0.0)))
+    return Load(J.T @ wrench, 0.0, float(wrench @ (J @ op.speeds)), 0.0)
+
+
+def _at(value: Any, t: float) -> Array:
+    """A vector, or a table of vectors, at time t."""
+    if isinstance(value, VectorTable):
+        return np.array([np.interp(t, value.t, column) for column in np.array(value.value).T])
+    return np.array(value)
+
+
+def _spring(op: Operators, f: Force, _: float) -> Load:
+    tip = op.bodies[op.topology.number(f.body) - 1].tip_point
+    ends = ((f.body, f.point or tip), (f.other, f.other_point or (0.0, 0.0, 0.0)))
+    (x_a, J_a), (x_b, J_b) = (_end(op, name, np.array(point)) for name, point in ends)
+    length = float(np.linalg.norm(x_a - x_b))
+    along = unit_vector(x_a - x_b) @ (J_a - J_b)[3:]
+    rest = _length_at_home(op, ends) if f.rest is None else f.rest
+    return _law(f, length - rest, along, op.speeds)
+
+
+def _length_at_home(op: Operators, ends: Any) -> float:
+    position, rotation = home_poses(op.model)
+    number = op.topology.number
+    places = [
+        position[number(name) - 1] + rotation[number(name) - 1] @ point if number(name) else point
+        for name, point in ends
+    ]
+    return float(np.linalg.norm(np.subtract(*places)))
+
+
+def _end(op: Operators, name: str, point: Array) -> tuple[Array, Array]:
+    number = op.topology.number(name)
+    if number == 0:
+        return point, np.zeros((6, op.nv))
+    return op.point_position(number, point), op.point_jacobian(number, point)
+
+
+def _torsion(op: Operators, f: Force, _: float) -> Load:
+    """The angle about `axis` from r as it would be fixed in `other` to r as it is in `body`.
+
+    r is normal to the axis; at q = 0 the angle is zero. Its slope is the axis as long as both
+    bodies share it.
+    """
+    a, b = op.topology.number(f.body), op.topology.number(f.other)
+    origin = np.zeros(3)
+    turn_a, turn_b = (_turn_since_zero(op, n) for n in (a, b))
+    axis = _turn_at_zero(op, a) @ unit_vector(f.axis or (0.0, 0.0, 1.0))
+    least = np.eye(3)[np.argmin(np.abs(axis))]
+    r = unit_vector(np.cross(least, axis).astype(float))
+    h, mine, other = turn_a @ axis, turn_a @ r, turn_b @ r
+    third = np.cross(h, mine)
+    x, y, z = other @ mine, other @ third, other @ h
+    slope = h - z * (x * mine + y * third) / (x * x + y * y)
+    angle = np.arctan2(-y, x) - (f.rest or 0.0)
+    angle = float((angle + np.pi) % (2 * np.pi) - np.pi)
+    J = _end(op, f.body, origin)[1][:3] - _end(op, f.other, origin)[1][:3]
+    return _law(f, angle, slope @ J, op.speeds)
+
+
+def _turn_at_zero(op: Operators, number: int) -> Array:
+    """Orientation of a body at q = 0."""
+    q = [x for body in op.bodies for x in home(body.sequence)]
+    return frames(op.model, op.topology, q)[1][number - 1] if number else np.eye(3)
+
+
+def _turn_since_zero(op: Operators, number: int) -> Array:
+    return op.rotation[number - 1] @ _turn_at_zero(op, number).T if number else np.eye(3)
+
+
+def _law(f: Force, stretch: float, slope: Array, v: Array) -> Load:
+    """A linear spring and damper on one coordinate whose rate is slope · v."""
+    k, d, rate = f.stiffness or 0.0, f.damping or 0.0, float(slope @ v)
+    return Load(-(k * stretch + d * rate) * slope, k * stretch**2 / 2, 0.0, d * rate**2)

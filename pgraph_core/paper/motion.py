@@ -1,0 +1,168 @@
+"""What the joints do: frames, link vectors, H and a of every body, eqs. (5)-(9)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import accumulate
+from typing import NamedTuple
+
+import numpy as np
+
+from .. import joints
+from ..joints import Motion
+from ..model import Body, Model
+from ..rotation import Array, matrix, rodrigues
+from ..topology import Topology
+from .structure import phi
+
+
+class Joint(NamedTuple):
+    """A joint in a state, world axes; H and a belong to the body's origin."""
+
+    rotation: Array  # (3, 3) of the body
+    link: Array  # (3,) from the parent's origin to the body's, displacement included [m]
+    omega: Array  # (3,) angular velocity of the body [rad/s]
+    H: Array  # (6, dof), eqs. (6), (7)
+    a: Array  # (6,), eq. (9) with R4
+
+
+def bodies_of(model: Model, topology: Topology) -> list[Body]:
+    """The rows of the table in number order."""
+    return [model.bodies[row] for row in topology.row]
+
+
+def q_slices(bodies: Sequence[Body]) -> list[slice]:
+    """Where each body's coordinates stand in q."""
+    return _slices([joints.nq(body.sequence) for body in bodies])
+
+
+def v_slices(bodies: Sequence[Body]) -> list[slice]:
+    """Where each body's degrees of freedom stand in v."""
+    return _slices([joints.nv(body.sequence) for body in bodies])
+
+
+def _slices(sizes: list[int]) -> list[slice]:
+    ends = list(accumulate(sizes))
+    return [slice(end - size, end) for size, end in zip(sizes, ends)]
+
+
+def frames(model: Model, topology: Topology, q: Sequence[float] | Array) -> tuple[Array, Array]:
+    """Origins (nb, 3) and rotations (nb, 3, 3) of the body frames in the world, by number."""
+    bodies = bodies_of(model, topology)
+    return _frames(bodies, topology.parent.tolist(), q, q_slices(bodies))
+
+
+def home_poses(model: Model) -> tuple[Array, Array]:
+    """`frames` at the model's initial q, in number order."""
+    topology = Topology.of(model)
+    local = [_at_home(body) for body in bodies_of(model, topology)]
+    position = np.zeros((len(local) + 1, 3))
+    rotation = np.zeros((len(local) + 1, 3, 3))
+    rotation[0] = np.eye(3)
+    for k, (p, (link, turned)) in enumerate(zip(topology.parent.tolist(), local), start=1):
+        position[k] = position[p] + rotation[p] @ link
+        rotation[k] = rotation[p] @ turned
+    return position[1:], rotation[1:]
+
+
+def _at_home(body: Body) -> tuple[Array, Array]:
+    """Origin and rotation in the parent's frame at the initial q; made once a row.
+
+    After an edit all other rows are the same objects: a table of 1000 is placed in milliseconds.
+    """
+    known = vars(body)
+    if "at_home" not in known:
+        (position,), (rotation,) = _frames([body], [0], body.q, [slice(None)])
+        known["at_home"] = position, rotation
+    return known["at_home"]
+
+
+def _frames(
+    bodies: list[Body], parent: list[int], q: Sequence[float] | Array, places: list[slice]
+) -> tuple[Array, Array]:
+    position = np.zeros((len(bodies) + 1, 3))
+    rotation = np.zeros((len(bodies) + 1, 3, 3))
+    rotation[0] = np.eye(3)
+    for k, (body, p, place) in enumerate(zip(bodies, parent, places), start=1):
+        turned, home = rotation[p], matrix(body.rotation)
+        at = position[p] + turned @ body.link
+        for motion, x in elementary(body, q[place]):
+            if motion.kind != "rotate":
+                at = at + displacement(motion, turned, home, x)
+            turned = turned @ turn(motion, home, x)
+        position[k], rotation[k] = at, turned @ home
+    return position[1:], rotation[1:]
+
+
+def elementary(
+    body: Body, q: Sequence[float] | Array
+) -> Iterator[tuple[Motion, Sequence[float] | Array]]:
+    """The motions of a joint in order, each with its own coordinates."""
+    start = 0
+    for motion in body.sequence:
+        end = start + joints.SIZE[motion.kind][0]
+        yield motion, q[start:end]
+        start = end
+
+
+def _direction(motion: Motion, home: Array) -> Array:
+    """The unit axis in the parent's axes at q = 0."""
+    axis = home @ motion.axis
+    return axis / np.linalg.norm(axis)
+
+
+def turn(motion: Motion, home: Array, q: Sequence[float] | Array) -> Array:
+    """(3, 3) rotation of a motion, in the axes before it."""
+    if motion.kind == "rotate":
+        return rodrigues(_direction(motion, home), q[0])
+    return np.eye(3) if motion.kind == "translate" else matrix(list(q[-4:]))
+
+
+def displacement(motion: Motion, turned: Array, home: Array, q: Sequence[float] | Array) -> Array:
+    """(3,) shift of the origin by a motion, in world axes; `turned` are the axes before it."""
+    if motion.kind == "translate":
+        return turned @ _direction(motion, home) * q[0]
+    return turned @ q[:3] if motion.kind == "free" else np.zeros(3)
+
+
+def axes_of_motion(motion: Motion, turned: Array, home: Array) -> Array:
+    """(6, dof) H of one motion, eq. (6) where it turns, eq. (7) where it slides."""
+    none = np.zeros((3, 3))
+    if motion.kind in ("rotate", "translate"):
+        h = (turned @ _direction(motion, home))[:, None]
+        return np.vstack((h, 0 * h) if motion.kind == "rotate" else (0 * h, h))
+    if motion.kind == "ball":
+        return np.vstack((turned, none))
+    return np.block([[turned, none], [none, turned]])
+
+
+def joint_motion(body: Body, rotation: Array, omega: Array, q: Array, v: Array) -> Joint:
+    """The joint of a body whose parent has this rotation and angular velocity.
+
+    Every motion is a step of eqs. (5) and (8) by itself; their φ, H and a are chained, so that
+    one block H (6 x dof) and one a stand for the whole joint.
+    """
+    turned, home = rotation, matrix(body.rotation)
+    link = rotation @ body.link
+    H, a = np.zeros((6, 0)), bias(omega, link, np.zeros(6))
+    start = 0
+    for motion, x in elementary(body, q):
+        step = displacement(motion, turned, home, x)
+        axes = axes_of_motion(motion, turned, home)
+        relative = axes @ v[start : start + axes.shape[1]]
+        H = np.hstack((phi(step) @ H, axes))
+        a = phi(step) @ a + bias(omega, step, relative)
+        link, omega = link + step, omega + relative[:3]
+        turned = turned @ turn(motion, home, x)
+        start += axes.shape[1]
+    return Joint(turned @ home, link, omega, H, a)
+
+
+def bias(omega: Array, link: Array, relative: Array) -> Array:
+    """a of eq. (9) for any motion (R4): `relative` = H θ' is the velocity across it.
+
+    [ω × ω_rel; ω × (ω × l) + 2 ω × l'_rel], ω of the body before the motion. The printed
+    ω_j × ω_κ is the first term of a hinge; the Coriolis term 2 ω × l' is missing there.
+    """
+    slide = np.cross(omega, np.cross(omega, link)) + 2 * np.cross(omega, relative[3:])
+    return np.concatenate((np.cross(omega, relative[:3]), slide))
