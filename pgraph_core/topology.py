@@ -18,12 +18,13 @@ from .model import Model
 from .model.constraint import IN_JOINTS
 from .model.names import GROUND
 from .model.sentences import shown
+from .portable import Portable
 
 Ints: TypeAlias = "NDArray[np.int64]"
 
 
 @dataclass(frozen=True)
-class Topology:
+class Topology(Portable):
     """A model's bodies numbered depth-first in pre-order, left child (upper row) first."""
 
     names: tuple[str, ...]  # by number

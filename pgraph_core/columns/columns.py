@@ -14,6 +14,7 @@ from ..model import Model
 from ..model.force import BETWEEN
 from ..model.names import GROUND
 from ..model.world import DOWN
+from ..portable import Portable
 from .checks import (
     INT,
     JOINTS,
@@ -41,7 +42,7 @@ REVOLUTE = np.array([JOINTS.index("revolute")])
 NEW = object.__new__
 
 
-class Columns:
+class Columns(Portable):
     """A table of nb bodies in columns, with the meaning and the defaults of a `Body`'s fields.
 
     `parent` (nb,) holds rows of the table from 1, 0 = ground. The columns of bodies are `joint`
@@ -142,6 +143,15 @@ class Columns:
         self._before: Columns = self  # what the last of them changed, and what in it
         self._change: Mapping[str, Mapping[str, Any]] = {}
         self._depth = 0  # how many edits ago that was
+
+    def __getstate__(self) -> Any:
+        if self is not self._root:
+            self.model()  # an edited table stands alone once its description is made
+        return self.numbers, self._nq, self._given, self._model
+
+    def __setstate__(self, state: Any) -> None:
+        self.numbers, self._nq, names, model = state
+        self._keep(names, model)
 
     # -- reading -------------------------------------------------------------------------------
 

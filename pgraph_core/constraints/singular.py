@@ -1,8 +1,9 @@
 """Singular positions that a run passed: what its dips were, in words, at next to no cost.
 
-The kernels keep where pivots fell far below their largest (`engine/constraints/dips.py`). Here the smallest
-eigenvalue of Ω that is not always zero is followed along the velocity from there: at a singular
-position it touches zero, as the square of the distance.
+The kernels keep the places where pivots fell far below their largest
+(`engine/constraints/dips.py`). Here the smallest eigenvalue of Ω that is not always zero is
+followed along the velocity from there: at a singular position it touches zero, as the square of the
+distance.
 """
 
 from __future__ import annotations

@@ -15,6 +15,7 @@ from ..errors import InputError, Problem
 from ..mechanism import Mechanism
 from ..mechanism.callback import UserTorque
 from ..model import Gait
+from ..portable import Portable
 from ..system import Array
 from .anatomy import Anatomy, anatomy
 from .pose import standing
@@ -26,7 +27,7 @@ BLURRED = 1e-14  # of a time: the clock's rounding
 REACH = 0.98  # of the longest leg that a step may use
 
 
-class Controller:
+class Controller(Portable):
     """Torques (nv,) of a gait from (t, q, v): no memory, no look ahead, limits kept.
 
     It is given to `simulate` as `tau`, or made there of a scenario's gait. Its numbers for the

@@ -19,13 +19,14 @@ from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.stepping import batch as kernels
 from ..errors import InputError, Problem, choices
 from ..model import Model
+from ..portable import Portable
 from ..system import Array, Loads
 
 if TYPE_CHECKING:
     from .mechanism import Mechanism
 
 
-class Batch:
+class Batch(Portable):
     """m instances of a mechanism: same tree and joints, own states and, if given, own numbers.
 
     `models` gives each instance its own masses, lengths, ...; without it all share those of

@@ -14,6 +14,7 @@ from numba.core.errors import NumbaError
 from ..engine.compiler.address import address_of_function
 from ..engine.compiler.jit import JIT
 from ..errors import InputError, Problem
+from ..portable import Unportable
 from ..system import Array
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ _Address = ctypes.CFUNCTYPE(
 )
 
 
-class UserTorque:
+class UserTorque(Unportable):
     """f(t, q, v) -> τ (nv,), a Python function or one compiled by `numba.njit`.
 
     A compiled one costs tens of nanoseconds a call, a Python one some microseconds.

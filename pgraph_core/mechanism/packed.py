@@ -21,6 +21,7 @@ from ..loads import loads
 from ..model import Contact, Force, Model
 from ..model.force import BETWEEN
 from ..plan import Plan
+from ..portable import Portable
 from ..system import Array, Drives, Ints, Loads, System, bends, drives, packed, system
 from ..topology import Topology
 from .back_ends import NO_EXTERNAL
@@ -37,7 +38,7 @@ NO_LOADS: Loads = (
 )
 
 
-class Packed:
+class Packed(Portable):
     """A model numbered depth-first and packed for the kernels, edited into new ones.
 
     Attributes are shared by all that is asked of a mechanism; nothing is kept of a state.
@@ -49,6 +50,9 @@ class Packed:
     def __init__(self, model: Model | Columns, /):
         """Number and pack a valid model, or a table in columns."""
         columns = model if isinstance(model, Columns) else Columns.of(model)
+        self._pack(columns)
+
+    def _pack(self, columns: Columns) -> None:
         self.columns = columns
         self._packed, springs = packed(columns)
         self._springs = springs + columns.springs_between
@@ -59,6 +63,12 @@ class Packed:
         self.rest = np.zeros(self.nv)  # no velocity
         self.work = np.zeros((len(self._rows), at.WORK))  # of kernels: holds nothing between calls
         ready(FORWARD)
+
+    def __getstate__(self) -> Columns:
+        return self.columns
+
+    def __setstate__(self, columns: Columns) -> None:
+        self._pack(columns)
 
     @cached_property
     def system(self) -> System:

@@ -13,6 +13,7 @@ from ..engine import motion
 from ..engine.compiler.address import address_of, address_of_array, buffer
 from ..engine.constraints.dips import LEAST
 from ..engine.constraints.proximal import FACTORED
+from ..portable import Unportable
 from ..shapes import solids
 from ..system import Array, Drives, Ints, Loads
 
@@ -24,7 +25,7 @@ NO_GAINS = np.zeros(2)
 NO_USER = (0, np.zeros((0, 0)), np.zeros(0, dtype=np.int64))
 
 
-class Scene:
+class Scene(Unportable):
     """What kernels take of a run behind one `address`; it belongs to one thread at a time.
 
     `active` may be changed between calls, and `given` (nv,), the torques beside all others.
@@ -111,7 +112,7 @@ class Scene:
         }
 
 
-class TouchSpace:
+class TouchSpace(Unportable):
     """The contacts of a scene behind one address, with what they remember from step to step."""
 
     def __init__(self, mech: Mechanism, contacts: Tables, first: int, *, steps: bool):

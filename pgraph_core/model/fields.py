@@ -14,10 +14,11 @@ from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Strict
 from pydantic_core import PydanticCustomError
 
 from ..errors import ModelError, Problem
+from ..portable import Portable
 from .sentences import all_problems, shown
 
 
-class Frozen(BaseModel):
+class Frozen(Portable, BaseModel):
     """Base of every description: immutable, unknown fields refused by name."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import FileError, InputError, Problem
 from ..model.files import write_atomic
+from ..portable import Portable
 from . import figure, text
 from .rows import Row
 
@@ -20,7 +21,7 @@ LEVELS = tuple(10.0**-k for k in range(3, 10))  # errors at which sides are comp
 
 
 @dataclass(frozen=True)
-class Study:
+class Study(Portable):
     """Rows, and what a person has to know to read them; `print(study)` is a table."""
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".html", ".json", ".svg", ".txt")  # of files

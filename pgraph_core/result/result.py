@@ -19,6 +19,7 @@ from ..mechanism.bodies import BodyMotion, bodies_over, turned
 from ..model import Force, Model
 from ..model.files import write_atomic
 from ..plan import Plan
+from ..portable import Portable
 from ..system import Array
 from .contact_record import ContactRecord, Event
 
@@ -46,7 +47,7 @@ class Status(Enum):
 
 
 @dataclass(frozen=True)
-class Result:
+class Result(Portable):
     """A run. Arrays have one row a recorded frame; a run that failed keeps what it computed."""
 
     mechanism: Mechanism

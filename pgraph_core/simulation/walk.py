@@ -9,6 +9,7 @@ from ..errors import InputError, Problem
 from ..gait.controller import Controller
 from ..mechanism import Mechanism
 from ..model import Force, Gait, Model, VectorTable
+from ..portable import Portable
 from ..result import Result
 from ..system import Array
 from .simulation import simulate
@@ -16,7 +17,7 @@ from .simulation import simulate
 EDGE = 1e-6  # s in which a push comes and goes
 
 
-class Walk:
+class Walk(Portable):
     """A walking mechanism at a time: `step` takes it on, what is changed acts from then on.
 
     How a page plays while it computes, with `walk = Walk(mech, scenario="trot")`:

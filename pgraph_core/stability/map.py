@@ -15,6 +15,7 @@ from ..integrators import METHODS, method_of
 from ..mechanism import Mechanism
 from ..model import Model
 from ..model.files import write_atomic
+from ..portable import Portable
 from .axes import AXES
 from .cells import Sweep, computed
 from .start import in_scenario, started
@@ -26,7 +27,7 @@ BUDGET = 20_000_000  # evaluations times motions a run: a second or two
 
 
 @dataclass(frozen=True)
-class StabilityMap:
+class StabilityMap(Portable):
     """A verdict on each value of the axis, method and step; `print` shows it as a text."""
 
     model: str  # name
