@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import os
 import re
 import tempfile
 import zipfile
@@ -11,15 +12,20 @@ import zlib
 from pathlib import Path, PurePosixPath
 
 import pgraph_core as pg
-from pgraph_core.model.assets import FOLDER
+from pgraph_core.model.assets import FOLDER, FORMATS
 
 from .cells import Refusal
 
 LARGEST = 12_000_000  # [bytes] as it is sent
 LARGEST_WITHIN = 100_000_000  # [bytes] unpacked
-FORMATS = ("glb", "obj", "off", "ply", "stl")
 # what zipfile raises: damaged, cut, encrypted or by an unknown method, names that are no text
 DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError)
+
+
+def mesh_folder() -> Path:
+    """Where meshes that came through a page are kept, next to what programs of this user keep."""
+    home = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
+    return Path(home) / "pgraph" / "meshes"
 
 
 def packed(model: pg.Model) -> tuple[str, bytes]:

@@ -6,7 +6,6 @@ One thread each for reports and errands; both follow the state like a view and a
 from __future__ import annotations
 
 import hashlib
-import os
 import re
 import threading
 from collections.abc import Callable
@@ -16,9 +15,10 @@ from typing import Any
 
 import pgraph_core as pg
 from pgraph_core.constraints.mobility import mobility
-from pgraph_core.shapes.meshes import load_mesh, mass_properties
+from pgraph_core.model.assets import FORMATS, load_mesh
+from pgraph_core.shapes.meshes import mass_properties
 
-from .archive import FORMATS, unpacked
+from .archive import mesh_folder, unpacked
 from .cells import Refusal
 from .events import Event
 from .events.constraining import ErrandDone, MobilityFound
@@ -105,7 +105,7 @@ def answer(errand: Errand) -> ErrandDone:
             case ReadMesh() as read:
                 changes, text = shaped(read)
             case ReadArchive(_, content):
-                return ErrandDone(errand.id, opened=unpacked(content, folder()))
+                return ErrandDone(errand.id, opened=unpacked(content, mesh_folder()))
             case FillMass(bodies, density):
                 changes = mass_of([errand.model.body(name) for name in bodies], density)
                 text = "Mass, centre of mass and inertia follow from the shape."
@@ -136,12 +136,6 @@ def assembled(model: pg.Model) -> tuple[dict[str, dict[str, Any]], str]:
 # -- meshes ------------------------------------------------------------------------------------
 
 
-def folder() -> Path:
-    """Where uploaded meshes are kept, beside what programs of this user keep."""
-    home = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
-    return Path(home) / "pgraph" / "meshes"
-
-
 def shaped(read: ReadMesh) -> tuple[dict[str, dict[str, Any]], str]:
     """The uploaded file kept, read, and made the shape. Raises PgraphError, Refusal, OSError."""
     suffix = Path(read.file).suffix.lower().lstrip(".")
@@ -151,7 +145,7 @@ def shaped(read: ReadMesh) -> tuple[dict[str, dict[str, Any]], str]:
         size = len(read.content) / 1e6
         raise Refusal(f"{read.file} has {size:.1f} MB; a mesh file has at most 10 MB")
     stem = re.sub(r"[^\w-]+", "_", Path(read.file).stem)[:60] or "mesh"
-    path = folder() / f"{stem}-{hashlib.sha256(read.content).hexdigest()[:8]}.{suffix}"
+    path = mesh_folder() / f"{stem}-{hashlib.sha256(read.content).hexdigest()[:8]}.{suffix}"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(read.content)
     try:

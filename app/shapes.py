@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.shapes.meshes import load_mesh
+from pgraph_core.model.assets import load_mesh
 
 Color = tuple[int, int, int]
 TRUNK_HUE = 0.63  # bodies that carry several tips

@@ -7,8 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import pgraph_core as pg
+from pgraph_core.model import assets, files
 
 from .. import cells, events
+from ..archive import mesh_folder
 from ..cells import Refusal
 from ..deriving import derive
 from ..events import Event
@@ -98,9 +100,18 @@ def new_model(state: State, client: int, serial: int, text: str) -> State:
 def opened(state: State, client: int, name: str, content: str) -> State:
     """The model in a file's text, or why it is none."""
     try:
-        return shown_model(state, client, name, pg.Model.from_json(content))
+        data = files.parse(content, name)
+        bodies = data.get("bodies")
+        if isinstance(bodies, list) and len(bodies) > MOST_BODIES:
+            return shown_model(state, client, name, None, _too_many(len(bodies)))
+        model = pg.Model(**assets.located(data, mesh_folder()))
+        return shown_model(state, client, name, model)
     except pg.PgraphError as error:
         return shown_model(state, client, name, None, str(error))
+
+
+def _too_many(count: int) -> str:
+    return f"it has {count} bodies; {MOST_BODIES} at most"
 
 
 def shown_model(
@@ -108,7 +119,7 @@ def shown_model(
 ) -> State:
     """A model that was read in place of the one that is shown, or why it is not."""
     if model is not None and len(model.bodies) > MOST_BODIES:
-        problem = f"it has {len(model.bodies)} bodies; {MOST_BODIES} at most"
+        problem = _too_many(len(model.bodies))
     if model is None or problem:
         return told(state, client, Notice(f"{name} was not opened", problem, bad=True))
     state = _replaced(state, model, f"open {name}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import re
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +22,12 @@ if TYPE_CHECKING:
 
 SCHEMA_VERSION = 2  # 1: without parameters and formulas; nothing else differs
 SCHEMA = "pgraph-model"
+
+LARGEST = 64_000_000  # characters of a file
+MOST_VALUES = 5_000_000
+DEEPEST = 100  # levels of brackets
+STRINGS = re.compile(r'"[^"\\]*(?:\\.[^"\\]*)*"?', re.DOTALL)  # also one that does not end: linear
+BRACKETS = re.compile(r"[\[\]{}]")
 
 
 def to_json(model: Model) -> str:
@@ -79,6 +86,7 @@ def parse(text: str, source: str) -> dict[str, Any]:
     """The fields in JSON text, its version checked. Raises FileError."""
     try:
         text = text.removeprefix("\ufeff")  # the mark that some editors set
+        _refuse_too_large(text, source)
         data = json.loads(text, parse_int=_number, object_pairs_hook=_no_twins)
     except json.JSONDecodeError as error:
         where = f"{source}, line {error.lineno}"
@@ -161,6 +169,23 @@ def _number(digits: str) -> int | float:
     return int(digits) if len(digits) < 310 else float(digits)
 
 
+def _refuse_too_large(text: str, source: str) -> None:
+    """Limits of size, values and depth, in one pass before anything is built. Raises FileError."""
+    if len(text) > LARGEST:
+        size = f"has {len(text) / 1e6:.0f} MB; {LARGEST / 1e6:.0f} MB at most"
+        raise FileError(Problem(source, "", size))
+    bare = STRINGS.sub("", text)
+    count = bare.count(",") + bare.count(":")
+    if count > MOST_VALUES:
+        raise FileError(Problem(source, "", f"has {count} values; {MOST_VALUES} at most"))
+    depth = 0
+    for bracket in BRACKETS.findall(bare):
+        depth += 1 if bracket in "[{" else -1
+        if depth > DEEPEST:
+            text = f"no model: its brackets nest too deeply; {DEEPEST} levels at most"
+            raise FileError(Problem(source, "", text))
+
+
 class _Twin(Exception):
     """A field that is given twice, of which JSON would keep the last."""
 
@@ -168,8 +193,8 @@ class _Twin(Exception):
 def _no_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     data = dict(pairs)
     if len(data) < len(pairs):
-        names = [key for key, _ in pairs]
-        twin = next(name for name in names if names.count(name) > 1)
+        seen: set[str] = set()
+        twin = next(key for key, _ in pairs if key in seen or seen.add(key))
         named = f" named {shown(data['name'])}" if "name" in data and twin != "name" else ""
-        raise _Twin(f"field '{twin}' is given twice in one object{named}; keep one of them")
+        raise _Twin(f"field {shown(twin)} is given twice in one object{named}; keep one of them")
     return data

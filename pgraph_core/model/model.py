@@ -371,24 +371,40 @@ class Model(World):
         return files.to_json(self)
 
     @classmethod
-    def from_json(cls, text: str, /, *, source: str = "text") -> Self:
-        """The model in JSON text. Raises FileError (not JSON, too new) or ModelError."""
-        return cls(**files.parse(text, source))
+    def from_json(
+        cls,
+        text: str,
+        /,
+        *,
+        source: str = "text",
+        folder: str | Path | None = None,
+        roots: Iterable[str | Path] = (),
+    ) -> Self:
+        """The model in JSON text. Raises FileError (not JSON, too new) or ModelError.
+
+        With `folder`, meshes are found from there on and refused outside of it and of `roots`:
+        for text from somebody else.
+        """
+        data = files.parse(text, source)
+        return cls(**(data if folder is None else located(data, folder, roots)))
 
     @classmethod
-    def load(cls, path: str | Path, /) -> Self:
-        """The model in a file; its mesh files are found from there on.
+    def load(cls, path: str | Path, /, *, roots: Iterable[str | Path] = ()) -> Self:
+        """The model in a file; its mesh files are found from the file's folder on.
 
+        Meshes outside of that folder are refused unless they lie in one of `roots`.
         Raises FileError or ModelError.
         """
-        data = files.parse(files.read(path), str(path))
-        return cls(**located(data, Path(path).parent))
+        folder = Path(path).parent
+        return cls.from_json(files.read(path), source=str(path), folder=folder, roots=roots)
 
     def save(self, path: str | Path, /) -> None:
         """Write the description; a file that is there is replaced whole or not at all.
 
-        Mesh files that are not in its folder are copied to `meshes` beside it, so that the folder
-        opens on another machine. Raises FileError.
+        The geometry of meshes that are not in its folder is written to `meshes` next to it, so that
+        the folder opens on another machine. Raises FileError.
         """
-        parent = Path(path).parent
-        files.write_atomic(path, (gathered(self, parent) if parent.is_dir() else self).to_json())
+        folder, model = Path(path).parent, self
+        if folder.is_dir():
+            model = self.model_copy(update={"bodies": gathered(self.bodies, folder)})
+        files.write_atomic(path, model.to_json())

@@ -1,7 +1,4 @@
-"""Mass properties of shapes, and meshes from files: the one place of the core that knows trimesh.
-
-It is imported when a file is opened; the closed forms need nothing.
-"""
+"""Mass properties and solids of shapes. trimesh is imported only where a mesh file is opened."""
 
 from __future__ import annotations
 
@@ -11,14 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import FileError, ModelError, Problem, choices
+from ..errors import ModelError, Problem
 from ..model import Shape
+from ..model.assets import load_mesh
 from ..rotation import matrix
 from . import solids
 from .solids import Solid
 
 Array = np.ndarray
-UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}  # [m]
 
 
 class MassProperties(NamedTuple):
@@ -89,37 +86,6 @@ def _leak(mesh: Any) -> str:
     if open_edges:
         return f"is not closed: {open_edges} of its edges do not have two faces"
     return "has faces that are wound both ways"
-
-
-def load_mesh(file: str | Path, scale: float = 1.0, unit: str = "m") -> Any:
-    """A mesh file as a trimesh.Trimesh in metres, its parts joined.
-
-    `unit` is that of the file; `scale` comes on top. Raises FileError, ModelError.
-    """
-    import trimesh  # not before a file is opened: half a second
-
-    if unit not in UNITS:
-        text = f"must be one of {choices(UNITS)}; given {unit!r}"
-        raise ModelError(Problem(f"mesh {file}", "unit", text))
-    if not Path(file).is_file():
-        raise FileError(Problem(f"mesh {file}", "", "there is no such file"))
-    known = trimesh.available_formats()
-    suffix = Path(file).suffix.lower().lstrip(".")
-    if suffix not in known:
-        usual = choices(sorted({"glb", "obj", "off", "ply", "stl"} & set(known)))
-        text = f"no mesh is read from .{suffix} files; give one of {usual}"
-        raise FileError(Problem(f"mesh {file}", "", text))
-    try:
-        mesh = trimesh.load_mesh(file)
-    except Exception as error:  # whatever a reader of a damaged file raises
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        text = f"cannot be read as {suffix}: {reason}"
-        raise FileError(Problem(f"mesh {file}", "", text)) from error
-    if len(mesh.faces) == 0:
-        raise FileError(Problem(f"mesh {file}", "", "holds no faces"))
-    mesh.apply_scale(scale * UNITS[unit])
-    mesh.merge_vertices(merge_tex=True, merge_norm=True)
-    return mesh
 
 
 def solid_of(shape: Shape, unit: str = "m") -> Solid:

@@ -12,6 +12,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
+from pgraph_core.model.assets import load_mesh
 from pgraph_core.shapes import meshes, solids
 
 from .convex import signed_distance
@@ -145,13 +146,13 @@ def test_sentences(tmp_path):
     with pytest.raises(pg.ModelError, match="must be a number > 0"):
         meshes.mass_properties(shape, 0)
     with pytest.raises(pg.ModelError, match="must be one of m, cm, mm, in, ft; given 'inch'"):
-        meshes.load_mesh(files["open.stl"], unit="inch")
+        load_mesh(files["open.stl"], unit="inch")
     with pytest.raises(pg.FileError, match="there is no such file"):
-        meshes.load_mesh(tmp_path / "none.stl")
+        load_mesh(tmp_path / "none.stl")
     with pytest.raises(pg.FileError, match="cannot be read as glb: "):
-        meshes.load_mesh(files["cut.glb"])
+        load_mesh(files["cut.glb"])
     with pytest.raises(pg.FileError, match=r"no mesh is read from \.xyz9 files; give one of glb, "):
-        meshes.load_mesh(files["part.xyz9"])
+        load_mesh(files["part.xyz9"])
     with pytest.raises(pg.ModelError, match="is flat: a shape that touches must span a volume"):
         meshes.convex_hull(files["flat.obj"])
 

@@ -1,0 +1,219 @@
+"""Model files from somebody else: none reads what it must not, and none stops the reader."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+import zipfile
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import pgraph_core as pg
+from app import archive, events
+from app.state import initial
+from app.update import update
+from pgraph_core.model import files
+from pgraph_core.model.assets import load_mesh
+
+SECRET = b"-----BEGIN OPENSSH PRIVATE KEY-----\nsecret\n"
+ME = 1
+
+
+def text_of(file: str) -> str:
+    shape = {"kind": "mesh", "file": file}
+    return json.dumps({"bodies": [{"name": "a"}, {"name": "cup", "shape": shape}]})
+
+
+@pytest.fixture
+def folders(tmp_path, monkeypatch) -> tuple[Path, Path]:
+    """(the folder of a model, a folder of the user's own next to it with a key and a mesh)"""
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "home"))
+    mine, others = tmp_path / "private", tmp_path / "from a colleague"
+    mine.mkdir()
+    others.mkdir()
+    (mine / "id_rsa").write_bytes(SECRET)
+    (mine / "key.stl").write_bytes(SECRET)
+    trimesh.creation.box((1, 1, 1)).export(mine / "box.stl")
+    return others, mine
+
+
+def escapes(folder: Path, mine: Path) -> list[str]:
+    os.symlink(mine / "box.stl", folder / "link.stl")
+    os.symlink(mine, folder / "linked")
+    absolute = [str(mine / name) for name in ("id_rsa", "key.stl", "box.stl", "none.stl")]
+    return [
+        *absolute, "../private/box.stl", "x/../../private/box.stl", "link.stl", "linked/box.stl",
+        "/proc/self/environ", "bad\0name.stl",
+    ]  # fmt: skip
+
+
+def test_a_model_file_names_no_mesh_outside_of_its_folder(folders):
+    folder, mine = folders
+    for file in escapes(folder, mine):
+        (folder / "model.json").write_text(text_of(file))
+        with pytest.raises(pg.ModelError) as refused:
+            pg.Model.load(folder / "model.json")
+        (problem,) = refused.value.problems
+        assert (problem.where, problem.field) == ("body 'cup'", "shape")
+        assert repr(file) in problem.text
+        assert str(folder) in problem.text
+        assert "roots=" in problem.text
+
+
+def test_a_folder_that_the_user_allows_may_hold_meshes(folders, monkeypatch):
+    folder, mine = folders
+    (folder / "model.json").write_text(text_of("../private/box.stl"))
+    model = pg.Model.load(folder / "model.json", roots=[mine])
+    shape = model.body("cup").shape
+    assert shape is not None
+    assert load_mesh(shape.file or "").is_watertight
+    monkeypatch.setenv("PGRAPH_MESHES", str(mine))
+    assert pg.Model.load(folder / "model.json") == model
+
+
+@pytest.mark.parametrize("name", ["id_rsa", "key.stl"])
+def test_what_is_no_mesh_is_neither_opened_nor_saved(folders, name, tmp_path):
+    _, mine = folders
+    with pytest.raises(pg.FileError):
+        load_mesh(mine / name)
+    model = pg.Model(bodies=[{"name": "cup", "shape": {"kind": "mesh", "file": str(mine / name)}}])
+    (tmp_path / "out").mkdir()
+    with pytest.raises(pg.FileError) as refused:
+        model.save(tmp_path / "out" / "m.json")
+    assert "body 'cup', shape" in str(refused.value)
+    assert str(mine / name) in str(refused.value)
+    assert not list((tmp_path / "out").rglob("*"))
+    with pytest.raises(pg.FileError):
+        archive.packed(model)
+
+
+@pytest.mark.parametrize("suffix", ["stl", "obj", "ply", "off", "glb"])
+def test_a_saved_copy_holds_the_geometry_and_nothing_else(tmp_path, suffix):
+    """To the digits of its format, without what else the file holds."""
+    solid = trimesh.creation.icosphere(subdivisions=1, radius=0.7)
+    solid.apply_scale([1, 1 / 3, 1])
+    solid.metadata["note"] = "secret"
+    file = tmp_path / f"part.{suffix}"
+    solid.export(file)
+    with file.open("ab") as more:
+        more.write(b"\n# secret\n" if suffix == "obj" else b"")
+    model = pg.Model(bodies=[{"name": "cup", "shape": {"kind": "mesh", "file": str(file)}}])
+    (tmp_path / "out").mkdir()
+    model.save(tmp_path / "out" / "m.json")
+    saved = pg.Model.load(tmp_path / "out" / "m.json").body("cup").shape
+    assert saved is not None
+    again, first = load_mesh(saved.file or ""), load_mesh(file)
+    np.testing.assert_array_equal(again.vertices[again.faces], first.vertices[first.faces])
+    assert b"secret" not in Path(saved.file or "").read_bytes()
+
+
+def test_a_page_opens_no_mesh_by_a_path_of_its_own(folders):
+    folder, mine = folders
+    state = update(initial(pg.Model.serial(2)), events.Connected(ME))
+    for file in escapes(folder, mine):
+        if file in ("link.stl", "linked/box.stl"):
+            continue  # of a folder that a page does not know
+        after = update(state, events.OpenText(ME, "m.json", text_of(file)))
+        assert after.model is state.model
+        assert "body 'cup', shape" in after.clients[ME].notice.text
+
+
+def test_an_archive_opens_no_mesh_outside_of_itself(folders):
+    _, mine = folders
+    for file in (str(mine / "box.stl"), "../../../../private/box.stl"):
+        content = BytesIO()
+        with zipfile.ZipFile(content, "w") as made:
+            made.writestr("m.json", text_of(file))
+        with pytest.raises(pg.ModelError, match="outside of the model's folder"):
+            archive.unpacked(content.getvalue(), archive.mesh_folder())
+
+
+def test_a_pipe_is_no_mesh(tmp_path):
+    os.mkfifo(tmp_path / "pipe.stl")
+    with pytest.raises(pg.FileError, match="there is no such file"):
+        load_mesh(tmp_path / "pipe.stl")
+
+
+def test_damaged_meshes_are_sentences(tmp_path):
+    """Any byte changed in any format: a mesh, or a FileError."""
+    rng, refused = np.random.default_rng(1), 0
+    for suffix in ("stl", "obj", "ply", "off", "glb"):
+        file = tmp_path / f"part.{suffix}"
+        trimesh.creation.box((1, 1, 1)).export(file)
+        whole = file.read_bytes()
+        for _ in range(60):
+            damaged = bytearray(whole)
+            for at in rng.integers(len(whole), size=3):
+                damaged[at] = int(rng.integers(256))
+            file.write_bytes(bytes(damaged[: rng.integers(len(whole) // 2, 2 * len(whole))]))
+            try:
+                mesh = load_mesh(file)
+            except pg.FileError:
+                refused += 1
+            else:
+                assert np.isfinite(mesh.vertices).all()
+    assert refused > 30
+
+
+# -- text that would take for ever -----------------------------------------------------------------
+
+
+def cost(text: str) -> float:
+    """Processor time of refusing a text [s], the least of three."""
+    times = []
+    for _ in range(3):
+        start = time.process_time()
+        with pytest.raises(pg.FileError):
+            files.parse(text, "text")
+        times.append(time.process_time() - start)
+    return min(times)
+
+
+def twins(n: int) -> str:
+    return "{" + ",".join(f'"k{i}":0' for i in range(n)) + f',"k{n - 1}":1}}'
+
+
+def test_twin_keys_are_found_in_linear_time():
+    with pytest.raises(pg.FileError, match="field 'k9' is given twice in one object"):
+        files.parse(twins(10), "text")
+    assert cost(twins(200_000)) < 100 * cost(twins(10_000))  # 20 if linear, 400 if quadratic
+
+
+@pytest.mark.parametrize(
+    ("text", "facts"),
+    [
+        ("[" * 200_000, ("nest too deeply", "100")),
+        ('{"a":' * 200_000, ("nest too deeply", "100")),
+        ("[" + "0," * 5_000_001 + "0]", ("5000001 values", "5000000")),
+        (" " * 64_000_001, ("64 MB",)),
+    ],
+)
+def test_text_beyond_the_limits_is_refused_before_it_is_read(text, facts):
+    with pytest.raises(pg.FileError) as refused:
+        files.parse(text, "big.json")
+    assert str(refused.value).startswith("big.json: ")
+    for fact in facts:
+        assert fact in str(refused.value)
+
+
+def test_brackets_in_strings_nest_nothing():
+    assert files.parse('{"name": "' + "[{" * 500 + '\\"[["}', "text")["name"].count("[") == 502
+
+
+def test_an_unfinished_string_of_quotes_takes_linear_time():
+    assert cost('"' + '\\"' * 2_000_000) < 150 * cost('"' + '\\"' * 100_000)
+
+
+def test_a_page_refuses_too_many_bodies_before_it_makes_them():
+    state = update(initial(pg.Model.serial(2)), events.Connected(ME))
+    rows = [{"name": str(i)} for i in range(100_000)]
+    start = time.process_time()
+    after = update(state, events.OpenText(ME, "m.json", json.dumps({"bodies": rows})))
+    assert time.process_time() - start < 3
+    assert after.model is state.model
+    assert "100000 bodies; 1000 at most" in after.clients[ME].notice.text
