@@ -149,14 +149,6 @@ LOAD_I, LOAD_F = 8, 20
 # ledger: float64 (2,): work of drives and given torques, dissipation [J]
 WORK_DONE, DISSIPATED = 0, 1
 
-# counters: int64 (8,)
-N_STEP, N_EVAL, N_PROJECT, N_ITERATE = 0, 1, 2, 3
-N_REJECT, N_JACOBIAN, N_FACTOR, N_NEWTON = 4, 5, 6, 7
-COUNTERS = 8
-
-# cursor: int64 (2,): the frame under way and the steps taken towards it
-FRAME, TAKEN = 0, 1
-
 # status codes of a run
 DONE, NOT_FINITE, NOT_CONVERGED, RUNNING = 0, 1, 2, 3
 TOO_SMALL, TOO_MANY, NOT_SOLVED, EVENT = 4, 5, 6, 7
@@ -171,33 +163,6 @@ ERROR, WEIGHT, TRIAL, TORQUE = (
     7,
 )  # of CANDIDATE; one over the tolerance; scratch; joint forces
 STAGE = 8  # the stages of the method from here on
-
-# control: float64 (16,)
-TIME, WIDTH = 0, 1  # of Y; the step to try next [s]
-T_OLD, W_OLD = 2, 3  # of Y_OLD, and the width of the step from there [s]
-CLIP = 4  # stages are not taken later: left of a corner of a table [s]
-LAST_ERROR = 5  # of the last accepted step over the tolerance
-RTOL, ATOL = 6, 7  # relative to the scales below; absolute, for every coordinate
-WIDEST, SPAN = 8, 9  # largest step, length of the run [s]
-LENGTH = 10  # of the mechanism, or as far as it slid [m]
-SPIN, SPEED = 11, 12  # fastest so far [rad/s, m/s]
-JACOBIAN_RATE = (
-    13  # of Newton's method, the last one; of ROS2, steps with this Jacobian; large: none
-)
-FACTORED = 14  # width for which the matrices are factored
-JACOBIAN_AT = 15  # time of the Jacobian
-CONTROL = 16
-
-# flags: int64 (8,)
-FIXED = 0  # steps are as wide as WIDEST whatever their error
-FRESH = 1  # SLOPE belongs to Y
-FILLED = 2  # the further stages of dense output are there
-FIRED = 3  # an event waits to be told of
-REJECTED = 4  # the last step was
-BROKEN = 5  # ... because it was not finite (1), not solved (2)
-KNOT = 6  # the next corner of a table
-MOST = 7  # steps allowed
-FLAGS = 8
 
 # shapes_i: int64 (ns, 9): what can touch; vertices, faces and edges are ranges of the tables below
 SH_KIND = 0  # one of the kinds below
@@ -327,6 +292,3 @@ SITE_FRAME = 11
 # watched: float64 (4, 3 ns): what ends a phase, where it falls below zero: gap or normal force;
 # friction left or slip along S_WAY; S_PIVOT. Rows: at a step's start, lower and upper bracket, now
 W_START, W_LOW, W_HIGH, W_NOW = 0, 1, 2, 3
-
-# clock: float64 (2,): how much of the step under way is done [s]; time of the last event
-CL_DONE, CL_EVENT = 0, 1

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..engine import layout as at
+from ..engine.records import COUNTERS, CURSOR, STEP_CONTROL, table
 from ..engine.stepping import adaptive, implicit
 from ..mechanism import Mechanism
 from ..mechanism.scale import length_of
@@ -34,25 +35,25 @@ class ChosenSteps:
         self.q[:], self.v[:], self.times = q, v, plan.times.copy()
         self.stop = len(plan.times)
         self.flow, self.failure = np.zeros(3), np.zeros(2)
-        self.cursor = np.zeros(2, dtype=np.int64)
-        self.counters = np.zeros(at.COUNTERS, dtype=np.int64)
-        self.flags = np.zeros(at.FLAGS, dtype=np.int64)
-        self.control = self._control(mech)
-        self.flags[at.MOST], self.flags[at.FIXED] = self.tolerance.most, self.tolerance.fixed
+        self._cursor, self._counters = table(CURSOR, 1), table(COUNTERS, 1)
+        self.cursor, self.counters = self._cursor[0], self._counters[0]
+        self._control = table(STEP_CONTROL, 1)
+        self.control = self._control[0]
+        self._set_control(mech)
         self.matrices = matrices(mech.nv) if method.implicit else NO_MATRICES
         self.events = no_events()
         self.parted = 0  # steps of given width that were taken in parts
         self.links = links_of(method.attempt)
 
-    def _control(self, mech: Mechanism) -> Array:
-        control, given = np.zeros(at.CONTROL), self.tolerance
-        control[at.RTOL], control[at.ATOL] = given.rtol, given.atol
-        control[at.WIDEST], control[at.SPAN] = given.widest, float(np.ptp(self.times))
-        control[at.TIME] = self.times[0]
-        control[at.LENGTH], control[at.LAST_ERROR] = length_of(mech), 1e-4
-        control[at.JACOBIAN_RATE], control[at.JACOBIAN_AT] = np.inf, np.nan
-        control[at.WIDTH] = given.widest if given.fixed else 0.0
-        return control
+    def _set_control(self, mech: Mechanism) -> None:
+        control, given = self.control, self.tolerance
+        control["rtol"], control["atol"] = given.rtol, given.atol
+        control["widest"], control["span"] = given.widest, float(np.ptp(self.times))
+        control["time"] = self.times[0]
+        control["length"], control["last_error"] = length_of(mech), 1e-4
+        control["jacobian_rate"], control["jacobian_time"] = np.inf, np.nan
+        control["width"] = given.widest if given.fixed else 0.0
+        control["most"], control["fixed"] = given.most, given.fixed
 
     def advance(self, scene: int, budget: int, out: tuple[Array, ...]) -> int:
         """At most `budget` attempts and frames on; the kernel's status code."""
@@ -65,19 +66,19 @@ class ChosenSteps:
         """A step of given width that could not be solved, in steps of the method's own choice."""
         self._take_back()
         self.parted += 1
-        end = self.control[at.TIME] + self.tolerance.widest * (1 - 1e-9)
-        self.flags[at.FIXED], self.control[at.WIDTH] = 0, PART * self.tolerance.widest
+        end = self.control["time"] + self.tolerance.widest * (1 - 1e-9)
+        self.control["fixed"], self.control["width"] = 0, PART * self.tolerance.widest
         code = at.RUNNING
-        while code == at.RUNNING and self.control[at.TIME] < end:
+        while code == at.RUNNING and self.control["time"] < end:
             code = self._attempts(scene, 1, out)
-        self.flags[at.FIXED] = 1
+        self.control["fixed"] = 1
         return code
 
     def _take_back(self) -> None:
         """The frame of a failure is none."""
         moved = np.flatnonzero(self.times != self.plan.times)
         if len(moved):
-            self.cursor[at.FRAME] = moved[0]
+            self.cursor["frame"] = moved[0]
             self.times[moved] = self.plan.times[moved]
 
     def notices(self) -> list[str]:
@@ -95,20 +96,20 @@ class ChosenSteps:
         return adaptive.run_adaptive(
             scene, self.links, tuple(plan.method.tableau), plan.method.controller,
             plan.method.order, self.size, self.times[: self.stop], self.tolerance.corners,
-            self.cursor, budget, plan.project, self.stages,
-            (self.control, self.flags, self.counters), self.matrices, self.flow, self.failure,
+            self._cursor, budget, plan.project, self.stages,
+            (self._control, self._counters), self.matrices, self.flow, self.failure,
             self.events, out,
         )  # fmt: skip
 
     def restart(self) -> None:
         """Go on from a state, or with equations, that have just changed; the last frame anew."""
-        self.cursor[at.FRAME] -= 1
-        self.flags[at.FRESH] = self.flags[at.FILLED] = 0
-        self.control[at.JACOBIAN_RATE] = 2.0
+        self.cursor["frame"] -= 1
+        self.control["fresh"] = self.control["filled"] = 0
+        self.control["jacobian_rate"] = 2.0
 
     def fraction(self) -> float:
         """How much of the run is done, 0 to 1."""
-        return float(min(1.0, (self.control[at.TIME] - self.times[0]) / self.control[at.SPAN]))
+        return float(min(1.0, (self.control["time"] - self.times[0]) / self.control["span"]))
 
 
 def no_events() -> tuple[int, int, Array, Ints, Ints, Ints]:

@@ -122,7 +122,7 @@ class PhasedRecording(Recording):
 
     def _advance(self, budget: int) -> int:
         steps = self.steps
-        last = int(steps.counters[at.N_STEP]) + budget
+        last = int(steps.counters["steps"]) + budget
         while budget > 0:
             code = steps.advance(self.scene.address, budget, self.out)
             if code != at.EVENT:
@@ -134,7 +134,7 @@ class PhasedRecording(Recording):
             self.switching += time.perf_counter() - began
             if not self.status.ok:
                 return at.EVENT
-            budget = last - int(steps.counters[at.N_STEP])
+            budget = last - int(steps.counters["steps"])
         return at.RUNNING
 
     def _fail(self, code: int) -> None:

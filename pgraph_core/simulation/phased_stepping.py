@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from ..engine import layout as at
 from ..engine import motion
 from ..engine.compiler.address import address_of
 from ..engine.contact import phases
 from ..engine.contact import sites as site_kernels
+from ..engine.records import CLOCK, table
 from ..engine.stepping import phase_dense, phase_events
 from ..mechanism import Mechanism
 from ..system import Array
@@ -31,21 +31,22 @@ class PhasedGivenSteps(GivenSteps):
         """Nothing is computed yet."""
         super().__init__(mech, plan, q, v)
         self.links = _links(motion.projection, plan.method.step)
-        self.clock = np.zeros(2)
+        self._clock = table(CLOCK, 1)
+        self.clock = self._clock[0]
 
     def advance(self, scene: int, budget: int, out: tuple[Array, ...]) -> int:
         """At most `budget` steps and frames on; the kernel's status code, EVENT at `event`."""
         plan = self.plan
         return phase_events.run_phased(
-            scene, self.links, plan.method.tableau[:3], self.schedule, self.cursor, budget,
-            plan.project, self.q, self.v, self.stages, self.flow, self.ledger, self.counters,
-            self.failure, out, self.clock,
+            scene, self.links, plan.method.tableau[:3], self.schedule, self._cursor, budget,
+            plan.project, self.q, self.v, self.stages, self.flow, self.ledger, self._counters,
+            self.failure, out, self._clock,
         )  # fmt: skip
 
     @property
     def event(self) -> float:
         """When the last phase ended [s]."""
-        return float(self.clock[at.CL_EVENT])
+        return float(self.clock["event"])
 
     def go_on(self) -> None:
         """Take up from what an event has made of the state."""
@@ -68,7 +69,7 @@ class PhasedChosenSteps(ChosenSteps):
     @property
     def event(self) -> float:
         """When the last phase ended [s]."""
-        return float(self.control[at.TIME])
+        return float(self.control["time"])
 
     @property
     def turning(self) -> float:
@@ -81,8 +82,8 @@ class PhasedChosenSteps(ChosenSteps):
 
     def go_on(self) -> None:
         """Take up from what an event has made of the state, at the width found before it."""
-        self.flags[at.FRESH] = self.flags[at.FILLED] = self.flags[at.REJECTED] = 0
-        self.control[at.LAST_ERROR] = 1e-4
+        self.control["fresh"] = self.control["filled"] = self.control["rejected"] = 0
+        self.control["last_error"] = 1e-4
 
 
 def phased_stepping(

@@ -16,6 +16,7 @@ from ..constraints.singular import Instant, singular_notice
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.compiler.address import address_of
+from ..engine.records import by_name
 from ..errors import InputError
 from ..mechanism import Mechanism
 from ..mechanism.callback import acting
@@ -32,17 +33,6 @@ from .switching import Change
 
 CHUNK = 0.02  # s of computation between two looks at `progress`
 Progress = Callable[[float], Any] | None
-
-COUNTERS = (
-    "steps",
-    "evaluations",
-    "projections",
-    "solver_iterations",
-    "rejected_steps",
-    "jacobians",
-    "factorisations",
-    "newton_iterations",
-)
 
 
 class Recording:
@@ -188,7 +178,7 @@ class Recording:
     @property
     def done(self) -> int:
         """Number of frames recorded."""
-        return int(self.steps.cursor[at.FRAME])
+        return int(self.steps.cursor["frame"])
 
     def _begin(self) -> bool:
         """Whether the run can start: no joint without inertia, constraints that can be met."""
@@ -276,8 +266,7 @@ class Recording:
             constraint_drift=drift,
             constraint_force=self.scene.forces(wrenches.swapaxes(0, 1).copy(), self.plan.ever),
             contacts=self._contacts(self.steps.times[: self.done][rows], pushes, touches),
-            counters=dict(zip(COUNTERS, self.steps.counters.tolist()))
-            | contact_counters(self.scene),
+            counters=by_name(self.steps.counters) | contact_counters(self.scene),
             timing=timing,
             error_estimate=estimate,
             header=header,

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 from ..mechanism import Mechanism
-from ..system import Array, Ints
+from ..system import Array
 from .chosen_steps import ChosenSteps
 from .given_steps import GivenSteps
 from .run_plan import RunPlan
@@ -17,8 +17,8 @@ class Stepping(Protocol):
     q: Array
     v: Array
     times: Array  # of frames; where a run fails, its last frame gets another time
-    cursor: Ints
-    counters: Ints
+    cursor: Any  # records.CURSOR
+    counters: Any  # records.COUNTERS
     failure: Array  # (2,) time and row, where it failed
     ledger: Array  # (2,) work and dissipation so far [J]
     stop: int  # frames until which it goes on

@@ -372,7 +372,7 @@ def test_events_are_located_to_rounding_of_time(wanted):
         if code == at.DONE:
             break
         if code == at.EVENT:
-            found.append(record.steps.control[at.TIME])
+            found.append(record.steps.control["time"])
             assert abs(record.q[0]) < 1e-13
     expected = period * np.array([0.25, 0.75, 1.25])
     expected = expected[expected < 3.0]

@@ -12,6 +12,7 @@ from .. import layout as at
 from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
 from ..motion import F1, F2, I1, OUT, call_projection, call_record, opened
+from ..records import COUNTERS, CURSOR, STEP_CONTROL, array_of
 from ..tree.moving import normalise_all, rate
 from ..vec import finite
 from .attempt import CONTROL, MATRICES, SIZE, TABLEAU, call_attempt, copied, f8, i8, slope
@@ -36,23 +37,23 @@ KEPT = 1.2  # a change of width below it is not worth factoring a matrix anew
 def accept(scene, links, tableau, size, h, end, corner, stabilised, stages, control, flow):
     """CANDIDATE becomes Y, on the constraints; the slope there where it is known; a status code."""
     accelerate, project, _, _ = links
-    settings, flags, counters = control
+    settings, counters = control
     nq, nv = size
     n = stages.shape[1]
     s = tableau[1].shape[0]
     explicit = tableau[4].shape[0] > 0
     rows = opened(scene)[0]
     if explicit and tableau[3].shape[1] == s:
-        x = min(settings[at.TIME] + h, settings[at.CLIP])
+        x = min(settings.time + h, settings.clip)
         last_stage(scene, accelerate, rows, x, size, s, stages, flow, counters)
     copied(stages, at.Y, at.Y_OLD, n)
     copied(stages, at.CANDIDATE, at.Y, n)
-    settings[at.T_OLD] = settings[at.TIME]
-    settings[at.W_OLD] = h
-    settings[at.TIME] = end
-    flags[at.FILLED] = 0
-    flags[at.REJECTED] = 0
-    counters[at.N_STEP] += 1
+    settings.old_time = settings.time
+    settings.old_width = h
+    settings.time = end
+    settings.filled = 0
+    settings.rejected = 0
+    counters.steps += 1
     q = stages[at.Y, :nq]
     v = stages[at.Y, nq : nq + nv]
     normalise_all(rows, q)
@@ -60,15 +61,15 @@ def accept(scene, links, tableau, size, h, end, corner, stabilised, stages, cont
     if extra[at.THEIR_SETTLE] != 0:
         call_settle(extra[at.THEIR_SETTLE], (scene, end, q, v))
     moved = stabilised and opened(scene)[4][5][0] > 0
-    flags[at.FRESH] = 1 if explicit and not moved and not corner else 0
-    if flags[at.FRESH] == 1:
+    settings.fresh = 1 if explicit and not moved and not corner else 0
+    if settings.fresh == 1:
         copied(stages, at.STAGE + s, at.SLOPE, n)
         turn_spins(rows, size, stages, at.Y, at.SLOPE, True)
         rate(rows, q, v, stages[at.SLOPE, :nq])
     if not moved:
         return at.DONE
     rounds = call_projection(project, (scene, end, q, v, STEP_ROUNDS))
-    counters[at.N_PROJECT] += abs(rounds)
+    counters.projections += abs(rounds)
     if not finite(v):
         return at.NOT_FINITE
     return at.NOT_CONVERGED if rounds < 0 else at.DONE
@@ -81,33 +82,33 @@ def step_once(
 ):  # fmt: skip
     """One attempt, accepted or not; a status code."""
     accelerate, _, _, attempt = links
-    settings, flags, counters = control
-    if flags[at.FRESH] == 0:
-        t = settings[at.TIME]
+    settings, counters = control
+    if settings.fresh == 0:
+        t = settings.time
         slope(scene, accelerate, t, size, stages, at.Y, at.SLOPE, flow, counters)
-        flags[at.FRESH] = 1
+        settings.fresh = 1
         if not finite(stages[at.SLOPE]):
             return at.NOT_FINITE
-    if settings[at.WIDTH] == 0.0:
-        settings[at.WIDTH] = first_width(scene, accelerate, size, order, stages, control, flow)
-    h, ends, corner = next_width(settings, flags, corners, stop)
+    if settings.width == 0.0:
+        settings.width = first_width(scene, accelerate, size, order, stages, control, flow)
+    h, ends, corner = next_width(settings, corners, stop)
     error = call_attempt(
         attempt, (scene, accelerate, tableau, size, h, stages, control, matrices, flow)
     )
     good = error >= 0.0 and error < math.inf
-    if not good or (error > 1.0 and flags[at.FIXED] == 0):
-        return refuse(settings, flags, counters, controller, error, h)
-    end = settings[at.TIME] + h
+    if not good or (error > 1.0 and settings.fixed == 0):
+        return refuse(settings, counters, controller, error, h)
+    end = settings.time + h
     if ends:
-        end = corners[flags[at.KNOT]] if corner else stop
-    widen(settings, flags, controller, min(error, 1.0), h)
-    if tableau[4].shape[0] == 0 and h < settings[at.WIDTH] < KEPT * h:
-        settings[at.WIDTH] = h
+        end = corners[settings.corner] if corner else stop
+    widen(settings, controller, min(error, 1.0), h)
+    if tableau[4].shape[0] == 0 and h < settings.width < KEPT * h:
+        settings.width = h
     code = accept(scene, links, tableau, size, h, end, corner, stabilised, stages, control, flow)
     if code == at.DONE and events[0] != 0:
         call_look_back(events[0], (scene, accelerate, tableau, size, stages, control, flow, events))
-        if flags[at.FIRED] == 1:
-            t = settings[at.TIME]
+        if settings.fired == 1:
+            t = settings.time
             onto_constraints(scene, links[1], size, stabilised, t, stages, at.Y, counters)
     return code
 
@@ -119,22 +120,22 @@ def onto_constraints(scene, project, size, stabilised, t, stages, row, counters)
     if stabilised and opened(scene)[4][5][0] > 0:
         state = (stages[row, :nq], stages[row, nq : nq + nv])
         rounds = call_projection(project, (scene, t, state[0], state[1], STEP_ROUNDS))
-        counters[at.N_PROJECT] += abs(rounds)
+        counters.projections += abs(rounds)
 
 
 @sweep
 def frame(scene, links, tableau, size, t, i, stabilised, stages, control, flow, out):
     """Frame i at time t, within the last step or at its end; whether all of it is finite."""
     accelerate, project, record, _ = links
-    settings, _, counters = control
+    settings, counters = control
     nq, nv = size
     row = at.Y
-    if t != settings[at.TIME]:
-        share = (t - settings[at.T_OLD]) / settings[at.W_OLD]
+    if t != settings.time:
+        share = (t - settings.old_time) / settings.old_width
         within(scene, accelerate, tableau, size, stages, control, flow, share)
         row = at.TRIAL
         onto_constraints(scene, project, size, stabilised, t, stages, row, counters)
-    counters[at.N_EVAL] += 1
+    counters.evaluations += 1
     q = stages[row, :nq]
     v = stages[row, nq : nq + nv]
     ledger = stages[row, nq + nv :]
@@ -142,8 +143,8 @@ def frame(scene, links, tableau, size, t, i, stabilised, stages, control, flow, 
 
 
 @kernel(
-    i8(i8, LINKS, TABLEAU, CONTROLLER, i8, SIZE, F1, F1, I1, i8, u1, F2, CONTROL, MATRICES, F1,
-       F1, EVENTS, OUT),
+    i8(i8, LINKS, TABLEAU, CONTROLLER, i8, SIZE, F1, F1, array_of(CURSOR), i8, u1, F2,
+       types.Tuple((array_of(STEP_CONTROL), array_of(COUNTERS))), MATRICES, F1, F1, EVENTS, OUT),
     nogil=True,
 )  # fmt: skip
 def run_adaptive(
@@ -156,26 +157,27 @@ def run_adaptive(
     without dense output ends its steps at frames too. EVENT is given once for each event, with Y
     there: the caller may change Y, FRESH and the scene, and go on; a frame of that time follows.
     """
-    settings, flags, counters = control
+    settings, counters = control[0][0], control[1][0]
+    control, cursor = (settings, counters), cursor[0]
     last = times.shape[0]
     dense = tableau[4].shape[0] > 0
     for _ in range(budget):
-        i = cursor[at.FRAME]
+        i = cursor.frame
         if i == last:
             return at.DONE
-        t = settings[at.TIME]
+        t = settings.time
         code = at.DONE
-        if times[i] < t or (times[i] == t and flags[at.FIRED] == 0):
+        if times[i] < t or (times[i] == t and settings.fired == 0):
             if frame(
                 scene, links, tableau, size, times[i], i, stabilised, stages, control, flow, out
             ) == 0:  # fmt: skip
                 code = at.NOT_FINITE
             else:
-                cursor[at.FRAME] = i + 1
-        elif flags[at.FIRED] == 1:
-            flags[at.FIRED] = 0
+                cursor.frame = i + 1
+        elif settings.fired == 1:
+            settings.fired = 0
             return at.EVENT
-        elif counters[at.N_STEP] + counters[at.N_REJECT] >= flags[at.MOST]:
+        elif counters.steps + counters.rejected_steps >= settings.most:
             code = at.TOO_MANY
         else:
             code = step_once(
@@ -189,19 +191,19 @@ def run_adaptive(
             nq, nv = size
             failure[1] = fastest_row(opened(scene)[0], stages[at.Y, nq : nq + nv])
             return code
-    return at.DONE if cursor[at.FRAME] == last else at.RUNNING
+    return at.DONE if cursor.frame == last else at.RUNNING
 
 
 @sweep
 def give_up(scene, links, tableau, size, times, cursor, t, stages, control, flow, out):
     """The last state that was good becomes the last frame, if it is later than the one before."""
-    settings, _, _ = control
-    i = cursor[at.FRAME]
-    if settings[at.TIME] > t:
+    settings, _ = control
+    i = cursor.frame
+    if settings.time > t:
         copied(stages, at.Y_OLD, at.Y, stages.shape[1])
-        settings[at.TIME] = t
+        settings.time = t
     if i > 0 and i < times.shape[0] and times[i - 1] < t:
         times[i] = t
-        cursor[at.FRAME] = i + frame(
+        cursor.frame = i + frame(
             scene, links, tableau, size, t, i, False, stages, control, flow, out
         )

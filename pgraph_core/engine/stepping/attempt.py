@@ -4,19 +4,20 @@ It is called by address: what accepts it, `adaptive`, knows no method. A state y
 `stages`; see `layout`.
 """
 
-from numba import types
+from numba import from_dtype, types
 
 from .. import layout as at
 from ..compiler.address import caller
 from ..compiler.jit import sweep
-from ..motion import F1, F2, I1, call_acceleration, opened
+from ..motion import F1, F2, call_acceleration, opened
+from ..records import COUNTERS, STEP_CONTROL
 from ..tree.moving import rate
 
 f8, i8 = types.float64, types.int64
 C2 = types.complex128[:, ::1]
 SIZE = types.UniTuple(i8, 2)  # nq, nv
 TABLEAU = types.Tuple((F2, F1, F1, F2, F2))  # a, b, c, error, dense
-CONTROL = types.Tuple((F1, I1, I1))  # control, flags, counters
+CONTROL = types.Tuple((from_dtype(STEP_CONTROL), from_dtype(COUNTERS)))
 MATRICES = types.Tuple((F2, C2))  # of implicit methods: four n by n, and one
 # scene, accelerate, tableau, size, h, stages, control, matrices, flow
 ATTEMPT = f8(i8, i8, TABLEAU, SIZE, f8, F2, CONTROL, MATRICES, F1)
@@ -44,5 +45,5 @@ def slope(scene, accelerate, t, size, stages, row, out, flow, counters):
     call_acceleration(accelerate, (scene, t, q, v, tau, stages[out, nq : nq + nv], flow))
     stages[out, nq + nv] = flow[0]
     stages[out, nq + nv + 1] = flow[1]
-    counters[at.N_EVAL] += 1
-    counters[at.N_ITERATE] += int(flow[2])
+    counters.evaluations += 1
+    counters.solver_iterations += int(flow[2])

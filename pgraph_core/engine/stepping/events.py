@@ -45,7 +45,7 @@ def locate_event(scene, accelerate, tableau, size, stages, control, flow, events
     """
     _, address, values, _, _, _ = events
     settings = control[0]
-    t, h = settings[at.T_OLD], settings[at.W_OLD]
+    t, h = settings.old_time, settings.old_width
     within(scene, accelerate, tableau, size, stages, control, flow, low)
     look(scene, address, size, stages, at.TRIAL, t + low * h, values)
     y_low = values[i]
@@ -88,7 +88,7 @@ def first_event(scene, accelerate, tableau, size, stages, control, flow, events)
     before = 0.0
     for n in range(1, LOOKS + 1):
         share = n / LOOKS
-        t = settings[at.T_OLD] + share * settings[at.W_OLD]
+        t = settings.old_time + share * settings.old_width
         row = at.TRIAL
         if n == LOOKS:
             row = at.Y
@@ -120,14 +120,14 @@ def first_event(scene, accelerate, tableau, size, stages, control, flow, events)
 @kernel(LOOK_BACK, nogil=True, later=True)
 def look_back(scene, accelerate, tableau, size, stages, control, flow, events):
     """Go back to the first event within the last step, if there is one."""
-    settings, flags, _ = control
+    settings, _ = control
     share, which = first_event(scene, accelerate, tableau, size, stages, control, flow, events)
     if which < 0:
         return
     within(scene, accelerate, tableau, size, stages, control, flow, share)
     copied(stages, at.TRIAL, at.Y, stages.shape[1])
-    settings[at.TIME] = settings[at.T_OLD] + share * settings[at.W_OLD]
-    flags[at.FRESH] = 0
-    flags[at.FIRED] = 1
+    settings.time = settings.old_time + share * settings.old_width
+    settings.fresh = 0
+    settings.fired = 1
     events[3][which] = -events[3][which]
     events[5][0] = which

@@ -60,9 +60,9 @@ def turn_spins(rows, size, stages, by, row, back):
 def attempt_runge_kutta(scene, accelerate, tableau, size, h, stages, control, matrices, flow):
     """One step of an explicit method from Y into CANDIDATE; its error over the tolerance."""
     a, b, c, error, _ = tableau
-    settings, _, counters = control
-    t = settings[at.TIME]
-    clip = settings[at.CLIP]
+    settings, counters = control
+    t = settings.time
+    clip = settings.clip
     n = stages.shape[1]
     s = b.shape[0]
     rows = opened(scene)[0]
@@ -80,7 +80,7 @@ def attempt_runge_kutta(scene, accelerate, tableau, size, h, stages, control, ma
         last_stage(scene, accelerate, rows, min(t + h, clip), size, s, stages, flow, counters)
     weigh(rows, size, stages, settings)
     found = estimate(rows, size, error[0], h, stages)
-    known = found * settings[at.RTOL] < KNOWN or found <= 1.0
+    known = found * settings.rtol < KNOWN or found <= 1.0
     if error.shape[0] > 1 and found > 0.0 and known:  # [Hairer, Norsett, Wanner 1993, II.10]
         other = 0.1 * estimate(rows, size, error[1], h, stages)
         found = found * found / math.sqrt(found * found + other * other)
@@ -124,22 +124,22 @@ def estimate(rows, size, weights, h, stages):
 def fill(scene, accelerate, tableau, size, stages, control, flow):
     """The further stages that dense output takes, once a step."""
     a, b, c, _, _ = tableau
-    settings, flags, counters = control
-    h = settings[at.W_OLD]
+    settings, counters = control
+    h = settings.old_width
     rows = opened(scene)[0]
     base(rows, size, stages, at.Y_OLD)
     for r in range(b.shape[0] + 1, a.shape[0]):
-        x = min(settings[at.T_OLD] + c[r] * h, settings[at.CLIP])
+        x = min(settings.old_time + c[r] * h, settings.clip)
         stage(scene, accelerate, rows, x, size, h, a[r], r, stages, flow, counters)
-    flags[at.FILLED] = 1
+    settings.filled = 1
 
 
 @sweep
 def within(scene, accelerate, tableau, size, stages, control, flow, share):
     """y at this share of the last step into TRIAL, quaternions at length one."""
-    settings, flags, _ = control
+    settings, _ = control
     dense = tableau[4]
-    if flags[at.FILLED] == 0:
+    if settings.filled == 0:
         fill(scene, accelerate, tableau, size, stages, control, flow)
     n = stages.shape[1]
     for i in range(n):
@@ -154,6 +154,6 @@ def within(scene, accelerate, tableau, size, stages, control, flow, share):
     rows = opened(scene)[0]
     base(rows, size, stages, at.Y_OLD)
     for i in range(n):
-        stages[at.TRIAL, i] = stages[at.ERROR, i] + settings[at.W_OLD] * stages[at.TRIAL, i]
+        stages[at.TRIAL, i] = stages[at.ERROR, i] + settings.old_width * stages[at.TRIAL, i]
     turn_spins(rows, size, stages, at.TRIAL, at.TRIAL, True)
     normalise_all(rows, stages[at.TRIAL, : size[0]])

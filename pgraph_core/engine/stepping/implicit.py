@@ -50,8 +50,8 @@ def local_slope(scene, accelerate, t, size, stages, z, out, flow, counters):
     local_rate(rows, z, v, out)
     tau = stages[at.TORQUE, :nv]
     call_acceleration(accelerate, (scene, t, q, v, tau, out[nv : 2 * nv], flow))
-    counters[at.N_EVAL] += 1
-    counters[at.N_ITERATE] += int(flow[2])
+    counters.evaluations += 1
+    counters.solver_iterations += int(flow[2])
 
 
 @sweep
@@ -89,10 +89,10 @@ def half_turn(rows, v, sign, x, out):
 @sweep
 def jacobian(scene, accelerate, size, stages, control, real, flow):
     """A - B W and B + W at Y into the first rows of `real`, by central differences."""
-    settings, _, counters = control
+    settings, counters = control
     nq, nv = size
     rows = opened(scene)[0]
-    t = min(settings[at.TIME], settings[at.CLIP])
+    t = min(settings.time, settings.clip)
     z = real[3 * nv + SCRATCH]
     plus = real[3 * nv + F]
     minus = real[3 * nv + F + 1]
@@ -102,7 +102,7 @@ def jacobian(scene, accelerate, size, stages, control, real, flow):
     for j in range(2 * nv):
         move = TURN
         if weights[j] > 0.0:
-            move = TURN / (weights[j] * (settings[at.RTOL] + settings[at.ATOL]))
+            move = TURN / (weights[j] * (settings.rtol + settings.atol))
         z[j] = move
         local_slope(scene, accelerate, t, size, stages, z, plus, flow, counters)
         z[j] = -move
@@ -117,9 +117,9 @@ def jacobian(scene, accelerate, size, stages, control, real, flow):
     for k in range(1, rows.shape[0]):
         if rows[k, at.KIND] >= at.BALL:
             add_half_turn(real, nv, rows[k, at.VI], speeds)
-    counters[at.N_JACOBIAN] += 1
-    settings[at.JACOBIAN_AT] = settings[at.TIME]
-    settings[at.FACTORED] = 0.0
+    counters.jacobians += 1
+    settings.jacobian_time = settings.time
+    settings.factored = 0.0
 
 
 @part
@@ -205,8 +205,8 @@ def factor_radau(tableau, h, nv, settings, matrices, counters):
     mu = tableau[0][6]
     assemble(mu[0] / h, real, nv, real[2 * nv : 3 * nv])
     assemble(complex(mu[1], mu[2]) / h, real, nv, pair[:nv])
-    settings[at.FACTORED] = h
-    counters[at.N_FACTOR] += 1
+    settings.factored = h
+    counters.factorisations += 1
     done = factor(real[2 * nv : 3 * nv], nv, real[3 * nv + PIVOTS])
     return factor(pair[:nv], nv, real[3 * nv + PIVOTS_C]) and done
 
@@ -254,7 +254,7 @@ def newton(scene, accelerate, tableau, size, h, stages, control, matrices, flow)
 
     A correction that is rounding counts as none: what rounding is grows with the stiffness.
     """
-    settings, _, counters = control
+    settings, counters = control
     real = matrices[0]
     nv = size[1]
     base = 3 * nv
@@ -263,25 +263,25 @@ def newton(scene, accelerate, tableau, size, h, stages, control, matrices, flow)
         for j in range(2 * nv):
             real[base + Z + row, j] = 0.0
             real[base + W + row, j] = 0.0
-    rtol = settings[at.RTOL]
+    rtol = settings.rtol
     enough = max(10.0 * EPS / rtol, min(0.03, math.sqrt(rtol)))
     last = 0.0
     for n in range(ITERATIONS):
         for i in range(3):
-            t = min(settings[at.TIME] + tableau[2][i] * h, settings[at.CLIP])
+            t = min(settings.time + tableau[2][i] * h, settings.clip)
             out = real[base + F + i]
             local_slope(scene, accelerate, t, size, stages, real[base + Z + i], out, flow, counters)
             real[base + POWERS, 2 * i] = flow[0]
             real[base + POWERS, 2 * i + 1] = flow[1]
             if not finite(out[: 2 * nv]):
                 return False
-        counters[at.N_NEWTON] += 1
+        counters.newton_iterations += 1
         change = correct_stages(rows, tableau, h, nv, matrices)
         if not change < math.inf:
             return False
         if n > 0:
             rate = change / last if last > 0.0 else 0.0
-            settings[at.JACOBIAN_RATE] = rate
+            settings.jacobian_rate = rate
             if rate >= 1.0:
                 return change * rtol < 100.0 * ROUNDING
             if rate / (1.0 - rate) * change < enough:
@@ -295,7 +295,7 @@ def newton(scene, accelerate, tableau, size, h, stages, control, matrices, flow)
 @sweep
 def radau_error(scene, accelerate, tableau, size, h, stages, control, matrices, flow):
     """Error of a step over its tolerance, filtered of what is stiff."""
-    settings, flags, counters = control
+    settings, counters = control
     real = matrices[0]
     nq, nv = size
     base = 3 * nv
@@ -311,9 +311,9 @@ def radau_error(scene, accelerate, tableau, size, h, stages, control, matrices, 
         right[nv + j] = real[base + W, nv + j] + stages[at.SLOPE, nq + j]
     solve(rows, shift, real, nv, factors, pivots, right, scratch)
     error = size_of_local(right, weights, 2 * nv)
-    if error > 1.0 and (flags[at.REJECTED] == 1 or counters[at.N_STEP] == 0):
+    if error > 1.0 and (settings.rejected == 1 or counters.steps == 0):
         out = real[base + F]
-        t = min(settings[at.TIME], settings[at.CLIP])
+        t = min(settings.time, settings.clip)
         local_slope(scene, accelerate, t, size, stages, right, out, flow, counters)
         for j in range(2 * nv):
             right[j] = real[base + W, j] + out[j]
@@ -335,26 +335,26 @@ def weighted_stages(error, h, real, base, nv):
 @kernel(ATTEMPT, nogil=True, later=True)
 def attempt_radau(scene, accelerate, tableau, size, h, stages, control, matrices, flow):
     """One step of Radau IIA from Y into CANDIDATE; its error over the tolerance."""
-    settings, flags, counters = control
+    settings, counters = control
     real = matrices[0]
     nv = size[1]
     base = 3 * nv
     prepare(scene, size, stages, settings, real)
     solved = False
     while not solved:
-        if not settings[at.JACOBIAN_RATE] < KEEP and settings[at.JACOBIAN_AT] != settings[at.TIME]:
+        if not settings.jacobian_rate < KEEP and settings.jacobian_time != settings.time:
             jacobian(scene, accelerate, size, stages, control, real, flow)
-        if settings[at.FACTORED] != h and not factor_radau(
+        if settings.factored != h and not factor_radau(
             tableau, h, nv, settings, matrices, counters
         ):
             return NOT_SOLVED
         solved = newton(scene, accelerate, tableau, size, h, stages, control, matrices, flow)
         if not solved:
-            if settings[at.JACOBIAN_AT] == settings[at.TIME]:
+            if settings.jacobian_time == settings.time:
                 return NOT_SOLVED
-            settings[at.JACOBIAN_RATE] = 2.0
+            settings.jacobian_rate = 2.0
     error = 0.0
-    if flags[at.FIXED] == 0:
+    if settings.fixed == 0:
         error = radau_error(scene, accelerate, tableau, size, h, stages, control, matrices, flow)
     power = 0.0
     loss = 0.0
@@ -376,23 +376,23 @@ def attempt_ros2(scene, accelerate, tableau, size, h, stages, control, matrices,
     Its order holds for any J: an old one serves several steps of their own choice where J costs
     more than they do.
     """
-    settings, flags, counters = control
+    settings, counters = control
     real = matrices[0]
     nq, nv = size
     base = 3 * nv
     rows = opened(scene)[0]
     prepare(scene, size, stages, settings, real)
-    settings[at.JACOBIAN_RATE] += 1.0  # steps with it, here
-    old = settings[at.JACOBIAN_RATE] > SHARE * nv or flags[at.REJECTED] == 1
-    if settings[at.JACOBIAN_AT] != settings[at.TIME] and (old or flags[at.FIXED] == 1):
+    settings.jacobian_rate += 1.0  # steps with it, here
+    old = settings.jacobian_rate > SHARE * nv or settings.rejected == 1
+    if settings.jacobian_time != settings.time and (old or settings.fixed == 1):
         jacobian(scene, accelerate, size, stages, control, real, flow)
-        settings[at.JACOBIAN_RATE] = 0.0
+        settings.jacobian_rate = 0.0
     shift = 1.0 / (GAMMA * h)
     factors, pivots = real[2 * nv : base], real[base + PIVOTS]
-    if settings[at.FACTORED] != h:
+    if settings.factored != h:
         assemble(shift, real, nv, factors)
-        settings[at.FACTORED] = h
-        counters[at.N_FACTOR] += 1
+        settings.factored = h
+        counters.factorisations += 1
         if not factor(factors, nv, pivots):
             return NOT_SOLVED
     scratch = real[base + SCRATCH]
@@ -403,7 +403,7 @@ def attempt_ros2(scene, accelerate, tableau, size, h, stages, control, matrices,
     solve(rows, shift, real, nv, factors, pivots, first, scratch)
     for j in range(2 * nv):
         z[j] = h * first[j]
-    t = min(settings[at.TIME] + h, settings[at.CLIP])
+    t = min(settings.time + h, settings.clip)
     local_slope(scene, accelerate, t, size, stages, z, second, flow, counters)
     for j in range(2 * nv):
         second[j] = shift * (second[j] - 2.0 * first[j])

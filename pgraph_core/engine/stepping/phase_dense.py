@@ -38,9 +38,9 @@ def phased_projection(scene, t, q, v, rounds):
 @sweep
 def look(scene, accelerate, tableau, size, stages, control, flow, sites, low, w):
     """The state a time low + w after the last step's start, into TRIAL, observed and watched."""
-    settings, _, counters = control
+    settings, counters = control
     nq, nv = size
-    h = settings[at.W_OLD]
+    h = settings.old_width
     if low + w < h:
         within(scene, accelerate, tableau, size, stages, control, flow, (low + w) / h)
     else:
@@ -48,9 +48,9 @@ def look(scene, accelerate, tableau, size, stages, control, flow, sites, low, w)
     q = stages[at.TRIAL, :nq]
     v = stages[at.TRIAL, nq : nq + nv]
     vdot = stages[at.ERROR, nq : nq + nv]
-    t = settings[at.T_OLD] + low + w
+    t = settings.old_time + low + w
     call_observe(sites[0][LINK_OBSERVE], (scene, t, q, v, vdot, flow))
-    counters[at.N_EVAL] += 1
+    counters.evaluations += 1
     watch(sites, at.W_NOW, w)
 
 
@@ -94,9 +94,9 @@ def look_for_phases(scene, accelerate, tableau, size, stages, control, flow, eve
 
     The first of events' numbers is the time in which friction may turn slow slip around [s].
     """
-    settings, flags, _ = control
+    settings, _ = control
     sites = opened_phased(scene)[10]
-    h = settings[at.W_OLD]
+    h = settings.old_width
     for n in range(PARTS):
         low = h * n / PARTS
         width = h * (n + 1) / PARTS - low
@@ -104,9 +104,9 @@ def look_for_phases(scene, accelerate, tableau, size, stages, control, flow, eve
         if end > 0.0:
             w = locate(scene, accelerate, tableau, size, stages, control, flow, sites, low, end)
             copied(stages, at.TRIAL, at.Y, stages.shape[1])
-            settings[at.TIME] = settings[at.T_OLD] + low + w
-            flags[at.FRESH] = 0
-            flags[at.FIRED] = 1
+            settings.time = settings.old_time + low + w
+            settings.fresh = 0
+            settings.fired = 1
             return
         accepted(sites)
         start(sites, events[2][0])

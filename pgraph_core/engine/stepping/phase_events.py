@@ -23,6 +23,7 @@ from ..contact.phase_watch import (
 from ..contact.phases import LINK_HELD, LINK_OBSERVE, opened_phased
 from ..contact.sites import call_observe
 from ..motion import F1, F2, I1, OUT, call_record
+from ..records import CLOCK, COUNTERS, CURSOR, array_of
 from .run import LINKS, TABLEAU, call_step, fail, finish, keep, restore
 
 
@@ -36,8 +37,8 @@ def trial(scene, held, links, sites, tableau, stabilised, t, w, q, v, stages, fl
     ledger[0] = before[0]
     ledger[1] = before[1]
     arguments = (scene, links[0], tableau, t, w, q, v, stages, flow, ledger)
-    counters[at.N_ITERATE] += call_step(step, arguments)
-    counters[at.N_EVAL] += max(tableau[1].shape[0], 1) + 1
+    counters.solver_iterations += call_step(step, arguments)
+    counters.evaluations += max(tableau[1].shape[0], 1) + 1
     code = finish(held, links[1], stabilised, t + w, q, v, counters)
     if code == at.DONE:
         vdot = stages[4, : v.shape[0]]
@@ -69,8 +70,9 @@ def locate_event(scene, held, links, sites, tableau, stabilised, t, h, q, v, sta
 
 
 @kernel(
-    types.int64(types.int64, LINKS, TABLEAU, types.Tuple((F1, I1, F1)), I1, types.int64,
-       types.boolean, F1, F1, F2, F1, F1, I1, F1, OUT, F1),
+    types.int64(types.int64, LINKS, TABLEAU, types.Tuple((F1, I1, F1)), array_of(CURSOR),
+       types.int64, types.boolean, F1, F1, F2, F1, F1, array_of(COUNTERS), F1, OUT,
+       array_of(CLOCK)),
     nogil=True,
     later=True,
 )  # fmt: skip
@@ -83,37 +85,38 @@ def run_phased(
     Sites have been observed at the state it starts from.
     """
     record = links[2]
+    cursor, counters, clock = cursor[0], counters[0], clock[0]
     times, substeps, width = schedule
     sites = opened_phased(scene)[10]
     held = sites[0][LINK_HELD]
     kept = stages.shape[0] - 2
     for _ in range(budget):
-        i = cursor[at.FRAME]
+        i = cursor.frame
         if i == times.shape[0]:
             return at.DONE
-        taken = cursor[at.TAKEN]
+        taken = cursor.taken
         if i == 0 or taken == substeps[i - 1]:
             if not call_record(record, (scene, links[0], times[i], q, v, flow, ledger, i, out)):
                 fail(scene, times[i], v, failure)
                 return at.NOT_FINITE
-            cursor[at.FRAME] = i + 1
-            cursor[at.TAKEN] = 0
+            cursor.frame = i + 1
+            cursor.taken = 0
             continue
-        h = width[i - 1] - clock[at.CL_DONE]
-        t = times[i - 1] + taken * width[i - 1] + clock[at.CL_DONE]
+        h = width[i - 1] - clock.done
+        t = times[i - 1] + taken * width[i - 1] + clock.done
         keep(q, v, stages, kept)
         start(sites, h)
         saved = (ledger[0], ledger[1])
         code = trial(scene, held, links, sites, tableau, stabilised, t, h, q, v, stages, flow,
                      ledger, saved, counters)  # fmt: skip
-        counters[at.N_STEP] += 1
+        counters.steps += 1
         if code != at.DONE:
             restore(q, v, stages, kept)
             fail(scene, t, v, failure)
-            if taken > 0 or clock[at.CL_DONE] > 0.0:
+            if taken > 0 or clock.done > 0.0:
                 times[i] = t
                 frame = (scene, links[0], t, q, v, flow, ledger, i, out)
-                cursor[at.FRAME] = i + call_record(record, frame)
+                cursor.frame = i + call_record(record, frame)
             return code
         end = h
         if not over(sites[4], at.W_NOW):
@@ -127,13 +130,13 @@ def run_phased(
         if over(sites[4], at.W_NOW):
             w = locate_event(scene, held, links, sites, tableau, stabilised, t, end, q, v, stages,
                              flow, ledger, saved, counters)  # fmt: skip
-            clock[at.CL_EVENT] = t + w
-            clock[at.CL_DONE] += w
-            if width[i - 1] - clock[at.CL_DONE] <= 1e-12 * width[i - 1]:
-                cursor[at.TAKEN] = taken + 1
-                clock[at.CL_DONE] = 0.0
+            clock.event = t + w
+            clock.done += w
+            if width[i - 1] - clock.done <= 1e-12 * width[i - 1]:
+                cursor.taken = taken + 1
+                clock.done = 0.0
             return at.EVENT
         accepted(sites)
-        cursor[at.TAKEN] = taken + 1
-        clock[at.CL_DONE] = 0.0
-    return at.DONE if cursor[at.FRAME] == times.shape[0] else at.RUNNING
+        cursor.taken = taken + 1
+        clock.done = 0.0
+    return at.DONE if cursor.frame == times.shape[0] else at.RUNNING

@@ -11,6 +11,7 @@ from .. import layout as at
 from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
 from ..motion import F1, F2, I1, OUT, call_acceleration, call_projection, call_record, opened
+from ..records import COUNTERS, CURSOR, array_of
 from ..tree.moving import advance, normalise_all, rate
 from ..vec import finite
 
@@ -92,7 +93,7 @@ def finish(scene, project, stabilised, t, q, v, counters):
         call_settle(extra[at.THEIR_SETTLE], (scene, t, q, v))
     if stabilised and opened(scene)[4][5][0] > 0:
         rounds = call_projection(project, (scene, t, q, v, STEP_ROUNDS))
-        counters[at.N_PROJECT] += abs(rounds)
+        counters.projections += abs(rounds)
         if not finite(v):
             return at.NOT_FINITE
         if rounds < 0:
@@ -101,8 +102,8 @@ def finish(scene, project, stabilised, t, q, v, counters):
 
 
 @kernel(
-    i8(i8, LINKS, TABLEAU, types.Tuple((F1, I1, F1)), I1, i8, types.boolean, F1, F1, F2, F1, F1,
-       I1, F1, OUT),
+    i8(i8, LINKS, TABLEAU, types.Tuple((F1, I1, F1)), array_of(CURSOR), i8, types.boolean, F1,
+       F1, F2, F1, F1, array_of(COUNTERS), F1, OUT),
     nogil=True,
 )  # fmt: skip
 def run(
@@ -115,27 +116,28 @@ def run(
     frame, and `failure` gets its time and the row that moved fastest.
     """
     accelerate, project, record, step = links
+    cursor, counters = cursor[0], counters[0]
     times, substeps, width = schedule
     before = stages.shape[0] - 2
     for _ in range(budget):
-        i = cursor[at.FRAME]
+        i = cursor.frame
         if i == times.shape[0]:
             return at.DONE
-        taken = cursor[at.TAKEN]
+        taken = cursor.taken
         if i == 0 or taken == substeps[i - 1]:
             if not call_record(record, (scene, accelerate, times[i], q, v, flow, ledger, i, out)):
                 fail(scene, times[i], v, failure)
                 return at.NOT_FINITE
-            cursor[at.FRAME] = i + 1
-            cursor[at.TAKEN] = 0
+            cursor.frame = i + 1
+            cursor.taken = 0
             continue
         h = width[i - 1]
         t = times[i - 1] + taken * h
         keep(q, v, stages, before)
         iterations = call_step(step, (scene, accelerate, tableau, t, h, q, v, stages, flow, ledger))
-        counters[at.N_EVAL] += max(tableau[1].shape[0], 1)
-        counters[at.N_STEP] += 1
-        counters[at.N_ITERATE] += iterations
+        counters.evaluations += max(tableau[1].shape[0], 1)
+        counters.steps += 1
+        counters.solver_iterations += iterations
         code = finish(scene, project, stabilised, t + h, q, v, counters)
         if code != at.DONE:
             restore(q, v, stages, before)
@@ -143,10 +145,10 @@ def run(
             if taken > 0:
                 times[i] = t
                 frame = (scene, accelerate, t, q, v, flow, ledger, i, out)
-                cursor[at.FRAME] = i + call_record(record, frame)
+                cursor.frame = i + call_record(record, frame)
             return code
-        cursor[at.TAKEN] = taken + 1
-    return at.DONE if cursor[at.FRAME] == times.shape[0] else at.RUNNING
+        cursor.taken = taken + 1
+    return at.DONE if cursor.frame == times.shape[0] else at.RUNNING
 
 
 @part

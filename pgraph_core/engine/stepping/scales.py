@@ -33,22 +33,20 @@ def extremes(rows, size, stages, row, spin, speed, length):
 
 
 @sweep
-def weigh(rows, size, stages, control):
+def weigh(rows, size, stages, settings):
     """One over the tolerance of every number of y into WEIGHT; the ledger has none.
 
     The scales are one radian, the mechanism's length, and the fastest of all joints so far, at
     least what would bring it one scale far in the whole run.
     """
     nq, nv = size
-    found = extremes(
-        rows, size, stages, at.Y, control[at.SPIN], control[at.SPEED], control[at.LENGTH]
-    )
-    control[at.SPIN], control[at.SPEED], control[at.LENGTH] = found
+    found = extremes(rows, size, stages, at.Y, settings.spin, settings.speed, settings.length)
+    settings.spin, settings.speed, settings.length = found
     spin, speed, length = extremes(rows, size, stages, at.CANDIDATE, found[0], found[1], found[2])
-    spin = max(spin, 1.0 / control[at.SPAN])
-    speed = max(speed, length / control[at.SPAN])
-    rtol = control[at.RTOL]
-    atol = control[at.ATOL]
+    spin = max(spin, 1.0 / settings.span)
+    speed = max(speed, length / settings.span)
+    rtol = settings.rtol
+    atol = settings.atol
     stages[at.WEIGHT, nq + nv] = 0.0
     stages[at.WEIGHT, nq + nv + 1] = 0.0
     for k in range(1, rows.shape[0]):
