@@ -1,7 +1,12 @@
-"""Pgraph in the browser."""
+"""Pgraph in the browser. Installed, this folder is the package `pgraph_app`.
+
+From the repository root `python -m app` works too: the name `app` then means the same modules.
+"""
 
 from __future__ import annotations
 
+import sys
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -15,3 +20,7 @@ def show(model: pg.Model) -> Server:
     from .server import serve
 
     return serve(model)
+
+
+if __name__ == "app":
+    sys.modules[__name__] = import_module("pgraph_app")

@@ -11,7 +11,7 @@ def main() -> int:
     # before NumPy is imported: on busy processors OpenBLAS's threads wait a hundred times as long
     # for each other as matrices of a mechanism take to compute
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from app.cli import main
+    from pgraph_app.cli import main
 
     return main()
 

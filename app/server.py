@@ -7,7 +7,7 @@ import webbrowser
 from pathlib import Path
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 from .analyst import Analyst
 from .asking import Errands, Reports
@@ -93,4 +93,4 @@ def serve(
 
 def built_in() -> dict[str, str]:
     """The text of every built-in model, by name."""
-    return {name: static_models.path(name).read_text("utf-8") for name in static_models.names()}
+    return {name: pgraph_models.path(name).read_text("utf-8") for name in pgraph_models.names()}

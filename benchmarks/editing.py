@@ -15,22 +15,22 @@ from collections.abc import Callable
 from typing import Any
 
 import pgraph_core as pg
-import static_models
-from app import events
-from app.deriving import derive
-from app.state import State, initial
-from app.update import update
-from app.views.digraph import digraph
-from app.views.properties import properties
-from app.views.table import table
+import pgraph_models
 from benchmarks.machine import machine
+from pgraph_app import events
+from pgraph_app.deriving import derive
+from pgraph_app.state import State, initial
+from pgraph_app.update import update
+from pgraph_app.views.digraph import digraph
+from pgraph_app.views.properties import properties
+from pgraph_app.views.table import table
 
 SIZES = (16, 999)  # the table holds 1000, and one edit adds a body
 PAGES = (1, 2)
 
 
 def model_of(n: int) -> pg.Model:
-    return pg.Model.load(static_models.path("quadruped")) if n == 16 else pg.Model.serial(n)
+    return pg.Model.load(pgraph_models.path("quadruped")) if n == 16 else pg.Model.serial(n)
 
 
 def median(act: Callable[[int], object], repeats: int = 15) -> float:

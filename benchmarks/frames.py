@@ -15,11 +15,11 @@ import numpy as np
 import viser
 
 import pgraph_core as pg
-from app import events
-from app.client.bridge import quiet
-from app.state import State, initial
-from app.update import update
-from app.views.scene import SceneView
+from pgraph_app import events
+from pgraph_app.client.bridge import quiet
+from pgraph_app.state import State, initial
+from pgraph_app.update import update
+from pgraph_app.views.scene import SceneView
 
 FRAMES = 200
 BODIES = (16, 100, 1000)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 STEP = 1e-3  # s
 RTOL = 1e-8  # of event-driven runs that choose their steps
@@ -40,7 +40,7 @@ class Walked(NamedTuple):
 @cache
 def mechanism(name: str) -> pg.Mechanism:
     """A built-in model."""
-    return pg.Mechanism(pg.Model.load(static_models.path(name)))
+    return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
 
 
 def run_of(name: str, gait: str, t_end: float, **options: object) -> pg.Result:
@@ -162,6 +162,6 @@ def to_a_tolerance(name: str, gait: str, seconds: float) -> pg.Result:
 
 def under_law(law: Any, method: str, setting: dict[str, float]) -> pg.Result:
     """The trot on feet of another contact law."""
-    model = pg.underfoot(pg.Model.load(static_models.path("quadruped_hips")), law=law)
+    model = pg.underfoot(pg.Model.load(pgraph_models.path("quadruped_hips")), law=law)
     mech = pg.Mechanism(model)
     return pg.simulate(mech, scenario="trot", t_end=1.5, method=method, estimate=False, **setting)

@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 FALLEN = 1000.0  # cost of a fall, less 100 a second before it
 STEP = 1e-3
@@ -179,7 +179,7 @@ def main() -> None:
     args = parser.parse_args()
     gait = pg.gaits()[args.gait]
     model = pg.Model.load(
-        static_models.path("quadruped" if args.gait == "bound" else "quadruped_hips")
+        pgraph_models.path("quadruped" if args.gait == "bound" else "quadruped_hips")
     )
     contacts = tuple(c.model_copy(update={"active": True}) for c in model.contacts)
     mech = pg.Mechanism(model.replace(contacts=contacts, constraints=(), scenarios=()))

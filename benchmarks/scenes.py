@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from pgraph_core.peers.elementary import Row, rows_of
 from tests.core.trees import State, random_state
 
@@ -35,7 +35,7 @@ def scene(name: str, model: pg.Model, speed: float = 1.0, seed: int = 3) -> Scen
 
 def quadruped() -> pg.Model:
     """The built-in one, with its constraints and scenarios."""
-    return pg.Model.load(static_models.path("quadruped"))
+    return pg.Model.load(pgraph_models.path("quadruped"))
 
 
 def bare(model: pg.Model) -> pg.Model:

@@ -12,7 +12,7 @@ from collections import Counter
 from typing import Any, NamedTuple
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from pgraph_core.stability.axes import AXES
 
 from . import forced
@@ -32,7 +32,7 @@ class Preset(NamedTuple):
 
 
 def _built_in(name: str) -> pg.Model:
-    return pg.Model.load(static_models.path(name))
+    return pg.Model.load(pgraph_models.path(name))
 
 
 def _sliding(law: Any) -> pg.Model:

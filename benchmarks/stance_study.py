@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 SCENARIO = "stance"
 PAW = "left_hind_paw"  # body 13: the first branch of each girdle is taken for the left one
@@ -201,7 +201,7 @@ def force(plt: Any, run: pg.Result, found: Curves, peers: dict[str, Curves]) -> 
 
 def main() -> None:
     """Runs the three solvers, prints the tables, draws."""
-    model = pg.Model.load(static_models.path("quadruped"))
+    model = pg.Model.load(pgraph_models.path("quadruped"))
     run, found = ours(model)
     peers = {"Pinocchio": in_pinocchio(model, run.t), "MuJoCo": in_mujoco(model, run.t)}
     report(run, found, peers)

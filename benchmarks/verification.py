@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 
 import pgraph_core as pg
-import static_models
-from app.cli.verify import facts
+import pgraph_models
+from pgraph_app.cli.verify import facts
 from pgraph_core.cases.observables import KINDS
 
 from .machine import machine
@@ -47,8 +47,8 @@ def main() -> None:
     """One case after the other, each told on stderr."""
     kinds = ", ".join(f"`{kind}`" for kind in KINDS)
     print(INTRODUCTION.format(kinds=kinds, cpu=machine()["cpu"]))
-    for name in static_models.case_names():
-        for case in static_models.cases(name):
+    for name in pgraph_models.case_names():
+        for case in pgraph_models.cases(name):
             print(case.name, file=sys.stderr)
             print(line(facts(pg.verify(case))), flush=True)
 

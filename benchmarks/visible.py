@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 from viser._messages import RunJavascriptMessage
 
 import pgraph_core as pg
-from app import events
-from app.events import describing
-from app.server import Server, serve
-from app.state import State
+from pgraph_app import events
+from pgraph_app.events import describing
+from pgraph_app.server import Server, serve
+from pgraph_app.state import State
 from tests.app.conftest import BROWSERS, FLAGS
 
 from .timing import spread

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from pgraph_core.report.document import sections
 from pgraph_core.report.html import Section, page
 from pgraph_core.report.text import peers
@@ -36,7 +36,7 @@ def motion(name: str, **options: Any) -> pg.Study:
 
 def stance(**options: Any) -> pg.Study:
     """The quadruped's push on four feet."""
-    mech = pg.Mechanism(pg.Model.load(static_models.path("quadruped")))
+    mech = pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped")))
     return measured(mech, scenario="stance", frames=126, **options)  # its tables' knots
 
 

@@ -8,9 +8,9 @@ some seconds. docs/stance.md has the figures and two other solvers beside ours.
 import numpy as np
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
-model = pg.Model.load(static_models.path("quadruped"))
+model = pg.Model.load(pgraph_models.path("quadruped"))
 mech = pg.Mechanism(model)
 print("Pgraph", mech.pgraph)
 print("jdof  ", mech.jdof)

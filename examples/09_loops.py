@@ -3,13 +3,13 @@
 import math
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
-mech = pg.Mechanism(pg.Model.load(static_models.path("slider_crank")))
+mech = pg.Mechanism(pg.Model.load(pgraph_models.path("slider_crank")))
 print(mech.mobility(), "\n")
 
 # Flat, a parallelogram can go on as a parallelogram or fold: the velocity decides.
-bars = pg.Mechanism(pg.Model.load(static_models.path("four_bar")))
+bars = pg.Mechanism(pg.Model.load(pgraph_models.path("four_bar")))
 flat, along = (-math.pi / 2, math.pi / 2, -math.pi / 2), (-1.0, 1.0, -1.0)
 print(bars.mobility(flat, along), "\n")
 

@@ -4,9 +4,9 @@ Run it with `python examples/12_stability.py`; docs/stability.md has more maps a
 """
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
-model = pg.Model.load(static_models.path("stiff_pendulum"))
+model = pg.Model.load(pgraph_models.path("stiff_pendulum"))
 found = pg.stability_map(
     model,
     axis="stiffness",

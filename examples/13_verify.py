@@ -5,15 +5,15 @@ import tempfile
 from pathlib import Path
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
-print(len(static_models.case_names()), "cases come with Pgraph, such as")
-for case in (*static_models.cases("heavy_top"), *static_models.cases("pendulum_scales")):
+print(len(pgraph_models.case_names()), "cases come with Pgraph, such as")
+for case in (*pgraph_models.cases("heavy_top"), *pgraph_models.cases("pendulum_scales")):
     verdict = pg.verify(case)
     print(f"{case.name:24} error {verdict.error:.1e} of {verdict.observable.target:.0e} allowed")
 
 # The same case by another method: its run, compared by its observables.
-(top,) = static_models.cases("heavy_top")
+(top,) = pgraph_models.cases("heavy_top")
 run = top.motion(method="rk4", step=2e-4, rtol=None)
 for observable in top.observables:
     print(f"rk4, {observable.name:16} error {observable.errors(run).max():.1e}")

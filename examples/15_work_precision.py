@@ -1,9 +1,9 @@
 """Error against run time: which method, at which setting, for the accuracy that is wanted."""
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
-mech = pg.Mechanism(pg.Model.load(static_models.path("double_pendulum")))
+mech = pg.Mechanism(pg.Model.load(pgraph_models.path("double_pendulum")))
 study = pg.work_precision(
     mech,
     t_end=1.0,

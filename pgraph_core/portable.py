@@ -13,7 +13,7 @@ from .errors import InputError, Problem
 @cache
 def installed() -> str:
     """The version of Pgraph that runs."""
-    return version("pgraph")
+    return version("pgraph-dynamics")
 
 
 class Portable:

@@ -1,4 +1,4 @@
-"""Writes the files of the built-in models: `python -m static_models.build`, by hand."""
+"""Writes the files of the built-in models: `python -m pgraph_models.build`, by hand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Writes models, runs and targets into the case files: `python -m static_models.build_cases`.
+"""Writes models, runs and targets into the case files: `python -m pgraph_models.build_cases`.
 
 The references in the files stay as they are; what is written is what a person would have to make
 of `model`, which says it in words.

@@ -9,11 +9,11 @@ import math
 import numpy as np
 import pytest
 
-import app.cli.bench
+import pgraph_app.cli.bench
 import pgraph_core as pg
-import static_models
-from app.cli import main
-from app.cli.bench import part
+import pgraph_models
+from pgraph_app.cli import main
+from pgraph_app.cli.bench import part
 
 construction, gate, lean, machine, report, scenes, suite, timing = map(
     part, ("construction", "gate", "lean", "machine", "report", "scenes", "suite", "timing")
@@ -248,7 +248,7 @@ def test_the_gate(monkeypatch, tmp_path, capsys, then: float, code: int):
 
 
 def test_outside_a_checkout_there_are_no_benchmarks(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(app.cli.bench, "ROOT", tmp_path)
+    monkeypatch.setattr(pgraph_app.cli.bench, "ROOT", tmp_path)
     assert main(["bench"]) == 1
     assert capsys.readouterr().err == (
         "pgraph bench: benchmarks come with the repository, not with the package; "
@@ -275,7 +275,7 @@ def test_cells_of_the_page_are_what_differs_from_its_default_table():
 
 
 def test_the_files_of_our_formats_are_the_built_in_machines():
-    built = pg.Mechanism(pg.Model.load(static_models.path("quadruped")))
+    built = pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped")))
     ours = construction.mechanism("quadruped")
     q, _ = built.home()
     assert ours.names == built.names

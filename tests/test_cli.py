@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-import app.cli.bar
+import pgraph_app.cli.bar
 import pgraph_core as pg
-import static_models
-from app.cli import main
-from app.cli.answer import aligned, to_json
+import pgraph_models
+from pgraph_app.cli import main
+from pgraph_app.cli.answer import aligned, to_json
 
 
 def said(capsys, *words: str, code: int = 0) -> tuple[str, str]:
@@ -142,20 +142,20 @@ def test_new_takes_a_whole_number(capsys, n: str):
 
 def test_models_lists_all(capsys):
     models = told(capsys, "models")["models"]
-    assert tuple(m["name"] for m in models) == static_models.names()
+    assert tuple(m["name"] for m in models) == pgraph_models.names()
     assert all(Path(m["path"]).is_file() for m in models)
     out, _ = said(capsys, "models")
-    assert [line.split()[0] for line in out.splitlines()] == ["model", *static_models.names()]
+    assert [line.split()[0] for line in out.splitlines()] == ["model", *pgraph_models.names()]
 
 
-@pytest.mark.parametrize("name", static_models.names())
+@pytest.mark.parametrize("name", pgraph_models.names())
 def test_check_of_a_good_model(capsys, name: str):
     assert told(capsys, "check", name) == {"problems": []}
     assert said(capsys, "check", name)[0].endswith(": no problem found\n")
 
 
 def test_a_model_that_is_not_there(capsys):
-    known = ", ".join(static_models.names())
+    known = ", ".join(pgraph_models.names())
     sentence = f"is neither a file nor a built-in model; the built-in models are {known}"
     for command in ("info", "check", "run"):
         out, err = said(capsys, command, "horse", "--json", code=1)
@@ -248,7 +248,7 @@ def test_progress_is_shown_on_a_terminal_only(capsys, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     bar = said(capsys, "run", "pendulum", "--t-end", "0.1")[1]
     assert "\rcompiling [" in bar
-    assert f"\rrunning   [{'#' * app.cli.bar.WIDTH}] 100%" in bar
+    assert f"\rrunning   [{'#' * pgraph_app.cli.bar.WIDTH}] 100%" in bar
     assert bar.endswith(" \r")  # wiped off
 
 
@@ -264,7 +264,7 @@ def test_progress_is_shown_on_a_terminal_only(capsys, monkeypatch):
     ],
 )
 def test_the_page_is_served_as_asked(capsys, monkeypatch, words, name, expected):
-    import app.server
+    import pgraph_app.server
 
     served = []
 
@@ -279,7 +279,7 @@ def test_the_page_is_served_as_asked(capsys, monkeypatch, words, name, expected)
         served.append((model.name, (host, port, open_browser)))
         return Fake()
 
-    monkeypatch.setattr(app.server, "serve", serve)
+    monkeypatch.setattr(pgraph_app.server, "serve", serve)
     said(capsys, *words)
     assert served == [(name, expected), "waited"]
 
@@ -358,7 +358,8 @@ def test_tables_line_up():
 
 def test_info_loads_no_compiler_and_no_page():
     program = (
-        "import sys; from app.cli import main; main(['info', 'quadruped']); main(['models'])\n"
+        "import sys; from pgraph_app.cli import main\n"
+        "main(['info', 'quadruped']); main(['models'])\n"
         "heavy = {'numba', 'viser', 'trimesh', 'websockets'} & set(sys.modules)\n"
         "sys.exit(str(heavy) if heavy else 0)"
     )
@@ -368,7 +369,7 @@ def test_info_loads_no_compiler_and_no_page():
 
 def test_run_needs_no_page():
     program = (
-        "import sys; from app.cli import main; main(['run', 'pendulum', '--t-end', '0.1'])\n"
+        "import sys; from pgraph_app.cli import main; main(['run', 'pendulum', '--t-end', '0.1'])\n"
         "heavy = {'viser', 'trimesh', 'websockets'} & set(sys.modules)\n"
         "sys.exit(str(heavy) if heavy else 0)"
     )
@@ -404,7 +405,7 @@ def test_verify_tells_how_near_it_comes(capsys):
 
 
 def test_verify_of_a_file_that_misses(capsys, tmp_path):
-    data = json.loads((static_models.CASES / "double_pendulum.json").read_text())
+    data = json.loads((pgraph_models.CASES / "double_pendulum.json").read_text())
     data["cases"][0]["run"] = {"method": "rk4", "step": 0.05}
     file = tmp_path / "coarse.json"
     file.write_text(json.dumps(data))

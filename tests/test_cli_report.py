@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from app.cli import main
+from pgraph_app.cli import main
 
 SHORT = ("--t-end", "0.2", "--methods", "rk4,dop853", "--steps", "0.01", "--tolerances", "1e-6")
 QUICK = (*SHORT, "--rounds", "1", "--no-peers")

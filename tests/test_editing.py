@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from pgraph_core.model.copies import free_name
 from pgraph_core.model.mirror import other_side
 
 
 @pytest.fixture(scope="module")
 def quadruped() -> pg.Model:
-    return pg.Model.load(static_models.path("quadruped"))
+    return pg.Model.load(pgraph_models.path("quadruped"))
 
 
 def names(model: pg.Model) -> list[str]:

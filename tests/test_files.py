@@ -9,18 +9,18 @@ from pathlib import Path
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from pgraph_core.model import files
 
 MODEL = pg.Model.serial(3)
 
 
-@pytest.mark.parametrize("name", static_models.names())
+@pytest.mark.parametrize("name", pgraph_models.names())
 def test_what_is_saved_comes_back(name: str, tmp_path: Path):
-    model = pg.Model.load(static_models.path(name))
+    model = pg.Model.load(pgraph_models.path(name))
     model.save(tmp_path / "copy.json")
     assert pg.Model.load(tmp_path / "copy.json") == model
-    assert (tmp_path / "copy.json").read_bytes() == static_models.path(name).read_bytes()
+    assert (tmp_path / "copy.json").read_bytes() == pgraph_models.path(name).read_bytes()
 
 
 def test_every_joint_kind_comes_back():

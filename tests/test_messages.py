@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from app.cli import main
+from pgraph_app.cli import main
 
 FIELDS = (
     "name, parent, joint, axes, motions, link, rotation, mass, com, inertia, tip, q, v, "

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import pgraph_core as pg
-from app.cli import main
+from pgraph_app.cli import main
 
 BODIES = [
     {"name": "arm"},

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 import pgraph_core as pg
-import static_models
-from app.cli import main
+import pgraph_models
+from pgraph_app.cli import main
 from pgraph_core.integrators import METHODS
 
 NAMES = ", ".join(METHODS)
@@ -69,14 +69,14 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
 
 @pytest.mark.parametrize(("given", "sentence"), REFUSED)
 def test_what_does_not_fit_is_a_sentence(given: dict[str, Any], sentence: str):
-    mech = pg.Mechanism(pg.Model.load(static_models.path("pendulum")))
+    mech = pg.Mechanism(pg.Model.load(pgraph_models.path("pendulum")))
     with pytest.raises(pg.InputError) as refused:
         pg.work_precision(mech, **{"t_end": 1.0, **given})
     assert str(refused.value) == sentence
 
 
 def test_a_target_that_no_method_reaches_is_said_with_the_best_reached():
-    mech = pg.Mechanism(pg.Model.load(static_models.path("pendulum")))
+    mech = pg.Mechanism(pg.Model.load(pgraph_models.path("pendulum")))
     study = pg.work_precision(mech, t_end=0.2, methods="rk4", steps=0.01, rounds=1, target=1e-12)
     best = study.rows[0].error
     said = f"no method reaches 1e-12; the best is {best:.2g} by rk4 at step 0.01 s"
@@ -87,7 +87,7 @@ def test_a_target_that_no_method_reaches_is_said_with_the_best_reached():
 
 
 def test_a_report_of_another_kind_is_refused(tmp_path):
-    mech = pg.Mechanism(pg.Model.load(static_models.path("pendulum")))
+    mech = pg.Mechanism(pg.Model.load(pgraph_models.path("pendulum")))
     study = pg.work_precision(mech, t_end=0.2, methods="rk4", steps=0.01, rounds=1)
     path = tmp_path / "report.pdf"
     with pytest.raises(pg.FileError) as refused:

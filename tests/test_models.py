@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
-from static_models import build
-from static_models.stance import FEET, holding_torques, origins, push
+import pgraph_models
+from pgraph_models import build
+from pgraph_models.stance import FEET, holding_torques, origins, push
 
 GRAVITY = 9.81
 NAMES = (
@@ -39,7 +39,7 @@ NAMES = (
 
 @cache
 def model(name: str) -> pg.Model:
-    return pg.Model.load(static_models.path(name))
+    return pg.Model.load(pgraph_models.path(name))
 
 
 @cache
@@ -48,27 +48,27 @@ def run(name: str, scenario: str) -> pg.Result:
 
 
 def test_names():
-    assert static_models.names() == NAMES
+    assert pgraph_models.names() == NAMES
     assert tuple(sorted(build.BUILDERS)) == NAMES
 
 
 def test_a_name_that_is_not_there():
     with pytest.raises(pg.PgraphError) as refused:
-        static_models.path("horse")
+        pgraph_models.path("horse")
     said = f"model 'horse': no built-in model has this name; choose one of {', '.join(NAMES)}"
     assert str(refused.value) == said
 
 
 def test_building_again_gives_the_same_bytes(tmp_path: Path):
     build.write(tmp_path)
-    for name in static_models.names():
+    for name in pgraph_models.names():
         again = (tmp_path / f"{name}.json").read_bytes()
-        assert again == static_models.path(name).read_bytes(), name
+        assert again == pgraph_models.path(name).read_bytes(), name
 
 
-@pytest.mark.parametrize("name", static_models.names())
+@pytest.mark.parametrize("name", pgraph_models.names())
 def test_models_compare_by_their_fields_whatever_they_were_used_for(name: str):
-    used, fresh, again = (pg.Model.load(static_models.path(name)) for _ in range(3))
+    used, fresh, again = (pg.Model.load(pgraph_models.path(name)) for _ in range(3))
     for one in (used, again):
         pg.simulate(pg.Mechanism(one), t_end=1e-3)
         pg.Mechanism(one).mobility()
@@ -76,7 +76,7 @@ def test_models_compare_by_their_fields_whatever_they_were_used_for(name: str):
     assert used != used.edit(used.bodies[0].name, mass=123.0)
 
 
-@pytest.mark.parametrize("name", static_models.names())
+@pytest.mark.parametrize("name", pgraph_models.names())
 def test_every_body_has_a_shape_and_every_model_a_scenario(name: str):
     assert all(body.shape is not None for body in model(name).bodies)
     assert all(s.description and s.t_end > 0 for s in model(name).scenarios)
@@ -136,7 +136,7 @@ def test_left_and_right_hold_alike():
 
 def test_the_push_ends_with_all_feet_in_place():
     """Forward kinematics of the goal, the pelvis where the push wants it."""
-    from static_models.stance import PELVIS, TRUNK
+    from pgraph_models.stance import PELVIS, TRUNK
 
     quadruped = model("quadruped")
     mech = pg.Mechanism(quadruped)

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 FINITE = st.floats(-10, 10, allow_nan=False)
 
@@ -108,7 +108,7 @@ def test_edits_then_build_equals_build_from_json(steps: list[tuple[str, dict]]):
 
 
 def test_references_follow_a_new_name():
-    model = pg.Model.load(static_models.path("quadruped"))
+    model = pg.Model.load(pgraph_models.path("quadruped"))
     renamed = model.edit("left_hind_paw", name="foot").edit("lumbar", name="loin")
     foot = next(c for c in renamed.constraints if c.name == "left_hind_paw")
     assert foot.body == "foot"
@@ -129,7 +129,7 @@ def test_a_new_dof_resets_the_joint_and_says_so():
 
 
 def test_what_does_not_fit_a_new_joint_goes():
-    model = pg.Model.load(static_models.path("quadruped"))
+    model = pg.Model.load(pgraph_models.path("quadruped"))
     ball = model.edit("lumbar", dof=3, name="loin")
     assert all(f.body not in ("lumbar", "loin") for f in ball.scenario("stance").forces)
     assert len(ball.scenario("stance").forces) == len(model.scenario("stance").forces) - 1
@@ -170,7 +170,7 @@ def test_children_of_a_removed_body_stay_where_they_are():
 
 
 def test_what_refers_to_a_removed_body_goes_too():
-    model = pg.Model.load(static_models.path("quadruped"))
+    model = pg.Model.load(pgraph_models.path("quadruped"))
     left = model.remove("left_femur", children="delete")
     assert len(left.bodies) == 13
     assert [c.name for c in left.constraints] == [
@@ -292,7 +292,7 @@ def test_five_thousand_damaged_descriptions(data):
 
 
 def check_damaged(data) -> None:
-    model = pg.Model.load(static_models.path("quadruped"))
+    model = pg.Model.load(pgraph_models.path("quadruped"))
     model = model.edit("thorax", joint="universal").edit("lumbar", dof=4)
     tree = json.loads(model.to_json())
     tree.pop("$schema"), tree.pop("schema_version")

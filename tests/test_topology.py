@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from pgraph_core.topology import depth_first, find
 
 FIG1 = [0, 1, 2, 2, 3, 2, 6]  # the parents of bodies 1 to 7
@@ -47,19 +47,19 @@ def test_fig1_on_its_own_numbers():
 
 
 def test_fig1_renumbered_depth_first():
-    topology = pg.Topology.of(pg.Model.load(static_models.path("fig1_tree")))
+    topology = pg.Topology.of(pg.Model.load(pgraph_models.path("fig1_tree")))
     assert topology.pgraph.tolist() == [1, 2, 3, 4, 2, 5, 2, 6, 7]
     assert topology.names == ("1", "2", "3", "5", "4", "6", "7")
 
 
 def test_fig1_tips_and_separation_bodies_by_name():
-    topology = pg.Topology.of(pg.Model.load(static_models.path("fig1_tree")))
+    topology = pg.Topology.of(pg.Model.load(pgraph_models.path("fig1_tree")))
     assert [topology.names[i - 1] for i in topology.tips] == ["5", "4", "7"]
     assert [topology.names[i - 1] for i in topology.separation_bodies] == ["2"]
 
 
 def test_fig9_the_quadruped():
-    topology = pg.Topology.of(pg.Model.load(static_models.path("quadruped")))
+    topology = pg.Topology.of(pg.Model.load(pgraph_models.path("quadruped")))
     fig9 = [1, 2, 3, 4, 5, 6, 7, 4, 8, 9, 10, 1, 11, 12, 13, 1, 14, 15, 16]
     assert topology.pgraph.tolist() == fig9
     assert pg.pgraph_of(QUADRUPED).tolist() == fig9

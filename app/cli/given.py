@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from pgraph_core.errors import InputError, Problem, choices
 
 LARGEST = 100_000  # bodies of a new model: more is a slip of the finger
@@ -20,12 +20,12 @@ def model(name: str) -> pg.Model:
 
 def model_path(name: str) -> Path:
     """A built-in name stands for its model; write ./name for a file that is called the same."""
-    if name in static_models.names():
-        return static_models.path(name)
+    if name in pgraph_models.names():
+        return pgraph_models.path(name)
     path = Path(name)
     if path.exists() or path.suffix or os.sep in name:
         return path
-    known = choices(static_models.names(), 40)
+    known = choices(pgraph_models.names(), 40)
     text = f"is neither a file nor a built-in model; the built-in models are {known}"
     raise InputError(Problem(f"model '{name}'", "", text))
 

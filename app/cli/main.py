@@ -69,7 +69,9 @@ def _start(words: Sequence[str]) -> int:
         formatter_class=RawDescriptionHelpFormatter,
     )
     start.arguments(parser)
-    parser.add_argument("--version", action="version", version=f"pgraph {version('pgraph')}")
+    parser.add_argument(
+        "--version", action="version", version=f"pgraph {version('pgraph-dynamics')}"
+    )
     args = parser.parse_args(words)
     try:
         start.start(args)

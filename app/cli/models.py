@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 from .answer import Answer, aligned
 
@@ -17,14 +17,14 @@ def arguments(parser: ArgumentParser) -> None:
 
 
 def answer(args: Namespace) -> Answer:
-    models = {name: pg.Model.load(static_models.path(name)) for name in static_models.names()}
+    models = {name: pg.Model.load(pgraph_models.path(name)) for name in pgraph_models.names()}
     rows = [
         {
             "name": name,
             "nb": len(model.bodies),
             "nv": sum(body.dof for body in model.bodies),
             "scenarios": [s.name for s in model.scenarios],
-            "path": str(static_models.path(name)),
+            "path": str(pgraph_models.path(name)),
         }
         for name, model in models.items()
     ]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from pgraph_core.engine import warm_up
 from pgraph_core.errors import FileError, InputError, Problem, choices
 
@@ -94,7 +94,7 @@ def _motion(args: Namespace) -> tuple[pg.Mechanism, dict[str, Any]]:
 
 def _case(name: str) -> tuple[pg.Mechanism, dict[str, Any]]:
     """The motion of a case, with its reference; what it is run by is what is compared here."""
-    found = list(static_models.cases(name))
+    found = list(pgraph_models.cases(name))
     if len(found) > 1:
         text = f"stands for several; choose one of {choices([case.name for case in found], 40)}"
         raise InputError(Problem(f"case '{name}'", "", text))

@@ -29,8 +29,8 @@ def start(args: Namespace) -> None:
     """Serve the page until Ctrl+C."""
     model = given.model(args.model)
     _bind(args.host)
-    from app.autosave import state_folder
-    from app.server import serve  # here: no other command needs viser
+    from ..autosave import state_folder
+    from ..server import serve  # here: no other command needs viser
 
     stopped = threading.Event()  # an exception might strike while the page is being set up
     signal.signal(signal.SIGINT, lambda *_: stopped.set())

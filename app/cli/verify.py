@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 from .answer import Answer, aligned
 
@@ -28,7 +28,7 @@ def arguments(parser: ArgumentParser) -> None:
 
 def answer(args: Namespace) -> Answer:
     """Raises PgraphError for a name that is not there."""
-    wanted = args.names or static_models.case_names()
+    wanted = args.names or pgraph_models.case_names()
     chosen = [case for name in wanted for case in _cases(name)]
     tell = _line if sys.stderr.isatty() else _nothing
     began = time.perf_counter()
@@ -46,7 +46,7 @@ def answer(args: Namespace) -> Answer:
 
 def _cases(name: str) -> tuple[pg.Case, ...]:
     """The built-in cases of a name, or those in a file."""
-    return pg.load_cases(name) if Path(name).suffix == ".json" else static_models.cases(name)
+    return pg.load_cases(name) if Path(name).suffix == ".json" else pgraph_models.cases(name)
 
 
 def facts(verdict: pg.Verdict) -> dict[str, Any]:

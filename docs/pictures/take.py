@@ -20,8 +20,8 @@ from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
 import pgraph_core as pg
-import static_models
-from app.server import serve
+import pgraph_models
+from pgraph_app.server import serve
 from tests.app.test_look_page import LEAST, LOOKS, SMALL
 
 from .scenes import LONG, SCENES, Scene
@@ -47,7 +47,7 @@ def prepared(page: Page, scene: Scene) -> None:
     page.wait_for_selector("table.bodies tr[data-name]")
     page.locator("button.open").click()
     page.locator(f'.item[data-model="{scene.model}"]').click()
-    name = pg.Model.load(static_models.path(scene.model)).name
+    name = pg.Model.load(pgraph_models.path(scene.model)).name
     page.wait_for_function("(name) => pgraph.latest.toolbar.name === name", arg=name)
     page.wait_for_function("() => pgraph.latest.run.kernels === null", timeout=LONG)
     notices = page.locator(".mantine-Notification-root button")
@@ -107,7 +107,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", choices=SCENES, default=None)
     given = parser.parse_args()
     names = given.only or (list(SCENES) if given.all else list(IN_THE_DOCUMENTS))
-    server = serve(pg.Model.load(static_models.path("quadruped")), port=18090, open_browser=False)
+    server = serve(pg.Model.load(pgraph_models.path("quadruped")), port=18090, open_browser=False)
     server.viser.scene.configure_default_lights(cast_shadow=False)  # software GL is slow
     with sync_playwright() as playwright:
         path = shutil.which("chromium") or sys.exit("needs chromium")

@@ -8,7 +8,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 
-def machine(packages: tuple[str, ...] = ("pgraph", "numpy", "numba")) -> dict[str, str | int]:
+def machine(
+    packages: tuple[str, ...] = ("pgraph-dynamics", "numpy", "numba"),
+) -> dict[str, str | int]:
     """CPU model, cores that may be used, versions of Python and of packages."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return {

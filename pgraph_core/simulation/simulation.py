@@ -19,7 +19,7 @@ from .phased_recording import PhasedRecording
 from .planning import Planned, planned
 from .recording import Recording
 
-VERSION = version("pgraph")
+VERSION = version("pgraph-dynamics")
 
 
 def simulate(

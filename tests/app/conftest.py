@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 import pgraph_core as pg
-import static_models
-from app import events
-from app.server import Server, serve
+import pgraph_models
+from pgraph_app import events
+from pgraph_app.server import Server, serve
 
 # as .ci/browser looks for them
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -52,7 +52,7 @@ def held(server: Server) -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def quadruped() -> pg.Model:
-    return pg.Model.load(static_models.path("quadruped"))
+    return pg.Model.load(pgraph_models.path("quadruped"))
 
 
 @pytest.fixture(scope="session")

@@ -13,14 +13,14 @@ import pytest
 import trimesh
 
 import pgraph_core as pg
-from app import archive, events
-from app.archive import mesh_folder as folder
-from app.asking import answer
-from app.cells import Refusal
-from app.events import describing
-from app.shapes import unreadable
-from app.state import initial
-from app.update import update
+from pgraph_app import archive, events
+from pgraph_app.archive import mesh_folder as folder
+from pgraph_app.asking import answer
+from pgraph_app.cells import Refusal
+from pgraph_app.events import describing
+from pgraph_app.shapes import unreadable
+from pgraph_app.state import initial
+from pgraph_app.update import update
 from pgraph_core.model.assets import load_mesh
 
 ME = 1

@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 
 import pgraph_core as pg
-from app import events
-from app.autosave import Autosave, left_behind, state_folder
-from app.reducers.editing import recovered
-from app.state import State, initial
-from app.update import update
+from pgraph_app import events
+from pgraph_app.autosave import Autosave, left_behind, state_folder
+from pgraph_app.reducers.editing import recovered
+from pgraph_app.state import State, initial
+from pgraph_app.update import update
 
 from .conftest import until
 
@@ -113,8 +113,8 @@ KILLED = """
 import sys, time
 from pathlib import Path
 import pgraph_core as pg
-from app import events
-from app.server import serve
+from pgraph_app import events
+from pgraph_app.server import serve
 keep = Path(sys.argv[1])
 server = serve(pg.Model.serial(3), port=18300, open_browser=False, given="three", keep=keep)
 print(len(server.store.state.model.bodies), flush=True)

@@ -12,9 +12,9 @@ import websockets.asyncio.server
 import websockets.exceptions
 from websockets.sync.client import connect
 
-from app import events
-from app.client import bridge
-from app.server import Server
+from pgraph_app import events
+from pgraph_app.client import bridge
+from pgraph_app.server import Server
 
 from .conftest import NOBODY, ON_PURPOSE, until
 
@@ -135,7 +135,7 @@ def test_messages_are_ascii_so_that_names_cannot_leave_their_string():
 
 
 def test_a_taken_port_gives_the_next_one(served, quadruped, capsys):
-    from app.server import serve
+    from pgraph_app.server import serve
 
     second = serve(quadruped, port=served.port, open_browser=False)
     try:

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
-from app import events
-from app.asking import answer, report, wanted
-from app.events import constraining as c
-from app.events import from_page
-from app.kinds import KINDS
-from app.parts import knots, table_of
-from app.state import initial
-from app.update import update
-from app.views.constraints import constraints
-from app.views.digraph import digraph
+import pgraph_models
+from pgraph_app import events
+from pgraph_app.asking import answer, report, wanted
+from pgraph_app.events import constraining as c
+from pgraph_app.events import from_page
+from pgraph_app.kinds import KINDS
+from pgraph_app.parts import knots, table_of
+from pgraph_app.state import initial
+from pgraph_app.update import update
+from pgraph_app.views.constraints import constraints
+from pgraph_app.views.digraph import digraph
 
 ME = 1
 
@@ -213,7 +213,7 @@ def test_a_constraint_becomes_any_other_kind(state, kind, other):
 
 
 def test_names_are_followed_by_scenarios_and_duplicates_are_free():
-    quadruped = pg.Model.load(static_models.path("quadruped"))
+    quadruped = pg.Model.load(pgraph_models.path("quadruped"))
     state = update(initial(quadruped), events.Connected(ME))
     name = quadruped.constraints[0].name
     using = [s.name for s in quadruped.scenarios if name in (s.constraints or ())]
@@ -269,7 +269,7 @@ def reported(state):
 
 
 def test_redundant_rows_are_named_with_what_would_do():
-    model = pg.Model.load(static_models.path("slider_crank"))
+    model = pg.Model.load(pgraph_models.path("slider_crank"))
     state = reported(update(initial(model), events.Connected(ME)))
     told_ = shown(state)["mobility"]
     assert told_["text"].startswith("1 degree of freedom left: 3 of the tree")
@@ -284,7 +284,7 @@ def test_redundant_rows_are_named_with_what_would_do():
 
 def test_the_advice_is_right():
     """As a line the pin has no redundant row and leaves the same freedom."""
-    model = pg.Model.load(static_models.path("slider_crank"))
+    model = pg.Model.load(pgraph_models.path("slider_crank"))
     state = update(initial(model), events.Connected(ME))
     line = {"name": "pin", "kind": "line", "body": model.constraints[0].body,
             "other": model.constraints[0].other, "other_axis": (0, 0, 1)}  # fmt: skip
@@ -294,7 +294,7 @@ def test_the_advice_is_right():
 
 
 def test_a_report_of_another_model_is_dropped():
-    model = pg.Model.load(static_models.path("four_bar"))
+    model = pg.Model.load(pgraph_models.path("four_bar"))
     state = update(initial(model), events.Connected(ME))
     late = report(model)
     after = update(state, c.SwitchPart(ME, "constraints", "loop", False))
@@ -305,7 +305,7 @@ def test_a_report_of_another_model_is_dropped():
 
 
 def test_constraints_that_cannot_be_met_are_said_with_their_gap():
-    model = pg.Model.load(static_models.path("four_bar"))
+    model = pg.Model.load(pgraph_models.path("four_bar"))
     state = update(initial(model), events.Connected(ME))
     state = edit(state, "constraints", "loop", "other_point", ((1,), "9"))
     told_ = shown(reported(state))["mobility"]
@@ -315,7 +315,7 @@ def test_constraints_that_cannot_be_met_are_said_with_their_gap():
 
 
 def test_assemble_moves_the_initial_state_in_one_step():
-    model = pg.Model.load(static_models.path("four_bar")).edit("coupler", q=(0.2,))
+    model = pg.Model.load(pgraph_models.path("four_bar")).edit("coupler", q=(0.2,))
     state = update(initial(model), events.Connected(ME))
     asked = update(state, c.AssembleState(ME))
     after = update(asked, answer(asked.errands[0]))

@@ -12,12 +12,12 @@ import pytest
 import viser
 
 import pgraph_core as pg
-import static_models
-from app import events, marks
-from app.deriving import derive
-from app.state import Request, Run, State, initial
-from app.update import update
-from app.views import exports
+import pgraph_models
+from pgraph_app import events, marks
+from pgraph_app.deriving import derive
+from pgraph_app.state import Request, Run, State, initial
+from pgraph_app.update import update
+from pgraph_app.views import exports
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def test_the_animation_is_one_page_that_asks_for_nothing_else(run):
 
 @pytest.fixture(scope="module")
 def walk() -> Run:
-    model = pg.Model.load(static_models.path("quadruped_hips"))
+    model = pg.Model.load(pgraph_models.path("quadruped_hips"))
     result = pg.simulate(pg.Mechanism(model), scenario="trot", t_end=0.8, estimate=False)
     return Run(model, Request(), result)
 

@@ -13,20 +13,20 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
-from app import events, marks
-from app.footfalls import Change, changes, prints, since
-from app.live import Motion
-from app.reducers.walking import SHOWN
-from app.shapes import to_matrix
-from app.state import Kernels, State, initial, poses
-from app.stitching import Seam
-from app.update import update
-from app.views import exports
-from app.views.gait import gait
-from app.views.ground import solid
-from app.views.phases import phases
-from app.walking import has_feet
+import pgraph_models
+from pgraph_app import events, marks
+from pgraph_app.footfalls import Change, changes, prints, since
+from pgraph_app.live import Motion
+from pgraph_app.reducers.walking import SHOWN
+from pgraph_app.shapes import to_matrix
+from pgraph_app.state import Kernels, State, initial, poses
+from pgraph_app.stitching import Seam
+from pgraph_app.update import update
+from pgraph_app.views import exports
+from pgraph_app.views.gait import gait
+from pgraph_app.views.ground import solid
+from pgraph_app.views.phases import phases
+from pgraph_app.walking import has_feet
 from pgraph_core.engine.gait import layout as go
 from pgraph_core.result.contact_record import Event
 
@@ -36,7 +36,7 @@ PART = 0.0167  # [s]
 
 @cache
 def ready(name: str = "quadruped_hips") -> Any:
-    model = pg.Model.load(static_models.path(name))
+    model = pg.Model.load(pgraph_models.path(name))
     return after(replace(initial(model), kernels=Kernels(ready=True)), events.Connected(ME))
 
 

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 
 import pgraph_core as pg
-import static_models
-from app import events
-from app.server import Server
-from app.state import initial
-from app.views.gait import gait
+import pgraph_models
+from pgraph_app import events
+from pgraph_app.server import Server
+from pgraph_app.state import initial
+from pgraph_app.views.gait import gait
 
 from .conftest import NOBODY, until
 
@@ -25,7 +25,7 @@ RATE = 30  # pictures a second, in the best second: other work on the machine is
 def walker(page: Any, served: Server) -> Iterator[Any]:
     """The page with the Gait tab of the quadruped with spreading hips in front."""
     until(lambda: served.store.state.kernels.ready, "compiled kernels", seconds=300)
-    model = pg.Model.load(static_models.path("quadruped_hips"))
+    model = pg.Model.load(pgraph_models.path("quadruped_hips"))
     served.send(events.OpenText(NOBODY, "quadruped_hips", model.to_json()))
     page.get_by_role("tab", name="Gait").click()
     until(lambda: page.locator(".walk-on").is_visible(), "a gait to walk")

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 import pgraph_core as pg
-import static_models
-from app import events
-from app.server import Server
+import pgraph_models
+from pgraph_app import events
+from pgraph_app.server import Server
 
 from .conftest import NOBODY, until
 
@@ -51,7 +51,7 @@ def walked(quadruped_hips: pg.Model) -> pg.Model:
 
 @pytest.fixture(scope="module")
 def quadruped_hips() -> pg.Model:
-    return pg.Model.load(static_models.path("quadruped_hips"))
+    return pg.Model.load(pgraph_models.path("quadruped_hips"))
 
 
 @pytest.fixture

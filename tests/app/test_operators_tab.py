@@ -11,18 +11,18 @@ from scipy import io as files
 from scipy import sparse
 
 import pgraph_core as pg
-import static_models
-from app import events, matrices
-from app.state import Inspected, initial
-from app.update import update
-from app.views.operators import operator
+import pgraph_models
+from pgraph_app import events, matrices
+from pgraph_app.state import Inspected, initial
+from pgraph_app.update import update
+from pgraph_app.views.operators import operator
 
 ALL = tuple(matrices.TITLES)
 
 
 @pytest.fixture
 def state():
-    model = pg.Model.load(static_models.path("quadruped"))
+    model = pg.Model.load(pgraph_models.path("quadruped"))
     return update(initial(model), events.Connected(1))
 
 

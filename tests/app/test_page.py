@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from app import events, shapes
-from app.server import Server
-from app.state import poses
-from app.views.scene import viewpoint
+from pgraph_app import events, shapes
+from pgraph_app.server import Server
+from pgraph_app.state import poses
+from pgraph_app.views.scene import viewpoint
 
 from .conftest import NOBODY, until
 

@@ -8,11 +8,21 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from app import events
-from app.signals import KINDS, POINTS, Signal, curves, of_body, of_scene, thinned, title, unit
-from app.state import initial
-from app.update import update
-from app.views.plots import plots, signals
+from pgraph_app import events
+from pgraph_app.signals import (
+    KINDS,
+    POINTS,
+    Signal,
+    curves,
+    of_body,
+    of_scene,
+    thinned,
+    title,
+    unit,
+)
+from pgraph_app.state import initial
+from pgraph_app.update import update
+from pgraph_app.views.plots import plots, signals
 
 ME = 1
 

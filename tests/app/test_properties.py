@@ -14,15 +14,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pgraph_core as pg
-from app import events
-from app.asking import Errands, answer
-from app.body_cells import axis_of, euler_of, from_axis, from_euler, held, possible, shifted
-from app.events import describing as d
-from app.events.constraining import ErrandDone
-from app.intents import Display, Errand, ReadMesh
-from app.state import initial
-from app.update import update
-from app.views.properties import properties
+from pgraph_app import events
+from pgraph_app.asking import Errands, answer
+from pgraph_app.body_cells import axis_of, euler_of, from_axis, from_euler, held, possible, shifted
+from pgraph_app.events import describing as d
+from pgraph_app.events.constraining import ErrandDone
+from pgraph_app.intents import Display, Errand, ReadMesh
+from pgraph_app.state import initial
+from pgraph_app.update import update
+from pgraph_app.views.properties import properties
 from pgraph_core.rotation import matrix
 
 ME = 1

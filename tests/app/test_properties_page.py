@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from app import events
-from app.events.describing import SetDisplay
+from pgraph_app import events
+from pgraph_app.events.describing import SetDisplay
 
 from .conftest import NOBODY, until
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 
 import pgraph_core as pg
-from app import events
-from app.events import constraining, describing
-from app.state import Reply, State, initial
-from app.update import update
+from pgraph_app import events
+from pgraph_app.events import constraining, describing
+from pgraph_app.state import Reply, State, initial
+from pgraph_app.update import update
 
 ME, OTHER = 1, 2
 

@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 
 import pgraph_core as pg
-from app import events
-from app.analyst import Analyst
-from app.reducers.analysing import AXES
-from app.state import Kernels, State, initial
-from app.update import update
-from app.views.reports import page, reports
+from pgraph_app import events
+from pgraph_app.analyst import Analyst
+from pgraph_app.reducers.analysing import AXES
+from pgraph_app.state import Kernels, State, initial
+from pgraph_app.update import update
+from pgraph_app.views.reports import page, reports
 from pgraph_core.stability.axes import AXES as KNOWN_AXES
 
 ME = 1

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 import pgraph_core as pg
-from app import events
-from app.server import Server
+from pgraph_app import events
+from pgraph_app.server import Server
 
 from .conftest import NOBODY, until
 

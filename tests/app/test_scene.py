@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pgraph_core as pg
-import static_models
-from app import events, marks, posing, shapes
-from app.pulling import WEIGHTS, pull_force
-from app.state import Kernels, initial, poses
-from app.update import update
+import pgraph_models
+from pgraph_app import events, marks, posing, shapes
+from pgraph_app.pulling import WEIGHTS, pull_force
+from pgraph_app.state import Kernels, initial, poses
+from pgraph_app.update import update
 
 ME = 1
 
@@ -27,7 +27,7 @@ def opened(model: pg.Model):
 
 
 def built_in(name: str):
-    return opened(pg.Model.load(static_models.path(name)))
+    return opened(pg.Model.load(pgraph_models.path(name)))
 
 
 @pytest.fixture
@@ -156,7 +156,7 @@ def test_a_gizmo_let_go_where_it_was_changes_nothing(quadruped):
 
 
 def test_what_a_drag_did_not_move_keeps_all_its_digits():
-    from app.reducers.posing import rounded
+    from pgraph_app.reducers.posing import rounded
 
     assert rounded((0.123456789, 0.0, 0.0), (0.123456789, 0.2000012, 0.0), 1.0) == (
         0.123456789, 0.2, 0.0,

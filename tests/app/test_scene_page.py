@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import pgraph_core as pg
-from app import events
+from pgraph_app import events
 
 from .conftest import NOBODY, until
 from .test_page import place, row

@@ -8,14 +8,14 @@ import random
 import pytest
 
 import pgraph_core as pg
-import static_models
-from app import events
-from app.deriving import derive
-from app.state import State, initial
-from app.update import update
-from app.views.digraph import digraph
-from app.views.session import others
-from app.views.table import table
+import pgraph_models
+from pgraph_app import events
+from pgraph_app.deriving import derive
+from pgraph_app.state import State, initial
+from pgraph_app.update import update
+from pgraph_app.views.digraph import digraph
+from pgraph_app.views.session import others
+from pgraph_app.views.table import table
 
 ME, OTHER = 1, 2
 HOSTILE = ["", "letters", "1e400", "nan", "-1", "<b>x</b>", "🦿", "x" * 10_000, "\x00", "1e-6", "3"]
@@ -56,7 +56,7 @@ def random_event(rng: random.Random, state: State) -> events.Event:
 def test_1_9_random_edits_of_two_people_are_undone_to_the_start(seed: int):
     """150 a seed; a refused one changes nothing, every other is one step."""
     rng = random.Random(seed)
-    start = pg.Model.load(static_models.path("quadruped"))
+    start = pg.Model.load(pgraph_models.path("quadruped"))
     state = initial(start)
     for client in (ME, OTHER):
         state = update(state, events.Connected(client))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 import pgraph_core as pg
-from app import events
-from app.state import State, initial
-from app.update import update
+from pgraph_app import events
+from pgraph_app.state import State, initial
+from pgraph_app.update import update
 
 ME, OTHER = 1, 2
 

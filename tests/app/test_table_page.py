@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from app import events
-from app.server import Server
+from pgraph_app import events
+from pgraph_app.server import Server
 
 from .conftest import NOBODY, held, until
 from .test_page import row, sentence

@@ -10,8 +10,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from app import events
-from app.server import Server
+from pgraph_app import events
+from pgraph_app.server import Server
 
 from .conftest import NOBODY, until
 

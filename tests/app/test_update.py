@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from app import events
-from app.deriving import derive
-from app.state import FREE_RUN, Request, State, between, initial, poses
-from app.update import update
+from pgraph_app import events
+from pgraph_app.deriving import derive
+from pgraph_app.state import FREE_RUN, Request, State, between, initial, poses
+from pgraph_app.update import update
 
 ME, OTHER = 1, 2
 

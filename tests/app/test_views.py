@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from app import events
-from app.state import initial
-from app.update import update
-from app.views.digraph import digraph
-from app.views.playback import playback
-from app.views.properties import properties
-from app.views.run import run
-from app.views.table import table
-from app.views.toolbar import toolbar
+from pgraph_app import events
+from pgraph_app.state import initial
+from pgraph_app.update import update
+from pgraph_app.views.digraph import digraph
+from pgraph_app.views.playback import playback
+from pgraph_app.views.properties import properties
+from pgraph_app.views.run import run
+from pgraph_app.views.table import table
+from pgraph_app.views.toolbar import toolbar
 
 
 @pytest.fixture

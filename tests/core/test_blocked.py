@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 OFF = ((0.1, "left_front_paw", False),)
 
 
 def quadruped():
-    return pg.Model.load(static_models.path("quadruped"))
+    return pg.Model.load(pgraph_models.path("quadruped"))
 
 
 def test_three_feet_of_a_quadruped_with_parallel_hinges_say_what_blocks_them():

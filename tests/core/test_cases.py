@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 DOWN = {"gravity": (0.0, -9.81, 0.0), "up": "y"}
 NONE = ((0.0,) * 3,) * 3
@@ -20,7 +20,7 @@ NONE = ((0.0,) * 3,) * 3
 
 def case(name):
     """Times and reference of a case."""
-    data = json.loads((static_models.CASES / f"{name}.json").read_text(encoding="utf-8"))
+    data = json.loads((pgraph_models.CASES / f"{name}.json").read_text(encoding="utf-8"))
     return np.array(data["t"]), data["reference"]
 
 
@@ -182,7 +182,7 @@ def test_chain(n, step, tolerance):
 
 def built_in(name, t, step, *, v=None, **changes):
     """A built-in model from its first position, run by its own scenario."""
-    model = pg.Model.load(static_models.path(name)).replace(**changes)
+    model = pg.Model.load(pgraph_models.path(name)).replace(**changes)
     mech = pg.Mechanism(model)
     scenario = model.scenarios[0].name
     options = {"t_end": t[-1], "t_eval": t, "scenario": scenario, "step": step}

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 from .test_cases import DOWN, mass
 from .test_methods import chain, double_pendulum, stiff_pendulum
@@ -15,7 +15,7 @@ from .test_methods import chain, double_pendulum, stiff_pendulum
 
 
 def free_body():
-    return pg.Mechanism(pg.Model.load(static_models.path("tennis_racket")))
+    return pg.Mechanism(pg.Model.load(pgraph_models.path("tennis_racket")))
 
 
 def ball_on_the_ground():
@@ -26,7 +26,7 @@ def ball_on_the_ground():
 
 
 def loop():
-    return pg.Mechanism(pg.Model.load(static_models.path("bricard")))
+    return pg.Mechanism(pg.Model.load(pgraph_models.path("bricard")))
 
 
 SMOOTH = "dop853: smooth motion, to a tight tolerance, at steps of its own choice"

@@ -8,10 +8,10 @@ import pytest
 from pgraph_core.engine.compiler.jit import JIT, KERNELS, source_hash
 
 USE = """
-import numpy as np, pgraph_core as pg, static_models
+import numpy as np, pgraph_core as pg, pgraph_models
 from pgraph_core.engine.compiler.jit import KERNELS
-for name in static_models.names():
-    mech = pg.Mechanism(pg.Model.load(static_models.path(name)))
+for name in pgraph_models.names():
+    mech = pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
     q, v = mech.home()
     mech.mass_matrix(q), mech.bias_force(q, v), mech.forward_dynamics(q, v), mech.pose(q, "ground")
     mech.forward_dynamics(q, v, external=np.zeros((mech.nb, 6))), mech.tip_jacobian(q)

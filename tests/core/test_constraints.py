@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from pgraph_core.paper import Operators, constrained_dynamics
 from pgraph_core.paper.constrained import active_constraints, constraint_rows, delassus
 
@@ -20,7 +20,7 @@ WEIGHT = 323.73  # N, of 33 kg
 
 @pytest.fixture(scope="module")
 def quadruped():
-    return pg.Model.load(static_models.path("quadruped"))
+    return pg.Model.load(pgraph_models.path("quadruped"))
 
 
 def operators_at(model, q, v):

@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from pgraph_core.engine import layout as at
 
 from .trees import random_case, random_model, shuffled
 
 seeds = st.integers(0, 2**32 - 1)
-QUADRUPED = pg.Model.load(static_models.path("quadruped"))
+QUADRUPED = pg.Model.load(pgraph_models.path("quadruped"))
 
 
 def same(one: pg.Mechanism, other: pg.Mechanism) -> bool:

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.distance import pdist
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 G = 9.81
 FEET = ("left_front_paw", "right_front_paw", "left_hind_paw", "right_hind_paw")
@@ -73,7 +73,7 @@ def test_a_sliding_block_stops_where_it_must():
     q, v = mech.home()
     v[3] = 3.0
     run = pg.simulate(mech, q, v, t_end=2.0, step=1e-3)
-    reference = json.loads((static_models.CASES / "sliding_block_coulomb.json").read_text())[
+    reference = json.loads((pgraph_models.CASES / "sliding_block_coulomb.json").read_text())[
         "reference"
     ]
     assert run.q[-1, 0] == pytest.approx(reference["flat"]["stop_x"], abs=1e-5)
@@ -147,7 +147,7 @@ def test_penalty_friction_sticks_on_a_slope():
 
 def dropped(mu):
     """The quadruped 10 cm above the ground, its joints held by servos."""
-    model = pg.Model.load(static_models.path("quadruped"))
+    model = pg.Model.load(pgraph_models.path("quadruped"))
     hold = {f.body: f.torque for f in model.scenario("stand").forces}
     servos = tuple(
         pg.Force(name=f"servo {b.name}", kind="servo", body=b.name, kp=2000.0, kd=80.0,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 
 def driven(apart, *, kind="servo"):
@@ -55,10 +55,10 @@ def test_a_run_says_how_many_corners_lie_inside_its_steps():
     assert not said(pg.simulate(mech, t_end=0.02, step=1e-3, method="semi_implicit_euler"))
 
 
-@pytest.mark.parametrize("name", static_models.names())
+@pytest.mark.parametrize("name", pgraph_models.names())
 def test_built_in_scenarios_step_onto_their_corners(name):
     """No notice in any of them."""
-    mech = pg.Mechanism(pg.Model.load(static_models.path(name)))
+    mech = pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
     for scenario in mech.model.scenarios:
         run = pg.simulate(mech, scenario=scenario.name, t_end=0.01, estimate=False)
         assert not said(run), scenario.name

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from benchmarks import gait_checks
 
 TEN_MM = 1e-2  # m a stance: what a foot may slip at a friction of 0.7
@@ -24,7 +24,7 @@ WALKS = (
 
 @cache
 def mechanism(name: str) -> pg.Mechanism:
-    return pg.Mechanism(pg.Model.load(static_models.path(name)))
+    return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
 
 
 @cache

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 
 @cache
 def mechanism() -> pg.Mechanism:
-    return pg.Mechanism(pg.Model.load(static_models.path("quadruped_hips")))
+    return pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped_hips")))
 
 
 def pieces(walk: pg.Walk, seconds: float) -> list[pg.Result]:
@@ -99,5 +99,5 @@ def test_a_gait_walks_on_all_laws(law: str, method: str, step: float):
 
 def test_a_walk_needs_a_gait():
     with pytest.raises(pg.InputError) as refused:
-        pg.Walk(pg.Mechanism(pg.Model.load(static_models.path("quadruped"))), "stance")
+        pg.Walk(pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped"))), "stance")
     assert str(refused.value) == "Walk, gait: scenario 'stance' has no gait; give one"

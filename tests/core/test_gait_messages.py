@@ -7,10 +7,10 @@ from typing import Any
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 FEET = ("left_front_foot", "right_front_foot", "left_hind_foot", "right_hind_foot")
-QUADRUPED = pg.Model.load(static_models.path("quadruped_hips"))
+QUADRUPED = pg.Model.load(pgraph_models.path("quadruped_hips"))
 TROT = pg.gaits()["trot"]
 
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 HALF, WHOLE = 0.12, 0.25
 
 
 def quadruped() -> pg.Mechanism:
-    return pg.Mechanism(pg.Model.load(static_models.path("quadruped")))
+    return pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped")))
 
 
 def swinging() -> pg.Mechanism:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from pgraph_core.model.mirror import Mirror
 
 from .trees import random_model
@@ -63,7 +63,7 @@ def test_two_reflections_are_none(plane):
 
 
 def test_the_right_legs_of_the_quadruped_are_the_mirror_image_of_its_left_ones():
-    model = pg.Model.load(static_models.path("quadruped"))
+    model = pg.Model.load(pgraph_models.path("quadruped"))
     for side in ("left", "right"):
         for root in ("femur", "humerus"):
             half = model.remove(f"{side}_{root}", children="delete")

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 FLAT = np.array([-np.pi / 2, np.pi / 2, -np.pi / 2])  # of the parallelogram, in number order
 ALONG = np.array([-1.0, 1.0, -1.0])
 
 
 def mechanism(name: str) -> pg.Mechanism:
-    return pg.Mechanism(pg.Model.load(static_models.path(name)))
+    return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
 
 
 def like(part, **changes):
@@ -24,7 +24,7 @@ def like(part, **changes):
 
 def windows(n: int) -> pg.Model:
     """n parallelograms in a row, of rods of 1 m."""
-    model = pg.Model.load(static_models.path("four_bar"))
+    model = pg.Model.load(pgraph_models.path("four_bar"))
     crank, coupler, _ = model.bodies
     bodies, loops = [], []
     for i in range(n + 1):
@@ -263,7 +263,7 @@ def test_redundant_rows_are_said_once_at_the_start():
 
 
 def test_redundant_rows_are_said_where_something_touches_too():
-    model = pg.Model.load(static_models.path("slider_crank"))
+    model = pg.Model.load(pgraph_models.path("slider_crank"))
     soft = pg.Contact(name="floor", body="rod", law="soft", points=((0, 0, 0),))
     for contact in (soft, like(soft, law="complementarity")):
         mech = pg.Mechanism(model.replace(contacts=(contact,)))

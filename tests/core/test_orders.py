@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 from .trees import random_case
 
@@ -95,7 +95,7 @@ WITH_ROWS = {  # steps of the loop in 0.4 s, and of the disc in 0.5 s
 @pytest.mark.parametrize("name", ["slider_crank", "rolling_disc"])
 def test_the_order_holds_with_constraints(name, method):
     """A loop that a motor drives, three rows of it redundant; a disc whose speeds are tied."""
-    mech = pg.Mechanism(pg.Model.load(static_models.path(name)))
+    mech = pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
     loop = name == "slider_crank"
     counts, t_end = WITH_ROWS[method][0 if loop else 1], 0.4 if loop else 0.5
     options = {"t_end": t_end, "frames": 2, "scenario": "turn" if loop else "roll"}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from pgraph_core.simulation.phased_scene import PhasedScene
 
 G = 9.81
@@ -17,7 +17,7 @@ NONE = ((0.0,) * 3,) * 3
 
 
 def reference(name):
-    return json.loads((static_models.CASES / f"{name}.json").read_text(encoding="utf-8"))[
+    return json.loads((pgraph_models.CASES / f"{name}.json").read_text(encoding="utf-8"))[
         "reference"
     ]
 
@@ -293,7 +293,7 @@ def test_painleves_rod_is_named_and_survived(mu, degrees, spin):
 
 def quadruped(mu, *, drop=0.0, scenario="stand", damping=1.6):
     """The quadruped on contacts in the place of its constraints, moved by its servos."""
-    base = pg.Model.load(static_models.path("quadruped"))
+    base = pg.Model.load(pgraph_models.path("quadruped"))
     contacts = tuple(
         pg.Contact(name=c.body, body=c.body, points=(c.point,), friction=mu)
         for c in base.constraints
@@ -339,7 +339,7 @@ def test_feet_slide_on_ice():
 
 def test_stance_on_contacts_is_stance_on_constraints():
     """The same motion and forces in the paper's push, as long as nothing slips."""
-    base = pg.Model.load(static_models.path("quadruped"))
+    base = pg.Model.load(pgraph_models.path("quadruped"))
     push = {"t_end": 0.25, "method": "rk4", "step": 1e-3}
     held = pg.simulate(pg.Mechanism(base), scenario="stance", **push)
     mech, q, v = quadruped(0.8, scenario="stance", damping=1.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 from .test_phases import (
     FEET,
@@ -155,7 +155,7 @@ def test_the_quadruped_drops_on_its_four_feet_and_stands():
 
 
 def trot(t_end, **options):
-    mech = pg.Mechanism(pg.Model.load(static_models.path("quadruped_hips")))
+    mech = pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped_hips")))
     done = pg.simulate(mech, scenario="trot", t_end=t_end, estimate=False, **options)
     assert done.status.ok, done.message
     return done
@@ -179,7 +179,7 @@ def test_what_is_alike_on_both_sides_stays_so():
 
     Which impulses act across is not unique: neither foot can move aside against the other.
     """
-    mech = pg.Mechanism(pg.Model.load(static_models.path("quadruped")))
+    mech = pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped")))
     options = {"method": "rk4", "step": 2.5e-4, "estimate": False, "frames": 2}
     done = pg.simulate(mech, scenario="bound", t_end=1.85, **options)
     assert done.status.ok, done.message
@@ -190,7 +190,7 @@ def test_what_is_alike_on_both_sides_stays_so():
 @pytest.mark.nightly
 @pytest.mark.parametrize("gait", ["trot", "crawl"])
 def test_thirty_seconds_of_a_walk_close_their_ledger(gait):
-    mech = pg.Mechanism(pg.Model.load(static_models.path("quadruped_hips")))
+    mech = pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped_hips")))
     done = pg.simulate(mech, scenario=gait, t_end=30.0, rtol=1e-8, estimate=False)
     assert done.status.ok, done.message
     assert done.energy_drift < 1e-6

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from pgraph_core import portable
 
 COPIES = {"pickle": lambda x: pickle.loads(pickle.dumps(x)), "deepcopy": copy.deepcopy}
@@ -21,7 +21,7 @@ COPIES["copy"] = copy.copy
 
 def used(name: str) -> pg.Mechanism:
     """A mechanism of which everything has been asked once."""
-    mech = pg.Mechanism(pg.Model.load(static_models.path(name)))
+    mech = pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
     q, v = mech.home()
     mech.constrained_dynamics(q, v)
     mech.energy(q, v)
@@ -103,7 +103,7 @@ def test_mechanisms_runs_and_errors_go_between_processes() -> None:
 def public_objects() -> dict[str, Any]:
     """One of each kind, used."""
     mech, cat = used("four_bar"), used("quadruped_hips")
-    model = pg.Model.load(static_models.path("quadruped"))
+    model = pg.Model.load(pgraph_models.path("quadruped"))
     q, v = mech.home()
     run = pg.simulate(mech, t_end=0.02)
     assert run.body_pose.size
@@ -132,7 +132,7 @@ def public_objects() -> dict[str, Any]:
         "Batch": batch,
         "BatchResult": pg.simulate_batch(tree, np.zeros((2, 3)), np.zeros((2, 3)), t_end=0.01),
         "footprints": pg.footprints(part),
-        "Case": static_models.cases(static_models.case_names()[0])[0],
+        "Case": pgraph_models.cases(pgraph_models.case_names()[0])[0],
         "Status": run.status,
     }
 

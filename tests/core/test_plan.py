@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from benchmarks import forced
 from pgraph_core import plan
 from pgraph_core.integrators import METHODS
@@ -25,7 +25,7 @@ FORCED = {case.part: case for case in forced.cases() if case.method == "rk4"}
 
 
 def built_in(name):
-    return pg.Model.load(static_models.path(name))
+    return pg.Model.load(pgraph_models.path(name))
 
 
 # -- leaving out changes nothing ----------------------------------------------------------------
@@ -91,7 +91,7 @@ def test_the_plan_depends_on_the_method_where_that_matters():
 def test_what_the_plan_knows_of_methods_and_constraints_is_true():
     assert set(plan.IMPLICIT) == {name for name, method in METHODS.items() if method.implicit}
     assert set(plan.ROWS) == set(TAKES)
-    for name in static_models.names():
+    for name in pgraph_models.names():
         model = built_in(name)
         for scenario in (None, *(s.name for s in model.scenarios)):
             parts = pg.Plan.of(model, scenario=scenario).parts
@@ -119,8 +119,8 @@ def loaded_by(program):
 
 def test_describing_a_model_and_its_plan_loads_neither_compiler_nor_scipy():
     found = loaded_by(
-        "import pgraph_core as pg, static_models\n"
-        "m = pg.Model.load(static_models.path('quadruped')); pg.Topology.of(m); pg.Plan.of(m)"
+        "import pgraph_core as pg, pgraph_models\n"
+        "m = pg.Model.load(pgraph_models.path('quadruped')); pg.Topology.of(m); pg.Plan.of(m)"
     )
     assert found.isdisjoint({"numba", "scipy", "trimesh", "viser", "matplotlib"})
 
@@ -128,8 +128,8 @@ def test_describing_a_model_and_its_plan_loads_neither_compiler_nor_scipy():
 def test_a_headless_run_loads_only_what_it_needs():
     """SciPy's BLAS comes with numba; of the rest of SciPy a run of a tree needs nothing."""
     found = loaded_by(
-        "import pgraph_core as pg, static_models\n"
-        "m = pg.Mechanism(pg.Model.load(static_models.path('pendulum')))\n"
+        "import pgraph_core as pg, pgraph_models\n"
+        "m = pg.Mechanism(pg.Model.load(pgraph_models.path('pendulum')))\n"
         "pg.simulate(m, t_end=0.01, step=1e-3)"
     )
     heavy = {f"scipy.{part}" for part in ("sparse", "spatial", "optimize", "interpolate")}

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from pgraph_core.report import work
 from pgraph_core.report.errors import Errors, angles
 from pgraph_core.report.orders import observed_order
@@ -25,7 +25,7 @@ from .test_orders import heavy_top, tumbling_body
 
 
 def built_in(name: str) -> pg.Mechanism:
-    return pg.Mechanism(pg.Model.load(static_models.path(name)))
+    return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def test_errors_are_those_of_the_states(study: pg.Study):
 def test_the_error_does_not_see_where_the_mechanism_stands():
     """1e4 m away a point's distance from the origin would make every error 1e4 times smaller."""
     options = {"t_end": 0.3, "methods": "rk4", "steps": 0.01, "rounds": 1, "frames": 11}
-    model = pg.Model.load(static_models.path("double_pendulum"))
+    model = pg.Model.load(pgraph_models.path("double_pendulum"))
     first = model.bodies[0]
     away = model.edit(first.name, link=(1e4, 0.0, 0.0))
     here, there = (pg.work_precision(pg.Mechanism(m), **options) for m in (model, away))

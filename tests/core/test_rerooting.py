@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from pgraph_core.rotation import unit
 
 NAMES = ("a", "b", "c", "d", "e")
@@ -135,7 +135,7 @@ def test_a_loop_cut_elsewhere_moves_alike(joints, closing, branch, cuts):
 
 def test_the_four_bar_is_cut_anywhere_in_its_scenario_and_back():
     """Its rods given a little inertia about themselves: a point is a ball as a joint."""
-    model = pg.Model.load(static_models.path("four_bar"))
+    model = pg.Model.load(pgraph_models.path("four_bar"))
     for name in ("left crank", "coupler", "right crank"):
         model = model.edit(name, inertia=matrix(0.05, 0.06, 0.07))
     how = {"scenario": "turn", "t_end": 0.5, "method": "dop853", "rtol": 1e-12, "frames": 6}

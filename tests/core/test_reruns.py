@@ -13,7 +13,7 @@ import pytest
 SCRIPT = """
 import hashlib, json
 import numpy as np
-import pgraph_core as pg, static_models
+import pgraph_core as pg, pgraph_models
 from tests.core.trees import random_case
 
 def digest(*arrays):
@@ -36,7 +36,7 @@ for seed in range(6):
         vs *= np.linspace(0, 1, 40)[:, None]
         many = pg.simulate_batch(mech, qs, vs, t_end=0.02, threads=threads)
         found[f"batch {seed}, {threads} threads"] = digest(many.q, many.v)
-mech = pg.Mechanism(pg.Model.load(static_models.path("quadruped")))
+mech = pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped")))
 run = pg.simulate(mech, scenario="stance", t_end=0.05)
 found["stance"] = digest(run.q, run.v, *run.constraint_force.values())
 print(json.dumps(found))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from pgraph_core.paper import Operators
 
 from .test_constraints import FEET, parallelogram
@@ -15,7 +15,7 @@ from .trees import random_case, scaled_error
 
 @pytest.fixture(scope="module")
 def quadruped():
-    return pg.Mechanism(pg.Model.load(static_models.path("quadruped")))
+    return pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped")))
 
 
 @pytest.fixture(scope="module")

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from pgraph_core.stability.axes import AXES
 
 from .test_cases import DOWN, mass
 
 
 def quadruped():
-    return pg.Model.load(static_models.path("quadruped"))
+    return pg.Model.load(pgraph_models.path("quadruped"))
 
 
 def sprung():
@@ -30,7 +30,7 @@ def touching():
 
 
 def looped():
-    return pg.Model.load(static_models.path("four_bar"))
+    return pg.Model.load(pgraph_models.path("four_bar"))
 
 
 MODELS = {

@@ -8,7 +8,7 @@ from sksundae.cvode import CVODE
 from sksundae.ida import IDA
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 from .test_methods import crank_start, double_pendulum, slider_crank, stiff_pendulum, worst
 
@@ -74,7 +74,7 @@ def test_a_loop_as_differential_algebraic_equations():
 
 
 def test_the_reference_of_a_case_is_theirs_too():
-    (case,) = static_models.cases("a01_simple_pendulum")
+    (case,) = pgraph_models.cases("a01_simple_pendulum")
     mech = pg.Mechanism(case.model)
     found = by_cvode(mech, *mech.home(), case.t, "Adams")
     expected = case.observables[0].reference[:, 0]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 from pgraph_core.mechanism.scene import Scene
 
 METHODS = [
@@ -21,7 +21,7 @@ FOOT = "left_hind_paw"
 
 
 def quadruped() -> pg.Mechanism:
-    return pg.Mechanism(pg.Model.load(static_models.path("quadruped")))
+    return pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped")))
 
 
 def pair(kind: Any, **fields: Any) -> pg.Mechanism:

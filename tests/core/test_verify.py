@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-import static_models
-from static_models import build_cases
+import pgraph_models
+from pgraph_models import build_cases
 
 LONG = ("a02_n_four_bar_40", "chain_n_links_1000")  # seconds each
 
@@ -18,11 +18,11 @@ LONG = ("a02_n_four_bar_40", "chain_n_links_1000")  # seconds each
     "name",
     [
         pytest.param(name, marks=[pytest.mark.nightly] if name in LONG else [])
-        for name in static_models.case_names()
+        for name in pgraph_models.case_names()
     ],
 )
 def test_every_case_reaches_its_target(name):
-    (case,) = static_models.cases(name)
+    (case,) = pgraph_models.cases(name)
     verdict = pg.verify(case)
     assert verdict.ok, (verdict.observable.name, verdict.error)
     assert case.accuracy < 1e-11  # references are far better than what is asked for
@@ -31,22 +31,22 @@ def test_every_case_reaches_its_target(name):
 def test_case_files_are_as_built(tmp_path):
     """References as they came; models, runs and targets from the code."""
     build_cases.write(tmp_path)
-    for file in sorted(static_models.CASES.rglob("*.json")):
-        again = tmp_path / file.relative_to(static_models.CASES)
+    for file in sorted(pgraph_models.CASES.rglob("*.json")):
+        again = tmp_path / file.relative_to(pgraph_models.CASES)
         assert again.read_bytes() == file.read_bytes(), file.name
 
 
 def test_a_family_and_its_members():
-    assert static_models.case_names("chain_n_links") == (
+    assert pgraph_models.case_names("chain_n_links") == (
         "chain_n_links_10",
         "chain_n_links_100",
         "chain_n_links_1000",
     )
-    assert [case.name for case in static_models.cases("heavy_top")] == ["heavy_top"]
+    assert [case.name for case in pgraph_models.cases("heavy_top")] == ["heavy_top"]
     with pytest.raises(
         pg.InputError, match="case 'horse': no case has this name; choose one of a0"
     ):
-        static_models.cases("horse")
+        pgraph_models.cases("horse")
 
 
 def own_case(**changes):
@@ -95,7 +95,7 @@ def test_what_is_wrong_with_a_case_file_is_said(changes, said, tmp_path):
 
 def test_a_run_that_ends_early_misses():
     """What it has is compared, what it lacks is infinitely far off."""
-    (case,) = static_models.cases("double_pendulum")
+    (case,) = pgraph_models.cases("double_pendulum")
     run = case.motion(max_steps=50)
     assert not run.status.ok
     errors = case.observables[0].errors(run)

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import pgraph_core as pg
-import static_models
+import pgraph_models
 
 from ..core.trees import State, random_case, random_state, scaled_error
 from . import forests, with_mujoco, with_pinocchio
@@ -29,7 +29,7 @@ CONDITION = 1e4  # of M, so that forward dynamics can be compared
 
 def cases() -> list[tuple[State, dict[str, dict[str, np.ndarray]]]]:
     """The quadruped and the first TREES seeds whose mass matrix is well conditioned."""
-    model = pg.Model.load(static_models.path("quadruped"))
+    model = pg.Model.load(pgraph_models.path("quadruped"))
     found = [evaluated(random_state(np.random.default_rng(0), model))]
     seed = 0
     while len(found) < TREES + 1:
@@ -92,7 +92,7 @@ def main() -> None:
     )
     np.savez_compressed(HERE / "trees.npz", allow_pickle=False, **arrays)
     many_forests()
-    model = pg.Model.load(static_models.path("quadruped"))
+    model = pg.Model.load(pgraph_models.path("quadruped"))
     (HERE / "stance.json").write_text(model.to_json(), encoding="utf-8")
     np.savez_compressed(HERE / "stance.npz", allow_pickle=False, **stance(model))
     np.savez_compressed(HERE / "contacts.npz", allow_pickle=False, **contacts())
