@@ -9,17 +9,17 @@ from pathlib import Path
 import pgraph_core as pg
 import pgraph_models
 
-from .analyst import Analyst
-from .asking import Errands, Reports
-from .autosave import Autosave, left_behind
-from .client.bridge import Bridge, open_server, quiet, token_for
+from .core.bridge import Bridge, open_server, quiet, token_for
+from .core.state import initial
+from .core.store import Store
 from .events import Event, from_page
-from .live import LiveRunner
-from .reducers.editing import recovered
-from .state import initial
-from .store import Store
-from .views.page import Page
-from .work import Compiler, Files, Simulator
+from .model.errand_worker import Errands, Reports
+from .model.update import recovered
+from .page import Page
+from .report.worker import Analyst
+from .run.live import LiveRunner
+from .run.work import Compiler, Files, Simulator
+from .session.autosave import Autosave, left_behind
 
 
 class Server:

@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
+from .constraints import update as constraining
+from .core.state import State
+from .digraph import update as graph
 from .events import Event
-from .reducers import (
-    analysing,
-    constraining,
-    describing,
-    editing,
-    errands,
-    graph,
-    living,
-    looking,
-    parameters,
-    playing,
-    plotting,
-    posing,
-    running,
-    session,
-    table,
-    walking,
-)
-from .renames import as_now
-from .state import State
+from .gait import update as walking
+from .model import errands
+from .model import update as editing
+from .model.renames import as_now
+from .operators import update as looking
+from .playback import update as playing
+from .plots import update as plotting
+from .pose import update as posing
+from .properties import parameters
+from .properties import update as describing
+from .report import update as analysing
+from .run import living
+from .run import update as running
+from .session import update as session
+from .table import update as table
 
 REDUCERS = (
     constraining.update,  # first: while a body is picked, a click selects nothing

@@ -18,12 +18,12 @@ import pgraph_core as pg
 import pgraph_models
 from benchmarks.machine import machine
 from pgraph_app import events
-from pgraph_app.deriving import derive
-from pgraph_app.state import State, initial
+from pgraph_app.core.state import State, initial
+from pgraph_app.digraph.view import digraph
+from pgraph_app.model.derived import derive
+from pgraph_app.properties.view import properties
+from pgraph_app.table.view import table
 from pgraph_app.update import update
-from pgraph_app.views.digraph import digraph
-from pgraph_app.views.properties import properties
-from pgraph_app.views.table import table
 
 SIZES = (16, 999)  # the table holds 1000, and one edit adds a body
 PAGES = (1, 2)

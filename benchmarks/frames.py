@@ -16,10 +16,10 @@ import viser
 
 import pgraph_core as pg
 from pgraph_app import events
-from pgraph_app.client.bridge import quiet
-from pgraph_app.state import State, initial
+from pgraph_app.core.bridge import quiet
+from pgraph_app.core.state import State, initial
+from pgraph_app.scene.view import SceneView
 from pgraph_app.update import update
-from pgraph_app.views.scene import SceneView
 
 FRAMES = 200
 BODIES = (16, 100, 1000)

@@ -17,9 +17,9 @@ from viser._messages import RunJavascriptMessage
 
 import pgraph_core as pg
 from pgraph_app import events
-from pgraph_app.events import describing
+from pgraph_app.core.state import State
+from pgraph_app.properties import events as describing
 from pgraph_app.server import Server, serve
-from pgraph_app.state import State
 from tests.app.conftest import BROWSERS, FLAGS
 
 from .timing import spread

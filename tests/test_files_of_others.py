@@ -14,8 +14,9 @@ import pytest
 import trimesh
 
 import pgraph_core as pg
-from pgraph_app import archive, events
-from pgraph_app.state import initial
+from pgraph_app import events
+from pgraph_app.core.state import initial
+from pgraph_app.model import archive
 from pgraph_app.update import update
 from pgraph_core.model import files
 from pgraph_core.model.assets import load_mesh

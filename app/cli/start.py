@@ -29,8 +29,8 @@ def start(args: Namespace) -> None:
     """Serve the page until Ctrl+C."""
     model = given.model(args.model)
     _bind(args.host)
-    from ..autosave import state_folder
     from ..server import serve  # here: no other command needs viser
+    from ..session.autosave import state_folder
 
     stopped = threading.Event()  # an exception might strike while the page is being set up
     signal.signal(signal.SIGINT, lambda *_: stopped.set())

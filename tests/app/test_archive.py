@@ -13,13 +13,14 @@ import pytest
 import trimesh
 
 import pgraph_core as pg
-from pgraph_app import archive, events
-from pgraph_app.archive import mesh_folder as folder
-from pgraph_app.asking import answer
-from pgraph_app.cells import Refusal
-from pgraph_app.events import describing
-from pgraph_app.shapes import unreadable
-from pgraph_app.state import initial
+from pgraph_app import events
+from pgraph_app.core.cells import Refusal
+from pgraph_app.core.state import initial
+from pgraph_app.model import archive
+from pgraph_app.model.archive import mesh_folder as folder
+from pgraph_app.model.errand_worker import answer
+from pgraph_app.properties import events as describing
+from pgraph_app.scene.shapes import unreadable
 from pgraph_app.update import update
 from pgraph_core.model.assets import load_mesh
 

@@ -13,9 +13,9 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app import events
-from pgraph_app.autosave import Autosave, left_behind, state_folder
-from pgraph_app.reducers.editing import recovered
-from pgraph_app.state import State, initial
+from pgraph_app.core.state import State, initial
+from pgraph_app.model.update import recovered
+from pgraph_app.session.autosave import Autosave, left_behind, state_folder
 from pgraph_app.update import update
 
 from .conftest import until

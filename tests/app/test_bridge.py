@@ -13,7 +13,7 @@ import websockets.exceptions
 from websockets.sync.client import connect
 
 from pgraph_app import events
-from pgraph_app.client import bridge
+from pgraph_app.core import bridge
 from pgraph_app.server import Server
 
 from .conftest import NOBODY, ON_PURPOSE, until

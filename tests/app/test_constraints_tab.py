@@ -8,15 +8,15 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_app import events
-from pgraph_app.asking import answer, report, wanted
-from pgraph_app.events import constraining as c
+from pgraph_app.constraints import events as c
+from pgraph_app.constraints.kinds import KINDS
+from pgraph_app.constraints.parts import knots, table_of
+from pgraph_app.constraints.view import constraints
+from pgraph_app.core.state import initial
+from pgraph_app.digraph.view import digraph
 from pgraph_app.events import from_page
-from pgraph_app.kinds import KINDS
-from pgraph_app.parts import knots, table_of
-from pgraph_app.state import initial
+from pgraph_app.model.errand_worker import answer, report, wanted
 from pgraph_app.update import update
-from pgraph_app.views.constraints import constraints
-from pgraph_app.views.digraph import digraph
 
 ME = 1
 

@@ -13,11 +13,12 @@ import viser
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app import events, marks
-from pgraph_app.deriving import derive
-from pgraph_app.state import Request, Run, State, initial
+from pgraph_app import events
+from pgraph_app.core.state import Request, Run, State, initial
+from pgraph_app.model.derived import derive
+from pgraph_app.run import exports
+from pgraph_app.scene import marks
 from pgraph_app.update import update
-from pgraph_app.views import exports
 
 
 @pytest.fixture(scope="module")

@@ -14,19 +14,20 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app import events, marks
-from pgraph_app.footfalls import Change, changes, prints, since
-from pgraph_app.live import Motion
-from pgraph_app.reducers.walking import SHOWN
-from pgraph_app.shapes import to_matrix
-from pgraph_app.state import Kernels, State, initial, poses
-from pgraph_app.stitching import Seam
+from pgraph_app import events
+from pgraph_app.core.state import Kernels, State, initial, poses
+from pgraph_app.gait.footfalls import Change, changes, prints, since
+from pgraph_app.gait.phases import phases
+from pgraph_app.gait.update import SHOWN
+from pgraph_app.gait.view import gait
+from pgraph_app.gait.walking import has_feet
+from pgraph_app.run import exports
+from pgraph_app.run.live import Motion
+from pgraph_app.run.stitching import Seam
+from pgraph_app.scene import marks
+from pgraph_app.scene.ground import solid
+from pgraph_app.scene.shapes import to_matrix
 from pgraph_app.update import update
-from pgraph_app.views import exports
-from pgraph_app.views.gait import gait
-from pgraph_app.views.ground import solid
-from pgraph_app.views.phases import phases
-from pgraph_app.walking import has_feet
 from pgraph_core.engine.gait import layout as go
 from pgraph_core.result.contact_record import Event
 

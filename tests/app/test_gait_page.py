@@ -12,9 +12,9 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_app import events
+from pgraph_app.core.state import initial
+from pgraph_app.gait.view import gait
 from pgraph_app.server import Server
-from pgraph_app.state import initial
-from pgraph_app.views.gait import gait
 
 from .conftest import NOBODY, until
 

@@ -13,8 +13,8 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app import events
-from pgraph_app.live import Clock, LiveRunner, Motion
-from pgraph_app.state import Kernels, State, initial, poses
+from pgraph_app.core.state import Kernels, State, initial, poses
+from pgraph_app.run.live import Clock, LiveRunner, Motion
 from pgraph_app.update import update
 
 ME = 1
@@ -171,7 +171,7 @@ def ran() -> State:
 def test_continue_asks_for_a_run_from_the_end(ran):
     state = after(ran, events.Continue(ME))
     assert state.job.before is ran.run.result
-    from pgraph_app.work import simulated
+    from pgraph_app.run.work import simulated
 
     whole = simulated(
         replace(state.job, request=replace(state.job.request, t_end=0.2)), lambda _: 1

@@ -12,10 +12,11 @@ from scipy import sparse
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app import events, matrices
-from pgraph_app.state import Inspected, initial
+from pgraph_app import events
+from pgraph_app.core.state import Inspected, initial
+from pgraph_app.operators import matrices
+from pgraph_app.operators.view import operator
 from pgraph_app.update import update
-from pgraph_app.views.operators import operator
 
 ALL = tuple(matrices.TITLES)
 

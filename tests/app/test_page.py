@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pgraph_app import events, shapes
+from pgraph_app import events
+from pgraph_app.core.state import poses
+from pgraph_app.scene import shapes
+from pgraph_app.scene.view import viewpoint
 from pgraph_app.server import Server
-from pgraph_app.state import poses
-from pgraph_app.views.scene import viewpoint
 
 from .conftest import NOBODY, until
 

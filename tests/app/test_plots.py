@@ -9,7 +9,8 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app import events
-from pgraph_app.signals import (
+from pgraph_app.core.state import initial
+from pgraph_app.plots.signals import (
     KINDS,
     POINTS,
     Signal,
@@ -20,9 +21,8 @@ from pgraph_app.signals import (
     title,
     unit,
 )
-from pgraph_app.state import initial
+from pgraph_app.plots.view import plots, signals
 from pgraph_app.update import update
-from pgraph_app.views.plots import plots, signals
 
 ME = 1
 

@@ -15,14 +15,22 @@ from hypothesis import strategies as st
 
 import pgraph_core as pg
 from pgraph_app import events
-from pgraph_app.asking import Errands, answer
-from pgraph_app.body_cells import axis_of, euler_of, from_axis, from_euler, held, possible, shifted
-from pgraph_app.events import describing as d
-from pgraph_app.events.constraining import ErrandDone
-from pgraph_app.intents import Display, Errand, ReadMesh
-from pgraph_app.state import initial
+from pgraph_app.constraints.events import ErrandDone
+from pgraph_app.core.intents import Display, Errand, ReadMesh
+from pgraph_app.core.state import initial
+from pgraph_app.model.errand_worker import Errands, answer
+from pgraph_app.properties import events as d
+from pgraph_app.properties.body_cells import (
+    axis_of,
+    euler_of,
+    from_axis,
+    from_euler,
+    held,
+    possible,
+    shifted,
+)
+from pgraph_app.properties.view import properties
 from pgraph_app.update import update
-from pgraph_app.views.properties import properties
 from pgraph_core.rotation import matrix
 
 ME = 1

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from pgraph_app import events
-from pgraph_app.events.describing import SetDisplay
+from pgraph_app.properties.events import SetDisplay
 
 from .conftest import NOBODY, until
 

@@ -6,8 +6,9 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app import events
-from pgraph_app.events import constraining, describing
-from pgraph_app.state import Reply, State, initial
+from pgraph_app.constraints import events as constraining
+from pgraph_app.core.state import Reply, State, initial
+from pgraph_app.properties import events as describing
 from pgraph_app.update import update
 
 ME, OTHER = 1, 2

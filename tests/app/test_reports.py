@@ -12,11 +12,11 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app import events
-from pgraph_app.analyst import Analyst
-from pgraph_app.reducers.analysing import AXES
-from pgraph_app.state import Kernels, State, initial
+from pgraph_app.core.state import Kernels, State, initial
+from pgraph_app.report.update import AXES
+from pgraph_app.report.view import page, reports
+from pgraph_app.report.worker import Analyst
 from pgraph_app.update import update
-from pgraph_app.views.reports import page, reports
 from pgraph_core.stability.axes import AXES as KNOWN_AXES
 
 ME = 1

@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app import events, marks, posing, shapes
-from pgraph_app.pulling import WEIGHTS, pull_force
-from pgraph_app.state import Kernels, initial, poses
+from pgraph_app import events
+from pgraph_app.core.state import Kernels, initial, poses
+from pgraph_app.pose import solving as posing
+from pgraph_app.pose.pulling import WEIGHTS, pull_force
+from pgraph_app.scene import marks, shapes
 from pgraph_app.update import update
 
 ME = 1
@@ -156,7 +158,7 @@ def test_a_gizmo_let_go_where_it_was_changes_nothing(quadruped):
 
 
 def test_what_a_drag_did_not_move_keeps_all_its_digits():
-    from pgraph_app.reducers.posing import rounded
+    from pgraph_app.pose.update import rounded
 
     assert rounded((0.123456789, 0.0, 0.0), (0.123456789, 0.2000012, 0.0), 1.0) == (
         0.123456789, 0.2, 0.0,

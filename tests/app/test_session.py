@@ -10,12 +10,12 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_app import events
-from pgraph_app.deriving import derive
-from pgraph_app.state import State, initial
+from pgraph_app.core.state import State, initial
+from pgraph_app.digraph.view import digraph
+from pgraph_app.model.derived import derive
+from pgraph_app.session.view import others
+from pgraph_app.table.view import table
 from pgraph_app.update import update
-from pgraph_app.views.digraph import digraph
-from pgraph_app.views.session import others
-from pgraph_app.views.table import table
 
 ME, OTHER = 1, 2
 HOSTILE = ["", "letters", "1e400", "nan", "-1", "<b>x</b>", "🦿", "x" * 10_000, "\x00", "1e-6", "3"]

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from pgraph_app import events
-from pgraph_app.views.table import table
+from pgraph_app.table.view import table
 
 from .conftest import NOBODY, until
 from .test_page import field, row

@@ -6,7 +6,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app import events
-from pgraph_app.state import State, initial
+from pgraph_app.core.state import State, initial
 from pgraph_app.update import update
 
 ME, OTHER = 1, 2

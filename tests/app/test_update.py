@@ -10,8 +10,8 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app import events
-from pgraph_app.deriving import derive
-from pgraph_app.state import FREE_RUN, Request, State, between, initial, poses
+from pgraph_app.core.state import FREE_RUN, Request, State, between, initial, poses
+from pgraph_app.model.derived import derive
 from pgraph_app.update import update
 
 ME, OTHER = 1, 2

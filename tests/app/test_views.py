@@ -9,14 +9,14 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app import events
-from pgraph_app.state import initial
+from pgraph_app.core.state import initial
+from pgraph_app.digraph.view import digraph
+from pgraph_app.model.view import toolbar
+from pgraph_app.playback.view import playback
+from pgraph_app.properties.view import properties
+from pgraph_app.run.view import run
+from pgraph_app.table.view import table
 from pgraph_app.update import update
-from pgraph_app.views.digraph import digraph
-from pgraph_app.views.playback import playback
-from pgraph_app.views.properties import properties
-from pgraph_app.views.run import run
-from pgraph_app.views.table import table
-from pgraph_app.views.toolbar import toolbar
 
 
 @pytest.fixture

@@ -1,0 +1,1 @@
+"""Constraints, contacts, forces, loops and joint limits: their tab."""

@@ -1,0 +1,104 @@
+"""The report on degrees of freedom and redundant rows, in words that a person can act on."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any
+
+from ..core.state import State
+from ..core.views import Payload, plural
+
+# translations and rotations that a kind holds: the kind to choose where others are redundant
+HOLDING = {
+    (3, 3): "weld", (3, 2): "revolute", (2, 3): "prismatic", (2, 2): "cylindrical",
+    (3, 1): "universal", (3, 0): "point", (2, 0): "line", (1, 0): "plane", (0, 3): "orientation",
+}  # fmt: skip
+ROWS = {kind: rows for rows, kind in HOLDING.items()}
+
+
+def mobility_report(state: State, by_itself: int) -> Payload:
+    """Headline, lines that name a constraint each, and whether it is of the model as it stands."""
+    active = [c for c in state.model.constraints if c.active]
+    if not active:
+        text = f"{plural(state.derived.dof, 'degree')} of freedom; no active constraint takes any."
+        return {"state": "done", "text": text, "lines": []}
+    report = state.mobility
+    if report is None or report.model is not state.model:
+        if state.derived.dof > by_itself and state.mobility_asked is not state.model:
+            text = f"{plural(state.derived.dof, 'degree')} of freedom of the tree."
+            return {"state": "large", "text": text, "lines": []}
+        return {"state": "waiting", "text": "Counting degrees of freedom ...", "lines": []}
+    if report.found is None:
+        lines = [_line(c.name, "", True) for c in active if f"'{c.name}'" in report.problem]
+        return {"state": "failed", "text": sentence(report.problem), "lines": lines}
+    return {"state": "done", "text": headline(report.found), "lines": lines_of(state, report.found)}
+
+
+def sentence(text: str) -> str:
+    """With a capital letter and a full stop."""
+    return text[:1].upper() + text[1:].rstrip(".") + "."
+
+
+def headline(found: Any) -> str:
+    """'1 degree of freedom left: 3 of the tree less 2 that constraints take.'"""
+    left = plural(found.dof, "degree") + " of freedom left"
+    if found.extra:
+        left += f", {found.extra} of them only in this position"
+    return f"{left}: {found.tree} of the tree, less {found.rank} of {plural(found.rows, 'row')}."
+
+
+def lines_of(state: State, found: Any) -> list[Payload]:
+    """Per constraint: which directions it needlessly removes, and what would do."""
+    by_name: dict[str, list[Any]] = {}
+    for row in found.redundant:
+        by_name.setdefault(row.constraint, []).append(row)
+    kinds = {c.name: c.kind for c in state.model.constraints}
+    lines = [
+        _line(name, needless(name, kinds.get(name, ""), rows), False)
+        for name, rows in by_name.items()
+    ]
+    if found.redundant:
+        text = "The motion is right all the same; of the forces along these the least are taken."
+        lines.append(_line("", text, False))
+    if found.extra:
+        joints = ", ".join(f"'{name}'" for name in found.joints[:8])
+        leads = "the branch taken follows the velocity" if found.finite else "they lead nowhere"
+        lines.append(
+            _line("", f"Singular position: {joints} can move in more ways; {leads}.", True)
+        )
+    return lines
+
+
+def needless(name: str, kind: str, rows: list[Any]) -> str:
+    """'unnecessarily removes rotation about x ...; choose line instead'."""
+    always = [row for row in rows if not row.only_here]
+    here = [row for row in rows if row.only_here]
+    parts = []
+    if always:
+        parts.append(f"unnecessarily removes {_listed([r.direction for r in always])}")
+        if better := instead(kind, always):
+            parts.append(better)
+    if here:
+        parts.append(f"says nothing new about {_listed([r.direction for r in here])} only here")
+    return "; ".join(parts)
+
+
+def _listed(words: list[str]) -> str:
+    *first, last = words
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def instead(kind: str, rows: list[Any]) -> str:
+    """The kind that holds what is left, where there is one."""
+    if kind not in ROWS:
+        return ""
+    turned = Counter("turn" if r.direction.startswith("rotation") else "move" for r in rows)
+    left = (ROWS[kind][0] - turned["move"], ROWS[kind][1] - turned["turn"])
+    if left == (0, 0):
+        return "nothing is left of it: delete it, or switch it off"
+    better = HOLDING.get(left)
+    return f"a '{better}' would do" if better else ""
+
+
+def _line(name: str, text: str, bad: bool) -> Payload:
+    return {"constraint": name, "text": text, "bad": bad}

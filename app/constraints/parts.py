@@ -1,0 +1,431 @@
+"""Constraints, contacts and forces: made with what they need, changed cell by cell (pure)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+import pgraph_core as pg
+from pgraph_core.model.constraint import IN_JOINTS
+from pgraph_core.model.constraint import TAKES as CONSTRAINT_TAKES
+from pgraph_core.model.force import TAKES as FORCE_TAKES
+from pgraph_core.rotation import matrix
+
+from ..core.cells import LONGEST_NAME, Refusal, content, number, replaced, whole
+from ..core.intents import Display, Part, Quantity
+from .kinds import FIELDS, KINDS, UNITS_OF, WORD
+
+GROUND, EVERY = "ground", "*"
+Item = Any  # pg.Constraint | pg.Contact | pg.Force
+Places = Mapping[str, tuple[np.ndarray, np.ndarray]]  # body name -> position, rotation at home
+
+VECTORS = {"point", "other_point", "axis", "other_axis"}
+CURVES = ("polynomial", "sine", "table")
+KIND_FIELD = {"constraints": "kind", "contacts": "law", "forces": "kind"}
+LAW_TAKES = {
+    "complementarity": ("friction", "restitution"),
+    "soft": ("friction", "stiffness", "damping", "restitution"),
+    "penalty": ("friction", "stiffness", "damping", "restitution"),
+}
+
+
+def item_of(model: pg.Model, part: Part, name: str) -> Item:
+    """The part of that name. Raises Refusal."""
+    found = next((x for x in getattr(model, part) if x.name == name), None)
+    if found is None:
+        raise Refusal(f"the {WORD[part]} '{name}' is gone")
+    return found
+
+
+def kind_of(part: Part, item: Item) -> str:
+    """The kind of a constraint or force, the law of a contact."""
+    return getattr(item, KIND_FIELD[part])
+
+
+def takes(part: Part, item: Item) -> tuple[str, ...]:
+    """The fields that matter to it, in the order a person sets them."""
+    kind = kind_of(part, item)
+    if part == "contacts":
+        return ("law", "body", "other", *LAW_TAKES[kind], "points")
+    table = {k: t.fields for k, t in CONSTRAINT_TAKES.items()}
+    own = (table if part == "constraints" else FORCE_TAKES)[kind]
+    between = part == "constraints" and (kind == "gear" or kind not in (*IN_JOINTS, "skate"))
+    others = ("other",) if between and "other" not in own else ()
+    body = () if kind == "velocity" else ("body",)
+    return ("kind", *body, *others, *own)
+
+
+def takes_other(part: str, kind: str) -> bool:
+    """Whether a second body belongs to that kind."""
+    if part == "constraints":
+        return kind not in ("motion", "velocity", "skate")
+    if part == "forces":
+        return kind in ("spring", "torsion")
+    return part in ("contacts", "loops")
+
+
+def quantity_of(item: Item, field: str) -> Quantity:
+    """What a field measures."""
+    kind = getattr(item, "kind", None) or getattr(item, "law", "")
+    unit = UNITS_OF.get((field, kind), FIELDS[field].unit if field in FIELDS else "")
+    return unit if unit in ("length", "angle") else "number"  # type: ignore[return-value]
+
+
+# -- making ------------------------------------------------------------------------------------
+
+
+def free_name(name: str, taken: Sequence[str]) -> str:
+    """`name`, or its next number where that is taken: point, point 2."""
+    numbered = (f"{name} {k}" for k in range(2, len(taken) + 3))
+    return next(free for free in (name, *numbered) if free not in taken)
+
+
+def added(model: pg.Model, part: str, kind: str, body: str, other: str) -> tuple[pg.Model, str]:
+    """A model with a new part, with what its kind needs, and its name. Raises PgraphError."""
+    if part == "loops":
+        model = model.close_loop(body, other, joint=kind)
+        return model, model.constraints[-1].name
+    if part == "limits":
+        return model.edit(body, limits=_wide(model.body(body))), body
+    called = "contact" if part == "contacts" else kind
+    name = free_name(called, [x.name for x in getattr(model, part)])
+    make = {"constraints": _constraint, "contacts": _contact, "forces": _force}[part]
+    data = {"name": name, KIND_FIELD[part]: kind, "body": body}  # type: ignore[index]
+    if takes_other(part, kind):
+        data["other"] = other
+    item = make(**data, **needed(model, part, kind, body, other))
+    return model.replace(**{part: (*getattr(model, part), item)}), name
+
+
+_constraint, _contact, _force = pg.Constraint, pg.Contact, pg.Force
+
+
+def needed(model: pg.Model, part: str, kind: str, body: str, other: str) -> dict[str, Any]:
+    """What a new part of that kind cannot do without, such that nothing jumps."""
+    first = model.body(body) if body != EVERY else None
+    if part == "contacts":
+        bare = first is not None and first.shape is None
+        return {"points": (first.tip_point,)} if bare and first is not None else {}
+    assert first is not None
+    start = first.q[0] if first.q else 0.0
+    match part, kind:
+        case _, "distance":
+            return {"other_point": (0.0, 0.0, 0.0)}
+        case _, "line" | "plane":
+            return {"other_axis": tuple(float(axis == model.up) for axis in "xyz")}
+        case _, "gear":
+            second = model.body(other).q if other != GROUND else ()
+            return {"offset": start - (second[0] if second else 0.0)}
+        case _, "motion":
+            return {"q_of_t": {"kind": "polynomial", "coefficients": (start, 0.0)}}
+        case _, "rolling":
+            round_ = first.shape is not None and first.shape.kind == "sphere"
+            return {} if round_ else {"radius": 0.1}
+        case _, "skate":
+            return {"axis": (0.0, 1.0, 0.0)}
+        case _, "velocity":
+            return {"coefficients": {body: (1.0,) + (0.0,) * (first.dof - 1)}}
+        case "forces", "servo":
+            return {"kp": 10.0, "kd": 1.0, "target": start}
+        case "forces", "spring":
+            return {"stiffness": 100.0}
+        case "forces", "torsion":
+            return {"stiffness": 1.0}
+    return {}
+
+
+def _wide(body: pg.Body) -> tuple[Any, ...]:
+    """Half a turn or a metre either way about the initial position. Raises Refusal."""
+    bounds, start = [], 0
+    for m in body.sequence:
+        reach = {"rotate": math.pi, "translate": 1.0}.get(m.kind)
+        q = body.q[start]
+        bounds.append(None if reach is None else (min(-reach, q - reach), max(reach, q + reach)))
+        start += {"rotate": 1, "translate": 1, "ball": 4}.get(m.kind, 7)
+    if not any(bounds):
+        text = f"the {body.joint} joint of '{body.name}' has no motion that a limit could bound"
+        raise Refusal(f"{text}; choose a body that turns or slides")
+    return tuple(bounds)
+
+
+# -- reading -----------------------------------------------------------------------------------
+
+
+def places(names: Sequence[str], positions: np.ndarray, wxyz: np.ndarray) -> Places:
+    """Position and rotation matrix at home by body name, the ground's too."""
+    ground = {GROUND: (np.zeros(3), np.eye(3))}
+    return ground | {n: (p, matrix(q)) for n, p, q in zip(names, positions, wxyz)}
+
+
+def implied(model: pg.Model, item: Item, field: str, at: Places) -> Any:
+    """What a field that is left out comes to; None where there is nothing to show."""
+    constraint = isinstance(item, pg.Constraint)
+    match field:
+        case "point" if constraint:
+            return model.point_of(item)
+        case "point":
+            return model.body(item.body).tip_point if item.kind == "spring" else (0.0, 0.0, 0.0)
+        case "other_point" if not constraint or item.kind == "rolling":
+            return (0.0, 0.0, 0.0)
+        case "other_point":
+            p, R = at[item.body]
+            place, turn = at[item.other]
+            found = turn.T @ (p + R @ np.asarray(model.point_of(item)) - place)
+            return tuple(float(x) + 0.0 for x in found)
+        case "length" | "rest" if getattr(item, "kind", "") in ("distance", "spring"):
+            (p, R), (o, turn) = at[item.body], at[item.other]
+            point = item.point or implied(model, item, "point", at)
+            other = item.other_point or (0.0, 0.0, 0.0)
+            here, there = p + R @ np.asarray(point), o + turn @ np.asarray(other)
+            return float(np.linalg.norm(here - there))
+        case "axis" if getattr(item, "kind", "") == "torsion":
+            return (0.0, 0.0, 1.0)
+    return None
+
+
+def knots(value: Any) -> str:
+    """A number, or a table over time as one types it: 't value; t value'."""
+    if not isinstance(value, (pg.Table, pg.VectorTable, dict)):
+        return value if isinstance(value, str) else f"{value!r}"
+    data = value if isinstance(value, dict) else value.model_dump()
+    rows = zip(data["t"], data["value"])
+    return "; ".join(" ".join(f"{x:g}" for x in _flat((t, v))) for t, v in rows)
+
+
+def _flat(value: Any) -> list[float]:
+    return [y for x in value for y in (x if isinstance(x, (tuple, list)) else (x,))]
+
+
+# -- changing ----------------------------------------------------------------------------------
+
+
+def table_of(text: str, width: int) -> dict[str, Any]:
+    """A table over time from 't value; t value', also as pasted rows. Raises Refusal."""
+    rows = [row for row in text.replace("\n", ";").split(";") if row.strip()]
+    found = [[number(x) for x in row.replace(",", " ").split()] for row in rows]
+    if not found or any(len(row) != 1 + width for row in found):
+        shape = "t value" if width == 1 else "t x y z"
+        raise Refusal(f"must be rows '{shape}; {shape}; ...', each with {1 + width} numbers")
+    values = [row[1] if width == 1 else tuple(row[1:]) for row in found]
+    return {"t": tuple(row[0] for row in found), "value": tuple(values)}
+
+
+def changed(
+    model: pg.Model,
+    part: Part,
+    name: str,
+    field: str,
+    entries: Sequence[tuple[tuple[int, ...], str]],
+    display: Display,
+    at: Places,
+) -> pg.Model:
+    """The model with typed text in cells of a part. Raises Refusal, PgraphError."""
+    item = item_of(model, part, name)
+    data = model.cells(item, part)
+    if field == "name":
+        return renamed(model, part, name, entries[0][1].strip())
+    if field in ("kind", "law"):
+        return _put(model, part, name, rekinded(model, part, item, entries[0][1]))
+    if field in ("body", "other", "frame"):
+        data = {**data, field: entries[0][1]}
+        if field == "body" and data.get("coefficients"):
+            data["coefficients"] = {entries[0][1]: next(iter(data["coefficients"].values()))}
+        return _put(model, part, name, data)
+    for index, text in entries:
+        data = _typed(model, item, data, field, index, text, display, at)
+    return _put(model, part, name, data)
+
+
+def _typed(
+    model: pg.Model,
+    item: Item,
+    data: dict[str, Any],
+    field: str,
+    index: tuple[int, ...],
+    text: str,
+    display: Display,
+    at: Places,
+) -> dict[str, Any]:
+    of = quantity_of(item, field)
+    match field:
+        case "coordinate" | "other_coordinate":
+            return {**data, field: whole(text, 0, 5)}
+        case "curve":
+            return {**data, "q_of_t": _curve(item.q_of_t, text)}
+        case "table":
+            return {**data, "q_of_t": table_of(text, 1)}
+        case "sine":
+            key = ("mean", "amplitude", "frequency", "phase")[index[0]]
+            return {**data, "q_of_t": {**dict(_dict(data["q_of_t"])), key: number(text)}}
+        case "polynomial":
+            old = (*item.q_of_t.coefficients, 0.0, 0.0, 0.0, 0.0)[:4]
+            new = replaced(old, index, number(text))
+            return {**data, "q_of_t": {"kind": "polynomial", "coefficients": new}}
+        case "torque_over" | "force_over":
+            return {**data, field[:-5]: _over(getattr(item, field[:-5]), text)}
+        case "torque" | "force" if not index and getattr(item, "kind", "") == "wrench":
+            return {**data, field: table_of(text, 3)}
+        case "torque" | "target" if not index:
+            if ";" in text or len(text.split()) > 1:
+                return {**data, field: table_of(text, 1)}
+            return {**data, field: content(text, of, display)}
+        case "points":
+            return {**data, "points": _points(model, item, data, index, text, display)}
+        case "coefficients":
+            return _coefficients(model, data, index, text)
+    if not text.strip():
+        return {**data, field: None}
+    new = content(text, of, display)
+    if not index:
+        return {**data, field: new}
+    old = data.get(field) or implied(model, item, field, at) or (0.0, 0.0, 0.0)
+    return {**data, field: replaced(tuple(old), index, new)}
+
+
+def _dict(value: Any) -> dict[str, Any]:
+    return value if isinstance(value, dict) else value.model_dump()
+
+
+def _curve(old: Any, kind: str) -> dict[str, Any]:
+    """A curve of another kind that starts where the old one does."""
+    if kind not in CURVES:
+        raise Refusal(f"must be one of {', '.join(CURVES)}")
+    match old:
+        case pg.Sine():
+            start = old.mean + old.amplitude * math.sin(old.phase)
+        case pg.Polynomial():
+            start = old.coefficients[0]
+        case _:
+            start = old.value[0]
+    if kind == "sine":
+        return {"kind": kind, "mean": start, "amplitude": 0.5, "frequency": 1.0, "phase": 0.0}
+    if kind == "polynomial":
+        return {"kind": kind, "coefficients": (start, 0.0)}
+    return {"t": (0.0, 1.0), "value": (start, start)}
+
+
+def _over(old: Any, text: str) -> Any:
+    """A constant as a table, or a table as its first value."""
+    constant = isinstance(old, tuple)
+    if text == "constant":
+        return old if constant else old.value[0]
+    return {"t": (0.0, 1.0), "value": (old, old)} if constant else old
+
+
+def _points(
+    model: pg.Model,
+    item: pg.Contact,
+    data: dict[str, Any],
+    index: tuple[int, ...],
+    text: str,
+    display: Display,
+) -> tuple[Any, ...]:
+    """Contact points with a number typed, one added or one taken out."""
+    points = tuple(data["points"])
+    if len(index) == 2:
+        return replaced(points, index, content(text, "length", display))
+    if text:
+        tip = model.body(item.body).tip_point if item.body != EVERY else (0.0, 0.0, 0.0)
+        return (*points, tip)
+    return tuple(p for i, p in enumerate(points) if i != index[0])
+
+
+def _coefficients(
+    model: pg.Model, data: dict[str, Any], index: tuple[int, ...], text: str
+) -> dict[str, Any]:
+    """Rows of a velocity constraint: a number typed; without index a body's name joins or goes."""
+    rows = dict(data["coefficients"])
+    if not index:
+        if text in rows:
+            del rows[text]
+        else:
+            rows[text] = (1.0,) + (0.0,) * (model.body(text).dof - 1)
+    else:
+        name = list(rows)[index[0]]
+        rows[name] = replaced(tuple(rows[name]), index[1:], content(text, "number", Display()))
+    if not rows:
+        raise Refusal("needs at least one body")
+    return {**data, "coefficients": rows, "body": next(iter(rows))}
+
+
+def rekinded(model: pg.Model, part: Part, item: Item, kind: str) -> dict[str, Any]:
+    """The fields of a part as another kind: what fits stays, what it needs is added."""
+    if kind not in KINDS[part]:
+        raise Refusal(f"must be one of {', '.join(KINDS[part])}")
+    if kind == kind_of(part, item):
+        return model.cells(item, part)
+    other = getattr(item, "other", GROUND)
+    fresh = {"name": item.name, KIND_FIELD[part]: kind, "body": item.body}
+    if takes_other(part, kind):
+        fresh["other"] = other
+    old = model.cells(item, part)
+    draft = type(item)(**fresh, **needed(model, part, kind, item.body, other))
+    same = {
+        key: old[key]
+        for key in takes(part, draft)
+        if old.get(key) is not None and key not in (*fresh, "rest", "torque", "stiffness")
+    }
+    own = needed(model, part, kind, item.body, other)
+    if kind in ("line", "plane") and "axis" in same:  # one direction of the two
+        (same if "other_axis" in same else own).pop(
+            "axis" if "other_axis" in same else "other_axis", None
+        )
+    if kind == "universal" and ("axis" in same) != ("other_axis" in same):
+        same = {k: x for k, x in same.items() if k not in ("axis", "other_axis")}
+    if part == "contacts":
+        same["points"] = old["points"]
+    active = {"active": item.active} if hasattr(item, "active") else {}
+    return {**own, **fresh, **same, **active}
+
+
+def _put(model: pg.Model, part: Part, name: str, data: Mapping[str, Any]) -> pg.Model:
+    """The model with one part given by its fields anew."""
+    items = tuple(dict(data) if x.name == name else x for x in getattr(model, part))
+    return model.replace(**{part: items})
+
+
+def switched(model: pg.Model, part: Part, name: str, on: bool) -> pg.Model:
+    """The model with a constraint or contact active, or not."""
+    return _put(model, part, name, {**model.cells(item_of(model, part, name), part), "active": on})
+
+
+def renamed(model: pg.Model, part: Part, name: str, new: str) -> pg.Model:
+    """The model with a part's new name, followed by the scenarios. Raises Refusal, PgraphError."""
+    if len(new) > LONGEST_NAME:
+        raise Refusal(f"a name has at most {LONGEST_NAME} characters; given {len(new)}")
+    data = {**model.cells(item_of(model, part, name), part), "name": new}
+    items = tuple(data if x.name == name else x for x in getattr(model, part))
+    return model.replace(**{part: items}, scenarios=_scenarios(model, part, {name: new}))
+
+
+def removed(model: pg.Model, part: Part, name: str) -> pg.Model:
+    """The model without a part; scenarios that list it do so no more."""
+    items = tuple(x for x in getattr(model, part) if x.name != name)
+    return model.replace(**{part: items}, scenarios=_scenarios(model, part, {name: None}))
+
+
+def duplicated(model: pg.Model, part: Part, name: str) -> tuple[pg.Model, str]:
+    """The model with a part once more, below it, and the name of the copy."""
+    item = item_of(model, part, name)
+    new = free_name(name, [x.name for x in getattr(model, part)])
+    copy = {**model.cells(item, part), "name": new}
+    items = getattr(model, part)
+    i = items.index(item) + 1
+    return model.replace(**{part: (*items[:i], copy, *items[i:])}), new
+
+
+def _scenarios(model: pg.Model, part: Part, names: Mapping[str, str | None]) -> tuple[Any, ...]:
+    """Scenarios whose lists of active parts follow new names; None takes a name out."""
+    if part == "forces":
+        return model.scenarios
+    found = []
+    for s in model.scenarios:
+        listed = getattr(s, part)
+        if listed is not None and not names.keys().isdisjoint(listed):
+            new = (names.get(x, x) for x in listed)
+            s = s.model_copy(update={part: tuple(x for x in new if x is not None)})
+        found.append(s)
+    return tuple(found)

@@ -1,0 +1,280 @@
+"""The constraints tab: what ties and drives bodies beside their joints, and what it leaves free."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import pgraph_core as pg
+
+from ..core.bridge import Bridge
+from ..core.intents import Display, Part, Picking, Quantity
+from ..core.state import Client, State
+from ..core.views import Payload, audience
+from ..model.errand_worker import BY_ITSELF
+from ..properties.forms import button, cell, choice, field, group, shown
+from . import parts
+from .kinds import EMPTY_OF, FIELDS, KINDS, TITLES, UNITS_OF, WORD
+from .mobility import mobility_report
+from .update import allowed
+
+LISTS: tuple[Part, ...] = ("constraints", "contacts", "forces")
+NAMED = ("body", "other")
+Q_OF_T = {
+    "sine": ("mean", "amplitude", "frequency", "phase"),
+    "polynomial": ("c0", "c1", "c2", "c3"),
+}
+
+
+class ConstraintsView:
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+        bridge.host("constraints")
+
+    def render(self, old: State, new: State) -> None:
+        changed = new.derived is not old.derived or any(
+            getattr(old, part) is not getattr(new, part)
+            for part in ("mobility", "mobility_asked", "errands")
+        )
+        for client, now in new.clients.items():
+            before = old.clients.get(client)
+            same = before is not None and _seen(before) == _seen(now)
+            if client in audience(old, new, changed or not same):
+                self._bridge.send(client, "constraints", constraints(new, now))
+
+
+def _seen(page: Client) -> tuple[Any, ...]:
+    """What of a page decides on what its tab shows."""
+    return (page.picking, page.opened, page.listed, page.called, page.display)
+
+
+def constraints(state: State, page: Client) -> Payload:
+    """Lists of all parts, the opened one with its form, the report, and what is being picked."""
+    return {
+        "listed": page.listed,
+        "called": page.called,
+        "kinds": [
+            {"part": part, "title": TITLES[part], "kinds": list(kinds.items())}
+            for part, kinds in sorted(KINDS.items(), key=lambda k: list(TITLES).index(k[0]))
+        ],
+        "lists": [_list(state, page, part) for part in LISTS],
+        "limits": _limits(state, page),
+        "picking": _picking(page.picking),
+        "mobility": mobility_report(state, BY_ITSELF),
+        "assembling": bool(state.errands),
+        "display": vars(page.display),
+    }
+
+
+def _list(state: State, page: Client, part: Part) -> Payload:
+    """One line each: name, kind, between what; the opened one with all its fields."""
+    titles = {"constraints": "Constraints", "contacts": "Contacts", "forces": "Forces"}
+    items = [x for x in getattr(state.model, part) if _touches(x, page.listed, state.model)]
+    lines = [
+        {
+            "name": x.name,
+            "kind": parts.kind_of(part, x),
+            "between": between(x),
+            "bodies": [n for n in _bodies(x) if n in state.derived.number],
+            "active": getattr(x, "active", None),
+            "form": form(state, page.display, part, x) if page.opened == (part, x.name) else None,
+        }
+        for x in items
+    ]
+    return {"part": part, "title": titles[part], "items": lines}
+
+
+def _bodies(item: Any) -> tuple[str, ...]:
+    """The bodies that a part acts on."""
+    return item.touches if isinstance(item, pg.Constraint) else (item.body, item.other)
+
+
+def _touches(item: Any, name: str | None, model: pg.Model) -> bool:
+    if name is None or name in _bodies(item):
+        return True
+    everyone = isinstance(item, pg.Contact) and parts.EVERY in _bodies(item)
+    return everyone and model.body(name).shape is not None
+
+
+def between(item: Any) -> str:
+    """'thigh, shin' or 'foot, ground': where it acts."""
+    if isinstance(item, pg.Constraint) and item.coefficients is not None:
+        return ", ".join(item.coefficients)
+    kind = getattr(item, "kind", "")
+    names = {parts.EVERY: "all bodies"}
+    first = names.get(item.body, item.body)
+    alone = kind in ("motion", "skate", "motor", "servo", "wrench")
+    return first if alone else f"{first}, {names.get(item.other, item.other)}"
+
+
+def _limits(state: State, page: Client) -> list[Payload]:
+    """The joint limits as one form a body."""
+    found = []
+    for body in state.model.bodies:
+        if not any(body.limits) or page.listed not in (None, body.name):
+            continue
+        texts = [
+            _bounds(pair, "angle" if m.kind == "rotate" else "length", page.display)
+            for pair, m in zip(body.limits, body.sequence) if pair is not None
+        ]  # fmt: skip
+        found.append({"body": body.name, "text": "; ".join(texts)})
+    return found
+
+
+def _bounds(pair: tuple[float | None, ...], of: Quantity, display: Display) -> str:
+    """'-1.5 to 1.5 rad'; an open side says so."""
+    low, high = ("open" if x is None else f"{display.shown(x, of):.4g}" for x in pair)
+    return f"{low} to {high} {display.unit(of)}"
+
+
+def _picking(picking: Picking | None) -> Payload | None:
+    """The banner: what to click, and what may be chosen without a click."""
+    if picking is None:
+        return None
+    names = {"body": "the body", "other": "the other body"}
+    word = WORD.get(picking.part, "limit")
+    what = f"{picking.kind} {word}" if picking.part not in ("loops", "limits") else word
+    if picking.part == "loops":
+        what = f"loop, cut at a {picking.kind} joint,"
+        names = {"body": "the body", "other": "its second parent"}
+    of = f"'{picking.name}'" if picking.name else f"A new {what}"
+    if picking.part == "limits":
+        of = "A joint limit"
+    about = f"{of} on '{picking.body}'" if picking.body else of.rstrip(",")
+    text = f"{about}: click {names[picking.slot]} in the digraph, the table or the 3D view."
+    labels = {parts.GROUND: "ground", parts.EVERY: "every body with a shape"}
+    return {"text": text, "names": [[name, labels[name]] for name in allowed(picking)]}
+
+
+# -- the form of one part ----------------------------------------------------------------------
+
+
+def form(state: State, display: Display, part: Part, item: Any) -> list[Payload]:
+    """All fields that matter to a part."""
+    at = parts.places(state.derived.names, state.derived.positions, state.derived.wxyz)
+    cells = state.model.cells(item, part)
+    found = [field("name", "Name", [cell((), item.name)], kind="text")]
+    for name in parts.takes(part, item):
+        found += _field(state.model, part, item, name, cells, display, at)
+    return [group("", found)]
+
+
+def _field(
+    model: pg.Model, part: Part, item: Any, name: str, cells: Any, display: Display, at: Any
+) -> list[Payload]:
+    kind = parts.kind_of(part, item)
+    match name:
+        case "kind" | "law":
+            options = list(KINDS[part])
+            return [choice(name, FIELDS[name].label, kind, options, help=KINDS[part][kind],
+                           note=KINDS[part][kind])]  # fmt: skip
+        case "body" | "other":
+            return [_name_field(part, item, name)]
+        case "frame":
+            return [choice(name, FIELDS[name].label, item.frame, ("world", "body"))]
+        case "q_of_t":
+            return _curve(item)
+        case "coefficients":
+            return _coefficients(cells)
+        case "points":
+            return _points(item, cells, display)
+        case "torque" | "target" if kind != "wrench":
+            about = FIELDS[name]
+            return [field(name, about.label, [cell((), parts.knots(cells[name]))],
+                          unit=about.unit, help=about.help, kind="text")]  # fmt: skip
+        case "torque" | "force":
+            return _over_time(item, name, cells)
+    return [_plain(model, item, name, cells, display, at)]
+
+
+def _name_field(part: Part, item: Any, name: str) -> Payload:
+    """A body: a drop-down of names, and a button to click it instead."""
+    extra = []
+    if name == "other":
+        gear = getattr(item, "kind", "") == "gear"
+        extra = [] if gear else [parts.GROUND]
+    if part == "contacts":
+        extra.append(parts.EVERY)
+    pick = button("pick", "Pick", "click the body in the digraph, the table or 3D", slot=name)
+    return field(name, FIELDS[name].label, [cell((), getattr(item, name))], kind="names",
+                 options=extra, buttons=[pick])  # fmt: skip
+
+
+def _plain(model: pg.Model, item: Any, name: str, cells: Any, display: Display, at: Any) -> Payload:
+    """A number or a vector; what is left out shows what it comes to."""
+    kind = getattr(item, "kind", None) or getattr(item, "law", "")
+    about, of = FIELDS[name], parts.quantity_of(item, name)
+    value, implied = cells.get(name), False
+    if value is None:
+        value, implied = parts.implied(model, item, name, at), True
+    unit = UNITS_OF.get((name, kind), about.unit)
+    unit = display.unit(of) if unit in ("length", "angle") else unit
+    if name in parts.VECTORS:
+        found = value if value is not None else (None, None, None)
+        row = [cell((i,), shown(x, of, display), implied=implied) for i, x in enumerate(found)]
+        return field(name, about.label, row, unit=unit, help=about.help)
+    empty = EMPTY_OF.get(name, "") if isinstance(item, pg.Contact) else ""
+    one = cell((), shown(value, of, display), implied=implied)
+    return field(name, about.label, [one], unit=unit, help=empty or about.help)
+
+
+def _curve(item: pg.Constraint) -> list[Payload]:
+    """The kind of a prescribed motion and its numbers."""
+    curve = item.q_of_t
+    kind = curve.kind if isinstance(curve, (pg.Sine, pg.Polynomial)) else "table"
+    found = [choice("curve", "Follows", kind, parts.CURVES, help=FIELDS["curve"].help)]
+    if kind == "table":
+        one = cell((), parts.knots(curve))
+        about = FIELDS["table"]
+        return [*found, field("table", about.label, [one], help=about.help, kind="text",
+                              note=about.help)]  # fmt: skip
+    if isinstance(curve, pg.Sine):
+        numbers: Sequence[float] = (curve.mean, curve.amplitude, curve.frequency, curve.phase)
+    else:
+        assert isinstance(curve, pg.Polynomial)
+        numbers = (*curve.coefficients, 0.0, 0.0, 0.0, 0.0)[:4]
+    row = [cell((i,), x, name) for i, (x, name) in enumerate(zip(numbers, Q_OF_T[kind]))]
+    about = FIELDS[kind]
+    return [*found, field(kind, about.label, row, help=about.help, columns=2, note=about.help)]
+
+
+def _coefficients(cells: Any) -> list[Payload]:
+    found = [
+        field("coefficients", name, [cell((i, j), x) for j, x in enumerate(row)],
+              help=FIELDS["coefficients"].help,
+              buttons=[button("×", "", "take this body out", field="coefficients", index=[],
+                              text=name)])
+        for i, (name, row) in enumerate(cells["coefficients"].items())
+    ]  # fmt: skip
+    more = field("coefficients", "+ body", [cell((), "")], kind="names", options=[])
+    return [*found, more]
+
+
+def _points(item: pg.Contact, cells: Any, display: Display) -> list[Payload]:
+    if item.body == parts.EVERY:
+        return []
+    found = [
+        field("points", f"Point {i + 1}",
+              [cell((i, j), shown(x, "length", display)) for j, x in enumerate(point)],
+              unit=display.length, help=FIELDS["points"].help,
+              buttons=[button("×", "", "take this point out", field="points", index=[i], text="")])
+        for i, point in enumerate(cells["points"])
+    ]  # fmt: skip
+    more = [button("+ point", "", "a point that touches, at the tip at first", field="points",
+                   index=[], text="add")]  # fmt: skip
+    said = "" if item.points else "the body's shape touches"
+    return [*found, field("points", "Points", [], buttons=more, note=said)]
+
+
+def _over_time(item: pg.Force, name: str, cells: Any) -> list[Payload]:
+    """A wrench's vector, constant or as rows over time."""
+    about, constant = FIELDS[name], isinstance(getattr(item, name), tuple)
+    how = "constant" if constant else "over time"
+    over = choice(f"{name}_over", FIELDS[f"{name}_over"].label, how, ("constant", "over time"))
+    if constant:
+        row = [cell((i,), x) for i, x in enumerate(cells[name])]
+        return [field(name, about.label, row, unit=about.unit.split(",")[0]), over]
+    row = [cell((), parts.knots(cells[name]))]
+    text = "rows: t x y z; t x y z; ..."
+    return [field(name, about.label, row, unit=about.unit.split(",")[0], kind="text", help=text,
+                  note=text), over]  # fmt: skip

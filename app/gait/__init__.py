@@ -1,0 +1,1 @@
+"""Walking: gaits, their settings, the phases and the prints of the feet."""

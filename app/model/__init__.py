@@ -1,0 +1,1 @@
+"""The model itself: new, open, save, undo, redo, and what follows from it."""

@@ -1,0 +1,112 @@
+"""What follows from a model alone, for the page to show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+import pgraph_core as pg
+from pgraph_core.topology import Loop, loops_of
+
+from ..digraph.layout import Layout, layout
+from ..scene.shapes import Color, branch_colors, children_of, reach, to_wxyz
+
+
+@dataclass(frozen=True)
+class Derived:
+    """Everything that follows from the model alone; in number order unless said otherwise."""
+
+    names: tuple[str, ...]  # depth-first, from body 1
+    number: Mapping[str, int]  # name -> 1..nb
+    parent: tuple[int, ...]  # numbers, 0 is the ground
+    children: tuple[tuple[int, ...], ...]  # of body 0 (ground), 1, ...
+    pgraph: tuple[int, ...]
+    jdof: tuple[int, ...]
+    tips: frozenset[int]
+    separation: frozenset[int]
+    dof: int
+    constraints: Mapping[str, tuple[str, ...]]  # body name -> names of what touches it
+    loops: tuple[Loop, ...]  # constraints to draw beside the tree
+    layout: Layout
+    colors: tuple[Color, ...]
+    positions: np.ndarray  # (nb, 3) body origins at home, world axes [m]
+    wxyz: np.ndarray  # (nb, 4) orientations at home
+    center: np.ndarray  # (3,) what the camera looks at [m]
+    size: float  # how far the model reaches from there [m]
+
+    @property
+    def grain(self) -> float:
+        """A length in keeping with one body [m]: what is drawn on bodies is a part of it."""
+        return self.size / max(1.0, len(self.names) / 16)
+
+
+def derive(model: pg.Model) -> Derived:
+    """Topology, layout, home poses, colours and the constraint column of a model."""
+    top = pg.Topology.of(model)
+    names, parent = tuple(top.names), tuple(top.parent.tolist())
+    bodies = [model.body(name) for name in names]
+    loops = loops_of(model, top)
+    tree = _tree(parent, tuple(top.dof.tolist()))
+    positions, rotations = pg.home_poses(model)
+    center, size = reach(bodies, tree.children, positions, rotations)
+    ends = tuple((loop.body, loop.other) for loop in loops)
+    return Derived(
+        names=names,
+        number={name: k for k, name in enumerate(names, 1)},
+        parent=parent,
+        children=tree.children,
+        pgraph=tree.pgraph,
+        jdof=tree.jdof,
+        tips=frozenset(top.tips.tolist()),
+        separation=frozenset(top.separation_bodies.tolist()),
+        dof=int(top.dof.sum()),
+        constraints=touching(model),
+        loops=loops,
+        layout=_layout(parent, tuple(map(len, names)), ends),
+        colors=tree.colors,
+        positions=np.asarray(positions, dtype=float),
+        wxyz=to_wxyz(np.asarray(rotations, dtype=float)),
+        center=center,
+        size=size,
+    )  # fmt: skip
+
+
+class Tree(NamedTuple):
+    """What follows from parents and degrees of freedom alone: most edits leave it as it is."""
+
+    children: tuple[tuple[int, ...], ...]
+    pgraph: tuple[int, ...]
+    jdof: tuple[int, ...]
+    colors: tuple[Color, ...]
+
+
+@lru_cache(maxsize=16)
+def _tree(parent: tuple[int, ...], dof: tuple[int, ...]) -> Tree:
+    pgraph = pg.pgraph_of(parent)
+    jdof = pg.jdof_of(pgraph, dof)
+    walk = tuple(pgraph.tolist()), tuple(jdof.tolist())
+    return Tree(children_of(parent), *walk, branch_colors(parent))
+
+
+_layout = lru_cache(maxsize=16)(layout)
+
+
+def touching(model: pg.Model) -> dict[str, tuple[str, ...]]:
+    """The constraint column: constraints and contacts that touch a body, and its limits."""
+    found: dict[str, list[str]] = {body.name: [] for body in model.bodies}
+    shaped = [body.name for body in model.bodies if body.shape is not None]
+    for c in model.constraints:
+        for name in c.touches:
+            found[name].append(c.name)
+    for contact in model.contacts:
+        ends = {contact.body, contact.other}
+        for name in {*ends, *(shaped if "*" in ends else ())} & found.keys():
+            found[name].append(contact.name)
+    for body in model.bodies:
+        if any(body.limits):
+            found[body.name].append("limits")
+    return {name: tuple(names) for name, names in found.items()}

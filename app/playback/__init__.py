@@ -1,0 +1,1 @@
+"""Playing a run: play, scrub, step, speed, loop."""

@@ -1,0 +1,50 @@
+"""The playback bar; while something moves, only the time is sent."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..core.bridge import Bridge
+from ..core.state import SPEEDS, State
+from ..core.views import Payload, audience
+
+
+class PlaybackView:
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+        bridge.host("playback")
+
+    def render(self, old: State, new: State) -> None:
+        clients = set(audience(old, new, settings(old) != settings(new)))
+        for client in new.clients:
+            if client in clients:
+                self._bridge.send(client, "playback", playback(new))
+            elif moment(old) != moment(new):
+                self._bridge.send(client, "time", moment(new))
+
+
+def settings(state: State) -> tuple[object, ...]:
+    """What changes seldom: everything but the time, and the end of a run that grows."""
+    live = state.live
+    span = (live.id, live.running, not live.parts) if live else (state.t_start, state.t_end)
+    return replace(state.playback, time=0.0), span
+
+
+def moment(state: State) -> tuple[float, float, float]:
+    """The time shown, and the first and last there are [s]."""
+    return state.playback.time, state.t_start, state.t_end
+
+
+def playback(state: State) -> Payload:
+    """Everything the bar shows."""
+    p, live = state.playback, state.live
+    hint = "" if state.run else "Nothing to play yet: press Simulate, or Live."
+    return {
+        "moment": moment(state),
+        "playing": p.playing if live is None else live.running,
+        "speed": p.speed,
+        "loop": p.loop,
+        "speeds": SPEEDS,
+        "live": live is not None,
+        "hint": "The live run starts ..." if live and not live.parts else hint,
+    }

@@ -1,0 +1,95 @@
+"""Plots of a run: what can be plotted, and the curves of what is."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from ..core.bridge import Bridge
+from ..core.state import Client, Run, State
+from ..core.views import Payload
+from .signals import KINDS, Curve, Signal, curves, of_body, of_scene, thinned, title, unit
+
+LIVE_EVERY = 0.3  # [s] between two pictures of a live run
+LIVE_PARTS = 900  # of a live run that are plotted
+
+
+class PlotsView:
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+        self._drawn = 0.0  # when a live run was drawn last
+        bridge.host("plots")
+
+    def render(self, old: State, new: State) -> None:
+        due = self._due(old, new)
+        for client, now in new.clients.items():
+            before = old.clients.get(client)
+            if before is None or due or before.plots != now.plots or fresh(old, new):
+                self._bridge.send(client, "plots", plots(new, now))
+            if before is None or before.selection != now.selection or fresh(old, new):
+                self._bridge.send(client, "signals", signals(new, now))
+
+    def _due(self, old: State, new: State) -> bool:
+        """Whether a live run has grown for long enough to be drawn anew."""
+        if new.live is None or old.live is None or new.live.parts is old.live.parts:
+            return False
+        late = time.perf_counter() - self._drawn > LIVE_EVERY
+        if late:
+            self._drawn = time.perf_counter()
+        return late
+
+
+def fresh(old: State, new: State) -> bool:
+    """Whether there is another run to plot, or another ghost."""
+    if (old.live is None) != (new.live is None) or new.ghost is not old.ghost:
+        return True
+    if new.live is not None and old.live is not None:
+        return bool(new.live.parts) != bool(old.live.parts)
+    return new.run is not old.run or new.derived is not old.derived
+
+
+def signals(state: State, client: Client) -> Payload:
+    """What can be plotted: of the selected body, and of the run."""
+    name = client.selection
+    of = [] if name is None or name not in state.derived.number else of_body(state.model, name)
+    scene = of_scene(state.run.result) if state.run is not None else []
+    return {
+        "body": name,
+        "of_body": [[s.kind, s.of, KINDS[s.kind].label] for s in of],
+        "of_scene": [[s.kind, s.of, title(s)] for s in scene],
+        "hint": "" if state.run else "Nothing to plot yet: press Simulate, or Live.",
+    }
+
+
+def plots(state: State, client: Client) -> Payload:
+    """The charts of one page; a ghost's curves beside the run's."""
+    return {"charts": [chart(state, Signal(*plot)) for plot in client.plots]}
+
+
+def chart(state: State, signal: Signal) -> Payload:
+    """One signal: its curves, and those of the ghost."""
+    ghost: Run | None = state.ghost
+    return {
+        "kind": signal.kind,
+        "of": signal.of,
+        "title": title(signal),
+        "unit": unit(state.run.model if state.run else state.model, signal),
+        "curves": [curve._asdict() for curve in of_state(state, signal)],
+        "ghost": [c._asdict() for c in curves(ghost.result, signal)] if ghost else [],
+    }
+
+
+def of_state(state: State, signal: Signal) -> list[Curve]:
+    """The curves of the run that is played; of a live one, the last stretch."""
+    if state.run is None:
+        return []
+    if state.live is None:
+        return curves(state.run.result, signal)
+    parts: list[Any] = [curves(part, signal) for part in state.live.parts[-LIVE_PARTS:]]
+    found = []
+    for pieces in zip(*parts):
+        t, y = (np.concatenate([getattr(c, axis) for c in pieces]) for axis in ("t", "y"))
+        found.append(thinned(pieces[0].label, t, y))
+    return found

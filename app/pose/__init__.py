@@ -1,0 +1,1 @@
+"""Poses by hand: joint sliders, the gizmo in 3D, pulling on a body."""

@@ -1,0 +1,206 @@
+"""Poses by hand: the coordinates of joints as numbers to move, and loops kept closed (pure)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Container, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+import pgraph_core as pg
+from pgraph_core.joints import Motion
+from pgraph_core.model.fields import fields_of
+from pgraph_core.paper import frames
+from pgraph_core.paper.motion import bodies_of, elementary, q_slices
+
+from ..core.state import Pose, Run, State
+from ..scene.shapes import to_wxyz
+
+HAND = "held by hand"  # the constraint that keeps a moved joint where it was put
+HELD = 1e-6  # [rad, m] to which it is
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """A degree of freedom of a joint, as a slider shows it; turns in space as a rotation vector."""
+
+    body: str
+    index: int  # among those of its joint
+    label: str
+    value: float
+    low: float
+    high: float
+    unit: str  # rad or m
+
+
+def shown_q(state: State) -> np.ndarray:
+    """(nq,) of what is shown: the pose by hand, the run's frame nearest to its time, home."""
+    if (pose := state.pose) is not None:
+        return pose.q
+    if state.run is None:
+        return home(state.model)
+    return np.asarray(state.run.result.q[_frame(state.run, state.playback.time)])
+
+
+def shown_v(state: State) -> np.ndarray | None:
+    """(nv,) of the run's frame that is shown; None where none is: the model's own."""
+    if state.pose is not None or state.run is None:
+        return None
+    return np.asarray(state.run.result.v[_frame(state.run, state.playback.time)])
+
+
+def _frame(run: Run, time: float) -> int:
+    """The frame nearest to a time."""
+    return int(np.abs(np.asarray(run.result.t) - time).argmin())
+
+
+def home(model: pg.Model) -> np.ndarray:
+    """(nq,) of the model's initial state, in number order."""
+    bodies = bodies_of(model, pg.Topology.of(model))
+    return np.array([x for body in bodies for x in body.q], dtype=float)
+
+
+def coordinates(state: State, names: Container[str] | None = None) -> list[Coordinate]:
+    """Every coordinate of every joint at what is shown, or of those in `names`."""
+    q, reach = shown_q(state), 2 * state.derived.size
+    bodies = bodies_of(state.model, pg.Topology.of(state.model))
+    found = []
+    for body, place in zip(bodies, q_slices(bodies)):
+        if names is not None and body.name not in names:
+            continue
+        for i, (label, value, low, high, unit) in enumerate(_of_joint(body, q[place], reach)):
+            low, high = min(low, value), max(high, value)
+            found.append(Coordinate(body.name, i, label, value, low, high, unit))
+    return found
+
+
+def _of_joint(
+    body: pg.Body, q: np.ndarray, reach: float
+) -> Iterator[tuple[str, float, float, float, str]]:
+    limits = body.limits or (None,) * len(body.sequence)
+    for (motion, x), limit in zip(elementary(body, q), limits):
+        low, high = limit or (None, None)
+        if motion.kind in ("rotate", "translate"):
+            turns = motion.kind == "rotate"
+            far = math.pi if turns else reach
+            label = f"{'about' if turns else 'along'} {_axis(motion)}"
+            low, high = (-far if low is None else low), (far if high is None else high)
+            yield label, float(x[0]), low, high, "rad" if turns else "m"
+            continue
+        for axis, value in zip("xyz", rotation_vector(np.asarray(x[-4:]))):
+            yield f"about {axis}", float(value), -math.pi, math.pi, "rad"
+        for axis, value in zip("xyz", x[:-4]):
+            yield f"along {axis}", float(value), float(value) - reach, float(value) + reach, "m"
+
+
+def _axis(motion: Motion) -> str:
+    axis = np.asarray(motion.axis)
+    for name, unit in zip("xyz", np.eye(3)):
+        if np.allclose(axis / np.linalg.norm(axis), unit):
+            return name
+    return "[" + ", ".join(f"{x:.3g}" for x in motion.axis) + "]"
+
+
+def moved(body: pg.Body, q: np.ndarray, index: int, value: float) -> np.ndarray:
+    """q of one joint with its coordinate `index` at `value`."""
+    q, i, place = q.copy(), index, 0
+    for motion, x in elementary(body, q):
+        size = {"ball": 3, "free": 6}.get(motion.kind, 1)
+        if i >= size:
+            i, place = i - size, place + len(x)
+            continue
+        if size == 1:
+            q[place] = value
+        elif i >= 3:
+            q[place + i - 3] = value
+        else:
+            vector = rotation_vector(np.asarray(x[-4:]))
+            vector[i] = value
+            q[place + len(x) - 4 : place + len(x)] = quaternion(vector)
+        return q
+    raise _cannot(body, f"its joint has no coordinate {index + 1}")  # asked before an edit
+
+
+def rotation_vector(wxyz: np.ndarray) -> np.ndarray:
+    """(3,) axis times angle in [0, pi] of a quaternion."""
+    w, xyz = (wxyz[0], wxyz[1:]) if wxyz[0] >= 0 else (-wxyz[0], -wxyz[1:])
+    sine = float(np.linalg.norm(xyz))
+    return xyz * (2 * math.atan2(sine, w) / sine if sine > 0 else 2.0)
+
+
+def quaternion(vector: np.ndarray) -> np.ndarray:
+    """(4,) [w, x, y, z] of a rotation vector."""
+    half = float(np.linalg.norm(vector)) / 2
+    return np.array([math.cos(half), *(vector / 2 * np.sinc(half / math.pi))])
+
+
+def posed(state: State, name: str, index: int, value: float) -> Pose:
+    """What is shown with one coordinate moved; loops close around it.
+
+    Raises PgraphError where they cannot, with the sentence to show.
+    """
+    model, top, q = state.model, pg.Topology.of(state.model), shown_q(state)
+    number = top.number(name)
+    place = q_slices(bodies_of(model, top))[number - 1]
+    body = model.body(name)
+    q = np.concatenate((q[: place.start], moved(body, q[place], index, value), q[place.stop :]))
+    if any(c.active for c in model.constraints):
+        q = closed(state, body, index, q)
+    return pose_at(state, q)
+
+
+def pose_at(state: State, q: np.ndarray) -> Pose:
+    """The pose of the model's bodies at q."""
+    positions, rotations = frames(state.model, pg.Topology.of(state.model), q)
+    return Pose(state.model, state.run, state.playback.time, q, positions, to_wxyz(rotations))
+
+
+def closed(state: State, body: pg.Body, index: int, q: np.ndarray) -> np.ndarray:
+    """q near the given one that meets the constraints, with the moved coordinate held."""
+    if not state.kernels.ready:
+        raise _cannot(body, "the fast code that closes loops is still being compiled")
+    model, held = state.model, None
+    if all(m.kind in ("rotate", "translate") for m in body.sequence):
+        goal = {"kind": "polynomial", "coefficients": [float(q[_first(model, body) + index])]}
+        held = pg.Constraint(
+            name=HAND,
+            kind="motion",
+            body=body.name,
+            coordinate=index,
+            q_of_t=goal,  # type: ignore[arg-type]
+        )
+        model = model.model_copy(update={"constraints": (*model.constraints, held)})
+    mech = pg.Mechanism(model)
+    try:
+        found, _, _ = mech.assemble(q, np.zeros(mech.nv))
+    except pg.PgraphError:
+        raise _cannot(body, "the loops cannot be closed there") from None
+    place = _first(state.model, body)
+    stays = np.abs(found - q)[place : place + len(body.q)]
+    if not held and float(stays.max(initial=0.0)) > HELD:
+        raise _cannot(body, "the constraints hold it")
+    return found
+
+
+def _first(model: pg.Model, body: pg.Body) -> int:
+    top = pg.Topology.of(model)
+    return q_slices(bodies_of(model, top))[top.number(body.name) - 1].start
+
+
+def _cannot(body: pg.Body, why: str) -> pg.PgraphError:
+    return pg.InputError(pg.Problem(f"body '{body.name}'", "q", f"cannot be moved further: {why}"))
+
+
+def with_initial(model: pg.Model, q: np.ndarray, v: np.ndarray | None = None) -> pg.Model:
+    """The model with q (nq,), and v (nv,) if given, as its initial state. Raises PgraphError."""
+    top = pg.Topology.of(model)
+    bodies = bodies_of(model, top)
+    ends = np.cumsum([len(body.v) for body in bodies])
+    found = {}
+    for body, place, end in zip(bodies, q_slices(bodies), ends):
+        speeds = body.v if v is None else tuple(v[end - len(body.v) : end].tolist())
+        state = {"q": tuple(q[place].tolist()), "v": speeds}
+        same = (body.q, body.v) == (state["q"], state["v"])
+        found[body.name] = body if same else pg.Body(**{**fields_of(body), **state})
+    return model.replace(bodies=tuple(found[body.name] for body in model.bodies))

@@ -1,0 +1,1 @@
+"""Properties of the selected bodies, of the model and its parameters."""

@@ -1,0 +1,291 @@
+"""What the cells of a body hold, both ways: a field as a person sees it, and typed text as an edit.
+
+Values are SI; a formula stands as its text. Some fields are seen in another form than they are
+kept: an orientation as angles, an inertia about the frame's origin, a shape by its parts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+import pgraph_core as pg
+from pgraph_core.rotation import matrix, unit
+
+from ..core.cells import Refusal, content, replaced
+from ..core.intents import Display, Quantity
+
+Entry = tuple[tuple[int, ...], str]  # index of a cell in its field, and what was typed
+Content = Any  # nested tuples of numbers, formulas and None
+
+PER_MOTION = ("stiffness", "damping", "rest", "friction", "armature", "limit_restitution")
+LENGTHS = {
+    "link", "com", "tip", "shape_size", "shape_radius", "shape_length", "shape_position",
+}  # fmt: skip
+SHAPES = ("box", "sphere", "cylinder", "capsule", "mesh")
+MOTIONS = ("rotate", "translate", "ball")
+NO_SHAPE = "none"
+SLENDER = 0.1  # radius of a new shape over its length
+LEAST = 0.05  # of a new shape's length [m]
+
+
+def quantity_of(body: pg.Body, field: str, index: tuple[int, ...]) -> Quantity:
+    """What a cell measures: which of the page's units it is shown in."""
+    if field in LENGTHS:
+        return "length"
+    if field == "rotation_euler" or (field == "rotation_axis" and index == (3,)):
+        return "angle"
+    if field in ("q", "v", "limits", "rest") and index:
+        kinds = _of_coordinates(body, field)
+        return kinds[index[0]] if index[0] < len(kinds) else "number"
+    return "number"
+
+
+def _of_coordinates(body: pg.Body, field: str) -> list[Quantity]:
+    angle: tuple[Quantity, ...] = ("angle",)
+    length: tuple[Quantity, ...] = ("length",)
+    number: tuple[Quantity, ...] = ("number",)
+    sizes = {
+        "rotate": dict.fromkeys(("q", "v", "limits", "rest"), angle),
+        "translate": dict.fromkeys(("q", "v", "limits", "rest"), length),
+        "ball": {"q": number * 4, "v": angle * 3},
+        "free": {"q": length * 3 + number * 4, "v": angle * 3 + length * 3},
+    }
+    return [q for m in body.sequence for q in sizes[m.kind].get(field, number)]
+
+
+def held(model: pg.Model, body: pg.Body, field: str, display: Display) -> Content:
+    """What the cells of a field hold."""
+    match field:
+        case "rotation_euler":
+            return euler_of(body.rotation)
+        case "rotation_axis":
+            return axis_of(body.rotation)
+        case "inertia" if display.about == "origin":
+            return shifted(body.inertia, body.mass, body.com, 1.0)
+        case "tip" if body.tip is None:
+            return body.com
+        case "limits":
+            bounds = model.cells(body)["limits"] or (None,) * len(body.sequence)
+            return tuple((None, None) if pair is None else pair for pair in bounds)
+        case "shape_kind":
+            return NO_SHAPE if body.shape is None else body.shape.kind
+        case _ if field.startswith("shape_"):
+            shape = model.cells(body)["shape"]
+            name = field.removeprefix("shape_")
+            return shape.get(name) if isinstance(shape, dict) else getattr(shape, name, None)
+    value = model.cells(body)[field]
+    if field in PER_MOTION and not isinstance(value, (tuple, list)):
+        return (value,) * len(body.sequence)  # one formula for all
+    return value
+
+
+def edit_of(
+    model: pg.Model, body: pg.Body, field: str, entries: Sequence[Entry], display: Display
+) -> dict[str, Any]:
+    """The arguments of `model.edit` that put typed text into cells of a field. Raises Refusal."""
+    if field == "shape_kind":
+        return {"shape": _shape(body, entries[0][1])}
+    if field == "motions":
+        return {"motions": _motions(body, entries)}
+    if field == "joint":
+        return {"joint": entries[0][1]}
+    if field == "tip" and any(not text.strip() for _, text in entries):
+        return {"tip": None}
+    value = held(model, body, field, display)
+    for index, text in entries:
+        if field == "limits" and not text.strip():
+            new = None
+        else:
+            new = content(text, quantity_of(body, field, index), display)
+        value = replaced(value, index, new)
+        if field == "inertia" and len(index) == 2:
+            value = replaced(value, (index[1], index[0]), new)
+    return kept(model, body, field, value, display)
+
+
+def kept(
+    model: pg.Model, body: pg.Body, field: str, value: Content, display: Display
+) -> dict[str, Any]:
+    """The fields of a body that hold what its cells say."""
+    match field:
+        case "rotation_euler":
+            return {"rotation": from_euler(_numbers(value, "an angle"))}
+        case "rotation_axis":
+            return {"rotation": from_axis(_numbers(value, "an axis"))}
+        case "inertia" if display.about == "origin":
+            _numbers([x for row in value for x in row], "the inertia about the origin")
+            return {"inertia": shifted(value, body.mass, body.com, -1.0)}
+        case _ if field.startswith("shape_"):
+            shape = model.cells(body)["shape"]
+            if shape is None:
+                raise Refusal("has no shape; choose its kind first")
+            data = dict(shape) if isinstance(shape, dict) else shape.model_dump()
+            return {"shape": data | {field.removeprefix("shape_"): value}}
+    return {field: value}
+
+
+def _numbers(value: Sequence[Any], what: str) -> list[float]:
+    if any(isinstance(x, str) for x in value):
+        raise Refusal(f"{what} takes numbers here; formulas go into the quaternion or the com form")
+    return list(value)
+
+
+# -- orientations ------------------------------------------------------------------------------
+
+
+def euler_of(q: Sequence[float]) -> tuple[float, float, float]:
+    """Roll, pitch, yaw [rad]: R = Rot(z, yaw) Rot(y, pitch) Rot(x, roll), pitch within ±π/2."""
+    R = matrix(q)
+    level = math.hypot(R[2, 1], R[2, 2])
+    # at 90 degrees of pitch roll and yaw turn about one line: all of it is yaw
+    roll = math.atan2(R[2, 1], R[2, 2]) if level > 1e-9 else 0.0
+    s, c = math.sin(roll), math.cos(roll)
+    yaw = math.atan2(s * R[0, 2] - c * R[0, 1], c * R[1, 1] - s * R[1, 2])
+    return (roll, math.atan2(-R[2, 0], level), yaw)
+
+
+def from_euler(angles: Sequence[float]) -> tuple[float, ...]:
+    """The quaternion of roll, pitch, yaw [rad]."""
+    (a, b, c), (i, j, k) = ([f(x / 2) for x in angles] for f in (math.cos, math.sin))
+    return (
+        a * b * c + i * j * k,
+        i * b * c - a * j * k,
+        a * j * c + i * b * k,
+        a * b * k - i * j * c,
+    )  # fmt: skip
+
+
+def axis_of(q: Sequence[float]) -> tuple[float, float, float, float]:
+    """Axis x, y, z and angle from 0 to π [rad]; z where nothing is turned."""
+    w, x, y, z = unit(q)
+    if w < 0:
+        w, x, y, z = -w, -x, -y, -z
+    length = math.hypot(x, y, z)
+    if length < 1e-15:
+        return (0.0, 0.0, 1.0, 0.0)
+    return (x / length, y / length, z / length, 2 * math.atan2(length, w))
+
+
+def from_axis(value: Sequence[float]) -> tuple[float, ...]:
+    """The quaternion of an axis of any length and an angle [rad]. Raises Refusal."""
+    *axis, angle = value
+    length = math.hypot(*axis)
+    if not 1e-9 < length < 1e9:
+        raise Refusal(f"a direction must not be zero; given {axis}")
+    return (math.cos(angle / 2), *(math.sin(angle / 2) * x / length for x in axis))
+
+
+# -- inertia -----------------------------------------------------------------------------------
+
+
+def shifted(
+    inertia: Content, mass: float, com: Sequence[float], sign: float
+) -> tuple[tuple[float, ...], ...]:
+    """Steiner's theorem: about the origin from about the centre of mass (+1), and back (-1)."""
+    c = np.asarray(com)
+    new = np.asarray(inertia, float) + sign * mass * (c @ c * np.eye(3) - np.outer(c, c))
+    return tuple(tuple(float(x) for x in row) for row in new)
+
+
+def moments(inertia: Content) -> tuple[float, float, float]:
+    """Principal moments, ascending [kg m²]."""
+    a, b, c = np.linalg.eigvalsh(np.asarray(inertia, float))
+    return float(a), float(b), float(c)
+
+
+def possible(inertia: Content) -> tuple[tuple[float, ...], ...]:
+    """The inertia of a body nearest to an impossible one: no mass is spread less than not at all.
+
+    tr(I)/2 - I is how the mass is spread along each axis; what is negative of it becomes zero,
+    which is the triangle inequality and all that follows from it.
+    """
+    found = np.asarray(inertia, float)
+    found = (found + found.T) / 2
+    spread, axes = np.linalg.eigh(np.trace(found) / 2 * np.eye(3) - found)
+    spread = np.maximum(spread, 0.0)
+    new = axes @ np.diag(spread.sum() - spread) @ axes.T
+    new = (new + new.T) / 2
+    return tuple(tuple(float(x) for x in row) for row in new)
+
+
+def mended(body: pg.Body, field: str, change: dict[str, Any]) -> dict[str, Any] | None:
+    """The nearest edit that a body can take, where a field has one: what a repair would do."""
+    value: Any = change.get(field)
+    match field:
+        case "inertia" if not any(isinstance(x, str) for row in value for x in row):
+            return {"inertia": possible(value)}
+        case "rotation" if not any(isinstance(x, str) for x in value) and math.hypot(*value) > 0:
+            return {"rotation": unit(value)}
+        case "q" if body.joint in ("spherical", "free"):
+            *place, w, x, y, z = value
+            if not any(isinstance(x, str) for x in value) and math.hypot(w, x, y, z) > 0:
+                return {"q": (*place, *unit((w, x, y, z)))}
+    return None
+
+
+# -- shapes and motions ------------------------------------------------------------------------
+
+
+def _shape(body: pg.Body, kind: str) -> dict[str, Any] | None:
+    """A shape of that kind about as large as the body was, where it was."""
+    if kind == NO_SHAPE:
+        return None
+    if kind not in SHAPES:
+        raise Refusal(f"must be one of {', '.join((NO_SHAPE, *SHAPES))}")
+    if kind == "mesh":
+        raise Refusal("a mesh comes from a file: use 'Mesh file ...'")
+    old = body.shape
+    length, radius, position, rotation = extent(body)
+    where = {"position": position, "rotation": rotation}
+    if old is not None:
+        where = {"position": old.position, "rotation": old.rotation}
+    match kind:
+        case "box":
+            return {"kind": kind, "size": (2 * radius, 2 * radius, length), **where}
+        case "sphere":
+            return {"kind": kind, "radius": radius, **where}
+        case "capsule":
+            bare = max(length - 2 * radius, radius)
+            return {"kind": kind, "radius": radius, "length": bare, **where}
+    return {"kind": kind, "radius": radius, "length": length, **where}
+
+
+def extent(
+    body: pg.Body,
+) -> tuple[float, float, tuple[float, ...], tuple[float, ...]]:
+    """(length along z, radius, middle, quaternion) of a rod that stands for a body."""
+    shape = body.shape
+    if shape is not None:
+        radius = shape.radius or (min(shape.size) / 2 if shape.size else LEAST * SLENDER)
+        caps = 2 * radius if shape.kind == "capsule" else 0.0
+        length = shape.size[2] if shape.size else (shape.length or 2 * radius) + caps
+        return length, radius, shape.position, shape.rotation
+    end = body.tip if body.tip is not None else tuple(2 * x for x in body.com)
+    length = math.hypot(*end)
+    if length < 1e-6:
+        return LEAST, LEAST / 2, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+    x, y, z = (c / length for c in end)
+    turn = (1 + z, -y, x, 0.0) if z > -1 + 1e-9 else (0.0, 1.0, 0.0, 0.0)  # z of the rod to `end`
+    return length, SLENDER * length, tuple(c / 2 for c in end), unit(turn)
+
+
+def _motions(body: pg.Body, entries: Sequence[Entry]) -> tuple[Any, ...]:
+    """A compound joint's motions with one chosen anew, added or taken out."""
+    motions: list[Any] = list(body.motions)
+    for (i, *_), text in entries:
+        if not text:
+            del motions[i : i + 1]
+        elif text not in MOTIONS:
+            raise Refusal(f"must be one of {', '.join(MOTIONS)}")
+        elif i < len(motions):
+            motions[i] = (text, motions[i][1])
+        else:
+            free = [a for a in np.eye(3).tolist() if (text, tuple(a)) not in motions]
+            motions.append((text, tuple((free or [[0.0, 0.0, 1.0]])[0])))
+    if not motions:
+        raise Refusal("a joint without motions is a weld; choose that kind")
+    return tuple(motions)

@@ -1,0 +1,266 @@
+"""The properties of the selected bodies, or of the model where none is selected."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, get_args
+
+import pgraph_core as pg
+
+from ..constraints.kinds import About
+from ..core.bridge import Bridge
+from ..core.intents import Display
+from ..core.state import Client, State
+from ..core.views import Payload, audience, css
+from .body_cells import MOTIONS, NO_SHAPE, SHAPES, held, moments, quantity_of
+from .forms import WXYZ, XYZ, button, cell, choice, field, group, merged, shown
+from .world_view import world
+
+JOINTS = get_args(pg.Body.model_fields["joint"].annotation)
+Q_NAMES = {"free": (*XYZ, *WXYZ), "spherical": WXYZ}
+V_NAMES = {"free": ("ωx", "ωy", "ωz", *XYZ), "spherical": ("ωx", "ωy", "ωz")}
+DENSITIES = (
+    ("1000", "water, 1000"), ("7850", "steel, 7850"), ("2700", "aluminium, 2700"),
+    ("700", "wood, 700"),
+)  # fmt: skip
+ROTATIONS = {
+    "quaternion": ("rotation", WXYZ),
+    "euler": ("rotation_euler", ("roll", "pitch", "yaw")),
+    "axis": ("rotation_axis", (*XYZ, "angle")),
+}
+
+ABOUT = {
+    "name": About("Name"),
+    "joint": About("Joint", "", "how it moves on its parent"),
+    "axes": About("Axis", "", "direction in the body's axes at q = 0; any length"),
+    "link": About("Link vector", "", "from the parent's origin to this body's, parent axes, q = 0"),
+    "rotation": About("Orientation", "", "of this body's axes in the parent's, q = 0"),
+    "mass": About("Mass", "kg", "at least 0"),
+    "com": About("Centre of mass", "", "in body axes"),
+    "inertia": About("Inertia", "kg m²", "in body axes; symmetric"),
+    "tip": About("Tip", "", "point of interest, in body axes; empty: the centre of mass"),
+    "q": About("q", "", "initial joint position"),
+    "v": About("v", "", "initial joint velocity"),
+    "limits": About("Limits", "", "least and greatest position; empty: open"),
+    "limit_restitution": About("Rebound", "", "velocity that comes back at a limit, 0 to 1"),
+    "stiffness": About("Stiffness", "", "spring of each motion of the joint"),
+    "rest": About("Rest position", "", "where the spring is relaxed"),
+    "damping": About("Damping", "", "viscous damper of each motion of the joint"),
+    "friction": About("Friction", "", "Coulomb's, of each rotation or translation"),
+    "armature": About("Armature", "", "inertia of the drive, felt by the joint alone"),
+}
+UNITS = {  # of a rotation, of a translation
+    "stiffness": ("N m/rad", "N/m"),
+    "damping": ("N m s/rad", "N s/m"),
+    "friction": ("N m", "N"),
+    "armature": ("kg m²", "kg"),
+}
+
+
+class PropertiesView:
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+        bridge.host("properties")
+
+    def render(self, old: State, new: State) -> None:
+        for client, now in new.clients.items():
+            before = old.clients.get(client)
+            same = (
+                before is not None
+                and chosen(before) == chosen(now)
+                and before.display == now.display
+            )
+            if client in audience(old, new, new.derived is not old.derived or not same):
+                self._bridge.send(client, "properties", properties(new, chosen(now), now.display))
+
+
+def chosen(client: Client) -> tuple[str, ...]:
+    """The bodies that a page has selected."""
+    return client.selected
+
+
+def properties(state: State, names: tuple[str, ...], display: Display | None = None) -> Payload:
+    """What the panel shows of these bodies; the model itself where there are none."""
+    display = display or Display()
+    known = [name for name in names if name in state.derived.number]
+    if not known:
+        return {"bodies": [], "display": vars(display), **world(state, display)}
+    bodies = [state.model.body(name) for name in known]
+    several = len(bodies) > 1
+    number = state.derived.number[known[0]]
+    text = f"body {number}, {bodies[0].joint} joint to {bodies[0].parent}"
+    return {
+        "bodies": known,
+        "number": number,
+        "title": f"{len(bodies)} bodies" if several else known[0],
+        "color": css(state.derived.colors[number - 1]),
+        "subtitle": "an edit changes all of them" if several else text,
+        "groups": merged([groups(state.model, body, display) for body in bodies]),
+        "display": vars(display),
+        "parameters": sorted(state.model.parameters),
+    }
+
+
+def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
+    """The fields in the order a person builds a body: the joint, the mass, the initial state."""
+    form = _Form(model, body, display)
+    turn, names = ROTATIONS[display.turn]
+    joint = [
+        form.text("name"),
+        choice("joint", "Joint", body.joint, JOINTS, help=ABOUT["joint"].help),
+        *form.motions(),
+        form.vector("link"),
+        form.vector(turn, names, label="Orientation"),
+    ]
+    mass = [form.vector("mass"), form.vector("com"), form.inertia(), form.tip()]
+    state = [
+        form.vector("q", Q_NAMES.get(body.joint, ())),
+        form.vector("v", V_NAMES.get(body.joint, ())),
+        form.limits(),
+    ]
+    drive = [form.vector(f) for f in ("stiffness", "rest", "damping", "friction", "armature")]
+    bouncing = [form.vector("limit_restitution")] if any(body.limits) else []
+    found = [
+        group("", joint),
+        group("Mass", mass),
+        group("Shape", form.shape(), body.shape is not None),
+        group("Initial state and limits", [*state, *bouncing]),
+        group("Spring, damper, drive", drive, any(body.stiffness + body.damping + body.friction)),
+    ]
+    found = [{**g, "fields": [f for f in g["fields"] if f["cells"]]} for g in found]
+    return [g for g in found if g["fields"]]
+
+
+class _Form:
+    """The fields of one body as they are shown on one page."""
+
+    def __init__(self, model: pg.Model, body: pg.Body, display: Display):
+        self.model, self.body, self.display = model, body, display
+
+    def value(self, name: str) -> Any:
+        return held(self.model, self.body, name, self.display)
+
+    def text(self, name: str) -> Payload:
+        return field(name, ABOUT[name].label, [cell((), self.body.name)], kind="text")
+
+    def cells(self, name: str, names: tuple[str, ...] = ()) -> list[Payload]:
+        """A cell a number; x, y, z go without saying, other components are named."""
+        value = self.value(name)
+        if not isinstance(value, (tuple, list)):
+            return [cell((), self.shown(value, name, ()))]
+        names = names or ("",) * len(value)
+        return [
+            cell((i,), self.shown(x, name, (i,)), names[i] if i < len(names) else "")
+            for i, x in enumerate(value)
+        ]
+
+    def shown(self, value: Any, name: str, index: tuple[int, ...]) -> Any:
+        return shown(value, quantity_of(self.body, name, index), self.display)
+
+    def unit(self, name: str) -> str:
+        """The units of a field's cells; those of a joint follow its motions."""
+        if name in UNITS:
+            pairs = {"rotate": 0, "translate": 1, "ball": 0, "free": 0}
+            found = [UNITS[name][pairs[m.kind]] for m in self.body.sequence]
+        elif name in ABOUT and ABOUT[name].unit:
+            return ABOUT[name].unit
+        else:
+            value = self.value(name)
+            count = len(value) if isinstance(value, (tuple, list)) else 0
+            places = [(i,) for i in range(count)] or [()]
+            per = "/s" if name == "v" else ""
+            units = [self.display.unit(quantity_of(self.body, name, at)) for at in places]
+            found = [u + per for u in units if u]
+        return ", ".join(dict.fromkeys(found))
+
+    def vector(self, name: str, names: tuple[str, ...] = (), label: str = "") -> Payload:
+        about = ABOUT.get(name, About(label))
+        return field(
+            name, label or about.label, self.cells(name, names),
+            unit=self.unit(name), help=about.help,
+        )  # fmt: skip
+
+    def motions(self) -> list[Payload]:
+        """A row for each axis; of a compound joint, for each motion, which can be chosen."""
+        body = self.body
+        if body.joint != "compound":
+            several = len(body.axes) > 1
+            return [self._axis(i, i, f"Axis {i + 1}" if several else "Axis")
+                    for i in range(len(body.axes))]  # fmt: skip
+        found, axis = [], 0
+        for i, (kind, _) in enumerate(body.motions):
+            out = button("×", "", "take this motion out", field="motions", index=[i], text="")
+            row = field("motions", f"Motion {i + 1}", [cell((i,), kind)], kind="choice",
+                        options=[(m, m) for m in MOTIONS], buttons=[out])  # fmt: skip
+            found.append(row)
+            if kind != "ball":
+                found.append(self._axis(axis, axis, ""))
+                axis += 1
+        more = button("+ motion", "", "one more motion", field="motions",
+                      index=[len(body.motions)], text="rotate")  # fmt: skip
+        found[-1] = {**found[-1], "buttons": [*found[-1]["buttons"], more]}
+        return found
+
+    def _axis(self, i: int, at: int, label: str) -> Payload:
+        cells = [cell((i, j), x) for j, x in enumerate(self.body.axes[at])]
+        return field("axes", label, cells, help=ABOUT["axes"].help, columns=3)
+
+    def inertia(self) -> Payload:
+        rows = self.value("inertia")
+        cells = [cell((i, j), x) for i, row in enumerate(rows) for j, x in enumerate(row)]
+        about = {"com": "about the centre of mass", "origin": "about the frame's origin"}
+        help = f"{about[self.display.about]}, {ABOUT['inertia'].help}"
+        return field("inertia", "Inertia", cells, unit="kg m²", help=help, columns=3,
+                     note=physical(self.body), live=True)  # fmt: skip
+
+    def tip(self) -> Payload:
+        found = self.vector("tip")
+        implied = self.body.tip is None
+        return {**found, "cells": [{**c, "implied": implied} for c in found["cells"]]}
+
+    def limits(self) -> Payload:
+        motions = self.body.sequence
+        cells = [
+            cell((i, k), self.shown(x, "limits", (i, k)), ("≥", "≤")[k])
+            for i, pair in enumerate(self.value("limits"))
+            if motions[i].kind in ("rotate", "translate")
+            for k, x in enumerate(pair)
+        ]
+        return field("limits", "Limits", cells, unit=self.unit("limits"),
+                     help=ABOUT["limits"].help, columns=2)  # fmt: skip
+
+    def shape(self) -> list[Payload]:
+        """The kind, the sizes that it has, where it is, and what follows from it."""
+        shape = self.body.shape
+        kind = NO_SHAPE if shape is None else shape.kind
+        kinds = [k for k in (NO_SHAPE, *SHAPES) if k != "mesh" or kind == "mesh"]
+        upload = {"upload": True, "help": "what is drawn, and what touches in contacts"}
+        found = [choice("shape_kind", "Shape", kind, kinds, **upload)]
+        if shape is None:
+            return found
+        labels = {"size": "Edges", "radius": "Radius", "length": "Length"}
+        if kind == "mesh":
+            name = (shape.file or "").replace("\\", "/").rsplit("/", 1)[-1]
+            found[0]["note"] = name
+            found.append(self.vector("shape_scale", label="Scale"))
+        found += [
+            self.vector(f"shape_{f}", label=label)
+            for f, label in labels.items() if getattr(shape, f) is not None
+        ]  # fmt: skip
+        found.append(self.vector("shape_position", label="Position"))
+        found.append(self.vector("shape_rotation", WXYZ, label="Orientation"))
+        fill = field("density", "Mass from it", [cell((), "")], unit="kg/m³", kind="density",
+                     options=DENSITIES, help="mass, centre of mass and inertia of a body that "
+                     "fills its shape evenly")  # fmt: skip
+        return [*found, fill]
+
+
+def physical(body: pg.Body) -> str:
+    """The live check of an inertia in words: principal moments, and how far from impossible."""
+    a, b, c = moments(body.inertia)
+    if c == 0.0:
+        return "a point mass: no inertia of its own"
+    if a + b - c <= 1e-9 * c:
+        return f"principal {a:.4g}, {b:.4g}, {c:.4g}: just possible (all mass in one plane)"
+    gyration = f", radius of gyration {math.sqrt(c / body.mass):.3g} m" if body.mass > 0 else ""
+    return f"principal {a:.4g}, {b:.4g}, {c:.4g}: possible{gyration}"

@@ -1,1 +1,0 @@
-"""What each kind of event does to the state: one module for each module of `events`."""

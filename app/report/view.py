@@ -1,0 +1,124 @@
+"""The reports: settings, progress, and the figure with its rows."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from ..core.bridge import Bridge
+from ..core.state import Report, State
+from ..core.views import Payload, audience
+from .update import AXES
+
+PARTS = ("analysis", "report", "reporting", "analysis_problem", "derived")
+
+
+class ReportsView:
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+        bridge.host("reports")
+
+    def render(self, old: State, new: State) -> None:
+        changed = any(getattr(old, part) is not getattr(new, part) for part in PARTS)
+        clients = audience(old, new, changed)
+        payload = reports(new) if clients else {}
+        figures = set(audience(old, new, new.report is not old.report))
+        figure = {"svg": drawn(new)} if figures else {}
+        for client in clients:
+            self._bridge.send(client, "reports", payload)
+        for client in figures:
+            self._bridge.send(client, "figure", figure)
+        for client, now in new.clients.items():
+            before = old.clients.get(client)
+            if before is not None and now.reports != before.reports:
+                self._download(client, new.report)
+
+    def _download(self, client: int, report: Report | None) -> None:
+        handle = self._bridge.server.get_clients().get(client)
+        if handle is None or report is None:
+            return
+        name = re.sub(r"[^\w-]+", "_", f"{report.model.name}_{report.kind}")
+        handle.send_file_download(f"{name}.html", page(report).encode(), save_immediately=True)
+
+
+def page(report: Report) -> str:
+    """The report as a page of its own."""
+    if report.kind == "precision":
+        return report.result.html()
+    from pgraph_core.stability.page import page
+
+    return page([report.result])
+
+
+def drawn(state: State) -> str:
+    """The figure of the last report, for the width of the tab."""
+    report = state.report
+    if report is None:
+        return ""
+    precise = report.kind == "precision"
+    return report.result.figure(narrow=True) if precise else report.result.figure()
+
+
+def reports(state: State) -> Payload:
+    """Everything but the figure."""
+    asked, now, report = state.reporting, state.analysis, state.report
+    return {
+        "target": asked.target,
+        "t_end": asked.t_end,
+        "axis": asked.axis,
+        "axes": [[name, name.replace("_", " ")] for name in AXES],
+        "job": None if now is None else {"kind": now.kind, "fraction": now.fraction},
+        "problem": state.analysis_problem,
+        "result": None if report is None else result(report, report.model is state.model),
+    }
+
+
+def result(report: Report, current: bool) -> Payload:
+    """What came out, in words and rows."""
+    found = (precision if report.kind == "precision" else stability)(report.result)
+    stale = "" if current else "Measured before the model was changed."
+    return {"kind": report.kind, "stale": stale, **found}
+
+
+def precision(study: Any) -> Payload:
+    """The recommended setting first, then every run that reached its end, by its error."""
+    data = study.to_dict()
+    best = data["recommended"]
+    done = [row for row in study.rows if row.error and row.time]
+    rows = [
+        [row.method, str(row.setting), f"{row.error:.1e}", f"{1e3 * row.time:.3g} ms"]
+        for row in sorted(done, key=lambda row: -(row.error or 0.0))
+    ]
+    if best is None:
+        advice = "No method reached the error that is wanted."
+    else:
+        row = study.rows[best]
+        advice = (
+            f"Take {row.method} at {row.setting}: error {row.error:.1e} in {1e3 * row.time:.3g} ms."
+        )
+    known = study.reference
+    source = f"Reference: {known['source']}, good to {known['accuracy']:.0e}."
+    return {
+        "title": f"Error against run time, {study.t_end:g} s",
+        "advice": advice,
+        "head": ["method", "setting", "error", "time"],
+        "rows": rows,
+        "notes": [source, *study.notes],
+    }
+
+
+def stability(found: Any) -> Payload:
+    """What needs attention, a line each."""
+    rows = [
+        [cell.method, f"{cell.value:.3g}", f"{cell.step:g} s", str(cell.status), cell.text]
+        for cell in found.cells
+        if cell.status != "OK"
+    ]
+    fine = sum(cell.status == "OK" for cell in found.cells)
+    return {
+        "title": f"Stability over {found.axis.replace('_', ' ')}, {found.t_end:g} s",
+        "advice": f"{fine} of {len(found.cells)} settings are as accurate as asked for.",
+        "head": ["method", found.axis.replace("_", " "), "step", "verdict", ""],
+        "rows": rows[:200],
+        "notes": list(dict.fromkeys(found.references)),
+    }

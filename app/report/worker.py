@@ -1,0 +1,79 @@
+"""Measures reports beside the store: each follows the state like a view, and answers by events."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import pgraph_core as pg
+
+from ..core.state import FREE_RUN, Analysis, State
+from ..events import Event, Measured, Measuring, NotMeasured
+
+REPORT = 0.1  # [s] between progress events
+ROUNDS = 3  # of timing: a page waits for them
+LONGEST = 0.5  # [s] of computing: longer runs are left out
+DURATION = 1.0  # [s] of the motion, where nothing else is said
+
+
+class Analyst:
+    """Runs the state's analysis in a thread, once the kernels are there, until it is cancelled."""
+
+    def __init__(self, send: Callable[[Event], None]):
+        self._send = send
+        self._running = 0
+        self._cancelled = threading.Event()
+
+    def render(self, old: State, new: State) -> None:
+        now = new.analysis
+        if now is None or not new.kernels.ready:
+            return
+        if now.cancelled:
+            self._cancelled.set()
+        if now.id == self._running:
+            return
+        self._running, self._cancelled = now.id, threading.Event()
+        args = (now, self._cancelled)
+        threading.Thread(target=self._run, args=args, name="pgraph-report", daemon=True).start()
+
+    def _run(self, now: Analysis, cancelled: threading.Event) -> None:
+        said = 0.0
+
+        def progress(fraction: float) -> bool:
+            nonlocal said
+            if time.perf_counter() - said > REPORT:
+                said = time.perf_counter()
+                self._send(Measuring(now.id, float(fraction)))
+            return not cancelled.is_set()
+
+        try:
+            self._send(Measured(now.id, MEASURES[now.kind](now, progress)))
+        except pg.PgraphError as error:
+            self._send(NotMeasured(now.id, str(error)))
+        except Exception as error:  # said on the page: the session goes on
+            self._send(NotMeasured(now.id, f"The report stopped: {type(error).__name__}: {error}"))
+
+
+def settings(now: Analysis) -> dict[str, Any]:
+    """Scenario and duration."""
+    scenario = None if now.request.scenario == FREE_RUN else now.request.scenario
+    duration = now.reporting.t_end or min(now.request.t_end, DURATION)
+    return {"scenario": scenario, "t_end": duration, "target": now.reporting.target}
+
+
+def precision(now: Analysis, progress: Callable[[float], bool]) -> object:
+    """Error against run time of all methods that suit."""
+    mech = pg.Mechanism(now.model)
+    return pg.work_precision(
+        mech, rounds=ROUNDS, longest=LONGEST, progress=progress, **settings(now)
+    )
+
+
+def stability(now: Analysis, progress: Callable[[float], bool]) -> object:
+    """Which methods hold where."""
+    return pg.stability_map(now.model, axis=now.reporting.axis, progress=progress, **settings(now))
+
+
+MEASURES = {"precision": precision, "stability": stability}

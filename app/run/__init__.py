@@ -1,0 +1,1 @@
+"""Simulating: settings, background runs, live runs, exports."""

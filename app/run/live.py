@@ -1,0 +1,202 @@
+"""A live run: parts of a few steps, paced by the clock, each of the model as it is by then."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+import pgraph_core as pg
+
+from ..core.state import FREE_RUN, Live, State
+from ..events import Advanced, Event, Pull, Stuck
+from ..gait.walker import LYING, Walker, gait_of
+from ..gait.walking import Walking
+from ..pose.pulling import pull_force
+from .stitching import Seam
+
+PICTURES = 60  # a second
+LONGEST_PART = 0.1  # [s] of motion: a slow model shows at least what it computed meanwhile
+PATIENCE = 0.2  # [s] behind the clock before it is set back
+USUAL_STEP = 1e-3  # [s]
+
+
+class LiveRunner:
+    """Computes the state's live run in a thread; follows the model, the speed and the pause."""
+
+    def __init__(self, send: Callable[[Event], None]):
+        self._send = send
+        self._state: State | None = None
+        self._running = 0  # id of the live run that was started last
+
+    def render(self, old: State, new: State) -> None:
+        self._state = new
+        live = new.live
+        if live is not None and live.id != self._running:
+            self._running = live.id
+            args = (live.id,)
+            threading.Thread(target=self._run, args=args, name="pgraph-live", daemon=True).start()
+
+    def _wanted(self, id: int) -> tuple[State, Live] | None:
+        """The state, as long as this live run is in it."""
+        state = self._state
+        if state is None or state.live is None or state.live.id != id:
+            return None
+        return state, state.live
+
+    def _run(self, id: int) -> None:
+        motion, clock = Motion(), Clock()
+        while (wanted := self._wanted(id)) is not None:
+            state, live = wanted
+            if not live.running or not state.kernels.ready:
+                clock = Clock()
+                time.sleep(1 / PICTURES)
+                continue
+            due = clock.due(motion.time, state.playback.speed)
+            if due < motion.least(live):
+                time.sleep(0.25 / PICTURES)
+                continue
+            try:
+                part = motion.advanced(
+                    state.model, live, min(due, LONGEST_PART), state.pull, state.walking
+                )
+            except Exception as error:  # said on the page: the session goes on
+                said = str(error) if isinstance(error, pg.PgraphError) else repr(error)
+                self._send(Stuck(id, f"The live run stopped: {said}"))
+                return
+            if len(part.t) > 1:
+                self._send(Advanced(id, part, clock.pace))
+            if (over := motion.over(part)) is not None:
+                self._send(Stuck(id, over))
+                return
+
+
+class Clock:
+    """How far the motion should be by now."""
+
+    def __init__(self) -> None:
+        self._start: tuple[float, float, float] | None = None  # wall, motion, speed
+        self.pace = 1.0
+
+    def due(self, reached: float, speed: float) -> float:
+        """Seconds of motion that are due; far behind, the clock waits for the motion."""
+        now = time.perf_counter()
+        if self._start is None or self._start[2] != speed:
+            self._start = now, reached, speed
+        wall, motion, _ = self._start
+        due = motion + (now - wall) * speed - reached
+        late = due > PATIENCE * speed
+        if now - wall > 1.0 or late:
+            self.pace = min(1.0, (reached - motion) / max((now - wall) * speed, 1e-9))
+            self._start = now, reached, speed
+        return due
+
+
+class Motion:
+    """The state of a live run, taken on part by part."""
+
+    def __init__(self) -> None:
+        self.time = 0.0
+        self._model: pg.Model | None = None
+        self._mech: Any = None
+        self._state: tuple[Any, Any] = (None, None)  # q, v; None: as the scenario starts
+        self._seam = Seam()
+        self._touches = False  # whether there are contacts
+        self._walker: Walker | None = None
+
+    def step(self, live: Live) -> float:
+        """Width of a step [s], or of a picture where the method chooses its steps."""
+        chosen = live.request.rtol is not None and live.request.step is None
+        return 1 / PICTURES if chosen else live.request.step or USUAL_STEP
+
+    def least(self, live: Live) -> float:
+        """The shortest part [s]: a step, or a picture where parts find again what touches."""
+        return 1 / PICTURES if self._touches else self.step(live)
+
+    def advanced(
+        self,
+        model: pg.Model,
+        live: Live,
+        due: float,
+        pull: Pull | None = None,
+        walking: Walking | None = None,
+    ) -> pg.Result:
+        """About `due` seconds further, in whole steps, on `model`; the mouse may pull on a body."""
+        self._follow(model)
+        walking = walking or Walking()
+        step = self.step(live)
+        span = step * max(1, math.floor(due / step + 1e-9))
+        if (offer := gait_of(model, live, walking)) is None:
+            part = self._simulated(live, step, span, pull)
+        else:
+            self._walker = self._walker or Walker(walking.pushes)
+            now = (self.time, *self._state)
+            if (grip := self._grip(pull)) is not None:
+                self._walker.pull(grip[1], pull.body if pull else "")
+            part = self._walker.advanced(self._mech, offer, live, walking, now, span)
+        part = self._seam.sewn(part)
+        self._touches = bool(part.contact_force)
+        if len(part.t):
+            self.time, self._state = float(part.t[-1]), (part.q[-1], part.v[-1])
+        return part
+
+    def over(self, part: pg.Result) -> str | None:
+        """Why there is nothing to go on with; None where there is."""
+        if not part.status.ok:
+            return f"The live run stopped: {part.message}."
+        fell = self._walker.fell if self._walker is not None else None
+        if fell is None or self.time - fell < LYING:
+            return None
+        return f"It fell at t = {fell:.3g} s; the run is kept."
+
+    def _simulated(self, live: Live, step: float, span: float, pull: Pull | None) -> pg.Result:
+        request = live.request
+        known = {s.name for s in self._mech.model.scenarios}
+        return pg.simulate(
+            self._mech,
+            *self._state,
+            t_start=self.time,
+            t_end=self.time + span,
+            method=request.method,
+            step=None if request.step is None and request.rtol is not None else step,
+            rtol=request.rtol,
+            frames=1 + max(1, round(span * PICTURES)),
+            scenario=None
+            if request.scenario == FREE_RUN
+            else request.scenario
+            if request.scenario in known
+            else None,
+            tau=self._torque(pull),
+            estimate=False,
+        )
+
+    def _torque(self, pull: Pull | None) -> np.ndarray | None:
+        """(nv,) what the mouse does in the joints, Jᵀ F of eq. (24); None: it does not pull."""
+        grip = self._grip(pull)
+        return None if grip is None else grip[0].T @ grip[1]
+
+    def _grip(self, pull: Pull | None) -> tuple[np.ndarray, np.ndarray] | None:
+        """(Jacobian (3, nv), force (3,) [N]) of what the mouse pulls on; None: nothing."""
+        if pull is None or pull.target is None or pull.body not in self._mech.names:
+            return None
+        mech = self._mech
+        q, v = mech.home() if self._state[0] is None else self._state
+        position, rotation = mech.pose(q, pull.body)
+        J = mech.jacobian(q, pull.body, point=pull.point)[3:]
+        mass = sum(body.mass for body in mech.model.bodies)
+        at = position + rotation @ np.asarray(pull.point)
+        return J, pull_force(at, J @ v, np.asarray(pull.target), mass)
+
+    def _follow(self, model: pg.Model) -> None:
+        """Another model: bodies of the same name keep their joints' positions and velocities."""
+        if model is self._model:
+            return
+        mech = pg.Mechanism(model)
+        if self._mech is not None and self._state[0] is not None:
+            q, v, _ = mech.state_from(self._mech, *self._state)
+            self._state = q, v
+        self._model, self._mech = model, mech

@@ -1,0 +1,118 @@
+"""The run: what to simulate, its progress, and what it was worth."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..core.bridge import Bridge
+from ..core.state import FREE_RUN, METHODS, Run, State
+from ..core.views import Payload, audience
+
+POOR = 1e-2  # above it an accuracy is shown as a warning
+METHOD_NAMES = {
+    "auto": "automatic",
+    "rk4": "Runge-Kutta 4",
+    "semi_implicit_euler": "semi-implicit Euler",
+    "dopri5": "Dormand-Prince 5",
+    "dop853": "Dormand-Prince 8",
+    "ros2": "Rosenbrock 2 (stiff)",
+    "radau5": "Radau 5 (stiff)",
+    "moreau_jean": "Moreau-Jean (impacts)",
+}
+PARTS = ("derived", "request", "last_run", "job", "live", "ghost", "run_problem", "kernels")
+
+
+class RunView:
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+        bridge.host("run")
+
+    def render(self, old: State, new: State) -> None:
+        changed = any(getattr(old, part) is not getattr(new, part) for part in PARTS)
+        clients = audience(old, new, changed)
+        payload = run(new) if clients else {}
+        for client in clients:
+            self._bridge.send(client, "run", payload)
+
+
+def run(state: State) -> Payload:
+    """Everything the panel of the run shows."""
+    scenarios = [[s.name, f"{s.name} ({s.t_end:g} s)"] for s in state.model.scenarios]
+    request = state.request
+    return {
+        "scenarios": [*scenarios, [FREE_RUN, "free run"]],
+        "methods": [[name, METHOD_NAMES[name]] for name in METHODS],
+        "request": {
+            "scenario": request.scenario,
+            "t_end": request.t_end,
+            "step": request.step,
+            "method": request.method,
+        },
+        "kernels": kernels(state),
+        "job": job(state),
+        "live": live(state),
+        "problem": state.run_problem,
+        "summary": summary(state.run) if state.live is None and state.run else None,
+        "ghost": state.ghost is not None,
+    }
+
+
+def kernels(state: State) -> Payload | None:
+    """The compiler's progress; nothing once it is done."""
+    k = state.kernels
+    if k.ready:
+        if not k.problem:
+            return None
+        return {"text": f"The fast code did not compile: {k.problem}", "fraction": -1.0}
+    if not k.total:
+        return {"text": "Preparing the fast code ...", "fraction": None}
+    said = f"Compiling the fast code, {k.done} of {k.total}: {k.name}"
+    return {"text": f"{said}. Editing works meanwhile.", "fraction": k.done / k.total}
+
+
+def job(state: State) -> Payload | None:
+    if state.job is None:
+        return None
+    if not state.kernels.ready:
+        return {"text": "waits until the fast code is compiled", "fraction": None}
+    fraction = state.job.fraction
+    return {"text": f"{100 * fraction:.0f} %", "fraction": fraction}
+
+
+def live(state: State) -> Payload | None:
+    """How far the live run is, and how fast beside the clock."""
+    if state.live is None:
+        return None
+    if not state.live.parts:
+        return {"text": "starting ...", "running": True}
+    pace = "running" if state.live.running else "paused"
+    slow = "" if state.live.pace > 0.95 else f", {state.live.pace:.2g} of the speed asked for"
+    return {"text": f"{pace} at {state.t_end:.1f} s{slow}", "running": state.live.running}
+
+
+def summary(run: Run) -> list[tuple[str, str, bool]]:
+    """Lines (what, value, good): how it ended, how accurate it is, what it cost."""
+    result = run.result
+    drift, estimate = float(result.energy_drift), float(result.error_estimate)
+    lines = [
+        ("Status", result.message or result.status.value, result.status.ok),
+        ("Error estimate", f"{estimate:.2g} rad, m in q", estimate < POOR),
+        ("Energy drift", f"{drift:.2g} of its range", drift < POOR),
+    ]
+    if run.model.constraints and len(result.constraint_drift):
+        position, velocity = result.constraint_drift.max(axis=0)
+        value = f"{position:.2g} m, {velocity:.2g} m/s"
+        lines.append(("Constraint drift", value, bool(position < POOR)))
+    lines.append(("Cost", cost(result), True))
+    lines.append(("Method", str(result.header.get("why", "")), True))
+    lines.append(("Left out", "; ".join(result.left_out), True))
+    lines += [("Note", text, True) for text in result.notices]
+    return [line for line in lines if line[1] and not line[1].startswith("nan")]
+
+
+def cost(result: Any) -> str:
+    """'250 steps, 1000 evaluations, 12.3 ms'."""
+    counters = dict(result.counters).items()
+    counts = [f"{int(n)} {name.replace('_', ' ')}" for name, n in counters if n]
+    seconds = sum(float(s) for s in dict(result.timing).values())
+    return ", ".join([*counts, f"{1e3 * seconds:.3g} ms"])

@@ -1,0 +1,130 @@
+"""What takes long, beside the store: simulations, compiling the kernels, writing files.
+
+Each follows the state like a view and answers with events.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pgraph_core as pg
+
+from ..core.state import FREE_RUN, Job, State
+from ..events import Compiled, Compiling, Event, Failed, Progress, Saved, Simulated
+
+REPORT = 0.05  # [s] between progress events
+
+Send = Callable[[Event], None]
+
+
+class Simulator:
+    """Runs the state's job in a thread once the kernels are there; a job gone is cancelled."""
+
+    def __init__(self, send: Send):
+        self._send = send
+        self._running = 0  # id of the job that was started last
+        self._cancelled = threading.Event()
+
+    def render(self, old: State, new: State) -> None:
+        job = new.job
+        if old.job is not None and (job is None or job.id != old.job.id):
+            self._cancelled.set()
+        if job is None or job.id == self._running or not new.kernels.ready:
+            return
+        self._running, self._cancelled = job.id, threading.Event()
+        args = (job, self._cancelled)
+        threading.Thread(target=self._run, args=args, name="pgraph-run", daemon=True).start()
+
+    def _run(self, job: Job, cancelled: threading.Event) -> None:
+        reported = time.perf_counter()
+
+        def progress(fraction: float) -> bool:
+            nonlocal reported
+            now = time.perf_counter()
+            if now - reported > REPORT:
+                reported = now
+                self._send(Progress(job.id, float(fraction)))
+            return not cancelled.is_set()
+
+        try:
+            self._send(Simulated(job.id, simulated(job, progress)))
+        except pg.PgraphError as error:
+            self._send(Failed(job.id, str(error)))
+        except Exception as error:  # said on the page: the session goes on
+            self._send(Failed(job.id, f"The simulation stopped: {type(error).__name__}: {error}"))
+
+
+def simulated(job: Job, progress: Callable[[float], bool]) -> object:
+    """The result of a job."""
+    request, before = job.request, job.before
+    start = 0.0 if before is None else float(before.t[-1])
+    run = pg.simulate(
+        pg.Mechanism(job.model),
+        *((None, None) if before is None else (before.q[-1], before.v[-1])),
+        t_start=start,
+        t_end=start + request.t_end,
+        step=request.step,
+        rtol=request.rtol,
+        method=request.method,
+        scenario=None if request.scenario == FREE_RUN else request.scenario,
+        progress=progress,
+    )
+    return run if before is None or len(run.t) == 0 else pg.joined((before, run))
+
+
+class Compiler:
+    """Compiles the kernels in a process of its own and tells how far it is."""
+
+    def __init__(self, send: Send, command: tuple[str, ...] = ("-m", "pgraph_core.engine")):
+        self._send = send
+        self._command = (sys.executable, *command)
+        self._process: subprocess.Popen[str] | None = None
+        threading.Thread(target=self._watch, name="pgraph-compile", daemon=True).start()
+
+    def stop(self) -> None:
+        if self._process is not None and self._process.poll() is None:
+            self._process.terminate()
+
+    def _watch(self) -> None:
+        said = ""
+        with subprocess.Popen(
+            self._command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        ) as process:
+            self._process = process
+            assert process.stdout is not None
+            for line in process.stdout:
+                match line.split(maxsplit=2):
+                    case [done, total, name] if done.isdigit() and total.isdigit():
+                        self._send(Compiling(int(done), int(total), name.strip()))
+                    case [*_]:
+                        said = line.strip() or said
+        self._send(Compiled(said if process.returncode else ""))
+
+
+class Files:
+    """Writes the model where a page asked for it."""
+
+    def __init__(self, send: Send):
+        self._send = send
+
+    def render(self, old: State, new: State) -> None:
+        saving = new.saving
+        if saving is None or saving is old.saving:
+            return
+        path = Path(saving.path).expanduser().absolute()
+        problem = ""
+        try:
+            if path.suffix != ".json":
+                problem = f"The name of a model file ends in .json; given {path.name!r}."
+            else:
+                saving.model.save(path)
+        except pg.PgraphError as error:
+            problem = str(error)
+        except OSError as error:
+            problem = f"{path} could not be written: {error.strerror or error}."
+        self._send(Saved(saving.client, saving.serial, str(path), problem))

@@ -1,0 +1,231 @@
+"""What is drawn over the bodies, as points and solids in their frames or in world axes (pure)."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import pgraph_core as pg
+
+from ..core.state import State
+from . import shapes
+
+Local = dict[int, np.ndarray]  # number of a body (0: the ground) -> points in its frame [m]
+LONGEST = 0.5  # of the model's size: the arrow of the run's largest force
+THIN = 1e-3  # of the largest semi-axis: what a flat ellipsoid keeps
+
+
+class Placed(NamedTuple):
+    """Solids on bodies: each a unit solid, scaled, at a place in its body's frame."""
+
+    owner: np.ndarray  # (n,) numbers of the bodies
+    position: np.ndarray  # (n, 3) [m]
+    wxyz: np.ndarray  # (n, 4)
+    size: np.ndarray  # (n, 3) [m]
+
+
+class Push(NamedTuple):
+    """A force of the run at its time, where it acts."""
+
+    at: np.ndarray  # (3,) world [m]
+    force: np.ndarray  # (3,) world [N]
+    friction: float | None = None  # of the ground it pushes off from; None: no cone
+
+
+def showable(state: State) -> tuple[tuple[str, str], ...]:
+    """What this scene has to show: its name in events, and as a person reads it."""
+    model = state.model
+    touching = bool(model.contacts)
+    held = bool(model.constraints) or touching or any(s.forces for s in model.scenarios)
+    found = [
+        ("shapes", "shapes", True),
+        ("axes", "joint axes", state.derived.dof > 0),
+        ("links", "link vectors", True),
+        ("coms", "centres of mass", True),
+        ("inertias", "inertia ellipsoids", any(np.any(b.inertia) for b in model.bodies)),
+        ("frames", "body frames", True),
+        ("names", "names", True),
+        (
+            "points",
+            f"{'contact' if touching else 'constraint'} points",
+            touching or any(c.point for c in model.constraints),
+        ),
+        ("forces", "forces", held),
+        ("cones", "friction cones", touching and any(_friction(model, c) for c in model.contacts)),
+        ("footprints", "footprints", any(len(c.points) == 1 for c in model.contacts)),
+        ("follow", "camera follows", any(body.joint == "free" for body in model.bodies)),
+    ]
+    return tuple((what, label) for what, label, there in found if there and model.bodies)
+
+
+def axes(state: State) -> Local:
+    """A line along each joint axis, through the body's origin; a joint of several motions has
+    all but its last axis in the frame it leaves from."""
+    d, half = state.derived, 0.13 * state.derived.grain
+    found: dict[int, list[Any]] = defaultdict(list)
+    for k, name in enumerate(d.names, 1):
+        body = state.model.body(name)
+        for i, axis in enumerate(body.axes):
+            a = half / math.hypot(*axis) * np.asarray(axis)
+            if i == len(body.axes) - 1:
+                found[k].append((-a, a))
+            else:
+                turned = shapes.to_matrix(np.asarray(body.rotation))
+                at, a = np.asarray(body.link), turned @ a
+                found[d.parent[k - 1]].append((at - a, at + a))
+    return {k: np.array(lines) for k, lines in found.items()}
+
+
+def links(state: State) -> Local:
+    """From each body's origin to where its children hang on it."""
+    d = state.derived
+    return {
+        k: np.array([(np.zeros(3), state.model.body(d.names[child - 1]).link) for child in below])
+        for k, below in enumerate(d.children)
+        if below
+    }
+
+
+def coms(state: State) -> Local:
+    """Centres of mass."""
+    names = enumerate(state.derived.names, 1)
+    return {k: np.array([state.model.body(name).com]) for k, name in names}
+
+
+def frames(state: State) -> Local:
+    """Three lines from each body's origin along its axes."""
+    triad = np.stack((np.zeros((3, 3)), 0.11 * state.derived.grain * np.eye(3)), axis=1)
+    return dict.fromkeys(range(1, len(state.derived.names) + 1), triad)
+
+
+def points(state: State) -> Local:
+    """Points of contacts and constraints on their bodies."""
+    found: dict[int, list[Any]] = defaultdict(list)
+    model, number = state.model, state.derived.number
+    for contact in model.contacts:
+        if contact.body in number:
+            found[number[contact.body]] += contact.points
+    for c in model.constraints:
+        if c.point is not None:
+            found[number[c.body]].append(c.point)
+        if c.other_point is not None:
+            found[number.get(c.other, 0)].append(c.other_point)
+    return {k: np.array(at) for k, at in found.items() if at}
+
+
+def ellipsoids(state: State) -> Placed:
+    """The solid ellipsoid of each body's mass and inertia, about its centre of mass."""
+    owner, size, turned, at = [], [], [], []
+    for k, name in enumerate(state.derived.names, 1):
+        body = state.model.body(name)
+        moments, R = np.linalg.eigh(np.asarray(body.inertia))
+        if body.mass <= 0 or moments[2] <= 0:
+            continue
+        squares = 2.5 / body.mass * (moments.sum() - 2 * moments)  # 5/2m (I2 + I3 - I1)
+        half = np.sqrt(np.maximum(squares, 0.0))
+        owner.append(k)
+        size.append(2 * np.maximum(half, THIN * half.max()))
+        turned.append(R * np.sign(np.linalg.det(R)))
+        at.append(body.com)
+    wxyz = shapes.to_wxyz(np.array(turned).reshape(-1, 3, 3))
+    return Placed(np.array(owner, int), np.reshape(at, (-1, 3)), wxyz, np.reshape(size, (-1, 3)))
+
+
+def world(local: Local, positions: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """All points in world axes, in the order of `local`."""
+    placed = [p if k == 0 else positions[k - 1] + p @ R[k - 1].T for k, p in local.items()]
+    return np.concatenate(placed) if placed else np.zeros((0, 3))
+
+
+def placed(solids: Placed, positions: np.ndarray, wxyz: np.ndarray) -> tuple[np.ndarray, ...]:
+    """(n, 3) positions and (n, 4) orientations of solids, in world axes."""
+    k = solids.owner - 1
+    R = shapes.to_matrix(wxyz)[k]
+    at = positions[k] + np.einsum("nij,nj->ni", R, solids.position)
+    return at, shapes.times(wxyz[k], solids.wxyz)
+
+
+# -- forces ------------------------------------------------------------------------------------
+
+
+def pushes(state: State, positions: np.ndarray, R: np.ndarray) -> list[Push]:
+    """Forces of constraints and contacts of the run at its time."""
+    if state.run is None:
+        return []
+    result, d, model = state.run.result, state.derived, state.model
+    frame = min(int(np.searchsorted(result.t, state.playback.time)), len(result.t) - 1)
+    found = []
+    for c in model.constraints:
+        if c.name in result.constraint_force:
+            k = d.number[c.body] - 1
+            at = positions[k] + R[k] @ np.asarray(model.point_of(c))
+            found.append(Push(at, np.asarray(result.constraint_force[c.name][frame, 3:])))
+    normal = np.asarray(model.ground_normal)
+    for contact, body, wrench in _touches(state):
+        origin = positions[d.number[body] - 1]
+        on_ground = contact.other == "ground"
+        at = _place(wrench[frame], origin, normal if on_ground else None)
+        found.append(Push(at, wrench[frame, 3:], _friction(model, contact) if on_ground else None))
+    return found
+
+
+def _touches(state: State) -> Iterator[tuple[pg.Contact, str, np.ndarray]]:
+    """Contacts with the body each touches by, and its (n, 6) wrenches about that body's origin."""
+    assert state.run is not None
+    for key, wrench in state.run.result.contact_force.items():
+        for contact in state.model.contacts:
+            if key != contact.name and not key.startswith(f"{contact.name}["):
+                continue
+            inside = key[len(contact.name) + 1 : -1].split(", ")[0]
+            body = inside if contact.body == "*" else contact.body
+            if body in state.derived.number:
+                yield contact, body, np.asarray(wrench)
+
+
+def _place(wrench: np.ndarray, origin: np.ndarray, normal: np.ndarray | None) -> np.ndarray:
+    """Where a wrench about `origin` acts: on its line, on the ground where that is given."""
+    torque, force = wrench[:3], wrench[3:]
+    square = float(force @ force)
+    if square == 0.0:
+        return origin
+    at = origin + np.cross(force, torque) / square
+    if normal is None or abs(steep := float(force @ normal)) < 1e-3 * square**0.5:
+        return at
+    return at - force * float(at @ normal) / steep
+
+
+def _friction(model: pg.Model, contact: pg.Contact) -> float:
+    return model.ground.friction if contact.friction is None else contact.friction
+
+
+def scale(state: State) -> float:
+    """Metres of arrow a newton, so that the run's largest force is half the model long."""
+    if state.run is None:
+        return 0.0
+    result = state.run.result
+    every = (*result.constraint_force.values(), *result.contact_force.values())
+    largest = max((float(np.abs(np.asarray(w)[:, 3:]).max()) for w in every if len(w)), default=0.0)
+    if state.live is not None:  # of a part there is no largest that stays
+        weight = 9.81 * sum(body.mass for body in state.model.bodies)
+        largest = max(largest, weight)
+    return LONGEST * state.derived.size / largest if 0 < largest < np.inf else 0.0
+
+
+def arrows(found: list[Push], per_newton: float) -> np.ndarray:
+    """(n, 2, 3) from where each force acts."""
+    lines = [(push.at, push.at + per_newton * push.force) for push in found]
+    return np.array(lines).reshape(-1, 2, 3)
+
+
+def cones(found: list[Push], per_newton: float, normal: np.ndarray) -> tuple[np.ndarray, ...]:
+    """(n, 3) apexes and (n, 3) sizes of friction cones along `normal`: a force that sticks has
+    its arrow within its cone."""
+    there = [push for push in found if push.friction]
+    tall = np.array([max(per_newton * float(push.force @ normal), 1e-9) for push in there])
+    wide = 2 * tall * np.array([push.friction for push in there])
+    at = np.array([push.at for push in there]).reshape(-1, 3)
+    return at, np.stack((wide, wide, tall), axis=-1)

@@ -1,0 +1,205 @@
+"""What can be shown over the bodies: axes, links, masses, names, frames, points and forces."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import viser
+
+from ..core.state import State
+from ..table.rows import SEPARATE
+from . import marks, shapes
+
+STAY = {"axes", "links"}  # lines of one look, whatever the model
+AXIS, LINK, COM, FORCE = (224, 120, 20), (96, 106, 120), (200, 40, 150), (30, 160, 90)
+INERTIA, POINT, CONE, PULL = (110, 80, 200), (220, 50, 40), (30, 160, 90), (230, 90, 20)
+NOWHERE = np.zeros(3)
+TRIAD = ((205, 45, 45), (45, 155, 60), (50, 90, 220))  # x, y, z
+
+
+class Overlays:
+    """In small models children of the bodies' nodes, so that they move along by themselves; in
+    large ones a single node a kind in world axes. What is not shown costs nothing."""
+
+    def __init__(self, server: viser.ViserServer):
+        self._scene = server.scene
+        self._nodes: dict[str, list[Any]] = {}
+        self._solids: marks.Placed | None = None
+        self._attached = True  # the nodes hang on those of bodies
+
+    def clear(self, attached: bool) -> None:
+        """Nothing drawn: the bodies are about to be drawn anew.
+
+        Lines that hang on no body stay, to be moved where they have to be.
+        """
+        for kind in self._nodes.keys() - (set() if attached or self._attached else STAY):
+            self._remove(kind)
+        self._attached = attached
+
+    def render(
+        self, state: State, positions: np.ndarray, wxyz: np.ndarray, gone: np.ndarray = NOWHERE
+    ) -> None:
+        """Draw what `state.shown` asks for, bodies at these poses, all moved back by `gone`."""
+        for kind in LOCAL:
+            if kind in state.shown:
+                self._local(kind, state, positions - gone, wxyz)
+            else:
+                self._remove(kind)
+        self._inertias(state, positions - gone, wxyz)
+        self._forces(state, positions, wxyz, gone)
+
+    def pull(self, state: State, positions: np.ndarray, wxyz: np.ndarray) -> None:
+        """An arrow from where the mouse pulls on a body to where it pulls it."""
+        self._remove("pull")
+        if (pull := state.pull) is None or pull.body not in state.derived.number:
+            return
+        k = state.derived.number[pull.body] - 1
+        at = positions[k] + shapes.to_matrix(wxyz[k]) @ np.asarray(pull.point)
+        line = np.array([(at, np.asarray(pull.target))])
+        self._nodes["pull"] = _arrows(self._scene, "/pull", line, state.derived.size, PULL)
+
+    def _forces(
+        self, state: State, positions: np.ndarray, wxyz: np.ndarray, gone: np.ndarray
+    ) -> None:
+        wanted = state.shown & {"forces", "cones"}
+        found = marks.pushes(state, positions, shapes.to_matrix(wxyz)) if wanted else []
+        metres = marks.scale(state) if found else 0.0
+        arrows = marks.arrows(found if "forces" in wanted else [], metres) - gone
+        arrows = arrows.astype(np.float32)
+        drawn = self._nodes.get("forces")
+        if drawn and drawn[0].points.shape == arrows.shape:
+            drawn[0].points = arrows
+        else:
+            self._remove("forces")
+            self._nodes["forces"] = _arrows(
+                self._scene, "/forces", arrows, state.derived.size, FORCE
+            )
+        normal = np.asarray(state.model.ground_normal)
+        at, size = marks.cones(found if "cones" in wanted else [], metres, normal)
+        turned = shapes.to_wxyz(shapes.z_to(normal)[None])
+        self._batch(
+            "cones", shapes.cone, at - gone, np.repeat(turned, len(at), 0), size, CONE, 0.25
+        )
+
+    def _inertias(self, state: State, positions: np.ndarray, wxyz: np.ndarray) -> None:
+        if "inertias" not in state.shown:
+            self._remove("inertias")
+            return
+        if not self._nodes.get("inertias"):
+            self._solids = marks.ellipsoids(state)
+        assert self._solids is not None
+        at, turned = marks.placed(self._solids, positions, wxyz)
+        size = self._solids.size
+        self._batch("inertias", lambda: shapes.unit("sphere"), at, turned, size, INERTIA, 0.55)
+
+    def _batch(
+        self, kind: str, solid: Any, at: Any, wxyz: Any, size: Any, color: Any, opacity: Any
+    ) -> None:
+        """Solids of one kind, moved where they are drawn already."""
+        drawn = self._nodes.get(kind)
+        if drawn and drawn[0].batched_positions.shape == at.shape:
+            node = drawn[0]
+            node.batched_positions, node.batched_wxyzs = at, wxyz
+            node.batched_scales = size
+            return
+        self._remove(kind)
+        if len(at) == 0:
+            return
+        unit = solid()
+        self._nodes[kind] = [
+            self._scene.add_batched_meshes_simple(
+                f"/{kind}", unit.vertices, unit.faces, batched_wxyzs=wxyz, batched_positions=at,
+                batched_scales=size, batched_colors=color, opacity=opacity, lod="off",
+                cast_shadow=False, receive_shadow=False,
+            )
+        ]  # fmt: skip
+
+    def _local(self, kind: str, state: State, positions: np.ndarray, wxyz: np.ndarray) -> None:
+        attached = len(state.derived.names) <= SEPARATE
+        if kind in self._nodes and attached:
+            return
+        points = LOCAL[kind](state)
+        if attached:
+            self._nodes[kind] = [
+                ADD[kind](self._scene, f"/bodies/{k}/{kind}" if k else f"/{kind}", at, state, k)
+                for k, at in points.items()
+            ]
+            return
+        placed = marks.world(points, positions, shapes.to_matrix(wxyz))
+        if kind == "names":
+            self._move_names(state, placed)
+            return
+        placed, drawn = placed.astype(np.float32), self._nodes.get(kind)
+        if drawn and drawn[0].points.shape == placed.shape:
+            if not np.array_equal(drawn[0].points, placed):
+                drawn[0].points = placed
+            return
+        self._remove(kind)
+        if len(placed):
+            self._nodes[kind] = [ADD[kind](self._scene, f"/{kind}", placed, state, 0)]
+
+    def _move_names(self, state: State, placed: np.ndarray) -> None:
+        nodes = self._nodes.setdefault("names", [])
+        for k, at in enumerate(placed, 1):
+            if k > len(nodes):
+                nodes.append(_name(self._scene, f"/names/{k}", at[None], state, k))
+            nodes[k - 1].position = at
+
+    def _remove(self, kind: str) -> None:
+        for node in self._nodes.pop(kind, []):
+            node.remove()
+
+
+def _lines(color: shapes.Color, pixels: float) -> Any:
+    def add(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, k: int) -> Any:
+        return scene.add_line_segments(
+            name, points, colors=color, thickness=pixels, thickness_units="screen"
+        )
+
+    return add
+
+
+def _triads(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, k: int) -> Any:
+    one = np.repeat(np.array(TRIAD, np.uint8)[:, None], 2, axis=1)
+    colors = np.tile(one, (len(points) // 3, 1, 1))
+    return scene.add_line_segments(
+        name, points, colors=colors, thickness=3.0, thickness_units="screen"
+    )
+
+
+def _points(color: shapes.Color) -> Any:
+    def add(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, k: int) -> Any:
+        return scene.add_point_cloud(
+            name, points, colors=color, point_size=0.03 * state.derived.grain,
+            point_shape="circle", precision="float32",
+        )  # fmt: skip
+
+    return add
+
+
+def _name(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, k: int) -> Any:
+    text = state.derived.names[k - 1]
+    return scene.add_label(name, text, position=points[0], font_screen_scale=0.8)
+
+
+def _arrows(
+    scene: viser.SceneApi, name: str, points: np.ndarray, size: float, color: shapes.Color
+) -> list[Any]:
+    if len(points) == 0:
+        return []
+    node = scene.add_arrows(
+        name, points, colors=color, shaft_radius=0.008 * size, head_radius=0.022 * size,
+        head_length=0.05 * size,
+    )  # fmt: skip
+    return [node]
+
+
+LOCAL = {
+    "axes": marks.axes, "links": marks.links, "coms": marks.coms, "names": marks.coms,
+    "frames": marks.frames, "points": marks.points,
+}  # fmt: skip
+ADD = {
+    "axes": _lines(AXIS, 4.0), "links": _lines(LINK, 2.5), "coms": _points(COM), "names": _name,
+    "frames": _triads, "points": _points(POINT),
+}  # fmt: skip

@@ -1,0 +1,200 @@
+"""The 3D view: bodies at their poses, the ground, the camera, and each page's selection."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import viser
+
+from ..core.state import State, poses
+from ..core.views import at_rest
+from ..events import Event, Pull, Select, Unreadable
+from ..pose.gizmo import Gizmos
+from ..table.rows import SEPARATE, BatchedBodies, Bodies, SeparateBodies, links, pieces
+from . import shapes
+from .ground import GRID, GroundView
+from .overlays import Overlays
+
+VIEW = {"x": (0.42, 0.8, -1.0), "y": (0.55, 0.4, 1.0), "z": (0.55, -1.0, 0.4)}  # towards the camera
+FIELD_OF_VIEW, DISTANCE = 0.85, 2.9  # [rad], in sizes of the model
+TYPICAL_ASPECT = 0.6  # of the view between the docks at 1280 x 800
+INSIDE = {"links", "coms", "inertias", "frames", "points"}  # is seen only through the bodies
+OUTLINE = (255, 170, 20)
+
+
+class SceneView:
+    def __init__(self, server: viser.ViserServer, send: Callable[[Event], None]):
+        self._server = server
+        self._names: tuple[str, ...] = ()
+        self._bodies: Bodies | None = None
+        self._overlays = Overlays(server)
+        self._selected: dict[int, viser.FrameHandle] = {}  # by client
+        self._outlined: dict[int, Any] = {}  # what these were made from
+        self._gizmos = Gizmos(server, send)
+        self._ground_view = GroundView(server)
+        self._framed = -1
+        self._up = ""
+        self._boxes: tuple[str, ...] = ()  # what was said of meshes that cannot be read
+        self._send = send
+        self._state: State | None = None
+        self._grips: dict[int, tuple[float, float, float]] = {}  # by client, in the body's axes
+
+    def render(self, old: State, new: State) -> None:
+        self._state = new
+        if self._bodies is None and not any(page.aspect for page in new.clients.values()):
+            return  # the first page gets its table first: drawing in 3D may be slow there
+        rebuilt = self._bodies is None or new.derived is not old.derived
+        with self._server.atomic():
+            another = new.framed != self._framed or new.model.up != self._up
+            if another:
+                self._framed, self._up = new.framed, new.model.up
+                self._start(new)
+            self._ground_view.render(new)
+            if rebuilt:
+                self._rebuild(new)
+            for client, now in new.clients.items():
+                before = old.clients.get(client)
+                if another or (now.aspect and (before is None or before.aspect is None)):
+                    self._look(client, new)
+            self._select(old, new, rebuilt)
+            moved = any((
+                new.playback.time != old.playback.time,
+                new.run is not old.run,
+                new.pose is not old.pose,
+            ))  # fmt: skip
+            self._draw(old, new, rebuilt, moved)
+
+    def _draw(self, old: State, new: State, rebuilt: bool, moved: bool) -> None:
+        """Bodies and what is over them, as far as they changed."""
+        at = poses(new)
+        pages = new.clients is not old.clients
+        if rebuilt or moved or pages:
+            self._place(new)
+            self._gizmos.render(new, *at, anew=rebuilt)
+        if rebuilt or new.shown != old.shown:
+            assert self._bodies is not None
+            self._bodies.fade(0.35 if new.shown & INSIDE else None, "shapes" in new.shown)
+        if rebuilt or moved or new.shown != old.shown:
+            self._overlays.render(new, *at)
+        if rebuilt or moved or new.pull is not old.pull:
+            self._overlays.pull(new, *at)
+
+    def _clicked(self, client: int, number: int) -> None:
+        if number <= len(self._names):
+            self._send(Select(client, self._names[number - 1]))
+
+    def _pulled(self, client: int, number: int, event: viser.SceneNodeDragEvent) -> None:
+        """A drag on a body: its grip is fixed where the drag begins, in the body's axes."""
+        if self._state is None or self._state.live is None or number > len(self._names):
+            return  # only what moves can be pulled
+        positions, wxyz = poses(self._state)
+        if event.phase == "start" or client not in self._grips:
+            arm = np.asarray(event.start_position) - positions[number - 1]
+            x, y, z = (shapes.to_matrix(wxyz[number - 1]).T @ arm).tolist()
+            self._grips[client] = x, y, z
+        target = None if event.phase == "end" else event.end_position
+        self._send(Pull(client, self._names[number - 1], self._grips[client], target))
+
+    def _rebuild(self, state: State) -> None:
+        few = len(state.derived.names) <= SEPARATE
+        self._overlays.clear(few)
+        kind = SeparateBodies if few else BatchedBodies
+        if not isinstance(self._bodies, kind):
+            if self._bodies is not None:
+                self._bodies.remove()
+            self._bodies = kind(self._server, self._clicked, self._pulled)
+        self._bodies.show(state)
+        self._names = state.derived.names
+        boxes = shapes.unreadable(state.model.bodies)
+        if boxes and boxes != self._boxes:
+            self._send(Unreadable(boxes))
+        self._boxes = boxes
+
+    def _place(self, state: State) -> None:
+        positions, wxyz = poses(state)
+        assert self._bodies is not None
+        self._bodies.place(positions, wxyz)
+        for client, frame in self._selected.items():
+            name = state.clients[client].selection
+            if name is not None:
+                k = state.derived.number[name] - 1
+                frame.position, frame.wxyz = positions[k], wxyz[k]
+
+    def _select(self, old: State, new: State, rebuilt: bool) -> None:
+        """An outline and the axes of the selected body, on that page only."""
+        for client in self._selected.keys() - new.clients.keys():
+            del self._selected[client]
+            self._outlined.pop(client, None)
+        for client, now in new.clients.items():
+            before = old.clients.get(client)
+            if not rebuilt and before is not None and before.selection == now.selection:
+                continue
+            looks = self._looks(new, now.selection)
+            if client in self._selected and looks == self._outlined.get(client):
+                continue  # it is moved with its body
+            self._outlined[client] = looks
+            if (frame := self._selected.pop(client, None)) is not None:
+                frame.remove()
+            handle = self._server.get_clients().get(client)
+            if now.selection is not None and handle is not None:
+                self._selected[client] = self._outline(handle, new, now.selection)
+
+    def _looks(self, state: State, name: str | None) -> Any:
+        """All that an outline is made from."""
+        if name is None:
+            return None
+        d, body = state.derived, state.model.body(name)
+        shape = body.shape, links(state, d.number[name]), body.tip, body.com, body.mass
+        return shape, d.grain
+
+    def _outline(self, client: viser.ClientHandle, state: State, name: str) -> viser.FrameHandle:
+        size = state.derived.grain
+        solid = shapes.mesh(pieces(state, state.derived.number[name]))
+        frame = client.scene.add_frame(
+            "/selected",
+            axes_length=0.16 * size,
+            axes_radius=0.006 * size,
+            origin_radius=0.01 * size,
+        )
+        for part, grown, opacity in (("outline", 0.016, None), ("tint", 0.002, 0.3)):
+            client.scene.add_mesh_simple(
+                f"/selected/{part}",
+                solid.vertices + grown * size * solid.vertex_normals,
+                solid.faces,
+                color=OUTLINE,
+                side="back" if part == "outline" else "front",
+                opacity=opacity,
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+        return at_rest(frame)
+
+    def _start(self, state: State) -> None:
+        """Another model: which way is up, and where new pages look from."""
+        up, size = GRID[state.model.up][1], state.derived.size
+        self._server.scene.set_up_direction(up)
+        start = self._server.initial_camera
+        # viser returns to this after a change of `up`, so it has to suit the pages that are open
+        known = (page.aspect for page in state.clients.values() if page.aspect is not None)
+        start.position, start.look_at = viewpoint(state, min(known, default=TYPICAL_ASPECT))
+        start.up, start.fov, start.near, start.far = up, FIELD_OF_VIEW, size / 100, 1000 * size
+
+    def _look(self, client: int, state: State) -> None:
+        """Set one page's camera on the model."""
+        handle = self._server.get_clients().get(client)
+        aspect = state.clients[client].aspect
+        if handle is not None and aspect is not None:
+            camera = handle.camera
+            camera.up_direction = np.array(GRID[state.model.up][1])
+            camera.position, camera.look_at = viewpoint(state, aspect)
+
+
+def viewpoint(state: State, aspect: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where the camera stands and what it looks at, so that the model fills the view."""
+    away, up = np.array(VIEW[state.model.up]), np.array(GRID[state.model.up][1])
+    size = state.derived.size
+    distance = size * DISTANCE / min(aspect, 1.0) ** 0.8
+    target = state.derived.center - 0.15 * size * up  # the playback bar covers the bottom
+    return target + distance * away / np.linalg.norm(away), target

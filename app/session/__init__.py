@@ -1,0 +1,1 @@
+"""Open pages: coming and going, selecting, autosave."""

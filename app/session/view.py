@@ -1,0 +1,82 @@
+"""What one page is told alone: its selection, its theme, answers, notices and downloads."""
+
+from __future__ import annotations
+
+import pgraph_core as pg
+
+from ..core.bridge import Bridge
+from ..core.state import Client, Notice, State
+from ..core.views import Payload, audience
+from ..model.archive import packed
+
+ACCENT = (47, 111, 208)
+PEOPLE = ("#d9730d", "#2f9e6b", "#a33fb5", "#c2255c", "#0c8599")
+
+
+class SessionView:
+    """Drawn last: an answer to a cell comes after the value it is about."""
+
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+
+    def render(self, old: State, new: State) -> None:
+        for client, now in new.clients.items():
+            before = old.clients.get(client)
+            if before is now:
+                continue
+            if before is None or before.selection != now.selection:
+                self._bridge.send(client, "selection", now.selection)
+            if before is None or before.selected != now.selected:
+                self._bridge.send(client, "selected", now.selected)
+            if before is None or before.dark != now.dark:
+                self._theme(client, now.dark)
+            self._tell(client, before or Client(), now, new)
+        self._others(old, new)
+        for client in audience(old, new, new.renamed != old.renamed):
+            self._bridge.send(client, "renamed", new.renamed)  # after what shows the new names
+
+    def _others(self, old: State, new: State) -> None:
+        """Where everybody else is, to each page; again only where somebody moved."""
+        for client in new.clients:
+            told = None if client not in old.clients else others(old, client)
+            if told != (now := others(new, client)):
+                self._bridge.send(client, "others", now)
+
+    def _tell(self, client: int, before: Client, now: Client, state: State) -> None:
+        if now.reply is not None and now.reply is not before.reply:
+            reply = {"serial": now.reply.serial, "text": now.reply.text, "offer": now.reply.offer}
+            self._bridge.send(client, "reply", reply)
+        if now.notice is not None and now.notice is not before.notice:
+            self._notify(client, now.notice)
+        handle = self._bridge.server.get_clients().get(client)
+        if now.downloads != before.downloads and handle is not None:
+            try:
+                handle.send_file_download(*packed(state.model), save_immediately=True)
+            except pg.PgraphError as error:
+                self._notify(client, Notice("Not saved", str(error), bad=True))
+
+    def _notify(self, client: int, notice: Notice) -> None:
+        handle = self._bridge.server.get_clients().get(client)
+        if handle is None:
+            return
+        color = (200, 60, 50) if notice.bad else ACCENT
+        seconds = 12.0 if notice.bad else 5.0
+        handle.add_notification(notice.title, notice.text, auto_close_seconds=seconds, color=color)
+
+    def _theme(self, client: int, dark: bool) -> None:
+        handle = self._bridge.server.get_clients().get(client)
+        if handle is not None:
+            handle.gui.configure_theme(
+                dark_mode=dark, show_logo=False, show_share_button=False, brand_color=ACCENT
+            )
+        self._bridge.send(client, "theme", {"dark": dark})
+
+
+def others(state: State, client: int) -> Payload:
+    """Colours of the other pages that have a body selected, by body."""
+    found: dict[str, list[str]] = {}
+    for other, page in state.clients.items():
+        if other != client:
+            for name in page.selected:
+                found.setdefault(name, []).append(PEOPLE[other % len(PEOPLE)])
+    return found

@@ -1,0 +1,190 @@
+"""Lines of a spreadsheet as rows of the table (pure)."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Callable, Sequence
+from typing import Any, get_args
+
+import pgraph_core as pg
+from pgraph_core.model.copies import free_name
+
+from ..core import cells
+from ..core.cells import Refusal
+
+COLUMNS = ("name", "parent", "dof", "constraint")
+HEADINGS = {
+    "#": "", "number": "", "body": "name", "name": "name", "parent": "parent", "dof": "dof",
+    "joint": "joint", "constraint": "constraint", "constraints": "constraint",
+    "constraint type": "constraint", "mass": "mass",
+}  # fmt: skip
+VECTOR = re.compile(r"(link|com|tip) ([xyz])")
+DOF = re.compile(r"([0-6])?\s*([a-z]+(?: \+ [a-z]+)*)?")
+ALREADY = ("ball + z", "ball + x + y")  # what the DoF column writes for 4 and 5
+JOINTS = get_args(pg.Body.model_fields["joint"].annotation)
+Rod = Callable[[pg.Model, str, str], pg.Body]
+
+
+def rows_of(
+    model: pg.Model, text: str, rows: Sequence[str], column: int, under: str | None, rod: Rod
+) -> tuple[pg.Model, tuple[str, ...], str]:
+    """The model with the pasted lines, the bodies they are, and what was left out.
+
+    Lines fill `rows` one by one; more of them, or all without `rows`, become new rows, whose
+    names are made free where `rows` is empty. Raises Refusal or PgraphError, naming the line.
+    """
+    columns, lines = _table(text, column)
+    for name in rows:
+        model.body(name)
+    new = lines[len(rows) :]
+    if new and rows and "name" not in columns:
+        raise Refusal(f"line {len(rows) + 1} has no row; paste into the column Body to make rows")
+    before = model
+    places = _places(model, len(new))
+    model = _with_rods(model, places, under, rod)
+    names = _free_names(before, [_cell(line, columns, "name") for line in new], bool(rows))
+    renamed = {old: now for old, now in names if old} if not rows else {}
+    changes: dict[str, dict[str, Any]] = {}
+    above = under or "ground"
+    for k, line in enumerate(lines):
+        body = model.body((*rows, *places)[k])
+        change = _change(before, body, dict(zip(columns, line)), k + 1)
+        if k >= len(rows):
+            change["name"] = names[k - len(rows)][1]
+            parent = change.get("parent", above)
+            change["parent"] = renamed.get(parent, parent)
+        above = change.get("name", body.name)
+        changes[body.name] = change
+    after = model.edit_all({name: change for name, change in changes.items() if change})
+    filled = [changes[name].get("name", name) for name in (*rows[: len(lines)], *places)]
+    return after, tuple(filled), _left_out(columns, lines)
+
+
+def _table(text: str, column: int) -> tuple[tuple[str, ...], list[list[str]]]:
+    """Fields by column, from the headings if there are any, and the lines of cells."""
+    try:
+        found = list(csv.reader(io.StringIO(text.strip("\r\n")), delimiter="\t", strict=False))
+    except csv.Error as error:
+        raise Refusal(f"it is no table: {error}") from None
+    lines = [[cell.strip() for cell in line] for line in found]
+    if not lines:
+        raise Refusal("there is nothing to paste")
+    first = tuple(map(_field, lines[0]))
+    if None not in first and ("name" in first or len(first) > 1):
+        columns, lines = tuple(str(f) for f in first), lines[1:]
+    else:
+        columns = COLUMNS[column:]
+    for k, line in enumerate(lines, 1):
+        if len(line) > len(columns) and any(line[len(columns) :]):
+            raise Refusal(f"line {k} has {len(line)} cells; {len(columns)} fit: {_listed(columns)}")
+    return columns, [line for line in lines if any(line)]
+
+
+def _field(heading: str) -> str | None:
+    """The field that a heading names; None where it names none."""
+    text = heading.strip().lower()
+    return text if VECTOR.fullmatch(text) else HEADINGS.get(text)
+
+
+def _listed(columns: Sequence[str]) -> str:
+    return ", ".join(name or "number" for name in columns)
+
+
+def _cell(line: Sequence[str], columns: Sequence[str], field: str) -> str:
+    """The text of a line in the column of `field`; "" where there is none."""
+    return dict(zip(columns, line)).get(field, "")
+
+
+def _places(model: pg.Model, count: int) -> tuple[str, ...]:
+    """Names that new rows have until they get their own."""
+    blank = "new row "
+    while any(name.startswith(blank) for name in model.row):
+        blank = f"a {blank}"
+    return tuple(f"{blank}{k}" for k in range(1, count + 1))
+
+
+def _with_rods(model: pg.Model, places: Sequence[str], under: str | None, rod: Rod) -> pg.Model:
+    """A rod for each new row, on the ground for now."""
+    if not places:
+        return model
+    on = under if under in model.row else "ground"
+    first = rod(model, places[0], str(on))
+    more = rod(pg.Model.serial(1), "more", "1")
+    new = [first, *(more.model_copy(update={"name": name}) for name in places[1:])]
+    new = [body.model_copy(update={"parent": "ground"}) for body in new]
+    return model.replace(bodies=(*model.bodies, *new))
+
+
+def _free_names(model: pg.Model, wanted: Sequence[str], as_typed: bool) -> list[tuple[str, str]]:
+    """(typed, used) name of each new row: the next number where none is typed."""
+    used, found = set(model.row), []
+    for name in wanted:
+        free = name if name and as_typed else free_name(name or str(len(used) + 1), used)
+        used.add(free)
+        found.append((name, free))
+    return found
+
+
+def _change(model: pg.Model, body: pg.Body, line: dict[str, str], number: int) -> dict[str, Any]:
+    """The fields of a body that a line changes; empty cells leave theirs as they are."""
+    found: dict[str, Any] = {}
+    for field, text in line.items():
+        if not text or not field:
+            continue
+        try:
+            change = _typed(model, body, field, text)
+        except Refusal as refusal:
+            raise Refusal(f"line {number}, {field}: {refusal}") from None
+        body = body.model_copy(update={k: x for k, x in change.items() if k not in ("dof", "name")})
+        found |= change
+    return found
+
+
+def _typed(model: pg.Model, body: pg.Body, field: str, text: str) -> dict[str, Any]:
+    if field == "constraint":
+        return _read_only(model, text)
+    if field in ("dof", "joint"):
+        return _joint(body, text)
+    if match := VECTOR.fullmatch(field):
+        return cells.change(body, match[1], ("xyz".index(match[2]),), text)
+    return cells.change(body, field, (), text)
+
+
+def _joint(body: pg.Body, text: str) -> dict[str, Any]:
+    """`1`, `prismatic` or `1 prismatic`; nothing where that is the joint already."""
+    match = DOF.fullmatch(text.lower())
+    dof, kind = match.groups() if match else (None, text)
+    kind = "compound" if kind in ALREADY else kind
+    if kind is not None and kind not in JOINTS:
+        cells.whole(text, 0, 6)
+    if (dof is None or int(dof) == body.dof) and kind in (None, body.joint):
+        return {}
+    if kind is None or kind == "compound":
+        if dof and kind and dof not in "45":
+            raise Refusal(
+                f"a compound joint of {dof} DoF is made in its properties; given '{text}'"
+            )
+        return {"dof": int(dof or 4)}
+    return {"joint": kind} | ({"dof": int(dof)} if dof else {})
+
+
+def _read_only(model: pg.Model, text: str) -> dict[str, Any]:
+    """Nothing: the column follows from the lists; a name that is in none of them is refused."""
+    known = {"holonomic", "limits", *(c.name for c in (*model.constraints, *model.contacts))}
+    for name in (part.strip() for part in text.split(",")):
+        if name and name not in known:
+            raise Refusal(
+                f"no constraint is called '{name[:40]}'; this column is filled from the list of "
+                "constraints: add it there"
+            )
+    return {}
+
+
+def _left_out(columns: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    """A sentence where lines name constraints, which are not pasted."""
+    named = (_cell(line, columns, "constraint") for line in lines)
+    if any(text not in ("", "holonomic") for text in named):
+        return "Without constraints: that column is filled from the list of constraints."
+    return ""
