@@ -17,10 +17,10 @@ from ..core.state import SHOWN_AT_FIRST, Exporting, Playback, Run, State, betwee
 from ..gait.footfalls import prints
 from ..gait.footprints import MOST, FootprintsView
 from ..model.derived import derive
+from ..scene.bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies
 from ..scene.ground import GRID, grid, steps
 from ..scene.overlays import Overlays
 from ..scene.view import viewpoint
-from ..table.rows import SEPARATE, BatchedBodies, Bodies, SeparateBodies
 
 PICTURES = 30  # of an animation, a second
 MOST_PICTURES = 3000

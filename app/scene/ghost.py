@@ -8,8 +8,8 @@ import viser
 from ..core.state import Run, State, between
 from ..core.views import at_rest
 from ..model.derived import derive
-from ..table.rows import pieces
 from . import shapes
+from .bodies import pieces
 
 COLOR, OPACITY = (120, 128, 140), 0.28
 

@@ -8,8 +8,8 @@ import numpy as np
 import viser
 
 from ..core.state import State
-from ..table.rows import SEPARATE
 from . import marks, shapes
+from .bodies import SEPARATE
 
 STAY = {"axes", "links"}  # lines of one look, whatever the model
 AXIS, LINK, COM, FORCE = (224, 120, 20), (96, 106, 120), (200, 40, 150), (30, 160, 90)

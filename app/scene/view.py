@@ -12,8 +12,8 @@ from ..core.state import State, poses
 from ..core.views import at_rest
 from ..events import Event, Pull, Select, Unreadable
 from ..pose.gizmo import Gizmos
-from ..table.rows import SEPARATE, BatchedBodies, Bodies, SeparateBodies, links, pieces
 from . import shapes
+from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies, links, pieces
 from .ground import GRID, GroundView
 from .overlays import Overlays
 

@@ -13,7 +13,7 @@ import pgraph_core as pg
 
 from ..core.state import State
 from ..core.views import at_rest
-from ..scene import shapes
+from . import shapes
 
 SEPARATE = 50  # bodies up to which each is a node of its own
 Clicked = Callable[[int, int], None]  # client, number of the body
