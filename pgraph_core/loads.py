@@ -36,7 +36,7 @@ def loads(
         ints.append((TYPES[f.kind], *rows, int(f.frame == "body"), first, len(own), 0, 0))
         floats.append(_numbers(f, model, packed, a, b, home))
         knots.append(_in_row(own, packed, a) if f.frame == "body" else own)
-    return (
+    return Loads(
         np.array(ints, dtype=np.int64).reshape(-1, at.LOAD_I),
         np.array(floats).reshape(-1, at.LOAD_F),
         np.concatenate((np.zeros((0, 7)), *knots)),

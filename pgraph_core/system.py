@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from . import joints
 from .columns import Columns
 from .engine import layout as at
+from .engine.arrays import Drives as Drives
+from .engine.arrays import Loads as Loads
 from .engine.layout import BODIES_I, BODY, CONST
 from .engine.packing.pack import pack
 from .model import Body, Force, Model, Table
@@ -32,14 +34,6 @@ class System(NamedTuple):
     q: Array  # (nq,) the model's initial state
     v: Array  # (nv,)
     body_of_row: Ints  # (n + 1,) number of the body whose joint a row belongs to
-
-
-# Springs and dampers of joints, then motors and servos, as kernels take them (a plain tuple: numba
-# would compile everything again for a named one): table (nd, 10), knots (nk, 3) of time [s],
-# value and slope, and how many rows are springs and dampers.
-Drives: TypeAlias = tuple[Array, Array, int]
-# Forces on bodies and between two, as kernels take them: integers (nl, 8), numbers (nl, 20), knots
-Loads: TypeAlias = tuple[Ints, Array, Array]
 
 
 # rows, const, bodies_i, bodies_f of a System, and its q and v in one array
@@ -91,12 +85,12 @@ def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force
         limit = np.inf if force.torque_limit is None else force.torque_limit
         position = at_q if force.kind == "servo" and force.kp else -1
         table.append((at_v, position, force.kp, force.kd, limit, *target, *torque, 0.0))
-    return np.array(table).reshape(-1, at.DRIVE), np.array(knots).reshape(-1, 3), passive
+    return Drives(np.array(table).reshape(-1, at.DRIVE), np.array(knots).reshape(-1, 3), passive)
 
 
 def bends(drives: Drives) -> Array:
     """Ascending times at which a table of these drives bends [s]."""
-    return np.unique(drives[1][:, 0])
+    return np.unique(drives.knots[:, 0])
 
 
 def has_springs(body: Body) -> bool:

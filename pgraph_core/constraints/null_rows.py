@@ -24,12 +24,12 @@ def redundancy(scene: Scene) -> str:
     A null direction of Ω is a combination of rows that says nothing: the last row of it that is
     not the last of another is called redundant, as in `mobility`.
     """
-    count = int(scene.space[5][FACTORED, 1])
+    count = int(scene.space.vectors[FACTORED, 1])
     blocks = sum(end - first for _, first, end in scene.spans)
     if count == 0 or blocks != scene.active[0]:  # contacts are among them: others than in a moment
         return ""
     rows = _rows(scene)
-    chosen = named(scene, standing_for(scene.space[9][:count, : len(rows)]))
+    chosen = named(scene, standing_for(scene.space.nulls[:count, : len(rows)]))
     more = f" and {len(chosen) - LISTED} more" if len(chosen) > LISTED else ""
     are = "row is" if len(rows) == 1 else "rows is" if len(chosen) == 1 else "rows are"
     return (
@@ -75,7 +75,7 @@ def _rows(scene: Scene) -> list[tuple[str, int, int]]:
 
 def _name(scene: Scene, row: tuple[str, int, int]) -> str:
     constraint, i, r = row
-    d = scene.space[4][i, at.PLACE_D + 3 * r : at.PLACE_D + 3 * r + 3]
+    d = scene.space.place[i, at.PLACE_D + 3 * r : at.PLACE_D + 3 * r + 3]
     return f"{_direction(int(scene.blocks.blocks_i[i, at.B_TYPE]), d)} of constraint '{constraint}'"
 
 

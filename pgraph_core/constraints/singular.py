@@ -46,16 +46,16 @@ class _Look:
 
     def __init__(self, scene: Scene, t: float, q: Array, v: Array):
         self.scene, self.t, self.q, self.v = scene, t, q, v
-        self.rows = int(scene.space[8][0, at.DIP_ROWS])
+        self.rows = int(scene.space.dips[0, at.DIP_ROWS])
 
     def eigen(self, tau: float) -> tuple[Array, Array]:
         """(values over the mean diagonal, vectors) of Ω a time tau on, constraints met."""
         q, v = self.q.copy(), self.v.copy()
         run.move(self.scene.mech.tree[0], q, v, tau)
         for _ in range(2):  # onto the constraints, and Ω there
-            self.scene.space[5][FACTORED, 2] = 0.0
+            self.scene.space.vectors[FACTORED, 2] = 0.0
             motion.projection(self.scene.held, self.t + tau, q, v, 1)
-        omega = self.scene.space[2][: self.rows, : self.rows]
+        omega = self.scene.space.omega[: self.rows, : self.rows]
         values, vectors = np.linalg.eigh(omega)
         return values * self.rows / np.trace(omega), vectors
 
@@ -86,7 +86,7 @@ def passed(scene: Scene) -> list[Passed]:
     """Singular positions among the first dips of the active constraints, each once."""
     found: list[Passed] = []
     nq, nv = scene.mech.nq, scene.mech.nv
-    for dip in scene.space[8][1:]:
+    for dip in scene.space.dips[1:]:
         if dip[at.DIP_DEPTH] > 0:
             q, v = np.split(dip[at.DIP_STATE : at.DIP_STATE + nq + nv].copy(), [nq])
             look, apart = _Look(scene, float(dip[at.DIP_TIME]), q, v), float(dip[at.DIP_APART])
@@ -121,7 +121,7 @@ def singular_notice(scene: Scene, start: Instant, end: Instant, redundant: bool)
 
     `start` and `end` are those of the run; `redundant`: whether rows were at the start.
     """
-    dips = int(scene.space[8][0, at.DIP_COUNT])
+    dips = int(scene.space.dips[0, at.DIP_COUNT])
     places = passed(scene) if dips else []
     if not places:
         began = _began(scene, start, end) if redundant else None

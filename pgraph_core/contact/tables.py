@@ -10,6 +10,7 @@ import numpy as np
 
 from ..constraints.blocks import Blocks, radius_of_gyration
 from ..engine import layout as at
+from ..engine.arrays import Candidates, Geometry
 from ..errors import ModelError, PgraphError, Problem
 from ..model import Body, Contact, Model, Shape
 from ..model.names import EVERY, GROUND
@@ -42,9 +43,9 @@ class Tables(NamedTuple):
 
     touches: tuple[Touch, ...]
     limits: tuple[str, ...]  # names of limits, one a block
-    geometry: tuple[Array, ...]
+    geometry: Geometry
     ground: Array
-    touch: tuple[Ints, ...]
+    candidates: Candidates
     laws: Array  # (touches, 6)
     limit_blocks: tuple[Ints, Array, Ints, Array]  # as in `Blocks`
     room: int  # contact points that there is room for
@@ -163,7 +164,7 @@ class _Shapes:
             limits,
             geometry,
             ground_of(self.model),
-            (
+            Candidates(
                 _ints(self.on_ground, 2),
                 _ints(self.pairs, 3),
                 _ints(self.members, 2),

@@ -162,7 +162,7 @@ def load_of(loads, i, work, linear, t):
 @sweep
 def apply_loads(loads, work, linear, t):
     """All loads onto the rows, after `positions` and `velocities`; powers in and dissipated [W]."""
-    table_i = loads[0]
+    table_i = loads.loads_i
     put_in = 0.0
     dissipated = 0.0
     for i in range(table_i.shape[0]):
@@ -225,7 +225,7 @@ def twist(table, i, work, a, b):
 @sweep
 def elastic_loads(loads, work):
     """Energy of springs between bodies [J], after `positions`."""
-    table_i, table_f, _ = loads
+    table_i, table_f = loads.loads_i, loads.loads_f
     energy = 0.0
     for i in range(table_i.shape[0]):
         a = table_i[i, at.L_A]

@@ -127,9 +127,6 @@ SINE = -1
 # slots, int64 (nb, w + 2): number of joints, first row, then their indices into v
 PLACE_P, PLACE_D, PLACE_Q = 0, 3, 12  # 3 on A, 9, 3 on B
 PLACE = 15
-# contacts, int64 (5,): addresses of a scene's contacts (0: none), and of their kernels
-HAS_CONTACTS, THEIR_SEARCH, THEIR_FORCES, THEIR_RECORD, THEIR_SETTLE = 0, 1, 2, 3, 4
-THEIR_CONSTRAINTS = 5
 SLOTS, FIRST, SLOT = 0, 1, 2
 DIP_DEPTH, DIP_TIME, DIP_APART, DIP_STATE = 0, 1, 2, 3  # largest pivot over it; of the deepest
 # place: its time, time since the evaluation before [s], q and v; of row 0: of the last evaluation

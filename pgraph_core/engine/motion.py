@@ -8,13 +8,12 @@ import math
 from numba import types
 
 from . import layout as at
-from .compiler.address import caller
+from .arrays import F1, F2, I1, I2, OUT, SCENE, opened, save
+from .compiler.address import caller, plain
 from .compiler.jit import kernel, part
 from .constraints.blocks import velocities
 from .constraints.constraints import drift, driven_power, impose, project, wrenches
 from .forces import apply_loads, drive, elastic, elastic_loads, load_of, torque_of_loads
-from .scene import F1, F2, I1, I2, OUT, SCENE, opened, save
-from .scene import F3 as F3
 from .tree.articulated import inboard, joint_acceleration, singular_row
 from .tree.kinematics import kinetic_and_potential, outboard, positions
 from .vec import accumulate, add, add_cross, finite, load, load9, mul, scale, sub
@@ -40,7 +39,7 @@ call_projection = caller(PROJECTION)
 call_record = caller(RECORD)
 
 
-@kernel(types.void(I1, SCENE))
+@kernel(types.void(I1, plain(SCENE)))
 def save_scene(buffer, scene):
     """Keep a scene's tuple where `opened` finds it."""
     save(buffer, scene)
@@ -70,34 +69,38 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
 
     `flow` (3,) gets the power put in and dissipated [W], and the solver's iterations.
     """
-    rows, const, drives, _, _, work, _, _, given, user = opened(scene)
+    data = opened(scene)
+    rows, const, drives = data.rows, data.const, data.drives
+    work, given, user = data.work, data.given, data.user
     put_in, dissipated = drive(drives, t, q, v, given, tau)
     outboard(rows, const, work, q, v)
-    if user[0] != 0:  # which may take what `outboard` left
+    if user.address != 0:  # which may take what `outboard` left
         put_in += user_torque(user, t, q, v, tau)
-    _, _, _, loads, _, _, space, _, _, _ = opened(scene)  # again: what is not needed is not read
-    if loads[0].shape[0] > 0:
+    data = opened(scene)  # again: what is not needed is not read
+    loads, space, links = data.loads, data.space, data.links
+    if loads.loads_i.shape[0] > 0:
         positions(rows, work)
-        velocities(rows, const, work, v, space[6])
-        more, lost = apply_loads(loads, work, space[6], t)
+        velocities(rows, const, work, v, space.linear)
+        more, lost = apply_loads(loads, work, space.linear, t)
         put_in += more
         dissipated += lost
     flow[0] = put_in
     flow[1] = dissipated
-    if space[12][at.HAS_CONTACTS] != 0:
-        call_contact_forces(space[12][at.THEIR_FORCES], (scene, v, tau, flow))
+    if links.contacts != 0:
+        call_contact_forces(links.forces, (scene, v, tau, flow))
     inboard(rows, const, work, tau)
     joint_acceleration(rows, const, work, vdot)
     flow[2] = 0.0
-    if opened(scene)[4][5][0] > 0:
-        call_constrain(space[12][at.THEIR_CONSTRAINTS], (scene, t, q, v, vdot, flow))
+    if opened(scene).blocks.active[0] > 0:
+        call_constrain(links.constraints, (scene, t, q, v, vdot, flow))
     return 0
 
 
 @kernel(CONSTRAIN, nogil=True)
 def constrain(scene, t, q, v, vdot, flow):
     """Add what the active constraints make of v'; their power in flow[0], iterations in flow[2]."""
-    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
+    data = opened(scene)
+    blocks, space = data.blocks, data.space
     flow[2] = impose(scene, t, q, v, vdot)
     flow[0] += driven_power(blocks, space, v)
     return 0
@@ -106,12 +109,13 @@ def constrain(scene, t, q, v, vdot, flow):
 @kernel(types.int64(types.int64, types.int64, types.float64, F1, F1, F1, F1, F1, F2))
 def constrained_dynamics(scene, accelerate, t, q, v, given, flow, vdot, forces):
     """v' and the wrenches of blocks; 0, or -1 where not finite, or the first singular row."""
-    rows, _, _, _, blocks, work, space, _, kept, _ = opened(scene)
+    data = opened(scene)
+    rows, blocks, work, space, kept = data.rows, data.blocks, data.work, data.space, data.given
     for j in range(given.shape[0]):
         kept[j] = given[j]
-    tau = space[5][TAU, : v.shape[0]]
+    tau = space.vectors[TAU, : v.shape[0]]
     call_acceleration(accelerate, (scene, t, q, v, tau, vdot, flow))
-    if blocks[5][0] > 0:
+    if blocks.active[0] > 0:
         wrenches(rows, blocks, work, space, forces)
     singular = singular_row(rows, work)
     if singular > 0:
@@ -128,19 +132,21 @@ def projection(scene, t, q, v, rounds):
 @kernel(RECORD, nogil=True)
 def record(scene, accelerate, t, q, v, flow, ledger, i, out):
     """Frame i: state, v', wrenches, energies, ledger, residuals; whether all of it is finite."""
-    rows, const, drives, loads, blocks, work, space, _, _, _ = opened(scene)
+    data = opened(scene)
+    rows, const, drives, loads = data.rows, data.const, data.drives, data.loads
+    blocks, work, space = data.blocks, data.work, data.space
     qs, vs, vdots, forces, energies, drifts, pushes, touches = out
-    tau = space[5][TAU, : v.shape[0]]
+    tau = space.vectors[TAU, : v.shape[0]]
     call_acceleration(accelerate, (scene, t, q, v, tau, vdots[i], flow))
     for n in range(q.shape[0]):
         qs[i, n] = q[n]
     for n in range(v.shape[0]):
         vs[i, n] = v[n]
-    if blocks[5][0] > 0:
+    if blocks.active[0] > 0:
         wrenches(rows, blocks, work, space, forces[i])
         drift(rows, const, blocks, work, space, t, q, v, drifts[i])
-    if space[12][at.HAS_CONTACTS] != 0:
-        call_contact_record(space[12][at.THEIR_RECORD], (scene, pushes[i], touches[i]))
+    if data.links.contacts != 0:
+        call_contact_record(data.links.record, (scene, pushes[i], touches[i]))
     kinetic, potential = kinetic_and_potential(rows, const, work, v)
     energies[i, 0] = kinetic
     energies[i, 1] = potential + elastic(drives, q) + elastic_loads(loads, work)
@@ -152,7 +158,8 @@ def record(scene, accelerate, t, q, v, flow, ledger, i, out):
 @kernel(types.UniTuple(types.float64, 2)(types.int64, F1, F1))
 def energy(scene, q, v):
     """(kinetic, potential) energy, springs included [J]."""
-    rows, const, drives, loads, _, work, _, _, _, _ = opened(scene)
+    data = opened(scene)
+    rows, const, drives, loads, work = data.rows, data.const, data.drives, data.loads, data.work
     outboard(rows, const, work, q, v)
     kinetic, potential = kinetic_and_potential(rows, const, work, v)
     return kinetic, potential + elastic(drives, q) + elastic_loads(loads, work)
@@ -161,12 +168,13 @@ def energy(scene, q, v):
 @kernel(types.void(types.int64, I2, I2, F2, types.float64, F1, F1, F2))
 def load_wrenches(scene, carriers, bodies_i, bodies_f, t, q, v, external):
     """Add the loads to `external` (nb, 6); `carriers` (nl, 2) are the numbers of their bodies."""
-    rows, const, _, loads, _, work, space, _, _, _ = opened(scene)
+    data = opened(scene)
+    rows, const, loads, work, space = data.rows, data.const, data.loads, data.work, data.space
     outboard(rows, const, work, q, v)
     positions(rows, work)
-    velocities(rows, const, work, v, space[6])
+    velocities(rows, const, work, v, space.linear)
     for i in range(carriers.shape[0]):
-        p, torque, force, end, _, _ = load_of(loads, i, work, space[6], t)
+        p, torque, force, end, _, _ = load_of(loads, i, work, space.linear, t)
         for side in range(2):
             b = carriers[i, side]
             if b > 0:
@@ -182,15 +190,17 @@ def load_wrenches(scene, carriers, bodies_i, bodies_f, t, q, v, external):
 @kernel(types.void(types.int64, F1, F1, F1))
 def drive_torque(scene, q, v, tau):
     """τ of springs, dampers, motors, servos and given torques at t = 0."""
-    _, _, drives, _, _, _, _, _, given, _ = opened(scene)
+    data = opened(scene)
+    drives, given = data.drives, data.given
     drive(drives, 0.0, q, v, given, tau)
 
 
 @kernel(types.void(types.int64, F1, F1, F1))
 def load_torque(scene, q, v, tau):
     """τ of the loads on bodies at t = 0: Hᵀ φᵀ F, eqs. (12), (23)."""
-    rows, const, _, loads, _, work, space, _, _, _ = opened(scene)
+    data = opened(scene)
+    rows, const, loads, work, space = data.rows, data.const, data.loads, data.work, data.space
     outboard(rows, const, work, q, v)
     positions(rows, work)
-    velocities(rows, const, work, v, space[6])
-    torque_of_loads(rows, const, loads, work, space[6], tau)
+    velocities(rows, const, work, v, space.linear)
+    torque_of_loads(rows, const, loads, work, space.linear, tau)

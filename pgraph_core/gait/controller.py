@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from ..engine import layout as at
-from ..engine.compiler.address import _KEPT, WORDS, address_of
+from ..engine.arrays import Walk
+from ..engine.compiler.address import _KEPT, WORDS, address_of, unnamed
 from ..engine.compiler.jit import JIT, compile_kernel, ready
 from ..engine.gait import layout as go
 from ..engine.gait import walking
@@ -140,7 +141,7 @@ class GaitTorque(UserTorque):
         self._tau = self.exchange[2, :nv]
         rows, const = mech.tree
         a = controller.anatomy
-        self._kept = (
+        self._kept = Walk(
             rows, const, np.zeros((len(rows), at.WORK)), np.zeros((len(rows), 3)), a.legs_i,
             controller.legs_f, self.settings, self.waves, np.zeros((4, go.FOOT_F)),
             np.zeros((6, 7)), self._q, self._v, self._tau, np.zeros(nv), controller.limit, a.spine,
@@ -150,9 +151,9 @@ class GaitTorque(UserTorque):
 
     def join(self, mech: Mechanism, work: Array) -> None:
         """Take frames, velocities and inertias from a run of the same bodies, not anew."""
-        mine = self._kept[:2]
+        mine = self._kept.rows, self._kept.const
         if all(np.array_equal(a, b) for a, b in zip(mine, mech.tree)):
-            self._kept = (*self._kept[:-1], work)
+            self._kept = self._kept._replace(theirs=work)
             _store(self.exchange, self._kept)
 
     def torque(self, t: float, q: Array, v: Array) -> Array:
@@ -172,7 +173,7 @@ NO_RUN = np.zeros((0, 0))
 TUPLE = 160  # words that the controller's tuple takes
 
 
-def _store(exchange: Array, kept: tuple[object, ...]) -> None:
+def _store(exchange: Array, kept: Walk) -> None:
     """The tuple behind the three rows of the exchange, where the kernel looks for it."""
     place = exchange[3:].reshape(-1).view(np.int64)
     if not JIT:
@@ -180,7 +181,7 @@ def _store(exchange: Array, kept: tuple[object, ...]) -> None:
         return
     compile_kernel("save_walk")
     buffer = np.zeros(WORDS, dtype=np.int64)
-    ready(walking.save_walk)(buffer, kept)
+    ready(walking.save_walk)(buffer, unnamed(kept))
     assert not buffer[len(place) :].any()
     place[:] = buffer[: len(place)]
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..engine import layout as at
+from ..engine.compiler.address import unnamed
 from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.stepping import batch as kernels
 from ..errors import InputError, Problem, choices
@@ -58,11 +59,12 @@ class Batch(Portable):
         mech = self.mech
         arrays = (self.lanes("q", q, mech.nq), self.lanes("v", v, mech.nv))
         given, loads = self.given(tau), some(mech.passive_loads)
+        drives = unnamed(mech.passive)
         out = np.empty_like(given)
 
         def work(begin: int, end: int, space: Array) -> None:
             kernels.forward_dynamics(
-                mech.system.rows, self.const, mech.passive, loads, *arrays, given, space,
+                mech.system.rows, self.const, drives, loads, *arrays, given, space,
                 np.empty_like(given[0]), out, begin, end,
             )  # fmt: skip
 
@@ -74,11 +76,12 @@ class Batch(Portable):
         mech = self.mech
         state = (self.lanes("q", q, mech.nq), self.lanes("v", v, mech.nv))
         rates, loads = self.lanes("vdot", vdot, mech.nv), some(mech.passive_loads)
+        drives = unnamed(mech.passive)
         out = np.empty_like(rates)
 
         def work(begin: int, end: int, space: Array) -> None:
             kernels.inverse_dynamics(
-                mech.system.rows, self.const, mech.passive, loads, *state, rates, space,
+                mech.system.rows, self.const, drives, loads, *state, rates, space,
                 np.empty_like(out[0]), np.zeros_like(out[0][:0]), out, begin, end,
             )  # fmt: skip
 
@@ -134,9 +137,9 @@ class Batch(Portable):
             done.result()
 
 
-def some(loads: Loads) -> Loads | None:
+def some(loads: Loads) -> tuple[Any, ...] | None:
     """Loads on bodies as kernels of lanes take them: without any, nothing of them is compiled."""
-    return loads if len(loads[0]) else None
+    return unnamed(loads) if len(loads.loads_i) else None
 
 
 def _as_trees(mech: Mechanism, constraints: str | None) -> None:

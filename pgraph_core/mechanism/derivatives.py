@@ -41,7 +41,7 @@ def force_slopes(mech: Mechanism, q: Array, v: Array, tau: Array) -> tuple[Array
     kernels.torque_slopes(*mech.tree, q, v, vdot, space, *pending, slopes)
     spring, damper = passive_slopes(mech, v)
     by_q, by_v = np.diag(spring) - slopes[:n].T, np.diag(damper) - slopes[n:].T
-    if len(mech.passive_loads[0]):
+    if len(mech.passive_loads.loads_i):
         more_q, more_v = load_slopes(mech, q, v)
         by_q, by_v = by_q + more_q, by_v + more_v
     return by_q, by_v

@@ -169,7 +169,7 @@ class Mechanism(Packed):
         tau, scene = np.empty(self.nv), self.scene
         scene.given[:] = given
         motion.drive_torque(scene.address, q, v, tau)
-        return tau + self.load_torque(q, v) if len(scene.loads[0]) else tau
+        return tau + self.load_torque(q, v) if len(scene.loads.loads_i) else tau
 
     def load_torque(self, q: Array, v: Array) -> Array:
         """τ (nv,) of springs and torsion springs between bodies."""

@@ -31,7 +31,7 @@ NOWHERE = np.zeros((0, 3)), np.zeros((0, 3, 3))
 NEW = object.__new__
 FORWARD = dynamics.forward_dynamics
 OVERFLOW = Problem("dynamics", "", "the result is not finite: the given numbers are too large")
-NO_LOADS: Loads = (
+NO_LOADS = Loads(
     np.zeros((0, at.LOAD_I), dtype=np.int64),
     np.zeros((0, at.LOAD_F)),
     np.zeros((0, 7)),

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..constraints.blocks import Blocks
 from ..contact.tables import Tables, extended
+from ..engine import arrays, motion
 from ..engine import layout as at
-from ..engine import motion
-from ..engine.compiler.address import address_of, address_of_array, buffer
+from ..engine.arrays import Contacts, Links, User, Workspace
+from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
 from ..engine.constraints.dips import LEAST
 from ..engine.constraints.proximal import FACTORED
 from ..portable import Unportable
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from .mechanism import Mechanism
 
 NO_GAINS = np.zeros(2)
-NO_USER = (0, np.zeros((0, 0)), np.zeros(0, dtype=np.int64))
+NO_USER = User(0, np.zeros((0, 0)), np.zeros(0, dtype=np.int64))
 
 
 class Scene(Unportable):
@@ -56,19 +57,21 @@ class Scene(Unportable):
         before = len(own.blocks_i)
         self.touching = TouchSpace(mech, contacts, before, steps=self.once) if contacts else None
         imposed = address_of(motion.constrain) if len(self.blocks.blocks_i) else 0
-        links = np.append(self.touching.links if self.touching else NO_CONTACTS, imposed)
-        self.space = space(mech.system.rows, mech.nq, mech.nv, self.blocks, active, contacts, links)
+        links = self.touching.links if self.touching else Links()
+        self.space = workspace(mech.system.rows, mech.nq, mech.nv, self.blocks, active, contacts)
         self.activate(active)
-        tables = (*self.blocks[2:], self.active)
+        tables = arrays.Blocks(*self.blocks[2:], self.active)
         if user is not None:
             user.join(mech, self.work)
-        acts = NO_USER if user is None else (user.address, user.exchange, user.answer)
-        parts = (self.work, self.space, gains, self.given, acts)
+        acts = NO_USER if user is None else User(user.address, user.exchange, user.answer)
         rows, const = mech.tree  # a step with contacts counts stiff drives as inertia: its own copy
         const = const.copy() if contacts else const
-        self._kept = (rows, const, drives, loads, tables, *parts)
+        self._kept = arrays.Scene(
+            rows, const, drives, loads, tables, self.work, self.space, gains, self.given, acts,
+            links._replace(constraints=imposed),
+        )  # fmt: skip
         self._buffer = buffer()
-        motion.save_scene(self._buffer, self._kept)
+        motion.save_scene(self._buffer, unnamed(self._kept))
         self.address = address_of_array(self._buffer)
 
     def activate(self, constraints: Ints) -> None:
@@ -77,10 +80,10 @@ class Scene(Unportable):
         chosen = [block for _, *span in self._spans for block in range(*span)]
         self.active[0] = len(chosen)
         self.active[1 : len(chosen) + 1] = chosen
-        self.space[5][LEAST] = np.inf
-        self.space[5][FACTORED, 2] = 0.0  # the last factors were of other blocks
-        self.space[8][:] = 0.0
-        self.space[8][0, at.DIP_ROWS] = self.blocks.blocks_i[chosen, at.B_SIZE].sum()
+        self.space.vectors[LEAST] = np.inf
+        self.space.vectors[FACTORED, 2] = 0.0  # the last factors were of other blocks
+        self.space.dips[:] = 0.0
+        self.space.dips[0, at.DIP_ROWS] = self.blocks.blocks_i[chosen, at.B_SIZE].sum()
 
     def switch(self, constraints: Ints) -> None:
         """Activate these constraints in a run under way."""
@@ -128,13 +131,13 @@ class TouchSpace(Unportable):
         self.tally[at.FIRST_CONTACT] = first + len(contacts.limits)
         self.worst = np.zeros(2)
         self.changes = np.zeros((max(MOST_CHANGES, 2 * n), 3))
-        shapes = len(contacts.geometry[0])
-        self._kept = (
+        shapes = len(contacts.geometry.shapes_i)
+        self._kept = Contacts(
             contacts.geometry,
             contacts.ground,
-            contacts.touch,
+            contacts.candidates,
             np.zeros((shapes, at.POSE)),
-            solids.search_space(contacts.geometry, len(contacts.touch[2])),
+            solids.search_space(contacts.geometry, len(contacts.candidates.members)),
             solids.contact_arrays(count),
             contacts.laws,
             np.zeros((count, 3)),
@@ -149,28 +152,28 @@ class TouchSpace(Unportable):
             self.changes,
         )
         self._buffer = buffer()
-        touch.save_contacts(self._buffer, self._kept)
-        kernels = (touch.find, touch.contact_forces, touch.record_contacts)
-        settle = address_of(touch.settle_contacts) if steps else 0
-        self.links = np.array(
-            [address_of_array(self._buffer), *map(address_of, kernels), settle], dtype=np.int64
+        touch.save_contacts(self._buffer, unnamed(self._kept))
+        self.links = Links(
+            contacts=address_of_array(self._buffer),
+            find=address_of(touch.find),
+            forces=address_of(touch.contact_forces),
+            record=address_of(touch.record_contacts),
+            settle=address_of(touch.settle_contacts) if steps else 0,
         )
 
 
 MOST_CHANGES = 4096  # of phases between two looks at them
-NO_CONTACTS = np.zeros(5, dtype=np.int64)
 DENSE = 150  # rows of unilateral blocks, above which no Ω is held; as `impulse.DENSE`
 
 
-def space(
+def workspace(
     rows: Ints,
     nq: int,
     nv: int,
     blocks: Blocks,
     active: Ints,
     contacts: Tables | None,
-    links: Ints,
-) -> tuple[Any, ...]:
+) -> Workspace:
     """Workspace of the constraint kernels, for as many rows as may be active at once."""
     count, n = len(blocks.blocks_i), len(rows)
     chosen = [b for i in active.tolist() for b in range(blocks.first[i], blocks.first[i + 1])]
@@ -180,7 +183,7 @@ def space(
         m = max(m, min(most, DENSE))
     m = -(-m // 3) * 3  # whole blocks of three
     width = path_width(rows, nv, blocks) if count else 0
-    return (
+    return Workspace(
         np.zeros((count, 3 * width)),
         np.zeros((count, width + at.SLOT), dtype=np.int64),
         np.zeros((m, m)),
@@ -193,7 +196,6 @@ def space(
         np.zeros((m, m)),
         np.zeros(nv, dtype=np.int64),
         np.zeros((count, 9)),
-        links,
     )
 
 

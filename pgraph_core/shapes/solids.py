@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..engine import layout as at
+from ..engine.arrays import Found, Geometry, Search
 from ..engine.contact.manifold import MOST
 
 Array = np.ndarray
@@ -148,7 +149,7 @@ class Placed(NamedTuple):
     rotation: Any = np.eye(3)
 
 
-def packed(shapes: Iterable[Placed]) -> tuple[Array, ...]:
+def packed(shapes: Iterable[Placed]) -> Geometry:
     """The `geometry` of the kernels: shapes_i, shapes_f, vertices, normals, faces, rings, edges."""
     shapes = list(shapes)
     shapes_i = np.zeros((len(shapes), at.SHAPE_I), np.int64)
@@ -169,7 +170,7 @@ def packed(shapes: Iterable[Placed]) -> tuple[Array, ...]:
     rings = [ring for s in solids for ring in s.rings]
     lengths = np.array([len(ring) for ring in rings], np.int64)
     faces = np.stack((np.cumsum(lengths) - lengths, lengths), axis=1)
-    return (
+    return Geometry(
         shapes_i,
         shapes_f,
         np.concatenate([np.zeros((0, 3)), *(s.vertices for s in solids)]),
@@ -207,16 +208,16 @@ def ground_axes(normal: Array) -> tuple[Array, Array]:
     return x, np.cross(normal, x)
 
 
-def search_space(geometry: tuple[Array, ...], members: int) -> tuple[Array, ...]:
+def search_space(geometry: Geometry, members: int) -> Search:
     """The `search` of the kernels for as many members: room, bounds, cells, buckets."""
-    shapes_i = geometry[0]
-    faces = geometry[4]
+    shapes_i = geometry.shapes_i
+    faces = geometry.faces
     corners = int(shapes_i[:, at.SH_VERTICES].max(initial=0))
     sides = int(shapes_i[:, at.SH_FACES].max(initial=0))
     ring = int(faces[:, 1].max(initial=0))
     rows = 2 * (corners + sides) + 2 * (2 * ring + corners) + MOST
     buckets = 1 << max(2 * members - 1, 1).bit_length()
-    return (
+    return Search(
         np.zeros((rows, at.ROOM)),
         np.zeros((len(shapes_i), 6)),
         np.zeros((members, at.CELL), np.int64),
@@ -224,6 +225,6 @@ def search_space(geometry: tuple[Array, ...], members: int) -> tuple[Array, ...]
     )
 
 
-def contact_arrays(count: int) -> tuple[Array, Array]:
+def contact_arrays(count: int) -> Found:
     """The `out` of the kernels: room for so many contact points."""
-    return np.zeros((count, at.CONTACT_F)), np.zeros((count, at.CONTACT_I), np.int64)
+    return Found(np.zeros((count, at.CONTACT_F)), np.zeros((count, at.CONTACT_I), np.int64))

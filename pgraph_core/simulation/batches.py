@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..engine.compiler.address import unnamed
 from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.stepping import batch as kernels
 from ..errors import InputError, Problem
@@ -60,7 +61,7 @@ def simulate_batch(
     tableau = chosen.tableau[:3]
     forces = mech.model.forces
     rows = 3 + 2 * chosen.evaluations
-    acts = (mech.drives(forces), some(mech.loads(forces)))
+    acts = (unnamed(mech.drives(forces)), some(mech.loads(forces)))
     system = (mech.system.rows, batch.const, *acts, tableau, times, substeps, width)
     reached = 0
     for first, last in _chunks(substeps, len(times)):

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..engine import layout as at
+from ..engine.arrays import Drives
 from ..integrators import DOP853, DOPRI5, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
 from ..mechanism.packed import NO_LOADS
@@ -15,7 +16,7 @@ from .acting import Acting
 from .stiffness import fastest_rate
 
 MANY = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
-NO_FORCES = ((np.zeros((0, at.DRIVE)), np.zeros((0, 3)), 0), NO_LOADS)
+NO_FORCES = (Drives(np.zeros((0, at.DRIVE)), np.zeros((0, 3)), 0), NO_LOADS)
 
 
 class Choice(NamedTuple):

@@ -16,7 +16,7 @@ def corners(
     mech: Mechanism, drives: Drives, loads: Loads, active: Ints, t_start: float, t_end: float
 ) -> Array:
     """Times within the run at which a table of forces or of a followed motion bends [s]."""
-    found = [mech.bends(drives), loads[2][:, 0]]
+    found = [mech.bends(drives), loads.knots[:, 0]]
     blocks = mech.blocks
     for i in active.tolist() if len(blocks.curves) else ():
         for block in range(blocks.first[i], blocks.first[i + 1]):

@@ -29,8 +29,8 @@ def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) ->
     bent = _again(record, onto_corners(record.plan), q, v, progress)
     if not bent.status.ok:
         return float("nan")
-    theirs = bent.out[0][np.searchsorted(bent.plan.times, record.plan.times)]
-    return float(np.max(np.abs(record.out[0] - theirs))) + _by_coarser(bent, q, v, progress)
+    theirs = bent.out.q[np.searchsorted(bent.plan.times, record.plan.times)]
+    return float(np.max(np.abs(record.out.q - theirs))) + _by_coarser(bent, q, v, progress)
 
 
 def _by_coarser(record: Recording, q: Array, v: Array, progress: Progress) -> float:
@@ -42,8 +42,8 @@ def _by_coarser(record: Recording, q: Array, v: Array, progress: Progress) -> fl
     coarse = _again(record, coarser, q, v, progress)
     if not coarse.status.ok:
         return float("nan")
-    mine = record.out[0][np.searchsorted(record.plan.times, coarser.times)]
-    return float(np.max(np.abs(coarse.out[0] - mine), initial=0.0)) / (ratio - 1.0)
+    mine = record.out.q[np.searchsorted(record.plan.times, coarser.times)]
+    return float(np.max(np.abs(coarse.out.q - mine), initial=0.0)) / (ratio - 1.0)
 
 
 def _again(record: Recording, plan: RunPlan, q: Array, v: Array, progress: Progress) -> Recording:

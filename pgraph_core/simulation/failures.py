@@ -57,5 +57,5 @@ def blocking(record: Recording) -> str:
     mech, last = record.mech, record.done - 1
     held = tuple(mech.model.constraints[i] for i in record.acting.tolist())
     t = float(record.steps.times[last])
-    q, v = record.out[0][last], record.out[1][last]
+    q, v = record.out.q[last], record.out.v[last]
     return blocked(Tied(Tree(mech.model, mech.topology), held, q, v, t))

@@ -77,7 +77,7 @@ class PhasedRecording(Recording):
     def _begin(self) -> bool:
         if not super()._begin():
             return False
-        self.scene.space[5][FACTORED, 2] = 0.0  # no factors of other blocks are taken for ours
+        self.scene.space.vectors[FACTORED, 2] = 0.0  # no factors of other blocks are taken for ours
         f = self.scene.sites_f
         gravity = float(np.linalg.norm(self.mech.model.gravity))
         self._observe(self.start)
@@ -124,7 +124,7 @@ class PhasedRecording(Recording):
         steps = self.steps
         last = int(steps.counters["steps"]) + budget
         while budget > 0:
-            code = steps.advance(self.scene.address, budget, self.out)
+            code = steps.advance(self.scene.address, budget, tuple(self.out))
             if code != at.EVENT:
                 return code
             began = time.perf_counter()

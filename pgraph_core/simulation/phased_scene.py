@@ -11,7 +11,8 @@ from ..contact.sites import Site, with_sites
 from ..contact.tables import Tables
 from ..engine import layout as at
 from ..engine import motion
-from ..engine.compiler.address import address_of, address_of_array, buffer
+from ..engine.arrays import Phased, SiteLinks, Sites
+from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
 from ..engine.constraints.proximal import LAMBDA, RHS
 from ..engine.contact import phases
 from ..engine.contact import sites as site_kernels
@@ -62,24 +63,24 @@ class PhasedScene(Scene):
     def _link(self) -> None:
         """The two other scenes, of the tree alone and of what is held, and the one with sites."""
         tree, held = buffer(), buffer()
-        blocks = self._kept[4]
         nothing = np.zeros(1, dtype=np.int64)
         both = [
-            (*self._kept[:4], (*blocks[:5], active), *self._kept[5:])
+            self._kept._replace(blocks=self._kept.blocks._replace(active=active))
             for active in (nothing, self._held)
         ]
         for place, scene in zip((tree, held), both):
-            motion.save_scene(place, scene)
-        links = np.zeros(phases.LINKS_OF_SITES, dtype=np.int64)
-        links[phases.LINK_TREE] = address_of(motion.acceleration)
-        links[phases.LINK_BARE] = address_of_array(tree)
-        links[phases.LINK_HELD] = address_of_array(held)
-        links[phases.LINK_PHASED] = address_of(phases.phased_acceleration)
-        links[phases.LINK_RECORD] = address_of(motion.record)
-        links[phases.LINK_OBSERVE] = address_of(site_kernels.observe)
-        links[phases.LINK_PROJECT] = address_of(motion.projection)
-        count, rows = len(self.sites), len(self.space[2])
-        parts = (
+            motion.save_scene(place, unnamed(scene))
+        links = SiteLinks(
+            tree=address_of(motion.acceleration),
+            bare=address_of_array(tree),
+            held=address_of_array(held),
+            phased=address_of(phases.phased_acceleration),
+            record=address_of(motion.record),
+            observe=address_of(site_kernels.observe),
+            project=address_of(motion.projection),
+        )
+        count, rows = len(self.sites), len(self.space.omega)
+        parts = Sites(
             links,
             self.sites_i,
             self.sites_f,
@@ -92,8 +93,8 @@ class PhasedScene(Scene):
         )
         self._alive = (tree, held, both, parts)
         self._buffer = buffer()
-        phases.save_phased(self._buffer, (*self._kept, parts))
-        self.address, self._held_address = address_of_array(self._buffer), links[phases.LINK_HELD]
+        phases.save_phased(self._buffer, unnamed(Phased(self._kept, parts)))
+        self.address, self._held_address = address_of_array(self._buffer), links.held
 
     @property
     def held(self) -> int:
@@ -137,9 +138,9 @@ class PhasedScene(Scene):
         self.active[0] = self.bilateral + len(blocks)
         self.active[self.bilateral + 1 : self.active[0] + 1] = blocks
         m = site_kernels.impulse_rows(self.address, t, q, v)
-        return self.space[2][:m, :m].copy(), self.space[5][RHS, :m].copy()
+        return self.space.omega[:m, :m].copy(), self.space.vectors[RHS, :m].copy()
 
     def strike(self, impulse: Array, v: Array) -> None:
         """Add to v what impulses of the rows of `impact` do, right after it."""
-        self.space[5][LAMBDA, : len(impulse)] = impulse
+        self.space.vectors[LAMBDA, : len(impulse)] = impulse
         site_kernels.add_impulses(self.address, v)

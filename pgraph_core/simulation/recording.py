@@ -15,6 +15,7 @@ from ..constraints.null_rows import redundancy
 from ..constraints.singular import Instant, singular_notice
 from ..engine import layout as at
 from ..engine import motion
+from ..engine.arrays import Frames
 from ..engine.compiler.address import address_of
 from ..engine.records import by_name
 from ..errors import InputError
@@ -53,12 +54,15 @@ class Recording:
         if tau is not None and self.user is None:
             self.scene.given[:] = mech.finite("tau", tau, mech.nv)
         n, blocks = len(plan.times), len(self.scene.active) - 1
-        self.out = (
-            *(np.zeros((n, k)) for k in (mech.nq, mech.nv, mech.nv)),
-            np.zeros((n, blocks, 6)),
-            *(np.zeros((n, k)) for k in (4, 2)),
-            np.zeros((n if plan.contacts else 0, mech.nb, 6)),
-            np.zeros((n if plan.contacts else 0, _touches(plan), at.TOUCH)),
+        self.out = Frames(
+            q=np.zeros((n, mech.nq)),
+            v=np.zeros((n, mech.nv)),
+            vdot=np.zeros((n, mech.nv)),
+            wrenches=np.zeros((n, blocks, 6)),
+            energies=np.zeros((n, 4)),
+            drifts=np.zeros((n, 2)),
+            pushes=np.zeros((n if plan.contacts else 0, mech.nb, 6)),
+            touches=np.zeros((n if plan.contacts else 0, _touches(plan), at.TOUCH)),
         )
         self.status, self.message = Status.DONE, Status.DONE.value
         self.notices: list[str] = []
@@ -89,7 +93,7 @@ class Recording:
 
     def _advance(self, budget: int) -> int:
         """At most `budget` steps and frames on; the kernel's status code."""
-        code = self.steps.advance(self.scene.address, budget, self.out)
+        code = self.steps.advance(self.scene.address, budget, tuple(self.out))
         self._take_changes()
         return code
 
@@ -193,7 +197,7 @@ class Recording:
                 return False
             if report.notable:
                 self.notices.append(f"at the start {report}")
-        vdot, wrenches = np.empty(mech.nv), np.empty_like(self.out[3][0])
+        vdot, wrenches = np.empty(mech.nv), np.empty_like(self.out.wrenches[0])
         accelerate = address_of(motion.acceleration)
         code = motion.constrained_dynamics(
             self.scene.address,
@@ -235,7 +239,7 @@ class Recording:
         if not self.done or self._first is None:
             return
         last = self.done - 1
-        end = float(self.steps.times[last]), self.out[0][last], self.out[1][last]
+        end = float(self.steps.times[last]), self.out.q[last], self.out.v[last]
         if said := singular_notice(self.scene, self._first, end, self._redundant):
             self.notices.append(said)
         self._redundant = False
@@ -249,7 +253,7 @@ class Recording:
         """What has been recorded in the frames that are `shown`, as a Result."""
         self._note_singular()
         rows = self.rows(shown)
-        frames = (a[rows] if len(a) else a for a in self.out)
+        frames = Frames(*(a[rows] if len(a) else a for a in self.out))
         q, v, vdot, wrenches, energy, drift, pushes, touches = frames
         return Result(
             mechanism=self.mech,

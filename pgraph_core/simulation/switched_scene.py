@@ -52,7 +52,7 @@ def closed(scene: Scene, change: Change, q: Array, v: Array) -> float:
         text += f"{moved:.3g}; leave out its other_point, or switch it where it is met"
         raise InputError(Problem(where, "", text))
     m = site_kernels.impulse_rows(scene.held, change.t, q, v)
-    left = float(np.max(np.abs(scene.space[5][RHS, :m]), initial=0.0))
+    left = float(np.max(np.abs(scene.space.vectors[RHS, :m]), initial=0.0))
     if left > SPEED * max(fastest, float(np.max(np.abs(v), initial=0.0))):
         text = f"asks for velocities at t = {change.t:g} s that the others forbid: they miss by "
         raise InputError(Problem(where, "", f"{text}{left:.3g}; switch one of them off"))

@@ -71,7 +71,7 @@ def test_joined_bodies_and_one_row_are_left_out():
     joined = touching[::2]
     apart = sorted((i + 1, j + 1) for i, j in joined)  # bodies are numbered from 1
     assert found(scene.among(members, apart)) == set(touching) - set(joined)
-    scene.geometry[0][:, 1] = 5
+    scene.geometry.shapes_i[:, 1] = 5
     assert not found(scene.among(members))
 
 
@@ -126,7 +126,7 @@ def test_shapes_go_where_their_rows_are():
     ]
     geometry = solids.packed(placed)
     poses = np.zeros((2, at.POSE))
-    collision.shape_poses(geometry[0], geometry[1], rows, poses)
+    collision.shape_poses(geometry.shapes_i, geometry.shapes_f, rows, poses)
     for found, row in zip(poses, (2, 1)):
         np.testing.assert_allclose(
             found[:3], rows[row, at.X : at.X + 3] + turns[row].apply((1, 2, 3))

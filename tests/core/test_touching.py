@@ -31,28 +31,34 @@ def heap(count, *contacts):
 def found(mech, t, q):
     """(gap, shape A, shape B, contact) of everything within 1 m."""
     system = mech.system
-    poses = np.zeros((len(t.geometry[0]), at.POSE))
+    poses = np.zeros((len(t.geometry.shapes_i), at.POSE))
     position, rotation = mech.poses(q)
-    for i, (row, body) in enumerate(t.geometry[0][:, [at.SH_ROW, at.SH_BODY]].tolist()):
+    for i, (row, body) in enumerate(t.geometry.shapes_i[:, [at.SH_ROW, at.SH_BODY]].tolist()):
         assert row == system.bodies_i[body, at.ROW]
         home = system.bodies_f[body, at.HOME : at.HOME + 9].reshape(3, 3)
         turn = rotation[body - 1] @ home.T
         offset = system.bodies_f[body, at.OFFSET : at.OFFSET + 3]
-        place = position[body - 1] - turn @ offset + turn @ t.geometry[1][i, :3]
+        place = position[body - 1] - turn @ offset + turn @ t.geometry.shapes_f[i, :3]
         poses[i, :3] = place
-        poses[i, 3:] = (turn @ t.geometry[1][i, at.SH_ROT : at.SH_ROT + 9].reshape(3, 3)).ravel()
+        poses[i, 3:] = (
+            turn @ t.geometry.shapes_f[i, at.SH_ROT : at.SH_ROT + 9].reshape(3, 3)
+        ).ravel()
     out = contact_arrays(50)
-    room = search_space(t.geometry, len(t.touch[2]))
-    n = collision.contacts(t.geometry, t.ground, t.touch, poses, room, 0.0, out)
-    whose = out[1][:n, [at.CT_SHAPE_A, at.CT_SHAPE_B, at.CT_CONTACT]]
-    return [(round(float(g), 12), *w) for g, w in zip(out[0][:n, at.CT_GAP], whose.tolist())]
+    room = search_space(t.geometry, len(t.candidates.members))
+    n = collision.contacts(t.geometry, t.ground, t.candidates, poses, room, 0.0, out)
+    whose = out.labels[:n, [at.CT_SHAPE_A, at.CT_SHAPE_B, at.CT_CONTACT]]
+    return [(round(float(g), 12), *w) for g, w in zip(out.points[:n, at.CT_GAP], whose.tolist())]
 
 
 def test_a_heap_takes_two_lines():
     floor, every = (pg.Contact(name=n, body="*", other=o) for n, o in (("f", "ground"), ("h", "*")))
     mech, t = tables(heap(3, floor, every))
-    assert t.touch[0].tolist() == [[0, 0], [1, 1], [2, 2]]  # a touch for each on the ground
-    assert t.touch[2].tolist() == [[0, 3], [1, 3], [2, 3]]
+    assert t.candidates.on_ground.tolist() == [
+        [0, 0],
+        [1, 1],
+        [2, 2],
+    ]  # a touch for each on the ground
+    assert t.candidates.members.tolist() == [[0, 3], [1, 3], [2, 3]]
     assert [x.name for x in t.touches] == ["f[b0]", "f[b1]", "f[b2]", "h"]
     q, _ = mech.home()
     gaps = found(mech, t, q)
@@ -72,8 +78,8 @@ def test_bodies_that_a_joint_ties_do_not_touch_as_members_of_all():
         pg.Contact(name="named", body="1", other="2"),
     )
     _, t = tables(model.replace(contacts=(every, one, named)))
-    assert t.touch[3].tolist() == [[1, 2], [2, 3]]
-    assert t.touch[1].tolist() == [[0, 2, 1], [0, 1, 2]]
+    assert t.candidates.apart.tolist() == [[1, 2], [2, 3]]
+    assert t.candidates.pairs.tolist() == [[0, 2, 1], [0, 1, 2]]
 
 
 def test_points_touch_where_the_body_has_them():

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pgraph_core.engine import layout as at
+from pgraph_core.engine.arrays import Candidates
 from pgraph_core.engine.contact import collision
 from pgraph_core.shapes import solids
 from pgraph_core.shapes.solids import Placed, Solid
@@ -39,33 +40,37 @@ class Scene:
 
     def ask(self, touch, margin: float = 1e3, room: int = 400, count: int | None = None) -> Touch:
         """Contact points of a `touch` table of the kernels."""
-        search = solids.search_space(self.geometry, len(touch[2]))
+        search = solids.search_space(self.geometry, len(touch.members))
         out = solids.contact_arrays(room)
         n = collision.contacts(self.geometry, self.ground, touch, self.poses, search, margin, out)
         assert n <= room
-        f, i = out[0][:n], out[1][:n]
+        f, i = out.points[:n], out.labels[:n]
         return Touch(f[:, :3], f[:, 3:6], f[:, 6:9], f[:, at.CT_GAP], i)
 
     def pair(self, i: int = 0, j: int = 1, margin: float = 1e3) -> Touch:
         """Contact points of two shapes."""
-        return self.ask((NOTHING, np.array([[i, j, 0]]), NOTHING, NOTHING), margin)
+        return self.ask(Candidates(NOTHING, np.array([[i, j, 0]]), NOTHING, NOTHING), margin)
 
     def on_ground(self, i: int = 0, margin: float = 1e3) -> Touch:
         """Contact points of a shape with the ground."""
-        return self.ask((np.array([[i, 0]]), np.zeros((0, 3), np.int64), NOTHING, NOTHING), margin)
+        return self.ask(
+            Candidates(np.array([[i, 0]]), np.zeros((0, 3), np.int64), NOTHING, NOTHING), margin
+        )
 
     def among(self, members, apart=NOTHING, margin: float = 0.0, room: int = 20000) -> Touch:
         """Contact points of every two members: (shape, contact) each."""
         nobody = np.zeros((0, 3), np.int64)
-        return self.ask((NOTHING, nobody, np.array(members), np.array(apart)), margin, room)
+        return self.ask(
+            Candidates(NOTHING, nobody, np.array(members), np.array(apart)), margin, room
+        )
 
     def gaps(self, on_ground=(), pairs=()) -> np.ndarray:
         """Signed distances from the ground and of pairs."""
         ground = np.array([(i, 0) for i in on_ground], np.int64).reshape(-1, 2)
         table = np.array([(i, j, 0) for i, j in pairs], np.int64).reshape(-1, 3)
         found = np.zeros(len(ground) + len(table))
-        room = solids.search_space(self.geometry, 0)[0]
-        touch = (ground, table, NOTHING, NOTHING)
+        room = solids.search_space(self.geometry, 0).room
+        touch = Candidates(ground, table, NOTHING, NOTHING)
         probe = solids.contact_arrays(8)
         collision.gaps(self.geometry, self.ground, touch, self.poses, room, probe, found)
         return found

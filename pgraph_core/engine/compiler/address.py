@@ -24,13 +24,26 @@ WORDS = 1024  # of 8 bytes: more than any scene takes
 _KEPT: dict[int, Any] = {}  # what addresses stand for without a compiler
 
 
-def stored(kind: Any) -> tuple[Any, Any]:
-    """(save, opened) of a tuple type: `save(buffer, value)`, and `opened(address)` of a buffer.
+def plain(kind: Any) -> Any:
+    """The type of a tuple without names."""
+    members: Any = kind if isinstance(kind, types.BaseTuple) else None
+    return kind if members is None else types.Tuple([plain(member) for member in members])
 
-    A tuple that goes on after the entries of a shorter one can be opened as that.
+
+def unnamed(value: Any) -> Any:
+    """A named tuple as kernels are given it: numba takes long to find the type of a named one."""
+    if not JIT:
+        return value
+    return tuple(unnamed(x) if isinstance(x, tuple) else x for x in value)
+
+
+def stored(kind: Any) -> tuple[Any, Any]:
+    """(save, opened) of a named tuple type: `save(buffer, value)`, `opened(address)` of a buffer.
+
+    What is saved is `unnamed`, what is opened has names. A tuple can be opened as its first member.
     """
     if not JIT:
-        return _keep, lambda address: _KEPT[address][: len(kind)]
+        return _keep, lambda address: _named(_KEPT[address], kind.instance_class)
 
     @intrinsic
     def save(typing: Any, buffer: Any, value: Any) -> Any:
@@ -45,7 +58,7 @@ def stored(kind: Any) -> tuple[Any, Any]:
             _each(builder, llvm, builder.bitcast(data, llvm.as_pointer()), put)
             return context.get_dummy_value()
 
-        return types.void(buffer, kind), code
+        return types.void(buffer, plain(kind)), code
 
     @intrinsic
     def opened(typing: Any, address: Any) -> Any:
@@ -133,3 +146,8 @@ def buffer() -> Any:
 
 def _keep(array: Any, value: Any) -> None:
     _KEPT[id(array)] = value
+
+
+def _named(value: Any, wanted: type) -> Any:
+    """The value, or its first member, that is of the named tuple wanted."""
+    return value if isinstance(value, wanted) else _named(value[0], wanted)

@@ -81,7 +81,7 @@ def to_contact(blocks_i, blocks_f, i, work):
 @part
 def locate(blocks, work, place):
     """Where and along what every active block acts; coordinate rows act nowhere."""
-    blocks_i, blocks_f, _, _, _, active = blocks
+    blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active
     for j in range(1, active[0] + 1):
         i = active[j]
         kind = blocks_i[i, at.B_TYPE]
@@ -120,7 +120,7 @@ def whole_point(blocks_i, i):
 @part
 def turns_with_speed(blocks):
     """Whether rows of an active block turn with velocities of points, as `turning` says."""
-    blocks_i, active = blocks[0], blocks[5]
+    blocks_i, active = blocks.blocks_i, blocks.active
     found = False
     for j in range(1, active[0] + 1):
         i = active[j]
@@ -184,7 +184,7 @@ def total(blocks_i, terms_i, terms_f, i, column, x):
 def residual(blocks, work, space, t, q, out):
     """g of the active blocks [m, rad], after `locate`; zero where only a velocity is bound."""
     blocks_i, blocks_f, terms_i, terms_f, curves, active = blocks
-    place, slots = space[4], space[1]
+    place, slots = space.place, space.slots
     for j in range(1, active[0] + 1):
         i = active[j]
         kind = blocks_i[i, at.B_TYPE]
@@ -226,7 +226,7 @@ def slip(blocks_i, i, work, linear, place):
 def residual_velocity(blocks, work, space, t, v, out):
     """g' = J v of the active blocks, less what they follow, after `locate` and `velocities`."""
     blocks_i, blocks_f, terms_i, terms_f, curves, active = blocks
-    place, slots, linear = space[4], space[1], space[6]
+    place, slots, linear = space.place, space.slots, space.linear
     for j in range(1, active[0] + 1):
         i = active[j]
         kind = blocks_i[i, at.B_TYPE]
@@ -302,7 +302,7 @@ def turning(blocks_i, blocks_f, i, work, linear, p, u, d):
 def residual_acceleration(blocks, work, space, t, vdot, out):
     """g'' = J v' + J' v of the active blocks; gravity's offset cancels between two bodies."""
     blocks_i, blocks_f, terms_i, terms_f, curves, active = blocks
-    place, slots, linear = space[4], space[1], space[6]
+    place, slots, linear = space.place, space.slots, space.linear
     for j in range(1, active[0] + 1):
         i = active[j]
         kind = blocks_i[i, at.B_TYPE]

@@ -5,9 +5,9 @@
 """
 
 from .. import layout as at
+from ..arrays import opened
 from ..compiler.jit import part, sweep
 from ..compiler.triple import load_triple, numbers, triple
-from ..scene import opened
 from ..tree.articulated import inboard
 from ..tree.kinematics import frames, outboard, positions
 from ..tree.moving import advance
@@ -48,7 +48,7 @@ NEAR = 1e-4  # how far from where they were made factors may serve a correction
 @part
 def number_rows(blocks, slots):
     """First row of every active block; the number of rows in all."""
-    blocks_i, _, _, _, _, active = blocks
+    blocks_i, active = blocks.blocks_i, blocks.active
     m = 0
     for j in range(1, active[0] + 1):
         slots[active[j], at.FIRST] = m
@@ -59,8 +59,8 @@ def number_rows(blocks, slots):
 @part
 def unit_responses(rows, const, blocks, work, space):
     """Y of the active blocks from the articulated factors."""
-    blocks_i, _, _, _, _, active = blocks
-    pivots(rows, work, space[5][DINV])
+    blocks_i, active = blocks.blocks_i, blocks.active
+    pivots(rows, work, space.vectors[DINV])
     for j in range(1, active[0] + 1):
         i = active[j]
         if along_coordinates(blocks_i[i, at.B_TYPE]):
@@ -72,8 +72,9 @@ def unit_responses(rows, const, blocks, work, space):
 @part
 def couplings(blocks, space):
     """Ω of the active blocks from their Y."""
-    blocks_i, _, _, _, _, active = blocks
-    y, slots, omega, where, dinv = space[0], space[1], space[2], space[10], space[5][DINV]
+    blocks_i, active = blocks.blocks_i, blocks.active
+    y, slots, omega = space.y, space.slots, space.omega
+    where, dinv = space.where, space.vectors[DINV]
     for j in range(1, active[0] + 1):
         i = active[j]
         count = slots[i, at.SLOTS]
@@ -90,7 +91,7 @@ def delassus(rows, const, blocks, work, space, m):
     """Y and Ω of the active blocks, Ω's factor; μ, null directions."""
     unit_responses(rows, const, blocks, work, space)
     couplings(blocks, space)
-    return factor_proximal(space[2], space[3], space[9], m)
+    return factor_proximal(space.omega, space.factor, space.nulls, m)
 
 
 @part
@@ -128,8 +129,8 @@ def couple(blocks_i, i, n, y, slots, where, dinv, omega):
 @part
 def respond(rows, const, blocks, work, space):
     """M⁻¹ Jᵀ λ into STEP."""
-    blocks_i, _, _, _, _, active = blocks
-    y, slots, vectors = space[0], space[1], space[5]
+    blocks_i, active = blocks.blocks_i, blocks.active
+    y, slots, vectors = space.y, space.slots, space.vectors
     lam = vectors[LAMBDA]
     dinv = vectors[DINV]
     step = vectors[STEP]
@@ -155,26 +156,29 @@ def located(scene, v, moving):
 
     And velocities of origins, where something is `moving` that they are wanted of.
     """
-    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
+    data = opened(scene)
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     positions(rows, work)
     if moving:
-        velocities(rows, const, work, v, space[6])
-    locate(blocks, work, space[4])
-    return number_rows(blocks, space[1])
+        velocities(rows, const, work, v, space.linear)
+    locate(blocks, work, space.place)
+    return number_rows(blocks, space.slots)
 
 
 @sweep
 def gaps(scene, t, q, row):
     """g of the active blocks into a row of `vectors`, after `located`."""
-    _, _, _, _, blocks, work, space, _, _, _ = opened(scene)
-    residual(blocks, work, space, t, q, space[5][row])
+    data = opened(scene)
+    blocks, work, space = data.blocks, data.work, data.space
+    residual(blocks, work, space, t, q, space.vectors[row])
 
 
 @sweep
 def speeds(scene, t, v, row):
     """g' of the active blocks into a row of `vectors`, after `located`."""
-    _, _, _, _, blocks, work, space, _, _, _ = opened(scene)
-    residual_velocity(blocks, work, space, t, v, space[5][row])
+    data = opened(scene)
+    blocks, work, space = data.blocks, data.work, data.space
+    residual_velocity(blocks, work, space, t, v, space.vectors[row])
 
 
 @part
@@ -183,8 +187,10 @@ def impose(scene, t, q, v, vdot):
 
     The scene's gains (2,) are Baumgarte's 2α and α², zero without it.
     """
-    rows, const, _, _, blocks, work, space, gains, _, _ = opened(scene)
-    vectors = space[5]
+    data = opened(scene)
+    rows, const, blocks = data.rows, data.const, data.blocks
+    work, space, gains = data.work, data.space, data.gains
+    vectors = space.vectors
     m = located(scene, v, gains[0] > 0.0 or turns_with_speed(blocks))
     rhs = vectors[RHS]
     residual_acceleration(blocks, work, space, t, vdot, rhs)
@@ -201,7 +207,7 @@ def impose(scene, t, q, v, vdot):
     mu, count = delassus(rows, const, blocks, work, space, m)
     watch(scene, t, q, v)
     remember(vectors, q, mu, count)
-    iterations = solve_proximal(space[2], space[3], space[9], mu, count, vectors, m, 0.0)
+    iterations = solve_proximal(space.omega, space.factor, space.nulls, mu, count, vectors, m, 0.0)
     respond(rows, const, blocks, work, space)
     for j in range(vdot.shape[0]):
         vdot[j] += vectors[STEP, j]
@@ -211,13 +217,14 @@ def impose(scene, t, q, v, vdot):
 @part
 def driven_power(blocks, space, v):
     """λ Σ c v of the coordinate rows [W]: what motions over time put in; others do no work."""
-    blocks_i, _, terms_i, terms_f, _, active = blocks
+    blocks_i, terms_i = blocks.blocks_i, blocks.terms_i
+    terms_f, active = blocks.terms_f, blocks.active
     power = 0.0
     for j in range(1, active[0] + 1):
         i = active[j]
         kind = blocks_i[i, at.B_TYPE]
         if kind == at.T_COORD or kind == at.T_VELOCITY:
-            lam = space[5][LAMBDA, space[1][i, at.FIRST]]
+            lam = space.vectors[LAMBDA, space.slots[i, at.FIRST]]
             power += lam * total(blocks_i, terms_i, terms_f, i, 0, v)
     return power
 
@@ -235,11 +242,11 @@ def remember(vectors, q, mu, count):
 @part
 def drift(rows, const, blocks, work, space, t, q, v, out):
     """Largest |g| and |g'| of the active blocks into out (2,), after `outboard`."""
-    vectors = space[5]
+    vectors = space.vectors
     positions(rows, work)
-    velocities(rows, const, work, v, space[6])
-    m = number_rows(blocks, space[1])
-    locate(blocks, work, space[4])
+    velocities(rows, const, work, v, space.linear)
+    m = number_rows(blocks, space.slots)
+    locate(blocks, work, space.place)
     residual(blocks, work, space, t, q, vectors[CHANGE])
     out[0] = largest(vectors[CHANGE], m)
     residual_velocity(blocks, work, space, t, v, vectors[CHANGE])
@@ -252,8 +259,9 @@ def wrenches(rows, blocks, work, space, out):
 
     A coordinate row gives its torque or force on the first body of its terms, about its origin.
     """
-    blocks_i, blocks_f, terms_i, terms_f, _, active = blocks
-    slots, place, vectors = space[1], space[4], space[5]
+    blocks_i, blocks_f = blocks.blocks_i, blocks.blocks_f
+    terms_f, active = blocks.terms_f, blocks.active
+    slots, place, vectors = space.slots, space.place, space.vectors
     for i in range(out.shape[0]):
         store(out, i, 0, (0.0, 0.0, 0.0))
         store(out, i, 3, (0.0, 0.0, 0.0))
@@ -279,7 +287,7 @@ def wrenches(rows, blocks, work, space, out):
 @part
 def extent(rows, blocks, work):
     """Size of the mechanism's coordinates [m]: what rounding of positions is relative to."""
-    blocks_f = blocks[1]
+    blocks_f = blocks.blocks_f
     x, y, z = 0.0, 0.0, 0.0
     for k in range(1, rows.shape[0]):
         x = max(x, abs(work[k, at.X]))
@@ -299,8 +307,9 @@ def settle(scene, t, q, v):
     A correction by factors from `moved` away misses by `moved` times itself: next to nothing at
     the end of a step, whose last stage was close by and whose gap is small.
     """
-    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
-    vectors, nulls = space[5], space[9]
+    data = opened(scene)
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    vectors, nulls = space.vectors, space.nulls
     mu, count = vectors[FACTORED, 0], int(vectors[FACTORED, 1])
     known = vectors[FACTORED, 2]
     vectors[FACTORED, 2] = 0.0
@@ -346,8 +355,9 @@ def project(scene, t, q, v, rounds):
     """
     if settle(scene, t, q, v):
         return 1
-    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
-    vectors = space[5]
+    data = opened(scene)
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    vectors = space.vectors
     zero = vectors[ZERO]
     for j in range(v.shape[0]):
         zero[j] = 0.0
@@ -384,9 +394,10 @@ def project(scene, t, q, v, rounds):
 @sweep
 def correct(scene, mu, count, m, enough):
     """-M⁻¹ Jᵀ Ω⁺ RHS into STEP, to what is `enough` of RHS."""
-    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
-    vectors = space[5]
+    data = opened(scene)
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    vectors = space.vectors
     for r in range(m):
         vectors[RHS, r] = -vectors[RHS, r]
-    solve_proximal(space[2], space[3], space[9], mu, count, vectors, m, enough)
+    solve_proximal(space.omega, space.factor, space.nulls, mu, count, vectors, m, enough)
     respond(rows, const, blocks, work, space)

@@ -6,8 +6,8 @@ anything has no dip. What dips only because rows take each other's place is sort
 """
 
 from .. import layout as at
+from ..arrays import opened
 from ..compiler.jit import sweep
-from ..scene import opened
 
 LEAST = 13  # row of `vectors`: the smallest inverse pivots so far
 DIP = 100.0  # times smaller than its largest: a pivot in a dip
@@ -19,8 +19,8 @@ TOGETHER = 4.0  # times the way between evaluations: stages of one step see one 
 @sweep
 def watch(scene, t, q, v):
     """Count dips after a factorisation; keep the deepest place of the first ones."""
-    space = opened(scene)[6]
-    factor, dips, least = space[3], space[8], space[5][LEAST]
+    space = opened(scene).space
+    factor, dips, least = space.factor, space.dips, space.vectors[LEAST]
     deepest = OVER
     gap = abs(t - dips[0, at.DIP_TIME])
     if gap > ROUNDING * abs(t):

@@ -79,7 +79,7 @@ def meeting(rows, a, b):
 @part
 def carry(rows, blocks_i, i, work, space):
     """Y of a block between bodies: from B and from A to where they meet, and on from there."""
-    y, slots, place = space[0], space[1], space[4]
+    y, slots, place = space.y, space.slots, space.place
     a = blocks_i[i, at.B_A]
     b = blocks_i[i, at.B_B]
     meet = meeting(rows, a, b)
@@ -161,8 +161,8 @@ def into_free(work, k, moment, force, y, i, slot):
 @part
 def carry_coordinates(rows, const, blocks, i, work, space):
     """Y of a coordinate row: unit torques on the joints of its terms, and back on their parents."""
-    blocks_i, _, terms_i, terms_f, _, _ = blocks
-    y, slots, whole = space[0], space[1], space[7]
+    blocks_i, terms_i, terms_f = blocks.blocks_i, blocks.terms_i, blocks.terms_f
+    y, slots, whole = space.y, space.slots, space.carried
     none = (0.0, 0.0, 0.0)
     slot = 0
     for k in range(rows.shape[0] - 1, 0, -1):

@@ -97,20 +97,27 @@ def two_spheres(geometry, poses, i, j, margin, out, n):
     """The pair of heaps, without the cost of a call that serves all kinds."""
     a, b = load(poses, i, at.PO_POS), load(poses, j, at.PO_POS)
     return ball_ball(
-        out, n, a, geometry[1][i, at.SH_RADIUS], b, geometry[1][j, at.SH_RADIUS], margin, 0
+        out,
+        n,
+        a,
+        geometry.shapes_f[i, at.SH_RADIUS],
+        b,
+        geometry.shapes_f[j, at.SH_RADIUS],
+        margin,
+        0,
     )
 
 
 @inlined
 def member_pair(geometry, touch, poses, search, m, k, margin, out, n):
     """Members m and k, if their boxes overlap and they may touch."""
-    _, _, members, apart = touch
-    room, bounds, _, _ = search
+    members, apart = touch.members, touch.apart
+    room, bounds = search.room, search.bounds
     i, j = members[m, 0], members[k, 0]
     if not overlap(bounds, i, j) or members[m, 1] != members[k, 1]:
         return n
-    shapes_i = geometry[0]
-    if far_apart(geometry[1], poses, i, j, margin):
+    shapes_i = geometry.shapes_i
+    if far_apart(geometry.shapes_f, poses, i, j, margin):
         return n
     same_row = shapes_i[i, at.SH_ROW] == shapes_i[j, at.SH_ROW]
     if same_row or are_apart(apart, shapes_i[i, at.SH_BODY], shapes_i[j, at.SH_BODY]):
@@ -128,8 +135,8 @@ def member_pair(geometry, touch, poses, search, m, k, margin, out, n):
 @inlined
 def member_contacts(geometry, touch, poses, search, margin, out, n):
     """Append the contact points of all members that are within `margin`; the new number."""
-    members = touch[2]
-    _, bounds, cells, buckets = search
+    members = touch.members
+    bounds, cells, buckets = search.bounds, search.cells, search.buckets
     count = members.shape[0]
     if count < 2:
         return n

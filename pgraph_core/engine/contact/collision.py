@@ -4,7 +4,18 @@
 signed distances alone, for event functions. What a scene does not ask for is a loop of length zero.
 """
 
+from numba import types
+
 from .. import layout as at
+from ..arrays import (
+    CANDIDATES,
+    F1,
+    F2,
+    FOUND,
+    GEOMETRY,
+    I2,
+    SEARCH,
+)
 from ..compiler.jit import kernel, part, sweep
 from ..vec import dot, load
 from .broad import member_contacts
@@ -20,9 +31,9 @@ def find_contacts(geometry, ground, touch, poses, search, margin, out):
     More than `out` holds are counted but not written: make it larger and call again. Order:
     ground, pairs, members; `poses` come from `place`.
     """
-    on_ground, pairs, _, _ = touch
-    shapes_f = geometry[1]
-    room = search[0]
+    on_ground, pairs = touch.on_ground, touch.pairs
+    shapes_f = geometry.shapes_f
+    room = search.room
     n = 0
     highest = top(ground) + margin if on_ground.shape[0] > 0 else 0.0
     for k in range(on_ground.shape[0]):
@@ -45,7 +56,7 @@ def find_gaps(geometry, ground, touch, poses, room, probe, gaps):
 
     `probe` is `out` for the points of one touch: scratch.
     """
-    on_ground, pairs, _, _ = touch
+    on_ground, pairs = touch.on_ground, touch.pairs
     count = on_ground.shape[0]
     for k in range(count):
         gaps[k] = ground_gap(geometry, ground, poses, on_ground[k, 0])
@@ -55,26 +66,20 @@ def find_gaps(geometry, ground, touch, poses, room, probe, gaps):
 
 # Entry points: for Python, and by address for what steps
 
-GEOMETRY = "Tuple((i8[:,::1],f8[:,::1],f8[:,::1],f8[:,::1],i8[:,::1],i8[::1],i8[:,::1]))"
-TOUCH = "UniTuple(i8[:,::1],4)"
-SEARCH = "Tuple((f8[:,::1],f8[:,::1],i8[:,::1],i8[::1]))"
-OUT = "Tuple((f8[:,::1],i8[:,::1]))"
-F2 = "f8[:,::1]"
 
-
-@kernel(f"i8({GEOMETRY},{F2},{TOUCH},{F2},{SEARCH},f8,{OUT})")
+@kernel(types.int64(GEOMETRY, F2, CANDIDATES, F2, SEARCH, types.float64, FOUND))
 def contacts(geometry, ground, touch, poses, search, margin, out):
     """`find_contacts`."""
     return find_contacts(geometry, ground, touch, poses, search, margin, out)
 
 
-@kernel(f"void({GEOMETRY},{F2},{TOUCH},{F2},{F2},{OUT},f8[::1])")
+@kernel(types.void(GEOMETRY, F2, CANDIDATES, F2, F2, FOUND, F1))
 def gaps(geometry, ground, touch, poses, room, probe, found):
     """`find_gaps`."""
     find_gaps(geometry, ground, touch, poses, room, probe, found)
 
 
-@kernel(f"void(i8[:,::1],{F2},{F2},{F2})")
+@kernel(types.void(I2, F2, F2, F2))
 def shape_poses(shapes_i, shapes_f, work, poses):
     """`place`."""
     place(shapes_i, shapes_f, work, poses)

@@ -62,19 +62,19 @@ def rim_point(geometry, ground, poses, i, k):
         down = cross(axis, down)
     if k >= 3:
         down = scale(-1.0, down)
-    half = geometry[1][i, at.SH_HALF]
+    half = geometry.shapes_f[i, at.SH_HALF]
     centre = add_scaled(load(poses, i, at.PO_POS), half if far else -half, axis)
     feature = k + 3 if k >= 2 and far else k
-    return add_scaled(centre, geometry[1][i, at.SH_RADIUS], down), feature
+    return add_scaled(centre, geometry.shapes_f[i, at.SH_RADIUS], down), feature
 
 
 @part
 def candidate(geometry, ground, poses, i, k):
     """(place, radius, feature) of the k-th ball that may touch the ground."""
-    if geometry[0][i, at.SH_KIND] == at.CYLINDER:
+    if geometry.shapes_i[i, at.SH_KIND] == at.CYLINDER:
         p, feature = rim_point(geometry, ground, poses, i, k)
         return p, 0.0, feature
-    return vertex(geometry, poses, i, k), geometry[1][i, at.SH_RADIUS], k
+    return vertex(geometry, poses, i, k), geometry.shapes_f[i, at.SH_RADIUS], k
 
 
 @part
@@ -87,7 +87,7 @@ def candidates(shapes_i, i):
 def ground_gap(geometry, ground, poses, i):
     """Signed distance of shape i from the ground [m]."""
     gap = math.inf
-    for k in range(candidates(geometry[0], i)):
+    for k in range(candidates(geometry.shapes_i, i)):
         p, radius, _ = candidate(geometry, ground, poses, i, k)
         gap = min(gap, above(ground, p) - radius)
     return gap
@@ -101,7 +101,7 @@ def ground_contacts(geometry, ground, poses, i, margin, room, out, n):
     square on the lower one), hull its vertices thinned to 8, points all. Feature: the vertex; of a
     cylinder 0 and 1 the lowest points of its ends, 2-4 and 5-7 the rest of their squares.
     """
-    shapes_i = geometry[0]
+    shapes_i = geometry.shapes_i
     normal = load(ground, 0, at.GR_NORMAL)
     kind = shapes_i[i, at.SH_KIND]
     found = 0

@@ -10,6 +10,7 @@ kept with it, by ADMM with one factor of Ω + ρI ([Carpentier et al. 2024]).
 import math
 
 from .. import layout as at
+from ..arrays import opened
 from ..compiler.jit import part, sweep
 from ..compiler.triple import load_triple, numbers, store_triple, triple
 from ..constraints.constraints import couplings
@@ -25,7 +26,6 @@ from ..constraints.proximal import (
     store_factor3,
     whole_blocks,
 )
-from ..scene import opened
 from ..tree.factors import factor3
 from ..vec import add_scaled, dot, load
 
@@ -49,18 +49,19 @@ def solve_impulses(scene, m, first):
     velocity by which a law is missed, relative to the largest in b. Active blocks from the `first`
     on are unilateral.
     """
-    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
-    active = blocks[5]
-    y, slots, own, report = space[0], space[1], space[11], space[5][REPORT]
+    data = opened(scene)
+    blocks, space = data.blocks, data.space
+    active = blocks.active
+    y, slots, own, report = space.y, space.slots, space.own, space.vectors[REPORT]
     for j in range(1, active[0] + 1):
-        own_block(y, slots, space[5][DINV], active[j], own)
-    size = largest_velocity(space[5], m)
+        own_block(y, slots, space.vectors[DINV], active[j], own)
+    size = largest_velocity(space.vectors, m)
     report[0] = 0.0
     report[1] = 0.0
     report[2] = 0.0
     if size == 0.0:
         for r in range(m):
-            space[5][LAMBDA, r] = 0.0
+            space.vectors[LAMBDA, r] = 0.0
         responses(scene)
         return
     few = m <= DENSE
@@ -124,9 +125,10 @@ def rows_of(x, r, size):
 @sweep
 def responses(scene):
     """STEP = diag(1/d) Yᵀ λ of the active blocks."""
-    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
-    blocks_i, _, _, _, _, active = blocks
-    y, slots, vectors = space[0], space[1], space[5]
+    data = opened(scene)
+    blocks, space = data.blocks, data.space
+    blocks_i, active = blocks.blocks_i, blocks.active
+    y, slots, vectors = space.y, space.slots, space.vectors
     z = vectors[STEP]
     for k in range(z.shape[0]):
         z[k] = 0.0
@@ -139,9 +141,10 @@ def responses(scene):
 @sweep
 def gauss_seidel(scene, first, size, sweeps, tolerance):
     """Sweeps over the blocks until no velocity changes; the last change over `size`."""
-    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
-    blocks_i, blocks_f, _, _, _, active = blocks
-    y, slots, vectors, own = space[0], space[1], space[5], space[11]
+    data = opened(scene)
+    blocks, space = data.blocks, data.space
+    blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active
+    y, slots, vectors, own = space.y, space.slots, space.vectors, space.own
     rhs = vectors[RHS]
     lam = vectors[LAMBDA]
     dinv = vectors[DINV]
@@ -277,8 +280,8 @@ def in_disc(a, b, c, x, y, radius):
 @sweep
 def alternate(scene, m, first, size):
     """ADMM on Ω, all rows at once; what is left of the laws over `size`."""
-    _, _, _, _, _, _, space, _, _, _ = opened(scene)
-    omega, vectors = space[2], space[5]
+    space = opened(scene).space
+    omega, vectors = space.omega, space.vectors
     x = vectors[LAMBDA]
     y = vectors[DUAL]
     z = vectors[SPLIT]
@@ -291,7 +294,7 @@ def alternate(scene, m, first, size):
             y[r] += omega[r, c] * x[c]
     rho = 0.1 * trace / m
     eta = 1e-9 * trace / m
-    shifted_factor(omega, space[3], rho + eta, m)
+    shifted_factor(omega, space.factor, rho + eta, m)
     left = math.inf
     look = 8
     for taken in range(1, ROUNDS + 1):
@@ -300,7 +303,7 @@ def alternate(scene, m, first, size):
             vectors[CHANGE, r] = eta * x[r] + rho * z[r] + y[r] - vectors[CHANGE, r]
         for r in range(m, whole_blocks(m)):
             vectors[CHANGE, r] = 0.0
-        solve_factor(space[3], vectors[CHANGE], m)
+        solve_factor(space.factor, vectors[CHANGE], m)
         for r in range(m):
             x[r] = vectors[CHANGE, r]
             vectors[STEP, r] = z[r]
@@ -321,7 +324,7 @@ def alternate(scene, m, first, size):
             factor = math.sqrt((primal + 1e-300) / (dual + 1e-300))
             if factor > 5.0 or factor < 0.2:
                 rho *= min(max(factor, 0.05), 20.0)
-                shifted_factor(omega, space[3], rho + eta, m)
+                shifted_factor(omega, space.factor, rho + eta, m)
     for r in range(m):
         x[r] = z[r]
     return left
@@ -330,9 +333,10 @@ def alternate(scene, m, first, size):
 @sweep
 def target(scene, first, m):
     """b with the bounce of normals, and with μ |u_t| that makes Coulomb's cone its own dual's."""
-    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
-    blocks_i, blocks_f, _, _, _, active = blocks
-    slots, vectors = space[1], space[5]
+    data = opened(scene)
+    blocks, space = data.blocks, data.space
+    blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active
+    slots, vectors = space.slots, space.vectors
     out = vectors[CHANGE]
     for r in range(m):
         out[r] = vectors[RHS, r]
@@ -348,9 +352,10 @@ def target(scene, first, m):
 @sweep
 def onto_cones(scene, first):
     """Nearest SPLIT that every unilateral law admits."""
-    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
-    blocks_i, blocks_f, _, _, _, active = blocks
-    slots, z = space[1], space[5][SPLIT]
+    data = opened(scene)
+    blocks, space = data.blocks, data.space
+    blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active
+    slots, z = space.slots, space.vectors[SPLIT]
     for j in range(first, active[0] + 1):
         i = active[j]
         r = slots[i, at.FIRST]
@@ -390,9 +395,10 @@ def gained(scene, first):
 
     After `responses`.
     """
-    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
-    blocks_i, _, _, _, _, active = blocks
-    y, slots, vectors = space[0], space[1], space[5]
+    data = opened(scene)
+    blocks, space = data.blocks, data.space
+    blocks_i, active = blocks.blocks_i, blocks.active
+    y, slots, vectors = space.y, space.slots, space.vectors
     gain = 0.0
     size = 0.0
     for j in range(first, active[0] + 1):

@@ -27,7 +27,7 @@ def capsule_line(geometry, poses, i):
 @inlined
 def single_pair(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
     """Append where shapes i and j touch; of a list of points only the one numbered `only`."""
-    shapes_i, shapes_f = geometry[0], geometry[1]
+    shapes_i, shapes_f = geometry.shapes_i, geometry.shapes_f
     kind_a = shapes_i[i, at.SH_KIND]
     kind_b = shapes_i[j, at.SH_KIND]
     radius_a = shapes_f[i, at.SH_RADIUS]
@@ -68,12 +68,12 @@ def points(shapes_i, i):
 def pair_contacts(geometry, poses, i, j, contact, margin, room, out, n):
     """Append the contact points of shapes i and j within `margin`; the new number."""
     first = n
-    for k in range(points(geometry[0], i)):
-        for m in range(points(geometry[0], j)):
+    for k in range(points(geometry.shapes_i, i)):
+        for m in range(points(geometry.shapes_i, j)):
             start = n
             n = single_pair(geometry, poses, i, k, j, m, margin, room, out, n)
-            for c in range(start, min(n, out[1].shape[0])):
-                out[1][c, at.CT_FEATURE] += POINT * (k + m)
+            for c in range(start, min(n, out.labels.shape[0])):
+                out.labels[c, at.CT_FEATURE] += POINT * (k + m)
     label(out, first, n, i, j, contact)
     return n
 
@@ -82,9 +82,9 @@ def pair_contacts(geometry, poses, i, j, contact, margin, room, out, n):
 def pair_gap(geometry, poses, i, j, room, probe):
     """Signed distance of two shapes [m]; `probe` is scratch for the points of one touch."""
     gap = math.inf
-    for k in range(points(geometry[0], i)):
-        for m in range(points(geometry[0], j)):
+    for k in range(points(geometry.shapes_i, i)):
+        for m in range(points(geometry.shapes_i, j)):
             n = single_pair(geometry, poses, i, k, j, m, math.inf, room, probe, 0)
             for c in range(n):
-                gap = min(gap, probe[0][c, at.CT_GAP])
+                gap = min(gap, probe.points[c, at.CT_GAP])
     return gap

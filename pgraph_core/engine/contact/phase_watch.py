@@ -21,7 +21,7 @@ NOTHING = 1.0  # what a monitor that watches nothing shows
 @sweep
 def watch(sites, row, w):
     """Fill row `row` of `watched` a time w after the step's start, from what was observed."""
-    _, sites_i, sites_f, _, watched, _, _, _, _ = sites
+    sites_i, sites_f, watched = sites.sites_i, sites.sites_f, sites.watched
     largest = 0.0
     for s in range(sites_i.shape[0]):
         push = sites_f[s, at.S_PUSH]
@@ -68,7 +68,7 @@ def over(watched, row):
 @sweep
 def start(sites, h):
     """What a step's start was, for phases that begin with it; how slow slip is turned slowly."""
-    _, sites_i, sites_f, _, _, _, _, _, _ = sites
+    sites_i, sites_f = sites.sites_i, sites.sites_f
     rate = 0.0
     for s in range(sites_i.shape[0]):
         if slides(sites_i[s, at.S_PHASE]):
@@ -89,13 +89,13 @@ def start(sites, h):
 @kernel("void(i8,f8)", later=True)
 def begin(scene, h):
     """What sites were just observed to do is what a step starts from; `h` as in `start`."""
-    start(opened_phased(scene)[10], h)
+    start(opened_phased(scene).sites, h)
 
 
 @sweep
 def accepted(sites):
     """After a step: points that have left the ground or slide notably are watched plainly."""
-    _, sites_i, sites_f, _, _, _, _, _, _ = sites
+    sites_i, sites_f = sites.sites_i, sites.sites_f
     for s in range(sites_i.shape[0]):
         if slides(sites_i[s, at.S_PHASE]):
             u = load(sites_f, s, at.S_SLIP_V)
@@ -113,7 +113,7 @@ def lowest(sites, h):
     By the cubic through gaps and rates at both ends; what it leaves above zero by little is
     looked at too.
     """
-    _, sites_i, sites_f, _, _, _, _, _, _ = sites
+    sites_i, sites_f = sites.sites_i, sites.sites_f
     first = h
     for s in range(sites_i.shape[0]):
         a = h * sites_f[s, at.S_BEFORE]

@@ -14,27 +14,17 @@ import math
 from numba import types
 
 from .. import layout as at
-from ..compiler.address import stored
+from ..arrays import I1, PHASED
+from ..compiler.address import plain, stored
 from ..compiler.jit import kernel, part, sweep
 from ..constraints.blocks import locate, residual_acceleration, slip, velocities
 from ..constraints.constraints import couplings, number_rows, respond, unit_responses
 from ..constraints.dips import watch
 from ..constraints.proximal import CHANGE, LAMBDA, RHS, STEP, factor_proximal, solve_proximal
-from ..motion import ACCELERATION, F2, F3, I1, I2, SCENE, call_acceleration
+from ..motion import ACCELERATION, call_acceleration
 from ..tree.kinematics import positions
 from ..vec import add_scaled, dot, load, scale, store3
 
-# addresses of: the equations of motion without sites, the same scene without active blocks, the
-# scene whose active blocks are what is projected, the equations with sites, what records without,
-# what observes sites, what projects
-LINK_TREE, LINK_BARE, LINK_HELD, LINK_PHASED, LINK_RECORD, LINK_OBSERVE = 0, 1, 2, 3, 4, 5
-LINK_PROJECT = 6
-LINKS_OF_SITES = 7
-# links, sites_i, sites_f, every site's S_SLIDE as active blocks, watched, columns (3 k + 2, m): c
-# and the right side, what Ω_BB⁺ makes of them, and Ω of the normals; small (3 k + 2, k); and what
-# frames keep of all sites: phases (n, ns), the rest (n, ns, 11)
-SITES = types.Tuple((I1, I2, F2, I1, F2, F2, F2, I2, F3))
-PHASED = types.Tuple((*SCENE, SITES))
 _save, opened_phased = stored(PHASED)
 
 RANK = 1e-11  # singular values of sliding points below this part of the largest are zero
@@ -45,7 +35,7 @@ INSIDE = 1e-9  # part of the cone that is left free, so that projections end ins
 OVER = 1.5  # over-relaxation
 
 
-@kernel(types.void(I1, PHASED), later=True)
+@kernel(types.void(I1, plain(PHASED)), later=True)
 def save_phased(buffer, scene):
     """Keep a scene with sites where `opened_phased` finds it; `opened` finds the scene alone."""
     _save(buffer, scene)
@@ -87,16 +77,18 @@ def way(sites_f, s, u):
 @kernel(ACCELERATION, nogil=True, later=True)
 def phased_acceleration(scene, t, q, v, tau, vdot, flow):
     """As `acceleration`, with the sites of the scene in their phases."""
-    rows, const, _, _, blocks, work, space, _, _, _, sites = opened_phased(scene)
-    links = sites[0]
-    call_acceleration(links[LINK_TREE], (links[LINK_BARE], t, q, v, tau, vdot, flow))
-    if blocks[5][0] == 0:
+    phased = opened_phased(scene)
+    data, sites = phased.scene, phased.sites
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    links = sites.links
+    call_acceleration(links.tree, (links.bare, t, q, v, tau, vdot, flow))
+    if blocks.active[0] == 0:
         return 0
-    vectors = space[5]
+    vectors = space.vectors
     positions(rows, work)
-    velocities(rows, const, work, v, space[6])
-    m = number_rows(blocks, space[1])
-    locate(blocks, work, space[4])
+    velocities(rows, const, work, v, space.linear)
+    m = number_rows(blocks, space.slots)
+    locate(blocks, work, space.place)
     residual_acceleration(blocks, work, space, t, vdot, vectors[RHS])
     for r in range(m):
         vectors[RHS, r] = -vectors[RHS, r]
@@ -114,8 +106,9 @@ def phased_acceleration(scene, t, q, v, tau, vdot, flow):
 @sweep
 def solve_phased(blocks, work, space, sites, m, flow):
     """λ of all active rows, sliding blocks last; power that friction takes [W]."""
-    _, sites_i, sites_f, _, _, columns, small, _, _ = sites
-    slots, omega, factor, vectors, nulls = space[1], space[2], space[3], space[5], space[9]
+    sites_i, columns, small = sites.sites_i, sites.columns, sites.small
+    slots, omega, factor = space.slots, space.omega, space.factor
+    vectors, nulls = space.vectors, space.nulls
     lam = vectors[LAMBDA]
     held, k, count = m, 0, 0
     for s in range(sites_i.shape[0]):
@@ -158,8 +151,8 @@ def share_out(blocks, space, sites, count, held):
     Forces of redundant supports are not unique: those of least norm may leave a cone though
     others do not. Projections on the cones and back along the null directions, in turn.
     """
-    _, sites_i, sites_f, _, _, _, _, _, _ = sites
-    slots, place, vectors, nulls = space[1], space[4], space[5], space[9]
+    sites_i, sites_f = sites.sites_i, sites.sites_f
+    slots, place, vectors, nulls = space.slots, space.place, space.vectors, space.nulls
     lam = vectors[LAMBDA]
     change = vectors[CHANGE]
     for _ in range(SHARES):
@@ -215,14 +208,14 @@ def into_cone(sites_f, s, place, i, lam, r):
 @sweep
 def slide_columns(blocks, work, space, sites, k, m):
     """c_j, and Ω_·n, of every sliding site in turn into `columns`: factoring writes into Ω."""
-    _, sites_i, sites_f, _, _, columns, _, _, _ = sites
-    slots, omega, place = space[1], space[2], space[4]
+    sites_i, sites_f, columns = sites.sites_i, sites.sites_f, sites.columns
+    slots, omega, place = space.slots, space.omega, space.place
     j = 0
     for s in range(sites_i.shape[0]):
         if not slides(sites_i[s, at.S_PHASE]):
             continue
         i = sites_i[s, at.S_SLIDE]
-        d = way(sites_f, s, slip(blocks[0], i, work, space[6], place))
+        d = way(sites_f, s, slip(blocks.blocks_i, i, work, space.linear, place))
         x = sites_f[s, at.S_FRICTION] * dot(d, load(place, i, at.PLACE_D + 3))
         y = sites_f[s, at.S_FRICTION] * dot(d, load(place, i, at.PLACE_D + 6))
         n = slots[i, at.FIRST]
@@ -236,7 +229,7 @@ def slide_columns(blocks, work, space, sites, k, m):
 @sweep
 def reduce_slides(sites, held, k):
     """The k equations of the sliding sites: matrix in the first k rows of `small`, then r."""
-    _, sites_i, sites_f, _, _, columns, small, _, _ = sites
+    sites_i, sites_f, columns, small = sites.sites_i, sites.sites_f, sites.columns, sites.small
     i = 0
     n = held
     for s in range(sites_i.shape[0]):
@@ -323,8 +316,8 @@ def rotate_columns(small, base, p, q, k):
 @sweep
 def share_slides(blocks, space, sites, held, k, work):
     """λ of all rows from the sizes s of the sliding forces; power that friction takes."""
-    _, sites_i, sites_f, _, _, columns, small, _, _ = sites
-    slots, place, lam = space[1], space[4], space[5][LAMBDA]
+    sites_i, sites_f, columns, small = sites.sites_i, sites.sites_f, sites.columns, sites.small
+    slots, place, lam = space.slots, space.place, space.vectors[LAMBDA]
     power = 0.0
     j = 0
     for r in range(held):
@@ -336,7 +329,7 @@ def share_slides(blocks, space, sites, held, k, work):
         size = small[2 * k, j]
         for r in range(held):
             lam[r] -= size * columns[k + 1 + j, r]
-        u = slip(blocks[0], i, work, space[6], place)
+        u = slip(blocks.blocks_i, i, work, space.linear, place)
         d = way(sites_f, s, u)
         drag = size * sites_f[s, at.S_FRICTION]
         n = slots[i, at.FIRST]

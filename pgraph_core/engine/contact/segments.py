@@ -148,7 +148,7 @@ def ball_box(out, n, centre, radius, geometry, poses, j, sign, margin, feature):
     """A ball against box j, which is B where `sign` is 1 and A where it is -1."""
     r = load9(poses, j, at.PO_ROT)
     origin = load(poses, j, at.PO_POS)
-    half = load(geometry[1], j, at.SH_BOX)
+    half = load(geometry.shapes_f, j, at.SH_BOX)
     c = mul_t(r, sub(centre, origin))
     nearest = (
         between(c[0], -half[0], half[0]),

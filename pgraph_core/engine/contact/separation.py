@@ -23,7 +23,7 @@ def lay_out(geometry, poses, i, only, origin, room, row):
 
     Of a list of points only point `only` counts.
     """
-    shapes_i, _, vertices, normals, _, _, _ = geometry
+    shapes_i, vertices, normals = geometry.shapes_i, geometry.vertices, geometry.normals
     r = load9(poses, i, at.PO_ROT)
     shift = sub(load(poses, i, at.PO_POS), origin)
     first = shapes_i[i, at.SH_VERTEX]
@@ -45,7 +45,7 @@ def lay_out(geometry, poses, i, only, origin, room, row):
 @part
 def face_corner(geometry, room, a, face):
     """The first vertex of a face, and its normal."""
-    faces, rings = geometry[4], geometry[5]
+    faces, rings = geometry.faces, geometry.rings
     corner = load(room, a[0] + rings[faces[a[3] + face, 0]], 0)
     return corner, load(room, a[2] + face, 0)
 
@@ -83,7 +83,7 @@ def face_separation(geometry, room, a, b):
 @part
 def edge_line(geometry, room, a, e):
     """(start, way) of an edge."""
-    edges = geometry[6]
+    edges = geometry.edges
     start = load(room, a[0] + edges[a[5] + e, 0], 0)
     return start, sub(load(room, a[0] + edges[a[5] + e, 1], 0), start)
 
@@ -91,7 +91,7 @@ def edge_line(geometry, room, a, e):
 @part
 def edge_normals(geometry, room, a, e):
     """Normals of the two faces beside an edge."""
-    edges = geometry[6]
+    edges = geometry.edges
     f = load(room, a[2] + edges[a[5] + e, 2], 0)
     return f, load(room, a[2] + edges[a[5] + e, 3], 0)
 

@@ -18,7 +18,7 @@ def place(shapes_i, shapes_f, work, poses):
 @part
 def vertex(geometry, poses, i, k):
     """Vertex k of shape i in the world."""
-    local = load(geometry[2], geometry[0][i, at.SH_VERTEX] + k, 0)
+    local = load(geometry.vertices, geometry.shapes_i[i, at.SH_VERTEX] + k, 0)
     return add(load(poses, i, at.PO_POS), mul(load9(poses, i, at.PO_ROT), local))
 
 
@@ -31,12 +31,12 @@ def half_extent(r, half, n):
 @sweep
 def bound(geometry, poses, i, slack, bounds):
     """The box of shape i in world axes, wider by `slack` on every side."""
-    shapes_f = geometry[1]
+    shapes_f = geometry.shapes_f
     r = load9(poses, i, at.PO_ROT)
     middle = add(load(poses, i, at.PO_POS), mul(r, load(shapes_f, i, at.SH_MID)))
     radius = shapes_f[i, at.SH_RADIUS]
     half = load(shapes_f, i, at.SH_BOX)
-    kind = geometry[0][i, at.SH_KIND]
+    kind = geometry.shapes_i[i, at.SH_KIND]
     if kind == at.SPHERE:
         half = (0.0, 0.0, 0.0)
     elif kind == at.CAPSULE:
@@ -73,7 +73,7 @@ def put(out, n, on_b, normal, gap, feature):
 @sweep
 def label(out, first, n, i, j, contact):
     """Whose the points from `first` to n are."""
-    contacts_i = out[1]
+    contacts_i = out.labels
     for k in range(first, min(n, contacts_i.shape[0])):
         contacts_i[k, at.CT_SHAPE_A] = i
         contacts_i[k, at.CT_SHAPE_B] = j

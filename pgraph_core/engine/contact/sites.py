@@ -5,6 +5,7 @@ import math
 from numba import types
 
 from .. import layout as at
+from ..arrays import F1, Blocks, Frames, opened
 from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
 from ..constraints.blocks import (
@@ -17,15 +18,11 @@ from ..constraints.blocks import (
 )
 from ..constraints.constraints import couplings, drift, number_rows, respond, unit_responses
 from ..constraints.proximal import CHANGE, LAMBDA, RHS, STEP, ZERO
-from ..motion import F1, RECORD, TAU, call_acceleration, call_record, opened
+from ..motion import RECORD, TAU, call_acceleration, call_record
 from ..tree.articulated import inboard
 from ..tree.kinematics import accelerate, outboard, positions
 from ..vec import add_scaled, dot, load, scale, store, sub
 from .phases import (
-    LINK_HELD,
-    LINK_OBSERVE,
-    LINK_PHASED,
-    LINK_RECORD,
     opened_phased,
     slides,
     tangential,
@@ -41,8 +38,10 @@ call_observe = caller(OBSERVE)
 @kernel(OBSERVE, nogil=True, later=True)
 def observe(scene, t, q, v, vdot, flow):
     """Gap, rates, force and rounding of every site at (q, v); v' where a site is closed."""
-    rows, const, _, _, blocks, work, space, _, _, _, sites = opened_phased(scene)
-    links, sites_i, sites_f, every, _, _, _, _, _ = sites
+    phased = opened_phased(scene)
+    data, sites = phased.scene, phased.sites
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    links, sites_i, sites_f = sites.links, sites.sites_i, sites.sites_f
     closed = False
     for s in range(sites_i.shape[0]):
         closed = closed or sites_i[s, at.S_PHASE] != at.SWING
@@ -50,26 +49,34 @@ def observe(scene, t, q, v, vdot, flow):
             sites_f[s, at.S_FORCE + c] = 0.0
         sites_f[s, at.S_PIVOT] = 1.0
     if closed:
-        tau = space[5][TAU, : v.shape[0]]
-        call_acceleration(links[LINK_PHASED], (scene, t, q, v, tau, vdot, flow))
+        tau = space.vectors[TAU, : v.shape[0]]
+        call_acceleration(links.phased, (scene, t, q, v, tau, vdot, flow))
         for s in range(sites_i.shape[0]):
             if sites_i[s, at.S_PHASE] != at.SWING:
                 site_force(rows, blocks, work, space, sites, s)
     else:
         outboard(rows, const, work, q, v)
         positions(rows, work)
-        velocities(rows, const, work, v, space[6])
+        velocities(rows, const, work, v, space.linear)
     all_sites(rows, const, blocks, work, space, sites, t, q, v)
     return 0
+
+
+@part
+def with_active(blocks, active):
+    """The same blocks, others of them active."""
+    return Blocks(
+        blocks.blocks_i, blocks.blocks_f, blocks.terms_i, blocks.terms_f, blocks.curves, active
+    )
 
 
 @sweep
 def all_sites(rows, const, blocks, work, space, sites, t, q, v):
     """Gap, rates and rounding of every site, open ones too."""
-    _, sites_i, sites_f, every, _, _, _, _, _ = sites
-    blocks_i, blocks_f, terms_i, terms_f, curves, _ = blocks
-    observed = (blocks_i, blocks_f, terms_i, terms_f, curves, every)
-    slots, place, vectors, linear = space[1], space[4], space[5], space[6]
+    sites_i, sites_f, every = sites.sites_i, sites.sites_f, sites.every
+    blocks_i, blocks_f, terms_i = blocks.blocks_i, blocks.blocks_f, blocks.terms_i
+    observed = with_active(blocks, every)
+    slots, place, vectors, linear = space.slots, space.place, space.vectors, space.linear
     number_rows(observed, slots)
     locate(observed, work, place)
     residual(observed, work, space, t, q, vectors[CHANGE])
@@ -109,9 +116,9 @@ def path_length(rows, const, work, k, p, n):
 @sweep
 def site_force(rows, blocks, work, space, sites, s):
     """Force on the body at a closed site from λ, and its parts; a limit's is about its axis."""
-    _, sites_i, sites_f, _, _, _, _, _, _ = sites
-    blocks_i, _, _, terms_f, _, _ = blocks
-    slots, place, lam = space[1], space[4], space[5][LAMBDA]
+    sites_i, sites_f = sites.sites_i, sites.sites_f
+    blocks_i, terms_f = blocks.blocks_i, blocks.terms_f
+    slots, place, lam = space.slots, space.place, space.vectors[LAMBDA]
     slid = slides(sites_i[s, at.S_PHASE])
     i = sites_i[s, at.S_SLIDE if slid else at.S_STANCE]
     r = slots[i, at.FIRST]
@@ -132,11 +139,15 @@ def site_force(rows, blocks, work, space, sites, s):
 @kernel(RECORD, nogil=True, later=True)
 def phased_record(scene, accelerate, t, q, v, flow, ledger, i, out):
     """As `record`, and what every site does; drift is that of what is held."""
-    rows, const, _, _, _, work, space, _, _, _, sites = opened_phased(scene)
-    links, sites_i, sites_f, _, _, _, _, phases, frames = sites
-    fine = call_record(links[LINK_RECORD], (scene, accelerate, t, q, v, flow, ledger, i, out))
-    call_observe(links[LINK_OBSERVE], (scene, t, q, v, out[2][i], flow))
-    drift(rows, const, opened(links[LINK_HELD])[4], work, space, t, q, v, out[5][i])
+    phased = opened_phased(scene)
+    data, sites = phased.scene, phased.sites
+    rows, const, work, space = data.rows, data.const, data.work, data.space
+    links, sites_i, sites_f = sites.links, sites.sites_i, sites.sites_f
+    phases, frames = sites.phases, sites.frames
+    frame = Frames(*out)
+    fine = call_record(links.record, (scene, accelerate, t, q, v, flow, ledger, i, out))
+    call_observe(links.observe, (scene, t, q, v, frame.vdot[i], flow))
+    drift(rows, const, opened(links.held).blocks, work, space, t, q, v, frame.drifts[i])
     for s in range(sites_i.shape[0]):
         phases[i, s] = sites_i[s, at.S_PHASE]
         for c in range(3):
@@ -151,16 +162,18 @@ def phased_record(scene, accelerate, t, q, v, flow, ledger, i, out):
 @kernel("void(i8,f8,f8[::1],f8[::1],f8[::1],f8[::1])", later=True)
 def site_accelerations(scene, t, q, v, vdot, flow):
     """Normal and tangential acceleration of every site, open ones too, into S_ACC_N, S_ACC_T."""
-    rows, const, _, _, blocks, work, space, _, _, _, sites = opened_phased(scene)
-    links, sites_i, sites_f, every, _, _, _, _, _ = sites
-    slots, place, vectors = space[1], space[4], space[5]
+    phased = opened_phased(scene)
+    data, sites = phased.scene, phased.sites
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    links, sites_i, sites_f, every = sites.links, sites.sites_i, sites.sites_f, sites.every
+    slots, place, vectors = space.slots, space.place, space.vectors
     tau = vectors[TAU, : v.shape[0]]
-    call_acceleration(links[LINK_PHASED], (scene, t, q, v, tau, vdot, flow))
+    call_acceleration(links.phased, (scene, t, q, v, tau, vdot, flow))
     outboard(rows, const, work, q, v)
     accelerate(rows, const, work, v, vdot)
     positions(rows, work)
-    velocities(rows, const, work, v, space[6])
-    observed = (blocks[0], blocks[1], blocks[2], blocks[3], blocks[4], every)
+    velocities(rows, const, work, v, space.linear)
+    observed = with_active(blocks, every)
     number_rows(observed, slots)
     locate(observed, work, place)
     residual_acceleration(observed, work, space, t, vdot, vectors[RHS])
@@ -178,16 +191,17 @@ def site_accelerations(scene, t, q, v, vdot, flow):
 @kernel("i8(i8,f8,f8[::1],f8[::1])", later=True)
 def impulse_rows(scene, t, q, v):
     """Ω and velocities (in RHS) of the active rows of a scene, for impulses; their number."""
-    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
-    vectors = space[5]
+    data = opened(scene)
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    vectors = space.vectors
     for j in range(v.shape[0]):
         vectors[ZERO, j] = 0.0
     outboard(rows, const, work, q, v)
     inboard(rows, const, work, vectors[ZERO])
     positions(rows, work)
-    velocities(rows, const, work, v, space[6])
-    m = number_rows(blocks, space[1])
-    locate(blocks, work, space[4])
+    velocities(rows, const, work, v, space.linear)
+    m = number_rows(blocks, space.slots)
+    locate(blocks, work, space.place)
     unit_responses(rows, const, blocks, work, space)
     couplings(blocks, space)
     residual_velocity(blocks, work, space, t, v, vectors[RHS])
@@ -197,7 +211,8 @@ def impulse_rows(scene, t, q, v):
 @kernel("void(i8,f8[::1])", later=True)
 def add_impulses(scene, v):
     """v += M⁻¹ Jᵀ λ of the active rows, after `impulse_rows`, λ in LAMBDA."""
-    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
+    data = opened(scene)
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     respond(rows, const, blocks, work, space)
     for j in range(v.shape[0]):
-        v[j] += space[5][STEP, j]
+        v[j] += space.vectors[STEP, j]

@@ -45,7 +45,7 @@ def facing(geometry, room, b, deepest, n):
     """
     if b[4] == 0:
         return -1
-    edges = geometry[6]
+    edges = geometry.edges
     flattest = math.inf
     found = 0
     for e in range(b[6]):
@@ -67,7 +67,7 @@ def clipped(geometry, room, row, a, face, b, deepest):
 
     Heights are over a's face; a segment or a point is its own face.
     """
-    faces, rings = geometry[4], geometry[5]
+    faces, rings = geometry.faces, geometry.rings
     corner, n = face_corner(geometry, room, a, face)
     other = facing(geometry, room, b, deepest, n)
     start = faces[b[3] + other, 0] if other >= 0 else 0
@@ -183,7 +183,7 @@ def vertex_to_edge(geometry, room, a, b, way, base, best):
     `base` is b's extreme height along `way` on a's side: what lies farther than the best cannot be
     nearest, so few pairs are looked at.
     """
-    edges = geometry[6]
+    edges = geometry.edges
     found_v, found_e, place = -1, -1, 0.0
     for k in range(a[1]):
         below = way * (base - room[a[0] + k, at.RO_HEIGHT])
@@ -211,7 +211,7 @@ def vertex_to_edge(geometry, room, a, b, way, base, best):
 @sweep
 def edge_at(geometry, room, b, v, d):
     """The edge of b at vertex v that is most parallel to d."""
-    edges = geometry[6]
+    edges = geometry.edges
     best = -1.0
     found = 0
     for e in range(b[6]):
@@ -263,7 +263,7 @@ def by_corner(geometry, room, a, b, way, radii, origin, size, margin, out, n):
 @sweep
 def solid_solid(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
     """Append where two shapes are within `margin`; at least one of them has faces."""
-    shapes_f = geometry[1]
+    shapes_f = geometry.shapes_f
     origin = load(poses, i, at.PO_POS)
     a, row = lay_out(geometry, poses, i, only_a, origin, room, 0)
     b, row = lay_out(geometry, poses, j, only_b, origin, room, row)

@@ -5,11 +5,12 @@ import math
 from numba import types
 
 from .. import layout as at
-from ..compiler.address import caller, stored
+from ..arrays import CONTACTS, I1, opened
+from ..compiler.address import caller, plain, stored
 from ..compiler.jit import kernel, part, sweep
 from ..constraints.blocks import point_velocity, velocities
 from ..forces import apply
-from ..motion import CONTACT_FORCES, CONTACT_RECORD, F1, F2, I1, I2, opened
+from ..motion import CONTACT_FORCES, CONTACT_RECORD
 from ..stepping.run import SETTLE
 from ..tree.kinematics import outboard, positions
 from ..vec import (
@@ -28,22 +29,13 @@ from ..vec import (
 from .collision import find_contacts
 from .shapes import place
 
-GEOMETRY = types.Tuple((I2, F2, F2, F2, I2, I1, I2))
-TOUCHES = types.UniTuple(I2, 4)
-SEARCH = types.Tuple((F2, F2, I2, I1))
-FOUND = types.Tuple((F2, I2))
-# geometry, ground, touch, poses, search, found, laws, kept, kept_i, pushes, touches, tally, worst,
-# bodies_i, bodies_f, limit_tau, stages, changes
-CONTACTS = types.Tuple(
-    (GEOMETRY, F2, TOUCHES, F2, SEARCH, FOUND, F2, F2, I2, F2, F2, I1, F1, I2, F2, F1, I1, F2)
-)
 _save, contacts_at = stored(CONTACTS)
 
 STILL = 1e-5  # m/s: slip of a rigid contact that is the solver's rounding
 CREEPING = 2.0 * at.CREEP  # m/s: slip that a regularised contact needs to hold
 
 
-@kernel(types.void(I1, CONTACTS))
+@kernel(types.void(I1, plain(CONTACTS)))
 def save_contacts(buffer, contacts):
     """Keep a scene's contacts where `contacts_at` finds them."""
     _save(buffer, contacts)
@@ -56,29 +48,31 @@ _call_find = caller(FIND)
 @kernel(FIND, nogil=True)
 def find(scene, margin):
     """Contact points within `margin`, after `positions`; how many, no more than there is room."""
-    rows, _, _, _, _, work, space, _, _, _ = opened(scene)
-    contacts = contacts_at(space[12][at.HAS_CONTACTS])
-    geometry, ground, touch, poses, search, found = contacts[:6]
-    place(geometry[0], geometry[1], work, poses)
-    n = find_contacts(geometry, ground, touch, poses, search, margin, found)
-    if n > found[0].shape[0]:
-        contacts[11][at.N_MISSED] += 1
-        n = found[0].shape[0]
-    contacts[11][at.N_FOUND] = n
+    data = opened(scene)
+    contacts = contacts_at(data.links.contacts)
+    geometry, poses, found = contacts.geometry, contacts.poses, contacts.found
+    place(geometry.shapes_i, geometry.shapes_f, data.work, poses)
+    n = find_contacts(
+        geometry, contacts.ground, contacts.candidates, poses, contacts.search, margin, found
+    )
+    if n > found.points.shape[0]:
+        contacts.tally[at.N_MISSED] += 1
+        n = found.points.shape[0]
+    contacts.tally[at.N_FOUND] = n
     return n
 
 
 @part
-def touching(scene, space, margin):
+def touching(scene, margin):
     """`find`, called by address: shapes are compiled once."""
-    return _call_find(space[12][at.THEIR_SEARCH], (scene, margin))
+    return _call_find(opened(scene).links.find, (scene, margin))
 
 
 @part
 def ends(contacts, n):
     """(row of A, row of B, body A, body B, law) of contact point n; 0 is the ground."""
-    found_i = contacts[5][1]
-    shapes_i = contacts[0][0]
+    found_i = contacts.found.labels
+    shapes_i = contacts.geometry.shapes_i
     a = found_i[n, at.CT_SHAPE_A]
     b = found_i[n, at.CT_SHAPE_B]
     row_b = shapes_i[b, at.SH_ROW] if b >= 0 else 0
@@ -103,8 +97,8 @@ def tangents(n):
 @part
 def set_block(contacts, blocks, n, i):
     """Contact point n as block i."""
-    blocks_i, blocks_f = blocks[0], blocks[1]
-    found_f = contacts[5][0]
+    blocks_i, blocks_f = blocks.blocks_i, blocks.blocks_f
+    found_f = contacts.found.points
     a, b, _, _, law = ends(contacts, n)
     normal = load(found_f, n, at.CT_NORMAL)
     t, s = tangents(normal)
@@ -116,8 +110,8 @@ def set_block(contacts, blocks, n, i):
     store(blocks_f, i, at.DIR, normal)
     store(blocks_f, i, at.DIR + 3, t)
     store(blocks_f, i, at.DIR + 6, s)
-    blocks_f[i, at.FRICTION] = contacts[6][law, at.LW_FRICTION]
-    blocks_f[i, at.BOUNCE] = contacts[6][law, at.LW_BOUNCE]
+    blocks_f[i, at.FRICTION] = contacts.laws[law, at.LW_FRICTION]
+    blocks_f[i, at.BOUNCE] = contacts.laws[law, at.LW_BOUNCE]
 
 
 @part
@@ -126,7 +120,7 @@ def kept_place(contacts, n, start):
 
     Points come in the same order step after step, so that the search is short.
     """
-    found_i, kept_i, tally = contacts[5][1], contacts[8], contacts[11]
+    found_i, kept_i, tally = contacts.found.labels, contacts.kept_i, contacts.tally
     count = tally[at.N_KEPT]
     for m in range(min(count, 64)):
         k = start + m
@@ -145,7 +139,7 @@ def kept_place(contacts, n, start):
 def clear(address):
     """No contact pushes: at the start of a step, or of a record."""
     contacts = contacts_at(address)
-    pushes, touches, limit_tau = contacts[9], contacts[10], contacts[15]
+    pushes, touches, limit_tau = contacts.pushes, contacts.touches, contacts.limit_tau
     for j in range(limit_tau.shape[0]):
         limit_tau[j] = 0.0
     for b in range(pushes.shape[0]):
@@ -161,8 +155,8 @@ def clear(address):
 def note(address, work, n, force, slip):
     """Book a force on A at contact point n: on its bodies, and in its touch."""
     contacts = contacts_at(address)
-    found_f, pushes, touches = contacts[5][0], contacts[9], contacts[10]
-    bodies_f = contacts[14]
+    found_f, pushes, touches = contacts.found.points, contacts.pushes, contacts.touches
+    bodies_f = contacts.bodies_f
     a, b, body_a, body_b, law = ends(contacts, n)
     p = middle(found_f, n)
     arm = sub(p, load(work, a, at.X))
@@ -185,10 +179,11 @@ def contact_forces(scene, v, tau, flow):
     Soft and penalty contacts push by how deep they are; rigid ones by what the last step of a
     time-stepping method found, where that is asked for (FROZEN).
     """
-    rows, const, _, _, _, work, space, _, _, _ = opened(scene)
-    contacts = contacts_at(space[12][at.HAS_CONTACTS])
-    laws, pushes, tally = contacts[6], contacts[9], contacts[11]
-    bodies_i, limit_tau = contacts[13], contacts[15]
+    data = opened(scene)
+    rows, const, work, space = data.rows, data.const, data.work, data.space
+    contacts = contacts_at(data.links.contacts)
+    laws, pushes, tally = contacts.laws, contacts.pushes, contacts.tally
+    bodies_i, limit_tau = contacts.bodies_i, contacts.limit_tau
     if tally[at.FROZEN] == 1:
         positions(rows, work)
         for j in range(limit_tau.shape[0]):
@@ -203,17 +198,19 @@ def contact_forces(scene, v, tau, flow):
     if not soft:
         return 0
     positions(rows, work)
-    velocities(rows, const, work, v, space[6])
-    clear(space[12][at.HAS_CONTACTS])
-    for n in range(touching(scene, space, 0.0)):
+    velocities(rows, const, work, v, space.linear)
+    clear(opened(scene).links.contacts)
+    for n in range(touching(scene, 0.0)):
         a, b, _, _, law = ends(contacts, n)
         if laws[law, at.LW_LAW] != at.RIGID:
-            p = middle(contacts[5][0], n)
-            u = sub(point_velocity(work, space[6], a, p), point_velocity(work, space[6], b, p))
+            p = middle(contacts.found.points, n)
+            u = sub(
+                point_velocity(work, space.linear, a, p), point_velocity(work, space.linear, b, p)
+            )
             force, slip = push_back(contacts, n, law, u)
             apply(work, a, p, (0.0, 0.0, 0.0), force)
             apply(work, b, p, (0.0, 0.0, 0.0), scale(-1.0, force))
-            note(space[12][at.HAS_CONTACTS], work, n, force, slip)
+            note(opened(scene).links.contacts, work, n, force, slip)
             flow[1] -= dot(force, u)
     return 0
 
@@ -221,7 +218,7 @@ def contact_forces(scene, v, tau, flow):
 @part
 def push_back(contacts, n, law, u):
     """(force on A, slip speed) of a soft or penalty contact that closes with velocity u."""
-    laws, found_f = contacts[6], contacts[5][0]
+    laws, found_f = contacts.laws, contacts.found.points
     normal = load(found_f, n, at.CT_NORMAL)
     depth = max(-found_f[n, at.CT_GAP], 0.0)
     speed = -dot(u, normal)
@@ -238,7 +235,7 @@ def push_back(contacts, n, law, u):
     stretch = (0.0, 0.0, 0.0)
     at_k = kept_place(contacts, n, n)
     if at_k >= 0:
-        stretch = sub(middle(found_f, n), load(contacts[7], at_k, 0))
+        stretch = sub(middle(found_f, n), load(contacts.kept, at_k, 0))
         stretch = add_scaled(stretch, -dot(stretch, normal), normal)
     pull = add_scaled(scale(-k, stretch), -c, slide)
     total = math.sqrt(dot(pull, pull))
@@ -250,7 +247,7 @@ def push_back(contacts, n, law, u):
 @kernel(SETTLE, nogil=True)
 def settle_contacts(scene, t, q, v):
     """After a step that ends at t: what contacts remember of it, and changes of their phases."""
-    address = opened(scene)[6][12][at.HAS_CONTACTS]
+    address = opened(scene).links.contacts
     laws = contacts_at(address)[6]
     sticks = False
     for k in range(laws.shape[0]):
@@ -266,7 +263,7 @@ def log_phases(address, t):
     """Changes of the touches' phases, from the forces and slips of the last step."""
     contacts = contacts_at(address)
     laws, touches, tally, stages, changes = (
-        contacts[6], contacts[10], contacts[11], contacts[16], contacts[17],
+        contacts.laws, contacts.touches, contacts.tally, contacts.stages, contacts.changes,
     )  # fmt: skip
     for k in range(laws.shape[0]):
         force = load(touches, k, at.TO_FORCE)
@@ -291,15 +288,16 @@ def log_phases(address, t):
 @sweep
 def keep_anchors(scene, q, v):
     """Where penalty friction sticks; an anchor that slid follows on the rim."""
-    rows, const, _, _, _, work, space, _, _, _ = opened(scene)
-    contacts = contacts_at(space[12][at.HAS_CONTACTS])
+    data = opened(scene)
+    rows, const, work, space = data.rows, data.const, data.work, data.space
+    contacts = contacts_at(data.links.contacts)
     outboard(rows, const, work, q, v)
     positions(rows, work)
-    velocities(rows, const, work, v, space[6])
-    laws, kept, kept_i, tally = contacts[6], contacts[7], contacts[8], contacts[11]
-    found_f, found_i = contacts[5]
-    count = touching(scene, space, 0.0)
-    fresh = contacts[5][0]
+    velocities(rows, const, work, v, space.linear)
+    laws, kept, kept_i, tally = contacts.laws, contacts.kept, contacts.kept_i, contacts.tally
+    found_f, found_i = contacts.found
+    count = touching(scene, 0.0)
+    fresh = contacts.found.points
     for n in range(count):  # new anchors wait in the columns of the points on B
         a, b, _, _, law = ends(contacts, n)
         p = middle(found_f, n)
@@ -309,7 +307,9 @@ def keep_anchors(scene, q, v):
             normal = load(found_f, n, at.CT_NORMAL)
             stretch = sub(p, load(kept, at_k, 0))
             stretch = add_scaled(stretch, -dot(stretch, normal), normal)
-            u = sub(point_velocity(work, space[6], a, p), point_velocity(work, space[6], b, p))
+            u = sub(
+                point_velocity(work, space.linear, a, p), point_velocity(work, space.linear, b, p)
+            )
             force, _ = push_back(contacts, n, law, u)
             most = laws[law, at.LW_FRICTION] * max(dot(force, normal), 0.0) / laws[law, at.LW_STIFF]
             size = math.sqrt(dot(stretch, stretch))
@@ -328,9 +328,10 @@ def keep_anchors(scene, q, v):
 @kernel(CONTACT_RECORD, nogil=True)
 def record_contacts(scene, wrenches, touches):
     """What contacts do to bodies (nb, 6), about their origins, and touches (nt, 8)."""
-    _, _, _, _, _, work, space, _, _, _ = opened(scene)
-    contacts = contacts_at(space[12][at.HAS_CONTACTS])
-    pushes, bodies_i, bodies_f = contacts[9], contacts[13], contacts[14]
+    data = opened(scene)
+    work = data.work
+    contacts = contacts_at(data.links.contacts)
+    pushes, bodies_i, bodies_f = contacts.pushes, contacts.bodies_i, contacts.bodies_f
     for b in range(1, pushes.shape[0]):
         k = bodies_i[b, at.ROW]
         offset = mul(load9(work, k, at.R), load(bodies_f, b, at.OFFSET))
@@ -339,5 +340,5 @@ def record_contacts(scene, wrenches, touches):
         store(wrenches, b - 1, 3, force)
     for k in range(touches.shape[0]):
         for n in range(at.TOUCH):
-            touches[k, n] = contacts[10][k, n]
+            touches[k, n] = contacts.touches[k, n]
     return 0

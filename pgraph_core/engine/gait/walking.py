@@ -11,10 +11,10 @@ import math
 from numba import types
 
 from .. import layout as at
-from ..compiler.address import stored
+from ..arrays import WALK
+from ..compiler.address import plain, stored
 from ..compiler.jit import kernel, part
 from ..constraints.blocks import velocities
-from ..scene import F1, F2, I2
 from ..tree.dynamics import newton_euler
 from ..tree.kinematics import outboard, positions
 from ..vec import (
@@ -39,13 +39,10 @@ from .support import carry, centre
 
 G = 9.81
 
-# rows, const, work, linear, legs_i, legs_f, settings, waves, feet, matrix (6, 7), q, v, τ, v',
-# limits (nv,), spine, fallen, work of the run that asks, after `outboard`; empty where none does
-WALK = types.Tuple((I2, F2, F2, F2, I2, F2, F1, F2, F2, F2, F1, F1, F1, F1, F1, I2, F1, F2))
 _save, opened_walk = stored(WALK)
 
 
-@kernel(types.void(types.int64[::1], WALK), later=True)
+@kernel(types.void(types.int64[::1], plain(WALK)), later=True)
 def save_walk(buffer, walk):
     """Keep a controller's tuple where `walking` finds it."""
     _save(buffer, walk)
@@ -149,7 +146,8 @@ def base_acceleration(work, feet, s, heading, com, vdot):
 @part
 def swing_leg(walk, work, t, f, heading, u, roll, felt, base):
     """v' of a swinging leg: its foot's aim, seen from its girdle."""
-    _, _, _, linear, legs_i, legs_f, s, _, feet, _, q, v, _, vdot, _, _, _, _ = walk
+    linear, legs_i, legs_f, s = walk.linear, walk.legs_i, walk.legs_f, walk.settings
+    feet, q, v, vdot = walk.feet, walk.q, walk.v, walk.vdot
     g = legs_i[f, go.GIRDLE]
     hip = load(work, legs_i[f, go.HIP], at.X)
     hip_u = load(linear, legs_i[f, go.HIP], 0)
@@ -170,7 +168,8 @@ def swing_leg(walk, work, t, f, heading, u, roll, felt, base):
 @part
 def legs_and_spine(walk, work, t, phase, heading, u, roll, felt, base):
     """v' of all hinges."""
-    _, _, _, _, legs_i, legs_f, s, waves, feet, _, q, v, _, vdot, _, spine, _, _ = walk
+    legs_i, legs_f, s, waves, feet = walk.legs_i, walk.legs_f, walk.settings, walk.waves, walk.feet
+    q, v, vdot, spine = walk.q, walk.v, walk.vdot, walk.spine
     bend, bend_u, bend_a = wave(waves, go.FLEXION, s, phase)
     for n in range(spine.shape[0]):
         i, j = spine[n, 0], spine[n, 1]
@@ -221,8 +220,10 @@ def walking(t, q_place, v_place, tau_place):
     After a fall the joints are only damped; the first time of one is kept in `fallen`.
     """
     walk = opened_walk(tau_place + (tau_place - v_place))
-    (rows, const, mine, linear, legs_i, legs_f, s, waves, feet, mat, q, v, tau, vdot, limit, _,
-     fallen, theirs) = walk  # fmt: skip
+    rows, const, mine, linear, legs_i = walk.rows, walk.const, walk.work, walk.linear, walk.legs_i
+    legs_f, s, waves, feet, mat = walk.legs_f, walk.settings, walk.waves, walk.feet, walk.matrix
+    q, v, tau, vdot, limit = walk.q, walk.v, walk.tau, walk.vdot, walk.limit
+    fallen, theirs = walk.fallen, walk.theirs
     work = theirs if theirs.shape[0] > 0 else mine
     if theirs.shape[0] == 0:
         outboard(rows, const, work, q, v)

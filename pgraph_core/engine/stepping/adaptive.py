@@ -42,7 +42,7 @@ def accept(scene, links, tableau, size, h, end, corner, stabilised, stages, cont
     n = stages.shape[1]
     s = tableau[1].shape[0]
     explicit = tableau[4].shape[0] > 0
-    rows = opened(scene)[0]
+    rows = opened(scene).rows
     if explicit and tableau[3].shape[1] == s:
         x = min(settings.time + h, settings.clip)
         last_stage(scene, accelerate, rows, x, size, s, stages, flow, counters)
@@ -57,10 +57,10 @@ def accept(scene, links, tableau, size, h, end, corner, stabilised, stages, cont
     q = stages[at.Y, :nq]
     v = stages[at.Y, nq : nq + nv]
     normalise_all(rows, q)
-    extra = opened(scene)[6][12]
-    if extra[at.THEIR_SETTLE] != 0:
-        call_settle(extra[at.THEIR_SETTLE], (scene, end, q, v))
-    moved = stabilised and opened(scene)[4][5][0] > 0
+    settle = opened(scene).links.settle
+    if settle != 0:
+        call_settle(settle, (scene, end, q, v))
+    moved = stabilised and opened(scene).blocks.active[0] > 0
     settings.fresh = 1 if explicit and not moved and not corner else 0
     if settings.fresh == 1:
         copied(stages, at.STAGE + s, at.SLOPE, n)
@@ -117,7 +117,7 @@ def step_once(
 def onto_constraints(scene, project, size, stabilised, t, stages, row, counters):
     """The state in `row` projected, as the ends of steps are."""
     nq, nv = size
-    if stabilised and opened(scene)[4][5][0] > 0:
+    if stabilised and opened(scene).blocks.active[0] > 0:
         state = (stages[row, :nq], stages[row, nq : nq + nv])
         rounds = call_projection(project, (scene, t, state[0], state[1], STEP_ROUNDS))
         counters.projections += abs(rounds)
@@ -189,7 +189,7 @@ def run_adaptive(
             give_up(scene, links, tableau, size, times, cursor, t, stages, control, flow, out)
             failure[0] = t
             nq, nv = size
-            failure[1] = fastest_row(opened(scene)[0], stages[at.Y, nq : nq + nv])
+            failure[1] = fastest_row(opened(scene).rows, stages[at.Y, nq : nq + nv])
             return code
     return at.DONE if cursor.frame == last else at.RUNNING
 

@@ -40,7 +40,7 @@ def slope(scene, accelerate, t, size, stages, row, out, flow, counters):
     nq, nv = size
     q = stages[row, :nq]
     v = stages[row, nq : nq + nv]
-    rate(opened(scene)[0], q, v, stages[out, :nq])
+    rate(opened(scene).rows, q, v, stages[out, :nq])
     tau = stages[at.TORQUE, :nv]
     call_acceleration(accelerate, (scene, t, q, v, tau, stages[out, nq : nq + nv], flow))
     stages[out, nq + nv] = flow[0]

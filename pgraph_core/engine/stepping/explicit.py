@@ -65,7 +65,7 @@ def attempt_runge_kutta(scene, accelerate, tableau, size, h, stages, control, ma
     clip = settings.clip
     n = stages.shape[1]
     s = b.shape[0]
-    rows = opened(scene)[0]
+    rows = opened(scene).rows
     copied(stages, at.SLOPE, at.STAGE, n)
     turn_spins(rows, size, stages, at.Y, at.STAGE, False)
     base(rows, size, stages, at.Y)
@@ -126,7 +126,7 @@ def fill(scene, accelerate, tableau, size, stages, control, flow):
     a, b, c, _, _ = tableau
     settings, counters = control
     h = settings.old_width
-    rows = opened(scene)[0]
+    rows = opened(scene).rows
     base(rows, size, stages, at.Y_OLD)
     for r in range(b.shape[0] + 1, a.shape[0]):
         x = min(settings.old_time + c[r] * h, settings.clip)
@@ -151,7 +151,7 @@ def within(scene, accelerate, tableau, size, stages, control, flow, share):
         if x != 0.0:
             for i in range(n):
                 stages[at.TRIAL, i] += x * stages[at.STAGE + r, i]
-    rows = opened(scene)[0]
+    rows = opened(scene).rows
     base(rows, size, stages, at.Y_OLD)
     for i in range(n):
         stages[at.TRIAL, i] = stages[at.ERROR, i] + settings.old_width * stages[at.TRIAL, i]

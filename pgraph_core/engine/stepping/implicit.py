@@ -39,7 +39,7 @@ GAMMA = 1.0 - math.sqrt(0.5)  # of ROS2: L-stable
 def local_slope(scene, accelerate, t, size, stages, z, out, flow, counters):
     """z' at local coordinates z."""
     nq, nv = size
-    rows = opened(scene)[0]
+    rows = opened(scene).rows
     q = stages[at.TRIAL, :nq]
     v = stages[at.TRIAL, nq : nq + nv]
     for i in range(nq):
@@ -91,7 +91,7 @@ def jacobian(scene, accelerate, size, stages, control, real, flow):
     """A - B W and B + W at Y into the first rows of `real`, by central differences."""
     settings, counters = control
     nq, nv = size
-    rows = opened(scene)[0]
+    rows = opened(scene).rows
     t = min(settings.time, settings.clip)
     z = real[3 * nv + SCRATCH]
     plus = real[3 * nv + F]
@@ -178,7 +178,7 @@ def prepare(scene, size, stages, settings, real):
     nv = size[1]
     for i in range(stages.shape[1]):
         stages[at.CANDIDATE, i] = stages[at.Y, i]
-    rows = opened(scene)[0]
+    rows = opened(scene).rows
     weigh(rows, size, stages, settings)
     local_weights(rows, size, stages, real[3 * nv + WEIGHTS])
 
@@ -188,7 +188,7 @@ def finish_local(scene, size, stages, z, power, loss):
     """CANDIDATE from Y, local coordinates and what the ledger gets."""
     nq, nv = size
     q = stages[at.CANDIDATE, :nq]
-    advance(opened(scene)[0], q, z[:nv], 1.0)
+    advance(opened(scene).rows, q, z[:nv], 1.0)
     for j in range(nv):
         stages[at.CANDIDATE, nq + j] += z[nv + j]
     stages[at.CANDIDATE, nq + nv] += power
@@ -258,7 +258,7 @@ def newton(scene, accelerate, tableau, size, h, stages, control, matrices, flow)
     real = matrices[0]
     nv = size[1]
     base = 3 * nv
-    rows = opened(scene)[0]
+    rows = opened(scene).rows
     for row in range(3):
         for j in range(2 * nv):
             real[base + Z + row, j] = 0.0
@@ -299,7 +299,7 @@ def radau_error(scene, accelerate, tableau, size, h, stages, control, matrices, 
     real = matrices[0]
     nq, nv = size
     base = 3 * nv
-    rows = opened(scene)[0]
+    rows = opened(scene).rows
     shift = tableau[0][6, 0] / h
     right = real[base + RIGHT]
     weights = real[base + WEIGHTS]
@@ -380,7 +380,7 @@ def attempt_ros2(scene, accelerate, tableau, size, h, stages, control, matrices,
     real = matrices[0]
     nq, nv = size
     base = 3 * nv
-    rows = opened(scene)[0]
+    rows = opened(scene).rows
     prepare(scene, size, stages, settings, real)
     settings.jacobian_rate += 1.0  # steps with it, here
     old = settings.jacobian_rate > SHARE * nv or settings.rejected == 1

@@ -34,23 +34,25 @@ ENOUGH = 1e-3  # of what is to be recovered in a step: a sweep that moves less i
 @kernel(STEP_SIGNATURE, nogil=True)
 def moreau_jean(scene, accelerate, tableau, t, h, q, v, stages, flow, ledger):
     """One step; the solver's sweeps."""
-    rows, const, drives, _, blocks, work, space, _, given, _ = opened(scene)
-    contacts = contacts_at(space[12][at.HAS_CONTACTS])
-    active = blocks[5]
+    data = opened(scene)
+    rows, const, drives, blocks = data.rows, data.const, data.drives, data.blocks
+    work, space, given = data.work, data.space, data.given
+    contacts = contacts_at(data.links.contacts)
+    active = blocks.active
     bilateral = active[0]
     nv = v.shape[0]
     for j in range(nv):
         stages[1, j] = v[j]
-    contacts[11][at.FROZEN] = 0
+    contacts.tally[at.FROZEN] = 0
     active[0] = 0  # constraints come in with the impulses
     advance(rows, q, v, 0.5 * h)
     stiffen(scene, t + 0.5 * h, h, q, v)
     call_acceleration(accelerate, (scene, t + 0.5 * h, q, v, stages[2, :nv], stages[3, :nv], flow))
     ledger[at.WORK_DONE] += h * flow[0]
     ledger[at.DISSIPATED] += h * flow[1]
-    relax(rows, const, space[5], given)
+    relax(rows, const, space.vectors, given)
     for j in range(nv):
-        stages[4, j] = space[5][DUAL, j]
+        stages[4, j] = space.vectors[DUAL, j]
     positions(rows, work)
     active[0] = bilateral
     first = bilateral + 1
@@ -58,20 +60,20 @@ def moreau_jean(scene, accelerate, tableau, t, h, q, v, stages, flow, ledger):
     add_unilateral(scene, q, size)
     taken = 0
     if active[0] > 0:
-        m = number_rows(blocks, space[1])
+        m = number_rows(blocks, space.slots)
         set_velocities(scene, t, h, v, stages[3, :nv])
-        space[5][FACTORED, 2] = 0.0  # Y is no longer that of the last factors
+        space.vectors[FACTORED, 2] = 0.0  # Y is no longer that of the last factors
         unit_responses(rows, const, blocks, work, space)
         warm_start(scene, first, m)
         taken = solve(scene, m, first, ledger)
     else:
-        space[5][STEP, :nv] = 0.0
-    clear(space[12][at.HAS_CONTACTS])
+        space.vectors[STEP, :nv] = 0.0
+    clear(opened(scene).links.contacts)
     book(scene, first, h)
     if active[0] > 0:
-        spread(rows, const, work, space[5][STEP])
+        spread(rows, const, work, space.vectors[STEP])
     for j in range(nv):
-        v[j] += h * stages[3, j] + space[5][STEP, j]
+        v[j] += h * stages[3, j] + space.vectors[STEP, j]
     book_drives(rows, drives, stages, stages[4], h, v, ledger)
     if bilateral > 0:  # impulses times the mean speed over the step
         work_done = driven_power(blocks, space, stages[1]) + driven_power(blocks, space, v)
@@ -80,15 +82,16 @@ def moreau_jean(scene, accelerate, tableau, t, h, q, v, stages, flow, ledger):
     if active[0] >= first:
         push_out(scene, first, q, size)
     active[0] = bilateral
-    contacts[11][at.FROZEN] = 1
+    contacts.tally[at.FROZEN] = 1
     return taken
 
 
 @sweep
 def stiffen(scene, t, h, q, v):
     """Count what drives resist a change of v as inertia, what springs gain until h as torque."""
-    rows, const, drives, _, _, _, space, _, given, _ = opened(scene)
-    vectors = space[5]
+    data = opened(scene)
+    rows, const, drives, space, given = data.rows, data.const, data.drives, data.space, data.given
+    vectors = space.vectors
     table, knots, passive = drives
     damping = vectors[DUAL]
     stiffness = vectors[SPLIT]
@@ -132,7 +135,7 @@ def book_drives(rows, drives, stages, extra, h, v, ledger):
             change = v[j] - stages[1, j]
             mean = 0.5 * (v[j] + stages[1, j])
             more += (h * stages[2, j] - extra[j] * change) * mean - h * stages[2, j] * stages[1, j]
-    if drives[0].shape[0] > drives[2]:
+    if drives.table.shape[0] > drives.passive:
         ledger[at.WORK_DONE] += more
     else:
         ledger[at.DISSIPATED] -= more
@@ -156,10 +159,12 @@ def saturated(table, knots, n, t, q, v):
 @sweep
 def add_unilateral(scene, q, size):
     """Append limits and rigid contacts that touch to the active blocks; `size` is the extent."""
-    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
-    contacts = contacts_at(space[12][at.HAS_CONTACTS])
-    blocks_i, blocks_f, terms_i, terms_f, _, active = blocks
-    laws, tally = contacts[6], contacts[11]
+    data = opened(scene)
+    blocks = data.blocks
+    contacts = contacts_at(data.links.contacts)
+    blocks_i, blocks_f, terms_i = blocks.blocks_i, blocks.blocks_f, blocks.terms_i
+    terms_f, active = blocks.terms_f, blocks.active
+    laws, tally = contacts.laws, contacts.tally
     first = tally[at.FIRST_LIMIT]
     for i in range(first, first + tally[at.N_LIMITS]):
         gap = total(blocks_i, terms_i, terms_f, i, 1, q) - blocks_f[i, at.VALUE]
@@ -170,9 +175,9 @@ def add_unilateral(scene, q, size):
         return
     near = NEAR * size
     first = tally[at.FIRST_CONTACT]
-    for n in range(touching(scene, space, near)):
-        law = contacts[5][1][n, at.CT_CONTACT]
-        if laws[law, at.LW_LAW] == at.RIGID and contacts[5][0][n, at.CT_GAP] <= near:
+    for n in range(touching(scene, near)):
+        law = contacts.found.labels[n, at.CT_CONTACT]
+        if laws[law, at.LW_LAW] == at.RIGID and contacts.found.points[n, at.CT_GAP] <= near:
             set_block(contacts, blocks, n, first + n)
             active[0] += 1
             active[active[0]] = first + n
@@ -192,9 +197,10 @@ def extent(work):
 @sweep
 def set_velocities(scene, t, h, v, vdot):
     """J v into BEFORE and J (v + h v') into RHS, less what rows follow at the step's end."""
-    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
-    vectors, linear = space[5], space[6]
-    locate(blocks, work, space[4])
+    data = opened(scene)
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    vectors, linear = space.vectors, space.linear
+    locate(blocks, work, space.place)
     velocities(rows, const, work, v, linear)
     residual_velocity(blocks, work, space, t, v, vectors[BEFORE])
     for j in range(v.shape[0]):
@@ -207,13 +213,14 @@ def set_velocities(scene, t, h, v, vdot):
 @sweep
 def warm_start(scene, first, m):
     """λ of the last step where a contact point goes on, zero elsewhere."""
-    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
-    contacts = contacts_at(space[12][at.HAS_CONTACTS])
-    active, slots = blocks[5], space[1]
-    lam = space[5][LAMBDA]
+    data = opened(scene)
+    blocks, space = data.blocks, data.space
+    contacts = contacts_at(data.links.contacts)
+    active, slots = blocks.active, space.slots
+    lam = space.vectors[LAMBDA]
     for r in range(m):
         lam[r] = 0.0
-    begin = contacts[11][at.FIRST_CONTACT]
+    begin = contacts.tally[at.FIRST_CONTACT]
     for j in range(first, active[0] + 1):
         n = active[j] - begin
         if n >= 0:
@@ -221,92 +228,97 @@ def warm_start(scene, first, m):
             if k >= 0:
                 r = slots[active[j], at.FIRST]
                 for c in range(3):
-                    lam[r + c] = contacts[7][k, c]
+                    lam[r + c] = contacts.kept[k, c]
 
 
 @sweep
 def solve(scene, m, first, ledger):
     """Impulses, without bounce where it would gain energy; what they take goes into the ledger."""
-    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
-    contacts = contacts_at(space[12][at.HAS_CONTACTS])
-    tally = contacts[11]
-    answer = space[5][REPORT]
+    data = opened(scene)
+    blocks, space = data.blocks, data.space
+    contacts = contacts_at(data.links.contacts)
+    tally = contacts.tally
+    answer = space.vectors[REPORT]
     solve_impulses(scene, m, first)
     gain, size = gained(scene, first)
     if gain > GAIN * size and bounces(scene, first):
         tally[at.N_CALMED] += 1
-        for j in range(first, blocks[5][0] + 1):
-            blocks[1][blocks[5][j], at.BOUNCE] = 0.0
+        for j in range(first, blocks.active[0] + 1):
+            blocks.blocks_f[blocks.active[j], at.BOUNCE] = 0.0
         solve_impulses(scene, m, first)
         gain, size = gained(scene, first)
     ledger[at.DISSIPATED] -= gain
     if answer[1] > 0.0:
         tally[at.N_FALLBACK] += 1
-    contacts[12][at.MISSED] = max(contacts[12][at.MISSED], answer[2])
+    contacts.worst[at.MISSED] = max(contacts.worst[at.MISSED], answer[2])
     return int(answer[0] + answer[1])
 
 
 @part
 def bounces(scene, first):
     """Whether something comes back from an impact: not from what the step's own forces press."""
-    _, _, _, _, blocks, _, space, _, _, _ = opened(scene)
-    slots, vectors = space[1], space[5]
+    data = opened(scene)
+    blocks, space = data.blocks, data.space
+    slots, vectors = space.slots, space.vectors
     found = False
-    for j in range(first, blocks[5][0] + 1):
-        i = blocks[5][j]
+    for j in range(first, blocks.active[0] + 1):
+        i = blocks.active[j]
         before = vectors[BEFORE, slots[i, at.FIRST]]
         pressed = abs(vectors[RHS, slots[i, at.FIRST]] - before)
-        found = found or (blocks[1][i, at.BOUNCE] > 0.0 and -before > 4.0 * pressed)
+        found = found or (blocks.blocks_f[i, at.BOUNCE] > 0.0 and -before > 4.0 * pressed)
     return found
 
 
 @sweep
 def book(scene, first, h):
     """Keep the impulses for the next step, and as forces on bodies and in touches."""
-    _, _, _, _, blocks, work, space, _, _, _ = opened(scene)
-    contacts = contacts_at(space[12][at.HAS_CONTACTS])
-    active, slots = blocks[5], space[1]
-    lam = space[5][LAMBDA]
-    found_i, kept, kept_i, tally = contacts[5][1], contacts[7], contacts[8], contacts[11]
-    touches, limit_tau = contacts[10], contacts[15]
+    data = opened(scene)
+    blocks, work, space = data.blocks, data.work, data.space
+    contacts = contacts_at(data.links.contacts)
+    active, slots = blocks.active, space.slots
+    lam = space.vectors[LAMBDA]
+    found_i, kept = contacts.found.labels, contacts.kept
+    kept_i, tally = contacts.kept_i, contacts.tally
+    touches, limit_tau = contacts.touches, contacts.limit_tau
     begin = tally[at.FIRST_CONTACT]
     count = 0
     for j in range(first, active[0] + 1):
         n = active[j] - begin
         r = slots[active[j], at.FIRST]
         if n < 0:
-            term = blocks[0][active[j], at.B_TERM]
-            torque = blocks[3][term] * lam[r] / h
-            limit_tau[blocks[2][term, 0]] += torque
+            term = blocks.blocks_i[active[j], at.B_TERM]
+            torque = blocks.terms_f[term] * lam[r] / h
+            limit_tau[blocks.terms_i[term, 0]] += torque
             touches[touches.shape[0] + n, at.TO_FORCE] = torque
             continue
         force = (0.0, 0.0, 0.0)
         for c in range(3):
             kept[count, c] = lam[r + c]
-            d = load(blocks[1], active[j], at.DIR + 3 * c)
+            d = load(blocks.blocks_f, active[j], at.DIR + 3 * c)
             force = add_scaled(force, lam[r + c] / h, d)
         kept_i[count, 0] = found_i[n, at.CT_SHAPE_A]
         kept_i[count, 1] = found_i[n, at.CT_SHAPE_B]
         kept_i[count, 2] = found_i[n, at.CT_FEATURE]
         count += 1
-        u = gather(space[0], slots, active[j], space[5][STEP])
-        x, z = space[5][RHS, r + 1] + u[1], space[5][RHS, r + 2] + u[2]
+        u = gather(space.y, slots, active[j], space.vectors[STEP])
+        x, z = space.vectors[RHS, r + 1] + u[1], space.vectors[RHS, r + 2] + u[2]
         slip = math.sqrt(x * x + z * z)
-        note(space[12][at.HAS_CONTACTS], work, n, force, slip)
+        note(opened(scene).links.contacts, work, n, force, slip)
     tally[at.N_KEPT] = count
 
 
 @sweep
 def push_out(scene, first, q, size):
     """Move q out of what is deeper than a little of the extent, by normal rows, in mass metric."""
-    rows, const, _, _, blocks, work, space, _, _, _ = opened(scene)
-    contacts = contacts_at(space[12][at.HAS_CONTACTS])
-    blocks_i, _, _, _, _, active = blocks
-    y, slots, vectors, own = space[0], space[1], space[5], space[11]
+    data = opened(scene)
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    contacts = contacts_at(data.links.contacts)
+    active = blocks.active
+    y, slots, vectors, own = space.y, space.slots, space.vectors, space.own
     lam = vectors[LAMBDA]
     dinv = vectors[DINV]
     z = vectors[STEP]
-    found_f, tally, worst = contacts[5][0], contacts[11], contacts[12]
+    found_f, tally, worst = contacts.found.points, contacts.tally, contacts.worst
     begin = tally[at.FIRST_CONTACT]
     deepest = 0.0
     for j in range(first, active[0] + 1):

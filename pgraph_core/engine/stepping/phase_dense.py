@@ -18,7 +18,7 @@ from ..contact.phase_watch import (
     start,
     watch,
 )
-from ..contact.phases import LINK_HELD, LINK_OBSERVE, LINK_PROJECT, opened_phased
+from ..contact.phases import opened_phased
 from ..contact.sites import call_observe
 from ..motion import PROJECTION, call_projection
 from .adaptive import LOOK_BACK
@@ -31,8 +31,8 @@ PARTS = 4  # of a step that are looked at for themselves
 @kernel(PROJECTION, nogil=True, later=True)
 def phased_projection(scene, t, q, v, rounds):
     """As `projection`, onto what is held; rounds taken, -1 where it fails."""
-    links = opened_phased(scene)[10][0]
-    return call_projection(links[LINK_PROJECT], (links[LINK_HELD], t, q, v, rounds))
+    links = opened_phased(scene).sites.links
+    return call_projection(links.project, (links.held, t, q, v, rounds))
 
 
 @sweep
@@ -49,7 +49,7 @@ def look(scene, accelerate, tableau, size, stages, control, flow, sites, low, w)
     v = stages[at.TRIAL, nq : nq + nv]
     vdot = stages[at.ERROR, nq : nq + nv]
     t = settings.old_time + low + w
-    call_observe(sites[0][LINK_OBSERVE], (scene, t, q, v, vdot, flow))
+    call_observe(sites.links.observe, (scene, t, q, v, vdot, flow))
     counters.evaluations += 1
     watch(sites, at.W_NOW, w)
 
@@ -57,7 +57,7 @@ def look(scene, accelerate, tableau, size, stages, control, flow, sites, low, w)
 @sweep
 def seen(scene, accelerate, tableau, size, stages, control, flow, sites, low, width):
     """Width at which a phase has ended in a part of the step from `low`; 0 where none has."""
-    watched = sites[4]
+    watched = sites.watched
     look(scene, accelerate, tableau, size, stages, control, flow, sites, low, width)
     if over(watched, at.W_NOW):
         return width
@@ -73,7 +73,7 @@ def seen(scene, accelerate, tableau, size, stages, control, flow, sites, low, wi
 @sweep
 def locate(scene, accelerate, tableau, size, stages, control, flow, sites, low, end):
     """The first width from `low` at which a phase ends, its state in TRIAL, what ended in W_NOW."""
-    watched = sites[4]
+    watched = sites.watched
     bracket = bracket_of(watched, end)
     ended = True
     for n in range(TRIALS):
@@ -95,7 +95,7 @@ def look_for_phases(scene, accelerate, tableau, size, stages, control, flow, eve
     The first of events' numbers is the time in which friction may turn slow slip around [s].
     """
     settings, _ = control
-    sites = opened_phased(scene)[10]
+    sites = opened_phased(scene).sites
     h = settings.old_width
     for n in range(PARTS):
         low = h * n / PARTS

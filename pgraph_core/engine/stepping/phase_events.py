@@ -20,7 +20,7 @@ from ..contact.phase_watch import (
     start,
     watch,
 )
-from ..contact.phases import LINK_HELD, LINK_OBSERVE, opened_phased
+from ..contact.phases import opened_phased
 from ..contact.sites import call_observe
 from ..motion import F1, F2, I1, OUT, call_record
 from ..records import CLOCK, COUNTERS, CURSOR, array_of
@@ -42,7 +42,7 @@ def trial(scene, held, links, sites, tableau, stabilised, t, w, q, v, stages, fl
     code = finish(held, links[1], stabilised, t + w, q, v, counters)
     if code == at.DONE:
         vdot = stages[4, : v.shape[0]]
-        call_observe(sites[0][LINK_OBSERVE], (scene, t + w, q, v, vdot, flow))
+        call_observe(sites.links.observe, (scene, t + w, q, v, vdot, flow))
         watch(sites, at.W_NOW, w)
     return code
 
@@ -51,7 +51,7 @@ def trial(scene, held, links, sites, tableau, stabilised, t, w, q, v, stages, fl
 def locate_event(scene, held, links, sites, tableau, stabilised, t, h, q, v, stages, flow, ledger,
                  before, counters):  # fmt: skip
     """The first width at which a phase ends, its state in q and v, what ended in W_NOW."""
-    watched = sites[4]
+    watched = sites.watched
     bracket = bracket_of(watched, h)
     ended = True
     for n in range(TRIALS):
@@ -87,8 +87,8 @@ def run_phased(
     record = links[2]
     cursor, counters, clock = cursor[0], counters[0], clock[0]
     times, substeps, width = schedule
-    sites = opened_phased(scene)[10]
-    held = sites[0][LINK_HELD]
+    sites = opened_phased(scene).sites
+    held = sites.links.held
     kept = stages.shape[0] - 2
     for _ in range(budget):
         i = cursor.frame
@@ -119,15 +119,15 @@ def run_phased(
                 cursor.frame = i + call_record(record, frame)
             return code
         end = h
-        if not over(sites[4], at.W_NOW):
+        if not over(sites.watched, at.W_NOW):
             end = lowest(sites, h)
             if end < h:
                 trial(scene, held, links, sites, tableau, stabilised, t, end, q, v, stages, flow,
                       ledger, saved, counters)  # fmt: skip
-                if not over(sites[4], at.W_NOW):
+                if not over(sites.watched, at.W_NOW):
                     trial(scene, held, links, sites, tableau, stabilised, t, h, q, v, stages, flow,
                           ledger, saved, counters)  # fmt: skip
-        if over(sites[4], at.W_NOW):
+        if over(sites.watched, at.W_NOW):
             w = locate_event(scene, held, links, sites, tableau, stabilised, t, end, q, v, stages,
                              flow, ledger, saved, counters)  # fmt: skip
             clock.event = t + w

@@ -33,7 +33,7 @@ def runge_kutta(scene, accelerate, tableau, t, h, q, v, stages, flow, ledger):
 
     `stages` rows: q0, v0, τ, then q' and v' of each stage in turn.
     """
-    rows = opened(scene)[0]
+    rows = opened(scene).rows
     a, b, c = tableau
     nq = q.shape[0]
     nv = v.shape[0]
@@ -79,7 +79,7 @@ def semi_implicit(scene, accelerate, tableau, t, h, q, v, stages, flow, ledger):
         v[j] += h * vdot[j]
     ledger[at.WORK_DONE] += h * flow[0]
     ledger[at.DISSIPATED] += h * flow[1]
-    advance(opened(scene)[0], q, v, h)
+    advance(opened(scene).rows, q, v, h)
     return int(flow[2])
 
 
@@ -88,10 +88,10 @@ def finish(scene, project, stabilised, t, q, v, counters):
     """What ends a step: still finite, and moved back onto the constraints; a status code."""
     if not finite(v):
         return at.NOT_FINITE
-    extra = opened(scene)[6][12]
-    if extra[at.THEIR_SETTLE] != 0:
-        call_settle(extra[at.THEIR_SETTLE], (scene, t, q, v))
-    if stabilised and opened(scene)[4][5][0] > 0:
+    settle = opened(scene).links.settle
+    if settle != 0:
+        call_settle(settle, (scene, t, q, v))
+    if stabilised and opened(scene).blocks.active[0] > 0:
         rounds = call_projection(project, (scene, t, q, v, STEP_ROUNDS))
         counters.projections += abs(rounds)
         if not finite(v):
@@ -172,7 +172,7 @@ def restore(q, v, stages, row):
 @part
 def fail(scene, t, v, failure):
     failure[0] = t
-    failure[1] = fastest_row(opened(scene)[0], v)
+    failure[1] = fastest_row(opened(scene).rows, v)
 
 
 @sweep

@@ -33,7 +33,7 @@ def apply_slope(scene, accelerate, size, stages, flow):
     v = stages[MOVED, nq : nq + nv]
     for i in range(nq + nv):
         stages[MOVED, i] = stages[STATE, i]
-    advance(opened(scene)[0], q, xi, h)
+    advance(opened(scene).rows, q, xi, h)
     for j in range(nv):
         v[j] += h * w[j]
     there = stages[THERE, :nv]

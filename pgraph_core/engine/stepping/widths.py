@@ -14,7 +14,7 @@ from .scales import size_of, weigh
 def first_width(scene, accelerate, size, order, stages, control, flow):
     """A width for the first step, from how fast y and y' change, without a unit."""
     settings, counters = control
-    rows = opened(scene)[0]
+    rows = opened(scene).rows
     n = stages.shape[1]
     copied(stages, at.Y, at.CANDIDATE, n)
     weigh(rows, size, stages, settings)
