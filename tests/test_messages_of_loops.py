@@ -114,6 +114,6 @@ def test_velocities_that_a_switch_contradicts():
         mech, t_end=0.2, switches=((0.0, "fast", False), (0.1, "fast", True)), estimate=False
     )
     assert done.message == (
-        "the constraints cannot all be met: constraint 'fast': asks for velocities at t = 0.1 s "
+        "the constraints cannot all be met: constraint 'fast': requires velocities at t = 0.1 s "
         "that the others forbid: they miss by 0.5; switch one of them off"
     )

@@ -13,7 +13,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.result.contact_record import PHASES, SWING, ContactRecord, Event
-from pgraph_core.simulation.phase_log import CAUSES, LIFTED
+from pgraph_core.simulation.contact_log import CAUSES, LIFTED
 
 ON_GROUND = frozenset(PHASES) - {SWING}
 GRAZE = 5e-3  # [s]: what is over sooner than this after a part begins is no change

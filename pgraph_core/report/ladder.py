@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import InputError, Problem
 from ..integrators import Method
-from ..simulation.arguments import LEAST_RTOL
+from ..simulation.options import LEAST_RTOL
 
 HALVINGS = 8
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))

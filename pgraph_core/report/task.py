@@ -9,8 +9,7 @@ from typing import Any
 from ..mechanism import Mechanism
 from ..result import Result
 from ..simulation import simulate
-from ..simulation.acting import active_constraints, initial_state, touching_contacts
-from ..simulation.stiffness import fastest_rate
+from ..simulation.plan import active_constraints, fastest_rate, initial_state, touching_contacts
 from ..system import Array
 from .ladder import Setting
 

@@ -16,7 +16,7 @@ from ..mechanism import Mechanism
 from ..mechanism.batch import Batch, some
 from ..model import Model
 from ..system import Array
-from .times import schedule
+from .options import fixed_step_times, mechanism_of, steps_between
 
 
 class BatchResult(NamedTuple):
@@ -29,7 +29,7 @@ class BatchResult(NamedTuple):
 
 
 def simulate_batch(
-    mech: Mechanism,
+    mech: Mechanism | Model,
     q: Any,
     v: Any,
     *,
@@ -50,10 +50,12 @@ def simulate_batch(
     not, and `constraints="ignore"` must say so where the model has some. Other arguments as of
     `simulate` and `Batch`. Raises InputError for arguments that do not fit.
     """
+    mech = mechanism_of(mech, "simulate_batch")
     size = None if models else len(q)
     batch = Batch(mech, size, models=models, threads=threads, constraints=constraints)
     chosen = _given_steps(method)
-    times, substeps, width = schedule(0.0, float(t_end), float(step), frames, t_eval)
+    times = fixed_step_times(0.0, float(t_end), float(step), frames, t_eval)
+    substeps, width = steps_between(times, float(step))
     state = (batch.lanes("q", q, mech.nq).copy(), batch.lanes("v", v, mech.nv).copy())
     given = batch.given(tau)
     shape = (batch.blocks, len(times))

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ..system import Array
-from .corners import onto_corners
+from .plan import Plan
 from .recording import Progress, Recording
-from .run_plan import RunPlan
 
 LOOSER = 32.0  # tolerance of the run that the error estimate compares with
-COMPARED = 65  # frames at most, where they cost something beside the steps
+COMPARED = 65  # frames at most, where frames cost time of their own
 
 
 def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) -> float:
@@ -26,8 +27,8 @@ def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) ->
         return float("nan")
     if len(record.plan.kinks) == 0:
         return _by_coarser(record, q, v, progress)
-    bent = _again(record, onto_corners(record.plan), q, v, progress)
-    if not bent.status.ok:
+    bent = _again(record, _onto_corners(record.plan), q, v, progress)
+    if not bent.ended.status.ok:
         return float("nan")
     theirs = bent.out.q[np.searchsorted(bent.plan.times, record.plan.times)]
     return float(np.max(np.abs(record.out.q - theirs))) + _by_coarser(bent, q, v, progress)
@@ -40,20 +41,20 @@ def _by_coarser(record: Recording, q: Array, v: Array, progress: Progress) -> fl
         return float("nan")
     coarser, ratio = found
     coarse = _again(record, coarser, q, v, progress)
-    if not coarse.status.ok:
+    if not coarse.ended.status.ok:
         return float("nan")
     mine = record.out.q[np.searchsorted(record.plan.times, coarser.times)]
     return float(np.max(np.abs(coarse.out.q - mine), initial=0.0)) / (ratio - 1.0)
 
 
-def _again(record: Recording, plan: RunPlan, q: Array, v: Array, progress: Progress) -> Recording:
+def _again(record: Recording, plan: Plan, q: Array, v: Array, progress: Progress) -> Recording:
     """The run of another plan."""
     again = type(record)(record.mech, plan, q, v, record.tau)
     again.run(progress and (lambda _: progress(1.0)))
     return again
 
 
-def _coarser(plan: RunPlan) -> tuple[RunPlan, float] | None:
+def _coarser(plan: Plan) -> tuple[Plan, float] | None:
     """The same run, cheaper, and how many times larger its error is."""
     power = plan.method.order
     cuts = np.searchsorted(plan.times, [*(change.t for change in plan.changes), *plan.kinks])
@@ -63,9 +64,9 @@ def _coarser(plan: RunPlan) -> tuple[RunPlan, float] | None:
         given = plan.tolerance
         if given.fixed:
             twice = given._replace(widest=2 * given.widest)
-            return plan._replace(times=some, tolerance=twice), 2.0**power
+            return replace(plan, times=some, tolerance=twice), 2.0**power
         loose = given._replace(rtol=LOOSER * given.rtol, atol=LOOSER * given.atol)
-        return plan._replace(times=some, tolerance=loose), LOOSER
+        return replace(plan, times=some, tolerance=loose), LOOSER
     if int(np.sum(plan.substeps)) < 2:
         return None
     if int(np.max(plan.substeps)) == 1:  # every second frame, so that kinks of tables stay steps
@@ -75,4 +76,13 @@ def _coarser(plan: RunPlan) -> tuple[RunPlan, float] | None:
         times, count = plan.times, -(-plan.substeps // 2)
     width = np.diff(times) / count
     ratio = float(np.max(width) / np.max(plan.width))
-    return plan._replace(times=times, substeps=count, width=width), ratio**power
+    return replace(plan, times=times, substeps=count, width=width), ratio**power
+
+
+def _onto_corners(plan: Plan) -> Plan:
+    """The same run at fixed steps that end at corners of tables too."""
+    times = np.union1d(plan.times, plan.kinks)
+    apart = np.diff(times)
+    usual = plan.width[np.searchsorted(plan.times, times[:-1], side="right") - 1]
+    substeps = np.maximum(np.ceil(apart / usual - 1e-9), 1).astype(np.int64)
+    return replace(plan, times=times, substeps=substeps, width=apart / substeps)

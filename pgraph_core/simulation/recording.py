@@ -1,4 +1,4 @@
-"""A run under way: the compiled frames in chunks, and what has been recorded of them."""
+"""A run in progress: compiled steps in chunks, switches of constraints, and recorded frames."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..constraints.assembly import NOTABLE, assembled
+from ..constraints.blocked import blocked
 from ..constraints.null_rows import redundancy
 from ..constraints.singular import Instant, singular_notice
+from ..constraints.tied import Tied
+from ..constraints.tree import Tree
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import Frames
@@ -23,94 +25,81 @@ from ..mechanism import Mechanism
 from ..mechanism.callback import acting
 from ..mechanism.scene import Scene
 from ..result import Result, Status
-from ..result.contact_record import ContactRecord, Event
+from ..result.contact_record import NOTHING, ContactRecord
 from ..system import Array, Ints
-from .contact_words import contact_counters, contact_notices, contacts_of, switched
-from .failures import failure
-from .run_plan import RunPlan
-from .stepping import Stepping, stepping
-from .switched_scene import closed, hold_here
-from .switching import Change
+from .contact_events import ContactEvents, Outcome
+from .contact_log import contact_counters, contact_notices, contacts_of, switched
+from .event_scene import EventScene
+from .loop import steps_of
+from .plan import Plan
+from .switches import Change, closed, hold_here
 
-CHUNK = 0.02  # s of computation between two looks at `progress`
+CHUNK = 0.02  # s of computation between two calls of `progress`
 Progress = Callable[[float], Any] | None
+
+STATUS = {
+    at.NOT_FINITE: Status.NOT_FINITE,
+    at.NOT_CONVERGED: Status.CANNOT_CLOSE,
+    at.TOO_SMALL: Status.STEP_TOO_SMALL,
+    at.TOO_MANY: Status.TOO_MANY_STEPS,
+    at.NOT_SOLVED: Status.NOT_SOLVED,
+}
 
 
 class Recording:
-    """The arrays of a run, filled frame by frame; each has workspaces of its own."""
+    """A plan under way: stepping loop, scene and the arrays of frames, each run its own."""
 
-    def __init__(self, mech: Mechanism, plan: RunPlan, q: Array, v: Array, tau: Any):
-        """Nothing is computed yet. Raises InputError where `tau` does not fit."""
-        self.mech, self.plan = mech, plan
-        self.steps = self._new_steps(q, v)
+    def __init__(self, mech: Mechanism, plan: Plan, q: Array, v: Array, tau: Any):
+        """Nothing is computed yet. Raises InputError if `tau` does not fit."""
+        self.mech, self.plan, self.tau = mech, plan, tau
+        self.steps = steps_of(mech, plan, q, v)
         self.q, self.v = self.steps.q, self.steps.v
-        self.tau = tau
-        self.user = acting(tau, mech.nq, mech.nv)
-        self.scene = self._new_scene()
+        self.user = None if tau is None else acting(tau, mech.nq, mech.nv)
+        self.ended = Outcome()
+        self.scene, self.events = self._scene()
+        if tau is not None and self.user is None:
+            self.scene.given[:] = mech.finite("tau", tau, mech.nv)
         self._ahead = deque(plan.changes)
         if plan.changes:
             self.scene.switch(plan.active)
             self._stop_at_next()
-        if tau is not None and self.user is None:
-            self.scene.given[:] = mech.finite("tau", tau, mech.nv)
-        n, blocks = len(plan.times), len(self.scene.active) - 1
+        n, nb = len(plan.times), mech.nb if plan.contacts else 0
         self.out = Frames(
             q=np.zeros((n, mech.nq)),
             v=np.zeros((n, mech.nv)),
             vdot=np.zeros((n, mech.nv)),
-            wrenches=np.zeros((n, blocks, 6)),
+            wrenches=np.zeros((n, len(self.scene.active) - 1, 6)),
             energies=np.zeros((n, 4)),
             drifts=np.zeros((n, 2)),
-            pushes=np.zeros((n if plan.contacts else 0, mech.nb, 6)),
-            touches=np.zeros((n if plan.contacts else 0, _touches(plan), at.TOUCH)),
+            pushes=np.zeros((n if nb else 0, nb, 6)),
+            touches=np.zeros((n if nb else 0, plan.touches, at.TOUCH)),
         )
-        self.status, self.message = Status.DONE, Status.DONE.value
-        self.notices: list[str] = []
-        self.log: list[Event] = []
-        self._flow = np.zeros(3)
-        self._changes = [np.zeros((0, 3))]  # of the phases of contacts, as logged by the kernels
+        self._frames = tuple(self.out)  # as kernels take them
+        self._changes = [np.zeros((0, 3))]  # of contact phases, as logged by the kernels
         self._unlogged = 0  # changes that there was no room for
-        self._first: Instant | None = None  # the state that constraints are met in
-        self._redundant = False  # whether rows say nothing new there
+        self._first: Instant | None = None  # the state in which constraints are met
+        self._redundant = False  # whether constraints are redundant there
 
-    def _new_steps(self, q: Array, v: Array) -> Stepping:
-        return stepping(self.mech, self.plan, q, v)
-
-    def _new_scene(self) -> Scene:
-        plan, own = self.plan, self.mech.blocks
+    def _scene(self) -> tuple[Scene, ContactEvents | None]:
+        mech, plan = self.mech, self.plan
+        acts: Any = {"contacts": plan.contacts, "user": self.user}
+        if plan.sites:
+            frames = len(plan.times)
+            scene = EventScene(mech, plan.drives, plan.loads, plan.ever, plan.sites, frames, **acts)
+            return scene, ContactEvents(mech, plan, scene, self.steps, self.ended)
+        own = mech.blocks
         if plan.changes:  # which may hold places that are known only then
             own = own._replace(blocks_f=own.blocks_f.copy())
-        return Scene(
-            self.mech,
-            plan.drives,
-            plan.loads,
-            plan.ever,
-            contacts=plan.contacts,
-            gains=plan.gains,
-            user=self.user,
-            blocks=own,
-        )
+        acts |= {"gains": plan.gains, "blocks": own}
+        return Scene(mech, plan.drives, plan.loads, plan.ever, **acts), None
 
-    def _advance(self, budget: int) -> int:
-        """At most `budget` steps and frames on; the kernel's status code."""
-        code = self.steps.advance(self.scene.address, budget, tuple(self.out))
-        self._take_changes()
-        return code
-
-    def _take_changes(self) -> None:
-        """Keep the changes of phases that the kernels have logged, and make room for others."""
-        if self.scene.touching is not None:
-            tally, changes = self.scene.touching.tally, self.scene.touching.changes
-            count = int(tally[at.N_LOGGED])
-            self._changes.append(changes[:count].copy())
-            self._unlogged += max(count - len(changes), 0)
-            tally[at.N_LOGGED] = 0
+    # -- the run ---------------------------------------------------------------------------------
 
     def run(self, progress: Progress = None) -> None:
-        """All frames, or as many as there are before it fails or is cancelled."""
+        """Record all frames, or until the run fails or is cancelled."""
         if not self._begin():
             return
-        budget = 1
+        budget = 1 if progress is not None or self.user is not None else 64
         while True:
             began = time.perf_counter()
             code = self._advance(budget)
@@ -119,70 +108,17 @@ class Recording:
                     return
                 continue
             if code != at.RUNNING:
-                if self.user is not None and self.user.error is not None:
-                    raise self.user.error
-                self._fail(code)
+                self._raise_user_error()
+                if self.ended.status.ok:
+                    self.ended.stop(*self._failure(code))
                 return
             faster = CHUNK / (time.perf_counter() - began)
             budget = max(1, int(budget * min(4.0, faster)))
             if progress is not None and _stops(progress(self.steps.fraction())):
                 t = self.steps.times[self.done - 1]
-                self._stop(Status.CANCELLED, f"{Status.CANCELLED.value}; kept up to t = {t:.6g} s")
+                text = f"{Status.CANCELLED.value}; kept up to t = {t:.6g} s"
+                self.ended.stop(Status.CANCELLED, text)
                 return
-
-    # -- constraints that go on and off ----------------------------------------------------------
-
-    def _stop_at_next(self) -> None:
-        """Go on to the next change, or to the end."""
-        times = self.plan.times
-        to = times[-1] if not self._ahead else self._ahead[0].t
-        self.steps.stop = int(np.searchsorted(times, to)) + 1
-
-    def _switch(self, change: Change) -> bool:
-        """Make a change effective, between two steps; whether the run goes on."""
-        self._note_singular()
-        before = self._energy()
-        try:
-            hold_here(self.scene, change, self.q)
-            self.scene.switch(change.active)
-            self._impulse(change.t)
-            middle = self._energy()
-            moved = closed(self.scene, change, self.q, self.v)
-        except InputError as refused:
-            self._stop(Status.CANNOT_CLOSE, f"{Status.CANNOT_CLOSE.value}: {refused}")
-            return False
-        gain = self._energy() - middle
-        self.steps.ledger[at.WORK_DONE if gain > 0 else at.DISSIPATED] += abs(gain)
-        self.log += switched(self.mech, change, self._energy() - before)
-        if moved > NOTABLE:
-            text = f"joints were moved by up to {moved:.3g} to meet what goes on"
-            self.notices.append(f"at t = {change.t:g} s {text}")
-        self.steps.restart()
-        self._stop_at_next()
-        self._first = change.t, self.q.copy(), self.v.copy()
-        return self.status.ok
-
-    def _impulse(self, t: float) -> None:
-        """What a change does at once to what is in contact: of time stepping the next step."""
-
-    def _energy(self) -> float:
-        return float(sum(motion.energy(self.scene.address, self.q, self.v)))
-
-    @property
-    def start(self) -> float:
-        """When the run begins [s]."""
-        return float(self.plan.times[0])
-
-    @property
-    def acting(self) -> Ints:
-        """Indices of the constraints that are active by now."""
-        past = self.plan.changes[: len(self.plan.changes) - len(self._ahead)]
-        return past[-1].active if past else self.plan.active
-
-    @property
-    def done(self) -> int:
-        """Number of frames recorded."""
-        return int(self.steps.cursor["frame"])
 
     def _begin(self) -> bool:
         """Whether the run can start: no joint without inertia, constraints that can be met."""
@@ -193,73 +129,170 @@ class Recording:
                     mech, self.q, self.v, plan.active, self.scene, self.start
                 )
             except InputError as refused:
-                self._stop(Status.CANNOT_CLOSE, f"{Status.CANNOT_CLOSE.value}: {refused}")
+                self._cannot_close(refused)
                 return False
             if report.notable:
-                self.notices.append(f"at the start {report}")
-        vdot, wrenches = np.empty(mech.nv), np.empty_like(self.out.wrenches[0])
-        accelerate = address_of(motion.acceleration)
-        code = motion.constrained_dynamics(
-            self.scene.address,
-            accelerate,
-            self.start,
-            self.q,
-            self.v,
-            self.scene.given,
-            self._flow,
-            vdot,
-            wrenches,
-        )
-        if self.user is not None and self.user.error is not None:
-            raise self.user.error
+                self.ended.notices.append(f"at the start {report}")
+        code = self._first_evaluation()
+        self._raise_user_error()
         if code > 0:
-            self._stop(Status.SINGULAR, str(mech.singular(code)))
+            self.ended.stop(Status.SINGULAR, str(mech.singular(code)))
         elif code < 0:
-            self._stop(Status.NOT_FINITE, f"{Status.NOT_FINITE.value} at t = {self.start:g} s")
+            text = f"{Status.NOT_FINITE.value} at t = {self.start:g} s"
+            self.ended.stop(Status.NOT_FINITE, text)
         elif len(plan.active):
             self._first = self.start, self.q.copy(), self.v.copy()
-            if said := redundancy(self.scene):
+            if notice := redundancy(self.scene):
                 self._redundant = True
-                self.notices.append(said)
-        return self.status.ok
+                self.ended.notices.append(notice)
+        if self.events is not None and self.ended.status.ok:
+            self.events.begin(self.start)
+        return self.ended.status.ok
 
-    def _stop(self, status: Status, message: str) -> None:
-        self.status, self.message = status, message
+    def _first_evaluation(self) -> int:
+        """0, or -1 if v' is not finite at the start, or the first row without inertia."""
+        vdot, wrenches = np.empty(self.mech.nv), np.empty_like(self.out.wrenches[0])
+        return motion.constrained_dynamics(
+            self.scene.address, address_of(motion.acceleration), self.start, self.q, self.v,
+            self.scene.given, np.zeros(3), vdot, wrenches,
+        )  # fmt: skip
 
-    def _fail(self, code: int) -> None:
-        self._stop(*failure(self, code))
+    def _advance(self, budget: int) -> int:
+        """Take at most `budget` steps and frames; the kernel's status code."""
+        if self.events is None:
+            code = self.steps.advance(self.scene.address, budget, self._frames)
+        else:
+            code = self.events.advance(budget, self._frames)
+        touching = self.scene.touching
+        if touching is not None:  # keep the logged changes of phases, make room for more
+            count = int(touching.tally[at.N_LOGGED])
+            self._changes.append(touching.changes[:count].copy())
+            self._unlogged += max(count - len(touching.changes), 0)
+            touching.tally[at.N_LOGGED] = 0
+        return code
 
-    def _contacts(self, t: Array, pushes: Array, touches: Array) -> ContactRecord:
-        """What the recorded frames say of contacts and limits."""
-        changes = np.concatenate(self._changes)
-        return contacts_of(self.mech, self.plan, (t, pushes, touches), changes, self.log)
+    def _raise_user_error(self) -> None:
+        if self.user is not None and self.user.error is not None:
+            raise self.user.error
+
+    @property
+    def start(self) -> float:
+        """Start of the run [s]."""
+        return float(self.plan.times[0])
+
+    @property
+    def done(self) -> int:
+        """Number of frames recorded."""
+        return int(self.steps.cursor["frame"])
+
+    # -- switches of constraints -----------------------------------------------------------------
+
+    def _stop_at_next(self) -> None:
+        """Continue to the next change, or to the end."""
+        times = self.plan.times
+        to = times[-1] if not self._ahead else self._ahead[0].t
+        self.steps.stop = int(np.searchsorted(times, to)) + 1
+
+    def _switch(self, change: Change) -> bool:
+        """Apply a change, between two steps; whether the run continues."""
+        self._note_singular()
+        before = self._energy()
+        try:
+            hold_here(self.scene, change, self.q)
+            self.scene.switch(change.active)
+            if self.events is not None:
+                self.events.impulse(change.t)
+            middle = self._energy()
+            moved = closed(self.scene, change, self.q, self.v)
+        except InputError as refused:
+            self._cannot_close(refused)
+            return False
+        gain = self._energy() - middle
+        self.steps.ledger[at.WORK_DONE if gain > 0 else at.DISSIPATED] += abs(gain)
+        self.ended.log += switched(self.mech, change, self._energy() - before)
+        if moved > NOTABLE:
+            text = f"joints were moved by up to {moved:.3g} to meet what goes on"
+            self.ended.notices.append(f"at t = {change.t:g} s {text}")
+        self.steps.restart()
+        self._stop_at_next()
+        self._first = change.t, self.q.copy(), self.v.copy()
+        return self.ended.status.ok
+
+    def _energy(self) -> float:
+        return float(sum(motion.energy(self.scene.address, self.q, self.v)))
+
+    # -- how it ended ----------------------------------------------------------------------------
+
+    def _cannot_close(self, refused: InputError) -> None:
+        self.ended.stop(Status.CANNOT_CLOSE, f"{Status.CANNOT_CLOSE.value}: {refused}")
+
+    def _failure(self, code: int) -> tuple[Status, str]:
+        """(status, message) of a kernel's status code: where it failed, and what to try."""
+        t, row = self.steps.failure[0], int(self.steps.failure[1])
+        status = STATUS[code]
+        where = f"at t = {t:.6g} s; body '{self.mech.body_of(row)}' moved fastest"
+        return status, f"{status.value} {where}; {self._advice(status)}"
+
+    def _advice(self, status: Status) -> str:
+        given = self.plan.tolerance
+        match status:
+            case Status.CANNOT_CLOSE:
+                return self._blocking() or "the mechanism may be torn or at a singular position"
+            case Status.STEP_TOO_SMALL:
+                return "forces may jump there, or the tolerance may be too small: try a larger one"
+            case Status.TOO_MANY_STEPS:
+                return "give a larger max_steps or rtol, or try radau5 if it is stiff"
+        if given is not None and not given.fixed:
+            return "the motion itself may grow without bound, or forces may jump there"
+        step = given.widest if given else float(self.plan.width.max(initial=0.0))
+        return f"try a step below {step:.3g} s, or less stiffness and damping there"
+
+    def _blocking(self) -> str:
+        """What blocks the last recorded state to second order; "" where nothing does."""
+        if self.done == 0:
+            return ""
+        mech, last = self.mech, self.done - 1
+        past = self.plan.changes[: len(self.plan.changes) - len(self._ahead)]
+        active = past[-1].active if past else self.plan.active
+        held = tuple(mech.model.constraints[i] for i in active.tolist())
+        t = float(self.steps.times[last])
+        q, v = self.out.q[last], self.out.v[last]
+        return blocked(Tied(Tree(mech.model, mech.topology), held, q, v, t))
 
     def _note_singular(self) -> None:
-        """A sentence on the singular positions that were passed, if there were any."""
+        """Append a notice of singular positions that were passed."""
         if not self.done or self._first is None:
             return
         last = self.done - 1
         end = float(self.steps.times[last]), self.out.q[last], self.out.v[last]
-        if said := singular_notice(self.scene, self._first, end, self._redundant):
-            self.notices.append(said)
+        if notice := singular_notice(self.scene, self._first, end, self._redundant):
+            self.ended.notices.append(notice)
         self._redundant = False
 
-    def _said(self) -> list[str]:
-        return self.user.notices() if self.user is not None else []
+    # -- the result ------------------------------------------------------------------------------
 
-    def result(
-        self, estimate: float, timing: dict[str, float], header: dict[str, Any], shown: Any
-    ) -> Result:
-        """What has been recorded in the frames that are `shown`, as a Result."""
+    def result(self, estimate: float, timing: dict[str, float]) -> Result:
+        """The frames that were asked for, as a Result."""
         self._note_singular()
-        rows = self.rows(shown)
-        frames = Frames(*(a[rows] if len(a) else a for a in self.out))
-        q, v, vdot, wrenches, energy, drift, pushes, touches = frames
+        rows, steps = self._rows(), self.steps
+        q, v, vdot, wrenches, energy, drift, pushes, touches = (
+            a[rows] if len(a) else a for a in self.out
+        )
+        t = steps.times[rows]
+        forces = self.scene.forces(wrenches.swapaxes(0, 1).copy(), self.plan.ever)
+        counters = by_name(steps.counters)
+        contacts = self._contacts((t, pushes, touches))
+        if self.scene.touching is not None:
+            counters |= contact_counters(self.scene)
+        if self.events is not None:
+            contacts = self.events.record(contacts, (q, v, vdot), rows)
+            counters |= self.events.tally
+            timing["events"] = self.events.seconds
         return Result(
             mechanism=self.mech,
-            status=self.status,
-            message=self.message,
-            t=self.steps.times[rows],
+            status=self.ended.status,
+            message=self.ended.message,
+            t=t,
             q=q,
             v=v,
             vdot=vdot,
@@ -268,31 +301,37 @@ class Recording:
             work=energy[:, 2],
             dissipation=energy[:, 3],
             constraint_drift=drift,
-            constraint_force=self.scene.forces(wrenches.swapaxes(0, 1).copy(), self.plan.ever),
-            contacts=self._contacts(self.steps.times[: self.done][rows], pushes, touches),
-            counters=by_name(self.steps.counters) | contact_counters(self.scene),
+            constraint_force=forces,
+            contacts=contacts,
+            counters=counters,
             timing=timing,
             error_estimate=estimate,
-            header=header,
-            notices=(
-                *self.notices,
-                *self.steps.notices(),
-                *contact_notices(self.scene, self._unlogged),
-                *self._said(),
-            ),
+            header=dict(self.plan.header),
+            notices=self._notices(),
         )
 
-    def rows(self, shown: NDArray[np.bool_]) -> Any:
-        """The frames that were asked for of those recorded; where a run failed, its last one."""
-        some = shown[: self.done].copy()
-        some[-1:] |= not self.status.ok
+    def _contacts(self, frames: tuple[Array, Array, Array]) -> ContactRecord:
+        if not self.plan.contacts and not self.ended.log:
+            return NOTHING
+        changes = np.concatenate(self._changes)
+        return contacts_of(self.mech, self.plan, frames, changes, self.ended.log)
+
+    def _notices(self) -> tuple[str, ...]:
+        user = self.user.notices() if self.user is not None else []
+        touching = self.scene.touching is not None
+        contacts = contact_notices(self.scene, self._unlogged) if touching else []
+        steps = self.steps.notices()
+        return (*self.plan.notices, *self.ended.notices, *steps, *contacts, *user)
+
+    def _rows(self) -> slice | Ints:
+        """The frames that were asked for of those recorded; of a failed run also its last one."""
+        if self.plan.shown is None:
+            return slice(0, self.done)
+        some = self.plan.shown[: self.done].copy()
+        some[-1:] |= not self.ended.status.ok
         return slice(0, self.done) if some.all() else np.flatnonzero(some)
 
 
-def _touches(plan: RunPlan) -> int:
-    return len(plan.contacts.touches) + len(plan.contacts.limits) if plan.contacts else 0
-
-
 def _stops(answer: Any) -> bool:
-    """Whether what `progress` returned ends the run: False or its like, but not None."""
+    """Whether the answer of `progress` ends the run: False or the like, but not None."""
     return answer is not None and not answer

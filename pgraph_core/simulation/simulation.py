@@ -4,26 +4,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
+from ..errors import InputError, Problem
 from ..mechanism import Mechanism
-from ..model import Force
+from ..model import Force, Model
 from ..result import Result
-from .acting import acting
-from .arguments import MOST_CHOSEN, Asked, check_choices, forces_of, method_name, span_of
 from .estimate import error_estimate
-from .phased_recording import PhasedRecording
-from .planning import Planned, planned
+from .options import MOST_CHOSEN, Options, mechanism_of
+from .plan import plan_of, with_state
 from .recording import Recording
-
-VERSION = version("pgraph-dynamics")
 
 
 def simulate(
-    mech: Mechanism,
+    mechanism: Mechanism | Model,
     q: Any = None,
     v: Any = None,
     *,
@@ -69,46 +65,27 @@ def simulate(
     Raises InputError for arguments that do not fit. A numerical failure is a Status.
     """
     began = time.perf_counter()
-    forces = forces_of(mech, forces)
-    given = mech.model.scenario(scenario) if scenario is not None else None
-    check_choices(frames, t_eval, stabilise, rtol, progress)
-    span, name = span_of(given, t_start, t_end), method_name(given, method, rtol)
-    acts = acting(mech, given, forces, switches, tau, (q, v), span)
-    asked = Asked(given, span, name, step, rtol, atol, max_steps, frames, t_eval, stabilise)
-    made = planned(mech, acts, asked)
-    record = (PhasedRecording if made.plan.sites else Recording)(
-        mech, made.plan, acts.q, acts.v, acts.tau
-    )
-    record.notices += made.notices
+    mech = mechanism_of(mechanism, "simulate")
+    if progress is not None and not callable(progress):
+        text = f"must be a function of the fraction that is done; given {progress!r}"
+        raise InputError(Problem("simulate", "progress", text))
+    options = Options(
+        scenario, t_start, t_end, method, step, rtol, atol, max_steps, frames, t_eval, stabilise,
+        forces, switches,
+    )  # fmt: skip
+    plan = plan_of(mech, options, tau, q, v)
+    state = with_state(mech, plan.start, q, v)
+    tau = plan.tau if tau is None else tau
+    record = Recording(mech, plan, *state, tau)
     built, busy = time.perf_counter(), time.thread_time()
     record.run(progress)
     stepped, busy = time.perf_counter(), time.thread_time() - busy
-    wanted = estimate and record.status.ok
-    error = error_estimate(record, acts.q, acts.v, progress) if wanted else np.nan
+    wanted = estimate and record.ended.status.ok
+    error = error_estimate(record, *state, progress) if wanted else np.nan
     timing = {
-        "build": built - began - made.choice.looked,
-        "stiffness": made.choice.looked,
+        "build": built - began,
         "step": stepped - built,
-        "step_processor": busy,  # without what other programs took
+        "step_processor": busy,  # without the time of other programs
         "estimate": time.perf_counter() - stepped,
     }
-    header = _header(mech, scenario, asked, made)
-    header["forces"] = [(*span, f.model_dump(mode="json", exclude_none=True)) for f in forces]
-    return record.result(error, timing, header, made.shown)
-
-
-def _header(mech: Mechanism, scenario: str | None, asked: Asked, made: Planned) -> dict[str, Any]:
-    """What the run was made of, for its result."""
-    given = made.plan.tolerance
-    return {
-        "version": VERSION,
-        "model_hash": mech.model.hash,
-        "scenario": scenario,
-        "method": made.choice.method.name,
-        "why": made.choice.why,
-        "step": made.plan.step,
-        "rtol": None if given is None or given.fixed else given.rtol,
-        "t_start": asked.span[0],
-        "t_end": asked.span[1],
-        "stabilise": asked.stabilise,
-    }
+    return record.result(error, timing)

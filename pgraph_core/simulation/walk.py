@@ -12,6 +12,7 @@ from ..model import Force, Gait, Model, VectorTable
 from ..portable import Portable
 from ..result import Result
 from ..system import Array
+from .options import mechanism_of
 from .simulation import simulate
 
 EDGE = 1e-6  # s in which a push comes and goes
@@ -36,7 +37,7 @@ class Walk(Portable):
 
     def __init__(
         self,
-        mech: Mechanism,
+        mech: Mechanism | Model,
         scenario: str,
         *,
         gait: Gait | None = None,
@@ -46,6 +47,7 @@ class Walk(Portable):
         method: str | None = None,
     ):
         """Standing at the start. Raises InputError where the scenario has no gait to walk by."""
+        mech = mechanism_of(mech, "Walk")
         given = mech.model.scenario(scenario)
         if gait is None and given.gait is None:
             text = f"scenario '{scenario}' has no gait; give one"

@@ -14,7 +14,7 @@ from ..mechanism import Mechanism
 from ..mechanism.scale import length_of
 from ..result import Result
 from ..simulation import simulate
-from ..simulation.stiffness import fastest_rate
+from ..simulation.plan import fastest_rate
 from ..system import Array
 from .runs import per_step
 

@@ -7,7 +7,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_core.contact import impacts
-from pgraph_core.simulation.phased_scene import PhasedScene
+from pgraph_core.simulation.event_scene import EventScene
 
 SMALLEST = (1e-2, 1e-9, 1e-160, 1e-310)  # products of the last ones underflow
 
@@ -72,7 +72,7 @@ def test_a_spinning_spike_lands_and_its_energy_is_balanced():
 def test_an_impact_of_numbers_that_overflowed_is_a_status(monkeypatch):
     """A run that has lost its numbers says so, and keeps what was before."""
     broken = np.full((3, 3), np.nan), np.full(3, np.nan)
-    monkeypatch.setattr(PhasedScene, "impact", lambda *_: broken)
+    monkeypatch.setattr(EventScene, "impact", lambda *_: broken)
     ball = pg.Body(name="ball", joint="free", q=(0.0, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0))
     floor = pg.Contact(name="floor", body="ball", law="complementarity", points=((0, 0, 0),))
     mech = pg.Mechanism(pg.Model(bodies=(ball,), contacts=(floor,)))

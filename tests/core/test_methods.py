@@ -13,9 +13,10 @@ from pgraph_core.engine.compiler.jit import kernel
 from pgraph_core.engine.stepping.events import EVENT, look_back
 from pgraph_core.integrators import tableaus
 from pgraph_core.mechanism.packed import NO_LOADS
+from pgraph_core.mechanism.scale import length_of
+from pgraph_core.simulation.options import Tolerance, frame_times
+from pgraph_core.simulation.plan import Plan
 from pgraph_core.simulation.recording import Recording
-from pgraph_core.simulation.run_plan import RunPlan, Tolerance
-from pgraph_core.simulation.times import frame_times
 
 from .test_cases import DOWN, case, mass, place, rod, worst
 
@@ -340,19 +341,7 @@ def watched(mech, q, rtol, wanted=0):
     none = np.zeros(0, dtype=np.int64)
     times = frame_times(0.0, 3.0, 31, None)
     method = pg.integrators.DOP853
-    plan = RunPlan(
-        method,
-        times,
-        none,
-        np.zeros(0),
-        drives,
-        NO_LOADS,
-        none,
-        None,
-        np.zeros(2),
-        False,
-        tolerance,
-    )
+    plan = Plan(method, times, drives, NO_LOADS, none, tolerance=tolerance, length=length_of(mech))
     record = Recording(mech, plan, q, np.zeros(mech.nv), None)
     signs, direction = np.zeros(1, dtype=np.int64), np.array([wanted])
     addresses = (address_of(look_back), address_of(passes_bottom))

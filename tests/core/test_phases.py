@@ -9,7 +9,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.simulation.phased_scene import PhasedScene
+from pgraph_core.simulation.event_scene import EventScene
 
 G = 9.81
 FEET = ("left_front_paw", "right_front_paw", "left_hind_paw", "right_hind_paw")
@@ -354,13 +354,13 @@ def test_stance_on_contacts_is_stance_on_constraints():
 def test_a_switch_of_phase_rebuilds_nothing(monkeypatch):
     """The same scene before and after; what changes is which of its blocks are active."""
     built = []
-    make = PhasedScene.__init__
+    make = EventScene.__init__
 
     def counted(self, *args, **options):
         built.append(self)
         make(self, *args, **options)
 
-    monkeypatch.setattr(PhasedScene, "__init__", counted)
+    monkeypatch.setattr(EventScene, "__init__", counted)
     mech, q, v = quadruped(0.6, drop=0.1)
     done = pg.simulate(mech, q, v, t_end=0.3, method="rk4", step=1e-3)
     assert done.counters["phase_switches"] > 8

@@ -1,8 +1,12 @@
-"""Phases of contacts in runs that step over them: from a log of changes, good to one step."""
+"""What a run reports of its contacts and switches: record, phases, events, counters, notices.
+
+With time stepping, phases come from a log of changes, good to one step.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,9 +14,16 @@ from numpy.typing import NDArray
 
 from ..contact.tables import Tables, Touch
 from ..engine import layout as at
+from ..mechanism import Mechanism
+from ..mechanism.scene import Scene
 from ..model.names import GROUND
-from ..result.contact_record import PHASES, ContactRecord, Event
+from ..result.contact_record import NOTHING, PHASES, ContactRecord, Event
 from ..system import Array
+from .plan import Plan
+from .switches import Change
+
+GRAZE = 2.5  # steps: a shorter flight of a contact is none
+LOOSE = 1e-6  # of the velocities: a larger violation of a contact law is reported
 
 CAUSES = {
     (at.SWING, at.ACCEPTANCE): "it touched down, sliding",
@@ -24,7 +35,69 @@ CAUSES = {
 LIFTED = "the ground cannot pull"
 
 
-def stepped_over(
+def contacts_of(
+    mech: Mechanism,
+    plan: Plan,
+    frames: tuple[Array, Array, Array],
+    changes: Array,
+    log: Sequence[Event],
+) -> ContactRecord:
+    """Contacts and limits over the frames (times, pushes, touches), and the events in between."""
+    if not plan.contacts:
+        return replace(NOTHING, events=tuple(log))
+    up = np.array(mech.model.ground_normal)
+    impulses = plan.method.name == "moreau_jean"
+    graze = GRAZE * float(np.max(plan.width, initial=0.0)) if impulses else 0.0
+    found = stepped_record(plan.contacts, up, *frames, changes, graze)
+    events = sorted((*found.events, *log), key=lambda event: event.t)
+    return replace(found, events=tuple(events))
+
+
+def switched(mech: Mechanism, change: Change, gain: float) -> list[Event]:
+    """The events of a change that added the energy `gain` [J] at once."""
+    took = f"; its impulse took {-gain:.4g} J" if gain < 0 else ""
+    took = f"; its impulse put in {gain:.4g} J" if gain > 0 else took
+    found: list[Event] = []
+    for numbers, (old, new) in ((change.off, ("on", "off")), (change.on, ("off", "on"))):
+        for i in numbers.tolist():
+            c = mech.model.constraints[i]
+            cause = f"switched {new}{took if new == 'on' else ''}"
+            found.append(Event(change.t, c.name, c.body, old, new, cause))
+    return found
+
+
+def contact_counters(scene: Scene) -> dict[str, int]:
+    """How often contacts were solved in another way than usual."""
+    if scene.touching is None:
+        return {}
+    tally = scene.touching.tally
+    return {"contact_fallbacks": int(tally[at.N_FALLBACK]), "calmed": int(tally[at.N_CALMED])}
+
+
+def contact_notices(scene: Scene, unlogged: int) -> list[str]:
+    """Notices on how contacts were solved."""
+    if scene.touching is None:
+        return []
+    tally, worst = scene.touching.tally, scene.touching.worst
+    found: list[str] = []
+    if tally[at.N_CALMED]:
+        found.append(
+            f"in {tally[at.N_CALMED]} steps the bounce with friction would have gained energy: "
+            "they were taken without restitution"
+        )
+    if worst[at.MISSED] > LOOSE:
+        found.append(
+            "the contact solver stopped at its cap: laws missed by up to "
+            f"{worst[at.MISSED]:.1e} of the velocities; try a smaller step"
+        )
+    if unlogged:
+        found.append(f"{unlogged} changes of contacts' phases were too many to log")
+    if tally[at.N_MISSED]:
+        found.append(f"in {tally[at.N_MISSED]} steps there were more contact points than room")
+    return found
+
+
+def stepped_record(
     tables: Tables,
     up: Array,
     t: Array,
@@ -33,7 +106,7 @@ def stepped_over(
     changes: Array,
     graze: float,
 ) -> ContactRecord:
-    """What frames and the log of changes say of contacts and limits; `up`: the ground's normal."""
+    """Contacts and limits from frames and the log of changes; `up` is the ground's normal."""
     names = [touch.name for touch in tables.touches]
     forces = np.concatenate((touches[..., 3:6], touches[..., :3]), axis=-1).swapaxes(0, 1)
     phases, events = phases_over(changes, tables.touches, t, graze)

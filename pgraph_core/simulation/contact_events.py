@@ -1,8 +1,10 @@
-"""An event-driven run: phases of contact points and limits, and what ends them."""
+"""Event-driven contacts: phases of contact points and limits, and what happens where one ends.
+
+Compiled steps end at events; Python decides there, and only there.
+"""
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections import deque
 from typing import Any
@@ -17,13 +19,14 @@ from ..engine import motion
 from ..engine.constraints.proximal import FACTORED
 from ..engine.contact import phase_watch
 from ..engine.contact import sites as site_kernels
+from ..mechanism import Mechanism
 from ..mechanism.bodies import bodies_over
-from ..result import Result, Status
+from ..result import Status
 from ..result.contact_record import FREE, PHASES, STOP, ContactRecord, Event
 from ..system import Array, Ints
-from .phased_scene import PhasedScene
-from .phased_stepping import PhasedChosenSteps, PhasedGivenSteps, phased_stepping
-from .recording import Recording
+from .event_scene import EventScene
+from .loop import AdaptiveSteps, FixedSteps
+from .plan import Plan
 
 TOUCHING = 1e-9  # relative to the size of the coordinates: a gap that is none at the start
 SAME_TIME = 1e-10  # s: touchdowns within it are one impact
@@ -36,61 +39,59 @@ SLACK = 0.5 * phase_watch.FORCE_TOLERANCE
 MANY = 300  # events within SAME_TIME: they do not end
 
 
-class PhasedRecording(Recording):
-    """A recording whose contacts swing, slide and stand; Python decides at events alone."""
+class Outcome:
+    """How a run ended, what a person should know of it, and its events so far."""
 
-    scene: PhasedScene
-    steps: PhasedGivenSteps | PhasedChosenSteps
+    def __init__(self) -> None:
+        """The run has reached its end, until something stops it."""
+        self.status, self.message = Status.DONE, Status.DONE.value
+        self.notices: list[str] = []
+        self.log: list[Event] = []
 
-    def __init__(self, mech: Any, plan: Any, q: Array, v: Array, tau: Any):
-        """As Recording; `plan.sites` are the contact points and limits."""
-        super().__init__(mech, plan, q, v, tau)
+    def stop(self, status: Status, message: str) -> None:
+        """End the run."""
+        self.status, self.message = status, message
+
+
+class ContactEvents:
+    """The contact points and limits of a run, which swing, slide and stand."""
+
+    def __init__(
+        self,
+        mech: Mechanism,
+        plan: Plan,
+        scene: EventScene,
+        steps: FixedSteps | AdaptiveSteps,
+        ended: Outcome,
+    ):
+        """All contact points are in swing."""
+        self.mech, self.plan, self.scene, self.steps = mech, plan, scene, steps
+        self.q, self.v, self.ended = steps.q, steps.v, ended
         self.causes: dict[int, str] = {}
-        self._ends: dict[int, float] = {}  # when the bounces of what comes to rest are over
+        self._ends: dict[int, float] = {}  # times at which bounces of what comes to rest are over
         self.tally = {"phase_switches": 0, "impacts": 0, "bounces_left_out": 0}
-        self.switching = 0.0  # s spent on events
+        self.seconds = 0.0  # spent on events
         self._times: deque[float] = deque(maxlen=MANY)
         self._resting = np.zeros(len(plan.sites), dtype=bool)  # no normal velocity at this event
-        self._vdot = np.zeros(mech.nv)
-
-    def _new_steps(self, q: Array, v: Array) -> PhasedGivenSteps | PhasedChosenSteps:
-        return phased_stepping(self.mech, self.plan, q, v)
-
-    def _new_scene(self) -> PhasedScene:
-        plan = self.plan
-        return PhasedScene(
-            self.mech, plan.drives, plan.loads, plan.ever, plan.sites, len(plan.times),
-            contacts=plan.contacts, user=self.user,
-        )  # fmt: skip
-
-    def _impulse(self, t: float) -> None:
-        """Impulses at all that touches, and phases that fit them."""
-        self._resting[:] = self.scene.phase != at.SWING
-        self._before = self.scene.phase.copy()
-        if self.scene.bilateral or self._resting.any():
-            self._impact(t, [])
-        self._settle(t)
-        self._note_changes(t, self._before)
+        self._vdot, self._flow = np.zeros(mech.nv), np.zeros(3)
 
     # -- the run -------------------------------------------------------------------------------
 
-    def _begin(self) -> bool:
-        if not super()._begin():
-            return False
-        self.scene.space.vectors[FACTORED, 2] = 0.0  # no factors of other blocks are taken for ours
+    def begin(self, t: float) -> None:
+        """Phases of the initial state, and the scales of velocities."""
+        self.scene.space.vectors[FACTORED, 2] = 0.0  # factors of other blocks are not ours
         f = self.scene.sites_f
         gravity = float(np.linalg.norm(self.mech.model.gravity))
-        self._observe(self.start)
+        self._observe(t)
         size = float(np.max(np.abs(f[:, at.S_PLACE : at.S_PLACE + 3]), initial=0.0)) or 1.0
         speeds = np.abs(f[:, [at.S_RATE, *range(at.S_SLIP_V, at.S_SLIP_V + 3)]])
         self.speed = float(max(np.sqrt(gravity * size), np.max(speeds, initial=0.0))) or 1.0
         f[:, at.S_STILL] = max(1e-10, 10 * self.steps.blurred) * self.speed
         self.stuck = max(1e-8, 100 * self.steps.blurred) * self.speed
         self.steps.scale(self.speed / gravity if gravity else float(np.ptp(self.plan.times)))
-        self._first_phases(TOUCHING * size)
-        return self.status.ok
+        self._first_phases(t, TOUCHING * size)
 
-    def _first_phases(self, touching: float) -> None:
+    def _first_phases(self, t: float, touching: float) -> None:
         """Phases of the initial state: what touches stands or slides, or hits."""
         scene, f = self.scene, self.scene.sites_f
         hits = []
@@ -103,43 +104,49 @@ class PhasedRecording(Recording):
                 scene.sites_i[s, at.S_FRESH] = 1
         before = scene.phase.copy()
         if hits:
-            self._impact(self.start, hits)
-        self._settle(self.start)
+            self._impact(t, hits)
+        self._settle(t)
         if self.plan.project and np.any(scene.phase != at.SWING):
             old = self.q.copy()
-            rounds = motion.projection(scene.held, self.start, self.q, self.v, ASSEMBLY_ROUNDS)
+            rounds = motion.projection(scene.held, t, self.q, self.v, ASSEMBLY_ROUNDS)
             moved = float(np.max(np.abs(self.q - old), initial=0.0))
             if rounds < 0:
-                self._stop(
+                self.ended.stop(
                     Status.CANNOT_CLOSE, f"{Status.CANNOT_CLOSE.value} from this initial state"
                 )
             elif moved > 1e-6:
-                self.notices.append(
+                self.ended.notices.append(
                     f"the initial state was moved by {moved:.3g} to meet what it touches"
                 )
-            self._observe(self.start)
-        self._note_changes(self.start, before)
+            self._observe(t)
+        self._note_changes(t, before)
 
-    def _advance(self, budget: int) -> int:
+    def advance(self, budget: int, out: tuple[Array, ...]) -> int:
+        """Take at most `budget` steps and frames; the kernel's status code, EVENT if it stopped."""
         steps = self.steps
         last = int(steps.counters["steps"]) + budget
         while budget > 0:
-            code = steps.advance(self.scene.address, budget, tuple(self.out))
+            code = steps.advance(self.scene.address, budget, out)
             if code != at.EVENT:
                 return code
             began = time.perf_counter()
             self._observe(steps.event)  # frames may have been looked at since
             self._event(steps.event)
             steps.go_on()
-            self.switching += time.perf_counter() - began
-            if not self.status.ok:
+            self.seconds += time.perf_counter() - began
+            if not self.ended.status.ok:
                 return at.EVENT
             budget = last - int(steps.counters["steps"])
         return at.RUNNING
 
-    def _fail(self, code: int) -> None:
-        if self.status.ok:
-            super()._fail(code)
+    def impulse(self, t: float) -> None:
+        """Impulses at everything that touches where constraints are switched, and new phases."""
+        self._resting[:] = self.scene.phase != at.SWING
+        before = self.scene.phase.copy()
+        if self.scene.bilateral or self._resting.any():
+            self._impact(t, [])
+        self._settle(t)
+        self._note_changes(t, before)
 
     # -- events --------------------------------------------------------------------------------
 
@@ -176,7 +183,7 @@ class PhasedRecording(Recording):
         if len(self._times) == MANY and t - self._times[0] < SAME_TIME:
             where = ", ".join(self.scene.sites[s].name for s in self._over())
             text = f"at t = {t:.9g} s ({where}); try method 'moreau_jean'"
-            self._stop(Status.CHATTER, f"{Status.CHATTER.value} {text}")
+            self.ended.stop(Status.CHATTER, f"{Status.CHATTER.value} {text}")
 
     def _over(self) -> list[int]:
         over = self.scene.watched[at.W_NOW].reshape(-1, 3) < 0
@@ -199,7 +206,7 @@ class PhasedRecording(Recording):
         site = self.scene.sites[s]
         after = int(self.scene.phase[s])
         names = (FREE, "", "", STOP) if site.limit is not None else PHASES
-        self.log.append(Event(t, site.name, site.body, names[before], names[after], cause))
+        self.ended.log.append(Event(t, site.name, site.body, names[before], names[after], cause))
 
     def _observe(self, t: float) -> None:
         site_kernels.observe(self.scene.address, t, self.q, self.v, self._vdot, self._flow)
@@ -270,7 +277,9 @@ class PhasedRecording(Recording):
             self._observe(t)
             if not self._change(t, before):
                 return
-        self.notices.append(f"t = {t:.6g} s: no phases fit all forces at once; the last are kept")
+        self.ended.notices.append(
+            f"t = {t:.6g} s: no phases fit all forces at once; the last are kept"
+        )
 
     def _change(self, t: float, before: Ints) -> bool:
         """One change of what fits least; whether there was one."""
@@ -355,7 +364,9 @@ class PhasedRecording(Recording):
         before = scene.phase.copy()
         omega, u = scene.impact(t, self.q, self.v, sites)
         if not (np.isfinite(omega).all() and np.isfinite(u).all()):
-            self._stop(Status.NOT_FINITE, f"{Status.NOT_FINITE.value} in the impact at t = {t:g} s")
+            self.ended.stop(
+                Status.NOT_FINITE, f"{Status.NOT_FINITE.value} in the impact at t = {t:g} s"
+            )
             return
         rows, rest = self._impact_rows(t, sites, u, jammed)
         bilateral = len(u) - sum(row.size for row in rows)
@@ -363,14 +374,14 @@ class PhasedRecording(Recording):
         size = float(np.abs(solved.impulse) @ np.abs(u))
         if solved.gain > 1e-9 * size and any(row.back for row in rows):
             self.tally["bounces_left_out"] += 1
-            self.notices.append(
+            self.ended.notices.append(
                 f"t = {t:.6g} s: Newton's restitution with friction would raise the energy by "
                 f"{solved.gain:.3g} J; this impact does not bounce"
             )
             rows = [row._replace(back=0.0) for row in rows]
             solved = impacts.impulses(omega, u, bilateral, rows)
         if solved.missed > 1e-9:
-            self.notices.append(
+            self.ended.notices.append(
                 f"t = {t:.6g} s: impulses of an impact are good to {solved.missed:.3g} only"
             )
         scene.strike(solved.impulse, self.v)
@@ -468,28 +479,18 @@ class PhasedRecording(Recording):
             self.scene.arrange()
             self._impact(t, [], jammed=s)
             self.causes[s] = text
-        self.notices.append(f"t = {t:.6g} s: contact '{site.name}': {text}")
+        self.ended.notices.append(f"t = {t:.6g} s: contact '{site.name}': {text}")
 
-    # -- the result ----------------------------------------------------------------------------
+    # -- the record ------------------------------------------------------------------------------
 
-    def result(
-        self, estimate: float, timing: dict[str, float], header: dict[str, Any], shown: Any
-    ) -> Result:
-        """As of any recording, with what contact points and limits did."""
-        run = super().result(estimate, timing, header, shown)
-        return dataclasses.replace(
-            run,
-            contacts=self._record(run, self.rows(shown)),
-            counters={**run.counters, **self.tally},
-            timing={**run.timing, "events": self.switching},
-        )
-
-    def _record(self, run: Result, rows: Any) -> ContactRecord:
-        """Forces, gaps and slips of every site, and of all sites of a touch together."""
-        mech, soft = self.mech, run.contacts
+    def record(
+        self, soft: ContactRecord, states: tuple[Array, Array, Array], rows: Any
+    ) -> ContactRecord:
+        """Forces, gaps and slips of each point and of each contact pair over states (q, v, v')."""
+        mech, n = self.mech, len(states[0])
         frames, codes = self.scene.frames[rows], self.scene.frame_phases[rows]
-        still = np.zeros((len(run.t), mech.nb, 6))
-        origins = bodies_over(mech.system, run.q, run.v, run.vdot, still).pose[..., :3]
+        still = np.zeros((n, mech.nb, 6))
+        origins = bodies_over(mech.system, *states, still).pose[..., :3]
         found = {name: dict(getattr(soft, name)) for name in ("force", "gap", "slip", "limit")}
         normal: dict[str, Array] = {}
         phase: dict[str, Any] = {}
@@ -516,5 +517,5 @@ class PhasedRecording(Recording):
                 found["gap"][name] = np.minimum(found["gap"].get(name, np.inf), gap)
                 found["slip"][name] = np.maximum(found["slip"].get(name, 0.0), slip)
         return ContactRecord(
-            **found, wrench=wrench, normal=normal, phases=phase, events=tuple(self.log)
+            **found, wrench=wrench, normal=normal, phases=phase, events=tuple(self.ended.log)
         )

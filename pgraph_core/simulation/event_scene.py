@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,15 +15,13 @@ from ..engine.compiler.address import address_of, address_of_array, buffer, unna
 from ..engine.constraints.proximal import LAMBDA, RHS
 from ..engine.contact import phases
 from ..engine.contact import sites as site_kernels
+from ..mechanism import Mechanism
+from ..mechanism.callback import UserTorque
 from ..mechanism.scene import Scene
 from ..system import Array, Drives, Ints, Loads
 
-if TYPE_CHECKING:
-    from ..mechanism import Mechanism
-    from ..mechanism.callback import UserTorque
 
-
-class PhasedScene(Scene):
+class EventScene(Scene):
     """A scene with sites; `arrange` makes a change of `sites_i[:, S_PHASE]` effective."""
 
     once = False  # a step that ends at an event is taken again, shorter

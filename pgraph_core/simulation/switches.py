@@ -1,4 +1,4 @@
-"""Constraints that go on and off during a run: when, which, and what of them starts anew."""
+"""Constraints that are switched on and off during a run: when, which, and how the state follows."""
 
 from __future__ import annotations
 
@@ -8,17 +8,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..constraints.assembly import ASSEMBLY_ROUNDS
+from ..constraints.blocks import values_of
+from ..engine import motion
+from ..engine.constraints.proximal import RHS
+from ..engine.contact import sites as site_kernels
 from ..errors import InputError, ModelError, Problem
 from ..mechanism import Mechanism
+from ..mechanism.scene import Scene
 from ..model import Scenario, Switch
 from ..model.checks import switch_problems
 from ..system import Array, Ints
 
 SAME = 1e-12  # of the run: times this near are one
+FAR = 0.1  # rad, m: a jump of the joints that is no correction
+SPEED = 1e-9  # of the velocities: a row that is met
 
 
 class Change(NamedTuple):
-    """What is switched at one instant."""
+    """The constraints that are switched at one instant."""
 
     t: float  # [s]
     active: Ints  # constraints from then on
@@ -26,12 +34,12 @@ class Change(NamedTuple):
     off: Ints  # those that are off now and were on
 
 
-def changes(
+def switch_changes(
     mech: Mechanism, given: Scenario | None, asked: Any, active: Ints, span: tuple[float, float]
 ) -> tuple[Ints, tuple[Change, ...]]:
-    """(constraints at the start, what changes later) of a run over `span`.
+    """(constraints active at the start, later changes) of a run over `span`.
 
-    Those `asked` for replace a scenario's. Raises InputError.
+    Switches that are `asked` for replace those of the scenario. Raises InputError.
     """
     switches = _read(mech, asked, span) if asked is not None else given.switches if given else ()
     if not switches:
@@ -81,7 +89,7 @@ def _refused(text: str) -> InputError:
 
 
 def with_instants(times: Array, found: Sequence[Change]) -> tuple[Array, tuple[Change, ...]]:
-    """Times of frames with those of changes among them; changes at a frame get its time."""
+    """(times of frames and changes, the changes); a change near a frame gets the time of it."""
     moved: list[Change] = []
     near = SAME * max(float(np.abs(times).max()), 1e-300)
     for change in found:
@@ -96,3 +104,47 @@ def ever(active: Ints, found: Sequence[Change]) -> Ints:
     if not found:
         return active
     return np.unique(np.concatenate([active, *(change.on for change in found)])).astype(np.int64)
+
+
+# -- in a run ------------------------------------------------------------------------------------
+
+
+def hold_here(scene: Scene, change: Change, q: Array) -> None:
+    """Fill in what constraints that are switched on leave open from the present position."""
+    if not len(change.on):
+        return
+    mech = scene.mech
+    poses = mech.poses(q)
+    for i in change.on.tolist():
+        c = mech.model.constraints[i]
+        try:
+            values = values_of(c, mech.model, mech.topology, mech.system, poses)
+        except ModelError as error:
+            raise InputError(error.problems) from None
+        first = int(scene.blocks.first[i])
+        scene.blocks.blocks_f[first : first + len(values)] = values
+
+
+def closed(scene: Scene, change: Change, q: Array, v: Array) -> float:
+    """Move q and v onto the active constraints, in the mass metric; the change of q [rad, m].
+
+    Raises InputError if the constraints cannot be met.
+    """
+    if scene.active[0] == 0:
+        return 0.0
+    names = " and ".join(f"'{scene.blocks.names[i]}'" for i in change.on.tolist())
+    where = f"constraint {names}"
+    old = q.copy()
+    fastest = float(np.max(np.abs(v), initial=0.0))
+    rounds = motion.projection(scene.held, change.t, q, v, ASSEMBLY_ROUNDS)
+    moved = float(np.max(np.abs(q - old), initial=0.0))
+    if rounds < 0 or not moved <= FAR:
+        text = f"is not met where it goes on, at t = {change.t:g} s: a joint would have to jump by "
+        text += f"{moved:.3g}; leave out its other_point, or switch it where it is met"
+        raise InputError(Problem(where, "", text))
+    m = site_kernels.impulse_rows(scene.held, change.t, q, v)
+    left = float(np.max(np.abs(scene.space.vectors[RHS, :m]), initial=0.0))
+    if left > SPEED * max(fastest, float(np.max(np.abs(v), initial=0.0))):
+        text = f"requires velocities at t = {change.t:g} s that the others forbid: they miss by "
+        raise InputError(Problem(where, "", f"{text}{left:.3g}; switch one of them off"))
+    return moved

@@ -1,0 +1,146 @@
+"""Dense output: the state of a run between its recorded frames, and the error of it.
+
+Quintic Hermite polynomials for q, from q, q', q'' of both frames; cubic ones for v, from v, v'.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ..engine import layout as at
+from ..errors import InputError, Problem
+from ..system import Array
+
+OUTSIDE = 1e-9  # of the run: a time this far outside is at its end
+SMOOTH = 0.1  # ratio of the errors of quintic and cubic over two frames where motion is smooth
+GAIN = 16.0  # smooth: the error over one frame is 1/64 of that over two; a factor 4 is kept back
+
+
+def states_at(
+    rows: Array, t: Array, q: Array, v: Array, vdot: Array, estimate: float, asked: Any
+) -> tuple[Array, Array, Any]:
+    """(q, v, error) at the times `asked`, a number or an array, from frames at `t`.
+
+    `rows` are the joint rows of the mechanism. Raises InputError outside of the run.
+    """
+    times = _inside(asked, t)
+    x = np.atleast_1d(times)
+    i = np.clip(np.searchsorted(t, x, side="right") - 1, 0, max(len(t) - 2, 0))
+    if len(t) == 1:
+        found, speeds, missed = q[i].copy(), v[i].copy(), np.zeros(len(x))
+    else:
+        rate, bend = _derivatives(rows, q, v, vdot)
+        frames = (t, q, rate, bend)
+        found = _quintic(frames, i, i + 1, x)
+        speeds = _cubic(t, v, vdot, i, i + 1, x)
+        for first, size in _quaternions(rows):
+            part = found[:, first : first + size]
+            part /= np.linalg.norm(part, axis=1, keepdims=True)
+        missed = _missed(frames, i, x)
+        for k in (i, i + 1):  # recorded states are returned as they are
+            same = x == t[k]
+            found[same], speeds[same], missed[same] = q[k[same]], v[k[same]], 0.0
+    error = estimate + missed
+    if np.ndim(times) == 0:
+        return found[0], speeds[0], float(error[0])
+    return found, speeds, error
+
+
+def _inside(asked: Any, t: Array) -> Array:
+    """The times as floats. Raises InputError."""
+    try:
+        times = np.asarray(asked, dtype=float)
+    except (TypeError, ValueError):
+        times = np.array(np.nan)
+    if times.ndim > 1 or not np.isfinite(times).all():
+        text = f"must be a finite time or a list of them [s]; given {asked!r:.60}"
+        raise InputError(Problem("run.at", "t", text))
+    if not len(t):
+        raise InputError(Problem("run.at", "t", "the run has no frame; see run.message"))
+    slack = OUTSIDE * (t[-1] - t[0])
+    outside = (times < t[0] - slack) | (times > t[-1] + slack)
+    if outside.any():
+        bad = np.atleast_1d(times)[np.atleast_1d(outside)][0]
+        text = f"{bad:g} s is outside of the run: give times from {t[0]:g} to {t[-1]:g} s"
+        raise InputError(Problem("run.at", "t", text))
+    return np.clip(times, t[0], t[-1])
+
+
+def _quaternions(rows: Array) -> Iterator[tuple[int, int]]:
+    """(first entry in q, 4) of each quaternion."""
+    for kind, first in rows[1:, [at.KIND, at.QI]].tolist():
+        if kind >= at.BALL:
+            yield first + (3 if kind == at.FREE else 0), 4
+
+
+def _derivatives(rows: Array, q: Array, v: Array, vdot: Array) -> tuple[Array, Array]:
+    """(q', q'') from q, v, v'; of quaternions q' = ½ ω q and q'' = ½ (ω' q + ω q')."""
+    rate, bend = np.empty_like(q), np.empty_like(q)
+    for kind, i, j in rows[1:, [at.KIND, at.QI, at.VI]].tolist():
+        if kind <= at.TRANSLATE:
+            rate[:, i], bend[:, i] = v[:, j], vdot[:, j]
+            continue
+        if kind == at.FREE:
+            rate[:, i : i + 3], bend[:, i : i + 3] = v[:, j + 3 : j + 6], vdot[:, j + 3 : j + 6]
+            i += 3
+        turn = slice(i, i + 4)
+        rate[:, turn] = _half_product(v[:, j : j + 3], q[:, turn])
+        bend[:, turn] = _half_product(vdot[:, j : j + 3], q[:, turn])
+        bend[:, turn] += _half_product(v[:, j : j + 3], rate[:, turn])
+    return rate, bend
+
+
+def _half_product(omega: Array, q: Array) -> Array:
+    """½ ω q, the product of quaternions, (n, 4)."""
+    w, u = q[:, :1], q[:, 1:]
+    real = -np.sum(omega * u, axis=1, keepdims=True)
+    return 0.5 * np.concatenate((real, w * omega + np.cross(omega, u)), axis=1)
+
+
+def _cubic(t: Array, y: Array, rate: Array, i: Array, k: Array, x: Array) -> Array:
+    """Cubic Hermite polynomials between frames i and k at times x."""
+    h = (t[k] - t[i])[:, None]
+    s = (x - t[i])[:, None] / h
+    rise = s * s * (3 - 2 * s)
+    bent = h * s * (1 - s) * ((1 - s) * rate[i] - s * rate[k])
+    return y[i] + rise * (y[k] - y[i]) + bent
+
+
+def _quintic(frames: Any, i: Array, k: Array, x: Array) -> Array:
+    """Quintic Hermite polynomials between frames i and k at times x."""
+    t, y, rate, bend = frames
+    h = (t[k] - t[i])[:, None]
+    s = (x - t[i])[:, None] / h
+    left = 1 - s
+    change = y[k] - y[i]
+    found = y[i] + s**3 * (10 - 15 * s + 6 * s * s) * change
+    found += h * s * left**3 * (1 + 3 * s) * rate[i]
+    found -= h * left * s**3 * (1 + 3 * left) * rate[k]
+    return found + 0.5 * h * h * s * s * left * left * (left * bend[i] + s * bend[k])
+
+
+def _missed(frames: Any, i: Array, x: Array) -> Array:
+    """Estimated interpolation error of q in the intervals from frames i, at times x.
+
+    In smooth motion from what polynomials over two frames miss the frame between them by; else,
+    as where an impact lies in the interval, the difference of quintic and cubic.
+    """
+    t, q, rate, _ = frames
+    quintic = _quintic(frames, i, i + 1, x)
+    cubic = _cubic(t, q, rate, i, i + 1, x)
+    rough = np.abs(quintic - cubic).max(axis=1, initial=0.0)
+    if len(t) < 3:
+        return rough
+    middle = np.arange(1, len(t) - 1)
+    wide = np.abs(_quintic(frames, middle - 1, middle + 1, t[middle]) - q[middle])
+    wide = wide.max(axis=1, initial=0.0)
+    coarse = np.abs(_cubic(t, q, rate, middle - 1, middle + 1, t[middle]) - q[middle])
+    coarse = coarse.max(axis=1, initial=0.0)
+    near = np.stack([np.clip(i - 1, 0, len(wide) - 1), np.clip(i, 0, len(wide) - 1)])
+    worst, cubics = wide[near].max(axis=0), coarse[near].max(axis=0)
+    rounding = 4 * np.finfo(float).eps * np.abs(q).max(initial=0.0)
+    smooth = worst <= SMOOTH * cubics + rounding
+    return np.where(smooth, worst / GAIN + rounding, np.maximum(rough, worst))

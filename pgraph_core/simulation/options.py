@@ -1,0 +1,202 @@
+"""Options: how a run is stepped and recorded, as given to `simulate`, and their checks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from numbers import Integral, Real
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import InputError, Problem, choices
+from ..integrators import METHODS, Method
+from ..mechanism import Mechanism
+from ..model import Force, Model, Scenario
+from ..model.checks import force_problems
+from ..system import Array, Ints
+
+LEAST_RTOL = 1e-15  # the error of a step is rounding below it
+MOST_CHOSEN = 10_000_000  # default limit on the steps of an adaptive run
+MOST_STEPS = 1_000_000_000  # a day of computing
+FRAMES = 1000  # recorded by default
+FIXED_RTOL = 1e-9  # to which implicit methods solve their equations at fixed steps
+STABILISE = ("project", "baumgarte", None)
+ADAPTIVE = tuple(method.name for method in METHODS.values() if method.adaptive)
+
+
+class Tolerance(NamedTuple):
+    """How a method with an error estimate chooses its steps."""
+
+    rtol: float  # relative to the mechanism's own scales
+    atol: float  # of every coordinate, in its unit
+    widest: float  # largest step [s]
+    most: int  # steps
+    corners: Array  # (nk,) times at which tables bend: steps end there [s]
+    fixed: bool = False  # every step is the widest
+
+
+class Options(NamedTuple):
+    """The arguments of `simulate` that do not depend on the state; None where left open."""
+
+    scenario: str | None
+    t_start: Any
+    t_end: Any
+    method: str | None
+    step: Any
+    rtol: Any
+    atol: Any
+    max_steps: Any
+    frames: Any
+    t_eval: Any
+    stabilise: Any
+    forces: Sequence[Force]
+    switches: Any
+
+    def check(self) -> None:
+        """Raise InputError where options exclude each other or are not among their choices."""
+        if self.frames is not None and self.t_eval is not None:
+            raise InputError(Problem("simulate", "frames", "give frames or t_eval, not both"))
+        if self.stabilise not in STABILISE:
+            text = f"must be 'project', 'baumgarte' or None; given {self.stabilise!r}"
+            raise InputError(Problem("simulate", "stabilise", text))
+        if self.rtol is not None:
+            positive("rtol", self.rtol, unit="")
+        if self.step is not None:
+            positive("step", self.step)
+
+    def span(self, given: Scenario | None) -> tuple[float, float]:
+        """Start and end of the run [s]. Raises InputError."""
+        start = _time(self.t_start)
+        duration = given.t_end if given else 1.0
+        if start == 0.0:
+            return start, positive("t_end", duration if self.t_end is None else self.t_end)
+        end = start + duration if self.t_end is None else _time(self.t_end)
+        if not end > start:
+            text = f"must be a finite number > t_start = {start:g} [s]; given {self.t_end!r}"
+            raise InputError(Problem("simulate", "t_end", text))
+        return start, end
+
+    def method_name(self, given: Scenario | None) -> str:
+        """The method asked for, else the scenario's, else "auto"."""
+        if self.method is not None:
+            return self.method
+        name = given.method if given else "auto"
+        # a tolerance replaces a scenario's method that takes none
+        return "auto" if self.rtol is not None and name not in ADAPTIVE else name
+
+    def tolerance(self, method: Method, length: float) -> Tolerance | None:
+        """How `method` chooses its steps; None for fixed steps. Raises InputError."""
+        rtol, step = self.rtol, self.step
+        if rtol is not None and not method.adaptive:
+            text = f"{method.name} takes a step, not a tolerance; for one choose "
+            raise InputError(Problem("simulate", "rtol", text + choices(ADAPTIVE)))
+        if rtol is not None:
+            rtol = positive("rtol", rtol, unit="")
+            if not LEAST_RTOL <= rtol <= 0.1:
+                text = f"must lie within {LEAST_RTOL:g}, rounding, and 0.1; given {rtol:g}"
+                raise InputError(Problem("simulate", "rtol", text))
+        atol = self.atol if self.atol == 0.0 else positive("atol", self.atol, unit="")
+        most = self.max_steps
+        if not isinstance(most, Integral) or isinstance(most, bool) or most < 1:
+            text = f"must be a whole number >= 1; given {most!r}"
+            raise InputError(Problem("simulate", "max_steps", text))
+        if not method.adaptive:
+            return None
+        widest = length if step is None else positive("step", step)
+        fixed = step is not None and rtol is None
+        rtol = rtol or (FIXED_RTOL if fixed else 1e-8)
+        return Tolerance(rtol, float(atol), widest, int(most), np.zeros(0), fixed)
+
+    def checked_forces(self, mech: Mechanism) -> tuple[Force, ...]:
+        """The forces of a call, which fit the model. Raises InputError."""
+        forces = self.forces
+        if not isinstance(forces, (tuple, list)) or not all(isinstance(f, Force) for f in forces):
+            text = f"must be a list of pg.Force; given {forces!r:.60}"
+            raise InputError(Problem("simulate", "forces", text))
+        bodies = {b.name: b for b in mech.model.bodies} if forces else {}
+        if found := [problem for f in forces for problem in force_problems((f,), bodies)]:
+            raise InputError(found)
+        return tuple(forces)
+
+
+def mechanism_of(value: Any, where: str) -> Mechanism:
+    """The mechanism of a Mechanism or a Model. Raises InputError for other types."""
+    if isinstance(value, Mechanism):
+        return value
+    if isinstance(value, Model):
+        return Mechanism(value)
+    text = f"must be a pg.Mechanism or a pg.Model; given {value!r:.60}"
+    if isinstance(value, str):
+        text += f"; to read a file: pg.Model.load({value!r})"
+    raise InputError(Problem(where, "mechanism", text))
+
+
+def positive(field: str, value: Any, *, unit: str = " [s]") -> float:
+    """A finite number > 0. Raises InputError."""
+    number = _number(value)
+    if not 0 < number < np.inf:
+        text = f"must be a finite number > 0{unit}; given {value!r}"
+        raise InputError(Problem("simulate", field, text))
+    return number
+
+
+def _time(value: Any) -> float:
+    number = _number(value)
+    if not np.isfinite(number):
+        text = f"must be a finite number [s]; given {value!r}"
+        raise InputError(Problem("simulate", "t_start", text))
+    return number
+
+
+def _number(value: Any) -> float:
+    if type(value) is float:
+        return value
+    return float(value) if isinstance(value, Real) and not isinstance(value, bool) else np.nan
+
+
+# -- recorded times ------------------------------------------------------------------------------
+
+
+def fixed_step_times(t_start: float, t_end: float, step: float, frames: Any, t_eval: Any) -> Array:
+    """Recorded times of a run at fixed steps, at most FRAMES + 1 by default.
+
+    The first is `t_start`. Raises InputError.
+    """
+    span = t_end - t_start
+    if span / step > MOST_STEPS:
+        text = f"{step:g} s makes {span / step:.3g} steps; give {span / MOST_STEPS:g} s or more"
+        raise InputError(Problem("simulate", "step", text))
+    if frames is None:
+        steps = max(int(np.ceil(span / step - 1e-9)), 1)
+        frames = steps // -(-steps // FRAMES) + 1 if t_eval is None else None
+    return frame_times(t_start, t_end, frames, t_eval)
+
+
+def steps_between(times: Array, step: float) -> tuple[Ints, Array]:
+    """(substeps, width): the number and width [s] of the fixed steps between recorded times."""
+    apart = times[1:] - times[:-1]
+    substeps = np.maximum(np.ceil(apart / step - 1e-9), 1.0)
+    return substeps.astype(np.int64), apart / substeps
+
+
+def frame_times(t_start: float, t_end: float, frames: Any, t_eval: Any) -> Array:
+    """Recorded times: `frames` evenly from `t_start` to `t_end`, or `t_start` and `t_eval`."""
+    if t_eval is not None:
+        return _grid(t_eval, t_start, t_end)
+    if not isinstance(frames, Integral) or isinstance(frames, bool) or frames < 2:
+        text = f"must be a whole number >= 2; given {frames!r}"
+        raise InputError(Problem("simulate", "frames", text))
+    return np.linspace(t_start, t_end, int(frames))
+
+
+def _grid(t_eval: Any, t_start: float, t_end: float) -> Array:
+    try:
+        times = np.array(t_eval, dtype=float)
+    except (TypeError, ValueError):
+        times = np.array(np.nan)
+    if times.ndim != 1 or len(times) == 0 or not np.isfinite(times).all():
+        raise InputError(Problem("simulate", "t_eval", "must be a list of finite times [s]"))
+    if np.any(np.diff(times) <= 0) or times[0] < t_start or times[-1] > t_end + 1e-12 * abs(t_end):
+        text = f"must ascend within {t_start:g} to t_end = {t_end:g} s"
+        raise InputError(Problem("simulate", "t_eval", text))
+    return times if times[0] == t_start else np.concatenate(([t_start], times))

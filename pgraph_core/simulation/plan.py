@@ -1,0 +1,437 @@
+"""Plan: what acts in a run, by which method it is stepped, and when it is recorded.
+
+Everything here but the automatic choice of a method depends on the mechanism and the options
+alone, so that a mechanism keeps its last plans: a short run costs little more than its steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..contact.sites import Site, sites_of
+from ..contact.tables import Tables
+from ..engine import layout as at
+from ..engine import motion
+from ..engine.compiler.address import address_of
+from ..engine.stepping import stiffness
+from ..errors import InputError, Problem
+from ..gait.controller import Controller
+from ..integrators import DOP853, DOPRI5, RADAU5, RK4, Method, method_of
+from ..mechanism import Mechanism
+from ..mechanism.packed import NO_LOADS
+from ..mechanism.scale import length_of
+from ..mechanism.scene import Scene
+from ..model import Contact, Scenario
+from ..system import Array, Drives, Ints, Loads
+from .options import (
+    FRAMES,
+    Options,
+    Tolerance,
+    fixed_step_times,
+    frame_times,
+    positive,
+    steps_between,
+)
+from .switches import Change, ever, switch_changes, with_instants
+
+VERSION = version("pgraph-dynamics")
+KEPT_PLANS = 8  # by a mechanism
+RESOLVED = 0.25  # steps times the rate of penalty contacts where no step is given
+KINKED = 2  # order that is left where tables bend inside steps
+MANY = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
+SHORT = 20  # steps: looking for the fastest rate would cost more than a shorter run
+AT_END = 1e-6  # of a step: a corner this near its end is there
+NO_TIMES = np.zeros(0)
+NO_SUBSTEPS = np.zeros(0, dtype=np.int64)
+NO_GAINS = np.zeros(2)
+NO_FORCES = (Drives(np.zeros((0, at.DRIVE)), np.zeros((0, 3)), 0), NO_LOADS)
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """A run, checked and complete but for its initial state."""
+
+    method: Method
+    times: Array  # (n,) recorded times [s]
+    drives: Drives
+    loads: Loads
+    active: Ints  # indices of the constraints active at the start
+    substeps: Ints = field(default_factory=lambda: NO_SUBSTEPS)  # (n - 1,) fixed steps a frame
+    width: Array = field(default_factory=lambda: NO_TIMES)  # (n - 1,) of them [s]
+    contacts: Tables | None = None
+    gains: Array = field(default_factory=lambda: NO_GAINS)  # (2,) of Baumgarte
+    project: bool = False
+    tolerance: Tolerance | None = None  # None: fixed steps
+    sites: tuple[Site, ...] = ()  # contact points and limits of an event-driven run
+    changes: tuple[Change, ...] = ()  # of constraints that go on and off
+    ever: Ints = field(default_factory=lambda: NO_SUBSTEPS)  # active constraints of all times
+    length: float = 1.0  # of the mechanism, a scale of errors [m]
+    kinks: Array = field(default_factory=lambda: NO_TIMES)  # corners of tables inside steps [s]
+    shown: NDArray[np.bool_] | None = None  # frames that were asked for; None: all
+    start: tuple[Array, Array] = (NO_TIMES, NO_TIMES)  # q, v where the call gives none
+    tau: Any = None  # the controller of the scenario's gait
+    notices: tuple[str, ...] = ()
+    header: Mapping[str, Any] = field(default_factory=dict)  # of the result
+
+    @property
+    def step(self) -> float | None:
+        """Width of the steps [s]; None where the method chooses them."""
+        if self.tolerance is None:
+            return float(self.width.max(initial=0.0))
+        return self.tolerance.widest if self.tolerance.fixed else None
+
+    @property
+    def impulses(self) -> bool:
+        """Whether rigid contacts or joint limits act."""
+        return self.contacts is not None and self.contacts.rigid
+
+    @property
+    def touches(self) -> int:
+        """Number of contact pairs and limits that are recorded."""
+        return len(self.contacts.touches) + len(self.contacts.limits) if self.contacts else 0
+
+
+def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> Plan:
+    """The plan of a run, kept by the mechanism for the next run with the same options.
+
+    Raises InputError.
+    """
+    kept: dict[Any, tuple[Plan, Any]] = mech.__dict__.setdefault("_plans", {})
+    key: Any = (*options, *map(type, options), callable(tau), q is None or v is None)
+    try:
+        plan, state = kept.get(key, (None, None))
+    except TypeError:  # an option that cannot be hashed, such as an array of times
+        key, plan, state = None, None, None
+    if isinstance(tau, Controller):
+        key = plan = None
+    if plan is not None and (state is None or state == _bytes(q, v)):
+        return plan
+    plan, rated = _planned(mech, options, tau, q, v)
+    if key is not None:
+        while len(kept) >= KEPT_PLANS:
+            kept.pop(next(iter(kept)), None)
+        kept[key] = plan, _bytes(q, v) if rated else None
+    return plan
+
+
+def _bytes(q: Any, v: Any) -> tuple[Any, Any]:
+    q, v = (None if x is None else np.asarray(x, dtype=float).tobytes() for x in (q, v))
+    return q, v
+
+
+def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Plan, bool]:
+    """(the plan, whether its method was chosen for the state). Raises InputError."""
+    given = mech.model.scenario(o.scenario) if o.scenario is not None else None
+    extra = o.checked_forces(mech)
+    o.check()
+    span, name = o.span(given), o.method_name(given)
+    forces = (*mech.model.forces, *(given.forces if given else ()), *extra)
+    drives, loads = mech.drives(forces), mech.loads(forces)
+    contacts = mech.contacts(touching_contacts(mech, given))
+    active, changes = switch_changes(mech, given, o.switches, active_constraints(mech, given), span)
+    tau = controller_of(mech, given) if tau is None else tau
+    start = initial_state(mech, given, q, v, tau)
+    plan = Plan(
+        RK4, NO_TIMES, drives, loads, active, contacts=contacts, changes=changes, start=start,
+        tau=tau if isinstance(tau, Controller) else None,
+    )  # fmt: skip
+    step = _given_step(plan, given, o)
+    o = o._replace(step=step)
+    rate = _Rate(mech, plan, span[1] - span[0], known=not callable(tau))
+    method, why = _method(rate, plan, name, o, step or (given.step if given else None))
+    sites: tuple[Site, ...] = ()
+    if contacts and plan.impulses and method.name != "moreau_jean":
+        contacts, sites = _event_driven(mech, contacts)
+        why = f"{why}, from event to event of contacts and limits"
+    usual = given.step if given else 1e-3
+    tolerance = o.tolerance(method, span[1] - span[0])
+    width, times = _times(o, tolerance, span, usual)
+    asked = times
+    if changes:
+        times, changes = with_instants(times, changes)
+    substeps, widths = steps_between(times, width) if width else (NO_SUBSTEPS, NO_TIMES)
+    bends = corners(mech, drives, loads, whole := ever(active, changes), *span)
+    kinks = NO_TIMES
+    if tolerance is not None:
+        ticks = tau.ticks(*span) if isinstance(tau, Controller) else NO_TIMES
+        tolerance = tolerance._replace(corners=np.union1d(bends, ticks) if len(ticks) else bends)
+    elif method.order > KINKED and len(bends):
+        kinks = _corners_inside(bends, times, widths)
+    plan = replace(
+        plan,
+        method=method,
+        times=times,
+        substeps=substeps,
+        width=widths,
+        contacts=contacts,
+        gains=_gains(o, usual),
+        project=o.stabilise == "project" or bool(sites),
+        tolerance=tolerance,
+        sites=sites,
+        changes=changes,
+        ever=whole,
+        length=length_of(mech),
+        kinks=kinks,
+        shown=_shown(times, changes, o, asked),
+    )
+    header = {
+        "version": VERSION,
+        "model_hash": mech.model.hash,
+        "scenario": o.scenario,
+        "method": method.name,
+        "why": why,
+        "step": plan.step,
+        "rtol": None if tolerance is None or tolerance.fixed else tolerance.rtol,
+        "t_start": span[0],
+        "t_end": span[1],
+        "stabilise": o.stabilise,
+        "forces": [(*span, f.model_dump(mode="json", exclude_none=True)) for f in extra],
+    }
+    notices = (*_stiff(plan, rate), *_bent(plan), *_hard(plan))
+    plan = replace(plan, header=header, notices=notices)
+    return plan, rate.known and rate.found is not None
+
+
+# -- what acts -----------------------------------------------------------------------------------
+
+
+def controller_of(mech: Mechanism, given: Scenario | None) -> Controller | None:
+    """The controller of a scenario's gait; None where it has none."""
+    return Controller(mech, given.gait) if given is not None and given.gait is not None else None
+
+
+def active_constraints(mech: Mechanism, given: Scenario | None) -> Ints:
+    """Indices of the constraints that a scenario activates, else the model's active ones."""
+    if given is None or given.constraints is None:
+        return mech.active
+    wanted = set(given.constraints)
+    return np.array(
+        [i for i, c in enumerate(mech.model.constraints) if c.name in wanted], dtype=np.int64
+    )
+
+
+def touching_contacts(mech: Mechanism, given: Scenario | None) -> tuple[Contact, ...]:
+    """The contacts that act."""
+    if given is None or given.contacts is None:
+        return tuple(c for c in mech.model.contacts if c.active)
+    return tuple(c for c in mech.model.contacts if c.name in given.contacts)
+
+
+def initial_state(
+    mech: Mechanism, given: Scenario | None, q: Any, v: Any, tau: Any = None
+) -> tuple[Array, Array]:
+    """Initial state: the arguments, else the scenario's, else a gait's, else the model's."""
+    tau = controller_of(mech, given) if tau is None else tau
+    known = q is not None and v is not None
+    q0, v0 = tau.start() if isinstance(tau, Controller) and not known else mech.home()
+    if given is not None:
+        for state, entries, column in ((q0, given.q, at.QI), (v0, given.v, at.VI)):
+            for name, values in entries.items():
+                number = mech.topology.number(name)
+                row = int(np.flatnonzero(mech.system.body_of_row == number)[0])
+                first = mech.system.rows[row, column]
+                state[first : first + len(values)] = values
+    return with_state(mech, (q0, v0), q, v)
+
+
+def with_state(mech: Mechanism, start: tuple[Array, Array], q: Any, v: Any) -> tuple[Array, Array]:
+    """Copies of the given q and v, or of those in `start` where they are None."""
+    q = start[0] if q is None else mech.position(q)
+    return q.copy(), (start[1] if v is None else mech.finite("v", v, mech.nv)).copy()
+
+
+def _event_driven(mech: Mechanism, contacts: Tables) -> tuple[Tables | None, tuple[Site, ...]]:
+    """(soft contacts, points of rigid contacts and limits) of an event-driven run."""
+    if contacts.remembers:
+        text = "a penalty contact remembers where it sticks, and a step to an event is taken again"
+        text += "; give the contacts law 'soft' or 'complementarity', or use method 'moreau_jean'"
+        raise InputError(Problem("simulate", "method", text))
+    sites = sites_of(mech.model, mech.topology, mech.system, contacts)
+    soft = tuple(t.contact for t in contacts.touches if t.contact.law == "soft")
+    rest = mech.contacts(tuple(dict.fromkeys(soft)))
+    if rest is None or not rest.touches:
+        return None, sites
+    none = tuple(array[:0] for array in rest.limit_blocks)
+    return rest._replace(limits=(), limit_blocks=none), sites
+
+
+# -- how it is stepped ---------------------------------------------------------------------------
+
+
+class _Rate:
+    """The fastest rate of the motion at the start, computed when first asked for."""
+
+    def __init__(self, mech: Mechanism, plan: Plan, span: float, *, known: bool):
+        self.mech, self.plan, self.span, self.known = mech, plan, span, known
+        self.found: float | None = None
+
+    def __call__(self) -> float:
+        """[1/s]; 0 where torques come from a function."""
+        if self.found is None:
+            self.found = self._of((self.plan.drives, self.plan.loads)) if self.known else 0.0
+        return self.found
+
+    def without_forces(self) -> float:
+        """[1/s] of the same motion without springs, dampers and other forces."""
+        return self._of(NO_FORCES) if self.known else 0.0
+
+    def _of(self, forces: Any) -> float:
+        return fastest_rate(self.mech, forces, self.plan.active, *self.plan.start)
+
+
+def fastest_rate(
+    mech: Mechanism, forces: tuple[Drives, Loads], active: Ints, q: Array, v: Array
+) -> float:
+    """Largest rate of the linearised motion, oscillations included, within about 10 % [1/s].
+
+    Contacts are left out.
+    """
+    scene = Scene(mech, *forces, active)
+    stages = np.zeros((stiffness.STIFFNESS_ROWS, mech.nq + mech.nv))
+    stages[stiffness.STATE, : mech.nq] = q
+    stages[stiffness.STATE, mech.nq :] = v
+    accelerate = address_of(motion.acceleration)
+    size = (mech.nq, mech.nv)
+    rate = stiffness.fastest_rate(scene.address, accelerate, size, stages, np.zeros(3))
+    return float(rate) if np.isfinite(rate) else 0.0
+
+
+def _given_step(plan: Plan, given: Scenario | None, o: Options) -> Any:
+    """The step asked for, or the one that penalty contacts need where nothing is given."""
+    contacts = plan.contacts
+    asked = given is not None or o.step is not None or o.rtol is not None
+    if asked or contacts is None or not contacts.remembers or plan.impulses:
+        return o.step
+    return min(1e-3, RESOLVED / contacts.rate)
+
+
+def _method(
+    rate: _Rate, plan: Plan, name: str, o: Options, step: float | None
+) -> tuple[Method, str]:
+    """(method, why): the one called `name`, or for "auto" the one that suits. Raises InputError."""
+    impulses, touching = plan.impulses, plan.contacts is not None
+    if name != "auto" or (impulses and o.rtol is None):
+        known = "moreau_jean" if name == "auto" else name
+        method = method_of(known, impulses=impulses, touching=touching)
+        impacts = "moreau_jean: the scene has rigid contacts or joint limits"
+        return method, impacts if name == "auto" else f"{name}: as asked"
+    loose = o.rtol is not None and o.rtol > 1e-5
+    if impulses:
+        if loose:
+            return DOPRI5, "dopri5: rigid contacts or joint limits, to a loose tolerance"
+        return DOP853, "dop853: rigid contacts or joint limits, to a tight tolerance"
+    if step is not None and o.rtol is None:
+        if rate() * step > RK4.limit:
+            text = f"radau5: the fastest rate, {rate():.3g}/s, times the step is too much for rk4"
+            return RADAU5, text
+        return RK4, "rk4: the most accurate of the methods for smooth motion at a fixed step"
+    if rate() * rate.span > MANY and rate() > 30.0 * (rest := rate.without_forces()):
+        text = f"radau5: springs or dampers make rates of {rate():.3g}/s, the rest {rest:.3g}/s"
+        return RADAU5, text
+    if touching:
+        return DOPRI5, "dopri5: soft contacts, whose forces bend, at steps of its own choice"
+    if loose:
+        return DOPRI5, "dopri5: smooth motion, to a loose tolerance"
+    return DOP853, "dop853: smooth motion, to a tight tolerance, at steps of its own choice"
+
+
+def _times(
+    o: Options, tolerance: Tolerance | None, span: tuple[float, float], usual: float
+) -> tuple[float, Array]:
+    """(width of fixed steps [s], 0 for adaptive ones; recorded times)."""
+    if tolerance is None or tolerance.fixed:
+        step = positive("step", usual if o.step is None else o.step)
+        return step, fixed_step_times(*span, step, o.frames, o.t_eval)
+    frames = FRAMES + 1 if o.frames is None else o.frames
+    return 0.0, frame_times(*span, frames, o.t_eval)
+
+
+def _shown(times: Array, changes: Any, o: Options, asked: Array) -> NDArray[np.bool_] | None:
+    """Which frames were asked for, and are not only there for a change or for the start."""
+    first = o.t_eval is None or len(asked) == np.size(o.t_eval)
+    if first and not changes:
+        return None
+    shown = np.isin(times, asked)
+    shown[0] = first
+    return shown
+
+
+def _gains(o: Options, usual: float) -> Array:
+    """Baumgarte's 2α and α² with α = 0.1/h: stable for every method here, gone in 10 steps."""
+    if o.stabilise != "baumgarte":
+        return NO_GAINS
+    alpha = 0.1 / float(usual if o.step is None else o.step)
+    return np.array([2 * alpha, alpha * alpha])
+
+
+# -- corners of tables ---------------------------------------------------------------------------
+
+
+def corners(
+    mech: Mechanism, drives: Drives, loads: Loads, active: Ints, t_start: float, t_end: float
+) -> Array:
+    """Times within the run at which a table of forces or of a followed motion bends [s]."""
+    found = [mech.bends(drives), loads.knots[:, 0]]
+    blocks = mech.blocks
+    for i in active.tolist() if len(blocks.curves) else ():
+        for block in range(blocks.first[i], blocks.first[i + 1]):
+            first, count = blocks.blocks_i[block, [at.B_CURVE, at.B_KNOTS]].tolist()
+            if count > 0:
+                found.append(blocks.curves[first : first + count, 0])
+    others = any(len(x) for x in found[1:])
+    times = np.unique(np.concatenate(found)) if others else found[0]
+    return times[(times > t_start) & (times < t_end)]
+
+
+def _corners_inside(bends: Array, times: Array, width: Array) -> Array:
+    """The corners that lie inside fixed steps, and not at their ends."""
+    interval = np.searchsorted(times, bends, side="right") - 1
+    among = (interval >= 0) & (interval < len(width))
+    bends, interval = bends[among], interval[among]
+    share = (bends - times[interval]) / width[interval]
+    return bends[np.abs(share - np.round(share)) > AT_END]
+
+
+# -- notices -------------------------------------------------------------------------------------
+
+
+def _stiff(plan: Plan, rate: _Rate) -> list[str]:
+    """A notice where fixed steps are too wide for an explicit method."""
+    step, limit = plan.step, plan.method.limit
+    if step is None or limit == 0.0 or int(plan.substeps.sum()) < SHORT:
+        return []
+    if rate() * step <= limit:
+        return []
+    x = rate() * step
+    return [f"stiff: lambda*dt = {x:.3g}, explicit limit dt < {limit / rate():.3g} s, try radau5"]
+
+
+def _hard(plan: Plan) -> list[str]:
+    """A notice where fixed steps are too wide for the stiffness or friction of contacts."""
+    rate = plan.contacts.rate if plan.contacts is not None else 0.0
+    if plan.step is None or plan.method.implicit or rate * plan.step <= 1.0:
+        return []
+    return [
+        f"soft or penalty contacts make rates of about {rate:.3g}/s, which steps of "
+        f"{plan.step:.3g} s do not resolve: give {RESOLVED / rate:.2g} s or less, or a smaller "
+        "stiffness"
+    ]
+
+
+def _bent(plan: Plan) -> list[str]:
+    """A notice where tables bend inside fixed steps, which takes the method's order."""
+    count = len(plan.kinks)
+    if count == 0:
+        return []
+    step = float(np.max(plan.width))
+    lie = "1 corner of tables lies" if count == 1 else f"{count} corners of tables lie"
+    return [
+        f"{lie} inside steps of {step:.4g} s: the error there shrinks as the step's square only; "
+        f"choose a step that divides the times of knots, or an adaptive method such as dopri5"
+    ]
