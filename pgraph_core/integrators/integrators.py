@@ -22,16 +22,12 @@ class Method(NamedTuple):
     # safety, exponents of this error and the last one, least and largest change of the width
     controller: tuple[float, float, float, float, float] = (0.9, 0.0, 0.0, 0.2, 6.0)
     limit: float = 0.0  # largest rate x step of an oscillation that is stable; 0: any
+    implicit: bool = False  # whether it solves equations, with a Jacobian
 
     @property
     def adaptive(self) -> bool:
         """Whether it can choose its steps by their error."""
         return self.attempt is not None
-
-    @property
-    def implicit(self) -> bool:
-        """Whether it solves equations, with a Jacobian."""
-        return self.limit == 0.0
 
     @property
     def eventful(self) -> bool:
@@ -90,6 +86,7 @@ RADAU5 = Method(
     "stiff springs, dampers and friction, at steps that do not resolve them",
     attempt=implicit.attempt_radau,
     controller=_pi(4, 0.04, 8.0),
+    implicit=True,
 )
 ROS2 = Method(
     "ros2",
@@ -98,6 +95,7 @@ ROS2 = Method(
     "stiff motion for playback: one factorisation a step",
     attempt=implicit.attempt_ros2,
     controller=_pi(2, 0.0, 6.0),
+    implicit=True,
 )
 MOREAU_JEAN = Method(
     "moreau_jean",

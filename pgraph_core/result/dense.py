@@ -12,7 +12,7 @@ import numpy as np
 
 from ..engine import layout as at
 from ..errors import InputError, Problem
-from ..system import Array
+from ..system import Array, Ints
 
 OUTSIDE = 1e-9  # of the run: a time this far outside is at its end
 SMOOTH = 0.1  # ratio of the errors of quintic and cubic over two frames where motion is smooth
@@ -100,7 +100,7 @@ def _half_product(omega: Array, q: Array) -> Array:
     return 0.5 * np.concatenate((real, w * omega + np.cross(omega, u)), axis=1)
 
 
-def _cubic(t: Array, y: Array, rate: Array, i: Array, k: Array, x: Array) -> Array:
+def _cubic(t: Array, y: Array, rate: Array, i: Ints, k: Ints, x: Array) -> Array:
     """Cubic Hermite polynomials between frames i and k at times x."""
     h = (t[k] - t[i])[:, None]
     s = (x - t[i])[:, None] / h
@@ -109,7 +109,7 @@ def _cubic(t: Array, y: Array, rate: Array, i: Array, k: Array, x: Array) -> Arr
     return y[i] + rise * (y[k] - y[i]) + bent
 
 
-def _quintic(frames: Any, i: Array, k: Array, x: Array) -> Array:
+def _quintic(frames: Any, i: Ints, k: Ints, x: Array) -> Array:
     """Quintic Hermite polynomials between frames i and k at times x."""
     t, y, rate, bend = frames
     h = (t[k] - t[i])[:, None]
@@ -122,7 +122,7 @@ def _quintic(frames: Any, i: Array, k: Array, x: Array) -> Array:
     return found + 0.5 * h * h * s * s * left * left * (left * bend[i] + s * bend[k])
 
 
-def _missed(frames: Any, i: Array, x: Array) -> Array:
+def _missed(frames: Any, i: Ints, x: Array) -> Array:
     """Estimated interpolation error of q in the intervals from frames i, at times x.
 
     In smooth motion from what polynomials over two frames miss the frame between them by; else,

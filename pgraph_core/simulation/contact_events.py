@@ -25,7 +25,7 @@ from ..result import Status
 from ..result.contact_record import FREE, PHASES, STOP, ContactRecord, Event
 from ..system import Array, Ints
 from .event_scene import EventScene
-from .loop import AdaptiveSteps, FixedSteps
+from .loop import AdaptiveSteps, FixedSteps, Outcome
 from .plan import Plan
 
 TOUCHING = 1e-9  # relative to the size of the coordinates: a gap that is none at the start
@@ -37,20 +37,6 @@ ALIGNED = 1e-10  # rad: a direction of slip this near is found
 MOST_TURNS = 100
 SLACK = 0.5 * phase_watch.FORCE_TOLERANCE
 MANY = 300  # events within SAME_TIME: they do not end
-
-
-class Outcome:
-    """How a run ended, what a person should know of it, and its events so far."""
-
-    def __init__(self) -> None:
-        """The run has reached its end, until something stops it."""
-        self.status, self.message = Status.DONE, Status.DONE.value
-        self.notices: list[str] = []
-        self.log: list[Event] = []
-
-    def stop(self, status: Status, message: str) -> None:
-        """End the run."""
-        self.status, self.message = status, message
 
 
 class ContactEvents:
@@ -134,7 +120,7 @@ class ContactEvents:
             self._event(steps.event)
             steps.go_on()
             self.seconds += time.perf_counter() - began
-            if not self.ended.status.ok:
+            if not self.ended.ok:
                 return at.EVENT
             budget = last - int(steps.counters["steps"])
         return at.RUNNING

@@ -28,7 +28,7 @@ def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) ->
     if len(record.plan.kinks) == 0:
         return _by_coarser(record, q, v, progress)
     bent = _again(record, _onto_corners(record.plan), q, v, progress)
-    if not bent.ended.status.ok:
+    if not bent.ended.ok:
         return float("nan")
     theirs = bent.out.q[np.searchsorted(bent.plan.times, record.plan.times)]
     return float(np.max(np.abs(record.out.q - theirs))) + _by_coarser(bent, q, v, progress)
@@ -41,7 +41,7 @@ def _by_coarser(record: Recording, q: Array, v: Array, progress: Progress) -> fl
         return float("nan")
     coarser, ratio = found
     coarse = _again(record, coarser, q, v, progress)
-    if not coarse.ended.status.ok:
+    if not coarse.ended.ok:
         return float("nan")
     mine = record.out.q[np.searchsorted(record.plan.times, coarser.times)]
     return float(np.max(np.abs(coarse.out.q - mine), initial=0.0)) / (ratio - 1.0)

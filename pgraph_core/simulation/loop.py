@@ -15,6 +15,8 @@ from ..engine.contact import sites as site_kernels
 from ..engine.records import CLOCK, COUNTERS, CURSOR, STEP_CONTROL, table
 from ..engine.stepping import adaptive, implicit, phase_dense, phase_events, run
 from ..mechanism import Mechanism
+from ..result import Status
+from ..result.contact_record import Event
 from ..system import Array, Ints
 from .plan import Plan
 
@@ -203,6 +205,20 @@ class AdaptiveSteps:
             f"the equations of {of} of {self.tolerance.widest:.4g} s could not be solved at once, "
             "as where friction sets in: narrower ones were taken there"
         ]
+
+
+class Outcome:
+    """How a run ended, what a person should know of it, and its events so far."""
+
+    def __init__(self) -> None:
+        """The run has reached its end, until something stops it."""
+        self.status, self.message, self.ok = Status.DONE, Status.DONE.value, True
+        self.notices: list[str] = []
+        self.log: list[Event] = []
+
+    def stop(self, status: Status, message: str) -> None:
+        """End the run."""
+        self.status, self.message, self.ok = status, message, status.ok
 
 
 @cache

@@ -27,10 +27,10 @@ from ..mechanism.scene import Scene
 from ..result import Result, Status
 from ..result.contact_record import NOTHING, ContactRecord
 from ..system import Array, Ints
-from .contact_events import ContactEvents, Outcome
+from .contact_events import ContactEvents
 from .contact_log import contact_counters, contact_notices, contacts_of, switched
 from .event_scene import EventScene
-from .loop import steps_of
+from .loop import Outcome, steps_of
 from .plan import Plan
 from .switches import Change, closed, hold_here
 
@@ -109,7 +109,7 @@ class Recording:
                 continue
             if code != at.RUNNING:
                 self._raise_user_error()
-                if self.ended.status.ok:
+                if self.ended.ok:
                     self.ended.stop(*self._failure(code))
                 return
             faster = CHUNK / (time.perf_counter() - began)
@@ -145,9 +145,9 @@ class Recording:
             if notice := redundancy(self.scene):
                 self._redundant = True
                 self.ended.notices.append(notice)
-        if self.events is not None and self.ended.status.ok:
+        if self.events is not None and self.ended.ok:
             self.events.begin(self.start)
-        return self.ended.status.ok
+        return self.ended.ok
 
     def _first_evaluation(self) -> int:
         """0, or -1 if v' is not finite at the start, or the first row without inertia."""
@@ -216,7 +216,7 @@ class Recording:
         self.steps.restart()
         self._stop_at_next()
         self._first = change.t, self.q.copy(), self.v.copy()
-        return self.ended.status.ok
+        return self.ended.ok
 
     def _energy(self) -> float:
         return float(sum(motion.energy(self.scene.address, self.q, self.v)))
@@ -328,7 +328,7 @@ class Recording:
         if self.plan.shown is None:
             return slice(0, self.done)
         some = self.plan.shown[: self.done].copy()
-        some[-1:] |= not self.ended.status.ok
+        some[-1:] |= not self.ended.ok
         return slice(0, self.done) if some.all() else np.flatnonzero(some)
 
 

@@ -80,7 +80,7 @@ def simulate(
     built, busy = time.perf_counter(), time.thread_time()
     record.run(progress)
     stepped, busy = time.perf_counter(), time.thread_time() - busy
-    wanted = estimate and record.ended.status.ok
+    wanted = estimate and record.ended.ok
     error = error_estimate(record, *state, progress) if wanted else np.nan
     timing = {
         "build": built - began,
