@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
+from peers import drake as in_drake
+from peers import mujoco as in_mujoco
+from peers import pinocchio as in_pinocchio
 
 from .machine import has
-from .scenes import Scene, bare, differ, quadruped, scene
+from .scenes import STEP, Scene, bare, differ, quadruped, scene
 from .timing import Case
 
 PAW, PARENTS = "left_hind_paw", ("left_femur", "left_tibia")
@@ -82,11 +85,16 @@ def from_text(place: Scene) -> Case:
     if has("mujoco"):
         import mujoco
 
-        from tests.golden import with_mujoco
-
-        theirs = with_mujoco.mjcf(place.model, place.rows, "")
+        spec = spec_builder(place)()
+        spec.compile()
+        theirs = spec.to_xml()
         sides["MjModel.from_xml_string"] = lambda: mujoco.MjModel.from_xml_string(theirs)
     return Case(f"text to Mechanism, {place.name}", sides, "model")
+
+
+def spec_builder(place: Scene) -> Callable[[], Any]:
+    """A function that builds MuJoCo's spec of a scene."""
+    return in_mujoco.spec_builder(place.rows, place.model.gravity, STEP, "semi_implicit_euler")
 
 
 def builders(place: Scene, *, small: bool) -> dict[str, Callable[[], object]]:
@@ -95,19 +103,13 @@ def builders(place: Scene, *, small: bool) -> dict[str, Callable[[], object]]:
     if has("mujoco"):
         import mujoco
 
-        from . import in_mujoco
-
-        spec = in_mujoco.spec_builder(place)
+        spec = spec_builder(place)
         found["MjSpec + compile"] = lambda: spec().compile()
         if small:
             found["MjSpec + compile + MjData"] = lambda: mujoco.MjData(spec().compile())
     if has("pin") and small:  # its data is cubic in memory
-        from . import in_pinocchio
-
         found["pin.Model + Data"] = in_pinocchio.builder(place)
     if has("drake"):
-        from . import in_drake
-
         found["MultibodyPlant + context"] = lambda: in_drake.build(place)[0].CreateDefaultContext()
     return found
 
@@ -163,13 +165,9 @@ def recompiled(places: list[Scene]) -> dict[str, Callable[[], Any]]:
     if has("mujoco"):
         import mujoco
 
-        from . import in_mujoco
-
-        specs = [in_mujoco.spec_builder(place)() for place in places]
+        specs = [spec_builder(place)() for place in places]
         sides["compile + MjData"] = lambda: [mujoco.MjData(spec.compile()) for spec in specs]
     if has("pin"):
-        from . import in_pinocchio
-
         built = [in_pinocchio.builder(place) for place in places]
         sides["pin.Model + Data"] = lambda: [build() for build in built]
     return sides
@@ -191,9 +189,7 @@ def mass_changed() -> Case:
     if has("mujoco"):
         import mujoco
 
-        from . import in_mujoco
-
-        compiled = in_mujoco.spec_builder(scene("", model))().compile()
+        compiled = spec_builder(scene("", model))().compile()
         data, body = mujoco.MjData(compiled), compiled.body(PAW).id
 
         def set_const() -> None:

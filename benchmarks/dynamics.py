@@ -8,13 +8,16 @@ from collections.abc import Callable
 import numpy as np
 
 import pgraph_core as pg
+from peers import drake as in_drake
+from peers import mujoco as in_mujoco
+from peers import pinocchio as in_pinocchio
+from peers.rows import State
 from pgraph_core.engine import layout as at
 from pgraph_core.mechanism.back_ends import BackEnd
-from tests.core.trees import State
 
 from . import native
 from .machine import has
-from .scenes import Scene, bare, differ, quadruped, scene
+from .scenes import STEP, Scene, bare, differ, quadruped, scene
 from .timing import Case
 
 CHAINS = (10, 30, 100, 300, 1000, 3000, 10000)
@@ -27,23 +30,17 @@ def one_call(place: Scene, name: str, *, goals: dict[str, float], pinocchio: boo
     sides: dict[str, Callable[[], object]] = {"pgraph": lambda: mech.forward_dynamics(q, v, tau)}
     agreement = []
     if has("pin") and pinocchio:
-        from . import in_pinocchio
-
         sides["pin.aba"], theirs = in_pinocchio.forward_dynamics(place)
         agreement.append(f"pin {differ(theirs, found, 1e-9, name)}")
     if has("mujoco"):
         import mujoco
 
-        from . import in_mujoco
-
-        model, data, T = in_mujoco.loaded(place)
+        model, data, T = in_mujoco.loaded(place, STEP)
         mujoco.mj_forward(model, data)
         bound = 1e-9 if mech.nb < 100 else 1e-6  # it loses digits along chains
         agreement.append(f"mujoco {differ(T.T @ data.qacc, found, bound, name)}")
         sides["mj_forward"] = lambda: mujoco.mj_forward(model, data)
     if has("drake"):
-        from . import in_drake
-
         sides["drake"], theirs = in_drake.forward_dynamics(place)
         agreement.append(f"drake {differ(theirs, found, 1e-9, name)}")
     return Case(name, sides, agreement=", ".join(agreement), goals=goals)
@@ -56,9 +53,7 @@ def native_loop(place: Scene, name: str, number: int = 500, *, compiling: bool =
     found = pg.Mechanism(place.model).forward_dynamics(q, v, tau)
     agreement = []
     if has("mujoco"):
-        from . import in_mujoco
-
-        model, data, T = in_mujoco.loaded(place)
+        model, data, T = in_mujoco.loaded(place, STEP)
         loop = native.mujoco_loop(model, data)
         loop(1)
         agreement.append(f"mujoco {differ(T.T @ data.qacc, found, 1e-9, name)}")
@@ -95,8 +90,6 @@ def derivatives(place: Scene) -> Case:
     sides: dict[str, Callable[[], object]] = {"pgraph": lambda: mech.forward_derivatives(q, v, tau)}
     agreement = ""
     if has("pin"):
-        from . import in_pinocchio
-
         sides["pin.computeABADerivatives"], theirs = in_pinocchio.derivatives(place)
         agreement = f"pin {differ(theirs, found, 1e-9, name)}"
     return Case(name, sides, agreement=agreement)
@@ -153,8 +146,6 @@ def stance_run() -> Case:
     drift = pg.simulate(mech, scenario="stance").constraint_drift[:, 0].max()
     peers, agreement = stance_peers(state)
     if has("mujoco"):
-        from . import in_mujoco
-
         loop = native.mujoco_loop(*in_mujoco.stance(state))
         peers["mj_forward, native loop"] = lambda: loop(1)
     goals = {"pin.constraintDynamics": 2.0, "mj_forward": 2.0}
@@ -186,17 +177,13 @@ def stance_peers(state: State) -> tuple[dict[str, Callable[[], object]], str]:
     sides: dict[str, Callable[[], object]] = {}
     agreement = []
     if has("pin"):
-        from . import in_pinocchio
-
         call, force = in_pinocchio.stance(state)
         call()
-        theirs = np.array([f.linear[1] for f in force()])
+        theirs = force()[:, 1]
         agreement.append(f"pin {differ(vertical, theirs, 1e-5, 'stance')}")
         sides["pin.constraintDynamics"] = call
     if has("mujoco"):
         import mujoco
-
-        from . import in_mujoco
 
         model, data = in_mujoco.stance(state)
         mujoco.mj_forward(model, data)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
+from peers import mujoco as in_mujoco
 
 from . import native
 from .gait_checks import SETTLED, STEP, mechanism
@@ -15,36 +16,6 @@ from .gait_checks import SETTLED, STEP, mechanism
 SECONDS, ROUNDS = 3.0, 300
 CALLS = 100  # of the controller in one sample
 SOLE = 1e-3  # m: MuJoCo's feet are balls of this radius
-
-
-def model_of(mech: pg.Mechanism) -> Any:
-    """The quadruped as MuJoCo's users would write it: two hinges in a hip's body, its defaults."""
-    import mujoco
-
-    spec = mujoco.MjSpec()
-    spec.compiler.degree = False
-    spec.option.timestep, spec.option.gravity = STEP, mech.model.gravity
-    friction = [float(mech.model.contacts[0].friction or 0.0), 0.005, 0.0001]
-    turn = [np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0]
-    plane = mujoco.mjtGeom.mjGEOM_PLANE
-    spec.worldbody.add_geom(type=plane, size=[0, 0, 1], quat=turn, friction=friction)
-    made: dict[str, Any] = {"ground": spec.worldbody}
-    for b in mech.model.bodies:
-        (xx, xy, xz), (_, yy, yz), (_, _, zz) = b.inertia
-        made[b.name] = made[b.parent].add_body(
-            name=b.name, pos=b.link, mass=b.mass, ipos=b.com,
-            fullinertia=[xx, yy, zz, xy, xz, yz], explicitinertial=True,
-        )  # fmt: skip
-        if b.joint == "free":
-            made[b.name].add_freejoint()
-        for axis in b.axes if b.joint != "free" else ():
-            made[b.name].add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis)
-    for c in mech.model.contacts:
-        x, y, z = c.points[0]
-        place = (x, y + SOLE, z)
-        ball = mujoco.mjtGeom.mjGEOM_SPHERE
-        made[c.body].add_geom(type=ball, size=[SOLE, 0, 0], pos=place, friction=friction, condim=3)
-    return spec.compile()
 
 
 def walked(
@@ -85,7 +56,7 @@ def times() -> dict[str, float]:
     mech = mechanism("quadruped_hips")
     gait = mech.model.scenario("trot").gait
     assert gait is not None
-    model = model_of(mech)
+    model = in_mujoco.walker(mech.model, STEP, SOLE)
     late, steps = round(SETTLED / gait.stride) * gait.stride, round(gait.stride / STEP / 2)
     first, torques = walked(model, mech, pg.Controller(mech, gait), round(late / STEP))
     start = pg.simulate(mech, scenario="trot", t_end=late, frames=2, estimate=False)

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from pgraph_core.peers.elementary import PLACEHOLDER, Row
-from tests.golden import with_pinocchio
+from peers import pinocchio as in_pinocchio
+from peers.rows import PLACEHOLDER, Row
 
 from .scenes import Scene
 
@@ -57,8 +57,8 @@ def library(*, compiling: bool) -> ctypes.CDLL | str:
 
 def loop(scene: Scene, loaded: ctypes.CDLL) -> tuple[Callable[[int], object], np.ndarray]:
     """(a function that runs aba n times, v' in our coordinates)."""
-    model, *_ = with_pinocchio.build(scene.model, scene.rows)
-    q, T, Tdot_v = with_pinocchio.coordinates(scene.rows, scene.state.q, scene.state.v)
+    model, *_ = in_pinocchio.build(scene.model, scene.rows)
+    q, T, Tdot_v = in_pinocchio.coordinates(scene.rows, scene.state.q, scene.state.v)
     v, tau = T @ scene.state.v, np.linalg.solve(T.T, scene.state.tau)
     made, vdot = _made(scene, model, loaded), np.empty(model.nv)
     call = loaded.forward_dynamics

@@ -12,14 +12,16 @@ from collections.abc import Iterator
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.peers.elementary import rows_of
-from tests.core import fifty_digits
-from tests.core.precision_cases import LONG, SHORT, turned
-from tests.core.trees import State
+from peers import drake as in_drake
+from peers import mujoco as in_mujoco
+from peers import pinocchio as in_pinocchio
+from peers.rows import State, rows_of
 
+from . import fifty_digits
 from .machine import ROOT, has, machine
+from .precision_cases import LONG, SHORT, turned
 from .report import piped
-from .scenes import Scene
+from .scenes import STEP, Scene
 
 SEEDS = 3  # of chains below 1000
 CUBIC = 300  # bodies: beyond, Pinocchio's data on a chain does not fit into memory
@@ -30,7 +32,7 @@ TEXT = """# Precision beside MuJoCo, Pinocchio and Drake
 Made by `python -m benchmarks.precision --write` with {machine}.
 
 Each number is the largest error of an acceleration, relative to the largest acceleration, against
-forward dynamics in 50 digits (`tests/core/fifty_digits.py`, which inverse dynamics confirms to
+forward dynamics in 50 digits (`benchmarks/fifty_digits.py`, which inverse dynamics confirms to
 1e-30); the worst of {seeds} random chains, of one where there are 1000 bodies. Every chain has
 hinges, velocities, torques and gravity.
 
@@ -65,18 +67,12 @@ def accelerations(state: State) -> Iterator[tuple[str, np.ndarray]]:
     if has("mujoco"):
         import mujoco
 
-        from . import in_mujoco
-
-        model, data, T = in_mujoco.loaded(place)
+        model, data, T = in_mujoco.loaded(place, STEP)
         mujoco.mj_forward(model, data)
         yield "mujoco", T.T @ data.qacc
     if has("pin") and n <= CUBIC:
-        from . import in_pinocchio
-
         yield "pin", in_pinocchio.forward_dynamics(place)[1]
     if has("drake"):
-        from . import in_drake
-
         yield "drake", in_drake.forward_dynamics(place)[1]
 
 

@@ -8,6 +8,8 @@ from collections.abc import Callable
 import numpy as np
 
 import pgraph_core as pg
+from peers import exudyn as in_exudyn
+from peers import mujoco as in_mujoco
 
 from .machine import has
 from .scenes import STEP, Scene, differ
@@ -36,16 +38,12 @@ def steps(place: Scene, method: str, number: int, *, goal: bool = True) -> Case:
     sides: dict[str, Callable[[], object]] = {"pgraph": ours}
     agreement = []
     if has("mujoco"):
-        from . import in_mujoco
-
-        sides["mujoco.rollout"], _ = in_mujoco.rollout(place, method, number)
-        _, change = in_mujoco.rollout(place, method, 20)
+        sides["mujoco.rollout"], _ = in_mujoco.rollout(place, STEP, method, number)
+        _, change = in_mujoco.rollout(place, STEP, method, 20)
         agreement.append(f"mujoco {differ(run(20).q[-1] - q, change()[0], 1e-5, name)}")
     if has("exudyn") and method == "rk4":
-        from . import in_exudyn
-
-        sides["exudyn RK44"], _ = in_exudyn.rk4_steps(place, number)
-        _, change = in_exudyn.rk4_steps(place, 20)
+        sides["exudyn RK44"], _ = in_exudyn.rk4_steps(place, STEP, number)
+        _, change = in_exudyn.rk4_steps(place, STEP, 20)
         theirs = change()
         found = (run(20).q[-1] - q)[-len(theirs) :]
         agreement.append(f"exudyn {differ(theirs, found, 1e-9, name)}")
@@ -71,9 +69,7 @@ def long_steps(place: Scene, number: int) -> Case:
     sides: dict[str, Callable[[], object]] = {"pgraph": lambda: run(number).timing["step"]}
     agreement = ""
     if has("exudyn"):
-        from . import in_exudyn
-
-        one, change = in_exudyn.rk4_steps(place, 1)
+        one, change = in_exudyn.rk4_steps(place, STEP, 1)
         bound = 1e-6  # of its dense mass matrix, whose condition grows with the cube of the length
         agreement = f"exudyn {differ(change(), run(1).q[-1] - q, bound, name)}"
 
@@ -103,9 +99,7 @@ def batch(place: Scene, threads: int, size: int, number: int) -> Case:
     sides: dict[str, Callable[[], object]] = {"pgraph": run}
     agreement = ""
     if has("mujoco"):
-        from . import in_mujoco
-
-        rollout = in_mujoco.rollout(place, "semi_implicit_euler", number, size, threads)
+        rollout = in_mujoco.rollout(place, STEP, "semi_implicit_euler", number, size, threads)
         sides["mujoco.rollout"], change = rollout
         agreement = f"mujoco {differ(run().q[:, -1] - q, change(), 1e-5, name)}"
     goals = {"mujoco.rollout": GOAL_BATCH}

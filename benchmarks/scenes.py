@@ -2,29 +2,16 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.peers.elementary import Row, rows_of
-from tests.core.trees import State, random_state
+from peers.rows import Scene as Scene
+from peers.rows import rows_of
+
+from .random_models import random_state
 
 STEP = 1e-3  # s
-
-
-class Scene(NamedTuple):
-    """A model with a state, and its rows as the peers' builders take them."""
-
-    name: str
-    state: State
-    rows: list[Row]
-
-    @property
-    def model(self) -> pg.Model:
-        """The description."""
-        return self.state.model
 
 
 def scene(name: str, model: pg.Model, speed: float = 1.0, seed: int = 3) -> Scene:

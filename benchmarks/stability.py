@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.stability.axes import AXES
+from pgraph_core.study.axes import AXES
 
 from . import forced
 

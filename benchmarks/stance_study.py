@@ -15,6 +15,9 @@ import numpy as np
 
 import pgraph_core as pg
 import pgraph_models
+from peers import mujoco as in_mujoco
+
+from . import stance_in_pinocchio as stance
 
 SCENARIO = "stance"
 PAW = "left_hind_paw"  # body 13: the first branch of each girdle is taken for the left one
@@ -49,10 +52,8 @@ def summed(topology: pg.Topology, root: np.ndarray, hinges: np.ndarray) -> np.nd
     return alpha
 
 
-def in_pinocchio(model: pg.Model, t: np.ndarray) -> Curves:
+def by_pinocchio(model: pg.Model, t: np.ndarray) -> Curves:
     """pin.constraintDynamics in a plain RK4; no position or velocity is projected."""
-    from tests.golden import stance
-
     acceleration = stance.constrained(model, model.scenario(SCENARIO))
     topology = pg.Topology.of(model)
     q, v = np.concatenate([model.body(name).q for name in topology.names]), np.zeros(21)
@@ -65,26 +66,24 @@ def in_pinocchio(model: pg.Model, t: np.ndarray) -> Curves:
     return Curves(summed(topology, vdot[:, 2], vdot[:, 6:]), force)
 
 
-def in_mujoco(model: pg.Model, t: np.ndarray) -> Curves:
+def by_mujoco(model: pg.Model, t: np.ndarray) -> Curves:
     """Four `connect` constraints near the stiffest that MuJoCo takes, its RK4.
 
     Its feet are springs: before the clock starts they sink in until they carry the weight.
     """
     import mujoco
 
-    from tests.golden.stance import value
-
-    from . import in_mujoco
-
     topology, scenario = pg.Topology.of(model), model.scenario(SCENARIO)
     servos = [(topology.names.index(f.body) + 5, f) for f in scenario.forces]
-    robot, data = in_mujoco.held(model, (t[1] - t[0]) / FINE)
+    robot, data = in_mujoco.stance(
+        stance.at_home(model), in_mujoco.STIFF, (t[1] - t[0]) / FINE, rk4=True
+    )
 
     def drive(_: Any, data: Any) -> None:
         for j, f in servos:
             time = data.time - SETTLE * robot.opt.timestep
-            gap = value(f.target, time) - data.qpos[j + 1]
-            data.qfrc_applied[j] = f.kp * gap - f.kd * data.qvel[j] + value(f.torque, time)
+            gap = stance.value(f.target, time) - data.qpos[j + 1]
+            data.qfrc_applied[j] = f.kp * gap - f.kd * data.qvel[j] + stance.value(f.torque, time)
 
     found = []
     mujoco.set_mjcb_control(drive)
@@ -203,7 +202,7 @@ def main() -> None:
     """Runs the three solvers, prints the tables, draws."""
     model = pg.Model.load(pgraph_models.path("quadruped"))
     run, found = ours(model)
-    peers = {"Pinocchio": in_pinocchio(model, run.t), "MuJoCo": in_mujoco(model, run.t)}
+    peers = {"Pinocchio": by_pinocchio(model, run.t), "MuJoCo": by_mujoco(model, run.t)}
     report(run, found, peers)
     if "--check" not in sys.argv:
         draw(model, run, found, peers)

@@ -16,9 +16,7 @@ import numpy as np
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.report.document import sections
-from pgraph_core.report.html import Section, page
-from pgraph_core.report.text import peers
+from pgraph_core.study.page import Section, page
 
 from .methods import motions
 
@@ -56,7 +54,7 @@ SCENES: dict[str, Callable[..., pg.Study]] = {
 
 def table(name: str, study: pg.Study) -> str:
     """Times at equal error as Markdown."""
-    header, *rows = peers(study)
+    header, *rows = study.peer_table()
     lines = (header, ["---"] * len(header), *rows)
     body = (f"| {' | '.join(cells).replace(' x)', ' ×)')} |" for cells in lines)
     return "\n".join((f"### {name}", "", *body, *study.notes))
@@ -83,7 +81,7 @@ def main() -> None:
         print(f"{table(name, study)}\n", flush=True)
         least = min((row["ratio"] for row in study.against_peers()), default=float("nan"))
         print(f"{name}: at least {least:.2g} times faster than each peer", file=sys.stderr)
-        parts += [Section(f"{name}: {part.title}", part.body) for part in sections(study)]
+        parts += [Section(f"{name}: {part.title}", part.body) for part in study.sections()]
         if args.svg:
             (args.svg / f"{name.replace(' ', '_')}.svg").write_text(study.figure())
     if args.page:

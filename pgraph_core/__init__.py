@@ -36,10 +36,6 @@ from .topology import parent_of as parent_of
 from .topology import pgraph_of as pgraph_of
 
 if TYPE_CHECKING:
-    from .cases import Case as Case
-    from .cases import Verdict as Verdict
-    from .cases import load_cases as load_cases
-    from .cases import verify as verify
     from .columns import Columns as Columns
     from .constraints.assembly import Assembly as Assembly
     from .constraints.mobility import Mobility as Mobility
@@ -53,9 +49,6 @@ if TYPE_CHECKING:
     from .mechanism.batch import Batch as Batch
     from .paper import home_poses as home_poses
     from .paper.frame_update import frame_update_trace as frame_update_trace
-    from .report.comparison import work_precision as work_precision
-    from .report.reference import Reference as Reference
-    from .report.study import Study as Study
     from .result import Result as Result
     from .result import Status as Status
     from .result.joining import joined as joined
@@ -63,18 +56,25 @@ if TYPE_CHECKING:
     from .simulation.batches import BatchResult as BatchResult
     from .simulation.batches import simulate_batch as simulate_batch
     from .simulation.walk import Walk as Walk
-    from .stability.map import StabilityMap as StabilityMap
-    from .stability.map import stability_map as stability_map
+    from .study.map import StabilityMap as StabilityMap
+    from .study.reference import Reference as Reference
+    from .study.stability import stability_map as stability_map
+    from .study.study import Study as Study
+    from .study.work_precision import work_precision as work_precision
+    from .verification import Case as Case
+    from .verification import Verdict as Verdict
+    from .verification import load_cases as load_cases
+    from .verification import verify as verify
 
 _LAZY = {
     "Assembly": "constraints.assembly",
     "Batch": "mechanism.batch",
     "BatchResult": "simulation.batches",
     "simulate_batch": "simulation.batches",
-    "Case": "cases",
-    "Verdict": "cases",
-    "load_cases": "cases",
-    "verify": "cases",
+    "Case": "verification",
+    "Verdict": "verification",
+    "load_cases": "verification",
+    "verify": "verification",
     "Columns": "columns",
     "frame_update_trace": "paper.frame_update",
     "Controller": "gait.controller",
@@ -88,14 +88,14 @@ _LAZY = {
     "Mechanism": "mechanism",
     "Mobility": "constraints.mobility",
     "home_poses": "paper",
-    "work_precision": "report.comparison",
-    "Reference": "report.reference",
-    "Study": "report.study",
+    "work_precision": "study.work_precision",
+    "Reference": "study.reference",
+    "Study": "study.study",
     "Result": "result",
     "Status": "result",
     "simulate": "simulation",
-    "StabilityMap": "stability.map",
-    "stability_map": "stability.map",
+    "StabilityMap": "study.map",
+    "stability_map": "study.stability",
 }
 
 

@@ -1,6 +1,6 @@
 """The built-in models: `path(name)` of a model file, `names()` of them all.
 
-And the cases, whose motion is known: `cases(name)`, `case_names()`; see `pgraph_core.cases`.
+And the cases, whose motion is known: `cases(name)`, `case_names()`; see `pgraph_core.verification`.
 Installed, this folder is the package `pgraph_models`; from the repository root the name
 `static_models` means the same module.
 """
@@ -18,7 +18,7 @@ import pgraph_core as pg
 from pgraph_core.errors import InputError, Problem, choices
 
 if TYPE_CHECKING:
-    from pgraph_core.cases import Case
+    from pgraph_core.verification import Case
 
 FOLDER = Path(__file__).parent
 CASES = FOLDER / "cases"

@@ -18,7 +18,7 @@ HELP = "which methods hold where a scene is made stiff or extreme"
 
 
 def arguments(parser: ArgumentParser) -> None:
-    from pgraph_core.stability.axes import AXES
+    from pgraph_core.study.axes import AXES
 
     parser.add_argument("model", metavar="MODEL", help="a file or the name of a built-in model")
     parser.add_argument("--axis", choices=tuple(AXES), default="stiffness", help="what is varied")
@@ -69,7 +69,7 @@ def _maps(
     model: pg.Model, args: Namespace, options: dict[str, Any]
 ) -> tuple[list[pg.StabilityMap], list[str]]:
     """(a map an axis, a sentence for each axis that the model has not)."""
-    from pgraph_core.stability.axes import AXES
+    from pgraph_core.study.axes import AXES
 
     bar, found, lacking = progress_bar(), [], []
     for axis in AXES if args.all else (args.axis,):
@@ -99,11 +99,10 @@ def _writable(args: Namespace) -> None:
 
 
 def _written(maps: list[pg.StabilityMap], output: str) -> None:
-    from pgraph_core.stability.page import page
 
     if len(maps) == 1 and not output.endswith(".html"):
         maps[0].save(output)
     elif output.endswith(".html"):
-        write_atomic(output, page(maps))
+        write_atomic(output, maps_page(maps))
     else:
         write_atomic(output, f"[{', '.join(found.to_json() for found in maps)}]\n")

@@ -43,11 +43,7 @@ class ReportsView:
 
 def page(report: Report) -> str:
     """The report as a page of its own."""
-    if report.kind == "precision":
-        return report.result.html()
-    from pgraph_core.stability.page import page
-
-    return page([report.result])
+    return report.result.html()
 
 
 def drawn(state: State) -> str:

@@ -17,7 +17,7 @@ from pgraph_app.report.update import AXES
 from pgraph_app.report.view import page, reports
 from pgraph_app.report.worker import Analyst
 from pgraph_app.update import update
-from pgraph_core.stability.axes import AXES as KNOWN_AXES
+from pgraph_core.study.axes import AXES as KNOWN_AXES
 
 ME = 1
 

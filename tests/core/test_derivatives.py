@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from benchmarks import fifty_digits
+from benchmarks.fifty_digits import exact, mp
 from pgraph_core import joints
 from pgraph_core.paper.motion import bodies_of
 
-from . import fifty_digits
-from .fifty_digits import exact, mp
 from .trees import random_case, scaled_error
 
 H = mp.mpf(10) ** -15  # central differences are then good to 30 digits

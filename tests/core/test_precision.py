@@ -5,9 +5,8 @@ from __future__ import annotations
 import pytest
 
 import pgraph_core as pg
-
-from . import fifty_digits
-from .precision_cases import LONG, SHORT, turned
+from benchmarks import fifty_digits
+from benchmarks.precision_cases import LONG, SHORT, turned
 
 
 def error(state):

@@ -14,12 +14,11 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.report import work
-from pgraph_core.report.errors import Errors, angles
-from pgraph_core.report.orders import observed_order
-from pgraph_core.report.reference import horizon
-from pgraph_core.report.study import seconds_at
-from pgraph_core.report.timing import measured, ratios, spread
+from pgraph_core.study import engines
+from pgraph_core.study.errors import Errors, angles, observed_order
+from pgraph_core.study.reference import horizon
+from pgraph_core.study.study import seconds_at
+from pgraph_core.study.timing import measured, ratios, spread
 
 from .test_orders import heavy_top, tumbling_body
 
@@ -273,7 +272,7 @@ def test_contacts_are_measured_too():
     touch = pg.Contact(name="floor", body="ball", points=((0, 0, 0),), restitution=0.5)
     mech = pg.Mechanism(pg.Model(bodies=(ball,), contacts=(touch,)))
     found = pg.work_precision(mech, t_end=0.3, steps=(0.01, 0.005), rounds=1, frames=7)
-    assert found.methods == ("moreau_jean", "rk4", "semi_implicit_euler")
+    assert found.methods == ("semi_implicit_euler", "rk4", "moreau_jean")
     best = min(found.rows, key=lambda row: row.error or np.inf)
     assert best.method == "rk4"
 
@@ -360,14 +359,23 @@ def test_a_report_is_written(study: pg.Study, suffix: str, tmp_path):
 
 
 def test_a_peer_that_is_not_installed_is_said(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("pgraph_core.report.beside.installed", lambda name: False)
+    monkeypatch.setattr("peers.installed", lambda name: False)
     found = pg.work_precision(
         built_in("pendulum"), t_end=0.1, methods="rk4", steps=0.01, rounds=1, peers="mujoco"
     )
     assert found.notes == ("MuJoCo is not installed (pip install mujoco)",)
 
 
+def test_without_the_peers_package_a_study_says_so(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(engines, "peers_package", lambda: None)
+    found = pg.work_precision(
+        built_in("pendulum"), t_end=0.1, methods="rk4", steps=0.01, rounds=1, peers="mujoco"
+    )
+    assert found.notes == (engines.MISSING,)
+    assert [row.method for row in found.rows] == ["rk4"]
+
+
 def test_no_peer_is_looked_for_unless_asked(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(work, "peer_sides", None, raising=False)
+    monkeypatch.setattr(engines, "peers_package", None)
     found = pg.work_precision(built_in("pendulum"), t_end=0.1, methods="rk4", steps=0.01, rounds=1)
     assert not any(row.peer for row in found.rows)

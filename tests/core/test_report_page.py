@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from pgraph_core.report.html import Section, page, series_colour, table
+from pgraph_core.study.page import Section, page, series_colour, table
 
 
 def test_a_page_needs_nothing_from_elsewhere():

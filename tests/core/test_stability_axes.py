@@ -7,7 +7,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.stability.axes import AXES
+from pgraph_core.study.axes import AXES
 
 from .test_cases import DOWN, mass
 
@@ -98,7 +98,7 @@ def test_mass_ratio_is_of_the_last_tip_to_its_parent():
 @pytest.mark.parametrize("factors", [(3.0, 1.0, 1.0), (1.0, 5.0, 1.0), (1.0, 1.0, 7.0)])
 def test_a_rescaled_model_moves_the_same(factors):
     """Angles as they were, slides and times as many times as large: dimensional analysis."""
-    from pgraph_core.stability.dimensions import rescaled
+    from pgraph_core.study.rescaling import rescaled
 
     length, weight, time = factors
     slide = pg.Body(
@@ -125,7 +125,7 @@ def test_a_rescaled_model_moves_the_same(factors):
 
 
 def test_a_scenario_becomes_part_of_the_model():
-    from pgraph_core.stability.start import in_scenario
+    from pgraph_core.study.stability import in_scenario
 
     model, t_end = in_scenario(quadruped(), "stance")
     old = pg.Mechanism(quadruped())

@@ -14,11 +14,13 @@ import numpy as np
 
 import pgraph_core as pg
 import pgraph_models
+from benchmarks.stance_in_pinocchio import stance
+from peers import mujoco as in_mujoco
+from peers import pinocchio as in_pinocchio
 
 from ..core.trees import State, random_case, random_state, scaled_error
-from . import forests, with_mujoco, with_pinocchio
+from . import forests
 from .contacts import contacts
-from .stance import stance
 
 HERE = Path(__file__).parent
 TREES = 30  # with every matrix
@@ -62,8 +64,8 @@ def many_forests() -> None:
 
 
 def evaluated(state: State) -> tuple[State, dict[str, dict[str, np.ndarray]]]:
-    """A state and what both oracles say of it."""
-    by = {"mujoco": with_mujoco.evaluate(state), "pinocchio": with_pinocchio.evaluate(state)}
+    """A state and the results of both oracles."""
+    by = {"mujoco": in_mujoco.evaluate(state), "pinocchio": in_pinocchio.evaluate(state)}
     return state, by
 
 

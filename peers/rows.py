@@ -1,0 +1,101 @@
+"""A model as elementary rows, one motion each: the input of every builder.
+
+Rows are aligned with the parent body's axes at q = 0; the constant rotation of a body enters
+after its last motion. The engines then use the same quaternions as Pgraph.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from pgraph_core import Body, Model, Topology
+from pgraph_core.rotation import matrix
+
+Array = np.ndarray
+PLAIN = ("rotate", "translate")  # motions of one coordinate
+PLACEHOLDER = "none"  # kind of the row of a welded body
+
+
+class Row(NamedTuple):
+    """One motion; the last row of a body carries its mass and is named after it."""
+
+    name: str
+    parent: int  # index of the parent row, -1 for the world
+    turn: Array  # (3, 3) constant rotation from the parent row to this one
+    shift: Array  # (3,) constant shift, in the parent row's axes
+    kind: str
+    axis: Array
+    armature: float
+    body: Body | None  # if the row is the last of a body
+
+
+class State(NamedTuple):
+    """A model with a state and forces, all in number order."""
+
+    model: Model
+    topology: Topology
+    q: Array
+    v: Array
+    tau: Array
+    vdot: Array
+    external: Array  # (nb, 6) on the bodies at their origins, world axes
+
+
+class Scene(NamedTuple):
+    """A model with a state, and its rows."""
+
+    name: str
+    state: State
+    rows: list[Row]
+
+    @property
+    def model(self) -> Model:
+        """The description."""
+        return self.state.model
+
+
+def rows_of(model: Model, topology: Topology | None = None) -> list[Row]:
+    """All rows in number order."""
+    topology = topology or Topology.of(model)
+    rows: list[Row] = []
+    last = {"ground": (-1, np.eye(3))}
+    for name in topology.names:
+        body = model.body(name)
+        at, turn = last[body.parent]
+        shift, home = turn @ body.link, matrix(body.rotation)
+        motions = list(body.motions) or [(PLACEHOLDER, (0, 0, 1))]
+        armatures = list(body.armature) or [0.0]
+        for i, ((kind, axis), armature) in enumerate(zip(motions, armatures)):
+            final = i == len(motions) - 1
+            unit = home @ axis / np.linalg.norm(axis)
+            added = armature if kind in PLAIN else 0.0
+            label = name if final else f"{name}.{i}"
+            rows.append(Row(label, at, turn, shift, kind, unit, added, body if final else None))
+            at, turn, shift = len(rows) - 1, np.eye(3), np.zeros(3)
+        last[name] = (at, home)
+    return rows
+
+
+def inertia_of(body: Body) -> tuple[float, Array, Array]:
+    """Mass, centre of mass and central inertia in the axes of the body's last row."""
+    home = matrix(body.rotation)
+    return body.mass, home @ body.com, home @ np.array(body.inertia) @ home.T
+
+
+class Sizes(NamedTuple):
+    """The first index of each row's coordinates in Pgraph's q and v."""
+
+    q: list[int]
+    v: list[int]
+
+
+def sizes(rows: Sequence[Row]) -> Sizes:
+    """First indices into q and v, by row."""
+    nq = {"rotate": 1, "translate": 1, "ball": 4, "free": 7, PLACEHOLDER: 0}
+    nv = {"rotate": 1, "translate": 1, "ball": 3, "free": 6, PLACEHOLDER: 0}
+    q = np.cumsum([0, *(nq[row.kind] for row in rows)])
+    v = np.cumsum([0, *(nv[row.kind] for row in rows)])
+    return Sizes([int(x) for x in q], [int(x) for x in v])

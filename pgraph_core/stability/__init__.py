@@ -1,1 +1,0 @@
-"""Where methods hold on stiff and extreme scenes: a verdict on each of many runs."""

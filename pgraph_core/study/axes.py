@@ -1,0 +1,367 @@
+"""The axes of the stability map: each makes a model extreme in one way.
+
+An axis is a pure function (model, value) -> model and a line in `AXES`. The functions raise
+InputError if the model lacks what they vary.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import InputError
+from ..joints import SIZE
+from ..mechanism import Mechanism
+from ..model import Body, Force, Model
+from ..model.names import GROUND
+from ..topology import Topology
+from .rescaling import changed, rescaled
+from .settings import refusal
+
+ONE_COORDINATE = ("rotate", "translate")
+SCALES = (1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9)
+
+
+def unchanged(model: Model, value: float) -> Model:
+    """The model as it is: for axes that vary the run instead."""
+    return model
+
+
+def same_pace(value: float) -> float:
+    """Steps and durations stay as they are."""
+    return 1.0
+
+
+class Axis(NamedTuple):
+    """One way to make a scene extreme."""
+
+    name: str
+    what: str  # meaning of a value
+    unit: str
+    values: tuple[float, ...]  # usual ones
+    applied: Callable[[Model, float], Model] = unchanged
+    pace: Callable[[float], float] = same_pace  # factor on steps and duration
+    of_steps: bool = False  # the values are the steps themselves
+
+
+def lacking(axis: str, what: str) -> InputError:
+    """The error for a model that has nothing that the axis could vary."""
+    return refusal("stability_map", "axis", f"{axis} varies {what}; the model has none")
+
+
+def stiffness(model: Model, value: float) -> Model:
+    """The stiffest spring gets `value`, the others in proportion.
+
+    A spring of a joint keeps its initial force: the joint starts closer to the spring's rest, so
+    that the motion tends to that of a rigid part.
+    """
+    springs = [f for f in model.forces if f.kind in ("spring", "torsion") and f.stiffness]
+    found = [x for body in model.bodies for x in body.stiffness]
+    stiffest = max((*found, *(f.stiffness or 0.0 for f in springs)), default=0.0)
+    if stiffest == 0.0:
+        raise lacking("stiffness", "springs of joints and between bodies")
+    by = value / stiffest
+    forces = tuple(
+        f.model_copy(update={"stiffness": f.stiffness * by}) if f in springs and f.stiffness else f
+        for f in model.forces
+    )
+    bodies = tuple(_stiffened(b, by) if any(b.stiffness) else b for b in model.bodies)
+    return model.replace(bodies=bodies, forces=forces)
+
+
+def _stiffened(body: Body, by: float) -> Body:
+    q, first = list(body.q), 0
+    for motion, k, rest in zip(body.sequence, body.stiffness, body.rest):
+        if k and SIZE[motion.kind] == (1, 1):
+            q[first] = rest + (q[first] - rest) / by
+        first += SIZE[motion.kind][0]
+    return changed(body, stiffness=tuple(k * by for k in body.stiffness), q=tuple(q))
+
+
+def damping_ratio(model: Model, value: float) -> Model:
+    """Every spring gets the damper c = 2 ζ √(k m), with the mass that it alone would move.
+
+    That is the joint's own entry of the mass matrix in the initial state, and between bodies the
+    mass of the lighter.
+    """
+    springs = [f for f in model.forces if f.kind in ("spring", "torsion") and f.stiffness]
+    if not springs and not any(any(b.stiffness) for b in model.bodies):
+        raise lacking("damping_ratio", "the dampers of springs")
+    mech = Mechanism(model)
+    moved = np.diag(mech.mass_matrix(mech.home()[0]))
+    bodies = []
+    for body in model.bodies:
+        own = moved[mech.joints[body.name].v]
+        found = tuple(
+            2 * value * math.sqrt(k * m) if k else c
+            for k, c, m in zip(body.stiffness, body.damping, own)
+        )
+        bodies.append(changed(body, damping=found) if any(body.stiffness) else body)
+    forces = tuple(_damped(model, f, value) if f in springs else f for f in model.forces)
+    return model.replace(bodies=tuple(bodies), forces=forces)
+
+
+def _damped(model: Model, force: Force, value: float) -> Force:
+    joined = [model.body(name) for name in (force.body, force.other) if name in model.row]
+    mass = min(b.mass if force.kind == "spring" else max(max(r) for r in b.inertia) for b in joined)
+    damping = 2 * value * math.sqrt((force.stiffness or 0.0) * mass)
+    return force.model_copy(update={"damping": damping})
+
+
+def contact_stiffness(model: Model, value: float) -> Model:
+    """Every soft or penalty contact gets `value`."""
+    if not any(c.law != "complementarity" for c in model.contacts):
+        raise lacking("contact_stiffness", "contacts of law 'soft' or 'penalty'")
+    return model.replace(
+        contacts=tuple(
+            c if c.law == "complementarity" else c.model_copy(update={"stiffness": float(value)})
+            for c in model.contacts
+        )
+    )
+
+
+def mass_ratio(model: Model, value: float) -> Model:
+    """The last tip body gets `value` times the mass of its parent, and inertia in proportion."""
+    topology = Topology.of(model)
+    tips = [model.body(topology.names[n - 1]) for n in topology.tips]
+    tips = [b for b in tips if b.parent != GROUND and b.mass and model.body(b.parent).mass]
+    if not tips:
+        raise lacking("mass_ratio", "a tip body's mass over that of the body that carries it")
+    tip = tips[-1]
+    by = value * model.body(tip.parent).mass / tip.mass
+    inertia = tuple(tuple(by * x for x in row) for row in tip.inertia)
+    return _with_body(model, tip, changed(tip, mass=by * tip.mass, inertia=inertia))
+
+
+def inertia(model: Model, value: float) -> Model:
+    """Every body's inertia about its centre of mass times `value`; masses stay."""
+    if not any(any(map(any, body.inertia)) for body in model.bodies):
+        raise lacking("inertia", "inertia about centres of mass")
+    bodies = tuple(
+        changed(b, inertia=tuple(tuple(value * x for x in row) for row in b.inertia))
+        for b in model.bodies
+    )
+    return model.replace(bodies=bodies)
+
+
+def chain_length(model: Model, value: float) -> Model:
+    """A chain of `value` links, each like the model's first body, cut to 1 / value.
+
+    Lengths and masses are divided by the number, inertias by its cube; the first link has the
+    initial state of the body, the others follow at rest.
+    """
+    n, first = int(value), model.bodies[0] if model.bodies else None
+    if n != value or n < 1:
+        text = f"must be numbers of links; given {value:g}"
+        raise refusal("stability_map", "values", text)
+    if first is None or first.joint not in ("revolute", "universal", "spherical"):
+        text = "chain_length repeats a first body on a revolute, universal or spherical joint"
+        raise refusal("stability_map", "axis", text)
+    end = tuple(2 * x for x in first.com) if first.tip is None else first.tip
+    if not any(end):
+        text = f"the first body '{first.name}' must have a tip or centre of mass off its joint"
+        raise refusal("stability_map", "axis", text)
+    links = tuple(_link(first, end, i, n) for i in range(n))
+    return Model(bodies=links, name=f"chain of {n}", gravity=model.gravity, up=model.up)
+
+
+def _link(body: Body, end: tuple[float, ...], i: int, n: int) -> Body:
+    """Link i of n; all but the first start at the end of the one before, at rest."""
+
+    def part(x: tuple[float, ...], by: int = n) -> tuple[float, ...]:
+        return tuple(c / by for c in x)
+
+    rest = {} if i == 0 else {"q": (), "v": (), "rotation": (1.0, 0.0, 0.0, 0.0)}
+    return changed(
+        body,
+        name=str(i + 1),
+        parent=str(i) if i else GROUND,
+        link=part(end) if i else body.link,
+        mass=body.mass / n,
+        com=part(body.com),
+        tip=None if body.tip is None else part(body.tip),
+        inertia=tuple(part(row, n**3) for row in body.inertia),
+        stiffness=0.0,
+        damping=0.0,
+        friction=0.0,
+        limits=(),
+        shape=None,
+        **rest,
+    )
+
+
+def speed(model: Model, value: float) -> Model:
+    """The largest initial velocity becomes `value`, the others in proportion.
+
+    If all are at rest, the first coordinate of the first joint that moves gets it.
+    """
+    fastest = max((abs(x) for b in model.bodies for x in b.v), default=None)
+    if fastest is None:
+        raise lacking("speed", "initial velocities")
+    if fastest == 0.0:
+        mover = next(b for b in model.bodies if b.v)
+        return _with_body(model, mover, changed(mover, v=(float(value), *mover.v[1:])))
+    by = value / fastest
+    bodies = tuple(changed(b, v=tuple(by * x for x in b.v)) if b.v else b for b in model.bodies)
+    return model.replace(bodies=bodies)
+
+
+def friction(model: Model, value: float) -> Model:
+    """Every contact gets the coefficient `value`."""
+    if not model.contacts:
+        raise lacking("friction", "contacts")
+    return model.replace(
+        contacts=tuple(c.model_copy(update={"friction": float(value)}) for c in model.contacts)
+    )
+
+
+def joint_friction(model: Model, value: float) -> Model:
+    """Every hinge and slide gets `value` of friction."""
+    bodies = tuple(
+        changed(b, friction=tuple(value if m.kind in ONE_COORDINATE else 0.0 for m in b.sequence))
+        if any(m.kind in ONE_COORDINATE for m in b.sequence)
+        else b
+        for b in model.bodies
+    )
+    if all(new is old for new, old in zip(bodies, model.bodies)):
+        raise lacking("joint_friction", "friction of hinges and slides")
+    return model.replace(bodies=bodies)
+
+
+def redundancy(model: Model, value: float) -> Model:
+    """Every active constraint is there 1 + value times."""
+    active = [c for c in model.constraints if c.active]
+    if not active:
+        raise lacking("redundancy", "active constraints")
+    if value != int(value) or value < 0:
+        text = f"of redundancy must be whole numbers >= 0; given {value:g}"
+        raise refusal("stability_map", "values", text)
+    copies = tuple(
+        c.model_copy(update={"name": f"{c.name} again {i + 1}"})
+        for i in range(int(value))
+        for c in active
+    )
+    return model.replace(constraints=(*model.constraints, *copies))
+
+
+def singularity(model: Model, value: float) -> Model:
+    """The first hinge or slide starts `value` further on."""
+    kinds = ((b, b.sequence[0].kind) for b in model.bodies if b.sequence)
+    mover = next((b for b, kind in kinds if kind in ONE_COORDINATE), None)
+    if mover is None:
+        raise lacking("singularity", "the first hinge or slide")
+    return _with_body(model, mover, changed(mover, q=(mover.q[0] + value, *mover.q[1:])))
+
+
+def _with_body(model: Model, old: Body, new: Body) -> Model:
+    return model.replace(bodies=tuple(new if b is old else b for b in model.bodies))
+
+
+AXES: dict[str, Axis] = {
+    axis.name: axis
+    for axis in (
+        Axis(
+            "stiffness",
+            "stiffness of the stiffest spring",
+            "N/m or N m/rad",
+            (1e2, 1e3, 1e4, 1e5, 1e6, 1e8, 1e10, 1e12),
+            stiffness,
+        ),
+        Axis(
+            "damping_ratio",
+            "damping over critical damping",
+            "",
+            (0, 0.01, 0.1, 0.5, 1, 2, 5, 10),
+            damping_ratio,
+        ),
+        Axis(
+            "contact_stiffness",
+            "stiffness of soft and penalty contacts",
+            "N/m^1.5 or N/m",
+            (1e3, 1e4, 1e5, 1e6, 1e7, 1e8),
+            contact_stiffness,
+        ),
+        Axis(
+            "mass_ratio",
+            "mass of the last tip body over its parent's",
+            "",
+            (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9),
+            mass_ratio,
+        ),
+        Axis(
+            "inertia",
+            "factor on every inertia",
+            "",
+            (1e-15, 1e-9, 1e-6, 1e-3, 1.0, 1e1, 1e3),
+            inertia,
+        ),
+        Axis(
+            "chain_length",
+            "links of a chain of the same length and mass",
+            "links",
+            (2, 5, 10, 20, 50, 100, 200, 500, 1000),
+            chain_length,
+        ),
+        Axis(
+            "speed",
+            "largest initial velocity",
+            "rad/s or m/s",
+            (0.1, 1.0, 1e1, 1e2, 1e3, 1e4),
+            speed,
+        ),
+        Axis(
+            "friction",
+            "Coulomb's coefficient of all contacts",
+            "",
+            (0, 0.01, 0.1, 0.3, 0.5, 1, 3, 10),
+            friction,
+        ),
+        Axis(
+            "joint_friction",
+            "friction of every hinge and slide",
+            "N m or N",
+            (0, 0.01, 0.1, 1, 3, 10),
+            joint_friction,
+        ),
+        Axis("redundancy", "copies of every active constraint", "copies", (0, 1, 2, 5), redundancy),
+        Axis(
+            "singularity",
+            "distance of the first joint from its initial position",
+            "rad or m",
+            (0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3, 1e-2),
+            singularity,
+        ),
+        Axis(
+            "length_scale",
+            "factor on every length, gravity too",
+            "",
+            SCALES,
+            lambda model, value: rescaled(model, length=value),
+        ),
+        Axis(
+            "mass_scale",
+            "factor on every mass, forces too",
+            "",
+            SCALES,
+            lambda model, value: rescaled(model, mass=value),
+        ),
+        Axis(
+            "time_scale",
+            "factor on every time, steps and duration too",
+            "",
+            SCALES,
+            lambda model, value: rescaled(model, time=value),
+            pace=float,
+        ),
+        Axis(
+            "step",
+            "step of the run",
+            "s",
+            (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5),
+            of_steps=True,
+        ),
+    )
+}

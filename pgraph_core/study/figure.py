@@ -1,0 +1,287 @@
+"""The two figures as SVG text that stands alone: error against run time, and a heat map.
+
+Both take their colours from the page that they stand in (`page.style`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import accumulate
+from typing import NamedTuple
+
+from .page import duration, escape, series_colour
+
+LEFT, TOP, FOOT, LEGEND = 72.0, 16.0, 48.0, 22.0  # margins, and the height of a legend's line
+INK, LINE, SHADE = (
+    f"var(--{name}, {colour})"
+    for name, colour in (
+        ("ink", "currentColor"),
+        ("line", "#88929e66"),
+        ("shade", "#88929e22"),
+    )
+)
+MARKS = (  # within a circle of radius 1
+    "M-1,0A1,1,0,1,1,1,0A1,1,0,1,1,-1,0Z",
+    "M-.9,-.9H.9V.9H-.9Z",
+    "M0,-1.2L1.1,.8H-1.1Z",
+    "M0,-1.3L1.1,0L0,1.3L-1.1,0Z",
+    "M0,1.2L1.1,-.8H-1.1Z",
+    "M-1.1,-.35H-.35V-1.1H.35V-.35H1.1V.35H.35V1.1H-.35V.35H-1.1Z",
+    "M-1,-1H1L0,0L1,1H-1L0,0Z",
+    "M-1.2,0L.8,-1.1V1.1Z",
+)
+
+
+HIGHEST = 1e3  # errors above are drawn there
+CELL, CELL_HIGH, GAP = 26, 24, 12  # size of a heat map's cell [px], and between groups
+MAP_LEFT, MAP_TOP = 84, 64
+LETTER_WIDE = 6.8  # of a group's name
+
+
+class Point(NamedTuple):
+    """One run."""
+
+    seconds: float
+    error: float
+    text: str  # shown when one points at it
+    hollow: bool = False  # at the limit of the reference
+
+
+class Curve(NamedTuple):
+    """The runs of one method."""
+
+    name: str  # in the legend
+    points: Sequence[Point]
+    dashed: bool = False
+
+
+class Paper(NamedTuple):
+    """Size of the diagram, and of its legend: at the right, or in columns below."""
+
+    width: float
+    height: float
+    right: float  # end of the time axis
+    bottom: float  # end of the error axis
+    columns: int  # of a legend below; 0: at the right
+
+
+WIDE = Paper(900.0, 520.0, 690.0, 472.0, 0)
+
+
+def narrow(curves: int) -> Paper:
+    """For a column of 400 to 500 pixels, in which the text stays legible."""
+    lines = math.ceil(curves / 2)
+    return Paper(480.0, 350.0 + FOOT + lines * LEGEND, 470.0, 350.0, 2)
+
+
+class Axes(NamedTuple):
+    """The decades of both axes, and their places on the paper."""
+
+    paper: Paper
+    time: tuple[int, int]  # exponents of the seconds at left and right
+    error: tuple[int, int]  # exponents of the errors at bottom and top
+
+    def x(self, seconds: float) -> float:
+        """Place of a time."""
+        low, high = self.time
+        return LEFT + (math.log10(seconds) - low) / (high - low) * (self.paper.right - LEFT)
+
+    def y(self, error: float) -> float:
+        """Place of an error."""
+        low, high = self.error
+        bottom = self.paper.bottom
+        return bottom - (math.log10(min(error, HIGHEST)) - low) / (high - low) * (bottom - TOP)
+
+
+def error_diagram(
+    label: str,
+    curves: Sequence[Curve],
+    paper: Paper = WIDE,
+    *,
+    limit: float = math.nan,
+    target: float | None = None,
+) -> str:
+    """Error over run time, both logarithmic, one curve a method; a sentence if there is no point.
+
+    Errors below `limit`, the limit of the reference, are shaded; `target` is a dashed line.
+    """
+    open_ = (
+        '<svg xmlns="http://www.w3.org/2000/svg" role="img" '
+        f'viewBox="0 0 {paper.width:g} {paper.height:g}" '
+        f'aria-label="{escape(label)}" font-family="system-ui, sans-serif" font-size="12">'
+    )
+    points = [point for curve in curves for point in curve.points]
+    if not points:
+        return f"{open_}{_text(LEFT, 40, 'no run reached the end', anchor='start')}</svg>"
+    errors = [min(point.error, HIGHEST) for point in points]
+    axes = Axes(paper, _decades([point.seconds for point in points]), _decades(errors))
+    parts = [_shade(axes, limit), _grid(axes), _target(axes, target)]
+    parts += [_curve(axes, curve, i) for i, curve in enumerate(curves)]
+    return f"{open_}{''.join(parts)}{_legend(paper, curves)}</svg>"
+
+
+def _decades(values: list[float]) -> tuple[int, int]:
+    low = math.floor(math.log10(min(values)) - 0.05)
+    high = math.ceil(math.log10(max(values)) + 0.05)
+    return low, max(high, low + 1)
+
+
+def _grid(axes: Axes) -> str:
+    bottom, right = axes.paper.bottom, axes.paper.right
+    parts = []
+    for k in range(axes.time[0], axes.time[1] + 1):
+        x = axes.x(10.0**k)
+        parts.append(_line(x, TOP, x, bottom) + _text(x, bottom + 18, duration(10.0**k)))
+    for k in range(axes.error[0], axes.error[1] + 1):
+        y = axes.y(10.0**k)
+        parts.append(_line(LEFT, y, right, y) + _text(LEFT - 8, y + 4, f"1e{k}", anchor="end"))
+    parts.append(_text((LEFT + right) / 2, bottom + 40, "run time of the steps"))
+    middle = (TOP + bottom) / 2
+    turned = f'transform="rotate(-90 16 {middle:g})"'
+    parts.append(_text(16, middle, "error (rms, without unit)", extra=turned))
+    return "".join(parts)
+
+
+def _shade(axes: Axes, limit: float) -> str:
+    if not limit > 10.0 ** axes.error[0]:
+        return ""
+    top = max(axes.y(min(limit, 10.0 ** axes.error[1])), TOP)
+    width, height = axes.paper.right - LEFT, axes.paper.bottom - top
+    return (
+        f'<rect x="{LEFT:g}" y="{top:.1f}" width="{width:g}" height="{height:.1f}" '
+        f'style="fill:{SHADE}"><title>below {limit:.1e}: the limit of the reference</title></rect>'
+    )
+
+
+def _target(axes: Axes, target: float | None) -> str:
+    if target is None or not 10.0 ** axes.error[0] <= target <= 10.0 ** axes.error[1]:
+        return ""
+    y = axes.y(target)
+    line = _line(LEFT, y, axes.paper.right, y, f"stroke:{INK};stroke-dasharray:5 4")
+    return line + _text(LEFT + 6, y - 5, f"target {target:g}", anchor="start")
+
+
+def _curve(axes: Axes, curve: Curve, i: int) -> str:
+    places = [(axes.x(point.seconds), axes.y(point.error)) for point in curve.points]
+    colour = series_colour(i)
+    dash = ";stroke-dasharray:6 3" if curve.dashed else ""
+    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
+    line = f'<polyline points="{path}" style="fill:none;stroke:{colour};stroke-width:1.8{dash}"/>'
+    marks = (
+        f'<g tabindex="0">{_mark(x, y, i, colour, hollow=point.hollow)}'
+        f"<title>{escape(point.text)}</title></g>"
+        for point, (x, y) in zip(curve.points, places)
+    )
+    return line + "".join(marks)
+
+
+def _legend(paper: Paper, curves: Sequence[Curve]) -> str:
+    parts = []
+    for i, curve in enumerate(curves):
+        x, y = _place(paper, i)
+        parts.append(_mark(x, y - 4, i, series_colour(i)) + _text(x + 12, y, curve.name, "start"))
+    return "".join(parts)
+
+
+def _place(paper: Paper, i: int) -> tuple[float, float]:
+    """The place of the i-th entry of the legend."""
+    if not paper.columns:
+        return paper.right + 18, TOP + 14 + LEGEND * i
+    line, column = divmod(i, paper.columns)
+    step = (paper.width - 20) / paper.columns
+    return 20 + step * column, paper.bottom + FOOT + 14 + LEGEND * line
+
+
+def _mark(x: float, y: float, i: int, colour: str, *, hollow: bool = False) -> str:
+    path = MARKS[i % len(MARKS)]
+    fill = "transparent" if hollow else colour
+    return (
+        f'<path d="{path}" transform="translate({x:.1f} {y:.1f}) scale(4.5)" '
+        f'style="fill:{fill};stroke:{colour};stroke-width:.3"/>'
+    )
+
+
+def _line(x0: float, y0: float, x1: float, y1: float, style: str = "") -> str:
+    style = style or f"stroke:{LINE}"
+    return f'<line x1="{x0:.1f}" y1="{y0:.1f}" x2="{x1:.1f}" y2="{y1:.1f}" style="{style}"/>'
+
+
+def _text(x: float, y: float, text: str, anchor: str = "middle", extra: str = "") -> str:
+    place = f'x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" style="fill:{INK}" {extra}'
+    return f"<text {place}>{escape(text)}</text>"
+
+
+# -- heat map --------------------------------------------------------------------------------------
+
+
+class Square(NamedTuple):
+    """One cell of a heat map."""
+
+    row: int
+    group: int
+    column: int
+    colour: str
+    ink: str  # of the letter
+    letter: str
+    text: str  # shown when one points at it
+
+
+def heat_map(
+    title: str,
+    axis: str,
+    rows: Sequence[str],
+    groups: Sequence[str],
+    columns: Sequence[str],
+    squares: Sequence[Square],
+    legend: Sequence[tuple[str, str]],
+) -> str:
+    """Coloured cells in rows, one group of columns a method; `legend` has (text, colour)."""
+    widths = (max(len(columns) * CELL, LETTER_WIDE * len(name)) + GAP for name in groups)
+    starts = list(accumulate(widths, initial=float(MAP_LEFT)))
+    bottom = MAP_TOP + len(rows) * CELL_HIGH
+    width, height = max(starts[-1], 640), bottom + 44
+    parts = [f'<text x="4" y="{MAP_TOP - 8}" {_style(11)}>{escape(axis)}</text>']
+    parts += [_head(name, x, columns) for name, x in zip(groups, starts)]
+    for i, text in enumerate(rows):
+        place = f'x="{MAP_LEFT - 8}" y="{MAP_TOP + i * CELL_HIGH + 16}" text-anchor="end"'
+        parts.append(f"<text {place} {_style(11)}>{escape(text)}</text>")
+    for each in squares:
+        x, y = starts[each.group] + each.column * CELL, MAP_TOP + each.row * CELL_HIGH
+        parts.append(_square(each, x, y))
+    x = 4.0
+    for text, colour in legend:
+        parts.append(
+            f'<rect x="{x}" y="{bottom + 14}" width="12" height="12" rx="2" fill="{colour}"/>'
+            f'<text x="{x + 16}" y="{bottom + 24}" {_style(11)}>{escape(text)}</text>'
+        )
+        x += 24 + 7.4 * len(text)
+    size = f'viewBox="0 0 {width:.0f} {height}" width="{width:.0f}" height="{height}"'
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img" '
+        'font-family="system-ui, sans-serif" font-size="11">'
+        f"<title>{escape(title)}</title>{''.join(parts)}</svg>"
+    )
+
+
+def _head(name: str, x: float, columns: Sequence[str]) -> str:
+    parts = [f'<text x="{x}" y="{MAP_TOP - 40}" {_style(11)}>{escape(name)}</text>']
+    for j, text in enumerate(columns):
+        middle, y = x + j * CELL + CELL / 2, MAP_TOP - 6
+        turned = f'transform="rotate(-40 {middle} {y})"'
+        parts.append(f'<text x="{middle}" y="{y}" {_style(9)} {turned}>{escape(text)}</text>')
+    return "".join(parts)
+
+
+def _square(each: Square, x: float, y: float) -> str:
+    return (
+        f'<g tabindex="0"><title>{escape(each.text)}</title><rect x="{x:.1f}" y="{y}" '
+        f'width="{CELL - 2}" height="{CELL_HIGH - 2}" rx="3" fill="{each.colour}"/>'
+        f'<text x="{x + CELL / 2 - 1:.1f}" y="{y + 15}" text-anchor="middle" '
+        f"{_style(11, each.ink)}>{each.letter}</text></g>"
+    )
+
+
+def _style(size: int, ink: str = INK) -> str:
+    """Colour and size of a text, which the style of a page does not overrule."""
+    return f'style="fill: {ink}; font-size: {size}px"'

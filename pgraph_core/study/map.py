@@ -1,0 +1,154 @@
+"""The result of `stability_map`: cells, and how a person reads them as text, figure and page."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import FileError, Problem, choices
+from ..model.files import write_atomic
+from ..portable import Portable
+from .figure import Square, heat_map
+from .page import Section, escape, page, table
+from .study import plain
+from .verdicts import Cell, Verdict
+
+LOOK = {  # letter of the text map, colour and ink of the figure, meaning
+    Verdict.OK: (".", "#2e9e5b", "#ffffff", "as accurate as asked for"),
+    Verdict.INACCURATE: ("i", "#e3b341", "#1b1f24", "bounded, but not as accurate as asked for"),
+    Verdict.UNSTABLE: ("U", "#c2352b", "#ffffff", "the method makes the motion grow"),
+    Verdict.DAMPED: ("d", "#8d6cc9", "#ffffff", "the method takes energy that the model conserves"),
+    Verdict.DRIFT: ("D", "#d9782d", "#ffffff", "constraints drift"),
+    Verdict.FAILED: ("F", "#5a2327", "#ffffff", "the run ended early, or was refused"),
+    Verdict.SLOW: ("s", "#8a939e", "#ffffff", "more steps than the budget allows"),
+}
+HEADER = ("value", "method", "step [s]", "verdict", "error", "order", "evaluations", "why")
+
+
+@dataclass(frozen=True)
+class StabilityMap(Portable):
+    """A verdict on each value of the axis, method and step; `print` shows it as a text."""
+
+    model: str  # name
+    axis: str
+    what: str  # meaning of a value
+    unit: str
+    values: tuple[float, ...]
+    methods: tuple[str, ...]
+    steps: tuple[float, ...]  # [s]; empty if the values are the steps
+    t_end: float  # [s]
+    target: float  # largest error that is OK
+    references: tuple[str, ...]  # of each value
+    cells: tuple[Cell, ...]
+    complete: bool = True  # False: it was cancelled, and these are the cells so far
+
+    def __str__(self) -> str:
+        per = len(self.steps) or 1
+        widest = max(len(f"{v:g}") for v in self.values)
+        head = "".join(f"  {name:{per}}" for name in self.methods)
+        lines = [self.title, "", f"{'':{widest}}{head}"]
+        for value in self.values:
+            line = f"{f'{value:g}':{widest}}"
+            for name in self.methods:
+                own = (c for c in self.cells if (c.value, c.method) == (value, name))
+                line += f"  {''.join(LOOK[c.status][0] for c in own):{max(per, len(name))}}"
+            lines.append(line.rstrip())
+        return "\n".join([*lines, "", *self._legend(), "", *self.findings()]).rstrip()
+
+    @property
+    def title(self) -> str:
+        """What was varied, over which duration, to which target."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        steps = ", ".join(f"{s:g}" for s in self.steps)
+        each = f"; steps {steps} s from left to right" if self.steps else ""
+        return (
+            f"{self.model}: {self.what}{unit}, {self.t_end:g} s, errors up to {self.target:g} "
+            f"rad or of the length are OK{each}"
+        )
+
+    def _legend(self) -> list[str]:
+        """The letters that occur."""
+        there = {cell.status for cell in self.cells}
+        lines = [f"{LOOK[v][0]}  {v:11} {LOOK[v][3]}" for v in Verdict if v in there]
+        return lines if self.complete else [*lines, "cancelled: only the finished cells are here"]
+
+    def findings(self) -> list[str]:
+        """For each method and verdict but OK the first cell, in words, and their number."""
+        groups: dict[tuple[str, Verdict], list[Cell]] = {}
+        for cell in self.cells:
+            if cell.status is not Verdict.OK:
+                groups.setdefault((cell.method, cell.status), []).append(cell)
+        found = []
+        for (method, status), cells in groups.items():
+            where = f"{self.axis} {cells[0].value:g}, step {cells[0].step:g} s"
+            more = f" ({len(cells)} cells)" if len(cells) > 1 else ""
+            found.append(f"{method} {status}{more}, as at {where}: {cells[0].text}")
+        return found
+
+    def figure(self) -> str:
+        """A heat map as an SVG text that stands alone."""
+        squares = []
+        for c in self.cells:
+            letter, colour, ink, _ = LOOK[c.status]
+            letter = "" if c.status is Verdict.OK else letter
+            text = f"{c.method}, {c.value:g}, step {c.step:g} s: {c.status}: {c.text}"
+            place = self.values.index(c.value), self.methods.index(c.method), self._column(c)
+            squares.append(Square(*place, colour, ink, letter, text))
+        values, steps = ([f"{x:g}" for x in numbers] for numbers in (self.values, self.steps))
+        legend = [(str(v), LOOK[v][1]) for v in Verdict]
+        return heat_map(self.title, self.axis, values, self.methods, steps, squares, legend)
+
+    def _column(self, cell: Cell) -> int:
+        """The index of the requested step: where times are scaled, that of a cell is another."""
+        if not self.steps or cell.step in self.steps:
+            return self.steps.index(cell.step) if self.steps else 0
+        own = sorted({c.step for c in self.cells if c.value == cell.value})
+        return self.steps.index(sorted(self.steps)[own.index(cell.step)])
+
+    def sections(self) -> list[Section]:
+        """The parts of a page: figure and findings, then every cell in words."""
+        lines = "".join(f"<li>{escape(line)}</li>" for line in self.findings())
+        first = f"<p>{escape(self.title)}</p>{self.figure()}<ul>{lines}</ul>"
+        known = "".join(
+            f"<li>{value:g}: {escape(text)}</li>"
+            for value, text in zip(self.values, self.references)
+        )
+        rows = (
+            (
+                f"{c.value:g}", c.method, f"{c.step:g}", str(c.status), f"{c.error:.1e}",
+                f"{c.order:.1f}", str(c.evaluations), c.text,
+            )
+            for c in self.cells
+        )  # fmt: skip
+        cells = f"<p>Compared with:</p><ul>{known}</ul>{table(HEADER, rows)}"
+        return [Section(self.axis, first), Section(f"{self.axis}: every cell", cells)]
+
+    def html(self) -> str:
+        """The map as one page."""
+        return maps_page([self])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, as JSON takes them; numbers that are not finite are None."""
+        return plain(vars(self) | {"cells": [asdict(cell) for cell in self.cells]})
+
+    def to_json(self) -> str:
+        """One JSON object."""
+        return json.dumps(self.to_dict(), allow_nan=False)
+
+    def save(self, path: str | Path, /) -> None:
+        """Write a page (.html), the figure (.svg) or the numbers (.json). Raises FileError."""
+        kinds = {".html": self.html, ".svg": self.figure, ".json": self.to_json}
+        suffix = Path(path).suffix.lower()
+        if suffix not in kinds:
+            text = f"must end in {choices(kinds)}; given {suffix!r}"
+            raise FileError(Problem(str(path), "", text))
+        write_atomic(path, kinds[suffix]())
+
+
+def maps_page(maps: Sequence[StabilityMap]) -> str:
+    """Several maps of one model as one page."""
+    name = maps[0].model if maps else ""
+    return page(f"Stability of {name}", [part for each in maps for part in each.sections()])

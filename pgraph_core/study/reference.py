@@ -1,0 +1,266 @@
+"""What the runs of a study are compared with, and how accurate that is itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import InputError, PgraphError
+from ..integrators import METHODS
+from ..mechanism import Mechanism
+from ..mechanism.scale import length_of
+from ..result import Result
+from ..system import Array
+from ..verification import Case, States
+from .errors import differences, joint_errors, observer, reach, rms
+from .settings import Setting, refusal
+from .task import Progress, Task
+
+GIVEN, MADE = 3.0, 10.0  # errors below so many times the reference's own are not resolved
+GOOD = 1e-10  # accuracy at which the search for a better reference ends
+APART = 1e-4  # two runs further apart than this do not agree
+AGREE = 1e-9  # up to where two runs of a chaotic motion count as one
+OF_STATES = ("q", "point", "direction", "rotation")  # observables that follow from q alone
+FINEST = {"dop853": (1e-14, 1e-13), "radau5": (1e-13, 1e-12)}
+
+SAME = 1e-12  # of the duration: times closer than this are one
+LARGE = 20  # degrees of freedom from which implicit methods cost too much for a second opinion
+FINER = 1e-7  # tolerance of the reference, relative to the largest error that is OK
+RESOLVED = 3e5  # radians of the fastest oscillation that explicit methods may follow
+PATIENCE = 10  # times the budget of a cell
+TRUST = 10.0  # times its own estimate: how far another run may be off
+STATES = 5  # at which the fastest rate is evaluated
+NEWTON = 12  # evaluations of an implicit step in addition to its Jacobian, about
+
+Candidate = tuple[str, Setting]  # a method and a setting
+Measure = Callable[[Array], Array]  # (n, m) errors of states q (n, nq) at the reference's times
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A motion at given times, and an estimate of its own error."""
+
+    t: Array  # (n,) [s]
+    errors: Measure
+    accuracy: float  # error of the reference itself
+    source: str  # where it comes from, in words
+    margin: float = GIVEN
+
+    @property
+    def limit(self) -> float:
+        """Errors below it are not resolved."""
+        return self.margin * self.accuracy
+
+    @classmethod
+    def of_states(cls, task: Task, t: Array, q: Array, accuracy: float, source: str) -> Reference:
+        """States of the mechanism as the reference of its bodies' motion."""
+        observe, scale = observer(task.mech), reach(task.mech)
+        known = observe(q)
+        return cls(t, lambda found: differences(observe(found), known, scale), accuracy, source)
+
+
+def of_case(case: Case) -> Reference:
+    """The reference of a case: those of its observables that follow from q over time.
+
+    Raises InputError if it has none.
+    """
+    mech = Mechanism(case.model)
+    kept = [each for each in case.observables if each.kind in OF_STATES and each.frames is None]
+    if case.t is None or len(case.t) < 2 or not kept:
+        text = "has no motion over time to compare with; choose another case"
+        raise refusal(f"case '{case.name}'", "", text)
+
+    def measured(q: Array) -> Array:
+        states = States(mech, q, np.zeros((len(q), mech.nv)))
+        return np.column_stack([each.errors(states) for each in kept])
+
+    return Reference(case.t, measured, case.accuracy, f"case {case.name}, {case.how_obtained}")
+
+
+def given(task: Task, reference: Any) -> Reference:
+    """The reference that the caller gave: a Case, a Reference, a Result, or (t, q).
+
+    Raises InputError.
+    """
+    if isinstance(reference, Case):
+        return of_case(reference)
+    if isinstance(reference, Reference):
+        return reference
+    if isinstance(reference, Result):
+        method = reference.header.get("method", "unknown method")
+        accuracy = float(np.nan_to_num(reference.error_estimate, nan=0.0))
+        return Reference.of_states(task, reference.t, reference.q, accuracy, f"given run, {method}")
+    try:
+        t, q = (np.array(part, dtype=float) for part in reference)
+    except (TypeError, ValueError):
+        t, q = np.zeros(0), np.zeros(0)
+    if t.ndim != 1 or len(t) < 2 or q.shape != (len(t), task.mech.nq):
+        text = "must be a Result, a Case, a Reference, or (t, q) with at least two times and q of "
+        text += f"shape (len(t), {task.mech.nq}); given {type(reference).__name__}"
+        raise refusal("work_precision", "reference", text)
+    return Reference.of_states(task, t, q, 0.0, "given states, taken as exact")
+
+
+# -- made: the best of some fine runs, checked by another ------------------------------------------
+
+
+def _completed(
+    task: Task, candidates: Iterable[Candidate], watch: Callable[[], Progress], estimate: bool
+) -> Iterator[Result]:
+    """The runs that reach the end. Raises what the last one raised if each was refused."""
+    refused: PgraphError | None = None
+    ran = False
+    for method, setting in candidates:
+        try:
+            run = task.run(method, setting, watch(), estimate=estimate)
+        except PgraphError as error:
+            refused = error
+            continue
+        ran = True
+        if run.status.ok:
+            yield run
+    if refused is not None and not ran:
+        raise refused
+
+
+def finest(
+    task: Task, rate: float, step: float, watch: Callable[[], Progress]
+) -> tuple[Reference, Task]:
+    """(the best of the finest runs, with its distance to the second finest; its motion).
+
+    A chaotic motion is shortened to the horizon up to which both still agree. `rate` is the
+    fastest of the motion [1/s], `step` the finest of the ladder [s]. Raises InputError if no
+    method reaches the end.
+    """
+    best: tuple[float, Array, Array, str] | None = None
+    for pair in _pairs(task, rate, step):
+        try:
+            runs = list(_completed(task, pair, watch, False))
+        except InputError:
+            continue
+        if len(runs) < 2:
+            continue
+        (method, fine), (_, coarse) = pair
+        source = f"{method} at {fine} against {coarse}"
+        apart = Reference.of_states(task, task.t, runs[0].q, 0.0, source).errors(runs[1].q)
+        if best is None or rms(apart) < best[0]:
+            best = rms(apart), runs[0].q, apart, source
+        if best[0] < GOOD or horizon(best[2]) > 1:
+            break
+    if best is None:
+        text = (
+            "no method reached the end at its finest setting; give a reference or a shorter t_end"
+        )
+        raise refusal("work_precision", "reference", text)
+    own, q, apart, source = best
+    until = float(task.t[horizon(apart) - 1])
+    if own > APART and 0 < until < task.t_end:
+        return finest(replace(task, t=np.linspace(0.0, until, len(task.t))), rate, step, watch)
+    return replace(Reference.of_states(task, task.t, q, own, source), margin=MADE), task
+
+
+def _pairs(task: Task, rate: float, step: float) -> Iterator[tuple[Candidate, Candidate]]:
+    """Each method with its finest setting and the next one, the likeliest first."""
+    if task.impulses:
+        for name in ("rk4", "moreau_jean"):
+            yield (name, Setting(step=step / 4)), (name, Setting(step=step / 2))
+        return
+    stiff = rate * task.t_end > 1e5
+    for name in ("radau5", "dop853") if stiff else ("dop853", "radau5"):
+        fine, coarse = FINEST[name]
+        yield (name, Setting(rtol=fine)), (name, Setting(rtol=coarse))
+
+
+def horizon(apart: Array) -> int:
+    """The number of times from the start at which two runs agree."""
+    far = np.flatnonzero(apart.max(axis=1) > AGREE)
+    return int(far[0]) if len(far) else len(apart)
+
+
+class KnownMotion(NamedTuple):
+    """The motion at one value of a stability map, as accurately as it is known."""
+
+    run: Result
+    accuracy: float  # its largest error, in the units of `joint_errors`
+    source: str
+    rate: float  # the fastest of the motion [1/s]
+    energy: float  # range of its energies [J]
+
+    def at(self, t: Array) -> Array:
+        """(len(t), nq) states at these times, which must be among its own."""
+        return self.run.q[np.searchsorted(self.run.t, t * (1 - SAME) - 1e-300)]
+
+
+def merged(times: list[Array], t_end: float) -> Array:
+    """All times in order, once each."""
+    every = np.unique(np.concatenate(times))
+    return every[np.diff(every, prepend=-t_end) > SAME * t_end]
+
+
+def known_motion(
+    task: Task, step: float, target: float, budget: int, progress: Progress
+) -> KnownMotion | None:
+    """The best of two runs by different methods; None if no run reaches the end.
+
+    Its accuracy is the distance of both runs, or what the better one estimates of itself if the
+    other is off by no more than it estimates. `step` is the finest of the cells [s], `budget` that
+    of one cell. Raises PgraphError if no method takes the scene.
+    """
+    mech = task.mech
+    rate = task.rate_at([mech.home()])
+    rtol = min(1e-9, max(FINER * target, 1e-12))
+    allowed = PATIENCE * budget // len(mech.system.rows)
+    tries = _opinions(mech.nv, rate * task.t_end, task.impulses, step, rtol, allowed)
+    done: list[tuple[Result, float]] = []
+    for run in _completed(task, tries, lambda: progress, True):
+        done.append((run, float(run.error_estimate) * max(1.0, 1.0 / (length_of(mech) or 1.0))))
+        if len(done) == 2:
+            break
+    if not done:
+        return None
+    run, accuracy = min(done, key=lambda pair: np.nan_to_num(pair[1], nan=np.inf))
+    source = f"{_setting(run)}, by its own estimate"
+    if len(done) == 2:
+        other, theirs = done[0] if done[1][0] is run else done[1]
+        apart = float(joint_errors(mech, run.q, other.q).max(initial=0.0))
+        accuracy = min(apart, accuracy) if apart <= TRUST * theirs else apart
+        source = f"{_setting(run)} and {_setting(other)}"
+    some = np.linspace(0, len(run.t) - 1, STATES).astype(int)
+    rate = max(rate, task.rate_at([(run.q[i].copy(), run.v[i].copy()) for i in some]))
+    accuracy = accuracy if np.isfinite(accuracy) else np.inf
+    return KnownMotion(run, accuracy, source, rate, _energy_range(run))
+
+
+def _opinions(
+    nv: int, radians: float, impulses: bool, step: float, rtol: float, budget: int
+) -> Iterator[Candidate]:
+    """Settings to try until two of them reach the end."""
+    if impulses:
+        yield "rk4", Setting(step=step / 2)
+        yield "moreau_jean", Setting(step=step / 2)
+        yield "moreau_jean", Setting(step=step / 4)
+        return
+    choice = [("dop853", rtol), ("dopri5", 10 * rtol)] if radians < RESOLVED else []
+    if nv <= LARGE:
+        choice = [("radau5", rtol), *choice]
+    for name, tolerance in (*choice, ("radau5", 10 * rtol)):
+        yield name, Setting(rtol=tolerance, max_steps=max(budget // per_step(name, nv), 1))
+
+
+def per_step(method: str, nv: int) -> int:
+    """About how often a step evaluates the dynamics; a Jacobian by differences counts too."""
+    chosen = METHODS[method]
+    return NEWTON + 2 * nv if chosen.implicit else chosen.evaluations
+
+
+def _setting(run: Result) -> str:
+    rtol, step = run.header["rtol"], run.header["step"]
+    return f"{run.header['method']} {f'step {step:g} s' if rtol is None else f'rtol {rtol:g}'}"
+
+
+def _energy_range(run: Result) -> float:
+    parts = (run.kinetic_energy, run.potential_energy, run.work, run.dissipation)
+    return max(max(float(np.ptp(x)) for x in parts), float(run.kinetic_energy.max()))

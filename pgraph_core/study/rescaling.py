@@ -1,0 +1,160 @@
+"""A model in other units: every number times the factor of its dimension."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from ..joints import Motion
+from ..model import Body, Constraint, Contact, Force, Ground, Model, Table, VectorTable
+from ..model.constraint import IN_JOINTS
+from ..model.fields import fields_of
+from .settings import refusal
+
+
+def changed(body: Body, **fields: object) -> Body:
+    """A validated body with other fields."""
+    return Body(**{**fields_of(body), **fields})
+
+
+class Scale(NamedTuple):
+    """Factors on lengths, masses and times."""
+
+    length: float
+    mass: float
+    time: float
+
+    def of(self, length: float = 0, mass: float = 0, time: float = 0) -> float:
+        """The factor of a quantity with these exponents."""
+        return self.length**length * self.mass**mass * self.time**time
+
+
+SPRING, DAMPER, TORQUE = (0, 1, -2), (0, 1, -1), (2, 1, -2)  # exponents of length, mass, time
+FORCE = (1, 1, -2)
+# of a joint's fields: of rotations, and of translations
+OF_JOINT: dict[str, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
+    "stiffness": (TORQUE, SPRING),
+    "damping": ((2, 1, -1), DAMPER),
+    "rest": ((0, 0, 0), (1, 0, 0)),
+    "friction": (TORQUE, FORCE),
+    "armature": ((2, 1, 0), (0, 1, 0)),
+}
+Q = {"rotate": (0,), "translate": (1,), "ball": (0,) * 4, "free": (1, 1, 1, 0, 0, 0, 0)}
+V = {"rotate": (0,), "translate": (1,), "ball": (0,) * 3, "free": (0, 0, 0, 1, 1, 1)}
+
+
+def rescaled(model: Model, *, length: float = 1.0, mass: float = 1.0, time: float = 1.0) -> Model:
+    """The model with the same motion whose lengths, masses and times are scaled by these factors.
+
+    Scenarios are dropped. Raises InputError for constraints whose numbers have their own units.
+    """
+    s = Scale(float(length), float(mass), float(time))
+    fixed = [c.name for c in model.constraints if c.kind in IN_JOINTS]
+    if fixed:
+        text = f"constraint '{fixed[0]}' acts on coordinates, whose numbers are not rescaled; "
+        raise refusal("stability_map", "axis", f"{text}choose another axis")
+    return model.replace(
+        bodies=tuple(_body(b, s) for b in model.bodies),
+        constraints=tuple(_constraint(c, s) for c in model.constraints),
+        contacts=tuple(_contact(c, s) for c in model.contacts),
+        forces=tuple(_force(f, model, s) for f in model.forces),
+        gravity=_times(model.gravity, s.of(1, 0, -2)),
+        ground=_ground(model.ground, s),
+        scenarios=(),
+    )
+
+
+def _times(value: Any, by: float) -> Any:
+    """Numbers, however nested, times a factor; None stays."""
+    if value is None:
+        return None
+    return tuple(_times(x, by) for x in value) if isinstance(value, (tuple, list)) else by * value
+
+
+def _body(body: Body, s: Scale) -> Body:
+    found: dict[str, Any] = {
+        "link": _times(body.link, s.length),
+        "com": _times(body.com, s.length),
+        "tip": _times(body.tip, s.length),
+        "mass": body.mass * s.mass,
+        "inertia": _times(body.inertia, s.of(2, 1)),
+        "q": _coordinates(body.sequence, body.q, Q, s.length),
+        "v": _times(_coordinates(body.sequence, body.v, V, s.length), 1 / s.time),
+    }
+    for name, (turning, sliding) in OF_JOINT.items():
+        by = [s.of(*(sliding if m.kind == "translate" else turning)) for m in body.sequence]
+        found[name] = tuple(x * f for x, f in zip(getattr(body, name), by))
+    sizes = [s.length if m.kind == "translate" else 1.0 for m in body.sequence]
+    found["limits"] = tuple(_times(pair, f) for pair, f in zip(body.limits, sizes))
+    if body.shape is not None:
+        named = ("size", "radius", "length", "scale", "position")
+        sizes = {x: _times(getattr(body.shape, x), s.length) for x in named}
+        found["shape"] = body.shape.model_copy(update=sizes)
+    return changed(body, **found)
+
+
+def _coordinates(
+    motions: Sequence[Motion], values: Sequence[float], powers: dict[Any, Any], length: float
+) -> tuple[float, ...]:
+    each = (power for m in motions for power in powers[m.kind])
+    return tuple(x * length**power for x, power in zip(values, each))
+
+
+def _constraint(c: Constraint, s: Scale) -> Constraint:
+    named = ("point", "other_point", "length", "radius")
+    return c.model_copy(update={x: _times(getattr(c, x), s.length) for x in named})
+
+
+def _contact(c: Contact, s: Scale) -> Contact:
+    soft = c.law == "soft"
+    stiffness = s.of(-0.5, 1, -2) if soft else s.of(*SPRING)
+    damping = s.of(-1, 0, 1) if soft else s.of(*DAMPER)
+    return c.model_copy(
+        update={
+            "points": _times(c.points, s.length),
+            "stiffness": _times(c.stiffness, stiffness),
+            "damping": _times(c.damping, damping),
+        }
+    )
+
+
+def _force(f: Force, model: Model, s: Scale) -> Force:
+    """A motor's torque, a servo's and its gains have the dimension of the coordinate."""
+    slides = f.kind in ("motor", "servo") and _slides(model.body(f.body), f.coordinate)
+    acts, per = (s.of(*FORCE), s.length) if slides else (s.of(*TORQUE), 1.0)
+    rigid = (TORQUE, (2, 1, -1), (0, 0, 0)) if f.kind == "torsion" else (SPRING, DAMPER, (1, 0, 0))
+    found = {
+        "torque": _curve(f.torque, acts, s),
+        "force": _curve(f.force, s.of(*FORCE), s),
+        "torque_limit": _times(f.torque_limit, acts),
+        "target": _curve(f.target, per, s),
+        "kp": f.kp * acts / per,
+        "kd": f.kd * acts / per * s.time,
+        "point": _times(f.point, s.length),
+        "other_point": _times(f.other_point, s.length),
+    }
+    for name, exponents in zip(("stiffness", "damping", "rest"), rigid):
+        found[name] = _times(getattr(f, name), s.of(*exponents))
+    return f.model_copy(update=found)
+
+
+def _slides(body: Body, coordinate: int) -> bool:
+    each = [m.kind == "translate" or power > 0 for m in body.sequence for power in V[m.kind]]
+    return each[coordinate]
+
+
+def _curve(value: Any, by: float, s: Scale) -> Any:
+    if isinstance(value, (Table, VectorTable)):
+        times = _times(value.t, s.time)
+        return type(value)(t=times, value=_times(value.value, by))
+    return _times(value, by)
+
+
+def _ground(ground: Ground, s: Scale) -> Ground:
+    steps = tuple(
+        step.model_copy(
+            update={x: _times(getattr(step, x), s.length) for x in ("low", "high", "height")}
+        )
+        for step in ground.steps
+    )
+    return ground.model_copy(update={"steps": steps})

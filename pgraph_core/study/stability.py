@@ -1,0 +1,334 @@
+"""`stability_map`: which methods hold where, over one axis that makes a scene extreme."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import PgraphError, choices
+from ..joints import nq, nv
+from ..mechanism import Mechanism
+from ..model import Model
+from ..result import Result, Status
+from ..simulation import simulate
+from ..system import Array
+from .axes import AXES, Axis, changed
+from .map import StabilityMap
+from .reference import KnownMotion, known_motion, merged, per_step
+from .settings import Setting, finite_numbers, methods_of, positive, refusal
+from .task import Task, mechanism_of
+from .verdicts import Cell, Verdict, judged, step_limit
+
+STEPS = (1e-1, 1e-2, 1e-3, 1e-4)  # [s]
+TARGET = 1e-3  # rad, or of the mechanism's length
+BUDGET = 20_000_000  # evaluations times elementary motions of a run: a second or two
+FRAMES = 41  # evenly over a run
+EARLY = 10  # first steps, all recorded: an unstable run grows there
+CALL = "stability_map"
+
+
+class Sweep(NamedTuple):
+    """The checked arguments of a map."""
+
+    model: Model
+    axis: Axis
+    values: tuple[float, ...]
+    methods: tuple[str, ...]
+    steps: tuple[float, ...]  # empty: the values are the steps
+    t_end: float
+    target: float
+    budget: int  # evaluations of a run times elementary motions
+    stabilise: str | None
+
+
+class Line(NamedTuple):
+    """One value of the axis: its model and the motion that its cells are compared with."""
+
+    value: float
+    model: Model | None
+    t_end: float
+    steps: tuple[float, ...]
+    known: KnownMotion | None
+    problem: str  # why there is no model, or no known motion
+
+    @property
+    def reference(self) -> str:
+        """In words."""
+        if self.known is None:
+            return self.problem
+        return f"{self.known.source}: known to {self.known.accuracy:.0e}"
+
+
+def stability_map(
+    mech: Mechanism | Model,
+    q: Any = None,
+    v: Any = None,
+    *,
+    axis: str = "stiffness",
+    values: Iterable[float] | None = None,
+    methods: Iterable[str] | str | None = None,
+    steps: Iterable[float] | None = None,
+    t_end: float | None = None,
+    target: float = TARGET,
+    scenario: str | None = None,
+    stabilise: str | None = "project",
+    budget: int = BUDGET,
+    threads: int | None = None,
+    progress: Callable[[float], Any] | None = None,
+) -> StabilityMap:
+    """A verdict on every value of `axis`, method and step, from runs of `t_end` [s].
+
+    Each cell runs at its step and at half of it and is compared with a reference, two far finer
+    runs by different methods: OK means that its error is at most `target` [rad, or of the
+    mechanism's length]. (q, v) is the initial state, by default that of `scenario` or the model.
+    `budget` limits the evaluations of the dynamics, times elementary motions, of a run.
+    If `progress(fraction)` returns False, the map ends with the cells so far.
+
+    Raises InputError for arguments that do not fit, with the choices.
+    """
+    given = mech.model if isinstance(mech, Mechanism) else mech
+    model, duration = in_scenario(given, scenario)
+    model = started(model, q, v)
+    sweep = _checked(
+        model, axis, values, methods, steps, t_end or duration, target, budget, stabilise
+    )
+    lines, cells, complete = _computed(sweep, progress, threads)
+    return StabilityMap(
+        model.name, sweep.axis.name, sweep.axis.what, sweep.axis.unit, sweep.values,
+        sweep.methods, sweep.steps, sweep.t_end, sweep.target,
+        tuple(line.reference for line in lines), _advised(cells), complete,
+    )  # fmt: skip
+
+
+def _checked(
+    model: Model,
+    axis: str,
+    values: Any,
+    methods: Any,
+    steps: Any,
+    t_end: Any,
+    target: Any,
+    budget: int,
+    stabilise: str | None,
+) -> Sweep:
+    if axis not in AXES:
+        text = f"no axis is called {axis!r}; choose one of {choices(AXES, len(AXES))}"
+        raise refusal(CALL, "axis", text)
+    chosen = AXES[axis]
+    if chosen.of_steps and steps is not None:
+        text = "the values of axis 'step' are the steps; leave steps out"
+        raise refusal(CALL, "steps", text)
+    numbers = finite_numbers(CALL, "values", chosen.values if values is None else values)
+    widths: tuple[float, ...] = ()
+    if not chosen.of_steps:
+        widths = finite_numbers(CALL, "steps", STEPS if steps is None else steps)
+    for field, each in (("steps", widths), ("values", numbers if chosen.of_steps else ())):
+        if any(x <= 0 for x in each):
+            raise refusal(CALL, field, f"steps must be > 0 [s]; given {min(each):g}")
+    end, aim = positive(CALL, "t_end", t_end), positive(CALL, "target", target)
+    limits = any(any(b.limits) for b in model.bodies)
+    touching = any(c.active and c.law != "soft" for c in model.contacts)
+    names = methods_of(CALL, methods, impulses=limits or touching, suited=False)
+    chosen.applied(model, numbers[0])  # raises if the model lacks what the axis varies
+    return Sweep(model, chosen, numbers, names, widths, end, aim, int(budget), stabilise)
+
+
+# -- the model that a map starts from --------------------------------------------------------------
+
+
+def in_scenario(model: Model, name: str | None) -> tuple[Model, float]:
+    """(model, duration [s]): a scenario's state, forces and active parts become the model's.
+
+    Raises ModelError for an unknown scenario, InputError for one with switches.
+    """
+    if name is None:
+        return model, 1.0
+    s = model.scenario(name)
+    if s.switches:
+        text = f"{name} switches constraints on and off, which a map cannot follow; "
+        raise refusal(CALL, "scenario", f"{text}choose another, or none")
+    bodies = tuple(
+        changed(b, q=s.q.get(b.name, b.q), v=s.v.get(b.name, b.v))
+        if b.name in s.q or b.name in s.v
+        else b
+        for b in model.bodies
+    )
+    constraints, contacts = (
+        parts
+        if names is None
+        else tuple(p.model_copy(update={"active": p.name in names}) for p in parts)
+        for parts, names in ((model.constraints, s.constraints), (model.contacts, s.contacts))
+    )
+    return model.replace(
+        bodies=bodies,
+        constraints=constraints,
+        contacts=contacts,
+        forces=(*model.forces, *s.forces),
+        scenarios=(),
+    ), s.t_end
+
+
+def started(model: Model, q: Any, v: Any) -> Model:
+    """The model with (q, v), in number order, as its initial state. Raises InputError."""
+    if q is None and v is None:
+        return model
+    mech = Mechanism(model)
+    start = mech.home()
+    at = mech.position(q) if q is not None else start[0]
+    speed = mech.finite("v", v, mech.nv) if v is not None else start[1]
+    states: dict[str, tuple[list[float], list[float]]] = {}
+    first, second = 0, 0
+    for name in mech.names:
+        motions = model.body(name).sequence
+        n, m = nq(motions), nv(motions)
+        states[name] = at[first : first + n].tolist(), speed[second : second + m].tolist()
+        first, second = first + n, second + m
+    bodies = tuple(changed(b, q=states[b.name][0], v=states[b.name][1]) for b in model.bodies)
+    return model.replace(bodies=bodies)
+
+
+# -- cells, in parallel on all cores ---------------------------------------------------------------
+
+
+class Work:
+    """The share of the work that the threads have done."""
+
+    def __init__(self, total: int, progress: Callable[[float], Any] | None):
+        self.total, self.done, self.progress = total, 0, progress
+        self.stopped = threading.Event()
+
+    def goes_on(self, _: float = 0.0) -> bool:
+        """The progress function of each run."""
+        return not self.stopped.is_set()
+
+    def finished(self, futures: Sequence[Future[Any]]) -> Iterator[Any]:
+        """Results as they come, in the caller's thread; ends early if the caller cancels."""
+        for future in as_completed(futures):
+            self.done += 1
+            answer = None if self.progress is None else self.progress(self.done / self.total)
+            if answer is not None and not answer:
+                self.stopped.set()
+                for other in futures:
+                    other.cancel()
+                return
+            yield future.result()
+
+
+def _computed(
+    sweep: Sweep, progress: Callable[[float], Any] | None, threads: int | None
+) -> tuple[list[Line], list[Cell], bool]:
+    """(lines, cells in their order, whether all are there)."""
+    per_line = len(sweep.methods) * max(len(sweep.steps), 1)
+    work = Work(len(sweep.values) * (1 + per_line), progress)
+    _warm(sweep)
+    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+        jobs = [pool.submit(_line, sweep, value, work) for value in sweep.values]
+        lines = sorted(work.finished(jobs), key=lambda line: sweep.values.index(line.value))
+        cells: list[tuple[int, Cell]] = []
+        if not work.stopped.is_set():
+            grid = [(line, m, step) for line in lines for m in sweep.methods for step in line.steps]
+            jobs = [pool.submit(_cell, sweep, i, *one, work) for i, one in enumerate(grid)]
+            cells = [cell for cell in work.finished(jobs) if cell is not None]
+    cells.sort(key=lambda pair: pair[0])
+    return lines, [cell for _, cell in cells], not work.stopped.is_set()
+
+
+def _warm(sweep: Sweep) -> None:
+    """Compile here what the threads need, which would otherwise all compile it at once."""
+    mech = mechanism_of(sweep.model)
+    impulses = Task(mech, None, None, np.zeros(1)).impulses
+    own = ("rk4", "moreau_jean") if impulses else ("radau5", "dop853", "dopri5")
+    for name in dict.fromkeys((*sweep.methods, *own)):
+        try:
+            simulate(mech, t_end=1e-9, step=1e-9, method=name, estimate=False)
+        except PgraphError:
+            continue  # each cell reports it
+
+
+def _line(sweep: Sweep, value: float, work: Work) -> Line:
+    """The model at a value, and its motion as accurately as it is known."""
+    pace = sweep.axis.pace(value)
+    t_end = sweep.t_end * pace
+    steps = (value,) if sweep.axis.of_steps else tuple(step * pace for step in sweep.steps)
+    try:
+        model = sweep.axis.applied(sweep.model, value)
+        times = merged([times_of(t_end, step) for step in steps], t_end)
+        task = Task(Mechanism(model), None, None, times)
+        known = known_motion(task, min(steps), sweep.target, sweep.budget, work.goes_on)
+    except PgraphError as refused:
+        return Line(value, None, t_end, steps, None, str(refused))
+    problem = "" if known else "no method reaches the end to compare with; try a shorter t_end"
+    return Line(value, model, t_end, steps, known, problem)
+
+
+def _cell(
+    sweep: Sweep, index: int, line: Line, method: str, step: float, work: Work
+) -> tuple[int, Cell] | None:
+    """The cell and its place; None if the map was cancelled meanwhile."""
+    cell = Cell(line.value, method, step, Verdict.FAILED, line.problem, time=0.0)
+    if line.model is None:
+        return index, cell
+    mech = Mechanism(line.model)  # one a thread: they share nothing
+    count = steps_of(line.t_end, step)
+    most, allowed = count * per_step(method, mech.nv), sweep.budget // len(mech.system.rows)
+    if most > allowed:
+        text = f"about {most:.1e} evaluations, of which the budget allows {allowed:.1e}"
+        return index, Cell(line.value, method, step, Verdict.SLOW, text, evaluations=most)
+    task = Task(mech, None, None, times_of(line.t_end, step), stabilise=sweep.stabilise)
+    try:
+        whole, half = (
+            task.run(method, Setting(step=line.t_end / n), work.goes_on) for n in (count, 2 * count)
+        )
+    except PgraphError as refused:
+        return index, replace(cell, text=str(refused))
+    if Status.CANCELLED in (whole.status, half.status):
+        return None
+    if line.known is None:
+        return index, _unjudged(cell, task, whole)
+    cell = Cell(line.value, method, step, Verdict.OK, "")
+    return index, judged(cell, sweep.target, mech, whole, half, line.known)
+
+
+def _unjudged(cell: Cell, task: Task, run: Result) -> Cell:
+    """Without a known motion no run can be called right."""
+    status = Verdict.INACCURATE if run.status.ok else Verdict.FAILED
+    if run.status is Status.NOT_FINITE:
+        status = Verdict.UNSTABLE
+    text = cell.text if run.status.ok else run.message
+    most = step_limit(cell.method, task.rate_at([task.mech.home()]))
+    time = float(run.t[-1]) if len(run.t) and not run.status.ok else float("nan")
+    return replace(cell, status=status, text=text, time=time, step_limit=most)
+
+
+def steps_of(t_end: float, step: float) -> int:
+    """Number of steps of equal width, at most `step`, that end at `t_end`."""
+    return max(int(np.ceil(t_end / step - 1e-9)), 1)
+
+
+def times_of(t_end: float, step: float) -> Array:
+    """The times at which the runs of a cell are recorded: ends of steps, the first ones all."""
+    n = steps_of(t_end, step)
+    early = np.arange(min(n, EARLY) + 1)
+    chosen = np.unique(np.concatenate((early, np.linspace(0, n, FRAMES).round().astype(int))))
+    return np.asarray(chosen * (t_end / n), dtype=np.float64)
+
+
+def _advised(cells: list[Cell]) -> tuple[Cell, ...]:
+    """The cells; those that are not OK name methods that are, at the same value and step."""
+    good: dict[tuple[float, float], list[str]] = {}
+    for cell in cells:
+        if cell.status is Verdict.OK:
+            good.setdefault((cell.value, cell.step), []).append(cell.method)
+    found = []
+    for cell in cells:
+        others = good.get((cell.value, cell.step), [])
+        if cell.status is not Verdict.OK and others:
+            cell = replace(cell, text=f"{cell.text}; at this step use {choices(others, 3)}")
+        found.append(cell)
+    return tuple(found)

@@ -1,0 +1,392 @@
+"""The result of `work_precision`: rows, and how a person reads them as text, figure and page."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..errors import FileError, InputError, Problem
+from ..model.files import write_atomic
+from ..portable import Portable
+from . import figure
+from .errors import Errors
+from .page import Section, aligned, duration, escape, page, table
+from .settings import Setting, refusal
+from .task import Outcome, Participant
+from .timing import Spread
+
+LEVELS = tuple(10.0**-k for k in range(3, 10))  # errors at which engines are compared
+HEADER = (
+    "method", "setting", "error", "digits", "at the end", "largest", "energy", "constraints",
+    "steps", "evaluations", "time", "quartiles", "us/step", "x real", "ratio", "",
+)  # fmt: skip
+WORDS = (0, 1, len(HEADER) - 1)  # columns that are aligned to the left
+SHOWN = (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 14, 15)  # on a terminal
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run of a study. A value that could not be measured is None."""
+
+    method: str  # "rk4", or with the peer: "MuJoCo rk4"
+    peer: str  # "" for ours
+    step: float | None  # [s]
+    rtol: float | None
+    ok: bool
+    reason: str  # why not, in words
+    error: float | None = None  # rms
+    error_end: float | None = None
+    error_max: float | None = None
+    limited: bool = False  # the reference does not resolve a smaller error
+    error_estimate: float | None = None  # the run's own [rad, m]
+    energy_drift: float | None = None  # over the range of the energies
+    constraint_drift: tuple[float, float] | None = None  # position [m, rad], velocity
+    gap_violation: float | None = None  # deepest penetration [m]
+    counters: Mapping[str, int] | None = None
+    seconds: Spread | None = None  # quartiles of the stepping loop [s]
+    ratio: Spread | None = None  # to the baseline of the same round
+    us_per_step: float | None = None
+    real_time_factor: float | None = None  # simulated over computed time
+
+    @classmethod
+    def of(
+        cls, one: Participant, setting: Setting, done: Outcome, found: Errors | None, limit: float
+    ) -> Row:
+        """From one run; errors below `limit` count as the limit of the reference."""
+        limited = found is not None and found.rms < limit
+        rms = None if found is None else max(found.rms, limit) if limited else found.rms
+        return cls(
+            one.name,
+            one.peer,
+            setting.step,
+            setting.rtol,
+            done.ok,
+            done.reason,
+            rms,
+            None if found is None else found.end,
+            None if found is None else found.largest,
+            limited,
+            _finite(done.estimate),
+            _finite(done.energy_drift),
+            done.drift if all(map(np.isfinite, done.drift)) else None,
+            _finite(done.penetration),
+            dict(done.counters),
+        )
+
+    @property
+    def setting(self) -> Setting:
+        """Step or tolerance."""
+        return Setting(self.step, self.rtol)
+
+    @property
+    def digits(self) -> float | None:
+        """-log10 of the error; at the reference's limit a lower bound."""
+        if self.error is None:
+            return None
+        return float(-np.log10(self.error)) if self.error > 0 else 17.0
+
+    @property
+    def time(self) -> float | None:
+        """Median [s]."""
+        return None if self.seconds is None else self.seconds[1]
+
+    def timed(self, seconds: Spread, ratio: Spread, duration: float) -> Row:
+        """With the times of all rounds."""
+        steps = (self.counters or {}).get("steps", 0)
+        return replace(
+            self,
+            seconds=seconds,
+            ratio=ratio,
+            us_per_step=1e6 * seconds[1] / steps if steps else None,
+            real_time_factor=duration / seconds[1],
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, as JSON takes them."""
+        data = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        counters = None if self.counters is None else dict(self.counters)
+        return data | {"counters": counters, "digits": self.digits}
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """Texts of the table, under HEADER."""
+        counters, seconds, drift = self.counters or {}, self.seconds, self.constraint_drift
+        return (
+            self.method,
+            str(self.setting),
+            _format(".1e", self.error),
+            self._digits,
+            _format(".1e", self.error_end),
+            _format(".1e", self.error_max),
+            _format(".1e", self.energy_drift),
+            f"{drift[0]:.1e}" if drift and max(drift) > 0 else "",
+            *(str(counters.get(name, "")) for name in ("steps", "evaluations")),
+            duration(seconds[1]) if seconds else "",
+            f"{duration(seconds[0])} .. {duration(seconds[2])}" if seconds else "",
+            _format(".3g", self.us_per_step),
+            _format(".3g", self.real_time_factor),
+            _format(".3g", self.ratio[1] if self.ratio else None),
+            self.reason or ("reference limit" if self.limited else ""),
+        )
+
+    @property
+    def _digits(self) -> str:
+        if self.digits is None:
+            return ""
+        return f">= {self.digits:.0f}" if self.limited else f"{self.digits:.1f}"
+
+    @property
+    def point(self) -> figure.Point:
+        """In the figure, with a text for the pointer."""
+        low, middle, high = self.seconds or (0.0, 0.0, 0.0)
+        lines = [
+            f"{self.method}, {self.setting}",
+            f"error {self.error:.2e}, digits {self._digits}",
+            f"time {duration(middle)} ({duration(low)} .. {duration(high)})",
+        ]
+        if self.counters and "steps" in self.counters:
+            lines.append(f"{self.counters['steps']} steps")
+        if self.energy_drift is not None:
+            lines.append(f"energy drift {self.energy_drift:.1e}")
+        return figure.Point(middle, self.error or 1.0, "\n".join(lines), self.limited)
+
+
+@dataclass(frozen=True)
+class Study(Portable):
+    """Error against run time of many methods on one motion; `print(study)` is a table."""
+
+    SUFFIXES: ClassVar[tuple[str, ...]] = (".html", ".json", ".svg", ".txt")  # of files
+
+    name: str  # of the model
+    scenario: str | None
+    t_end: float  # [s] of the compared motion
+    frames: int  # times at which it was compared
+    rows: tuple[Row, ...]
+    orders: Mapping[str, tuple[float | None, float]]  # (observed, nominal)
+    reference: Mapping[str, Any]  # source, accuracy, limit
+    baseline: int | None  # index of the row that ratios are relative to
+    target: float | None
+    rounds: int
+    clock: str  # of the times: "wall" or "processor"
+    timing: Mapping[str, float]  # seconds of the study's parts
+    machine: Mapping[str, Any]
+    left_out: tuple[str, ...]  # features that the scene did not need
+    notes: tuple[str, ...]  # missing peers, a shortened motion, ...
+    cancelled: bool = False
+
+    def __str__(self) -> str:
+        cells = [[row[i] for i in SHOWN] for row in (HEADER, *(row.cells for row in self.rows))]
+        peers = self.peer_table()
+        parts = [*self._head(), "", *aligned(cells, [i in WORDS for i in SHOWN])]
+        if peers:
+            parts += ["", *aligned(peers, [i < 2 for i in range(len(peers[0]))])]
+        return "\n".join((*parts, "", *self._foot()))
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """Names of the curves, ours first."""
+        return tuple(dict.fromkeys(row.method for row in self.rows))
+
+    def of(self, method: str) -> tuple[Row, ...]:
+        """The rows of one curve that have an error and a time."""
+        return tuple(row for row in self.rows if row.method == method and row.error and row.seconds)
+
+    def recommend(self, target: float | None = None) -> Row:
+        """The cheapest of our runs whose error is at most `target`.
+
+        Raises InputError if there is none, with the best error reached.
+        """
+        wanted = self.target if target is None else target
+        if wanted is None:
+            raise refusal("recommend", "target", "give the error to reach, such as 1e-6")
+        ours = [row for row in self.rows if not row.peer and row.error and row.seconds]
+        fit = [row for row in ours if (row.error or np.inf) <= wanted]
+        if not fit:
+            raise refusal("recommend", "target", self._unmet(wanted, ours))
+        return min(fit, key=lambda row: row.time or np.inf)
+
+    def _unmet(self, wanted: float, ours: list[Row]) -> str:
+        if not ours:
+            return f"no method reached the end, so none reaches {wanted:g}; try smaller steps"
+        best = min(ours, key=lambda row: row.error or np.inf)
+        reached = f"no method reaches {wanted:g}; the best is {best.error:.2g} by {best.method}"
+        why = ", the reference's own limit" if best.limited else ""
+        return f"{reached} at {best.setting}{why}"
+
+    def time_at(self, error: float) -> dict[str, float]:
+        """{method: seconds} that each curve takes to reach an error, log-log between its points."""
+        found = {name: seconds_at(self.of(name), error) for name in self.methods}
+        return {name: seconds for name, seconds in found.items() if np.isfinite(seconds)}
+
+    def against_peers(self) -> list[dict[str, Any]]:
+        """A row an error and peer: our seconds, theirs, and the ratio theirs / ours."""
+        peers = {row.method for row in self.rows if row.peer}
+        found = []
+        for level in LEVELS:
+            at = self.time_at(level)
+            ours = {name: s for name, s in at.items() if name not in peers}
+            if not ours:
+                continue
+            best = min(ours, key=lambda name: ours[name])
+            for name in sorted(peers & at.keys()):
+                row = {"error": level, "ours": best, "seconds": ours[best], "peer": name}
+                found.append(row | {"peer_seconds": at[name], "ratio": at[name] / ours[best]})
+        return found
+
+    # -- for people --------------------------------------------------------------------------------
+
+    def _head(self) -> tuple[str, ...]:
+        """The comparison, its reference, the machine."""
+        scenario = f", scenario {self.scenario}" if self.scenario else ""
+        known = self.reference
+        return (
+            f"{self.name}{scenario}: error against run time over {self.t_end:.6g} s at "
+            f"{self.frames} times",
+            f"reference        {known['source']}, accurate to {known['accuracy']:.1e}; errors "
+            f"below {known['limit']:.1e} are not resolved",
+            f"machine          {self.machine['cpu']}, one thread, medians of {self.rounds} rounds, "
+            f"{self.clock} time",
+        )
+
+    def _foot(self) -> tuple[str, ...]:
+        """Orders, the recommendation, notes, times of the study."""
+        orders = (
+            f"{name} {'none observed' if seen is None else f'{seen:.2f}'} ({nominal:g})"
+            for name, (seen, nominal) in self.orders.items()
+        )
+        spent = (f"{name} {duration(seconds)}" for name, seconds in self.timing.items() if seconds)
+        return (
+            f"observed orders  {', '.join(orders)}",
+            *(f"recommended      {line}" for line in [self._advice()] if line),
+            *(f"left out         {line}" for line in self.left_out),
+            *(f"note             {line}" for line in self.notes),
+            f"time             {', '.join(spent)}",
+            *(["CANCELLED: rows that were not measured are missing"] if self.cancelled else []),
+        )
+
+    def _advice(self) -> str:
+        """The cheapest setting for the target, in words; "" without a target."""
+        if self.target is None:
+            return ""
+        try:
+            row = self.recommend()
+        except InputError as unmet:
+            return unmet.problems[0].text
+        took = duration(row.time or 0.0)
+        return f"{row.method}, {row.setting}: error {row.error:.1e} in {took} for {self.target:g}"
+
+    def peer_table(self) -> list[list[str]]:
+        """A header and rows of times at equal error, ours and each peer's; [] without peers."""
+        found = self.against_peers()
+        if not found:
+            return []
+        names = list(dict.fromkeys(row["peer"] for row in found))
+        cells = [["at equal error", "ours", "time", *names]]
+        for level in dict.fromkeys(row["error"] for row in found):
+            mine = {row["peer"]: row for row in found if row["error"] == level}
+            ours = next(iter(mine.values()))
+            theirs = (
+                f"{duration(mine[n]['peer_seconds'])} ({mine[n]['ratio']:.3g} x)"
+                if n in mine
+                else "-"
+                for n in names
+            )
+            cells.append([f"{level:.0e}", ours["ours"], duration(ours["seconds"]), *theirs])
+        return cells
+
+    def figure(self, *, narrow: bool = False) -> str:
+        """The diagram as SVG, which takes the colours of the page; `narrow`: for a column."""
+        curves = []
+        for name in self.methods:
+            rows = self.of(name)
+            order = self.orders.get(name, (None, 0.0))[0]
+            label = name if order is None else f"{name}, order {order:.1f}"
+            label = label if rows else f"{label} (no run)"
+            points = [row.point for row in rows]
+            curves.append(figure.Curve(label, points, dashed=bool(rows and rows[0].peer)))
+        label = f"error against run time of {self.name}"
+        paper = figure.narrow(len(curves)) if narrow else figure.WIDE
+        limit = self.reference["limit"]
+        return figure.error_diagram(label, curves, paper, limit=limit, target=self.target)
+
+    def sections(self) -> list[Section]:
+        """The parts of the page, to put into another one."""
+        notes = "".join(f"<p>{escape(line)}</p>" for line in self._foot() if line)
+        parts = [Section("Error against run time", self.figure())]
+        peers = self.peer_table()
+        if peers:
+            parts.append(Section("At equal error", table(peers[0], peers[1:])))
+        rows = table(HEADER, [row.cells for row in self.rows])
+        return [*parts, Section("Findings", notes), Section("All runs", rows)]
+
+    def html(self) -> str:
+        """The report as one page."""
+        first, *rest = self._head()
+        return page(first, self.sections(), rest)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values, as JSON takes them."""
+        data = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        data["rows"] = [row.to_dict() for row in self.rows]
+        for name in ("orders", "reference", "timing", "machine"):
+            data[name] = dict(data[name])
+        return data | {"against_peers": self.against_peers(), "recommended": self._recommended()}
+
+    def _recommended(self) -> int | None:
+        try:
+            return self.rows.index(self.recommend())
+        except InputError:
+            return None
+
+    def to_json(self) -> str:
+        """One JSON object with the names of this class; numbers that are not finite are null."""
+        return json.dumps(plain(self.to_dict()), allow_nan=False)
+
+    def save(self, path: str | Path, /) -> None:
+        """Write the page (.html), the data (.json), the diagram (.svg) or the table (.txt).
+
+        Raises FileError.
+        """
+        kinds = dict(zip(self.SUFFIXES, (self.html, self.to_json, self.figure, self.__str__)))
+        suffix = Path(path).suffix.lower()
+        if suffix not in kinds:
+            kind = suffix or "no suffix"
+            words = f"a report is written as {', '.join(self.SUFFIXES)}; given {kind!r}"
+            raise FileError(Problem(str(path), "", words))
+        write_atomic(path, kinds[suffix]())
+
+
+def seconds_at(rows: tuple[Row, ...], error: float) -> float:
+    """Least time of a curve to reach an error, inf if it does not; rows as in the ladder."""
+    points = [(row.error or np.inf, row.time or np.inf) for row in rows]
+    found = [seconds for reached, seconds in points if reached <= error]
+    for (e0, s0), (e1, s1) in pairwise(points):
+        if e1 < error < e0:
+            part = np.log(e0 / error) / np.log(e0 / e1)
+            found.append(float(s0 * (s1 / s0) ** part))
+    return min(found, default=np.inf)
+
+
+def plain(value: Any) -> Any:
+    """Nested plain values for JSON; numbers that are not finite become None."""
+    if isinstance(value, Mapping):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _format(how: str, value: float | None) -> str:
+    return "" if value is None else format(value, how)

@@ -1,0 +1,168 @@
+"""The motion that every run of a study makes, and one run of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..mechanism import Mechanism
+from ..model import Model, Scenario
+from ..result import Result, Status
+from ..simulation import simulate
+from ..simulation.plan import active_constraints, fastest_rate, initial_state, touching_contacts
+from ..system import Array
+from .settings import Setting
+
+Progress = Callable[[float], Any]
+
+
+class Stopped(Exception):
+    """The caller's progress function returned False."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A mechanism, its initial state, what drives it, and the times that are compared."""
+
+    mech: Mechanism
+    q: Array | None  # None: the model's own
+    v: Array | None
+    t: Array  # (n,) [s], from 0
+    scenario: str | None = None
+    tau: Any = None
+    stabilise: str | None = "project"
+
+    @property
+    def t_end(self) -> float:
+        """Duration [s]."""
+        return float(self.t[-1])
+
+    @property
+    def spacing(self) -> float:
+        """The shortest time between two frames [s]."""
+        return float((self.t[1:] - self.t[:-1]).min())
+
+    def until(self, count: int) -> Task:
+        """The same motion over its first `count` times."""
+        return replace(self, t=self.t[:count])
+
+    def run(
+        self,
+        method: str,
+        setting: Setting,
+        progress: Progress | None = None,
+        *,
+        estimate: bool = False,
+    ) -> Result:
+        """One run. Raises InputError if the method cannot take the scene."""
+        return simulate(
+            self.mech,
+            self.q,
+            self.v,
+            t_end=self.t_end,
+            t_eval=self.t,
+            method=method,
+            tau=self.tau,
+            scenario=self.scenario,
+            stabilise=self.stabilise,
+            estimate=estimate,
+            progress=progress,
+            **setting.options,
+        )
+
+    @property
+    def impulses(self) -> bool:
+        """Whether rigid contacts or joint limits act."""
+        contacts = self.mech.contacts(touching_contacts(self.mech, self._given))
+        return contacts is not None and contacts.rigid
+
+    def rate(self) -> float:
+        """Largest rate of the linearised motion at the start [1/s]; 0 if it is not known."""
+        if callable(self.tau):
+            return 0.0
+        given = self._given
+        forces = (*self.mech.model.forces, *(given.forces if given else ()))
+        acting = self.mech.drives(forces), self.mech.loads(forces)
+        q, v = initial_state(self.mech, given, self.q, self.v)
+        return fastest_rate(self.mech, acting, active_constraints(self.mech, given), q, v)
+
+    def rate_at(self, states: list[tuple[Array, Array]]) -> float:
+        """The largest rate over some states (q, v) [1/s]; 0 with contacts, which it cannot see."""
+        if self.mech.contacts(touching_contacts(self.mech, self._given)) is not None:
+            return 0.0
+        return max(replace(self, q=q, v=v).rate() for q, v in states)
+
+    @property
+    def _given(self) -> Scenario | None:
+        return None if self.scenario is None else self.mech.model.scenario(self.scenario)
+
+
+def mechanism_of(given: Mechanism | Model) -> Mechanism:
+    """The mechanism, packed here from a model."""
+    return Mechanism(given) if isinstance(given, Model) else given
+
+
+class Outcome(NamedTuple):
+    """What a study keeps of one run by Pgraph or by a peer."""
+
+    q: Array  # (n, nq) in Pgraph's coordinates, as far as the run came
+    seconds: tuple[float, float]  # of the stepping loop: wall clock, processor
+    ok: bool = True
+    reason: str = ""  # why not
+    counters: Mapping[str, int] = {}
+    estimate: float = np.nan  # the run's own error estimate [rad, m]
+    energy_drift: float = np.nan
+    drift: tuple[float, float] = (np.nan, np.nan)  # of constraints: position, velocity
+    penetration: float = np.nan  # deepest of all contacts [m]
+    cancelled: bool = False
+
+    @classmethod
+    def of(cls, run: Result) -> Outcome:
+        """Of one of our runs."""
+        ok = run.status.ok
+        drift = run.constraint_drift.max(axis=0, initial=0.0) if len(run.t) else np.full(2, np.nan)
+        depths = [float(-gap.min(initial=0.0)) for gap in run.contact_gap.values()]
+        return cls(
+            run.q,
+            (run.timing["step"], run.timing["step_processor"]),
+            ok,
+            "" if ok else run.message,
+            run.counters,
+            run.error_estimate,
+            run.energy_drift if ok else np.nan,
+            (float(drift[0]), float(drift[1])),
+            max(depths, default=np.nan),
+            run.status is Status.CANCELLED,
+        )
+
+    @classmethod
+    def failed(cls, reason: str, seconds: float = 0.0, *, cancelled: bool = False) -> Outcome:
+        """A run without states."""
+        return cls(np.zeros((0, 0)), (seconds, 0.0), False, reason, cancelled=cancelled)
+
+
+class Participant(NamedTuple):
+    """One curve of the diagram: a method of Pgraph or of a peer, at each of its settings."""
+
+    name: str  # "rk4", "MuJoCo rk4"
+    settings: tuple[Setting, ...]
+    run: Callable[[Setting, Progress, bool], Outcome]  # (setting, progress, with an estimate)
+    peer: str = ""  # "" for ours
+
+
+def own_participant(task: Task, name: str, settings: tuple[Setting, ...]) -> Participant:
+    """A method of Pgraph."""
+
+    def run(setting: Setting, progress: Progress, estimate: bool) -> Outcome:
+        return Outcome.of(task.run(name, setting, progress, estimate=estimate))
+
+    return Participant(name, settings, run)
+
+
+def start(mech: Mechanism, scenario: str | None, q: Any, v: Any) -> tuple[Array, Array]:
+    """The initial state: the arguments, else the scenario's, else the model's."""
+    given = None if scenario is None else mech.model.scenario(scenario)
+    return initial_state(mech, given, q, v)
