@@ -2,7 +2,12 @@
 
 from setuptools import find_packages, setup
 
-FOLDERS = {"pgraph_core": "pgraph_core", "pgraph_app": "app", "pgraph_models": "static_models"}
+FOLDERS = {
+    "pgraph_core": "pgraph_core",
+    "pgraph_app": "app",
+    "pgraph_models": "static_models",
+    "pgraph_peers": "peers",
+}
 
 setup(
     package_dir=FOLDERS,

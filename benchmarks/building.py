@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
-from peers import drake as in_drake
-from peers import mujoco as in_mujoco
-from peers import pinocchio as in_pinocchio
+from pgraph_peers import drake as in_drake
+from pgraph_peers import mujoco as in_mujoco
+from pgraph_peers import pinocchio as in_pinocchio
 
 from .machine import has
 from .scenes import STEP, Scene, bare, differ, quadruped, scene

@@ -8,15 +8,15 @@ from collections.abc import Callable
 import numpy as np
 
 import pgraph_core as pg
-from peers import drake as in_drake
-from peers import mujoco as in_mujoco
-from peers import pinocchio as in_pinocchio
-from peers.rows import State
 from pgraph_core.engine import layout as at
 from pgraph_core.mechanism.back_ends import BackEnd
+from pgraph_peers import drake as in_drake
+from pgraph_peers import mujoco as in_mujoco
+from pgraph_peers import pinocchio as in_pinocchio
 
 from . import native
 from .machine import has
+from .random_models import State
 from .scenes import STEP, Scene, bare, differ, quadruped, scene
 from .timing import Case
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
-from peers import mujoco as in_mujoco
+from pgraph_peers import mujoco as in_mujoco
 
 from . import native
 from .gait_checks import SETTLED, STEP, mechanism

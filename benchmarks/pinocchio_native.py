@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from peers import pinocchio as in_pinocchio
-from peers.rows import PLACEHOLDER, Row
+from pgraph_peers import pinocchio as in_pinocchio
+from pgraph_peers.rows import PLACEHOLDER, Row
 
 from .scenes import Scene
 

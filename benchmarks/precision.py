@@ -12,14 +12,15 @@ from collections.abc import Iterator
 import numpy as np
 
 import pgraph_core as pg
-from peers import drake as in_drake
-from peers import mujoco as in_mujoco
-from peers import pinocchio as in_pinocchio
-from peers.rows import State, rows_of
+from pgraph_peers import drake as in_drake
+from pgraph_peers import mujoco as in_mujoco
+from pgraph_peers import pinocchio as in_pinocchio
+from pgraph_peers.rows import rows_of
 
 from . import fifty_digits
 from .machine import ROOT, has, machine
 from .precision_cases import LONG, SHORT, turned
+from .random_models import State
 from .report import piped
 from .scenes import STEP, Scene
 

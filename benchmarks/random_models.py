@@ -2,13 +2,27 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 import pgraph_core as pg
-from peers.rows import State
 from pgraph_core import joints
 from pgraph_core.paper.motion import bodies_of
 from pgraph_core.rotation import unit
+
+
+class State(NamedTuple):
+    """A model with a state and forces, all in number order."""
+
+    model: pg.Model
+    topology: pg.Topology
+    q: np.ndarray
+    v: np.ndarray
+    tau: np.ndarray
+    vdot: np.ndarray
+    external: np.ndarray  # (nb, 6) on the bodies at their origins, world axes
+
 
 KINDS = (
     "weld",

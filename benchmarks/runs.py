@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 
 import pgraph_core as pg
-from peers import exudyn as in_exudyn
-from peers import mujoco as in_mujoco
+from pgraph_peers import exudyn as in_exudyn
+from pgraph_peers import mujoco as in_mujoco
 
 from .machine import has
 from .scenes import STEP, Scene, differ

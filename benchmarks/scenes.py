@@ -6,8 +6,8 @@ import numpy as np
 
 import pgraph_core as pg
 import pgraph_models
-from peers.rows import Scene as Scene
-from peers.rows import rows_of
+from pgraph_peers.rows import Scene as Scene
+from pgraph_peers.rows import rows_of
 
 from .random_models import random_state
 

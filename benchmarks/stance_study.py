@@ -15,7 +15,7 @@ import numpy as np
 
 import pgraph_core as pg
 import pgraph_models
-from peers import mujoco as in_mujoco
+from pgraph_peers import mujoco as in_mujoco
 
 from . import stance_in_pinocchio as stance
 

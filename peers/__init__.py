@@ -2,7 +2,8 @@
 
 `mujoco`, `pinocchio`, `exudyn` and `drake` build their engine's model from the same elementary
 rows (`rows`); `motion` is the motion that a report compares. An engine is imported only by the
-functions that need it. Installed, this package is called `pgraph_peers`.
+functions that need it. Installed, this folder is the package `pgraph_peers`; reports find its
+`Peer` objects by the entry points "pgraph.peers".
 """
 
 from __future__ import annotations
@@ -11,30 +12,36 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 
-from .motion import Refused as Refused
-from .motion import exported as exported
+from pgraph_core import Mechanism
+
+from .motion import exported
+from .rows import Array
 
 
 class Peer(NamedTuple):
     """An engine that may be installed."""
 
+    module: str  # of this package
     label: str
     package: str  # for pip
-    imports: str  # its top-level module
+    imports: str  # the engine's top-level module
+
+    @property
+    def installed(self) -> bool:
+        """Whether the engine can be imported."""
+        return find_spec(self.imports) is not None
+
+    def run(
+        self, mech: Mechanism, q: Array, v: Array, t: Array, scenario: str | None, tau: Any
+    ) -> Any:
+        """The motion from (q, v) over the times t, built: its methods by name, run by `by`.
+
+        Raises Refused if the engine does not get all of it.
+        """
+        builder = import_module(f".{self.module}", __name__)
+        return builder.Run(exported(mech, q, v, t, scenario, tau))
 
 
-PEERS = {
-    "mujoco": Peer("MuJoCo", "mujoco", "mujoco"),
-    "pinocchio": Peer("Pinocchio + SciPy", "pin", "pinocchio"),
-    "exudyn": Peer("Exudyn", "exudyn", "exudyn"),
-}
-
-
-def installed(name: str) -> bool:
-    """Whether an engine can be imported."""
-    return find_spec(PEERS[name].imports) is not None
-
-
-def engine(name: str) -> Any:
-    """The builder of an engine; its `Run` makes a motion."""
-    return import_module(f".{name}", __name__)
+MUJOCO = Peer("mujoco", "MuJoCo", "mujoco", "mujoco")
+PINOCCHIO = Peer("pinocchio", "Pinocchio + SciPy", "pin", "pinocchio")
+EXUDYN = Peer("exudyn", "Exudyn", "exudyn", "exudyn")

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .motion import Refused
 from .rows import Array, Scene, inertia_of, sizes
 
 
@@ -19,6 +20,8 @@ def build(scene: Scene) -> tuple[Any, dict[str, Any]]:
     bodies: list[Any] = []
     joints: dict[str, Any] = {}
     for row in scene.rows:
+        if row.body is None:
+            raise Refused(f"it has a joint of several motions (row '{row.name}')")
         mass, com, inertia = inertia_of(row.body)
         unit = (inertia + mass * (com @ com * np.eye(3) - np.outer(com, com))) / mass
         parts = (*np.diag(unit), unit[0, 1], unit[0, 2], unit[1, 2])

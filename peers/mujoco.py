@@ -147,12 +147,14 @@ def ours(rows: Sequence[Row], qpos: Array) -> Array:
 # -- dynamics at a state ---------------------------------------------------------------------------
 
 
-def _data(spec: Any, rows: Sequence[Row], state: State) -> tuple[Any, Any, Array]:
+def _data(
+    spec: Any, rows: Sequence[Row], state: State, *, at_rest: bool = False
+) -> tuple[Any, Any, Array]:
     """(model, data in the state, T with qvel = T v)."""
     model = spec.compile()
     data = import_module("mujoco").MjData(model)
     data.qpos[:], T = coordinates(rows, state.q, state.v)
-    data.qvel[:] = T @ state.v
+    data.qvel[:] = 0.0 if at_rest else T @ state.v
     data.qfrc_applied[:] = T @ state.tau  # T is orthogonal
     return model, data, T
 
@@ -231,10 +233,10 @@ def stance(
             objtype=mujoco.mjtObj.mjOBJ_BODY,
             name1=c.body,
             name2="world",
-            data=[*c.point, *np.zeros(8)],
+            data=[*(c.point or state.model.body(c.body).tip_point), *np.zeros(8)],
             **anchor,
         )
-    model, data, _ = _data(spec, rows, state._replace(v=0.0 * state.v))
+    model, data, _ = _data(spec, rows, state, at_rest=True)
     return model, data
 
 

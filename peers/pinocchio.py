@@ -156,7 +156,7 @@ def derivatives(scene: Scene) -> tuple[Callable[[], object], Array]:
     pin = import_module("pinocchio")
     model, *_ = build(scene.model, scene.rows)
     data = model.createData()
-    _, _, q, v, tau, *_ = scene.state
+    q, v, tau = scene.state.q, scene.state.v, scene.state.tau
     pin.computeABADerivatives(model, data, q, v, tau)
     upper = np.triu(data.Minv)
     found = np.stack((data.ddq_dq, data.ddq_dv, upper + np.triu(upper, 1).T))

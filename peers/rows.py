@@ -7,7 +7,7 @@ after its last motion. The engines then use the same quaternions as Pgraph.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -32,16 +32,19 @@ class Row(NamedTuple):
     body: Body | None  # if the row is the last of a body
 
 
-class State(NamedTuple):
-    """A model with a state and forces, all in number order."""
+class State(Protocol):
+    """A model with a state, in number order."""
 
-    model: Model
-    topology: Topology
-    q: Array
-    v: Array
-    tau: Array
-    vdot: Array
-    external: Array  # (nb, 6) on the bodies at their origins, world axes
+    @property
+    def model(self) -> Model: ...
+    @property
+    def topology(self) -> Topology: ...
+    @property
+    def q(self) -> Array: ...
+    @property
+    def v(self) -> Array: ...
+    @property
+    def tau(self) -> Array: ...
 
 
 class Scene(NamedTuple):

@@ -14,7 +14,12 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent.parent
-OURS = {"pgraph_core": "pgraph_core", "pgraph_app": "app", "pgraph_models": "static_models"}
+OURS = {
+    "pgraph_core": "pgraph_core",
+    "pgraph_app": "app",
+    "pgraph_models": "static_models",
+    "pgraph_peers": "peers",
+}
 
 
 def output(*words: str | Path, cwd: Path) -> str:
@@ -108,9 +113,7 @@ def test_no_module_is_loaded_twice_under_two_names():
     assert output(sys.executable, "-c", code, cwd=ROOT).splitlines()[-1] == "[]"
 
 
-@pytest.mark.parametrize(
-    "folder", ["pgraph_core", "app", "static_models", "tests", "benchmarks", "docs", "examples"]
-)
+@pytest.mark.parametrize("folder", [*OURS.values(), "tests", "benchmarks", "docs", "examples"])
 def test_nothing_imports_by_the_name_of_a_folder(folder: str):
     for file in (ROOT / folder).rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
@@ -121,5 +124,5 @@ def test_nothing_imports_by_the_name_of_a_folder(folder: str):
                     modules = [module]
                 case _:
                     continue
-            found = {"app", "static_models"} & {module.split(".")[0] for module in modules}
+            found = {"app", "static_models", "peers"} & {module.split(".")[0] for module in modules}
             assert not found, f"{file}:{node.lineno}"

@@ -99,6 +99,7 @@ def _writable(args: Namespace) -> None:
 
 
 def _written(maps: list[pg.StabilityMap], output: str) -> None:
+    from pgraph_core.study.map import maps_page
 
     if len(maps) == 1 and not output.endswith(".html"):
         maps[0].save(output)

@@ -1,15 +1,13 @@
 """Other engines in a study: each installed peer as participants, a sentence for the others.
 
-The builders are in the package `peers` of the repository, installed as `pgraph_peers`. It depends
-on this one, so it is imported only if a study names an engine.
+The builders are in the package `pgraph_peers` (folder `peers`), which depends on this one. They
+are found by their entry points, when a study names an engine.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from importlib import import_module
-from importlib.util import find_spec
-from pathlib import Path
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from ..errors import choices
@@ -17,7 +15,7 @@ from .settings import Ladder, Setting, refusal
 from .task import Outcome, Participant, Progress, Stopped, Task
 
 ENGINES = ("mujoco", "pinocchio", "exudyn")
-MISSING = "the peers' package is not installed; run from a checkout of Pgraph to compare with peers"
+GROUP = "pgraph.peers"  # of the entry points
 
 Once = Callable[[float, Callable[[], bool]], Any]  # (step or tolerance, going) -> run or None
 
@@ -32,15 +30,9 @@ def engines_of(given: Sequence[str] | str) -> tuple[str, ...]:
     return names
 
 
-def peers_package() -> Any:
-    """The package of the peers' builders, or None if it is not installed."""
-    if find_spec("pgraph_peers") is not None:
-        return import_module("pgraph_peers")
-    found = find_spec("peers")
-    checkout = Path(__file__).parents[2] / "peers" / "__init__.py"
-    if found is None or found.origin is None or Path(found.origin) != checkout:
-        return None  # `peers` of someone else
-    return import_module("peers")
+def installed_peers() -> dict[str, EntryPoint]:
+    """The engines whose builders are installed, by name."""
+    return {point.name: point for point in entry_points(group=GROUP)}
 
 
 def engine_participants(
@@ -49,20 +41,18 @@ def engine_participants(
     """(the participants of each engine that can take the motion, a sentence for each other)."""
     participants: list[Participant] = []
     notes: list[str] = []
-    package = peers_package() if names else None
-    if names and package is None:
-        return participants, [MISSING]
+    found = installed_peers() if names else {}
     for name in names:
-        peer = package.PEERS[name]
-        if not package.installed(name):
+        if name not in found:
+            notes.append(f"{name} is left out: the package pgraph_peers is not installed")
+            continue
+        peer = found[name].load()
+        if not peer.installed:
             notes.append(f"{peer.label} is not installed (pip install {peer.package})")
             continue
         try:
-            motion = package.exported(task.mech, task.q, task.v, task.t, task.scenario, task.tau)
-            run = package.engine(name).Run(motion)
-        except package.Refused as refused:
-            notes.append(f"{peer.label} is left out: {refused}")
-        except Exception as error:  # of another project: any kind
+            run = peer.run(task.mech, task.q, task.v, task.t, task.scenario, task.tau)
+        except Exception as error:  # Refused, or any kind of the engine's own
             notes.append(f"{peer.label} is left out: {_first_line(error)}")
         else:
             for method, once in run.methods.items():
@@ -85,7 +75,7 @@ def _runner(once: Once) -> Callable[[Setting, Progress, bool], Outcome]:
             done = once(number or 0.0, lambda: progress(0.0) is not False)
         except Stopped:
             raise
-        except Exception as error:  # of another project: any kind
+        except Exception as error:  # any kind of the engine's own
             return Outcome.failed(_first_line(error))
         if done is None:
             return Outcome.failed("", cancelled=True)

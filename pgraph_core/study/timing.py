@@ -75,7 +75,9 @@ def ratios(seconds: Sequence[float], baseline: Sequence[float]) -> Spread:
     return spread([x / y for x, y in zip(seconds, baseline)])
 
 
-def machine(packages: tuple[str, ...] = ("pgraph-dynamics", "numpy", "numba")) -> dict[str, str | int]:
+def machine(
+    packages: tuple[str, ...] = ("pgraph-dynamics", "numpy", "numba"),
+) -> dict[str, str | int]:
     """CPU model, cores that may be used, versions of Python and of packages."""
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return {

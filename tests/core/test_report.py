@@ -359,7 +359,7 @@ def test_a_report_is_written(study: pg.Study, suffix: str, tmp_path):
 
 
 def test_a_peer_that_is_not_installed_is_said(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("peers.installed", lambda name: False)
+    monkeypatch.setattr("pgraph_peers.Peer.installed", False)
     found = pg.work_precision(
         built_in("pendulum"), t_end=0.1, methods="rk4", steps=0.01, rounds=1, peers="mujoco"
     )
@@ -367,15 +367,15 @@ def test_a_peer_that_is_not_installed_is_said(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_without_the_peers_package_a_study_says_so(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(engines, "peers_package", lambda: None)
+    monkeypatch.setattr(engines, "installed_peers", dict)
     found = pg.work_precision(
         built_in("pendulum"), t_end=0.1, methods="rk4", steps=0.01, rounds=1, peers="mujoco"
     )
-    assert found.notes == (engines.MISSING,)
+    assert found.notes == ("mujoco is left out: the package pgraph_peers is not installed",)
     assert [row.method for row in found.rows] == ["rk4"]
 
 
 def test_no_peer_is_looked_for_unless_asked(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(engines, "peers_package", None)
+    monkeypatch.setattr(engines, "installed_peers", None)
     found = pg.work_precision(built_in("pendulum"), t_end=0.1, methods="rk4", steps=0.01, rounds=1)
     assert not any(row.peer for row in found.rows)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.random_models import KINDS as KINDS
+from benchmarks.random_models import State as State
 from benchmarks.random_models import random_body as random_body
 from benchmarks.random_models import random_case as random_case
 from benchmarks.random_models import random_model as random_model
 from benchmarks.random_models import random_quaternion as random_quaternion
 from benchmarks.random_models import random_state as random_state
-from peers.rows import State as State
 from pgraph_core import joints
 from pgraph_core.paper.motion import bodies_of
 from pgraph_core.rotation import multiply

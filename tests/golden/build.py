@@ -15,8 +15,8 @@ import numpy as np
 import pgraph_core as pg
 import pgraph_models
 from benchmarks.stance_in_pinocchio import stance
-from peers import mujoco as in_mujoco
-from peers import pinocchio as in_pinocchio
+from pgraph_peers import mujoco as in_mujoco
+from pgraph_peers import pinocchio as in_pinocchio
 
 from ..core.trees import State, random_case, random_state, scaled_error
 from . import forests
