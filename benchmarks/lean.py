@@ -18,8 +18,8 @@ import numba
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core import engine as kernels
 from pgraph_core.engine import layout as at
+from pgraph_core.engine import tree as kernels
 from pgraph_core.engine.compiler.jit import OPTIONS
 from pgraph_core.engine.vec import finite
 

@@ -7,7 +7,6 @@ drawn when the picture after its last message has been handed to the screen.
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,8 +19,8 @@ from pgraph_app import events
 from pgraph_app.core.state import State
 from pgraph_app.properties import events as describing
 from pgraph_app.server import Server, serve
-from tests.app.conftest import BROWSERS, FLAGS
 
+from .browser import FLAGS, browser_path
 from .timing import spread
 
 VIEWPORT = {"width": 1280, "height": 800}
@@ -124,9 +123,8 @@ def chromium() -> Iterator[Any]:
     """The browser of the tests."""
     from playwright.sync_api import sync_playwright
 
-    path = next(filter(None, map(shutil.which, BROWSERS)), None)
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=list(FLAGS))
+        browser = playwright.chromium.launch(executable_path=browser_path(), args=list(FLAGS))
         yield browser
         browser.close()
 

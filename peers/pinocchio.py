@@ -267,7 +267,11 @@ class Run:
         pin, model, data, nq = self.pin, self.model, self.data, self.model.nq
         actuators, driven = self.motion.actuators, bool(self.motion.actuators)
         knots = np.unique(np.concatenate([[0.0, np.inf], *(a.t for a in actuators)]))[:-1]
-        u = np.array([np.interp(knots, a.t, a.u) for a in actuators]).reshape(len(actuators), -1).T
+        u = (
+            np.array([np.interp(knots, a.t, a.u) for a in actuators])
+            .reshape(len(actuators), len(knots))
+            .T
+        )
         slope = np.zeros_like(u)
         slope[:-1] = np.diff(u, axis=0) / np.diff(knots)[:, None]
         times = knots.tolist()

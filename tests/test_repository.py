@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import fnmatch
 import os
 import re
@@ -38,8 +39,34 @@ def test_commands_of_the_readme_are_commands():
     assert shown == set(COMMANDS)
 
 
+def imported(file: Path) -> set[str]:
+    """Top-level names of the absolute imports of a module, those in functions and texts of
+    `import_module` too."""
+    found = set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        match node:
+            case ast.Import(names=names):
+                found |= {alias.name.split(".")[0] for alias in names}
+            case ast.ImportFrom(module=str(module), level=0):
+                found.add(module.split(".")[0])
+            case ast.Call(
+                func=ast.Name(id="import_module"), args=[ast.Constant(value=str(module)), *_]
+            ):
+                found.add(module.split(".")[0])
+    return found
+
+
+@pytest.mark.parametrize(
+    "folder", ["pgraph_core", "app", "static_models", "peers", "benchmarks", "docs", "examples"]
+)
+def test_nothing_outside_the_tests_imports_them(folder: str):
+    files = list((ROOT / folder).rglob("*.py"))
+    assert files
+    assert [str(file) for file in files if "tests" in imported(file)] == []
+
+
 def test_every_folder_with_source_is_a_package():
-    for package in ("app", "static_models", "pgraph_core"):
+    for package in ("app", "static_models", "pgraph_core", "peers"):
         folders = {file.parent for file in (ROOT / package).rglob("*.py")}
         assert all((folder / "__init__.py").is_file() for folder in folders)
 

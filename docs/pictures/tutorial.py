@@ -9,9 +9,9 @@ from pathlib import Path
 from playwright.sync_api import sync_playwright
 
 import pgraph_core as pg
+from benchmarks.tutorial import STEPS, Person
 from docs.pictures.take import FLAGS, LONG, shot
 from pgraph_app.server import serve
-from tests.app.test_tutorial import STEPS, Person
 
 HERE = Path(__file__).parent
 WIDTH, HEIGHT = 1200, 720

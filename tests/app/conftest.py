@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -13,16 +12,10 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
+from benchmarks.browser import FLAGS, browser_path
 from pgraph_app import events
 from pgraph_app.server import Server, serve
 
-# as .ci/browser looks for them
-BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-FLAGS = (
-    "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic",
-    "--no-first-run", "--disable-background-networking", "--disable-component-update",
-    "--disable-sync",
-)  # fmt: skip
 MARKER = "pelvis"  # selected to see that a page has caught up
 ON_PURPOSE = "thrown by a test"
 NOBODY = -1  # a page that is not there: events of the tests themselves
@@ -65,14 +58,13 @@ def served(quadruped: pg.Model) -> Iterator[Server]:
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
-    path = next(filter(None, map(shutil.which, BROWSERS)), None)  # None: Playwright's own
     try:
         from playwright.sync_api import Error, sync_playwright
     except ImportError:
         pytest.fail("The browser tests need Playwright: pip install -e .[test]")
     with sync_playwright() as playwright:
         try:
-            chromium = playwright.chromium.launch(executable_path=path, args=FLAGS)
+            chromium = playwright.chromium.launch(executable_path=browser_path(), args=FLAGS)
         except Error as error:
             pytest.fail(f"The browser tests need a browser (apt install chromium): {error}")
         yield chromium

@@ -4,20 +4,18 @@ no panel over another, no text cut off without a title, none too faint or too sm
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 import pgraph_core as pg
 import pgraph_models
+from benchmarks.browser import LEAST, LOOKS, SMALL
 from pgraph_app import events
 from pgraph_app.server import Server
 
 from .conftest import NOBODY, until
 
-LOOKS = (Path(__file__).parent / "looks.js").read_text(encoding="utf-8")
-LEAST, SMALL = 4.5, 8.0  # contrast of text (WCAG 2.2, AA); height of letters [px]
 LONG = 90.0  # [s] for what comes with a frame of software GL on a busy machine
 FRAMES = """new Promise((done) => { let k = 2;
   (function next() { k-- ? requestAnimationFrame(next) : done(true); })(); })"""
