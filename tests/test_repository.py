@@ -128,7 +128,7 @@ def test_each_test_that_the_table_of_the_page_names_is_there():
 
 def test_the_tutorial_types_what_its_test_types():
     text = (ROOT / "docs" / "tutorial.md").read_text()
-    script = (ROOT / "tests" / "app" / "test_tutorial.py").read_text()
+    script = (ROOT / "benchmarks" / "tutorial.py").read_text()
     typed = re.findall(r"(?:type|`:|next|coupler|rocker) `(-?\w[\w.]*)`|`(\w+)`, Enter", text)
     words = {a or b for a, b in typed}
     assert words >= {"3", "crank", "coupler", "rocker", "-1"}
