@@ -18,8 +18,8 @@ from pgraph_app import events
 from pgraph_app.core.state import initial
 from pgraph_app.model import archive
 from pgraph_app.update import update
+from pgraph_core.mesh_files import load_mesh
 from pgraph_core.model import files
-from pgraph_core.model.assets import load_mesh
 
 SECRET = b"-----BEGIN OPENSSH PRIVATE KEY-----\nsecret\n"
 ME = 1

@@ -27,7 +27,7 @@ def answer(args: Namespace) -> Answer:
 
 def mesh_problems(model: pg.Model) -> list[Problem]:
     """One for each body whose mesh file cannot be read."""
-    from pgraph_core.model.assets import load_mesh  # with the compiler: `check` does without
+    from pgraph_core.mesh_files import load_mesh  # with the compiler: `check` does without
 
     found = []
     for body in model.bodies:

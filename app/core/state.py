@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.show.animation import between
 
 from ..gait.footfalls import Change, changes
 from ..gait.walking import Walking
@@ -364,18 +365,6 @@ def poses(state: State) -> tuple[np.ndarray, np.ndarray]:
         return state.derived.positions, state.derived.wxyz
     result = state.run.result
     return between(np.asarray(result.t), np.asarray(result.body_pose), state.playback.time)
-
-
-def between(t: np.ndarray, pose: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
-    """`pose` (len(t), nb, 7) at `time`: straight lines, normalised for the quaternions."""
-    k = int(np.clip(np.searchsorted(t, time, side="right") - 1, 0, max(len(t) - 2, 0)))
-    last = min(k + 1, len(t) - 1)
-    span = t[last] - t[k]
-    s = min(max((time - t[k]) / span, 0.0), 1.0) if span > 0 else 0.0
-    a, b = pose[k], pose[last]
-    sign = np.where((a[:, 3:] * b[:, 3:]).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
-    wxyz = (1 - s) * a[:, 3:] + s * sign * b[:, 3:]
-    return (1 - s) * a[:, :3] + s * b[:, :3], wxyz / np.linalg.norm(wxyz, axis=1, keepdims=True)
 
 
 def with_client(state: State, client: int, **changes: Any) -> State:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import Any
 
-import viser
+from pgraph_core.show.shapes import Color
 
-from ..scene.shapes import Color
 from .state import State
 
 
@@ -28,22 +27,6 @@ def plural(n: int, one: str, many: str = "") -> str:
 def count(state: State) -> str:
     """'16 bodies, 21 DoF'."""
     return f"{plural(len(state.derived.names), 'body', 'bodies')}, {state.derived.dof} DoF"
-
-
-Node = TypeVar("Node", bound="viser.SceneNodeHandle")
-
-
-def at_rest(node: Node) -> Node:
-    """`node`, and pages are told that it is where a new node is.
-
-    viser 1.1.1 does not say a pose that is the default, so that a node removed and made anew under
-    the same name stood as the old one did.
-    """
-    for pose in ("wxyz", "position"):
-        value = getattr(node, pose).copy()
-        setattr(node, pose, value[::-1] + 1.0)
-        setattr(node, pose, value)
-    return node
 
 
 Payload = dict[str, Any]

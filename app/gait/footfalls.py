@@ -9,8 +9,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.result.contact_record import PHASES, SWING
-
-from ..scene.shapes import to_matrix
+from pgraph_core.show.shapes import to_matrix
 
 Place = tuple[float, float, float]
 

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import viser
 
+from pgraph_core.show import shapes
+
 from ..core.state import State
-from ..scene import shapes
 from .footfalls import prints
 
 MOST = 64  # discs, the last ones

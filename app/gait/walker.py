@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.show.shapes import to_matrix
 
 from ..core.state import Live
-from ..scene.shapes import to_matrix
 from .walking import LASTS, PUSH, SIDES, Offer, Walking, offered
 
 LYING = 0.8  # [s] that a fall is shown

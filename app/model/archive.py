@@ -12,7 +12,8 @@ import zlib
 from pathlib import Path, PurePosixPath
 
 import pgraph_core as pg
-from pgraph_core.model.assets import FOLDER, FORMATS
+from pgraph_core.mesh_files import FORMATS
+from pgraph_core.model.assets import FOLDER
 
 from ..core.cells import Refusal
 

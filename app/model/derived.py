@@ -10,10 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.show.digraph import Layout, layout
+from pgraph_core.show.shapes import Color, branch_colors, children_of, reach, to_wxyz
 from pgraph_core.topology import Loop, loops_of
-
-from ..digraph.layout import Layout, layout
-from ..scene.shapes import Color, branch_colors, children_of, reach, to_wxyz
 
 
 @dataclass(frozen=True)

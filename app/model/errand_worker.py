@@ -15,7 +15,7 @@ from typing import Any
 
 import pgraph_core as pg
 from pgraph_core.constraints.mobility import mobility
-from pgraph_core.model.assets import FORMATS, load_mesh
+from pgraph_core.mesh_files import FORMATS, load_mesh
 from pgraph_core.shapes.meshes import mass_properties
 
 from ..constraints.events import ErrandDone, MobilityFound

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import viser
 
+from pgraph_core.show.bodies import at_rest
+
 from ..core.state import Client, State
-from ..core.views import at_rest
 from ..events import Event, Grip
 
 PACE = 0.04  # [s] between the places that are told while it is dragged

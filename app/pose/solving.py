@@ -13,9 +13,9 @@ from pgraph_core.joints import Motion
 from pgraph_core.model.fields import fields_of
 from pgraph_core.paper import frames
 from pgraph_core.paper.motion import bodies_of, elementary, q_slices
+from pgraph_core.show.shapes import to_wxyz
 
 from ..core.state import Pose, Run, State
-from ..scene.shapes import to_wxyz
 
 HAND = "held by hand"  # the constraint that keeps a moved joint where it was put
 HELD = 1e-6  # [rad, m] to which it is

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import viser
 
+from pgraph_core.show.ground import GRID
+
 from ..core.state import State, poses
-from .ground import GRID
 
 LEAST = 1e-3  # [m] below which a camera stays
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import viser
 
-from ..core.state import Run, State, between
-from ..core.views import at_rest
+from pgraph_core.show import shapes
+from pgraph_core.show.animation import between
+from pgraph_core.show.bodies import at_rest
+
+from ..core.state import Run, State
 from ..model.derived import derive
-from . import shapes
-from .bodies import pieces
+from .view import looks
 
 COLOR, OPACITY = (120, 128, 140), 0.28
 
@@ -30,8 +32,8 @@ class GhostView:
     def _drawn(self, state: State, ghost: Run) -> list[viser.MeshHandle]:
         of = State(ghost.model, derive(ghost.model), ghost.request)
         nodes = []
-        for k in range(1, len(of.derived.names) + 1):
-            solid = shapes.mesh(pieces(of, k))
+        for k, look in enumerate(looks(of), 1):
+            solid = shapes.mesh(look.pieces)
             node = self._server.scene.add_mesh_simple(
                 f"/ghost/{k}",
                 solid.vertices,

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.show import shapes
 
 from ..core.state import State
-from . import shapes
 
 Local = dict[int, np.ndarray]  # number of a body (0: the ground) -> points in its frame [m]
 LONGEST = 0.5  # of the model's size: the arrow of the run's largest force

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import viser
 
+from pgraph_core.show import animation, bodies, shapes
+from pgraph_core.show.bodies import SEPARATE, BatchedBodies, Bodies, Look, SeparateBodies, at_rest
+from pgraph_core.show.ground import GRID
+
 from ..core.state import State, poses
-from ..core.views import at_rest
 from ..events import Event, Pull, Select, Unreadable
 from ..pose.gizmo import Gizmos
-from . import shapes
-from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies, links, pieces
-from .ground import GRID, GroundView
+from .ground import GroundView
 from .overlays import Overlays
 
-VIEW = {"x": (0.42, 0.8, -1.0), "y": (0.55, 0.4, 1.0), "z": (0.55, -1.0, 0.4)}  # towards the camera
-FIELD_OF_VIEW, DISTANCE = 0.85, 2.9  # [rad], in sizes of the model
+FIELD_OF_VIEW = 0.85  # [rad]
 TYPICAL_ASPECT = 0.6  # of the view between the docks at 1280 x 800
 INSIDE = {"links", "coms", "inertias", "frames", "points"}  # is seen only through the bodies
 OUTLINE = (255, 170, 20)
@@ -29,6 +29,7 @@ class SceneView:
         self._server = server
         self._names: tuple[str, ...] = ()
         self._bodies: Bodies | None = None
+        self._looks: list[Look] = []  # by number
         self._overlays = Overlays(server)
         self._selected: dict[int, viser.FrameHandle] = {}  # by client
         self._outlined: dict[int, Any] = {}  # what these were made from
@@ -105,7 +106,8 @@ class SceneView:
             if self._bodies is not None:
                 self._bodies.remove()
             self._bodies = kind(self._server, self._clicked, self._pulled)
-        self._bodies.show(state)
+        self._looks = looks(state, self._looks)
+        self._bodies.show(self._looks)
         self._names = state.derived.names
         boxes = shapes.unreadable(state.model.bodies)
         if boxes and boxes != self._boxes:
@@ -131,27 +133,27 @@ class SceneView:
             before = old.clients.get(client)
             if not rebuilt and before is not None and before.selection == now.selection:
                 continue
-            looks = self._looks(new, now.selection)
-            if client in self._selected and looks == self._outlined.get(client):
+            made_from = self._outline_of(new, now.selection)
+            if client in self._selected and made_from == self._outlined.get(client):
                 continue  # it is moved with its body
-            self._outlined[client] = looks
+            self._outlined[client] = made_from
             if (frame := self._selected.pop(client, None)) is not None:
                 frame.remove()
             handle = self._server.get_clients().get(client)
             if now.selection is not None and handle is not None:
                 self._selected[client] = self._outline(handle, new, now.selection)
 
-    def _looks(self, state: State, name: str | None) -> Any:
+    def _outline_of(self, state: State, name: str | None) -> Any:
         """All that an outline is made from."""
         if name is None:
             return None
         d, body = state.derived, state.model.body(name)
-        shape = body.shape, links(state, d.number[name]), body.tip, body.com, body.mass
-        return shape, d.grain
+        links = self._looks[d.number[name] - 1].links
+        return body.shape, links, body.tip, body.com, body.mass, d.grain
 
     def _outline(self, client: viser.ClientHandle, state: State, name: str) -> viser.FrameHandle:
         size = state.derived.grain
-        solid = shapes.mesh(pieces(state, state.derived.number[name]))
+        solid = shapes.mesh(self._looks[state.derived.number[name] - 1].pieces)
         frame = client.scene.add_frame(
             "/selected",
             axes_length=0.16 * size,
@@ -192,9 +194,12 @@ class SceneView:
 
 
 def viewpoint(state: State, aspect: float) -> tuple[np.ndarray, np.ndarray]:
-    """Where the camera stands and what it looks at, so that the model fills the view."""
-    away, up = np.array(VIEW[state.model.up]), np.array(GRID[state.model.up][1])
-    size = state.derived.size
-    distance = size * DISTANCE / min(aspect, 1.0) ** 0.8
-    target = state.derived.center - 0.15 * size * up  # the playback bar covers the bottom
-    return target + distance * away / np.linalg.norm(away), target
+    """Positions of the camera and of its target, so that the model fills the view."""
+    return animation.viewpoint(state.derived.center, state.derived.size, state.model.up, aspect)
+
+
+def looks(state: State, before: Sequence[Look] = ()) -> list[Look]:
+    """How each body is drawn, by number."""
+    d = state.derived
+    drawn = [state.model.body(name) for name in d.names]
+    return bodies.looks(drawn, d.children, d.colors, before)

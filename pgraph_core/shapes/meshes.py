@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import ModelError, Problem
+from ..mesh_files import load_mesh
 from ..model import Shape
-from ..model.assets import load_mesh
 from ..rotation import matrix
 from . import solids
 from .solids import Solid

@@ -20,9 +20,9 @@ from pgraph_app.model import archive
 from pgraph_app.model.archive import mesh_folder as folder
 from pgraph_app.model.errand_worker import answer
 from pgraph_app.properties import events as describing
-from pgraph_app.scene.shapes import unreadable
 from pgraph_app.update import update
-from pgraph_core.model.assets import load_mesh
+from pgraph_core.mesh_files import load_mesh
+from pgraph_core.show.shapes import unreadable
 
 ME = 1
 

@@ -19,6 +19,7 @@ from pgraph_app.model.derived import derive
 from pgraph_app.run import exports
 from pgraph_app.scene import marks
 from pgraph_app.update import update
+from pgraph_core.show import animation
 
 
 @pytest.fixture(scope="module")
@@ -69,8 +70,7 @@ def drawn(run: Run, shown: frozenset[str]) -> list[dict[str, tuple[Any, ...]]]:
         })  # fmt: skip
 
     try:
-        state = State(run.model, derive(run.model), run.request, last_run=run, shown=shown)
-        exports.draw(server, state, run, taken)
+        animation.draw(server, run.result, taken, exports.overlays(server, run, shown))
     finally:
         server.stop()
     return pictures

@@ -25,11 +25,11 @@ from pgraph_app.run import exports
 from pgraph_app.run.live import Motion
 from pgraph_app.run.stitching import Seam
 from pgraph_app.scene import marks
-from pgraph_app.scene.ground import solid
-from pgraph_app.scene.shapes import to_matrix
 from pgraph_app.update import update
 from pgraph_core.engine.gait import layout as go
 from pgraph_core.result.contact_record import Event
+from pgraph_core.show.ground import solid
+from pgraph_core.show.shapes import to_matrix
 
 ME = 1
 PART = 0.0167  # [s]

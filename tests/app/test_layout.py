@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pgraph_core as pg
-from pgraph_app.digraph.layout import NODE, TIDY, layout
-from pgraph_app.scene import shapes
+from pgraph_core.show import shapes
+from pgraph_core.show.digraph import NODE, TIDY, layout
 
 
 @st.composite

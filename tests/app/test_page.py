@@ -11,9 +11,9 @@ import pytest
 
 from pgraph_app import events
 from pgraph_app.core.state import poses
-from pgraph_app.scene import shapes
 from pgraph_app.scene.view import viewpoint
 from pgraph_app.server import Server
+from pgraph_core.show import shapes
 
 from .conftest import NOBODY, until
 

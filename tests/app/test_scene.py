@@ -16,8 +16,9 @@ from pgraph_app import events
 from pgraph_app.core.state import Kernels, initial, poses
 from pgraph_app.pose import solving as posing
 from pgraph_app.pose.pulling import WEIGHTS, pull_force
-from pgraph_app.scene import marks, shapes
+from pgraph_app.scene import marks
 from pgraph_app.update import update
+from pgraph_core.show import shapes
 
 ME = 1
 

@@ -10,9 +10,10 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app import events
-from pgraph_app.core.state import FREE_RUN, Request, State, between, initial, poses
+from pgraph_app.core.state import FREE_RUN, Request, State, initial, poses
 from pgraph_app.model.derived import derive
 from pgraph_app.update import update
+from pgraph_core.show.animation import between
 
 ME, OTHER = 1, 2
 

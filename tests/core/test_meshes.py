@@ -12,7 +12,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
-from pgraph_core.model.assets import load_mesh
+from pgraph_core.mesh_files import load_mesh
 from pgraph_core.shapes import meshes, solids
 
 from .convex import signed_distance

@@ -1,44 +1,79 @@
-"""The bodies in 3D: a node each in small models, batches of scaled unit solids in large ones."""
+"""Bodies in 3D, drawn by viser: a node each in small models, batched unit solids in large ones."""
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
-import viser
 
-import pgraph_core as pg
-
-from ..core.state import State
-from ..core.views import at_rest
 from . import shapes
+
+if TYPE_CHECKING:
+    import viser
 
 SEPARATE = 50  # bodies up to which each is a node of its own
 Clicked = Callable[[int, int], None]  # client, number of the body
-Pulled = Callable[[int, int, viser.SceneNodeDragEvent], None]  # the same, and the drag
+Pulled = Callable[[int, int, "viser.SceneNodeDragEvent"], None]  # the same, and the drag
 PULLING = "cmd/ctrl"  # held while the mouse pulls on a body
+Node = TypeVar("Node", bound="viser.SceneNodeHandle")
+
+
+class Look(NamedTuple):
+    """How one body is drawn, and from which description."""
+
+    body: Any  # with the fields of `pg.Body`
+    links: tuple[tuple[float, float, float], ...]  # where its children hang on it at q = 0 [m]
+    pieces: tuple[shapes.Piece, ...]
+    color: shapes.Color
+
+    def alike(self, other: Look) -> bool:
+        """Whether both are drawn the same."""
+        same = self.pieces is other.pieces or _drawn(self.pieces) == _drawn(other.pieces)
+        return same and self.color == other.color
+
+
+def _drawn(pieces: Sequence[shapes.Piece]) -> list[Any]:
+    return [(p.kind, p.file, p.size, p.position, p.rotation.tobytes()) for p in pieces]
+
+
+def looks(
+    bodies: Sequence[Any], children: Sequence[Sequence[int]], colors: Sequence[shapes.Color],
+    before: Sequence[Look] = (),
+) -> list[Look]:  # fmt: skip
+    """The looks of bodies by number; those of `before` are reused if nothing changed."""
+    found: list[Look] = []
+    for k, (body, color) in enumerate(zip(bodies, colors)):
+        links = tuple(bodies[child - 1].link for child in children[k + 1])
+        known = before[k] if k < len(before) else None
+        if known is not None and known.body is body and known.links == links:
+            found.append(known._replace(color=color))
+        else:
+            found.append(Look(body, links, shapes.pieces(body, links), color))
+    return found
 
 
 class Bodies(Protocol):
     """The drawn bodies of one model."""
 
-    def show(self, state: State) -> None: ...
+    def show(self, looks: Sequence[Look]) -> None: ...
     def place(self, positions: np.ndarray, wxyz: np.ndarray) -> None: ...
     def fade(self, opacity: float | None, visible: bool) -> None: ...
     def remove(self) -> None: ...
 
 
-def links(state: State, number: int) -> tuple[tuple[float, float, float], ...]:
-    """Link vectors of the children of a body: where they hang on it, in its axes at q = 0."""
-    d = state.derived
-    return tuple(state.model.body(d.names[k - 1]).link for k in d.children[number])
+def at_rest(node: Node) -> Node:
+    """`node` at its default pose, which is also sent to pages.
 
-
-def pieces(state: State, number: int) -> tuple[shapes.Piece, ...]:
-    """What body `number` is drawn as."""
-    return shapes.pieces(state.model.body(state.derived.names[number - 1]), links(state, number))
+    viser 1.1.1 sends no pose that is the default, so a node removed and added under the same name
+    would keep the pose of the old one.
+    """
+    for pose in ("wxyz", "position"):
+        value = getattr(node, pose).copy()
+        setattr(node, pose, value[::-1] + 1.0)
+        setattr(node, pose, value)
+    return node
 
 
 class SeparateBodies:
@@ -47,26 +82,23 @@ class SeparateBodies:
     def __init__(self, server: viser.ViserServer, clicked: Clicked, pulled: Pulled):
         self._server = server
         self._clicked, self._pulled = clicked, pulled
-        self._drawn: list[tuple[Any, viser.MeshHandle]] = []  # (looks, node) by number
+        self._drawn: list[tuple[Look, viser.MeshHandle]] = []  # by number
 
-    def show(self, state: State) -> None:
-        d = state.derived
-        for _, node in self._drawn[len(d.names) :]:
+    def show(self, looks: Sequence[Look]) -> None:
+        for _, node in self._drawn[len(looks) :]:
             node.remove()
-        del self._drawn[len(d.names) :]
-        for k, name in enumerate(d.names, 1):
-            body = state.model.body(name)
-            looks = (body.shape, links(state, k), body.tip, body.com, body.mass, d.colors[k - 1])
-            if k > len(self._drawn) or self._drawn[k - 1][0] != looks:
-                self._drawn[k - 1 : k] = [(looks, self._node(state, k))]
+        del self._drawn[len(looks) :]
+        for k, look in enumerate(looks, 1):
+            if k > len(self._drawn) or not self._drawn[k - 1][0].alike(look):
+                self._drawn[k - 1 : k] = [(look, self._node(look, k))]
 
-    def _node(self, state: State, number: int) -> viser.MeshHandle:
-        solid = shapes.mesh(pieces(state, number))
+    def _node(self, look: Look, number: int) -> viser.MeshHandle:
+        solid = shapes.mesh(look.pieces)
         node = self._server.scene.add_mesh_simple(
             f"/bodies/{number}",
             solid.vertices,
             solid.faces,
-            color=state.derived.colors[number - 1],
+            color=look.color,
             flat_shading=len(solid.faces) < 100,
         )
         at_rest(node)
@@ -96,27 +128,6 @@ class SeparateBodies:
         self._drawn = []
 
 
-class Made(NamedTuple):
-    """A body as it is drawn, and what that was made from."""
-
-    body: pg.Body
-    links: tuple[tuple[float, float, float], ...]
-    pieces: tuple[shapes.Piece, ...]
-    color: tuple[int, int, int]
-
-
-def _alike(before: list[Made], now: list[Made]) -> bool:
-    """Whether two lists of bodies look the same."""
-    return len(before) == len(now) and all(
-        a.color == b.color and (a.pieces is b.pieces or _looks(a) == _looks(b))
-        for a, b in zip(before, now)
-    )
-
-
-def _looks(made: Made) -> list[Any]:
-    return [(p.kind, p.file, p.size, p.position, p.rotation.tobytes()) for p in made.pieces]
-
-
 class BatchedBodies:
     """One node a kind of solid; each instance is a unit solid, scaled and placed."""
 
@@ -124,36 +135,23 @@ class BatchedBodies:
         self._server = server
         self._clicked, self._pulled = clicked, pulled
         self._batches: list[tuple[np.ndarray, np.ndarray, np.ndarray, Any]] = []
-        self._made: list[Made] = []  # by number
+        self._looks: list[Look] = []  # by number
 
-    def show(self, state: State) -> None:
-        before, self._made = self._made, self._made_of(state)
-        if self._batches and _alike(before, self._made):
-            return  # an edit of something else: what is drawn stays
+    def show(self, looks: Sequence[Look]) -> None:
+        before, self._looks = self._looks, list(looks)
+        same = len(before) == len(looks) and all(map(Look.alike, before, looks))
+        if self._batches and same:
+            return
         self.remove()
         found: dict[tuple[str, str], list[tuple[int, shapes.Piece]]] = defaultdict(list)
-        for k, (*_, solids, _) in enumerate(self._made, 1):
-            for piece in solids:
+        for k, look in enumerate(looks, 1):
+            for piece in look.pieces:
                 found[piece.kind, piece.file].append((k, piece))
         for i, ((kind, file), parts) in enumerate(found.items()):
             name = f"/bodies/{kind} {i}" if file else f"/bodies/{kind}"
-            self._batches.append(self._batch(state, name, shapes.unit(kind, file), parts))
+            self._batches.append(self._batch(name, shapes.unit(kind, file), parts))
 
-    def _made_of(self, state: State) -> list[Made]:
-        """What every body is drawn as; made anew for bodies that are others than before."""
-        found: list[Made] = []
-        for k, (name, color) in enumerate(zip(state.derived.names, state.derived.colors), 1):
-            body, ends = state.model.body(name), links(state, k)
-            before = self._made[k - 1] if k <= len(self._made) else None
-            if before and before.body is body and before.links == ends:
-                found.append(before._replace(color=color))
-            else:
-                found.append(Made(body, ends, shapes.pieces(body, ends), color))
-        return found
-
-    def _batch(
-        self, state: State, name: str, solid: Any, parts: list[tuple[int, shapes.Piece]]
-    ) -> Any:
+    def _batch(self, name: str, solid: Any, parts: list[tuple[int, shapes.Piece]]) -> Any:
         owner = np.array([k for k, _ in parts])
         local = np.array([piece.position for _, piece in parts])
         turned = shapes.to_wxyz(np.array([piece.rotation for _, piece in parts]))
@@ -164,7 +162,7 @@ class BatchedBodies:
             batched_wxyzs=turned,
             batched_positions=local,
             batched_scales=np.array([piece.size for _, piece in parts]),
-            batched_colors=np.array([state.derived.colors[k - 1] for k, _ in parts]),
+            batched_colors=np.array([self._looks[k - 1].color for k, _ in parts]),
             flat_shading=len(solid.faces) < 100,
             lod="off",
         )

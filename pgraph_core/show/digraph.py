@@ -1,17 +1,23 @@
-"""Where the digraph's nodes stand: a tidy tree for small models, lanes for large ones (pure)."""
+"""The digraph: a tidy tree for small models, lanes for large ones; its layout and its SVG."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from html import escape
 from typing import Literal
 
 TIDY = 40  # bodies up to which the tree is drawn as a tree
 ROW, ROW_OF_LOOPS = 37.0, 48.0  # between levels of the tree [px]; loops run between the levels
 LANE, LANE_ROW = 18.0, 22.0
 CHARACTER, NODE, LONGEST = 6.2, 26.0, 20  # [px] a letter and a node; letters shown of a name
-LABEL = NODE / 2 + 14  # [px] what stands right of a node's middle beside the letters
-BESIDE, BELOW, APART = 13.0, 17.0, 4.0  # [px] of a loop: from a node, from its level, from others
+LABEL = NODE / 2 + 14  # [px] from a node's middle to where its name begins
+CLEAR, BELOW, APART = (
+    13.0,
+    17.0,
+    4.0,
+)  # [px] loops from nodes, levels, other loops
 
 Point = tuple[float, float]
 Interval = tuple[float, float]
@@ -39,7 +45,7 @@ def layout(
     """
     if len(parent) > TIDY:
         place = _lanes(parent, letters)
-        return _shifted(place, _beside(place, loops))
+        return _shifted(place, _left_of(place, loops))
     between = any(a and b for a, b in loops)
     place = _tree(parent, letters, ROW_OF_LOOPS if between else ROW)
     return _shifted(place, _between(place, letters, loops))
@@ -141,13 +147,13 @@ def _line(
         levels[y].append((x - APART / 2, x + APART / 2))
     ahead, back = (1.0 if x > x0 else -1.0), (1.0 if (x if passed else x0) > x1 else -1.0)
     first = y0 + below
-    start = ((x0 + 7 * ahead, y0 + 8), (x0 + BESIDE * ahead, first))
+    start = ((x0 + 7 * ahead, y0 + 8), (x0 + CLEAR * ahead, first))
     if y0 == y1:
-        return (*start, (x1 + BESIDE * back, first), (x1 + 7 * back, y1 + 8))
+        return (*start, (x1 + CLEAR * back, first), (x1 + 7 * back, y1 + 8))
     step = min((y for y in levels if y > y0), default=y1) - y0
     last = y1 - step + below
     turns = ((x, first), (x, last)) if passed else ()
-    return (*start, *turns, (x1 + BESIDE * back, last), (x1 + 7 * back, y1 - 8))
+    return (*start, *turns, (x1 + CLEAR * back, last), (x1 + 7 * back, y1 - 8))
 
 
 def _gap(taken: list[Interval], x0: float, x1: float) -> float:
@@ -157,8 +163,8 @@ def _gap(taken: list[Interval], x0: float, x1: float) -> float:
     return min(clear, key=lambda x: abs(x - x0) + abs(x - x1))
 
 
-def _beside(place: Layout, loops: Sequence[tuple[int, int]]) -> tuple[tuple[Point, ...], ...]:
-    """Lines left of all lanes; those that pass the same rows stand side by side."""
+def _left_of(place: Layout, loops: Sequence[tuple[int, int]]) -> tuple[tuple[Point, ...], ...]:
+    """Lines left of all lanes; lines that pass the same rows get a column each."""
     columns: list[float] = []  # the row down to which each is taken
     routes: dict[int, tuple[Point, ...]] = {}
     for i in sorted(range(len(loops)), key=lambda i: min(place.y[k] for k in loops[i])):
@@ -189,4 +195,65 @@ def _shifted(place: Layout, routes: tuple[tuple[Point, ...], ...]) -> Layout:
         width=max(place.width, right) + by,
         height=max(place.height, bottom),
         routes=tuple(tuple((x + by, y) for x, y in route) for route in routes),
+    )
+
+
+# -- the picture of a notebook ---------------------------------------------------------------
+
+RADIUS = 11.0  # [px] of a node
+LOOP = "#d9730d"
+
+
+def digraph_svg(
+    names: Sequence[str], parent: Sequence[int], loops: Sequence[tuple[int, int]] = ()
+) -> str:
+    """The digraph as SVG: bodies by number with their names, loops as dashed lines.
+
+    `parent` holds the number of each body's parent, 0 for the ground; `loops` pairs of bodies.
+    It takes the colour of the text around it, so it suits light and dark pages.
+    """
+    place = layout(tuple(parent), tuple(map(len, names)), loops)
+    at = list(zip(place.x, place.y))
+    edges = "".join(_edge(place.kind, at[p], at[k]) for k, p in enumerate(parent, 1))
+    lines = "".join(_loop(route) for route in place.routes if route)
+    nodes = "".join(_node(k, name, *at[k]) for k, name in enumerate(names, 1))
+    size = f'width="{place.width:.0f}" height="{place.height:.0f}"'
+    box = f'viewBox="0 0 {place.width:.0f} {place.height:.0f}"'
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" {size} {box} role="img" '
+        'aria-label="digraph of the bodies" style="max-width:100%;height:auto" '
+        'font-family="sans-serif" font-size="11" fill="currentColor" stroke="none">'
+        f"{edges}{lines}{_ground(*at[0])}{nodes}</svg>"
+    )
+
+
+def _edge(kind: str, start: Point, end: Point) -> str:
+    (x0, y0), (x1, y1) = start, end
+    if kind == "lanes":  # along the parent's lane, then across to the child
+        bend = min(RADIUS, y1 - y0)
+        way = f"M{x0:.1f} {y0:.1f}V{y1 - bend:.1f}Q{x0:.1f} {y1:.1f} {x1:.1f} {y1:.1f}"
+        return f'<path d="{way}" fill="none" stroke="currentColor" opacity=".5"/>'
+    length = max(math.hypot(x1 - x0, y1 - y0), 1.0)
+    dx, dy = RADIUS * (x1 - x0) / length, RADIUS * (y1 - y0) / length
+    way = f"M{x0 + dx:.1f} {y0 + dy:.1f}L{x1 - dx:.1f} {y1 - dy:.1f}"
+    return f'<path d="{way}" stroke="currentColor" opacity=".5"/>'
+
+
+def _loop(route: tuple[Point, ...]) -> str:
+    way = "L".join(f"{x:.1f} {y:.1f}" for x, y in route)
+    return f'<path d="M{way}" fill="none" stroke="{LOOP}" stroke-dasharray="5 4"/>'
+
+
+def _ground(x: float, y: float) -> str:
+    hatch = "".join(f"M{x + dx} {y}l-5 6" for dx in (-6.0, 0.0, 6.0, 12.0))
+    return f'<path d="M{x - 12} {y}H{x + 12}{hatch}" stroke="currentColor" fill="none"/>'
+
+
+def _node(number: int, name: str, x: float, y: float) -> str:
+    shown = name if len(name) <= LONGEST else name[: LONGEST - 1] + "…"
+    return (
+        f"<g><title>{escape(name)}</title>"
+        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{RADIUS}" fill="none" stroke="currentColor"/>'
+        f'<text x="{x:.1f}" y="{y + 4:.1f}" text-anchor="middle" font-weight="600">{number}</text>'
+        f'<text x="{x + RADIUS + 5:.1f}" y="{y + 4:.1f}">{escape(shown)}</text></g>'
     )

@@ -1,4 +1,7 @@
-"""What a body looks like (pure): simple pieces in its frame, and those as a trimesh mesh."""
+"""How a body looks: simple pieces in its frame, and the pieces as a trimesh mesh.
+
+Bodies and shapes are taken as they come: anything with the fields of `pg.Body` and `pg.Shape`.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +16,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-import pgraph_core as pg
-from pgraph_core.model.assets import load_mesh
+from ..errors import PgraphError
+from ..mesh_files import load_mesh
+from .extras import needed
 
 Color = tuple[int, int, int]
 TRUNK_HUE = 0.63  # bodies that carry several tips
@@ -41,7 +45,7 @@ def children_of(parent: Sequence[int]) -> tuple[tuple[int, ...], ...]:
     return tuple(map(tuple, found))
 
 
-def pieces(body: pg.Body, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
+def pieces(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
     """The body's own shape, or slender links from its origin to its children, tip or com."""
     if body.shape is not None:
         return (_own(body.shape),)
@@ -65,7 +69,7 @@ def _rod(end: np.ndarray, radius: float) -> Piece:
     return Piece("capsule", (width, width, length), (x, y, z), z_to(end / length))
 
 
-def _own(shape: pg.Shape) -> Piece:
+def _own(shape: Any) -> Piece:
     x, y, z = shape.size or (1.0, 1.0, 1.0)
     size = (x, y, z)
     if shape.radius is not None:
@@ -79,15 +83,14 @@ def _own(shape: pg.Shape) -> Piece:
 
 def mesh(parts: Sequence[Piece]) -> Any:
     """The pieces as one trimesh.Trimesh in body axes."""
-    import trimesh
-
-    return trimesh.util.concatenate([_solid(part) for part in parts])
+    solids = [_solid(part) for part in parts]
+    return needed("trimesh", "page").util.concatenate(solids)
 
 
 def unit(kind: str, file: str = "") -> Any:
-    """A trimesh whose bounding box is the unit cube: what batched bodies are scaled from.
+    """A trimesh whose bounding box is the unit cube, from which batched bodies are scaled.
 
-    Of a mesh it is the file's own, which one scale makes a body of.
+    A mesh keeps its own size: one scale makes it a body's.
     """
     tall = (1.0, 1.0, 2.0) if kind == "capsule" else (1.0, 1.0, 1.0)
     solid = _solid(Piece(kind, tall, (0.0,) * 3, np.eye(3), file))  # type: ignore[arg-type]
@@ -96,8 +99,7 @@ def unit(kind: str, file: str = "") -> Any:
 
 
 def _solid(part: Piece) -> Any:
-    import trimesh
-
+    trimesh = needed("trimesh", "page")
     x, y, z = part.size
     match part.kind:
         case "box":
@@ -120,23 +122,21 @@ def _solid(part: Piece) -> Any:
 
 def cone() -> Any:
     """A trimesh that opens from the origin upwards to the unit square at height 1."""
-    import trimesh
-
-    solid = trimesh.creation.cone(radius=0.5, height=1.0, sections=32)
+    solid = needed("trimesh", "page").creation.cone(radius=0.5, height=1.0, sections=32)
     solid.apply_transform(np.diag([1.0, -1.0, -1.0, 1.0]))  # the apex is above: turned about x
     solid.apply_translation((0.0, 0.0, 1.0))
     return solid
 
 
 def _file(name: str) -> Any:
-    """The mesh in a file; a small box where it cannot be read, so that the body is still there."""
-    import trimesh
-
+    """The mesh in a file; a box of 0.1 m if it cannot be read, so that the body is still seen."""
     found = _read(name, _changed(name))
-    return trimesh.creation.box(extents=(0.1, 0.1, 0.1)) if isinstance(found, str) else found.copy()
+    if isinstance(found, str):
+        return needed("trimesh", "page").creation.box(extents=(0.1, 0.1, 0.1))
+    return found.copy()
 
 
-def unreadable(bodies: Sequence[pg.Body]) -> tuple[str, ...]:
+def unreadable(bodies: Sequence[Any]) -> tuple[str, ...]:
     """A sentence for each mesh that cannot be read and is drawn as a box."""
     files = {b.shape.file for b in bodies if b.shape is not None and b.shape.file}
     found = (_read(name, _changed(name)) for name in sorted(files))
@@ -145,10 +145,10 @@ def unreadable(bodies: Sequence[pg.Body]) -> tuple[str, ...]:
 
 @lru_cache(maxsize=64)
 def _read(name: str, changed: int) -> Any:
-    """The mesh in a file, or the sentence that says why it is none; `changed`: when it was."""
+    """The mesh in a file as it was at time `changed`, or the error's sentence."""
     try:
         return load_mesh(name)
-    except pg.PgraphError as error:
+    except PgraphError as error:
         return str(error)
 
 
@@ -161,7 +161,7 @@ def _changed(name: str) -> int:
 
 
 def reach(
-    bodies: Sequence[pg.Body], children: Sequence[Sequence[int]],
+    bodies: Sequence[Any], children: Sequence[Sequence[int]],
     positions: np.ndarray, rotations: np.ndarray,
 ) -> tuple[np.ndarray, float]:  # fmt: skip
     """Middle of the model at home, and how far it reaches from there [m]."""

@@ -1,0 +1,135 @@
+"""A run as an animation: one HTML page with viewer and motion that needs nothing else."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import sys
+import tempfile
+import webbrowser
+from collections.abc import Callable, Sequence
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies, looks
+from .extras import needed
+from .ground import GRID, grid, steps
+from .shapes import branch_colors, children_of, reach, to_matrix
+
+if TYPE_CHECKING:
+    import viser
+
+PICTURES = 30  # a second
+MOST_PICTURES = 3000
+ASPECT = 1.6  # of the window for which the camera is placed
+TOWARDS_CAMERA = {"x": (0.42, 0.8, -1.0), "y": (0.55, 0.4, 1.0), "z": (0.55, -1.0, 0.4)}
+DISTANCE = 2.9  # of the camera, in sizes of the model
+
+# Draws more into a picture: (time [s], positions, quaternions, shift of the picture [m])
+Extra = Callable[[float, np.ndarray, np.ndarray, np.ndarray], None]
+
+
+def animation_html(run: Any, extra: Callable[[viser.ViserServer], Extra] | None = None) -> str:
+    """The page of a `pg.Result`. Needs viser. `extra` draws more into every picture."""
+    viser = needed("viser", "page")
+    with contextlib.redirect_stdout(io.StringIO()):  # viser's banner
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        serializer = server.get_scene_serializer()
+        draw(server, run, serializer.insert_sleep, extra(server) if extra else None)
+        return serializer.as_html()
+    finally:
+        with contextlib.redirect_stdout(io.StringIO()):
+            server.stop()
+
+
+def draw(
+    server: viser.ViserServer, run: Any, wait: Callable[[float], None], extra: Extra | None = None
+) -> None:
+    """Every picture of the run in turn, calling `wait` [s] in between.
+
+    A model that travels further than its size stays in the middle, and the ground moves.
+    """
+    model, names = run.mechanism.model, run.mechanism.names
+    bodies, parent = [model.body(name) for name in names], run.mechanism.topology.parent.tolist()
+    t, pose = np.asarray(run.t), np.asarray(run.body_pose)
+    children = children_of(parent)
+    middle, size = reach(bodies, children, pose[0, :, :3], to_matrix(pose[0, :, 3:]))
+    up = np.array(GRID[model.up][1])
+    scene, camera = server.scene, server.initial_camera
+    scene.set_up_direction(up)
+    ground = [node for node in (grid(scene, model, size), steps(scene, model)) if node is not None]
+    camera.position, camera.look_at = viewpoint(middle, size, model.up, ASPECT)
+    camera.up = up
+    kind = SeparateBodies if len(names) <= SEPARATE else BatchedBodies
+    drawn: Bodies = kind(server, lambda *_: None, lambda *_: None)
+    drawn.show(looks(bodies, children, branch_colors(parent)))
+    count = int(np.clip((t[-1] - t[0]) * PICTURES, 2, MOST_PICTURES))
+    times = np.linspace(t[0], t[-1], count)
+    leaves = np.linalg.norm(level(pose[:, 0, :3] - pose[0, 0, :3], up), axis=-1).max() > size
+    for time in times:
+        positions, wxyz = between(t, pose, float(time))
+        gone = level(positions[0] - pose[0, 0, :3], up) if leaves else np.zeros(3)
+        drawn.place(positions - gone, wxyz)
+        if extra is not None:
+            extra(float(time), positions, wxyz, gone)
+        for node in ground:
+            node.position = -gone
+        wait(float(times[1] - times[0]))
+
+
+def viewpoint(
+    middle: np.ndarray, size: float, up: str, aspect: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Positions of the camera and of its target, so that the model fills the view."""
+    away = np.array(TOWARDS_CAMERA[up])
+    distance = size * DISTANCE / min(aspect, 1.0) ** 0.8
+    target = middle - 0.15 * size * np.array(GRID[up][1])  # the player covers the bottom
+    return target + distance * away / np.linalg.norm(away), target
+
+
+def between(t: np.ndarray, pose: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
+    """(nb, 3) positions and (nb, 4) quaternions at `time` from `pose` (len(t), nb, 7), linearly."""
+    k = int(np.clip(np.searchsorted(t, time, side="right") - 1, 0, max(len(t) - 2, 0)))
+    last = min(k + 1, len(t) - 1)
+    span = t[last] - t[k]
+    s = min(max((time - t[k]) / span, 0.0), 1.0) if span > 0 else 0.0
+    a, b = pose[k], pose[last]
+    sign = np.where((a[:, 3:] * b[:, 3:]).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
+    wxyz = (1 - s) * a[:, 3:] + s * sign * b[:, 3:]
+    return (1 - s) * a[:, :3] + s * b[:, :3], wxyz / np.linalg.norm(wxyz, axis=1, keepdims=True)
+
+
+def level(way: np.ndarray, up: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Vectors (..., 3) without their part along the axis `up`."""
+    return way * (1.0 - np.asarray(up))
+
+
+def opened(page: str, height: int = 480) -> Any:
+    """Show a page: in a notebook an object to display, else in the browser (returns None)."""
+    if _in_notebook():
+        return Embedded(page, height)
+    with tempfile.NamedTemporaryFile("w", suffix=".html", delete=False, encoding="utf-8") as file:
+        file.write(page)
+    webbrowser.open(Path(file.name).as_uri())
+    return None
+
+
+class Embedded:
+    """A page in a notebook's cell."""
+
+    def __init__(self, page: str, height: int):
+        self.page, self.height = page, height
+
+    def _repr_html_(self) -> str:
+        frame = 'width="100%" style="border:0"'
+        return f'<iframe srcdoc="{escape(self.page)}" {frame} height="{self.height}"></iframe>'
+
+
+def _in_notebook() -> bool:
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython is not None else None
+    return shell is not None and shell.has_trait("kernel")

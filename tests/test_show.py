@@ -1,0 +1,209 @@
+"""Pictures and tables for notebooks and files: they hold the model's and the run's numbers."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+import pgraph_models
+from pgraph_core import show
+from pgraph_core.show import animation, plots, tables
+
+COLUMNS = {
+    "t [s]": np.array([0.0, 0.5, 1.0]),
+    "q knee 0 [rad]": np.array([0.0, 1.0, 2.0]),
+    "q hip 0 [rad]": np.array([0.0, 0.1, 0.2]),
+    "v knee 0 [rad/s]": np.array([2.0, 2.0, 2.0]),
+    "paw Fz [N]": np.array([5.0, 6.0, 7.0]),
+    "kinetic energy [J]": np.array([1.0, 1.0, 1.0]),
+}
+
+
+@pytest.fixture(scope="module")
+def quadruped() -> pg.Model:
+    return pg.Model.load(pgraph_models.path("quadruped"))
+
+
+@pytest.fixture(scope="module")
+def run() -> pg.Result:
+    mech = pg.Mechanism(pg.Model.load(pgraph_models.path("double_pendulum")))
+    return pg.simulate(mech, t_end=0.2)
+
+
+@pytest.mark.parametrize("name", ["quadruped", "four_bar", "chain_10", "pendulum"])
+def test_bodies_are_numbered_as_the_topology_numbers_them(name: str):
+    model = pg.Model.load(pgraph_models.path(name))
+    bodies, parent = tables.numbered(model)
+    topology = pg.Topology.of(model)
+    assert [body.name for body in bodies] == list(topology.names)
+    assert parent == topology.parent.tolist()
+
+
+def test_a_digraph_shows_every_body_once_and_every_loop():
+    svg = show.digraph_svg(["crank", "rod <1>", "rocker"], [0, 1, 0], [(2, 3)])
+    tree = ElementTree.fromstring(svg)
+    texts = ["".join(node.itertext()) for node in tree.iter("{http://www.w3.org/2000/svg}text")]
+    assert texts == ["1", "crank", "2", "rod <1>", "3", "rocker"]
+    dashed = [node for node in tree if node.get("stroke-dasharray")]
+    assert len(dashed) == 1
+    colours = {*re.findall(r'(?:stroke|fill)="([^"]+)"', svg)}
+    assert colours == {"currentColor", "none", "#d9730d"}  # legible on light and on dark
+
+
+def test_a_digraph_of_many_bodies_is_well_formed():
+    parent = [0, *range(1, 60)]
+    tree = ElementTree.fromstring(show.digraph_svg([f"b{k}" for k in parent], parent))
+    assert len(list(tree.iter("{http://www.w3.org/2000/svg}circle"))) == 60
+
+
+def test_a_model_s_table_names_every_body_with_its_numbers(quadruped: pg.Model):
+    html = show.model_html(quadruped)
+    rows = re.findall(r"<tr><td>(.*?)</td></tr>", html)
+    assert len(rows) == len(quadruped.bodies)
+    for body, row in zip(tables.numbered(quadruped)[0], rows):
+        _, name, parent, joint, dof, mass = row.split("</td><td>")
+        assert (name, parent, joint, int(dof)) == (body.name, body.parent, body.joint, body.dof)
+        assert float(mass) == pytest.approx(body.mass, rel=1e-5)
+    assert "<svg" in html
+
+
+def test_names_of_a_model_are_escaped():
+    model = pg.Model(name="<b>", bodies=[pg.Body(name="<i>", mass=1.0, tip=(1, 0, 0))])
+    html = show.model_html(model)
+    assert "<b>" not in html
+    assert "<i>" not in html
+    assert "&lt;i&gt;" in html
+
+
+def test_a_long_table_is_cut_in_the_middle():
+    html = show.model_html(pg.Model.serial(1000))
+    assert html.count("<tr>") == tables.ROWS + 2
+    assert "976 more" in html
+    assert "<svg" not in html
+
+
+def test_a_mechanism_s_page_has_its_pgraph(quadruped: pg.Model):
+    mech = pg.Mechanism(quadruped)
+    html = show.mechanism_html(mech)
+    (row,) = re.findall(r"<tr><td>Pgraph</td><td>(.*?)</td></tr>", html)
+    assert [int(x) for x in row.split("</td><td>")] == mech.topology.pgraph.tolist()
+
+
+def test_a_run_s_page_tells_how_it_ended_and_how_accurate_it_was(run: pg.Result):
+    html = show.run_html(run)
+    assert run.message in html
+    assert f"{run.error_estimate:.2g}" in html
+    assert run.header["method"] in html
+
+
+@pytest.mark.parametrize(
+    ("names", "columns"),
+    [
+        ((), ["q knee 0 [rad]", "q hip 0 [rad]"]),
+        (("knee",), ["q knee 0 [rad]"]),
+        (("v knee", "knee"), ["v knee 0 [rad/s]", "q knee 0 [rad]"]),
+        (("paw",), ["paw Fz [N]"]),
+        (("kinetic energy [J]", "kinetic energy"), ["kinetic energy [J]"]),
+    ],
+)
+def test_a_name_stands_for_its_columns(names: tuple[str, ...], columns: list[str]):
+    assert plots.picked_columns(COLUMNS, names) == columns
+
+
+def test_a_name_without_columns_is_answered_with_close_ones():
+    with pytest.raises(pg.InputError, match="'kne'") as caught:
+        plots.picked_columns(COLUMNS, ["kne"])
+    assert "knee" in str(caught.value)
+
+
+def test_a_figure_has_a_panel_for_each_unit_and_the_columns_numbers():
+    pytest.importorskip("matplotlib").use("Agg")
+    drawn = show.figure(COLUMNS, ["knee", "hip", "paw"], "a title")
+    assert [axis.get_ylabel() for axis in drawn.axes] == ["[rad]", "[N]"]
+    knee, hip = drawn.axes[0].lines
+    np.testing.assert_array_equal(knee.get_ydata(), COLUMNS["q knee 0 [rad]"])
+    np.testing.assert_array_equal(hip.get_ydata(), COLUMNS["q hip 0 [rad]"])
+
+
+def test_a_frame_has_the_time_as_its_index():
+    pytest.importorskip("pandas")
+    frame = show.frame(COLUMNS)
+    assert frame.index.name == "t [s]"
+    assert frame["q knee 0 [rad]"].tolist() == [0.0, 1.0, 2.0]
+    assert "t [s]" not in frame
+
+
+@pytest.mark.parametrize(
+    ("package", "extra", "call"),
+    [
+        ("pandas", "pandas", "show.frame({'t [s]': []})"),
+        ("matplotlib", "plot", "show.figure({'t [s]': [0], 'q a [rad]': [0]})"),
+        ("viser", "page", "show.animation_html(None)"),
+    ],
+)
+def test_a_missing_package_is_named_with_the_command_that_installs_it(package, extra, call):
+    code = (
+        f"import sys; sys.modules['{package}'] = None\n"
+        "from pgraph_core import show\n"
+        f"try: {call}\n"
+        "except (show.MissingPackage, ImportError) as error: print(error)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert f"package '{package}'" in done.stdout
+    assert f"pip install 'pgraph-dynamics[{extra}]'" in done.stdout
+
+
+def test_show_loads_no_package_that_draws():
+    code = (
+        "import sys; from pgraph_core import show\n"
+        "heavy = {'viser', 'trimesh', 'matplotlib', 'pandas', 'numba', 'scipy'}\n"
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+def test_an_animation_is_one_page_that_asks_for_nothing_else(run: pg.Result):
+    page = show.animation_html(run)
+    assert page.lstrip().lower().startswith("<!doctype html")
+    assert not re.search(r'<(script|link|img)[^>]+(src|href)="https?://', page)
+
+
+def test_an_animation_places_bodies_where_the_run_has_them(run: pg.Result):
+    viser = pytest.importorskip("viser")
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    seen: list[np.ndarray] = []
+    waited: list[float] = []
+
+    def wait(seconds: float) -> None:
+        nodes = server.scene._handle_from_node_name
+        seen.append(np.array([nodes[f"/bodies/{k}"].position for k in (1, 2)]))
+        waited.append(seconds)
+
+    try:
+        animation.draw(server, run, wait)
+    finally:
+        server.stop()
+    np.testing.assert_allclose(seen[0], run.body_pose[0, :, :3], atol=1e-12)
+    np.testing.assert_allclose(seen[-1], run.body_pose[-1, :, :3], atol=1e-12)
+    assert sum(waited[:-1]) == pytest.approx(run.t[-1] - run.t[0])
+
+
+def test_a_page_opens_in_the_browser_outside_of_notebooks(monkeypatch):
+    opened: list[str] = []
+    monkeypatch.setattr(animation.webbrowser, "open", opened.append)
+    assert show.opened("<!doctype html><p>a page</p>") is None
+    (address,) = opened
+    assert address.startswith("file://")
+
+
+def test_a_page_in_a_notebook_is_a_frame_of_its_own():
+    html = animation.Embedded('<p class="a">text</p>', 300)._repr_html_()
+    assert html.startswith('<iframe srcdoc="&lt;p class=&quot;a&quot;')
+    assert 'height="300"' in html
