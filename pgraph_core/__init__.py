@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from .paper.frame_update import frame_update_trace as frame_update_trace
     from .result import Result as Result
     from .result import Status as Status
-    from .result.joining import joined as joined
+    from .result.result import joined as joined
     from .simulation import simulate as simulate
     from .simulation.batches import BatchResult as BatchResult
     from .simulation.batches import simulate_batch as simulate_batch
@@ -84,7 +84,7 @@ _LAZY = {
     "footprints_csv": "gait.footprints",
     "underfoot": "gait.ground",
     "Walk": "simulation.walk",
-    "joined": "result.joining",
+    "joined": "result.result",
     "Mechanism": "mechanism",
     "Mobility": "constraints.mobility",
     "home_poses": "paper",

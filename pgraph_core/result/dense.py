@@ -1,6 +1,6 @@
 """Dense output: the state of a run between its recorded frames, and the error of it.
 
-Quintic Hermite polynomials for q, from q, q', q'' of both frames; cubic ones for v, from v, v'.
+Quintic Hermite polynomials, from q, q' and q'' of both frames; v is the rate of q along them.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def states_at(
         rate, bend = _derivatives(rows, q, v, vdot)
         frames = (t, q, rate, bend)
         found = _quintic(frames, i, i + 1, x)
-        speeds = _cubic(t, v, vdot, i, i + 1, x)
+        speeds = _velocities(rows, found, _quintic_rate(frames, i, i + 1, x), v.shape[1])
         for first, size in _quaternions(rows):
             part = found[:, first : first + size]
             part /= np.linalg.norm(part, axis=1, keepdims=True)
@@ -93,6 +93,23 @@ def _derivatives(rows: Array, q: Array, v: Array, vdot: Array) -> tuple[Array, A
     return rate, bend
 
 
+def _velocities(rows: Array, q: Array, rate: Array, nv: int) -> Array:
+    """v from q and q': ω = 2 q' q⁻¹."""
+    v = np.empty((len(q), nv))
+    for kind, i, j in rows[1:, [at.KIND, at.QI, at.VI]].tolist():
+        if kind <= at.TRANSLATE:
+            v[:, j] = rate[:, i]
+            continue
+        if kind == at.FREE:
+            v[:, j + 3 : j + 6] = rate[:, i : i + 3]
+            i += 3
+        w, u = q[:, i : i + 1], q[:, i + 1 : i + 4]
+        turning = w * rate[:, i + 1 : i + 4] - rate[:, i : i + 1] * u
+        turning += np.cross(u, rate[:, i + 1 : i + 4])
+        v[:, j : j + 3] = 2 * turning / (w * w + np.sum(u * u, axis=1, keepdims=True))
+    return v
+
+
 def _half_product(omega: Array, q: Array) -> Array:
     """½ ω q, the product of quaternions, (n, 4)."""
     w, u = q[:, :1], q[:, 1:]
@@ -120,6 +137,20 @@ def _quintic(frames: Any, i: Ints, k: Ints, x: Array) -> Array:
     found += h * s * left**3 * (1 + 3 * s) * rate[i]
     found -= h * left * s**3 * (1 + 3 * left) * rate[k]
     return found + 0.5 * h * h * s * s * left * left * (left * bend[i] + s * bend[k])
+
+
+def _quintic_rate(frames: Any, i: Ints, k: Ints, x: Array) -> Array:
+    """The rates of these polynomials."""
+    t, y, rate, bend = frames
+    h = (t[k] - t[i])[:, None]
+    s = (x - t[i])[:, None] / h
+    left = 1 - s
+    found = 30 * s * s * left * left * (y[k] - y[i]) / h
+    found += left * left * (1 + 2 * s - 15 * s * s) * rate[i]
+    found += s * s * (1 + 2 * left - 15 * left * left) * rate[k]
+    return found + 0.5 * h * s * left * (
+        left * (2 - 5 * s) * bend[i] - s * (2 - 5 * left) * bend[k]
+    )
 
 
 def _missed(frames: Any, i: Ints, x: Array) -> Array:

@@ -1,27 +1,31 @@
-"""What a run leaves: states over time, energies, forces, cost, and how it ended."""
+"""Result: states over time, energies, forces, cost, and how a run ended; several runs as one."""
 
 from __future__ import annotations
 
 import csv
 import io
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
 from enum import Enum
 from functools import cached_property
+from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import FileError, Problem
+from ..errors import FileError, InputError, Problem, choices
 from ..mechanism.bodies import BodyMotion, bodies_over, turned
 from ..model import Force, Model
 from ..model.files import write_atomic
 from ..plan import Plan
 from ..portable import Portable
 from ..system import Array
-from .contact_record import ContactRecord, Event
+from .contact_record import KINDS, ContactRecord, Event
+from .dense import states_at
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -32,7 +36,7 @@ class Status(Enum):
 
     DONE = "the run reached its end"
     NOT_FINITE = "the motion stopped being finite"
-    SINGULAR = "a joint moves nothing that has inertia about it"
+    SINGULAR = "singular mass matrix: no inertia about the axis of a joint"
     CANNOT_CLOSE = "the constraints cannot all be met"
     STEP_TOO_SMALL = "the step that the tolerance asks for fell below what time can resolve"
     TOO_MANY_STEPS = "the run took as many steps as it may"
@@ -69,6 +73,64 @@ class Result(Portable):
     error_estimate: float  # largest |change of q| at the end against twice the step [rad, m]
     header: Mapping[str, Any]  # version, model hash, method, step, ...
     notices: tuple[str, ...] = field(default=())  # what a person should know
+
+    def __repr__(self) -> str:
+        span = f"{self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no time"
+        method = self.header.get("method", "?")
+        error = f"error {self.error_estimate:.1e}"
+        text = f"<Result: {len(self.t)} frames over {span} by {method}, {error}"
+        if self.notices:
+            text += f", {len(self.notices)} notice{'s'[: len(self.notices) > 1]}"
+        return f"{text}>" if self.status.ok else f"{text};\n {self.message}>"
+
+    def __getitem__(self, name: str) -> Array:
+        """Coordinates of a joint over time: (n,), or (n, k) for k > 1; InputError if unknown."""
+        joints = self.mechanism.joints
+        if name not in joints:
+            raise InputError(Problem("run", "name", self._no_joint(name)))
+        place = joints[name].q
+        return self.q[:, place.start] if place.stop == place.start + 1 else self.q[:, place]
+
+    def _no_joint(self, name: Any) -> str:
+        joints = tuple(self.mechanism.joints)
+        if name in self.mechanism.names:
+            return f"the joint of {name!r} has no coordinate; choose one of {choices(joints)}"
+        near = get_close_matches(str(name), joints)
+        hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ";"
+        return f"no body is named {name!r}{hint} choose one of {choices(joints)}"
+
+    def at(self, t: Any) -> tuple[Array, Array, Any]:
+        """(q, v, error) at a time, or an array of times [s], between recorded frames.
+
+        q (nq,) and v (nv,), or (n, nq) and (n, nv); `error` is the estimated largest error of q
+        [rad, m]: that of the run (`error_estimate`) and of interpolation. It is nan if the run
+        made no estimate. Raises InputError for times outside of the run.
+        """
+        rows = self.mechanism.tree[0]
+        return states_at(rows, self.t, self.q, self.v, self.vdot, self.error_estimate, t)
+
+    def to_pandas(self) -> Any:
+        """A pandas DataFrame: one row a frame, time [s] as index, the columns of `to_csv`."""
+        return _show().frame(self.columns())
+
+    def plot(self, *names: str) -> Any:
+        """A matplotlib figure of columns over time, by default of all coordinates.
+
+        A name is a body or the beginning of a column of `to_csv`: "knee", "kinetic energy".
+        Raises InputError for unknown names.
+        """
+        return _show().figure(self.columns(), names, self.mechanism.model.name)
+
+    def to_html(self, path: str | Path, /) -> None:
+        """Write the run as an animation in 3D: one HTML file that needs nothing else."""
+        write_atomic(path, _show().animation_html(self).encode())
+
+    def show(self) -> Any:
+        """Show the animation: in a notebook an object to display, else in the browser."""
+        return _show().opened(_show().animation_html(self))
+
+    def _repr_html_(self) -> str:
+        return _show().run_html(self)
 
     @cached_property
     def plan(self) -> Plan:
@@ -198,6 +260,13 @@ class Result(Portable):
         """Time, q, v, energies and constraint forces as CSV, units in the first line."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
+        columns = self.columns()
+        writer.writerow(columns)
+        writer.writerows(zip(*(c.tolist() for c in columns.values())))
+        return text.getvalue()
+
+    def columns(self) -> dict[str, Any]:
+        """Columns (n,) of a table of the run, by names with units."""
         columns = {"t [s]": self.t, "kinetic energy [J]": self.kinetic_energy}
         columns["potential energy [J]"] = self.potential_energy
         positions, speeds = coordinates(self.mechanism)
@@ -208,10 +277,11 @@ class Result(Portable):
             }
         for name, force in self.constraint_force.items():
             columns |= {f"{name} F{axis} [N]": force[:, 3 + i] for i, axis in enumerate("xyz")}
-        columns |= self.contacts.columns()
-        writer.writerow(columns)
-        writer.writerows(zip(*(c.tolist() for c in columns.values())))
-        return text.getvalue()
+        return columns | self.contacts.columns()
+
+
+def _show() -> Any:
+    return import_module("pgraph_core.show")
 
 
 ARRAYS = (
@@ -287,3 +357,98 @@ def _add_constraint_wrenches(run: Result, motion: BodyMotion, out: Array) -> Non
                 arm = place - position[:, b]
                 out[:, b, :3] += signed[:, :3] + np.cross(arm, signed[:, 3:])
                 out[:, b, 3:] += signed[:, 3:]
+
+
+# -- several runs as one -----------------------------------------------------------------------
+
+LEDGER = ("work", "dissipation")  # what a run counts from zero
+
+
+def joined(runs: Sequence[Result], /) -> Result:
+    """Runs that begin where the one before ended, as one run on the mechanism of the last.
+
+    The frame at which two runs meet is kept once, as the later one has it: a body that was changed
+    in between, or an impact, shows there. Work and dissipation go on adding up; counters and
+    times add up; the error estimate is the sum, which is what errors of the parts can add up to
+    where the motion does not grow them.
+
+    Raises InputError where there is no run, or where two do not meet in time or in their sizes.
+    """
+    if not runs:
+        raise InputError(Problem("joined", "runs", "needs one run at least; given none"))
+    for before, after in pairwise(runs):
+        _check(before, after)
+    last = runs[-1]
+    keep = [slice(0, -1)] * (len(runs) - 1) + [slice(None)]
+    arrays = {name: _chained([getattr(r, name) for r in runs], keep) for name in ARRAYS}
+    for name in LEDGER:
+        arrays[name] = _summed([getattr(r, name) for r in runs], keep)
+    return replace(
+        last,
+        **arrays,
+        constraint_force=_by_name([r.constraint_force for r in runs], keep, runs),
+        contacts=_contacts(runs, keep),
+        counters=_added([r.counters for r in runs]),
+        timing=_added([r.timing for r in runs]),
+        error_estimate=float(sum(r.error_estimate for r in runs)),
+        header={
+            **last.header,
+            "t_start": runs[0].header.get("t_start", 0.0),
+            "forces": [force for r in runs for force in r.header.get("forces", ())],
+        },
+        notices=tuple(dict.fromkeys(text for r in runs for text in r.notices)),
+    )
+
+
+def _check(before: Result, after: Result) -> None:
+    if before.q.shape[1:] != after.q.shape[1:] or before.v.shape[1:] != after.v.shape[1:]:
+        text = f"run of {after.q.shape[1]} coordinates after one of {before.q.shape[1]}"
+        raise InputError(Problem("joined", "runs", f"{text}: only runs of the same joints join"))
+    if not len(before.t) or not len(after.t) or not np.isclose(before.t[-1], after.t[0]):
+        ends = [f"{t[k]:g}" if len(t) else "no frame" for t, k in ((before.t, -1), (after.t, 0))]
+        text = f"a run from {ends[1]} s after one to {ends[0]} s; give t_start = {ends[0]}"
+        raise InputError(Problem("joined", "runs", text))
+
+
+def _chained(parts: Sequence[Any], keep: Sequence[slice]) -> Any:
+    return np.concatenate([part[some] for part, some in zip(parts, keep)])
+
+
+def _summed(parts: Sequence[Any], keep: Sequence[slice]) -> Any:
+    """Each part on top of where the one before ended."""
+    so_far = np.cumsum([0.0, *(part[-1] for part in parts[:-1])])
+    return _chained([part + offset for part, offset in zip(parts, so_far)], keep)
+
+
+def _by_name(parts: Sequence[Any], keep: Sequence[slice], runs: Sequence[Result]) -> dict[str, Any]:
+    """Arrays by name; zeros where a run lacks what another has."""
+    found = {}
+    for name in dict.fromkeys(key for part in parts for key in part):
+        like = next(part[name] for part in parts if name in part)
+        each = [
+            part[name] if name in part else np.zeros((len(r.t), *like.shape[1:]), like.dtype)
+            for part, r in zip(parts, runs)
+        ]
+        found[name] = _chained(each, keep)
+    return found
+
+
+def _contacts(runs: Sequence[Result], keep: Sequence[slice]) -> ContactRecord:
+    records = [r.contacts for r in runs]
+    parts = {kind: _by_name([getattr(c, kind) for c in records], keep, runs) for kind in KINDS}
+    wrench = records[-1].wrench
+    if any(c.wrench.size for c in records):
+        nb = runs[-1].mechanism.nb
+        each = [
+            c.wrench if c.wrench.size else np.zeros((len(r.t), nb, 6))
+            for c, r in zip(records, runs)
+        ]
+        wrench = _chained(each, keep)
+    events = tuple(event for c in records for event in c.events)
+    return ContactRecord(**parts, wrench=wrench, events=events)
+
+
+def _added(parts: Sequence[Any]) -> dict[str, Any]:
+    return {
+        key: sum(p.get(key, 0) for p in parts) for key in dict.fromkeys(k for p in parts for k in p)
+    }

@@ -1,0 +1,206 @@
+"""What a new user does with a run: print it, ask for a time or a joint, make a table, copy it."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+import pgraph_models
+
+from .test_cases import DOWN, mass
+
+
+def double_pendulum():
+    return pg.Model.load(pgraph_models.path("double_pendulum"))
+
+
+def tumbling():
+    inertia = np.diag([0.1, 0.2, 0.25])
+    body = pg.Body(name="box", joint="free", mass=1.0, inertia=inertia, v=(1, 3.0, 0.2, 0.4, 0, 1))
+    ball = pg.Body(
+        name="ball", parent="box", joint="spherical", mass=0.3, com=(0, 0, 1), inertia=inertia
+    )
+    return pg.Model(bodies=(body, ball))
+
+
+@pytest.fixture(scope="module")
+def run():
+    return pg.simulate(double_pendulum(), t_end=2.0, method="dop853", rtol=1e-11)
+
+
+# -- a model in place of a mechanism ---------------------------------------------------------------
+
+
+def test_a_model_is_simulated_as_its_mechanism():
+    model = double_pendulum()
+    mine, theirs = pg.simulate(model, t_end=0.1), pg.simulate(pg.Mechanism(model), t_end=0.1)
+    np.testing.assert_array_equal(mine.q, theirs.q)
+
+
+def test_a_batch_takes_a_model():
+    model = double_pendulum()
+    q, v = (np.tile(x, (3, 1)) for x in pg.Mechanism(model).home())
+    done = pg.simulate_batch(model, q, v, t_end=0.01)
+    assert done.finite.all()
+
+
+@pytest.mark.parametrize("given", ["double_pendulum.json", None, 3, {"bodies": ()}])
+def test_other_things_than_models_are_refused_in_a_sentence(given):
+    with pytest.raises(pg.InputError, match=r"pg\.Mechanism or a pg\.Model"):
+        pg.simulate(given)
+
+
+def test_the_name_of_a_file_is_answered_with_how_to_read_it():
+    with pytest.raises(pg.InputError, match=r"Model\.load\('arm\.json'\)"):
+        pg.simulate("arm.json")
+
+
+# -- plans are kept --------------------------------------------------------------------------------
+
+
+def test_a_second_run_gives_the_same_bits_as_the_first():
+    for options in ({}, {"method": "rk4"}, {"method": "semi_implicit_euler"}, {"rtol": 1e-6}):
+        mech = pg.Mechanism(double_pendulum())
+        first, second = (pg.simulate(mech, t_end=0.2, **options) for _ in range(2))
+        np.testing.assert_array_equal(first.q, second.q)
+        assert first.error_estimate == second.error_estimate
+        assert first.header == second.header
+
+
+def test_the_method_is_chosen_for_the_state_of_each_run():
+    """A kept plan is not used for a state at which another method suits."""
+    body = mass("a", stiffness=2e4)
+    mech = pg.Mechanism(pg.Model(bodies=(body, mass("b", "a", above=1.0)), **DOWN))
+    slow, fast = np.zeros(2), np.array([0.0, 5e4])
+    options = {"t_end": 0.02, "step": 1e-3}
+    known = [pg.simulate(mech, slow, v, **options).header["method"] for v in (slow, fast, slow)]
+    fresh = [
+        pg.simulate(pg.Mechanism(mech.model), slow, v, **options).header["method"]
+        for v in (slow, fast, slow)
+    ]
+    assert known == fresh
+
+
+def test_options_that_are_equal_but_of_another_type_are_checked_again():
+    mech = pg.Mechanism(double_pendulum())
+    pg.simulate(mech, t_end=1.0, max_steps=1_000_000)
+    with pytest.raises(pg.InputError, match="t_end"):
+        pg.simulate(mech, t_end=True, max_steps=1_000_000)
+
+
+# -- how it prints ---------------------------------------------------------------------------------
+
+
+def test_a_result_prints_as_a_line(run):
+    text = repr(run)
+    assert len(text.splitlines()) == 1
+    assert all(part in text for part in ("1001 frames", "0 to 2 s", "dop853"))
+
+
+def test_a_result_that_failed_prints_why():
+    failed = pg.simulate(double_pendulum(), t_end=5.0, method="dopri5", max_steps=20)
+    assert failed.message in repr(failed)
+    assert len(repr(failed).splitlines()) == 2
+
+
+# -- states in between -----------------------------------------------------------------------------
+
+
+def test_a_number_gives_a_state_and_an_array_gives_states(run):
+    q, v, error = run.at(0.37)
+    assert (q.shape, v.shape) == ((2,), (2,))
+    assert isinstance(error, float)
+    many_q, many_v, errors = run.at([0.1, 0.37])
+    assert (many_q.shape, many_v.shape, errors.shape) == ((2, 2), (2, 2), (2,))
+    np.testing.assert_array_equal(many_q[1], q)
+
+
+def test_recorded_times_give_recorded_states(run):
+    q, v, error = run.at(run.t)
+    np.testing.assert_array_equal(q, run.q)
+    np.testing.assert_array_equal(v, run.v)
+    np.testing.assert_allclose(error, run.error_estimate)
+
+
+@pytest.mark.parametrize("frames", [21, 101, 1001])
+@pytest.mark.parametrize("method", ["dop853", "rk4", "radau5"])
+@pytest.mark.parametrize("model", [double_pendulum, tumbling])
+def test_the_error_between_frames_is_estimated(model, method, frames):
+    """It is no quarter of the true one, and no more than a hundred times that plus rounding."""
+    mech = pg.Mechanism(model())
+    t = np.linspace(0.0, 2.0, 457)
+    fine = pg.simulate(mech, t_end=2.0, t_eval=t, method="dop853", rtol=1e-13)
+    options = {"step": 1e-3} if method == "rk4" else {"rtol": 1e-9}
+    done = pg.simulate(mech, t_end=2.0, frames=frames, method=method, **options)
+    q, v, error = done.at(t)
+    true = np.abs(q - fine.q).max(axis=1)
+    assert true.max() < 4 * error.max() + 1e-12
+    assert error.max() < 200 * true.max() + 1e-11
+    assert np.abs(v - fine.v).max() < 1e4 * error.max() + 1e-9
+
+
+def test_an_impact_between_frames_is_in_the_error():
+    """A ball on hard ground, its bounce within an interval."""
+    ball = pg.Body(name="ball", joint="free", q=(0, 0, 0.5, 1, 0, 0, 0), mass=1.0)
+    floor = pg.Contact(
+        name="floor", body="ball", law="complementarity", points=((0, 0, 0),), restitution=0.8
+    )
+    mech = pg.Mechanism(pg.Model(bodies=(ball,), contacts=(floor,)))
+    fine = pg.simulate(mech, t_end=0.6, method="dop853", frames=4001)
+    done = pg.simulate(mech, t_end=0.6, method="dop853", frames=31)
+    q, _, error = done.at(fine.t)
+    true = np.abs(q - fine.q).max(axis=1)
+    assert true.max() > 1e-3
+    assert (true <= error + 1e-9).all()
+
+
+@pytest.mark.parametrize("t", [-0.1, 2.1, [0.5, 2.5], np.nan, "now", [[0.1]]])
+def test_times_outside_of_the_run_are_refused(run, t):
+    with pytest.raises(pg.InputError, match=r"run\.at"):
+        run.at(t)
+
+
+# -- joints by name --------------------------------------------------------------------------------
+
+
+def test_a_joint_is_asked_for_by_name(run):
+    name = run.mechanism.names[1]
+    np.testing.assert_array_equal(run[name], run.q[:, 1])
+    done = pg.simulate(tumbling(), t_end=0.1)
+    assert done["ball"].shape == (len(done.t), 4)
+    assert done["box"].shape == (len(done.t), 7)
+
+
+def test_an_unknown_joint_is_answered_with_near_names(run):
+    name = run.mechanism.names[1]
+    with pytest.raises(pg.InputError, match=f"did you mean '{name}'"):
+        run[name + "x"]
+
+
+def test_a_welded_body_has_no_coordinates():
+    model = pg.Model(bodies=(mass("a"), pg.Body(name="lid", parent="a", joint="weld", mass=1.0)))
+    with pytest.raises(pg.InputError, match="no coordinate"):
+        pg.simulate(model, t_end=0.01)["lid"]
+
+
+# -- tables and copies -----------------------------------------------------------------------------
+
+
+def test_the_table_has_the_columns_of_the_csv(run):
+    pytest.importorskip("pgraph_core.show")
+    frame = run.to_pandas()
+    header = run.to_csv().splitlines()[0].split(",")
+    assert [frame.index.name, *frame.columns] == header
+    np.testing.assert_array_equal(frame.index, run.t)
+
+
+@pytest.mark.parametrize("way", [copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x))])
+def test_a_copy_answers_as_the_run_does(run, way):
+    other = way(run)
+    np.testing.assert_array_equal(other.at(0.123)[0], run.at(0.123)[0])
+    np.testing.assert_array_equal(other.body_pose, run.body_pose)
+    assert repr(other) == repr(run)
