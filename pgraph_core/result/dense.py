@@ -20,7 +20,7 @@ GAIN = 16.0  # smooth: the error over one frame is 1/64 of that over two; a fact
 
 
 def states_at(
-    rows: Array, t: Array, q: Array, v: Array, vdot: Array, estimate: float, asked: Any
+    rows: Ints, t: Array, q: Array, v: Array, vdot: Array, estimate: float, asked: Any
 ) -> tuple[Array, Array, Any]:
     """(q, v, error) at the times `asked`, a number or an array, from frames at `t`.
 
@@ -69,14 +69,14 @@ def _inside(asked: Any, t: Array) -> Array:
     return np.clip(times, t[0], t[-1])
 
 
-def _quaternions(rows: Array) -> Iterator[tuple[int, int]]:
+def _quaternions(rows: Ints) -> Iterator[tuple[int, int]]:
     """(first entry in q, 4) of each quaternion."""
     for kind, first in rows[1:, [at.KIND, at.QI]].tolist():
         if kind >= at.BALL:
             yield first + (3 if kind == at.FREE else 0), 4
 
 
-def _derivatives(rows: Array, q: Array, v: Array, vdot: Array) -> tuple[Array, Array]:
+def _derivatives(rows: Ints, q: Array, v: Array, vdot: Array) -> tuple[Array, Array]:
     """(q', q'') from q, v, v'; of quaternions q' = ½ ω q and q'' = ½ (ω' q + ω q')."""
     rate, bend = np.empty_like(q), np.empty_like(q)
     for kind, i, j in rows[1:, [at.KIND, at.QI, at.VI]].tolist():
@@ -93,7 +93,7 @@ def _derivatives(rows: Array, q: Array, v: Array, vdot: Array) -> tuple[Array, A
     return rate, bend
 
 
-def _velocities(rows: Array, q: Array, rate: Array, nv: int) -> Array:
+def _velocities(rows: Ints, q: Array, rate: Array, nv: int) -> Array:
     """v from q and q': ω = 2 q' q⁻¹."""
     v = np.empty((len(q), nv))
     for kind, i, j in rows[1:, [at.KIND, at.QI, at.VI]].tolist():
