@@ -8,8 +8,8 @@ import viser
 
 from .constraints.view import ConstraintsView
 from .core.bridge import Bridge
+from .core.events import Event
 from .digraph.view import DigraphView
-from .events import Connected, Disconnected, Event
 from .gait.footprints import FootprintsView
 from .gait.phases import PhasesView
 from .gait.view import GaitView
@@ -26,6 +26,7 @@ from .scene.follow import FollowView
 from .scene.ghost import GhostView
 from .scene.show import ShowView
 from .scene.view import SceneView
+from .session.update import Connected, Disconnected
 from .session.view import ACCENT, SessionView
 from .table.view import TableView
 

@@ -9,12 +9,13 @@ from pathlib import Path
 import pgraph_core as pg
 import pgraph_models
 
+from .constraints.worker import Reports
 from .core.bridge import Bridge, open_server, quiet, token_for
+from .core.events import Event, from_page
 from .core.state import initial
 from .core.store import Store
-from .events import Event, from_page
-from .model.errand_worker import Errands, Reports
 from .model.update import recovered
+from .model.worker import Errands
 from .page import Page
 from .report.worker import Analyst
 from .run.live import LiveRunner

@@ -17,13 +17,16 @@ from typing import Any
 import pgraph_core as pg
 import pgraph_models
 from benchmarks.machine import machine
-from pgraph_app import events
+from pgraph_app.core.events import Event
 from pgraph_app.core.state import State, initial
 from pgraph_app.digraph.view import digraph
+from pgraph_app.features import update
 from pgraph_app.model.derived import derive
+from pgraph_app.model.update import Edit
 from pgraph_app.properties.view import properties
+from pgraph_app.session.update import Connected
+from pgraph_app.table.update import Duplicate
 from pgraph_app.table.view import table
-from pgraph_app.update import update
 
 SIZES = (16, 999)  # the table holds 1000, and one edit adds a body
 PAGES = (1, 2)
@@ -49,20 +52,20 @@ def payloads(state: State) -> int:
     return sum(len(json.dumps(part)) for part in shown)
 
 
-def edits(n: int) -> dict[str, Callable[[int], events.Event]]:
+def edits(n: int) -> dict[str, Callable[[int], Event]]:
     """A kind of edit each, different at every call."""
     model = model_of(n)
     middle, last = model.bodies[n // 2].name, model.bodies[-1].name
 
-    def typed(body: str, field: Any, text: Callable[[int], str]) -> Callable[[int], events.Event]:
-        return lambda k: events.Edit(1, k, body, field, (), text(k))
+    def typed(body: str, field: Any, text: Callable[[int], str]) -> Callable[[int], Event]:
+        return lambda k: Edit(1, k, body, field, (), text(k))
 
     return {
         "mass": typed(middle, "mass", lambda k: str(1 + 1e-3 * (k + 1))),
         "name": typed(middle, "name", lambda k: f"body_{k}"),
         "parent": typed(last, "parent", lambda k: model.bodies[k % (n // 2)].name),
         "dof": typed(middle, "dof", lambda k: "23"[k % 2]),
-        "duplicate": lambda k: events.Duplicate(1, (last,), True),
+        "duplicate": lambda k: Duplicate(1, (last,), True),
     }
 
 
@@ -70,7 +73,7 @@ def server(n: int) -> dict[str, float]:
     """Milliseconds a kind of edit: the new state, and what two pages are sent."""
     state = initial(model_of(n))
     for client in PAGES:
-        state = update(state, events.Connected(client))
+        state = update(state, Connected(client))
     found = {
         name: median(lambda k, make=make: payloads(update(state, make(k))))
         for name, make in edits(n).items()

@@ -15,11 +15,14 @@ import numpy as np
 import viser
 
 import pgraph_core as pg
-from pgraph_app import events
 from pgraph_app.core.bridge import quiet
 from pgraph_app.core.state import State, initial
+from pgraph_app.features import update
+from pgraph_app.playback.update import Scrub
+from pgraph_app.run.update import Simulate, Simulated
+from pgraph_app.scene.update import Show, Viewport
 from pgraph_app.scene.view import SceneView
-from pgraph_app.update import update
+from pgraph_app.session.update import Connected
 
 FRAMES = 200
 BODIES = (16, 100, 1000)
@@ -30,10 +33,10 @@ def moving(n: int) -> State:
     """A chain of n rods with a run in which all of them move."""
     model = pg.Model.serial(n)
     result = pg.simulate(pg.Mechanism(model), t_end=0.1, step=1e-3, method="rk4")
-    state = update(update(initial(model), events.Connected(ME)), events.Viewport(ME, 1.0))
-    state = update(state, events.Simulate(ME))
-    state = update(state, events.Simulated(1, result))
-    return update(state, events.Show(ME, "axes", False))
+    state = update(update(initial(model), Connected(ME)), Viewport(ME, 1.0))
+    state = update(state, Simulate(ME))
+    state = update(state, Simulated(1, result))
+    return update(state, Show(ME, "axes", False))
 
 
 def frames(n: int, server: viser.ViserServer) -> tuple[list[float], float]:
@@ -45,7 +48,7 @@ def frames(n: int, server: viser.ViserServer) -> tuple[list[float], float]:
     taken = []
     for time_shown in np.linspace(0.001, 0.099, FRAMES):
         start = time.perf_counter()
-        after = update(state, events.Scrub(ME, float(time_shown)))
+        after = update(state, Scrub(ME, float(time_shown)))
         view.render(state, after)
         taken.append(1e3 * (time.perf_counter() - start))
         state = after

@@ -15,10 +15,11 @@ from typing import Any, NamedTuple
 from viser._messages import RunJavascriptMessage
 
 import pgraph_core as pg
-from pgraph_app import events
 from pgraph_app.core.state import State
-from pgraph_app.properties import events as describing
+from pgraph_app.model.update import Edit, Undo
+from pgraph_app.properties.update import EditBodies
 from pgraph_app.server import Server, serve
+from pgraph_app.table.update import Duplicate
 
 from .browser import FLAGS, browser_path
 from .timing import spread
@@ -74,7 +75,7 @@ START = """([selector, value]) => {
 }"""
 
 
-class Edit(NamedTuple):
+class Typed(NamedTuple):
     """One edit on the page: a cell, what is typed there, and what ends it."""
 
     selector: str
@@ -107,7 +108,7 @@ def marked(model: pg.Model) -> Iterator[tuple[Server, Marker, list[float]]]:
     plain = server.send
 
     def timed(event: Any) -> None:
-        if isinstance(event, events.Edit | describing.EditBodies | events.Duplicate):
+        if isinstance(event, Edit | EditBodies | Duplicate):
             came.append(1e3 * time.time())
         plain(event)
 
@@ -142,24 +143,24 @@ def opened(browser: Any, server: Server, viewport: dict[str, int]) -> tuple[Any,
     return page, page.evaluate("window.tableAt") / 1e3
 
 
-def edits(model: pg.Model) -> dict[str, Edit]:
+def edits(model: pg.Model) -> dict[str, Typed]:
     """A kind of edit each."""
     names = [body.name for body in model.bodies]
     middle, last = names[len(names) // 2], names[-1]
     row = f'table.bodies tr[data-name="{last}"]'
     return {
-        "name": Edit("table.bodies tr.last input.name", ("renamed", last), select=last),
-        "parent": Edit(f'{row} select[aria-label="parent"]', (names[0], names[1]), "", last),
-        "DoF": Edit(f'{row} select[aria-label="DoF"]', ("2", "3"), "", last),
-        "mass": Edit('.properties input[aria-label="Mass"]', ("1.25", "1.5"), "Enter", middle),
-        "duplicate": Edit("table.bodies tr.last", ("", ""), "Control+d", last),
+        "name": Typed("table.bodies tr.last input.name", ("renamed", last), select=last),
+        "parent": Typed(f'{row} select[aria-label="parent"]', (names[0], names[1]), "", last),
+        "DoF": Typed(f'{row} select[aria-label="DoF"]', ("2", "3"), "", last),
+        "mass": Typed('.properties input[aria-label="Mass"]', ("1.25", "1.5"), "Enter", middle),
+        "duplicate": Typed("table.bodies tr.last", ("", ""), "Control+d", last),
     }
 
 
 Log = list[tuple[str, float]]
 
 
-def once(pages: list[Any], edit: Edit, k: int) -> list[Log]:
+def once(pages: list[Any], edit: Typed, k: int) -> list[Log]:
     """Do it on the first page; what every page noted, until its picture has been made."""
     first = pages[0]
     for page in pages:
@@ -206,7 +207,7 @@ def measured(n: int, model: pg.Model, viewport: dict[str, int], rounds: int) -> 
                 logs = once(pages, edit, k)
                 found.append(parts(logs, came[-1], marker.ended))
                 if name == "duplicate":
-                    server.send(events.Undo(next(iter(server.store.state.clients))))
+                    server.send(Undo(next(iter(server.store.state.clients))))
                     for page in pages:
                         page.wait_for_function(
                             "(n) => pgraph.latest.table.rows.length === n", arg=n

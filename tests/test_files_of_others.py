@@ -14,10 +14,11 @@ import pytest
 import trimesh
 
 import pgraph_core as pg
-from pgraph_app import events
 from pgraph_app.core.state import initial
+from pgraph_app.features import update
 from pgraph_app.model import archive
-from pgraph_app.update import update
+from pgraph_app.model.update import OpenText
+from pgraph_app.session.update import Connected
 from pgraph_core.mesh_files import load_mesh
 from pgraph_core.model import files
 
@@ -115,11 +116,11 @@ def test_a_saved_copy_holds_the_geometry_and_nothing_else(tmp_path, suffix):
 
 def test_a_page_opens_no_mesh_by_a_path_of_its_own(folders):
     folder, mine = folders
-    state = update(initial(pg.Model.serial(2)), events.Connected(ME))
+    state = update(initial(pg.Model.serial(2)), Connected(ME))
     for file in escapes(folder, mine):
         if file in ("link.stl", "linked/box.stl"):
             continue  # of a folder that a page does not know
-        after = update(state, events.OpenText(ME, "m.json", text_of(file)))
+        after = update(state, OpenText(ME, "m.json", text_of(file)))
         assert after.model is state.model
         assert "body 'cup', shape" in after.clients[ME].notice.text
 
@@ -211,10 +212,10 @@ def test_an_unfinished_string_of_quotes_takes_linear_time():
 
 
 def test_a_page_refuses_too_many_bodies_before_it_makes_them():
-    state = update(initial(pg.Model.serial(2)), events.Connected(ME))
+    state = update(initial(pg.Model.serial(2)), Connected(ME))
     rows = [{"name": str(i)} for i in range(100_000)]
     start = time.process_time()
-    after = update(state, events.OpenText(ME, "m.json", json.dumps({"bodies": rows})))
+    after = update(state, OpenText(ME, "m.json", json.dumps({"bodies": rows})))
     assert time.process_time() - start < 3
     assert after.model is state.model
     assert "100000 bodies; 1000 at most" in after.clients[ME].notice.text

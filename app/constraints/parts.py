@@ -14,8 +14,8 @@ from pgraph_core.model.constraint import TAKES as CONSTRAINT_TAKES
 from pgraph_core.model.force import TAKES as FORCE_TAKES
 from pgraph_core.rotation import matrix
 
-from ..core.cells import LONGEST_NAME, Refusal, content, number, replaced, whole
-from ..core.intents import Display, Part, Quantity
+from ..constraints import Part
+from ..core.cells import LONGEST_NAME, Display, Quantity, Refusal, content, number, replaced, whole
 from .kinds import FIELDS, KINDS, UNITS_OF, WORD
 
 GROUND, EVERY = "ground", "*"

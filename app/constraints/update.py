@@ -1,86 +1,37 @@
-"""What the events do to constraints, contacts, forces, loops and limits, and to picking (pure)."""
+"""Constraints, contacts, forces, loops and limits: adding, picking, editing, the report (pure)."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import cast
+from dataclasses import dataclass, replace
+from typing import Any, Literal, cast
 
-from .. import events
+import pgraph_core as pg
+
 from ..core.cells import Refusal
-from ..core.intents import Assemble, MobilityReport, Part, Picking
+from ..core.edit import answered, attempted
+from ..core.events import Entries, Event, FromPage, Text, on
 from ..core.state import Notice, State, told, with_client
-from ..events import Event
-from ..model.answering import answered, attempted
-from ..model.errands import sent
-from . import events as asked
-from . import parts
+from ..model import Found
+from ..model.update import sent
+from . import MobilityReport, Part, Picking, Slot, parts
 from .kinds import FIELDS, KINDS, WORD
 
-
-def update(state: State, event: Event) -> State | None:
-    """The state after an event of the constraints tab, or a click while picking; else None."""
-    match event:
-        case events.Select(client=client, body=body) if _picking(state, client) is not None:
-            return picked(state, client, body)
-        case events.SelectBodies(client=client, body=body) if _picking(state, client) is not None:
-            return picked(state, client, body)
-        case asked.PickName(client, name) if _picking(state, client) is not None:
-            return picked(state, client, name)
-        case asked.Unpick(client):
-            return with_client(state, client, picking=None)
-        case asked.Pick(client, part, name, slot):
-            return _pick_of(state, client, part, name, slot)
-        case asked.AddPart():
-            return add(state, event)
-        case asked.EditPart():
-            return edited(state, event)
-        case asked.AssembleState(client):
-            return sent(state, client, Assemble())
-        case asked.MobilityFound(model, found, problem):
-            report = MobilityReport(model, found, problem)
-            return replace(state, mobility=report) if model is state.model else state
-        case asked.AskMobility():
-            return replace(state, mobility_asked=state.model)
-    return _listed(state, event) or _of_one(state, event)
+# -- editing -----------------------------------------------------------------------------------
 
 
-def _listed(state: State, event: Event) -> State | None:
-    """What is in sight of one page's tab."""
-    match event:
-        case asked.OpenPart(client, part, name):
-            opened = None if name is None else (part, name)
-            return with_client(state, client, opened=opened)
-        case asked.OpenConstraints(client, body) if client in state.clients:
-            known = body if body in state.derived.number else None
-            called = state.clients[client].called + 1
-            return with_client(state, client, listed=known, called=called)
-        case asked.WatchConstraints(client, on):
-            return with_client(state, client, watching=on)
-    return None
+@dataclass(frozen=True)
+class EditPart(FromPage):
+    """Cells of one field were typed into."""
+
+    serial: int
+    part: Part
+    name: Text
+    field: Text
+    entries: Entries
 
 
-def _of_one(state: State, event: Event) -> State | None:
-    """A part switched, deleted or duplicated."""
-    match event:
-        case asked.SwitchPart(client, part, name, on):
-            label = f"{'activate' if on else 'deactivate'} {name}"
-            return attempted(
-                state, client, lambda: parts.switched(state.model, part, name, on), label
-            )
-        case asked.DeletePart(client, part, name):
-            label = f"delete {name}"
-            return attempted(state, client, lambda: parts.removed(state.model, part, name), label)
-        case asked.DuplicatePart(client, part, name):
-            try:
-                model, copy = parts.duplicated(state.model, part, name)
-            except Refusal as refusal:
-                return told(state, client, Notice("Not done", f"{refusal}.", bad=True))
-            after = attempted(state, client, lambda: model, f"duplicate {name}")
-            return with_client(after, client, opened=(part, copy))
-    return None
-
-
-def edited(state: State, event: asked.EditPart) -> State:
+@on(EditPart)
+def edited(state: State, event: EditPart) -> State:
     """Typed cells of a part: one undo step, or the sentence that refuses them."""
     page = state.clients.get(event.client)
     if page is None:
@@ -104,11 +55,64 @@ def edited(state: State, event: asked.EditPart) -> State:
     return after
 
 
+@dataclass(frozen=True)
+class SwitchPart(FromPage):
+    """Activate or deactivate a part."""
+
+    part: Literal["constraints", "contacts"]
+    name: Text
+    on: bool
+
+
+@on(SwitchPart)
+def switch(state: State, event: SwitchPart) -> State:
+    make = lambda: parts.switched(state.model, event.part, event.name, event.on)  # noqa: E731
+    label = f"{'activate' if event.on else 'deactivate'} {event.name}"
+    return attempted(state, event.client, make, label)
+
+
+@dataclass(frozen=True)
+class DeletePart(FromPage):
+    part: Part
+    name: Text
+
+
+@on(DeletePart)
+def delete(state: State, event: DeletePart) -> State:
+    make = lambda: parts.removed(state.model, event.part, event.name)  # noqa: E731
+    return attempted(state, event.client, make, f"delete {event.name}")
+
+
+@dataclass(frozen=True)
+class DuplicatePart(FromPage):
+    part: Part
+    name: Text
+
+
+@on(DuplicatePart)
+def duplicate(state: State, event: DuplicatePart) -> State:
+    try:
+        model, copy = parts.duplicated(state.model, event.part, event.name)
+    except Refusal as refusal:
+        return told(state, event.client, Notice("Not done", f"{refusal}.", bad=True))
+    after = attempted(state, event.client, lambda: model, f"duplicate {event.name}")
+    return with_client(after, event.client, opened=(event.part, copy))
+
+
 # -- adding and picking ------------------------------------------------------------------------
 
 
-def add(state: State, event: asked.AddPart) -> State:
-    """A new part: its bodies are picked by clicks, the first may be known."""
+@dataclass(frozen=True)
+class AddPart(FromPage):
+    """A new part of that kind: its bodies are picked next, the first may be given."""
+
+    part: Literal["constraints", "contacts", "forces", "loops", "limits"]
+    kind: Text
+    body: Text | None
+
+
+@on(AddPart)
+def add(state: State, event: AddPart) -> State:
     if event.kind not in KINDS[event.part]:
         return state
     picking = Picking(event.part, event.kind)
@@ -117,25 +121,56 @@ def add(state: State, event: asked.AddPart) -> State:
     return _next(with_client(state, event.client, picking=picking), event.client, event.body)
 
 
-def _picking(state: State, client: int) -> Picking | None:
+@dataclass(frozen=True)
+class Pick(FromPage):
+    """The next body that is clicked becomes this one of a part."""
+
+    part: Part
+    name: Text
+    slot: Slot
+
+
+def pick(state: State, event: Pick) -> State:
+    try:
+        kind = parts.kind_of(event.part, parts.item_of(state.model, event.part, event.name))
+    except Refusal as refusal:
+        return told(state, event.client, Notice("Not done", f"{refusal}.", bad=True))
+    picking = Picking(event.part, kind, event.slot, event.name)
+    return with_client(state, event.client, picking=picking)
+
+
+@dataclass(frozen=True)
+class PickName(FromPage):
+    """Picked without a click on a body: the ground, or "*" for every body of a contact."""
+
+    name: Text
+
+
+@on(PickName)
+def pick_name(state: State, event: PickName) -> State:
+    if picking_of(state, event.client) is None:
+        return state
+    return picked(state, event.client, event.name)
+
+
+@dataclass(frozen=True)
+class Unpick(FromPage):
+    """Pick nothing."""
+
+
+@on(Unpick)
+def unpick(state: State, event: Unpick) -> State:
+    return with_client(state, event.client, picking=None)
+
+
+def picking_of(state: State, client: int) -> Picking | None:
     page = state.clients.get(client)
     return page.picking if page is not None else None
 
 
-def _pick_of(state: State, client: int, part: Part, name: str, slot: str) -> State:
-    """The next click says a body of a part that is there."""
-    try:
-        kind = parts.kind_of(part, parts.item_of(state.model, part, name))
-    except Refusal as refusal:
-        return told(state, client, Notice("Not done", f"{refusal}.", bad=True))
-    return with_client(
-        state, client, picking=Picking(part, kind, "other" if slot == "other" else "body", name)
-    )
-
-
 def picked(state: State, client: int, body: str | None) -> State:
     """A body clicked while picking, or the ground; None (Escape) ends it."""
-    picking = _picking(state, client)
+    picking = picking_of(state, client)
     if picking is None or body is None:
         return with_client(state, client, picking=None)
     if body == picking.body:  # clicked again, or selected before: the other is still asked for
@@ -145,14 +180,14 @@ def picked(state: State, client: int, body: str | None) -> State:
 
 
 def allowed(picking: Picking) -> tuple[str, ...]:
-    """What may be picked beside a body."""
+    """What else may be picked."""
     if picking.part == "contacts":
         return (parts.EVERY,) if picking.slot == "body" else (parts.GROUND, parts.EVERY)
     return (parts.GROUND,) if picking.slot == "other" else ()
 
 
 def _next(state: State, client: int, body: str) -> State:
-    picking = _picking(state, client)
+    picking = picking_of(state, client)
     assert picking is not None
     if picking.name is not None:
         part, name = cast(Part, picking.part), picking.name
@@ -202,3 +237,101 @@ def _to_tab(state: State, client: int, part: str, name: str) -> State:
 def _called(state: State, client: int) -> State:
     page = state.clients.get(client)
     return state if page is None else with_client(state, client, called=page.called + 1)
+
+
+# -- the tab -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class OpenPart(FromPage):
+    """Show all of one part in the tab; None: of none."""
+
+    part: Part
+    name: Text | None
+
+
+@on(OpenPart)
+def open_part(state: State, event: OpenPart) -> State:
+    opened = None if event.name is None else (event.part, event.name)
+    return with_client(state, event.client, opened=opened)
+
+
+@dataclass(frozen=True)
+class OpenConstraints(FromPage):
+    """The tab to the front, with what touches one body; None: with everything."""
+
+    body: Text | None
+
+
+@on(OpenConstraints)
+def open_constraints(state: State, event: OpenConstraints) -> State:
+    known = event.body if event.body in state.derived.number else None
+    return with_client(_called(state, event.client), event.client, listed=known)
+
+
+@dataclass(frozen=True)
+class WatchConstraints(FromPage):
+    """The tab came in sight of a page, or went out of it."""
+
+    on: bool
+
+
+@on(WatchConstraints)
+def watch(state: State, event: WatchConstraints) -> State:
+    return with_client(state, event.client, watching=event.on)
+
+
+# -- the report and assembling -----------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class AskMobility(FromPage):
+    """The report of a model so large that it is not made by itself."""
+
+
+@on(AskMobility)
+def ask_mobility(state: State, event: AskMobility) -> State:
+    return replace(state, mobility_asked=state.model)
+
+
+@dataclass(frozen=True)
+class MobilityFound(Event):
+    """The report on a model's constraints, or why there is none."""
+
+    model: pg.Model
+    found: Any  # pg.Mobility | None
+    problem: str = ""
+
+
+@on(MobilityFound)
+def mobility_found(state: State, event: MobilityFound) -> State:
+    if event.model is not state.model:
+        return state
+    return replace(state, mobility=MobilityReport(event.model, event.found, event.problem))
+
+
+@dataclass(frozen=True)
+class AssembleState(FromPage):
+    """Move the initial state onto the constraints."""
+
+
+@on(AssembleState)
+def assemble(state: State, event: AssembleState) -> State:
+    return sent(state, event.client, "assemble", assembled, compiled=True)
+
+
+def assembled(model: pg.Model) -> Found:
+    """The initial state moved onto the constraints, and how far. Raises PgraphError."""
+    mech = pg.Mechanism(model)
+    q, v, found = mech.assemble()
+    if not found.notable:
+        return Found(f"{str(found).capitalize()} already: nothing moved.")
+    changes, at, speed = {}, 0, 0
+    for name in mech.names:
+        body = model.body(name)
+        new = {"q": tuple(q[at : at + len(body.q)].tolist()),
+               "v": tuple(v[speed : speed + len(body.v)].tolist())}  # fmt: skip
+        at, speed = at + len(body.q), speed + len(body.v)
+        if new != {"q": body.q, "v": body.v}:
+            changes[name] = new
+    return Found(f"{str(found).capitalize()}. Undo takes it back.", changes)

@@ -7,16 +7,17 @@ from typing import Any
 
 import pgraph_core as pg
 
+from ..constraints import Part, Picking
 from ..core.bridge import Bridge
-from ..core.intents import Display, Part, Picking, Quantity
+from ..core.cells import Display, Quantity
 from ..core.state import Client, State
 from ..core.views import Payload, audience
-from ..model.errand_worker import BY_ITSELF
 from ..properties.forms import button, cell, choice, field, group, shown
 from . import parts
 from .kinds import EMPTY_OF, FIELDS, KINDS, TITLES, UNITS_OF, WORD
 from .mobility import mobility_report
 from .update import allowed
+from .worker import BY_ITSELF
 
 LISTS: tuple[Part, ...] = ("constraints", "contacts", "forces")
 NAMED = ("body", "other")

@@ -1,15 +1,18 @@
-"""Typed text to values: strict numbers, and one entry of a vector or matrix replaced."""
+"""Typed text to values and back: strict numbers, units, one entry of a vector or matrix.
+
+Degrees and millimetres exist on the page only: models and files hold radians and metres.
+"""
 
 from __future__ import annotations
 
 import math
 import re
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import pgraph_core as pg
 
-from .intents import Display, Quantity
-
+Quantity = Literal["angle", "length", "number"]
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 LONGEST_NAME = 100
 FAR = 1e15  # [m]; beyond, pictures have no numbers
@@ -18,6 +21,42 @@ UNITS: dict[Quantity, dict[str, tuple[float, float]]] = {  # typed unit -> (time
     "angle": {"rad": (1, 1), "deg": (math.pi, 180), "°": (math.pi, 180)},
     "number": {},
 }
+
+
+@dataclass(frozen=True)
+class Display:
+    """The units and forms in which one page shows and takes numbers."""
+
+    angle: Literal["rad", "deg"] = "rad"
+    length: Literal["m", "mm"] = "m"
+    turn: Literal["quaternion", "euler", "axis"] = "quaternion"  # of an orientation
+    about: Literal["com", "origin"] = "com"  # of an inertia
+
+    def unit(self, quantity: Quantity) -> str:
+        """The name of the unit a quantity is shown in."""
+        return {"angle": self.angle, "length": self.length, "number": ""}[quantity]
+
+    def shown(self, value: float, quantity: Quantity) -> float:
+        """An SI value in the page's unit: of the nearest numbers the one with fewest digits."""
+        if quantity == "length" and self.length == "mm":
+            return _shortest(value * 1000, value, quantity, self)
+        if quantity == "angle" and self.angle == "deg":
+            return _shortest(math.degrees(value), value, quantity, self)
+        return value
+
+    def si(self, value: float, quantity: Quantity) -> float:
+        """A value in the page's unit as SI."""
+        if quantity == "length" and self.length == "mm":
+            return value / 1000
+        if quantity == "angle" and self.angle == "deg":
+            return math.radians(value)
+        return value
+
+
+def _shortest(near: float, value: float, quantity: Quantity, display: Display) -> float:
+    """The shortest decimal that is read back as `value`: 30 deg stay 30, not 29.999999999999996."""
+    rounded = (float(f"{near:.{digits}g}") for digits in (12, 14, 15, 16))
+    return next((x for x in rounded if display.si(x, quantity) == value), near)
 
 
 class Refusal(ValueError):
@@ -106,3 +145,11 @@ def replaced(value: Any, index: tuple[int, ...], new: Any) -> Any:
 
 def quoted(text: str) -> str:
     return repr(text if len(text) <= 40 else text[:37] + "...")
+
+
+def named_number(name: str, text: str) -> float:
+    """The number typed for a setting. Raises Refusal with its name."""
+    try:
+        return number(text)
+    except Refusal as refusal:
+        raise Refusal(f"{name} {refusal}") from None

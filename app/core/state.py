@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import bisect
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,39 +11,21 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core.show.animation import between
 
-from ..gait.footfalls import Change, changes
+from ..constraints import MobilityReport, Picking
+from ..gait.footfalls import Change
 from ..gait.walking import Walking
+from ..model import Errand, Step
 from ..model.derived import Derived, derive
-from ..model.renames import Rename
-from .intents import Display, Errand, MobilityReport, Picking
-
-SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # of playback
-SHOWN_AT_FIRST = frozenset({"shapes", "axes"})
-SHOWABLE = frozenset(
-    {
-        "shapes", "axes", "links", "coms", "inertias", "frames", "names", "points", "forces",
-        "cones", "footprints", "follow",
-    }
-)  # fmt: skip
-FREE_RUN = ""  # the scenario of a run that has none
-METHODS = (
-    "auto",
-    "rk4",
-    "semi_implicit_euler",
-    "dopri5",
-    "dop853",
-    "ros2",
-    "radau5",
-    "moreau_jean",
-)
-
-
-@dataclass(frozen=True)
-class Step:
-    """One user action, as an undo step: the model before it and what the action was."""
-
-    model: pg.Model
-    label: str
+from ..operators import Inspected
+from ..playback import SPEEDS as SPEEDS
+from ..playback import Playback
+from ..pose import Grip, Pose
+from ..report import Analysis, Report, ReportRequest
+from ..run import Exporting, Job, Kernels, Live, Request, Run, first_request
+from ..scene import SHOWN_AT_FIRST
+from ..session import Kept, Saving
+from .cells import Display
+from .renames import Rename
 
 
 @dataclass(frozen=True)
@@ -65,24 +44,6 @@ class Notice:
     title: str
     text: str = ""
     bad: bool = False
-
-
-@dataclass(frozen=True)
-class Grip:
-    """Where a page's gizmo has dragged a vector of a body to."""
-
-    body: str
-    what: str  # "link" or "com"
-    vector: tuple[float, ...]  # (3,) [m]
-
-
-@dataclass(frozen=True)
-class Inspected:
-    """The part of an operator that a page looks at; None: all rows, all columns."""
-
-    what: str  # as in `app/operators/matrices.py`
-    rows: tuple[int, int] | None = None  # from, to
-    columns: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -115,155 +76,8 @@ class Client:
 
 
 @dataclass(frozen=True)
-class Kept:
-    """The model of a session that is over, from where the server keeps it."""
-
-    path: Path
-    given: str  # the model that the session was started with
-    time: float  # of the last edit [s since 1970]
-    text: str  # JSON
-    ended: bool  # in order; otherwise the server was killed
-
-
-@dataclass(frozen=True)
-class Saving:
-    """A file to be written for one page."""
-
-    client: int
-    serial: int
-    path: str
-    model: pg.Model
-
-
-@dataclass(frozen=True)
-class Request:
-    """How to simulate: a named scenario with its own settings, or a free run with these."""
-
-    scenario: str = FREE_RUN
-    t_end: float = 2.0  # [s]
-    step: float | None = 1e-3  # [s]; None: the method chooses
-    method: str = "auto"
-    rtol: float | None = None
-
-
-@dataclass(frozen=True)
-class Job:
-    """A simulation under way, for the model it was asked for."""
-
-    id: int
-    model: pg.Model
-    request: Request
-    fraction: float = 0.0
-    before: Any = None  # the result that this one goes on from
-
-
-@dataclass(frozen=True)
-class Run:
-    """A finished simulation and the model it is of."""
-
-    model: pg.Model
-    request: Request
-    result: Any  # pgraph_core's result
-
-    @cached_property
-    def falls(self) -> tuple[Change, ...]:
-        """What its feet did."""
-        return changes(self.result)
-
-
-@dataclass(frozen=True)
-class Pose:
-    """A pose set by hand, shown until the model, the run or the time shown changes."""
-
-    model: pg.Model
-    run: Run | None
-    time: float  # of the playback when it was set [s]
-    q: np.ndarray  # (nq,)
-    positions: np.ndarray  # (nb, 3) [m]
-    wxyz: np.ndarray  # (nb, 4)
-
-
-@dataclass(frozen=True)
-class Live:
-    """A run that plays while it is computed, of whatever the model is by then."""
-
-    id: int
-    request: Request
-    running: bool = True
-    parts: tuple[Any, ...] = ()  # results, one after the other
-    pace: float = 1.0  # its speed over the one asked for
-    falls: tuple[Change, ...] = ()  # what its feet did
-
-    def part_at(self, time: float) -> Any:
-        """The part that holds `time`, else the last."""
-        k = bisect.bisect_left(self.parts, time, key=lambda part: part.t[-1])
-        return self.parts[min(k, len(self.parts) - 1)]
-
-
-@dataclass(frozen=True)
-class ReportRequest:
-    """What a report is asked for."""
-
-    target: float = 1e-6  # the error that is wanted
-    t_end: float | None = None  # [s]; None: as the run, but not for long
-    axis: str = "stiffness"  # of the stability map
-
-
-@dataclass(frozen=True)
-class Analysis:
-    """A report under way."""
-
-    id: int
-    kind: str  # precision or stability
-    model: pg.Model
-    request: Request
-    reporting: ReportRequest
-    fraction: float = 0.0
-    cancelled: bool = False
-
-
-@dataclass(frozen=True)
-class Report:
-    """A report, and the model it is of."""
-
-    kind: str
-    model: pg.Model
-    result: Any  # pgraph_core's Study or StabilityMap
-
-
-@dataclass(frozen=True)
-class Exporting:
-    """A run to be sent to one page as a file."""
-
-    client: int
-    what: str
-    run: Run
-    shown: frozenset[str] = SHOWN_AT_FIRST  # on the page that asks
-
-
-@dataclass(frozen=True)
-class Playback:
-    time: float = 0.0  # [s]
-    playing: bool = False
-    speed: float = 1.0
-    loop: bool = True
-
-
-@dataclass(frozen=True)
-class Kernels:
-    """How far the compiled code is: `done` of `total`, `name` under way."""
-
-    done: int = 0
-    total: int = 0
-    name: str = ""
-    ready: bool = False
-    problem: str = ""
-
-
-@dataclass(frozen=True)
 class State:
     model: pg.Model
-    derived: Derived
     request: Request
     gallery: Mapping[str, str] = field(default_factory=dict)  # built-in name -> JSON text
     clients: Mapping[int, Client] = field(default_factory=dict)
@@ -277,13 +91,13 @@ class State:
     live: Live | None = None
     ghost: Run | None = None  # an earlier run, shown beside
     exporting: Exporting | None = None
-    reporting: ReportRequest = ReportRequest()
+    reporting: ReportRequest = field(default_factory=ReportRequest)
     analysis: Analysis | None = None
     analysis_problem: str = ""  # why the last one gave no report
     report: Report | None = None
     run_problem: str = ""  # why the last job gave no result
-    playback: Playback = Playback()
-    kernels: Kernels = Kernels()
+    playback: Playback = field(default_factory=Playback)
+    kernels: Kernels = field(default_factory=Kernels)
     walking: Walking = field(default_factory=Walking)
     saving: Saving | None = None
     kept: Mapping[str, Kept] = field(default_factory=dict)  # by what it is called in a list
@@ -297,6 +111,11 @@ class State:
     posed: Pose | None = None  # the last pose by hand
     pose_problem: str = ""  # why a joint could not be moved further
     pull: Any = None  # the event of the mouse that pulls on a body
+
+    @property
+    def derived(self) -> Derived:
+        """What follows from the model."""
+        return derive(self.model)
 
     @property
     def renamed(self) -> int:
@@ -345,16 +164,7 @@ class State:
 
 def initial(model: pg.Model, gallery: Mapping[str, str] | None = None) -> State:
     """The state the server starts with."""
-    return State(model, derive(model), first_request(model), gallery or {})
-
-
-def first_request(model: pg.Model) -> Request:
-    """What Simulate offers at first: the model's first scenario, or a free run."""
-    if not model.scenarios:
-        return Request()
-    s = model.scenarios[0]
-    method = s.method if s.method in METHODS else "auto"
-    return Request(s.name, s.t_end, s.step, method)
+    return State(model, first_request(model), gallery or {})
 
 
 def poses(state: State) -> tuple[np.ndarray, np.ndarray]:
@@ -378,3 +188,14 @@ def with_client(state: State, client: int, **changes: Any) -> State:
 def told(state: State, client: int, notice: Notice) -> State:
     """`state` with something said to one page."""
     return with_client(state, client, notice=notice)
+
+
+def replied(state: State, client: int, serial: int, text: str = "", offer: str = "") -> State:
+    """`state` with a typed cell of one page answered: "" accepts it."""
+    return with_client(state, client, reply=Reply(serial, text, offer))
+
+
+def display_of(state: State, client: int) -> Display:
+    """How one page shows and takes numbers."""
+    page = state.clients.get(client)
+    return page.display if page is not None else Display()

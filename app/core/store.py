@@ -9,8 +9,8 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from ..events import Event, Tick
-from ..update import update
+from ..core.events import Event, update
+from ..playback.update import Tick
 from .state import State
 
 FRAME = 1 / 60  # [s] between ticks while playing

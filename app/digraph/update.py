@@ -1,42 +1,48 @@
-"""What the events of the digraph do (pure)."""
+"""The digraph: a node dropped on another, and stepping through the figures (pure)."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Literal
+
 import pgraph_core as pg
 
-from .. import events
-from ..core.state import Reply, State, with_client
-from ..events import Event
-from ..model.update import attempted
+from ..core.edit import answered
+from ..core.events import FromPage, Text, on
+from ..core.state import State, with_client
 
 
-def update(state: State, event: Event) -> State | None:
-    """The state after an event of the digraph; None for any other event."""
-    match event:
-        case events.Drop():
-            return dropped(state, event)
-        case events.StepThrough(client, what):
-            return with_client(state, client, walk=what)
-        case _:
-            return None
+@dataclass(frozen=True)
+class Drop(FromPage):
+    """A body was dropped on its new parent, or on a second one: that closes a `loop`."""
+
+    serial: int
+    body: Text
+    parent: Text
+    loop: bool
 
 
-def dropped(state: State, event: events.Drop) -> State:
-    """The new parent or the loop, as one undo step; or the sentence that refuses it."""
-    client, model = event.client, state.model
-    try:
-        after = _dropped(model, event)
-    except pg.PgraphError as error:
-        return with_client(state, client, reply=Reply(event.serial, str(error)))
-    what = f"loop {event.body}-{event.parent}" if event.loop else f"parent of {event.body}"
-    state = attempted(state, client, lambda: after, what)
-    return with_client(state, client, reply=Reply(event.serial, ""))
+@on(Drop)
+def drop(state: State, event: Drop) -> State:
+    def make() -> pg.Model:
+        if not event.loop:
+            return state.model.edit(event.body, parent=event.parent)
+        if state.model.body(event.body).parent == event.parent:
+            text = f"{event.parent} is its parent already; a loop needs another body"
+            raise pg.ModelError(pg.Problem(f"body '{event.body}'", "parent", text))
+        return state.model.close_loop(event.body, event.parent)
+
+    label = f"loop {event.body}-{event.parent}" if event.loop else f"parent of {event.body}"
+    return answered(state, event.client, event.serial, make, label)
 
 
-def _dropped(model: pg.Model, event: events.Drop) -> pg.Model:
-    if not event.loop:
-        return model.edit(event.body, parent=event.parent)
-    if model.body(event.body).parent == event.parent:
-        text = f"{event.parent} is its parent already; a loop needs another body"
-        raise pg.ModelError(pg.Problem(f"body '{event.body}'", "parent", text))
-    return model.close_loop(event.body, event.parent)
+@dataclass(frozen=True)
+class StepThrough(FromPage):
+    """Show how Pgraph is made (Fig. 4), or how frames are updated along it (Fig. 8)."""
+
+    what: Literal["", "pgraph", "frames"]
+
+
+@on(StepThrough)
+def step_through(state: State, event: StepThrough) -> State:
+    return with_client(state, event.client, walk=event.what)

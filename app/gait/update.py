@@ -1,18 +1,19 @@
-"""What the events do to a walk: its gait, its speed, pushes, the ground, who follows it (pure)."""
+"""Walking: the gait, its speed, pushes, the ground (pure)."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import pgraph_core as pg
 
-from .. import events
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.state import Reply, Request, State, with_client
-from ..events import Event
-from ..model.update import with_model
-from ..run import living
+from ..core.edit import with_model
+from ..core.events import FromPage, Text, on
+from ..core.state import State, replied, with_client
+from ..run import Request
+from ..run.update import GoLive, go_live, idle
 from .walking import LAWS, Offer, Walking, checked, chosen, grounded, law, offered, offers
 
 SHOWN = frozenset({"forces", "cones", "footprints"})  # once somebody walks
@@ -20,26 +21,29 @@ NAMES = {"speed": "The speed", "turn": "The turning", "friction": "The friction"
          "slope": "The slope", "steps": "The height of the steps"}  # fmt: skip
 
 
-def update(state: State, event: Event) -> State | None:
-    """The state after an event of the walk; None for any other event."""
-    match event:
-        case events.Walk(client) if state.live is None and state.job is None:
-            return begun(state, client)
-        case events.GoLive(client) if state.live is None and state.job is None:
-            return begun_as_asked(state, client)
-        case events.SetGait(client, serial, gait) if gait in offers(state.model):
-            return settled(state, client, serial, chosen(state.walking, gait))
-        case events.SetWalk():
-            return changed(state, event)
-        case events.SetGround():
-            return on_ground(state, event)
-        case events.Push(_, side) if state.live is not None:
-            pushes = state.walking.pushes + 1
-            return replace(state, walking=replace(state.walking, pushes=pushes, push=side))
-        case events.Show(client, "follow", on):
-            return with_client(state, client, follow=on)
-        case _:
-            return None
+@dataclass(frozen=True)
+class Walk(FromPage):
+    """Go live with the gait that is chosen."""
+
+
+@on(Walk)
+def walk(state: State, event: Walk) -> State:
+    return (idle(state) and begun(state, event.client)) or state
+
+
+@on(GoLive)
+def live(state: State, event: GoLive) -> State:
+    """The live run of a scenario: a walk if it has a gait."""
+    if not idle(state):
+        return state
+    asked = state.request.scenario
+    scenario = next((s for s in state.model.scenarios if s.name == asked), None)
+    if scenario is None or scenario.gait is None:
+        return go_live(state)
+    offer = offered(state.model, state.walking)
+    if offer is None or offer.scenario != scenario.name:
+        state = replace(state, walking=chosen(state.walking, scenario.gait.name))
+    return begun(state, event.client) or go_live(state)
 
 
 def begun(state: State, client: int) -> State | None:
@@ -48,19 +52,7 @@ def begun(state: State, client: int) -> State | None:
     if offer is None:
         return None
     state = replace(state, request=requested(state.model, offer), shown=state.shown | SHOWN)
-    return living.begun(with_client(state, client, follow=True))
-
-
-def begun_as_asked(state: State, client: int) -> State | None:
-    """The live run of a scenario: a walk where it has a gait."""
-    asked = state.request.scenario
-    scenario = next((s for s in state.model.scenarios if s.name == asked), None)
-    if scenario is None or scenario.gait is None:
-        return None
-    offer = offered(state.model, state.walking)
-    if offer is None or offer.scenario != scenario.name:
-        state = replace(state, walking=chosen(state.walking, scenario.gait.name))
-    return begun(state, client)
+    return go_live(with_client(state, client, follow=True))
 
 
 def requested(model: pg.Model, offer: Offer) -> Request:
@@ -70,23 +62,37 @@ def requested(model: pg.Model, offer: Offer) -> Request:
     return Request(offer.scenario, scenario.t_end, step, method)
 
 
-def changed(state: State, event: events.SetWalk) -> State:
-    """Another speed or turning, or the sentence that refuses it."""
+@dataclass(frozen=True)
+class SetGait(FromPage):
+    serial: int
+    gait: Text
+
+
+@on(SetGait)
+def gait_set(state: State, event: SetGait) -> State:
+    if event.gait not in offers(state.model):
+        return state
+    return settled(state, event.client, event.serial, chosen(state.walking, event.gait))
+
+
+@dataclass(frozen=True)
+class SetWalk(FromPage):
+    """A field of the gait, at once."""
+
+    serial: int
+    field: Literal["speed", "turn"]
+    text: Text
+
+
+@on(SetWalk)
+def walk_set(state: State, event: SetWalk) -> State:
     try:
-        value = number(event.field, event.text)
+        value = cells.named_number(NAMES[event.field], event.text)
     except Refusal as refusal:
-        return with_client(state, event.client, reply=Reply(event.serial, str(refusal)))
+        return replied(state, event.client, event.serial, str(refusal))
     changes = {**state.walking.changes, event.field: value}
     walking = replace(state.walking, changes=changes)
     return settled(state, event.client, event.serial, walking)
-
-
-def number(name: str, text: str) -> float:
-    """A typed number. Raises Refusal with the name of what it is for."""
-    try:
-        return cells.number(text)
-    except Refusal as refusal:
-        raise Refusal(f"{NAMES[name]} {refusal}") from None
 
 
 def settled(state: State, client: int, serial: int, walking: Walking) -> State:
@@ -96,27 +102,54 @@ def settled(state: State, client: int, serial: int, walking: Walking) -> State:
         if offer is not None and state.kernels.ready:
             checked(state.model, offer)
     except pg.PgraphError as error:
-        return with_client(state, client, reply=Reply(serial, str(error)))
+        return replied(state, client, serial, str(error))
     state = replace(state, walking=walking)
     if state.live is not None and offer is not None:
         request = requested(state.model, offer)
         if request != state.live.request:
             state = replace(state, live=replace(state.live, request=request))
-    return with_client(state, client, reply=Reply(serial, ""))
+    return replied(state, client, serial)
 
 
-def on_ground(state: State, event: events.SetGround) -> State:
-    """The model on other ground, which a live run goes on over."""
+@dataclass(frozen=True)
+class SetGround(FromPage):
+    """Other ground: an edit of the model, one undo step; a live run goes on over it."""
+
+    serial: int
+    field: Literal["friction", "slope", "steps", "law"]
+    text: Text
+
+
+@on(SetGround)
+def ground_set(state: State, event: SetGround) -> State:
     if state.live is not None and event.field in ("slope", "steps"):
         text = f"{NAMES[event.field]} is set before a walk: stop this one first."
-        return with_client(state, event.client, reply=Reply(event.serial, text))
+        return replied(state, event.client, event.serial, text)
     try:
-        value = event.text if event.field == "law" else number(event.field, event.text)
+        if event.field == "law":
+            value = event.text
+        else:
+            value = cells.named_number(NAMES[event.field], event.text)
         model = grounded(state.model, event.field, value)
     except (Refusal, pg.PgraphError) as refusal:
-        return with_client(state, event.client, reply=Reply(event.serial, str(refusal)))
+        return replied(state, event.client, event.serial, str(refusal))
     state = with_model(state, model, f"{event.field} of the ground")
     live, offer = state.live, offered(model, state.walking)
     if live is not None and offer is not None and event.field == "law":
         state = replace(state, live=replace(live, request=requested(model, offer)))
-    return with_client(state, event.client, reply=Reply(event.serial, ""))
+    return replied(state, event.client, event.serial)
+
+
+@dataclass(frozen=True)
+class Push(FromPage):
+    """Push the trunk."""
+
+    side: Literal["left", "right", "back", "ahead"]
+
+
+@on(Push)
+def push(state: State, event: Push) -> State:
+    if state.live is None:
+        return state
+    pushes = state.walking.pushes + 1
+    return replace(state, walking=replace(state.walking, pushes=pushes, push=event.side))

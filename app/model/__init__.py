@@ -1,1 +1,39 @@
 """The model itself: new, open, save, undo, redo, and what follows from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import pgraph_core as pg
+
+
+@dataclass(frozen=True)
+class Step:
+    """One user action, as an undo step: the model before it and what the action was."""
+
+    model: pg.Model
+    label: str
+
+
+@dataclass(frozen=True)
+class Found:
+    """The answer to an errand: changes of bodies, or a whole model, and a sentence."""
+
+    text: str = ""
+    changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # body -> fields
+    opened: pg.Model | None = None
+
+
+@dataclass(frozen=True)
+class Errand:
+    """Something that takes a moment, done in a thread; its answer may change `model`'s bodies."""
+
+    id: int
+    client: int
+    model: pg.Model
+    label: str
+    work: Callable[[pg.Model], Found]  # raises PgraphError, Refusal, OSError
+    compiled: bool = False  # waits until the kernels are compiled
+    file: str = ""  # of a whole model that is read

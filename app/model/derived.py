@@ -14,6 +14,8 @@ from pgraph_core.show.digraph import Layout, layout
 from pgraph_core.show.shapes import Color, branch_colors, children_of, reach, to_wxyz
 from pgraph_core.topology import Loop, loops_of
 
+KEPT = 8  # models of which it is known
+
 
 @dataclass(frozen=True)
 class Derived:
@@ -43,7 +45,21 @@ class Derived:
         return self.size / max(1.0, len(self.names) / 16)
 
 
+_recent: tuple[tuple[pg.Model, Derived], ...] = ()  # newest first
+
+
 def derive(model: pg.Model) -> Derived:
+    """What follows from a model; computed once as long as the model is in use."""
+    global _recent
+    for known, derived in _recent:
+        if known is model:
+            return derived
+    derived = _derived(model)
+    _recent = ((model, derived), *_recent)[:KEPT]
+    return derived
+
+
+def _derived(model: pg.Model) -> Derived:
     """Topology, layout, home poses, colours and the constraint column of a model."""
     top = pg.Topology.of(model)
     names, parent = tuple(top.names), tuple(top.parent.tolist())

@@ -1,105 +1,164 @@
-"""What the events do to the model: every one that changes it is one undo step (pure)."""
+"""New, open, undo, redo, and errands: work in a thread whose answer edits the model (pure)."""
 
 from __future__ import annotations
 
+import base64
+import binascii
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
 
 import pgraph_core as pg
 from pgraph_core.model import assets, files
 
-from .. import events
-from ..core import cells
+from ..core import cells, edit
 from ..core.cells import Refusal
-from ..core.state import (
-    FREE_RUN,
-    Client,
-    Kept,
-    Notice,
-    Reply,
-    Request,
-    State,
-    Step,
-    first_request,
-    told,
-    with_client,
-)
-from ..events import Event
-from ..gait.walking import Walking
-from ..run import living
-from .archive import mesh_folder
-from .derived import derive
-from .renames import found, remembered
+from ..core.edit import MOST_BODIES, answered, attempted
+from ..core.events import Event, FromPage, Text, on
+from ..core.state import Notice, State, replied, told, with_client
+from ..session import Kept
+from . import Errand, Found
+from .archive import mesh_folder, unpacked
 
-UNDO_DEPTH = 200
-MOST_BODIES = 1000
+EditField = Literal[
+    "name", "parent", "dof", "joint", "axes", "link", "rotation", "mass", "com", "inertia",
+    "tip", "q", "v", "stiffness", "damping", "rest", "friction", "armature",
+]  # fmt: skip
 
 
-def update(state: State, event: Event) -> State | None:
-    """The state after an event that changes the model; None for any other event."""
-    match event:
-        case events.Edit():
-            return edited(state, event)
-        case events.NewModel(client, serial, text):
-            return new_model(state, client, serial, text)
-        case events.Undo():
-            return undone(state)
-        case events.Redo():
-            return redone(state)
-        case events.OpenBuiltIn(client, name) if name in state.gallery:
-            return opened(state, client, name, state.gallery[name])
-        case events.OpenKept(client, name) if name in state.kept:
-            left = {key: kept for key, kept in state.kept.items() if key != name}
-            state = opened(state, client, name, state.kept[name].text)
-            return replace(state, kept=left)
-        case events.OpenText(client, name, content):
-            return opened(state, client, name, content)
-        case _:
-            return None
+@dataclass(frozen=True)
+class Edit(FromPage):
+    """A cell was typed into: `index` leads into vectors and matrices, () for a scalar."""
+
+    serial: int
+    body: Text
+    field: EditField
+    index: Annotated[tuple[Annotated[int, Field(ge=0, le=6)], ...], Field(max_length=2)]
+    text: Text
 
 
-def edited(state: State, event: events.Edit) -> State:
-    """A typed cell: taken as one undo step, or answered with the sentence that refuses it."""
+@on(Edit)
+def edited(state: State, event: Edit) -> State:
+    """A typed cell: one undo step, or the sentence that refuses it."""
+
+    def make() -> pg.Model:
+        try:
+            body = state.model.body(event.body)
+            change = cells.change(body, event.field, event.index, event.text)
+        except Refusal as refusal:
+            raise Refusal(f"body '{event.body}', {event.field}: {refusal}") from None
+        return state.model.edit(event.body, **change)
+
+    return answered(state, event.client, event.serial, make, f"{event.field} of {event.body}")
+
+
+@dataclass(frozen=True)
+class Undo(FromPage):
+    """Take back the last edit."""
+
+
+@on(Undo)
+def undone(state: State, event: Undo) -> State:
+    return edit.undone(state)
+
+
+@dataclass(frozen=True)
+class Redo(FromPage):
+    """Make the edit again that was undone last."""
+
+
+@on(Redo)
+def redone(state: State, event: Redo) -> State:
+    return edit.redone(state)
+
+
+# -- new and open ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class NewModel(FromPage):
+    """The answer to the one question of Sec. 4.1: how many bodies."""
+
+    serial: int
+    bodies: Text
+
+
+@on(NewModel)
+def new_model(state: State, event: NewModel) -> State:
+    """A serial chain of that many bodies."""
     try:
-        body = state.model.body(event.body)
-        model = state.model.edit(
-            event.body, **cells.change(body, event.field, event.index, event.text)
-        )
+        model = pg.Model.serial(cells.whole(event.bodies, 1, MOST_BODIES))
     except Refusal as refusal:
-        sentence = f"body '{event.body}', {event.field}: {refusal}"
-        return with_client(state, event.client, reply=Reply(event.serial, sentence))
-    except pg.PgraphError as error:
-        return with_client(state, event.client, reply=Reply(event.serial, str(error)))
-    state = with_model(state, model, f"{event.field} of {event.body}")
-    state = with_client(state, event.client, reply=Reply(event.serial, ""))
-    notices = "; ".join(model.notices)
-    return told(state, event.client, Notice("Also changed", notices)) if notices else state
+        return replied(state, event.client, event.serial, f"The number of bodies {refusal}")
+    state = edit.replaced(state, model, f"new model of {len(model.bodies)} bodies")
+    return replied(state, event.client, event.serial)
 
 
-def attempted(state: State, client: int, make: Callable[[], pg.Model], label: str) -> State:
-    """`make()` as the new model, or the reason why not, said to the page."""
-    try:
-        model = make()
-    except pg.PgraphError as error:
-        return told(state, client, Notice("Not done", str(error), bad=True))
-    state = with_model(state, model, label)
-    notices = "; ".join(model.notices)
-    return told(state, client, Notice("Also changed", notices)) if notices else state
+@dataclass(frozen=True)
+class OpenBuiltIn(FromPage):
+    name: Text
 
 
-def new_model(state: State, client: int, serial: int, text: str) -> State:
-    """Sec. 4.1's one question answered: the table of so many bodies."""
-    try:
-        model = pg.Model.serial(cells.whole(text, 1, MOST_BODIES))
-    except Refusal as refusal:
-        return with_client(state, client, reply=Reply(serial, f"The number of bodies {refusal}"))
-    state = _replaced(state, model, f"new model of {len(model.bodies)} bodies")
-    return with_client(state, client, reply=Reply(serial, ""))
+@on(OpenBuiltIn)
+def built_in_opened(state: State, event: OpenBuiltIn) -> State:
+    if event.name not in state.gallery:
+        return state
+    return opened(state, event.client, event.name, state.gallery[event.name])
+
+
+@dataclass(frozen=True)
+class OpenKept(FromPage):
+    """The model that an earlier session left."""
+
+    name: Text
+
+
+@on(OpenKept)
+def kept_opened(state: State, event: OpenKept) -> State:
+    if event.name not in state.kept:
+        return state
+    left = {key: kept for key, kept in state.kept.items() if key != event.name}
+    state = opened(state, event.client, event.name, state.kept[event.name].text)
+    return replace(state, kept=left)
+
+
+@dataclass(frozen=True)
+class OpenText(FromPage):
+    """A file's content, read by the page."""
+
+    name: Text
+    content: Annotated[str, Field(max_length=8_000_000)]
+
+
+@on(OpenText)
+def text_opened(state: State, event: OpenText) -> State:
+    return opened(state, event.client, event.name, event.content)
+
+
+@dataclass(frozen=True)
+class OpenArchive(FromPage):
+    """A zip of a model and its meshes, read by the page."""
+
+    name: Text
+    content: Annotated[str, Field(max_length=16_000_000)]  # base64
+
+
+@on(OpenArchive)
+def archive_opened(state: State, event: OpenArchive) -> State:
+    """An errand that keeps the meshes and opens the model."""
+
+    def work(content: bytes, _: pg.Model) -> Found:
+        return Found(opened=unpacked(content, mesh_folder()))
+
+    return sent_file(state, event.client, event.content, "open", work, event.name)
 
 
 def opened(state: State, client: int, name: str, content: str) -> State:
-    """The model in a file's text, or why it is none."""
+    """The model in a file's text, or the reason why it cannot be opened."""
     try:
         data = files.parse(content, name)
         bodies = data.get("bodies")
@@ -118,25 +177,31 @@ def _too_many(count: int) -> str:
 def shown_model(
     state: State, client: int, name: str, model: pg.Model | None, problem: str = ""
 ) -> State:
-    """A model that was read in place of the one that is shown, or why it is not."""
+    """A model that was read, in place of the current one; or why it was not opened."""
     if model is not None and len(model.bodies) > MOST_BODIES:
         problem = _too_many(len(model.bodies))
     if model is None or problem:
         return told(state, client, Notice(f"{name} was not opened", problem, bad=True))
-    state = _replaced(state, model, f"open {name}")
+    state = edit.replaced(state, model, f"open {name}")
     return told(state, client, Notice(f"Opened {model.name}"))
 
 
 def recovered(state: State, kept: tuple[Kept, ...], given: str) -> State:
-    """The state to start with where earlier sessions left models: the newest again as it was if
-    its server was killed and was started as this one; the others are offered."""
+    """The first state, given the models that earlier sessions left, newest first.
+
+    If the last session was killed and was started with the same model, its model is restored;
+    the others are offered.
+    """
     again = kept[:1] if kept and not kept[0].ended and kept[0].given == given else ()
     offered = {_called(old): old for old in kept[len(again) :]}
     state = replace(state, kept=offered)
     for old in again:
         model = pg.Model.from_json(old.text)
-        text = f"{model.name} as it was at {_at(old)}, when Pgraph was stopped. Undo gives {given}."
-        state = _replaced(state, model, "recover the last session")
+        text = (
+            f"{model.name} as it was at {_at(old)}, when Pgraph was stopped. "
+            f"Undo brings back {given}."
+        )
+        state = edit.replaced(state, model, "recover the last session")
         state = replace(state, greeting=Notice("Recovered", text))
     return state
 
@@ -150,98 +215,80 @@ def _at(kept: Kept) -> str:
     return time.strftime("%H:%M:%S on %d %B", time.localtime(kept.time))
 
 
-def _replaced(state: State, model: pg.Model, label: str) -> State:
-    """Another model altogether: its own request, and the camera framed on it."""
-    known = state.renames
-    state = _with(state, model, label)
-    return replace(
-        state,
-        renames=known,  # what stands in a row now is another thing, not another name
-        request=first_request(model),
-        framed=state.framed + 1,
-        walking=Walking(),
-        run_problem="",
-    )
+@dataclass(frozen=True)
+class Download(FromPage):
+    """The model as a file, with its meshes."""
 
 
-def with_model(state: State, model: pg.Model, label: str) -> State:
-    """`model` in place of the current one, as one undo step; nothing if it is the same."""
-    if model is state.model:
+@on(Download)
+def downloaded(state: State, event: Download) -> State:
+    page = state.clients.get(event.client)
+    return state if page is None else with_client(
+        state, event.client, downloads=page.downloads + 1
+    )  # fmt: skip
+
+
+# -- errands -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class ErrandDone(Event):
+    """What an errand found, or why it failed."""
+
+    id: int
+    found: Found = field(default_factory=Found)
+    problem: str = ""
+
+
+@on(ErrandDone)
+def errand_done(state: State, event: ErrandDone) -> State:
+    """Its changes as one undo step; only a notice if the model was changed meanwhile."""
+    errand = next((e for e in state.errands if e.id == event.id), None)
+    if errand is None:
         return state
-    return _with(state, model, label)
+    state = replace(state, errands=tuple(e for e in state.errands if e.id != event.id))
+    client, label, found = errand.client, errand.label, event.found
+    if errand.file:
+        return shown_model(state, client, errand.file, found.opened, event.problem)
+    if event.problem:
+        return told(state, client, Notice(f"Not done: {label}", event.problem, bad=True))
+    if errand.model is not state.model:
+        text = "The model was changed meanwhile; try again."
+        return told(state, client, Notice(f"Not done: {label}", text, bad=True))
+    changes: dict[str, dict[str, Any]] = {name: dict(x) for name, x in found.changes.items()}
+    if changes:
+        before = state.model
+        state = attempted(state, client, lambda: before.edit_all(changes), label)
+        if state.model is before:
+            return state
+    return told(state, client, Notice(label.capitalize(), found.text))
 
 
-def _with(state: State, model: pg.Model, label: str) -> State:
-    undo = (*state.undo, Step(state.model, label))[-UNDO_DEPTH:]
-    return replace(_showing(state, model), undo=undo, redo=(), greeting=None)
+def sent(
+    state: State,
+    client: int,
+    label: str,
+    work: Callable[[pg.Model], Found],
+    compiled: bool = False,
+    file: str = "",
+) -> State:
+    """One more errand under way, for the current model; `compiled`: it needs the kernels."""
+    errand = Errand(state.errand_count + 1, client, state.model, label, work, compiled, file)
+    return replace(state, errands=(*state.errands, errand), errand_count=errand.id)
 
 
-def undone(state: State) -> State:
-    """The model before the last step; its run is shown again where it has one."""
-    if not state.undo:
-        return state
-    *undo, step = state.undo
-    redo = (*state.redo, Step(state.model, step.label))
-    return replace(_showing(state, step.model), undo=tuple(undo), redo=redo)
-
-
-def redone(state: State) -> State:
-    """The model that the last undo left."""
-    if not state.redo:
-        return state
-    *redo, step = state.redo
-    undo = (*state.undo, Step(state.model, step.label))
-    return replace(_showing(state, step.model), undo=undo, redo=tuple(redo))
-
-
-def _showing(state: State, model: pg.Model) -> State:
-    """`model` shown: what follows from it, selections by name or row, playback at its start."""
-    derived = derive(model)
-    names = {(kind, old): new for kind, old, new in found(state.model, model)}
-    clients = {
-        key: _named(_follows(client, state.model, model), names)
-        for key, client in state.clients.items()
-    }
-    request = _request_for(model, state.request)
-    live = living.followed(state.live, state.model, model)
-    playback = state.playback if live else replace(state.playback, time=0.0, playing=False)
-    return replace(
-        state,
-        live=live,
-        model=model,
-        derived=derived,
-        renames=remembered(state.renames, state.model, model),
-        clients=clients,
-        request=request,
-        playback=playback,
-    )
-
-
-def _follows(client: Client, old: pg.Model, new: pg.Model) -> Client:
-    """The page with the bodies selected that stay: of the same name, else renamed in their row."""
-    if not client.selected:
-        return client
-    if len(old.bodies) == len(new.bodies):
-        names = {a.name: b.name if a.name not in new.row else a.name
-                 for a, b in zip(old.bodies, new.bodies)}  # fmt: skip
-    else:
-        names = {name: name for name in new.row}
-    kept = sorted((names[n] for n in client.selected if n in names), key=new.row.__getitem__)
-    last = names.get(client.selection or "", kept[-1] if kept else None)
-    return replace(client, selection=last, selected=tuple(kept))
-
-
-def _named(client: Client, names: Mapping[tuple[str, str], str]) -> Client:
-    """What the page has opened, listed and plotted, under its new names."""
-    if not names:
-        return client
-    opened = client.opened and (client.opened[0], names.get(client.opened, client.opened[1]))
-    listed = client.listed and names.get(("bodies", client.listed), client.listed)
-    plots = tuple((kind, names.get(("bodies", of), of)) for kind, of in client.plots)
-    return replace(client, opened=opened, listed=listed, plots=plots)
-
-
-def _request_for(model: pg.Model, request: Request) -> Request:
-    known = {s.name for s in model.scenarios}
-    kept = request.scenario == FREE_RUN or request.scenario in known
-    return request if kept else replace(request, scenario=FREE_RUN)
+def sent_file(
+    state: State,
+    client: int,
+    content: str,
+    label: str,
+    work: Callable[[bytes, pg.Model], Found],
+    file: str = "",
+) -> State:
+    """An errand that reads an uploaded file, given in base64."""
+    try:
+        data = base64.b64decode(content, validate=True)
+    except (binascii.Error, ValueError):
+        text = "The file did not arrive complete; try again."
+        return told(state, client, Notice("Not done", text, bad=True))
+    return sent(state, client, label, partial(work, data), file=file)

@@ -1,25 +1,47 @@
-"""What pages look at (pure)."""
+"""The operator that each page looks at (pure)."""
 
 from __future__ import annotations
 
-from .. import events
-from ..core.state import Inspected, Notice, State, told, with_client
-from ..events import Event
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from ..core.events import FromPage, on
+from ..core.state import State, with_client
+from . import Inspected
+
+Index = Annotated[int, Field(ge=0, le=1_000_000)]
+What = Literal["", "M", "J", "eps_phi", "Phi", "S"]
 
 
-def update(state: State, event: Event) -> State | None:
-    """The state after an event of looking; None for any other event."""
-    match event:
-        case events.Inspect(client, what, rows, columns):
-            inspected = Inspected(what, rows, columns) if what else None
-            return with_client(state, client, inspected=inspected)
-        case events.ExportOperator(client, what, suffix) if what and client in state.clients:
-            asked = (state.clients[client].exported[0] + 1, what, suffix)
-            return with_client(state, client, exported=asked)
-        case events.Unreadable(sentences):
-            notice = Notice("Drawn as a box", " ".join(sentences), bad=True)
-            for client in state.clients:
-                state = told(state, client, notice)
-            return state
-        case _:
-            return None
+@dataclass(frozen=True)
+class Inspect(FromPage):
+    """Show an operator, or these rows and columns of it; "": none is in view."""
+
+    what: What
+    rows: tuple[Index, Index] | None = None
+    columns: tuple[Index, Index] | None = None
+
+
+@on(Inspect)
+def inspect(state: State, event: Inspect) -> State:
+    inspected = Inspected(event.what, event.rows, event.columns) if event.what else None
+    return with_client(state, event.client, inspected=inspected)
+
+
+@dataclass(frozen=True)
+class ExportOperator(FromPage):
+    """Download an operator at the pose shown."""
+
+    what: What
+    suffix: Literal["npz", "csv", "mtx"]
+
+
+@on(ExportOperator)
+def export(state: State, event: ExportOperator) -> State:
+    page = state.clients.get(event.client)
+    if page is None or not event.what:
+        return state
+    exported = (page.exported[0] + 1, event.what, event.suffix)
+    return with_client(state, event.client, exported=exported)

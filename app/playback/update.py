@@ -1,52 +1,131 @@
-"""What the events do to the playback: its bar and the clock (pure)."""
+"""Playing a run (pure). A live run is paused to look back, and played again at its end."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Annotated
 
-from .. import events
-from ..core.state import Playback, State
-from ..events import Event
+from pydantic import Field
 
-
-def update(state: State, event: Event) -> State | None:
-    """The state after an event of the playback; None where it changes nothing there."""
-    playback = played(state, event)
-    return None if playback is state.playback else replace(state, playback=playback)
+from ..core.events import Event, Finite, FromPage, on
+from ..core.state import State
+from ..run.update import at_its_end
+from . import SPEEDS
 
 
-def played(state: State, event: Event) -> Playback:
-    """The playback after an event of its bar or of the clock; as it was without a run."""
+@dataclass(frozen=True)
+class Play(FromPage):
+    pass
+
+
+@on(Play)
+def play(state: State, event: Play) -> State:
+    if state.live is not None:
+        return at_its_end(state, replace(state.live, running=True))
+    if state.t_end <= state.t_start:
+        return state
+    again = state.playback.time >= state.t_end
+    return _at(state, state.t_start if again else state.playback.time, True)
+
+
+@dataclass(frozen=True)
+class Pause(FromPage):
+    pass
+
+
+@on(Pause)
+def pause(state: State, event: Pause) -> State:
+    if state.live is not None:
+        return replace(state, live=replace(state.live, running=False))
+    return _at(state, state.playback.time, False) if state.playback.playing else state
+
+
+@dataclass(frozen=True)
+class Scrub(FromPage):
+    """To this time [s]."""
+
+    time: Finite
+
+
+@on(Scrub)
+def scrub(state: State, event: Scrub) -> State:
+    if state.live is None and state.t_end <= state.t_start:
+        return state
+    state = _held(state)
+    time = min(max(event.time, state.t_start), state.t_end)
+    return _at(state, time, state.playback.playing)
+
+
+@dataclass(frozen=True)
+class StepFrames(FromPage):
+    """So many saved frames ahead, or back."""
+
+    frames: Annotated[int, Field(ge=-1000, le=1000)]
+
+
+@on(StepFrames)
+def step_frames(state: State, event: StepFrames) -> State:
+    if state.live is not None:
+        times = [float(part.t[-1]) for part in state.live.parts]
+    elif state.run is not None and state.t_end > state.t_start:
+        times = [float(t) for t in state.run.result.t]
+    else:
+        return state
+    time = state.playback.time
+    if times:
+        now = min(range(len(times)), key=lambda k: abs(times[k] - time))
+        time = times[min(max(now + event.frames, 0), len(times) - 1)]
+    return _at(_held(state), time, False)
+
+
+@dataclass(frozen=True)
+class Speed(FromPage):
+    speed: Annotated[float, Field(ge=SPEEDS[0], le=SPEEDS[-1])]
+
+
+@on(Speed)
+def speed(state: State, event: Speed) -> State:
+    if state.t_end <= state.t_start:
+        return state
+    return replace(state, playback=replace(state.playback, speed=event.speed))
+
+
+@dataclass(frozen=True)
+class Loop(FromPage):
+    loop: bool
+
+
+@on(Loop)
+def loop(state: State, event: Loop) -> State:
+    if state.t_end <= state.t_start:
+        return state
+    return replace(state, playback=replace(state.playback, loop=event.loop))
+
+
+@dataclass(frozen=True)
+class Tick(Event):
+    """Wall-clock time passed while playing [s]."""
+
+    dt: float
+
+
+@on(Tick)
+def tick(state: State, event: Tick) -> State:
     playback, end = state.playback, state.t_end
-    if end <= state.t_start:
-        return playback
-    match event:
-        case events.Play():
-            start = state.t_start if playback.time >= end else playback.time
-            return replace(playback, playing=True, time=start)
-        case events.Pause():
-            return replace(playback, playing=False)
-        case events.Scrub(_, time):
-            return replace(playback, time=min(max(time, state.t_start), end))
-        case events.StepFrames(_, frames):
-            return replace(playback, playing=False, time=_frame_time(state, frames))
-        case events.Speed(_, speed):
-            return replace(playback, speed=speed)
-        case events.Loop(_, loop):
-            return replace(playback, loop=loop)
-        case events.Tick(dt) if playback.playing:
-            time = playback.time + dt * playback.speed
-            if time < end:
-                return replace(playback, time=time)
-            span = end - state.t_start
-            again = state.t_start + (time - end) % span if playback.loop else end
-            return replace(playback, time=again, playing=playback.loop)
-        case _:
-            return playback
+    if not playback.playing or end <= state.t_start:
+        return state
+    time = playback.time + event.dt * playback.speed
+    if time < end:
+        return _at(state, time, True)
+    span = end - state.t_start
+    return _at(state, state.t_start + (time - end) % span if playback.loop else end, playback.loop)
 
 
-def _frame_time(state: State, frames: int) -> float:
-    """The time of the saved frame `frames` away from the one shown."""
-    times = state.run.result.t if state.run is not None else [0.0]
-    now = min(range(len(times)), key=lambda k: abs(float(times[k]) - state.playback.time))
-    return float(times[min(max(now + frames, 0), len(times) - 1)])
+def _at(state: State, time: float, playing: bool) -> State:
+    return replace(state, playback=replace(state.playback, time=time, playing=playing))
+
+
+def _held(state: State) -> State:
+    """A live run waits while one looks back."""
+    live = state.live
+    return state if live is None else replace(state, live=replace(live, running=False))

@@ -1,1 +1,32 @@
 """Poses by hand: joint sliders, the gizmo in 3D, pulling on a body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import pgraph_core as pg
+
+from ..run import Run
+
+
+@dataclass(frozen=True)
+class Grip:
+    """Where a page's gizmo has dragged a vector of a body to."""
+
+    body: str
+    what: str  # "link" or "com"
+    vector: tuple[float, ...]  # (3,) [m]
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A pose set by hand, shown until the model, the run or the time shown changes."""
+
+    model: pg.Model
+    run: Run | None
+    time: float  # of the playback when it was set [s]
+    q: np.ndarray  # (nq,)
+    positions: np.ndarray  # (nb, 3) [m]
+    wxyz: np.ndarray  # (nb, 4)

@@ -11,8 +11,9 @@ import viser
 
 from pgraph_core.show.bodies import at_rest
 
+from ..core.events import Event
 from ..core.state import Client, State
-from ..events import Event, Grip
+from .update import Gripped
 
 PACE = 0.04  # [s] between the places that are told while it is dragged
 LARGE = 0.3  # of the grain of the model
@@ -78,7 +79,7 @@ class Gizmos:
             if done or (event.phase == "update" and now - told > PACE):
                 told = now
                 x, y, z = vector.tolist()
-                self._send(Grip(client, body, what, (x, y, z), done))
+                self._send(Gripped(client, body, what, (x, y, z), done))
 
 
 def _place(

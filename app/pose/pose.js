@@ -40,7 +40,7 @@
   }
 
   function joint(row, again) {
-    const pose = (serial, text) => send("Pose", { serial, body: row.body, index: row.index, text });
+    const pose = (serial, text) => send("MoveJoint", { serial, body: row.body, index: row.index, text });
     const label = `${row.body} ${row.label}`;
     const slider = make("input", { type: "range", step: "any", "aria-label": label });
     const cell = cells.input(pose, { label: `${label} in ${row.unit}`, numeric: true });

@@ -1,66 +1,118 @@
-"""What moves bodies by hand (pure): sliders and the gizmo; a pose is shown, then an edit."""
+"""Moving bodies by hand: sliders and the gizmo; a pose is shown, then an edit (pure)."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 import pgraph_core as pg
 
-from .. import events
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.state import Grip, Reply, State, with_client
-from ..events import Event
-from ..model.update import attempted
-from . import solving as posing
+from ..core.edit import attempted
+from ..core.events import Finite, FromPage, Text, on
+from ..core.state import State, replied, with_client
+from . import Grip, solving
 
+Vector = tuple[Finite, Finite, Finite]
 FINE = 4  # decimals that a gizmo gives a model of the size of 1 m
 
 
-def update(state: State, event: Event) -> State | None:
-    """The state after bodies were moved by hand; None for any other event."""
-    match event:
-        case events.Pose():
-            return posed(state, event)
-        case events.Posing(client, on):
-            return with_client(state, client, posing=on)
-        case events.HomePose():
-            return replace(state, posed=None, pose_problem="")
-        case events.UsePose(client):
-            q, v = posing.shown_q(state), posing.shown_v(state)
-            return attempted(
-                state, client, lambda: posing.with_initial(state.model, q, v), "initial pose"
-            )
-        case events.Gizmo(client, what):
-            return with_client(state, client, gizmo=what)
-        case events.Grip() if event.body in state.model.row:
-            return gripped(state, event)
-        case events.Pull(_, body, _, target) if body in state.model.row:
-            return replace(state, pull=event if target is not None else None)
-        case _:
-            return None
+@dataclass(frozen=True)
+class MoveJoint(FromPage):
+    """One coordinate of a joint was moved to `text`, by a slider or typed.
+
+    If typed it has a `serial` to be answered; a slider's is 0.
+    """
+
+    serial: int
+    body: Text
+    index: Annotated[int, Field(ge=0, le=5)]
+    text: Text
 
 
-def posed(state: State, event: events.Pose) -> State:
+@on(MoveJoint)
+def joint_moved(state: State, event: MoveJoint) -> State:
     """The pose with one coordinate moved; as it was where a loop does not let it."""
     client, serial, problem = event.client, event.serial, ""
     try:
         state.model.body(event.body)
         value = cells.number(event.text)
-        pose = posing.posed(state, event.body, event.index, value)
+        pose = solving.posed(state, event.body, event.index, value)
         state = replace(state, posed=pose, playback=replace(state.playback, playing=False))
     except Refusal as refusal:
         problem = f"body '{event.body}', q: {refusal}"
     except pg.PgraphError as error:
         problem = str(error)
     state = replace(state, pose_problem="" if serial else problem)
-    return with_client(state, client, reply=Reply(serial, problem)) if serial else state
+    return replied(state, client, serial, problem) if serial else state
 
 
-def gripped(state: State, event: events.Grip) -> State:
+@dataclass(frozen=True)
+class Posing(FromPage):
+    """The sliders of the joints came into view, or went out of it."""
+
+    on: bool
+
+
+@on(Posing)
+def posing(state: State, event: Posing) -> State:
+    return with_client(state, event.client, posing=event.on)
+
+
+@dataclass(frozen=True)
+class HomePose(FromPage):
+    """Show the model's initial state, or the run, again."""
+
+
+@on(HomePose)
+def home_pose(state: State, event: HomePose) -> State:
+    return replace(state, posed=None, pose_problem="")
+
+
+@dataclass(frozen=True)
+class UsePose(FromPage):
+    """Make the pose that is shown the model's initial state."""
+
+
+@on(UsePose)
+def use_pose(state: State, event: UsePose) -> State:
+    q, v = solving.shown_q(state), solving.shown_v(state)
+    make = lambda: solving.with_initial(state.model, q, v)  # noqa: E731
+    return attempted(state, event.client, make, "initial pose")
+
+
+@dataclass(frozen=True)
+class SetGizmo(FromPage):
+    """Which vector of the selected body this page moves in 3D."""
+
+    what: Literal["", "link", "com"]
+
+
+@on(SetGizmo)
+def gizmo_set(state: State, event: SetGizmo) -> State:
+    return with_client(state, event.client, gizmo=event.what)
+
+
+@dataclass(frozen=True)
+class Gripped(FromPage):
+    """The gizmo was dragged to `vector` [m], in the axes of the field; the end is one undo step."""
+
+    body: Text
+    what: Literal["link", "com"]
+    vector: Vector
+    done: bool
+
+
+@on(Gripped)
+def gripped(state: State, event: Gripped) -> State:
     """The body drawn where the gizmo is; let go, that is the model's new link vector or com."""
+    if event.body not in state.model.row:
+        return state
     body, client = state.model.body(event.body), event.client
     vector = rounded(getattr(body, event.what), event.vector, state.derived.size)
     if event.done:
@@ -78,8 +130,8 @@ def _drafted(state: State, name: str, link: tuple[float, ...]) -> State:
         draft = state.model.edit(name, link=link)
     except pg.PgraphError:
         return state
-    q = posing.shown_q(state)
-    pose = posing.pose_at(replace(state, model=draft), q)
+    q = solving.shown_q(state)
+    pose = solving.pose_at(replace(state, model=draft), q)
     return replace(state, posed=replace(pose, model=state.model))
 
 
@@ -88,3 +140,19 @@ def rounded(old: Sequence[float], new: Sequence[float], size: float) -> tuple[fl
     decimals = FINE - math.ceil(math.log10(size))
     least = 0.5 * 10.0**-decimals
     return tuple(a if abs(b - a) < least else round(b, decimals) for a, b in zip(old, new))
+
+
+@dataclass(frozen=True)
+class Pull(FromPage):
+    """The mouse pulls on a body's `point`, in its axes, towards `target`, in the world's [m]."""
+
+    body: Text
+    point: Vector
+    target: Vector | None  # None: let go
+
+
+@on(Pull)
+def pull(state: State, event: Pull) -> State:
+    if event.body not in state.model.row:
+        return state
+    return replace(state, pull=event if event.target is not None else None)

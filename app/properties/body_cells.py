@@ -15,8 +15,7 @@ import numpy as np
 import pgraph_core as pg
 from pgraph_core.rotation import matrix, unit
 
-from ..core.cells import Refusal, content, replaced
-from ..core.intents import Display, Quantity
+from ..core.cells import Display, Quantity, Refusal, content, replaced
 
 Entry = tuple[tuple[int, ...], str]  # index of a cell in its field, and what was typed
 Content = Any  # nested tuples of numbers, formulas and None

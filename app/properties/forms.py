@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from ..core.intents import Display, Quantity
+from ..core.cells import Display, Quantity
 from ..core.views import Payload
 
 XYZ = ("x", "y", "z")

@@ -1,77 +1,54 @@
-"""What the events do to properties of bodies and of the model, and to how they are shown (pure)."""
+"""Properties of bodies, one or several at once, and mass from shapes (pure)."""
 
 from __future__ import annotations
 
-import base64
-import binascii
-import math
-from collections.abc import Callable
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
 
 import pgraph_core as pg
-from pgraph_core.shapes.meshes import mass_properties
 
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.intents import Display, FillMass, ReadArchive, ReadMesh
-from ..core.state import Notice, Reply, State, told, with_client
-from ..events import Event, OpenArchive
-from ..model.answering import answered
-from ..model.errands import sent
-from . import body_cells
-from . import events as asked
+from ..core.edit import answered
+from ..core.events import Bodies, Entries, FromPage, Text, on
+from ..core.state import State, display_of, replied
+from ..model import Found
+from ..model.update import sent, sent_file
 from .body_cells import edit_of, mended
-from .world import world_edited
+from .meshes import mass_of, shaped
 
 LABELS = {
     "rotation": "orientation", "rotation_euler": "orientation", "rotation_axis": "orientation",
     "com": "centre of mass", "link": "link vector", "motions": "motions",
 }  # fmt: skip
-CHOICES = {
-    "angle": ("rad", "deg"), "length": ("m", "mm"), "turn": ("quaternion", "euler", "axis"),
-    "about": ("com", "origin"),
-}  # fmt: skip
-
-Typed = asked.EditBodies | asked.Check | asked.Mend
-
-
-def update(state: State, event: Event) -> State | None:
-    """The state after an event of the properties; None for any other event."""
-    match event:
-        case asked.Check():
-            return checked(state, event)
-        case asked.EditBodies():
-            return edited(state, event)
-        case asked.Mend():
-            return repaired(state, event)
-        case asked.FillFromShape():
-            return filled(state, event)
-        case asked.UploadMesh(client, bodies, name, content):
-            make = lambda data: ReadMesh(bodies, name, data)  # noqa: E731
-            return uploaded(state, client, content, make)
-        case OpenArchive(client, name, content):
-            return uploaded(state, client, content, lambda data: ReadArchive(name, data))
-        case asked.EditWorld(client, serial, field, index, text):
-            display = display_of(state, client)
-            make = lambda: world_edited(state.model, display, field, index, text)  # noqa: E731
-            return answered(state, client, serial, make, f"{field} of the model")
-        case asked.SetDisplay(client, what, value) if value in CHOICES[what]:
-            display = replace(display_of(state, client), **{what: value})
-            return with_client(state, client, display=display)
-    return None
+BodyField = Literal[
+    "name", "joint", "motions", "axes", "link", "rotation", "rotation_euler", "rotation_axis",
+    "mass", "com", "inertia", "tip", "q", "v", "stiffness", "damping", "rest", "friction",
+    "armature", "limits", "limit_restitution", "shape_kind", "shape_size", "shape_radius",
+    "shape_length", "shape_scale", "shape_position", "shape_rotation",
+]  # fmt: skip
 
 
-def display_of(state: State, client: int) -> Display:
-    """How numbers are shown on a page."""
-    page = state.clients.get(client)
-    return page.display if page is not None else Display()
+@dataclass(frozen=True)
+class Typed(FromPage):
+    """Text typed into cells of one field, for one body or several."""
+
+    serial: int
+    bodies: Bodies
+    field: BodyField
+    entries: Entries
 
 
-# -- bodies ------------------------------------------------------------------------------------
+@dataclass(frozen=True)
+class EditBodies(Typed):
+    """The cells were left, or Enter was pressed."""
 
 
-def edited(state: State, event: asked.EditBodies) -> State:
+@on(EditBodies)
+def edited(state: State, event: EditBodies) -> State:
     """Typed cells of one body or several: one undo step, or the sentence that refuses them."""
     return answered(
         state, event.client, event.serial, lambda: _edited(state, event), _label(event),
@@ -79,16 +56,43 @@ def edited(state: State, event: asked.EditBodies) -> State:
     )  # fmt: skip
 
 
-def checked(state: State, event: asked.Check) -> State:
-    """What the model has against half-typed cells, and a repair; to type on is no fault."""
-    reply = Reply(event.serial, "")
+@dataclass(frozen=True)
+class Check(Typed):
+    """While it is typed: what is wrong with it; nothing is changed."""
+
+
+@on(Check)
+def checked(state: State, event: Check) -> State:
+    """What the model refuses about half-typed cells, and a repair; unfinished numbers are fine."""
+    problem = offer = ""
     try:
         _edited(state, event)
-    except pg.PgraphError as problem:
-        reply = Reply(event.serial, str(problem), _offer(state, event))
+    except pg.PgraphError as error:
+        problem, offer = str(error), _offer(state, event)
     except Refusal:
         pass
-    return with_client(state, event.client, reply=reply)
+    return replied(state, event.client, event.serial, problem, offer)
+
+
+@dataclass(frozen=True)
+class Mend(Typed):
+    """The nearest values that the bodies can take: the offer next to a refusal."""
+
+
+@on(Mend)
+def repaired(state: State, event: Mend) -> State:
+    """The offer taken."""
+
+    def make() -> pg.Model:
+        new = {}
+        for name, change in _changes(state, event).items():
+            mending = mended(state.model.body(name), *_one(event, change))
+            if mending is None:
+                raise Refusal("there is nothing to repair")
+            new[name] = mending
+        return state.model.edit_all(new)
+
+    return answered(state, event.client, event.serial, make, f"repair {_label(event)}")
 
 
 def _label(event: Typed) -> str:
@@ -142,25 +146,20 @@ def _one(event: Typed, change: dict[str, Any]) -> tuple[str, Any]:
     return field, change
 
 
-def repaired(state: State, event: asked.Mend) -> State:
-    """The offer taken."""
-
-    def make() -> pg.Model:
-        new = {}
-        for name, change in _changes(state, event).items():
-            mending = mended(state.model.body(name), *_one(event, change))
-            if mending is None:
-                raise Refusal("there is nothing to repair")
-            new[name] = mending
-        return state.model.edit_all(new)
-
-    return answered(state, event.client, event.serial, make, f"repair {_label(event)}")
-
-
 # -- mass from shape, meshes -------------------------------------------------------------------
 
 
-def filled(state: State, event: asked.FillFromShape) -> State:
+@dataclass(frozen=True)
+class FillFromShape(FromPage):
+    """Mass, centre of mass and inertia from the shapes and a typed density."""
+
+    serial: int
+    bodies: Bodies
+    density: Text
+
+
+@on(FillFromShape)
+def filled(state: State, event: FillFromShape) -> State:
     """Mass properties from the shapes: at once, or by an errand where a mesh has to be read."""
     try:
         density = cells.number(event.density)
@@ -172,35 +171,35 @@ def filled(state: State, event: asked.FillFromShape) -> State:
             raise Refusal(f"needs a shape, which '{bare}' does not have; choose one first")
     except (Refusal, pg.PgraphError) as problem:
         sentence = f"The density {problem}" if isinstance(problem, Refusal) else str(problem)
-        return with_client(state, event.client, reply=Reply(event.serial, sentence))
+        return replied(state, event.client, event.serial, sentence)
     if any(b.shape is not None and b.shape.kind == "mesh" for b in bodies):
-        state = with_client(state, event.client, reply=Reply(event.serial, ""))
-        return sent(state, event.client, FillMass(event.bodies, density))
+        state = replied(state, event.client, event.serial)
+        work = partial(_filled, bodies=event.bodies, density=density)
+        return sent(state, event.client, "mass from shape", work)
     of = event.bodies[0] if len(bodies) == 1 else f"{len(bodies)} bodies"
     make = lambda: state.model.edit_all(mass_of(bodies, density))  # noqa: E731
     return answered(state, event.client, event.serial, make, f"mass of {of} from shape")
 
 
-def mass_of(bodies: list[pg.Body], density: float) -> dict[str, dict[str, Any]]:
-    """Mass, centre of mass and inertia of bodies that fill their shapes. Raises PgraphError."""
-    found = {}
-    for body in bodies:
-        assert body.shape is not None
-        mass, com, inertia = mass_properties(body.shape, density)
-        if not (math.isfinite(mass) and mass >= 0):
-            raise Refusal(f"gives '{body.name}' a mass of {mass}")
-        even = body_cells.possible(inertia)  # symmetric to the last digit
-        found[body.name] = {"mass": float(mass), "com": tuple(map(float, com)), "inertia": even}
-    return found
+def _filled(model: pg.Model, bodies: tuple[str, ...], density: float) -> Found:
+    text = "Mass, centre of mass and inertia follow from the shape."
+    return Found(text, mass_of([model.body(name) for name in bodies], density))
 
 
-def uploaded(
-    state: State, client: int, content: str, make: Callable[[bytes], ReadMesh | ReadArchive]
-) -> State:
+@dataclass(frozen=True)
+class UploadMesh(FromPage):
+    """A mesh file, read by the page, as the shape of these bodies."""
+
+    bodies: Bodies
+    name: Text
+    content: Annotated[str, Field(max_length=15_000_000)]  # base64
+
+
+@on(UploadMesh)
+def uploaded(state: State, event: UploadMesh) -> State:
     """An errand that keeps and reads the file."""
-    try:
-        data = base64.b64decode(content, validate=True)
-    except (binascii.Error, ValueError):
-        notice = Notice("Not done", "The file did not arrive whole; try again.", bad=True)
-        return told(state, client, notice)
-    return sent(state, client, make(data))
+
+    def work(content: bytes, _: pg.Model) -> Found:
+        return shaped(event.bodies, event.name, content)
+
+    return sent_file(state, event.client, event.content, "mesh file", work)

@@ -9,12 +9,12 @@ import pgraph_core as pg
 
 from ..constraints.kinds import About
 from ..core.bridge import Bridge
-from ..core.intents import Display
+from ..core.cells import Display
 from ..core.state import Client, State
 from ..core.views import Payload, audience, css
+from ..world.form import world
 from .body_cells import MOTIONS, NO_SHAPE, SHAPES, held, moments, quantity_of
 from .forms import WXYZ, XYZ, button, cell, choice, field, group, merged, shown
-from .world_view import world
 
 JOINTS = get_args(pg.Body.model_fields["joint"].annotation)
 Q_NAMES = {"free": (*XYZ, *WXYZ), "spherical": WXYZ}

@@ -1,14 +1,15 @@
-"""What the events do to the reports: what is measured, how far it is, what came out (pure)."""
+"""Reports: their settings, and measuring in the background (pure)."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
-from .. import events
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.state import Analysis, Reply, Report, ReportRequest, State, with_client
-from ..events import Event
+from ..core.events import Event, FromPage, Text, on
+from ..core.state import State, replied, with_client
+from . import Analysis, Report, ReportRequest
 
 AXES = (
     "stiffness", "damping_ratio", "contact_stiffness", "mass_ratio", "inertia", "chain_length",
@@ -18,53 +19,107 @@ AXES = (
 LONGEST = 60.0  # [s] of the motion that is measured: it is run some hundred times
 
 
-def update(state: State, event: Event) -> State | None:
-    """The state after an event of the reports; None for any other event."""
-    now = state.analysis
-    match event:
-        case events.SetReport():
-            return set_(state, event)
-        case events.Analyse(_, kind) if now is None:
-            analysis = Analysis(state.jobs + 1, kind, state.model, state.request, state.reporting)
-            return replace(state, analysis=analysis, jobs=analysis.id, analysis_problem="")
-        case events.CancelAnalysis() if now is not None:
-            return replace(state, analysis=replace(now, cancelled=True))
-        case events.DownloadReport(client) if state.report is not None:
-            count = state.clients[client].reports + 1 if client in state.clients else 0
-            return with_client(state, client, reports=count)
-        case events.Measuring(id, fraction) if now is not None and now.id == id:
-            return replace(state, analysis=replace(now, fraction=fraction))
-        case events.Measured(id, report) if now is not None and now.id == id:
-            return replace(state, analysis=None, report=Report(now.kind, now.model, report))
-        case events.NotMeasured(id, text) if now is not None and now.id == id:
-            return replace(state, analysis=None, analysis_problem=text)
-        case _:
-            return None
+@dataclass(frozen=True)
+class SetReport(FromPage):
+    """A setting of the report."""
+
+    serial: int
+    field: Literal["target", "axis", "t_end"]
+    text: Text
 
 
-def set_(state: State, event: events.SetReport) -> State:
-    """Another setting, or the sentence that refuses it."""
+@on(SetReport)
+def set_report(state: State, event: SetReport) -> State:
     try:
-        reporting = replace(state.reporting, **{event.field: _value(event)})
+        reporting = replace(state.reporting, **{event.field: _value(event.field, event.text)})
     except Refusal as refusal:
-        return with_client(state, event.client, reply=Reply(event.serial, str(refusal)))
-    state = replace(state, reporting=reporting)
-    return with_client(state, event.client, reply=Reply(event.serial, ""))
+        return replied(state, event.client, event.serial, str(refusal))
+    return replied(replace(state, reporting=reporting), event.client, event.serial)
 
 
-def _value(event: events.SetReport) -> float | str | None:
-    if event.field == "axis":
-        if event.text not in AXES:
+def _value(field: str, text: str) -> float | str | None:
+    if field == "axis":
+        if text not in AXES:
             raise Refusal(f"The axis must be one of {', '.join(AXES)}.")
-        return event.text
-    if event.field == "t_end" and not event.text.strip():
+        return text
+    if field == "t_end" and not text.strip():
         return ReportRequest().t_end
-    said = {"target": "The error that is wanted", "t_end": "The duration"}[event.field]
-    most = 1.0 if event.field == "target" else LONGEST
-    try:
-        value = cells.number(event.text)
-    except Refusal as refusal:
-        raise Refusal(f"{said} {refusal}") from None
+    name = {"target": "The error that is wanted", "t_end": "The duration"}[field]
+    most = 1.0 if field == "target" else LONGEST
+    value = cells.named_number(name, text)
     if not 0 < value <= most:
-        raise Refusal(f"{said} must be above 0 and at most {most:g}; given {value:g}.")
+        raise Refusal(f"{name} must be above 0 and at most {most:g}; given {value:g}.")
     return value
+
+
+@dataclass(frozen=True)
+class Analyse(FromPage):
+    """Measure, in the background."""
+
+    kind: Literal["precision", "stability"]
+
+
+@on(Analyse)
+def analyse(state: State, event: Analyse) -> State:
+    if state.analysis is not None:
+        return state
+    id = state.jobs + 1
+    analysis = Analysis(id, event.kind, state.model, state.request, state.reporting)
+    return replace(state, analysis=analysis, jobs=id, analysis_problem="")
+
+
+@dataclass(frozen=True)
+class CancelAnalysis(FromPage):
+    """Stop measuring; what was measured so far is kept."""
+
+
+@on(CancelAnalysis)
+def cancel(state: State, event: CancelAnalysis) -> State:
+    now = state.analysis
+    return state if now is None else replace(state, analysis=replace(now, cancelled=True))
+
+
+@dataclass(frozen=True)
+class Measuring(Event):
+    id: int
+    fraction: float
+
+
+@dataclass(frozen=True)
+class Measured(Event):
+    id: int
+    report: Any  # pgraph_core's Study or StabilityMap
+
+
+@dataclass(frozen=True)
+class NotMeasured(Event):
+    id: int
+    text: str
+
+
+@on(Measuring, Measured, NotMeasured)
+def heard(state: State, event: Measuring | Measured | NotMeasured) -> State:
+    """News of the report under way."""
+    now = state.analysis
+    if now is None or now.id != event.id:
+        return state
+    match event:
+        case Measuring(_, fraction):
+            return replace(state, analysis=replace(now, fraction=fraction))
+        case Measured(_, report):
+            return replace(state, analysis=None, report=Report(now.kind, now.model, report))
+        case NotMeasured(_, text):
+            return replace(state, analysis=None, analysis_problem=text)
+
+
+@dataclass(frozen=True)
+class DownloadReport(FromPage):
+    """The report as a page of its own."""
+
+
+@on(DownloadReport)
+def download(state: State, event: DownloadReport) -> State:
+    page = state.clients.get(event.client)
+    if state.report is None or page is None:
+        return state
+    return with_client(state, event.client, reports=page.reports + 1)

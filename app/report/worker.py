@@ -9,8 +9,10 @@ from typing import Any
 
 import pgraph_core as pg
 
-from ..core.state import FREE_RUN, Analysis, State
-from ..events import Event, Measured, Measuring, NotMeasured
+from ..core.events import Event
+from ..core.state import Analysis, State
+from ..report.update import Measured, Measuring, NotMeasured
+from ..run import FREE_RUN
 
 REPORT = 0.1  # [s] between progress events
 ROUNDS = 3  # of timing: a page waits for them

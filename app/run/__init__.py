@@ -1,1 +1,109 @@
-"""Simulating: settings, background runs, live runs, exports."""
+"""Simulating: what a run is asked for, how far it is, and its result."""
+
+from __future__ import annotations
+
+import bisect
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import pgraph_core as pg
+
+from ..gait.footfalls import Change, changes
+from ..scene import SHOWN_AT_FIRST
+
+FREE_RUN = ""  # the scenario of a run that has none
+
+METHODS = (
+    "auto",
+    "rk4",
+    "semi_implicit_euler",
+    "dopri5",
+    "dop853",
+    "ros2",
+    "radau5",
+    "moreau_jean",
+)
+
+
+@dataclass(frozen=True)
+class Request:
+    """How to simulate: a named scenario with its own settings, or a free run with these."""
+
+    scenario: str = FREE_RUN
+    t_end: float = 2.0  # [s]
+    step: float | None = 1e-3  # [s]; None: the method chooses
+    method: str = "auto"
+    rtol: float | None = None
+
+
+@dataclass(frozen=True)
+class Job:
+    """A simulation under way, for the model it was asked for."""
+
+    id: int
+    model: pg.Model
+    request: Request
+    fraction: float = 0.0
+    before: Any = None  # the result that this one goes on from
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished simulation and the model it is of."""
+
+    model: pg.Model
+    request: Request
+    result: Any  # pgraph_core's result
+
+    @cached_property
+    def falls(self) -> tuple[Change, ...]:
+        """What its feet did."""
+        return changes(self.result)
+
+
+@dataclass(frozen=True)
+class Live:
+    """A run that plays while it is computed, of whatever the model is by then."""
+
+    id: int
+    request: Request
+    running: bool = True
+    parts: tuple[Any, ...] = ()  # results, one after the other
+    pace: float = 1.0  # its speed over the one asked for
+    falls: tuple[Change, ...] = ()  # what its feet did
+
+    def part_at(self, time: float) -> Any:
+        """The part that holds `time`, else the last."""
+        k = bisect.bisect_left(self.parts, time, key=lambda part: part.t[-1])
+        return self.parts[min(k, len(self.parts) - 1)]
+
+
+@dataclass(frozen=True)
+class Exporting:
+    """A run to be sent to one page as a file."""
+
+    client: int
+    what: str
+    run: Run
+    shown: frozenset[str] = SHOWN_AT_FIRST  # on the page that asks
+
+
+@dataclass(frozen=True)
+class Kernels:
+    """How far the compiled code is: `done` of `total`, `name` under way."""
+
+    done: int = 0
+    total: int = 0
+    name: str = ""
+    ready: bool = False
+    problem: str = ""
+
+
+def first_request(model: pg.Model) -> Request:
+    """What Simulate offers at first: the model's first scenario, or a free run."""
+    if not model.scenarios:
+        return Request()
+    s = model.scenarios[0]
+    method = s.method if s.method in METHODS else "auto"
+    return Request(s.name, s.t_end, s.step, method)

@@ -18,7 +18,6 @@ from ..core.bridge import Bridge
 from ..core.state import SHOWN_AT_FIRST, Exporting, Playback, Run, State
 from ..gait.footfalls import prints
 from ..gait.footprints import MOST, FootprintsView
-from ..model.derived import derive
 from ..scene.overlays import Overlays
 
 
@@ -83,7 +82,7 @@ def animation(run: Run, shown: frozenset[str] = SHOWN_AT_FIRST) -> bytes:
 
 def overlays(server: viser.ViserServer, run: Run, shown: frozenset[str]) -> Extra:
     """Draws what is `shown` over the bodies of one picture."""
-    state = State(run.model, derive(run.model), run.request, last_run=run, shown=shown)
+    state = State(run.model, run.request, last_run=run, shown=shown)
     marks, feet = Overlays(server), FootprintsView(server)
 
     def draw(time: float, positions: np.ndarray, wxyz: np.ndarray, gone: np.ndarray) -> None:

@@ -12,11 +12,14 @@ import numpy as np
 
 import pgraph_core as pg
 
-from ..core.state import FREE_RUN, Live, State
-from ..events import Advanced, Event, Pull, Stuck
+from ..core.events import Event
+from ..core.state import Live, State
 from ..gait.walker import LYING, Walker, gait_of
 from ..gait.walking import Walking
 from ..pose.pulling import pull_force
+from ..pose.update import Pull
+from ..run.update import Advanced, Stuck
+from . import FREE_RUN
 from .stitching import Seam
 
 PICTURES = 60  # a second

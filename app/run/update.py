@@ -1,99 +1,83 @@
-"""What the events do to the run: what to simulate, its job, its outcome (pure)."""
+"""Simulating: settings, the run in the background, the live run, the compiler (pure)."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
-from .. import events
+import pgraph_core as pg
+
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.state import (
-    FREE_RUN,
-    METHODS,
-    Exporting,
-    Job,
-    Kernels,
-    Reply,
-    Request,
-    Run,
-    State,
-    with_client,
-)
-from ..events import Event, Failed, Progress, Simulated
+from ..core.events import Event, FromPage, Text, on
+from ..core.state import State, replied
+from ..gait.footfalls import changes
+from . import FREE_RUN, METHODS, Exporting, Job, Kernels, Live, Request, Run
 
 LONGEST_RUN = 3600.0  # [s]
 LEAST_RTOL, LARGEST_RTOL = 1e-15, 0.1
+MOST_PARTS = 36_000  # of a live run, ten minutes of pictures: older ones are dropped
+MOST_FALLS = 36_000  # and of the changes of feet
+
+# -- settings ----------------------------------------------------------------------------------
 
 
-def update(state: State, event: Event) -> State | None:
-    """The state after an event of the run or the compiler; None for any other event."""
-    match event:
-        case events.SetScenario(client, serial, scenario):
-            state = scenario_chosen(state, scenario)
-            return with_client(state, client, reply=Reply(serial, ""))
-        case events.SetRun():
-            return request_edited(state, event)
-        case events.Simulate() if idle(state):
-            return asked(state)
-        case events.Continue() if idle(state) and state.run is not None:
-            return asked(state, state.run.result)
-        case events.Compare() if state.live is None:
-            return replace(state, ghost=state.run if state.ghost is None else None)
-        case events.Export(client, what) if state.run is not None and state.live is None:
-            return replace(state, exporting=Exporting(client, what, state.run, state.shown))
-        case events.Cancel() if state.job is not None:
-            return replace(state, job=None, run_problem="The simulation was cancelled.")
-        case events.Progress() | events.Simulated() | events.Failed():
-            return heard(state, event)
-        case events.Compiling(done, total, name):
-            return replace(state, kernels=Kernels(done, total, name))
-        case events.Compiled(problem):
-            return replace(state, kernels=replace(state.kernels, ready=True, problem=problem))
-        case _:
-            return None
+@dataclass(frozen=True)
+class SetScenario(FromPage):
+    serial: int
+    scenario: Text
 
 
-def scenario_chosen(state: State, name: str) -> State:
+@on(SetScenario)
+def scenario_chosen(state: State, event: SetScenario) -> State:
     """A scenario with its own settings, or a free run with ours."""
+    name = event.scenario
     scenario = next((s for s in state.model.scenarios if s.name == name), None)
-    if scenario is None:
-        return replace(state, request=Request()) if name == FREE_RUN else state
-    method = scenario.method if scenario.method in METHODS else "auto"
-    request = Request(name, scenario.t_end, scenario.step, method)
-    return replace(state, request=request)
+    if scenario is not None:
+        method = scenario.method if scenario.method in METHODS else "auto"
+        state = replace(state, request=Request(name, scenario.t_end, scenario.step, method))
+    elif name == FREE_RUN:
+        state = replace(state, request=Request())
+    return replied(state, event.client, event.serial)
 
 
-def request_edited(state: State, event: events.SetRun) -> State:
-    """Another duration, step or method, or the sentence that refuses it."""
+@dataclass(frozen=True)
+class SetRun(FromPage):
+    """Another duration, step, tolerance or method."""
+
+    serial: int
+    field: Literal["t_end", "step", "rtol", "method"]
+    text: Text
+
+
+@on(SetRun)
+def request_edited(state: State, event: SetRun) -> State:
     try:
-        request = replace(state.request, **{event.field: _request_value(event)})
+        request = replace(state.request, **{event.field: _value(event.field, event.text)})
     except Refusal as refusal:
-        return with_client(state, event.client, reply=Reply(event.serial, str(refusal)))
-    state = replace(state, request=request)
-    return with_client(state, event.client, reply=Reply(event.serial, ""))
+        return replied(state, event.client, event.serial, str(refusal))
+    return replied(replace(state, request=request), event.client, event.serial)
 
 
-def _request_value(event: events.SetRun) -> float | str | None:
-    if event.field == "method":
-        if event.text not in METHODS:
+def _value(field: str, text: str) -> float | str | None:
+    if field == "method":
+        if text not in METHODS:
             raise Refusal(f"The method must be one of {', '.join(METHODS)}.")
-        return event.text
-    if event.field != "t_end" and not event.text.strip():
+        return text
+    if field != "t_end" and not text.strip():
         return None
-    said = {"t_end": "The duration", "step": "The step", "rtol": "The tolerance"}[event.field]
-    try:
-        value = cells.number(event.text)
-    except Refusal as refusal:
-        raise Refusal(f"{said} {refusal}") from None
-    if event.field == "rtol":
+    name = {"t_end": "The duration", "step": "The step", "rtol": "The tolerance"}[field]
+    value = cells.named_number(name, text)
+    if field == "rtol":
         if not LEAST_RTOL <= value <= LARGEST_RTOL:
             between = f"between {LEAST_RTOL:g} and {LARGEST_RTOL:g}"
-            raise Refusal(f"{said} must lie {between}; given {value:g}.")
-        return value
-    if not 0 < value <= LONGEST_RUN:
-        raise Refusal(f"{said} must be above 0 and at most {LONGEST_RUN:g} s; given {value:g}.")
+            raise Refusal(f"{name} must lie {between}; given {value:g}.")
+    elif not 0 < value <= LONGEST_RUN:
+        raise Refusal(f"{name} must be above 0 and at most {LONGEST_RUN:g} s; given {value:g}.")
     return value
+
+
+# -- runs in the background --------------------------------------------------------------------
 
 
 def idle(state: State) -> bool:
@@ -101,15 +85,66 @@ def idle(state: State) -> bool:
     return state.job is None and state.live is None
 
 
-def asked(state: State, before: Any = None) -> State:
-    """A simulation of the model as it stands, under way; from the end of `before` where given."""
+@dataclass(frozen=True)
+class Simulate(FromPage):
+    """Simulate the model as it stands."""
+
+
+@on(Simulate)
+def simulate(state: State, event: Simulate) -> State:
+    return _asked(state, None) if idle(state) else state
+
+
+@dataclass(frozen=True)
+class Continue(FromPage):
+    """Go on from the end of the run for as long again."""
+
+
+@on(Continue)
+def go_on(state: State, event: Continue) -> State:
+    return _asked(state, state.run.result) if idle(state) and state.run is not None else state
+
+
+def _asked(state: State, before: Any) -> State:
+    """A simulation under way; from the end of `before` if given."""
     job = Job(state.jobs + 1, state.model, state.request, before=before)
     paused = replace(state.playback, playing=False)
     return replace(state, job=job, jobs=job.id, run_problem="", playback=paused)
 
 
+@dataclass(frozen=True)
+class Cancel(FromPage):
+    """Stop the simulation."""
+
+
+@on(Cancel)
+def cancel(state: State, event: Cancel) -> State:
+    if state.job is None:
+        return state
+    return replace(state, job=None, run_problem="The simulation was cancelled.")
+
+
+@dataclass(frozen=True)
+class Progress(Event):
+    job: int
+    fraction: float
+
+
+@dataclass(frozen=True)
+class Simulated(Event):
+    job: int
+    result: Any
+
+
+@dataclass(frozen=True)
+class Failed(Event):
+    job: int
+    text: str
+
+
+@on(Progress, Simulated, Failed)
 def heard(state: State, event: Progress | Simulated | Failed) -> State:
-    """News of the job under way; of any other, which was cancelled, nothing."""
+    """News of the current job; news of a cancelled one is ignored."""
     job = state.job
     if job is None or job.id != event.job:
         return state
@@ -119,12 +154,141 @@ def heard(state: State, event: Progress | Simulated | Failed) -> State:
         case Failed(_, text):
             return replace(state, job=None, run_problem=text)
         case Simulated(_, result):
-            return _finished(state, Run(job.model, job.request, result))
+            start = 0.0 if job.before is None else float(job.before.t[-1])
+            playback = replace(state.playback, time=start, playing=False)
+            stale = "The model was changed during the simulation; undo shows that run."
+            problem = "" if job.model is state.model else stale
+            run = Run(job.model, job.request, result)
+            return replace(state, job=None, last_run=run, playback=playback, run_problem=problem)
 
 
-def _finished(state: State, run: Run) -> State:
-    start = 0.0 if state.job is None or state.job.before is None else state.job.before.t[-1]
-    playback = replace(state.playback, time=float(start), playing=False)
-    stale = "The model was changed while it was simulated: undo shows that run."
-    problem = "" if run.model is state.model else stale
-    return replace(state, job=None, last_run=run, playback=playback, run_problem=problem)
+@dataclass(frozen=True)
+class Compare(FromPage):
+    """Keep the run as a ghost next to the coming ones, or remove the ghost."""
+
+
+@on(Compare)
+def compare(state: State, event: Compare) -> State:
+    if state.live is not None:
+        return state
+    return replace(state, ghost=state.run if state.ghost is None else None)
+
+
+@dataclass(frozen=True)
+class Export(FromPage):
+    """The run as a file."""
+
+    what: Literal["csv", "npz", "html"]
+
+
+@on(Export)
+def export(state: State, event: Export) -> State:
+    if state.run is None or state.live is not None:
+        return state
+    return replace(state, exporting=Exporting(event.client, event.what, state.run, state.shown))
+
+
+@dataclass(frozen=True)
+class Compiling(Event):
+    """The compiler has done `done` of `total` kernels."""
+
+    done: int
+    total: int
+    name: str
+
+
+@on(Compiling)
+def compiling(state: State, event: Compiling) -> State:
+    return replace(state, kernels=Kernels(event.done, event.total, event.name))
+
+
+@dataclass(frozen=True)
+class Compiled(Event):
+    problem: str = ""
+
+
+@on(Compiled)
+def compiled(state: State, event: Compiled) -> State:
+    return replace(state, kernels=replace(state.kernels, ready=True, problem=event.problem))
+
+
+# -- the live run ------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class GoLive(FromPage):
+    """Simulate and play at once, without an end. (`gait/update.py` handles it: it may walk.)"""
+
+
+def go_live(state: State) -> State:
+    """A live run from the initial state."""
+    live = Live(state.jobs + 1, state.request)
+    playback = replace(state.playback, time=0.0, playing=False)
+    return replace(state, live=live, jobs=live.id, playback=playback, run_problem="")
+
+
+@dataclass(frozen=True)
+class Advanced(Event):
+    """The live run advanced by a part; `pace` is its speed over the speed asked for."""
+
+    live: int
+    part: Any
+    pace: float
+
+
+@on(Advanced)
+def advanced(state: State, event: Advanced) -> State:
+    """The live run with one more part, unless the part is of other bodies."""
+    live, part = state.live, event.part
+    if live is None or live.id != event.live:
+        return state
+    if tuple(part.mechanism.names) != state.derived.names:
+        return state
+    live = replace(
+        live,
+        parts=(*live.parts, part)[-MOST_PARTS:],
+        pace=event.pace,
+        falls=(*live.falls, *changes(part, live.falls))[-MOST_FALLS:],
+    )
+    return at_its_end(state, live) if live.running else replace(state, live=live)
+
+
+def at_its_end(state: State, live: Live) -> State:
+    """The live run, shown at its newest time."""
+    time = float(live.parts[-1].t[-1]) if live.parts else 0.0
+    return replace(state, live=live, playback=replace(state.playback, time=time))
+
+
+@dataclass(frozen=True)
+class Stuck(Event):
+    """The live run cannot go on."""
+
+    live: int
+    text: str
+
+
+@on(Stuck)
+def stuck(state: State, event: Stuck) -> State:
+    if state.live is None or state.live.id != event.live:
+        return state
+    return replace(stopped(state), run_problem=event.text)
+
+
+@dataclass(frozen=True)
+class StopLive(FromPage):
+    """End the live run and keep it."""
+
+
+@on(StopLive)
+def stop_live(state: State, event: StopLive) -> State:
+    return stopped(state)
+
+
+def stopped(state: State) -> State:
+    """Without a live run: what it computed is a run like any other."""
+    live = state.live
+    if live is None or not live.parts:
+        return replace(state, live=None)
+    run = Run(state.model, live.request, pg.joined(live.parts))
+    playback = replace(state.playback, time=float(run.result.t[0]))
+    return replace(state, live=None, last_run=run, playback=playback)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from ..core.bridge import Bridge
-from ..core.state import FREE_RUN, METHODS, Run, State
+from ..core.state import Run, State
 from ..core.views import Payload, audience
+from . import FREE_RUN, METHODS
 
 POOR = 1e-2  # above it an accuracy is shown as a warning
 METHOD_NAMES = {

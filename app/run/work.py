@@ -14,8 +14,11 @@ from pathlib import Path
 
 import pgraph_core as pg
 
-from ..core.state import FREE_RUN, Job, State
-from ..events import Compiled, Compiling, Event, Failed, Progress, Saved, Simulated
+from ..core.events import Event
+from ..core.state import Job, State
+from ..run.update import Compiled, Compiling, Failed, Progress, Simulated
+from ..session.update import Saved
+from . import FREE_RUN
 
 REPORT = 0.05  # [s] between progress events
 

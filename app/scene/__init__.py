@@ -1,1 +1,5 @@
 """The 3D view."""
+
+from __future__ import annotations
+
+SHOWN_AT_FIRST = frozenset({"shapes", "axes"})

@@ -10,7 +10,6 @@ from pgraph_core.show.animation import between
 from pgraph_core.show.bodies import at_rest
 
 from ..core.state import Run, State
-from ..model.derived import derive
 from .view import looks
 
 COLOR, OPACITY = (120, 128, 140), 0.28
@@ -30,7 +29,7 @@ class GhostView:
             self._place(new.ghost, new.playback.time)
 
     def _drawn(self, state: State, ghost: Run) -> list[viser.MeshHandle]:
-        of = State(ghost.model, derive(ghost.model), ghost.request)
+        of = State(ghost.model, ghost.request)
         nodes = []
         for k, look in enumerate(looks(of), 1):
             solid = shapes.mesh(look.pieces)

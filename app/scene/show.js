@@ -4,7 +4,7 @@
   const GIZMOS = [["", "nothing"], ["link", "link vector"], ["com", "centre of mass"]];
 
   function build(host) {
-    const gizmo = make("select", { className: "cell gizmo", "aria-label": "move in 3D", onchange: () => send("Gizmo", { what: gizmo.value }) },
+    const gizmo = make("select", { className: "cell gizmo", "aria-label": "move in 3D", onchange: () => send("SetGizmo", { what: gizmo.value }) },
       ...GIZMOS.map(([value, textContent]) => make("option", { value, textContent })));
     host.replaceChildren(make("div", { className: "show" }, make("div", { className: "switches" }),
       make("div", { className: "field" }, make("div", { className: "what", textContent: "Move in 3D" }), gizmo), make("div", { className: "muted why" })));

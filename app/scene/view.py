@@ -12,9 +12,12 @@ from pgraph_core.show import animation, bodies, shapes
 from pgraph_core.show.bodies import SEPARATE, BatchedBodies, Bodies, Look, SeparateBodies, at_rest
 from pgraph_core.show.ground import GRID
 
+from ..core.events import Event
 from ..core.state import State, poses
-from ..events import Event, Pull, Select, Unreadable
 from ..pose.gizmo import Gizmos
+from ..pose.update import Pull
+from ..scene.update import Unreadable
+from ..session.update import Select
 from .ground import GroundView
 from .overlays import Overlays
 

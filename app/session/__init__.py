@@ -1,1 +1,29 @@
-"""Open pages: coming and going, selecting, autosave."""
+"""Open pages: coming and going, selecting, saving, autosave."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pgraph_core as pg
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The model of a session that is over, from where the server keeps it."""
+
+    path: Path
+    given: str  # the model that the session was started with
+    time: float  # of the last edit [s since 1970]
+    text: str  # JSON
+    ended: bool  # in order; otherwise the server was killed
+
+
+@dataclass(frozen=True)
+class Saving:
+    """A file to be written for one page."""
+
+    client: int
+    serial: int
+    path: str
+    model: pg.Model

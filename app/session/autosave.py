@@ -19,8 +19,9 @@ from pathlib import Path
 import pgraph_core as pg
 from pgraph_core.model.files import write_atomic
 
+from ..core.events import Event
 from ..core.state import Kept, State
-from ..events import Event, NotKept
+from ..session.update import NotKept
 
 DELAY, LONGEST = 0.4, 2.0  # [s] after the last edit, and after the first one not yet written
 MOST = 20  # sessions that are offered

@@ -1,71 +1,52 @@
-"""What the events do to the pages: coming and going, selecting, looking, saving (pure)."""
+"""Open pages: coming and going, selecting, what each shows, saving (pure)."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
 
-from .. import events
-from ..core.intents import Display
-from ..core.state import Client, Notice, Reply, Saving, State, told, with_client
-from ..events import Event
+from pydantic import Field
+
+from ..constraints import update as constraints
+from ..core.cells import Display
+from ..core.edit import selected
+from ..core.events import Event, FromPage, OfServer, Text, on
+from ..core.state import Client, Notice, State, replied, told, with_client
+from . import Saving
 
 MOST_LEFT = 50  # pages that are remembered
 
 
-def update(state: State, event: Event) -> State | None:
-    """The state after an event of one page; None for any other event."""
-    match event:
-        case events.Connected(client):
-            page = Client(notice=state.greeting)
-            return replace(state, clients={**state.clients, client: page})
-        case events.Hello():
-            return greeted(state, event)
-        case events.Disconnected(client):
-            return gone(state, client)
-        case events.Misread(client, text):
-            return told(state, client, Notice("The page sent something unknown", text, bad=True))
-        case events.Select(client, body):
-            return selected(state, client, body, () if body is None else (body,))
-        case events.SelectBodies(client, body, bodies):
-            return selected(state, client, body, bodies)
-        case events.Theme(client, dark):
-            return with_client(state, client, dark=dark)
-        case events.Viewport(client, aspect):
-            return with_client(state, client, aspect=aspect)
-        case events.Show(_, what, on):
-            return replace(state, shown=state.shown | {what} if on else state.shown - {what})
-        case events.Download(client) if client in state.clients:
-            return with_client(state, client, downloads=state.clients[client].downloads + 1)
-        case events.NotKept(problem):
-            notice = Notice("Edits are not kept", f"{problem} Save the model yourself.", bad=True)
-            pages = {key: replace(page, notice=notice) for key, page in state.clients.items()}
-            return replace(state, clients=pages)
-        case events.Save(client, serial, path):
-            return replace(state, saving=Saving(client, serial, path, state.model))
-        case events.Saved(client, serial, path, problem):
-            state = with_client(state, client, reply=Reply(serial, problem))
-            return state if problem else told(state, client, Notice("Saved", said(path, state)))
-        case _:
-            return None
+@dataclass(frozen=True)
+class Connected(OfServer):
+    """A page was opened."""
 
 
-def said(path: str, state: State) -> str:
-    """Where the model was saved, and its meshes."""
-    meshes = any(b.shape is not None and b.shape.file for b in state.model.bodies)
-    return f"{path}; its mesh files are in the folder 'meshes' beside it" if meshes else path
+@on(Connected)
+def connected(state: State, event: Connected) -> State:
+    page = Client(notice=state.greeting)
+    return replace(state, clients={**state.clients, event.client: page})
 
 
-def gone(state: State, client: int) -> State:
-    """Without that page; what it looked at is kept for when it comes back."""
-    here = dict(state.clients)
-    page = here.pop(client, None)
-    if page is None or not page.page:
-        return replace(state, clients=here)
-    others = [(name, old) for name, old in state.left.items() if name != page.page]
-    return replace(state, clients=here, left=dict([*others, (page.page, page)][-MOST_LEFT:]))
+@dataclass(frozen=True)
+class Hello(FromPage):
+    """A page says which it is and what it shows: it may have been here before."""
+
+    serial: int
+    page: Annotated[str, Field(max_length=100)]  # its own name, the same as long as it is open
+    body: Text | None
+    bodies: tuple[Text, ...]
+    dark: bool
+    display: tuple[
+        Literal["rad", "deg"],
+        Literal["m", "mm"],
+        Literal["quaternion", "euler", "axis"],
+        Literal["com", "origin"],
+    ]
 
 
-def greeted(state: State, event: events.Hello) -> State:
+@on(Hello)
+def greeted(state: State, event: Hello) -> State:
     """A page as it was before its connection was lost, as far as that is known."""
     client = event.client
     if client not in state.clients:
@@ -76,19 +57,146 @@ def greeted(state: State, event: events.Hello) -> State:
     )
     page = replace(
         old, page=event.page, dark=event.dark, display=Display(*event.display), grip=None,
-        aspect=fresh.aspect, notice=fresh.notice, reply=Reply(event.serial, ""),
-        downloads=fresh.downloads, reports=fresh.reports, exported=fresh.exported,
-        selection=None, selected=(),
+        aspect=fresh.aspect, notice=fresh.notice, downloads=fresh.downloads,
+        reports=fresh.reports, exported=fresh.exported, selection=None, selected=(),
     )  # fmt: skip
     left = {name: x for name, x in state.left.items() if name != event.page}
     state = replace(state, clients={**state.clients, client: page}, left=left)
-    return selected(state, client, event.body, event.bodies)
+    return selected(replied(state, client, event.serial), client, event.body, event.bodies)
 
 
-def selected(state: State, client: int, body: str | None, bodies: tuple[str, ...]) -> State:
-    """`state` with these bodies selected on one page; as it was where `body` is unknown."""
-    if body is not None and body not in state.model.row:
+@dataclass(frozen=True)
+class Disconnected(OfServer):
+    """A page was closed, or its connection was lost."""
+
+
+@on(Disconnected)
+def disconnected(state: State, event: Disconnected) -> State:
+    """Without that page; its state is kept in case it comes back."""
+    here = dict(state.clients)
+    page = here.pop(event.client, None)
+    if page is None or not page.page:
+        return replace(state, clients=here)
+    others = [(name, old) for name, old in state.left.items() if name != page.page]
+    return replace(state, clients=here, left=dict([*others, (page.page, page)][-MOST_LEFT:]))
+
+
+# -- selecting ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Select(FromPage):
+    """A body was clicked; None: nothing, or Escape was pressed."""
+
+    body: Text | None
+
+
+@on(Select)
+def select(state: State, event: Select) -> State:
+    """The selection; while a body is being picked for a constraint, the body picked."""
+    if constraints.picking_of(state, event.client) is not None:
+        return constraints.picked(state, event.client, event.body)
+    bodies = () if event.body is None else (event.body,)
+    return selected(state, event.client, event.body, bodies)
+
+
+@dataclass(frozen=True)
+class SelectBodies(FromPage):
+    """Several rows at once; `body`, the last of them, is the one whose properties are shown."""
+
+    body: Text
+    bodies: tuple[Text, ...]
+
+
+@on(SelectBodies)
+def select_bodies(state: State, event: SelectBodies) -> State:
+    if constraints.picking_of(state, event.client) is not None:
+        return constraints.picked(state, event.client, event.body)
+    return selected(state, event.client, event.body, event.bodies)
+
+
+# -- what a page shows -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Theme(FromPage):
+    dark: bool
+
+
+@on(Theme)
+def themed(state: State, event: Theme) -> State:
+    return with_client(state, event.client, dark=event.dark)
+
+
+@dataclass(frozen=True)
+class SetDisplay(FromPage):
+    """The unit or form in which a page shows a kind of quantity."""
+
+    what: Literal["angle", "length", "turn", "about"]
+    value: Literal["rad", "deg", "m", "mm", "quaternion", "euler", "axis", "com", "origin"]
+
+
+CHOICES = {
+    "angle": ("rad", "deg"), "length": ("m", "mm"), "turn": ("quaternion", "euler", "axis"),
+    "about": ("com", "origin"),
+}  # fmt: skip
+
+
+@on(SetDisplay)
+def displayed(state: State, event: SetDisplay) -> State:
+    page = state.clients.get(event.client)
+    if page is None or event.value not in CHOICES[event.what]:
         return state
-    wanted = {*bodies, body}
-    known = tuple(b.name for b in state.model.bodies if b.name in wanted)
-    return with_client(state, client, selection=body, selected=known)
+    display = replace(page.display, **{event.what: event.value})
+    return with_client(state, event.client, display=display)
+
+
+# -- saving ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Save(FromPage):
+    """Write the model to a path on the server's machine."""
+
+    serial: int
+    path: Text
+
+
+@on(Save)
+def save(state: State, event: Save) -> State:
+    return replace(state, saving=Saving(event.client, event.serial, event.path, state.model))
+
+
+@dataclass(frozen=True)
+class Saved(Event):
+    """The outcome of a Save: no problem if it was written."""
+
+    client: int
+    serial: int
+    path: str
+    problem: str
+
+
+@on(Saved)
+def saved(state: State, event: Saved) -> State:
+    state = replied(state, event.client, event.serial, event.problem)
+    if event.problem:
+        return state
+    meshes = any(b.shape is not None and b.shape.file for b in state.model.bodies)
+    text = f"{event.path}; its mesh files are in the folder 'meshes' next to it"
+    return told(state, event.client, Notice("Saved", text if meshes else event.path))
+
+
+@dataclass(frozen=True)
+class NotKept(Event):
+    """Autosave failed."""
+
+    problem: str
+
+
+@on(NotKept)
+def not_kept(state: State, event: NotKept) -> State:
+    text = f"{event.problem} Save the model yourself."
+    notice = Notice("Autosave does not work", text, bad=True)
+    pages = {key: replace(page, notice=notice) for key, page in state.clients.items()}
+    return replace(state, clients=pages)

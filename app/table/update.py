@@ -1,50 +1,172 @@
-"""What the events do to rows of the table: one undo step each, also for several rows (pure)."""
+"""Rows of the table, also several at once: each event is one undo step (pure)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 import pgraph_core as pg
 
-from .. import events
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.state import Notice, Reply, State, told, with_client
-from ..events import Event
-from ..model.update import MOST_BODIES, attempted, with_model
-from ..session.update import selected
-from . import paste
+from ..core.edit import MOST_BODIES, attempted, selected, with_model
+from ..core.events import Bodies, FromPage, Text, on
+from ..core.state import Notice, State, replied, told
+from . import paste as pasting
 
 GROUND = "ground"
 
 
-def update(state: State, event: Event) -> State | None:
-    """The state after an event of the table's rows; None for any other event."""
+@dataclass(frozen=True)
+class AddBody(FromPage):
+    """A new body as child of `parent`; None: of the ground."""
+
+    parent: Text | None
+
+
+@on(AddBody)
+def add(state: State, event: AddBody) -> State:
     model = state.model
-    match event:
-        case events.AddBody(client, parent):
-            return grown(state, client, lambda: _added(model, parent), "add a body")
-        case events.Duplicate(client, bodies, subtree):
-            label = f"duplicate {_said(bodies)}"
-            return grown(state, client, lambda: _twice(model, bodies, subtree), label)
-        case events.MirrorBranch(client, body, plane):
-            return grown(state, client, lambda: model.mirror(body, plane), f"mirror {body}")
-        case events.DeleteBodies(client, bodies, children):
-            label = f"delete {_said(bodies)}"
-            return attempted(state, client, lambda: model.remove(bodies, children=children), label)
-        case events.MoveRows(client, bodies, before):
-            label = f"move {_said(bodies)}"
-            return attempted(state, client, lambda: _moved(model, bodies, before), label)
-        case events.SetParent(client, bodies, parent):
-            changes = {name: {"parent": parent} for name in bodies}
-            label = f"parent of {_said(bodies)}"
-            return attempted(state, client, lambda: model.edit_all(changes), label)
-        case events.CountBodies(client, serial, text):
-            return counted(state, client, serial, text)
-        case events.Paste():
-            return pasted(state, event)
-        case _:
-            return None
+
+    def make() -> pg.Model:
+        on_model = event.parent is not None and event.parent in model.row
+        parent = event.parent if on_model and event.parent else GROUND
+        return model.add(rod(model, free_number(model.row), parent))
+
+    return grown(state, event.client, make, "add a body")
+
+
+@dataclass(frozen=True)
+class Duplicate(FromPage):
+    """Copies of the bodies; as branches with all that they carry."""
+
+    bodies: Bodies
+    subtree: bool
+
+
+@on(Duplicate)
+def duplicate(state: State, event: Duplicate) -> State:
+    model, bodies, subtree = state.model, event.bodies, event.subtree
+
+    def make() -> pg.Model:
+        return model.duplicate(_tops(model, bodies) if subtree else bodies, subtree=subtree)
+
+    return grown(state, event.client, make, f"duplicate {_label(bodies)}")
+
+
+@dataclass(frozen=True)
+class MirrorBranch(FromPage):
+    """The branch of a body reflected about the plane normal to an axis of its parent."""
+
+    body: Text
+    plane: Literal["x", "y", "z"]
+
+
+@on(MirrorBranch)
+def mirror(state: State, event: MirrorBranch) -> State:
+    make = lambda: state.model.mirror(event.body, event.plane)  # noqa: E731
+    return grown(state, event.client, make, f"mirror {event.body}")
+
+
+@dataclass(frozen=True)
+class DeleteBodies(FromPage):
+    """Their children are attached to the remaining bodies, or deleted too."""
+
+    bodies: Bodies
+    children: Literal["attach", "delete"]
+
+
+@on(DeleteBodies)
+def delete(state: State, event: DeleteBodies) -> State:
+    make = lambda: state.model.remove(event.bodies, children=event.children)  # noqa: E731
+    return attempted(state, event.client, make, f"delete {_label(event.bodies)}")
+
+
+@dataclass(frozen=True)
+class MoveRows(FromPage):
+    """The rows to the place before a body; None: last."""
+
+    bodies: Bodies
+    before: Text | None
+
+
+@on(MoveRows)
+def move(state: State, event: MoveRows) -> State:
+    def make() -> pg.Model:
+        chosen = set(event.bodies)
+        if event.before in chosen:
+            return state.model
+        left = [b.name for b in state.model.bodies if b.name not in chosen]
+        place = left.index(event.before) if event.before in left else len(left)
+        return state.model.move(event.bodies, place)
+
+    return attempted(state, event.client, make, f"move {_label(event.bodies)}")
+
+
+@dataclass(frozen=True)
+class SetParent(FromPage):
+    bodies: Bodies
+    parent: Text
+
+
+@on(SetParent)
+def set_parent(state: State, event: SetParent) -> State:
+    changes = {name: {"parent": event.parent} for name in event.bodies}
+    make = lambda: state.model.edit_all(changes)  # noqa: E731
+    return attempted(state, event.client, make, f"parent of {_label(event.bodies)}")
+
+
+@dataclass(frozen=True)
+class CountBodies(FromPage):
+    """That many bodies: more follow the last one in a row, fewer end the table earlier."""
+
+    serial: int
+    text: Text
+
+
+@on(CountBodies)
+def count(state: State, event: CountBodies) -> State:
+    try:
+        n = cells.whole(event.text, 1, MOST_BODIES)
+    except Refusal as refusal:
+        return replied(state, event.client, event.serial, f"The number of bodies {refusal}.")
+    state = attempted(state, event.client, lambda: sized(state.model, n), f"{n} bodies")
+    return replied(state, event.client, event.serial)
+
+
+@dataclass(frozen=True)
+class Paste(FromPage):
+    """Lines of a spreadsheet over the cells of `rows` from `column` on; more become new rows.
+
+    Without `rows` all become new rows, children of `under` unless they name another parent.
+    """
+
+    serial: int
+    text: Annotated[str, Field(max_length=1_000_000)]
+    rows: Annotated[tuple[Text, ...], Field(max_length=10_000)] = ()
+    column: Annotated[int, Field(ge=0, le=3)] = 0
+    under: Text | None = None
+
+
+@on(Paste)
+def paste(state: State, event: Paste) -> State:
+    """All lines, or none and the reason."""
+    client, serial = event.client, event.serial
+    try:
+        model, names, notice = pasting.rows_of(
+            state.model, event.text, event.rows, event.column, event.under, rod
+        )
+        if len(model.bodies) > MOST_BODIES:
+            raise Refusal(f"it would be {len(model.bodies)} bodies; {MOST_BODIES} at most")
+    except (Refusal, pg.PgraphError) as problem:
+        return replied(state, client, serial, f"Nothing was pasted: {problem}")
+    state = replied(with_model(state, model, "paste"), client, serial)
+    if names:
+        state = selected(state, client, names[0], names)
+    return told(state, client, Notice("Pasted", notice)) if notice else state
 
 
 def grown(state: State, client: int, make: Callable[[], pg.Model], label: str) -> State:
@@ -72,19 +194,10 @@ def rod(model: pg.Model, name: str, parent: str) -> pg.Body:
     return new.model_copy(update={"name": name, "parent": parent, "link": link})
 
 
-def _added(model: pg.Model, parent: str | None) -> pg.Model:
-    on = parent if parent is not None and parent in model.row else GROUND
-    return model.add(rod(model, free_number(model.row), on))
-
-
 def free_number(taken: Iterable[str]) -> str:
     """The next unused whole number as a name."""
     names = set(taken)
     return next(str(k) for k in range(len(names) + 1, 2 * len(names) + 2) if str(k) not in names)
-
-
-def _twice(model: pg.Model, bodies: tuple[str, ...], subtree: bool) -> pg.Model:
-    return model.duplicate(_tops(model, bodies) if subtree else bodies, subtree=subtree)
 
 
 def _tops(model: pg.Model, names: tuple[str, ...]) -> tuple[str, ...]:
@@ -100,26 +213,8 @@ def _tops(model: pg.Model, names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(name for name in names if not carried(name))
 
 
-def _moved(model: pg.Model, bodies: tuple[str, ...], before: str | None) -> pg.Model:
-    chosen = set(bodies)
-    if before in chosen:
-        return model
-    left = [b.name for b in model.bodies if b.name not in chosen]
-    return model.move(bodies, left.index(before) if before in left else len(left))
-
-
-def _said(bodies: tuple[str, ...]) -> str:
+def _label(bodies: tuple[str, ...]) -> str:
     return bodies[0] if len(bodies) == 1 else f"{len(bodies)} bodies"
-
-
-def counted(state: State, client: int, serial: int, text: str) -> State:
-    """The table with so many bodies."""
-    try:
-        n = cells.whole(text, 1, MOST_BODIES)
-    except Refusal as refusal:
-        return with_client(state, client, reply=Reply(serial, f"The number of bodies {refusal}."))
-    state = attempted(state, client, lambda: sized(state.model, n), f"{n} bodies")
-    return with_client(state, client, reply=Reply(serial, ""))
 
 
 def sized(model: pg.Model, n: int) -> pg.Model:
@@ -136,21 +231,3 @@ def sized(model: pg.Model, n: int) -> pg.Model:
         rows.append(new)
         names.add(name)
     return model if n == len(model.bodies) else model.replace(bodies=tuple(rows))
-
-
-def pasted(state: State, event: events.Paste) -> State:
-    """The lines of a spreadsheet as rows: all of them, or none and the reason."""
-    client, serial = event.client, event.serial
-    try:
-        model, names, notice = paste.rows_of(
-            state.model, event.text, event.rows, event.column, event.under, rod
-        )
-        if len(model.bodies) > MOST_BODIES:
-            raise Refusal(f"it would be {len(model.bodies)} bodies; {MOST_BODIES} at most")
-    except (Refusal, pg.PgraphError) as problem:
-        return with_client(state, client, reply=Reply(serial, f"Nothing was pasted: {problem}"))
-    state = with_model(state, model, "paste")
-    state = with_client(state, client, reply=Reply(serial, ""))
-    if names:
-        state = selected(state, client, names[0], names)
-    return told(state, client, Notice("Pasted", notice)) if notice else state

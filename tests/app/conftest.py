@@ -13,8 +13,12 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from benchmarks.browser import FLAGS, browser_path
-from pgraph_app import events
+from pgraph_app.model.update import OpenText
+from pgraph_app.report.update import CancelAnalysis
+from pgraph_app.run.update import Cancel, StopLive
+from pgraph_app.scene.update import Show
 from pgraph_app.server import Server, serve
+from pgraph_app.session.update import Select
 
 MARKER = "pelvis"  # selected to see that a page has caught up
 ON_PURPOSE = "thrown by a test"
@@ -102,7 +106,7 @@ def the_page(open_page: Callable[[], Any]) -> Any:
 def caught_up(page: Any, served: Server) -> bool:
     """Whether a selection made now is on the page: messages come in order, so all before it is."""
     for client in served.store.state.clients:
-        served.send(events.Select(client, MARKER))
+        served.send(Select(client, MARKER))
     page.wait_for_timeout(30)
     return page.evaluate("pgraph.latest.selection") == MARKER
 
@@ -114,16 +118,16 @@ def page(the_page: Any, served: Server, quadruped: pg.Model) -> Iterator[Any]:
     the_page.keyboard.press("Escape")  # what is half typed or asked goes away
     the_page.evaluate("document.activeElement?.blur()")
     the_page.evaluate("['Digraph', 'Properties'].forEach(pgraph.front)")
-    served.send(events.Cancel(NOBODY))
-    served.send(events.OpenText(NOBODY, "quadruped", quadruped.to_json()))
+    served.send(Cancel(NOBODY))
+    served.send(OpenText(NOBODY, "quadruped", quadruped.to_json()))
     for what in ("names", "links", "coms", "forces"):
-        served.send(events.Show(NOBODY, what, False))
+        served.send(Show(NOBODY, what, False))
     until(lambda: served.store.state.framed > opened, "the quadruped on the server")
     until(lambda: caught_up(the_page, served), "a page that shows it")
     for client in served.store.state.clients:
-        served.send(events.Select(client, None))
+        served.send(Select(client, None))
     the_page.wait_for_function("pgraph.latest.selection === null")
     until(lambda: the_page.locator("tr.selected, .refused").count() == 0, "a page at rest")
     yield the_page
-    for event in (events.StopLive(NOBODY), events.Cancel(NOBODY), events.CancelAnalysis(NOBODY)):
+    for event in (StopLive(NOBODY), Cancel(NOBODY), CancelAnalysis(NOBODY)):
         served.send(event)

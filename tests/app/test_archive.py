@@ -13,14 +13,15 @@ import pytest
 import trimesh
 
 import pgraph_core as pg
-from pgraph_app import events
 from pgraph_app.core.cells import Refusal
 from pgraph_app.core.state import initial
+from pgraph_app.features import update
 from pgraph_app.model import archive
 from pgraph_app.model.archive import mesh_folder as folder
-from pgraph_app.model.errand_worker import answer
-from pgraph_app.properties import events as describing
-from pgraph_app.update import update
+from pgraph_app.model.update import OpenArchive, Undo
+from pgraph_app.model.worker import answer
+from pgraph_app.properties.update import UploadMesh
+from pgraph_app.session.update import Connected
 from pgraph_core.mesh_files import load_mesh
 from pgraph_core.show.shapes import unreadable
 
@@ -94,22 +95,22 @@ def test_a_mesh_that_cannot_be_found_is_kept_by_name_and_said(away):
 
 def test_uploaded_downloaded_and_opened_again_on_another_machine(home, monkeypatch):
     """Drop, save, reopen: as the page does it, on two machines."""
-    state = update(initial(pg.Model.serial(2)), events.Connected(ME))
+    state = update(initial(pg.Model.serial(2)), Connected(ME))
     content = base64.b64encode(mesh(home / "part.stl").read_bytes()).decode()
-    state = update(state, describing.UploadMesh(ME, ("2",), "part.stl", content))
+    state = update(state, UploadMesh(ME, ("2",), "part.stl", content))
     state = update(state, answer(state.errands[0]))
     name, download = archive.packed(state.model)
     assert name == "serial_2.zip"
     monkeypatch.setenv("XDG_DATA_HOME", str(home / "another"))
-    there = update(initial(pg.Model.serial(1)), events.Connected(ME))
+    there = update(initial(pg.Model.serial(1)), Connected(ME))
     sent = base64.b64encode(download).decode()
-    there = update(there, events.OpenArchive(ME, name, sent))
+    there = update(there, OpenArchive(ME, name, sent))
     there = update(there, answer(there.errands[0]))
     assert there.clients[ME].notice.title == "Opened serial 2"
     assert file_of(there.model, "2").is_relative_to(folder())
     assert unreadable(there.model.bodies) == ()
     assert archive.packed(there.model)[0] == name
-    assert update(there, events.Undo(ME)).model.name == "serial 1"
+    assert update(there, Undo(ME)).model.name == "serial 1"
 
 
 def test_a_model_without_meshes_is_downloaded_as_it_is():
@@ -140,9 +141,9 @@ MODEL = pg.Model.serial(1).to_json().encode()
     ],
 )
 def test_a_zip_that_is_no_model_is_a_sentence(home, content, said):
-    state = update(initial(pg.Model.serial(2)), events.Connected(ME))
+    state = update(initial(pg.Model.serial(2)), Connected(ME))
     sent = base64.b64encode(content).decode()
-    asked = update(state, events.OpenArchive(ME, "x.zip", sent))
+    asked = update(state, OpenArchive(ME, "x.zip", sent))
     after = update(asked, answer(asked.errands[0]))
     assert after.model is state.model
     assert after.clients[ME].notice.title == "x.zip was not opened"

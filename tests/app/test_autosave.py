@@ -12,11 +12,12 @@ from pathlib import Path
 import pytest
 
 import pgraph_core as pg
-from pgraph_app import events
+from pgraph_app.core.events import Event
 from pgraph_app.core.state import State, initial
-from pgraph_app.model.update import recovered
+from pgraph_app.features import update
+from pgraph_app.model.update import Edit, OpenKept, Undo, recovered
 from pgraph_app.session.autosave import Autosave, left_behind, state_folder
-from pgraph_app.update import update
+from pgraph_app.session.update import Connected
 
 from .conftest import until
 
@@ -25,11 +26,11 @@ HOST, PORT = "127.0.0.1", 1  # nobody serves there
 
 @pytest.fixture
 def state() -> State:
-    return update(initial(pg.Model.serial(3)), events.Connected(1))
+    return update(initial(pg.Model.serial(3)), Connected(1))
 
 
 def edited(state: State, mass: str) -> State:
-    return update(state, events.Edit(1, 1, "2", "mass", (), mass))
+    return update(state, Edit(1, 1, "2", "mass", (), mass))
 
 
 def saver(folder: Path, sent: list | None = None) -> Autosave:
@@ -54,14 +55,14 @@ def test_nothing_is_written_without_an_edit_or_after_undo(tmp_path, state):
     keeper, now = saver(tmp_path), edited(state, "2")
     keeper.render(state, state)
     keeper.render(state, now)
-    keeper.render(now, update(now, events.Undo(1)))
+    keeper.render(now, update(now, Undo(1)))
     keeper.stop()
     assert list(tmp_path.iterdir()) == []
 
 
 def test_what_cannot_be_written_is_said_once(tmp_path, state):
     (tmp_path / "file").write_text("")
-    sent: list[events.Event] = []
+    sent: list[Event] = []
     keeper = saver(tmp_path / "file" / "folder", sent)
     keeper.render(state, state)
     keeper.render(state, edited(state, "2"))
@@ -84,14 +85,15 @@ def test_a_session_that_was_killed_comes_back_as_one_undo_step(tmp_path, state):
     assert len(left) == 1
     again = recovered(initial(state.model), left, "serial")
     assert len(again.model.bodies) == 5
-    page = update(again, events.Connected(1)).clients[1]
+    page = update(again, Connected(1)).clients[1]
     assert page.notice is not None
-    assert "Undo gives serial" in page.notice.text
-    assert update(again, events.Undo(1)).model is state.model
+    assert "Undo" in page.notice.text
+    assert "serial" in page.notice.text
+    assert update(again, Undo(1)).model is state.model
     other = recovered(initial(state.model), left, "quadruped")
     assert other.model is state.model
     (name,) = other.kept
-    opened = update(other, events.OpenKept(1, name))
+    opened = update(other, OpenKept(1, name))
     assert (len(opened.model.bodies), opened.kept) == (5, {})
 
 
@@ -113,12 +115,12 @@ KILLED = """
 import sys, time
 from pathlib import Path
 import pgraph_core as pg
-from pgraph_app import events
 from pgraph_app.server import serve
+from pgraph_app.table.update import CountBodies
 keep = Path(sys.argv[1])
 server = serve(pg.Model.serial(3), port=18300, open_browser=False, given="three", keep=keep)
 print(len(server.store.state.model.bodies), flush=True)
-server.send(events.CountBodies(-1, 1, "7"))
+server.send(CountBodies(-1, 1, "7"))
 time.sleep(60)
 """
 

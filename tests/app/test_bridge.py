@@ -12,9 +12,10 @@ import websockets.asyncio.server
 import websockets.exceptions
 from websockets.sync.client import connect
 
-from pgraph_app import events
 from pgraph_app.core import bridge
+from pgraph_app.model.update import Edit
 from pgraph_app.server import Server
+from pgraph_app.session.update import Select
 
 from .conftest import NOBODY, ON_PURPOSE, until
 
@@ -156,10 +157,10 @@ def test_a_fault_in_one_view_takes_nothing_from_the_others(page, served):
         ON_PURPOSE,
     )
     try:
-        served.send(events.Edit(NOBODY, 1, "pelvis", "name", (), "hips"))
+        served.send(Edit(NOBODY, 1, "pelvis", "name", (), "hips"))
         page.locator('tr[data-name="hips"]').wait_for()
         for client in served.store.state.clients:
-            served.send(events.Select(client, "hips"))
+            served.send(Select(client, "hips"))
         page.wait_for_function("() => pgraph.latest.properties.title === 'hips'")
     finally:
         page.evaluate("pgraph.view('faulty', {})")

@@ -7,16 +7,29 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app import events
-from pgraph_app.constraints import events as c
 from pgraph_app.constraints.kinds import KINDS
 from pgraph_app.constraints.parts import knots, table_of
+from pgraph_app.constraints.update import (
+    AddPart,
+    AssembleState,
+    DeletePart,
+    DuplicatePart,
+    EditPart,
+    OpenConstraints,
+    Pick,
+    PickName,
+    SwitchPart,
+    Unpick,
+    WatchConstraints,
+)
 from pgraph_app.constraints.view import constraints
+from pgraph_app.constraints.worker import report, wanted
+from pgraph_app.core.events import Misread, from_page
 from pgraph_app.core.state import initial
 from pgraph_app.digraph.view import digraph
-from pgraph_app.events import from_page
-from pgraph_app.model.errand_worker import answer, report, wanted
-from pgraph_app.update import update
+from pgraph_app.features import update
+from pgraph_app.model.worker import answer
+from pgraph_app.session.update import Connected, Select
 
 ME = 1
 
@@ -24,16 +37,16 @@ ME = 1
 @pytest.fixture
 def state():
     model = pg.Model.serial(3).edit("3", shape={"kind": "sphere", "radius": 0.05})
-    return update(initial(model), events.Connected(ME))
+    return update(initial(model), Connected(ME))
 
 
 def add(state, part, kind, body="3", other="1"):
-    state = update(state, c.AddPart(ME, part, kind, body))
-    return update(state, events.Select(ME, other)) if state.clients[ME].picking else state
+    state = update(state, AddPart(ME, part, kind, body))
+    return update(state, Select(ME, other)) if state.clients[ME].picking else state
 
 
 def edit(state, part, name, field, *entries):
-    return update(state, c.EditPart(ME, 7, part, name, field, tuple(entries)))
+    return update(state, EditPart(ME, 7, part, name, field, tuple(entries)))
 
 
 def told(state) -> str:
@@ -61,8 +74,8 @@ def test_d12_every_kind_is_added_by_clicks_with_what_it_needs(state, part, kind)
 
 @pytest.mark.parametrize("law", list(KINDS["contacts"]))
 def test_d17_d18_contacts_of_every_law_on_ground_and_body(state, law):
-    after = update(state, c.AddPart(ME, "contacts", law, "3"))
-    after = update(after, c.PickName(ME, "ground"))
+    after = update(state, AddPart(ME, "contacts", law, "3"))
+    after = update(after, PickName(ME, "ground"))
     assert after.model.contacts[0].law == law
     assert after.model.contacts[0].other == "ground"
     for other in KINDS["contacts"]:
@@ -79,27 +92,27 @@ def test_d13_the_last_column_is_filled_from_the_list(state):
 
 def test_d14_a_body_of_a_constraint_is_picked_by_a_click(state):
     state = add(state, "constraints", "point")
-    state = update(state, c.Pick(ME, "constraints", "point", "other"))
+    state = update(state, Pick(ME, "constraints", "point", "other"))
     assert "other body" in shown(state)["picking"]["text"]
-    after = update(state, events.Select(ME, "2"))
+    after = update(state, Select(ME, "2"))
     assert after.model.constraints[0].other == "2"
     assert after.clients[ME].picking is None
     assert after.clients[ME].selection is None  # a click while picking selects nothing
 
 
 def test_d14_escape_ends_picking_and_the_ground_can_be_picked(state):
-    picking = update(state, c.AddPart(ME, "constraints", "point", "3"))
-    assert update(picking, events.Select(ME, None)).clients[ME].picking is None
-    assert update(picking, c.Unpick(ME)).clients[ME].picking is None
-    grounded = update(picking, c.PickName(ME, "ground"))
+    picking = update(state, AddPart(ME, "constraints", "point", "3"))
+    assert update(picking, Select(ME, None)).clients[ME].picking is None
+    assert update(picking, Unpick(ME)).clients[ME].picking is None
+    grounded = update(picking, PickName(ME, "ground"))
     assert grounded.model.constraints[0].other == "ground"
-    assert update(picking, c.PickName(ME, "nobody")).clients[ME].picking is not None
+    assert update(picking, PickName(ME, "nobody")).clients[ME].picking is not None
 
 
 def test_d14_two_people_pick_each_for_themselves(state):
-    state = update(state, events.Connected(2))
-    state = update(state, c.AddPart(ME, "constraints", "point", "3"))
-    state = update(state, events.Select(2, "2"))
+    state = update(state, Connected(2))
+    state = update(state, AddPart(ME, "constraints", "point", "3"))
+    state = update(state, Select(2, "2"))
     assert state.clients[2].selection == "2"
     assert state.clients[ME].picking is not None
 
@@ -114,11 +127,11 @@ def test_d15_a_second_parent_is_a_cut_joint_and_a_loop_edge(state):
 def test_d15_a_loop_through_the_ground_and_a_body_clicked_twice_is_still_asked_for_its_second(
     state,
 ):
-    state = update(state, c.AddPart(ME, "loops", "revolute", "3"))
+    state = update(state, AddPart(ME, "loops", "revolute", "3"))
     asked = state.clients[ME].picking
-    state = update(state, events.Select(ME, "3"))
+    state = update(state, Select(ME, "3"))
     assert state.clients[ME].picking is asked
-    state = update(state, c.PickName(ME, "ground"))
+    state = update(state, PickName(ME, "ground"))
     assert [(x.body, x.other, x.kind) for x in state.model.constraints] == [
         ("3", "ground", "revolute")
     ]
@@ -126,15 +139,13 @@ def test_d15_a_loop_through_the_ground_and_a_body_clicked_twice_is_still_asked_f
 
 def test_d16_d17_active_switch_and_joint_limits(state):
     after = add(state, "constraints", "point")
-    off = update(after, c.SwitchPart(ME, "constraints", "point", False))
+    off = update(after, SwitchPart(ME, "constraints", "point", False))
     assert not off.model.constraints[0].active
-    limited = update(off, c.AddPart(ME, "limits", "limits", "2"))
+    limited = update(off, AddPart(ME, "limits", "limits", "2"))
     assert limited.model.body("2").limits == ((-np.pi, np.pi),)
     assert shown(limited)["limits"][0]["body"] == "2"
     ball = pg.Model.serial(1).edit("1", joint="spherical")
-    refused = update(
-        update(initial(ball), events.Connected(ME)), c.AddPart(ME, "limits", "limits", "1")
-    )
+    refused = update(update(initial(ball), Connected(ME)), AddPart(ME, "limits", "limits", "1"))
     assert "no motion that a limit could bound" in refused.clients[ME].notice.text
 
 
@@ -214,14 +225,14 @@ def test_a_constraint_becomes_any_other_kind(state, kind, other):
 
 def test_names_are_followed_by_scenarios_and_duplicates_are_free():
     quadruped = pg.Model.load(pgraph_models.path("quadruped"))
-    state = update(initial(quadruped), events.Connected(ME))
+    state = update(initial(quadruped), Connected(ME))
     name = quadruped.constraints[0].name
     using = [s.name for s in quadruped.scenarios if name in (s.constraints or ())]
     after = edit(state, "constraints", name, "name", ((), "sole"))
     assert all("sole" in after.model.scenario(s).constraints for s in using)
-    copied = update(after, c.DuplicatePart(ME, "constraints", "sole"))
+    copied = update(after, DuplicatePart(ME, "constraints", "sole"))
     assert copied.model.constraints[1].name == "sole 2"
-    gone = update(copied, c.DeletePart(ME, "constraints", "sole"))
+    gone = update(copied, DeletePart(ME, "constraints", "sole"))
     assert "sole" not in [x.name for x in gone.model.constraints]
     assert all("sole" not in (s.constraints or ()) for s in gone.model.scenarios)
 
@@ -251,11 +262,11 @@ def test_what_does_not_fit_is_a_sentence(state, field, text, part):
 
 def test_the_list_of_one_body(state):
     state = add(add(state, "constraints", "point"), "forces", "motor", "2")
-    state = update(state, c.OpenConstraints(ME, "2"))
+    state = update(state, OpenConstraints(ME, "2"))
     names = [x["name"] for ls in shown(state)["lists"] for x in ls["items"]]
     assert names == ["motor"]
     assert state.clients[ME].called == 3  # also for each new one
-    assert shown(update(state, c.OpenConstraints(ME, None)))["listed"] is None
+    assert shown(update(state, OpenConstraints(ME, None)))["listed"] is None
 
 
 # -- mobility and assembly ---------------------------------------------------------------------
@@ -263,14 +274,14 @@ def test_the_list_of_one_body(state):
 
 def reported(state):
     """The state with a page that watches, and the report on its model."""
-    state = update(state, c.WatchConstraints(ME, True))
+    state = update(state, WatchConstraints(ME, True))
     assert wanted(state)
     return update(state, report(state.model))
 
 
 def test_redundant_rows_are_named_with_what_would_do():
     model = pg.Model.load(pgraph_models.path("slider_crank"))
-    state = reported(update(initial(model), events.Connected(ME)))
+    state = reported(update(initial(model), Connected(ME)))
     told_ = shown(state)["mobility"]
     assert told_["text"].startswith("1 degree of freedom left: 3 of the tree")
     assert told_["lines"][0] == {
@@ -285,7 +296,7 @@ def test_redundant_rows_are_named_with_what_would_do():
 def test_the_advice_is_right():
     """As a line the pin has no redundant row and leaves the same freedom."""
     model = pg.Model.load(pgraph_models.path("slider_crank"))
-    state = update(initial(model), events.Connected(ME))
+    state = update(initial(model), Connected(ME))
     line = {"name": "pin", "kind": "line", "body": model.constraints[0].body,
             "other": model.constraints[0].other, "other_axis": (0, 0, 1)}  # fmt: skip
     found = report(state.model.replace(constraints=(line,))).found
@@ -295,9 +306,9 @@ def test_the_advice_is_right():
 
 def test_a_report_of_another_model_is_dropped():
     model = pg.Model.load(pgraph_models.path("four_bar"))
-    state = update(initial(model), events.Connected(ME))
+    state = update(initial(model), Connected(ME))
     late = report(model)
-    after = update(state, c.SwitchPart(ME, "constraints", "loop", False))
+    after = update(state, SwitchPart(ME, "constraints", "loop", False))
     assert update(after, late) is after
     assert (
         shown(after)["mobility"]["text"] == "3 degrees of freedom; no active constraint takes any."
@@ -306,7 +317,7 @@ def test_a_report_of_another_model_is_dropped():
 
 def test_constraints_that_cannot_be_met_are_said_with_their_gap():
     model = pg.Model.load(pgraph_models.path("four_bar"))
-    state = update(initial(model), events.Connected(ME))
+    state = update(initial(model), Connected(ME))
     state = edit(state, "constraints", "loop", "other_point", ((1,), "9"))
     told_ = shown(reported(state))["mobility"]
     assert told_["state"] == "failed"
@@ -316,12 +327,12 @@ def test_constraints_that_cannot_be_met_are_said_with_their_gap():
 
 def test_assemble_moves_the_initial_state_in_one_step():
     model = pg.Model.load(pgraph_models.path("four_bar")).edit("coupler", q=(0.2,))
-    state = update(initial(model), events.Connected(ME))
-    asked = update(state, c.AssembleState(ME))
+    state = update(initial(model), Connected(ME))
+    asked = update(state, AssembleState(ME))
     after = update(asked, answer(asked.errands[0]))
     assert len(after.undo) == 1
     assert "moved by up to" in after.clients[ME].notice.text
-    again = update(after, c.AssembleState(ME))
+    again = update(after, AssembleState(ME))
     same = update(again, answer(again.errands[0]))
     assert same.model is after.model
     assert "already" in same.clients[ME].notice.text
@@ -329,7 +340,7 @@ def test_assemble_moves_the_initial_state_in_one_step():
 
 def test_a_page_cannot_send_what_is_no_event():
     good = '{"event": "AddPart", "part": "constraints", "kind": "point", "body": null}'
-    assert isinstance(from_page(ME, good), c.AddPart)
+    assert isinstance(from_page(ME, good), AddPart)
     for bad in (
         '{"event": "AddPart", "part": "bodies", "kind": "point", "body": null}',
         '{"event": "EditPart", "serial": 1, "part": "forces", "name": "a", "field": "b", '
@@ -337,7 +348,7 @@ def test_a_page_cannot_send_what_is_no_event():
         '{"event": "ErrandDone", "id": 1}',
         '{"event": "MobilityFound", "model": null, "found": null}',
     ):
-        assert isinstance(from_page(ME, bad), events.Misread)
+        assert isinstance(from_page(ME, bad), Misread)
     unknown = '{"event": "AddPart", "part": "constraints", "kind": "glue", "body": "1"}'
-    state = update(initial(pg.Model.serial(2)), events.Connected(ME))
+    state = update(initial(pg.Model.serial(2)), Connected(ME))
     assert update(state, from_page(ME, unknown)) is state

@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
-from pgraph_app import events
+from pgraph_app.model.update import Edit, NewModel
 from pgraph_app.server import Server
+from pgraph_app.session.update import Select
 
 from .conftest import NOBODY, until
 from .test_page import drawn
@@ -34,7 +35,7 @@ WATCH = """() => {
 @pytest.fixture
 def chain(page: Any, served: Server) -> Any:
     """The page on five bodies in a row, and a watch on its table and digraph."""
-    served.send(events.NewModel(NOBODY, 1, "5"))
+    served.send(NewModel(NOBODY, 1, "5"))
     page.wait_for_function("() => pgraph.latest.table.rows.length === 5")
     page.wait_for_function("() => pgraph.latest.digraph.names.length === 5")
     settled(page, served)
@@ -47,7 +48,7 @@ def settled(page: Any, served: Server) -> None:
     names = [body.name for body in served.store.state.model.bodies]
     for name in (names[0], None):
         for client in served.store.state.clients:
-            served.send(events.Select(client, name))
+            served.send(Select(client, name))
         page.wait_for_function(
             "(name) => pgraph.latest.selection === name"
             " && pgraph.latest.selected.length === Number(Boolean(name))",
@@ -62,7 +63,7 @@ def touched(page: Any) -> set[str]:
 
 def edit(page: Any, served: Server, serial: int, body: str, field: Any, text: str) -> set[str]:
     before = served.store.state.derived
-    served.send(events.Edit(NOBODY, serial, body, field, (), text))
+    served.send(Edit(NOBODY, serial, body, field, (), text))
     until(lambda: served.store.state.derived is not before, "an edited model")
     sent = served.store.state.model.to_json()
     page.wait_for_function(
@@ -97,6 +98,6 @@ def test_bodies_in_3d_are_sent_again_only_where_they_look_different(chain: Any, 
 
 def caught_up_with(page: Any, served: Server) -> bool:
     for client in served.store.state.clients:
-        served.send(events.Select(client, "1"))
+        served.send(Select(client, "1"))
     page.wait_for_function("() => pgraph.latest.selection === '1'")
     return drawn(page, "/selected/outline")

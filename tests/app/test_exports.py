@@ -13,12 +13,14 @@ import viser
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app import events
 from pgraph_app.core.state import Request, Run, State, initial
+from pgraph_app.features import update
 from pgraph_app.model.derived import derive
 from pgraph_app.run import exports
+from pgraph_app.run.update import Export, Simulate, Simulated
 from pgraph_app.scene import marks
-from pgraph_app.update import update
+from pgraph_app.scene.update import Show
+from pgraph_app.session.update import Connected
 from pgraph_core.show import animation
 
 
@@ -99,14 +101,14 @@ def test_an_animation_of_a_page_that_shows_no_marks_has_none(walk):
 
 
 def test_what_the_page_shows_goes_with_the_export(run):
-    state = update(initial(run.model), events.Connected(1))
-    state = update(update(state, events.Simulate(1)), events.Simulated(1, run.result))
-    state = update(state, events.Show(1, "footprints", True))
-    assert "footprints" in update(state, events.Export(1, "html")).exporting.shown
+    state = update(initial(run.model), Connected(1))
+    state = update(update(state, Simulate(1)), Simulated(1, run.result))
+    state = update(state, Show(1, "footprints", True))
+    assert "footprints" in update(state, Export(1, "html")).exporting.shown
 
 
 def test_only_a_finished_run_is_exported(run):
-    state = update(initial(run.model), events.Connected(1))
-    assert update(state, events.Export(1, "csv")) is state
-    state = update(update(state, events.Simulate(1)), events.Simulated(1, run.result))
-    assert update(state, events.Export(1, "csv")).exporting.what == "csv"
+    state = update(initial(run.model), Connected(1))
+    assert update(state, Export(1, "csv")) is state
+    state = update(update(state, Simulate(1)), Simulated(1, run.result))
+    assert update(state, Export(1, "csv")).exporting.what == "csv"

@@ -14,20 +14,25 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app import events
+from pgraph_app.core.events import Event
 from pgraph_app.core.state import Kernels, State, initial, poses
+from pgraph_app.features import update
 from pgraph_app.gait.footfalls import Change, changes, prints, since
 from pgraph_app.gait.phases import phases
-from pgraph_app.gait.update import SHOWN
+from pgraph_app.gait.update import SHOWN, Push, SetGait, SetGround, SetWalk, Walk
 from pgraph_app.gait.view import gait
 from pgraph_app.gait.walking import has_feet
+from pgraph_app.model.update import OpenText, Undo
+from pgraph_app.playback.update import Scrub
 from pgraph_app.run import exports
 from pgraph_app.run.live import Motion
 from pgraph_app.run.stitching import Seam
+from pgraph_app.run.update import Advanced, GoLive, SetScenario, StopLive, Stuck
 from pgraph_app.scene import marks
-from pgraph_app.update import update
+from pgraph_app.scene.update import Show
+from pgraph_app.session.update import Connected
 from pgraph_core.engine.gait import layout as go
-from pgraph_core.result.contact_record import Event
+from pgraph_core.result import contact_record
 from pgraph_core.show.ground import solid
 from pgraph_core.show.shapes import to_matrix
 
@@ -38,10 +43,10 @@ PART = 0.0167  # [s]
 @cache
 def ready(name: str = "quadruped_hips") -> Any:
     model = pg.Model.load(pgraph_models.path(name))
-    return after(replace(initial(model), kernels=Kernels(ready=True)), events.Connected(ME))
+    return after(replace(initial(model), kernels=Kernels(ready=True)), Connected(ME))
 
 
-def after(state: State, *happened: events.Event) -> Any:
+def after(state: State, *happened: Event) -> Any:
     for event in happened:
         state = update(state, event)
     return state
@@ -52,32 +57,32 @@ def walked(state: State, motion: Motion, seconds: float) -> Any:
     for _ in range(round(seconds / PART)):
         assert state.live is not None
         part = motion.advanced(state.model, state.live, PART, None, state.walking)
-        state = after(state, events.Advanced(state.live.id, part, 1.0))
+        state = after(state, Advanced(state.live.id, part, 1.0))
         if (over := motion.over(part)) is not None:
             assert state.live is not None
-            return after(state, events.Stuck(state.live.id, over))
+            return after(state, Stuck(state.live.id, over))
     return state
 
 
 @cache
 def trotted() -> Any:
     """A second of the trot, a change of speed, a second more; over."""
-    state = walked(after(ready(), events.Walk(ME)), motion := Motion(), 1.0)
-    state = walked(after(state, events.SetWalk(ME, 1, "speed", "0.9")), motion, 1.0)
-    return after(state, events.StopLive(ME))
+    state = walked(after(ready(), Walk(ME)), motion := Motion(), 1.0)
+    state = walked(after(state, SetWalk(ME, 1, "speed", "0.9")), motion, 1.0)
+    return after(state, StopLive(ME))
 
 
 def test_walk_goes_live_with_the_scenario_of_the_gait():
-    state = after(ready(), events.SetGait(ME, 1, "crawl"), events.Walk(ME))
+    state = after(ready(), SetGait(ME, 1, "crawl"), Walk(ME))
     assert state.live is not None
     assert (state.live.request.scenario, state.live.request.method) == ("crawl", "auto")
     assert state.shown >= SHOWN
     assert state.clients[ME].follow
-    assert after(state, events.Show(ME, "follow", False)).clients[ME].follow is False
+    assert after(state, Show(ME, "follow", False)).clients[ME].follow is False
 
 
 def test_live_of_a_scenario_with_a_gait_walks_by_it():
-    state = after(ready(), events.SetScenario(ME, 1, "crawl"), events.GoLive(ME))
+    state = after(ready(), SetScenario(ME, 1, "crawl"), GoLive(ME))
     assert state.live is not None
     assert gait(state)["gait"] == "crawl"
 
@@ -123,7 +128,7 @@ def test_the_arrows_are_the_forces_of_the_csv():
     state = trotted()
     head, *rows = csv.reader(io.StringIO(exports.table(state.last_run).decode()))
     k = len(rows) // 2
-    state = after(state, events.Scrub(ME, float(rows[k][0])))
+    state = after(state, Scrub(ME, float(rows[k][0])))
     positions, wxyz = poses(state)
     arrows = marks.pushes(state, positions, to_matrix(wxyz))
     names = list(state.last_run.result.contact_force)
@@ -147,10 +152,10 @@ def test_a_long_record_is_sent_from_where_it_is_shown():
 
 
 def test_a_fall_is_said_and_the_run_kept():
-    state, motion = after(ready(), events.Walk(ME)), Motion()
+    state, motion = after(ready(), Walk(ME)), Motion()
     state = walked(state, motion, 0.4)
     for _ in range(12):
-        state = walked(after(state, events.Push(ME, "left")), motion, 2 * PART)
+        state = walked(after(state, Push(ME, "left")), motion, 2 * PART)
     state = walked(state, motion, 3.0)
     assert state.live is None
     assert state.run_problem.startswith("It fell at t = ")
@@ -160,13 +165,13 @@ def test_a_fall_is_said_and_the_run_kept():
 
 
 def test_a_speed_out_of_reach_is_refused_with_what_the_legs_can():
-    state = after(ready(), events.SetWalk(ME, 7, "speed", "9"))
+    state = after(ready(), SetWalk(ME, 7, "speed", "9"))
     assert state.walking.changes == {}
     assert state.clients[ME].reply.serial == 7
     assert state.clients[ME].reply.text.startswith(
         "gait 'trot', speed: 9 m/s is more than 'left_front_foot' can follow, 3.31 m/s"
     )
-    typed = after(state, events.SetWalk(ME, 8, "speed", "fast")).clients[ME].reply.text
+    typed = after(state, SetWalk(ME, 8, "speed", "fast")).clients[ME].reply.text
     assert typed.startswith("The speed ")
 
 
@@ -192,15 +197,15 @@ def test_hinges_all_about_z_do_not_turn():
 
 
 def test_the_ground_is_the_model_s_and_each_change_one_undo_step():
-    state = after(ready(), events.SetGround(ME, 1, "slope", "5"))
-    state = after(state, events.SetGround(ME, 2, "friction", "0.4"))
-    state = after(state, events.SetGround(ME, 3, "steps", "0.05"))
-    state = after(state, events.SetGround(ME, 4, "law", "penalty"))
+    state = after(ready(), SetGround(ME, 1, "slope", "5"))
+    state = after(state, SetGround(ME, 2, "friction", "0.4"))
+    state = after(state, SetGround(ME, 3, "steps", "0.05"))
+    state = after(state, SetGround(ME, 4, "law", "penalty"))
     assert len(state.undo) == len(ready().undo) + 4
     shown = gait(state)
     assert (shown["slope"], shown["friction"], shown["steps"]) == (5.0, 0.4, 0.05)
-    assert after(state, events.Walk(ME)).live.request.method == "rk4"
-    walking = after(state, events.Walk(ME), events.SetGround(ME, 5, "slope", "0"))
+    assert after(state, Walk(ME)).live.request.method == "rk4"
+    walking = after(state, Walk(ME), SetGround(ME, 5, "slope", "0"))
     assert walking.clients[ME].reply.text == (
         "The slope is set before a walk: stop this one first."
     )
@@ -214,8 +219,8 @@ def test_changes_of_a_part_add_to_what_is_known():
 
 
 def test_steps_are_drawn_on_the_plane_of_the_ground_and_as_high_as_they_are():
-    state = after(ready(), events.SetGround(ME, 1, "slope", "8"))
-    state = after(state, events.SetGround(ME, 2, "steps", "0.05"))
+    state = after(ready(), SetGround(ME, 1, "slope", "8"))
+    state = after(state, SetGround(ME, 2, "steps", "0.05"))
     corners = solid(state.model, state.model.ground.steps[0])
     off = corners @ np.asarray(state.model.ground_normal)
     np.testing.assert_allclose(off, [0.0] * 4 + [0.05] * 4, atol=1e-12)
@@ -228,7 +233,7 @@ def test_parts_that_begin_with_a_graze_are_sewn_without_it():
     first = replace(run, contacts=replace(run.contacts, phases={foot: stands}, events=()))
     late = 0.1 + run.t
     graze = np.where(late < 0.102, "swing", "stance")
-    came = Event(0.102, foot, "left_hind_paw", "swing", "stance", "it touched down")
+    came = contact_record.Event(0.102, foot, "left_hind_paw", "swing", "stance", "it touched down")
     second = replace(
         first, t=late, contacts=replace(first.contacts, phases={foot: graze}, events=(came,))
     )
@@ -255,7 +260,7 @@ def asked_speed(motion: Motion) -> float:
 
 def test_the_speed_asked_for_follows_every_edit_as_fast_as_the_gait_allows():
     """Whatever sets it: the slider, another gait, the scenario's gait itself, undo."""
-    state, motion = after(ready(), events.Walk(ME)), Motion()
+    state, motion = after(ready(), Walk(ME)), Motion()
     model, name = state.model, state.live.request.scenario
 
     def other(speed: float) -> str:
@@ -266,9 +271,9 @@ def test_the_speed_asked_for_follows_every_edit_as_fast_as_the_gait_allows():
         return model.replace(scenarios=scenarios).to_json()
 
     edits = (
-        events.SetWalk(ME, 1, "speed", "0.9"), events.SetGait(ME, 1, "crawl"),
-        events.SetGait(ME, 1, "trot"), events.OpenText(ME, "slow", other(0.1)),
-        events.OpenText(ME, "fast", other(1.1)), events.Undo(ME),
+        SetWalk(ME, 1, "speed", "0.9"), SetGait(ME, 1, "crawl"),
+        SetGait(ME, 1, "trot"), OpenText(ME, "slow", other(0.1)),
+        OpenText(ME, "fast", other(1.1)), Undo(ME),
     )  # fmt: skip
     asked = []
     for edit in edits:

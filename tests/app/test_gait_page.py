@@ -11,9 +11,11 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app import events
 from pgraph_app.core.state import initial
 from pgraph_app.gait.view import gait
+from pgraph_app.model.update import OpenText, Undo
+from pgraph_app.run.update import StopLive
+from pgraph_app.scene.update import Show
 from pgraph_app.server import Server
 
 from .conftest import NOBODY, until
@@ -26,15 +28,15 @@ def walker(page: Any, served: Server) -> Iterator[Any]:
     """The page with the Gait tab of the quadruped with spreading hips in front."""
     until(lambda: served.store.state.kernels.ready, "compiled kernels", seconds=300)
     model = pg.Model.load(pgraph_models.path("quadruped_hips"))
-    served.send(events.OpenText(NOBODY, "quadruped_hips", model.to_json()))
+    served.send(OpenText(NOBODY, "quadruped_hips", model.to_json()))
     page.get_by_role("tab", name="Gait").click()
     until(lambda: page.locator(".walk-on").is_visible(), "a gait to walk")
     yield page
-    served.send(events.StopLive(NOBODY))
+    served.send(StopLive(NOBODY))
     for what in ("cones", "footprints"):
-        served.send(events.Show(NOBODY, what, False))
+        served.send(Show(NOBODY, what, False))
     for client in served.store.state.clients:
-        served.send(events.Show(client, "follow", False))
+        served.send(Show(client, "follow", False))
     page.get_by_role("tab", name="Properties").click()
 
 
@@ -153,21 +155,21 @@ def test_a_speed_out_of_reach_is_refused_beside_the_control(walker, served):
 def test_the_tab_goes_with_the_feet_and_comes_with_them(walker, served):
     page = walker
     tabs = page.get_by_role("tab", name="Gait")
-    served.send(events.OpenText(NOBODY, "rods", pg.Model.serial(2).to_json()))
+    served.send(OpenText(NOBODY, "rods", pg.Model.serial(2).to_json()))
     until(lambda: tabs.count() == 0, "no tab where nothing has feet")
     until(lambda: page.locator(".properties").is_visible(), "another tab of the panel in front")
-    served.send(events.Undo(NOBODY))
+    served.send(Undo(NOBODY))
     until(lambda: tabs.count() == 1, "the tab again with the feet")
     tabs.click()
     until(lambda: page.locator(".walk-on").is_visible(), "the gait in it")
     footless = served.store.state.model.replace(scenarios=(), contacts=())
-    served.send(events.OpenText(NOBODY, "footless", footless.to_json()))
+    served.send(OpenText(NOBODY, "footless", footless.to_json()))
     until(lambda: tabs.count() == 0, "no tab without feet")
 
 
 def test_feet_without_a_gait_say_what_to_give_and_offer_a_model_that_walks(walker, served):
     bare = served.store.state.model.replace(scenarios=())
-    served.send(events.OpenText(NOBODY, "bare", bare.to_json()))
+    served.send(OpenText(NOBODY, "bare", bare.to_json()))
     why = gait(initial(bare))["why"]
     until(lambda: walker.locator(".no-gait .why").inner_text() == why, "why it cannot walk")
     walker.locator(".open-walker").click()

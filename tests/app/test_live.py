@@ -12,16 +12,32 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_app import events
+from pgraph_app.core.events import Event
 from pgraph_app.core.state import Kernels, State, initial, poses
+from pgraph_app.features import update
+from pgraph_app.model.update import Edit, Undo
+from pgraph_app.playback.update import Play, Scrub, StepFrames
+from pgraph_app.pose.update import Pull, UsePose
 from pgraph_app.run.live import Clock, LiveRunner, Motion
-from pgraph_app.update import update
+from pgraph_app.run.update import (
+    Advanced,
+    Compare,
+    Continue,
+    GoLive,
+    SetRun,
+    Simulate,
+    Simulated,
+    StopLive,
+    Stuck,
+)
+from pgraph_app.session.update import Connected
+from pgraph_app.table.update import AddBody
 
 ME = 1
 STEP = 0.01  # [s]
 
 
-def after(state: State, *happened: events.Event) -> State:
+def after(state: State, *happened: Event) -> State:
     for event in happened:
         state = update(state, event)
     return state
@@ -31,7 +47,7 @@ def after(state: State, *happened: events.Event) -> State:
 def live() -> State:
     """A live run of two rods, begun."""
     state = replace(initial(pg.Model.serial(2)), kernels=Kernels(ready=True))
-    return after(state, events.Connected(ME), events.GoLive(ME))
+    return after(state, Connected(ME), GoLive(ME))
 
 
 def parts(state: State, n: int) -> list[pg.Result]:
@@ -45,7 +61,7 @@ def parts(state: State, n: int) -> list[pg.Result]:
 
 def grown(state: State, found: list[pg.Result]) -> State:
     assert state.live is not None
-    return after(state, *(events.Advanced(state.live.id, part, 1.0) for part in found))
+    return after(state, *(Advanced(state.live.id, part, 1.0) for part in found))
 
 
 def test_a_live_run_shows_its_newest_time(live):
@@ -58,26 +74,26 @@ def test_a_live_run_shows_its_newest_time(live):
 
 def test_looking_back_pauses_it_and_play_goes_on(live):
     state = grown(live, parts(live, 4))
-    back = after(state, events.Scrub(ME, STEP))
+    back = after(state, Scrub(ME, STEP))
     assert not back.live.running
     assert back.playback.time == pytest.approx(STEP)
-    assert after(back, events.StepFrames(ME, 1)).playback.time == pytest.approx(2 * STEP)
-    on = after(back, events.Play(ME))
+    assert after(back, StepFrames(ME, 1)).playback.time == pytest.approx(2 * STEP)
+    on = after(back, Play(ME))
     assert on.live.running
     assert on.playback.time == pytest.approx(4 * STEP)
 
 
 def test_stopped_it_is_a_run_like_any_other(live):
-    state = after(grown(live, parts(live, 5)), events.StopLive(ME))
+    state = after(grown(live, parts(live, 5)), StopLive(ME))
     assert state.live is None
     assert state.run.result.t[-1] == pytest.approx(5 * STEP)
     assert np.all(np.diff(state.run.result.t) > 0)
-    assert after(state, events.Play(ME)).playback.playing
+    assert after(state, Play(ME)).playback.playing
 
 
 def test_an_edit_goes_on_from_where_it_is(live):
     first = parts(live, 2)
-    state = after(grown(live, first), events.Edit(ME, 1, "2", "mass", (), "3"))
+    state = after(grown(live, first), Edit(ME, 1, "2", "mass", (), "3"))
     assert len(state.live.parts) == 2
     motion = Motion()
     motion.advanced(live.model, live.live, STEP)
@@ -88,7 +104,7 @@ def test_an_edit_goes_on_from_where_it_is(live):
 
 
 def test_another_tree_keeps_the_joints_it_has_and_starts_a_record(live):
-    state = after(grown(live, parts(live, 2)), events.AddBody(ME, "2"))
+    state = after(grown(live, parts(live, 2)), AddBody(ME, "2"))
     assert state.live.parts == ()
     assert grown(state, parts(live, 1)).live.parts == ()  # of the old tree: too late
     motion = Motion()
@@ -98,21 +114,21 @@ def test_another_tree_keeps_the_joints_it_has_and_starts_a_record(live):
 
 
 def test_while_it_is_live_nothing_else_is_simulated(live):
-    assert after(live, events.Simulate(ME)).job is None
-    assert after(live, events.GoLive(ME)).live is live.live
+    assert after(live, Simulate(ME)).job is None
+    assert after(live, GoLive(ME)).live is live.live
 
 
 def test_what_stops_it_is_said_and_what_was_computed_is_kept(live):
     state = grown(live, parts(live, 2))
-    state = after(state, events.Stuck(state.live.id, "The live run stopped: no."))
+    state = after(state, Stuck(state.live.id, "The live run stopped: no."))
     assert state.run_problem == "The live run stopped: no."
     assert state.run is not None
 
 
 def test_parts_of_a_run_that_is_over_are_dropped(live):
     found = parts(live, 1)
-    over = after(live, events.StopLive(ME))
-    assert update(over, events.Advanced(live.live.id, found[0], 1.0)) is over
+    over = after(live, StopLive(ME))
+    assert update(over, Advanced(live.live.id, found[0], 1.0)) is over
 
 
 def test_the_thread_keeps_the_clock_follows_edits_and_ends(live):
@@ -137,10 +153,10 @@ def test_the_thread_keeps_the_clock_follows_edits_and_ends(live):
     runner.render(state, state)
     try:
         wait(lambda: state.t_end >= 0.1 and count >= 3)
-        send(events.Edit(ME, 2, "1", "mass", (), "7"))
+        send(Edit(ME, 2, "1", "mass", (), "7"))
         wait(lambda: mass() == 7)
     finally:
-        send(events.StopLive(ME))
+        send(StopLive(ME))
     assert isinstance(state.run.result, pg.Result)
     wait(lambda: not any(thread.name == "pgraph-live" for thread in threading.enumerate()))
 
@@ -164,12 +180,12 @@ def test_a_clock_that_is_far_behind_waits(monkeypatch):
 @pytest.fixture
 def ran() -> State:
     state = replace(initial(pg.Model.serial(2)), kernels=Kernels(ready=True))
-    state = after(state, events.Connected(ME), events.Simulate(ME))
-    return after(state, events.Simulated(1, pg.simulate(pg.Mechanism(state.model), t_end=0.2)))
+    state = after(state, Connected(ME), Simulate(ME))
+    return after(state, Simulated(1, pg.simulate(pg.Mechanism(state.model), t_end=0.2)))
 
 
 def test_continue_asks_for_a_run_from_the_end(ran):
-    state = after(ran, events.Continue(ME))
+    state = after(ran, Continue(ME))
     assert state.job.before is ran.run.result
     from pgraph_app.run.work import simulated
 
@@ -177,29 +193,29 @@ def test_continue_asks_for_a_run_from_the_end(ran):
         replace(state.job, request=replace(state.job.request, t_end=0.2)), lambda _: 1
     )
     assert (whole.t[0], whole.t[-1]) == pytest.approx((0.0, 0.4))
-    done = after(state, events.Simulated(state.job.id, whole))
+    done = after(state, Simulated(state.job.id, whole))
     assert done.playback.time == pytest.approx(0.2)
 
 
 def test_the_pose_shown_becomes_the_initial_state_in_one_step(ran):
-    state = after(ran, events.Scrub(ME, 0.2), events.UsePose(ME))
+    state = after(ran, Scrub(ME, 0.2), UsePose(ME))
     q, v = pg.Mechanism(state.model).home()
     np.testing.assert_array_equal(q, ran.run.result.q[-1])
     np.testing.assert_array_equal(v, ran.run.result.v[-1])
     assert len(state.undo) == len(ran.undo) + 1
-    assert after(state, events.Undo(ME)).model is ran.model
+    assert after(state, Undo(ME)).model is ran.model
 
 
 def test_a_ghost_stays_over_edits_until_it_is_taken_away(ran):
-    state = after(ran, events.Compare(ME), events.Edit(ME, 1, "1", "mass", (), "5"))
+    state = after(ran, Compare(ME), Edit(ME, 1, "1", "mass", (), "5"))
     assert state.ghost is ran.run
-    assert after(state, events.Compare(ME)).ghost is None
+    assert after(state, Compare(ME)).ghost is None
 
 
 def test_blank_steps_and_tolerances_are_the_method_s(ran):
-    state = after(ran, events.SetRun(ME, 1, "step", " "), events.SetRun(ME, 2, "rtol", "1e-9"))
+    state = after(ran, SetRun(ME, 1, "step", " "), SetRun(ME, 2, "rtol", "1e-9"))
     assert (state.request.step, state.request.rtol) == (None, 1e-9)
-    refused = after(state, events.SetRun(ME, 3, "rtol", "1"))
+    refused = after(state, SetRun(ME, 3, "rtol", "1"))
     assert refused.clients[ME].reply.text == (
         "The tolerance must lie between 1e-15 and 0.1; given 1."
     )
@@ -208,7 +224,7 @@ def test_blank_steps_and_tolerances_are_the_method_s(ran):
 def test_the_mouse_pulls_a_body_towards_it(live):
     model = live.model.replace(gravity=(0.0, 0.0, 0.0))
     target = (0.0, 1.0, 0.5)
-    pull = events.Pull(ME, "2", (0.0, 0.0, 0.0), target)
+    pull = Pull(ME, "2", (0.0, 0.0, 0.0), target)
     free, pulled = Motion(), Motion()
     for _ in range(30):
         calm = free.advanced(model, live.live, STEP)

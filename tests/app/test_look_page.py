@@ -11,7 +11,8 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from benchmarks.browser import LEAST, LOOKS, SMALL
-from pgraph_app import events
+from pgraph_app.model.update import OpenText
+from pgraph_app.plots.update import Plot
 from pgraph_app.server import Server
 
 from .conftest import NOBODY, until
@@ -57,7 +58,7 @@ def seen(page: Any, served: Server, walked: pg.Model) -> Iterator[Callable[..., 
     """The page in a size and a theme, with a run, a body selected and plots."""
     before = page.viewport_size
     until(lambda: served.store.state.kernels.ready, "compiled kernels", seconds=300)
-    served.send(events.OpenText(NOBODY, "walked", walked.to_json()))
+    served.send(OpenText(NOBODY, "walked", walked.to_json()))
 
     def show(size: tuple[int, int], dark: bool) -> Any:
         page.set_viewport_size({"width": size[0], "height": size[1]})
@@ -71,11 +72,11 @@ def seen(page: Any, served: Server, walked: pg.Model) -> Iterator[Callable[..., 
     page.locator('tr[data-name="shoulder_neck_head"] td.number').click()
     for client in served.store.state.clients:
         for kind, of in (("q", "shoulder_neck_head"), ("energy", "")):
-            served.send(events.Plot(client, kind, of, True))
+            served.send(Plot(client, kind, of, True))
     yield show
     for client in served.store.state.clients:
         for kind, of in (("q", "shoulder_neck_head"), ("energy", "")):
-            served.send(events.Plot(client, kind, of, False))
+            served.send(Plot(client, kind, of, False))
     page.keyboard.press("Escape")
     show((before["width"], before["height"]), False)
 

@@ -12,11 +12,12 @@ from scipy import sparse
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app import events
 from pgraph_app.core.state import Inspected, initial
+from pgraph_app.features import update
 from pgraph_app.operators import matrices
 from pgraph_app.operators.view import operator
-from pgraph_app.update import update
+from pgraph_app.pose.update import MoveJoint
+from pgraph_app.session.update import Connected
 
 ALL = tuple(matrices.TITLES)
 
@@ -24,7 +25,7 @@ ALL = tuple(matrices.TITLES)
 @pytest.fixture
 def state():
     model = pg.Model.load(pgraph_models.path("quadruped"))
-    return update(initial(model), events.Connected(1))
+    return update(initial(model), Connected(1))
 
 
 @pytest.mark.parametrize("what", ALL)
@@ -45,9 +46,9 @@ def test_it_counts_bodies_dof_separation_and_tip_bodies(state):
 
 
 def test_it_follows_the_pose_that_is_shown():
-    state = update(initial(pg.Model.serial(3)), events.Connected(1))
+    state = update(initial(pg.Model.serial(3)), Connected(1))
     before = matrices.matrix(state, "M").toarray()
-    after = update(state, events.Pose(1, 0, "2", 0, "1.0"))
+    after = update(state, MoveJoint(1, 0, "2", 0, "1.0"))
     assert not np.allclose(matrices.matrix(after, "M").toarray(), before)
 
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pgraph_app import events
 from pgraph_app.core.state import poses
+from pgraph_app.model.update import OpenBuiltIn
 from pgraph_app.scene.view import viewpoint
 from pgraph_app.server import Server
 from pgraph_core.show import shapes
@@ -403,7 +403,7 @@ def test_an_edit_hides_the_run_and_undo_brings_it_back(simulated):
 
 def test_cancel_a_long_run(page, served):
     until(lambda: served.store.state.kernels.ready, "compiled kernels", seconds=300)
-    served.send(events.OpenBuiltIn(NOBODY, "chain_10"))
+    served.send(OpenBuiltIn(NOBODY, "chain_10"))
     page.wait_for_function("() => pgraph.latest.table.rows.length === 10")
     for label, text in (("duration", "3600"), ("step", "0.0001")):
         page.get_by_label(label, exact=True).fill(text)

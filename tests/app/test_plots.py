@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_app import events
 from pgraph_app.core.state import initial
+from pgraph_app.features import update
 from pgraph_app.plots.signals import (
     KINDS,
     POINTS,
@@ -21,8 +21,10 @@ from pgraph_app.plots.signals import (
     title,
     unit,
 )
+from pgraph_app.plots.update import Plot
 from pgraph_app.plots.view import plots, signals
-from pgraph_app.update import update
+from pgraph_app.run.update import Compare, Simulate, Simulated
+from pgraph_app.session.update import Connected
 
 ME = 1
 
@@ -95,26 +97,26 @@ def test_what_is_not_finite_is_left_out():
 
 def test_each_page_has_its_own_plots(run, quadruped):
     state = initial(quadruped)
-    for event in (events.Connected(ME), events.Connected(2), events.Simulate(ME)):
+    for event in (Connected(ME), Connected(2), Simulate(ME)):
         state = update(state, event)
-    state = update(state, events.Simulated(1, run))
-    state = update(state, events.Plot(ME, "energy", "", True))
-    state = update(state, events.Plot(ME, "q", "left_tibia", True))
-    assert update(state, events.Plot(ME, "nonsense", "", True)) is state
+    state = update(state, Simulated(1, run))
+    state = update(state, Plot(ME, "energy", "", True))
+    state = update(state, Plot(ME, "q", "left_tibia", True))
+    assert update(state, Plot(ME, "nonsense", "", True)) is state
     assert state.clients[2].plots == ()
     sent = plots(state, state.clients[ME])["charts"]
     assert [c["title"] for c in sent] == ["energy", "joint position of left_tibia"]
     assert json.dumps(sent, allow_nan=False)
     assert json.dumps(signals(state, state.clients[ME]), allow_nan=False)
-    fewer = update(state, events.Plot(ME, "energy", "", False))
+    fewer = update(state, Plot(ME, "energy", "", False))
     assert [s[0] for s in fewer.clients[ME].plots] == ["q"]
 
 
 def test_a_ghost_is_drawn_beside(run, quadruped):
-    state = update(initial(quadruped), events.Connected(ME))
+    state = update(initial(quadruped), Connected(ME))
     for event in (
-        events.Simulate(ME), events.Simulated(1, run), events.Plot(ME, "energy", "", True),
-        events.Compare(ME),
+        Simulate(ME), Simulated(1, run), Plot(ME, "energy", "", True),
+        Compare(ME),
     ):  # fmt: skip
         state = update(state, event)
     sent = plots(state, state.clients[ME])["charts"][0]

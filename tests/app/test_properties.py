@@ -14,12 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pgraph_core as pg
-from pgraph_app import events
-from pgraph_app.constraints.events import ErrandDone
-from pgraph_app.core.intents import Display, Errand, ReadMesh
+from pgraph_app.core.cells import Display
 from pgraph_app.core.state import initial
-from pgraph_app.model.errand_worker import Errands, answer
-from pgraph_app.properties import events as d
+from pgraph_app.features import update
+from pgraph_app.model import Errand, Found
+from pgraph_app.model.update import ErrandDone
+from pgraph_app.model.worker import Errands, answer
 from pgraph_app.properties.body_cells import (
     axis_of,
     euler_of,
@@ -29,8 +29,11 @@ from pgraph_app.properties.body_cells import (
     possible,
     shifted,
 )
+from pgraph_app.properties.meshes import shaped
+from pgraph_app.properties.update import Check, EditBodies, FillFromShape, Mend, UploadMesh
 from pgraph_app.properties.view import properties
-from pgraph_app.update import update
+from pgraph_app.session.update import Connected, SetDisplay
+from pgraph_app.world.update import DeleteParameter, EditParameter, EditWorld, RenameParameter
 from pgraph_core.rotation import matrix
 
 ME = 1
@@ -39,10 +42,10 @@ ROD = pg.Body(name="rod")
 
 @pytest.fixture
 def state():
-    return update(initial(pg.Model.serial(4)), events.Connected(ME))
+    return update(initial(pg.Model.serial(4)), Connected(ME))
 
 
-def edit(state, field, *entries, bodies=("2",), kind=d.EditBodies):
+def edit(state, field, *entries, bodies=("2",), kind=EditBodies):
     return update(state, kind(ME, 7, bodies, field, tuple(entries)))
 
 
@@ -51,7 +54,7 @@ def told(state) -> str:
 
 
 def show(state, what, value):
-    return update(state, d.SetDisplay(ME, what, value))
+    return update(state, SetDisplay(ME, what, value))
 
 
 # -- numbers and units -------------------------------------------------------------------------
@@ -203,13 +206,13 @@ def test_a_repair_is_possible_and_leaves_what_is_possible(values):
 
 
 def test_what_is_half_typed_is_judged_and_nothing_changed(state):
-    bad = edit(state, "inertia", ((2, 2), "1"), kind=d.Check)
+    bad = edit(state, "inertia", ((2, 2), "1"), kind=Check)
     assert bad.model is state.model
     assert "triangle inequality" in told(bad)
     assert bad.clients[ME].reply.offer == "Use the nearest possible inertia"
-    assert told(edit(bad, "inertia", ((2, 2), "1e"), kind=d.Check)) == ""
-    assert told(edit(bad, "inertia", ((2, 2), "3.5e-3"), kind=d.Check)) == ""
-    mended = edit(bad, "inertia", ((2, 2), "1"), kind=d.Mend)
+    assert told(edit(bad, "inertia", ((2, 2), "1e"), kind=Check)) == ""
+    assert told(edit(bad, "inertia", ((2, 2), "3.5e-3"), kind=Check)) == ""
+    mended = edit(bad, "inertia", ((2, 2), "1"), kind=Mend)
     assert mended.model.body("2").inertia[2][2] == 1.0
 
 
@@ -218,7 +221,7 @@ def test_an_impossible_inertia_is_refused_with_an_offer_that_is_one_step(state):
     assert "triangle inequality" in told(refused)
     assert "by 0.99" in told(refused)
     assert refused.clients[ME].reply.offer == "Use the nearest possible inertia"
-    mended = edit(refused, "inertia", ((2, 2), "1"), kind=d.Mend)
+    mended = edit(refused, "inertia", ((2, 2), "1"), kind=Mend)
     a, b, c = np.linalg.eigvalsh(mended.model.body("2").inertia)
     assert c == pytest.approx(1.0)
     assert a + b == pytest.approx(c)
@@ -230,7 +233,7 @@ def test_a_quaternion_is_made_a_unit_one(state):
     refused = edit(ball, "q", ((0,), "1"), ((1,), "1"))
     assert "unit quaternion" in told(refused)
     assert refused.clients[ME].reply.offer
-    mended = edit(refused, "q", ((0,), "1"), ((1,), "1"), kind=d.Mend)
+    mended = edit(refused, "q", ((0,), "1"), ((1,), "1"), kind=Mend)
     assert math.hypot(*mended.model.body("2").q) == pytest.approx(1.0)
 
 
@@ -250,7 +253,7 @@ def test_mass_properties_follow_from_shape_and_density(state, kind, volume):
     shaped = edit(state, "shape_kind", ((), kind))
     shape = shaped.model.body("2").shape
     assert np.linalg.norm(shape.position) == pytest.approx(0.1)  # the middle of the rod
-    after = update(shaped, d.FillFromShape(ME, 1, ("2",), "1000"))
+    after = update(shaped, FillFromShape(ME, 1, ("2",), "1000"))
     body = after.model.body("2")
     assert body.mass == pytest.approx(1000 * volume(shape))
     assert body.com == pytest.approx(shape.position)
@@ -259,7 +262,7 @@ def test_mass_properties_follow_from_shape_and_density(state, kind, volume):
 
 @pytest.mark.parametrize(("density", "part"), [("-1", "> 0"), ("x", "number"), ("1", "shape")])
 def test_no_mass_without_density_and_shape(state, density, part):
-    after = update(state, d.FillFromShape(ME, 1, ("2",), density))
+    after = update(state, FillFromShape(ME, 1, ("2",), density))
     assert part in told(after)
     assert after.model is state.model
 
@@ -277,7 +280,7 @@ CUBE = "solid a\n" + "\n".join(
 
 def upload(state, name: str, content: bytes):
     text = base64.b64encode(content).decode()
-    after = update(state, d.UploadMesh(ME, ("2",), name, text))
+    after = update(state, UploadMesh(ME, ("2",), name, text))
     (errand,) = after.errands
     return update(after, answer(errand))
 
@@ -287,7 +290,7 @@ def test_a_mesh_file_becomes_the_shape_and_gives_the_mass(state, tmp_path, monke
     after = upload(state, "tetra.stl", f"{CUBE}\nendsolid a\n".encode())
     assert after.model.body("2").shape.kind == "mesh"
     assert "4 faces" in after.clients[ME].notice.text
-    asked = update(after, d.FillFromShape(ME, 1, ("2",), "600"))
+    asked = update(after, FillFromShape(ME, 1, ("2",), "600"))
     filled = update(asked, answer(asked.errands[0]))
     assert filled.model.body("2").mass == pytest.approx(100.0)
     assert filled.model.body("2").com == pytest.approx((0.25, 0.25, 0.25))
@@ -319,9 +322,9 @@ def test_an_open_mesh_is_drawn_and_said_to_have_no_volume(state, tmp_path, monke
 
 
 def test_an_errand_for_another_model_is_dropped_with_a_word(state):
-    asked = update(state, d.UploadMesh(ME, ("2",), "a.stl", ""))
+    asked = update(state, UploadMesh(ME, ("2",), "a.stl", ""))
     edited_ = edit(asked, "mass", ((), "2"))
-    after = update(edited_, ErrandDone(1, {"2": {"mass": 9.0}}))
+    after = update(edited_, ErrandDone(1, Found(changes={"2": {"mass": 9.0}})))
     assert after.model is edited_.model
     assert "changed meanwhile" in after.clients[ME].notice.text
 
@@ -329,7 +332,8 @@ def test_an_errand_for_another_model_is_dropped_with_a_word(state):
 def test_errands_are_answered_beside_the_store(state):
     heard = []
     worker = Errands(heard.append)
-    errand = Errand(1, ME, state.model, ReadMesh(("2",), "a.txt", b""))
+    work = lambda _: shaped(("2",), "a.txt", b"")  # noqa: E731
+    errand = Errand(1, ME, state.model, "mesh file", work)
 
     worker.render(state, replace(state, errands=(errand,)))
     end = time.monotonic() + 5
@@ -355,36 +359,36 @@ def test_errands_are_answered_beside_the_store(state):
     ],
 )
 def test_properties_of_the_model(state, field, index, text, value):
-    after = update(state, d.EditWorld(ME, 1, field, index, text))
+    after = update(state, EditWorld(ME, 1, field, index, text))
     assert told(after) == ""
     assert value(after.model)
     assert len(after.undo) == 1
 
 
 def test_steps_of_the_ground_are_edited_and_taken_out(state):
-    state = update(state, d.EditWorld(ME, 1, "steps", (), ""))
-    state = update(state, d.EditWorld(ME, 1, "steps", (0, 4), "0.25"))
+    state = update(state, EditWorld(ME, 1, "steps", (), ""))
+    state = update(state, EditWorld(ME, 1, "steps", (0, 4), "0.25"))
     assert state.model.ground.steps[0].height == 0.25
-    bad = update(state, d.EditWorld(ME, 1, "steps", (0, 0), "99"))
+    bad = update(state, EditWorld(ME, 1, "steps", (0, 0), "99"))
     assert "low must be less" in told(bad)
-    state = update(state, d.EditWorld(ME, 1, "steps", (0,), ""))
+    state = update(state, EditWorld(ME, 1, "steps", (0,), ""))
     assert state.model.ground.steps == ()
 
 
 def test_one_parameter_for_four_legs(state):
-    state = update(state, d.EditParameter(ME, 1, "thigh", "0.3"))
+    state = update(state, EditParameter(ME, 1, "thigh", "0.3"))
     state = edit(state, "link", ((0,), "=thigh"), bodies=("2", "3", "4"))
     state = edit(state, "com", ((0,), "=thigh/2"), bodies=("2",))
     assert state.model.body("3").link == (0.3, 0, 0)
     state = edit(state, "link", ((1,), "0.1"), bodies=("3",))  # the formula beside it stays
-    longer = update(state, d.EditParameter(ME, 1, "thigh", "0.4"))
+    longer = update(state, EditParameter(ME, 1, "thigh", "0.4"))
     assert longer.model.body("3").link == (0.4, 0.1, 0)
     assert longer.model.body("2").com[0] == 0.2
     assert len(longer.undo) == len(state.undo) + 1
-    renamed = update(longer, d.RenameParameter(ME, 1, "thigh", "femur"))
+    renamed = update(longer, RenameParameter(ME, 1, "thigh", "femur"))
     assert renamed.model.parameters == {"femur": 0.4}
     assert {f.text for f in renamed.model.formulas} == {"=femur", "=femur/2"}
-    gone = update(renamed, d.DeleteParameter(ME, "femur"))
+    gone = update(renamed, DeleteParameter(ME, "femur"))
     assert gone.model.formulas == ()
     assert gone.model.body("3").link[0] == 0.4
 
@@ -394,7 +398,7 @@ def test_one_parameter_for_four_legs(state):
     [("=thig", "no parameter is named 'thig'"), ("=1/0", "divides by zero"), ("=(", "no formula")],
 )
 def test_a_bad_formula_is_a_sentence(state, text, part):
-    state = update(state, d.EditParameter(ME, 1, "thigh", "0.3"))
+    state = update(state, EditParameter(ME, 1, "thigh", "0.3"))
     after = edit(state, "mass", ((), text))
     assert part in told(after)
     assert after.model is state.model
@@ -407,7 +411,7 @@ def test_a_refusal_of_the_model_s_own_cells_names_the_field(state):
         ("slope", "1e400", "The slope '1e400' is too large for a number"),
     ):
         index = (0,) if field == "gravity" else ()
-        after = update(state, d.EditWorld(ME, 1, field, index, text))
+        after = update(state, EditWorld(ME, 1, field, index, text))
         assert told(after).startswith(said)
         assert after.model is state.model
 

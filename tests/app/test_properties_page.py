@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from pgraph_app import events
-from pgraph_app.properties.events import SetDisplay
+from pgraph_app.model.update import NewModel
+from pgraph_app.session.update import SetDisplay
 
 from .conftest import NOBODY, until
 
@@ -15,7 +15,7 @@ from .conftest import NOBODY, until
 @pytest.fixture
 def bench(page: Any, served: Any) -> Any:
     """The page on three hinged bodies."""
-    served.send(events.NewModel(NOBODY, 0, "3"))
+    served.send(NewModel(NOBODY, 0, "3"))
     page.wait_for_function("() => pgraph.latest.table.rows.length === 3")
     for client in served.store.state.clients:
         served.send(SetDisplay(client, "angle", "rad"))

@@ -11,12 +11,13 @@ from typing import Any
 import pytest
 
 import pgraph_core as pg
-from pgraph_app import events
 from pgraph_app.core.state import Kernels, State, initial
-from pgraph_app.report.update import AXES
+from pgraph_app.features import update
+from pgraph_app.model.update import Edit
+from pgraph_app.report.update import AXES, Analyse, CancelAnalysis, Measuring, SetReport
 from pgraph_app.report.view import page, reports
 from pgraph_app.report.worker import Analyst
-from pgraph_app.update import update
+from pgraph_app.session.update import Connected
 from pgraph_core.study.axes import AXES as KNOWN_AXES
 
 ME = 1
@@ -26,7 +27,7 @@ ME = 1
 def state() -> State:
     model = pg.Model.serial(2)
     state = replace(initial(model), kernels=Kernels(ready=True))
-    return update(state, events.Connected(ME))
+    return update(state, Connected(ME))
 
 
 def measured(state: State, kind: Any) -> State:
@@ -36,10 +37,10 @@ def measured(state: State, kind: Any) -> State:
 
     def send(event: Any) -> None:
         heard.append(event)
-        if not isinstance(event, events.Measuring):
+        if not isinstance(event, Measuring):
             done.set()
 
-    state = update(state, events.Analyse(ME, kind))
+    state = update(state, Analyse(ME, kind))
     Analyst(send).render(state, state)
     assert done.wait(120)
     for event in heard:
@@ -52,7 +53,7 @@ def test_the_axes_of_the_page_are_those_of_the_map():
 
 
 def test_error_against_run_time(state):
-    state = update(state, events.SetReport(ME, 1, "t_end", "0.2"))
+    state = update(state, SetReport(ME, 1, "t_end", "0.2"))
     state = measured(state, "precision")
     assert state.analysis is None
     sent = reports(state)["result"]
@@ -62,20 +63,20 @@ def test_error_against_run_time(state):
     assert state.report.result.figure().startswith("<svg")
     assert "<html" in page(state.report)[:400].lower()
     assert json.dumps(reports(state), allow_nan=False)
-    stale = update(state, events.Edit(ME, 2, "1", "mass", (), "3"))
+    stale = update(state, Edit(ME, 2, "1", "mass", (), "3"))
     assert reports(stale)["result"]["stale"] == "Measured before the model was changed."
 
 
 def test_stability(state):
-    state = update(state, events.SetReport(ME, 1, "axis", "step"))
-    state = update(state, events.SetReport(ME, 2, "t_end", "0.1"))
+    state = update(state, SetReport(ME, 1, "axis", "step"))
+    state = update(state, SetReport(ME, 2, "t_end", "0.1"))
     sent = reports(measured(state, "stability"))["result"]
     assert sent["title"].startswith("Stability over step")
     assert " settings are as accurate as asked for." in sent["advice"]
 
 
 def test_a_report_that_cannot_be_made_says_why(state):
-    state = update(state, events.SetReport(ME, 1, "axis", "contact_stiffness"))
+    state = update(state, SetReport(ME, 1, "axis", "contact_stiffness"))
     state = measured(state, "stability")
     assert state.report is None
     assert "contact" in state.analysis_problem
@@ -90,22 +91,22 @@ def test_a_report_that_cannot_be_made_says_why(state):
     ],
 )
 def test_settings_that_do_not_fit_are_refused(state, field, text, sentence):
-    refused = update(state, events.SetReport(ME, 7, field, text))
+    refused = update(state, SetReport(ME, 7, field, text))
     assert refused.reporting == state.reporting
     assert refused.clients[ME].reply.text == sentence
 
 
 def test_a_cancelled_report_ends_soon(state):
-    asked = update(state, events.Analyse(ME, "precision"))
+    asked = update(state, Analyse(ME, "precision"))
     heard: list[Any] = []
     analyst = Analyst(heard.append)
     analyst.render(asked, asked)
     while not heard:
         time.sleep(0.01)
-    cancelled = update(asked, events.CancelAnalysis(ME))
+    cancelled = update(asked, CancelAnalysis(ME))
     analyst.render(asked, cancelled)
     end = time.monotonic() + 30
-    while isinstance(heard[-1], events.Measuring) and time.monotonic() < end:
+    while isinstance(heard[-1], Measuring) and time.monotonic() < end:
         time.sleep(0.01)
-    assert not isinstance(heard[-1], events.Measuring)
+    assert not isinstance(heard[-1], Measuring)
     assert update(cancelled, heard[-1]).analysis is None

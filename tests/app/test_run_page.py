@@ -5,7 +5,10 @@ from __future__ import annotations
 import pytest
 
 import pgraph_core as pg
-from pgraph_app import events
+from pgraph_app.model.update import OpenText
+from pgraph_app.plots.update import Plot
+from pgraph_app.report.update import SetReport
+from pgraph_app.run.update import StopLive
 from pgraph_app.server import Server
 
 from .conftest import NOBODY, until
@@ -16,13 +19,13 @@ def two_rods(page, served: Server):
     """The page on two swinging rods."""
     model = pg.Model.serial(2)
     until(lambda: served.store.state.kernels.ready, "compiled kernels", seconds=300)
-    served.send(events.OpenText(NOBODY, "rods", model.to_json()))
+    served.send(OpenText(NOBODY, "rods", model.to_json()))
     until(lambda: page.locator("table.bodies tr[data-name]").count() == 2, "two rods")
     yield page
-    served.send(events.StopLive(NOBODY))
+    served.send(StopLive(NOBODY))
     for client in served.store.state.clients:
         for kind in ("q", "energy"):
-            served.send(events.Plot(client, kind, "1" if kind == "q" else "", False))
+            served.send(Plot(client, kind, "1" if kind == "q" else "", False))
 
 
 def test_live_it_plays_while_it_computes_and_follows_an_edit(two_rods, served):
@@ -67,7 +70,7 @@ def test_a_click_on_a_quantity_plots_it_and_the_cursor_follows(two_rods, served)
 def test_a_report_is_measured_shown_and_enlarged(two_rods, served):
     page = two_rods
     client = next(iter(served.store.state.clients))
-    served.send(events.SetReport(client, 1, "t_end", "0.05"))
+    served.send(SetReport(client, 1, "t_end", "0.05"))
     page.get_by_role("tab", name="Report").click()
     page.locator("button.precision").click()
     page.locator(".outcome .figure svg").wait_for(timeout=60_000)

@@ -12,12 +12,18 @@ from hypothesis import strategies as st
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app import events
+from pgraph_app.core.events import Misread, from_page
 from pgraph_app.core.state import Kernels, initial, poses
+from pgraph_app.features import update
+from pgraph_app.model.update import Edit, Undo
+from pgraph_app.playback.update import Scrub
 from pgraph_app.pose import solving as posing
 from pgraph_app.pose.pulling import WEIGHTS, pull_force
+from pgraph_app.pose.update import Gripped, HomePose, MoveJoint, Pull, UsePose
+from pgraph_app.run.update import Simulate, Simulated
 from pgraph_app.scene import marks
-from pgraph_app.update import update
+from pgraph_app.scene.update import Unreadable
+from pgraph_app.session.update import Connected
 from pgraph_core.show import shapes
 
 ME = 1
@@ -25,7 +31,7 @@ ME = 1
 
 def opened(model: pg.Model):
     """A state with one page, the fast code compiled."""
-    state = update(initial(model), events.Connected(ME))
+    state = update(initial(model), Connected(ME))
     return dataclasses.replace(state, kernels=Kernels(ready=True))
 
 
@@ -39,7 +45,7 @@ def quadruped():
 
 
 def pose(state, body, index, value, serial=0):
-    return update(state, events.Pose(ME, serial, body, index, str(value)))
+    return update(state, MoveJoint(ME, serial, body, index, str(value)))
 
 
 # -- joint sliders -----------------------------------------------------------------------------
@@ -59,11 +65,11 @@ def test_a_slider_poses_the_mechanism_without_changing_the_model(quadruped):
 
 def test_use_as_initial_state_is_one_undo_step_and_keeps_the_picture(quadruped):
     after = pose(quadruped, "left_femur", 0, 0.5)
-    used = update(after, events.UsePose(ME))
+    used = update(after, UsePose(ME))
     assert len(used.undo) == 1
     assert used.model.body("left_femur").q == (0.5,)
     assert poses(used)[0] == pytest.approx(poses(after)[0], abs=1e-12)
-    assert update(used, events.Undo(ME)).model == quadruped.model
+    assert update(used, Undo(ME)).model == quadruped.model
 
 
 @pytest.mark.parametrize("name", ["four_bar", "andrews", "bricard", "slider_crank"])
@@ -101,10 +107,10 @@ def test_before_the_fast_code_is_there_a_loop_says_so():
 
 def test_a_pose_goes_when_the_model_changes_and_comes_back_with_undo(quadruped):
     after = pose(quadruped, "left_femur", 0, 0.5)
-    edited = update(after, events.Edit(ME, 7, "pelvis", "mass", (), "9"))
+    edited = update(after, Edit(ME, 7, "pelvis", "mass", (), "9"))
     assert edited.pose is None
-    assert update(edited, events.Undo(ME)).pose is not None
-    assert update(after, events.HomePose(ME)).pose is None
+    assert update(edited, Undo(ME)).pose is not None
+    assert update(after, HomePose(ME)).pose is None
 
 
 @pytest.mark.parametrize("text", ["", "abc", "1e400", "nan", "1,5", "<b>"])
@@ -141,12 +147,12 @@ def test_the_gizmo_shows_while_it_is_dragged_and_is_one_undo_step_when_let_go(qu
     old = state.model.body("left_femur").link
     for k in range(1, 5):
         moved = (old[0] + 0.01 * k, old[1], old[2])
-        state = update(state, events.Grip(ME, "left_femur", "link", moved, False))
+        state = update(state, Gripped(ME, "left_femur", "link", moved, False))
         assert state.model is quadruped.model
         assert state.clients[ME].grip.vector == pytest.approx(moved)
     assert not np.allclose(poses(state)[0], quadruped.derived.positions)
     shown = poses(state)[0]
-    done = update(state, events.Grip(ME, "left_femur", "link", moved, True))
+    done = update(state, Gripped(ME, "left_femur", "link", moved, True))
     assert len(done.undo) == 1
     assert done.model.body("left_femur").link == pytest.approx(moved)
     assert done.clients[ME].grip is None
@@ -155,7 +161,7 @@ def test_the_gizmo_shows_while_it_is_dragged_and_is_one_undo_step_when_let_go(qu
 
 def test_a_gizmo_let_go_where_it_was_changes_nothing(quadruped):
     com = quadruped.model.body("thorax").com
-    assert update(quadruped, events.Grip(ME, "thorax", "com", com, True)).undo == ()
+    assert update(quadruped, Gripped(ME, "thorax", "com", com, True)).undo == ()
 
 
 def test_what_a_drag_did_not_move_keeps_all_its_digits():
@@ -193,8 +199,8 @@ BALL = pg.Body(
 def test_forces_of_contacts_act_on_the_ground_and_stay_in_their_cones():
     state = opened(pg.Model(bodies=(BALL,), contacts=(pg.Contact(name="c", body="ball"),)))
     result = pg.simulate(pg.Mechanism(state.model), t_end=0.05, step=1e-3)
-    state = update(update(state, events.Simulate(ME)), events.Simulated(1, result))
-    state = update(state, events.Scrub(ME, 0.05))
+    state = update(update(state, Simulate(ME)), Simulated(1, result))
+    state = update(state, Scrub(ME, 0.05))
     positions, wxyz = poses(state)
     (push,) = marks.pushes(state, positions, shapes.to_matrix(wxyz))
     assert push.at == pytest.approx((0, 0, 0), abs=1e-6)
@@ -258,7 +264,7 @@ def test_a_mesh_that_cannot_be_read_is_a_box_and_is_said(tmp_path, name, said):
     (sentence,) = shapes.unreadable([body])
     assert name in sentence
     state = opened(pg.Model(bodies=(body,)))
-    notice = update(state, events.Unreadable((sentence,))).clients[ME].notice
+    notice = update(state, Unreadable((sentence,))).clients[ME].notice
     assert notice is not None
     assert notice.bad
     assert sentence in notice.text
@@ -277,17 +283,17 @@ def test_a_pull_is_towards_the_mouse_is_damped_and_has_a_bound():
 
 
 def test_a_pull_is_kept_until_it_lets_go(quadruped):
-    pulled = update(quadruped, events.Pull(ME, "thorax", (0, 0, 0), (1.0, 0, 0)))
+    pulled = update(quadruped, Pull(ME, "thorax", (0, 0, 0), (1.0, 0, 0)))
     assert pulled.pull.target == (1.0, 0, 0)
-    assert update(pulled, events.Pull(ME, "thorax", (0, 0, 0), None)).pull is None
+    assert update(pulled, Pull(ME, "thorax", (0, 0, 0), None)).pull is None
 
 
 @pytest.mark.parametrize("message", [
-    '{"event": "Grip", "body": "a", "what": "mass", "vector": [0, 0, 0], "done": true}',
-    '{"event": "Grip", "body": "a", "what": "com", "vector": [0, 0, 1e999], "done": true}',
+    '{"event": "Gripped", "body": "a", "what": "mass", "vector": [0, 0, 0], "done": true}',
+    '{"event": "Gripped", "body": "a", "what": "com", "vector": [0, 0, 1e999], "done": true}',
     '{"event": "Pull", "body": "a", "point": [0, 0], "target": [0, 0, 0]}',
-    '{"event": "Pose", "serial": 1, "body": "a", "index": 9, "text": "1"}',
+    '{"event": "MoveJoint", "serial": 1, "body": "a", "index": 9, "text": "1"}',
     '{"event": "Drop", "serial": 1, "body": "a", "parent": null, "loop": false}',
 ])  # fmt: skip
 def test_unfit_messages_of_a_page_are_refused(message):
-    assert isinstance(events.from_page(ME, message), events.Misread)
+    assert isinstance(from_page(ME, message), Misread)

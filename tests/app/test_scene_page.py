@@ -10,7 +10,10 @@ from typing import Any
 import pytest
 
 import pgraph_core as pg
-from pgraph_app import events
+from pgraph_app.digraph.update import StepThrough
+from pgraph_app.model.update import Edit, OpenText, Undo
+from pgraph_app.pose.update import HomePose, MoveJoint
+from pgraph_app.table.update import DeleteBodies
 
 from .conftest import NOBODY, until
 from .test_page import place, row
@@ -100,7 +103,7 @@ def test_arrows_move_along_the_tree_and_enter_selects(page, served):
     page.keyboard.press("ArrowUp")
     page.keyboard.press("Enter")
     until(lambda: "left_femur" in selections(served), "left_femur selected")
-    served.send(events.Edit(NOBODY, 0, "thorax", "mass", (), "7"))  # somebody else's: drawn anew
+    served.send(Edit(NOBODY, 0, "thorax", "mass", (), "7"))  # somebody else's: drawn anew
     until(lambda: page.evaluate("pgraph.latest.digraph") and served.store.state.undo, "the edit")
     page.keyboard.press("ArrowUp")
     page.keyboard.press("Enter")
@@ -141,8 +144,8 @@ def test_c7_the_trace_of_a_frame_update_marks_what_each_joint_carries(page):
 def _nobody_steps(page, served):
     yield
     for client in served.store.state.clients:
-        served.send(events.StepThrough(client, ""))
-    served.send(events.HomePose(NOBODY))
+        served.send(StepThrough(client, ""))
+    served.send(HomePose(NOBODY))
 
 
 # -- the 3D view -------------------------------------------------------------------------------
@@ -175,7 +178,7 @@ def test_no_slider_of_another_model_is_ever_there(page, served, quadruped):
     page.get_by_role("tab", name="Properties").click()
     page.locator(".joint").first.wait_for(state="detached")
     two = quadruped.edit("left_femur", dof=2)
-    served.send(events.OpenText(NOBODY, "two", two.to_json()))
+    served.send(OpenText(NOBODY, "two", two.to_json()))
     page.get_by_role("tab", name="Pose").click()
     page.get_by_label("left_femur about y in rad").wait_for()
     page.get_by_role("tab", name="Properties").click()
@@ -216,7 +219,7 @@ def test_each_kind_of_mark_has_a_switch_that_draws_and_clears_it(page, served):
         box.uncheck()
         until(lambda name=name: not drawn(page, name), f"no {what} in 3D")
     assert page.locator('[data-what="cones"]').count() == 1  # its feet touch where it walks
-    served.send(events.OpenText(NOBODY, "rods", pg.Model.serial(2).to_json()))
+    served.send(OpenText(NOBODY, "rods", pg.Model.serial(2).to_json()))
     gone = page.locator('[data-what="cones"]')
     until(lambda: gone.count() == 0, "no switch for cones where nothing touches")
 
@@ -224,7 +227,7 @@ def test_each_kind_of_mark_has_a_switch_that_draws_and_clears_it(page, served):
 @pytest.mark.parametrize("up", ["x", "z"])
 def test_the_ground_and_the_camera_follow_the_up_axis(page, served, up):
     model = served.store.state.model.replace(up=up)
-    served.send(events.OpenText(NOBODY, "turned", model.to_json()))
+    served.send(OpenText(NOBODY, "turned", model.to_json()))
     client = max(served.viser.get_clients())
     camera = served.viser.get_clients()[client].camera
     axis = "xyz".index(up)
@@ -254,17 +257,17 @@ def test_what_is_drawn_anew_under_its_name_stands_as_it_does_now(page, served):
     turn = "(name) => window.__viserMutable.nodeRefFromName[name]?.quaternion.w ?? null"
     row(page, "left_femur").locator("td.number").click()
     until(lambda: place(page, "/selected"), "its outline")
-    for w, event in ((0.54, events.Edit(NOBODY, 1, "left_femur", "q", (0,), "2")),
-                     (1.0, events.Undo(NOBODY))):  # fmt: skip
+    for w, event in ((0.54, Edit(NOBODY, 1, "left_femur", "q", (0,), "2")),
+                     (1.0, Undo(NOBODY))):  # fmt: skip
         served.send(event)
         for name in ("/selected", "/bodies/11"):
             until(lambda n=name, w=w: abs(page.evaluate(turn, n) - w) < 0.01, f"{name} at {w}")
-    served.send(events.Edit(NOBODY, 1, "right_hind_paw", "q", (0,), "2"))
+    served.send(Edit(NOBODY, 1, "right_hind_paw", "q", (0,), "2"))
     until(lambda: abs(page.evaluate(turn, "/bodies/16") - 0.54) < 0.01, "the last body turned")
-    served.send(events.DeleteBodies(NOBODY, ("right_hind_paw",), "attach"))
+    served.send(DeleteBodies(NOBODY, ("right_hind_paw",), "attach"))
     until(lambda: page.evaluate(turn, "/bodies/16") is None, "the last body gone")
-    served.send(events.Undo(NOBODY))
-    served.send(events.Undo(NOBODY))
+    served.send(Undo(NOBODY))
+    served.send(Undo(NOBODY))
     until(lambda: page.evaluate(turn, "/bodies/16") == 1.0, "the last body as it was")
 
 
@@ -276,9 +279,9 @@ def test_a_refused_coordinate_leaves_the_others_in_their_rows(page, served):
     cells.first.fill("x")
     cells.first.press("Enter")
     page.get_by_text("body 'pelvis', q: must be a number").wait_for()
-    served.send(events.Pose(NOBODY, 0, "left_tibia", 0, "0.25"))
+    served.send(MoveJoint(NOBODY, 0, "left_tibia", 0, "0.25"))
     cell = page.get_by_label("left_tibia about z in rad")
     until(lambda: cell.input_value() == "0.25", "its own row")
     cells.first.press("Escape")
-    served.send(events.HomePose(NOBODY))
+    served.send(HomePose(NOBODY))
     page.evaluate("() => pgraph.front('Properties')")

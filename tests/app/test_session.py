@@ -9,19 +9,31 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app import events
+from pgraph_app.core.events import Event
 from pgraph_app.core.state import State, initial
 from pgraph_app.digraph.view import digraph
+from pgraph_app.features import update
 from pgraph_app.model.derived import derive
+from pgraph_app.model.update import Edit, Redo, Undo
+from pgraph_app.session.update import Connected, Disconnected, Select, SelectBodies
 from pgraph_app.session.view import others
+from pgraph_app.table.update import (
+    AddBody,
+    CountBodies,
+    DeleteBodies,
+    Duplicate,
+    MirrorBranch,
+    MoveRows,
+    Paste,
+    SetParent,
+)
 from pgraph_app.table.view import table
-from pgraph_app.update import update
 
 ME, OTHER = 1, 2
 HOSTILE = ["", "letters", "1e400", "nan", "-1", "<b>x</b>", "🦿", "x" * 10_000, "\x00", "1e-6", "3"]
 
 
-def random_event(rng: random.Random, state: State) -> events.Event:
+def random_event(rng: random.Random, state: State) -> Event:
     """Something a page can send: half of it is unfit."""
     client, serial = rng.choice((ME, OTHER)), rng.randrange(10**6)
     names = [*state.model.row, "nobody"]
@@ -37,17 +49,17 @@ def random_event(rng: random.Random, state: State) -> events.Event:
     index = {"com": (rng.randrange(3),), "link": (0,), "inertia": (0, 1), "q": (0,)}.get(field, ())
     return rng.choice(
         (
-            *[events.Edit(client, serial, body, field, index, text)] * 5,  # type: ignore[arg-type]
-            events.AddBody(client, body),
-            events.DeleteBodies(client, some, rng.choice(("attach", "delete"))),
-            events.Duplicate(client, (body,), rng.random() < 0.5),
-            events.MirrorBranch(client, body, rng.choice(("x", "y", "z"))),
-            events.MoveRows(client, some, other),
-            events.SetParent(client, some, other),
-            events.CountBodies(client, serial, str(rng.randint(-2, 24))),
-            events.Paste(client, serial, f"{text}\t{other}\t1", (body,) if serial % 2 else ()),
-            events.SelectBodies(client, body, some),
-            events.Undo(client),
+            *[Edit(client, serial, body, field, index, text)] * 5,  # type: ignore[arg-type]
+            AddBody(client, body),
+            DeleteBodies(client, some, rng.choice(("attach", "delete"))),
+            Duplicate(client, (body,), rng.random() < 0.5),
+            MirrorBranch(client, body, rng.choice(("x", "y", "z"))),
+            MoveRows(client, some, other),
+            SetParent(client, some, other),
+            CountBodies(client, serial, str(rng.randint(-2, 24))),
+            Paste(client, serial, f"{text}\t{other}\t1", (body,) if serial % 2 else ()),
+            SelectBodies(client, body, some),
+            Undo(client),
         )
     )
 
@@ -59,7 +71,7 @@ def test_1_9_random_edits_of_two_people_are_undone_to_the_start(seed: int):
     start = pg.Model.load(pgraph_models.path("quadruped"))
     state = initial(start)
     for client in (ME, OTHER):
-        state = update(state, events.Connected(client))
+        state = update(state, Connected(client))
     for _ in range(150):
         before, event = state, random_event(rng, state)
         state = update(state, event)
@@ -71,10 +83,10 @@ def test_1_9_random_edits_of_two_people_are_undone_to_the_start(seed: int):
     assert pg.Model.from_json(state.model.to_json()) == state.model
     last, depth = state.model, len(state.undo)
     for _ in range(depth):
-        state = update(state, events.Undo(ME))
+        state = update(state, Undo(ME))
     assert state.model is start
     for _ in range(depth):
-        state = update(state, events.Redo(OTHER))
+        state = update(state, Redo(OTHER))
     assert state.model is last
 
 
@@ -82,7 +94,7 @@ def test_1_9_random_edits_of_two_people_are_undone_to_the_start(seed: int):
 def test_1_11_what_pages_are_shown_follows_from_the_model_alone(seed: int):
     """After any edits, what is sent is what a page that has just come is sent."""
     rng = random.Random(100 + seed)
-    state = update(initial(pg.Model.serial(7)), events.Connected(ME))
+    state = update(initial(pg.Model.serial(7)), Connected(ME))
     for _ in range(60):
         state = update(state, random_event(rng, state))
         fresh = initial(pg.Model.from_json(state.model.to_json()))
@@ -93,7 +105,7 @@ def test_1_11_what_pages_are_shown_follows_from_the_model_alone(seed: int):
 @pytest.mark.nightly
 def test_1_11_a_thousand_random_edits_leave_model_and_pages_equal():
     rng = random.Random(7)
-    state = update(initial(pg.Model.serial(7)), events.Connected(ME))
+    state = update(initial(pg.Model.serial(7)), Connected(ME))
     for k in range(1000):
         state = update(state, random_event(rng, state))
         if k % 50 == 0:
@@ -105,12 +117,12 @@ def test_1_11_a_thousand_random_edits_leave_model_and_pages_equal():
 def test_1_11_each_page_sees_where_the_others_are():
     state = initial(pg.Model.serial(3))
     for event in (
-        events.Connected(ME),
-        events.Connected(OTHER),
-        events.SelectBodies(OTHER, "2", ("1", "2")),
-        events.Select(ME, "3"),
+        Connected(ME),
+        Connected(OTHER),
+        SelectBodies(OTHER, "2", ("1", "2")),
+        Select(ME, "3"),
     ):
         state = update(state, event)
     assert others(state, ME).keys() == {"1", "2"}
     assert others(state, OTHER).keys() == {"3"}
-    assert others(update(state, events.Disconnected(OTHER)), ME) == {}
+    assert others(update(state, Disconnected(OTHER)), ME) == {}

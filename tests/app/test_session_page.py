@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from pgraph_app import events
+from pgraph_app.model.update import Edit, Undo
+from pgraph_app.session.update import Select
 from pgraph_app.table.view import table
 
 from .conftest import NOBODY, until
@@ -113,7 +114,7 @@ def test_1_11_two_pages_edit_at_once_and_agree(page, open_page, served):
     until(agreed, "both pages on the model")
     assert half.input_value() == "half-typed"
     for _ in range(len(served.store.state.undo) - steps):
-        served.send(events.Undo(NOBODY))
+        served.send(Undo(NOBODY))
     until(lambda: served.store.state.model is start, "the start")
     other.keyboard.press("Escape")
     other.close()
@@ -162,7 +163,7 @@ def test_1_11_a_joint_changed_by_another_leaves_the_half_typed_cell_and_its_focu
     page.wait_for_function("() => pgraph.latest.properties.bodies[0] === 'left_femur'")
     field(page, "com", 1).focus()
     page.keyboard.type("0.12")
-    served.send(events.Edit(NOBODY, 1, "left_femur", "joint", (), "spherical"))
+    served.send(Edit(NOBODY, 1, "left_femur", "joint", (), "spherical"))
     page.wait_for_function("() => pgraph.latest.properties.subtitle.includes('spherical')")
     page.keyboard.type("5")
     page.keyboard.press("Enter")
@@ -175,7 +176,7 @@ def test_1_3_a_cell_left_for_another_body_in_the_digraph_is_committed(page, serv
     mass = served.store.state.model.body("pelvis").mass
     field(page, "mass").focus()
     page.keyboard.type("1.75")
-    served.send(events.Select(max(served.store.state.clients), "pelvis"))
+    served.send(Select(max(served.store.state.clients), "pelvis"))
     until(lambda: served.store.state.model.body("left_femur").mass == 1.75, "its own mass")
     assert served.store.state.model.body("pelvis").mass == mass
 

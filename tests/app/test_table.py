@@ -5,9 +5,21 @@ from __future__ import annotations
 import pytest
 
 import pgraph_core as pg
-from pgraph_app import events
+from pgraph_app.core.events import Event
 from pgraph_app.core.state import State, initial
-from pgraph_app.update import update
+from pgraph_app.features import update
+from pgraph_app.model.update import Edit, NewModel, Undo
+from pgraph_app.session.update import Connected, Select, SelectBodies
+from pgraph_app.table.update import (
+    AddBody,
+    CountBodies,
+    DeleteBodies,
+    Duplicate,
+    MirrorBranch,
+    MoveRows,
+    Paste,
+    SetParent,
+)
 
 ME, OTHER = 1, 2
 
@@ -16,10 +28,10 @@ ME, OTHER = 1, 2
 def state() -> State:
     """Fig. 1's seven bodies, looked at by two pages."""
     model = pg.Model.serial(7).edit("4", parent="2").edit("5", parent="3").edit("6", parent="2")
-    return after(initial(model), events.Connected(ME), events.Connected(OTHER))
+    return after(initial(model), Connected(ME), Connected(OTHER))
 
 
-def after(state: State, *happened: events.Event) -> State:
+def after(state: State, *happened: Event) -> State:
     for event in happened:
         state = update(state, event)
     return state
@@ -29,18 +41,18 @@ def after(state: State, *happened: events.Event) -> State:
 
 
 def test_several_rows_are_selected_in_the_table_s_order(state):
-    state = after(state, events.SelectBodies(ME, "2", ("5", "2", "5", "nobody")))
+    state = after(state, SelectBodies(ME, "2", ("5", "2", "5", "nobody")))
     assert (state.clients[ME].selection, state.clients[ME].selected) == ("2", ("2", "5"))
     assert state.clients[OTHER].selected == ()
-    assert after(state, events.Select(ME, "3")).clients[ME].selected == ("3",)
-    assert after(state, events.Select(ME, None)).clients[ME].selected == ()
+    assert after(state, Select(ME, "3")).clients[ME].selected == ("3",)
+    assert after(state, Select(ME, None)).clients[ME].selected == ()
 
 
 def test_what_is_selected_follows_names_and_goes_with_its_body(state):
-    state = after(state, events.SelectBodies(ME, "5", ("3", "5")))
-    renamed = after(state, events.Edit(OTHER, 1, "5", "name", (), "knee"))
+    state = after(state, SelectBodies(ME, "5", ("3", "5")))
+    renamed = after(state, Edit(OTHER, 1, "5", "name", (), "knee"))
     assert (renamed.clients[ME].selection, renamed.clients[ME].selected) == ("knee", ("3", "knee"))
-    gone = after(state, events.DeleteBodies(OTHER, ("5",), "delete"))
+    gone = after(state, DeleteBodies(OTHER, ("5",), "delete"))
     assert (gone.clients[ME].selection, gone.clients[ME].selected) == ("3", ("3",))
 
 
@@ -63,63 +75,63 @@ def reply(state: State) -> str:
 
 
 def test_a_branch_is_duplicated_and_its_copies_are_selected(state):
-    twice = after(state, events.Duplicate(ME, ("3",), True))
+    twice = after(state, Duplicate(ME, ("3",), True))
     assert names(twice) == ["1", "2", "3", "4", "5", "8", "9", "6", "7"]
     assert twice.model.body("9").parent == "8"
     assert twice.clients[ME].selected == ("8", "9")
     assert len(twice.undo) == 1
-    alone = after(state, events.Duplicate(ME, ("3",), False))
+    alone = after(state, Duplicate(ME, ("3",), False))
     assert names(alone) == ["1", "2", "3", "8", "4", "5", "6", "7"]
-    nested = after(state, events.Duplicate(ME, ("5", "3"), True))
+    nested = after(state, Duplicate(ME, ("5", "3"), True))
     assert len(names(nested)) == 9  # 5 goes along with 3, once
 
 
 def test_a_branch_is_mirrored_and_what_is_wrong_is_said(state):
-    state = after(state, events.Edit(ME, 1, "6", "name", (), "left_leg"))
-    state = after(state, events.MirrorBranch(ME, "left_leg", "y"))
+    state = after(state, Edit(ME, 1, "6", "name", (), "left_leg"))
+    state = after(state, MirrorBranch(ME, "left_leg", "y"))
     assert "right_leg" in names(state)
     assert state.clients[ME].selection == "right_leg"
-    assert "nobody" in notice(after(state, events.MirrorBranch(ME, "nobody", "y")))
+    assert "nobody" in notice(after(state, MirrorBranch(ME, "nobody", "y")))
 
 
 def test_several_rows_are_deleted_in_one_step(state):
-    left = after(state, events.DeleteBodies(ME, ("3", "6"), "attach"))
+    left = after(state, DeleteBodies(ME, ("3", "6"), "attach"))
     assert names(left) == ["1", "2", "4", "5", "7"]
     assert left.model.body("7").parent == "2"
-    assert after(left, events.Undo(ME)).model is state.model
-    assert names(after(state, events.DeleteBodies(ME, ("2",), "delete"))) == ["1"]
+    assert after(left, Undo(ME)).model is state.model
+    assert names(after(state, DeleteBodies(ME, ("2",), "delete"))) == ["1"]
 
 
 def test_rows_move_before_another_or_to_the_end(state):
-    assert names(after(state, events.MoveRows(ME, ("6", "4"), "2")))[:4] == ["1", "4", "6", "2"]
-    assert names(after(state, events.MoveRows(ME, ("2",), None)))[-1] == "2"
-    assert after(state, events.MoveRows(ME, ("2",), "2")).model is state.model
+    assert names(after(state, MoveRows(ME, ("6", "4"), "2")))[:4] == ["1", "4", "6", "2"]
+    assert names(after(state, MoveRows(ME, ("2",), None)))[-1] == "2"
+    assert after(state, MoveRows(ME, ("2",), "2")).model is state.model
 
 
 def test_rows_move_to_another_parent_unless_it_hangs_on_them(state):
-    moved = after(state, events.SetParent(ME, ("3", "6"), "1"))
+    moved = after(state, SetParent(ME, ("3", "6"), "1"))
     assert [moved.model.body(n).parent for n in ("3", "6")] == ["1", "1"]
-    refused = after(state, events.SetParent(ME, ("2",), "5"))
+    refused = after(state, SetParent(ME, ("2",), "5"))
     assert refused.model is state.model
     assert "cycle" in notice(refused)
 
 
 def test_d1_the_number_of_bodies_may_be_changed_later(state):
-    more = after(state, events.CountBodies(ME, 1, "9"))
+    more = after(state, CountBodies(ME, 1, "9"))
     assert [(b.name, b.parent) for b in more.model.bodies[7:]] == [("8", "7"), ("9", "8")]
-    fewer = after(state, events.CountBodies(ME, 1, "5"))
+    fewer = after(state, CountBodies(ME, 1, "5"))
     assert names(fewer) == ["1", "2", "3", "4", "5"]
-    assert after(fewer, events.Undo(ME)).model is state.model
+    assert after(fewer, Undo(ME)).model is state.model
     for text in ("0", "1001", "many", "1e400", "9" * 10_000):
-        refused = after(state, events.CountBodies(ME, 2, text))
+        refused = after(state, CountBodies(ME, 2, text))
         assert refused.model is state.model
         assert "from 1 to 1000" in reply(refused)
-    assert after(state, events.CountBodies(ME, 3, "7")).undo == ()
+    assert after(state, CountBodies(ME, 3, "7")).undo == ()
 
 
 def test_too_many_bodies_are_refused_with_their_number(state):
-    full = after(state, events.NewModel(ME, 1, "1000"))
-    for event in (events.AddBody(ME, None), events.Duplicate(ME, ("3",), False)):
+    full = after(state, NewModel(ME, 1, "1000"))
+    for event in (AddBody(ME, None), Duplicate(ME, ("3",), False)):
         refused = after(full, event)
         assert refused.model is full.model
         assert "1000 at most" in notice(refused)
@@ -129,7 +141,7 @@ def test_too_many_bodies_are_refused_with_their_number(state):
 
 
 def paste(text: str, rows: tuple[str, ...] = (), column: int = 0, under: str | None = None):
-    return events.Paste(ME, 1, text, rows, column, under)
+    return Paste(ME, 1, text, rows, column, under)
 
 
 def test_lines_become_new_rows_and_speak_of_each_other(state):
@@ -203,14 +215,14 @@ def test_odd_names_are_pasted_as_they_are(state, name):
 
 def test_constraints_are_not_pasted_and_that_is_said(state):
     pin = pg.Constraint(name="pin", kind="point", body="7")
-    state = after(initial(state.model.replace(constraints=(pin,))), events.Connected(ME))
+    state = after(initial(state.model.replace(constraints=(pin,))), Connected(ME))
     state = after(state, paste("a\t7\t1\tpin"))
     assert "list of constraints" in notice(state)
 
 
 def test_the_first_body_of_an_empty_table_is_free_and_can_be_saved(state):
-    empty = after(state, events.DeleteBodies(ME, ("1",), "delete"))
-    for event in (events.AddBody(ME, None), paste("a\tground"), events.CountBodies(ME, 1, "2")):
+    empty = after(state, DeleteBodies(ME, ("1",), "delete"))
+    for event in (AddBody(ME, None), paste("a\tground"), CountBodies(ME, 1, "2")):
         model = after(empty, event).model
         assert model.bodies[0].joint == "free"
         assert pg.Model.from_json(model.to_json()) == model

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from pgraph_app import events
+from pgraph_app.model.update import NewModel
 from pgraph_app.server import Server
 
 from .conftest import NOBODY, held, until
@@ -54,7 +54,7 @@ def copied(page: Any) -> str:
 @pytest.fixture
 def chain(page: Any, served: Server) -> Any:
     """The page on five bodies in a row."""
-    served.send(events.NewModel(NOBODY, 1, "5"))
+    served.send(NewModel(NOBODY, 1, "5"))
     page.wait_for_function("() => pgraph.latest.table.rows.length === 5")
     return page
 
@@ -233,7 +233,7 @@ def test_bad_input_in_a_cell_is_refused_beside_it(chain, served, typed, said):
 
 
 def test_1_4_a_thousand_rows_are_shown_within_a_second_and_typed_into(page, served):
-    served.send(events.NewModel(NOBODY, 1, "1000"))
+    served.send(NewModel(NOBODY, 1, "1000"))
     page.wait_for_function("() => pgraph.latest.table.rows.length === 1000")
     took = page.evaluate("""() => {
       const host = document.querySelector('.pgraph[data-view="table"]');

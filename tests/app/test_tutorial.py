@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from benchmarks.tutorial import STEPS, Person
-from pgraph_app import events
+from pgraph_app.playback.update import Pause
 from pgraph_app.server import Server
 
 from .conftest import NOBODY, until
@@ -20,7 +20,7 @@ def test_a_four_bar_from_new_to_play_takes_a_person_less_than_a_minute(page: Any
         person.think()
         step(person)
     until(lambda: served.store.state.playback.time > 0, "a picture that moves")
-    served.send(events.Pause(NOBODY))
+    served.send(Pause(NOBODY))
     page.get_by_role("tab", name="Properties").click()
     page.get_by_role("tab", name="Digraph").click()
     model, run = served.store.state.model, served.store.state.run

@@ -9,10 +9,27 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_app import events
-from pgraph_app.core.state import FREE_RUN, Request, State, initial, poses
+from pgraph_app.core.events import Event, Misread, from_page
+from pgraph_app.core.state import Request, State, initial, poses
+from pgraph_app.features import update
 from pgraph_app.model.derived import derive
-from pgraph_app.update import update
+from pgraph_app.model.update import Download, Edit, NewModel, OpenBuiltIn, OpenText, Redo, Undo
+from pgraph_app.playback.update import Loop, Pause, Play, Scrub, Speed, StepFrames, Tick
+from pgraph_app.run import FREE_RUN
+from pgraph_app.run.update import (
+    Cancel,
+    Compiled,
+    Compiling,
+    Failed,
+    Progress,
+    SetRun,
+    SetScenario,
+    Simulate,
+    Simulated,
+)
+from pgraph_app.scene.update import Show, Viewport
+from pgraph_app.session.update import Connected, Disconnected, Save, Saved, Select, Theme
+from pgraph_app.table.update import AddBody, DeleteBodies
 from pgraph_core.show.animation import between
 
 ME, OTHER = 1, 2
@@ -23,17 +40,17 @@ def state() -> State:
     """Fig. 1's seven bodies, looked at by two pages."""
     model = pg.Model.serial(7).edit("4", parent="2").edit("5", parent="3").edit("6", parent="2")
     gallery = {"serial": pg.Model.serial(3).to_json()}
-    return after(initial(model, gallery), events.Connected(ME), events.Connected(OTHER))
+    return after(initial(model, gallery), Connected(ME), Connected(OTHER))
 
 
-def after(state: State, *happened: events.Event) -> State:
+def after(state: State, *happened: Event) -> State:
     for event in happened:
         state = update(state, event)
     return state
 
 
 def typed(body: str, field: str, text: str, index: tuple[int, ...] = (), serial: int = 1):
-    return events.Edit(ME, serial, body, field, index, text)  # type: ignore[arg-type]
+    return Edit(ME, serial, body, field, index, text)  # type: ignore[arg-type]
 
 
 def result(t_end: float = 1.0, nb: int = 7) -> SimpleNamespace:
@@ -47,31 +64,31 @@ def result(t_end: float = 1.0, nb: int = 7) -> SimpleNamespace:
 @pytest.fixture
 def ran(state: State) -> State:
     """The state after a simulation."""
-    return after(state, events.Simulate(ME), events.Simulated(1, result()))
+    return after(state, Simulate(ME), Simulated(1, result()))
 
 
 # -- pages -------------------------------------------------------------------------------------
 
 
 def test_each_page_has_its_own_selection(state):
-    state = after(state, events.Select(ME, "3"), events.Select(OTHER, "5"))
+    state = after(state, Select(ME, "3"), Select(OTHER, "5"))
     assert (state.clients[ME].selection, state.clients[OTHER].selection) == ("3", "5")
-    assert after(state, events.Select(ME, None)).clients[ME].selection is None
+    assert after(state, Select(ME, None)).clients[ME].selection is None
 
 
 def test_selecting_what_is_not_there_changes_nothing(state):
-    assert after(state, events.Select(ME, "nobody")) is state
-    assert after(state, events.Select(99, "3")) is state
+    assert after(state, Select(ME, "nobody")) is state
+    assert after(state, Select(99, "3")) is state
 
 
 def test_a_page_that_leaves_is_forgotten(state):
-    assert set(after(state, events.Disconnected(ME)).clients) == {OTHER}
+    assert set(after(state, Disconnected(ME)).clients) == {OTHER}
 
 
 def test_theme_view_and_downloads_are_a_page_s_own(state):
     state = after(
-        state, events.Theme(ME, True), events.Viewport(ME, 0.6), events.Download(ME),
-        events.Download(ME),
+        state, Theme(ME, True), Viewport(ME, 0.6), Download(ME),
+        Download(ME),
     )  # fmt: skip
     mine, other = state.clients[ME], state.clients[OTHER]
     assert (mine.dark, mine.aspect, mine.downloads) == (True, 0.6, 2)
@@ -79,12 +96,12 @@ def test_theme_view_and_downloads_are_a_page_s_own(state):
 
 
 def test_show_switches_are_shared(state):
-    assert "names" in after(state, events.Show(ME, "names", True)).shown
-    assert "axes" not in after(state, events.Show(ME, "axes", False)).shown
+    assert "names" in after(state, Show(ME, "names", True)).shown
+    assert "axes" not in after(state, Show(ME, "axes", False)).shown
 
 
 def test_an_unreadable_message_is_said(state):
-    notice = after(state, events.Misread(ME, "ValueError: no")).clients[ME].notice
+    notice = after(state, Misread(ME, "ValueError: no")).clients[ME].notice
     assert notice is not None
     assert notice.bad
 
@@ -100,11 +117,11 @@ def test_pgraph_and_jdof_follow_an_edit(state):
 
 
 def test_a_rename_is_followed_by_the_selection_of_all_pages(state):
-    state = after(state, events.Select(ME, "3"), events.Select(OTHER, "3"))
+    state = after(state, Select(ME, "3"), Select(OTHER, "3"))
     state = after(state, typed("3", "name", "knee"))
     assert [c.selection for c in state.clients.values()] == ["knee", "knee"]
     assert state.model.body("5").parent == "knee"
-    assert after(state, events.Undo(ME)).clients[ME].selection == "3"
+    assert after(state, Undo(ME)).clients[ME].selection == "3"
 
 
 @pytest.mark.parametrize(
@@ -187,58 +204,58 @@ def test_a_new_joint_says_what_it_reset(state):
 
 
 def test_new_model(state):
-    state = after(state, events.NewModel(ME, 1, "4"))
+    state = after(state, NewModel(ME, 1, "4"))
     assert [body.name for body in state.model.bodies] == ["1", "2", "3", "4"]
     assert state.framed == 1
-    assert len(after(state, events.Undo(ME)).model.bodies) == 7
+    assert len(after(state, Undo(ME)).model.bodies) == 7
 
 
 @pytest.mark.parametrize("text", ["0", "-3", "many", "1001", "2.5", ""])
 def test_a_new_model_of_no_sensible_size_is_refused(state, text):
-    refused = after(state, events.NewModel(ME, 3, text))
+    refused = after(state, NewModel(ME, 3, text))
     assert refused.model is state.model
     assert refused.clients[ME].reply is not None
     assert "from 1 to 1000" in refused.clients[ME].reply.text
 
 
 def test_add_body_hangs_on_the_given_one_and_is_selected(state):
-    added = after(state, events.AddBody(ME, "5"))
+    added = after(state, AddBody(ME, "5"))
     assert added.model.body("8").parent == "5"
     assert added.clients[ME].selection == "8"
-    assert after(state, events.AddBody(ME, None)).model.body("8").parent == "ground"
-    assert after(state, events.AddBody(ME, "nobody")).model.body("8").parent == "ground"
+    assert after(state, AddBody(ME, None)).model.body("8").parent == "ground"
+    assert after(state, AddBody(ME, "nobody")).model.body("8").parent == "ground"
 
 
 def test_the_last_body_can_go_and_another_come(state):
-    state = after(state, events.DeleteBodies(ME, ("1",), "delete"))
+    state = after(state, DeleteBodies(ME, ("1",), "delete"))
     assert state.derived.names == ()
-    assert after(state, events.AddBody(ME, None)).derived.names == ("1",)
+    assert after(state, AddBody(ME, None)).derived.names == ("1",)
 
 
 def test_delete_attaches_children_or_takes_them_along(state):
-    attached = after(state, events.Select(ME, "3"), events.DeleteBodies(ME, ("3",), "attach"))
+    attached = after(state, Select(ME, "3"), DeleteBodies(ME, ("3",), "attach"))
     assert attached.model.body("5").parent == "2"
     assert attached.clients[ME].selection is None
-    assert after(state, events.DeleteBodies(ME, ("2",), "delete")).derived.names == ("1",)
-    assert after(state, events.DeleteBodies(ME, ("nobody",), "attach")).model is state.model
+    assert after(state, DeleteBodies(ME, ("2",), "delete")).derived.names == ("1",)
+    assert after(state, DeleteBodies(ME, ("nobody",), "attach")).model is state.model
 
 
 def test_open_replaces_the_model_and_a_bad_file_says_why(state):
-    assert len(after(state, events.OpenBuiltIn(ME, "serial")).model.bodies) == 3
-    assert after(state, events.OpenBuiltIn(ME, "nothing")).model is state.model
-    refused = after(state, events.OpenText(ME, "x.json", "{"))
+    assert len(after(state, OpenBuiltIn(ME, "serial")).model.bodies) == 3
+    assert after(state, OpenBuiltIn(ME, "nothing")).model is state.model
+    refused = after(state, OpenText(ME, "x.json", "{"))
     assert refused.model is state.model
     assert refused.clients[ME].notice is not None
     assert refused.clients[ME].notice.bad
 
 
 def test_save_asks_for_a_file_and_the_outcome_is_said(state):
-    saving = after(state, events.Save(ME, 4, "/tmp/x.json")).saving
+    saving = after(state, Save(ME, 4, "/tmp/x.json")).saving
     assert saving is not None
     assert saving.model is state.model
-    saved = after(state, events.Saved(ME, 4, "/tmp/x.json", ""))
+    saved = after(state, Saved(ME, 4, "/tmp/x.json", ""))
     assert saved.clients[ME].notice is not None
-    refused = after(state, events.Saved(ME, 4, "/no/x.json", "No."))
+    refused = after(state, Saved(ME, 4, "/no/x.json", "No."))
     assert refused.clients[ME].reply is not None
     assert refused.clients[ME].reply.text == "No."
 
@@ -249,23 +266,23 @@ def test_undo_and_redo_a_hundred_and_fifty_deep(state):
         state = after(state, typed("3", "mass", str(k + 2)))
     last = state.model
     for _ in range(150):
-        state = after(state, events.Undo(ME))
+        state = after(state, Undo(ME))
     assert state.model is first
-    assert after(state, events.Undo(ME)) is state
+    assert after(state, Undo(ME)) is state
     for _ in range(150):
-        state = after(state, events.Redo(ME))
+        state = after(state, Redo(ME))
     assert state.model is last
-    assert after(state, events.Redo(ME)) is state
+    assert after(state, Redo(ME)) is state
 
 
 def test_an_edit_after_undo_forgets_what_was_undone(state):
-    state = after(state, typed("3", "mass", "2"), events.Undo(ME), typed("3", "mass", "3"))
+    state = after(state, typed("3", "mass", "2"), Undo(ME), typed("3", "mass", "3"))
     assert state.redo == ()
     assert state.undo[-1].label == "mass of 3"
 
 
 def test_a_refused_edit_leaves_undo_and_redo_alone(state):
-    state = after(state, typed("3", "mass", "2"), events.Undo(ME))
+    state = after(state, typed("3", "mass", "2"), Undo(ME))
     refused = after(state, typed("3", "mass", "-2"))
     assert (refused.undo, refused.redo) == (state.undo, state.redo)
 
@@ -274,43 +291,43 @@ def test_a_refused_edit_leaves_undo_and_redo_alone(state):
 
 
 def test_a_run_is_asked_for_once_and_comes_back(state):
-    asked = after(state, events.Simulate(ME))
+    asked = after(state, Simulate(ME))
     assert asked.job is not None
-    assert after(asked, events.Simulate(OTHER)) is asked
-    assert after(asked, events.Progress(1, 0.5)).job.fraction == 0.5  # type: ignore[union-attr]
-    done = after(asked, events.Simulated(1, result()))
+    assert after(asked, Simulate(OTHER)) is asked
+    assert after(asked, Progress(1, 0.5)).job.fraction == 0.5  # type: ignore[union-attr]
+    done = after(asked, Simulated(1, result()))
     assert done.job is None
     assert done.t_end == 1.0
 
 
 def test_a_stale_result_is_dropped(state):
-    cancelled = after(state, events.Simulate(ME), events.Cancel(ME))
+    cancelled = after(state, Simulate(ME), Cancel(ME))
     assert cancelled.job is None
-    assert after(cancelled, events.Simulated(1, result())) is cancelled
-    again = after(cancelled, events.Simulate(ME))
-    for stale in (events.Simulated(1, result()), events.Progress(1, 0.9), events.Failed(1, "no")):
+    assert after(cancelled, Simulated(1, result())) is cancelled
+    again = after(cancelled, Simulate(ME))
+    for stale in (Simulated(1, result()), Progress(1, 0.9), Failed(1, "no")):
         assert after(again, stale) is again
 
 
 def test_a_failed_run_says_why_and_the_page_goes_on(state):
-    failed = after(state, events.Simulate(ME), events.Failed(1, "the step fell below 1e-12 s"))
+    failed = after(state, Simulate(ME), Failed(1, "the step fell below 1e-12 s"))
     assert failed.job is None
     assert failed.run_problem == "the step fell below 1e-12 s"
-    assert after(failed, events.Simulate(ME)).run_problem == ""
+    assert after(failed, Simulate(ME)).run_problem == ""
 
 
 def test_a_run_belongs_to_the_model_it_was_asked_for(ran):
     edited = after(ran, typed("3", "mass", "2"))
     assert edited.run is None
-    assert after(edited, events.Undo(ME)).run is ran.last_run
+    assert after(edited, Undo(ME)).run is ran.last_run
 
 
 def test_a_model_changed_meanwhile_is_said(state):
-    state = after(state, events.Simulate(ME), typed("3", "mass", "2"))
-    done = after(state, events.Simulated(1, result()))
+    state = after(state, Simulate(ME), typed("3", "mass", "2"))
+    done = after(state, Simulated(1, result()))
     assert done.run is None
     assert "undo" in done.run_problem
-    assert after(done, events.Undo(ME)).run is not None
+    assert after(done, Undo(ME)).run is not None
 
 
 @pytest.mark.parametrize(
@@ -324,69 +341,67 @@ def test_a_model_changed_meanwhile_is_said(state):
     ],
 )
 def test_a_refused_setting_says_why(state, field, text, said):
-    refused = after(state, events.SetRun(ME, 1, field, text))
+    refused = after(state, SetRun(ME, 1, field, text))
     assert refused.request == state.request
     assert refused.clients[ME].reply is not None
     assert said in refused.clients[ME].reply.text
 
 
 def test_settings_and_scenarios(state):
-    state = after(
-        state, events.SetRun(ME, 1, "t_end", "0.5"), events.SetRun(ME, 2, "method", "rk4")
-    )
+    state = after(state, SetRun(ME, 1, "t_end", "0.5"), SetRun(ME, 2, "method", "rk4"))
     assert state.request == Request(FREE_RUN, 0.5, 1e-3, "rk4")
-    assert after(state, events.SetScenario(ME, 1, "no such")).request == state.request
-    assert after(state, events.SetScenario(ME, 1, FREE_RUN)).request == Request()
+    assert after(state, SetScenario(ME, 1, "no such")).request == state.request
+    assert after(state, SetScenario(ME, 1, FREE_RUN)).request == Request()
 
 
 def test_a_model_s_scenario_brings_its_settings():
     scenario = pg.Scenario(name="short", t_end=0.25, step=1e-3, method="rk4")
     model = pg.Model.serial(2).replace(scenarios=(scenario,))
-    state = after(initial(model), events.Connected(ME), events.SetScenario(ME, 1, FREE_RUN))
+    state = after(initial(model), Connected(ME), SetScenario(ME, 1, FREE_RUN))
     assert state.request.scenario == FREE_RUN
-    state = after(state, events.SetScenario(ME, 1, "short"))
+    state = after(state, SetScenario(ME, 1, "short"))
     assert state.request == Request("short", 0.25, 1e-3, "rk4")
-    assert after(state, events.NewModel(ME, 1, "3")).request.scenario == FREE_RUN
+    assert after(state, NewModel(ME, 1, "3")).request.scenario == FREE_RUN
 
 
 def test_kernels_report_and_become_ready(state):
-    compiling = after(state, events.Compiling(2, 5, "step")).kernels
+    compiling = after(state, Compiling(2, 5, "step")).kernels
     assert (compiling.done, compiling.total, compiling.ready) == (2, 5, False)
-    assert after(state, events.Compiled("no compiler")).kernels.problem == "no compiler"
+    assert after(state, Compiled("no compiler")).kernels.problem == "no compiler"
 
 
 # -- playback ----------------------------------------------------------------------------------
 
 
 def test_without_a_run_there_is_nothing_to_play(state):
-    assert after(state, events.Play(ME)) is state
-    assert after(state, events.Tick(0.1)) is state
+    assert after(state, Play(ME)) is state
+    assert after(state, Tick(0.1)) is state
 
 
 def test_playing_moves_with_the_clock_and_the_speed(ran):
-    state = after(ran, events.Play(ME), events.Tick(0.1), events.Speed(ME, 2.0), events.Tick(0.1))
+    state = after(ran, Play(ME), Tick(0.1), Speed(ME, 2.0), Tick(0.1))
     assert state.playback.time == pytest.approx(0.3)
     positions, wxyz = poses(state)
     assert positions[:, 0] == pytest.approx(0.3)
     assert np.linalg.norm(wxyz, axis=1) == pytest.approx(1.0)
-    assert after(state, events.Pause(ME), events.Tick(0.1)).playback.time == pytest.approx(0.3)
+    assert after(state, Pause(ME), Tick(0.1)).playback.time == pytest.approx(0.3)
 
 
 def test_the_end_loops_or_stops(ran):
-    playing = after(ran, events.Play(ME), events.Scrub(ME, 0.95))
-    assert after(playing, events.Tick(0.1)).playback.time == pytest.approx(0.05)
-    stopped = after(playing, events.Loop(ME, False), events.Tick(0.1)).playback
+    playing = after(ran, Play(ME), Scrub(ME, 0.95))
+    assert after(playing, Tick(0.1)).playback.time == pytest.approx(0.05)
+    stopped = after(playing, Loop(ME, False), Tick(0.1)).playback
     assert (stopped.time, stopped.playing) == (1.0, False)
-    ended = after(playing, events.Loop(ME, False), events.Tick(0.1), events.Play(ME))
+    ended = after(playing, Loop(ME, False), Tick(0.1), Play(ME))
     assert ended.playback.time == 0.0
 
 
 def test_scrubbing_stays_within_the_run_and_steps_are_frames(ran):
-    assert after(ran, events.Scrub(ME, 7.0)).playback.time == 1.0
-    assert after(ran, events.Scrub(ME, -7.0)).playback.time == 0.0
-    stepped = after(ran, events.Scrub(ME, 0.5), events.StepFrames(ME, 1)).playback
+    assert after(ran, Scrub(ME, 7.0)).playback.time == 1.0
+    assert after(ran, Scrub(ME, -7.0)).playback.time == 0.0
+    stepped = after(ran, Scrub(ME, 0.5), StepFrames(ME, 1)).playback
     assert stepped.time == pytest.approx(0.6)
-    assert after(ran, events.StepFrames(ME, -1)).playback.time == 0.0
+    assert after(ran, StepFrames(ME, -1)).playback.time == 0.0
 
 
 def test_poses_between_frames_take_the_short_way_round():
@@ -426,22 +441,22 @@ def test_a_single_frame_is_shown_as_it_is():
     ],
 )
 def test_what_is_no_event_is_misread(text):
-    assert isinstance(events.from_page(ME, text), events.Misread)
+    assert isinstance(from_page(ME, text), Misread)
 
 
 def test_a_page_cannot_speak_for_another():
-    event = events.from_page(ME, '{"event": "Undo", "client": 2}')
-    assert event == events.Undo(ME)
+    event = from_page(ME, '{"event": "Undo", "client": 2}')
+    assert event == Undo(ME)
 
 
 def test_what_is_an_event_is_read():
     text = '{"event":"Edit","serial":3,"body":"a","field":"inertia","index":[0,1],"text":"1"}  '
-    assert events.from_page(ME, text) == events.Edit(ME, 3, "a", "inertia", (0, 1), "1")
+    assert from_page(ME, text) == Edit(ME, 3, "a", "inertia", (0, 1), "1")
 
 
 def test_update_leaves_the_old_state_as_it_was(state):
     before = replace(state)
-    after(state, typed("3", "mass", "2"), events.Select(ME, "3"), events.Simulate(ME))
+    after(state, typed("3", "mass", "2"), Select(ME, "3"), Simulate(ME))
     assert state == before
 
 
@@ -457,13 +472,13 @@ def test_the_constraint_column_names_contacts_and_limits():
 
 
 def test_another_model_takes_what_was_said_of_the_last_run_away(state):
-    cancelled = after(state, events.Simulate(ME), events.Cancel(ME))
+    cancelled = after(state, Simulate(ME), Cancel(ME))
     assert cancelled.run_problem
-    assert after(cancelled, events.OpenBuiltIn(ME, "serial")).run_problem == ""
+    assert after(cancelled, OpenBuiltIn(ME, "serial")).run_problem == ""
 
 
 def test_a_model_opened_again_starts_anew(ran):
-    again = after(ran, events.OpenText(ME, "same", ran.model.to_json()))
+    again = after(ran, OpenText(ME, "same", ran.model.to_json()))
     assert again.model.to_json() == ran.model.to_json()
     assert again.run is None
     assert len(again.undo) == len(ran.undo) + 1

@@ -8,20 +8,21 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_app import events
 from pgraph_app.core.state import initial
 from pgraph_app.digraph.view import digraph
+from pgraph_app.features import update
 from pgraph_app.model.view import toolbar
 from pgraph_app.playback.view import playback
 from pgraph_app.properties.view import properties
+from pgraph_app.run.update import Simulate, Simulated
 from pgraph_app.run.view import run
+from pgraph_app.session.update import Connected
 from pgraph_app.table.view import table
-from pgraph_app.update import update
 
 
 @pytest.fixture
 def state(quadruped):
-    return update(initial(quadruped), events.Connected(1))
+    return update(initial(quadruped), Connected(1))
 
 
 @pytest.fixture
@@ -29,7 +30,7 @@ def ran(state):
     """The state after a hundredth of a second of stance."""
     mech = pg.Mechanism(state.model)
     result = pg.simulate(mech, scenario="stance", t_end=0.01)
-    return update(update(state, events.Simulate(1)), events.Simulated(1, result))
+    return update(update(state, Simulate(1)), Simulated(1, result))
 
 
 @pytest.mark.parametrize("view", [table, digraph, playback, toolbar, run])

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pgraph_core.model.parameters import names_in
 
-from ..core.intents import Display
+from ..core.cells import Display
 from ..core.state import State
 from ..core.views import Payload
-from .forms import button, cell, choice, field, group, shown
+from ..properties.forms import button, cell, choice, field, group, shown
 
 AXES = {"x": ("y", "z"), "y": ("x", "z"), "z": ("x", "y")}  # those that are not up
 

@@ -1,0 +1,154 @@
+"""Edits of the model: each is one undo step, and the page that asked is answered (pure)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import pgraph_core as pg
+
+from ..gait.walking import Walking
+from ..model import Step
+from ..run import FREE_RUN, Live, first_request
+from .cells import Refusal
+from .renames import found, remembered
+from .state import Client, Notice, State, replied, told
+
+UNDO_DEPTH = 200
+MOST_BODIES = 1000
+
+
+def answered(
+    state: State,
+    client: int,
+    serial: int,
+    make: Callable[[], pg.Model],
+    label: str,
+    offer: Callable[[], str] = lambda: "",
+) -> State:
+    """`make()` as the new model, or its refusal next to the cell; `offer` names a repair."""
+    try:
+        model = make()
+    except (Refusal, pg.PgraphError) as problem:
+        return replied(state, client, serial, str(problem), offer())
+    return _noticed(replied(with_model(state, model, label), client, serial), client, model)
+
+
+def attempted(state: State, client: int, make: Callable[[], pg.Model], label: str) -> State:
+    """`make()` as the new model, or a notice why not: for edits without a cell."""
+    try:
+        model = make()
+    except (Refusal, pg.PgraphError) as problem:
+        return told(state, client, Notice("Not done", str(problem), bad=True))
+    return _noticed(with_model(state, model, label), client, model)
+
+
+def _noticed(state: State, client: int, model: pg.Model) -> State:
+    """Tells the page what else the edit changed."""
+    text = "; ".join(model.notices)
+    return told(state, client, Notice("Also changed", text)) if text else state
+
+
+def with_model(state: State, model: pg.Model, label: str) -> State:
+    """`model` in place of the current one, as one undo step; nothing if it is the same."""
+    if model is state.model:
+        return state
+    undo = (*state.undo, Step(state.model, label))[-UNDO_DEPTH:]
+    return replace(_showing(state, model), undo=undo, redo=(), greeting=None)
+
+
+def replaced(state: State, model: pg.Model, label: str) -> State:
+    """A different model, as one undo step: with its own run settings, and in view."""
+    return replace(
+        with_model(state, model, label),
+        renames=state.renames,  # the bodies of its rows are others, not renamed ones
+        request=first_request(model),
+        framed=state.framed + 1,
+        walking=Walking(),
+        run_problem="",
+    )
+
+
+def undone(state: State) -> State:
+    """The model before the last step; its run is shown again if it has one."""
+    if not state.undo:
+        return state
+    *undo, step = state.undo
+    redo = (*state.redo, Step(state.model, step.label))
+    return replace(_showing(state, step.model), undo=tuple(undo), redo=redo)
+
+
+def redone(state: State) -> State:
+    """The model that the last undo left."""
+    if not state.redo:
+        return state
+    *redo, step = state.redo
+    undo = (*state.undo, Step(state.model, step.label))
+    return replace(_showing(state, step.model), undo=undo, redo=tuple(redo))
+
+
+def _showing(state: State, model: pg.Model) -> State:
+    """`model` shown: selections follow by name or row, the playback is at its start."""
+    names = {(kind, old): new for kind, old, new in found(state.model, model)}
+    clients = {
+        key: _named(_follows(client, state.model, model), names)
+        for key, client in state.clients.items()
+    }
+    request = state.request
+    if request.scenario != FREE_RUN and all(s.name != request.scenario for s in model.scenarios):
+        request = replace(request, scenario=FREE_RUN)
+    live = state.live and _live_on(state.live, state.model, model)
+    return replace(
+        state,
+        live=live,
+        model=model,
+        renames=remembered(state.renames, state.model, model),
+        clients=clients,
+        request=request,
+        playback=state.playback if live else replace(state.playback, time=0.0, playing=False),
+    )
+
+
+def _live_on(live: Live, old: pg.Model, new: pg.Model) -> Live:
+    """The live run of an edited model: it goes on if the joints are the same, else starts over."""
+
+    def joints(model: pg.Model) -> list[tuple[str, str, int]]:
+        return [(body.name, body.parent, len(body.q)) for body in model.bodies]
+
+    return live if joints(old) == joints(new) else replace(live, parts=(), falls=())
+
+
+def _follows(client: Client, old: pg.Model, new: pg.Model) -> Client:
+    """The page with its selection in the new model: by name, or by row where it was renamed."""
+    if not client.selected:
+        return client
+    if len(old.bodies) == len(new.bodies):
+        names = {a.name: b.name if a.name not in new.row else a.name
+                 for a, b in zip(old.bodies, new.bodies)}  # fmt: skip
+    else:
+        names = {name: name for name in new.row}
+    kept = sorted((names[n] for n in client.selected if n in names), key=new.row.__getitem__)
+    last = names.get(client.selection or "", kept[-1] if kept else None)
+    return replace(client, selection=last, selected=tuple(kept))
+
+
+def _named(client: Client, names: Mapping[tuple[str, str], str]) -> Client:
+    """What the page has opened, listed and plotted, under its new names."""
+    if not names:
+        return client
+    opened = client.opened and (client.opened[0], names.get(client.opened, client.opened[1]))
+    listed = client.listed and names.get(("bodies", client.listed), client.listed)
+    plots = tuple((kind, names.get(("bodies", of), of)) for kind, of in client.plots)
+    return replace(client, opened=opened, listed=listed, plots=plots)
+
+
+def selected(state: State, client: int, body: str | None, bodies: tuple[str, ...]) -> State:
+    """`state` with these bodies selected on one page; unchanged if `body` is unknown."""
+    if body is not None and body not in state.model.row:
+        return state
+    page, wanted = state.clients.get(client), {*bodies, body}
+    if page is None:
+        return state
+    known = tuple(b.name for b in state.model.bodies if b.name in wanted)
+    changed = replace(page, selection=body, selected=known)
+    return replace(state, clients={**state.clients, client: changed})

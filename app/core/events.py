@@ -1,0 +1,102 @@
+"""What can happen, and which function handles it.
+
+Each feature declares its events in its `update.py`, with the handler below the event:
+
+    @dataclass(frozen=True)
+    class Pause(FromPage):
+        ...
+
+    @on(Pause)
+    def paused(state: State, event: Pause) -> State: ...
+
+The fields of a page's events are validated by their annotations (`from_page`).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Annotated, Any, TypeVar
+
+from pydantic import ConfigDict, Field, TypeAdapter
+
+from .renames import as_now
+from .state import Notice, State, told
+
+Text = Annotated[str, Field(max_length=20_000)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Bodies = Annotated[tuple[Text, ...], Field(min_length=1, max_length=10_000)]
+Index = Annotated[tuple[Annotated[int, Field(ge=0, le=1000)], ...], Field(max_length=3)]
+Entries = Annotated[tuple[tuple[Index, Text], ...], Field(min_length=1, max_length=12)]
+
+
+class Event:
+    """Something that happened, on a page or in the server."""
+
+
+@dataclass(frozen=True)
+class FromPage(Event):
+    """An event that one open page sent."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
+    client: int
+    seen: int | None = field(default=None, kw_only=True)  # number of renames the page knew of
+
+
+Handler = TypeVar("Handler", bound=Callable[[State, Any], State])
+HANDLERS: dict[type[Event], Callable[[State, Any], State]] = {}
+
+
+def on(*kinds: type[Event]) -> Callable[[Handler], Handler]:
+    """Make a function (state, event) -> state the one handler of these kinds of events."""
+
+    def keep(handler: Handler) -> Handler:
+        for kind in kinds:
+            assert kind not in HANDLERS, f"{kind.__name__} has two handlers"
+            HANDLERS[kind] = handler
+        return handler
+
+    return keep
+
+
+def update(state: State, event: Event) -> State:
+    """The state after `event` (pure). Invalid and stale events leave it unchanged, or say why."""
+    return HANDLERS[type(event)](state, as_now(state.renames, event))
+
+
+@dataclass(frozen=True)
+class Misread(FromPage):
+    """The page sent something that is not an event."""
+
+    text: str
+
+
+@on(Misread)
+def misread(state: State, event: Misread) -> State:
+    notice = Notice("The page sent an unknown message", event.text, bad=True)
+    return told(state, event.client, notice)
+
+
+class OfServer(FromPage):
+    """About a page, but sent by the server: no page may send it."""
+
+
+@cache
+def page_events() -> dict[str, TypeAdapter[FromPage]]:
+    """The events that a page may send, by name."""
+    ours = (Misread, OfServer)
+    kinds = [k for k in HANDLERS if issubclass(k, FromPage) and not issubclass(k, ours)]
+    return {kind.__name__: TypeAdapter(kind) for kind in kinds}
+
+
+def from_page(client: int, text: str) -> FromPage:
+    """The event in a page's message `{"event": name, ...fields}`; Misread if there is none."""
+    try:
+        fields = json.loads(text)
+        adapter = page_events()[fields.pop("event")]
+        fields["client"] = client
+        return adapter.validate_json(json.dumps(fields), strict=True)
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as problem:
+        return Misread(client, f"{type(problem).__name__}: {problem}"[:300])

@@ -1,0 +1,67 @@
+"""Mesh files as shapes, and mass properties from shapes: errands of the properties."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import pgraph_core as pg
+from pgraph_core.mesh_files import FORMATS, load_mesh
+from pgraph_core.shapes.meshes import mass_properties
+
+from ..core.cells import Refusal
+from ..model import Found
+from ..model.archive import mesh_folder
+from . import body_cells
+
+LARGEST_MESH = 10_000_000  # [bytes]
+LARGE = 5.0  # [m] a mesh beyond this is likely not in metres
+
+
+def shaped(bodies: tuple[str, ...], file: str, content: bytes) -> Found:
+    """The uploaded file kept, and made the shape of these bodies.
+
+    Raises PgraphError, Refusal, OSError.
+    """
+    suffix = Path(file).suffix.lower().lstrip(".")
+    if suffix not in FORMATS:
+        raise Refusal(f"no mesh is read from .{suffix} files; give one of {', '.join(FORMATS)}")
+    if len(content) > LARGEST_MESH:
+        size = len(content) / 1e6
+        raise Refusal(f"{file} has {size:.1f} MB; a mesh file has at most 10 MB")
+    stem = re.sub(r"[^\w-]+", "_", Path(file).stem)[:60] or "mesh"
+    path = mesh_folder() / f"{stem}-{hashlib.sha256(content).hexdigest()[:8]}.{suffix}"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+    try:
+        mesh = load_mesh(path)
+    except pg.PgraphError as error:
+        path.unlink(missing_ok=True)
+        raise Refusal(str(error).replace(str(path), file)) from None
+    shape = pg.Shape(kind="mesh", file=str(path))
+    x, y, z = (float(e) for e in mesh.extents)
+    text = f"{file}: {len(mesh.faces)} faces, {x:.3g} × {y:.3g} × {z:.3g} m."
+    if max(mesh.extents) > LARGE:
+        text += " If its numbers are millimetres, set the scale to 0.001."
+    try:
+        mass_properties(shape, 1.0)
+    except pg.PgraphError as error:
+        why = str(error).split(": ", 1)[-1]
+        text += f" It is drawn and touches, but has no volume: {why}."
+    return Found(text, {name: {"shape": shape} for name in bodies})
+
+
+def mass_of(bodies: list[pg.Body], density: float) -> dict[str, dict[str, Any]]:
+    """Mass, centre of mass and inertia of bodies that fill their shapes. Raises PgraphError."""
+    found = {}
+    for body in bodies:
+        assert body.shape is not None
+        mass, com, inertia = mass_properties(body.shape, density)
+        if not (math.isfinite(mass) and mass >= 0):
+            raise Refusal(f"gives '{body.name}' a mass of {mass}")
+        even = body_cells.possible(inertia)  # symmetric to the last digit
+        found[body.name] = {"mass": float(mass), "com": tuple(map(float, com)), "inertia": even}
+    return found

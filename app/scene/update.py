@@ -1,0 +1,59 @@
+"""What the 3D view shows, and problems with mesh files (pure)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from ..core.events import Event, FromPage, on
+from ..core.state import Notice, State, told, with_client
+
+Showable = Literal[
+    "shapes", "axes", "links", "coms", "inertias", "frames", "names", "points", "forces",
+    "cones", "footprints", "follow",
+]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Show(FromPage):
+    """A switch of the 3D view; "follow", the camera, belongs to one page."""
+
+    what: Showable
+    on: bool
+
+
+@on(Show)
+def show(state: State, event: Show) -> State:
+    if event.what == "follow":
+        return with_client(state, event.client, follow=event.on)
+    shown = state.shown | {event.what} if event.on else state.shown - {event.what}
+    return replace(state, shown=shown)
+
+
+@dataclass(frozen=True)
+class Viewport(FromPage):
+    """The page's 3D view has this width over height."""
+
+    aspect: Annotated[float, Field(gt=0.05, lt=20)]
+
+
+@on(Viewport)
+def viewport(state: State, event: Viewport) -> State:
+    return with_client(state, event.client, aspect=event.aspect)
+
+
+@dataclass(frozen=True)
+class Unreadable(Event):
+    """Mesh files that are drawn as boxes, a sentence each."""
+
+    sentences: tuple[str, ...]
+
+
+@on(Unreadable)
+def unreadable(state: State, event: Unreadable) -> State:
+    notice = Notice("Drawn as a box", " ".join(event.sentences), bad=True)
+    for client in state.clients:
+        state = told(state, client, notice)
+    return state

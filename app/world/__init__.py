@@ -1,0 +1,1 @@
+"""Properties of the model itself, shown where no body is selected."""

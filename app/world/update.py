@@ -1,0 +1,171 @@
+"""Properties of the model itself: its name, gravity, the ground, its parameters (pure)."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import pgraph_core as pg
+from pgraph_core.model.parameters import evaluated, names_in
+
+from ..core import cells
+from ..core.cells import Display, Refusal
+from ..core.edit import answered, attempted
+from ..core.events import FromPage, Index, Text, on
+from ..core.state import State, display_of
+
+WorldField = Literal[
+    "name", "up", "gravity", "friction", "restitution", "slope", "uphill", "steps",
+]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class EditWorld(FromPage):
+    """A cell of the model was typed into."""
+
+    serial: int
+    field: WorldField
+    index: Index
+    text: Text
+
+
+@on(EditWorld)
+def edited(state: State, event: EditWorld) -> State:
+    display = display_of(state, event.client)
+
+    def make() -> pg.Model:
+        try:
+            return _world(state.model, display, event.field, event.index, event.text)
+        except Refusal as refusal:
+            raise Refusal(f"The {event.field} {refusal}") from None
+
+    return answered(state, event.client, event.serial, make, f"{event.field} of the model")
+
+
+def _world(
+    model: pg.Model, display: Display, field: str, index: tuple[int, ...], text: str
+) -> pg.Model:
+    match field:
+        case "name":
+            if not text.strip() or len(text) > cells.LONGEST_NAME:
+                raise Refusal(
+                    f"must have 1 to {cells.LONGEST_NAME} characters; given {len(text.strip())}"
+                )
+            return model.replace(name=text.strip())
+        case "up":
+            return model.replace(up=text)
+        case "gravity":
+            return model.replace(gravity=cells.replaced(model.gravity, index, cells.number(text)))
+        case "uphill":
+            level = (1.0, 0.0, 0.0) if model.up != "x" else (0.0, 1.0, 0.0)
+            old = model.ground.uphill or level
+            new = cells.replaced(old, index, cells.number(text)) if text.strip() else None
+            return _grounded(model, uphill=new)
+        case "slope":
+            return _grounded(model, slope=cells.quantity(text, "angle", display))
+        case "steps":
+            return _grounded(model, steps=_steps(model.ground, index, text, display))
+    return _grounded(model, **{field: cells.number(text)})
+
+
+def _grounded(model: pg.Model, **fields: Any) -> pg.Model:
+    return model.replace(ground={**model.ground.model_dump(), **fields})
+
+
+def _steps(
+    ground: pg.Ground, index: tuple[int, ...], text: str, display: Display
+) -> tuple[Any, ...]:
+    """Steps with a number typed in one, one added or one taken out."""
+    steps = [step.model_dump() for step in ground.steps]
+    if not index:
+        far = max((s["high"][0] for s in steps), default=0.0)
+        return (*steps, {"low": (far, -1.0), "high": (far + 1.0, 1.0), "height": 0.1})
+    i, *rest = index
+    if i >= len(steps):
+        raise Refusal("has no such step any more")
+    if not rest:
+        return (*steps[:i], *steps[i + 1 :])
+    key = ("low", "low", "high", "high", "height")[rest[0]]
+    value = cells.quantity(text, "length", display)
+    old = steps[i][key]
+    new = value if key == "height" else cells.replaced(old, (rest[0] % 2,), value)
+    return (*steps[:i], {**steps[i], key: new}, *steps[i + 1 :])
+
+
+# -- parameters --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class EditParameter(FromPage):
+    """A parameter's value; with an unknown name a new parameter."""
+
+    serial: int
+    name: Text
+    text: Text
+
+
+@on(EditParameter)
+def parameter_edited(state: State, event: EditParameter) -> State:
+    name = event.name.strip()
+    make = lambda: parameter_set(state.model, name, event.text)  # noqa: E731
+    return answered(state, event.client, event.serial, make, f"parameter {name}")
+
+
+@dataclass(frozen=True)
+class RenameParameter(FromPage):
+    serial: int
+    name: Text
+    text: Text
+
+
+@on(RenameParameter)
+def renamed(state: State, event: RenameParameter) -> State:
+    make = lambda: parameter_renamed(state.model, event.name, event.text.strip())  # noqa: E731
+    return answered(state, event.client, event.serial, make, f"name of parameter {event.name}")
+
+
+@dataclass(frozen=True)
+class DeleteParameter(FromPage):
+    """Cells that use it keep their numbers."""
+
+    name: Text
+
+
+@on(DeleteParameter)
+def deleted(state: State, event: DeleteParameter) -> State:
+    make = lambda: parameter_removed(state.model, event.name)  # noqa: E731
+    return attempted(state, event.client, make, f"delete parameter {event.name}")
+
+
+def parameter_set(model: pg.Model, name: str, text: str) -> pg.Model:
+    """The model with a parameter's value, which may be a sum of others. Raises Refusal."""
+    others = {key: x for key, x in model.parameters.items() if key != name}
+    try:
+        formula = text.lstrip().startswith("=")
+        value = evaluated(text, others) if formula else cells.number(text)
+    except ValueError as problem:
+        raise Refusal(f"parameter '{name}': {problem}") from None
+    return model.replace(parameters={**model.parameters, name: value})
+
+
+def parameter_renamed(model: pg.Model, old: str, new: str) -> pg.Model:
+    """The model with a parameter's other name in every formula. Raises Refusal, PgraphError."""
+    if new in model.parameters and new != old:
+        raise Refusal(f"another parameter is named '{new}'; choose another name")
+    if not new or not new.isidentifier():
+        raise Refusal(f"a parameter's name is one word of letters, digits and _; given {new!r}")
+    renamed = {new if key == old else key: x for key, x in model.parameters.items()}
+    word = re.compile(rf"\b{re.escape(old)}\b")
+    formulas = tuple(
+        f.model_copy(update={"text": word.sub(new, f.text)}) if old in names_in(f.text) else f
+        for f in model.formulas
+    )
+    return model.replace(parameters=renamed, formulas=formulas)
+
+
+def parameter_removed(model: pg.Model, name: str) -> pg.Model:
+    """The model without a parameter; cells that used it keep their numbers."""
+    left = {key: x for key, x in model.parameters.items() if key != name}
+    formulas = tuple(f for f in model.formulas if name not in names_in(f.text))
+    return model.replace(parameters=left, formulas=formulas)
