@@ -14,6 +14,7 @@ from .core.bridge import Bridge, open_server, quiet, token_for
 from .core.events import Event, from_page
 from .core.state import initial
 from .core.store import Store
+from .features import update
 from .model.update import recovered
 from .model.worker import Errands
 from .page import Page
@@ -38,7 +39,7 @@ class Server:
         state = initial(model, built_in())
         if keep is not None:
             state = recovered(state, left_behind(keep, host, self.port), given)
-        self.store = Store(state)
+        self.store = Store(state, update)
         bridge = Bridge(viser, lambda client, text: self.send(from_page(client, text)))
         page = Page(bridge, self.send)
         self._autosave = Autosave(keep, host, self.port, given, self.send) if keep else None
