@@ -12,10 +12,13 @@ from pgraph_peers import exudyn as in_exudyn
 from pgraph_peers import mujoco as in_mujoco
 
 from .machine import has
-from .scenes import STEP, Scene, differ
+from .scenes import STEP, Scene, differ, scene
 from .timing import Case
 
 GOAL_STEP, GOAL_BATCH = 2.5, 12.0
+GOAL_CALL, GOAL_ESTIMATE = 2.0, 1.3  # of whole calls, without and with our error estimate
+CALLS = 40  # of forward_dynamics, which one step by `simulate` may cost
+METHOD = "semi_implicit_euler"
 METHODS = {"semi_implicit_euler": "semi-implicit Euler step", "rk4": "RK4 step"}
 
 
@@ -104,3 +107,42 @@ def batch(place: Scene, threads: int, size: int, number: int) -> Case:
         agreement = f"mujoco {differ(run().q[:, -1] - q, change(), 1e-5, name)}"
     goals = {"mujoco.rollout": GOAL_BATCH}
     return Case(name, sides, "instance-step", size * number, agreement, goals)
+
+
+def whole_call(*, estimate: bool, number: int = 500) -> Case:
+    """A whole call of `simulate` on a chain of 20, beside one of `mujoco.rollout`.
+
+    Both mechanisms are built; the error estimate has no counterpart.
+    """
+    place = scene("chain of 20", pg.Model.serial(20), 0.2)
+    name = f"whole call of {number} steps{', with the estimate' if estimate else ''}"
+    mech, q, v = pg.Mechanism(place.model), place.state.q, place.state.v
+    options = {"t_end": number * STEP, "step": STEP, "method": "semi_implicit_euler", "frames": 2}
+
+    def run() -> pg.Result:
+        return pg.simulate(mech, q, v, estimate=estimate, **options)
+
+    sides: dict[str, Callable[[], object]] = {"pgraph": run}
+    agreement = ""
+    if has("mujoco"):
+        sides["mujoco.rollout"], change = in_mujoco.rollout(place, STEP, METHOD, number)
+        agreement = f"mujoco {differ(run().q[-1] - q, change()[0], 1e-5, name)}"
+    goal = GOAL_ESTIMATE if estimate else GOAL_CALL
+    return Case(name, sides, agreement=agreement, goals={"mujoco.rollout": goal})
+
+
+def one_step() -> Case:
+    """One step by `simulate`, beside as many calls of `forward_dynamics` as it may cost."""
+    place = scene("chain of 20", pg.Model.serial(20), 0.2)
+    mech, q, v, tau = pg.Mechanism(place.model), place.state.q, place.state.v, place.state.tau
+    options = {"t_end": STEP, "step": STEP, "method": "semi_implicit_euler", "frames": 2}
+
+    def calls() -> None:
+        for _ in range(CALLS):
+            mech.forward_dynamics(q, v, tau)
+
+    sides: dict[str, Callable[[], object]] = {
+        f"{CALLS} calls of forward_dynamics": calls,
+        "pgraph": lambda: pg.simulate(mech, q, v, **options),
+    }
+    return Case(f"one step by simulate, {place.name}", sides, at_most={"pgraph": 1.0})

@@ -59,6 +59,9 @@ def cases(*, quick: bool) -> Iterator[Case]:
     yield lean.steps(tree, 200)
     for method in runs.METHODS:
         yield runs.steps(slow, method, 2000)
+    yield runs.whole_call(estimate=False)
+    yield runs.whole_call(estimate=True)
+    yield runs.one_step()
     for threads in (1, 2):
         yield runs.batch(slow, threads, 256, 400)
     yield dynamics.stance_run()

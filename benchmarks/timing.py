@@ -1,4 +1,4 @@
-"""Honest timing: one process, warmed up, interleaved in shuffled rounds, medians with quartiles."""
+"""Timing of calls: one process, warm, interleaved in shuffled rounds, medians with quartiles."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import random
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from statistics import median, quantiles
 
-Spread = tuple[float, float, float]  # lower quartile, median, upper quartile
+from pgraph_core.study.timing import Spread as Spread
+from pgraph_core.study.timing import spread as spread
 
 
 @dataclass(frozen=True)
@@ -45,14 +45,6 @@ class Timed:
     def ratio(self, side: str) -> Spread:
         """How many times longer a peer takes, within the same round."""
         return spread([x / y for x, y in zip(self.seconds[side], self.seconds[self.ours])])
-
-
-def spread(values: list[float]) -> Spread:
-    """Lower quartile, median, upper quartile."""
-    if len(values) < 2:
-        return values[0], values[0], values[0]
-    low, _, high = quantiles(values, n=4, method="inclusive")
-    return low, median(values), high
 
 
 def repeats(call: Callable[[], object], shortest: float) -> int:

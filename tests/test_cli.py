@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-import pgraph_app.cli.bar
+import pgraph_app.cli.terminal
 import pgraph_core as pg
 import pgraph_models
 from pgraph_app.cli import main
-from pgraph_app.cli.answer import aligned, to_json
+from pgraph_app.cli.terminal import aligned, to_json
 
 
 def said(capsys, *words: str, code: int = 0) -> tuple[str, str]:
@@ -129,7 +129,7 @@ def test_new_writes_a_file_but_never_over_one(capsys, tmp_path: Path):
     assert out == f"Wrote {file}: 4 bodies in a row.\n"
     assert pg.Model.load(file) == pg.Model.serial(4)
     _, err = said(capsys, "new", "5", "-o", str(file), code=1)
-    assert err == f"{file}: is there already; choose another name\n"
+    assert err == f"{file}: exists already; choose another name\n"
     assert pg.Model.load(file) == pg.Model.serial(4)
 
 
@@ -248,7 +248,7 @@ def test_progress_is_shown_on_a_terminal_only(capsys, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     bar = said(capsys, "run", "pendulum", "--t-end", "0.1")[1]
     assert "\rcompiling [" in bar
-    assert f"\rrunning   [{'#' * pgraph_app.cli.bar.WIDTH}] 100%" in bar
+    assert f"\rrunning   [{'#' * pgraph_app.cli.terminal.WIDTH}] 100%" in bar
     assert bar.endswith(" \r")  # wiped off
 
 

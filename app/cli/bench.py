@@ -1,4 +1,4 @@
-"""`pgraph bench`: speed beside the installed peers; comes with the repository, not the wheel."""
+"""`pgraph bench`: speed compared with the installed peers; only in a checkout."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from typing import Any
 
 from pgraph_core.errors import InputError, Problem
 
-from .answer import Answer
+from .terminal import Answer
 
-HELP = "speed beside MuJoCo, Pinocchio, Drake and Exudyn (in a checkout)"
+HELP = "speed compared with MuJoCo, Pinocchio, Drake and Exudyn (in a checkout)"
 ROOT = Path(__file__).parent.parent.parent
 
 
@@ -20,11 +20,11 @@ def arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--quick", action="store_true", help="fewer rounds, shorter chains")
     parser.add_argument("--markdown", action="store_true", help="the text of docs/benchmarks.md")
     parser.add_argument("--gate", action="store_true", help="exit code 1 if a ratio fell by 25 %%")
-    parser.add_argument("--update-baseline", action="store_true", help="write baseline.json anew")
+    parser.add_argument("--update-baseline", action="store_true", help="rewrite baseline.json")
 
 
 def answer(args: Namespace) -> Answer:
-    """Raises InputError where there is no folder `benchmarks`."""
+    """Raises InputError if there is no folder `benchmarks`."""
     found: dict[str, Any] = part("suite").measured(quick=args.quick)
     report, gate = part("report"), part("gate")
     cpu, now, then = found["machine"]["cpu"], gate.ratios(found["rows"]), gate.load()
@@ -39,7 +39,7 @@ def answer(args: Namespace) -> Answer:
 def part(name: str) -> Any:
     """A module of the folder `benchmarks` of this checkout."""
     if not (ROOT / "benchmarks" / f"{name}.py").is_file():
-        text = "benchmarks come with the repository, not with the package; run it in a checkout"
+        text = "the benchmarks are not installed with the package; run it in a checkout of Pgraph"
         raise InputError(Problem("pgraph bench", "", text))
     if str(ROOT) not in sys.path:
         sys.path.insert(0, str(ROOT))

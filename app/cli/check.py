@@ -1,4 +1,4 @@
-"""`pgraph check MODEL`: every problem of a description at once."""
+"""`pgraph check MODEL`: every problem of a model at once."""
 
 from __future__ import annotations
 
@@ -7,27 +7,26 @@ from argparse import ArgumentParser, Namespace
 import pgraph_core as pg
 from pgraph_core.errors import ModelError, Problem
 
-from . import given
-from .answer import Answer
+from .terminal import Answer, model_argument, open_model
 
-HELP = "every problem found in a model; exit code 1 if there is any"
+HELP = "list every problem of a model; exit code 1 if there is one"
 
 
 def arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("model", metavar="MODEL", help="a file or the name of a built-in model")
+    model_argument(parser)
 
 
 def answer(args: Namespace) -> Answer:
-    """Reading a model raises with all its problems, which `main` prints; so do its meshes."""
-    model = given.model(args.model)
+    """Raises ModelError with all problems of the model and its meshes."""
+    model = open_model(args.model)
     if found := mesh_problems(model):
         raise ModelError(found)
     return Answer({"problems": []}, f"{model.name}: no problem found")
 
 
 def mesh_problems(model: pg.Model) -> list[Problem]:
-    """One for each body whose mesh file cannot be read."""
-    from pgraph_core.mesh_files import load_mesh  # with the compiler: `check` does without
+    """One problem for each body whose mesh file cannot be read."""
+    from pgraph_core.mesh_files import load_mesh  # it needs the compiler; models without do not
 
     found = []
     for body in model.bodies:

@@ -1,4 +1,4 @@
-"""`pgraph info MODEL`: what follows from the table; compiles nothing."""
+"""`pgraph info MODEL`: numbering, degrees of freedom and plan of a model; compiles nothing."""
 
 from __future__ import annotations
 
@@ -10,24 +10,23 @@ import pgraph_core as pg
 from pgraph_core import joints
 from pgraph_core.constraints.mobility import mobility
 
-from . import given
-from .answer import Answer, aligned
+from .terminal import Answer, aligned, model_argument, open_model
 
-HELP = "bodies, degrees of freedom, Pgraph, jdof, tips, ..."
+HELP = "bodies, degrees of freedom, Pgraph, jdof, tips, mobility"
 
 
 def arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("model", metavar="MODEL", help="a file or the name of a built-in model")
+    model_argument(parser)
 
 
 def answer(args: Namespace) -> Answer:
-    model = given.model(args.model)
+    model = open_model(args.model)
     data = facts(model)
     return Answer(data, _text(model, data))
 
 
 def facts(model: pg.Model) -> dict[str, Any]:
-    """What follows from the description, under the names of `Mechanism`; in number order."""
+    """The answer under the names of `Mechanism`, in number order."""
     topology = pg.Topology.of(model)
     bodies = [model.bodies[row] for row in topology.row]
     return {
@@ -55,7 +54,7 @@ def facts(model: pg.Model) -> dict[str, Any]:
 
 
 def _mobility(model: pg.Model, topology: pg.Topology) -> dict[str, Any] | None:
-    """The report of mobility, or the sentence of what cannot be met; None without constraints."""
+    """The report of mobility, or why it cannot be assembled; None without constraints."""
     if not any(c.active for c in model.constraints):
         return None
     try:

@@ -1,4 +1,4 @@
-"""Which command was typed, and what every command has in common."""
+"""Finds the command that was typed and runs it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from types import ModuleType
 from pgraph_core.errors import PgraphError
 
 from . import bench, check, info, models, new, report, run, stability, start, verify
-from .answer import print_answer, print_problems
+from .terminal import print_answer, print_problems
 
 COMMANDS: dict[str, ModuleType] = {
     "new": new,
@@ -28,7 +28,7 @@ COMMANDS: dict[str, ModuleType] = {
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Exit code 0 done, 1 the model or the run has a problem, 2 wrong usage."""
+    """Returns 0 if all is well, 1 if the model or the run has a problem, 2 for wrong usage."""
     words = list(sys.argv[1:] if argv is None else argv)
     try:
         if words and words[0] in COMMANDS:
@@ -37,8 +37,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("Stopped.", file=sys.stderr)
         return 130  # the shells' code for Ctrl+C
-    except BrokenPipeError:  # the reader, such as `head`, has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing left to flush
+    except BrokenPipeError:  # the reader, such as `head`, has closed the pipe
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to flush
         return 0
 
 
@@ -64,8 +64,8 @@ def _start(words: Sequence[str]) -> int:
     listed = "\n".join(f"  pgraph {name:9} {module.HELP}" for name, module in COMMANDS.items())
     parser = ArgumentParser(
         prog="pgraph",
-        description="Multibody dynamics from a four-column table: opens the page in the browser.",
-        epilog=f"other commands, each with --help and --json:\n{listed}",
+        description="Multibody dynamics from a four-column table. Opens the page in the browser.",
+        epilog=f"commands, each with --help and --json:\n{listed}",
         formatter_class=RawDescriptionHelpFormatter,
     )
     start.arguments(parser)

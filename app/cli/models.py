@@ -7,13 +7,13 @@ from argparse import ArgumentParser, Namespace
 import pgraph_core as pg
 import pgraph_models
 
-from .answer import Answer, aligned
+from .terminal import Answer, aligned
 
-HELP = "the built-in models"
+HELP = "list the built-in models"
 
 
 def arguments(parser: ArgumentParser) -> None:
-    """None."""
+    """It has none."""
 
 
 def answer(args: Namespace) -> Answer:

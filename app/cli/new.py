@@ -1,4 +1,4 @@
-"""`pgraph new N`: the table that a new model starts with."""
+"""`pgraph new N`: a new model of N bodies."""
 
 from __future__ import annotations
 
@@ -9,15 +9,14 @@ from pathlib import Path
 import pgraph_core as pg
 from pgraph_core.errors import FileError, Problem
 
-from . import given
-from .answer import Answer
+from .terminal import Answer, count
 
-HELP = "the default table of N bodies: a serial chain, one hinge each"
+HELP = "write a model of N bodies: a serial chain of hinges"
 
 
 def arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("n", metavar="N", type=given.body_count, help="number of bodies")
-    parser.add_argument("-o", "--output", metavar="FILE", help="write it there, not to the screen")
+    parser.add_argument("n", metavar="N", type=count, help="number of bodies")
+    parser.add_argument("-o", "--output", metavar="FILE", help="write to FILE instead")
 
 
 def answer(args: Namespace) -> Answer:
@@ -26,7 +25,7 @@ def answer(args: Namespace) -> Answer:
         text = model.to_json().rstrip("\n")
         return Answer(json.loads(text), text)
     if Path(args.output).exists():
-        raise FileError(Problem(args.output, "", "is there already; choose another name"))
+        raise FileError(Problem(args.output, "", "exists already; choose another name"))
     model.save(args.output)
     data = {"path": args.output, "name": model.name, "nb": len(model.bodies)}
     return Answer(data, f"Wrote {args.output}: {len(model.bodies)} bodies in a row.")

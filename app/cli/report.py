@@ -1,63 +1,57 @@
-"""`pgraph report MODEL`: what each method costs at which accuracy, beside the installed peers."""
+"""`pgraph report MODEL`: error against run time of each method and of the installed peers."""
 
 from __future__ import annotations
 
 import json
-from argparse import ArgumentParser, ArgumentTypeError, BooleanOptionalAction, Namespace
+from argparse import ArgumentParser, BooleanOptionalAction, Namespace
 from pathlib import Path
 from typing import Any
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.engine import warm_up
 from pgraph_core.errors import FileError, InputError, Problem, choices
 
-from . import given
-from .answer import Answer
-from .bar import Bar, progress_bar
+from .terminal import (
+    Answer,
+    Bar,
+    compile_kernels,
+    count,
+    first_scenario,
+    model_argument,
+    names,
+    numbers,
+    open_model,
+    positive,
+    progress_bar,
+)
 
-HELP = "error against run time of every method, and of the peers that are installed"
+HELP = "error against run time of every method and of the installed peers"
 
 
 def arguments(parser: ArgumentParser) -> None:
-    parser.add_argument(
-        "model", metavar="MODEL", nargs="?", help="a file or the name of a built-in model"
-    )
-    parser.add_argument("--case", metavar="NAME", help="instead: a case whose motion is known")
-    parser.add_argument("--scenario", help="default: the model's first one, if it has any")
-    parser.add_argument("--t-end", type=given.duration, metavar="S", help="duration [s]")
-    parser.add_argument("--methods", type=names, metavar="M,M", help="default: all that suit")
+    model_argument(parser, "?")
+    parser.add_argument("--case", metavar="NAME", help="a verification case instead of MODEL")
+    parser.add_argument("--scenario", help="default: the model's first one")
+    parser.add_argument("--t-end", type=positive, metavar="S", help="duration [s]")
+    parser.add_argument("--methods", type=names, metavar="M,M", help="default: all that fit")
     parser.add_argument("--steps", type=numbers, metavar="S,S", help="default: h0 halved 8 times")
     parser.add_argument("--tolerances", type=numbers, metavar="R,R", help="default: 1e-2 .. 1e-12")
-    parser.add_argument("--fixed", action="store_true", help="given steps for every method")
-    parser.add_argument("--target", type=given.duration, metavar="E", help="recommend for it")
-    parser.add_argument("--rounds", type=given.body_count, default=5, help="of timing; default 5")
+    parser.add_argument("--fixed", action="store_true", help="also run adaptive methods at steps")
+    parser.add_argument("--target", type=positive, metavar="E", help="error to recommend for")
+    parser.add_argument("--rounds", type=count, default=5, help="rounds of timing; default: 5")
     parser.add_argument(
         "--clock", choices=("wall", "processor"), default="wall",
-        help="processor: without what other programs take; default: wall",
+        help="processor excludes time of other programs; default: wall",
     )  # fmt: skip
     parser.add_argument(
-        "--longest", type=given.duration, metavar="S", help="leave out longer runs; default 1 s"
+        "--longest", type=positive, metavar="S", help="leave out longer runs; default: 1"
     )
     parser.add_argument(
-        "--peers", action=BooleanOptionalAction, default=True, help="other engines beside"
+        "--peers", action=BooleanOptionalAction, default=True, help="compare with other engines"
     )
     parser.add_argument(
         "-o", "--output", metavar="FILE", help="write a page (.html), .json, .svg or .txt"
     )
-
-
-def names(text: str) -> tuple[str, ...]:
-    """Names with commas in between."""
-    return tuple(x.strip() for x in text.split(",") if x.strip())
-
-
-def numbers(text: str) -> tuple[float, ...]:
-    """Numbers with commas in between."""
-    try:
-        return tuple(float(x) for x in text.split(",") if x.strip())
-    except ValueError:
-        raise ArgumentTypeError(f"must be numbers with commas between; given {text!r}") from None
 
 
 def answer(args: Namespace) -> Answer:
@@ -65,8 +59,7 @@ def answer(args: Namespace) -> Answer:
     _checked(args)
     mech, options = _motion(args)
     bar = progress_bar()
-    for i, n, _ in warm_up():
-        bar("compiling", i / n)
+    compile_kernels(bar)
     study = _study(mech, args, options, bar)
     data = json.loads(study.to_json())
     if args.output:
@@ -76,7 +69,7 @@ def answer(args: Namespace) -> Answer:
 
 
 def _checked(args: Namespace) -> None:
-    """What can be said before the work."""
+    """Raises PgraphError for arguments that do not fit, before the work."""
     if (args.model is None) == (args.case is None):
         raise InputError(Problem("pgraph report", "", "give either a MODEL or --case NAME"))
     endings = pg.Study.SUFFIXES
@@ -87,16 +80,16 @@ def _checked(args: Namespace) -> None:
 def _motion(args: Namespace) -> tuple[pg.Mechanism, dict[str, Any]]:
     if args.case is not None:
         return _case(args.case)
-    model = given.model(args.model)
-    scenario = args.scenario or next((s.name for s in model.scenarios), None)
+    model = open_model(args.model)
+    scenario = first_scenario(model, args.scenario)
     return pg.Mechanism(model), {"scenario": scenario}
 
 
 def _case(name: str) -> tuple[pg.Mechanism, dict[str, Any]]:
-    """The motion of a case, with its reference; what it is run by is what is compared here."""
+    """The motion of a case and its reference; the method is what is compared here."""
     found = list(pgraph_models.cases(name))
     if len(found) > 1:
-        text = f"stands for several; choose one of {choices([case.name for case in found], 40)}"
+        text = f"names several cases; choose one of {choices([case.name for case in found], 40)}"
         raise InputError(Problem(f"case '{name}'", "", text))
     case = found[0]
     kept = {key: x for key, x in case.options.items() if key not in ("method", "step", "rtol")}
@@ -124,7 +117,7 @@ def _study(mech: pg.Mechanism, args: Namespace, options: dict[str, Any], bar: Ba
 
 
 def _problem(study: pg.Study) -> str:
-    """The sentence of a study that found nothing to recommend."""
+    """Why the study has nothing to recommend; "" if it has."""
     if not any(row.ok for row in study.rows):
         return next((row.reason for row in study.rows if row.reason), "no run reached the end")
     if study.target is None:

@@ -1,4 +1,4 @@
-"""`pgraph run MODEL`: simulate, and say how it ended, how accurate it is and what it cost."""
+"""`pgraph run MODEL`: simulate, and print status, accuracy and cost."""
 
 from __future__ import annotations
 
@@ -8,36 +8,41 @@ from argparse import ArgumentParser, Namespace
 from typing import Any
 
 import pgraph_core as pg
-from pgraph_core.engine import warm_up
 
-from . import given
-from .answer import Answer
-from .bar import progress_bar
+from .terminal import (
+    Answer,
+    compile_kernels,
+    first_scenario,
+    model_argument,
+    open_model,
+    positive,
+    progress_bar,
+    tolerance,
+)
 
 HELP = "simulate; print status, error estimate, energy and cost"
 
 
 def arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("model", metavar="MODEL", help="a file or the name of a built-in model")
-    parser.add_argument("--scenario", help="default: the model's first one, if it has any")
-    parser.add_argument("--t-end", type=given.duration, metavar="S", help="duration [s]")
-    parser.add_argument("--method", help="the integrator; default: the scenario's, else auto")
-    parser.add_argument("--step", type=given.duration, metavar="S", help="step [s]")
+    model_argument(parser)
+    parser.add_argument("--scenario", help="default: the model's first one")
+    parser.add_argument("--t-end", type=positive, metavar="S", help="duration [s]")
+    parser.add_argument("--method", help="integration method; default: the scenario's, else auto")
+    parser.add_argument("--step", type=positive, metavar="S", help="step [s]")
     parser.add_argument(
-        "--rtol", type=given.tolerance, metavar="R", help="tolerance of a step; it is then chosen"
+        "--rtol", type=tolerance, metavar="R", help="relative tolerance of adaptive steps"
     )
-    parser.add_argument("-o", "--output", metavar="FILE", help="write the whole run to FILE (.npz)")
+    parser.add_argument("-o", "--output", metavar="FILE", help="write the run to FILE (.npz)")
 
 
 def answer(args: Namespace) -> Answer:
-    model = given.model(args.model)
-    scenario = args.scenario or next((s.name for s in model.scenarios), None)
+    model = open_model(args.model)
+    scenario = first_scenario(model, args.scenario)
     asked = {name: getattr(args, name) for name in ("t_end", "method", "step", "rtol")}
     options = {name: value for name, value in asked.items() if value is not None}
     bar = progress_bar()
     compiling = time.perf_counter()
-    for i, n, _ in warm_up():  # apart, so that the run's time is the run's
-        bar("compiling", i / n)
+    compile_kernels(bar)
     compiling = time.perf_counter() - compiling
     result = pg.simulate(
         pg.Mechanism(model),
@@ -58,7 +63,7 @@ def answer(args: Namespace) -> Answer:
 
 
 def facts(result: pg.Result) -> dict[str, Any]:
-    """What a run says of itself, under the names of `Result`; energies and drifts as extremes."""
+    """The answer under the names of `Result`; energies and drifts as extremes."""
     return {
         "status": result.status.name,
         "message": result.message,
@@ -82,6 +87,7 @@ def facts(result: pg.Result) -> dict[str, Any]:
 def _lines(data: dict[str, Any], plan: pg.Plan) -> list[str]:
     scenario = f", scenario {data['scenario']}" if data["scenario"] else ""
     position, velocity = data["constraint_drift"]
+    first, last = data["energy"]
     counters = (
         f"{count} {name.replace('_', ' ')}" for name, count in data["counters"].items() if count
     )
@@ -90,7 +96,7 @@ def _lines(data: dict[str, Any], plan: pg.Plan) -> list[str]:
         f"{data['model']}{scenario}: {data['message']}",
         f"method             {data['method']}, {_steps(data)}, t = {data['t']:.6g} s",
         f"error estimate     {_estimate(data)}",
-        f"energy             {data['energy'][0]:.6g} J at first, {data['energy'][1]:.6g} J at last",
+        f"energy             {first:.6g} J at the start, {last:.6g} J at the end",
         f"energy drift       {data['energy_drift']:.3g} of its range",
         f"constraint drift   {position:.3g} m, {velocity:.3g} m/s",
         f"cost               {', '.join(counters)}",
@@ -102,7 +108,7 @@ def _lines(data: dict[str, Any], plan: pg.Plan) -> list[str]:
 
 
 def _steps(data: dict[str, Any]) -> str:
-    """How the steps were chosen."""
+    """The step, or the tolerance of adaptive steps."""
     if data["step"] is None:
         return f"steps to a tolerance of {data['header']['rtol']:g}"
     return f"step {data['step']:.6g} s"

@@ -1,8 +1,8 @@
-"""`pgraph stability MODEL`: which methods hold where a scene is made stiff or extreme."""
+"""`pgraph stability MODEL`: which methods stay accurate as a model is made extreme."""
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import Any
 
@@ -10,48 +10,39 @@ import pgraph_core as pg
 from pgraph_core.errors import FileError, InputError, Problem
 from pgraph_core.model.files import write_atomic
 
-from . import given
-from .answer import Answer
-from .bar import progress_bar
+from .terminal import (
+    Answer,
+    model_argument,
+    names,
+    numbers,
+    open_model,
+    positive,
+    progress_bar,
+)
 
-HELP = "which methods hold where a scene is made stiff or extreme"
+HELP = "which methods stay accurate as a model is made stiff or extreme"
 
 
 def arguments(parser: ArgumentParser) -> None:
     from pgraph_core.study.axes import AXES
 
-    parser.add_argument("model", metavar="MODEL", help="a file or the name of a built-in model")
-    parser.add_argument("--axis", choices=tuple(AXES), default="stiffness", help="what is varied")
-    parser.add_argument("--all", action="store_true", help="every axis that the model has")
+    model_argument(parser)
+    parser.add_argument("--axis", choices=tuple(AXES), default="stiffness", help="what to vary")
+    parser.add_argument("--all", action="store_true", help="every axis that fits the model")
     parser.add_argument("--values", type=numbers, metavar="X,X", help="default: those of the axis")
-    parser.add_argument("--methods", type=names, metavar="M,M", help="default: all that can")
+    parser.add_argument("--methods", type=names, metavar="M,M", help="default: all that fit")
     parser.add_argument("--steps", type=numbers, metavar="S,S", help="default: 0.1 to 1e-4 [s]")
-    parser.add_argument("--t-end", type=given.duration, metavar="S", help="duration [s]")
-    parser.add_argument(
-        "--target", type=given.duration, metavar="E", help="largest error that is OK"
-    )
-    parser.add_argument("--scenario", help="default: none, the model's initial state")
+    parser.add_argument("--t-end", type=positive, metavar="S", help="duration [s]")
+    parser.add_argument("--target", type=positive, metavar="E", help="largest error that is OK")
+    parser.add_argument("--scenario", help="default: none")
     parser.add_argument(
         "-o", "--output", metavar="FILE", help="write a page (.html), .svg or .json"
     )
 
 
-def numbers(text: str) -> tuple[float, ...]:
-    """Numbers with commas in between."""
-    try:
-        return tuple(float(x) for x in text.split(",") if x.strip())
-    except ValueError:
-        raise ArgumentTypeError(f"must be numbers with commas between; given {text!r}") from None
-
-
-def names(text: str) -> tuple[str, ...]:
-    """Names with commas in between."""
-    return tuple(x.strip() for x in text.split(",") if x.strip())
-
-
 def answer(args: Namespace) -> Answer:
     _writable(args)
-    model = given.model(args.model)
+    model = open_model(args.model)
     asked = {n: getattr(args, n) for n in ("methods", "steps", "t_end", "target", "scenario")}
     options = {name: value for name, value in asked.items() if value is not None}
     if args.values is not None:
@@ -68,13 +59,13 @@ def answer(args: Namespace) -> Answer:
 def _maps(
     model: pg.Model, args: Namespace, options: dict[str, Any]
 ) -> tuple[list[pg.StabilityMap], list[str]]:
-    """(a map an axis, a sentence for each axis that the model has not)."""
+    """(a map of each axis, a sentence for each axis that does not fit the model)."""
     from pgraph_core.study.axes import AXES
 
     bar, found, lacking = progress_bar(), [], []
     for axis in AXES if args.all else (args.axis,):
         if args.all and axis == "step":
-            continue  # the columns of all the others
+            continue  # it is in the columns of the others
         try:
             found.append(
                 pg.stability_map(
@@ -91,7 +82,7 @@ def _maps(
 
 
 def _writable(args: Namespace) -> None:
-    """Raises FileError, before the work, where the file's name cannot do."""
+    """Raises FileError before the work if the file has no known suffix."""
     suffixes = (".html", ".json") if args.all else (".html", ".svg", ".json")
     if args.output and Path(args.output).suffix not in suffixes:
         text = f"must end in {', '.join(suffixes)}"

@@ -1,4 +1,4 @@
-"""`pgraph [MODEL]`: the page in the browser."""
+"""`pgraph [MODEL]`: opens the page in the browser."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from argparse import ArgumentParser, Namespace
 
 from pgraph_core.errors import InputError, Problem
 
-from . import given
+from .terminal import open_model, port
 
 
 def arguments(parser: ArgumentParser) -> None:
@@ -21,18 +21,18 @@ def arguments(parser: ArgumentParser) -> None:
         help="a file or the name of a built-in model (default: quadruped)",
     )
     parser.add_argument("--host", default="127.0.0.1", help="default: 127.0.0.1, this machine only")
-    parser.add_argument("--port", type=given.port, default=8080, help="default: 8080")
+    parser.add_argument("--port", type=port, default=8080, help="default: 8080")
     parser.add_argument("--no-browser", action="store_true", help="do not open the browser")
 
 
 def start(args: Namespace) -> None:
     """Serve the page until Ctrl+C."""
-    model = given.model(args.model)
+    model = open_model(args.model)
     _bind(args.host)
     from ..server import serve  # here: no other command needs viser
     from ..session.autosave import state_folder
 
-    stopped = threading.Event()  # an exception might strike while the page is being set up
+    stopped = threading.Event()  # no exception in the middle of the set-up
     signal.signal(signal.SIGINT, lambda *_: stopped.set())
     server = serve(
         model, host=args.host, port=args.port, open_browser=not args.no_browser,
@@ -42,7 +42,7 @@ def start(args: Namespace) -> None:
 
 
 def _bind(host: str) -> None:
-    """Raises InputError where this machine has no such address, which viser would try for ever."""
+    """Raises InputError if this machine has no such address; viser would try it forever."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(host, 0, type=socket.SOCK_STREAM)[0]
         with socket.socket(family, kind, protocol) as free:

@@ -1,4 +1,4 @@
-"""`pgraph verify`: motions that are known, computed again and compared."""
+"""`pgraph verify`: computes known motions and compares them with their references."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from typing import Any
 import pgraph_core as pg
 import pgraph_models
 
-from .answer import Answer, aligned
+from .terminal import Answer, aligned
 
-HELP = "the cases whose motion is known: error reached, target, cost; exit code 1 if one misses"
+HELP = "compute known motions; print errors, targets and cost; exit code 1 if one misses"
 HEADER = (
     "case", "compared", "error", "target", "reference", "time [s]", "steps", "method", "verdict"
 )  # fmt: skip
@@ -27,7 +27,7 @@ def arguments(parser: ArgumentParser) -> None:
 
 
 def answer(args: Namespace) -> Answer:
-    """Raises PgraphError for a name that is not there."""
+    """Raises PgraphError for an unknown name."""
     wanted = args.names or pgraph_models.case_names()
     chosen = [case for name in wanted for case in _cases(name)]
     tell = _line if sys.stderr.isatty() else _nothing
@@ -38,10 +38,10 @@ def answer(args: Namespace) -> Answer:
         rows.append(facts(pg.verify(case)))
     tell("")
     missed = [row["case"] for row in rows if not row["ok"]]
-    said = f"{len(rows) - len(missed)} of {len(rows)} cases reach their targets"
+    summary = f"{len(rows) - len(missed)} of {len(rows)} cases reach their targets"
     table = aligned((_cells(row) for row in rows), HEADER)
     problem = f"missed: {', '.join(missed)}" if missed else ""
-    return Answer({"cases": rows}, f"{table}\n\n{said}", problem)
+    return Answer({"cases": rows}, f"{table}\n\n{summary}", problem)
 
 
 def _cases(name: str) -> tuple[pg.Case, ...]:
@@ -50,7 +50,7 @@ def _cases(name: str) -> tuple[pg.Case, ...]:
 
 
 def facts(verdict: pg.Verdict) -> dict[str, Any]:
-    """A row of the table, under names that scripts can rely on."""
+    """One result, under names that scripts can rely on."""
     run, case = verdict.run, verdict.case
     return {
         "case": case.name,
@@ -81,9 +81,9 @@ def _cells(row: dict[str, Any]) -> tuple[Any, ...]:
 
 
 def _line(text: str) -> None:
-    """Progress on a terminal, in the place of the last."""
+    """Progress on a terminal, over the last line."""
     print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
 
 
 def _nothing(text: str) -> None:
-    """Where nobody looks."""
+    """In a pipe."""

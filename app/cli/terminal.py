@@ -1,0 +1,191 @@
+"""What commands share: arguments as values, answers for people and programs, a progress bar."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+from argparse import ArgumentParser, ArgumentTypeError
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pgraph_core as pg
+import pgraph_models
+from pgraph_core.errors import InputError, Problem, choices
+
+LARGEST = 100_000  # bodies of a new model: more is a typing error
+WIDTH = 30  # characters of the bar
+
+Bar = Callable[[str, float], bool]  # (what is done, the fraction done) -> True
+
+
+# -- arguments -------------------------------------------------------------------------------------
+
+
+def model_argument(parser: ArgumentParser, nargs: str | None = None) -> None:
+    """MODEL, which most commands take."""
+    text = "a file or the name of a built-in model"
+    parser.add_argument("model", metavar="MODEL", nargs=nargs, help=text)  # type: ignore[arg-type]
+
+
+def open_model(name: str) -> pg.Model:
+    """The model in a file, or the built-in one of this name. Raises PgraphError."""
+    return pg.Model.load(model_path(name))
+
+
+def model_path(name: str) -> Path:
+    """The path of a model. A built-in name wins; write ./name for a file of that name."""
+    if name in pgraph_models.names():
+        return pgraph_models.path(name)
+    path = Path(name)
+    if path.exists() or path.suffix or os.sep in name:
+        return path
+    known = choices(pgraph_models.names(), 40)
+    text = f"is neither a file nor a built-in model; the built-in models are {known}"
+    raise InputError(Problem(f"model '{name}'", "", text))
+
+
+def first_scenario(model: pg.Model, given: str | None) -> str | None:
+    """The given scenario, else the model's first one, else None."""
+    return given or next((s.name for s in model.scenarios), None)
+
+
+def count(text: str) -> int:
+    """A number of bodies or rounds."""
+    try:
+        number = int(text)
+    except ValueError:
+        number = 0
+    if not 1 <= number <= LARGEST:
+        raise ArgumentTypeError(f"must be a whole number from 1 to {LARGEST}; given {text!r}")
+    return number
+
+
+def port(text: str) -> int:
+    """A port; 0 means any free one."""
+    if not (text.isascii() and text.isdigit() and int(text) <= 65535):
+        text = f"must be a whole number from 0 (any free port) to 65535; given {text!r}"
+        raise ArgumentTypeError(text)
+    return int(text)
+
+
+def positive(text: str) -> float:
+    """A finite number > 0."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0 < value < float("inf"):
+        raise ArgumentTypeError(f"must be a finite number > 0; given {text!r}")
+    return value
+
+
+def tolerance(text: str) -> float:
+    """A relative tolerance."""
+    value = positive(text)
+    if value > 0.1:
+        raise ArgumentTypeError(f"must be at most 0.1; given {text!r}")
+    return value
+
+
+def names(text: str) -> tuple[str, ...]:
+    """Names separated by commas."""
+    return tuple(x.strip() for x in text.split(",") if x.strip())
+
+
+def numbers(text: str) -> tuple[float, ...]:
+    """Numbers separated by commas."""
+    try:
+        return tuple(float(x) for x in names(text))
+    except ValueError:
+        raise ArgumentTypeError(f"must be numbers separated by commas; given {text!r}") from None
+
+
+# -- answers ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The answer of a command, for programs and for people."""
+
+    data: Mapping[str, Any]  # with --json, under the names of the Python API
+    text: str
+    problem: str = ""  # of a run that failed: printed on stderr, exit code 1
+
+
+def print_answer(answer: Answer, as_json: bool) -> None:
+    """The text, or one JSON object, on stdout."""
+    print(to_json(answer.data) if as_json else answer.text)
+
+
+def print_problems(problems: Iterable[Problem], as_json: bool) -> None:
+    """Each problem on stderr; with --json also one object on stdout."""
+    problems = tuple(problems)
+    for problem in problems:
+        print(problem, file=sys.stderr)
+    if as_json:
+        print(to_json({"problems": [vars(problem) for problem in problems]}))
+
+
+def to_json(data: Any) -> str:
+    """JSON text: arrays as lists, numbers that are not finite as null."""
+    return json.dumps(_plain(data), allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
+
+
+def aligned(rows: Iterable[Iterable[Any]], header: Iterable[str]) -> str:
+    """A table in columns: numbers to the right, text to the left."""
+    cells = [[*header], *([*row] for row in rows)]
+    columns = range(len(cells[0]))
+    right = [all(isinstance(row[i], (int, float)) for row in cells[1:]) for i in columns]
+    texts = [[f"{x:g}" if isinstance(x, float) else str(x) for x in row] for row in cells]
+    widths = [max(len(row[i]) for row in texts) for i in columns]
+    return "\n".join(
+        "  ".join(
+            x.rjust(width) if to_the_right else x.ljust(width)
+            for x, width, to_the_right in zip(row, widths, right)
+        ).rstrip()
+        for row in texts
+    )
+
+
+# -- progress --------------------------------------------------------------------------------------
+
+
+def progress_bar() -> Bar:
+    """A bar on a terminal, nothing in a pipe."""
+    return _draw if sys.stderr.isatty() and sys.stdout.isatty() else _ignore
+
+
+def _draw(what: str, fraction: float) -> bool:
+    """A bar on stderr, erased when `what` is empty; True, so that the work goes on."""
+    done = round(WIDTH * fraction)
+    bar = f"{what:10}[{'#' * done}{'.' * (WIDTH - done)}] {fraction:4.0%}" if what else ""
+    print(f"\r{bar or ' ' * (WIDTH + 17)}", end="" if what else "\r", file=sys.stderr, flush=True)
+    return True
+
+
+def _ignore(what: str, fraction: float) -> bool:
+    return True
+
+
+def compile_kernels(bar: Bar) -> None:
+    """Compile or load the kernels, so that later times are those of runs."""
+    from pgraph_core.engine import warm_up
+
+    for i, n, _ in warm_up():
+        bar("compiling", i / n)
