@@ -154,13 +154,13 @@ def parent_changed() -> Case:
         sides | recompiled(places),
         "edit",
         per_call=2,
-        agreement=f"anew {agreement}",
+        agreement=f"rebuilt {agreement}",
         goals={"compile + MjData": 200.0},
     )
 
 
 def recompiled(places: list[Scene]) -> dict[str, Callable[[], Any]]:
-    """The peers' models, made anew from specs or rows that are at hand, one after the other."""
+    """The peers' models, rebuilt from prepared specs or rows, one after the other."""
     sides: dict[str, Callable[[], Any]] = {}
     if has("mujoco"):
         import mujoco

@@ -151,7 +151,7 @@ def exudyn(name: str) -> dict[str, float]:
 
 
 def _script(module: str) -> Any:
-    """What its `build` gives; read and compiled anew every time, as a file is."""
+    """The result of its `build`, read and compiled every time, as a file is."""
     full = f"{__package__}.machines.{module}"
     sys.modules.pop(full, None)
     return import_module(full).build()
@@ -231,7 +231,7 @@ def cells(name: str) -> int:
 
 
 def flat(body: Any) -> list[float]:
-    """Cells of a row beside name, parent and DoF; an axis is one choice."""
+    """Cells of a row besides name, parent and DoF; an axis is one choice."""
     inertia = [body.inertia[i][j] for i in range(3) for j in range(i, 3)]
     axis = [hash(body.axes)] if body.joint == "revolute" else [0.0]
     return [*axis, *body.link, body.mass, *body.com, *inertia]

@@ -115,7 +115,7 @@ def hinge_steps() -> Any:
 
 
 def dynamics(place: Scene, number: int) -> Case:
-    """The native loop of forward dynamics beside one for the scene's own kinds of motion."""
+    """The native loop of forward dynamics against one for the scene's own kinds of motion."""
     mech, (_, _, q, v, tau, *_) = pg.Mechanism(place.model), place.state
     kinds = frozenset(mech.system.rows[1:, at.KIND].tolist())
     loops = {"what the scene needs": dynamics_loop(kinds), "pgraph": native.forward_dynamics}
@@ -131,7 +131,7 @@ def dynamics(place: Scene, number: int) -> Case:
 
 
 def steps(place: Scene, number: int) -> Case:
-    """A run of a tree of hinges beside a loop that can do nothing else.
+    """A run of a tree of hinges against a loop that can do nothing else.
 
     No goal is set: a run also keeps a ledger of energy, counts, and may pause, for every scene.
     """

@@ -1,6 +1,6 @@
-"""Errors of forward dynamics beside the peers', against 50 digits.
+"""Errors of forward dynamics, ours and the peers', against 50 digits.
 
-`python -m benchmarks.precision` prints a table; `--write` makes docs/precision.md anew (a minute),
+`python -m benchmarks.precision` prints a table; `--write` rewrites docs/precision.md (a minute),
 `--quick` leaves out chains of 1000.
 """
 
@@ -28,7 +28,7 @@ SEEDS = 3  # of chains below 1000
 CUBIC = 300  # bodies: beyond, Pinocchio's data on a chain does not fit into memory
 SIDES = {"pgraph": "Pgraph", "mujoco": "MuJoCo", "pin": "Pinocchio", "drake": "Drake"}
 DOCUMENT = ROOT / "docs" / "precision.md"
-TEXT = """# Precision beside MuJoCo, Pinocchio and Drake
+TEXT = """# Precision compared with MuJoCo, Pinocchio and Drake
 
 Made by `python -m benchmarks.precision --write` with {machine}.
 

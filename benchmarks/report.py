@@ -7,7 +7,7 @@ from typing import Any
 
 Found = Mapping[str, Any]
 COLUMNS = ("case", "by", "median", "quartiles", "ratio", "quartiles", "goal")
-INTRODUCTION = """# Speed beside MuJoCo, Pinocchio, Drake and Exudyn
+INTRODUCTION = """# Speed compared with MuJoCo, Pinocchio, Drake and Exudyn
 
 Made by `pgraph bench --markdown`, which needs the packages of the extra `oracles` (and `drake` and
 `exudyn`, if they shall be in). All sides run in one process, warmed up, in rounds of a new random
@@ -18,7 +18,7 @@ before anything is timed (last table): what does not agree is not timed.
 * A *step* is what `simulate` takes to build and to step a run, without our error estimate, which
   has no counterpart; a *batch* is the whole call of `simulate_batch`, from equal initial states.
 * *Stance* has four feet on the ground, twelve rows. A *whole run* counts an acceleration in the
-  RK4 run of the scenario, projection and energy ledger included, beside one call of a peer.
+  RK4 run of the scenario, projection and energy ledger included, against one call of a peer.
   `pin.constraintDynamics` runs at the coarsest settings that give it our accuracy (four
   iterations); MuJoCo's feet are soft, and its solver starts from its last solution of this state.
 * *pinocchio::aba* is a loop in C++ (`benchmarks/pinocchio_loop.cpp`), compiled with -O3 for this
@@ -28,13 +28,13 @@ before anything is timed (last table): what does not agree is not timed.
   steps also lack what a run does for every scene: a ledger of energy, counters, pauses.
 * *Columns to Mechanism* starts at arrays that are at hand, as the peers do; names are among them.
 * *Model to Mechanism* starts at a validated model, a new one every time; what it cost to make that
-  stands under *text to Mechanism*, which reads and validates a file's text, beside MuJoCo's XML.
+  stands under *text to Mechanism*, which reads and validates a file's text, against MuJoCo's XML.
 * Between processes medians differ more than the quartiles within one tell: in three runs in a row
   the native loop came out at 2.88, 2.43 and 2.76, the semi-implicit step at 2.40, 2.57 and 2.58,
   the RK4 step at 2.53, 2.59 and 2.50. Two threads want both cores: what else runs takes from them.
 * *Parent changed* edits one mechanism into the next (`mech.edit`), which is then ready; also with
   Pgraph, jdof and the mass matrix, and through `model.edit`. The peers cannot hang a body elsewhere
-  in what they have built: they build model and data anew from a spec or rows that are at hand.
+  in what they have built: they rebuild model and data from prepared specs or rows.
 * *Mass changed* leaves the topology alone; MuJoCo writes into its model and calls `mj_setConst`.
 """
 
@@ -55,7 +55,7 @@ def markdown(found: Found) -> str:
             INTRODUCTION.rstrip(),
             f"Measured on {machine(found)}.",
             "## Goals",
-            piped(("case", "beside", "goal", "measured", ""), goals),
+            piped(("case", "against", "goal", "measured", ""), goals),
             "\n".join(f"* {sentence}" for sentence in sentences(found)),
             "## All of it",
             piped(COLUMNS, lines(found)),

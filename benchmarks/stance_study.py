@@ -1,4 +1,4 @@
-"""The paper's case study (sec. 5), with two other solvers beside ours, and its figures.
+"""The paper's case study (sec. 5), compared with two other solvers, and its figures.
 
 `python -m benchmarks.stance_study` prints how far the solvers differ and writes
 docs/pictures/stance_*.svg; `--check` prints alone. Needs mujoco, pin and matplotlib.

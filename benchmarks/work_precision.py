@@ -1,4 +1,4 @@
-"""Error against run time beside MuJoCo, Pinocchio with SciPy and Exudyn, on four motions.
+"""Error against run time: ours, MuJoCo, Pinocchio with SciPy and Exudyn, on four motions.
 
 `python -m benchmarks.work_precision` prints the tables of docs/report.md; `--page FILE` writes the
 diagrams as one page, `--svg FOLDER` each of them; names after them pick some of the motions.

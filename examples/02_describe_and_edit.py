@@ -5,10 +5,11 @@ Run it with `python examples/02_describe_and_edit.py`.
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import pgraph_core as pg
 
-rod = {"axes": (0, 1, 0), "com": (0.25, 0, 0), "tip": (0.5, 0, 0), "mass": 0.8}
+rod: dict[str, Any] = {"axes": (0, 1, 0), "com": (0.25, 0, 0), "tip": (0.5, 0, 0), "mass": 0.8}
 model = pg.Model(
     name="two rods",
     bodies=(

@@ -7,8 +7,11 @@ import math
 
 import numba
 import numpy as np
+import numpy.typing as npt
 
 import pgraph_core as pg
+
+Vector = npt.NDArray[np.float64]
 
 ROUND = ((0.05, 0, 0), (0, 0.05, 0), (0, 0, 0.05))
 model = pg.Model(
@@ -45,8 +48,8 @@ print(f"potential energy at first {mech.energy(q, v)[1]:.4f} J, all of it in the
 
 
 @numba.njit
-def brake(t, q, v):
-    """Against the arm's motion; what a function gives counts as work, negative here."""
+def brake(t: float, q: Vector, v: Vector) -> Vector:
+    """A torque against the arm's motion; it counts as work, negative here."""
     tau = np.zeros(2)
     tau[1] = -0.3 * v[1] * abs(v[1])
     return tau

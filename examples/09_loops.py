@@ -1,6 +1,8 @@
-"""Closed loops: what moves, what is redundant, where two ways lead on, what cannot close."""
+"""Closed loops: mobility, redundant rows, a singular position, a loop that cannot close."""
 
 import math
+
+import numpy as np
 
 import pgraph_core as pg
 import pgraph_models
@@ -10,11 +12,11 @@ print(mech.mobility(), "\n")
 
 # Flat, a parallelogram can go on as a parallelogram or fold: the velocity decides.
 bars = pg.Mechanism(pg.Model.load(pgraph_models.path("four_bar")))
-flat, along = (-math.pi / 2, math.pi / 2, -math.pi / 2), (-1.0, 1.0, -1.0)
+flat, along = math.pi / 2 * np.array((-1, 1, -1)), np.array((-1.0, 1.0, -1.0))
 print(bars.mobility(flat, along), "\n")
 
 # A state that does not meet its constraints is assembled; the report says what moved.
-q, v, report = bars.assemble((0.0, 0.0, 0.3), (-1.0, 1.0, -1.0))
+q, v, report = bars.assemble(np.array((0.0, 0.0, 0.3)), along)
 print(report, "\n")
 
 # Too far apart to be tied.

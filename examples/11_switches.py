@@ -1,11 +1,13 @@
-"""Constraints that go on and off during a run: a catch, a release, and what each costs."""
+"""Constraints switched on and off during a run: a catch, a release, and the energy of each."""
+
+from typing import Any
 
 import numpy as np
 
 import pgraph_core as pg
 
-# Two bodies in space; a tie between them goes on as they pass each other, and off again.
-still = {"joint": "free", "inertia": np.diag((1.0, 2.0, 2.5))}
+# Two bodies in space; a weld between them is switched on as they pass each other, and off again.
+still: dict[str, Any] = {"joint": "free", "inertia": np.diag((1.0, 2.0, 2.5))}
 a = pg.Body(name="a", v=(0, 0, 0, 0, 1, 0), **still)
 b = pg.Body(name="b", q=(1, -0.5, 0, 1, 0, 0, 0), **still)
 tie = pg.Constraint(name="tie", kind="weld", body="b", other="a", active=False)

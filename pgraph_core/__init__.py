@@ -1,44 +1,21 @@
-"""Pgraph: multibody dynamics from a four-column table. The public names, nothing else.
+"""Pgraph: multibody dynamics from a four-column table. `dir(pgraph_core)` lists the public names.
 
-Names that need compiled code are imported when first used: describing, checking and numbering a
-model costs no start of the compiler.
+A name's module is imported when the name is first used: describing, checking and numbering a model
+starts no compiler, and a pendulum loads no contact, gait or study module.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .errors import FileError as FileError
-from .errors import InputError as InputError
-from .errors import ModelError as ModelError
-from .errors import PgraphError as PgraphError
-from .errors import Problem as Problem
-from .model import Body as Body
-from .model import Constraint as Constraint
-from .model import Contact as Contact
-from .model import Footfall as Footfall
-from .model import Force as Force
-from .model import Gains as Gains
-from .model import Gait as Gait
-from .model import Ground as Ground
-from .model import Model as Model
-from .model import Polynomial as Polynomial
-from .model import Scenario as Scenario
-from .model import Shape as Shape
-from .model import Sine as Sine
-from .model import Step as Step
-from .model import Switch as Switch
-from .model import Table as Table
-from .model import VectorTable as VectorTable
-from .plan import Plan as Plan
-from .topology import Topology as Topology
-from .topology import jdof_of as jdof_of
-from .topology import parent_of as parent_of
-from .topology import pgraph_of as pgraph_of
-
 if TYPE_CHECKING:
     from .columns import Columns as Columns
     from .constraints.assembly import Assembly as Assembly
     from .constraints.mobility import Mobility as Mobility
+    from .errors import FileError as FileError
+    from .errors import InputError as InputError
+    from .errors import ModelError as ModelError
+    from .errors import PgraphError as PgraphError
+    from .errors import Problem as Problem
     from .gait.controller import Controller as Controller
     from .gait.footprints import Footprint as Footprint
     from .gait.footprints import footprints as footprints
@@ -47,8 +24,26 @@ if TYPE_CHECKING:
     from .gait.presets import gaits as gaits
     from .mechanism import Mechanism as Mechanism
     from .mechanism.batch import Batch as Batch
+    from .model import Body as Body
+    from .model import Constraint as Constraint
+    from .model import Contact as Contact
+    from .model import Footfall as Footfall
+    from .model import Force as Force
+    from .model import Gains as Gains
+    from .model import Gait as Gait
+    from .model import Ground as Ground
+    from .model import Model as Model
+    from .model import Polynomial as Polynomial
+    from .model import Scenario as Scenario
+    from .model import Shape as Shape
+    from .model import Sine as Sine
+    from .model import Step as Step
+    from .model import Switch as Switch
+    from .model import Table as Table
+    from .model import VectorTable as VectorTable
     from .paper import home_poses as home_poses
     from .paper.frame_update import frame_update_trace as frame_update_trace
+    from .plan import Plan as Plan
     from .result import Result as Result
     from .result import Status as Status
     from .result.result import joined as joined
@@ -61,47 +56,65 @@ if TYPE_CHECKING:
     from .study.stability import stability_map as stability_map
     from .study.study import Study as Study
     from .study.work_precision import work_precision as work_precision
+    from .topology import Topology as Topology
+    from .topology import jdof_of as jdof_of
+    from .topology import parent_of as parent_of
+    from .topology import pgraph_of as pgraph_of
     from .verification import Case as Case
     from .verification import Verdict as Verdict
     from .verification import load_cases as load_cases
     from .verification import verify as verify
 
-_LAZY = {
-    "Assembly": "constraints.assembly",
-    "Batch": "mechanism.batch",
-    "BatchResult": "simulation.batches",
-    "simulate_batch": "simulation.batches",
-    "Case": "verification",
-    "Verdict": "verification",
-    "load_cases": "verification",
-    "verify": "verification",
-    "Columns": "columns",
-    "frame_update_trace": "paper.frame_update",
-    "Controller": "gait.controller",
-    "gaits": "gait.presets",
-    "Footprint": "gait.footprints",
-    "footprints": "gait.footprints",
-    "footprints_csv": "gait.footprints",
-    "underfoot": "gait.ground",
-    "Walk": "simulation.walk",
-    "joined": "result.result",
-    "Mechanism": "mechanism",
-    "Mobility": "constraints.mobility",
-    "home_poses": "paper",
-    "work_precision": "study.work_precision",
-    "Reference": "study.reference",
-    "Study": "study.study",
-    "Result": "result",
-    "Status": "result",
-    "simulate": "simulation",
-    "StabilityMap": "study.map",
-    "stability_map": "study.stability",
+# module -> its public names; the imports above say the same to type checkers
+_MODULES = {
+    "columns": "Columns",
+    "constraints.assembly": "Assembly",
+    "constraints.mobility": "Mobility",
+    "errors": "FileError InputError ModelError PgraphError Problem",
+    "gait.controller": "Controller",
+    "gait.footprints": "Footprint footprints footprints_csv",
+    "gait.ground": "underfoot",
+    "gait.presets": "gaits",
+    "mechanism": "Mechanism",
+    "mechanism.batch": "Batch",
+    "model": (
+        "Body Constraint Contact Footfall Force Gains Gait Ground Model Polynomial "
+        "Scenario Shape Sine Step Switch Table VectorTable"
+    ),
+    "paper": "home_poses",
+    "paper.frame_update": "frame_update_trace",
+    "plan": "Plan",
+    "result": "Result Status",
+    "result.result": "joined",
+    "simulation": "simulate",
+    "simulation.batches": "BatchResult simulate_batch",
+    "simulation.walk": "Walk",
+    "study.map": "StabilityMap",
+    "study.reference": "Reference",
+    "study.stability": "stability_map",
+    "study.study": "Study",
+    "study.work_precision": "work_precision",
+    "topology": "Topology jdof_of parent_of pgraph_of",
+    "verification": "Case Verdict load_cases verify",
 }
+_HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
+__all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _LAZY:
-        raise AttributeError(f"module 'pgraph_core' has no attribute '{name}'")
-    value = getattr(import_module(f".{_LAZY[name]}", __name__), name)
+    if name == "__version__":
+        value: Any = import_module(".portable", __name__).installed()
+    elif name in _HOME:
+        value = getattr(import_module(f".{_HOME[name]}", __name__), name)
+    else:
+        from difflib import get_close_matches
+
+        close = get_close_matches(name, _HOME, n=3)
+        hint = f"; did you mean {' or '.join(close)}?" if close else ""
+        raise AttributeError(f"module 'pgraph_core' has no attribute '{name}'{hint}")
     globals()[name] = value
     return value
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

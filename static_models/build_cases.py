@@ -398,7 +398,7 @@ def _laid_out(value: Any, depth: int) -> str:
 
 
 def write(folder: Path = CASES) -> None:
-    """Write `cases` of every file anew, and the models that several share."""
+    """Rewrite the `cases` of every file and the models that several share."""
     (folder / "models").mkdir(exist_ok=True)
     for name, (builder, n) in MODELS.items():
         write_atomic(folder / "models" / f"{name}.json", text(described(builder(n))))

@@ -13,6 +13,9 @@ from pathlib import Path
 
 import pytest
 
+import pgraph_core as pg
+import pgraph_models
+
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 
@@ -28,8 +31,40 @@ def test_the_tour_of_the_readme_runs(capsys):
     assert len([line for line in tour.splitlines() if line]) <= 10
     exec(compile(tour, "README.md", "exec"), {})
     out = capsys.readouterr().out
-    assert "[1 2 3 4 2 5 2 6 7]" in out
+    model = pg.Model.load(pgraph_models.path("quadruped"))
+    assert str(pg.Mechanism(model).pgraph) in out
     assert "the run reached its end" in out
+    assert "N on the left hind paw at most" in out
+
+
+def test_the_readme_is_short_and_its_figures_come_from_the_benchmarks():
+    text = (ROOT / "README.md").read_text()
+    assert len(text.splitlines()) < 90
+    rows = re.findall(r"^\| ([^|]+) \| ([^|]+) \| ([\d.]+) \|$", text, re.MULTILINE)
+    assert len(rows) >= 3
+    measured = (ROOT / "docs" / "benchmarks.md").read_text()
+    for case, peer, ratio in rows:
+        assert re.search(
+            rf"^\| {re.escape(case)} \| {re.escape(peer)} \|.*\| {ratio} \|", measured, re.M
+        )
+
+
+def test_every_document_is_linked_from_the_readme():
+    text = (ROOT / "README.md").read_text()
+    files = [f"docs/{file.name}" for file in (ROOT / "docs").glob("*.md")]
+    assert [file for file in files if f"]({file})" not in text] == []
+
+
+def test_links_between_documents_lead_somewhere():
+    for file in (*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")):
+        for link in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", file.read_text()):
+            assert (file.parent / link).exists(), f"{file.name}: {link}"
+
+
+def test_the_workflow_of_the_forge_runs_the_two_commands():
+    workflow = (ROOT / ".github" / "workflows" / "test.yml").read_text()
+    assert "run: make test" in workflow
+    assert "make run" in workflow
 
 
 def test_commands_of_the_readme_are_commands():

@@ -1,0 +1,50 @@
+"""The conventions of docs/conventions.md and docs/glossary.md, on poses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from pgraph_core import rotation
+
+X, SLANTED = (1.0, 0.0, 0.0), (0.0, 0.6, 0.8)
+TURNED = rotation.unit((0.9, 0.1, -0.3, 0.2))
+BALL = rotation.unit((0.8, 0.2, 0.1, 0.5))
+LINK = (0.1, 0.2, 0.3)
+ROTATE_X, ROTATE, BALL_MOTION = ("rotate", X), ("rotate", SLANTED), ("ball", (0.0, 0.0, 1.0))
+SLIDE = ("translate", X)
+
+
+@pytest.mark.parametrize(
+    ("motions", "q"),
+    [
+        ((ROTATE_X, ROTATE), (0.4, -0.7)),
+        ((ROTATE_X, SLIDE, ROTATE), (0.4, 0.3, -0.7)),
+        ((BALL_MOTION, SLIDE), (*BALL, 0.3)),
+        ((ROTATE_X, BALL_MOTION), (0.4, *BALL)),
+        ((ROTATE_X, BALL_MOTION, SLIDE), (0.4, *BALL, 0.3)),
+    ],
+    ids=[
+        "two hinges",
+        "hinge, slider, hinge",
+        "ball, slider",
+        "hinge, ball",
+        "hinge, ball, slider",
+    ],
+)
+def test_motions_of_a_compound_joint_act_in_order_each_in_the_frame_turned_so_far(motions, q):
+    """R = P_1 P_2 ... R(rotation); translations shift along axes turned by the motions before."""
+    body = pg.Body(name="b", joint="compound", motions=motions, rotation=TURNED, link=LINK, mass=1)
+    position, R = pg.Mechanism(pg.Model(bodies=(body,))).pose(np.array(q), "b")
+    start = rotation.matrix(TURNED)
+    P, shift, left = np.eye(3), np.array(LINK), list(q)
+    for kind, axis in motions:
+        if kind == "ball":
+            P = P @ rotation.matrix([left.pop(0) for _ in range(4)])
+        elif kind == "rotate":
+            P = P @ rotation.rodrigues(start @ axis, left.pop(0))
+        else:
+            shift = shift + P @ start @ axis * left.pop(0)
+    np.testing.assert_allclose(R, P @ start, atol=1e-15)
+    np.testing.assert_allclose(position, shift, atol=1e-15)

@@ -1,0 +1,78 @@
+"""The public names: listed at once, loaded when used, the same for type checkers."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+import pgraph_core as pg
+
+SOURCE = Path(pg.__file__)
+
+
+def output(code: str) -> str:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+def test_dir_lists_every_public_name_before_any_is_used_and_nothing_else():
+    names = output("import pgraph_core as pg; print(*dir(pg))").split()
+    assert names == sorted(pg.__all__)
+    assert not [name for name in names if name.startswith("_")]
+    assert {"Model", "Body", "Mechanism", "simulate", "Result", "InputError"} <= set(names)
+
+
+@pytest.mark.parametrize("name", pg.__all__)
+def test_every_public_name_is_there_and_documented(name: str):
+    value = getattr(pg, name)
+    assert value.__doc__
+    assert value.__module__.split(".")[0] == "pgraph_core"
+
+
+def test_importing_star_gives_the_public_names():
+    found = output("from pgraph_core import *; print(*sorted(k for k in dir() if k[0] != '_'))")
+    assert found.split() == sorted(pg.__all__)
+
+
+def test_type_checkers_see_the_same_names_in_the_same_modules():
+    (block,) = [node for node in ast.parse(SOURCE.read_text()).body if isinstance(node, ast.If)]
+    seen = {
+        alias.asname: node.module
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert seen == pg._HOME
+
+
+def test_the_version_is_that_of_the_distribution():
+    assert pg.__version__ == version("pgraph-dynamics")
+
+
+def test_importing_loads_no_compiler_and_no_model():
+    code = "import sys, pgraph_core; print(*{'numba', 'pydantic', 'numpy'} & set(sys.modules))"
+    assert output(code) == ""
+
+
+def test_a_misspelt_name_is_answered_with_the_closest():
+    with pytest.raises(AttributeError, match="did you mean Mechanism") as caught:
+        _ = pg.Mecanism
+    assert "Mecanism" in str(caught.value)
+
+
+def test_a_pendulum_loads_no_module_of_what_it_does_not_have():
+    code = (
+        "import sys, pgraph_core as pg\n"
+        "model = pg.Model(bodies=[pg.Body(name='a', mass=1.0, tip=(1, 0, 0))])\n"
+        "pg.simulate(model, t_end=0.01)\n"
+        "print(*sorted(name for name in sys.modules if name.startswith('pgraph_core.')))"
+    )
+    loaded = output(code).split()
+    assert "pgraph_core.simulation" in loaded
+    for room in ("study", "verification", "show"):
+        assert not [name for name in loaded if name.startswith(f"pgraph_core.{room}")]
