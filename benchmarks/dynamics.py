@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.dynamics.back_ends import BackEnd
 from pgraph_core.engine import layout as at
-from pgraph_core.mechanism.back_ends import BackEnd
 from pgraph_peers import drake as in_drake
 from pgraph_peers import mujoco as in_mujoco
 from pgraph_peers import pinocchio as in_pinocchio
@@ -98,10 +98,10 @@ def derivatives(place: Scene) -> Case:
 def ours_in_a_loop(place: Scene, number: int) -> Callable[[], None]:
     """Our kernel on workspaces of its own, checked against the public call."""
     mech, (_, _, q, v, tau, *_) = pg.Mechanism(place.model), place.state
-    work, vdot = np.zeros((len(mech.system.rows), at.WORK)), np.empty(mech.nv)
-    native.forward_dynamics(*mech.tree, q, v, tau, work, vdot, 1)
+    work, vdot = np.zeros((len(mech.packed.system.rows), at.WORK)), np.empty(mech.nv)
+    native.forward_dynamics(*mech.packed.tree, q, v, tau, work, vdot, 1)
     differ(vdot, mech.forward_dynamics(q, v, tau), 1e-12, "our native loop")
-    return lambda: native.forward_dynamics(*mech.tree, q, v, tau, work, vdot, number)
+    return lambda: native.forward_dynamics(*mech.packed.tree, q, v, tau, work, vdot, number)
 
 
 def chains(longest: int) -> Case:

@@ -117,13 +117,13 @@ def hinge_steps() -> Any:
 def dynamics(place: Scene, number: int) -> Case:
     """The native loop of forward dynamics against one for the scene's own kinds of motion."""
     mech, (_, _, q, v, tau, *_) = pg.Mechanism(place.model), place.state
-    kinds = frozenset(mech.system.rows[1:, at.KIND].tolist())
+    kinds = frozenset(mech.packed.system.rows[1:, at.KIND].tolist())
     loops = {"what the scene needs": dynamics_loop(kinds), "pgraph": native.forward_dynamics}
     sides: dict[str, Callable[[], object]] = {}
     name, found = f"what a scene lacks, {place.name}", []
     for side, loop in loops.items():
-        work, vdot = np.zeros((len(mech.system.rows), at.WORK)), np.empty(mech.nv)
-        sides[side] = bound(loop, *mech.tree, q, v, tau, work, vdot, number)
+        work, vdot = np.zeros((len(mech.packed.system.rows), at.WORK)), np.empty(mech.nv)
+        sides[side] = bound(loop, *mech.packed.tree, q, v, tau, work, vdot, number)
         sides[side]()
         found.append(vdot)
     agreement = f"{differ(*found, 1e-12, name)}"
@@ -136,12 +136,16 @@ def steps(place: Scene, number: int) -> Case:
     No goal is set: a run also keeps a ledger of energy, counts, and may pause, for every scene.
     """
     mech, (_, _, q, v, *_) = pg.Mechanism(place.model), place.state
-    space = np.zeros((len(mech.system.rows), at.WORK)), np.empty(mech.nv), np.empty((2, mech.nv))
+    space = (
+        np.zeros((len(mech.packed.system.rows), at.WORK)),
+        np.empty(mech.nv),
+        np.empty((2, mech.nv)),
+    )
     loop, name = hinge_steps(), f"what a scene lacks, steps of the {place.name}"
 
     def lean(n: int = number) -> np.ndarray:
         x, y = q.copy(), v.copy()
-        assert loop(*mech.tree, x, y, 0 * v, *space, STEP, n)
+        assert loop(*mech.packed.tree, x, y, 0 * v, *space, STEP, n)
         return x
 
     def run(n: int) -> pg.Result:

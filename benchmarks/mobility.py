@@ -14,7 +14,6 @@ import time
 from collections.abc import Callable
 
 import pgraph_core as pg
-from pgraph_core.constraints.mobility import mobility
 
 from .machine import machine
 from .timing import spread
@@ -66,7 +65,7 @@ def main() -> None:
         model, seconds = make(), []
         for _ in range(rounds):
             begun = time.perf_counter()
-            report = mobility(model, pg.Topology.of(model))
+            report = pg.Mechanism(model).mobility()
             seconds.append(time.perf_counter() - begun)
         low, median, high = (1e3 * s for s in spread(seconds))
         print(

@@ -8,9 +8,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .analysis.assembly import Assembly as Assembly
+    from .analysis.mobility import Mobility as Mobility
     from .columns import Columns as Columns
-    from .constraints.assembly import Assembly as Assembly
-    from .constraints.mobility import Mobility as Mobility
+    from .dynamics.batch import Batch as Batch
     from .errors import FileError as FileError
     from .errors import InputError as InputError
     from .errors import ModelError as ModelError
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from .gait.ground import underfoot as underfoot
     from .gait.presets import gaits as gaits
     from .mechanism import Mechanism as Mechanism
-    from .mechanism.batch import Batch as Batch
     from .model import Body as Body
     from .model import Constraint as Constraint
     from .model import Contact as Contact
@@ -68,15 +68,15 @@ if TYPE_CHECKING:
 # module -> its public names; the imports above say the same to type checkers
 _MODULES = {
     "columns": "Columns",
-    "constraints.assembly": "Assembly",
-    "constraints.mobility": "Mobility",
+    "analysis.assembly": "Assembly",
+    "analysis.mobility": "Mobility",
     "errors": "FileError InputError ModelError PgraphError Problem",
     "gait.controller": "Controller",
     "gait.footprints": "Footprint footprints footprints_csv",
     "gait.ground": "underfoot",
     "gait.presets": "gaits",
     "mechanism": "Mechanism",
-    "mechanism.batch": "Batch",
+    "dynamics.batch": "Batch",
     "model": (
         "Body Constraint Contact Footfall Force Gains Gait Ground Model Polynomial "
         "Scenario Shape Sine Step Switch Table VectorTable"

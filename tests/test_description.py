@@ -55,4 +55,4 @@ def test_the_number_of_rows_of_each_kind_is_that_of_its_blocks():
     for kind, count in rows.items():
         c = pg.Constraint(name="c", kind=kind, body="2", **own.get(kind, {}))
         mech = pg.Mechanism(pg.Model.serial(2).replace(constraints=(c,)))
-        assert mech.blocks.blocks_i[:, 3].sum() == int(count), kind
+        assert mech.packed.blocks.blocks_i[:, 3].sum() == int(count), kind

@@ -8,7 +8,6 @@ from typing import Any
 
 import pgraph_core as pg
 from pgraph_core import joints
-from pgraph_core.constraints.mobility import mobility
 
 from .terminal import Answer, aligned, model_argument, open_model
 
@@ -46,19 +45,19 @@ def facts(model: pg.Model) -> dict[str, Any]:
         "up": model.up,
         "gravity": model.gravity,
         "constraints": [constraint.name for constraint in model.constraints],
-        "mobility": _mobility(model, topology),
+        "mobility": _mobility(model),
         "forces": [force.name for force in model.forces],
         "scenarios": [scenario.name for scenario in model.scenarios],
         "plan": pg.Plan.of(model).to_dict(),
     }
 
 
-def _mobility(model: pg.Model, topology: pg.Topology) -> dict[str, Any] | None:
+def _mobility(model: pg.Model) -> dict[str, Any] | None:
     """The report of mobility, or why it cannot be assembled; None without constraints."""
     if not any(c.active for c in model.constraints):
         return None
     try:
-        return mobility(model, topology).to_dict()
+        return pg.Mechanism(model).mobility().to_dict()
     except pg.PgraphError as refused:
         return {"text": str(refused)}
 

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from queue import SimpleQueue
 
 import pgraph_core as pg
-from pgraph_core.constraints.mobility import mobility
 
 from ..core.events import Event
 from ..core.state import State
@@ -50,7 +49,7 @@ def wanted(state: State) -> bool:
 def report(model: pg.Model) -> MobilityFound:
     """Degrees of freedom and redundant rows in the initial state, or the sentence why not."""
     try:
-        return MobilityFound(model, mobility(model, pg.Topology.of(model)))
+        return MobilityFound(model, pg.Mechanism(model).mobility())
     except pg.PgraphError as error:
         return MobilityFound(model, None, str(error))
     except Exception as error:  # said on the page: the session goes on

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..system import Array
+from ..packing.system import Array
 
 SWEEPS = 600
 CHANGE = 1e-14  # of the largest impulse: where sweeps end

@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..constraints.blocks import Blocks
 from ..engine import layout as at
 from ..errors import InputError, Problem
 from ..model import Body, Contact, Model
 from ..model.names import GROUND
+from ..packing.constraints import Blocks
+from ..packing.system import Array, Ints, System, point_in_row
 from ..rotation import matrix, normals_of
-from ..system import Array, Ints, System, point_in_row
 from ..topology import Topology
 from .tables import Tables, Touch
 

@@ -8,20 +8,20 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..constraints.blocks import Blocks, radius_of_gyration
 from ..engine import layout as at
 from ..engine.arrays import Candidates, Geometry
 from ..errors import ModelError, PgraphError, Problem
 from ..model import Body, Contact, Model, Shape
 from ..model.names import EVERY, GROUND
+from ..packing.constraints import Blocks, radius_of_gyration
+from ..packing.system import Array, Ints, System
 from ..rotation import matrix
 from ..shapes import solids
 from ..shapes.solids import Placed, Solid
-from ..system import Array, Ints, System
 from ..topology import Topology
 
 if TYPE_CHECKING:
-    from ..mechanism.packed import Packed
+    from ..packing.packed import Packed
 
 LAWS = {"complementarity": at.RIGID, "soft": at.SOFT, "penalty": at.PENALTY}
 ROOM = {at.SPHERE: 1, at.CAPSULE: 2}  # contact points of a shape, 8 of others

@@ -11,8 +11,8 @@ from . import layout as at
 from .arrays import F1, F2, I1, I2, OUT, SCENE, opened, save
 from .compiler.address import caller, plain
 from .compiler.jit import kernel, part
-from .constraints.blocks import velocities
-from .constraints.constraints import drift, driven_power, impose, project, wrenches
+from .constraints.blocks import residual, residual_velocity, velocities
+from .constraints.constraints import drift, driven_power, impose, located, project, wrenches
 from .forces import apply_loads, drive, elastic, elastic_loads, load_of, torque_of_loads
 from .tree.articulated import inboard, joint_acceleration, singular_row
 from .tree.kinematics import kinetic_and_potential, outboard, positions
@@ -127,6 +127,16 @@ def constrained_dynamics(scene, accelerate, t, q, v, given, flow, vdot, forces):
 def projection(scene, t, q, v, rounds):
     """Move q and v onto the active constraints; rounds taken, -1 where it fails."""
     return project(scene, t, q, v, rounds)
+
+
+@kernel(types.void(types.int64, types.float64, F1, F1, F1, F1))
+def residuals(scene, t, q, v, gap, speed):
+    """g and g' of the active blocks; after it the workspace holds where their rows act."""
+    data = opened(scene)
+    outboard(data.rows, data.const, data.work, q, v)
+    located(scene, v, True)
+    residual(data.blocks, data.work, data.space, t, q, gap)
+    residual_velocity(data.blocks, data.work, data.space, t, v, speed)
 
 
 @kernel(RECORD, nogil=True)

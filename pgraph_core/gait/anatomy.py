@@ -11,7 +11,7 @@ from ..engine.gait import layout as go
 from ..errors import InputError, Problem, choices
 from ..mechanism import Mechanism
 from ..model import Contact, Footfall, Gait, Model
-from ..system import Array, Ints
+from ..packing.system import Array, Ints
 
 Z, X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
 FLAT = 1e-9  # m: what counts as no distance to the side
@@ -46,7 +46,7 @@ def anatomy(mech: Mechanism, gait: Gait) -> Anatomy:
         raise _refused(gait, f"walks where up is 'y' and legs swing about z; up is '{model.up}'")
     q0 = np.zeros(mech.nq)
     root = model.bodies[mech.topology.row[0]]
-    if root.joint != "free" or mech.system.rows[1, at.KIND] != at.FREE:
+    if root.joint != "free" or mech.packed.system.rows[1, at.KIND] != at.FREE:
         raise _refused(gait, f"needs a trunk that is free; the joint of '{root.name}' is not")
     q0[3] = 1.0
     position, _ = mech.poses(q0)
@@ -126,7 +126,7 @@ def _leg(mech: Mechanism, gait: Gait, fall: Footfall, position: Array) -> _Leg:
 
 
 def _numbers(mech: Mechanism, paw: str, thigh: str, girdle: str) -> Ints:
-    rows = mech.system.bodies_i[:, at.ROW]
+    rows = mech.packed.system.bodies_i[:, at.ROW]
     row = {name: int(rows[mech.topology.number(name)]) for name in (paw, thigh, girdle)}
     joint = mech.joints[thigh]
     spreads = len(joint.kinds) == 2

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from ..dynamics.callback import UserTorque
 from ..engine import layout as at
 from ..engine.arrays import Walk
 from ..engine.compiler.address import _KEPT, WORDS, address_of, unnamed
@@ -14,10 +15,10 @@ from ..engine.gait import layout as go
 from ..engine.gait import walking
 from ..errors import InputError, Problem
 from ..mechanism import Mechanism
-from ..mechanism.callback import UserTorque
 from ..model import Gait
+from ..packing.packed import Packed
+from ..packing.system import Array
 from ..portable import Portable
-from ..system import Array
 from .anatomy import Anatomy, anatomy
 from .pose import standing
 
@@ -139,7 +140,7 @@ class GaitTorque(UserTorque):
         self.waves = controller.waves.copy()
         self._q, self._v = self.exchange[0, :nq], self.exchange[1, :nv]
         self._tau = self.exchange[2, :nv]
-        rows, const = mech.tree
+        rows, const = mech.packed.tree
         a = controller.anatomy
         self._kept = Walk(
             rows, const, np.zeros((len(rows), at.WORK)), np.zeros((len(rows), 3)), a.legs_i,
@@ -149,10 +150,10 @@ class GaitTorque(UserTorque):
         )  # fmt: skip
         _store(self.exchange, self._kept)
 
-    def join(self, mech: Mechanism, work: Array) -> None:
+    def join(self, packed: Packed, work: Array) -> None:
         """Take frames, velocities and inertias from a run of the same bodies, not anew."""
         mine = self._kept.rows, self._kept.const
-        if all(np.array_equal(a, b) for a, b in zip(mine, mech.tree)):
+        if all(np.array_equal(a, b) for a, b in zip(mine, packed.tree)):
             self._kept = self._kept._replace(theirs=work)
             _store(self.exchange, self._kept)
 

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..mechanism.bodies import turned
+from ..dynamics.bodies import turned
+from ..packing.system import Array
 from ..result import Result
 from ..result.contact_record import SWING
-from ..system import Array
 
 
 class Footprint(NamedTuple):

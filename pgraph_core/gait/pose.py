@@ -13,7 +13,7 @@ import numpy as np
 from ..engine.gait import layout as go
 from ..mechanism import Mechanism
 from ..model import Gait
-from ..system import Array
+from ..packing.system import Array
 from .anatomy import Anatomy, whole
 from .ground import height_under
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..system import Array
+from ..packing.system import Array
 from .dop853 import DOP853_A, DOP853_D, DOP853_E, DOP853_THIRD
 
 

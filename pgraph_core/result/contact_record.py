@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..system import Array
+from ..packing.system import Array
 
 SWING, ACCEPTANCE, SLIP, STANCE = "swing", "weight acceptance", "slip", "stance"
 PHASES = (SWING, ACCEPTANCE, SLIP, STANCE)  # by number, as kernels know them

@@ -17,13 +17,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..dynamics.bodies import BodyMotion, bodies_over, turned
+from ..dynamics.scene import load_wrenches
 from ..errors import FileError, InputError, Problem, choices
-from ..mechanism.bodies import BodyMotion, bodies_over, turned
 from ..model import Force, Model
 from ..model.files import write_atomic
+from ..packing.system import Array
 from ..plan import Plan
 from ..portable import Portable
-from ..system import Array
 from .contact_record import KINDS, ContactRecord, Event
 from .dense import states_at
 
@@ -106,7 +107,7 @@ class Result(Portable):
         [rad, m]: that of the run (`error_estimate`) and of interpolation. It is nan if the run
         made no estimate. Raises InputError for times outside of the run.
         """
-        rows = self.mechanism.tree[0]
+        rows = self.mechanism.packed.rows
         return states_at(rows, self.t, self.q, self.v, self.vdot, self.error_estimate, t)
 
     def to_pandas(self) -> Any:
@@ -308,10 +309,10 @@ def body_motion(run: Result) -> BodyMotion:
     external = _loads(run)
     if run.contacts.wrench.size:
         external += run.contacts.wrench
-    motion = bodies_over(mech.system, *states, external)
+    motion = bodies_over(mech.packed.system, *states, external)
     if run.constraint_force:
         _add_constraint_wrenches(run, motion, external)
-        motion = bodies_over(mech.system, *states, external)
+        motion = bodies_over(mech.packed.system, *states, external)
     return motion
 
 
@@ -319,11 +320,11 @@ def _loads(run: Result) -> Array:
     """(n, nb, 6) what the forces of the model, its scenario and the call do on the bodies."""
     mech, name = run.mechanism, run.header.get("scenario")
     own = mech.model.forces + (mech.model.scenario(name).forces if name is not None else ())
-    loads = mech.load_wrenches(own, run.t, run.q, run.v)
+    loads = load_wrenches(mech.packed, own, run.t, run.q, run.v)
     for begin, end, given in run.header.get("forces", ()):
         force = Force.model_validate(given)
         acts = (run.t >= begin) & ((run.t < end) | (end >= run.t[-1]))
-        loads[acts] += mech.load_wrenches((force,), run.t[acts], run.q[acts], run.v[acts])
+        loads[acts] += load_wrenches(mech.packed, (force,), run.t[acts], run.q[acts], run.v[acts])
     return loads
 
 

@@ -7,15 +7,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..dynamics.batch import Batch, some
 from ..engine.compiler.address import unnamed
 from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.stepping import batch as kernels
 from ..errors import InputError, Problem
 from ..integrators import Method, method_of
 from ..mechanism import Mechanism
-from ..mechanism.batch import Batch, some
 from ..model import Model
-from ..system import Array
+from ..packing.system import Array
 from .options import fixed_step_times, mechanism_of, steps_between
 
 
@@ -63,8 +63,8 @@ def simulate_batch(
     tableau = chosen.tableau[:3]
     forces = mech.model.forces
     rows = 3 + 2 * chosen.evaluations
-    acts = (unnamed(mech.drives(forces)), some(mech.loads(forces)))
-    system = (mech.system.rows, batch.const, *acts, tableau, times, substeps, width)
+    acts = (unnamed(mech.packed.drives(forces)), some(mech.packed.loads(forces)))
+    system = (mech.packed.system.rows, batch.const, *acts, tableau, times, substeps, width)
     reached = 0
     for first, last in _chunks(substeps, len(times)):
 

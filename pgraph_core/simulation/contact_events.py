@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..constraints.assembly import ASSEMBLY_ROUNDS
+from ..analysis.assembly import ASSEMBLY_ROUNDS
 from ..contact import impacts
+from ..dynamics.bodies import bodies_over
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.constraints.proximal import FACTORED
 from ..engine.contact import phase_watch
 from ..engine.contact import sites as site_kernels
 from ..mechanism import Mechanism
-from ..mechanism.bodies import bodies_over
+from ..packing.system import Array, Ints
 from ..result import Status
 from ..result.contact_record import FREE, PHASES, STOP, ContactRecord, Event
-from ..system import Array, Ints
 from .event_scene import EventScene
 from .loop import AdaptiveSteps, FixedSteps, Outcome
 from .plan import Plan
@@ -440,7 +440,7 @@ class ContactEvents:
         if not self.scene.sites_i[s, at.S_LIMIT]:
             return False
         row = self.scene.blocks.blocks_i[self.scene.sites_i[s, at.S_SLIDE], at.B_A]
-        return bool(self.mech.system.rows[row, at.KIND] == at.ROTATE)
+        return bool(self.mech.packed.system.rows[row, at.KIND] == at.ROTATE)
 
     def _observe_still(self, t: float) -> None:
         """Gaps and rates after an impact, before phases are chosen: everything open."""
@@ -476,7 +476,7 @@ class ContactEvents:
         mech, n = self.mech, len(states[0])
         frames, codes = self.scene.frames[rows], self.scene.frame_phases[rows]
         still = np.zeros((n, mech.nb, 6))
-        origins = bodies_over(mech.system, *states, still).pose[..., :3]
+        origins = bodies_over(mech.packed.system, *states, still).pose[..., :3]
         found = {name: dict(getattr(soft, name)) for name in ("force", "gap", "slip", "limit")}
         normal: dict[str, Array] = {}
         phase: dict[str, Any] = {}

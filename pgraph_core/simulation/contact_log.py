@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..contact.tables import Tables, Touch
+from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..mechanism import Mechanism
-from ..mechanism.scene import Scene
 from ..model.names import GROUND
+from ..packing.system import Array
 from ..result.contact_record import NOTHING, PHASES, ContactRecord, Event
-from ..system import Array
 from .plan import Plan
 from .switches import Change
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..system import Array
+from ..packing.system import Array
 from .plan import Plan
 from .recording import Progress, Recording
 

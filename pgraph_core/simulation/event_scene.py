@@ -8,6 +8,8 @@ import numpy as np
 
 from ..contact.sites import Site, with_sites
 from ..contact.tables import Tables
+from ..dynamics.callback import UserTorque
+from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import Phased, SiteLinks, Sites
@@ -16,9 +18,7 @@ from ..engine.constraints.proximal import LAMBDA, RHS
 from ..engine.contact import phases
 from ..engine.contact import sites as site_kernels
 from ..mechanism import Mechanism
-from ..mechanism.callback import UserTorque
-from ..mechanism.scene import Scene
-from ..system import Array, Drives, Ints, Loads
+from ..packing.system import Array, Drives, Ints, Loads
 
 
 class EventScene(Scene):
@@ -39,12 +39,14 @@ class EventScene(Scene):
         user: UserTorque | None = None,
     ):
         """All sites are in swing. `frames` is how many are to be recorded."""
-        extended, tables = with_sites(mech.blocks, sites, mech.model, mech.topology, mech.system)
+        packed = mech.packed
+        given = (mech.model, mech.topology, packed.system)
+        extended, tables = with_sites(packed.blocks, sites, *given)
         count = len(sites)
-        whole = len(mech.blocks.names) + 2 * np.arange(count)
+        whole = len(packed.blocks.names) + 2 * np.arange(count)
         everything = np.concatenate((active, whole))
         super().__init__(
-            mech, drives, loads, everything, contacts=contacts, user=user, blocks=extended
+            packed, drives, loads, everything, contacts=contacts, user=user, blocks=extended
         )
         self.activate(active)
         self.bilateral = int(self.active[0])

@@ -15,9 +15,9 @@ from ..engine.contact import sites as site_kernels
 from ..engine.records import CLOCK, COUNTERS, CURSOR, STEP_CONTROL, table
 from ..engine.stepping import adaptive, implicit, phase_dense, phase_events, run
 from ..mechanism import Mechanism
+from ..packing.system import Array, Ints
 from ..result import Status
 from ..result.contact_record import Event
-from ..system import Array, Ints
 from .plan import Plan
 
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))

@@ -13,7 +13,7 @@ from ..integrators import METHODS, Method
 from ..mechanism import Mechanism
 from ..model import Force, Model, Scenario
 from ..model.checks import force_problems
-from ..system import Array, Ints
+from ..packing.system import Array, Ints
 
 LEAST_RTOL = 1e-15  # the error of a step is rounding below it
 MOST_CHOSEN = 10_000_000  # default limit on the steps of an adaptive run

@@ -16,6 +16,9 @@ from numpy.typing import NDArray
 
 from ..contact.sites import Site, sites_of
 from ..contact.tables import Tables
+from ..dynamics.arguments import finite, position
+from ..dynamics.scene import Scene, contact_tables
+from ..dynamics.states import length_of
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.compiler.address import address_of
@@ -24,11 +27,9 @@ from ..errors import InputError, Problem
 from ..gait.controller import Controller
 from ..integrators import DOP853, DOPRI5, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
-from ..mechanism.packed import NO_LOADS
-from ..mechanism.scale import length_of
-from ..mechanism.scene import Scene
 from ..model import Contact, Scenario
-from ..system import Array, Drives, Ints, Loads
+from ..packing.forces import NO_LOADS
+from ..packing.system import Array, Drives, Ints, Loads
 from .options import (
     FRAMES,
     Options,
@@ -132,8 +133,8 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
     o.check()
     span, name = o.span(given), o.method_name(given)
     forces = (*mech.model.forces, *(given.forces if given else ()), *extra)
-    drives, loads = mech.drives(forces), mech.loads(forces)
-    contacts = mech.contacts(touching_contacts(mech, given))
+    drives, loads = mech.packed.drives(forces), mech.packed.loads(forces)
+    contacts = contact_tables(mech.packed, touching_contacts(mech, given))
     active, changes = switch_changes(mech, given, o.switches, active_constraints(mech, given), span)
     tau = controller_of(mech, given) if tau is None else tau
     start = initial_state(mech, given, q, v, tau)
@@ -176,7 +177,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
         sites=sites,
         changes=changes,
         ever=whole,
-        length=length_of(mech),
+        length=length_of(mech.packed),
         kinks=kinks,
         shown=_shown(times, changes, o, asked),
     )
@@ -209,7 +210,7 @@ def controller_of(mech: Mechanism, given: Scenario | None) -> Controller | None:
 def active_constraints(mech: Mechanism, given: Scenario | None) -> Ints:
     """Indices of the constraints that a scenario activates, else the model's active ones."""
     if given is None or given.constraints is None:
-        return mech.active
+        return mech.packed.active
     wanted = set(given.constraints)
     return np.array(
         [i for i, c in enumerate(mech.model.constraints) if c.name in wanted], dtype=np.int64
@@ -234,16 +235,16 @@ def initial_state(
         for state, entries, column in ((q0, given.q, at.QI), (v0, given.v, at.VI)):
             for name, values in entries.items():
                 number = mech.topology.number(name)
-                row = int(np.flatnonzero(mech.system.body_of_row == number)[0])
-                first = mech.system.rows[row, column]
+                row = int(np.flatnonzero(mech.packed.system.body_of_row == number)[0])
+                first = mech.packed.system.rows[row, column]
                 state[first : first + len(values)] = values
     return with_state(mech, (q0, v0), q, v)
 
 
 def with_state(mech: Mechanism, start: tuple[Array, Array], q: Any, v: Any) -> tuple[Array, Array]:
     """Copies of the given q and v, or of those in `start` where they are None."""
-    q = start[0] if q is None else mech.position(q)
-    return q.copy(), (start[1] if v is None else mech.finite("v", v, mech.nv)).copy()
+    q = start[0] if q is None else position(mech.packed, q)
+    return q.copy(), (start[1] if v is None else finite("v", v, mech.nv)).copy()
 
 
 def _event_driven(mech: Mechanism, contacts: Tables) -> tuple[Tables | None, tuple[Site, ...]]:
@@ -252,9 +253,9 @@ def _event_driven(mech: Mechanism, contacts: Tables) -> tuple[Tables | None, tup
         text = "a penalty contact remembers where it sticks, and a step to an event is taken again"
         text += "; give the contacts law 'soft' or 'complementarity', or use method 'moreau_jean'"
         raise InputError(Problem("simulate", "method", text))
-    sites = sites_of(mech.model, mech.topology, mech.system, contacts)
+    sites = sites_of(mech.model, mech.topology, mech.packed.system, contacts)
     soft = tuple(t.contact for t in contacts.touches if t.contact.law == "soft")
-    rest = mech.contacts(tuple(dict.fromkeys(soft)))
+    rest = contact_tables(mech.packed, tuple(dict.fromkeys(soft)))
     if rest is None or not rest.touches:
         return None, sites
     none = tuple(array[:0] for array in rest.limit_blocks)
@@ -292,7 +293,7 @@ def fastest_rate(
 
     Contacts are left out.
     """
-    scene = Scene(mech, *forces, active)
+    scene = Scene(mech.packed, *forces, active)
     stages = np.zeros((stiffness.STIFFNESS_ROWS, mech.nq + mech.nv))
     stages[stiffness.STATE, : mech.nq] = q
     stages[stiffness.STATE, mech.nq :] = v
@@ -377,8 +378,8 @@ def corners(
     mech: Mechanism, drives: Drives, loads: Loads, active: Ints, t_start: float, t_end: float
 ) -> Array:
     """Times within the run at which a table of forces or of a followed motion bends [s]."""
-    found = [mech.bends(drives), loads.knots[:, 0]]
-    blocks = mech.blocks
+    found = [mech.packed.bends(drives), loads.knots[:, 0]]
+    blocks = mech.packed.blocks
     for i in active.tolist() if len(blocks.curves) else ():
         for block in range(blocks.first[i], blocks.first[i + 1]):
             first, count = blocks.blocks_i[block, [at.B_CURVE, at.B_KNOTS]].tolist()

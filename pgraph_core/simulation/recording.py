@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ..constraints.assembly import NOTABLE, assembled
-from ..constraints.blocked import blocked
-from ..constraints.null_rows import redundancy
-from ..constraints.singular import Instant, singular_notice
-from ..constraints.tied import Tied
-from ..constraints.tree import Tree
+from ..analysis.assembly import NOTABLE, assembled
+from ..analysis.singular import Instant, blocked, redundancy, singular_notice
+from ..dynamics.arguments import finite
+from ..dynamics.callback import acting
+from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import Frames
@@ -22,11 +21,9 @@ from ..engine.compiler.address import address_of
 from ..engine.records import by_name
 from ..errors import InputError
 from ..mechanism import Mechanism
-from ..mechanism.callback import acting
-from ..mechanism.scene import Scene
+from ..packing.system import Array, Ints
 from ..result import Result, Status
 from ..result.contact_record import NOTHING, ContactRecord
-from ..system import Array, Ints
 from .contact_events import ContactEvents
 from .contact_log import contact_counters, contact_notices, contacts_of, switched
 from .event_scene import EventScene
@@ -58,7 +55,7 @@ class Recording:
         self.ended = Outcome()
         self.scene, self.events = self._scene()
         if tau is not None and self.user is None:
-            self.scene.given[:] = mech.finite("tau", tau, mech.nv)
+            self.scene.given[:] = finite("tau", tau, mech.nv)
         self._ahead = deque(plan.changes)
         if plan.changes:
             self.scene.switch(plan.active)
@@ -87,11 +84,11 @@ class Recording:
             frames = len(plan.times)
             scene = EventScene(mech, plan.drives, plan.loads, plan.ever, plan.sites, frames, **acts)
             return scene, ContactEvents(mech, plan, scene, self.steps, self.ended)
-        own = mech.blocks
+        own = mech.packed.blocks
         if plan.changes:  # which may hold places that are known only then
             own = own._replace(blocks_f=own.blocks_f.copy())
         acts |= {"gains": plan.gains, "blocks": own}
-        return Scene(mech, plan.drives, plan.loads, plan.ever, **acts), None
+        return Scene(mech.packed, plan.drives, plan.loads, plan.ever, **acts), None
 
     # -- the run ---------------------------------------------------------------------------------
 
@@ -136,7 +133,7 @@ class Recording:
         code = self._first_evaluation()
         self._raise_user_error()
         if code > 0:
-            self.ended.stop(Status.SINGULAR, str(mech.singular(code)))
+            self.ended.stop(Status.SINGULAR, str(mech.packed.singular(code)))
         elif code < 0:
             text = f"{Status.NOT_FINITE.value} at t = {self.start:g} s"
             self.ended.stop(Status.NOT_FINITE, text)
@@ -230,7 +227,7 @@ class Recording:
         """(status, message) of a kernel's status code: where it failed, and what to try."""
         t, row = self.steps.failure[0], int(self.steps.failure[1])
         status = STATUS[code]
-        where = f"at t = {t:.6g} s; body '{self.mech.body_of(row)}' moved fastest"
+        where = f"at t = {t:.6g} s; body '{self.mech.packed.body_of(row)}' moved fastest"
         return status, f"{status.value} {where}; {self._advice(status)}"
 
     def _advice(self, status: Status) -> str:
@@ -251,13 +248,12 @@ class Recording:
         """What blocks the last recorded state to second order; "" where nothing does."""
         if self.done == 0:
             return ""
-        mech, last = self.mech, self.done - 1
+        last = self.done - 1
         past = self.plan.changes[: len(self.plan.changes) - len(self._ahead)]
         active = past[-1].active if past else self.plan.active
-        held = tuple(mech.model.constraints[i] for i in active.tolist())
         t = float(self.steps.times[last])
         q, v = self.out.q[last], self.out.v[last]
-        return blocked(Tied(Tree(mech.model, mech.topology), held, q, v, t))
+        return blocked(self.mech, active, t, q, v)
 
     def _note_singular(self) -> None:
         """Append a notice of singular positions that were passed."""

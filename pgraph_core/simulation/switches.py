@@ -8,17 +8,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..constraints.assembly import ASSEMBLY_ROUNDS
-from ..constraints.blocks import values_of
+from ..analysis.assembly import ASSEMBLY_ROUNDS
+from ..dynamics.scene import Scene
 from ..engine import motion
 from ..engine.constraints.proximal import RHS
 from ..engine.contact import sites as site_kernels
 from ..errors import InputError, ModelError, Problem
 from ..mechanism import Mechanism
-from ..mechanism.scene import Scene
 from ..model import Scenario, Switch
 from ..model.checks import switch_problems
-from ..system import Array, Ints
+from ..packing.constraints import values_of
+from ..packing.system import Array, Ints
 
 SAME = 1e-12  # of the run: times this near are one
 FAR = 0.1  # rad, m: a jump of the joints that is no correction
@@ -113,12 +113,12 @@ def hold_here(scene: Scene, change: Change, q: Array) -> None:
     """Fill in what constraints that are switched on leave open from the present position."""
     if not len(change.on):
         return
-    mech = scene.mech
-    poses = mech.poses(q)
+    packed = scene.packed
+    poses = packed.poses(q)
     for i in change.on.tolist():
-        c = mech.model.constraints[i]
+        c = packed.model.constraints[i]
         try:
-            values = values_of(c, mech.model, mech.topology, mech.system, poses)
+            values = values_of(c, packed.model, packed.topology, packed.system, poses)
         except ModelError as error:
             raise InputError(error.problems) from None
         first = int(scene.blocks.first[i])

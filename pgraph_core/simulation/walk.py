@@ -9,9 +9,9 @@ from ..errors import InputError, Problem
 from ..gait.controller import Controller
 from ..mechanism import Mechanism
 from ..model import Force, Gait, Model, VectorTable
+from ..packing.system import Array
 from ..portable import Portable
 from ..result import Result
-from ..system import Array
 from .options import mechanism_of
 from .simulation import simulate
 

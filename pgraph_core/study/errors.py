@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..dynamics.bodies import bodies_over, turned
+from ..dynamics.states import length_of
 from ..engine import layout as at
 from ..mechanism import Mechanism
-from ..mechanism.bodies import bodies_over, turned
-from ..mechanism.scale import length_of
-from ..system import Array
+from ..packing.system import Array
 
 COARSE, FINE = 0.1, 1e-4  # errors above show no order; below FINE only where there are enough
 FLOOR = 10.0  # times the smallest error: closer to it rounding dominates
@@ -67,7 +67,7 @@ def observer(mech: Mechanism) -> Callable[[Array], Observables]:
     def observe(q: Array) -> Observables:
         n = len(q)
         still, none = np.zeros((n, mech.nv)), np.zeros((n, mech.nb, 6))
-        pose = bodies_over(mech.system, q, still, still, none).pose
+        pose = bodies_over(mech.packed.system, q, still, still, none).pose
         return Observables(pose[..., :3] + turned(pose[..., 3:], tips), pose[..., 3:])
 
     return observe
@@ -88,7 +88,7 @@ def differences(found: Observables, reference: Observables, scale: float) -> Arr
 def reach(mech: Mechanism) -> float:
     """The characteristic length: the longest path from a root to a tip, along the links [m]."""
     model, far = mech.model, {"ground": 0.0}
-    longest = length_of(mech)
+    longest = length_of(mech.packed)
     for name in mech.names:
         body = model.body(name)
         link = 0.0 if body.parent == "ground" else float(np.linalg.norm(body.link))
@@ -105,9 +105,9 @@ def joint_errors(mech: Mechanism, q: Array, other: Array) -> Array:
 
     Rotations [rad]; translations over the mechanism's length.
     """
-    rows = mech.system.rows[1:].tolist()
+    rows = mech.packed.system.rows[1:].tolist()
     found = np.zeros((len(q), len(rows)))
-    size = length_of(mech)
+    size = length_of(mech.packed)
     for k, (_, kind, i, _) in enumerate(rows):
         a, b = q[:, i : i + 7], other[:, i : i + 7]
         if kind == at.ROTATE:

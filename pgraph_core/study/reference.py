@@ -8,12 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..dynamics.states import length_of
 from ..errors import InputError, PgraphError
 from ..integrators import METHODS
 from ..mechanism import Mechanism
-from ..mechanism.scale import length_of
+from ..packing.system import Array
 from ..result import Result
-from ..system import Array
 from ..verification import Case, States
 from .errors import differences, joint_errors, observer, reach, rms
 from .settings import Setting, refusal
@@ -212,11 +212,13 @@ def known_motion(
     mech = task.mech
     rate = task.rate_at([mech.home()])
     rtol = min(1e-9, max(FINER * target, 1e-12))
-    allowed = PATIENCE * budget // len(mech.system.rows)
+    allowed = PATIENCE * budget // len(mech.packed.system.rows)
     tries = _opinions(mech.nv, rate * task.t_end, task.impulses, step, rtol, allowed)
     done: list[tuple[Result, float]] = []
     for run in _completed(task, tries, lambda: progress, True):
-        done.append((run, float(run.error_estimate) * max(1.0, 1.0 / (length_of(mech) or 1.0))))
+        done.append(
+            (run, float(run.error_estimate) * max(1.0, 1.0 / (length_of(mech.packed) or 1.0)))
+        )
         if len(done) == 2:
             break
     if not done:

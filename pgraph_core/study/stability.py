@@ -11,13 +11,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..dynamics.arguments import finite, position
 from ..errors import PgraphError, choices
 from ..joints import nq, nv
 from ..mechanism import Mechanism
 from ..model import Model
+from ..packing.system import Array
 from ..result import Result, Status
 from ..simulation import simulate
-from ..system import Array
 from .axes import AXES, Axis, changed
 from .map import StabilityMap
 from .reference import KnownMotion, known_motion, merged, per_step
@@ -180,8 +181,8 @@ def started(model: Model, q: Any, v: Any) -> Model:
         return model
     mech = Mechanism(model)
     start = mech.home()
-    at = mech.position(q) if q is not None else start[0]
-    speed = mech.finite("v", v, mech.nv) if v is not None else start[1]
+    at = position(mech.packed, q) if q is not None else start[0]
+    speed = finite("v", v, mech.nv) if v is not None else start[1]
     states: dict[str, tuple[list[float], list[float]]] = {}
     first, second = 0, 0
     for name in mech.names:
@@ -276,7 +277,7 @@ def _cell(
         return index, cell
     mech = Mechanism(line.model)  # one a thread: they share nothing
     count = steps_of(line.t_end, step)
-    most, allowed = count * per_step(method, mech.nv), sweep.budget // len(mech.system.rows)
+    most, allowed = count * per_step(method, mech.nv), sweep.budget // len(mech.packed.system.rows)
     if most > allowed:
         text = f"about {most:.1e} evaluations, of which the budget allows {allowed:.1e}"
         return index, Cell(line.value, method, step, Verdict.SLOW, text, evaluations=most)

@@ -8,12 +8,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..dynamics.scene import contact_tables
 from ..mechanism import Mechanism
 from ..model import Model, Scenario
+from ..packing.system import Array
 from ..result import Result, Status
 from ..simulation import simulate
 from ..simulation.plan import active_constraints, fastest_rate, initial_state, touching_contacts
-from ..system import Array
 from .settings import Setting
 
 Progress = Callable[[float], Any]
@@ -76,7 +77,7 @@ class Task:
     @property
     def impulses(self) -> bool:
         """Whether rigid contacts or joint limits act."""
-        contacts = self.mech.contacts(touching_contacts(self.mech, self._given))
+        contacts = contact_tables(self.mech.packed, touching_contacts(self.mech, self._given))
         return contacts is not None and contacts.rigid
 
     def rate(self) -> float:
@@ -85,13 +86,13 @@ class Task:
             return 0.0
         given = self._given
         forces = (*self.mech.model.forces, *(given.forces if given else ()))
-        acting = self.mech.drives(forces), self.mech.loads(forces)
+        acting = self.mech.packed.drives(forces), self.mech.packed.loads(forces)
         q, v = initial_state(self.mech, given, self.q, self.v)
         return fastest_rate(self.mech, acting, active_constraints(self.mech, given), q, v)
 
     def rate_at(self, states: list[tuple[Array, Array]]) -> float:
         """The largest rate over some states (q, v) [1/s]; 0 with contacts, which it cannot see."""
-        if self.mech.contacts(touching_contacts(self.mech, self._given)) is not None:
+        if contact_tables(self.mech.packed, touching_contacts(self.mech, self._given)) is not None:
             return 0.0
         return max(replace(self, q=q, v=v).rate() for q, v in states)
 

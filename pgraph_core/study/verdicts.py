@@ -7,11 +7,11 @@ from enum import StrEnum
 
 import numpy as np
 
+from ..dynamics.states import length_of
 from ..integrators import METHODS
 from ..mechanism import Mechanism
-from ..mechanism.scale import length_of
+from ..packing.system import Array
 from ..result import Result, Status
-from ..system import Array
 from .errors import joint_errors
 from .reference import KnownMotion
 
@@ -106,7 +106,7 @@ def evidence(
         step_limit=step_limit(cell.method, known.rate),
         energy_lost=steady_loss(growth),
         energy_gained=float(growth.max(initial=0.0)),
-        constraint_drift=drift / (length_of(mech) or 1.0),
+        constraint_drift=drift / (length_of(mech.packed) or 1.0),
         evaluations=whole.counters["evaluations"],
     )
     return Evidence(target, mech, whole, known, errors, growth, cell)
@@ -146,7 +146,7 @@ def _unstable(found: Evidence) -> Cell | None:
         return None
     bad = np.flatnonzero(grown | (found.errors.max(axis=1, initial=0.0) > WRONG))
     first = int(bad[0]) if len(bad) else len(run.t) - 1
-    body, time = found.mech.body_of(_first_row(found, first)), float(run.t[first])
+    body, time = found.mech.packed.body_of(_first_row(found, first)), float(run.t[first])
     text = f"grows from t = {time:.3g} s on (step {time / cell.step:.0f}), body '{body}' first"
     if np.isfinite(cell.step_limit):
         text += f"; rate times step is {found.known.rate * cell.step:.3g}, "
@@ -158,7 +158,7 @@ def _first_row(found: Evidence, frame: int) -> int:
     """The row with the largest error, or acceleration if only the start is there."""
     if found.errors[frame].max(initial=0.0) > 0.0:
         return int(np.argmax(found.errors[frame])) + 1
-    return found.mech.row_of_velocity(int(np.argmax(np.abs(found.run.vdot[frame]))))
+    return found.mech.packed.row_of_velocity(int(np.argmax(np.abs(found.run.vdot[frame]))))
 
 
 def _failed(found: Evidence) -> Cell | None:

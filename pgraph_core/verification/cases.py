@@ -18,9 +18,9 @@ from ..errors import FileError, Problem, choices
 from ..mechanism import Mechanism
 from ..model import Model
 from ..model.files import read
+from ..packing.system import Array
 from ..result import Result
 from ..simulation import simulate
-from ..system import Array
 from .observables import KINDS, Motion, States, errors, rotations
 
 

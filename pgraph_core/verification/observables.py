@@ -7,10 +7,11 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..mechanism import Mechanism, vibrations
+from ..analysis import vibrations
+from ..mechanism import Mechanism
+from ..packing.system import Array
 from ..result import Result
 from ..rotation import matrix
-from ..system import Array
 
 Given: TypeAlias = "Mapping[str, Any]"
 
@@ -55,7 +56,7 @@ def _of_joints(mech: Mechanism, states: Array, given: Given, which: str) -> Arra
         found = np.column_stack([states[:, getattr(mech.joints[name], which)] for name in names])
         return found[:, given["columns"]] if "columns" in given else found
     sums = np.zeros((len(states), mech.nb + 1))
-    for number, (name, parent) in enumerate(zip(mech.names, mech.parent.tolist()), 1):
+    for number, (name, parent) in enumerate(zip(mech.names, mech.topology.parent.tolist()), 1):
         own = states[:, getattr(mech.joints[name], which)].sum(axis=1)
         sums[:, number] = sums[:, parent] + own
     return sums[:, [mech.topology.number(name) for name in names]]

@@ -63,9 +63,9 @@ def calls(seed=5):
     """{name: a call of a kernel on arrays that are there}, on a forest of all joints."""
     s = random_case(seed)
     mech = pg.Mechanism(s.model)
-    packed, tree = mech.system[:4], mech.tree
+    packed, tree = mech.packed.system[:4], mech.packed.tree
     q, v, tau, vdot, external = (np.ascontiguousarray(x) for x in s[2:])
-    n, work = mech.nv, np.zeros((len(mech.system.rows), at.WORK))
+    n, work = mech.nv, np.zeros((len(mech.packed.system.rows), at.WORK))
     zero, out, m, outer = np.zeros(n), np.zeros(n), np.zeros((n, n)), np.zeros(n, np.int64)
     given = (q, v, tau, external)
     return {

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.constraints.blocks import blocks
-from pgraph_core.constraints.kinds import curve
 from pgraph_core.engine import layout as at
 from pgraph_core.model.constraint import TAKES
+from pgraph_core.packing.constraints import blocks, curve
 from pgraph_core.paper import Operators, constrained_dynamics, frames
 from pgraph_core.paper.constraint_rows import prescribed, radius_of_gyration, rows_of
 from pgraph_core.paper.motion import home_poses
@@ -160,7 +159,7 @@ def wanted(block, values, tables, t):
 def test_blocks_say_what_the_dense_rows_say(kind, seed):
     """Residuals of equal length (their bases of normals differ), at random and at the start."""
     s, c = case(kind, seed)
-    packed = pg.Mechanism(s.model).system
+    packed = pg.Mechanism(s.model).packed.system
     tables = blocks(s.model, s.topology, packed, home_poses(s.model))
     assert tables.first.tolist() == [0, len(tables.blocks_i)]
     assert tables.blocks_i[:, at.B_SIZE].sum() == ROWS[kind]

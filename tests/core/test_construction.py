@@ -19,14 +19,14 @@ QUADRUPED = pg.Model.load(pgraph_models.path("quadruped"))
 
 def same(one: pg.Mechanism, other: pg.Mechanism) -> bool:
     """Whether two mechanisms are packed into the same numbers, bit for bit."""
-    return all(map(np.array_equal, one.system, other.system))
+    return all(map(np.array_equal, one.packed.system, other.packed.system))
 
 
 def alike(one: pg.Mechanism, other: pg.Mechanism) -> bool:
     """As `same`, to 1e-14: norms are rounded in two ways; the axis of a ball means nothing."""
-    pairs = list(zip(one.system, other.system))
-    ball = one.system.rows[:, at.KIND] >= at.BALL
-    for const in (mech.system.const for mech in (one, other)):
+    pairs = list(zip(one.packed.system, other.packed.system))
+    ball = one.packed.system.rows[:, at.KIND] >= at.BALL
+    for const in (mech.packed.system.const for mech in (one, other)):
         const[ball, at.AXIS : at.AXIS + 3] = 0.0
     return all(np.allclose(x, y, rtol=1e-14, atol=1e-14) for x, y in pairs)
 
@@ -84,7 +84,7 @@ def test_numbers_and_pgraph_of_a_mechanism_are_those_of_its_topology(seed):
     for field in ("row", "parent", "dof"):
         assert getattr(mech.topology, field).tolist() == getattr(topology, field).tolist()
     rows = [i + 1 for i, k in enumerate(topology.dof) for _ in range(len(model.bodies)) if k]
-    assert set(mech.system.body_of_row[1:].tolist()) == set(rows)
+    assert set(mech.packed.system.body_of_row[1:].tolist()) == set(rows)
 
 
 def test_a_list_of_parents_is_a_chain_of_hinges():

@@ -19,7 +19,7 @@ BALL = {"kind": "sphere", "radius": 0.3, "position": (0.1, -0.2, 0.15)}
 def along_joints(run, k):
     """Hᵀ F of every joint at frame k: the torque of its drive, here none."""
     mech, q = run.mechanism, run.q[k]
-    for i, (name, parent) in enumerate(zip(mech.names, mech.parent)):
+    for i, (name, parent) in enumerate(zip(mech.names, mech.topology.parent)):
         H = mech.jacobian(q, name, point=(0, 0, 0))
         if parent:
             place, turn = mech.pose(q, mech.names[parent - 1])

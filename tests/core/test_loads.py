@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_core.dynamics.scene import load_wrenches
 from pgraph_core.engine import layout as at
-from pgraph_core.loads import loads
+from pgraph_core.packing.forces import loads
 from pgraph_core.paper import Operators
 from pgraph_core.paper.loads import load_of
 from pgraph_core.paper.motion import frames, home_poses
@@ -57,7 +58,7 @@ def test_springs_pull_along_the_slope_of_their_energy_and_power_adds_up(seed):
 def test_tables_say_what_the_description_says(seed):
     """Energies, directions and points of the packed rows, read off with rotations by row."""
     s = random_case(seed)
-    packed = pg.Mechanism(s.model).system
+    packed = pg.Mechanism(s.model).packed.system
     given = forces(s)
     loads_i, loads_f, knots = loads(s.model, s.topology, packed, given, home_poses(s.model))
     assert loads_i[:, at.L_TYPE].tolist() == [0, 0, 1, 1, 2, 2]
@@ -201,7 +202,9 @@ def test_joint_forces_of_a_run_balance_with_its_loads(seed, tmp_path):
                 one.q[i], one.v[i], one.vdot[i]
             )
             np.testing.assert_allclose(own, tau, atol=1e-9)
-            wrench = mech.load_wrenches(model.forces, one.t[i : i + 1], one.q[[i]], one.v[[i]])[0]
+            wrench = load_wrenches(
+                mech.packed, model.forces, one.t[i : i + 1], one.q[[i]], one.v[[i]]
+            )[0]
             motion = mech.body_motion(one.q[i], one.v[i], one.vdot[i], wrench)
             np.testing.assert_allclose(one.joint_force[i], motion.force, atol=1e-12)
             J = np.concatenate([op.point_jacobian(b + 1, np.zeros(3)) for b in range(mech.nb)])

@@ -7,13 +7,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import pgraph_core as pg
+from pgraph_core.dynamics.states import length_of
 from pgraph_core.engine import layout as at
 from pgraph_core.engine.compiler.address import address_of
 from pgraph_core.engine.compiler.jit import kernel
 from pgraph_core.engine.stepping.events import EVENT, look_back
 from pgraph_core.integrators import tableaus
-from pgraph_core.mechanism.packed import NO_LOADS
-from pgraph_core.mechanism.scale import length_of
+from pgraph_core.packing.forces import NO_LOADS
 from pgraph_core.simulation.options import Tolerance, frame_times
 from pgraph_core.simulation.plan import Plan
 from pgraph_core.simulation.recording import Recording
@@ -336,12 +336,14 @@ def passes_bottom(scene, t, q, v, out):
 
 def watched(mech, q, rtol, wanted=0):
     """A recording that looks for `passes_bottom`, and its signs."""
-    drives = mech.drives(())
+    drives = mech.packed.drives(())
     tolerance = Tolerance(rtol, 0.0, 10.0, 10**6, np.zeros(0))
     none = np.zeros(0, dtype=np.int64)
     times = frame_times(0.0, 3.0, 31, None)
     method = pg.integrators.DOP853
-    plan = Plan(method, times, drives, NO_LOADS, none, tolerance=tolerance, length=length_of(mech))
+    plan = Plan(
+        method, times, drives, NO_LOADS, none, tolerance=tolerance, length=length_of(mech.packed)
+    )
     record = Recording(mech, plan, q, np.zeros(mech.nv), None)
     signs, direction = np.zeros(1, dtype=np.int64), np.array([wanted])
     addresses = (address_of(look_back), address_of(passes_bottom))

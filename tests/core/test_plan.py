@@ -102,7 +102,7 @@ def test_welds_are_counted_as_they_are_merged():
     model = forced.chain()
     mech = pg.Mechanism(model)
     assert mech.plan().saved["welds"] == "1 rows an evaluation"
-    assert len(mech.system.rows) - 1 == mech.nb - 1
+    assert len(mech.packed.system.rows) - 1 == mech.nb - 1
 
 
 # -- imports --------------------------------------------------------------------------------------

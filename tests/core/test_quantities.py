@@ -23,7 +23,7 @@ def test_power_of_the_joint_torques_is_the_change_of_energy(seed):
     energies = []
     for sign in (-1.0, 1.0):
         q = c.q.copy()
-        run.move(mech.system.rows, q, c.v + 0.5 * sign * h * vdot, sign * h)
+        run.move(mech.packed.system.rows, q, c.v + 0.5 * sign * h * vdot, sign * h)
         energies.append(sum(mech.energy(q, c.v + sign * h * vdot)))
     power = (energies[1] - energies[0]) / (2 * h)
     scale = max(1.0, abs(power), float(np.abs(c.tau * c.v).sum()))

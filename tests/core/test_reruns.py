@@ -28,7 +28,7 @@ for seed in range(6):
     vdots = [mech.forward_dynamics(*state, s.external, back_end=b) for b in BACK_ENDS]
     motion, M = mech.body_motion(s.q, s.v, s.vdot), mech.mass_matrix(s.q)
     C, J = mech.bias_force(s.q, s.v), mech.tip_jacobian(s.q)
-    found[f"forest {seed}"] = digest(mech.system.const, M, C, J, *vdots, *motion)
+    found[f"forest {seed}"] = digest(mech.packed.system.const, M, C, J, *vdots, *motion)
     run = pg.simulate(mech, s.q, 0.1 * s.v, t_end=0.05, method=METHODS[seed % 2])
     found[f"run {seed}"] = digest(run.t, run.q, run.v, run.vdot, run.energy)
     for threads in (1, 2):

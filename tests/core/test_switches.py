@@ -9,7 +9,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.mechanism.scene import Scene
+from pgraph_core.dynamics.scene import Scene
 
 METHODS = [
     {"method": "rk4", "step": 1e-3},
@@ -118,15 +118,15 @@ def test_nothing_is_built_anew(monkeypatch):
     pg.simulate(mech, t_end=0.1, rtol=1e-8, estimate=False)
     usual = len(made)
     made.clear()
-    held = mech.blocks
-    tables = [*mech.system, held.blocks_i, held.blocks_f]
+    held = mech.packed.blocks
+    tables = [*mech.packed.system, held.blocks_i, held.blocks_f]
     copies = [table.copy() for table in tables]
     switches = [(0.01 * n, FOOT, n % 2 == 0) for n in range(1, 10)]
     done = pg.simulate(mech, t_end=0.1, rtol=1e-8, switches=switches, estimate=False)
     assert done.status.ok
     assert len(done.events) == 9
     assert len(made) == usual
-    assert mech.blocks is held
+    assert mech.packed.blocks is held
     assert all(np.array_equal(a, b) for a, b in zip(tables, copies))
 
 

@@ -30,7 +30,7 @@ def heap(count, *contacts):
 
 def found(mech, t, q):
     """(gap, shape A, shape B, contact) of everything within 1 m."""
-    system = mech.system
+    system = mech.packed.system
     poses = np.zeros((len(t.geometry.shapes_i), at.POSE))
     position, rotation = mech.poses(q)
     for i, (row, body) in enumerate(t.geometry.shapes_i[:, [at.SH_ROW, at.SH_BODY]].tolist()):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numba import carray, cfunc, types  # pyright: ignore[reportPrivateImportUsage]
@@ -14,11 +14,10 @@ from numba.core.errors import NumbaError
 from ..engine.compiler.address import address_of_function
 from ..engine.compiler.jit import JIT
 from ..errors import InputError, Problem
+from ..packing.packed import Packed
+from ..packing.system import Array
 from ..portable import Unportable
-from ..system import Array
-
-if TYPE_CHECKING:
-    from .mechanism import Mechanism
+from .arguments import finite
 
 _Address = ctypes.CFUNCTYPE(
     ctypes.c_int64, ctypes.c_double, ctypes.c_uint64, ctypes.c_uint64, ctypes.c_uint64
@@ -46,7 +45,7 @@ class UserTorque(Unportable):
             self._called = _Address(self._call)
             self.address = address_of_function(self._called)
 
-    def join(self, mech: Mechanism, work: Array) -> None:
+    def join(self, packed: Packed, work: Array) -> None:
         """A run begins whose kernels keep what they know of bodies in `work`: no use here."""
 
     def notices(self) -> list[str]:
@@ -68,7 +67,7 @@ class UserTorque(Unportable):
         except Exception as error:
             text = f"the function raised {type(error).__name__}: {error} (at t = {t:.6g} s)"
             raise InputError(Problem("simulate", "tau", text)) from error
-        return fitting("tau", given, len(self._v))
+        return finite("tau", given, len(self._v))
 
 
 def acting(tau: Any, nq: int, nv: int) -> UserTorque | None:
@@ -79,20 +78,6 @@ def acting(tau: Any, nq: int, nv: int) -> UserTorque | None:
     if hasattr(tau, "acting"):
         return tau.acting()
     return UserTorque(tau, nq, nv) if callable(tau) else None
-
-
-def fitting(name: str, value: Any, n: int) -> Array:
-    """`value` as n finite numbers. Raises InputError."""
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(Problem(name, "", f"must be numbers; given {value!r:.60}")) from None
-    if array.shape != (n,):
-        raise InputError(Problem(name, "", f"must have shape {(n,)}; given {array.shape}"))
-    bad = np.flatnonzero(~np.isfinite(array))
-    if len(bad):
-        raise InputError(Problem(name, "", f"must be finite; entry {bad[0]} is {array[bad[0]]}"))
-    return array
 
 
 def _compiled(function: Any, nq: int, nv: int) -> Any:

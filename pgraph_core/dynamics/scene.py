@@ -6,22 +6,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..constraints.blocks import Blocks
-from ..contact.tables import Tables, extended
 from ..engine import arrays, motion
 from ..engine import layout as at
 from ..engine.arrays import Contacts, Links, User, Workspace
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
 from ..engine.constraints.dips import LEAST
 from ..engine.constraints.proximal import FACTORED
+from ..model import Contact, Force
+from ..packing.constraints import Blocks
+from ..packing.forces import TYPES
+from ..packing.packed import Packed
+from ..packing.system import Array, Drives, Ints, Loads
 from ..portable import Unportable
-from ..shapes import solids
-from ..system import Array, Drives, Ints, Loads
 
 if TYPE_CHECKING:
+    from ..contact.tables import Tables
     from .callback import UserTorque
-    from .mechanism import Mechanism
 
+NO_CONSTRAINTS = np.zeros(0, dtype=np.int64)
 NO_GAINS = np.zeros(2)
 NO_USER = User(0, np.zeros((0, 0)), np.zeros(0, dtype=np.int64))
 
@@ -36,7 +38,7 @@ class Scene(Unportable):
 
     def __init__(
         self,
-        mech: Mechanism,
+        packed: Packed,
         drives: Drives,
         loads: Loads,
         active: Ints,
@@ -46,25 +48,25 @@ class Scene(Unportable):
         user: UserTorque | None = None,
         blocks: Blocks | None = None,
     ):
-        """`active` are the indices of constraints; `blocks` are the mechanism's unless given."""
-        self.mech, self.drives, self.loads = mech, drives, loads
-        own = mech.blocks if blocks is None else blocks
-        self.blocks: Blocks = extended(own, contacts) if contacts else own
+        """`active` are the indices of constraints; `blocks` are the model's unless given."""
+        self.packed, self.drives, self.loads = packed, drives, loads
+        own = packed.blocks if blocks is None else blocks
+        self.blocks: Blocks = _extended(own, contacts) if contacts else own
         self.active = np.zeros(len(self.blocks.blocks_i) + 1, dtype=np.int64)
-        self.given = np.zeros(mech.nv)
+        self.given = np.zeros(packed.nv)
         self.user = user
-        self.work = np.zeros((len(mech.system.rows), at.WORK))
+        self.work = np.zeros((len(packed.rows), at.WORK))
         before = len(own.blocks_i)
-        self.touching = TouchSpace(mech, contacts, before, steps=self.once) if contacts else None
+        self.touching = TouchSpace(packed, contacts, before, steps=self.once) if contacts else None
         imposed = address_of(motion.constrain) if len(self.blocks.blocks_i) else 0
         links = self.touching.links if self.touching else Links()
-        self.space = workspace(mech.system.rows, mech.nq, mech.nv, self.blocks, active, contacts)
+        self.space = workspace(packed.rows, packed.nq, packed.nv, self.blocks, active, contacts)
         self.activate(active)
         tables = arrays.Blocks(*self.blocks[2:], self.active)
         if user is not None:
-            user.join(mech, self.work)
+            user.join(packed, self.work)
         acts = NO_USER if user is None else User(user.address, user.exchange, user.answer)
-        rows, const = mech.tree  # a step with contacts counts stiff drives as inertia: its own copy
+        rows, const = packed.tree  # its own copy: contacts count stiff drives as inertia
         const = const.copy() if contacts else const
         self._kept = arrays.Scene(
             rows, const, drives, loads, tables, self.work, self.space, gains, self.given, acts,
@@ -118,12 +120,13 @@ class Scene(Unportable):
 class TouchSpace(Unportable):
     """The contacts of a scene behind one address, with what they remember from step to step."""
 
-    def __init__(self, mech: Mechanism, contacts: Tables, first: int, *, steps: bool):
+    def __init__(self, packed: Packed, contacts: Tables, first: int, *, steps: bool):
         """`first` is the number of blocks that stand before those of contacts.
 
         `steps`: each step is taken once, so that what contacts do in it can be remembered.
         """
         from ..engine.contact import touch  # collision kernels: only where something touches
+        from ..shapes import solids
 
         n, count = len(contacts.touches), contacts.room
         self.tally = np.zeros(at.TALLY, dtype=np.int64)
@@ -142,12 +145,12 @@ class TouchSpace(Unportable):
             contacts.laws,
             np.zeros((count, 3)),
             np.zeros((count, 3), dtype=np.int64),
-            np.zeros((mech.nb + 1, 6)),
+            np.zeros((packed.nb + 1, 6)),
             np.zeros((n + len(contacts.limits), at.TOUCH)),
             self.tally,
             self.worst,
-            *mech.system[2:4],
-            np.zeros(mech.nv),
+            *packed.system[2:4],
+            np.zeros(packed.nv),
             np.full(n, -1, dtype=np.int64),
             self.changes,
         )
@@ -164,6 +167,38 @@ class TouchSpace(Unportable):
 
 MOST_CHANGES = 4096  # of phases between two looks at them
 DENSE = 150  # rows of unilateral blocks, above which no Ω is held; as `impulse.DENSE`
+
+
+def contact_tables(packed: Packed, active: tuple[Contact, ...]) -> Tables | None:
+    """The tables of these contacts and of the joints' limits; None where a model has neither."""
+    if not active and not any(any(b.limits) for b in packed.model.bodies):
+        return None
+    from ..contact.tables import tables
+
+    return tables(packed, active)
+
+
+def _extended(own: Blocks, contacts: Tables) -> Blocks:
+    from ..contact.tables import extended
+
+    return extended(own, contacts)
+
+
+def load_wrenches(packed: Packed, forces: tuple[Force, ...], t: Array, q: Array, v: Array) -> Array:
+    """(n, nb, 6) [torque, force] of the wrenches and springs in `forces` on the bodies.
+
+    In n states at times t (n,), at the bodies' origins, world axes: `external` of these states.
+    """
+    external = np.zeros((len(t), packed.nb, 6))
+    acting = [f for f in forces if f.kind in TYPES]
+    if acting:
+        number = packed.topology.number
+        carriers = np.array([(number(f.body), number(f.other)) for f in acting])
+        scene = Scene(packed, packed.passive, packed.loads(forces), NO_CONSTRAINTS)
+        for i in range(len(t)):
+            state = (t[i], q[i], v[i], external[i])
+            motion.load_wrenches(scene.address, carriers, *packed.system[2:4], *state)
+    return external
 
 
 def workspace(

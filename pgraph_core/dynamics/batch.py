@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,11 +20,10 @@ from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.stepping import batch as kernels
 from ..errors import InputError, Problem, choices
 from ..model import Model
+from ..packing.system import Array, Loads
 from ..portable import Portable
-from ..system import Array, Loads
-
-if TYPE_CHECKING:
-    from .mechanism import Mechanism
+from .arguments import finite
+from .dynamics import Dynamics
 
 
 class Batch(Portable):
@@ -38,7 +37,7 @@ class Batch(Portable):
 
     def __init__(
         self,
-        mech: Mechanism,
+        mech: Dynamics,
         size: int | None = None,
         *,
         models: Sequence[Model] | None = None,
@@ -56,15 +55,15 @@ class Batch(Portable):
 
     def forward_dynamics(self, q: Any, v: Any, tau: Any = None) -> Array:
         """v' (m, nv) of the trees, eq. (26), for q (m, nq), v and tau (m, nv)."""
-        mech = self.mech
+        mech, packed = self.mech, self.mech.packed
         arrays = (self.lanes("q", q, mech.nq), self.lanes("v", v, mech.nv))
-        given, loads = self.given(tau), some(mech.passive_loads)
-        drives = unnamed(mech.passive)
+        given, loads = self.given(tau), some(packed.passive_loads)
+        drives = unnamed(packed.passive)
         out = np.empty_like(given)
 
         def work(begin: int, end: int, space: Array) -> None:
             kernels.forward_dynamics(
-                mech.system.rows, self.const, drives, loads, *arrays, given, space,
+                packed.rows, self.const, drives, loads, *arrays, given, space,
                 np.empty_like(given[0]), out, begin, end,
             )  # fmt: skip
 
@@ -73,15 +72,15 @@ class Batch(Portable):
 
     def inverse_dynamics(self, q: Any, v: Any, vdot: Any) -> Array:
         """τ (m, nv) that gives v' (m, nv), eq. (24), beside springs and dampers of joints."""
-        mech = self.mech
+        mech, packed = self.mech, self.mech.packed
         state = (self.lanes("q", q, mech.nq), self.lanes("v", v, mech.nv))
-        rates, loads = self.lanes("vdot", vdot, mech.nv), some(mech.passive_loads)
-        drives = unnamed(mech.passive)
+        rates, loads = self.lanes("vdot", vdot, mech.nv), some(packed.passive_loads)
+        drives = unnamed(packed.passive)
         out = np.empty_like(rates)
 
         def work(begin: int, end: int, space: Array) -> None:
             kernels.inverse_dynamics(
-                mech.system.rows, self.const, drives, loads, *state, rates, space,
+                packed.rows, self.const, drives, loads, *state, rates, space,
                 np.empty_like(out[0]), np.zeros_like(out[0][:0]), out, begin, end,
             )  # fmt: skip
 
@@ -91,19 +90,20 @@ class Batch(Portable):
     def _constants(self) -> Array:
         """The shared constants, or every block's own as lanes."""
         if self.models is None:
-            return self.mech.system.const
-        rows = self.mech.system.rows
+            return self.mech.packed.system.const
+        rows = self.mech.packed.system.rows
         for i, other in enumerate(self.models):
-            if not np.array_equal(other.system.rows, rows):
+            if not np.array_equal(other.packed.system.rows, rows):
                 text = "has another tree or other joints than the mechanism; give models like it"
                 raise InputError(Problem(f"models[{i}]", "", text))
             mine, its = (
-                (*m.drives(m.model.forces), *m.loads(m.model.forces)) for m in (self.mech, other)
+                (*m.packed.drives(m.model.forces), *m.packed.loads(m.model.forces))
+                for m in (self.mech, other)
             )
             if not all(map(np.array_equal, mine, its)):
                 text = "has other springs, motors or forces than the mechanism; those are shared"
                 raise InputError(Problem(f"models[{i}]", "", text))
-        stacked = np.stack([m.system.const for m in self.models])
+        stacked = np.stack([m.packed.system.const for m in self.models])
         return _to_lanes(stacked, self.blocks)
 
     def given(self, tau: Any) -> Array:
@@ -113,7 +113,7 @@ class Batch(Portable):
 
     def lanes(self, name: str, value: Any, n: int) -> Array:
         """(m, n) as (blocks, n, W); places beyond m repeat the last instance."""
-        array = self.mech.finite(name, value, self.size, n)
+        array = finite(name, value, self.size, n)
         return _to_lanes(array, self.blocks)
 
     def rows(self, blocks: Array) -> Array:
@@ -125,7 +125,7 @@ class Batch(Portable):
         """Run `work(begin, end, workspace)` over all blocks on `threads` cores."""
         parts = min(self.threads, self.blocks)
         edges = np.linspace(0, self.blocks, parts + 1).astype(int).tolist()
-        shape = (len(self.mech.system.rows), at.WORK, LANE_WIDTH)
+        shape = (len(self.mech.packed.system.rows), at.WORK, LANE_WIDTH)
 
         def part(begin: int, end: int) -> None:
             work(begin, end, np.zeros(shape))
@@ -142,7 +142,7 @@ def some(loads: Loads) -> tuple[Any, ...] | None:
     return unnamed(loads) if len(loads.loads_i) else None
 
 
-def _as_trees(mech: Mechanism, constraints: str | None) -> None:
+def _as_trees(mech: Dynamics, constraints: str | None) -> None:
     """Raises InputError where something acts that a batch leaves out, and nobody said so."""
     if constraints not in (None, "ignore"):
         text = f"is {constraints!r:.60}; choose one of {choices(('ignore',))}, or leave it out"
@@ -167,7 +167,7 @@ def _pool(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads)
 
 
-def _size(size: int | None, models: Sequence[Mechanism] | None) -> int:
+def _size(size: int | None, models: Sequence[Dynamics] | None) -> int:
     if models is not None and size is not None and size != len(models):
         raise InputError(Problem("batch", "size", f"is {size}, but {len(models)} models are given"))
     size = len(models) if models is not None else size

@@ -9,17 +9,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
-from ..engine import layout as at
 from ..engine.tree import dynamics
 from ..errors import InputError, Problem, choices
-from ..system import Array
-
-if TYPE_CHECKING:
-    from .mechanism import Mechanism
+from ..packing.packed import Packed
+from ..packing.system import Array
+from ..paper import Operators
+from .arguments import finite, position
 
 NO_EXTERNAL = np.zeros((0, 6))
 BackEnd = Literal["articulated", "composite", "operators"]
@@ -33,45 +32,42 @@ def dense(back_end: str) -> bool:
     return back_end == "operators"
 
 
+def operators(packed: Packed, q: Any, v: Any) -> Operators:
+    """The paper's operators at (q, v). Raises InputError."""
+    q, v = position(packed, q), finite("v", v, packed.nv)
+    return Operators(packed.model, packed.topology, q, v)
+
+
 def accelerated(
-    mech: Mechanism,
+    packed: Packed,
     back_end: str,
     state: tuple[Array, Array, Array],
     external: Array | None,
+    work: Array,
     vdot: Array,
 ) -> int:
     """v' of (q, v, tau) into `vdot` by a back end; a kernel's status code. Raises InputError."""
     wrench = NO_EXTERNAL if external is None else external
     if dense(back_end):
-        return by_operators(mech, *state, wrench, vdot)
+        return _by_operators(packed, *state, wrench, work, vdot)
+    tables = packed.system[:4]
     if back_end == "composite":
-        return by_composite(mech, *state, wrench, vdot)
+        n = packed.nv
+        space = np.zeros(n), np.zeros_like(work), np.empty(n, np.int64), np.empty((n, n))
+        return dynamics.forward_dynamics_composite(*tables, *state, wrench, *space, vdot)
     if external is None:
-        return dynamics.forward_dynamics(*mech.tree, *state, mech.work, vdot)
-    return dynamics.forward_dynamics_external(*mech.system[:4], *state, wrench, mech.work, vdot)
+        return dynamics.forward_dynamics(*packed.tree, *state, work, vdot)
+    return dynamics.forward_dynamics_external(*tables, *state, wrench, work, vdot)
 
 
-def by_composite(
-    mech: Mechanism, q: Array, v: Array, tau: Array, external: Array, vdot: Array
-) -> int:
-    """v' into `vdot` by composite bodies; a kernel's status code."""
-    n, rows = mech.nv, len(mech.system.rows)
-    space = np.zeros(n), np.zeros((rows, at.WORK)), np.empty(n, np.int64), np.empty((n, n))
-    return dynamics.forward_dynamics_composite(*mech.system[:4], q, v, tau, external, *space, vdot)
-
-
-def by_operators(
-    mech: Mechanism, q: Array, v: Array, tau: Array, external: Array, vdot: Array
+def _by_operators(
+    packed: Packed, q: Array, v: Array, tau: Array, external: Array, work: Array, vdot: Array
 ) -> int:
     """v' into `vdot` by eq. (26); a status code as kernels give it."""
-    from ..paper import Operators  # SciPy takes a while to import
-
-    op = Operators(mech.model, mech.topology, mech.position(q), mech.finite("v", v, mech.nv))
-    loads = mech.finite("tau", tau, mech.nv), mech.finite("external", external, *external.shape)
-    wrench = loads[1] if len(external) else None
+    op = operators(packed, q, v)
+    tau, wrench = finite("tau", tau, packed.nv), finite("external", external, *external.shape)
     try:
-        vdot[:] = op.forward_dynamics(loads[0], wrench)
+        vdot[:] = op.forward_dynamics(tau, wrench if len(external) else None)
     except np.linalg.LinAlgError:  # M is not positive definite: the sweeps find out at which joint
-        work = np.zeros((len(mech.system.rows), at.WORK))
-        return dynamics.forward_dynamics(*mech.tree, q, v, tau, work, vdot)
+        return dynamics.forward_dynamics(*packed.tree, q, v, tau, work, vdot)
     return 0 if np.isfinite(vdot).all() else -1

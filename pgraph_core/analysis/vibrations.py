@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from scipy.linalg import eigh
 
-from ..system import Array
+from ..dynamics import Dynamics
+from ..packing.system import Array
 from .derivatives import force_slopes
 
-if TYPE_CHECKING:
-    from .mechanism import Mechanism
 
-
-def frequencies(mech: Mechanism, q: Array) -> Array:
+def frequencies(mech: Dynamics, q: Array) -> Array:
     """(nv,) of small motions of the tree about q [rad/s], ascending; 0 where it would move away.
 
     The slow half is found from K⁻¹M, the fast half from M⁻¹K, with M⁻¹ from articulated bodies:
@@ -33,7 +29,7 @@ def frequencies(mech: Mechanism, q: Array) -> Array:
     return np.concatenate((slow[:half], fast[half:]))
 
 
-def _flexibility(mech: Mechanism, q: Array) -> Array:
+def _flexibility(mech: Dynamics, q: Array) -> Array:
     """M⁻¹ (nv, nv), column by column."""
     rest = np.zeros(mech.nv)
     still = mech.forward_dynamics(q, rest)

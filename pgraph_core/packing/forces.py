@@ -1,17 +1,28 @@
-"""Wrenches, springs and torsion springs as tables for the kernels; columns in `layout.py`."""
+"""Forces as tables for the kernels; columns in `engine/layout.py`.
+
+*Drives* act in joints: springs, dampers, friction, motors, servos. *Loads* act on bodies and
+between two: wrenches, springs, torsion springs.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from itertools import pairwise
+from typing import Any, cast
 
 import numpy as np
 
-from .engine import layout as at
-from .model import Force, Model, VectorTable
-from .rotation import normals_of, unit_vector
-from .system import Array, Loads, System, point_in_row
-from .topology import Topology
+from .. import joints
+from ..engine import layout as at
+from ..model import Body, Force, Model, Table, VectorTable
+from ..rotation import normals_of, unit_vector
+from ..topology import Topology
+from .system import Array, Drives, Loads, System, joint_coordinates, point_in_row
 
+NO_LOADS = Loads(
+    np.zeros((0, at.LOAD_I), dtype=np.int64),
+    np.zeros((0, at.LOAD_F)),
+    np.zeros((0, 7)),
+)
 ORIGIN = (0.0, 0.0, 0.0)
 
 
@@ -102,3 +113,64 @@ def _over(t: Array, value: Any) -> Array:
         return np.tile(np.array(value, dtype=float), (len(t), 1))
     columns = np.array(value.value).T
     return np.stack([np.interp(t, value.t, column) for column in columns], axis=1)
+
+
+# -- drives --------------------------------------------------------------------------------
+
+
+def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force, ...]) -> Drives:
+    """The rows of joint springs and dampers, and of the motors and servos in `forces`."""
+    table: list[tuple[float, ...]] = []
+    knots: list[tuple[float, float, float]] = []
+    for number, row in enumerate(topology.row.tolist(), start=1):
+        body = model.bodies[row]
+        if has_springs(body):
+            table += _springs(body, joint_coordinates(packed, number), knots)
+    passive = len(table)
+    for force in forces:
+        if force.kind not in ("motor", "servo"):
+            continue
+        at_v, at_q = joint_coordinates(packed, topology.number(force.body))[force.coordinate]
+        given = cast("float | Table", force.torque)  # of a motor or servo
+        target, torque = _table_knots(force.target, knots), _table_knots(given, knots)
+        limit = np.inf if force.torque_limit is None else force.torque_limit
+        position = at_q if force.kind == "servo" and force.kp else -1
+        table.append((at_v, position, force.kp, force.kd, limit, *target, *torque, 0.0))
+    return Drives(np.array(table).reshape(-1, at.DRIVE), np.array(knots).reshape(-1, 3), passive)
+
+
+def bends(drives: Drives) -> Array:
+    """Ascending times at which a table of these drives bends [s]."""
+    return np.unique(drives.knots[:, 0])
+
+
+def has_springs(body: Body) -> bool:
+    """Whether a joint has a spring, a damper or friction."""
+    return any(body.stiffness) or any(body.damping) or any(body.friction)
+
+
+def _springs(body: Any, at_vq: list[tuple[int, int]], knots: list[Any]) -> list[tuple[float, ...]]:
+    """One row a degree of freedom of a joint with a spring, a damper or friction."""
+    found: list[tuple[float, ...]] = []
+    start = 0
+    columns = (body.stiffness, body.damping, body.rest, body.friction)
+    for m, k, d, rest, friction in zip(body.sequence, *columns):
+        size = joints.SIZE[m.kind][1]
+        for at_v, at_q in at_vq[start : start + size]:
+            none = _table_knots(0.0, knots)
+            place = (at_v, at_q if k else -1)
+            found.append((*place, k, d, np.inf, *_table_knots(rest, knots), *none, friction))
+        start += size
+    return found
+
+
+def _table_knots(value: float | Table, knots: list[tuple[float, float, float]]) -> tuple[int, int]:
+    """(first knot, number of knots) of a constant or a table, appended to `knots`."""
+    if isinstance(value, float | int):
+        knots.append((0.0, value, 0.0))
+        return len(knots) - 1, 1
+    t, x = value.t, value.value
+    slopes = [(b - a) / (u - s) for (s, u), (a, b) in zip(pairwise(t), pairwise(x))]
+    rate = (len(t) - 1) / (t[-1] - t[0]) if len(t) > 1 else 0.0
+    knots += zip(t, x, (*slopes, rate))
+    return len(knots) - len(t), len(t)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ..engine import layout as at
 from ..engine.tree import bodies as kernels
-from ..system import Array, System
+from ..model import Body
+from ..packing.system import Array, System
 
 
 class BodyMotion(NamedTuple):
@@ -32,6 +34,19 @@ def bodies_over(system: System, q: Array, v: Array, vdot: Array, external: Array
     turn = quaternions(rotation.reshape(n, nb, 3, 3))
     pose = np.concatenate((position, turn), axis=-1)
     return BodyMotion(pose, velocity, acceleration, force)
+
+
+def mass_points(bodies: Sequence[Body], motion: BodyMotion) -> tuple[Array, Array, Array, Array]:
+    """Masses, centres of mass, their velocities, and angular momenta I ω of bodies by number."""
+    mass = np.array([b.mass for b in bodies])
+    turn = motion.pose[:, 3:]
+    arm = turned(turn, np.array([b.com for b in bodies]).reshape(-1, 3))
+    omega = motion.velocity[:, :3]
+    back = turn * np.array([1.0, -1.0, -1.0, -1.0])
+    inertia = np.array([b.inertia for b in bodies]).reshape(-1, 3, 3)
+    spin = turned(turn, np.einsum("bij,bj->bi", inertia, turned(back, omega)))
+    velocity = motion.velocity[:, 3:] + np.cross(omega, arm)
+    return mass, motion.pose[:, :3] + arm, velocity, spin
 
 
 def shifted(wrench: Array, arm: Array) -> Array:

@@ -14,20 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from ..dynamics import Dynamics
+from ..dynamics.arguments import finite, position
 from ..errors import InputError
-from ..model import Model
-from ..rotation import Array
-from ..topology import Topology
-from .closing import closed, contradiction, descended
-from .tied import (
-    COORDINATE,
-    Group,
-    Tied,
-    axis_name,
-    held_by,
-    home,
-)
-from .tree import Tree
+from ..packing.system import Array
+from .assembly import closed, contradiction, descended, indices
+from .rows import COORDINATE, Group, Rows, apart, axis_name
 
 CUT = 1e-7  # of a group's largest singular value: below it a row says nothing new
 CUT_AROUND = 1e-4  # the same at positions around, which are met to MET
@@ -84,29 +76,29 @@ class Mobility:
 
 
 def mobility(
-    model: Model,
-    topology: Topology,
+    mech: Dynamics,
     q: Array | None = None,
     v: Array | None = None,
     active: Sequence[str] | None = None,
 ) -> Mobility:
     """The report at q, the initial state by default, moved first to where constraints are met.
 
-    A velocity decides between branches at a singular position. O(n³) in the degrees of freedom.
-    Raises InputError where the constraints cannot be met.
+    `active` names constraints, the model's active ones by default. A velocity decides between
+    branches at a singular position. O(n³) in the degrees of freedom. Raises InputError where the
+    constraints cannot be met.
     """
-    at = home(model, topology) if q is None else q
-    tied = Tied(Tree(model, topology), held_by(model, active), at)
-    ended = closed(tied)
+    at = mech.home()[0] if q is None else position(mech.packed, q)
+    v = None if v is None else finite("v", v, mech.nv)
+    ended = closed(Rows.of(mech, indices(mech, active), at))
     if not ended.closed:
         raise InputError(contradiction(ended))
-    here = ended.tied
+    here = ended.rows
     basis, found = _judged(here)
     everywhere = all(group.holonomic for group in here.groups)
     holonomic = len(basis) if everywhere else len(_judged(here, holonomic=True)[0])
-    generic, finite, again, branches = len(basis), True, found, ()
+    generic, finite_, again, branches = len(basis), True, found, ()
     if found:
-        generic, finite, again, branches = _around(here, basis, found)
+        generic, finite_, again, branches = _around(here, basis, found)
     extra = generic - len(basis)
     return Mobility(
         tree=here.nv,
@@ -117,11 +109,11 @@ def mobility(
         positions=here.nv - holonomic,
         redundant=_named(here, found, again if extra else found),
         extra=extra,
-        finite=finite,
+        finite=finite_,
         joints=_moving(here, basis) if extra else (),
         branches=tuple(tuple(d.tolist()) for d in branches),
         branch=_taken(here, branches, v),
-        moved=float(np.max(np.abs(tied.tree.apart(at, here.q)), initial=0.0)),
+        moved=float(np.max(np.abs(apart(mech, at, here.q)), initial=0.0)),
         names=_joint_of_each(here),
     )
 
@@ -129,20 +121,20 @@ def mobility(
 Found = list[tuple[Group, Array]]  # groups with what is redundant of them, (k, rows)
 
 
-def _judged(tied: Tied, holonomic: bool = False, cut: float = CUT) -> tuple[Array, Found]:
+def _judged(state: Rows, holonomic: bool = False, cut: float = CUT) -> tuple[Array, Found]:
     """An orthonormal basis (rank, nv) of the rows' span, and what is redundant, in turn."""
-    groups = [group for group in tied.groups if group.holonomic or not holonomic]
-    basis, rank = np.empty((min(len(tied.J), tied.nv), tied.nv)), 0
+    groups = [group for group in state.groups if group.holonomic or not holonomic]
+    basis, rank = np.empty((min(len(state.J), state.nv), state.nv)), 0
     found: Found = []
     for first in range(0, len(groups), PANEL):
         panel, known = groups[first : first + PANEL], rank
         start = panel[0].rows.start
-        left_over = _freed(basis[:known], tied.scaled[start : panel[-1].rows.stop])
+        left_over = _freed(basis[:known], state.scaled[start : panel[-1].rows.stop])
         for group in panel:
             rows = left_over[group.rows.start - start : group.rows.stop - start]
-            scale = np.linalg.norm(tied.scaled[group.rows], 2) if tied.nv else 0.0
+            scale = np.linalg.norm(state.scaled[group.rows], 2) if state.nv else 0.0
             rows = _freed(basis[known:rank], rows / (scale or 1.0))
-            left, sizes, right = np.linalg.svd(rows, full_matrices=len(rows) > tied.nv)
+            left, sizes, right = np.linalg.svd(rows, full_matrices=len(rows) > state.nv)
             new = int((sizes > cut).sum())
             if new < len(rows):
                 found.append((group, left[:, new:].T))
@@ -158,7 +150,7 @@ def _freed(basis: Array, y: Array) -> Array:
     return y
 
 
-def _around(here: Tied, basis: Array, found: Found) -> tuple[int, bool, Found, tuple[Array, ...]]:
+def _around(here: Rows, basis: Array, found: Found) -> tuple[int, bool, Found, tuple[Array, ...]]:
     """Largest rank at positions around, whether any can be reached, what is redundant there.
 
     And, where the rank is larger around and one way to move is left, the directions to go.
@@ -189,19 +181,19 @@ def _around(here: Tied, basis: Array, found: Found) -> tuple[int, bool, Found, t
     return most, True, again, _branches(here, steps) if single else ()
 
 
-def _look(here: Tied, step: Array) -> tuple[Array, Tied | None]:
+def _look(here: Rows, step: Array) -> tuple[Array, Rows | None]:
     """A position around: the move to it, and itself; `here` where it led back, None if nowhere."""
-    reach = np.where(here.tree.turns, 1.0, here.size)
+    reach = np.where(here.turns, 1.0, here.size)
     step = step * (NEARBY / float(np.max(np.abs(step) / reach)))
-    ended = descended(here.at(here.tree.advanced(here.q, step)), MET, LOOK_ROUNDS)
-    moved = here.tree.apart(here.q, ended.tied.q)
+    ended = descended(here.at(here.advanced(step)), MET, LOOK_ROUNDS)
+    moved = apart(here.mech, here.q, ended.rows.q)
     if not ended.closed:
         return moved, None
     stayed = float(np.max(np.abs(moved) / reach)) < STAYED * NEARBY
-    return moved, here if stayed else ended.tied
+    return moved, here if stayed else ended.rows
 
 
-def _branches(here: Tied, steps: list[Array]) -> tuple[Array, ...]:
+def _branches(here: Rows, steps: list[Array]) -> tuple[Array, ...]:
     """The directions of moves, each once, the largest entry 1."""
     found: list[Array] = []
     for step in steps:
@@ -210,25 +202,25 @@ def _branches(here: Tied, steps: list[Array]) -> tuple[Array, ...]:
     return tuple(found)
 
 
-def _cosine(here: Tied, a: Array, b: Array) -> float:
+def _cosine(here: Rows, a: Array, b: Array) -> float:
     x, y = here.root.T @ a, here.root.T @ b
     return float(x @ y / np.sqrt((x @ x) * (y @ y)))
 
 
-def _taken(here: Tied, branches: tuple[Array, ...], v: Array | None) -> int:
+def _taken(here: Rows, branches: tuple[Array, ...], v: Array | None) -> int:
     if v is None or not branches or not np.abs(v).max() > 0:
         return -1
     along = [abs(_cosine(here, d, v)) for d in branches]
     return int(np.argmax(along)) if max(along) > SAME else -1
 
 
-def _named(tied: Tied, found: Found, around: Found) -> tuple[Redundant, ...]:
+def _named(state: Rows, found: Found, around: Found) -> tuple[Redundant, ...]:
     """Redundant rows by direction; those that a group does not have around are only here."""
-    elsewhere = {(g.constraint.name, g.nature): _directions(tied, g, n) for g, n in around}
+    elsewhere = {(g.constraint.name, g.nature): _directions(state, g, n) for g, n in around}
     rows: list[Redundant] = []
     for group, null in found:
         c = group.constraint
-        here = _directions(tied, group, null)
+        here = _directions(state, group, null)
         there = elsewhere.get((c.name, group.nature), [])
         first = sorted(here, key=lambda d: d not in there)
         named = [(d, k >= len(there)) for k, d in enumerate(first)]
@@ -242,14 +234,14 @@ def _others(group: Group) -> tuple[str, ...]:
     return tuple(name for name in dict.fromkeys(named) if name != c.body)
 
 
-def _directions(tied: Tied, group: Group, null: Array) -> list[str]:
+def _directions(state: Rows, group: Group, null: Array) -> list[str]:
     """Combinations of a group's rows in words: along axes as far as they go."""
     if group.nature == COORDINATE:
         return ["coordinate"] * len(null)
     spanned = _upright(null @ group.directions)
     about = "about" if group.nature == "rotation" else "along"
-    other = tied.tree.topology.number(group.constraint.other)
-    named = [f"{group.nature} {about} {axis_name(d, tied, other)}" for d in spanned]
+    other = state.mech.topology.number(group.constraint.other)
+    named = [f"{group.nature} {about} {axis_name(d, state, other)}" for d in spanned]
     return named[: len(null)] + [group.nature] * (len(null) - len(named))
 
 
@@ -268,15 +260,15 @@ def _upright(vectors: Array) -> list[Array]:
     return found
 
 
-def _joint_of_each(tied: Tied) -> tuple[str, ...]:
-    return tuple(name for name, span in tied.tree.joints for _ in range(span.stop - span.start))
+def _joint_of_each(state: Rows) -> tuple[str, ...]:
+    return tuple(name for name, span in state.joints for _ in range(span.stop - span.start))
 
 
-def _moving(tied: Tied, basis: Array) -> tuple[str, ...]:
+def _moving(state: Rows, basis: Array) -> tuple[str, ...]:
     """Joints that a motion which all rows allow moves."""
-    size = np.linalg.norm(tied.step(_freed(basis, np.eye(tied.nv)).T), axis=1)
+    size = np.linalg.norm(state.step(_freed(basis, np.eye(state.nv)).T), axis=1)
     largest = float(size.max(initial=0.0))
-    return tuple(name for name, s in tied.tree.joints if size[s].max() > PART * largest)
+    return tuple(name for name, s in state.joints if size[s].max() > PART * largest)
 
 
 # -- in words ----------------------------------------------------------------------------------

@@ -1,0 +1,277 @@
+"""Assembly: the consistent state near an inconsistent one, and which constraints conflict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..dynamics import Dynamics
+from ..dynamics.arguments import finite, position
+from ..dynamics.scene import Scene
+from ..engine import motion
+from ..errors import InputError, Problem, choices
+from ..packing.forces import NO_LOADS
+from ..packing.system import Array, Ints
+from .rows import ANGLE, Rows, apart
+
+ASSEMBLY_ROUNDS = 50  # of the projection, which is enough from nearby
+FAR = 0.5  # rad, m: a projection that moves more may have ended anywhere
+NOTABLE = 1e-6  # rad, m, rad/s, m/s: a move that is reported
+ROUNDS = 150
+ROUNDING = 1e-13  # relative to the mechanism's size: a gap that is none
+CLOSED = 1e-9  # relative to it: what is left open after all rounds
+LONGEST = 0.5  # rad, or of the mechanism's size: one step
+STALLED = 1e-6  # of the gap gained in a step that gains nothing
+IDLE = 8  # such steps in a row, and it ends
+TRIES = 3  # from other starts, where the first ends in a valley
+SUSPECT = 1e-3  # of the largest gap: what may contradict
+SPEED = 1e-9  # relative: a velocity that is met
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """What assembling a state changed."""
+
+    moved: float  # largest move of a joint [rad or m]
+    joint: str  # the body whose joint moved most; "" where none did notably
+    turned: bool  # whether that move is an angle
+    speed_change: float  # largest change of a joint velocity [rad/s or m/s]
+
+    @property
+    def notable(self) -> bool:
+        """Whether anything moved by more than rounding."""
+        return max(self.moved, self.speed_change) > NOTABLE
+
+    def __str__(self) -> str:
+        unit = "rad" if self.turned else "m"
+        parts: list[str] = []
+        if self.moved > NOTABLE:
+            parts.append(f"joints were moved by up to {self.moved:.3g} {unit} ('{self.joint}')")
+        if self.speed_change > NOTABLE:
+            parts.append(f"velocities were changed by up to {self.speed_change:.3g} rad/s or m/s")
+        if not parts:
+            return "the state meets its constraints"
+        return f"{' and '.join(parts)} to meet the constraints"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fields by name."""
+        return asdict(self)
+
+
+def assemble(
+    mech: Dynamics,
+    q: Array | None = None,
+    v: Array | None = None,
+    active: Sequence[str] | None = None,
+) -> tuple[Array, Array, Assembly]:
+    """(q, v, report) near (q, v), the initial state by default, that meets the constraints.
+
+    `active` names constraints, the model's active ones by default. Raises InputError.
+    """
+    home_q, home_v = mech.home()
+    q = home_q if q is None else position(mech.packed, q)
+    v = home_v if v is None else finite("v", v, mech.nv)
+    chosen = indices(mech, active)
+    return assembled(mech, q, v, chosen, Scene(mech.packed, mech.packed.passive, NO_LOADS, chosen))
+
+
+def indices(mech: Dynamics, names: Sequence[str] | None) -> Ints:
+    """Indices of the named constraints; of the active ones where no names are given."""
+    if names is None:
+        return mech.packed.active
+    known = [c.name for c in mech.model.constraints]
+    for name in names:
+        if name not in known:
+            text = f"no constraint is named '{name}'; choose one of {choices(known)}"
+            raise InputError(Problem("assemble", "active", text))
+    return np.array(sorted(known.index(name) for name in names), dtype=np.int64)
+
+
+def assembled(
+    mech: Dynamics, q: Array, v: Array, active: Ints, scene: Scene, t: float = 0.0
+) -> tuple[Array, Array, Assembly]:
+    """(q, v, report) that meets the constraints `active` of `scene`, near (q, v).
+
+    In the mass metric. From nearby by the projection of runs; where that does not end, or ends
+    far away, by damped steps. Raises InputError naming what cannot be met, and by how much.
+    """
+    new_q, new_v = q.copy(), v.copy()
+    rounds = (
+        motion.projection(scene.address, t, new_q, new_v, ASSEMBLY_ROUNDS) if len(active) else 0
+    )
+    changes = [float(np.max(np.abs(b - a), initial=0.0)) for a, b in ((q, new_q), (v, new_v))]
+    if rounds >= 0 and max(changes) <= NOTABLE:
+        return new_q, new_v, Assembly(changes[0], "", True, changes[1])
+    rows = Rows.of(mech, active, q, v, t)
+    far = rounds < 0 or float(np.abs(apart(mech, q, new_q)).max(initial=0.0)) > FAR
+    if far or not np.isfinite(new_v).all():
+        ended = closed(rows)
+        if not ended.closed and rounds < 0:
+            raise InputError(contradiction(ended))
+        new_q = ended.rows.q if ended.closed else new_q
+        new_v = _speeds(rows.at(new_q))
+    elif len(active):
+        _speeds(rows.at(new_q, new_v))
+    return new_q, new_v, _report(rows, new_q, new_v)
+
+
+def _speeds(rows: Rows) -> Array:
+    v, missed = stopped(rows)
+    if missed > SPEED and float(np.abs(rows.at(rows.q, v).slip).max()) > NOTABLE:
+        raise InputError(speed_contradiction(rows))
+    return v
+
+
+def _report(before: Rows, q: Array, v: Array) -> Assembly:
+    step, turns = np.abs(apart(before.mech, before.q, q)), before.turns
+    moves = [(float(step[span].max()), name, span) for name, span in before.joints]
+    most, name, span = max(moves, key=lambda m: m[0], default=(0.0, "", slice(0, 0)))
+    turned = bool(turns[span][step[span].argmax()]) if most > 0 else True
+    change = float(np.max(np.abs(v - before.v), initial=0.0))
+    return Assembly(most, name if most > NOTABLE else "", turned, change)
+
+
+# -- damped least squares ------------------------------------------------------------------
+
+
+class Closing(NamedTuple):
+    """Where damped least squares ended."""
+
+    rows: Rows  # at the state it ended
+    rounds: int
+    closed: bool
+
+
+def closed(rows: Rows) -> Closing:
+    """Positions that meet all constraints, near those given in the mass metric.
+
+    Steps are damped by the gap itself ([Fan and Yuan 2005]): quadratic where the gap is small,
+    also where rows are redundant, and downhill where it is not. Where it ends with a gap it tries
+    again from places around; of all the best is given.
+    """
+    best = descended(rows)
+    random = np.random.default_rng(0)
+    for n in range(TRIES if not best.closed else 0):
+        turned = random.normal(size=rows.nv) * (0.3 + 0.4 * n)
+        other = descended(rows.at(rows.advanced(turned * _longest(rows) / LONGEST)))
+        if other.closed:
+            return other
+        best = min(best, other, key=lambda c: _gap(c.rows))
+    return best
+
+
+def descended(rows: Rows, enough: float = ROUNDING, rounds: int = ROUNDS) -> Closing:
+    """`closed` from this start alone, down to a gap of `enough` times the mechanism's size."""
+    damping = 0.1
+    idle = 0
+    for taken in range(rounds):
+        gap = _gap(rows)
+        if gap <= enough * rows.size:
+            return Closing(rows, taken, True)
+        trial = rows.at(rows.advanced(_step(rows, damping)))
+        gained = 1.0 - _gap(trial) / gap
+        if gained > 0.0:
+            rows, damping = trial, damping / 4
+        else:
+            damping *= 8
+        idle = 0 if gained > STALLED else idle + 1
+        if idle > IDLE:
+            break
+    return Closing(rows, rounds, _gap(rows) <= CLOSED * rows.size)
+
+
+def _step(rows: Rows, damping: float) -> Array:
+    left, sizes, right = rows.parts
+    most = float(np.max((left * sizes) ** 2 @ np.ones(len(sizes)), initial=0.0))
+    mu = damping * _gap(rows) / rows.size * most
+    share = np.divide(sizes, sizes**2 + mu, out=np.zeros(len(sizes)), where=sizes > 0)
+    y = -right.T @ (share * (left.T @ rows.gap[rows.holonomic]))
+    step = rows.step(y)
+    over = float(np.max(np.abs(step) / _longest(rows), initial=0.0))
+    return step / max(over, 1.0)
+
+
+def _longest(rows: Rows) -> Array:
+    return np.where(rows.turns, LONGEST, LONGEST * rows.size)
+
+
+def _gap(rows: Rows) -> float:
+    return float(np.linalg.norm(rows.gap))
+
+
+def stopped(rows: Rows) -> tuple[Array, float]:
+    """(v, missed): velocities that meet all rows, nearest in the mass metric, and by how much not.
+
+    `missed` is relative to the speeds at hand.
+    """
+    y = np.linalg.lstsq(rows.scaled, -rows.slip, rcond=1e-10)[0].astype(float, copy=False)
+    v = rows.v + rows.step(y)
+    left = rows.slip + rows.scaled @ y
+    scale = float(np.max(np.abs(rows.slip), initial=0.0)) or 1.0
+    return v, float(np.max(np.abs(left), initial=0.0)) / scale
+
+
+def contradiction(ended: Closing) -> Problem:
+    """Which constraints cannot be met, alone or together, and by how much.
+
+    Of those that are missed one after the other is left out; what still cannot be met without is
+    not to blame.
+    """
+    rows = ended.rows
+    for name in reversed(_missed(rows)):
+        without = closed(rows.without(name))
+        if not without.closed:
+            rows = without.rows
+    by, unit = _worst(rows)
+    return _sentence(_missed(rows), f"{by:.3g} {unit}", "position")
+
+
+def speed_contradiction(rows: Rows) -> Problem:
+    """As `contradiction`, of the velocities that the constraints ask for."""
+    for c in reversed(rows.constraints):
+        if stopped(rows.without(c.name))[1] > SPEED:
+            rows = rows.without(c.name)
+    v, _ = stopped(rows)
+    left = rows.at(rows.q, v).slip
+    return _sentence(
+        [c.name for c in rows.constraints],
+        f"{float(np.abs(left).max()):.3g} rad/s or m/s",
+        "velocity",
+    )
+
+
+def _missed(rows: Rows) -> list[str]:
+    largest = SUSPECT * float(np.max(np.abs(rows.gap), initial=0.0))
+    names = [g.constraint.name for g in rows.groups if np.abs(rows.gap[g.rows]).max() > largest]
+    return list(dict.fromkeys(names))
+
+
+def _worst(rows: Rows) -> tuple[float, str]:
+    """The largest gap with its unit."""
+    turns = rows.turns
+    found: list[tuple[float, float, str]] = []
+    for group in rows.groups:
+        gap = float(np.abs(rows.gap[group.rows]).max())
+        moved = np.abs(rows.J[group.rows]).max(axis=0)
+        angular = group.nature == ANGLE
+        if group.nature == "coordinate":
+            unit = "rad" if turns[moved.argmax()] else "m"
+        else:
+            unit = "rad" if angular else "m"
+        found.append((gap, gap / rows.length if angular else gap, unit))
+    _, by, unit = max(found)
+    return by, unit
+
+
+def _sentence(names: list[str], by: str, what: str) -> Problem:
+    *others, last = names
+    where = f"constraint '{last}'"
+    if not others:
+        text = f"cannot be met: it misses by {by} at the nearest {what} that the joints allow"
+        return Problem(where, "", f"{text}; move its points or change a length")
+    listed = " and ".join(f"'{name}'" for name in others)
+    text = f"contradicts {listed}: at best they miss by {by}; change one of them, or make it"
+    return Problem(where, "", f"{text} inactive")

@@ -1,0 +1,322 @@
+"""The rows of constraints at a state: Jacobian, residuals, and both in the mass metric."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..dynamics import Dynamics
+from ..dynamics.scene import Scene
+from ..engine import layout as at
+from ..engine import motion
+from ..engine.stepping import run
+from ..engine.tree import dynamics
+from ..model import Constraint
+from ..packing.constraints import radius_of_gyration
+from ..packing.forces import NO_LOADS
+from ..packing.system import Array, Ints
+from ..rotation import multiply, unit
+
+LENGTH, ANGLE, SLIP, COORDINATE = "translation", "rotation", "slip", "coordinate"
+
+# Degrees of freedom below which no solver makes threads: OpenBLAS's triangular one does for any
+# matrix, and waits a hundred times as long for them as it computes where processors are busy.
+ALONE = 200
+
+
+class Group(NamedTuple):
+    """Rows of one constraint that are of one nature."""
+
+    constraint: Constraint
+    nature: str  # translation, rotation, slip or coordinate
+    rows: slice
+    directions: Array  # (rows, 3) unit vectors in world axes; zero where it has none
+    holonomic: bool  # whether positions obey them
+
+
+class _Evaluated(NamedTuple):
+    """What the kernels give of the rows at one position."""
+
+    J: Array  # (m, nv)
+    gap: Array  # (m,) residuals of positions [m]; 0 for rows that only velocities obey
+    asked: Array  # (m,) the speeds that prescribed motions ask for [m/s]
+    groups: tuple[Group, ...]
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows of some constraints of a mechanism at (q, v), and at a time [s].
+
+    Rows that turn are multiplied by the radius of gyration of all bodies: residuals are in metres.
+    """
+
+    mech: Dynamics
+    scene: Scene
+    held: tuple[int, ...]  # indices of constraints
+    q: Array
+    v: Array
+    t: float = 0.0
+
+    @classmethod
+    def of(
+        cls, mech: Dynamics, active: Ints, q: Array, v: Array | None = None, t: float = 0.0
+    ) -> Rows:
+        """The rows of the constraints with these indices; at rest unless `v` is given."""
+        scene = Scene(mech.packed, mech.packed.passive, NO_LOADS, active)
+        v = np.zeros(mech.nv) if v is None else v
+        return cls(mech, scene, tuple(active.tolist()), q, v, t)
+
+    def at(self, q: Array, v: Array | None = None) -> Rows:
+        """The same constraints at another state."""
+        return Rows(self.mech, self.scene, self.held, q, self.v if v is None else v, self.t)
+
+    def without(self, name: str) -> Rows:
+        """The other constraints at this state."""
+        constraints = self.mech.model.constraints
+        held = tuple(i for i in self.held if constraints[i].name != name)
+        return Rows(self.mech, self.scene, held, self.q, self.v, self.t)
+
+    # -- the mechanism ---------------------------------------------------------------------------
+
+    @property
+    def nv(self) -> int:
+        """Degrees of freedom of the tree."""
+        return self.mech.nv
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """The constraints that are held."""
+        return tuple(self.mech.model.constraints[i] for i in self.held)
+
+    @property
+    def joints(self) -> list[tuple[str, slice]]:
+        """Names of the bodies whose joints move, with their degrees of freedom."""
+        return [(name, joint.v) for name, joint in self.mech.joints.items()]
+
+    @cached_property
+    def poses(self) -> tuple[Array, Array]:
+        """Origins (nb, 3) and rotations (nb, 3, 3) of the bodies."""
+        return self.mech.poses(self.q)
+
+    @cached_property
+    def length(self) -> float:
+        """What stands for one radian [m]."""
+        return radius_of_gyration(self.mech.packed.system)
+
+    @cached_property
+    def turns(self) -> NDArray[np.bool_]:
+        """(nv,) whether a degree of freedom is an angle."""
+        return turns(self.mech)
+
+    @cached_property
+    def size(self) -> float:
+        """Of the mechanism [m]: what rounding of positions is relative to."""
+        points = [p for c in self.constraints for p in (c.point, c.other_point) if p is not None]
+        farthest = [np.abs(x).max() for x in [self.poses[0], *map(np.array, points)] if x.size]
+        return float(max(farthest, default=0.0)) or 1.0
+
+    def advanced(self, step: Array) -> Array:
+        """q after a finite move along velocities: balls and free joints turn by it."""
+        q = self.q.copy()
+        run.move(self.mech.packed.rows, q, np.ascontiguousarray(step), 1.0)
+        return q
+
+    # -- rows ------------------------------------------------------------------------------------
+
+    @property
+    def J(self) -> Array:
+        """(m, nv) Jacobian of all rows."""
+        return self._evaluated.J
+
+    @property
+    def gap(self) -> Array:
+        """(m,) residuals of positions [m]; 0 for rows that only velocities obey."""
+        return self._evaluated.gap
+
+    @cached_property
+    def slip(self) -> Array:
+        """(m,) residuals of velocities [m/s]."""
+        return self.J @ self.v - self._evaluated.asked
+
+    @property
+    def groups(self) -> tuple[Group, ...]:
+        """All rows by constraint and nature, in the order of the model."""
+        return self._evaluated.groups
+
+    @cached_property
+    def holonomic(self) -> Ints:
+        """Indices of the rows that positions obey."""
+        spans = [range(g.rows.start, g.rows.stop) for g in self.groups if g.holonomic]
+        return np.array([r for span in spans for r in span], dtype=np.int64)
+
+    @cached_property
+    def _evaluated(self) -> _Evaluated:
+        scene, table = self.scene, self.scene.blocks.blocks_i
+        scene.activate(np.array(self.held, dtype=np.int64))
+        spans = scene.spans
+        m = sum(int(table[i, at.B_SIZE]) for _, a, b in spans for i in range(a, b))
+        gap, speed, J = np.zeros(m), np.zeros(m), np.zeros((m, self.nv))
+        if m == 0:
+            return _Evaluated(J, gap, speed, ())
+        motion.residuals(scene.address, self.t, self.q, np.zeros(self.nv), gap, speed)
+        groups: list[Group] = []
+        row = 0
+        for c, (_, first, end) in zip(self.constraints, spans):
+            for i in range(first, end):
+                size = int(table[i, at.B_SIZE])
+                J[row : row + size] = self._jacobian(i)
+                groups += _groups(c, int(table[i, at.B_TYPE]), row, self._directions(i))
+                row += size
+        return _Evaluated(J, gap, -speed, tuple(_joined(groups)))
+
+    def _directions(self, i: int) -> Array:
+        """(rows, 3) the forces or torques of the rows of block i in world axes."""
+        size = int(self.scene.blocks.blocks_i[i, at.B_SIZE])
+        where = self.scene.space.place[i, at.PLACE_D : at.PLACE_D + 3 * size]
+        return where.reshape(size, 3).copy()
+
+    def _jacobian(self, i: int) -> Array:
+        """(rows, nv) of block i, after the kernel has located it."""
+        blocks = self.scene.blocks
+        table = blocks.blocks_i[i]
+        if table[at.B_TYPE] in (at.T_COORD, at.T_VELOCITY):
+            jac = np.zeros((1, self.nv))
+            first = table[at.B_TERM]
+            for n in range(first, first + table[at.B_TERMS]):
+                jac[0, blocks.terms_i[n, 0]] += blocks.terms_f[n]
+            return jac
+        place, part = self.scene.space.place[i], slice(0, 3) if _turns(table) else slice(3, 6)
+        mine = self._point_jacobian(int(table[at.B_A]), place[at.PLACE_P : at.PLACE_P + 3])
+        other = self._point_jacobian(int(table[at.B_B]), place[at.PLACE_Q : at.PLACE_Q + 3])
+        return self._directions(i) @ (mine - other)[part]
+
+    def _point_jacobian(self, row: int, x: Array) -> Array:
+        """(6, nv) of the material point of a row that is at x in the world."""
+        jac, work = np.zeros((6, self.nv)), self.scene.work
+        if row > 0:
+            turn = work[row, at.R : at.R + 9].reshape(3, 3)
+            place = turn.T @ (x - work[row, at.X : at.X + 3])
+            tree, rest = self.mech.packed.tree, np.zeros(self.nv)
+            # overwrites frames in `work` by the same numbers
+            dynamics.jacobian(*tree, self.q, rest, row, place, work, jac)
+        return jac
+
+    # -- the mass metric -------------------------------------------------------------------------
+
+    @cached_property
+    def root(self) -> Array:
+        """(nv, nv) lower L with M = L Lᵀ; joints without inertia get a little."""
+        M = self.mech.mass_matrix(self.q)
+        try:
+            root = np.linalg.cholesky(M)
+        except np.linalg.LinAlgError:
+            largest = float(np.max(np.diag(M), initial=0.0)) or 1.0
+            root = np.linalg.cholesky(M + 1e-9 * largest * np.eye(len(M)))
+        return np.array(root, dtype=np.float64)
+
+    @cached_property
+    def scaled(self) -> Array:
+        """(m, nv) J L⁻ᵀ: rows whose lengths and angles are those of the mass metric."""
+        return self._solved(self.root, self.J.T).T
+
+    @cached_property
+    def parts(self) -> tuple[Array, Array, Array]:
+        """U, s, Vᵀ of the scaled rows that positions obey, without those that are rounding."""
+        rows = self.scaled[self.holonomic]
+        left, sizes, right = np.linalg.svd(rows, full_matrices=False)
+        kept = sizes > np.finfo(float).eps * max(rows.shape) * sizes.max(initial=0.0)
+        return left[:, kept], sizes[kept], right[kept]
+
+    def step(self, y: Array) -> Array:
+        """L⁻ᵀ y, (nv,) or (nv, n): back from the mass metric."""
+        return self._solved(self.root.T, y)
+
+    def _solved(self, triangle: Array, y: Array) -> Array:
+        if self.nv < ALONE:
+            x: Array = np.linalg.solve(triangle, y).astype(float, copy=False)
+            return x
+        from scipy.linalg import solve_triangular
+
+        return solve_triangular(triangle, y, lower=triangle is self.root)
+
+
+def _turns(table: Ints) -> bool:
+    return bool(table[at.B_TYPE] == at.T_ALIGN)
+
+
+def _groups(c: Constraint, kind: int, first: int, directions: Array) -> Iterator[Group]:
+    """The rows of one block by nature."""
+    size = len(directions)
+    if kind in (at.T_COORD, at.T_VELOCITY):
+        none = np.zeros((size, 3))
+        yield Group(c, COORDINATE, slice(first, first + size), none, kind == at.T_COORD)
+        return
+    norms = np.linalg.norm(directions, axis=1, keepdims=True)
+    units = directions / np.where(norms > 0, norms, 1.0)
+    if kind in (at.T_SPHERE, at.T_DISC):
+        yield Group(c, LENGTH, slice(first, first + 1), units[:1], True)
+        yield Group(c, SLIP, slice(first + 1, first + size), units[1:], False)
+        return
+    nature = ANGLE if kind == at.T_ALIGN else SLIP if kind == at.T_BLADE else LENGTH
+    yield Group(c, nature, slice(first, first + size), units, kind != at.T_BLADE)
+
+
+def _joined(groups: list[Group]) -> Iterator[Group]:
+    """Neighbouring groups of one constraint and nature as one."""
+    before: Group | None = None
+    for g in groups:
+        if before is not None and before.constraint is g.constraint and before.nature == g.nature:
+            rows = slice(before.rows.start, g.rows.stop)
+            directions = np.vstack((before.directions, g.directions))
+            before = Group(g.constraint, g.nature, rows, directions, g.holonomic)
+            continue
+        if before is not None:
+            yield before
+        before = g
+    if before is not None:
+        yield before
+
+
+def turns(mech: Dynamics) -> NDArray[np.bool_]:
+    """(nv,) whether a degree of freedom is an angle."""
+    angles = np.zeros(mech.nv, dtype=bool)
+    for _, kind, _, j in mech.packed.rows[1:].tolist():
+        angles[j : j + {at.ROTATE: 1, at.TRANSLATE: 0}.get(kind, 3)] = True
+    return angles
+
+
+def apart(mech: Dynamics, start: Array, q: Array) -> Array:
+    """(nv,) the move along velocities that leads from one position to another."""
+    step = np.zeros(mech.nv)
+    for _, kind, i, j in mech.packed.rows[1:].tolist():
+        if kind <= at.TRANSLATE:
+            step[j] = q[i] - start[i]
+            continue
+        if kind == at.FREE:
+            step[j + 3 : j + 6] = q[i : i + 3] - start[i : i + 3]
+            i += 3
+        w, x, y, z = unit(start[i : i + 4].tolist())
+        w, *axis = unit(multiply(unit(q[i : i + 4].tolist()), (w, -x, -y, -z)))
+        sine = float(np.linalg.norm(axis))
+        angle = 2 * np.arctan2(sine, abs(w)) * (1 if w >= 0 else -1)
+        step[j : j + 3] = np.array(axis) * (angle / sine if sine > 0 else 0.0)
+    return step
+
+
+def axis_name(direction: Array, rows: Rows, other: int) -> str:
+    """ "x", or "x of 'rod'" for an axis of body number `other`, or the direction in world axes."""
+    frames = [(np.eye(3), "")]
+    if other:
+        frames.append((rows.poses[1][other - 1], f" of '{rows.mech.names[other - 1]}'"))
+    for frame, of in frames:
+        along = np.abs(frame.T @ direction)
+        if along.max() > 1 - 1e-9:
+            return "xyz"[int(along.argmax())] + of
+    first = direction[np.abs(direction) > 1e-6][0]  # the largest may be two, equal to rounding
+    x, y, z = direction if first > 0 else -direction
+    return f"({x + 0.0:.3g}, {y + 0.0:.3g}, {z + 0.0:.3g})"

@@ -1,0 +1,271 @@
+"""Redundant rows, singular positions and blocked motions of a run, found at next to no cost.
+
+*Redundant rows* are named from the null directions that the solver of a run finds. *Singular
+positions*: the kernels keep the places where pivots fell far below their largest
+(`engine/constraints/dips.py`); from there the smallest eigenvalue of Ω that is not always zero is
+followed along the velocity. At a singular position it touches zero, as the square of the distance.
+*Blocked motions* are those that constraints leave free to first order and block to second.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..dynamics import Dynamics
+from ..dynamics.scene import Scene
+from ..engine import layout as at
+from ..engine import motion
+from ..engine.constraints.proximal import FACTORED
+from ..engine.stepping import run
+from ..packing.system import Array, Ints
+from .rows import Rows
+
+UPRIGHT = 1 - 1e-6  # cosine between a direction and an axis that it is named after
+LISTED = 4
+SHARE = 1e-6  # of the largest: an entry of a null direction that is not rounding
+
+NULL = 1e-8  # of the mean of Ω's diagonal: an eigenvalue that is zero
+TOUCHES = 1e-6  # of it: a position as good as singular, a thousandth of a radian away
+REACH = 1.5  # times the way between two evaluations: how far the nearest place can be
+LOOKS = 3  # parabolas through the eigenvalue
+AWAY = 0.05  # rad, m: from a singular position to a place that is none
+NEAR_SHARE = 1e-2  # of the largest: an entry of a direction that is null but for a thousandth
+
+FAINT = 1e-3  # of the largest: singular values of rows that runs take for none
+MOSTLY = 0.9  # of the gap: the part that lies where rows are faint
+NAMED = 0.3  # of the largest: a constraint that takes part
+OTHER = 1e-4  # of the mechanism's size: a gap that is no drift
+
+# -- redundant rows ---------------------------------------------------------------------------
+
+
+def redundancy(scene: Scene) -> str:
+    """A sentence on the redundant rows of the last factors; "" where there are none.
+
+    A null direction of Ω is a combination of rows that says nothing: the last row of it that is
+    not the last of another is called redundant, as in `mobility`.
+    """
+    count = int(scene.space.vectors[FACTORED, 1])
+    blocks = sum(end - first for _, first, end in scene.spans)
+    if count == 0 or blocks != scene.active[0]:  # contacts are among them: others than in a moment
+        return ""
+    rows = _rows(scene)
+    chosen = named(scene, standing_for(scene.space.nulls[:count, : len(rows)]))
+    more = f" and {len(chosen) - LISTED} more" if len(chosen) > LISTED else ""
+    are = "row is" if len(rows) == 1 else "rows is" if len(chosen) == 1 else "rows are"
+    return (
+        f"{len(chosen)} of {len(rows)} constraint {are} redundant at the start: "
+        f"{', '.join(chosen[:LISTED])}{more}; the forces are those of least norm"
+    )
+
+
+def named(scene: Scene, rows: list[int]) -> list[str]:
+    """Rows of the active constraints by direction, as they were located last."""
+    every = _rows(scene)
+    return [_name(scene, every[r]) for r in rows]
+
+
+def standing_for(nulls: Array, share: float = SHARE) -> list[int]:
+    """Columns that stand for the null directions, from the last one on; ascending.
+
+    Entries below `share` of the largest are none.
+    """
+    left, found = nulls.copy(), []
+    for column in range(left.shape[1] - 1, -1, -1):
+        if not len(left):
+            break
+        pivot = int(np.abs(left[:, column]).argmax())
+        if abs(left[pivot, column]) > share:
+            found.append(column)
+            row = left[pivot] / left[pivot, column]
+            left = left - left[:, column, None] * row
+            left = left[np.arange(len(left)) != pivot]
+    return found[::-1]
+
+
+def _rows(scene: Scene) -> list[tuple[str, int, int]]:
+    """(constraint, block, row of the block) of all rows in turn."""
+    sizes = scene.blocks.blocks_i[:, at.B_SIZE].tolist()
+    return [
+        (name, i, r)
+        for name, first, end in scene.spans
+        for i in range(first, end)
+        for r in range(sizes[i])
+    ]
+
+
+def _name(scene: Scene, row: tuple[str, int, int]) -> str:
+    constraint, i, r = row
+    d = scene.space.place[i, at.PLACE_D + 3 * r : at.PLACE_D + 3 * r + 3]
+    return f"{_direction(int(scene.blocks.blocks_i[i, at.B_TYPE]), d)} of constraint '{constraint}'"
+
+
+def _direction(kind: int, d: Array) -> str:
+    if kind in (at.T_COORD, at.T_VELOCITY):
+        return "coordinate"
+    what = "rotation about" if kind == at.T_ALIGN else "translation along"
+    size = float(np.linalg.norm(d))
+    along = np.abs(d) / (size or 1.0)
+    if along.max() > UPRIGHT:
+        return f"{what} {'xyz'[int(along.argmax())]}"
+    x, y, z = d / size if size and d[np.abs(d).argmax()] > 0 else -d / (size or 1.0)
+    return f"{what} ({x + 0.0:.3g}, {y + 0.0:.3g}, {z + 0.0:.3g})"
+
+
+# -- singular positions -----------------------------------------------------------------------
+
+
+Instant = tuple[float, Array, Array]  # t, q, v
+
+
+class Passed(NamedTuple):
+    """A singular position on the way of a run."""
+
+    t: float
+    rows: tuple[str, ...]  # what says nothing new only there
+
+
+class _Look:
+    """Ω of a scene's constraints at places along a velocity."""
+
+    def __init__(self, scene: Scene, t: float, q: Array, v: Array):
+        self.scene, self.t, self.q, self.v = scene, t, q, v
+        self.rows = int(scene.space.dips[0, at.DIP_ROWS])
+
+    def eigen(self, tau: float) -> tuple[Array, Array]:
+        """(values over the mean diagonal, vectors) of Ω a time tau on, constraints met."""
+        q, v = self.q.copy(), self.v.copy()
+        run.move(self.scene.packed.rows, q, v, tau)
+        for _ in range(2):  # onto the constraints, and Ω there
+            self.scene.space.vectors[FACTORED, 2] = 0.0
+            motion.projection(self.scene.held, self.t + tau, q, v, 1)
+        omega = self.scene.space.omega[: self.rows, : self.rows]
+        values, vectors = np.linalg.eigh(omega)
+        return values * self.rows / np.trace(omega), vectors
+
+    def only_there(self, tau: float, usual: Array) -> Passed | None:
+        """The position a time tau on, if rows are null there beside the `usual` combinations."""
+        values, vectors = self.eigen(tau)
+        count = int((values < TOUCHES).sum())
+        if count <= usual.shape[1]:
+            return None
+        always = standing_for(usual.T)
+        rows = [r for r in standing_for(vectors[:, :count].T, NEAR_SHARE) if r not in always]
+        return Passed(self.t + tau, tuple(named(self.scene, rows)))
+
+    def lowest(self, width: float, nulls: int) -> float:
+        """When within `width` eigenvalue number `nulls` is smallest."""
+        middle, step = 0.0, width
+        for _ in range(LOOKS):
+            a, b, c = (float(self.eigen(middle + x)[0][nulls]) for x in (-step, 0.0, step))
+            bend = a - 2 * b + c
+            if not bend > 0:
+                break
+            middle = float(np.clip(middle + step * (a - c) / (2 * bend), -width, width))
+            step *= 0.25
+        return middle
+
+
+def passed(scene: Scene) -> list[Passed]:
+    """Singular positions among the first dips of the active constraints, each once."""
+    found: list[Passed] = []
+    nq, nv = scene.packed.nq, scene.packed.nv
+    for dip in scene.space.dips[1:]:
+        if dip[at.DIP_DEPTH] > 0:
+            q, v = np.split(dip[at.DIP_STATE : at.DIP_STATE + nq + nv].copy(), [nq])
+            look, apart = _Look(scene, float(dip[at.DIP_TIME]), q, v), float(dip[at.DIP_APART])
+            place = _touched(look, REACH * apart)
+            if place and not any(abs(place.t - other.t) <= apart for other in found):
+                found.append(place)
+    return found
+
+
+def _touched(look: _Look, width: float) -> Passed | None:
+    """The singular position within `width` of a dip's deepest place; None where there is none."""
+    fastest = float(np.max(np.abs(look.v), initial=0.0))
+    if fastest == 0.0 or look.rows == 0:
+        return None
+    around = [look.eigen(sign * max(width, AWAY / fastest)) for sign in (-1.0, 1.0)]
+    values, usual = min(around, key=lambda eigen: int((eigen[0] < NULL).sum()))
+    nulls = int((values < NULL).sum())
+    if nulls == len(values):
+        return None
+    tau = look.lowest(width, nulls)
+    return look.only_there(tau, usual[:, :nulls])
+
+
+def _began(scene: Scene, start: Instant, end: Instant) -> Passed | None:
+    """The initial position, where rows are null that are not at the end of the run."""
+    values, usual = _Look(scene, *end).eigen(0.0)
+    return _Look(scene, *start).only_there(0.0, usual[:, values < TOUCHES])
+
+
+def singular_notice(scene: Scene, start: Instant, end: Instant, redundant: bool) -> str:
+    """What a person should know of the singular positions that a run passed; "" if none.
+
+    `start` and `end` are those of the run; `redundant`: whether rows were at the start.
+    """
+    dips = int(scene.space.dips[0, at.DIP_COUNT])
+    places = passed(scene) if dips else []
+    if not places:
+        began = _began(scene, start, end) if redundant else None
+        where = "the run began at a singular position"
+    else:
+        began = places[0]
+        most = "at least " if dips >= at.DIPS else ""
+        many = f", the first of {most}{len(places)}," if len(places) > 1 else ""
+        where = f"at t = {began.t:.4g} s the run passed a singular position{many} or close by one"
+    if began is None:
+        return ""
+    listed = ", ".join(began.rows[:LISTED]) + (" ..." if len(began.rows) > LISTED else "")
+    return (
+        f"{where}: {listed} {'says' if len(began.rows) < 2 else 'say'} nothing new there, so that "
+        "more than one motion leads on; it took the one that its velocity or rounding was on, and "
+        "its error estimate may be too low"
+    )
+
+
+# -- motions blocked to second order ----------------------------------------------------------
+
+
+def blocked(mech: Dynamics, active: Ints, t: float, q: Array, v: Array) -> str:
+    """A sentence on a motion whose gap the rows do not see; "" where it is something else.
+
+    Rows J of such a motion vanish where it begins: its gap grows as its square, against a force
+    of infinite size, and projection by J cannot take it back.
+    """
+    state = Rows.of(mech, active, q, v, t)
+    rows, gap = state.scaled[state.holonomic], state.gap[state.holonomic]
+    whole = float(np.linalg.norm(gap))
+    if not 0.0 < whole <= OTHER * state.size:
+        return ""
+    u, s, _ = np.linalg.svd(rows)
+    sizes = np.concatenate((s, np.zeros(len(u) - len(s))))
+    faint = u[:, sizes <= FAINT * sizes[0]]
+    combination = faint @ (faint.T @ gap)
+    if np.linalg.norm(combination) < MOSTLY * whole:
+        return ""
+    motion = state.step(rows.T @ combination)
+    joint, _ = max(state.joints, key=lambda j: float(np.linalg.norm(motion[j[1]])))
+    full = np.zeros(len(state.gap))
+    full[state.holonomic] = combination
+    names = " and ".join(f"'{name}'" for name in _parts(state, full))
+    return (
+        f"constraints {names} leave '{joint}' free to move to first order and block it to second, "
+        f"which no finite force does: they are off by {np.abs(gap).max():.2g} m where their rows "
+        "say nothing new. Give one of them a kind with fewer rows (line, plane, distance), or a "
+        "joint the freedom that is missing; with stabilise=None the run goes on and the gap "
+        "stands in constraint_drift"
+    )
+
+
+def _parts(state: Rows, combination: Array) -> list[str]:
+    """Constraints with a notable share of a combination of rows."""
+    share = {g.constraint.name: 0.0 for g in state.groups}
+    for g in state.groups:
+        most = float(np.abs(combination[g.rows]).max(initial=0.0))
+        share[g.constraint.name] = max(share[g.constraint.name], most)
+    largest = max(share.values())
+    return [name for name, x in share.items() if x > NAMED * largest]

@@ -1,0 +1,7 @@
+"""Dynamics: what can be computed of a packed model at a state, without iteration.
+
+`Dynamics` is the base of the public `Mechanism`; `analysis` stands between the two. `Scene` is what
+the kernels take of a run.
+"""
+
+from .dynamics import Dynamics as Dynamics

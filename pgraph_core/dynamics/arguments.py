@@ -1,0 +1,56 @@
+"""Arguments of public functions as the contiguous float64 arrays that kernels take."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ..engine import layout as at
+from ..errors import InputError, Problem
+from ..packing.packed import Packed
+from ..packing.system import Array
+
+
+def numbers(name: str, value: Any, *shape: int) -> Array:
+    """An array of this shape; entries may be nan or inf. Raises InputError."""
+    if type(value) is np.ndarray and value.dtype == np.float64 and value.shape == shape:
+        flags = value.flags
+        if flags.c_contiguous and flags.writeable:
+            return value
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "fiu" and array.size:
+            raise TypeError
+        array = np.array(array, dtype=np.float64, order="C")
+    except (TypeError, ValueError):
+        raise InputError(Problem(name, "", f"must be numbers; given {value!r:.60}")) from None
+    if array.shape != shape:
+        raise InputError(Problem(name, "", f"must have shape {shape}; given {array.shape}"))
+    return array
+
+
+def finite(name: str, value: Any, *shape: int) -> Array:
+    """An array of this shape, every entry finite. Raises InputError."""
+    array = numbers(name, value, *shape)
+    bad = np.flatnonzero(~np.isfinite(array))
+    if len(bad):
+        text = f"must be finite; entry {bad[0]} is {array.flat[bad[0]]}"
+        raise InputError(Problem(name, "", text))
+    return array
+
+
+def position(packed: Packed, q: Any) -> Array:
+    """q (nq,), finite and with quaternions that have a direction; their length does not count.
+
+    Raises InputError.
+    """
+    q = finite("q", q, packed.nq)
+    rows = packed.rows
+    for k in packed.quaternion_rows:
+        i = rows[k, at.QI] + (3 if rows[k, at.KIND] == at.FREE else 0)
+        length = float(np.linalg.norm(q[i : i + 4]))
+        if not 1e-3 < length < 1e3:
+            text = f"the quaternion [w, x, y, z] of '{packed.body_of(k)}' at q[{i}] must have "
+            raise InputError(Problem("q", "", f"{text}length 1; its length is {length:.6g}"))
+    return q

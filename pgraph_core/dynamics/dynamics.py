@@ -1,0 +1,435 @@
+"""Dynamics: poses, equations of motion and Jacobians. Every answer is a function of (q, v)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+
+from ..columns import Columns
+from ..engine import layout as at
+from ..engine import motion
+from ..engine.compiler.address import address_of
+from ..engine.compiler.jit import ready
+from ..engine.packing import numbering
+from ..engine.tree import bodies, dynamics
+from ..errors import InputError, Problem
+from ..model import Model
+from ..packing.packed import Joint, Packed
+from ..packing.system import Array, Ints, point_in_row
+from ..portable import Portable
+from ..topology import Topology
+from .arguments import finite, numbers, position
+from .back_ends import NO_EXTERNAL, BackEnd, accelerated, dense, operators
+from .bodies import BodyMotion, bodies_over, mass_points, shifted
+from .scene import Scene
+from .states import Carried, carried
+
+FORWARD = dynamics.forward_dynamics
+NEW = object.__new__
+OVERFLOW = Problem("dynamics", "", "the result is not finite: the given numbers are too large")
+
+
+class Dynamics(Portable):
+    """A model numbered depth-first, with its equations of motion.
+
+    q (nq,), v and tau (nv,) are in number order, names in `names`; body 0 is the ground.
+    Raises InputError for arrays of the wrong length or with numbers that are not finite.
+    """
+
+    def __init__(self, model: Model | Columns, /):
+        """Number and pack a valid model, or a table in columns."""
+        packed = Packed(model if isinstance(model, Columns) else Columns.of(model))
+        self._take(packed, np.zeros(packed.nv), np.zeros((len(packed.rows), at.WORK)))
+        ready(FORWARD)
+
+    def _take(self, packed: Packed, rest: Array, work: Array) -> None:
+        self.packed = packed  # the arrays of the kernels
+        self._rows, self._const, self._springs = packed.rows, packed.const, packed.springs
+        self.nb, self.nq, self.nv = packed.nb, packed.nq, packed.nv
+        self._nq, self._nv = (packed.nq,), (packed.nv,)
+        self._rest = rest  # v = 0
+        self._work = work  # of kernels: holds nothing between calls
+
+    def __getstate__(self) -> Columns:
+        return self.packed.columns
+
+    def __setstate__(self, columns: Columns) -> None:
+        packed = Packed(columns)
+        self._take(packed, np.zeros(packed.nv), np.zeros((len(packed.rows), at.WORK)))
+
+    @property
+    def model(self) -> Model:
+        """The description."""
+        return self.packed.model
+
+    def edit(self, name: str, /, **changes: Any) -> Self:
+        """A mechanism of `model.edit(name, **changes)`, at the cost of what changes.
+
+        A new parent, mass, com or link is written into the packed table, and nothing else is
+        checked again. Returns itself where nothing changes. Raises ModelError; this mechanism stays
+        as it is.
+        """
+        columns = self.packed.columns.edited(name, changes)
+        if columns is self.packed.columns:
+            return self
+        if columns is None:
+            return type(self)(self.model.edit(name, **changes))
+        new = NEW(type(self))
+        new._take(Packed(columns), self._rest, self._work)
+        return new
+
+    # -- the digraph -----------------------------------------------------------------------------
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the bodies, by number."""
+        return self.packed.topology.names
+
+    @property
+    def topology(self) -> Topology:
+        """Names and numbers of the bodies."""
+        return self.packed.topology
+
+    @property
+    def joints(self) -> Mapping[str, Joint]:
+        """The joints that move: their motions, and where they stand in q and v, by body."""
+        return self.packed.joints
+
+    @property
+    def parent(self) -> Ints:
+        """(nb,) numbers of the parents, 0 = ground."""
+        return self.topology.parent
+
+    @cached_property
+    def pgraph(self) -> Ints:
+        """The path-defined directed graph vector, Fig. 4."""
+        return self._walk[0]
+
+    @cached_property
+    def jdof(self) -> Ints:
+        """Joint degrees of freedom along Pgraph, Fig. 4."""
+        return self._walk[1]
+
+    @cached_property
+    def _walk(self) -> tuple[Ints, Ints]:
+        path, jdof = np.empty((2, 2 * self.nb + 1), np.int64)
+        n = numbering.pgraph(self.packed.system.bodies_i, path, jdof)
+        return path[:n].copy(), jdof[:n].copy()
+
+    @property
+    def tips(self) -> Ints:
+        """Numbers of the tip bodies, ascending."""
+        return self.topology.tips
+
+    @property
+    def separation_bodies(self) -> Ints:
+        """Numbers of the separation bodies, ascending."""
+        return self.topology.separation_bodies
+
+    def adjacency(self) -> Any:
+        """S, eq. (1): (nb, nb) scipy.sparse."""
+        return self.topology.adjacency()
+
+    def kernel_operator(self, q: Array) -> Any:
+        """ε_φ, eq. (13): (6 nb, 6 nb) scipy.sparse."""
+        return operators(self.packed, q, self._rest).eps_phi
+
+    def propagation_operator(self, q: Array) -> Any:
+        """Φ, eq. (16): (6 nb, 6 nb) scipy.sparse."""
+        return operators(self.packed, q, self._rest).Phi
+
+    # -- states and places -----------------------------------------------------------------------
+
+    def home(self) -> tuple[Array, Array]:
+        """(q, v): the model's initial state."""
+        system = self.packed.system
+        return system.q.copy(), system.v.copy()
+
+    def state_from(self, other: Dynamics, q: Array, v: Array) -> Carried:
+        """(q, v, reset): the state (q, v) of another mechanism, by names and kinds of joints.
+
+        A joint that the other has under the same name, with the same kinds of motions, keeps its
+        coordinates, whatever its parent; the joints named in `reset` take the model's initial ones.
+        """
+        return carried(self.packed, other.packed, position(other.packed, q), other._speed(v))
+
+    def poses(self, q: Array) -> tuple[Array, Array]:
+        """((nb, 3) origins [m], (nb, 3, 3) rotations) of all body frames in the world."""
+        place, rotation = np.empty((self.nb, 3)), np.empty((self.nb, 9))
+        q = position(self.packed, q)
+        bodies.poses(*self.packed.system[:4], q, self._rest, self._work, place, rotation)
+        return place, rotation.reshape(self.nb, 3, 3)
+
+    def pose(self, q: Array, name: str) -> tuple[Array, Array]:
+        """((3,) origin [m], (3, 3) rotation) of a body frame in the world."""
+        number = self.topology.number(name)
+        if number == 0:
+            return np.zeros(3), np.eye(3)
+        place, rotation = self.poses(q)
+        return place[number - 1], rotation[number - 1]
+
+    def body_motion(
+        self, q: Array, v: Array, vdot: Array | None = None, external: Array | None = None
+    ) -> BodyMotion:
+        """Poses, velocities, accelerations of all bodies and the full force in every joint.
+
+        (nb, 7 | 6 | 6 | 6), by number, world axes at the bodies' origins, eqs. (17), (21), (22).
+        Without `vdot` the accelerations are those at v' = 0.
+        """
+        state = (position(self.packed, q), self._speed(v))
+        rate = self._rest if vdot is None else finite("vdot", vdot, self.nv)
+        wrench = np.zeros((self.nb, 6)) if external is None else self._external(external)
+        found = bodies_over(self.packed.system, *(x[None] for x in (*state, rate, wrench)))
+        return BodyMotion(*(x[0] for x in found))
+
+    def centre_of_mass(self, q: Array) -> Array:
+        """(3,) of the whole mechanism in the world [m]."""
+        mass, place, _, _ = mass_points(self._bodies, self.body_motion(q, self._rest))
+        return mass @ place / mass.sum()
+
+    def momentum(self, q: Array, v: Array) -> Array:
+        """(6,) momentum, world axes: angular about the centre of mass, then linear [kg m/s]."""
+        mass, place, velocity, spin = mass_points(self._bodies, self.body_motion(q, v))
+        arm = place - mass @ place / mass.sum()
+        angular = spin.sum(axis=0) + np.cross(arm, mass[:, None] * velocity).sum(axis=0)
+        return np.concatenate((angular, mass @ velocity))
+
+    def energy(self, q: Array, v: Array) -> tuple[float, float]:
+        """(kinetic, potential) energy [J]; springs of joints and between bodies included."""
+        return motion.energy(self._scene.address, position(self.packed, q), self._speed(v))
+
+    # -- equations of motion ---------------------------------------------------------------------
+    # All take `back_end`: "articulated" (default), "composite" or "operators", with the same
+    # numbers; `back_ends.py` says which algorithm each one stands for. Passive forces act here:
+    # springs, dampers and friction of joints, springs and torsion springs between bodies. Forces
+    # that may depend on time (wrenches, motors, servos) act in runs only.
+
+    def mass_matrix(self, q: Array, *, back_end: BackEnd = "articulated") -> Array:
+        """M (nv, nv) of eq. (25), armature included."""
+        if dense(back_end):
+            return operators(self.packed, q, self._rest).mass_matrix
+        m = np.zeros((self.nv, self.nv))
+        q = position(self.packed, q)
+        dynamics.mass_matrix(self._rows, self._const, q, self._rest, self._work, m)
+        return m
+
+    def bias_force(self, q: Array, v: Array, *, back_end: BackEnd = "articulated") -> Array:
+        """C (nv,) of eq. (25): velocity-dependent terms and gravity; no springs, no dampers."""
+        if dense(back_end):
+            return operators(self.packed, q, v).bias_force
+        q, v = self._state(q, v)
+        return self._inverse(q, v, self._rest, NO_EXTERNAL)
+
+    def inverse_dynamics(
+        self,
+        q: Array,
+        v: Array,
+        vdot: Array,
+        external: Array | None = None,
+        *,
+        back_end: BackEnd = "articulated",
+    ) -> Array:
+        """τ (nv,) that gives v' of the tree, eq. (24), in addition to the passive forces.
+
+        `external` (nb, 6): [torque, force] on each body at its origin, world axes; `external_at`
+        makes it from wrenches elsewhere.
+        """
+        q, v = self._state(q, v)
+        vdot, wrench = numbers("vdot", vdot, self.nv), self._external(external)
+        if dense(back_end):
+            op = operators(self.packed, q, v)
+            vdot = finite("vdot", vdot, self.nv)
+            tau = op.inverse_dynamics(vdot, wrench if len(wrench) else None)
+        else:
+            tau = self._inverse(q, v, vdot, wrench)
+        return tau - self._passive(q, v, self._rest) if self._springs else tau
+
+    def forward_dynamics(
+        self,
+        q: Array,
+        v: Array,
+        tau: Array | None = None,
+        external: Array | None = None,
+        *,
+        back_end: BackEnd = "articulated",
+    ) -> Array:
+        """v' (nv,) of the tree without its constraints, eq. (26); O(n).
+
+        Springs and dampers of joints and between bodies act; wrenches, motors and servos act in
+        `simulate`.
+        """
+        tau = self._rest if tau is None else tau
+        vdot = np.empty(self.nv)
+        if external is None and not self._springs and back_end == "articulated":
+            try:  # arrays as the kernel takes them: checking costs as much as the dynamics
+                if q.shape == self._nq and v.shape == self._nv and tau.shape == self._nv:
+                    code = FORWARD(self._rows, self._const, q, v, tau, self._work, vdot)
+                    if code == 0:
+                        return vdot
+            except (AttributeError, TypeError):
+                pass
+        return self._forward_checked(q, v, tau, external, back_end, vdot)
+
+    def _forward_checked(
+        self, q: Array, v: Array, tau: Array, external: Any, back_end: str, vdot: Array
+    ) -> Array:
+        q, v = self._state(q, v)
+        tau = numbers("tau", tau, self.nv)
+        wrench = None if external is None else self._external(external)
+        if self._springs:
+            tau = self._passive(q, v, tau)
+        code = accelerated(self.packed, back_end, (q, v, tau), wrench, self._work, vdot)
+        if code:
+            given = {} if external is None else {"external": np.asarray(external, float)}
+            self._explain(code, q=q, v=v, tau=tau, **given)
+        return vdot
+
+    def constrained_dynamics(
+        self, q: Array, v: Array, tau: Array | None = None
+    ) -> tuple[Array, dict[str, Array]]:
+        """(v', {name: (6,)}) with every active constraint imposed, eqs. (27)-(29).
+
+        Forces are [torque, force] on the constraint's body at its point, world axes. Passive
+        forces act, as in `forward_dynamics`.
+        """
+        scene = self._scene
+        tau = self._rest if tau is None else tau
+        vdot, wrenches = np.empty(self.nv), np.empty(self._wrenches)
+        asked = (scene.address, self._accelerate, 0.0)
+        try:  # as in `forward_dynamics`
+            if q.shape == self._nq and v.shape == self._nv and tau.shape == self._nv:
+                code = self._constrained(*asked, q, v, tau, self._flow, vdot, wrenches)
+                if code == 0:
+                    return vdot, scene.forces(wrenches)
+        except (AttributeError, TypeError):
+            pass
+        q, v = self._state(q, v)
+        tau = numbers("tau", tau, self.nv)
+        code = self._constrained(*asked, q, v, tau, self._flow, vdot, wrenches)
+        if code:
+            self._explain(code, q=q, v=v, tau=tau)
+        return vdot, scene.forces(wrenches)
+
+    @cached_property
+    def _scene(self) -> Scene:
+        """The mechanism with its passive forces and active constraints, for single states."""
+        self._accelerate = address_of(motion.acceleration)
+        self._constrained = ready(motion.constrained_dynamics)
+        self._flow = np.zeros(3)
+        packed = self.packed
+        scene = Scene(packed, packed.passive, packed.passive_loads, packed.active)
+        self._wrenches = (len(scene.active) - 1, 6)
+        return scene
+
+    # -- wrenches on bodies ----------------------------------------------------------------------
+
+    def external_at(
+        self,
+        q: Array,
+        name: str,
+        wrench: Sequence[float] | Array,
+        point: Sequence[float] | Array | None = None,
+    ) -> Array:
+        """`external` (nb, 6) of one wrench (6,) [torque, force] on a body; several add up.
+
+        The wrench is in world axes, at `point` in the body's axes, its `tip` unless given.
+        """
+        number = self.topology.number(name)
+        external, wrench = np.zeros((self.nb, 6)), finite("wrench", wrench, 6)
+        if number > 0:  # the ground takes any force
+            point = self.model.body(name).tip_point if point is None else point
+            arm = self.pose(q, name)[1] @ finite("point", point, 3)
+            external[number - 1] = shifted(wrench, arm)
+        return external
+
+    def external_at_tips(self, q: Array, wrench: Array) -> Array:
+        """`external` (nb, 6) of wrenches (n_t, 6) on the tips, in the order of `tips`.
+
+        At the bodies' `tip` points, in world axes: -F_T of eqs. (22)-(26), which acts *from* the
+        tips (R10).
+        """
+        wrench = finite("wrench", wrench, len(self.tips), 6)
+        tips = self.tips - 1
+        points = np.array([self.model.body(self.names[k]).tip_point for k in tips])
+        arm = np.einsum("tij,tj->ti", self.poses(q)[1][tips], points.reshape(-1, 3))
+        external = np.zeros((self.nb, 6))
+        external[tips] = shifted(wrench, arm)
+        return external
+
+    # -- Jacobians -------------------------------------------------------------------------------
+
+    def jacobian(self, q: Array, name: str, point: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
+        """J (6, nv), eq. (20): V of `point` (body axes) of a body is J v, world axes."""
+        q = position(self.packed, q)
+        return self._jacobian(q, self.topology.number(name), finite("point", point, 3))
+
+    def jacobian_bias(
+        self, q: Array, v: Array, name: str, point: Sequence[float] = (0.0, 0.0, 0.0)
+    ) -> Array:
+        """J' v (6,): V' of `point` of a body is J v' + J' v (R6)."""
+        q, v, bias = position(self.packed, q), self._speed(v), np.empty(6)
+        place = self._place(self.topology.number(name), finite("point", point, 3))
+        dynamics.jacobian_bias(*self.packed.tree, q, v, self._rest, *place, self._work, bias)
+        return bias
+
+    def tip_jacobian(self, q: Array) -> Array:
+        """J (6 n_t, nv), eqs. (18)-(20), one block row a tip body, at the bodies' `tip` points."""
+        q = position(self.packed, q)
+        points = [self.model.body(self.names[tip - 1]).tip_point for tip in self.tips]
+        found = [self._jacobian(q, int(tip), point) for tip, point in zip(self.tips, points)]
+        return np.concatenate(found) if found else np.zeros((0, self.nv))
+
+    def _jacobian(self, q: Array, number: int, point: Any) -> Array:
+        jac, place = np.zeros((6, self.nv)), self._place(number, point)
+        dynamics.jacobian(*self.packed.tree, q, self._rest, *place, self._work, jac)
+        return jac
+
+    def _place(self, number: int, point: Any) -> tuple[int, Array]:
+        """(row, point in its axes) of a point of a body."""
+        system = self.packed.system
+        return int(system.bodies_i[number, at.ROW]), point_in_row(system, number, point)
+
+    # -- arguments and passive forces ------------------------------------------------------------
+
+    @property
+    def _bodies(self) -> list[Any]:
+        return [self.model.body(name) for name in self.names]
+
+    def _inverse(self, q: Array, v: Array, vdot: Array, external: Array) -> Array:
+        tau, tables = np.empty(self.nv), self.packed.system[:4]
+        dynamics.inverse_dynamics(*tables, q, v, vdot, external, self._work, tau)
+        if not np.isfinite(tau).all():
+            self._explain(-1, q=q, v=v, vdot=vdot, external=external)
+        return tau
+
+    def _passive(self, q: Array, v: Array, given: Array) -> Array:
+        """`given` (nv,) and the passive forces together."""
+        tau, scene = np.empty(self.nv), self._scene
+        scene.given[:] = given
+        motion.drive_torque(scene.address, q, v, tau)
+        return tau + self._load_torque(q, v) if len(scene.loads.loads_i) else tau
+
+    def _load_torque(self, q: Array, v: Array) -> Array:
+        """τ (nv,) of springs and torsion springs between bodies."""
+        tau = np.empty(self.nv)
+        motion.load_torque(self._scene.address, q, v, tau)
+        return tau
+
+    def _speed(self, v: Any) -> Array:
+        return finite("v", v, self.nv)
+
+    def _state(self, q: Array, v: Array) -> tuple[Array, Array]:
+        return numbers("q", q, self.nq), numbers("v", v, self.nv)
+
+    def _external(self, external: Array | None) -> Array:
+        return NO_EXTERNAL if external is None else numbers("external", external, self.nb, 6)
+
+    def _explain(self, code: int, **given: Array) -> None:
+        """Raise the error that a kernel's status code stands for."""
+        for name, value in given.items():
+            finite(name, value, *value.shape)
+        position(self.packed, given["q"])
+        raise InputError(self.packed.singular(code) if code > 0 else OVERFLOW)

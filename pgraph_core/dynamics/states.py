@@ -1,0 +1,44 @@
+"""A state carried to another topology, and the size of a mechanism."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..engine import layout as at
+from ..packing.packed import Packed
+from ..packing.system import Array
+
+
+class Carried(NamedTuple):
+    """A state of one mechanism as a state of another."""
+
+    q: Array  # (nq,)
+    v: Array  # (nv,)
+    reset: tuple[str, ...]  # joints at home: the other has none of this name and kind
+
+
+def carried(new: Packed, old: Packed, q: Array, v: Array) -> Carried:
+    """The state (q, v) of `old` as one of `new`; joints that `old` lacks start at home."""
+    new_q, new_v = new.system.q.copy(), new.system.v.copy()
+    theirs, reset = old.joints, []
+    for name, joint in new.joints.items():
+        before = theirs.get(name)
+        if before is None or before.kinds != joint.kinds:
+            reset.append(name)
+            continue
+        new_q[joint.q] = q[before.q]
+        new_v[joint.v] = v[before.v]
+    return Carried(new_q, new_v, tuple(reset))
+
+
+def length_of(packed: Packed) -> float:
+    """Largest of a mechanism's own lengths: links, centres of mass, radii of gyration [m]."""
+    const = packed.const[1:]
+    mass = np.where(const[:, at.MASS] > 0, const[:, at.MASS], np.inf)
+    gyration = const[:, at.INERTIA : at.INERTIA + 3].sum(axis=1) / mass
+    found = [np.sqrt(gyration.max(initial=0.0))]
+    for column in (at.LINK, at.COM):
+        found.append(np.linalg.norm(const[:, column : column + 3], axis=1).max(initial=0.0))
+    return float(max(found))

@@ -1,0 +1,73 @@
+"""Mechanism: what users hold. The dynamics of a model, and the analyses of it as methods."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from .analysis.assembly import Assembly, assemble
+from .analysis.mobility import Mobility, mobility
+from .dynamics import Dynamics
+from .dynamics.arguments import finite, position
+from .model import Model
+from .packing.system import Array
+from .plan import Plan
+
+
+class Mechanism(Dynamics):
+    """A model numbered depth-first and packed for the kernels.
+
+    q (nq,), v and tau (nv,) are in number order, names in `names`; body 0 is the ground. Nothing is
+    kept of a state: every answer is a function of its arguments.
+    Raises InputError for arrays of the wrong length or with numbers that are not finite.
+    """
+
+    def plan(self, *, scenario: str | None = None, method: str = "auto") -> Plan:
+        """What runs of this scene need, what is left out of them, and what that saves."""
+        return Plan.of(self.model, scenario=scenario, method=method)
+
+    def assemble(
+        self, q: Array | None = None, v: Array | None = None, active: Sequence[str] | None = None
+    ) -> tuple[Array, Array, Assembly]:
+        """(q, v, report): the state near (q, v) that meets its constraints, in the mass metric.
+
+        `active` names constraints, the model's active ones by default. Raises InputError that
+        names the constraints that cannot be met, and by how much they miss.
+        """
+        return assemble(self, q, v, active)
+
+    def mobility(
+        self, q: Array | None = None, v: Array | None = None, active: Sequence[str] | None = None
+    ) -> Mobility:
+        """Degrees of freedom, redundant rows and singular positions at q; `str` of it is a report.
+
+        `v` chooses between branches where the position is singular. Raises InputError where the
+        constraints cannot be met.
+        """
+        return mobility(self, q, v, active)
+
+    def forward_derivatives(
+        self, q: Array, v: Array, tau: Array | None = None
+    ) -> tuple[Array, Array, Array]:
+        """∂v'/∂q, ∂v'/∂v, ∂v'/∂τ, (nv, nv) each, of `forward_dynamics`.
+
+        Exact to rounding, about 1e-16 of the largest entry times the condition of M, springs and
+        dampers of joints included; springs between bodies add differences good to 1e-11 of theirs.
+        Columns of the first are moves along v (a rotation vector in a ball's axes), not along q.
+        """
+        from .analysis.derivatives import forward_derivatives  # compiled for lanes
+
+        q, v = position(self.packed, q), finite("v", v, self.nv)
+        given = self._rest if tau is None else finite("tau", tau, self.nv)
+        return forward_derivatives(self, q, v, given)
+
+    def batch(self, size: int | None = None, **options: Any) -> Any:
+        """`Batch(self, size, models=..., threads=...)`: many instances at once."""
+        from .dynamics.batch import Batch  # compiled for lanes
+
+        return Batch(self, size, **options)
+
+
+def as_mechanism(model: Model | Mechanism) -> Mechanism:
+    """The mechanism of a model; a mechanism as it is."""
+    return model if isinstance(model, Mechanism) else Mechanism(model)

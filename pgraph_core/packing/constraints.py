@@ -1,0 +1,332 @@
+"""Constraints as blocks of rows, which is what kernels take; columns in `engine/layout.py`.
+
+`Endpoints` holds the points and directions of one constraint in the axes of its two bodies; each
+kind is a short function that makes blocks of them; `blocks` packs all constraints of a model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import accumulate
+from typing import NamedTuple
+
+import numpy as np
+
+from ..engine import layout as at
+from ..errors import ModelError, Problem
+from ..model import Constraint, Model, Polynomial, Sine, Table
+from ..rotation import normals_of, unit_vector
+from ..topology import Topology
+from .system import Array, Ints, System, joint_coordinates, point_in_row
+
+APART = 1e-6  # rad: axes of a prismatic constraint that differ by more contradict each other
+
+
+class Block(NamedTuple):
+    """Up to three rows of one type."""
+
+    type: int
+    rows: int
+    values: Array  # (28,)
+    terms: tuple[tuple[int, int, float], ...] = ()  # index into v, into q or -1, coefficient
+    curve: tuple[tuple[float, ...], ...] = ()
+    sine: bool = False
+
+
+class Endpoints:
+    """The two ends of a constraint: points and directions in the axes of its bodies."""
+
+    def __init__(
+        self,
+        c: Constraint,
+        model: Model,
+        topology: Topology,
+        packed: System,
+        home: tuple[Array, Array],
+        size: float,
+    ):
+        self.c, self.model, self.packed, self.size = c, model, packed, size
+        self.topology = topology
+        self.a, self.b = topology.number(c.body), topology.number(c.other)
+        self.position_a, self.rotation_a = _pose(home, self.a)
+        self.position_b, self.rotation_b = _pose(home, self.b)
+        self.turn = self.rotation_b.T @ self.rotation_a  # from the axes of a to those of b
+        self.point = np.array(model.point_of(c))
+        self.other_point = self._other_point()
+
+    def _other_point(self) -> Array:
+        if self.c.other_point is not None:
+            return np.array(self.c.other_point)
+        if self.c.kind == "rolling":
+            return np.zeros(3)
+        world = self.position_a + self.rotation_a @ self.point
+        return self.rotation_b.T @ (world - self.position_b)
+
+    def directions(self) -> tuple[Array, Array]:
+        """(axis, other_axis), unit vectors in their bodies; one left out is the other at home."""
+        axis, other = self.c.axis, self.c.other_axis
+        if axis is not None and other is not None:
+            return unit_vector(axis), unit_vector(other)
+        if axis is None and other is not None:
+            return self.turn.T @ unit_vector(other), unit_vector(other)
+        along = unit_vector(axis or (0.0, 0.0, 1.0))
+        return along, self.turn @ along
+
+    def values(
+        self, value: float = 0.0, dirs: Sequence[Array] = (), aims: Sequence[Array] = ()
+    ) -> Array:
+        """(28,) with points, and directions of b and of a given in their bodies' axes."""
+        out = np.zeros(at.BLOCK_F)
+        out[at.PA : at.PA + 3] = point_in_row(self.packed, self.a, self.point)
+        out[at.PB : at.PB + 3] = point_in_row(self.packed, self.b, self.other_point)
+        for column, number, vectors in ((at.DIR, self.b, dirs), (at.AIM, self.a, aims)):
+            home = self.packed.bodies_f[number, at.HOME : at.HOME + 9].reshape(3, 3)
+            for r, vector in enumerate(vectors):
+                out[column + 3 * r : column + 3 * r + 3] = home @ vector
+        out[at.VALUE] = value
+        return out
+
+    # -- blocks --------------------------------------------------------------------------------
+
+    def held(self, dirs: Sequence[Array] = tuple(np.eye(3))) -> Block:
+        """The point stays where it is along directions of b."""
+        return Block(at.T_POINT, len(dirs), self.values(dirs=dirs))
+
+    def turned_as_at_home(self) -> Block:
+        """No turn: row r, a_s · b_t = 0 with (r, s, t) cyclic, is about axis r of b."""
+        b = np.eye(3)
+        a = self.turn.T @ b
+        aims = [a[:, (r + 1) % 3] for r in range(3)]
+        dirs = [self.size * b[(r + 2) % 3] for r in range(3)]
+        return Block(at.T_ALIGN, 3, self.values(dirs=dirs, aims=aims))
+
+    def aligned(self, axis: Array, normals: Sequence[Array]) -> Block:
+        """An axis of a stays normal to directions of b."""
+        dirs = [self.size * normal for normal in normals]
+        return Block(at.T_ALIGN, len(dirs), self.values(dirs=dirs, aims=[axis for _ in normals]))
+
+    def coordinate(self, name: str, k: int | None, factor: float) -> tuple[int, int, float]:
+        """A term of a block: (index in v, index in q, factor) of a joint's coordinate."""
+        at_v, at_q = joint_coordinates(self.packed, self.topology.number(name))[k or 0]
+        return at_v, at_q, factor
+
+    def refuse(self, field: str, text: str) -> ModelError:
+        """An error of this constraint."""
+        return ModelError(Problem(f"constraint '{self.c.name}'", field, text))
+
+
+def _pose(home: tuple[Array, Array], number: int) -> tuple[Array, Array]:
+    if number == 0:
+        return np.zeros(3), np.eye(3)
+    return home[0][number - 1], home[1][number - 1]
+
+
+# -- kinds: each a short list of blocks -------------------------------------------------------
+
+
+def _revolute(e: Endpoints) -> list[Block]:
+    axis, other = e.directions()
+    return [e.held(), e.aligned(axis, normals_of(other))]
+
+
+def _prismatic(e: Endpoints) -> list[Block]:
+    axis, other = e.directions()
+    apart = float(np.arccos(np.clip(abs(other @ e.turn @ axis), 0.0, 1.0)))
+    if apart > APART:
+        text = (
+            "a prismatic constraint keeps the orientation of the initial state, in which axis and "
+            f"other_axis are {apart:.3g} rad apart; leave one of them out"
+        )
+        raise e.refuse("other_axis", text)
+    return [e.turned_as_at_home(), e.held(normals_of(other))]
+
+
+def _cylindrical(e: Endpoints) -> list[Block]:
+    axis, other = e.directions()
+    normals = normals_of(other)
+    return [e.aligned(axis, normals), e.held(normals)]
+
+
+def _universal(e: Endpoints) -> list[Block]:
+    if e.c.axis is None:  # as the joint of this name: about x of `other`, then about y of `body`
+        axis, other = np.eye(3)[1], e.turn @ np.eye(3)[0]
+    else:
+        axis, other = e.directions()
+    return [e.held(), e.aligned(axis, [other])]
+
+
+def _distance(e: Endpoints) -> list[Block]:
+    apart = e.position_a + e.rotation_a @ e.point - (e.position_b + e.rotation_b @ e.other_point)
+    length = float(np.linalg.norm(apart)) if e.c.length is None else e.c.length
+    if length <= 1e-12 * e.size:
+        text = "the two points coincide in the initial state; give a length > 0 [m]"
+        raise e.refuse("length", f"{text}, or use kind 'point'")
+    return [Block(at.T_DISTANCE, 1, e.values(length))]
+
+
+def _line(e: Endpoints) -> list[Block]:
+    return [e.held(normals_of(e.directions()[1]))]
+
+
+def _plane(e: Endpoints) -> list[Block]:
+    return [e.held([e.directions()[1]])]
+
+
+def _rolling(e: Endpoints) -> list[Block]:
+    if e.c.other_axis is not None:
+        normal = unit_vector(e.c.other_axis)
+    else:
+        normal = np.array(e.model.ground_normal if e.b == 0 else (0.0, 0.0, 1.0))
+    shape = e.model.body(e.c.body).shape
+    radius = e.c.radius if e.c.radius is not None else shape.radius if shape else None
+    dirs = [normal, *normals_of(normal)]
+    if e.c.axis is None:
+        return [Block(at.T_SPHERE, 3, e.values(radius or 0.0, dirs))]
+    return [Block(at.T_DISC, 3, e.values(radius or 0.0, dirs, [unit_vector(e.c.axis)]))]
+
+
+def _skate(e: Endpoints) -> list[Block]:
+    return [Block(at.T_BLADE, 1, e.values(aims=[e.directions()[0]]))]
+
+
+def _gear(e: Endpoints) -> list[Block]:
+    own = e.coordinate(e.c.body, e.c.coordinate, 1.0)
+    other = e.coordinate(e.c.other, e.c.other_coordinate, -(e.c.ratio or 1.0))
+    return [Block(at.T_COORD, 1, e.values(e.c.offset or 0.0), (own, other))]
+
+
+def _motion(e: Endpoints) -> list[Block]:
+    own, q_of_t = e.coordinate(e.c.body, e.c.coordinate, 1.0), e.c.q_of_t
+    sine = isinstance(q_of_t, Sine)
+    return [Block(at.T_COORD, 1, e.values(), (own,), curve(q_of_t), sine)]
+
+
+def curve(q_of_t: Table | Sine | Polynomial | None) -> tuple[tuple[float, ...], ...]:
+    """The rows of `curves`; a table becomes a cubic spline that is at rest at both ends."""
+    match q_of_t:
+        case Sine(mean=mean, amplitude=amplitude, frequency=frequency, phase=phase):
+            return ((mean, amplitude, frequency, phase, 0.0),)
+        case Polynomial(coefficients=c):
+            return ((0.0, *c, *(0.0,) * (4 - len(c))),)
+        case Table(t=t, value=value):
+            last = (t[-1], value[-1], 0.0, 0.0, 0.0)
+            if len(t) == 1:
+                return (last,)
+            from scipy.interpolate import CubicSpline
+
+            pieces = CubicSpline(t, value, bc_type="clamped").c[::-1].T
+            return (*((x, *map(float, piece)) for x, piece in zip(t, pieces)), last)
+    return ()
+
+
+def _velocity(e: Endpoints) -> list[Block]:
+    terms = [
+        (at_v, -1, factor)
+        for name, factors in (e.c.coefficients or {}).items()
+        for (at_v, _), factor in zip(joint_coordinates(e.packed, e.topology.number(name)), factors)
+        if factor
+    ]
+    return [Block(at.T_VELOCITY, 1, e.values(e.c.value or 0.0), tuple(terms))]
+
+
+_KINDS: dict[str, Callable[[Endpoints], list[Block]]] = {
+    "point": lambda e: [e.held()],
+    "weld": lambda e: [e.held(), e.turned_as_at_home()],
+    "revolute": _revolute,
+    "prismatic": _prismatic,
+    "cylindrical": _cylindrical,
+    "universal": _universal,
+    "distance": _distance,
+    "line": _line,
+    "plane": _plane,
+    "orientation": lambda e: [e.turned_as_at_home()],
+    "gear": _gear,
+    "motion": _motion,
+    "rolling": _rolling,
+    "skate": _skate,
+    "velocity": _velocity,
+}
+
+
+# -- all constraints of a model ------------------------------------------------------------
+
+
+class Blocks(NamedTuple):
+    """Every constraint of a model, active or not, in its order."""
+
+    names: tuple[str, ...]
+    first: Ints  # (nc + 1,) constraint i has the blocks first[i] to first[i + 1] - 1
+    blocks_i: Ints  # (nb, 8)
+    blocks_f: Array  # (nb, 28)
+    terms_i: Ints  # (nt, 2)
+    terms_f: Array  # (nt,)
+    curves: Array  # (nk, 5)
+
+
+def blocks_of(ends: Endpoints) -> list[Block]:
+    """The blocks of the constraint's kind. Raises ModelError."""
+    return _KINDS[ends.c.kind](ends)
+
+
+def blocks(model: Model, topology: Topology, packed: System, home: tuple[Array, Array]) -> Blocks:
+    """The blocks of a valid model; `home` are its bodies' poses in the initial state.
+
+    Raises ModelError where a constraint contradicts that state.
+    """
+    size = radius_of_gyration(packed)
+    found = [
+        blocks_of(Endpoints(c, model, topology, packed, home, size)) for c in model.constraints
+    ]
+    flat = [block for items in found for block in items]
+    ends = [
+        _rows(c, b, topology, packed) for c, items in zip(model.constraints, found) for b in items
+    ]
+    terms = [term for block in flat for term in block.terms]
+    curves = [knot for block in flat for knot in block.curve]
+    starts = _starts([len(block.terms) for block in flat]), _starts([len(b.curve) for b in flat])
+    table = [
+        (b.type, *rows, b.rows, term, len(b.terms), knot, at.SINE if b.sine else len(b.curve))
+        for b, rows, term, knot in zip(flat, ends, *starts)
+    ]
+    return Blocks(
+        tuple(c.name for c in model.constraints),
+        np.array([*_starts([len(items) for items in found]), len(flat)], dtype=np.int64),
+        np.array(table, dtype=np.int64).reshape(-1, at.BLOCK_I),
+        np.array([block.values for block in flat]).reshape(-1, at.BLOCK_F),
+        np.array([term[:2] for term in terms], dtype=np.int64).reshape(-1, 2),
+        np.array([term[2] for term in terms]),
+        np.array(curves).reshape(-1, 5),
+    )
+
+
+def values_of(
+    c: Constraint, model: Model, topology: Topology, packed: System, poses: tuple[Array, Array]
+) -> list[Array]:
+    """(28,) of each block of a constraint, what it leaves out being as in these poses."""
+    ends = Endpoints(c, model, topology, packed, poses, radius_of_gyration(packed))
+    return [block.values for block in blocks_of(ends)]
+
+
+def _starts(counts: Sequence[int]) -> list[int]:
+    return list(accumulate(counts, initial=0))[: len(counts)]
+
+
+def _rows(c: Constraint, block: Block, topology: Topology, packed: System) -> tuple[int, int]:
+    """Rows of the two bodies; of a block of coordinates the row that has the first of them."""
+    a, b = (int(packed.bodies_i[topology.number(name), at.ROW]) for name in (c.body, c.other))
+    if block.terms:
+        a = int(np.searchsorted(packed.rows[1:, at.VI], block.terms[0][0], side="right"))
+    return a, b
+
+
+def radius_of_gyration(packed: System) -> float:
+    """How far a body's mass is from its origin, over all bodies [m]; 1 where none is.
+
+    A turn times this length compares with a displacement: what Ω then has on its diagonal is of
+    one size.
+    """
+    mass = packed.bodies_f[1:, at.B_MASS]
+    com = packed.bodies_f[1:, at.B_COM : at.B_COM + 3]
+    trace = packed.bodies_f[1:, at.B_INERTIA : at.B_INERTIA + 3].sum(axis=1)
+    moment = float(np.sum(trace / 2 + mass * (com**2).sum(axis=1)))
+    return float(np.sqrt(moment / mass.sum())) if moment > 0 and mass.sum() > 0 else 1.0

@@ -1,0 +1,168 @@
+"""Packed: one model, numbered depth-first, as all arrays that kernels take of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from ..columns import Columns
+from ..engine import layout as at
+from ..engine.tree import bodies
+from ..errors import Problem
+from ..model import Force, Model
+from ..model.force import BETWEEN
+from ..topology import Topology
+from .constraints import Blocks, blocks
+from .forces import NO_LOADS, TYPES, bends, drives, loads
+from .system import Array, Drives, Ints, Loads, System, pack_columns, system
+
+NOWHERE = np.zeros((0, 3)), np.zeros((0, 3, 3))
+
+
+class Joint(NamedTuple):
+    """What moves in a joint, and where its coordinates are in q and v."""
+
+    kinds: tuple[int, ...]  # of its motions, as in `engine/layout.py`
+    q: slice
+    v: slice
+
+
+class Packed:
+    """The arrays of a model: tree, forces, constraints; each made when first asked for.
+
+    Nothing here belongs to a state or a run, and nothing changes but caches.
+    """
+
+    # forces last asked for, packed, and when their tables bend
+    _driven: tuple[tuple[Force, ...], Drives, Array] | None = None
+
+    def __init__(self, columns: Columns):
+        """Raises ModelError where parents close a cycle."""
+        self.columns = columns
+        self._arrays, springs = pack_columns(columns)
+        self.rows, self.const, bodies_i, _, home = self._arrays
+        self.springs = springs + columns.springs_between  # how many act in joints or between bodies
+        self.nb, self.nq = len(bodies_i) - 1, columns.nq
+        self.nv = len(home) - self.nq
+
+    @property
+    def tree(self) -> tuple[Ints, Array]:
+        """Rows and constants of the tree, as most kernels take them."""
+        return self.rows, self.const
+
+    @cached_property
+    def system(self) -> System:
+        """All constants of the bodies by name."""
+        return system(self._arrays, self.nq)
+
+    @cached_property
+    def model(self) -> Model:
+        """The description; of a table in columns it is made when first asked for."""
+        return self.columns.model()
+
+    # -- names and numbers -----------------------------------------------------------------------
+
+    @cached_property
+    def topology(self) -> Topology:
+        """Names and numbers of the bodies."""
+        numbers, names = self.system.bodies_i[1:], self.columns.names
+        row, parent, dof = (numbers[:, k].copy() for k in (at.TABLE, at.BODY_PARENT, at.DOF))
+        row -= 1
+        return Topology(tuple([names[i] for i in row.tolist()]), row, parent, dof)
+
+    @cached_property
+    def joints(self) -> Mapping[str, Joint]:
+        """The joints that move, by name of their bodies."""
+        kinds, at_q, at_v = (self.rows[1:, k].tolist() for k in (at.KIND, at.QI, at.VI))
+        at_q.append(self.nq)
+        at_v.append(self.nv)
+        found: dict[str, Joint] = {}
+        row = 0
+        own_rows = self.system.bodies_i[1:, at.OWN_ROWS].tolist()
+        for name, count in zip(self.topology.names, own_rows):
+            end = row + count
+            if count:
+                spans = slice(at_q[row], at_q[end]), slice(at_v[row], at_v[end])
+                found[name] = Joint(tuple(kinds[row:end]), *spans)
+            row = end
+        return found
+
+    @cached_property
+    def quaternion_rows(self) -> list[int]:
+        """Rows whose motion has a quaternion."""
+        return np.flatnonzero(self.rows[:, at.KIND] >= at.BALL).tolist()
+
+    def body_of(self, row: int) -> str:
+        """Name of the body whose joint a row belongs to."""
+        return self.topology.names[self.system.body_of_row[row] - 1]
+
+    def row_of_velocity(self, index: int) -> int:
+        """Row whose motion has v[index]."""
+        return int(np.searchsorted(self.rows[1:, at.VI], index, side="right"))
+
+    def singular(self, row: int) -> Problem:
+        """The error for a row whose motion moves no inertia."""
+        name = self.body_of(row)
+        text = f"singular mass matrix: no inertia about the joint of '{name}'"
+        return Problem(f"body '{name}'", "inertia", f"{text}; give it mass, inertia or armature")
+
+    # -- forces and constraints ------------------------------------------------------------------
+
+    def poses(self, q: Array) -> tuple[Array, Array]:
+        """((nb, 3) origins [m], (nb, 3, 3) rotations) of all body frames in the world."""
+        position, rotation = np.empty((self.nb, 3)), np.empty((self.nb, 9))
+        work = np.zeros((len(self.rows), at.WORK))
+        bodies.poses(*self.system[:4], q, np.zeros(self.nv), work, position, rotation)
+        return position, rotation.reshape(self.nb, 3, 3)
+
+    @cached_property
+    def home_poses(self) -> tuple[Array, Array]:
+        """The poses of all body frames in the initial state."""
+        return self.poses(self.system.q)
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """The model's constraints, active or not."""
+        poses = self.home_poses if self.model.constraints else NOWHERE
+        return blocks(self.model, self.topology, self.system, poses)
+
+    @cached_property
+    def active(self) -> Ints:
+        """Indices of the model's active constraints."""
+        return np.array([i for i, c in enumerate(self.model.constraints) if c.active], np.int64)
+
+    @cached_property
+    def passive(self) -> Drives:
+        """Springs, dampers and friction of the joints."""
+        return drives(self.model, self.topology, self.system, ())
+
+    def drives(self, forces: tuple[Force, ...]) -> Drives:
+        """Springs and dampers of the joints, and the given motors and servos.
+
+        The last answer is kept: runs of one scenario ask again and again.
+        """
+        kept = self._driven
+        if kept is None or kept[0] != forces:
+            new = drives(self.model, self.topology, self.system, forces)
+            kept = (forces, new, bends(new))
+            self._driven = kept
+        return kept[1]
+
+    def bends(self, drives: Drives) -> Array:
+        """Ascending times at which tables of these drives bend [s]."""
+        kept = self._driven
+        return kept[2] if kept is not None and kept[1] is drives else bends(drives)
+
+    def loads(self, forces: tuple[Force, ...]) -> Loads:
+        """The given wrenches and springs between bodies."""
+        if not any(force.kind in TYPES for force in forces):
+            return NO_LOADS
+        return loads(self.model, self.topology, self.system, forces, self.home_poses)
+
+    @cached_property
+    def passive_loads(self) -> Loads:
+        """Springs and torsion springs between bodies."""
+        return self.loads(tuple(f for f in self.model.forces if f.kind in BETWEEN))
