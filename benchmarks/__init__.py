@@ -1,1 +1,1 @@
-"""Speed of Pgraph against its peers, on the same models: `pgraph bench`."""
+"""Speed of Pgraph and its peers on the same models: `pgraph bench`."""

@@ -21,7 +21,7 @@ PAW, PARENTS = "left_hind_paw", ("left_femur", "left_tibia")
 
 
 def from_columns(place: Scene, *, goal: float, small: bool) -> Case:
-    """Arrays that are at hand to a Mechanism; the peers build theirs from the same numbers."""
+    """Arrays in memory to a Mechanism; the peers build their models from the same numbers."""
     arrays = arrays_of(place.model)
 
     def ours() -> pg.Mechanism:
@@ -56,7 +56,7 @@ def arrays_of(model: pg.Model) -> dict[str, Any]:
 
 
 def construction(place: Scene, *, goal: float, small: bool) -> Case:
-    """A validated Model, new every time, to a Mechanism; the peers start at numbers at hand."""
+    """A validated Model, new every time, to a Mechanism; the peers start at arrays in memory."""
     text = place.model.to_json()
 
     def ours() -> float:
@@ -98,7 +98,7 @@ def spec_builder(place: Scene) -> Callable[[], Any]:
 
 
 def builders(place: Scene, *, small: bool) -> dict[str, Callable[[], object]]:
-    """MjSpec filled and compiled, Drake's plant; of what is small also with Mj- and pin.Data."""
+    """MjSpec filled and compiled, Drake's plant; for small models also with MjData and pin.Data."""
     found: dict[str, Callable[[], object]] = {}
     if has("mujoco"):
         import mujoco

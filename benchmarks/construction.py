@@ -1,4 +1,4 @@
-"""What three machines cost to write and to start, in our formats and the peers'.
+"""The effort to write and to start three machines, in our formats and those of the peers.
 
 `python -m benchmarks.construction` prints docs/construction.md; with the names of a machine and a
 format it takes that from its file to the first accelerations, and no more.
@@ -31,23 +31,24 @@ MACHINES = {
 ANGLE, SPEED = 0.2, 1.0  # of every hinge [rad, rad/s]
 STEP = 1e-3  # Exudyn's first [s]
 FRESH = 5  # processes
-TEXT = """# What it takes to get a machine moving
+TEXT = """# What it takes to describe and start a machine
 
-Made by `python -m benchmarks.construction`. Three machines, in our formats and in the peers' own,
-written as their users would, without what their defaults give (`benchmarks/machines/`). All
-formats of a machine give the same accelerations of its hinges before anything is timed (last
-column: largest relative difference from ours; of Exudyn, of the velocities after one RK4 step).
+Made by `python -m benchmarks.construction`. Three machines, in Pgraph's formats and in those of the
+peers, written as their users would, without values that equal the defaults
+(`benchmarks/machines/`). All formats of a machine give the same accelerations of its hinges before
+anything is timed (last column: largest relative difference from Pgraph; for Exudyn, of the
+velocities after one RK4 step).
 
-* *values*: what somebody has to know and type: names, numbers, choices. On our page these are
+* *values*: what a person has to know and type: names, numbers, choices. On the page these are
   cells: the number of bodies, then every cell of the default table that has to change.
 * *characters*: of the file, without white space and comments.
 * *running*: from the file to the first accelerations, everything imported: median of 20.
 * *from nothing*: the same in a new process, imports included: median of {fresh}.
 
-A machine near the default table costs a few cells. Where every number is its own, as the
-quadruped's are, there is little to save by defaults: what the table saves there is the nesting, the
-tags and the second naming of every body. From nothing we are the slowest: Python imports numba and
-pydantic, and loads the compiled kernels.
+A machine close to the default table takes a few cells. If every number is its own, as for the
+quadruped, defaults save little; the table then saves nesting, tags and the repeated names of
+bodies. From nothing Pgraph is the slowest: Python imports numba and pydantic, and loads compiled
+kernels.
 
 Measured on {machine}.
 """
@@ -151,7 +152,7 @@ def exudyn(name: str) -> dict[str, float]:
 
 
 def _script(module: str) -> Any:
-    """The result of its `build`, read and compiled every time, as a file is."""
+    """The result of its `build`; read and compiled again each time, like a file."""
     full = f"{__package__}.machines.{module}"
     sys.modules.pop(full, None)
     return import_module(full).build()
@@ -216,7 +217,7 @@ def leaves(data: Any) -> int:
 
 
 def cells(name: str) -> int:
-    """Cells of the page that are filled in: how many bodies, and what differs from the default."""
+    """Cells to fill in on the page: the number of bodies, and values that differ from defaults."""
     import pgraph_core as pg
 
     model = mechanism(name).model
@@ -231,7 +232,7 @@ def cells(name: str) -> int:
 
 
 def flat(body: Any) -> list[float]:
-    """Cells of a row besides name, parent and DoF; an axis is one choice."""
+    """Cells of a row except name, parent and DoF; an axis is one choice."""
     inertia = [body.inertia[i][j] for i in range(3) for j in range(i, 3)]
     axis = [hash(body.axes)] if body.joint == "revolute" else [0.0]
     return [*axis, *body.link, body.mass, *body.com, *inertia]

@@ -1,4 +1,4 @@
-"""What one edit of the page costs: `python -m benchmarks.editing`.
+"""The cost of one edit on the page: `python -m benchmarks.editing`.
 
 Server: from the event to the messages for two pages, without the 3D view and with it. With --page
 also in a real browser: from Enter to the value in the table, digraph, properties and the 3D view of
@@ -70,7 +70,7 @@ def edits(n: int) -> dict[str, Callable[[int], Event]]:
 
 
 def server(n: int) -> dict[str, float]:
-    """Milliseconds a kind of edit: the new state, and what two pages are sent."""
+    """Milliseconds for each kind of edit: the new state, and the messages to two pages."""
     state = initial(model_of(n))
     for client in PAGES:
         state = update(state, Connected(client))

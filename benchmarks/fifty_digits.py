@@ -33,7 +33,7 @@ class Row(NamedTuple):
 
 
 def exact(x):
-    """An array of the same doubles as mpmath's numbers; what holds those already stays."""
+    """An array of mpmath numbers equal to the given doubles; mpmath numbers are kept."""
     x = np.asarray(x)
     return x if x.dtype == object else np.vectorize(mp.mpf, otypes=[object])(x.astype(float))
 

@@ -1,7 +1,7 @@
-"""What a part costs that a scene does not need: the same run without and with it.
+"""The cost of parts without effect: the same run without and with them.
 
 `python -m benchmarks.forced` prints the table of docs/stability.md. The motion must be the same to
-rounding; the ratio of the times of the steps, interleaved, is what leaving the part out saves.
+rounding; the ratio of the times of the steps, interleaved, is what is saved without the part.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ HELD = 1e300  # kg m² of armature: a hinge that no torque turns, as a row of it
 
 
 class Forced(NamedTuple):
-    """A needless part: the model without it, the same with it, and how both run."""
+    """A part without effect: the model without it, the same with it, and the method."""
 
     part: str
     lean: pg.Model
@@ -37,21 +37,21 @@ def chain() -> pg.Model:
 
 
 def cases() -> list[Forced]:
-    """Every part that can be forced on."""
+    """Every part that can be added without effect."""
     lean = chain()
     last = str(LINKS)
     with_part: dict[str, Callable[[], pg.Model]] = {
         "an inactive constraint": partial(
             lean.replace, constraints=(pg.Constraint(name="c", body=last, active=False),)
         ),
-        "a spring of no stiffness": partial(
+        "a spring without stiffness": partial(
             lean.replace, forces=(pg.Force(name="s", kind="spring", body=last, rest=1.0),)
         ),
-        "a motor of no torque": partial(lean.replace, forces=(pg.Force(name="m", body=last),)),
-        "a servo of no gain": partial(
+        "a motor without torque": partial(lean.replace, forces=(pg.Force(name="m", body=last),)),
+        "a servo without gain": partial(
             lean.replace, forces=(pg.Force(name="s", kind="servo", body=last),)
         ),
-        "a wrench of nothing": partial(
+        "a wrench of zero": partial(
             lean.replace, forces=(pg.Force(name="w", kind="wrench", body=last),)
         ),
         "a limit out of reach": partial(lean.edit, last, limits=(-1e6, 1e6)),
@@ -94,7 +94,7 @@ def measured(case: Forced) -> tuple[float, float]:
 
 def main() -> None:
     """Print the table as Markdown."""
-    print("| needless part | motion differs by | time of steps |")
+    print("| part without effect | motion differs by | time of steps |")
     print("| --- | --- | --- |")
     for case in cases():
         difference, ratio = measured(case)

@@ -1,4 +1,4 @@
-"""What a frame of playback costs the page's server: `python -m benchmarks.frames`.
+"""The cost of a frame of playback to the page's server: `python -m benchmarks.frames`.
 
 Milliseconds in the thread that owns the state, from the clock's tick to the messages queued, and
 bytes sent to one page, for models of 16, 100 and 1000 bodies of which every one moves.

@@ -1,4 +1,4 @@
-"""What the walks of the quadrupeds do: speed, slip, depth, torque, energy, phases on a ladder."""
+"""Measurements of the quadrupeds' walks: speed, slip, depth, torque, energy, phases on a ladder."""
 
 from __future__ import annotations
 

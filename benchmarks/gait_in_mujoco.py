@@ -47,9 +47,9 @@ def walked(
 
 
 def times() -> dict[str, float]:
-    """Seconds a step over half a stride, the least of interleaved rounds: what disturbs adds to it.
+    """Seconds a step over half a stride, the minimum of interleaved rounds: disturbances only add.
 
-    Ours with the controller in it; MuJoCo's without, its torques being those recorded before.
+    Ours includes the controller; MuJoCo replays recorded torques.
     """
     import mujoco.rollout
 
@@ -76,7 +76,7 @@ def times() -> dict[str, float]:
 
 
 def controller_call() -> float:
-    """Seconds that one call of the controller takes, by itself, the least of many rounds."""
+    """Seconds of one call of the controller alone, the minimum of many rounds."""
     mech = mechanism("quadruped_hips")
     gait = mech.model.scenario("trot").gait
     assert gait is not None

@@ -1,4 +1,4 @@
-"""What gaits survive: pushes, friction, slopes, steps, wrong masses; a batch over the cores."""
+"""The disturbances that gaits survive: pushes, friction, slopes, steps, wrong masses."""
 
 from __future__ import annotations
 

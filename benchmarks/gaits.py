@@ -1,4 +1,4 @@
-"""Writes docs/gaits.md: `python -m benchmarks.gaits`. MuJoCo is compared with where it is there."""
+"""Writes docs/gaits.md: `python -m benchmarks.gaits`. Compares with MuJoCo if it is installed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The committed baseline of ratios, and what fell below it."""
+"""The committed baseline of ratios, and the ratios that fell below it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def load(path: Path = PATH) -> dict[str, Any]:
 
 
 def updated(then: Mapping[str, Any], cpu: str, now: Ratios) -> dict[str, Any]:
-    """The baseline with what has been measured; the rest stays where the CPU is the same."""
+    """The baseline with the new ratios; other ratios are kept if the CPU is the same."""
     kept = then["ratios"] if then["cpu"] == cpu else {}
     return {"cpu": cpu, "ratios": dict(sorted({**kept, **now}.items()))}
 
@@ -49,7 +49,7 @@ def save(baseline: Mapping[str, Any], path: Path = PATH) -> None:
 
 
 def verdict(now: Ratios, then: Mapping[str, Any], cpu: str) -> list[str]:
-    """What is wrong: every fallen ratio, and on which CPU the baseline was made if another."""
+    """Every fallen ratio, and the CPU of the baseline if it is another one."""
     wrong = fallen(now, then["ratios"])
     if wrong and then["cpu"] != cpu:
         wrong.append(f"the baseline was made on {then['cpu']}, this is {cpu}")

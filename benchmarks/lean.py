@@ -1,9 +1,9 @@
-"""The kernels without what a scene lacks, made from their own sources by taking branches out.
+"""Kernels without the branches that a scene does not need, made from the same sources.
 
 A scene of some kinds of motion needs no branch on the others, no armature, no drives and no
-constraints. The sweeps of `kinematics` and `articulated` are parsed, every question after the
-kind that has one answer in the scene is answered, and what is left is compiled with the same
-options. How much faster it runs is what joint kinds and forces cost a scene without them.
+constraints. The sweeps of `kinematics` and `articulated` are parsed, every comparison of the
+kind that has one answer in the scene is replaced by it, and the rest is compiled with the same
+options. The ratio of times is the cost of joint kinds and forces to a scene without them.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ ANSWERS: dict[type[ast.cmpop], Callable[[int, int], bool]] = {
 
 
 class Without(ast.NodeTransformer):
-    """Takes out branches on kinds of motion that a scene lacks, and armature."""
+    """Removes branches on kinds of motion that a scene lacks, and armature."""
 
     def __init__(self, kinds: Set[int]):
         self.kinds = kinds
 
     def visit_Compare(self, node: ast.Compare) -> ast.expr:
-        """A question after the kind, where all kinds of the scene give the same answer."""
+        """A comparison of the kind that has the same answer for all kinds of the scene."""
         asked, constant = ast.unparse(node.left), node.comparators[0]
         answer = ANSWERS.get(type(node.ops[0]))
         if asked not in ("kind", "rows[k, at.KIND]") or answer is None:
@@ -115,7 +115,7 @@ def hinge_steps() -> Any:
 
 
 def dynamics(place: Scene, number: int) -> Case:
-    """The native loop of forward dynamics against one for the scene's own kinds of motion."""
+    """The native loop of forward dynamics, compared with one for the scene's kinds of motion."""
     mech, (_, _, q, v, tau, *_) = pg.Mechanism(place.model), place.state
     kinds = frozenset(mech.packed.system.rows[1:, at.KIND].tolist())
     loops = {"what the scene needs": dynamics_loop(kinds), "pgraph": native.forward_dynamics}
@@ -131,7 +131,7 @@ def dynamics(place: Scene, number: int) -> Case:
 
 
 def steps(place: Scene, number: int) -> Case:
-    """A run of a tree of hinges against a loop that can do nothing else.
+    """A run of a tree of hinges, compared with a loop for hinges alone.
 
     No goal is set: a run also keeps a ledger of energy, counts, and may pause, for every scene.
     """

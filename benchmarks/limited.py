@@ -1,4 +1,4 @@
-"""What may not fit into memory: Pinocchio on a long chain, in a process with a limit."""
+"""Pinocchio on a long chain, which may not fit into memory, in a process with a limit."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ print(time.perf_counter() - begin)
 
 
 def pinocchio_chain(n: int) -> str:
-    """One sentence: how long pin.aba took on a chain of n, or that it could not."""
+    """One sentence: the time of pin.aba on a chain of n, or why it failed."""
     if not has("pin"):
         return f"pin.aba on a chain of {n}: pin is not installed"
     done = subprocess.run(

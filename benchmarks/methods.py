@@ -1,4 +1,4 @@
-"""Which method for what: error, its estimate and cost of all methods on a few motions.
+"""Choosing a method: error, its estimate and cost of all methods on a few motions.
 
 `python -m benchmarks.methods` prints the tables of docs/methods.md.
 """
@@ -46,7 +46,7 @@ def chain(n: int) -> tuple[pg.Body, ...]:
 
 
 def motions() -> dict[str, Motion]:
-    """What is measured."""
+    """The motions that are measured."""
     down: dict[str, Any] = {"gravity": (0.0, -9.81, 0.0), "up": "y"}
     top = pg.Body(
         name="top",

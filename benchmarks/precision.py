@@ -33,35 +33,35 @@ TEXT = """# Precision compared with MuJoCo, Pinocchio and Drake
 Made by `python -m benchmarks.precision --write` with {machine}.
 
 Each number is the largest error of an acceleration, relative to the largest acceleration, against
-forward dynamics in 50 digits (`benchmarks/fifty_digits.py`, which inverse dynamics confirms to
-1e-30); the worst of {seeds} random chains, of one where there are 1000 bodies. Every chain has
+forward dynamics in 50 digits (`benchmarks/fifty_digits.py`, confirmed by inverse dynamics to
+1e-30). It is the worst of {seeds} random chains, or of one chain with 1000 bodies. Every chain has
 hinges, velocities, torques and gravity.
 
-## Turned
+## Rotated frames
 
-The whole and every body frame are turned at random, so that no program gains from axes that lie
-along a rod. Rotations that are rounded on the way into a program's own format count as its error.
-*Bound* is ours: 1e-13, or 10 eps times the mass ratio where that is larger, or what stands for
-a mass ratio: 1e8 for the moments of an arm of 1e4 m between other bodies, n³/3 for a straight
-chain, which is so much heavier to bend out of its plane than one rod is in it.
-`tests/core/test_precision.py` holds it.
+The whole chain and every body frame are rotated at random, so that no program gains from axes that
+lie along a rod. Rotations that are rounded in a program's own input format count as its error.
+*Bound* is the bound of our test: 1e-13, or 10 eps times the mass ratio if that is larger. Two cases
+have a number that acts like a mass ratio: 1e8 for an arm of 1e4 m between other bodies, and n³/3
+for a straight chain, whose inertia against bending out of its plane exceeds that of one rod by that
+factor. `tests/core/test_precision.py` holds the bounds.
 
 {turned}
 
 Pinocchio keeps arrays that grow with the cube of a chain's length: 1000 bodies do not fit into
 memory.
 
-## As built
+## Original frames
 
-The same chains in the frames that they are written in. Those of the straight ones lie along the
-world's axes and the rods, so nothing mixes.
+The same chains in the frames in which they are written. Those of the straight chains lie along the
+world's axes and the rods, so that no components mix.
 
 {built}
 """
 
 
 def accelerations(state: State) -> Iterator[tuple[str, np.ndarray]]:
-    """v' by every side that is there, in our coordinates."""
+    """v' by every installed engine, in our coordinates."""
     place = Scene("", state, rows_of(state.model, state.topology))
     n = state.topology.nb
     yield "pgraph", pg.Mechanism(state.model).forward_dynamics(state.q, state.v, state.tau)
@@ -93,7 +93,7 @@ def row(name: str, bound: float, states: list[State]) -> tuple[str, ...]:
 
 
 def tables(*, quick: bool) -> tuple[str, str]:
-    """The chains turned, and as they were built."""
+    """The tables of rotated and of original frames."""
     listed = [(name, case, SEEDS) for name, case in SHORT.items()]
     listed += [] if quick else [(name, case, 1) for name, case in LONG.items()]
     askew, built = [], []
@@ -108,7 +108,7 @@ def tables(*, quick: bool) -> tuple[str, str]:
 def main(*words: str) -> None:
     """Print the tables, or write the document."""
     askew, built = tables(quick="--quick" in words)
-    print(f"turned\n\n{askew}\n\nas built\n\n{built}")
+    print(f"rotated frames\n\n{askew}\n\noriginal frames\n\n{built}")
     if "--write" in words:
         versions = ", ".join(f"{key} {x}" for key, x in machine().items() if key in SIDES)
         text = TEXT.format(machine=versions, seeds=SEEDS, turned=askew, built=built)

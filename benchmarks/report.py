@@ -1,4 +1,4 @@
-"""What was measured, for people: a table in the terminal, and docs/benchmarks.md."""
+"""Results of the suite for people: a table in the terminal, and docs/benchmarks.md."""
 
 from __future__ import annotations
 
@@ -10,32 +10,36 @@ COLUMNS = ("case", "by", "median", "quartiles", "ratio", "quartiles", "goal")
 INTRODUCTION = """# Speed compared with MuJoCo, Pinocchio, Drake and Exudyn
 
 Made by `pgraph bench --markdown`, which needs the packages of the extra `oracles` (and `drake` and
-`exudyn`, if they shall be in). All sides run in one process, warmed up, in rounds of a new random
-order; times are medians with quartiles over the rounds, and a ratio is how many times longer a peer
-takes than we do in the same round. Peers are built from the same model, and results are compared
-before anything is timed (last table): what does not agree is not timed.
+`exudyn` for their rows). All engines run in one process, warm, in rounds of a random order; times
+are medians with quartiles over the rounds, and a ratio is the peer's time over ours in the same
+round. Peers are built from the same model, and results are compared before anything is timed (last
+table): nothing is timed that does not agree.
 
-* A *step* is what `simulate` takes to build and to step a run, without our error estimate, which
-  has no counterpart; a *batch* is the whole call of `simulate_batch`, from equal initial states.
+* A *step* is the time in which `simulate` builds and steps a run, without our error estimate, which
+  has no counterpart; a *whole call* is everything, from the arguments to the result; a *batch* is
+  the whole call of `simulate_batch`, from equal initial states.
 * *Stance* has four feet on the ground, twelve rows. A *whole run* counts an acceleration in the
   RK4 run of the scenario, projection and energy ledger included, against one call of a peer.
-  `pin.constraintDynamics` runs at the coarsest settings that give it our accuracy (four
-  iterations); MuJoCo's feet are soft, and its solver starts from its last solution of this state.
+  `pin.constraintDynamics` runs at the coarsest settings that reach our accuracy (four iterations);
+  MuJoCo's feet are soft, and its solver starts from its last solution of this state.
 * *pinocchio::aba* is a loop in C++ (`benchmarks/pinocchio_loop.cpp`), compiled with -O3 for this
-  machine where g++ and the headers of Eigen (`pip install cmeel-eigen`) are there.
-* *What a scene lacks* compares our kernels to kernels made from their own source by taking out what
-  the scene does not need: branches on other kinds of motion, armature, drives, constraints. Its
-  steps also lack what a run does for every scene: a ledger of energy, counters, pauses.
-* *Columns to Mechanism* starts at arrays that are at hand, as the peers do; names are among them.
-* *Model to Mechanism* starts at a validated model, a new one every time; what it cost to make that
-  stands under *text to Mechanism*, which reads and validates a file's text, against MuJoCo's XML.
-* Between processes medians differ more than the quartiles within one tell: in three runs in a row
-  the native loop came out at 2.88, 2.43 and 2.76, the semi-implicit step at 2.40, 2.57 and 2.58,
-  the RK4 step at 2.53, 2.59 and 2.50. Two threads want both cores: what else runs takes from them.
+  machine if g++ and the headers of Eigen (`pip install cmeel-eigen`) are installed.
+* *What a scene lacks* compares our kernels to kernels made from the same source without what the
+  scene does not need: branches on other kinds of motion, armature, joint forces, constraints. Its
+  steps also lack what a run does for every scene: an energy ledger, counters, pauses.
+* *Columns to Mechanism* starts at arrays in memory, as the peers do, names included.
+* *Model to Mechanism* starts at a validated model, a new one every time; making that is part of
+  *text to Mechanism*, which reads and validates the text of a file, compared with MuJoCo's XML.
+* Medians differ more between processes than the quartiles within one: in three runs in a row the
+  native loop gave ratios of 2.88, 2.43 and 2.76, the semi-implicit step 2.40, 2.57 and 2.58, the
+  RK4 step 2.53, 2.59 and 2.50. Two threads need both cores, so other programs slow them down.
 * *Parent changed* edits one mechanism into the next (`mech.edit`), which is then ready; also with
-  Pgraph, jdof and the mass matrix, and through `model.edit`. The peers cannot hang a body elsewhere
-  in what they have built: they rebuild model and data from prepared specs or rows.
-* *Mass changed* leaves the topology alone; MuJoCo writes into its model and calls `mj_setConst`.
+  Pgraph, jdof and the mass matrix, and through `model.edit`. The peers cannot move a body to
+  another parent in a built model: they rebuild model and data from a prepared spec or rows.
+* *Mass changed* keeps the topology; MuJoCo writes into its model and calls `mj_setConst`.
+
+`python -m benchmarks.compare OLD_TREE` compares two checkouts of Pgraph instead: both take turns in
+one run, and the minimum times of whole calls and kernels are printed with their ratios.
 """
 
 
@@ -55,7 +59,7 @@ def markdown(found: Found) -> str:
             INTRODUCTION.rstrip(),
             f"Measured on {machine(found)}.",
             "## Goals",
-            piped(("case", "against", "goal", "measured", ""), goals),
+            piped(("case", "peer", "goal", "measured", ""), goals),
             "\n".join(f"* {sentence}" for sentence in sentences(found)),
             "## All of it",
             piped(COLUMNS, lines(found)),
@@ -73,7 +77,7 @@ def machine(found: Found) -> str:
 
 
 def lines(found: Found) -> Iterator[tuple[str, ...]]:
-    """A line a side; the case is named once."""
+    """One line for each side; the case is named once."""
     last = ""
     for row in found["rows"]:
         low, middle, high = (amount(x, row["unit"]) for x in row["seconds"])
@@ -87,7 +91,7 @@ def lines(found: Found) -> Iterator[tuple[str, ...]]:
 
 
 def amount(seconds: float, unit: str) -> str:
-    """A time with a unit that suits it; instance-steps as how many a second."""
+    """A time with its unit; instance-steps as a rate."""
     if unit == "instance-step":
         return f"{1e-6 / seconds:.3g} M/s"
     for name, scale in (("us", 1e6), ("ms", 1e3)):
@@ -97,7 +101,7 @@ def amount(seconds: float, unit: str) -> str:
 
 
 def goal_lines(found: Found) -> Iterator[tuple[str, ...]]:
-    """Every goal with what was measured, and whether it is met."""
+    """Every goal, its measured value, and whether it is met."""
     for row in found["rows"]:
         if row["goal"] is not None and row["ratio"]:
             ratio = row["ratio"][1]
@@ -115,7 +119,7 @@ def goal_lines(found: Found) -> Iterator[tuple[str, ...]]:
 
 
 def sentences(found: Found) -> Iterator[str]:
-    """What the table does not hold."""
+    """Facts that are not in the table."""
     low, middle, high = found["scaling"]["exponent"]
     goal = found["scaling"]["goal"]
     yield f"scaling on chains: time grows as n^{middle:.3f} ({low:.3f} - {high:.3f}); goal {goal:g}"

@@ -110,7 +110,7 @@ def batch(place: Scene, threads: int, size: int, number: int) -> Case:
 
 
 def whole_call(*, estimate: bool, number: int = 500) -> Case:
-    """A whole call of `simulate` on a chain of 20, beside one of `mujoco.rollout`.
+    """A whole call of `simulate` on a chain of 20, compared with one of `mujoco.rollout`.
 
     Both mechanisms are built; the error estimate has no counterpart.
     """
@@ -132,7 +132,7 @@ def whole_call(*, estimate: bool, number: int = 500) -> Case:
 
 
 def one_step() -> Case:
-    """One step by `simulate`, beside as many calls of `forward_dynamics` as it may cost."""
+    """One step by `simulate`, compared with the calls of `forward_dynamics` it may cost."""
     place = scene("chain of 20", pg.Model.serial(20), 0.2)
     mech, q, v, tau = pg.Mechanism(place.model), place.state.q, place.state.v, place.state.tau
     options = {"t_end": STEP, "step": STEP, "method": "semi_implicit_euler", "frames": 2}

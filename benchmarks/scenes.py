@@ -38,7 +38,7 @@ def binary_tree(n: int) -> pg.Model:
 
 
 def differ(found: np.ndarray, expected: np.ndarray, bound: float, what: str) -> str:
-    """How far two results differ, relative; refuses to time what does not agree."""
+    """The relative difference of two results. Exits if it is not below the bound."""
     error = float(abs(found - expected).max() / max(1.0, abs(expected).max()))
     if not error < bound:
         raise SystemExit(f"{what}: the results differ by {error:.2e}; nothing is timed")

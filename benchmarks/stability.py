@@ -1,7 +1,4 @@
-"""Stability maps of scenes made extreme: `python -m benchmarks.stability` prints docs/stability.md.
-
-Each preset is a built-in or small model, an axis, and what the map is to show.
-"""
+"""Stability maps of extreme scenes: `python -m benchmarks.stability` prints docs/stability.md."""
 
 from __future__ import annotations
 
@@ -36,7 +33,7 @@ def _built_in(name: str) -> pg.Model:
 
 
 def _sliding(law: Any) -> pg.Model:
-    """A block just above a slope and along it, let go with some speed."""
+    """A block just above a slope, released with a speed along it."""
     up, along = math.cos(SLOPE), math.sin(SLOPE)
     q = (-1e-3 * along, 0.0, 1e-3 * up, math.cos(SLOPE / 2), 0.0, -math.sin(SLOPE / 2), 0.0)
     block = pg.Body(name="block", joint="free", q=q, v=(0, 0, 0, 0.5 * up, 0, 0.5 * along))
@@ -47,7 +44,7 @@ def _sliding(law: Any) -> pg.Model:
 
 
 def presets() -> list[Preset]:
-    """What is shown."""
+    """The maps of the page."""
     stiff, double = _built_in("stiff_pendulum"), _built_in("double_pendulum")
     whole = {"steps": (1e-1, 1e-2, 1e-3, 1e-4), "t_end": 2.0}
     short = {"steps": STEPS, "t_end": 0.5}
@@ -71,15 +68,15 @@ def presets() -> list[Preset]:
 
 
 def section(preset: Preset) -> str:
-    """A map as Markdown, with what it cost."""
+    """A map as Markdown, with its cost."""
     began, worked = time.perf_counter(), time.process_time()
     found = pg.stability_map(preset.model, axis=preset.axis, values=preset.values, **preset.options)
     seconds, processor = time.perf_counter() - began, time.process_time() - worked
     count = Counter(cell.status for cell in found.cells)
-    said = ", ".join(f"{n} {status}" for status, n in count.items())
+    counts = ", ".join(f"{n} {status}" for status, n in count.items())
     calls = sum(cell.evaluations for cell in found.cells if cell.status != "SLOW")
-    cost = f"{len(found.cells)} cells: {said}. {calls:.1e} evaluations at the steps asked for, "
-    cost += f"{seconds:.1f} s, {processor:.1f} s of processors."
+    cost = f"{len(found.cells)} cells: {counts}. {calls:.1e} evaluations at the given steps, "
+    cost += f"{seconds:.1f} s, {processor:.1f} s of processor time."
     print(preset.title, f"{seconds:.1f} s", file=sys.stderr, flush=True)
     return f"## {preset.title}\n\n```\n{found}\n```\n\n{cost}"
 
@@ -93,50 +90,51 @@ def main() -> None:
     forced.main()
 
 
-INTRODUCTION = """# Where methods hold, and what a scene does not pay for
+INTRODUCTION = """# Stability of the methods, and the cost of unused features
 
     pgraph stability stiff_pendulum --scenario swing -o map.html
     pgraph stability double_pendulum --axis mass_ratio --steps 1e-2,1e-3
     pgraph stability quadruped --scenario stance --all
 
-`pg.stability_map(model, axis=..., values=..., methods=..., steps=..., t_end=...)` runs every value
-of an axis with every method at every step, and at half of the step. Each cell gets one verdict.
+`pg.stability_map(model, axis=..., values=..., methods=..., steps=..., t_end=...)` runs every method
+at every value of an axis, at every step and at half of it. Each cell gets one verdict.
 
-| verdict | means | says |
+| verdict | meaning | its text names |
 | --- | --- | --- |
-| OK | the error is at most `target`, 1e-3 rad or of the mechanism's length | error, order |
-| INACCURATE | bounded, but further off | the step that would do, from the observed order |
+| OK | error at most `target` (1e-3 rad or of the mechanism's length) | error, order |
+| INACCURATE | bounded, but a larger error | the step that meets the target |
 | UNSTABLE | the method makes the motion grow | when, which body, predicted largest step |
-| DAMPED | lost energy that the model keeps, as large as the error | how much |
-| DRIFT | constraints are left by more than the target | how far, when |
-| FAILED | the run ended early, or was refused | the run's own sentence |
-| SLOW | more evaluations than the budget | how many |
+| DAMPED | the method loses energy that the model conserves, as much as the error | the loss |
+| DRIFT | constraints drift by more than the target | how far, when |
+| FAILED | the run ended early, or was refused | the message of the run |
+| SLOW | more evaluations than the budget allows | their number |
 
-* **Nothing is right by its own word.** Each value has a reference: two runs far finer than the
-  cells, by different methods where two can do it. What they differ by is how well the motion is
-  known; where that is worse than the target, no cell is called OK.
-* **The predicted largest step** of an explicit method is its limit (2.83 of RK4) over the fastest
-  rate of the linearised motion, at several times of the run; contacts have none.
-* **DAMPED in a short run** of semi-implicit Euler may come back: its energy error swings.
-* **Axes** are data: a name, a function from model to model, usual values, a unit
-  (`pgraph_core/stability/axes`, a file each):
+* **Every verdict needs a reference.** Each value has one: two far finer runs, by different methods
+  where possible. Their difference is the accuracy of the reference; if it is worse than the target,
+  no cell is called OK.
+* **The predicted largest step** of an explicit method is its stability limit (2.83 for RK4) over
+  the fastest rate of the linearised motion, at several times of the run. Contacts have no
+  prediction.
+* **DAMPED in a short run** of semi-implicit Euler may be temporary: its energy error oscillates.
+* **An axis** is a name, a function from model to model, usual values and a unit
+  (`pgraph_core/study/axes.py`):
 """
 
 MEASURED = """
-All below is printed by `python -m benchmarks.stability` on two shared, busy cores of an AMD EPYC.
+The rest is printed by `python -m benchmarks.stability`, on two shared cores of an AMD EPYC.
 """
 
-LEFT_OUT = """## What a scene does not need
+LEFT_OUT = """## Unused features cost nothing
 
-`mech.plan()` says what a scene needs, what is left out of its runs, and what that saves;
-`pgraph info` and `pgraph run` print it. Forcing a part on does not change the motion; the last
-column is what the steps then cost, against those without it (a chain of six rods, RK4,
+`mech.plan()` lists what a scene needs, what its runs leave out, and what that saves; `pgraph info`
+and `pgraph run` print it. Adding a part without effect does not change the motion. The last column
+is the time of the steps with that part over the time without it (a chain of six rods, RK4,
 interleaved, median of nine).
 """
 
 
 def axes() -> str:
-    """A list of them."""
+    """The list of axes."""
     lines = (
         f"  * `{axis.name}`: {axis.what}{f' [{axis.unit}]' if axis.unit else ''}"
         for axis in AXES.values()

@@ -1,4 +1,4 @@
-"""The paper's case study (sec. 5), compared with two other solvers, and its figures.
+"""The paper's case study (sec. 5), by our solver and two others, and its figures.
 
 `python -m benchmarks.stance_study` prints how far the solvers differ and writes
 docs/pictures/stance_*.svg; `--check` prints alone. Needs mujoco, pin and matplotlib.
@@ -29,7 +29,7 @@ AXIS = 5  # the root's turn about z in v = [linear, angular] of the peers
 
 
 class Curves(NamedTuple):
-    """What the paper shows of a solver, at our output times."""
+    """The quantities of the paper's figures, at our output times."""
 
     alpha: np.ndarray  # (len(t), 17) angular accelerations about z of the ground, bodies 1..16
     force: np.ndarray  # (len(t), 4, 3) of the ground on the paws, in the order of constraints [N]
@@ -146,7 +146,7 @@ def draw(model: pg.Model, run: pg.Result, found: Curves, peers: dict[str, Curves
 
 
 def configurations(plt: Any, model: pg.Model, run: pg.Result) -> None:
-    """Fig. 10: the bodies from the side, as lines from their origins to what hangs on them."""
+    """Fig. 10: the bodies from the side, as lines from their origins to those of their children."""
     topology = pg.Topology.of(model)
     figure, places = plt.subplots(2, 3, figsize=(9, 5.2), sharex=True, sharey=True)
     for place, k in zip(places.flat, pictured(run.t)):

@@ -18,7 +18,7 @@ EXPONENT = 1.1
 
 
 def measured(*, quick: bool) -> dict[str, Any]:
-    """Everything, as what `--json` prints."""
+    """All results, as `--json` prints them."""
     rounds, shortest = (5, 0.002) if quick else (21, 0.01)
     timed = measure(list(cases(quick=quick)), rounds, shortest)
     notes = [] if quick else [limited.pinocchio_chain(1000)]
@@ -34,7 +34,7 @@ def measured(*, quick: bool) -> dict[str, Any]:
 
 
 def not_measured() -> Iterator[str]:
-    """What there is no number for, and why."""
+    """Reasons for missing numbers."""
     if has("pin"):
         from . import pinocchio_native
 

@@ -14,7 +14,7 @@ from pgraph_core.study.timing import spread as spread
 
 @dataclass(frozen=True)
 class Case:
-    """One comparison: what is timed, by each side, and how many units of work a call holds."""
+    """One comparison: the call of each side, and the units of work in a call."""
 
     name: str
     sides: Mapping[str, Callable[[], object]]  # the first one is ours
@@ -43,7 +43,7 @@ class Timed:
         return spread(self.seconds[side])
 
     def ratio(self, side: str) -> Spread:
-        """How many times longer a peer takes, within the same round."""
+        """A peer's time over ours, within the same round."""
         return spread([x / y for x, y in zip(self.seconds[side], self.seconds[self.ours])])
 
 

@@ -1,4 +1,4 @@
-"""All known motions computed: `python -m benchmarks.verification` prints docs/verification.md."""
+"""All verification cases: `python -m benchmarks.verification` prints docs/verification.md."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from .machine import machine
 
 INTRODUCTION = """# Verification
 
-`pgraph verify` computes motions that are known and compares them; `pgraph report --case NAME`
-shows one against run time. References are closed forms, or come from methods of order 24 to 28 in
-34 to 40 digits on equations derived apart from this code: each file of `static_models/cases` says
-how, and how good.
+`pgraph verify` computes known motions and compares them with their references;
+`pgraph report --case NAME` shows error against run time for one of them. References are closed
+forms, or come from methods of order 24 to 28 in 34 to 40 digits on independently derived equations.
+Each file of `static_models/cases` describes its reference and how accurate it is.
 
-Errors are relative to the larger of the quantity and its scale (1 where a case gives none), the
-worst of all frames and observables; points and forces count as vectors, rotations by their angle.
-A case file is data, and one of your own is `pgraph verify mine.json`: `examples/13_verify.py`
-makes one. Kinds of observables: {kinds}.
+Errors are relative to the larger of the quantity and its scale (default 1), the worst over all
+frames and observables; points and forces count as vectors, rotations by their angle. A case file is
+data: write one of your own and run `pgraph verify mine.json` (`examples/13_verify.py` makes one).
+Kinds of observables: {kinds}.
 
-Written by `python -m benchmarks.verification` on {cpu}; times are those of the steps.
+Written by `python -m benchmarks.verification` on {cpu}; times are those of the stepping loop.
 
 | case | compared | error | target | reference | time [s] | steps | method |
 | --- | --- | --- | --- | --- | --- | --- | --- |"""
@@ -44,7 +44,7 @@ def line(row: dict[str, object]) -> str:
 
 
 def main() -> None:
-    """One case after the other, each told on stderr."""
+    """Print the page; the name of each case goes to stderr."""
     kinds = ", ".join(f"`{kind}`" for kind in KINDS)
     print(INTRODUCTION.format(kinds=kinds, cpu=machine()["cpu"]))
     for name in pgraph_models.case_names():

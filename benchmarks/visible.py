@@ -76,7 +76,7 @@ START = """([selector, value]) => {
 
 
 class Typed(NamedTuple):
-    """One edit on the page: a cell, what is typed there, and what ends it."""
+    """One edit on the page: a cell, the text typed there, and the key that ends it."""
 
     selector: str
     texts: tuple[str, str]  # in turn, so that every edit changes something
@@ -161,7 +161,7 @@ Log = list[tuple[str, float]]
 
 
 def once(pages: list[Any], edit: Typed, k: int) -> list[Log]:
-    """Do it on the first page; what every page noted, until its picture has been made."""
+    """Do it on the first page; the notes of every page until its picture is made."""
     first = pages[0]
     for page in pages:
         page.evaluate("() => { window.probing = probe.begin(); }")

@@ -1,4 +1,4 @@
-"""Error against run time: ours, MuJoCo, Pinocchio with SciPy and Exudyn, on four motions.
+"""Error against run time, compared with MuJoCo, Pinocchio with SciPy and Exudyn, on four motions.
 
 `python -m benchmarks.work_precision` prints the tables of docs/report.md; `--page FILE` writes the
 diagrams as one page, `--svg FOLDER` each of them; names after them pick some of the motions.
@@ -39,7 +39,7 @@ def stance(**options: Any) -> pg.Study:
 
 
 def measured(*mech_and_state: Any, **options: Any) -> pg.Study:
-    """Beside the peers, by the processor's clock: the machine need not be quiet."""
+    """Compared with the peers in processor time, so that the machine need not be quiet."""
     given = {"methods": METHODS, "peers": PEERS, "target": 1e-6, "longest": LONGEST}
     return pg.work_precision(*mech_and_state, **{**given, "clock": "processor", **options})
 
@@ -61,7 +61,7 @@ def table(name: str, study: pg.Study) -> str:
 
 
 def arguments() -> Namespace:
-    """What was typed."""
+    """The command line."""
     parser = ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(SCENES))
     parser.add_argument("--page", metavar="FILE")

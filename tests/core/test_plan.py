@@ -49,8 +49,8 @@ def test_the_plan_says_which_part_was_forced_on():
     assert needed["a limit out of reach"] == lean | {"limits", "impulses"}
     assert needed["a rigid contact far away"] == lean | {"contacts", "impulses"}
     assert needed["a soft contact far away"] == lean | {"contacts", "jacobian"}
-    assert needed["a motor of no torque"] == lean | {"drives"}
-    assert needed["a wrench of nothing"] == lean | {"loads"}
+    assert needed["a motor without torque"] == lean | {"drives"}
+    assert needed["a wrench of zero"] == lean | {"loads"}
     idle = pg.Plan.of(FORCED["an inactive constraint"].laden)
     assert idle.saved["inactive constraints"] == "3 rows an evaluation"
 
