@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+import numpy.typing as npt
+from pydantic import model_validator
 
 from .. import joints
 from ..joints import JointKind, Motion, MotionKind
-from .body_checks import PER_MOTION, body_problems
+from .body_checks import (
+    PER_MOTION,
+    inertia_problems,
+    joint_problems,
+    name_problems,
+    physics_problems,
+)
 from .fields import (
     Described,
     Frozen,
@@ -21,8 +28,16 @@ from .fields import (
     PerMotion,
     Quat,
     Vec3,
+    Vec3s,
+    field,
     listed,
+    matrix3,
+    maybe_vector,
+    per_motion,
+    quaternion,
     refuse,
+    vector,
+    vectors,
     whole,
 )
 from .names import GROUND
@@ -32,27 +47,29 @@ from .sentences import shown
 class Shape(Frozen):
     """What is drawn, in the body's frame [m]."""
 
-    kind: Literal["box", "sphere", "cylinder", "capsule", "mesh"] = Field(
-        description="one of box, sphere, cylinder, capsule, mesh"
+    kind: Literal["box", "sphere", "cylinder", "capsule", "mesh"] = field(
+        "one of box, sphere, cylinder, capsule, mesh"
     )
-    size: Vec3 | None = Field(default=None, description="the three edge lengths of a box [m]")
-    radius: Annotated[Number, Field(gt=0)] | None = Field(
-        default=None, description="a radius > 0 [m]"
+    size: Vec3 | None = field(
+        "the three edge lengths of a box [m]", converter=maybe_vector, default=None, unit="length"
     )
-    length: Annotated[Number, Field(gt=0)] | None = Field(
-        default=None, description="a length > 0 along z [m], a capsule's without its caps"
+    radius: Number | None = field("a radius > 0 [m]", default=None, gt=0, unit="length")
+    length: Number | None = field(
+        "a length > 0 along z [m], a capsule's without its caps",
+        default=None, gt=0, unit="length",
+    )  # fmt: skip
+    file: str | None = field("the name of a mesh file", default=None)
+    scale: Number = field("a factor > 0 on the mesh", default=1.0, gt=0)
+    hull: Literal["convex"] | None = field(
+        "'convex': a mesh that is not closed touches by its convex hull", default=None
     )
-    file: str | None = Field(default=None, description="the name of a mesh file")
-    scale: Annotated[Number, Field(gt=0)] = Field(
-        default=1.0, description="a factor > 0 on the mesh"
+    position: Vec3 = field(
+        "three finite numbers [x, y, z] [m]",
+        converter=vector, default=(0.0, 0.0, 0.0), unit="length",
+    )  # fmt: skip
+    rotation: Quat = field(
+        "a quaternion [w, x, y, z]", converter=quaternion, default=(1.0, 0.0, 0.0, 0.0)
     )
-    hull: Literal["convex"] | None = Field(
-        default=None, description="'convex': a mesh that is not closed touches by its convex hull"
-    )
-    position: Vec3 = Field(
-        default=(0.0, 0.0, 0.0), description="three finite numbers [x, y, z] [m]"
-    )
-    rotation: Quat = Field(default=(1.0, 0.0, 0.0, 0.0), description="a quaternion [w, x, y, z]")
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -72,6 +89,26 @@ class Shape(Frozen):
         return self
 
 
+Limit = Sequence[float | None] | None
+
+
+def _motions_in(value: Sequence[tuple[str, npt.ArrayLike]]) -> tuple[tuple[MotionKind, Vec3], ...]:
+    """(kind, direction) pairs."""
+    return listed(value)
+
+
+def _limits_in(
+    value: Limit | Sequence[Limit],
+) -> tuple[tuple[Number | None, Number | None] | None, ...]:
+    """One [least, greatest] for all motions, or one a motion."""
+    return listed(value)
+
+
+def _shape_in(value: Shape | Mapping[str, Any] | None) -> Shape | None:
+    """A shape, or its fields."""
+    return value  # type: ignore[return-value]
+
+
 class Body(Described):
     """A rigid body and its joint. SI units; the frames are those of docs/conventions.md."""
 
@@ -80,62 +117,84 @@ class Body(Described):
         ("axes", "motions", "q", "v", "limits", *PER_MOTION),
     )
 
-    name: str = Field(description="text that is not empty")
-    parent: str = Field(default=GROUND, description="the name of a body, or 'ground'")
-    joint: JointKind = Field(
-        default="revolute",
-        description="one of " + ", ".join(joints.DEFAULT) + ", or give dof 0 to 6",
+    name: str = field("text that is not empty", label="Name")
+    parent: str = field("the name of a body, or 'ground'", default=GROUND, label="Parent")
+    joint: JointKind = field(
+        "one of " + ", ".join(joints.DEFAULT) + ", or give dof 0 to 6", default="revolute"
     )
-    axes: tuple[Vec3, ...] = Field(
-        default=(), description="one direction [x, y, z] a motion, in the body's axes at q = 0"
+    axes: Vec3s = field(
+        "one direction [x, y, z] a motion, in the body's axes at q = 0",
+        converter=vectors, default=(),
+    )  # fmt: skip
+    motions: tuple[tuple[MotionKind, Vec3], ...] = field(
+        "('rotate' | 'translate' | 'ball', [x, y, z]) pairs of a compound joint",
+        converter=_motions_in, default=(),
+    )  # fmt: skip
+    link: Vec3 = field(
+        "three finite numbers [x, y, z] from the parent's origin [m]",
+        converter=vector, default=(0.0, 0.0, 0.0), unit="length",
+    )  # fmt: skip
+    rotation: Quat = field(
+        "a unit quaternion [w, x, y, z] in the parent's axes",
+        converter=quaternion, default=(1.0, 0.0, 0.0, 0.0),
+    )  # fmt: skip
+    mass: Number = field("a finite number >= 0 [kg]", default=1.0, ge=0, unit="kg")
+    com: Vec3 = field(
+        "three finite numbers [x, y, z] in body axes [m]",
+        converter=vector, default=(0.0, 0.0, 0.0), unit="length",
+    )  # fmt: skip
+    inertia: Mat3 = field(
+        "a symmetric 3x3 matrix of finite numbers about the centre of mass [kg m^2]",
+        converter=matrix3, default=((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01)),
+        unit="kg m²",
+    )  # fmt: skip
+    tip: Vec3 | None = field(
+        "three finite numbers [x, y, z] in body axes [m], or nothing",
+        converter=maybe_vector, default=None, unit="length",
+    )  # fmt: skip
+    q: PerMotion = field(
+        "one finite number a position coordinate [rad, m]", converter=per_motion, default=()
     )
-    motions: tuple[tuple[MotionKind, Vec3], ...] = Field(
-        default=(),
-        description="('rotate' | 'translate' | 'ball', [x, y, z]) pairs of a compound joint",
+    v: PerMotion = field(
+        "one finite number a degree of freedom [rad/s, m/s]", converter=per_motion, default=()
     )
-    link: Vec3 = Field(
-        default=(0.0, 0.0, 0.0),
-        description="three finite numbers [x, y, z] from the parent's origin [m]",
+    stiffness: PerMotion = field(
+        "numbers >= 0, one for all or one a motion", converter=per_motion, default=()
     )
-    rotation: Quat = Field(
-        default=(1.0, 0.0, 0.0, 0.0),
-        description="a unit quaternion [w, x, y, z] in the parent's axes",
+    damping: PerMotion = field(
+        "numbers >= 0, one for all or one a motion", converter=per_motion, default=()
     )
-    mass: Annotated[Number, Field(ge=0)] = Field(
-        default=1.0, description="a finite number >= 0 [kg]"
+    rest: PerMotion = field(
+        "finite numbers, one for all or one a motion", converter=per_motion, default=()
     )
-    com: Vec3 = Field(
-        default=(0.0, 0.0, 0.0), description="three finite numbers [x, y, z] in body axes [m]"
+    friction: PerMotion = field(
+        "numbers >= 0 [N m, N], one for all or one a motion", converter=per_motion, default=()
     )
-    inertia: Mat3 = Field(
-        default=((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01)),
-        description="a symmetric 3x3 matrix of finite numbers about the centre of mass [kg m^2]",
+    armature: PerMotion = field(
+        "numbers >= 0, one for all or one a motion", converter=per_motion, default=()
     )
-    tip: Vec3 | None = Field(
-        default=None, description="three finite numbers [x, y, z] in body axes [m], or nothing"
-    )
-    q: PerMotion = Field(default=(), description="one finite number a position coordinate [rad, m]")
-    v: PerMotion = Field(
-        default=(), description="one finite number a degree of freedom [rad/s, m/s]"
-    )
-    stiffness: PerMotion = Field(
-        default=(), description="numbers >= 0, one for all or one a motion"
-    )
-    damping: PerMotion = Field(default=(), description="numbers >= 0, one for all or one a motion")
-    rest: PerMotion = Field(default=(), description="finite numbers, one for all or one a motion")
-    friction: PerMotion = Field(
-        default=(), description="numbers >= 0 [N m, N], one for all or one a motion"
-    )
-    armature: PerMotion = Field(default=(), description="numbers >= 0, one for all or one a motion")
-    limits: tuple[tuple[Number | None, Number | None] | None, ...] = Field(
-        default=(),
-        description="[least, greatest] position [rad, m], each may be left open by null, one pair "
+    limits: tuple[tuple[Number | None, Number | None] | None, ...] = field(
+        "[least, greatest] position [rad, m], each may be left open by null, one pair "
         "for all motions or one a motion",
+        converter=_limits_in, default=(),
+    )  # fmt: skip
+    limit_restitution: PerMotion = field(
+        "numbers from 0 to 1, one for all or one a motion", converter=per_motion, default=()
     )
-    limit_restitution: PerMotion = Field(
-        default=(), description="numbers from 0 to 1, one for all or one a motion"
+    shape: Shape | None = field(
+        "a shape such as {'kind': 'sphere', ...}", converter=_shape_in, default=None
     )
-    shape: Shape | None = Field(default=None, description="a shape such as {'kind': 'sphere', ...}")
+
+    if TYPE_CHECKING:  # also an argument, in place of `joint`
+
+        dof: int = field("a whole number from 0 to 6", default=0)
+
+    else:
+
+        @property
+        def dof(self) -> int:
+            """Degrees of freedom of the joint, 0 to 6."""
+            return joints.nv(self.sequence)
 
     @model_validator(mode="before")
     @classmethod
@@ -156,15 +215,17 @@ class Body(Described):
     def _physical(self) -> Self:
         if "checked" in vars(self):  # as a part of another model
             return self
-        refuse(body_problems(self))
-        vars(self)["checked"] = True  # beside the fields: a copy is looked at again
+        found = name_problems(self.name)
+        found += joint_problems(self.joint, self.sequence, self.q, self.v, self.limits)
+        if not 0.5 < math.hypot(*self.rotation) < 2:
+            text = f"must be a unit quaternion [w, x, y, z]; given {shown(self.rotation)}"
+            found.append(("rotation", text))
+        for name in PER_MOTION:
+            found += physics_problems(name, getattr(self, name), self.sequence)
+        refuse([*found, *inertia_problems(self.inertia)])
+        vars(self)["checked"] = True  # not a field: a copy is checked again
         _ = self.records  # from numbers that are at hand and right
         return self
-
-    @property
-    def dof(self) -> int:
-        """Degrees of freedom of the joint, 0 to 6."""
-        return joints.nv(self.sequence)
 
     @cached_property
     def sequence(self) -> tuple[Motion, ...]:

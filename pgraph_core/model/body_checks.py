@@ -4,40 +4,43 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from .. import joints
-from ..joints import Motion
+from ..joints import JointKind, Motion
 from .names import EVERY, GROUND, name_problem, numbers
 from .sentences import shown
 
-if TYPE_CHECKING:
-    from .body import Body
-
-# what a joint has beside its limits, one number a motion
+# what a joint has besides its limits, one number a motion
 PER_MOTION = ("stiffness", "damping", "rest", "friction", "armature", "limit_restitution")
 TRIANGLE = 1e-9  # relative slack of the inertia's symmetry and triangle inequality
 
 Finding = tuple[str, str]  # (field, sentence)
+Motions = tuple[Motion, ...]
+Numbers = tuple[float, ...]
+Limits = tuple[tuple[float | None, float | None] | None, ...]
 
 
-def body_problems(body: Body) -> list[Finding]:
-    """What is wrong with one row by itself."""
-    return [*_joint_problems(body), *_inertia_problems(body)]
+def name_problems(name: str) -> list[Finding]:
+    """Names that would not show as they are, or that mean something else."""
+    if text := name_problem(name):
+        return [("name", text)]
+    if name == GROUND:
+        return [("name", "'ground' is the name of the ground; choose another")]
+    if name == EVERY:
+        return [("name", "'*' stands for every body in contacts; choose another")]
+    return []
 
 
-def _joint_problems(body: Body) -> list[tuple[str, str]]:
-    """What is wrong with the name, the axes, the initial state and the joint's own physics."""
-    found: list[tuple[str, str]] = []
-    motions = body.sequence
-    if text := name_problem(body.name):
-        found.append(("name", text))
-    if body.name == GROUND:
-        found.append(("name", "'ground' is the name of the ground; choose another"))
-    if body.joint != "compound" and _kinds(motions) != _kinds(joints.DEFAULT[body.joint]):
-        found.append(("motions", f"are not those of a {body.joint} joint; use joint 'compound'"))
+def joint_problems(
+    joint: JointKind, motions: Motions, q: Numbers, v: Numbers, limits: Limits
+) -> list[Finding]:
+    """What is wrong with a joint's motions, axes, initial state and limits."""
+    found: list[Finding] = []
+    if joint != "compound" and _kinds(motions) != _kinds(joints.DEFAULT[joint]):
+        found.append(("motions", f"are not those of a {joint} joint; use joint 'compound'"))
     if any(m.kind == "free" for m in motions) and len(motions) > 1:
         found.append(("motions", "a free motion stands alone; use ball and translate motions"))
     if joints.nv(motions) > 6:
@@ -45,22 +48,13 @@ def _joint_problems(body: Body) -> list[tuple[str, str]]:
     for m in motions:
         if m.kind in ("rotate", "translate") and not 1e-9 < math.hypot(*m.axis) < 1e9:
             found.append(("axes", f"a direction must not be zero; given {list(m.axis)}"))
-    if body.name == EVERY:
-        found.append(("name", "'*' stands for every body in contacts; choose another"))
     found += _parallel_problems(motions)
-    if not 0.5 < math.hypot(*body.rotation) < 2:
-        found.append(
-            ("rotation", f"must be a unit quaternion [w, x, y, z]; given {shown(body.rotation)}")
-        )
-    for name, length in (("q", joints.nq(motions)), ("v", joints.nv(motions))):
-        value = getattr(body, name)
+    for name, value, length in (("q", q, joints.nq(motions)), ("v", v, joints.nv(motions))):
         if len(value) != length:
-            found.append((name, f"a {body.joint} joint has {numbers(length)}; given {len(value)}"))
+            found.append((name, f"a {joint} joint has {numbers(length)}; given {len(value)}"))
         elif name == "q":
             found += quaternion_problems(value, motions)
-    for name in PER_MOTION:
-        found += _physics_problems(name, getattr(body, name), motions)
-    return found + (_limit_problems(body.limits, motions) or outside(body.q, body))
+    return found + (_limit_problems(limits, motions) or outside(q, motions, limits))
 
 
 def _limit_problems(limits: tuple[Any, ...], motions: tuple[Motion, ...]) -> list[Finding]:
@@ -83,12 +77,13 @@ def _limit_problems(limits: tuple[Any, ...], motions: tuple[Motion, ...]) -> lis
     ]
 
 
-def outside(q: tuple[float, ...], body: Body) -> list[Finding]:
+def outside(q: Numbers, motions: Motions, limits: Limits) -> list[Finding]:
     """Positions beyond the limits of their motions, where both are well-formed."""
-    motions, found, start = body.sequence, [], 0
-    if len(body.limits) != len(motions) or len(q) != joints.nq(motions):
+    found: list[Finding] = []
+    start = 0
+    if len(limits) != len(motions) or len(q) != joints.nq(motions):
         return []
-    for m, pair in zip(motions, body.limits):
+    for m, pair in zip(motions, limits):
         if pair is not None and m.kind in ("rotate", "translate"):
             low, high = pair
             if (low is not None and q[start] < low) or (high is not None and q[start] > high):
@@ -142,7 +137,7 @@ def quaternion_problems(q: tuple[float, ...], motions: tuple[Motion, ...]) -> li
     return found
 
 
-def _physics_problems(
+def physics_problems(
     name: str, values: tuple[float, ...], motions: tuple[Motion, ...]
 ) -> list[tuple[str, str]]:
     if len(values) == len(motions) and not any(values):
@@ -164,9 +159,8 @@ def _physics_problems(
     return []
 
 
-def _inertia_problems(body: Body) -> list[tuple[str, str]]:
+def inertia_problems(inertia: tuple[Numbers, ...]) -> list[Finding]:
     """Symmetry, positive semidefiniteness and the triangle inequality of the inertia."""
-    inertia = body.inertia
     size = max(abs(x) for row in inertia for x in row)
     if any(
         abs(inertia[i][j] - inertia[j][i]) > TRIANGLE * size for i, j in ((0, 1), (0, 2), (1, 2))

@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import Any
 
 from .. import joints
 from ..errors import Problem, choices
+from .body import Body
 from .body_checks import outside, quaternion_problems
+from .constraint import Constraint, Rolling, Velocity
+from .contact import Contact
+from .force import Force, OnJoint, Servo
 from .names import EVERY, GROUND, name_problem, numbers
+from .scenario import Scenario, Switch
 from .sentences import shown
 
-if TYPE_CHECKING:
-    from .body import Body
-    from .constraint import Constraint
-    from .contact import Contact
-    from .force import Force
-    from .model import Model
-    from .scenario import Scenario, Switch
-
-Bodies = Mapping[str, "Body | None"]  # by name; None for one that is not valid itself
+Bodies = Mapping[str, Body | None]  # by name; None for one that is not valid itself
 
 
 def tree_problems(names: Sequence[str], parents: Sequence[str]) -> list[Problem]:
@@ -95,20 +92,17 @@ def pair_problems(
     `anyone` are names that stand for bodies.
     """
     found = []
-    for field, name, beside in (
-        ("body", part.body, anyone),
-        ("other", part.other, (GROUND, *anyone)),
-    ):
+    body, other = part.pair
+    for field, name, beside in (("body", body, anyone), ("other", other, (GROUND, *anyone))):
         if text := unknown(name, bodies, *beside):
             found.append(Problem(where, field, text))
-    if part.body == part.other and part.body not in anyone:
-        tied = _TIED[type(part).__name__]
-        text = f"a body cannot be {tied} itself; given '{part.body}' twice"
+    if body == other and body not in anyone:
+        text = f"a body cannot be {_TIED[part.word()]} itself; given '{body}' twice"
         found.append(Problem(where, "other", text))
     return found
 
 
-_TIED = {"Constraint": "constrained to", "Force": "tied to", "Contact": "in contact with"}
+_TIED = {"constraint": "constrained to", "force": "tied to", "contact": "in contact with"}
 
 
 def constraint_problems(items: Sequence[Constraint], bodies: Bodies) -> list[Problem]:
@@ -116,7 +110,7 @@ def constraint_problems(items: Sequence[Constraint], bodies: Bodies) -> list[Pro
     found = unique("constraint", [c.name for c in items])
     for c in items:
         where = f"constraint '{c.name}'"
-        if c.coefficients is not None and c.body in c.coefficients:
+        if isinstance(c, Velocity) and c.body in c.coefficients:
             found += _coefficient_problems(c.coefficients, where, bodies)
         else:
             found += pair_problems(c, where, bodies) or _joint_problems(c, where, bodies)
@@ -126,15 +120,12 @@ def constraint_problems(items: Sequence[Constraint], bodies: Bodies) -> list[Pro
 def _joint_problems(c: Constraint, where: str, bodies: Bodies) -> list[Problem]:
     """Coordinates of gears and motions; the radius of what rolls."""
     found = []
-    for field, name, k in (
-        ("coordinate", c.body, c.coordinate),
-        ("other_coordinate", c.other, c.other_coordinate),
-    ):
-        body = bodies.get(name)
+    for field, name in zip(("coordinate", "other_coordinate"), c.pair):
+        body, k = bodies.get(name), getattr(c, field, None)
         if k is not None and body is not None and (text := _coordinate_problem(body, k)):
             found.append(Problem(where, field, text))
     body = bodies.get(c.body)
-    if c.kind == "rolling" and c.radius is None and body is not None:
+    if isinstance(c, Rolling) and c.radius is None and body is not None:
         kinds = ("sphere",) if c.axis is None else ("cylinder", "sphere")
         if body.shape is None or body.shape.kind not in kinds:
             what = "sphere" if c.axis is None else "disc"
@@ -145,7 +136,8 @@ def _joint_problems(c: Constraint, where: str, bodies: Bodies) -> list[Problem]:
 
 def fits_joint(c: Constraint, bodies: Bodies) -> bool:
     """Whether these bodies' joints have the coordinates that a constraint asks for."""
-    mine = {name: values for name, values in (c.coefficients or {}).items() if name in bodies}
+    given = c.coefficients if isinstance(c, Velocity) else {}
+    mine = {name: values for name, values in given.items() if name in bodies}
     return not (_coefficient_problems(mine, "", bodies) or _joint_problems(c, "", bodies))
 
 
@@ -197,7 +189,7 @@ def force_problems(items: Sequence[Force], bodies: Bodies, of: str = "") -> list
     found = unique("force", [f.name for f in items])
     for f in items:
         where = f"{of}force '{f.name}'"
-        if f.kind in ("wrench", "spring", "torsion"):
+        if not isinstance(f, OnJoint):
             found += pair_problems(f, where, bodies)
             continue
         if text := unknown(f.body, bodies):
@@ -211,7 +203,7 @@ def force_problems(items: Sequence[Force], bodies: Bodies, of: str = "") -> list
                 f"the joint of '{f.body}' has {body.dof} degrees of freedom; given {f.coordinate}"
             )
             found.append(Problem(where, "coordinate", text))
-        elif f.kp and not _has_position(body, f.coordinate):
+        elif isinstance(f, Servo) and f.kp and not _has_position(body, f.coordinate):
             text = "a servo's kp needs a rotate or translate motion; a ball has no single angle"
             found.append(Problem(where, "kp", text))
     return found
@@ -288,7 +280,7 @@ def state_problems(field: str, name: str, values: tuple[float, ...], bodies: Bod
         return [f"'{name}' has {numbers(length)}; given {len(values)}"]
     if field == "v":
         return []
-    found = quaternion_problems(values, body.sequence) + outside(values, body)
+    found = quaternion_problems(values, body.sequence) + outside(values, body.sequence, body.limits)
     return [f"'{name}' {text}" for _, text in found]
 
 
@@ -312,17 +304,12 @@ def reference_problems(
     ]
 
 
-def model_problems(model: Model) -> list[Problem]:
+def model_problems(parts: Mapping[str, Sequence[Any]]) -> list[Problem]:
     """What is wrong between the parts of a model, each valid by itself."""
-    bodies = model.bodies
+    bodies = parts["bodies"]
+    others = {key: parts[key] for key in ("constraints", "contacts", "forces", "scenarios")}
+    names = ([c.name for c in parts["constraints"]], [c.name for c in parts["contacts"]])
     return [
         *tree_problems([b.name for b in bodies], [b.parent for b in bodies]),
-        *reference_problems(
-            {b.name: b for b in bodies},
-            model.constraints,
-            model.contacts,
-            model.forces,
-            model.scenarios,
-            ([c.name for c in model.constraints], [c.name for c in model.contacts]),
-        ),
+        *reference_problems({b.name: b for b in bodies}, **others, names=names),
     ]

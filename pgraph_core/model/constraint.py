@@ -1,204 +1,338 @@
-"""Constraints between two bodies, or a body and the ground, beside the joints of the tree."""
+"""Constraints between two bodies, or a body and the ground, that are no joints of the tree.
+
+One class a kind; `Constraint(kind=...)` makes them too.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+from typing import Any, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from .curves import Curve
-from .fields import Described, Number, PerMotion, Vec3, refuse
+from .fields import (
+    Number,
+    OfKinds,
+    PerMotion,
+    Vec3,
+    by_name,
+    field,
+    maybe_vector,
+    refuse,
+    vector,
+)
 from .names import GROUND
 from .sentences import shown
 
-ConstraintKind = Literal[
-    "point",
-    "weld",
-    "revolute",
-    "prismatic",
-    "cylindrical",
-    "universal",
-    "distance",
-    "line",
-    "plane",
-    "orientation",
-    "gear",
-    "motion",
-    "rolling",
-    "skate",
-    "velocity",
-]
-
-
-class Takes(NamedTuple):
-    """What a kind of constraint takes beside name, body, other and active."""
-
-    fields: tuple[str, ...]
-    needs: tuple[str, ...] = ()
-
-
-POINTS, AXES = ("point", "other_point"), ("axis", "other_axis")
-
-TAKES: dict[str, Takes] = {
-    "point": Takes(POINTS),
-    "weld": Takes(POINTS),
-    "revolute": Takes(POINTS + AXES),
-    "prismatic": Takes(POINTS + AXES),
-    "cylindrical": Takes(POINTS + AXES),
-    "universal": Takes(POINTS + AXES),
-    "distance": Takes((*POINTS, "length"), ("other_point",)),
-    "line": Takes(POINTS + AXES),
-    "plane": Takes(POINTS + AXES),
-    "orientation": Takes(()),
-    "gear": Takes(("ratio", "offset", "coordinate", "other_coordinate")),
-    "motion": Takes(("q_of_t", "coordinate"), ("q_of_t",)),
-    "rolling": Takes((*POINTS, *AXES, "radius")),
-    "skate": Takes(("point", "axis"), ("axis",)),
-    "velocity": Takes(("coefficients", "value"), ("coefficients",)),
-}
 IN_JOINTS = ("gear", "motion", "velocity")  # act on coordinates, not between places of bodies
-OWN = tuple(dict.fromkeys(field for takes in TAKES.values() for field in takes.fields))
-LEFT_OUT: dict[str, Any] = {  # where a kind takes a field that is not given
-    "ratio": 1.0,
-    "offset": 0.0,
-    "coordinate": 0,
-    "other_coordinate": 0,
-    "value": 0.0,
-}
+KIND = (
+    "one of point, weld, revolute, prismatic, cylindrical, universal, distance, line, plane, "
+    "orientation, gear, motion, rolling, skate, velocity"
+)
 
 
-class Constraint(Described):
-    """What ties `body` to `other`, bilateral; what the kinds mean is in docs/description.md."""
+def _followed(value: Curve | Mapping[str, Any]) -> Curve:
+    """A function of time."""
+    return value  # type: ignore[return-value]
 
-    FOLLOWERS: ClassVar[Mapping[str, tuple[str, ...]]] = {"kind": OWN}
 
-    name: str = Field(description="text that is not empty")
-    kind: ConstraintKind = Field(default="point", description="one of " + ", ".join(TAKES))
-    body: str = Field(description="the name of a body")
-    other: str = Field(default=GROUND, description="the name of a body, or 'ground'")
-    point: Vec3 | None = Field(
-        default=None,
-        description="three finite numbers in the axes of `body` [m]; left out: its tip",
-    )
-    other_point: Vec3 | None = Field(
-        default=None,
-        description="three finite numbers in the axes of `other` [m]; left out: where `point` is "
-        "in the initial state",
-    )
-    axis: Vec3 | None = Field(
-        default=None, description="a direction [x, y, z] that is not zero, in the axes of `body`"
-    )
-    other_axis: Vec3 | None = Field(
-        default=None, description="a direction [x, y, z] that is not zero, in the axes of `other`"
-    )
-    length: Annotated[Number, Field(gt=0)] | None = Field(
-        default=None, description="a length > 0 [m]; left out: as in the initial state"
-    )
-    ratio: Number | None = Field(
-        default=None, description="a finite number: q of `body` is ratio x q of `other` + offset"
-    )
-    offset: Number | None = Field(default=None, description="a finite number [rad, m]")
-    coordinate: Annotated[int, Field(ge=0, le=5)] | None = Field(
-        default=None, description="the number of a degree of freedom of the joint of `body`, from 0"
-    )
-    other_coordinate: Annotated[int, Field(ge=0, le=5)] | None = Field(
-        default=None,
-        description="the number of a degree of freedom of the joint of `other`, from 0",
-    )
-    q_of_t: Curve | None = Field(
-        default=None,
-        description="a table over time, or {'kind': 'sine' or 'polynomial', ...} [rad, m]",
-    )
-    radius: Annotated[Number, Field(gt=0)] | None = Field(
-        default=None, description="a radius > 0 [m]; left out: that of the body's shape"
-    )
-    coefficients: dict[str, PerMotion] | None = Field(
-        default=None, description="body name -> numbers, one a degree of freedom of its joint"
-    )
-    value: Number | None = Field(default=None, description="a finite number [rad/s, m/s]")
-    active: bool = Field(default=True, description="true or false")
+class Constraint(OfKinds):
+    """Holds `body` against another body or the ground. What each kind holds: its class.
 
-    @model_validator(mode="before")
-    @classmethod
-    def _kinds_own(cls, data: Any) -> Any:
-        """Numbers that a kind takes and that are left out; the body of a velocity row."""
-        if not isinstance(data, dict):
-            return data
-        data = {key: value for key, value in data.items() if value is not None or key == "name"}
-        takes = TAKES.get(str(data.get("kind", "point")), Takes(()))
-        data = {key: LEFT_OUT[key] for key in takes.fields if key in LEFT_OUT} | data
-        coefficients = data.get("coefficients")
-        if takes is TAKES["velocity"] and isinstance(coefficients, Mapping) and coefficients:
-            data.setdefault("body", next(iter(coefficients)))
-        return data
+    The kinds: Point, Weld, Revolute, Prismatic, Cylindrical, Universal, Distance, Line, Plane,
+    Orientation, Gear, Motion, Rolling, Skate, Velocity.
+    """
 
-    @model_validator(mode="after")
-    def _complete(self) -> Self:
-        refuse(_field_problems(self) + _value_problems(self))
-        return self
+    KINDS: ClassVar[dict[str, type[OfKinds]]] = {}
+    WORD: ClassVar[str] = "constraint"
+    NOTHING: ClassVar[Mapping[str, Any]] = {"other": GROUND}
+
+    name: str = field("text that is not empty", label="Name")
+    kind: str = field(KIND, label="Kind")
+    body: str = field("the name of a body", label="Body")
+    active: bool = field("true or false", default=True)
+
+    def __init__(self, /, **data: Any):
+        """A constraint of the given kind. Raises ModelError."""
+        super().__init__(**data)
+
+    @property
+    def pair(self) -> tuple[str, str]:
+        """The names of `body` and `other`; 'ground' for a kind without the second."""
+        return self.body, getattr(self, "other", GROUND)
 
     @property
     def touches(self) -> tuple[str, ...]:
         """Names of the bodies it acts on, each once; the ground is none."""
-        named = (self.body, self.other, *(self.coefficients or ()))
-        return tuple(name for name in dict.fromkeys(named) if name != GROUND)
+        return tuple(name for name in dict.fromkeys(self.pair) if name != GROUND)
+
+    @model_validator(mode="after")
+    def _directions(self) -> Self:
+        axes = ((name, getattr(self, name, None)) for name in ("axis", "other_axis"))
+        refuse([
+            (name, f"a direction must not be zero; given {shown(axis)}")
+            for name, axis in axes
+            if axis is not None and not 1e-9 < math.hypot(*axis) < 1e9
+        ])  # fmt: skip
+        return self
 
 
-def _field_problems(c: Constraint) -> list[tuple[str, str]]:
-    """Fields that the kind lacks, and fields that mean nothing to it."""
-    takes = TAKES[c.kind]
-    known = Constraint.model_fields
-    found = [
-        (name, f"kind '{c.kind}' needs it: {str(known[name].description).split(';')[0]}")
-        for name in takes.needs
-        if getattr(c, name) is None
-    ]
-    found += [
-        (name, f"means nothing to kind '{c.kind}'; {_which(name)}")
-        for name in OWN
-        if name not in takes.fields and getattr(c, name) is not None
-    ]
-    if c.kind in ("line", "plane", "universal"):
-        given = (c.axis is not None) + (c.other_axis is not None)
-        if c.kind == "universal" and given == 1:
-            missing = "axis" if c.axis is None else "other_axis"
-            found.append(
-                (missing, "a universal constraint takes both axis and other_axis, or none")
-            )
-        if c.kind != "universal" and given != 1:
-            of = "along the line" if c.kind == "line" else "normal to the plane"
-            text = f"a {c.kind} constraint takes one direction {of}: other_axis in the axes of "
-            found.append(("other_axis", f"{text}`other`, or axis as `body` has it at first"))
-    return found
+# -- between places of bodies ----------------------------------------------------------------------
 
 
-def _which(field: str) -> str:
-    kinds = [kind for kind, takes in TAKES.items() if field in takes.fields]
-    return f"it belongs to kind {' or '.join(kinds)}" if len(kinds) < 4 else "leave it out"
+class ToOther(Constraint):
+    """Between `body` and `other`."""
+
+    other: str = field("the name of a body, or 'ground'", default=GROUND, label="Other")
 
 
-def _value_problems(c: Constraint) -> list[tuple[str, str]]:
-    found = [
-        (name, f"a direction must not be zero; given {shown(axis)}")
-        for name, axis in (("axis", c.axis), ("other_axis", c.other_axis))
-        if axis is not None and not 1e-9 < math.hypot(*axis) < 1e9
-    ]
-    if c.kind == "gear" and c.ratio == 0:
-        found.append(("ratio", "must not be zero; use kind 'motion' to hold a joint; given 0"))
-    if c.kind in IN_JOINTS:
-        found += _other_problems(c)
-    if c.coefficients is not None and not any(any(x) for x in c.coefficients.values()):
-        found.append(("coefficients", "at least one must differ from zero"))
-    return found
+class AtPoints(ToOther):
+    """Between a point of `body` and one of `other`."""
+
+    point: Vec3 | None = field(
+        "three finite numbers in the axes of `body` [m]; left out: its tip",
+        converter=maybe_vector, default=None, unit="length",
+        help="in the axes of the body; empty: its tip",
+    )  # fmt: skip
+    other_point: Vec3 | None = field(
+        "three finite numbers in the axes of `other` [m]; left out: where `point` is in the "
+        "initial state",
+        converter=maybe_vector, default=None, unit="length",
+        help="in the axes of the other; empty: where the point is at first",
+    )  # fmt: skip
 
 
-def _other_problems(c: Constraint) -> list[tuple[str, str]]:
-    """A gear ties the joints of two bodies; the others know no second body."""
-    if c.kind == "gear" and c.other == GROUND:
-        return [("other", "a gear needs a second body, whose joint it follows; given 'ground'")]
-    if c.kind != "gear" and c.other != GROUND:
-        text = f"means nothing to kind '{c.kind}'; leave it out; given {shown(c.other)}"
-        return [("other", text)]
-    return []
+class AlongAxes(AtPoints):
+    """Between points, and between a direction of `body` and one of `other`."""
+
+    axis: Vec3 | None = field(
+        "a direction [x, y, z] that is not zero, in the axes of `body`",
+        converter=maybe_vector, default=None,
+        help="direction in the axes of the body; empty: as at first",
+    )  # fmt: skip
+    other_axis: Vec3 | None = field(
+        "a direction [x, y, z] that is not zero, in the axes of `other`",
+        converter=maybe_vector, default=None,
+        help="direction in the axes of the other; empty: as at first",
+    )  # fmt: skip
+
+
+class Point(AtPoints):
+    """`point` of `body` stays at `other_point` of `other`."""
+
+    ABOUT: ClassVar[str] = "holds a point of one body at a point of the other: 3 rows"
+    kind: Literal["point"] = field(KIND, default="point")
+
+
+class Weld(AtPoints):
+    """`body` stays at its place and orientation against `other`."""
+
+    ABOUT: ClassVar[str] = "holds point and orientation, as if glued: 6 rows"
+    kind: Literal["weld"] = field(KIND, default="weld")
+
+
+class Revolute(AlongAxes):
+    """A hinge: the points coincide, and `axis` stays along `other_axis`."""
+
+    ABOUT: ClassVar[str] = "a hinge: point, and one axis along the other: 5 rows"
+    kind: Literal["revolute"] = field(KIND, default="revolute")
+
+
+class Prismatic(AlongAxes):
+    """A slider: the orientation stays, and `point` stays on the line along `other_axis`."""
+
+    ABOUT: ClassVar[str] = "a slider: orientation, and the point on a line: 5 rows"
+    kind: Literal["prismatic"] = field(KIND, default="prismatic")
+
+
+class Cylindrical(AlongAxes):
+    """`axis` stays along `other_axis`, and `point` on that line."""
+
+    ABOUT: ClassVar[str] = "slides and turns: one axis along the other: 4 rows"
+    kind: Literal["cylindrical"] = field(KIND, default="cylindrical")
+
+
+class Universal(AlongAxes):
+    """The points coincide, and `axis` stays normal to `other_axis`."""
+
+    ABOUT: ClassVar[str] = "point, and two axes at a right angle: 4 rows"
+    kind: Literal["universal"] = field(KIND, default="universal")
+
+    @model_validator(mode="after")
+    def _both_or_none(self) -> Self:
+        if (self.axis is None) != (self.other_axis is None):
+            missing = "axis" if self.axis is None else "other_axis"
+            refuse([(missing, "a universal constraint takes both axis and other_axis, or none")])
+        return self
+
+
+class Distance(AtPoints):
+    """A rod without mass: the points stay `length` apart."""
+
+    ABOUT: ClassVar[str] = "a massless rod: two points a length apart: 1 row"
+    kind: Literal["distance"] = field(KIND, default="distance")
+    other_point: Vec3 = field(
+        "three finite numbers in the axes of `other` [m]",
+        converter=vector, unit="length", help="in the axes of the other",
+    )  # fmt: skip
+    length: Number | None = field(
+        "a length > 0 [m]; left out: as in the initial state",
+        default=None, gt=0, unit="length", help="of the rod; empty: as at first",
+    )  # fmt: skip
+
+
+class OneDirection(AlongAxes):
+    """Of the two directions, one is given."""
+
+    OF: ClassVar[str] = ""
+
+    @model_validator(mode="after")
+    def _one_direction(self) -> Self:
+        if (self.axis is None) == (self.other_axis is None):
+            text = f"a {self.kind} constraint takes one direction {self.OF}: other_axis in the axes"
+            refuse([("other_axis", f"{text} of `other`, or axis as `body` has it at first")])
+        return self
+
+
+class Line(OneDirection):
+    """`point` stays on the line through `other_point` along the direction."""
+
+    ABOUT: ClassVar[str] = "the point stays on a line: 2 rows"
+    OF: ClassVar[str] = "along the line"
+    kind: Literal["line"] = field(KIND, default="line")
+
+
+class Plane(OneDirection):
+    """`point` stays on the plane through `other_point` normal to the direction."""
+
+    ABOUT: ClassVar[str] = "the point stays on a plane: 1 row"
+    OF: ClassVar[str] = "normal to the plane"
+    kind: Literal["plane"] = field(KIND, default="plane")
+
+
+class Orientation(ToOther):
+    """The orientation of `body` against `other` stays as it is at first."""
+
+    ABOUT: ClassVar[str] = "the orientation stays, the place is free: 3 rows"
+    kind: Literal["orientation"] = field(KIND, default="orientation")
+
+
+# -- between coordinates of joints -----------------------------------------------------------------
+
+
+class Gear(Constraint):
+    """q of the joint of `body` = ratio x q of the joint of `other` + offset."""
+
+    ABOUT: ClassVar[str] = "one joint follows another: q = ratio × q + offset"
+
+    kind: Literal["gear"] = field(KIND, default="gear")
+    other: str = field("the name of a body", default=GROUND, label="Other")
+    ratio: Number = field(
+        "a finite number: q of `body` is ratio x q of `other` + offset",
+        default=1.0, help="q of the body = ratio × q of the other + offset",
+    )  # fmt: skip
+    offset: Number = field("a finite number [rad, m]", default=0.0, unit="rad, m")
+    coordinate: int = field(
+        "the number of a degree of freedom of the joint of `body`, from 0",
+        default=0, ge=0, le=5, help="which degree of freedom of the body's joint, from 0",
+    )  # fmt: skip
+    other_coordinate: int = field(
+        "the number of a degree of freedom of the joint of `other`, from 0",
+        default=0, ge=0, le=5, label="Other's",
+        help="which degree of freedom of the other's joint",
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _two_joints(self) -> Self:
+        if self.ratio == 0:
+            text = "must not be zero; use kind 'motion' to hold a joint; given 0"
+            refuse([("ratio", text)])
+        if self.other == GROUND:
+            text = "a gear needs a second body, whose joint it follows; given 'ground'"
+            refuse([("other", text)])
+        return self
+
+
+class Motion(Constraint):
+    """q of the joint of `body` is a function of time: it takes whatever force that needs."""
+
+    ABOUT: ClassVar[str] = "a joint follows a function of time, whatever it takes"
+
+    kind: Literal["motion"] = field(KIND, default="motion")
+    q_of_t: Curve = field(
+        "a table over time, or {'kind': 'sine' or 'polynomial', ...} [rad, m]",
+        converter=_followed, label="Follows", help="how the position depends on time",
+    )  # fmt: skip
+    coordinate: int = field(
+        "the number of a degree of freedom of the joint of `body`, from 0",
+        default=0, ge=0, le=5, help="which degree of freedom of the body's joint, from 0",
+    )  # fmt: skip
+
+
+class Velocity(Constraint):
+    """A sum of joint velocities has a value: the sum of coefficients x v is `value`."""
+
+    ABOUT: ClassVar[str] = "a sum of joint velocities has a value (nonholonomic)"
+
+    kind: Literal["velocity"] = field(KIND, default="velocity")
+    body: str = field("the name of a body", default="", label="Body")
+    coefficients: dict[str, PerMotion] = field(
+        "body name -> numbers, one a degree of freedom of its joint",
+        converter=by_name, label="Coefficient", help="one a degree of freedom",
+    )  # fmt: skip
+    value: Number = field(
+        "a finite number [rad/s, m/s]",
+        default=0.0, unit="rad/s, m/s", help="what the sum of coefficients × v is",
+    )  # fmt: skip
+
+    @model_validator(mode="before")
+    @classmethod
+    def _first_body(cls, data: Any) -> Any:
+        """`body` is the first one in `coefficients` unless it is given."""
+        named = data.get("coefficients") if isinstance(data, dict) else None
+        if isinstance(named, Mapping) and named and data.get("body") is None:
+            return {**data, "body": next(iter(named))}
+        return data
+
+    @model_validator(mode="after")
+    def _not_all_zero(self) -> Self:
+        if not any(any(x) for x in self.coefficients.values()):
+            refuse([("coefficients", "at least one must differ from zero")])
+        return self
+
+    @property
+    def touches(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys((self.body, *self.coefficients)))
+
+
+# -- velocities of places --------------------------------------------------------------------------
+
+
+class Rolling(AlongAxes):
+    """A sphere, or where `axis` is given a disc, rolls on a plane without slip."""
+
+    ABOUT: ClassVar[str] = "a sphere or disc rolls without slip (nonholonomic)"
+    kind: Literal["rolling"] = field(KIND, default="rolling")
+    radius: Number | None = field(
+        "a radius > 0 [m]; left out: that of the body's shape",
+        default=None, gt=0, unit="length", help="empty: that of the body's shape",
+    )  # fmt: skip
+
+
+class Skate(ToOther):
+    """The velocity of `point` along `axis`, which is across a blade of `body`, is zero."""
+
+    ABOUT: ClassVar[str] = "no velocity across a blade (nonholonomic)"
+
+    kind: Literal["skate"] = field(KIND, default="skate")
+    point: Vec3 | None = field(
+        "three finite numbers in the axes of `body` [m]; left out: its tip",
+        converter=maybe_vector, default=None, unit="length",
+        help="in the axes of the body; empty: its tip",
+    )  # fmt: skip
+    axis: Vec3 = field(
+        "a direction [x, y, z] that is not zero, in the axes of `body`",
+        converter=vector, help="direction in the axes of the body, across the blade",
+    )  # fmt: skip

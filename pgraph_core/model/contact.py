@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping
+from typing import ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
-from .fields import Described, Number, Vec3, refuse
+from .fields import Described, Number, Vec3s, field, refuse, vectors
 from .names import EVERY, GROUND
 
 
@@ -18,33 +19,56 @@ class Contact(Described):
     in the friction cone, Newton's restitution.
     """
 
-    name: str = Field(description="text that is not empty")
-    body: str = Field(description="the name of a body, or '*' for every body that has a shape")
-    other: str = Field(
-        default=GROUND,
-        description="'ground', the name of a body, or '*' for every other body that has a shape",
+    ABOUT: ClassVar[Mapping[str, str]] = {  # one line a law, for who chooses
+        "complementarity": "rigid: no depth, impulses in the friction cone, restitution",
+        "soft": "Hunt and Crossley: k d^1.5 (1 + c d'), smooth friction",
+        "penalty": "spring and damper: k d + c d', friction that sticks",
+    }
+
+    name: str = field("text that is not empty", label="Name")
+    body: str = field(
+        "the name of a body, or '*' for every body that has a shape", label="Body"
     )
-    law: Literal["soft", "penalty", "complementarity"] = Field(
-        default="complementarity", description="one of soft, penalty, complementarity"
-    )
-    friction: Annotated[Number, Field(ge=0)] | None = Field(
-        default=None, description="Coulomb's coefficient >= 0; left out: that of the ground"
-    )
-    restitution: Annotated[Number, Field(ge=0, le=1)] | None = Field(
-        default=None, description="a number from 0 to 1; left out: that of the ground"
-    )
-    stiffness: Annotated[Number, Field(gt=0)] | None = Field(
-        default=None,
-        description="a number > 0 [N/m; of a soft contact N/m^1.5]; left out: from the masses",
-    )
-    damping: Annotated[Number, Field(ge=0)] | None = Field(
-        default=None,
-        description="a number >= 0 [N s/m; of a soft contact s/m]; left out: from the restitution",
-    )
-    points: tuple[Vec3, ...] = Field(
-        default=(), description="a list of points [x, y, z] of `body` [m]; left out: its shape"
-    )
-    active: bool = Field(default=True, description="true or false")
+    other: str = field(
+        "'ground', the name of a body, or '*' for every other body that has a shape",
+        default=GROUND, label="Other",
+    )  # fmt: skip
+    law: Literal["soft", "penalty", "complementarity"] = field(
+        "one of soft, penalty, complementarity",
+        default="complementarity", label="Law", help="how it pushes back",
+    )  # fmt: skip
+    friction: Number | None = field(
+        "Coulomb's coefficient >= 0; left out: that of the ground",
+        default=None, ge=0, help="Coulomb's coefficient; empty: that of the ground",
+    )  # fmt: skip
+    restitution: Number | None = field(
+        "a number from 0 to 1; left out: that of the ground",
+        default=None, ge=0, le=1, help="0 to 1; empty: that of the ground",
+    )  # fmt: skip
+    stiffness: Number | None = field(
+        "a number > 0 [N/m; of a soft contact N/m^1.5]; left out: from the masses",
+        default=None, gt=0, unit="N/m", help="empty: from the masses",
+    )  # fmt: skip
+    damping: Number | None = field(
+        "a number >= 0 [N s/m; of a soft contact s/m]; left out: from the restitution",
+        default=None, ge=0, unit="N s/m", help="empty: from the restitution",
+    )  # fmt: skip
+    points: Vec3s = field(
+        "a list of points [x, y, z] of `body` [m]; left out: its shape",
+        converter=vectors, default=(), unit="length",
+        help="that touch, in the axes of the body; none: its shape",
+    )  # fmt: skip
+    active: bool = field("true or false", default=True)
+
+    @property
+    def pair(self) -> tuple[str, str]:
+        """The names of `body` and `other`, as they are given."""
+        return self.body, self.other
+
+    @property
+    def touches(self) -> tuple[str, ...]:
+        """The names in `body` and `other` but the ground, each once."""
+        return tuple(name for name in dict.fromkeys(self.pair) if name != GROUND)
 
     @model_validator(mode="after")
     def _complete(self) -> Self:

@@ -7,10 +7,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 from .body import Body
-from .constraint import TAKES, Constraint
+from .constraint import Constraint, Gear, Motion, Velocity
 from .contact import Contact
-from .force import BETWEEN, Force
-from .force import TAKES as FORCE_TAKES
+from .force import BETWEEN, Force, OnJoint, Wrench
 from .mirror import Mirror, other_side
 from .names import GROUND
 from .parameters import LONGEST, Formula, at, negated, ordered, probed
@@ -100,10 +99,7 @@ def _bodies(rows: Sequence[Body], names: Names, mirror: Mirror | None) -> tuple[
 
 def _takes_point(part: Constraint | Contact | Force) -> bool:
     """Whether `point` of a part is a place even where it is left out."""
-    if isinstance(part, Contact):
-        return False
-    takes = FORCE_TAKES[part.kind] if isinstance(part, Force) else TAKES[part.kind].fields
-    return "point" in takes
+    return hasattr(part, "point")
 
 
 class _Copy:
@@ -124,21 +120,21 @@ class _Copy:
 
     def part(self, part: Any) -> Any:
         """The copy of a constraint, contact or force, its name as it was; None where none is."""
-        own = part.touches if isinstance(part, Constraint) else (part.body, part.other)
-        if self.names.keys().isdisjoint(own):
+        if self.names.keys().isdisjoint(part.touches):
             return None
         renamed: dict[str, Any] = {
-            key: self.names.get(getattr(part, key), getattr(part, key)) for key in PAIR
+            key: self.names.get(getattr(part, key), getattr(part, key))
+            for key in PAIR
+            if hasattr(part, key)
         }
-        if isinstance(part, Constraint) and part.coefficients is not None:
+        if isinstance(part, Velocity):
             coefficients = {self.names.get(k, k): x for k, x in part.coefficients.items()}
             renamed["coefficients"] = coefficients
         if self.mirror is not None:
             change = self.reflected(part)
             if change is None:
-                kind = type(part).__name__.lower()
                 self.lost.append(
-                    f"{kind} '{part.name}' was not copied: it has no mirror image here"
+                    f"{part.word()} '{part.name}' was not copied: it has no mirror image here"
                 )
                 return None
             renamed |= change
@@ -188,13 +184,13 @@ class _Copy:
             return {"points": tuple(map(self.mirror.point, part.points))}
         if not self._same_coordinates(part):
             return None
-        if isinstance(part, Force) and part.kind == "wrench":
+        if isinstance(part, Wrench):
             return self._wrench(part)
         change: dict[str, Any] = {
             key: self.mirror.point(x)
-            for key in ("point", "other_point") if (x := getattr(part, key)) is not None
+            for key in ("point", "other_point") if (x := getattr(part, key, None)) is not None
         }  # fmt: skip
-        if part.body == self.root.parent and part.point is None and _takes_point(part):
+        if part.body == self.root.parent and getattr(part, "point", ()) is None:
             change["point"] = self.mirror.point(self.known[part.body].tip_point)
         for key in ("axis", "other_axis"):
             if (axis := getattr(part, key, None)) is not None:
@@ -207,7 +203,7 @@ class _Copy:
         own = (*self.names, self.root.parent)
         if part.body not in own and (_takes_point(part) or getattr(part, "points", ())):
             return False
-        if part.other in own:
+        if part.pair[1] in own:
             return True
         between = isinstance(part, Force) and part.kind in BETWEEN
         return not between and not any(
@@ -218,18 +214,15 @@ class _Copy:
         """Whether the degrees of freedom that a part acts on have the same values reflected."""
         assert self.mirror is not None
         used: list[tuple[str, int]] = []
-        if isinstance(part, Force):
-            if part.kind in ("motor", "servo"):
-                used = [(part.body, part.coordinate)]
-        elif part.coefficients is not None:
+        if isinstance(part, Velocity):
             used = [(k, i) for k, xs in part.coefficients.items() for i, x in enumerate(xs) if x]
-        elif part.kind in ("gear", "motion"):
-            used = [(part.body, part.coordinate or 0)]
-            if part.kind == "gear":
-                used.append((part.other, part.other_coordinate or 0))
+        elif isinstance(part, (OnJoint, Gear, Motion)):
+            used = [(part.body, part.coordinate)]
+            if isinstance(part, Gear):
+                used.append((part.other, part.other_coordinate))
         return all(self.mirror.keeps(self.known[k], i) for k, i in used if k in self.names)
 
-    def _wrench(self, force: Force) -> dict[str, Any] | None:
+    def _wrench(self, force: Wrench) -> dict[str, Any] | None:
         """In the body's axes, or in world axes where the parent's are these at q = 0."""
         assert self.mirror is not None
         if force.frame == "world" and not self._upright():

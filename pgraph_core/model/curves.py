@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
-from .fields import Frozen, Number, Numbers, Vec3, listed, refuse
+from .fields import Frozen, Number, Numbers, Vec3s, field, refuse, several, vectors
 
 
 class Table(Frozen):
@@ -16,8 +16,8 @@ class Table(Frozen):
     As `q_of_t` of a constraint a smooth curve instead: a cubic spline at rest at both ends.
     """
 
-    t: Numbers = Field(description="ascending times [s], at least one")
-    value: Numbers = Field(description="one finite number a time")
+    t: Numbers = field("ascending times [s], at least one", converter=several)
+    value: Numbers = field("one finite number a time", converter=several)
 
     @model_validator(mode="after")
     def _knots(self) -> Self:
@@ -28,13 +28,8 @@ class Table(Frozen):
 class VectorTable(Frozen):
     """A vector over time: straight lines between the knots, constant outside them."""
 
-    t: Numbers = Field(description="ascending times [s], at least one")
-    value: Annotated[tuple[Vec3, ...], Field(description="one [x, y, z] a time")]
-
-    @model_validator(mode="before")
-    @classmethod
-    def _of_lists(cls, data: object) -> object:
-        return {key: listed(x) for key, x in data.items()} if isinstance(data, dict) else data
+    t: Numbers = field("ascending times [s], at least one", converter=several)
+    value: Vec3s = field("one [x, y, z] a time", converter=vectors)
 
     @model_validator(mode="after")
     def _knots(self) -> Self:
@@ -66,8 +61,8 @@ class Polynomial(Frozen):
     """c0 + c1 t + c2 t^2 + c3 t^3, for all times: (0, 2) turns at a constant 2 rad/s."""
 
     kind: Literal["polynomial"] = Field(default="polynomial", description="'polynomial'")
-    coefficients: Annotated[Numbers, Field(min_length=1, max_length=4)] = Field(
-        description="one to four finite numbers, that of t^0 first"
+    coefficients: Annotated[Numbers, Field(min_length=1, max_length=4)] = field(
+        "one to four finite numbers, that of t^0 first", converter=several
     )
 
 

@@ -10,15 +10,14 @@ from ..rotation import multiply, rotate
 from .body import Body
 from .body_checks import PER_MOTION
 from .checks import fits_joint, force_problems, state_problems
-from .constraint import Constraint
+from .constraint import Constraint, Velocity
 from .contact import Contact
 from .fields import Described, fields_of, listed
-from .force import Force
+from .force import Force, OnJoint
 from .scenario import Scenario
 from .sentences import nearest
 
 PAIR = ("body", "other")
-ON_JOINTS = ("motor", "servo")  # forces whose coordinate a new joint may lack
 T = TypeVar("T", bound=Described)
 
 JOINT_FIELDS = ("axes", "motions", "q", "v", "limits", *PER_MOTION)
@@ -111,7 +110,7 @@ def _set(body: Body, field: str) -> bool:
 
 def renamed(part: T, names: Mapping[str, str], fields: tuple[str, ...]) -> T:
     """The part with new names of bodies in the fields that hold names of bodies."""
-    old = {field: getattr(part, field) for field in fields}
+    old = {field: getattr(part, field) for field in fields if hasattr(part, field)}
     update = {field: names[name] for field, name in old.items() if name in names}
     return part.model_copy(update=update) if update else part
 
@@ -126,7 +125,7 @@ def renamed_all(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) ->
         c = renamed(c, names, PAIR)
         return (
             c
-            if c.coefficients is None
+            if not isinstance(c, Velocity)
             else c.model_copy(update={"coefficients": swapped(c.coefficients)})
         )
 
@@ -151,7 +150,7 @@ def fitted(
     gone = {c.name for c in parts["constraints"] if not fits_joint(c, bodies)}
 
     def fits(f: Force) -> bool:
-        return f.body != name or f.kind not in ON_JOINTS or not force_problems([f], bodies)
+        return f.body != name or not isinstance(f, OnJoint) or not force_problems([f], bodies)
 
     def cut(s: Scenario) -> Scenario:
         states = {
@@ -214,8 +213,7 @@ def without(
     """What is left of them without the bodies called `names`, and a notice for each that goes."""
 
     def touched(part: Constraint | Contact | Force) -> bool:
-        own = part.touches if isinstance(part, Constraint) else (part.body, part.other)
-        return not names.isdisjoint(own)
+        return not names.isdisjoint(part.touches)
 
     def lame(s: Scenario) -> bool:
         return s.gait is not None and any(f.foot in gone["contacts"] for f in s.gait.feet)

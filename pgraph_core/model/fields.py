@@ -1,45 +1,101 @@
 """Field types of the description, and the base of its parts.
 
-Every field carries a `description` that completes "must be ..."; a refused value is answered
-with it, whatever the reason, so that the reader learns what would do.
+`field(...)` declares a field once. Its description completes "must be ..." in the sentence that
+refuses a value; label, unit and help are what a form shows; the converter says, also to a type
+checker, what may be given for it: lists, NumPy arrays, dictionaries.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from numbers import Integral
-from typing import Annotated, Any, ClassVar, Self
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    ClassVar,
+    NamedTuple,
+    Self,
+    TypeVar,
+    dataclass_transform,
+    overload,
+)
 
-from pydantic import AllowInfNan, BaseModel, BeforeValidator, ConfigDict, Strict, ValidationError
-from pydantic_core import PydanticCustomError
+import numpy.typing as npt
+from pydantic import (
+    AllowInfNan,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    Strict,
+    ValidationError,
+    model_validator,
+)
+from pydantic.fields import FieldInfo
+from pydantic_core import PydanticCustomError, PydanticUndefined, core_schema
 
 from ..errors import ModelError, Problem
 from ..portable import Portable
-from .sentences import all_problems, shown
+from .sentences import all_problems, nearest, shown
+
+Given = TypeVar("Given")
+Held = TypeVar("Held")
 
 
-class Frozen(Portable, BaseModel):
-    """Base of every description: immutable, unknown fields refused by name."""
+# -- declaring fields ------------------------------------------------------------------------------
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
 
-    def __copy__(self) -> Self:
-        """The same fields; what is cached beside them may not be true of the copy's."""
-        copy = super().__copy__()
-        for name in vars(copy).keys() - type(self).model_fields.keys():
-            object.__delattr__(copy, name)
-        return copy
+class About(NamedTuple):
+    """What a form shows of a field."""
 
-    def __eq__(self, other: object) -> bool:
-        """Equal fields; what is cached beside them says nothing."""
-        if not isinstance(other, Frozen) or type(self) is not type(other):
-            return NotImplemented
-        mine, others = vars(self), vars(other)
-        return all(mine[name] == others[name] for name in type(self).model_fields)
+    label: str
+    unit: str = ""  # "length" and "angle" follow the page's units
+    help: str = ""
+
+
+@overload
+def field(
+    description: str, *, converter: Callable[[Given], Held], default: Any = ...,
+    label: str = ..., unit: str = ..., help: str = ..., gt: float = ..., ge: float = ...,
+    lt: float = ..., le: float = ...,
+) -> Held: ...  # fmt: skip
+@overload
+def field(
+    description: str, *, default: Any = ...,
+    label: str = ..., unit: str = ..., help: str = ..., gt: float = ..., ge: float = ...,
+    lt: float = ..., le: float = ...,
+) -> Any: ...  # fmt: skip
+def field(
+    description: str,
+    *,
+    converter: Callable[[Any], Any] | None = None,
+    default: Any = PydanticUndefined,
+    label: str = "",
+    unit: str = "",
+    help: str = "",
+    **bounds: Any,
+) -> Any:
+    """A field of a part. `converter` is for type checkers: it maps what may be given to the type."""
+    return Field(
+        default,
+        description=description,
+        title=label or None,
+        json_schema_extra={"unit": unit, "help": help},
+        **bounds,
+    )
+
+
+def about(info: FieldInfo, name: str) -> About:
+    """What a form shows of a field that `field` declared."""
+    extra = info.json_schema_extra if isinstance(info.json_schema_extra, dict) else {}
+    label = info.title or name.replace("_", " ").capitalize()
+    return About(label, str(extra.get("unit", "")), str(extra.get("help", "")))
 
 
 def listed(value: Any) -> Any:
-    """Lists and NumPy arrays as tuples, NumPy scalars as numbers; anything else unchanged."""
+    """Lists and NumPy arrays as tuples, NumPy scalars as numbers; other values unchanged."""
     kind = type(value)
     if kind is float or kind is int or kind is str:  # most of what a description holds
         return value
@@ -55,7 +111,7 @@ def _per_motion(value: Any) -> Any:
     return (value,) if isinstance(value, (int, float)) else value
 
 
-# Strict and finite stand beside float, so that compiled code checks them, without a call a number.
+# Strict and finite are annotations of float, so that compiled code checks them.
 Finite = Annotated[float, Strict(), AllowInfNan(False)]
 Row3 = tuple[Finite, Finite, Finite]
 Number = Annotated[Finite, BeforeValidator(listed)]
@@ -63,7 +119,125 @@ Vec3 = Annotated[Row3, BeforeValidator(listed)]
 Quat = Annotated[tuple[Finite, Finite, Finite, Finite], BeforeValidator(listed)]
 Mat3 = Annotated[tuple[Row3, Row3, Row3], BeforeValidator(listed)]
 Numbers = Annotated[tuple[Finite, ...], BeforeValidator(listed)]
+Vec3s = Annotated[tuple[Vec3, ...], BeforeValidator(listed)]
 PerMotion = Annotated[tuple[Finite, ...], BeforeValidator(_per_motion)]  # or one number for all
+
+# Converters of `field`: what may be given, and the type that holds it.
+
+
+def vector(value: npt.ArrayLike) -> Vec3:
+    """Three numbers."""
+    return listed(value)
+
+
+def maybe_vector(value: npt.ArrayLike | None) -> Vec3 | None:
+    """Three numbers or None."""
+    return listed(value)
+
+
+def vectors(value: npt.ArrayLike | Sequence[npt.ArrayLike]) -> Vec3s:
+    """(n, 3) numbers."""
+    return listed(value)
+
+
+def quaternion(value: npt.ArrayLike) -> Quat:
+    """[w, x, y, z]."""
+    return listed(value)
+
+
+def matrix3(value: npt.ArrayLike) -> Mat3:
+    """(3, 3) numbers."""
+    return listed(value)
+
+
+def per_motion(value: npt.ArrayLike) -> PerMotion:
+    """One number a motion, or one for all."""
+    return _per_motion(value)
+
+
+def several(value: npt.ArrayLike) -> Numbers:
+    """(n,) numbers."""
+    return listed(value)
+
+
+def names_or_none(value: Sequence[str] | None) -> tuple[str, ...] | None:
+    """Names in a tuple or list, or None."""
+    return listed(value)
+
+
+def by_name(value: Mapping[str, npt.ArrayLike]) -> dict[str, PerMotion]:
+    """Body name -> numbers."""
+    return value  # type: ignore[return-value]
+
+
+# -- bases of parts --------------------------------------------------------------------------------
+
+
+if TYPE_CHECKING:  # a type checker reads the parameters of a part from its converters
+
+    @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(field, Field))
+    class _Base(Portable):
+        model_fields: ClassVar[dict[str, FieldInfo]]
+        model_config: ClassVar[ConfigDict]
+
+        def model_copy(
+            self, *, update: Mapping[str, Any] | None = None, deep: bool = False
+        ) -> Self: ...
+        def model_dump(self, *, mode: str = ..., exclude_none: bool = ...) -> dict[str, Any]: ...
+        def __copy__(self) -> Self: ...
+        @classmethod
+        def model_construct(cls, _fields_set: set[str] | None = None, **values: Any) -> Self: ...
+        @classmethod
+        def __pydantic_init_subclass__(cls, **kwargs: Any) -> None: ...
+
+else:
+
+    class _Base(Portable, BaseModel):
+        pass
+
+
+class Frozen(_Base):
+    """Base of every description: immutable, unknown fields refused by name."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    def __copy__(self) -> Self:
+        """The same fields; what is cached next to them may not be true of the copy's."""
+        copy = super().__copy__()
+        for name in vars(copy).keys() - type(self).model_fields.keys():
+            object.__delattr__(copy, name)
+        return copy
+
+    def __eq__(self, other: object) -> bool:
+        """Equal fields; what is cached next to them does not count."""
+        if not isinstance(other, Frozen) or type(self) is not type(other):
+            return NotImplemented
+        mine, others = vars(self), vars(other)
+        return all(mine[name] == others[name] for name in type(self).model_fields)
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        """A readable signature: annotations as they are written."""
+        super().__pydantic_init_subclass__(**kwargs)
+        written: dict[str, str] = {}
+        for base in cls.__mro__[::-1]:
+            written |= vars(base).get("__annotations__", {})
+        cls.__signature__ = inspect.Signature(
+            inspect.Parameter(
+                name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=inspect.Parameter.empty if info.is_required() else info.get_default(),
+                annotation=_Written(written.get(name, "")),
+            )
+            for name, info in cls.model_fields.items()
+        )
+
+
+class _Written(str):
+    """An annotation that shows as it is written, without quotes."""
+
+    def __repr__(self) -> str:
+        return str(self)
 
 
 def refuse(problems: Sequence[tuple[str, str]]) -> None:
@@ -75,21 +249,121 @@ def refuse(problems: Sequence[tuple[str, str]]) -> None:
 class Described(Frozen):
     """A part with a name of its own: refused with every problem found, as sentences."""
 
-    # field -> fields that mean nothing without it: unsaid where it is refused itself
+    WORD: ClassVar[str] = ""  # what sentences call it; "": the class's name
+    # field -> fields that mean nothing without it: not reported where it is refused itself
     FOLLOWERS: ClassVar[Mapping[str, tuple[str, ...]]] = {}
 
-    def __init__(self, /, **data: Any):
-        """Validated. Raises ModelError."""
-        try:
-            super().__init__(**data)
-        except ValidationError as error:
-            where = f"{type(self).__name__.lower()} {shown(data.get('name', ''))}"
-            kind = type(self)
-            raise ModelError(all_problems(kind, data, error, where, kind.FOLLOWERS)) from None
+    if not TYPE_CHECKING:
+
+        def __init__(self, /, **data: Any):
+            """Validated. Raises ModelError."""
+            try:
+                super().__init__(**data)
+            except ValidationError as error:
+                kind = type(self)
+                where = f"{kind.word()} {shown(data.get('name', ''))}"
+                raise ModelError(all_problems(kind, data, error, where, kind.followers())) from None
+
+    @classmethod
+    def word(cls) -> str:
+        """What sentences call a part of this class."""
+        return cls.WORD or cls.__name__.lower()
+
+    @classmethod
+    def followers(cls) -> Mapping[str, tuple[str, ...]]:
+        """Fields that are not reported where another one is refused."""
+        return cls.FOLLOWERS
+
+
+class OfKinds(Described):
+    """A part with a class for each kind, told by its field `kind`.
+
+    The class that names the part makes them too: `Force(kind="spring", ...)` is a `Spring`.
+    """
+
+    KINDS: ClassVar[dict[str, type[OfKinds]]] = {}  # of each class that names a part
+    # field -> what it holds where it says nothing: older files may give it to every kind
+    NOTHING: ClassVar[Mapping[str, Any]] = {}
+    ABOUT: ClassVar[str] = ""  # of a kind: one line for who chooses
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
+        super().__pydantic_init_subclass__(**kwargs)
+        if kind := cls.own_kind():
+            cls.KINDS[kind] = cls
+
+    @classmethod
+    def own_kind(cls) -> str:
+        """The kind that this class is; "" for a class of several."""
+        if "kind" not in cls.model_fields:
+            return ""
+        default = cls.model_fields["kind"].default
+        return default if isinstance(default, str) else ""
+
+    @classmethod
+    def class_for(cls, data: Any) -> type[OfKinds]:
+        """The class for the fields of a part, or for a part; the first one for no known kind."""
+        if isinstance(data, cls):
+            return type(data)
+        kind = data.get("kind") if isinstance(data, Mapping) else None
+        first = next(iter(cls.KINDS.values()))
+        return cls.KINDS.get(kind, first) if isinstance(kind, str) else first
+
+    def __new__(cls, /, *args: Any, **data: Any) -> Any:
+        return object.__new__(cls if cls.own_kind() else cls.class_for(data))
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        """For a class of several kinds, a union that `kind` tells apart."""
+        if "KINDS" not in vars(cls) or not cls.KINDS:
+            return handler(source)
+        classes = {kind: handler.generate_schema(each) for kind, each in cls.KINDS.items()}
+        return core_schema.tagged_union_schema(classes, lambda x: cls.class_for(x).own_kind())
+
+    @model_validator(mode="before")
+    @classmethod
+    def _own_fields(cls, data: Any) -> Any:
+        """Without null, and without fields of other kinds that say nothing."""
+        if not isinstance(data, dict) or not cls.own_kind():
+            return data
+        data = {key: value for key, value in data.items() if value is not None or key == "name"}
+        kind, known = data.get("kind", cls.own_kind()), cls.fields_of_kinds()
+        if kind != cls.own_kind():
+            refuse([("kind", cls._other_kind(kind))])
+        foreign = [key for key in data if key not in cls.model_fields and key in known]
+        refuse([(key, cls._foreign(key)) for key in foreign if not cls._empty(key, data[key])])
+        return {key: value for key, value in data.items() if key not in foreign}
+
+    @classmethod
+    def _other_kind(cls, kind: Any) -> str:
+        if isinstance(kind, str) and kind in cls.KINDS:
+            own, other = cls.__name__, cls.KINDS[kind].__name__
+            return f"a {own} has kind '{cls.own_kind()}'; given '{kind}', which is a {other}"
+        hint = f"; {nearest(kind, cls.KINDS)}" if isinstance(kind, str) else ""
+        return f"must be one of {', '.join(cls.KINDS)}; given {shown(kind)}{hint}"
+
+    @classmethod
+    def _foreign(cls, field: str) -> str:
+        kinds = [kind for kind, each in cls.KINDS.items() if field in each.model_fields]
+        do = f"it belongs to kind {' or '.join(kinds)}" if len(kinds) < 4 else "leave it out"
+        return f"means nothing to kind '{cls.own_kind()}'; {do}"
+
+    @classmethod
+    def _empty(cls, field: str, value: Any) -> bool:
+        return field in cls.NOTHING and type(value) is not bool and value == cls.NOTHING[field]
+
+    @classmethod
+    def fields_of_kinds(cls) -> set[str]:
+        """The fields of all kinds."""
+        return {name for each in cls.KINDS.values() for name in each.model_fields}
+
+    @classmethod
+    def followers(cls) -> Mapping[str, tuple[str, ...]]:
+        return {"kind": tuple(cls.fields_of_kinds() - {"name", "kind", "body", "active"})}
 
 
 def whole(value: Any) -> int | None:
-    """A whole number of Python or NumPy as an int; None for anything else, True included."""
+    """A whole number of Python or NumPy as an int; None for other values, True included."""
     return int(value) if isinstance(value, Integral) and not isinstance(value, bool) else None
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import FileError, Problem
 from .body_checks import PER_MOTION
-from .force import TAKES
+from .names import GROUND
 from .parameters import inlined
 from .sentences import shown
 from .world import Ground
@@ -37,9 +37,11 @@ def to_json(model: Model) -> str:
     data |= model.model_dump(mode="json", exclude_none=True)
     _put_formulas(data, model)
     data["bodies"] = [_concise(body) for body in data["bodies"]]
-    data["forces"] = [_of_kind(force) for force in data["forces"]]
+    constraints = [{"other": GROUND, **c} for c in data["constraints"]]  # also where it has none
+    data["constraints"] = [_in_order(c, ORDER) for c in constraints]
+    data["forces"] = [_in_order(force, ORDER_OF_FORCES) for force in data["forces"]]
     for scenario in data["scenarios"]:
-        scenario["forces"] = [_of_kind(force) for force in scenario["forces"]]
+        scenario["forces"] = [_in_order(force, ORDER_OF_FORCES) for force in scenario["forces"]]
         if not scenario["switches"]:
             del scenario["switches"]
     if model.ground == Ground():
@@ -76,10 +78,20 @@ def _concise(body: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in body.items() if key not in implied}
 
 
-def _of_kind(force: dict[str, Any]) -> dict[str, Any]:
-    """Without the fields that mean nothing to a force's kind."""
-    takes = ("name", "kind", "body", *TAKES[force["kind"]])
-    return {key: value for key, value in force.items() if key in takes}
+# the order in which files have the fields of forces and constraints
+ORDER = (
+    "name", "kind", "body", "other", "point", "other_point", "axis", "other_axis", "length",
+    "ratio", "offset", "coordinate", "other_coordinate", "q_of_t", "radius", "coefficients",
+    "value", "active",
+)  # fmt: skip
+ORDER_OF_FORCES = (
+    "name", "kind", "body", "other", "coordinate", "torque", "force", "frame", "point",
+    "other_point", "axis", "stiffness", "damping", "rest", "kp", "kd", "target", "torque_limit",
+)  # fmt: skip
+
+
+def _in_order(part: dict[str, Any], order: tuple[str, ...]) -> dict[str, Any]:
+    return {key: part[key] for key in order if key in part}
 
 
 def parse(text: str, source: str) -> dict[str, Any]:

@@ -1,136 +1,190 @@
-"""Forces that act beside gravity: on joints, on bodies, and between two points or bodies."""
+"""Forces besides gravity: on joints, on bodies, and between two points or bodies.
+
+One class a kind; `Force(kind=...)` makes them too. Their signs and angles are in
+docs/description.md.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+import numpy.typing as npt
+from pydantic import model_validator
 
 from .curves import Table, VectorTable
-from .fields import Described, Number, Vec3, refuse
+from .fields import Number, OfKinds, Vec3, field, maybe_vector, refuse
 from .names import GROUND
 from .sentences import shown
 
-TAKES: dict[str, tuple[str, ...]] = {  # beside name, kind and body
-    "motor": ("coordinate", "torque", "torque_limit"),
-    "servo": ("coordinate", "torque", "kp", "kd", "target", "torque_limit"),
-    "wrench": ("torque", "force", "frame", "point"),
-    "spring": ("other", "point", "other_point", "stiffness", "damping", "rest"),
-    "torsion": ("other", "axis", "stiffness", "damping", "rest"),
-}
 BETWEEN = ("spring", "torsion")  # passive: they act in every question, the others in runs only
-OWN = tuple(dict.fromkeys(field for fields in TAKES.values() for field in fields))
-LEFT_OUT: dict[str, dict[str, Any]] = {  # where a kind takes a field that is not given
-    "wrench": {"torque": (0.0, 0.0, 0.0), "force": (0.0, 0.0, 0.0), "frame": "world"},
-    "spring": {"stiffness": 0.0, "damping": 0.0},
-    "torsion": {"stiffness": 0.0, "damping": 0.0, "rest": 0.0},
-}
+KIND = "one of motor, servo, wrench, spring, torsion"
 
 
-class Force(Described):
-    """motor: `torque` on a joint coordinate; servo: kp (target - q) - kd v besides, the whole at
-    most `torque_limit` (torque stands for force where the coordinate is a translation).
-    wrench: `torque` and `force` on `body` at `point`. spring: between `point` and `other_point`.
-    torsion: about `axis` between two bodies. Their signs and angles are in docs/description.md.
-    """
+def _over_time(value: float | Table | Mapping[str, npt.ArrayLike]) -> Number | Table:
+    """A number or a table over time."""
+    return value  # type: ignore[return-value]
 
-    FOLLOWERS: ClassVar[Mapping[str, tuple[str, ...]]] = {"kind": OWN}
 
-    name: str = Field(description="text that is not empty")
-    kind: Literal["motor", "servo", "wrench", "spring", "torsion"] = Field(
-        default="motor", description="one of " + ", ".join(TAKES)
-    )
-    body: str = Field(description="the name of a body; of a motor or servo the one whose joint")
-    other: str = Field(default=GROUND, description="the name of a body, or 'ground'")
-    coordinate: Annotated[int, Field(ge=0, le=5)] = Field(
-        default=0, description="the number of a degree of freedom of the joint, from 0"
-    )
-    torque: Number | Table | Vec3 | VectorTable = Field(
-        default=0.0,
-        description="a number or a table over time [N m, N]; of a wrench three numbers each [N m]",
-    )
-    force: Vec3 | VectorTable | None = Field(
-        default=None, description="three finite numbers [x, y, z] or a table of them over time [N]"
-    )
-    frame: Literal["world", "body"] | None = Field(
-        default=None, description="'world' or 'body': the axes of torque and force"
-    )
-    point: Vec3 | None = Field(
-        default=None,
-        description="three finite numbers in the axes of `body` [m]; left out: a wrench's body "
-        "origin, a spring's tip",
-    )
-    other_point: Vec3 | None = Field(
-        default=None,
-        description="three finite numbers in the axes of `other` [m]; left out: its origin",
-    )
-    axis: Vec3 | None = Field(
-        default=None,
-        description="a direction [x, y, z] that is not zero, in the axes of `body`; left out: z",
-    )
-    stiffness: Annotated[Number, Field(ge=0)] | None = Field(
-        default=None, description="a number >= 0 [N/m; of torsion N m/rad]"
-    )
-    damping: Annotated[Number, Field(ge=0)] | None = Field(
-        default=None, description="a number >= 0 [N s/m; of torsion N m s/rad]"
-    )
-    rest: Number | None = Field(
-        default=None,
-        description="a finite number: of a spring its length >= 0 without force [m], left out: as "
-        "in the initial state; of torsion the angle without torque [rad]",
-    )
-    kp: Annotated[Number, Field(ge=0)] = Field(
-        default=0.0, description="a number >= 0 [N m/rad, N/m]"
-    )
-    kd: Annotated[Number, Field(ge=0)] = Field(
-        default=0.0, description="a number >= 0 [N m s/rad, N s/m]"
-    )
-    target: Number | Table = Field(
-        default=0.0, description="a number or a table over time [rad, m]"
-    )
-    torque_limit: Annotated[Number, Field(gt=0)] | None = Field(
-        default=None, description="a number > 0 [N m, N], or nothing"
-    )
+def _vector_over_time(value: npt.ArrayLike | VectorTable | Mapping[str, Any]) -> Vec3 | VectorTable:
+    """Three numbers, or a table of them over time."""
+    return value  # type: ignore[return-value]
 
-    @model_validator(mode="before")
+
+class Force(OfKinds):
+    """Acts on `body`. Its kinds are Motor, Servo, Wrench, Spring and Torsion."""
+
+    KINDS: ClassVar[dict[str, type[OfKinds]]] = {}
+    WORD: ClassVar[str] = "force"
+    NOTHING: ClassVar[Mapping[str, Any]] = {
+        "other": GROUND, "coordinate": 0, "torque": 0.0, "kp": 0.0, "kd": 0.0, "target": 0.0,
+    }  # fmt: skip
+
+    name: str = field("text that is not empty", label="Name")
+    kind: str = field(KIND, label="Kind")
+    body: str = field("the name of a body", label="Body")
+
+    def __init__(self, /, **data: Any):
+        """A force of the given kind. Raises ModelError."""
+        super().__init__(**data)
+
+    @property
+    def pair(self) -> tuple[str, str]:
+        """The names of the two bodies that it acts between."""
+        return self.body, getattr(self, "other", GROUND)
+
+
+class OnJoint(Force):
+    """Acts on a coordinate of the joint of `body`."""
+
+    coordinate: int = field(
+        "the number of a degree of freedom of the joint, from 0",
+        default=0, ge=0, le=5, help="which degree of freedom of the body's joint, from 0",
+    )  # fmt: skip
+    torque: Number | Table = field(
+        "a number or a table over time [N m, N]",
+        converter=_over_time, default=0.0, unit="N m, N",
+        help="a number, or over time: t value; t value; ...",
+    )  # fmt: skip
+
+
+class Motor(OnJoint):
+    """`torque` on a coordinate of the joint of `body` (a force where it is a translation)."""
+
+    ABOUT: ClassVar[str] = "a torque or force on a joint"
+
+    kind: Literal["motor"] = field(KIND, default="motor")
+    torque_limit: Number | None = field(
+        "a number > 0 [N m, N], or nothing",
+        default=None, gt=0, label="At most", unit="N m, N", help="largest magnitude; empty: none",
+    )  # fmt: skip
+
     @classmethod
-    def _kinds_own(cls, data: Any) -> Any:
-        """The numbers that a kind takes and that are left out."""
-        if not isinstance(data, dict):
-            return data
-        return LEFT_OUT.get(str(data.get("kind")), {}) | data
+    def _foreign(cls, field: str) -> str:
+        if field in ("kp", "kd"):
+            return "a motor has no kp and kd; use kind 'servo'"
+        return super()._foreign(field)
+
+    @classmethod
+    def _empty(cls, field: str, value: Any) -> bool:
+        return field == "target" or super()._empty(field, value)  # as it always was
+
+
+class Servo(OnJoint):
+    """`torque` + kp (target - q) - kd v on a coordinate of the joint of `body`."""
+
+    ABOUT: ClassVar[str] = "holds or drives a joint at a target: kp, kd"
+
+    kind: Literal["servo"] = field(KIND, default="servo")
+    kp: Number = field(
+        "a number >= 0 [N m/rad, N/m]",
+        default=0.0, ge=0, label="kp", unit="N m/rad, N/m", help="torque per position off the target",
+    )  # fmt: skip
+    kd: Number = field(
+        "a number >= 0 [N m s/rad, N s/m]",
+        default=0.0, ge=0, label="kd", unit="N m s/rad", help="torque per velocity",
+    )  # fmt: skip
+    target: Number | Table = field(
+        "a number or a table over time [rad, m]",
+        converter=_over_time, default=0.0, unit="rad, m",
+        help="a number, or over time: t value; t value; ...",
+    )  # fmt: skip
+    torque_limit: Number | None = field(
+        "a number > 0 [N m, N], or nothing",
+        default=None, gt=0, label="At most", unit="N m, N", help="largest magnitude; empty: none",
+    )  # fmt: skip
+
+
+class Wrench(Force):
+    """`torque` and `force` on `body` at `point`."""
+
+    ABOUT: ClassVar[str] = "a force and a torque on a body"
+
+    kind: Literal["wrench"] = field(KIND, default="wrench")
+    torque: Vec3 | VectorTable = field(
+        "three finite numbers [x, y, z] or a table of them over time [N m]",
+        converter=_vector_over_time, default=(0.0, 0.0, 0.0), unit="N m",
+    )  # fmt: skip
+    force: Vec3 | VectorTable = field(
+        "three finite numbers [x, y, z] or a table of them over time [N]",
+        converter=_vector_over_time, default=(0.0, 0.0, 0.0), unit="N",
+    )  # fmt: skip
+    frame: Literal["world", "body"] = field(
+        "'world' or 'body': the axes of torque and force",
+        default="world", label="Axes of", help="whose axes force and torque are in",
+    )  # fmt: skip
+    point: Vec3 | None = field(
+        "three finite numbers in the axes of `body` [m]; left out: its origin",
+        converter=maybe_vector, default=None, unit="length",
+        help="in the axes of the body; empty: its origin",
+    )  # fmt: skip
+
+
+class Spring(Force):
+    """stiffness (length - rest) + damping x its rate pull `point` and `other_point` together."""
+
+    ABOUT: ClassVar[str] = "pulls two points together, with damper"
+
+    kind: Literal["spring"] = field(KIND, default="spring")
+    other: str = field("the name of a body, or 'ground'", default=GROUND, label="Other")
+    point: Vec3 | None = field(
+        "three finite numbers in the axes of `body` [m]; left out: its tip",
+        converter=maybe_vector, default=None, unit="length",
+        help="in the axes of the body; empty: its tip",
+    )  # fmt: skip
+    other_point: Vec3 | None = field(
+        "three finite numbers in the axes of `other` [m]; left out: its origin",
+        converter=maybe_vector, default=None, unit="length",
+        help="in the axes of the other; empty: its origin",
+    )  # fmt: skip
+    stiffness: Number = field("a number >= 0 [N/m]", default=0.0, ge=0, unit="N/m")
+    damping: Number = field("a number >= 0 [N s/m]", default=0.0, ge=0, unit="N s/m")
+    rest: Number | None = field(
+        "a length >= 0 without force [m]; left out: as in the initial state",
+        default=None, ge=0, unit="length", help="without force; empty: as at first",
+    )  # fmt: skip
+
+
+class Torsion(Force):
+    """-stiffness (angle - rest) - damping x its rate turn `body` about `axis` against `other`."""
+
+    ABOUT: ClassVar[str] = "turns two bodies back to an angle, with damper"
+
+    kind: Literal["torsion"] = field(KIND, default="torsion")
+    other: str = field("the name of a body, or 'ground'", default=GROUND, label="Other")
+    axis: Vec3 | None = field(
+        "a direction [x, y, z] that is not zero, in the axes of `body`; left out: z",
+        converter=maybe_vector, default=None, help="direction in the axes of the body; empty: z",
+    )  # fmt: skip
+    stiffness: Number = field("a number >= 0 [N m/rad]", default=0.0, ge=0, unit="N m/rad")
+    damping: Number = field("a number >= 0 [N m s/rad]", default=0.0, ge=0, unit="N m s/rad")
+    rest: Number = field(
+        "the angle without torque [rad]", default=0.0, unit="angle", help="the angle without torque"
+    )
 
     @model_validator(mode="after")
-    def _complete(self) -> Self:
-        refuse(_problems(self))
+    def _axis_points_somewhere(self) -> Self:
+        if self.axis is not None and not 1e-9 < math.hypot(*self.axis) < 1e9:
+            refuse([("axis", f"a direction must not be zero; given {shown(self.axis)}")])
         return self
-
-
-def _problems(f: Force) -> list[tuple[str, str]]:
-    if f.kind == "motor" and (f.kp or f.kd):
-        return [("kind", "a motor has no kp and kd; use kind 'servo'")]
-    takes = (*TAKES[f.kind], "target") if f.kind == "motor" else TAKES[f.kind]
-    found = [
-        (name, f"means nothing to a {f.kind}; {_which(name)}")
-        for name in OWN
-        if name not in takes and getattr(f, name) != Force.model_fields[name].default
-    ]
-    one = isinstance(f.torque, (float, int, Table))
-    if f.kind in ("motor", "servo") and not one:
-        text = f"a {f.kind}'s torque is one number, or a table of one number a time"
-        found.append(("torque", f"{text}; given {shown(f.torque)}"))
-    if f.kind == "wrench" and one:
-        text = "a wrench's torque is three numbers [x, y, z], or a table of them over time"
-        found.append(("torque", f"{text}; given {shown(f.torque)}"))
-    if f.axis is not None and not 1e-9 < math.hypot(*f.axis) < 1e9:
-        found.append(("axis", f"a direction must not be zero; given {shown(f.axis)}"))
-    if f.kind == "spring" and f.rest is not None and f.rest < 0:
-        found.append(("rest", f"a spring's length must be >= 0 [m]; given {shown(f.rest)}"))
-    return found
-
-
-def _which(field: str) -> str:
-    kinds = [kind for kind, fields in TAKES.items() if field in fields]
-    return f"it belongs to kind {' or '.join(kinds)}" if len(kinds) < 4 else "leave it out"

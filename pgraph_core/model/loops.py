@@ -8,11 +8,9 @@ from typing import Any
 from .. import joints
 from ..errors import ModelError, Problem
 from .body import Body
-from .constraint import Constraint, ConstraintKind
+from .constraint import Constraint
 
-CUT: dict[
-    str, ConstraintKind
-] = {  # joint kind -> kind of the constraint that is left of it where a loop is cut
+CUT = {  # joint kind -> kind of the constraint that is left of it where a loop is cut
     "weld": "weld",
     "revolute": "revolute",
     "prismatic": "prismatic",

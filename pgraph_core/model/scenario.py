@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
 from ..errors import choices
-from .fields import Described, Number, PerMotion, refuse
+from .fields import Described, Number, PerMotion, by_name, field, names_or_none, refuse
 from .force import Force
 from .gait import Gait
 from .methods import METHOD_NAMES
@@ -22,28 +23,47 @@ class Switch(Described):
     active: bool = Field(description="true or false")
 
 
+def _forces_in(value: Sequence[Force | Mapping[str, Any]]) -> tuple[Force, ...]:
+    """Forces or their fields."""
+    return value  # type: ignore[return-value]
+
+
+def _switches_in(value: Sequence[Switch | Mapping[str, Any]]) -> tuple[Switch, ...]:
+    """Switches or their fields."""
+    return value  # type: ignore[return-value]
+
+
+def _gait_in(value: Gait | Mapping[str, Any] | None) -> Gait | None:
+    """A gait or its fields."""
+    return value  # type: ignore[return-value]
+
+
 class Scenario(Described):
     """What `simulate(mech, scenario=name)` runs."""
 
     name: str = Field(description="text that is not empty")
     description: str = Field(default="", description="a sentence")
-    q: dict[str, PerMotion] = Field(default={}, description="body name -> initial q")
-    v: dict[str, PerMotion] = Field(default={}, description="body name -> initial v")
-    forces: tuple[Force, ...] = Field(default=(), description="forces beside those of the model")
-    constraints: tuple[str, ...] | None = Field(
-        default=None,
-        description="names of the active constraints; left out: the model's own choice",
+    q: dict[str, PerMotion] = field("body name -> initial q", converter=by_name, default={})
+    v: dict[str, PerMotion] = field("body name -> initial v", converter=by_name, default={})
+    forces: tuple[Force, ...] = field(
+        "a list of forces besides those of the model", converter=_forces_in, default=()
     )
-    switches: tuple[Switch, ...] = Field(
-        default=(), description="constraints switched on or off on the way, {t, constraint, active}"
-    )
-    contacts: tuple[str, ...] | None = Field(
-        default=None,
-        description="names of the active contacts; left out: the model's own choice",
-    )
-    gait: Gait | None = Field(
-        default=None, description="a gait that drives the joints, or nothing: {'name': ...}"
-    )
+    constraints: tuple[str, ...] | None = field(
+        "names of the active constraints; left out: the model's own choice",
+        converter=names_or_none, default=None,
+    )  # fmt: skip
+    switches: tuple[Switch, ...] = field(
+        "constraints switched on or off during the run, {t, constraint, active}",
+        converter=_switches_in, default=(),
+    )  # fmt: skip
+    contacts: tuple[str, ...] | None = field(
+        "names of the active contacts; left out: the model's own choice",
+        converter=names_or_none, default=None,
+    )  # fmt: skip
+    gait: Gait | None = field(
+        "a gait that drives the joints, or nothing: {'name': ...}",
+        converter=_gait_in, default=None,
+    )  # fmt: skip
     t_end: Annotated[Number, Field(gt=0)] = Field(default=1.0, description="a duration > 0 [s]")
     step: Annotated[Number, Field(gt=0)] = Field(default=1e-3, description="a step > 0 [s]")
     method: str = Field(default="auto", description="the name of an integrator")

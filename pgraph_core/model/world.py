@@ -1,13 +1,15 @@
-"""What a model has besides its parts: its name, which way is up, gravity, and the ground."""
+"""A model without its parts: its name, which way is up, gravity, and the ground."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, Self
 
+import numpy.typing as npt
 from pydantic import Field, model_validator
 
-from .fields import Described, Frozen, Number, Vec3, listed, refuse
+from .fields import Described, Frozen, Number, Vec3, field, listed, maybe_vector, refuse
 from .parameters import name_problems
 from .sentences import shown
 
@@ -41,25 +43,45 @@ class Step(Frozen):
         return self
 
 
+def _steps_in(value: Sequence[Step | Mapping[str, Any]]) -> tuple[Step, ...]:
+    """Steps or their fields."""
+    return value  # type: ignore[return-value]
+
+
 class Ground(Frozen):
     """The plane through the origin, normal to `up` or tilted, and the steps on it."""
 
     slope: Annotated[Number, Field(gt=-math.pi / 2, lt=math.pi / 2)] = Field(
         default=0.0, description="an angle within -pi/2 to pi/2 by which it rises [rad]"
     )
-    uphill: Vec3 | None = Field(
-        default=None,
-        description="the direction [x, y, z] in which it rises; left out: the first axis not up",
-    )
+    uphill: Vec3 | None = field(
+        "the direction [x, y, z] in which it rises; left out: the first axis not up",
+        converter=maybe_vector, default=None,
+    )  # fmt: skip
     friction: Annotated[Number, Field(ge=0)] = Field(
         default=0.5, description="Coulomb's coefficient >= 0 of contacts that give none"
     )
     restitution: Annotated[Number, Field(ge=0, le=1)] = Field(
         default=0.0, description="a number from 0 to 1, of contacts that give none"
     )
-    steps: tuple[Step, ...] = Field(
-        default=(), description="a list of {'low': [a, b], 'high': [a, b], 'height': h}"
+    steps: tuple[Step, ...] = field(
+        "a list of {'low': [a, b], 'high': [a, b], 'height': h}", converter=_steps_in, default=()
     )
+
+
+def _gravity_in(value: npt.ArrayLike | None) -> Vec3:
+    """Three numbers; None: down along `up`."""
+    return listed(value)
+
+
+def _ground_in(value: Ground | Mapping[str, Any]) -> Ground:
+    """A ground or its fields."""
+    return value  # type: ignore[return-value]
+
+
+def _parameters_in(value: Mapping[str, float]) -> dict[str, Number]:
+    """Numbers by name."""
+    return value  # type: ignore[return-value]
 
 
 class World(Described):
@@ -67,11 +89,16 @@ class World(Described):
 
     name: str = Field(default="model", description="text")
     up: Literal["x", "y", "z"] = Field(default="z", description="'x', 'y' or 'z'")
-    gravity: Vec3 = Field(default=DOWN["z"], description="three finite numbers [x, y, z] [m/s^2]")
-    ground: Ground = Field(default=Ground(), description="the ground: {'slope': ..., 'steps': ...}")
-    parameters: dict[str, Number] = Field(
-        default={}, description="names and finite numbers, for formulas such as '=thigh/2'"
+    gravity: Vec3 = field(
+        "three finite numbers [x, y, z] [m/s^2]", converter=_gravity_in, default=DOWN["z"]
     )
+    ground: Ground = field(
+        "the ground: {'slope': ..., 'steps': ...}", converter=_ground_in, default=Ground()
+    )
+    parameters: dict[str, Number] = field(
+        "names and finite numbers, for formulas such as '=thigh/2'",
+        converter=_parameters_in, default={},
+    )  # fmt: skip
 
     @model_validator(mode="before")
     @classmethod
