@@ -186,7 +186,6 @@ class Body(Described):
     )
 
     if TYPE_CHECKING:  # also an argument, in place of `joint`
-
         dof: int = field("a whole number from 0 to 6", default=0)
 
     else:

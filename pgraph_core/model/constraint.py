@@ -58,16 +58,6 @@ class Constraint(OfKinds):
         """A constraint of the given kind. Raises ModelError."""
         super().__init__(**data)
 
-    @property
-    def pair(self) -> tuple[str, str]:
-        """The names of `body` and `other`; 'ground' for a kind without the second."""
-        return self.body, getattr(self, "other", GROUND)
-
-    @property
-    def touches(self) -> tuple[str, ...]:
-        """Names of the bodies it acts on, each once; the ground is none."""
-        return tuple(name for name in dict.fromkeys(self.pair) if name != GROUND)
-
     @model_validator(mode="after")
     def _directions(self) -> Self:
         axes = ((name, getattr(self, name, None)) for name in ("axis", "other_axis"))

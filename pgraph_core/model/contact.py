@@ -26,9 +26,7 @@ class Contact(Described):
     }
 
     name: str = field("text that is not empty", label="Name")
-    body: str = field(
-        "the name of a body, or '*' for every body that has a shape", label="Body"
-    )
+    body: str = field("the name of a body, or '*' for every body that has a shape", label="Body")
     other: str = field(
         "'ground', the name of a body, or '*' for every other body that has a shape",
         default=GROUND, label="Other",

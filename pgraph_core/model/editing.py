@@ -12,7 +12,7 @@ from .body_checks import PER_MOTION
 from .checks import fits_joint, force_problems, state_problems
 from .constraint import Constraint, Velocity
 from .contact import Contact
-from .fields import Described, fields_of, listed
+from .fields import Described, OfKinds, fields_of, listed
 from .force import Force, OnJoint
 from .scenario import Scenario
 from .sentences import nearest
@@ -46,13 +46,68 @@ def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
         changes = {key: value for key, value in changes.items() if key != "dof"}
     if "motions" in changes:
         data.pop("axes", None)
-    new = _refused_as(old.name, {**data, **changes})
+    new = _refused_as(Body, f"body '{old.name}'", {**data, **changes})
     if not new_joint:
         return new, []
     given = {*changes, "axes"} if "motions" in changes else changes
     lost = [key for key in JOINT_FIELDS if key not in given and _set(old, key)]
     text = f"body '{new.name}': the joint is now {new.joint} ({new.dof} DoF)"
     return new, [text + (f"; reset: {', '.join(lost)}" if lost else "")]
+
+
+def edited_part(old: T, changes: Mapping[str, Any]) -> tuple[T, list[str]]:
+    """A part that is no body with changed fields, and what changed besides. Raises ModelError.
+
+    Where `kind` changes, fields that the new kind does not have go.
+    """
+    data, notices = fields_of(old), []
+    if isinstance(old, OfKinds) and changes.get("kind", old.own_kind()) in old.KINDS:
+        kind = changes.get("kind", old.own_kind())
+        lost = [key for key in data if key not in old.KINDS[kind].model_fields]
+        kept = {key: value for key, value in data.items() if key not in lost}
+        lost = [key for key in lost if data[key] is not None and key not in changes]
+        if lost and kind != old.own_kind():
+            text = f"{old.word()} '{data['name']}': a {kind} has no {', '.join(lost)}"
+            notices.append(text)
+        data, cls = {**kept, "kind": kind}, old.KINDS[kind]
+    else:
+        cls = type(old)
+    return _refused_as(cls, f"{old.word()} '{data['name']}'", {**data, **changes}), notices
+
+
+def renamed_in_scenarios(
+    scenarios: Sequence[Scenario], key: str, names: Mapping[str, str | None]
+) -> tuple[tuple[Scenario, ...], list[str]]:
+    """Scenarios with new names of constraints or contacts, and notices of what they lose.
+
+    `key` is "constraints" or "contacts"; a name that is None goes.
+    """
+    found, notices = [], []
+    for s in scenarios:
+        update: dict[str, Any] = {}
+        listed = getattr(s, key)
+        if listed is not None and not names.keys().isdisjoint(listed):
+            new = (names.get(x, x) for x in listed)
+            update[key] = tuple(x for x in new if x is not None)
+        if key == "constraints" and any(x.constraint in names for x in s.switches):
+            new_switches = [
+                x.model_copy(update={"constraint": names.get(x.constraint, x.constraint)})
+                for x in s.switches
+            ]
+            update["switches"] = tuple(x for x in new_switches if x.constraint is not None)
+            if len(update["switches"]) < len(s.switches):
+                notices.append(f"scenario '{s.name}': switches of a removed constraint went")
+        if key == "contacts" and s.gait and any(f.foot in names for f in s.gait.feet):
+            feet = [names.get(f.foot, f.foot) for f in s.gait.feet]
+            if None in feet:
+                update["gait"] = None
+                notices.append(f"scenario '{s.name}': its gait went with a foot")
+            else:
+                moved = zip(s.gait.feet, feet)
+                feet = tuple(f.model_copy(update={"foot": name}) for f, name in moved)
+                update["gait"] = s.gait.model_copy(update={"feet": feet})
+        found.append(s.model_copy(update=update) if update else s)
+    return tuple(found), notices
 
 
 def edited_all(
@@ -80,12 +135,11 @@ def edited_all(
     return parts, notices
 
 
-def _refused_as(name: str, data: dict[str, Any]) -> Body:
-    """Validated; a refusal names the body as it is called now, not by the refused name."""
+def _refused_as(kind: type[T], where: str, data: dict[str, Any]) -> T:
+    """Validated; a refusal names the part as it is called now, not by a refused name."""
     try:
-        return Body(**data)
+        return kind(**data)
     except ModelError as error:
-        where = f"body '{name}'"
         raise ModelError(Problem(where, p.field, p.text) for p in error.problems) from None
 
 

@@ -38,7 +38,8 @@ from pydantic_core import PydanticCustomError, PydanticUndefined, core_schema
 
 from ..errors import ModelError, Problem
 from ..portable import Portable
-from .sentences import all_problems, nearest, shown
+from .names import GROUND
+from .sentences import all_problems, nearest_first, shown
 
 Given = TypeVar("Given")
 Held = TypeVar("Held")
@@ -77,7 +78,7 @@ def field(
     help: str = "",
     **bounds: Any,
 ) -> Any:
-    """A field of a part. `converter` is for type checkers: it maps what may be given to the type."""
+    """A field of a part. `converter` is for type checkers: what may be given, and what is held."""
     return Field(
         default,
         description=description,
@@ -183,7 +184,9 @@ if TYPE_CHECKING:  # a type checker reads the parameters of a part from its conv
         def model_copy(
             self, *, update: Mapping[str, Any] | None = None, deep: bool = False
         ) -> Self: ...
-        def model_dump(self, *, mode: str = ..., exclude_none: bool = ...) -> dict[str, Any]: ...
+        def model_dump(self, **how: Any) -> dict[str, Any]: ...
+        @classmethod
+        def model_validate(cls, data: Any) -> Self: ...
         def __copy__(self) -> Self: ...
         @classmethod
         def model_construct(cls, _fields_set: set[str] | None = None, **values: Any) -> Self: ...
@@ -292,6 +295,20 @@ class OfKinds(Described):
         if kind := cls.own_kind():
             cls.KINDS[kind] = cls
 
+    if TYPE_CHECKING:  # what reads several kinds by their `kind` reads fields that some have
+
+        def __getattr__(self, name: str) -> Any: ...
+
+    @property
+    def pair(self) -> tuple[str, str]:
+        """The names of `body` and `other`; 'ground' for a kind without the second."""
+        return getattr(self, "body", GROUND), getattr(self, "other", GROUND)
+
+    @property
+    def touches(self) -> tuple[str, ...]:
+        """Names of the bodies that it acts on, each once; the ground is none."""
+        return tuple(name for name in dict.fromkeys(self.pair) if name != GROUND)
+
     @classmethod
     def own_kind(cls) -> str:
         """The kind that this class is; "" for a class of several."""
@@ -339,8 +356,8 @@ class OfKinds(Described):
         if isinstance(kind, str) and kind in cls.KINDS:
             own, other = cls.__name__, cls.KINDS[kind].__name__
             return f"a {own} has kind '{cls.own_kind()}'; given '{kind}', which is a {other}"
-        hint = f"; {nearest(kind, cls.KINDS)}" if isinstance(kind, str) else ""
-        return f"must be one of {', '.join(cls.KINDS)}; given {shown(kind)}{hint}"
+        close = nearest_first(kind, cls.KINDS) if isinstance(kind, str) else cls.KINDS
+        return f"must be one of {', '.join(close)}; given {shown(kind)}"
 
     @classmethod
     def _foreign(cls, field: str) -> str:

@@ -7,18 +7,16 @@ import json
 import os
 import re
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import FileError, Problem
 from .body_checks import PER_MOTION
 from .names import GROUND
-from .parameters import inlined
+from .parameters import Formula, inlined
 from .sentences import shown
 from .world import Ground
-
-if TYPE_CHECKING:
-    from .model import Model
 
 SCHEMA_VERSION = 2  # 1: without parameters and formulas; nothing else differs
 SCHEMA = "pgraph-model"
@@ -30,12 +28,11 @@ STRINGS = re.compile(r'"[^"\\]*(?:\\.[^"\\]*)*"?', re.DOTALL)  # also one that d
 BRACKETS = re.compile(r"[\[\]{}]")
 
 
-def to_json(model: Model) -> str:
-    """JSON text of a model, without what a body would have anyway (its kind's motions, zeros)."""
-    version = SCHEMA_VERSION if model.parameters else 1  # the oldest that can read it
-    data = {"$schema": SCHEMA, "schema_version": version}
-    data |= model.model_dump(mode="json", exclude_none=True)
-    _put_formulas(data, model)
+def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
+    """JSON text of a model's fields, without what a body has anyway (its kind's motions, zeros)."""
+    version = SCHEMA_VERSION if fields["parameters"] else 1  # the oldest that can read it
+    data: dict[str, Any] = {"$schema": SCHEMA, "schema_version": version, **fields}
+    _put_formulas(data, formulas)
     data["bodies"] = [_concise(body) for body in data["bodies"]]
     constraints = [{"other": GROUND, **c} for c in data["constraints"]]  # also where it has none
     data["constraints"] = [_in_order(c, ORDER) for c in constraints]
@@ -44,12 +41,11 @@ def to_json(model: Model) -> str:
         scenario["forces"] = [_in_order(force, ORDER_OF_FORCES) for force in scenario["forces"]]
         if not scenario["switches"]:
             del scenario["switches"]
-    if model.ground == Ground():
+    if data["ground"] == Ground().model_dump(mode="json", exclude_none=True):
         del data["ground"]
-    if not model.contacts:
-        del data["contacts"]
-    if not model.parameters:
-        del data["parameters"]
+    for key in ("contacts", "parameters"):
+        if not data[key]:
+            del data[key]
     lines = []
     for key, value in data.items():
         if isinstance(value, list) and value and isinstance(value[0], dict):
@@ -60,10 +56,10 @@ def to_json(model: Model) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def _put_formulas(data: dict[str, Any], model: Model) -> None:
+def _put_formulas(data: dict[str, Any], formulas: Sequence[Formula]) -> None:
     """Each formula into its own cell."""
     del data["formulas"]
-    for formula in model.formulas:
+    for formula in formulas:
         items = data[formula.part]
         i = next(i for i, item in enumerate(items) if item["name"] == formula.name)
         items[i] = inlined(items[i], [formula])

@@ -49,11 +49,6 @@ class Force(OfKinds):
         """A force of the given kind. Raises ModelError."""
         super().__init__(**data)
 
-    @property
-    def pair(self) -> tuple[str, str]:
-        """The names of the two bodies that it acts between."""
-        return self.body, getattr(self, "other", GROUND)
-
 
 class OnJoint(Force):
     """Acts on a coordinate of the joint of `body`."""
@@ -99,7 +94,8 @@ class Servo(OnJoint):
     kind: Literal["servo"] = field(KIND, default="servo")
     kp: Number = field(
         "a number >= 0 [N m/rad, N/m]",
-        default=0.0, ge=0, label="kp", unit="N m/rad, N/m", help="torque per position off the target",
+        default=0.0, ge=0, label="kp", unit="N m/rad, N/m",
+        help="torque per position off the target",
     )  # fmt: skip
     kd: Number = field(
         "a number >= 0 [N m s/rad, N s/m]",

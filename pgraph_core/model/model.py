@@ -6,9 +6,9 @@ import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self, overload
 
-from pydantic import Field, ValidationError
+from pydantic import ValidationError
 
 from ..errors import ModelError, Problem, choices
 from . import files
@@ -18,8 +18,17 @@ from .checks import model_problems
 from .constraint import Constraint
 from .contact import Contact
 from .copies import branch, copied, names_of_copies
-from .editing import attached, edited, edited_all, fitted, renamed_all, without
-from .fields import Vec3, fields_of, listed, whole
+from .editing import (
+    attached,
+    edited,
+    edited_all,
+    edited_part,
+    fitted,
+    renamed_all,
+    renamed_in_scenarios,
+    without,
+)
+from .fields import Vec3, field, fields_of, listed, whole
 from .force import Force
 from .loops import cut_joint
 from .mirror import Mirror, other_side
@@ -36,7 +45,7 @@ from .parameters import (
 from .problems import PARTS, problems
 from .rerooting import cut_elsewhere
 from .scenario import Scenario
-from .sentences import shown
+from .sentences import nearest_first, shown
 from .world import DOWN, World
 
 # serial(n): slender rods of 0.2 m along x, hinged about y, so that they swing under gravity.
@@ -47,6 +56,34 @@ ROD_INERTIA = ((2e-4, 0.0, 0.0), (0.0, 3.4e-3, 0.0), (0.0, 0.0, 3.4e-3))
 OF_ONE_ROW = {"parent", "mass", "com", "inertia", "link", "rotation", "tip", "armature", "damping"}
 
 
+Part = Body | Constraint | Contact | Force | Scenario
+PARTS_OF = {"body": "bodies", **{kind.word(): key for key, kind in PARTS.items() if kind != Body}}
+
+
+def _bodies_in(value: Iterable[Body | Mapping[str, Any]]) -> tuple[Body, ...]:
+    return value  # type: ignore[return-value]
+
+
+def _constraints_in(value: Iterable[Constraint | Mapping[str, Any]]) -> tuple[Constraint, ...]:
+    return value  # type: ignore[return-value]
+
+
+def _contacts_in(value: Iterable[Contact | Mapping[str, Any]]) -> tuple[Contact, ...]:
+    return value  # type: ignore[return-value]
+
+
+def _forces_in(value: Iterable[Force | Mapping[str, Any]]) -> tuple[Force, ...]:
+    return value  # type: ignore[return-value]
+
+
+def _scenarios_in(value: Iterable[Scenario | Mapping[str, Any]]) -> tuple[Scenario, ...]:
+    return value  # type: ignore[return-value]
+
+
+def _formulas_in(value: Iterable[Formula | Mapping[str, Any]]) -> tuple[Formula, ...]:
+    return value  # type: ignore[return-value]
+
+
 class Model(World):
     """A multibody system: the rows of the table, in order, and what acts on them.
 
@@ -54,22 +91,38 @@ class Model(World):
     change makes a new, validated model; the old one stays as it was.
     """
 
-    bodies: tuple[Body, ...] = Field(default=(), description="a list of bodies")
-    constraints: tuple[Constraint, ...] = Field(default=(), description="a list of constraints")
-    contacts: tuple[Contact, ...] = Field(default=(), description="a list of contacts")
-    forces: tuple[Force, ...] = Field(default=(), description="a list of forces")
-    scenarios: tuple[Scenario, ...] = Field(default=(), description="a list of scenarios")
-    formulas: tuple[Formula, ...] = Field(default=(), description="formulas of cells")
+    bodies: tuple[Body, ...] = field("a list of bodies", converter=_bodies_in, default=())
+    constraints: tuple[Constraint, ...] = field(
+        "a list of constraints", converter=_constraints_in, default=()
+    )
+    contacts: tuple[Contact, ...] = field("a list of contacts", converter=_contacts_in, default=())
+    forces: tuple[Force, ...] = field("a list of forces", converter=_forces_in, default=())
+    scenarios: tuple[Scenario, ...] = field(
+        "a list of scenarios", converter=_scenarios_in, default=()
+    )
+    formulas: tuple[Formula, ...] = field("formulas of cells", converter=_formulas_in, default=())
 
-    def __init__(self, /, **data: Any):
-        """A validated model. Raises ModelError with every problem found."""
-        data = resolved({key: listed(value) for key, value in data.items()})
-        try:
-            super(World, self).__init__(**data)
-        except (ValidationError, ModelError):
-            raise ModelError(problems(data, type(self).model_fields)) from None
-        if found := model_problems(self):
-            raise ModelError(found)
+    if not TYPE_CHECKING:
+
+        def __init__(self, /, **data: Any):
+            """A validated model. Raises ModelError with every problem found."""
+            data = resolved({key: listed(value) for key, value in data.items()})
+            try:
+                super(World, self).__init__(**data)
+            except (ValidationError, ModelError):
+                raise ModelError(problems(data, type(self).model_fields)) from None
+            if found := model_problems(self._parts()):
+                raise ModelError(found)
+
+    def __repr__(self) -> str:
+        counts = [len(getattr(self, key)) for key in PARTS]
+        words = [
+            f"{n} {key if n != 1 else word}" for n, (word, key) in zip(counts, PARTS_OF.items())
+        ]
+        named = [words[0], *(text for n, text in zip(counts[1:], words[1:]) if n)]
+        return f"<Model {shown(self.name)}: {', '.join(named)}; up {self.up}>"
+
+    __str__ = __repr__
 
     # -- reading -----------------------------------------------------------------------------
 
@@ -90,6 +143,46 @@ class Model(World):
             raise ModelError(Problem(f"body {shown(name)}", "", text))
         return self.bodies[self.row[name]]
 
+    @overload
+    def part(self, name: str, kind: Literal["body"], /) -> Body: ...
+    @overload
+    def part(self, name: str, kind: Literal["constraint"], /) -> Constraint: ...
+    @overload
+    def part(self, name: str, kind: Literal["contact"], /) -> Contact: ...
+    @overload
+    def part(self, name: str, kind: Literal["force"], /) -> Force: ...
+    @overload
+    def part(self, name: str, kind: Literal["scenario"], /) -> Scenario: ...
+    @overload
+    def part(self, name: str, kind: str | None = None, /) -> Part: ...
+    def part(self, name: str, kind: str | None = None, /) -> Part:
+        """The part called `name`: the body, or the one other part that has this name.
+
+        Where several have it, `kind` says which: "body", "constraint", "contact", "force" or
+        "scenario". Raises ModelError naming the ones there are.
+        """
+        if kind is not None and kind not in PARTS_OF:
+            text = f"must be one of {', '.join(PARTS_OF)}; given {shown(kind)}"
+            raise ModelError(Problem(f"part {shown(name)}", "kind", text))
+        found: dict[str, Part] = {}
+        for word in PARTS_OF if kind is None else (kind,):
+            for part in getattr(self, PARTS_OF[word]):
+                if part.name == name:
+                    found[word] = part
+        if "body" in found:
+            return found["body"]
+        if len(found) == 1:
+            return next(iter(found.values()))
+        if found:
+            kinds = [f'kind="{word}"' for word in found]
+            text = f"a {' and a '.join(found)} have this name; give {' or '.join(kinds)}"
+            raise ModelError(Problem(f"part {shown(name)}", "", text))
+        keys = PARTS if kind is None else (PARTS_OF[kind],)
+        known = [part.name for key in keys for part in getattr(self, key)]
+        word = kind or ("part" if len(known) > len(self.bodies) else "body")
+        do = f"choose one of {choices(nearest_first(name, known))}" if known else "there is none"
+        raise ModelError(Problem(f"{word} {shown(name)}", "", f"no {word} has this name; {do}"))
+
     def scenario(self, name: str) -> Scenario:
         """The scenario called `name`. Raises ModelError naming the ones there are."""
         found = next((s for s in self.scenarios if s.name == name), None)
@@ -105,8 +198,9 @@ class Model(World):
         That is the body's tip, and the middle of its shape where it rolls.
         """
         body = self.body(constraint.body)
-        if constraint.point is not None:
-            return constraint.point
+        point = getattr(constraint, "point", None)
+        if point is not None:
+            return point
         if constraint.kind == "rolling" and body.shape is not None:
             return body.shape.position
         return body.tip_point
@@ -134,13 +228,47 @@ class Model(World):
         return cls(name=f"serial {count}", bodies=tuple(rows))
 
     def edit(self, name: str, /, **changes: Any) -> Self:
-        """A new model in which body `name` has the changed fields; a new name is followed.
+        """A new model in which the part `name` has the changed fields; a new name is followed.
 
-        A new `joint`, `dof` or other kinds of `motions` reset that joint's axes, q, v and springs,
-        and forces and initial values that do not fit it go (`notices` says so). Of several parents,
-        ("a", "b"), the first is the one in the tree; the others close loops, cut at joints like the
-        body's own. Raises ModelError; this model stays as it is.
+        A body wins over a part of another kind with its name; `kind="contact"` or the like says
+        which of several other parts is meant.
+
+        A body's new `joint`, `dof` or other kinds of `motions` reset that joint's axes, q, v and
+        springs, and forces and initial values that do not fit it go (`notices` says so). Of several
+        parents, ("a", "b"), the first is the one in the tree; the others close loops, cut at joints
+        like the body's own. Raises ModelError; this model stays as it is.
         """
+        which = changes.get("kind")
+        if which in PARTS_OF:
+            changes = {key: value for key, value in changes.items() if key != "kind"}
+            part = self.part(name, which)
+        else:
+            part = self.part(name)
+        if isinstance(part, Body):
+            return self._edit_body(name, changes)
+        return self._edit_part(part, changes)
+
+    def _edit_part(self, old: Part, changes: Mapping[str, Any]) -> Self:
+        """The edit of a constraint, contact, force or scenario."""
+        key, name = PARTS_OF[old.word()], old.name
+        formulas: tuple[Formula, ...] = self.formulas
+        if key != "scenarios":
+            numbers, new_ones = cells_of({name: changes}, self.parameters, key)  # type: ignore[arg-type]
+            changes, formulas = numbers[name], followed(formulas, new_ones, {}, key)  # type: ignore[arg-type]
+        new, notices = edited_part(old, changes)
+        if new == old and formulas == self.formulas:
+            return self
+        fields: dict[str, Any] = {
+            key: tuple(new if part is old else part for part in getattr(self, key))
+        }
+        if new.name != name:
+            names = {name: new.name}
+            if key in ("constraints", "contacts"):
+                fields["scenarios"], _ = renamed_in_scenarios(self.scenarios, key, names)
+            formulas = followed(formulas, (), names, key)  # type: ignore[arg-type]
+        return self._with(notices, formulas=formulas, **fields)
+
+    def _edit_body(self, name: str, changes: Mapping[str, Any]) -> Self:
         if any(formulas_in(changes)):
             return self._with_formulas(name, changes)
         old = self.body(name)
@@ -200,7 +328,7 @@ class Model(World):
         """The edit of a body that is given formulas in place of some of its numbers."""
         self.body(name)
         numbers, new = cells_of({name: changes}, self.parameters)
-        model = self.edit(name, **numbers[name])
+        model = self._edit_body(name, numbers[name])
         called = {name: changes.get("name", name)}
         formulas = followed(model.formulas, followed((), new, called), {})
         if model is self and formulas == self.formulas:
@@ -226,16 +354,27 @@ class Model(World):
         """The edit of a body that is given several parents."""
         if not parents:
             raise ModelError(Problem(f"body '{name}'", "parent", "give at least one; given []"))
-        model = self.edit(name, **{**changes, "parent": parents[0]})
+        model = self._edit_body(name, {**changes, "parent": parents[0]})
         model = model._with((), bodies=model.bodies) if model is self else model
         for parent in parents[1:]:
             model = model.close_loop(changes.get("name", name), parent)
         return model
 
-    def add(self, body: Body, /, *, after: str | None = None) -> Self:
-        """A new model with one more row, last or below the row of `after`."""
-        at = len(self.bodies) if after is None else self.row[self.body(after).name] + 1
-        return self._with((), bodies=(*self.bodies[:at], body, *self.bodies[at:]))
+    def add(self, part: Part, /, *, after: str | None = None) -> Self:
+        """A new model with one more body, constraint, contact, force or scenario.
+
+        It is the last of its kind, or stands next after the one called `after`. Raises ModelError.
+        """
+        if not isinstance(part, Part):
+            given = f"given {shown(part)} ({type(part).__name__})"
+            text = f"must be a Body, Constraint, Contact, Force or Scenario; {given}"
+            raise ModelError(Problem("model", "add", text))
+        key = PARTS_OF[part.word()]
+        parts = list(getattr(self, key))
+        at = len(parts)
+        if after is not None:
+            at = parts.index(self.part(after, part.word())) + 1
+        return self._with((), **{key: (*parts[:at], part, *parts[at:])})
 
     def edit_all(self, changes: Mapping[str, Mapping[str, Any]], /) -> Self:
         """A new model with several bodies edited at once: all changes, or none and the reasons.
@@ -252,19 +391,47 @@ class Model(World):
         return self._with(notices, **parts)
 
     def remove(
-        self, name: str | Iterable[str], /, *, children: Literal["attach", "delete"] = "attach"
+        self,
+        name: str | Iterable[str],
+        /,
+        *,
+        kind: str | None = None,
+        children: Literal["attach", "delete"] = "attach",
     ) -> Self:
-        """A new model without body `name`, or several; what referred to them goes too, and
+        """A new model without the part `name`, or several; what referred to them goes too, and
         `notices` says so.
 
-        Their children are attached to the next body that stays on the way to the ground, at the
-        same place at q = 0, or deleted too.
+        A body wins over a part of another kind with its name; `kind="contact"` or the like says
+        which of several other parts is meant. Children of a body are attached to the next body
+        that stays on the way to the ground, at the same place at q = 0, or deleted too.
         """
-        names = {name} if isinstance(name, str) else set(name)
-        gone = {name: self.body(name) for name in sorted(names)}
         if children not in ("attach", "delete"):
             text = f"must be 'attach' or 'delete'; given {shown(children)}"
-            raise ModelError(Problem(f"body '{next(iter(gone))}'", "children", text))
+            raise ModelError(Problem(f"part {shown(name)}", "children", text))
+        names = [name] if isinstance(name, str) else list(name)
+        parts = [self.part(each, kind) for each in names]
+        model, notices = self, list[str]()
+        for part in parts:
+            if not isinstance(part, Body):
+                model = model._without_part(part)
+                notices += model.notices
+        bodies = {part.name: part for part in parts if isinstance(part, Body)}
+        if bodies:
+            model = model._without_bodies(bodies, children)
+            notices += model.notices
+        return model._made(notices)
+
+    def _without_part(self, part: Part) -> Self:
+        """Without a constraint, contact, force or scenario."""
+        key, scenarios, notices = PARTS_OF[part.word()], self.scenarios, list[str]()
+        if key in ("constraints", "contacts"):
+            scenarios, notices = renamed_in_scenarios(scenarios, key, {part.name: None})
+        fields = {"scenarios": scenarios}
+        fields[key] = tuple(x for x in fields.get(key, getattr(self, key)) if x is not part)
+        return self._with(notices, **fields)
+
+    def _without_bodies(self, gone: Mapping[str, Body], children: str) -> Self:
+        names = set(gone)
         if children == "delete":
             names = set(branch(self.bodies, names))
         bodies = tuple(attached(b, gone) for b in self.bodies if b.name not in names)
@@ -340,7 +507,7 @@ class Model(World):
     def _with(self, notices: Iterable[str], **fields: Any) -> Self:
         """A copy with validated parts replaced: only what ties the parts together is checked."""
         model = self._made(notices, **fields)
-        if found := model_problems(model):
+        if found := model_problems(model._parts()):
             raise ModelError(found)
         return model
 
@@ -360,15 +527,19 @@ class Model(World):
             name = self.bodies[self.row[name]].parent
         return name == GROUND
 
+    def _parts(self) -> dict[str, Any]:
+        """All parts, by field."""
+        return {key: getattr(self, key) for key in PARTS}
+
     def _others(self) -> dict[str, Any]:
-        """The parts beside the bodies, by field."""
+        """The parts other than bodies, by field."""
         return {key: getattr(self, key) for key in PARTS if key != "bodies"}
 
     # -- files -------------------------------------------------------------------------------
 
     def to_json(self) -> str:
         """The description as JSON text, one body a line."""
-        return files.to_json(self)
+        return files.to_json(self.model_dump(mode="json", exclude_none=True), self.formulas)
 
     @classmethod
     def from_json(

@@ -305,27 +305,32 @@ def inlined(part: Any, formulas: Iterable[Formula]) -> dict[str, Any]:
 
 
 def cells_of(
-    changes: Mapping[str, Mapping[str, Any]], parameters: Mapping[str, float]
+    changes: Mapping[str, Mapping[str, Any]],
+    parameters: Mapping[str, float],
+    part: PartKind = "bodies",
 ) -> tuple[dict[str, dict[str, Any]], tuple[Formula, ...]]:
-    """Changes of bodies by name with numbers for formulas, and the formulas. Raises ModelError."""
+    """Changes of parts by name with numbers for formulas, and the formulas. Raises ModelError."""
     rows = tuple({**fields, "name": name} for name, fields in changes.items())
     if not any(any(formulas_in(row)) for row in rows):
         return {name: dict(fields) for name, fields in changes.items()}, ()
-    filled = resolved({"bodies": rows, "parameters": parameters})
+    filled = resolved({part: rows, "parameters": parameters})
     numbers = {
         name: {key: row[key] if key != "name" else fields[key] for key in fields}
-        for (name, fields), row in zip(changes.items(), filled["bodies"])
+        for (name, fields), row in zip(changes.items(), filled[part])
     }
     return numbers, filled["formulas"]
 
 
 def followed(
-    formulas: Iterable[Formula], new: Iterable[Formula], names: Mapping[str, str]
+    formulas: Iterable[Formula],
+    new: Iterable[Formula],
+    names: Mapping[str, str],
+    part: PartKind = "bodies",
 ) -> tuple[Formula, ...]:
-    """Formulas after an edit: new ones in place of old ones, under the new names of bodies."""
+    """Formulas after an edit: new ones in place of old ones, under the new names of parts."""
     cells = {(f.part, f.name, f.path): f for f in (*formulas, *new)}
     return ordered(
-        f.model_copy(update={"name": names.get(f.name, f.name)}) if f.part == "bodies" else f
+        f.model_copy(update={"name": names.get(f.name, f.name)}) if f.part == part else f
         for f in cells.values()
     )
 

@@ -70,7 +70,7 @@ def _mended(kind: type[Described], item: Any, bad: list[Problem]) -> Any:
     if not isinstance(item, Mapping) or (bad and kind is Body):
         return None
     refused = {p.field for p in bad}
-    refused |= {name for field in refused for name in kind.FOLLOWERS.get(field, ())}
+    refused |= {name for field in refused for name in kind.followers().get(field, ())}
     try:
         return kind(**{key: value for key, value in item.items() if key not in refused})
     except ModelError:
@@ -78,7 +78,7 @@ def _mended(kind: type[Described], item: Any, bad: list[Problem]) -> Any:
 
 
 def _where(kind: type[Described], item: Any, i: int) -> str:
-    word = kind.__name__.lower()
+    word = kind.word()
     name = _field(item, "name", None)
     if isinstance(name, str) and name.strip():
         return f"{word} {shown(name)}"

@@ -97,6 +97,13 @@ def _parts_of(annotation: Any) -> Mapping[str, FieldInfo]:
     return {name: f for a in get_args(annotation) for name, f in _parts_of(a).items()}
 
 
+def nearest_first(name: str, known: Iterable[str]) -> list[str]:
+    """The names, those most like `name` before the others."""
+    names = list(dict.fromkeys(known))
+    close = difflib.get_close_matches(name, names, n=3)
+    return [*close, *(x for x in names if x not in close)]
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """'did you mean mass? Choose from ...' for a mistyped name."""
     names = list(known)
