@@ -27,20 +27,40 @@ if TYPE_CHECKING:
     from .model import Body as Body
     from .model import Constraint as Constraint
     from .model import Contact as Contact
+    from .model import Cylindrical as Cylindrical
+    from .model import Distance as Distance
     from .model import Footfall as Footfall
     from .model import Force as Force
     from .model import Gains as Gains
     from .model import Gait as Gait
+    from .model import Gear as Gear
     from .model import Ground as Ground
+    from .model import Line as Line
     from .model import Model as Model
+    from .model import Motion as Motion
+    from .model import Motor as Motor
+    from .model import Orientation as Orientation
+    from .model import Plane as Plane
+    from .model import Point as Point
     from .model import Polynomial as Polynomial
+    from .model import Prismatic as Prismatic
+    from .model import Revolute as Revolute
+    from .model import Rolling as Rolling
     from .model import Scenario as Scenario
+    from .model import Servo as Servo
     from .model import Shape as Shape
     from .model import Sine as Sine
+    from .model import Skate as Skate
+    from .model import Spring as Spring
     from .model import Step as Step
     from .model import Switch as Switch
     from .model import Table as Table
+    from .model import Torsion as Torsion
+    from .model import Universal as Universal
     from .model import VectorTable as VectorTable
+    from .model import Velocity as Velocity
+    from .model import Weld as Weld
+    from .model import Wrench as Wrench
     from .paper import home_poses as home_poses
     from .paper.frame_update import frame_update_trace as frame_update_trace
     from .plan import Plan as Plan
@@ -78,8 +98,10 @@ _MODULES = {
     "mechanism": "Mechanism",
     "dynamics.batch": "Batch",
     "model": (
-        "Body Constraint Contact Footfall Force Gains Gait Ground Model Polynomial "
-        "Scenario Shape Sine Step Switch Table VectorTable"
+        "Body Constraint Contact Cylindrical Distance Footfall Force Gains Gait Gear "
+        "Ground Line Model Motion Motor Orientation Plane Point Polynomial Prismatic "
+        "Revolute Rolling Scenario Servo Shape Sine Skate Spring Step Switch Table "
+        "Torsion Universal VectorTable Velocity Weld Wrench"
     ),
     "paper": "home_poses",
     "paper.frame_update": "frame_update_trace",

@@ -125,5 +125,4 @@ def _touching(
     floor = pg.Contact(
         name="floor", body=body.name, points=points, friction=friction, restitution=restitution
     )
-    ground = {"ground": pg.Ground(slope=slope)} if slope else {}
-    return pg.Model(bodies=(body,), contacts=(floor,), **ground)
+    return pg.Model(bodies=(body,), contacts=(floor,), ground=pg.Ground(slope=slope))

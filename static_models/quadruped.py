@@ -28,12 +28,12 @@ def quadruped() -> pg.Model:
         rows = list(csv.DictReader(file))
     names = ["ground", *(row["name"] for row in rows)]
     bodies = [_body(row, names[int(row["parent"])]) for row in rows]
-    feet = tuple(_foot(body) for body in bodies if body.name in FEET)
+    feet = {body.name: _foot(body) for body in bodies if body.name in FEET}
     return pg.Model(
         name="quadruped",
         up="y",
         bodies=tuple(_with_shape(body, bodies) for body in bodies),
-        constraints=tuple(sorted(feet, key=lambda foot: FEET.index(foot.name))),
+        constraints=[feet[name] for name in FEET],
         contacts=_soles(bodies),
         scenarios=(_stance(bodies), _stand(bodies), _walk("bound", 10.0)),
     )

@@ -25,7 +25,7 @@ CONSTRAINTS = (
     "point, weld, revolute, prismatic, cylindrical, universal, distance, line, plane, "
     "orientation, gear, motion, rolling, skate, velocity"
 )
-TORQUE = "a number or a table over time [N m, N]; of a wrench three numbers each [N m]"
+TORQUE = "a number or a table over time [N m, N]"
 MASS = "must be a finite number >= 0 [kg]"
 INERTIA = "must be a symmetric 3x3 matrix of finite numbers about the centre of mass [kg m^2]"
 
@@ -339,7 +339,7 @@ FILES: list[tuple[bytes, str]] = [
     ),
     (b"\x89PNG\r\n\x1a\n\x00", ": not text in UTF-8 (byte 0); give a model file of Pgraph"),
     (b'{"name": "\xff"}', ": not text in UTF-8 (byte 10); give a model file of Pgraph"),
-    (b"[" * 200_000, ": no model: its brackets nest too deeply"),
+    (b"[" * 200_000, ": no model: its brackets nest too deeply; 100 levels at most"),
 ]
 
 

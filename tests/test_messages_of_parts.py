@@ -32,12 +32,7 @@ CONSTRAINTS: list[tuple[dict[str, Any], list[str]]] = [
     ),
     (
         {"body": "arm", "kind": "distance"},
-        [
-            (
-                "other_point: kind 'distance' needs it: three finite numbers in the axes of "
-                "`other` [m]"
-            )
-        ],
+        [("other_point: is missing; give three finite numbers in the axes of `other` [m]")],
     ),
     (
         {"body": "arm", "kind": "distance", "other_point": [0, 0, 1], "length": 0},
@@ -97,7 +92,7 @@ CONSTRAINTS: list[tuple[dict[str, Any], list[str]]] = [
         {"body": "arm", "kind": "motion"},
         [
             (
-                "q_of_t: kind 'motion' needs it: a table over time, or {'kind': 'sine' or "
+                "q_of_t: is missing; give a table over time, or {'kind': 'sine' or "
                 "'polynomial', ...} [rad, m]"
             )
         ],
@@ -170,14 +165,15 @@ CONSTRAINTS: list[tuple[dict[str, Any], list[str]]] = [
     ),
     (
         {"body": "arm", "kind": "skate"},
+        [("axis: is missing; give a direction [x, y, z] that is not zero, in the axes of `body`")],
+    ),
+    (
+        {"kind": "velocity", "value": 1},
         [
-            (
-                "axis: kind 'skate' needs it: a direction [x, y, z] that is not zero, in the "
-                "axes of `body`"
-            )
+            "coefficients: is missing; give body name -> numbers, one a degree of freedom of its "
+            "joint"
         ],
     ),
-    ({"kind": "velocity", "value": 1}, ["body: is missing; give the name of a body"]),
     (
         {"kind": "velocity", "coefficients": {"arm": [1, 2], "leg": 1, "ball": [0, 0, 1]}},
         [
@@ -189,7 +185,6 @@ CONSTRAINTS: list[tuple[dict[str, Any], list[str]]] = [
         {"kind": "velocity", "coefficients": {"arm": 0}},
         [
             "coefficients: at least one must differ from zero",
-            "body: is missing; give the name of a body",
         ],
     ),
     (
@@ -246,29 +241,24 @@ FORCES: list[tuple[dict[str, Any], list[str]]] = [
     ),
     (
         {"body": "arm", "kind": "motor", "stiffness": 1},
-        ["stiffness: means nothing to a motor; it belongs to kind spring or torsion"],
+        ["stiffness: means nothing to kind 'motor'; it belongs to kind spring or torsion"],
     ),
     (
         {"body": "arm", "kind": "motor", "torque": [0, 0, 1]},
-        [
-            (
-                "torque: a motor's torque is one number, or a table of one number a time; "
-                "given [0.0, 0.0, 1.0]"
-            )
-        ],
+        [("torque: must be a number or a table over time [N m, N]; given [0, 0, 1]")],
     ),
     (
         {"body": "arm", "kind": "wrench", "torque": 1},
         [
             (
-                "torque: a wrench's torque is three numbers [x, y, z], or a table of them over "
-                "time; given 1.0"
+                "torque: must be three finite numbers [x, y, z] or a table of them over time "
+                "[N m]; given 1"
             )
         ],
     ),
     (
         {"body": "arm", "kind": "wrench", "kp": 1},
-        ["kp: means nothing to a wrench; it belongs to kind servo"],
+        ["kp: means nothing to kind 'wrench'; it belongs to kind servo"],
     ),
     (
         {"body": "arm", "kind": "wrench", "force": [0, 0]},
@@ -294,14 +284,15 @@ FORCES: list[tuple[dict[str, Any], list[str]]] = [
     (
         {"body": "arm", "kind": "spring", "other": "leg", "rest": -1},
         [
-            "rest: a spring's length must be >= 0 [m]; given -1.0",
+            "rest: must be a length >= 0 without force [m]; left out: as in the initial state; "
+            "given -1",
             "other: no body is named 'leg'; choose one of ground, arm, ball, puck",
         ],
     ),
     (
         {"body": "arm", "kind": "torsion", "axis": [0, 0, 0], "damping": -1},
         [
-            "damping: must be a number >= 0 [N s/m; of torsion N m s/rad]; given -1",
+            "damping: must be a number >= 0 [N m s/rad]; given -1",
             "axis: a direction must not be zero; given [0.0, 0.0, 0.0]",
         ],
     ),

@@ -9,14 +9,11 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.model.constraint import IN_JOINTS
-from pgraph_core.model.constraint import TAKES as CONSTRAINT_TAKES
-from pgraph_core.model.force import TAKES as FORCE_TAKES
 from pgraph_core.rotation import matrix
 
 from ..constraints import Part
 from ..core.cells import LONGEST_NAME, Display, Quantity, Refusal, content, number, replaced, whole
-from .kinds import FIELDS, KINDS, UNITS_OF, WORD
+from .kinds import KINDS, WORD, about, own_fields, takes_other
 
 GROUND, EVERY = "ground", "*"
 Item = Any  # pg.Constraint | pg.Contact | pg.Force
@@ -25,11 +22,6 @@ Places = Mapping[str, tuple[np.ndarray, np.ndarray]]  # body name -> position, r
 VECTORS = {"point", "other_point", "axis", "other_axis"}
 CURVES = ("polynomial", "sine", "table")
 KIND_FIELD = {"constraints": "kind", "contacts": "law", "forces": "kind"}
-LAW_TAKES = {
-    "complementarity": ("friction", "restitution"),
-    "soft": ("friction", "stiffness", "damping", "restitution"),
-    "penalty": ("friction", "stiffness", "damping", "restitution"),
-}
 
 
 def item_of(model: pg.Model, part: Part, name: str) -> Item:
@@ -45,32 +37,9 @@ def kind_of(part: Part, item: Item) -> str:
     return getattr(item, KIND_FIELD[part])
 
 
-def takes(part: Part, item: Item) -> tuple[str, ...]:
-    """The fields that matter to it, in the order a person sets them."""
-    kind = kind_of(part, item)
-    if part == "contacts":
-        return ("law", "body", "other", *LAW_TAKES[kind], "points")
-    table = {k: t.fields for k, t in CONSTRAINT_TAKES.items()}
-    own = (table if part == "constraints" else FORCE_TAKES)[kind]
-    between = part == "constraints" and (kind == "gear" or kind not in (*IN_JOINTS, "skate"))
-    others = ("other",) if between and "other" not in own else ()
-    body = () if kind == "velocity" else ("body",)
-    return ("kind", *body, *others, *own)
-
-
-def takes_other(part: str, kind: str) -> bool:
-    """Whether a second body belongs to that kind."""
-    if part == "constraints":
-        return kind not in ("motion", "velocity", "skate")
-    if part == "forces":
-        return kind in ("spring", "torsion")
-    return part in ("contacts", "loops")
-
-
 def quantity_of(item: Item, field: str) -> Quantity:
     """What a field measures."""
-    kind = getattr(item, "kind", None) or getattr(item, "law", "")
-    unit = UNITS_OF.get((field, kind), FIELDS[field].unit if field in FIELDS else "")
+    unit = about(item, field).unit
     return unit if unit in ("length", "angle") else "number"  # type: ignore[return-value]
 
 
@@ -92,15 +61,12 @@ def added(model: pg.Model, part: str, kind: str, body: str, other: str) -> tuple
         return model.edit(body, limits=_wide(model.body(body))), body
     called = "contact" if part == "contacts" else kind
     name = free_name(called, [x.name for x in getattr(model, part)])
-    make = {"constraints": _constraint, "contacts": _contact, "forces": _force}[part]
+    make = {"constraints": pg.Constraint, "contacts": pg.Contact, "forces": pg.Force}[part]
     data = {"name": name, KIND_FIELD[part]: kind, "body": body}  # type: ignore[index]
     if takes_other(part, kind):
         data["other"] = other
     item = make(**data, **needed(model, part, kind, body, other))
-    return model.replace(**{part: (*getattr(model, part), item)}), name
-
-
-_constraint, _contact, _force = pg.Constraint, pg.Contact, pg.Force
+    return model.add(item), name
 
 
 def needed(model: pg.Model, part: str, kind: str, body: str, other: str) -> dict[str, Any]:
@@ -362,10 +328,11 @@ def rekinded(model: pg.Model, part: Part, item: Item, kind: str) -> dict[str, An
     if takes_other(part, kind):
         fresh["other"] = other
     old = model.cells(item, part)
-    draft = type(item)(**fresh, **needed(model, part, kind, item.body, other))
+    cls = pg.Contact if part == "contacts" else pg.Constraint if part == "constraints" else pg.Force
+    draft = cls(**fresh, **needed(model, part, kind, item.body, other))
     same = {
         key: old[key]
-        for key in takes(part, draft)
+        for key in own_fields(draft)
         if old.get(key) is not None and key not in (*fresh, "rest", "torque", "stiffness")
     }
     own = needed(model, part, kind, item.body, other)
@@ -389,22 +356,19 @@ def _put(model: pg.Model, part: Part, name: str, data: Mapping[str, Any]) -> pg.
 
 def switched(model: pg.Model, part: Part, name: str, on: bool) -> pg.Model:
     """The model with a constraint or contact active, or not."""
-    return _put(model, part, name, {**model.cells(item_of(model, part, name), part), "active": on})
+    return model.edit(item_of(model, part, name).name, kind=WORD[part], active=on)
 
 
 def renamed(model: pg.Model, part: Part, name: str, new: str) -> pg.Model:
     """The model with a part's new name, followed by the scenarios. Raises Refusal, PgraphError."""
     if len(new) > LONGEST_NAME:
         raise Refusal(f"a name has at most {LONGEST_NAME} characters; given {len(new)}")
-    data = {**model.cells(item_of(model, part, name), part), "name": new}
-    items = tuple(data if x.name == name else x for x in getattr(model, part))
-    return model.replace(**{part: items}, scenarios=_scenarios(model, part, {name: new}))
+    return model.edit(item_of(model, part, name).name, kind=WORD[part], name=new)
 
 
 def removed(model: pg.Model, part: Part, name: str) -> pg.Model:
-    """The model without a part; scenarios that list it do so no more."""
-    items = tuple(x for x in getattr(model, part) if x.name != name)
-    return model.replace(**{part: items}, scenarios=_scenarios(model, part, {name: None}))
+    """The model without a part, and without what refers to it."""
+    return model.remove(item_of(model, part, name).name, kind=WORD[part])
 
 
 def duplicated(model: pg.Model, part: Part, name: str) -> tuple[pg.Model, str]:
@@ -415,17 +379,3 @@ def duplicated(model: pg.Model, part: Part, name: str) -> tuple[pg.Model, str]:
     items = getattr(model, part)
     i = items.index(item) + 1
     return model.replace(**{part: (*items[:i], copy, *items[i:])}), new
-
-
-def _scenarios(model: pg.Model, part: Part, names: Mapping[str, str | None]) -> tuple[Any, ...]:
-    """Scenarios whose lists of active parts follow new names; None takes a name out."""
-    if part == "forces":
-        return model.scenarios
-    found = []
-    for s in model.scenarios:
-        listed = getattr(s, part)
-        if listed is not None and not names.keys().isdisjoint(listed):
-            new = (names.get(x, x) for x in listed)
-            s = s.model_copy(update={part: tuple(x for x in new if x is not None)})
-        found.append(s)
-    return tuple(found)

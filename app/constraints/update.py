@@ -14,7 +14,7 @@ from ..core.state import Notice, State, told, with_client
 from ..model import Found
 from ..model.update import sent
 from . import MobilityReport, Part, Picking, Slot, parts
-from .kinds import FIELDS, KINDS, WORD
+from .kinds import KINDS, WORD, about, takes_other
 
 # -- editing -----------------------------------------------------------------------------------
 
@@ -45,8 +45,8 @@ def edited(state: State, event: EditPart) -> State:
                 page.display, places,
             )  # fmt: skip
         except Refusal as refusal:
-            about = FIELDS.get(event.field)
-            raise Refusal(f"{about.label if about else event.field}: {refusal}") from None
+            item = parts.item_of(state.model, event.part, event.name)
+            raise Refusal(f"{about(item, event.field).label}: {refusal}") from None
 
     after = answered(state, event.client, event.serial, make, f"{event.field} of {event.name}")
     if event.field == "name" and after.model is not state.model:
@@ -196,7 +196,7 @@ def _next(state: State, client: int, body: str) -> State:
             f"{picking.slot} of {name}",
         )  # fmt: skip
         return _to_tab(with_client(after, client, picking=None), client, part, name)
-    if picking.slot == "body" and parts.takes_other(picking.part, picking.kind):
+    if picking.slot == "body" and takes_other(picking.part, picking.kind):
         return with_client(state, client, picking=replace(picking, slot="other", body=body))
     first = picking.body if picking.slot == "other" else body
     assert first is not None

@@ -14,7 +14,7 @@ from ..core.state import Client, State
 from ..core.views import Payload, audience
 from ..properties.forms import button, cell, choice, field, group, shown
 from . import parts
-from .kinds import EMPTY_OF, FIELDS, KINDS, TITLES, UNITS_OF, WORD
+from .kinds import CELLS, KINDS, TITLES, WORD, about, own_fields
 from .mobility import mobility_report
 from .update import allowed
 from .worker import BY_ITSELF
@@ -87,7 +87,7 @@ def _list(state: State, page: Client, part: Part) -> Payload:
 
 def _bodies(item: Any) -> tuple[str, ...]:
     """The bodies that a part acts on."""
-    return item.touches if isinstance(item, pg.Constraint) else (item.body, item.other)
+    return item.touches
 
 
 def _touches(item: Any, name: str | None, model: pg.Model) -> bool:
@@ -99,13 +99,12 @@ def _touches(item: Any, name: str | None, model: pg.Model) -> bool:
 
 def between(item: Any) -> str:
     """'thigh, shin' or 'foot, ground': where it acts."""
-    if isinstance(item, pg.Constraint) and item.coefficients is not None:
+    if isinstance(item, pg.Velocity):
         return ", ".join(item.coefficients)
-    kind = getattr(item, "kind", "")
     names = {parts.EVERY: "all bodies"}
-    first = names.get(item.body, item.body)
-    alone = kind in ("motion", "skate", "motor", "servo", "wrench")
-    return first if alone else f"{first}, {names.get(item.other, item.other)}"
+    first, other = (names.get(name) or name for name in item.pair)
+    alone = "other" not in type(item).model_fields or isinstance(item, pg.Skate)
+    return first if alone else f"{first}, {other}"
 
 
 def _limits(state: State, page: Client) -> list[Payload]:
@@ -155,7 +154,7 @@ def form(state: State, display: Display, part: Part, item: Any) -> list[Payload]
     at = parts.places(state.derived.names, state.derived.positions, state.derived.wxyz)
     cells = state.model.cells(item, part)
     found = [field("name", "Name", [cell((), item.name)], kind="text")]
-    for name in parts.takes(part, item):
+    for name in own_fields(item):
         found += _field(state.model, part, item, name, cells, display, at)
     return [group("", found)]
 
@@ -167,22 +166,22 @@ def _field(
     match name:
         case "kind" | "law":
             options = list(KINDS[part])
-            return [choice(name, FIELDS[name].label, kind, options, help=KINDS[part][kind],
+            return [choice(name, about(item, name).label, kind, options, help=KINDS[part][kind],
                            note=KINDS[part][kind])]  # fmt: skip
         case "body" | "other":
             return [_name_field(part, item, name)]
         case "frame":
-            return [choice(name, FIELDS[name].label, item.frame, ("world", "body"))]
+            return [choice(name, about(item, name).label, item.frame, ("world", "body"))]
         case "q_of_t":
             return _curve(item)
         case "coefficients":
-            return _coefficients(cells)
+            return _coefficients(item, cells)
         case "points":
             return _points(item, cells, display)
         case "torque" | "target" if kind != "wrench":
-            about = FIELDS[name]
-            return [field(name, about.label, [cell((), parts.knots(cells[name]))],
-                          unit=about.unit, help=about.help, kind="text")]  # fmt: skip
+            shows = about(item, name)
+            return [field(name, shows.label, [cell((), parts.knots(cells[name]))],
+                          unit=shows.unit, help=shows.help, kind="text")]  # fmt: skip
         case "torque" | "force":
             return _over_time(item, name, cells)
     return [_plain(model, item, name, cells, display, at)]
@@ -197,52 +196,49 @@ def _name_field(part: Part, item: Any, name: str) -> Payload:
     if part == "contacts":
         extra.append(parts.EVERY)
     pick = button("pick", "Pick", "click the body in the digraph, the table or 3D", slot=name)
-    return field(name, FIELDS[name].label, [cell((), getattr(item, name))], kind="names",
+    return field(name, about(item, name).label, [cell((), getattr(item, name))], kind="names",
                  options=extra, buttons=[pick])  # fmt: skip
 
 
 def _plain(model: pg.Model, item: Any, name: str, cells: Any, display: Display, at: Any) -> Payload:
     """A number or a vector; what is left out shows what it comes to."""
-    kind = getattr(item, "kind", None) or getattr(item, "law", "")
-    about, of = FIELDS[name], parts.quantity_of(item, name)
+    shows, of = about(item, name), parts.quantity_of(item, name)
     value, implied = cells.get(name), False
     if value is None:
         value, implied = parts.implied(model, item, name, at), True
-    unit = UNITS_OF.get((name, kind), about.unit)
-    unit = display.unit(of) if unit in ("length", "angle") else unit
+    unit = display.unit(of) if shows.unit in ("length", "angle") else shows.unit
     if name in parts.VECTORS:
         found = value if value is not None else (None, None, None)
         row = [cell((i,), shown(x, of, display), implied=implied) for i, x in enumerate(found)]
-        return field(name, about.label, row, unit=unit, help=about.help)
-    empty = EMPTY_OF.get(name, "") if isinstance(item, pg.Contact) else ""
+        return field(name, shows.label, row, unit=unit, help=shows.help)
     one = cell((), shown(value, of, display), implied=implied)
-    return field(name, about.label, [one], unit=unit, help=empty or about.help)
+    return field(name, shows.label, [one], unit=unit, help=shows.help)
 
 
-def _curve(item: pg.Constraint) -> list[Payload]:
+def _curve(item: pg.Motion) -> list[Payload]:
     """The kind of a prescribed motion and its numbers."""
     curve = item.q_of_t
     kind = curve.kind if isinstance(curve, (pg.Sine, pg.Polynomial)) else "table"
-    found = [choice("curve", "Follows", kind, parts.CURVES, help=FIELDS["curve"].help)]
+    found = [choice("curve", "Follows", kind, parts.CURVES, help=CELLS["curve"].help)]
     if kind == "table":
         one = cell((), parts.knots(curve))
-        about = FIELDS["table"]
-        return [*found, field("table", about.label, [one], help=about.help, kind="text",
-                              note=about.help)]  # fmt: skip
+        shows = CELLS["table"]
+        return [*found, field("table", shows.label, [one], help=shows.help, kind="text",
+                              note=shows.help)]  # fmt: skip
     if isinstance(curve, pg.Sine):
         numbers: Sequence[float] = (curve.mean, curve.amplitude, curve.frequency, curve.phase)
     else:
         assert isinstance(curve, pg.Polynomial)
         numbers = (*curve.coefficients, 0.0, 0.0, 0.0, 0.0)[:4]
     row = [cell((i,), x, name) for i, (x, name) in enumerate(zip(numbers, Q_OF_T[kind]))]
-    about = FIELDS[kind]
-    return [*found, field(kind, about.label, row, help=about.help, columns=2, note=about.help)]
+    shows = CELLS[kind]
+    return [*found, field(kind, shows.label, row, help=shows.help, columns=2, note=shows.help)]
 
 
-def _coefficients(cells: Any) -> list[Payload]:
+def _coefficients(item: pg.Velocity, cells: Any) -> list[Payload]:
     found = [
         field("coefficients", name, [cell((i, j), x) for j, x in enumerate(row)],
-              help=FIELDS["coefficients"].help,
+              help=about(item, "coefficients").help,
               buttons=[button("×", "", "take this body out", field="coefficients", index=[],
                               text=name)])
         for i, (name, row) in enumerate(cells["coefficients"].items())
@@ -257,7 +253,7 @@ def _points(item: pg.Contact, cells: Any, display: Display) -> list[Payload]:
     found = [
         field("points", f"Point {i + 1}",
               [cell((i, j), shown(x, "length", display)) for j, x in enumerate(point)],
-              unit=display.length, help=FIELDS["points"].help,
+              unit=display.length, help=about(item, "points").help,
               buttons=[button("×", "", "take this point out", field="points", index=[i], text="")])
         for i, point in enumerate(cells["points"])
     ]  # fmt: skip
@@ -269,13 +265,13 @@ def _points(item: pg.Contact, cells: Any, display: Display) -> list[Payload]:
 
 def _over_time(item: pg.Force, name: str, cells: Any) -> list[Payload]:
     """A wrench's vector, constant or as rows over time."""
-    about, constant = FIELDS[name], isinstance(getattr(item, name), tuple)
+    shows, constant = about(item, name), isinstance(getattr(item, name), tuple)
     how = "constant" if constant else "over time"
-    over = choice(f"{name}_over", FIELDS[f"{name}_over"].label, how, ("constant", "over time"))
+    over = choice(f"{name}_over", CELLS[f"{name}_over"].label, how, ("constant", "over time"))
     if constant:
         row = [cell((i,), x) for i, x in enumerate(cells[name])]
-        return [field(name, about.label, row, unit=about.unit.split(",")[0]), over]
+        return [field(name, shows.label, row, unit=shows.unit.split(",")[0]), over]
     row = [cell((), parts.knots(cells[name]))]
     text = "rows: t x y z; t x y z; ..."
-    return [field(name, about.label, row, unit=about.unit.split(",")[0], kind="text", help=text,
+    return [field(name, shows.label, row, unit=shows.unit.split(",")[0], kind="text", help=text,
                   note=text), over]  # fmt: skip

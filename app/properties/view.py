@@ -6,8 +6,8 @@ import math
 from typing import Any, get_args
 
 import pgraph_core as pg
+from pgraph_core.model.fields import About
 
-from ..constraints.kinds import About
 from ..core.bridge import Bridge
 from ..core.cells import Display
 from ..core.state import Client, State

@@ -261,6 +261,37 @@ class Motion(Constraint):
     )  # fmt: skip
 
 
+# -- velocities of places --------------------------------------------------------------------------
+
+
+class Rolling(AlongAxes):
+    """A sphere, or where `axis` is given a disc, rolls on a plane without slip."""
+
+    ABOUT: ClassVar[str] = "a sphere or disc rolls without slip (nonholonomic)"
+    kind: Literal["rolling"] = field(KIND, default="rolling")
+    radius: Number | None = field(
+        "a radius > 0 [m]; left out: that of the body's shape",
+        default=None, gt=0, unit="length", help="empty: that of the body's shape",
+    )  # fmt: skip
+
+
+class Skate(ToOther):
+    """The velocity of `point` along `axis`, which is across a blade of `body`, is zero."""
+
+    ABOUT: ClassVar[str] = "no velocity across a blade (nonholonomic)"
+
+    kind: Literal["skate"] = field(KIND, default="skate")
+    point: Vec3 | None = field(
+        "three finite numbers in the axes of `body` [m]; left out: its tip",
+        converter=maybe_vector, default=None, unit="length",
+        help="in the axes of the body; empty: its tip",
+    )  # fmt: skip
+    axis: Vec3 = field(
+        "a direction [x, y, z] that is not zero, in the axes of `body`",
+        converter=vector, help="direction in the axes of the body, across the blade",
+    )  # fmt: skip
+
+
 class Velocity(Constraint):
     """A sum of joint velocities has a value: the sum of coefficients x v is `value`."""
 
@@ -295,34 +326,3 @@ class Velocity(Constraint):
     @property
     def touches(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys((self.body, *self.coefficients)))
-
-
-# -- velocities of places --------------------------------------------------------------------------
-
-
-class Rolling(AlongAxes):
-    """A sphere, or where `axis` is given a disc, rolls on a plane without slip."""
-
-    ABOUT: ClassVar[str] = "a sphere or disc rolls without slip (nonholonomic)"
-    kind: Literal["rolling"] = field(KIND, default="rolling")
-    radius: Number | None = field(
-        "a radius > 0 [m]; left out: that of the body's shape",
-        default=None, gt=0, unit="length", help="empty: that of the body's shape",
-    )  # fmt: skip
-
-
-class Skate(ToOther):
-    """The velocity of `point` along `axis`, which is across a blade of `body`, is zero."""
-
-    ABOUT: ClassVar[str] = "no velocity across a blade (nonholonomic)"
-
-    kind: Literal["skate"] = field(KIND, default="skate")
-    point: Vec3 | None = field(
-        "three finite numbers in the axes of `body` [m]; left out: its tip",
-        converter=maybe_vector, default=None, unit="length",
-        help="in the axes of the body; empty: its tip",
-    )  # fmt: skip
-    axis: Vec3 = field(
-        "a direction [x, y, z] that is not zero, in the axes of `body`",
-        converter=vector, help="direction in the axes of the body, across the blade",
-    )  # fmt: skip

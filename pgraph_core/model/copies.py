@@ -99,7 +99,7 @@ def _bodies(rows: Sequence[Body], names: Names, mirror: Mirror | None) -> tuple[
 
 def _takes_point(part: Constraint | Contact | Force) -> bool:
     """Whether `point` of a part is a place even where it is left out."""
-    return hasattr(part, "point")
+    return "point" in type(part).model_fields
 
 
 class _Copy:
@@ -123,9 +123,7 @@ class _Copy:
         if self.names.keys().isdisjoint(part.touches):
             return None
         renamed: dict[str, Any] = {
-            key: self.names.get(getattr(part, key), getattr(part, key))
-            for key in PAIR
-            if hasattr(part, key)
+            key: self.names.get(getattr(part, key), getattr(part, key)) for key in PAIR
         }
         if isinstance(part, Velocity):
             coefficients = {self.names.get(k, k): x for k, x in part.coefficients.items()}
@@ -190,7 +188,7 @@ class _Copy:
             key: self.mirror.point(x)
             for key in ("point", "other_point") if (x := getattr(part, key, None)) is not None
         }  # fmt: skip
-        if part.body == self.root.parent and getattr(part, "point", ()) is None:
+        if part.body == self.root.parent and part.point is None and _takes_point(part):
             change["point"] = self.mirror.point(self.known[part.body].tip_point)
         for key in ("axis", "other_axis"):
             if (axis := getattr(part, key, None)) is not None:

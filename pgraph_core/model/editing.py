@@ -55,7 +55,7 @@ def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
     return new, [text + (f"; reset: {', '.join(lost)}" if lost else "")]
 
 
-def edited_part(old: T, changes: Mapping[str, Any]) -> tuple[T, list[str]]:
+def edited_part(old: Described, changes: Mapping[str, Any]) -> tuple[Any, list[str]]:
     """A part that is no body with changed fields, and what changed besides. Raises ModelError.
 
     Where `kind` changes, fields that the new kind does not have go.
@@ -164,7 +164,7 @@ def _set(body: Body, field: str) -> bool:
 
 def renamed(part: T, names: Mapping[str, str], fields: tuple[str, ...]) -> T:
     """The part with new names of bodies in the fields that hold names of bodies."""
-    old = {field: getattr(part, field) for field in fields if hasattr(part, field)}
+    old = {field: getattr(part, field) for field in fields}
     update = {field: names[name] for field, name in old.items() if name in names}
     return part.model_copy(update=update) if update else part
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from numbers import Integral
 from typing import (
     TYPE_CHECKING,
@@ -225,7 +226,7 @@ class Frozen(_Base):
         written: dict[str, str] = {}
         for base in cls.__mro__[::-1]:
             written |= vars(base).get("__annotations__", {})
-        cls.__signature__ = inspect.Signature(
+        parameters = [
             inspect.Parameter(
                 name,
                 inspect.Parameter.KEYWORD_ONLY,
@@ -233,7 +234,8 @@ class Frozen(_Base):
                 annotation=_Written(written.get(name, "")),
             )
             for name, info in cls.model_fields.items()
-        )
+        ]
+        cls.__signature__ = inspect.Signature(parameters)
 
 
 class _Written(str):
@@ -295,9 +297,22 @@ class OfKinds(Described):
         if kind := cls.own_kind():
             cls.KINDS[kind] = cls
 
-    if TYPE_CHECKING:  # what reads several kinds by their `kind` reads fields that some have
+    def __getattr__(self, name: str) -> Any:
+        """A field that only other kinds have reads as what says nothing: None, 'ground', 0."""
+        cls = type(self)
+        if name not in cls.model_fields and name in cls.fields_of_kinds():
+            return cls.NOTHING.get(name)
+        return super().__getattr__(name)  # type: ignore[misc]
 
-        def __getattr__(self, name: str) -> Any: ...
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy with other fields, not validated; fields of other kinds do not count."""
+        own = {k: x for k, x in (update or {}).items() if k in type(self).model_fields}
+        return super().model_copy(update=own, deep=deep)
+
+    @classmethod
+    def model_validate(cls, data: Any) -> Self:
+        """A part from its fields. Raises ModelError."""
+        return data if isinstance(data, cls) else cls(**data)
 
     @property
     def pair(self) -> tuple[str, str]:
@@ -348,7 +363,7 @@ class OfKinds(Described):
         if kind != cls.own_kind():
             refuse([("kind", cls._other_kind(kind))])
         foreign = [key for key in data if key not in cls.model_fields and key in known]
-        refuse([(key, cls._foreign(key)) for key in foreign if not cls._empty(key, data[key])])
+        refuse([(k, cls._foreign(k, data[k])) for k in foreign if not cls._empty(k, data[k])])
         return {key: value for key, value in data.items() if key not in foreign}
 
     @classmethod
@@ -360,9 +375,10 @@ class OfKinds(Described):
         return f"must be one of {', '.join(close)}; given {shown(kind)}"
 
     @classmethod
-    def _foreign(cls, field: str) -> str:
+    def _foreign(cls, field: str, value: Any) -> str:
         kinds = [kind for kind, each in cls.KINDS.items() if field in each.model_fields]
         do = f"it belongs to kind {' or '.join(kinds)}" if len(kinds) < 4 else "leave it out"
+        do += f"; given {shown(value)}" if isinstance(value, str) else ""
         return f"means nothing to kind '{cls.own_kind()}'; {do}"
 
     @classmethod
@@ -372,11 +388,16 @@ class OfKinds(Described):
     @classmethod
     def fields_of_kinds(cls) -> set[str]:
         """The fields of all kinds."""
-        return {name for each in cls.KINDS.values() for name in each.model_fields}
+        return _fields_of(tuple(cls.KINDS.values()))
 
     @classmethod
     def followers(cls) -> Mapping[str, tuple[str, ...]]:
         return {"kind": tuple(cls.fields_of_kinds() - {"name", "kind", "body", "active"})}
+
+
+@cache
+def _fields_of(kinds: tuple[type[OfKinds], ...]) -> set[str]:
+    return {name for each in kinds for name in each.model_fields}
 
 
 def whole(value: Any) -> int | None:

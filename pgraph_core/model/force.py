@@ -76,10 +76,10 @@ class Motor(OnJoint):
     )  # fmt: skip
 
     @classmethod
-    def _foreign(cls, field: str) -> str:
+    def _foreign(cls, field: str, value: Any) -> str:
         if field in ("kp", "kd"):
             return "a motor has no kp and kd; use kind 'servo'"
-        return super()._foreign(field)
+        return super()._foreign(field, value)
 
     @classmethod
     def _empty(cls, field: str, value: Any) -> bool:

@@ -124,6 +124,12 @@ class Model(World):
 
     __str__ = __repr__
 
+    def _repr_html_(self) -> str:
+        """The digraph and the table of bodies, for notebooks."""
+        from ..show import model_html
+
+        return model_html(self)
+
     # -- reading -----------------------------------------------------------------------------
 
     @cached_property
@@ -405,10 +411,10 @@ class Model(World):
         which of several other parts is meant. Children of a body are attached to the next body
         that stays on the way to the ground, at the same place at q = 0, or deleted too.
         """
+        names = [name] if isinstance(name, str) else list(name)
         if children not in ("attach", "delete"):
             text = f"must be 'attach' or 'delete'; given {shown(children)}"
-            raise ModelError(Problem(f"part {shown(name)}", "children", text))
-        names = [name] if isinstance(name, str) else list(name)
+            raise ModelError(Problem(f"body {shown(names[0])}", "children", text))
         parts = [self.part(each, kind) for each in names]
         model, notices = self, list[str]()
         for part in parts:

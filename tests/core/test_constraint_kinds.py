@@ -7,7 +7,6 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_core.engine import layout as at
-from pgraph_core.model.constraint import TAKES
 from pgraph_core.packing.constraints import blocks, curve
 from pgraph_core.paper import Operators, constrained_dynamics, frames
 from pgraph_core.paper.constraint_rows import prescribed, radius_of_gyration, rows_of
@@ -51,7 +50,7 @@ def case(kind, seed):
     a, b = rng.choice(5, 2, replace=False)
     alone = kind in ("motion", "velocity") or (seed % 2 and kind != "gear")
     fields = {"body": f"b{a}", "other": "ground" if alone else f"b{b}"}
-    takes = TAKES["rolling" if kind == "disc" else kind].fields
+    takes = pg.Constraint.KINDS["rolling" if kind == "disc" else kind].model_fields
     for name in ("point", "other_point", "axis", "other_axis"):
         if name in takes:
             fields[name] = tuple(rng.normal(size=3))
