@@ -130,6 +130,7 @@ class Pick(FromPage):
     slot: Slot
 
 
+@on(Pick)
 def pick(state: State, event: Pick) -> State:
     try:
         kind = parts.kind_of(event.part, parts.item_of(state.model, event.part, event.name))

@@ -432,7 +432,7 @@ class Model(World):
         key, scenarios, notices = PARTS_OF[part.word()], self.scenarios, list[str]()
         if key in ("constraints", "contacts"):
             scenarios, notices = renamed_in_scenarios(scenarios, key, {part.name: None})
-        fields = {"scenarios": scenarios}
+        fields: dict[str, Any] = {"scenarios": scenarios}
         fields[key] = tuple(x for x in fields.get(key, getattr(self, key)) if x is not part)
         return self._with(notices, **fields)
 
