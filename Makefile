@@ -4,7 +4,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 .DEFAULT_GOAL := help
-.PHONY: help run test check nightly format clean
+.PHONY: help run test quick check kernels nightly format clean
+WORKERS ?= 2# processes for tests that use no browser and measure no time
 
 help: ## this list
 	@sed -n 's/^\([a-z]*\):.*## /make \1\t/p' Makefile
@@ -12,11 +13,19 @@ help: ## this list
 run: $(VENV)/installed ## start the app with the quadruped and open the browser
 	@$(BIN)/python -m app
 
-test: check ## set up everything that the tests need, and run them
-	@$(BIN)/python -m pytest
+test: check kernels ## set up everything that the tests need, and run them
+	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -m "not (browser or timed or nightly)"
+	@$(BIN)/python -m pytest -m "(browser or timed) and not nightly"
 
-nightly: check ## every test, the long ones too
+quick: $(VENV)/installed-for-tests ## the tests that take a minute together, without a browser
+	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -m fast
+
+nightly: check kernels ## every test, the long ones too, with new random cases
 	@PGRAPH_EXPLORE=1 $(BIN)/python -m pytest -m "nightly or not nightly"
+
+# Before the tests, so that their processes do not compile the same kernels at the same time.
+kernels: $(VENV)/installed-for-tests
+	@$(BIN)/python -m pgraph_core.engine > /dev/null
 
 check: $(VENV)/installed-for-tests
 	@.ci/browser $(BIN)/python
@@ -38,12 +47,12 @@ $(VENV)/made:
 	@$(PYTHON) -m venv --clear $(VENV) || { echo "Python's venv is missing; on Debian: apt-get install python3-venv" >&2; exit 1; }
 	@touch $@
 
-$(VENV)/installed: $(VENV)/made pyproject.toml
+$(VENV)/installed: $(VENV)/made pyproject.toml setup.py
 	@echo "Installing Pgraph into $(VENV) ..."
 	@$(PIP) install --editable .
 	@touch $@
 
-$(VENV)/installed-for-tests: $(VENV)/made pyproject.toml
+$(VENV)/installed-for-tests: $(VENV)/made pyproject.toml setup.py
 	@echo "Installing Pgraph and what its tests need into $(VENV) ..."
 	@$(PIP) install --editable '.[test]'
 	@touch $@ $(VENV)/installed

@@ -8,6 +8,8 @@ import pytest
 import pgraph_core as pg
 from pgraph_core import rotation
 
+pytestmark = pytest.mark.fast
+
 X, SLANTED = (1.0, 0.0, 0.0), (0.0, 0.6, 0.8)
 TURNED = rotation.unit((0.9, 0.1, -0.3, 0.2))
 BALL = rotation.unit((0.8, 0.2, 0.1, 0.5))

@@ -9,6 +9,8 @@ import pytest
 
 import pgraph_core as pg
 
+pytestmark = pytest.mark.fast
+
 TEXT = (Path(__file__).parent.parent / "docs" / "description.md").read_text(encoding="utf-8")
 SECTIONS = dict(re.findall(r"^## (\w+)\n(.*?)(?=^## |\Z)", TEXT, flags=re.M | re.S))
 PARTS = (

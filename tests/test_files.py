@@ -12,6 +12,8 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_core.model import files
 
+pytestmark = pytest.mark.fast
+
 MODEL = pg.Model.serial(3)
 
 

@@ -180,6 +180,7 @@ def twins(n: int) -> str:
     return "{" + ",".join(f'"k{i}":0' for i in range(n)) + f',"k{n - 1}":1}}'
 
 
+@pytest.mark.timed
 def test_twin_keys_are_found_in_linear_time():
     with pytest.raises(pg.FileError, match="field 'k9' is given twice in one object"):
         files.parse(twins(10), "text")
@@ -207,10 +208,12 @@ def test_brackets_in_strings_nest_nothing():
     assert files.parse('{"name": "' + "[{" * 500 + '\\"[["}', "text")["name"].count("[") == 502
 
 
+@pytest.mark.timed
 def test_an_unfinished_string_of_quotes_takes_linear_time():
     assert cost('"' + '\\"' * 2_000_000) < 150 * cost('"' + '\\"' * 100_000)
 
 
+@pytest.mark.timed
 def test_a_page_refuses_too_many_bodies_before_it_makes_them():
     state = update(initial(pg.Model.serial(2)), Connected(ME))
     rows = [{"name": str(i)} for i in range(100_000)]

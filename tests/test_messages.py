@@ -16,6 +16,8 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.cli import main
 
+pytestmark = pytest.mark.fast
+
 FIELDS = (
     "name, parent, joint, axes, motions, link, rotation, mass, com, inertia, tip, q, v, "
     "stiffness, damping, rest, friction, armature, limits, limit_restitution, shape"

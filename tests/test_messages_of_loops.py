@@ -8,6 +8,8 @@ import pytest
 
 import pgraph_core as pg
 
+pytestmark = pytest.mark.fast
+
 ROD = {"com": (0.5, 0, 0), "inertia": ((0.01, 0, 0), (0, 0.1, 0), (0, 0, 0.1))}
 
 

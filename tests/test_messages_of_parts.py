@@ -14,6 +14,8 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.cli import main
 
+pytestmark = pytest.mark.fast
+
 BODIES = [
     {"name": "arm"},
     {"name": "ball", "joint": "spherical"},

@@ -14,6 +14,8 @@ import pgraph_models
 from pgraph_models import build
 from pgraph_models.stance import FEET, holding_torques, origins, push
 
+pytestmark = pytest.mark.fast
+
 GRAVITY = 9.81
 NAMES = (
     "andrews",

@@ -9,6 +9,8 @@ import pytest
 import pgraph_core as pg
 from pgraph_core.topology import loops_of
 
+pytestmark = pytest.mark.fast
+
 SPHERE = {"kind": "sphere", "radius": 0.1}
 
 

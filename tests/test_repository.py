@@ -16,6 +16,8 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 
+pytestmark = pytest.mark.fast
+
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 
@@ -126,7 +128,7 @@ def test_ci_scripts_are_executable_and_parse(script: str):
 def test_ci_runs_make_test():
     assert "exec make test" in (ROOT / ".ci" / "run").read_text()
     makefile = (ROOT / "Makefile").read_text()
-    for target in ("run", "test", "nightly", "format"):
+    for target in ("run", "test", "quick", "nightly", "format"):
         assert re.search(rf"^{target}:", makefile, re.MULTILINE)
 
 

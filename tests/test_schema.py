@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 import pgraph_core as pg
 import pgraph_models
 
+pytestmark = pytest.mark.fast
+
 FINITE = st.floats(-10, 10, allow_nan=False)
 
 

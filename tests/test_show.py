@@ -15,6 +15,8 @@ import pgraph_models
 from pgraph_core import show
 from pgraph_core.show import animation, plots, tables
 
+pytestmark = pytest.mark.fast
+
 COLUMNS = {
     "t [s]": np.array([0.0, 0.5, 1.0]),
     "q knee 0 [rad]": np.array([0.0, 1.0, 2.0]),

@@ -11,6 +11,8 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_core.topology import depth_first, find
 
+pytestmark = pytest.mark.fast
+
 FIG1 = [0, 1, 2, 2, 3, 2, 6]  # the parents of bodies 1 to 7
 QUADRUPED = [0, 1, 2, 3, 4, 5, 6, 4, 8, 9, 1, 11, 12, 1, 14, 15]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -54,7 +55,8 @@ def quadruped() -> pg.Model:
 
 @pytest.fixture(scope="session")
 def served(quadruped: pg.Model) -> Iterator[Server]:
-    server = serve(quadruped, port=18080, open_browser=False)
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
+    server = serve(quadruped, port=18080 + worker, open_browser=False)
     server.viser.scene.configure_default_lights(cast_shadow=False)  # software GL is slow
     yield server
     server.stop()

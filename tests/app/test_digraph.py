@@ -13,6 +13,8 @@ import pgraph_core as pg
 from pgraph_app.digraph.steps import seven_steps
 from pgraph_core.show.digraph import CHARACTER, LABEL, LONGEST, NODE, TIDY, layout
 
+pytestmark = pytest.mark.fast
+
 GRIPPER = (0, 1, 2, 3, 3), (1, 1, 1, 1, 1)
 WALKER = (0, 1, 2, 3, 2, 1), (6, 1, 3, 0, 1, 1)
 

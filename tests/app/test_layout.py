@@ -11,6 +11,8 @@ import pgraph_core as pg
 from pgraph_core.show import shapes
 from pgraph_core.show.digraph import NODE, TIDY, layout
 
+pytestmark = pytest.mark.fast
+
 
 @st.composite
 def trees(draw, most: int):

@@ -26,6 +26,8 @@ from pgraph_app.plots.view import plots, signals
 from pgraph_app.run.update import Compare, Simulate, Simulated
 from pgraph_app.session.update import Connected
 
+pytestmark = pytest.mark.fast
+
 ME = 1
 
 

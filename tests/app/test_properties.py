@@ -36,6 +36,8 @@ from pgraph_app.session.update import Connected, SetDisplay
 from pgraph_app.world.update import DeleteParameter, EditParameter, EditWorld, RenameParameter
 from pgraph_core.rotation import matrix
 
+pytestmark = pytest.mark.fast
+
 ME = 1
 ROD = pg.Body(name="rod")
 

@@ -16,6 +16,8 @@ from pgraph_app.session.update import Connected, Disconnected, Hello, SelectBodi
 from pgraph_app.table.update import SetParent
 from pgraph_app.world.update import EditParameter, RenameParameter
 
+pytestmark = pytest.mark.fast
+
 ME, OTHER = 1, 2
 
 

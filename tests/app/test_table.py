@@ -21,6 +21,8 @@ from pgraph_app.table.update import (
     SetParent,
 )
 
+pytestmark = pytest.mark.fast
+
 ME, OTHER = 1, 2
 
 

@@ -32,6 +32,8 @@ from pgraph_app.session.update import Connected, Disconnected, Save, Saved, Sele
 from pgraph_app.table.update import AddBody, DeleteBodies
 from pgraph_core.show.animation import between
 
+pytestmark = pytest.mark.fast
+
 ME, OTHER = 1, 2
 
 

@@ -19,6 +19,8 @@ from pgraph_app.run.view import run
 from pgraph_app.session.update import Connected
 from pgraph_app.table.view import table
 
+pytestmark = pytest.mark.fast
+
 
 @pytest.fixture
 def state(quadruped):

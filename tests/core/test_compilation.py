@@ -39,6 +39,7 @@ print(alone, time.process_time())
 """
 
 
+@pytest.mark.timed
 @pytest.mark.nightly
 def test_all_kernels_compile_within_nine_times_of_one(tmp_path):
     """CPU time, by that of the dynamics of a tree with the import of numba: 7.7 when measured."""

@@ -14,6 +14,8 @@ from pgraph_core.paper.constrained import active_constraints, constraint_rows, d
 
 from .trees import moved, random_case, scaled_error
 
+pytestmark = pytest.mark.fast
+
 FEET = ("left_front_paw", "right_front_paw", "left_hind_paw", "right_hind_paw")
 WEIGHT = 323.73  # N, of 33 kg
 

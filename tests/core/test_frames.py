@@ -22,6 +22,8 @@ from pgraph_core.paper.frame_update import (
 
 from .trees import moved, random_body, random_case, random_state, scaled_error
 
+pytestmark = pytest.mark.fast
+
 ROOT = Path(__file__).parents[2]
 seeds = st.integers(0, 2**32 - 1)
 NESTED = (0, 1, 2, 3, 2, 5, 1, 7)  # parents: separation bodies 1 and, inside its branch, 2

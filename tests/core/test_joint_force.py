@@ -9,6 +9,8 @@ import pgraph_core as pg
 
 from .trees import random_model
 
+pytestmark = pytest.mark.fast
+
 KINDS = ("revolute", "prismatic", "universal", "planar", "spherical", "free")
 PUSH = pg.Force(
     name="push", kind="wrench", body="b3", force=(3, 40, -5), torque=(1, 2, 3), point=(0.4, 0.1, 0)

@@ -11,6 +11,8 @@ import pgraph_core as pg
 
 from .trees import moved, random_case, scaled_error
 
+pytestmark = pytest.mark.fast
+
 seeds = st.integers(0, 2**32 - 1)
 ROUNDING = 1e-12
 

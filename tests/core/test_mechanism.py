@@ -12,6 +12,8 @@ from pgraph_core.paper import Operators
 
 from .trees import random_case, scaled_error
 
+pytestmark = pytest.mark.fast
+
 seeds = st.integers(0, 2**32 - 1)
 ROUNDING = 1e-12  # relative: sums over at most 12 bodies
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pgraph_core as pg
 
 from .trees import random_case, scaled_error, shuffled
+
+pytestmark = pytest.mark.fast
 
 seeds = st.integers(0, 2**32 - 1)
 SAME = 1e-12  # relative: sums over at most 12 bodies, in another order

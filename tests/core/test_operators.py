@@ -18,6 +18,8 @@ from pgraph_core.paper import (
 
 from .trees import moved, random_case, scaled_error
 
+pytestmark = pytest.mark.fast
+
 seeds = st.integers(0, 2**32 - 1)
 ROUNDING = 1e-12  # relative: sums over paths of at most 12 bodies
 

@@ -158,6 +158,7 @@ def test_memory_is_that_of_the_recorded_frames():
     assert peaks[1] < 1.1 * peaks[0] + 20_000
 
 
+@pytest.mark.timed
 def test_progress_is_told_and_a_run_ends_soon_after_it_is_asked_to():
     """Within 0.1 s of computation: the kernel returns about every 20 ms."""
     told: list[tuple[float, float]] = []
