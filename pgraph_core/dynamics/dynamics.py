@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import threading
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, Self
@@ -20,6 +22,7 @@ from ..model import Model
 from ..packing.packed import Joint, Packed
 from ..packing.system import Array, Ints, point_in_row
 from ..portable import Portable
+from ..show import mechanism_html
 from ..topology import Topology
 from .arguments import finite, numbers, position
 from .back_ends import NO_EXTERNAL, BackEnd, accelerated, dense, operators
@@ -29,6 +32,7 @@ from .states import Carried, carried
 
 FORWARD = dynamics.forward_dynamics
 NEW = object.__new__
+WITH_GIL = getattr(sys, "_is_gil_enabled", lambda: True)()  # then one kernel call is atomic
 OVERFLOW = Problem("dynamics", "", "the result is not finite: the given numbers are too large")
 
 
@@ -42,23 +46,38 @@ class Dynamics(Portable):
     def __init__(self, model: Model | Columns, /):
         """Number and pack a valid model, or a table in columns."""
         packed = Packed(model if isinstance(model, Columns) else Columns.of(model))
-        self._take(packed, np.zeros(packed.nv), np.zeros((len(packed.rows), at.WORK)))
+        self._take(packed)
         ready(FORWARD)
 
-    def _take(self, packed: Packed, rest: Array, work: Array) -> None:
+    def _take(self, packed: Packed, like: Dynamics | None = None) -> None:
+        """Keep the arrays; on the workspace of a mechanism of the same size, where one is given."""
         self.packed = packed  # the arrays of the kernels
         self._rows, self._const, self._springs = packed.rows, packed.const, packed.springs
         self.nb, self.nq, self.nv = packed.nb, packed.nq, packed.nv
         self._nq, self._nv = (packed.nq,), (packed.nv,)
-        self._rest = rest  # v = 0
-        self._work = work  # of kernels: holds nothing between calls
+        if like is not None:
+            self._rest, self._work, self._lock = like._rest, like._work, like._lock
+            return
+        self._rest = np.zeros(packed.nv)  # v = 0
+        self._work = np.zeros((len(packed.rows), at.WORK))  # of kernels, empty between calls
+        self._lock = threading.Lock()  # of `_work` and of the scene's workspace
 
     def __getstate__(self) -> Columns:
         return self.packed.columns
 
     def __setstate__(self, columns: Columns) -> None:
-        packed = Packed(columns)
-        self._take(packed, np.zeros(packed.nv), np.zeros((len(packed.rows), at.WORK)))
+        self._take(Packed(columns))
+
+    def __repr__(self) -> str:
+        model, kind = self.model, type(self).__name__
+        counts = f"{len(model.bodies)} bodies, nq {self.nq}, nv {self.nv}"
+        for field in ("constraints", "contacts", "forces"):
+            if parts := getattr(model, field):
+                counts += f", {len(parts)} {field if len(parts) > 1 else field[:-1]}"
+        return f"<{kind} '{model.name}': {counts}>" if model.name else f"<{kind}: {counts}>"
+
+    def _repr_html_(self) -> str:
+        return mechanism_html(self)
 
     @property
     def model(self) -> Model:
@@ -78,7 +97,7 @@ class Dynamics(Portable):
         if columns is None:
             return type(self)(self.model.edit(name, **changes))
         new = NEW(type(self))
-        new._take(Packed(columns), self._rest, self._work)
+        new._take(Packed(columns), self)
         return new
 
     # -- the digraph -----------------------------------------------------------------------------
@@ -160,7 +179,9 @@ class Dynamics(Portable):
         """((nb, 3) origins [m], (nb, 3, 3) rotations) of all body frames in the world."""
         place, rotation = np.empty((self.nb, 3)), np.empty((self.nb, 9))
         q = position(self.packed, q)
-        bodies.poses(*self.packed.system[:4], q, self._rest, self._work, place, rotation)
+        tables = self.packed.system[:4]
+        with self._lock:
+            bodies.poses(*tables, q, self._rest, self._work, place, rotation)
         return place, rotation.reshape(self.nb, 3, 3)
 
     def pose(self, q: Array, name: str) -> tuple[Array, Array]:
@@ -199,7 +220,9 @@ class Dynamics(Portable):
 
     def energy(self, q: Array, v: Array) -> tuple[float, float]:
         """(kinetic, potential) energy [J]; springs of joints and between bodies included."""
-        return motion.energy(self._scene.address, position(self.packed, q), self._speed(v))
+        address, q, v = self._scene.address, position(self.packed, q), self._speed(v)
+        with self._lock:
+            return motion.energy(address, q, v)
 
     # -- equations of motion ---------------------------------------------------------------------
     # All take `back_end`: "articulated" (default), "composite" or "operators", with the same
@@ -213,7 +236,8 @@ class Dynamics(Portable):
             return operators(self.packed, q, self._rest).mass_matrix
         m = np.zeros((self.nv, self.nv))
         q = position(self.packed, q)
-        dynamics.mass_matrix(self._rows, self._const, q, self._rest, self._work, m)
+        with self._lock:
+            dynamics.mass_matrix(self._rows, self._const, q, self._rest, self._work, m)
         return m
 
     def bias_force(self, q: Array, v: Array, *, back_end: BackEnd = "articulated") -> Array:
@@ -263,7 +287,8 @@ class Dynamics(Portable):
         """
         tau = self._rest if tau is None else tau
         vdot = np.empty(self.nv)
-        if external is None and not self._springs and back_end == "articulated":
+        fast = WITH_GIL and back_end == "articulated"
+        if fast and external is None and not self._springs:
             try:  # arrays as the kernel takes them: checking costs as much as the dynamics
                 if q.shape == self._nq and v.shape == self._nv and tau.shape == self._nv:
                     code = FORWARD(self._rows, self._const, q, v, tau, self._work, vdot)
@@ -281,7 +306,8 @@ class Dynamics(Portable):
         wrench = None if external is None else self._external(external)
         if self._springs:
             tau = self._passive(q, v, tau)
-        code = accelerated(self.packed, back_end, (q, v, tau), wrench, self._work, vdot)
+        with self._lock:
+            code = accelerated(self.packed, back_end, (q, v, tau), wrench, self._work, vdot)
         if code:
             given = {} if external is None else {"external": np.asarray(external, float)}
             self._explain(code, q=q, v=v, tau=tau, **given)
@@ -300,7 +326,8 @@ class Dynamics(Portable):
         vdot, wrenches = np.empty(self.nv), np.empty(self._wrenches)
         asked = (scene.address, self._accelerate, 0.0)
         try:  # as in `forward_dynamics`
-            if q.shape == self._nq and v.shape == self._nv and tau.shape == self._nv:
+            fit = q.shape == self._nq and v.shape == self._nv and tau.shape == self._nv
+            if fit and WITH_GIL:
                 code = self._constrained(*asked, q, v, tau, self._flow, vdot, wrenches)
                 if code == 0:
                     return vdot, scene.forces(wrenches)
@@ -308,7 +335,8 @@ class Dynamics(Portable):
             pass
         q, v = self._state(q, v)
         tau = numbers("tau", tau, self.nv)
-        code = self._constrained(*asked, q, v, tau, self._flow, vdot, wrenches)
+        with self._lock:
+            code = self._constrained(*asked, q, v, tau, self._flow, vdot, wrenches)
         if code:
             self._explain(code, q=q, v=v, tau=tau)
         return vdot, scene.forces(wrenches)
@@ -372,7 +400,8 @@ class Dynamics(Portable):
         """J' v (6,): V' of `point` of a body is J v' + J' v (R6)."""
         q, v, bias = position(self.packed, q), self._speed(v), np.empty(6)
         place = self._place(self.topology.number(name), finite("point", point, 3))
-        dynamics.jacobian_bias(*self.packed.tree, q, v, self._rest, *place, self._work, bias)
+        with self._lock:
+            dynamics.jacobian_bias(*self.packed.tree, q, v, self._rest, *place, self._work, bias)
         return bias
 
     def tip_jacobian(self, q: Array) -> Array:
@@ -384,7 +413,8 @@ class Dynamics(Portable):
 
     def _jacobian(self, q: Array, number: int, point: Any) -> Array:
         jac, place = np.zeros((6, self.nv)), self._place(number, point)
-        dynamics.jacobian(*self.packed.tree, q, self._rest, *place, self._work, jac)
+        with self._lock:
+            dynamics.jacobian(*self.packed.tree, q, self._rest, *place, self._work, jac)
         return jac
 
     def _place(self, number: int, point: Any) -> tuple[int, Array]:
@@ -400,7 +430,8 @@ class Dynamics(Portable):
 
     def _inverse(self, q: Array, v: Array, vdot: Array, external: Array) -> Array:
         tau, tables = np.empty(self.nv), self.packed.system[:4]
-        dynamics.inverse_dynamics(*tables, q, v, vdot, external, self._work, tau)
+        with self._lock:
+            dynamics.inverse_dynamics(*tables, q, v, vdot, external, self._work, tau)
         if not np.isfinite(tau).all():
             self._explain(-1, q=q, v=v, vdot=vdot, external=external)
         return tau
@@ -408,14 +439,16 @@ class Dynamics(Portable):
     def _passive(self, q: Array, v: Array, given: Array) -> Array:
         """`given` (nv,) and the passive forces together."""
         tau, scene = np.empty(self.nv), self._scene
-        scene.given[:] = given
-        motion.drive_torque(scene.address, q, v, tau)
+        with self._lock:
+            scene.given[:] = given
+            motion.drive_torque(scene.address, q, v, tau)
         return tau + self._load_torque(q, v) if len(scene.loads.loads_i) else tau
 
     def _load_torque(self, q: Array, v: Array) -> Array:
         """τ (nv,) of springs and torsion springs between bodies."""
-        tau = np.empty(self.nv)
-        motion.load_torque(self._scene.address, q, v, tau)
+        tau, address = np.empty(self.nv), self._scene.address
+        with self._lock:
+            motion.load_torque(address, q, v, tau)
         return tau
 
     def _speed(self, v: Any) -> Array:

@@ -4,7 +4,6 @@ Nothing here is fast, everything stands as the paper writes it, with the errata 
 docs/conventions.md. `Operators(model, topology, q, v)` holds them all for one state.
 """
 
-from .constrained import constrained_dynamics as constrained_dynamics
 from .motion import frames as frames
 from .motion import home_poses as home_poses
 from .paper import Operators as Operators

@@ -8,10 +8,11 @@ import pytest
 import pgraph_core as pg
 from pgraph_core.engine import layout as at
 from pgraph_core.packing.constraints import blocks, curve
-from pgraph_core.paper import Operators, constrained_dynamics, frames
-from pgraph_core.paper.constraint_rows import prescribed, radius_of_gyration, rows_of
+from pgraph_core.paper import Operators, frames
 from pgraph_core.paper.motion import home_poses
+from tests.oracle.constraint_rows import prescribed, radius_of_gyration, rows_of
 
+from ..oracle.constrained import constrained_dynamics
 from .trees import moved, random_model, random_state, scaled_error
 
 EPS = 1e-4  # rad, m: central differences of order 4 are good to EPS^4 and rounding / EPS

@@ -9,8 +9,13 @@ from hypothesis import strategies as st
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.paper import Operators, constrained_dynamics
-from pgraph_core.paper.constrained import active_constraints, constraint_rows, delassus
+from pgraph_core.paper import Operators
+from tests.oracle.constrained import (
+    active_constraints,
+    constrained_dynamics,
+    constraint_rows,
+    delassus,
+)
 
 from .trees import moved, random_case, scaled_error
 

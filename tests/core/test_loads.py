@@ -10,8 +10,8 @@ from pgraph_core.dynamics.scene import load_wrenches
 from pgraph_core.engine import layout as at
 from pgraph_core.packing.forces import loads
 from pgraph_core.paper import Operators
-from pgraph_core.paper.loads import load_of
 from pgraph_core.paper.motion import frames, home_poses
+from tests.oracle.loads import load_of
 
 from .trees import moved, random_case, scaled_error
 

@@ -80,7 +80,7 @@ def test_ranks_and_redundant_rows_by_name(name, rows, rank, dof, redundant):
 @pytest.mark.parametrize("name", ["slider_crank", "bricard", "quadruped", "andrews"])
 def test_the_rank_is_that_of_the_dense_rows_off_the_first_position(name):
     """An oracle that knows neither groups nor order: the singular values of all rows."""
-    from pgraph_core.paper.constrained import constraint_rows
+    from tests.oracle.constrained import constraint_rows
 
     mech = mechanism(name)
     q, v = mech.home()

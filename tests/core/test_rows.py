@@ -8,7 +8,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_core.analysis.rows import Rows, apart, turns
 from pgraph_core.paper import Operators
-from pgraph_core.paper.constraint_rows import radius_of_gyration, rows_of
+from tests.oracle.constraint_rows import radius_of_gyration, rows_of
 
 from .test_constraint_kinds import ROWS, case
 from .trees import moved, random_case, scaled_error

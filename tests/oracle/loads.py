@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..joints import home
-from ..model import Force, VectorTable
-from ..rotation import Array, unit_vector
-from .motion import frames, home_poses
-from .paper import Operators
+from pgraph_core.joints import home
+from pgraph_core.model import Force, VectorTable
+from pgraph_core.paper.motion import frames, home_poses
+from pgraph_core.paper.paper import Operators
+from pgraph_core.rotation import Array, unit_vector
 
 
 class Load(NamedTuple):

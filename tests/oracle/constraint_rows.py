@@ -13,10 +13,10 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ..model import Body, Constraint, Model, Polynomial, Sine, Table
-from ..rotation import Array, unit_vector
-from ..topology import Topology
-from .motion import Joint, v_slices
+from pgraph_core.model import Body, Constraint, Model, Polynomial, Sine, Table
+from pgraph_core.paper.motion import Joint, v_slices
+from pgraph_core.rotation import Array, unit_vector
+from pgraph_core.topology import Topology
 
 
 class Bodies(Protocol):

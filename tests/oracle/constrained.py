@@ -6,10 +6,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..model import Constraint
-from ..rotation import Array
+from pgraph_core.model import Constraint
+from pgraph_core.paper.paper import Operators
+from pgraph_core.rotation import Array
+
 from .constraint_rows import Rows, radius_of_gyration, rows_of
-from .paper import Operators
 
 RANK = 1e-10  # relative size below which a singular value of Ω counts as zero
 

@@ -1,0 +1,68 @@
+"""What a mechanism shows and loads: names, text, threads, modules."""
+
+from __future__ import annotations
+
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+import pgraph_models
+
+
+def load(name: str) -> pg.Mechanism:
+    return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
+
+
+def test_a_mechanism_shows_at_most_forty_names():
+    mech = load("four_bar")
+    mech.constrained_dynamics(*mech.home())
+    assert len([name for name in dir(mech) if not name.startswith("_")]) <= 40
+
+
+@pytest.mark.parametrize("name", ["quadruped", "double_pendulum"])
+def test_repr_is_short_and_says_what_it_is(name):
+    mech = load(name)
+    text = repr(mech)
+    assert len(text.splitlines()) <= 2
+    assert len(text) < 160
+    for fact in ("Mechanism", mech.model.name, str(mech.nb), str(mech.nv)):
+        assert fact in text
+
+
+def test_repr_html_has_the_digraph_and_every_body():
+    mech = load("four_bar")
+    html = mech._repr_html_()
+    assert "<svg" in html
+    assert "<table" in html
+    assert all(name in html for name in mech.names)
+
+
+def test_threads_may_share_a_mechanism_and_its_edits():
+    """Springs and given torques pass through one workspace: no call may see another's numbers."""
+    model = pg.Model.serial(6)
+    model = model.edit(model.bodies[0].name, stiffness=(3.0,), damping=(0.1,))
+    mech = pg.Mechanism(model)
+    mechs = [mech, mech.edit(mech.names[2], mass=2.0)]
+    rng = np.random.default_rng(0)
+    states = [(mechs[i % 2], *rng.normal(size=(3, mech.nv))) for i in range(40)]
+
+    def asked(state):
+        m, q, v, tau = state
+        return [
+            *(m.forward_dynamics(q, v, tau), m.inverse_dynamics(q, v, tau)),
+            *(m.mass_matrix(q), m.jacobian(q, m.names[-1]), m.constrained_dynamics(q, v, tau)[0]),
+        ]
+
+    alone = [asked(state) for state in states]
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            for _ in range(5):
+                for mine, found in zip(alone, pool.map(asked, states)):
+                    assert all(map(np.array_equal, mine, found))
+    finally:
+        sys.setswitchinterval(interval)

@@ -1,0 +1,1 @@
+"""Dense constraints and loads from the paper's operators: slow, plain, and only for tests."""
