@@ -10,9 +10,7 @@ from .constraints.view import ConstraintsView
 from .core.bridge import Bridge
 from .core.events import Event
 from .digraph.view import DigraphView
-from .gait.footprints import FootprintsView
-from .gait.phases import PhasesView
-from .gait.view import GaitView
+from .gait.view import FootprintsView, GaitView, PhasesView
 from .model.view import ToolbarView
 from .operators.view import OperatorsView
 from .playback.view import PlaybackView
@@ -20,12 +18,9 @@ from .plots.view import PlotsView
 from .pose.view import JointsView
 from .properties.view import PropertiesView
 from .report.view import ReportsView
-from .run.exports import ExportView
-from .run.view import RunView
-from .scene.follow import FollowView
-from .scene.ghost import GhostView
+from .run.view import ExportView, RunView
 from .scene.show import ShowView
-from .scene.view import SceneView
+from .scene.view import FollowView, GhostView, SceneView
 from .session.update import Connected, Disconnected
 from .session.view import ACCENT, SessionView
 from .table.view import TableView

@@ -9,7 +9,7 @@ from pathlib import Path
 import pgraph_core as pg
 import pgraph_models
 
-from .constraints.worker import Reports
+from .constraints.mobility import Reports
 from .core.bridge import Bridge, open_server, quiet, token_for
 from .core.events import Event, from_page
 from .core.state import initial
@@ -20,7 +20,7 @@ from .model.worker import Errands
 from .page import Page
 from .report.worker import Analyst
 from .run.live import LiveRunner
-from .run.work import Compiler, Files, Simulator
+from .run.worker import Compiler, Files, Simulator
 from .session.autosave import Autosave, left_behind
 
 

@@ -15,9 +15,8 @@ from ..core.views import Payload, audience
 from ..properties.forms import button, cell, choice, field, group, shown
 from . import parts
 from .kinds import CELLS, KINDS, TITLES, WORD, about, own_fields
-from .mobility import mobility_report
+from .mobility import BY_ITSELF, mobility_report
 from .update import allowed
-from .worker import BY_ITSELF
 
 LISTS: tuple[Part, ...] = ("constraints", "contacts", "forces")
 NAMED = ("body", "other")

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pgraph_core as pg
 
-from ..gait.walking import Walking
+from ..gait import Walking
 from ..model import Step
 from ..run import FREE_RUN, Live, first_request
 from .cells import Refusal

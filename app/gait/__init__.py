@@ -1,1 +1,143 @@
 """Walking: gaits, their settings, the phases and the prints of the feet."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import pgraph_core as pg
+from pgraph_core.model import Step
+
+LAWS = {  # of the feet: what they are called, and how each is stepped over
+    "complementarity": ("rigid", "auto", 1e-3),
+    "penalty": ("penalty", "rk4", 2.5e-4),
+    "soft": ("soft (Hunt and Crossley)", "rk4", 1e-4),
+}
+FIRST, LONG, APART, WIDE, MANY = 1.0, 0.8, 1.6, 5.0, 12  # platforms to walk over [m]
+FEET = 4  # that a gait takes
+PUSH, LASTS = 0.25, 0.15  # of the weight [1], for so long [s]
+SIDES = {"left": (0, -1), "right": (0, 1), "back": (-1, 0), "ahead": (1, 0)}  # trunk's x and z
+
+
+@dataclass(frozen=True)
+class Walking:
+    """What people have set of the walk; the rest is the model's."""
+
+    gait: str = ""  # a name; "": the model's first
+    changes: Mapping[str, float] = field(default_factory=dict)  # fields of the gait
+    pushes: int = 0  # how many there were
+    push: str = ""  # where the last one went: one of SIDES
+
+
+class Offer(NamedTuple):
+    """A gait, and the scenario whose contacts and drives it walks with."""
+
+    gait: pg.Gait
+    scenario: str
+    tried: bool  # the model has it; else it is a preset on the model's feet
+
+
+def offers(model: pg.Model) -> dict[str, Offer]:
+    """Gaits by name: those of the model's scenarios, then presets; none where there is no gait."""
+    own = {s.gait.name: Offer(s.gait, s.name, True) for s in model.scenarios if s.gait is not None}
+    if not own:
+        return {}
+    first = next(iter(own.values()))
+    presets = {
+        name: Offer(gait, first.scenario, False)
+        for name, gait in pg.gaits([fall.foot for fall in first.gait.feet]).items()
+        if name not in own
+    }
+    return own | presets
+
+
+def offered(model: pg.Model, walking: Walking) -> Offer | None:
+    """The gait to walk, with what was changed of it; None where the model has none."""
+    found = offers(model)
+    if not found:
+        return None
+    offer = found.get(walking.gait) or next(iter(found.values()))
+    if not walking.changes:
+        return offer
+    return offer._replace(gait=offer.gait.edit(**walking.changes))
+
+
+def has_feet(model: pg.Model) -> bool:
+    """Whether it has a gait, or the four feet for one: contacts of one point with the ground."""
+    feet = [c for c in model.contacts if c.other == "ground" and len(c.points) == 1]
+    return len(feet) >= FEET or bool(offers(model))
+
+
+def why_not(model: pg.Model) -> str:
+    """Why a model with feet has nothing to walk with; "" where it has."""
+    if offers(model):
+        return ""
+    return f"No scenario of '{model.name}' has a gait: give one a 'gait' (docs/gaits.md)."
+
+
+def turns(model: pg.Model, gait: pg.Gait) -> bool:
+    """Whether its hips spread, so that feet push sideways."""
+    contacts = {contact.name: contact for contact in model.contacts}
+    for fall in gait.feet:
+        if fall.foot not in contacts:
+            return False
+        paw = model.body(contacts[fall.foot].body)
+        if paw.parent == "ground" or (shank := model.body(paw.parent)).parent == "ground":
+            return False
+        if model.body(shank.parent).dof != 2:
+            return False
+    return True
+
+
+def feet_of(model: pg.Model) -> list[pg.Contact]:
+    """The contacts with the ground."""
+    return [contact for contact in model.contacts if contact.other == "ground"]
+
+
+def friction(model: pg.Model) -> float:
+    """That of the feet."""
+    given = [c.friction for c in feet_of(model) if c.friction is not None]
+    return given[0] if given else model.ground.friction
+
+
+def law(model: pg.Model) -> str:
+    """That of the feet."""
+    return next((contact.law for contact in feet_of(model)), "complementarity")
+
+
+def platforms(height: float) -> tuple[Step, ...]:
+    """Platforms to walk over, from 1 m ahead on; none of no height."""
+    if height == 0.0:
+        return ()
+    starts = [FIRST + k * APART for k in range(MANY)]
+    return tuple(Step(low=(x, -WIDE), high=(x + LONG, WIDE), height=height) for x in starts)
+
+
+def step_height(model: pg.Model) -> float:
+    """Of the highest step of the ground [m]."""
+    return max((step.height for step in model.ground.steps), key=abs, default=0.0)
+
+
+def grounded(model: pg.Model, what: str, value: float | str) -> pg.Model:
+    """The model on other ground. Raises ModelError."""
+    match what:
+        case "law":
+            return pg.underfoot(model, law=str(value))
+        case "friction":
+            return pg.underfoot(model, friction=float(value))
+        case "slope":
+            return pg.underfoot(model, slope=math.radians(float(value)))
+        case _:
+            return pg.underfoot(model, steps=platforms(float(value)))
+
+
+def chosen(walking: Walking, name: str) -> Walking:
+    """Another gait, as it is."""
+    return replace(walking, gait=name, changes={})
+
+
+def checked(model: pg.Model, offer: Offer) -> None:
+    """Raises InputError where the model cannot walk so: other feet, a speed out of reach."""
+    pg.Controller(pg.Mechanism(model), offer.gait)

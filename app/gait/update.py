@@ -14,7 +14,7 @@ from ..core.events import FromPage, Text, on
 from ..core.state import State, replied, with_client
 from ..run import Request
 from ..run.update import GoLive, go_live, idle
-from .walking import LAWS, Offer, Walking, checked, chosen, grounded, law, offered, offers
+from . import LAWS, Offer, Walking, checked, chosen, grounded, law, offered, offers
 
 SHOWN = frozenset({"forces", "cones", "footprints"})  # once somebody walks
 NAMES = {"speed": "The speed", "turn": "The turning", "friction": "The friction",

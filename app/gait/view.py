@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import math
+import time
+from typing import Any
 
+import numpy as np
 import viser
+
+from pgraph_core.result.contact_record import PHASES
+from pgraph_core.show import shapes
 
 from ..core.bridge import Bridge
 from ..core.state import State
 from ..core.views import Payload, audience
-from .walking import (
+from . import (
     LAWS,
     friction,
     has_feet,
@@ -20,6 +26,7 @@ from .walking import (
     turns,
     why_not,
 )
+from .footfalls import Change, prints, since
 
 PARTS = ("derived", "walking", "run_problem", "job")
 FASTEST, TURNING = 1.5, 0.6  # ends of the sliders [m/s, rad/s]
@@ -79,4 +86,86 @@ def gait(state: State) -> Payload:
         "live": state.live is not None,
         "busy": state.job is not None,
         "problem": state.run_problem,
+    }
+
+
+MOST = 64  # discs, the last ones
+COLOR, OPACITY = (8, 34, 110), 0.9
+WIDE, THICK = 0.055, 0.004  # of the model's size
+
+
+class FootprintsView:
+    def __init__(self, server: viser.ViserServer):
+        self._scene = server.scene
+        self._node: Any = None
+        self._at = np.zeros((0, 3))
+
+    def render(self, old: State, new: State) -> None:
+        falls = new.falls if "footprints" in new.shown else ()
+        self.show(new, prints(falls, new.playback.time, MOST))
+
+    def show(self, state: State, at: np.ndarray) -> None:
+        """A disc at each of these places, and no others."""
+        if at.shape == self._at.shape and np.array_equal(at, self._at):
+            return
+        self._at = at
+        if self._node is not None and len(self._node.batched_positions) == len(at):
+            self._node.batched_positions = at
+            return
+        if self._node is not None:
+            self._node.remove()
+        self._node = draw(self._scene, state, at) if len(at) else None
+
+
+def draw(scene: viser.SceneApi, state: State, at: np.ndarray) -> Any:
+    """A flat disc on the ground at each place."""
+    disc, size = shapes.unit("cylinder"), state.derived.size
+    turned = shapes.to_wxyz(shapes.z_to(np.asarray(state.model.ground_normal))[None])
+    return scene.add_batched_meshes_simple(
+        "/footprints", disc.vertices, disc.faces, batched_positions=at,
+        batched_wxyzs=np.repeat(turned, len(at), 0),
+        batched_scales=np.tile(size * np.array([WIDE, WIDE, THICK]), (len(at), 1)),
+        batched_colors=COLOR, opacity=OPACITY, lod="off", cast_shadow=False, receive_shadow=False,
+    )  # fmt: skip
+
+
+OFTEN = 0.15  # [s] between two pictures of a live run
+WINDOW = 7.0  # [s] of motion that a live run sends
+
+
+class PhasesView:
+    """Sends all of a run that is over or paused, the last seconds of a live one."""
+
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+        bridge.host("phases")
+        self._sent = 0.0  # when a picture of the live run was sent
+        self._told: object = None  # what everybody has
+
+    def render(self, old: State, new: State) -> None:
+        falls, running = new.falls, new.live is not None and new.live.running
+        key = (id(falls), running)
+        due = key != self._told
+        if due and running and time.monotonic() - self._sent < OFTEN:
+            due = False
+        clients = audience(old, new, due)
+        if not clients:
+            return
+        if due:
+            self._told, self._sent, self._kept = key, time.monotonic(), falls
+        payload = phases(falls, new, running)
+        for client in clients:
+            self._bridge.send(client, "phases", payload)
+
+
+def phases(falls: tuple[Change, ...], state: State, running: bool) -> Payload:
+    """Feet, and the changes of each as [foot, time, phase]."""
+    start = max(state.t_start, state.t_end - WINDOW) if running else state.t_start
+    feet = list(dict.fromkeys(change.foot for change in falls))
+    number = {foot: k for k, foot in enumerate(feet)}
+    shown = since(falls, start) if running else falls
+    return {
+        "feet": feet,
+        "phases": list(PHASES),
+        "changes": [[number[foot], t, phase] for foot, t, phase, _ in shown],
     }

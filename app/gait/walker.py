@@ -11,7 +11,7 @@ import pgraph_core as pg
 from pgraph_core.show.shapes import to_matrix
 
 from ..core.state import Live
-from .walking import LASTS, PUSH, SIDES, Offer, Walking, offered
+from . import LASTS, PUSH, SIDES, Offer, Walking, offered
 
 LYING = 0.8  # [s] that a fall is shown
 

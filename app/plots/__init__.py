@@ -1,1 +1,174 @@
 """Curves of a run over time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import pgraph_core as pg
+
+POINTS = 1200  # pairs of extremes a curve: more than a screen has columns
+XYZ = ("x", "y", "z")
+SCENE = ""  # the body of what belongs to none
+
+
+class Signal(NamedTuple):
+    """One group of curves: a quantity of a body, a constraint, a contact or the whole scene."""
+
+    kind: str
+    of: str  # a name, or SCENE
+
+
+class Curve(NamedTuple):
+    """One line of a plot."""
+
+    label: str
+    t: list[float]  # [s]
+    y: list[float]
+
+
+class Kind(NamedTuple):
+    """How a quantity is read off a result."""
+
+    label: str
+    unit: str
+    read: Callable[[pg.Result, str], tuple[Sequence[str], np.ndarray]]  # labels, (len(t), n)
+
+
+def body(array: str, first: int) -> Callable[[pg.Result, str], tuple[Sequence[str], np.ndarray]]:
+    """Three columns of a body's row of an array (n, nb, ...)."""
+
+    def read(run: pg.Result, name: str) -> tuple[Sequence[str], np.ndarray]:
+        k = run.mechanism.topology.number(name) - 1
+        return XYZ, getattr(run, array)[:, k, first : first + 3]
+
+    return read
+
+
+def joint(array: str, size: str) -> Callable[[pg.Result, str], tuple[Sequence[str], np.ndarray]]:
+    """A joint's own columns of q, v or v', of which the body's field `size` has as many."""
+
+    def read(run: pg.Result, name: str) -> tuple[Sequence[str], np.ndarray]:
+        model, first = run.mechanism.model, 0
+        count = len(getattr(model.body(name), size))
+        for before in run.mechanism.names[: run.mechanism.topology.number(name) - 1]:
+            first += len(getattr(model.body(before), size))
+        return [str(k + 1) for k in range(count)], getattr(run, array)[:, first : first + count]
+
+    return read
+
+
+def named(array: str, first: int) -> Callable[[pg.Result, str], tuple[Sequence[str], np.ndarray]]:
+    """Three columns of what a run keeps by name."""
+    return lambda run, name: (XYZ, getattr(run, array)[name][:, first : first + 3])
+
+
+def single(array: str) -> Callable[[pg.Result, str], tuple[Sequence[str], np.ndarray]]:
+    """One number by name."""
+    return lambda run, name: (("",), np.asarray(getattr(run, array)[name])[:, None])
+
+
+def energies(run: pg.Result, _: str) -> tuple[Sequence[str], np.ndarray]:
+    """The ledger: what there is, what was put in and what was lost."""
+    columns = (run.kinetic_energy, run.potential_energy, run.energy, run.work, run.dissipation)
+    return ("kinetic", "potential", "total", "work", "dissipated"), np.stack(columns, axis=1)
+
+
+def drifts(run: pg.Result, _: str) -> tuple[Sequence[str], np.ndarray]:
+    """How far the constraints are missed."""
+    return ("position", "velocity"), run.constraint_drift
+
+
+KINDS = {
+    "q": Kind("joint position", "rad, m", joint("q", "q")),
+    "v": Kind("joint velocity", "rad/s, m/s", joint("v", "v")),
+    "vdot": Kind("joint acceleration", "rad/s², m/s²", joint("vdot", "v")),
+    "position": Kind("position", "m", body("body_pose", 0)),
+    "velocity": Kind("velocity", "m/s", body("body_velocity", 3)),
+    "spin": Kind("angular velocity", "rad/s", body("body_velocity", 0)),
+    "acceleration": Kind("acceleration", "m/s²", body("body_acceleration", 3)),
+    "angular_acceleration": Kind("angular acceleration", "rad/s²", body("body_acceleration", 0)),
+    "joint_force": Kind("joint force", "N", body("joint_force", 3)),
+    "joint_torque": Kind("joint torque", "N m", body("joint_force", 0)),
+    "energy": Kind("energy", "J", energies),
+    "drift": Kind("constraint drift", "m, m/s", drifts),
+    "constraint_force": Kind("force of", "N", named("constraint_force", 3)),
+    "constraint_torque": Kind("torque of", "N m", named("constraint_force", 0)),
+    "contact_force": Kind("contact force of", "N", named("contact_force", 3)),
+    "contact_gap": Kind("gap of", "m", single("contact_gap")),
+    "contact_slip": Kind("slip of", "m/s", single("contact_slip")),
+}  # fmt: skip
+OF_BODIES = (
+    "q", "v", "vdot", "position", "velocity", "spin", "acceleration", "angular_acceleration",
+    "joint_force", "joint_torque",
+)  # fmt: skip
+
+
+OF_JOINTS = ("q", "v", "vdot")
+
+
+def of_body(model: pg.Model, name: str) -> list[Signal]:
+    """What can be plotted of a body."""
+    moves = model.body(name).dof > 0
+    return [Signal(kind, name) for kind in OF_BODIES if moves or kind not in OF_JOINTS]
+
+
+def of_scene(run: pg.Result) -> list[Signal]:
+    """What can be plotted of a run besides its bodies."""
+    found = [Signal("energy", SCENE)]
+    if run.constraint_force:
+        found.append(Signal("drift", SCENE))
+    kinds = {c.name: c.kind for c in run.mechanism.model.constraints}
+    for name in run.constraint_force:
+        found.append(Signal("constraint_force", name))
+        if kinds.get(name) != "point":  # which passes on no torque
+            found.append(Signal("constraint_torque", name))
+    for name in run.contact_force:
+        found += [Signal(kind, name) for kind in ("contact_force", "contact_gap", "contact_slip")]
+    return found
+
+
+def title(signal: Signal) -> str:
+    """'joint torque of knee'."""
+    label = KINDS[signal.kind].label
+    if signal.of == SCENE:
+        return label
+    return f"{label} {signal.of}" if label.endswith(" of") else f"{label} of {signal.of}"
+
+
+def unit(model: pg.Model, signal: Signal) -> str:
+    """Of its numbers; a joint that both turns and slides has two."""
+    both = KINDS[signal.kind].unit
+    if signal.kind not in OF_JOINTS or not any(body.name == signal.of for body in model.bodies):
+        return both
+    turning, sliding = both.split(", ")
+    motions = {motion.kind for motion in model.body(signal.of).sequence}
+    if motions == {"rotate"} or (signal.kind != "q" and motions <= {"rotate", "ball"}):
+        return turning
+    return sliding if motions == {"translate"} else both
+
+
+def curves(run: pg.Result, signal: Signal) -> list[Curve]:
+    """The lines of a signal; none where the run lacks it."""
+    try:
+        labels, columns = KINDS[signal.kind].read(run, signal.of)
+    except (KeyError, pg.PgraphError):
+        return []
+    shown = range(columns.shape[1])
+    return [thinned(labels[i], np.asarray(run.t), columns[:, i]) for i in shown]
+
+
+def thinned(label: str, t: np.ndarray, y: np.ndarray) -> Curve:
+    """A line of at most 2 POINTS points: the extremes of each stretch stay where they are."""
+    keep = np.isfinite(y)
+    t, y = t[keep], y[keep]
+    if len(t) > 2 * POINTS:
+        edges = np.linspace(0, len(t), POINTS + 1).astype(int)[:-1]
+        order: list[Any] = []
+        for a, b in zip(edges, [*edges[1:], len(t)]):
+            order += sorted({a + int(y[a:b].argmin()), a + int(y[a:b].argmax())})
+        some = np.array(sorted({0, *order, len(t) - 1}))
+        t, y = t[some], y[some]
+    return Curve(label, t.tolist(), y.tolist())

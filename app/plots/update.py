@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..core.events import FromPage, Text, on
 from ..core.state import State, with_client
-from .signals import KINDS, Signal
+from . import KINDS, Signal
 
 MOST_PLOTS = 12
 

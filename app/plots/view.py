@@ -10,7 +10,7 @@ import numpy as np
 from ..core.bridge import Bridge
 from ..core.state import Client, Run, State
 from ..core.views import Payload
-from .signals import KINDS, Curve, Signal, curves, of_body, of_scene, thinned, title, unit
+from . import KINDS, Curve, Signal, curves, of_body, of_scene, thinned, title, unit
 
 LIVE_EVERY = 0.3  # [s] between two pictures of a live run
 LIVE_PARTS = 900  # of a live run that are plotted

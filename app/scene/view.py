@@ -9,16 +9,16 @@ import numpy as np
 import viser
 
 from pgraph_core.show import animation, bodies, shapes
+from pgraph_core.show.animation import between
 from pgraph_core.show.bodies import SEPARATE, BatchedBodies, Bodies, Look, SeparateBodies, at_rest
-from pgraph_core.show.ground import GRID
+from pgraph_core.show.ground import GRID, grid, steps
 
 from ..core.events import Event
-from ..core.state import State, poses
-from ..pose.gizmo import Gizmos
+from ..core.state import Run, State, poses
 from ..pose.update import Pull
+from ..pose.view import Gizmos
 from ..scene.update import Unreadable
 from ..session.update import Select
-from .ground import GroundView
 from .overlays import Overlays
 
 FIELD_OF_VIEW = 0.85  # [rad]
@@ -206,3 +206,112 @@ def looks(state: State, before: Sequence[Look] = ()) -> list[Look]:
     d = state.derived
     drawn = [state.model.body(name) for name in d.names]
     return bodies.looks(drawn, d.children, d.colors, before)
+
+
+COLOR, OPACITY = (120, 128, 140), 0.28
+
+
+class GhostView:
+    def __init__(self, server: viser.ViserServer):
+        self._server = server
+        self._nodes: list[viser.MeshHandle] = []
+
+    def render(self, old: State, new: State) -> None:
+        if new.ghost is not old.ghost:
+            for node in self._nodes:
+                node.remove()
+            self._nodes = [] if new.ghost is None else self._drawn(new, new.ghost)
+        if new.ghost is not None and self._nodes:
+            self._place(new.ghost, new.playback.time)
+
+    def _drawn(self, state: State, ghost: Run) -> list[viser.MeshHandle]:
+        of = State(ghost.model, ghost.request)
+        nodes = []
+        for k, look in enumerate(looks(of), 1):
+            solid = shapes.mesh(look.pieces)
+            node = self._server.scene.add_mesh_simple(
+                f"/ghost/{k}",
+                solid.vertices,
+                solid.faces,
+                color=COLOR,
+                opacity=OPACITY,
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+            nodes.append(at_rest(node))
+        return nodes
+
+    def _place(self, ghost: Run, time: float) -> None:
+        result = ghost.result
+        t, pose = np.asarray(result.t), np.asarray(result.body_pose)
+        positions, wxyz = between(t, pose, float(np.clip(time, t[0], t[-1])))
+        with self._server.atomic():
+            for node, place, turn in zip(self._nodes, positions, wxyz):
+                node.position, node.wxyz = place, turn
+
+
+class GroundView:
+    """The ground of the model that is shown."""
+
+    def __init__(self, server: viser.ViserServer):
+        self._scene = server.scene
+        self._drawn: object = None  # what is drawn: the ground, which way is up, the size
+        self._steps: Any = None
+
+    def render(self, state: State) -> None:
+        model = state.model
+        wanted = (model.ground, model.up, state.framed)
+        if wanted == self._drawn:
+            return
+        self._drawn = wanted
+        if self._steps is not None:
+            self._steps.remove()
+        grid(self._scene, model, state.derived.size)
+        self._steps = steps(self._scene, model)
+
+
+LEAST = 1e-3  # [m] below which a camera stays
+
+
+class FollowView:
+    """The way from the eye to what it looks at is the page's own, also while it is turned."""
+
+    def __init__(self, server: viser.ViserServer):
+        self._server = server
+        self._ahead: dict[int, np.ndarray] = {}  # of what each page looks at, from the body [m]
+
+    def render(self, old: State, new: State) -> None:
+        for client in self._ahead.keys() - new.clients.keys():
+            del self._ahead[client]
+        leaves = any(body.joint == "free" for body in new.model.bodies)
+        following = [key for key, page in new.clients.items() if page.follow and leaves]
+        for client in self._ahead.keys() - set(following):
+            del self._ahead[client]
+        if not following:
+            return
+        at = level(new)
+        another = new.framed != old.framed or not old.derived.names
+        handles = self._server.get_clients()
+        for client in following:
+            if client not in handles or new.clients[client].aspect is None:
+                continue
+            camera = handles[client].camera
+            if client not in self._ahead or another:
+                was = at if another else level(old)
+                self._ahead[client] = np.asarray(camera.look_at) - was
+            move(camera, at + self._ahead[client])
+
+
+def level(state: State) -> np.ndarray:
+    """(3,) where the first body is, its height left out."""
+    up = np.array(GRID[state.model.up][1])
+    at = np.asarray(poses(state)[0][0])
+    return at - (at @ up) * up
+
+
+def move(camera: viser.CameraHandle, target: np.ndarray) -> None:
+    """Look at `target` from where the page looks from."""
+    way = np.asarray(camera.position) - np.asarray(camera.look_at)
+    if np.linalg.norm(target - np.asarray(camera.look_at)) > LEAST:
+        camera.position = target + way
+        camera.look_at = target

@@ -8,6 +8,7 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_app.constraints.kinds import KINDS
+from pgraph_app.constraints.mobility import report, wanted
 from pgraph_app.constraints.parts import knots, table_of
 from pgraph_app.constraints.update import (
     AddPart,
@@ -23,7 +24,6 @@ from pgraph_app.constraints.update import (
     WatchConstraints,
 )
 from pgraph_app.constraints.view import constraints
-from pgraph_app.constraints.worker import report, wanted
 from pgraph_app.core.events import Misread, from_page
 from pgraph_app.core.state import initial
 from pgraph_app.digraph.view import digraph

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pgraph_core as pg
-from pgraph_app.digraph.steps import seven_steps
+from pgraph_app.digraph.view import seven_steps
 from pgraph_core.show.digraph import CHARACTER, LABEL, LONGEST, NODE, TIDY, layout
 
 pytestmark = pytest.mark.fast

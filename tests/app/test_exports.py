@@ -16,7 +16,7 @@ import pgraph_models
 from pgraph_app.core.state import Request, Run, State, initial
 from pgraph_app.features import update
 from pgraph_app.model.derived import derive
-from pgraph_app.run import exports
+from pgraph_app.run import view
 from pgraph_app.run.update import Export, Simulate, Simulated
 from pgraph_app.scene import marks
 from pgraph_app.scene.update import Show
@@ -31,7 +31,7 @@ def run() -> Run:
 
 
 def test_the_table_holds_the_run_s_numbers(run):
-    head, *rows = csv.reader(io.StringIO(exports.table(run).decode()))
+    head, *rows = csv.reader(io.StringIO(view.table(run).decode()))
     numbers = np.array(rows, dtype=float)
     assert numbers[:, head.index("t [s]")].tolist() == run.result.t.tolist()
     assert numbers[:, head.index("q 2 0 [rad]")].tolist() == run.result.q[:, 1].tolist()
@@ -39,14 +39,14 @@ def test_the_table_holds_the_run_s_numbers(run):
 
 def test_the_arrays_are_read_back_as_the_run(run, tmp_path):
     file = tmp_path / "run.npz"
-    file.write_bytes(exports.arrays(run))
+    file.write_bytes(view.arrays(run))
     again = pg.Result.load(file)
     np.testing.assert_array_equal(again.q, run.result.q)
     assert again.mechanism.model == run.model
 
 
 def test_the_animation_is_one_page_that_asks_for_nothing_else(run):
-    page = exports.animation(run).decode()
+    page = view.animation(run).decode()
     assert page.lstrip().lower().startswith("<!doctype html")
     assert not re.search(r'<(script|link|img)[^>]+(src|href)="https?://', page)
 
@@ -72,7 +72,7 @@ def drawn(run: Run, shown: frozenset[str]) -> list[dict[str, tuple[Any, ...]]]:
         })  # fmt: skip
 
     try:
-        animation.draw(server, run.result, taken, exports.overlays(server, run, shown))
+        animation.draw(server, run.result, taken, view.overlays(server, run, shown))
     finally:
         server.stop()
     return pictures

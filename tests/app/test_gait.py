@@ -17,16 +17,14 @@ import pgraph_models
 from pgraph_app.core.events import Event
 from pgraph_app.core.state import Kernels, State, initial, poses
 from pgraph_app.features import update
+from pgraph_app.gait import has_feet
 from pgraph_app.gait.footfalls import Change, changes, prints, since
-from pgraph_app.gait.phases import phases
 from pgraph_app.gait.update import SHOWN, Push, SetGait, SetGround, SetWalk, Walk
-from pgraph_app.gait.view import gait
-from pgraph_app.gait.walking import has_feet
+from pgraph_app.gait.view import gait, phases
 from pgraph_app.model.update import OpenText, Undo
 from pgraph_app.playback.update import Scrub
-from pgraph_app.run import exports
-from pgraph_app.run.live import Motion
-from pgraph_app.run.stitching import Seam
+from pgraph_app.run import view
+from pgraph_app.run.live import Motion, Seam
 from pgraph_app.run.update import Advanced, GoLive, SetScenario, StopLive, Stuck
 from pgraph_app.scene import marks
 from pgraph_app.scene.update import Show
@@ -112,7 +110,7 @@ def test_no_foot_changes_because_a_part_begins():
 
 def test_what_the_page_shows_is_what_the_csv_says():
     state = trotted()
-    head, *rows = csv.reader(io.StringIO(exports.table(state.last_run).decode()))
+    head, *rows = csv.reader(io.StringIO(view.table(state.last_run).decode()))
     table = {name: [row[k] for row in rows] for k, name in enumerate(head)}
     shown = phases(state.falls, state, running=False)
     for number, foot in enumerate(shown["feet"]):
@@ -126,7 +124,7 @@ def test_what_the_page_shows_is_what_the_csv_says():
 
 def test_the_arrows_are_the_forces_of_the_csv():
     state = trotted()
-    head, *rows = csv.reader(io.StringIO(exports.table(state.last_run).decode()))
+    head, *rows = csv.reader(io.StringIO(view.table(state.last_run).decode()))
     k = len(rows) // 2
     state = after(state, Scrub(ME, float(rows[k][0])))
     positions, wxyz = poses(state)

@@ -187,7 +187,7 @@ def ran() -> State:
 def test_continue_asks_for_a_run_from_the_end(ran):
     state = after(ran, Continue(ME))
     assert state.job.before is ran.run.result
-    from pgraph_app.run.work import simulated
+    from pgraph_app.run.worker import simulated
 
     whole = simulated(
         replace(state.job, request=replace(state.job.request, t_end=0.2)), lambda _: 1

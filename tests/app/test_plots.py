@@ -10,7 +10,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.core.state import initial
 from pgraph_app.features import update
-from pgraph_app.plots.signals import (
+from pgraph_app.plots import (
     KINDS,
     POINTS,
     Signal,
@@ -21,8 +21,7 @@ from pgraph_app.plots.signals import (
     title,
     unit,
 )
-from pgraph_app.plots.update import Plot
-from pgraph_app.plots.view import plots, signals
+from pgraph_app.plots.view import Plot, plots, signals
 from pgraph_app.run.update import Compare, Simulate, Simulated
 from pgraph_app.session.update import Connected
 

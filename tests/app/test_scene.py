@@ -18,7 +18,7 @@ from pgraph_app.features import update
 from pgraph_app.model.update import Edit, Undo
 from pgraph_app.playback.update import Scrub
 from pgraph_app.pose import solving as posing
-from pgraph_app.pose.pulling import WEIGHTS, pull_force
+from pgraph_app.pose.solving import WEIGHTS, pull_force
 from pgraph_app.pose.update import Gripped, HomePose, MoveJoint, Pull, UsePose
 from pgraph_app.run.update import Simulate, Simulated
 from pgraph_app.scene import marks
