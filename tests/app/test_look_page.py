@@ -12,7 +12,7 @@ import pgraph_core as pg
 import pgraph_models
 from benchmarks.browser import LEAST, LOOKS, SMALL
 from pgraph_app.model.update import OpenText
-from pgraph_app.plots.view import Plot
+from pgraph_app.plots.update import Plot
 from pgraph_app.server import Server
 
 from .conftest import NOBODY, until

@@ -21,7 +21,8 @@ from pgraph_app.plots import (
     title,
     unit,
 )
-from pgraph_app.plots.view import Plot, plots, signals
+from pgraph_app.plots.update import Plot
+from pgraph_app.plots.view import plots, signals
 from pgraph_app.run.update import Compare, Simulate, Simulated
 from pgraph_app.session.update import Connected
 

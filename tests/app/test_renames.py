@@ -10,7 +10,7 @@ from pgraph_app.core.events import Event
 from pgraph_app.core.state import Reply, State, initial
 from pgraph_app.features import update
 from pgraph_app.model.update import Download, Edit, NewModel, OpenText, Undo
-from pgraph_app.plots.view import Plot
+from pgraph_app.plots.update import Plot
 from pgraph_app.properties.update import EditBodies
 from pgraph_app.session.update import Connected, Disconnected, Hello, SelectBodies
 from pgraph_app.table.update import SetParent

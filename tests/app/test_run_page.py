@@ -6,7 +6,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app.model.update import OpenText
-from pgraph_app.plots.view import Plot
+from pgraph_app.plots.update import Plot
 from pgraph_app.report.update import SetReport
 from pgraph_app.run.update import StopLive
 from pgraph_app.server import Server
