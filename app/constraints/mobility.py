@@ -148,7 +148,7 @@ def wanted(state: State) -> bool:
 def report(model: pg.Model) -> MobilityFound:
     """Degrees of freedom and redundant rows in the initial state, or the sentence why not."""
     try:
-        return MobilityFound(model, mobility(model, pg.Topology.of(model)))
+        return MobilityFound(model, pg.Mechanism(model).mobility())
     except pg.PgraphError as error:
         return MobilityFound(model, None, str(error))
     except Exception as error:  # said on the page: the session goes on
