@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from pgraph_core.study import page
+
 Found = Mapping[str, Any]
 COLUMNS = ("case", "by", "median", "quartiles", "ratio", "quartiles", "goal")
 INTRODUCTION = """# Speed compared with MuJoCo, Pinocchio, Drake and Exudyn
@@ -137,11 +139,8 @@ def sentences(found: Found) -> Iterator[str]:
 
 def aligned(rows: Iterable[Sequence[str]]) -> str:
     """Columns of equal width."""
-    rows = list(rows)
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return "\n".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths)).rstrip() for row in rows
-    )
+    cells = list(rows)
+    return "\n".join(page.aligned(cells, [True] * len(cells[0])))
 
 
 def piped(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

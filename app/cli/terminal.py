@@ -15,6 +15,7 @@ from typing import Any
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core.errors import InputError, Problem, choices
+from pgraph_core.study import page
 
 LARGEST = 100_000  # bodies of a new model: more is a typing error
 WIDTH = 30  # characters of the bar
@@ -150,17 +151,11 @@ def _plain(value: Any) -> Any:
 def aligned(rows: Iterable[Iterable[Any]], header: Iterable[str]) -> str:
     """A table in columns: numbers to the right, text to the left."""
     cells = [[*header], *([*row] for row in rows)]
-    columns = range(len(cells[0]))
-    right = [all(isinstance(row[i], (int, float)) for row in cells[1:]) for i in columns]
+    left = [
+        not all(isinstance(row[i], (int, float)) for row in cells[1:]) for i in range(len(cells[0]))
+    ]
     texts = [[f"{x:g}" if isinstance(x, float) else str(x) for x in row] for row in cells]
-    widths = [max(len(row[i]) for row in texts) for i in columns]
-    return "\n".join(
-        "  ".join(
-            x.rjust(width) if to_the_right else x.ljust(width)
-            for x, width, to_the_right in zip(row, widths, right)
-        ).rstrip()
-        for row in texts
-    )
+    return "\n".join(page.aligned(texts, left))
 
 
 # -- progress --------------------------------------------------------------------------------------

@@ -1,27 +1,27 @@
-// What has a <title> is said at once beside the pointer, not after the browser's pause.
-const said = document.createElement("div");
-said.id = "said";
-said.hidden = true;
-said.setAttribute("role", "status");
-document.body.append(said);
+// Shows the <title> of an element at once next to the pointer, not after the browser's delay.
+const tip = document.createElement("div");
+tip.id = "tip";
+tip.hidden = true;
+tip.setAttribute("role", "status");
+document.body.append(tip);
 for (const title of document.querySelectorAll("svg title")) {
   const mark = title.parentElement;
   const text = title.textContent;
   mark.setAttribute("aria-label", text);
   title.remove();
   const show = (x, y) => {
-    said.textContent = text;
-    said.hidden = false;
-    const left = Math.min(x + 14, innerWidth - said.offsetWidth - 8);
-    const top = Math.min(y + 14, innerHeight - said.offsetHeight - 8);
-    said.style.left = `${Math.max(8, left)}px`;
-    said.style.top = `${Math.max(8, top)}px`;
+    tip.textContent = text;
+    tip.hidden = false;
+    const left = Math.min(x + 14, innerWidth - tip.offsetWidth - 8);
+    const top = Math.min(y + 14, innerHeight - tip.offsetHeight - 8);
+    tip.style.left = `${Math.max(8, left)}px`;
+    tip.style.top = `${Math.max(8, top)}px`;
   };
   mark.addEventListener("pointermove", (e) => show(e.clientX, e.clientY));
-  mark.addEventListener("pointerleave", () => { said.hidden = true; });
+  mark.addEventListener("pointerleave", () => { tip.hidden = true; });
   mark.addEventListener("focus", () => {
     const box = mark.getBoundingClientRect();
     show(box.right, box.bottom);
   });
-  mark.addEventListener("blur", () => { said.hidden = true; });
+  mark.addEventListener("blur", () => { tip.hidden = true; });
 }
