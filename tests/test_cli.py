@@ -356,12 +356,18 @@ def test_tables_line_up():
 # -- processes -----------------------------------------------------------------------------------
 
 
-def test_info_loads_no_compiler_and_no_page():
+@pytest.mark.parametrize(
+    ("commands", "heavy"),
+    [
+        ("main(['info', 'fig1_tree']); main(['models'])", "'numba', 'viser', 'trimesh'"),
+        ("main(['info', 'quadruped'])", "'viser', 'trimesh', 'websockets'"),  # mobility: kernels
+    ],
+)
+def test_info_loads_no_compiler_for_a_tree_and_never_the_page(commands: str, heavy: str):
     program = (
-        "import sys; from pgraph_app.cli import main\n"
-        "main(['info', 'quadruped']); main(['models'])\n"
-        "heavy = {'numba', 'viser', 'trimesh', 'websockets'} & set(sys.modules)\n"
-        "sys.exit(str(heavy) if heavy else 0)"
+        f"import sys; from pgraph_app.cli import main\n{commands}\n"
+        f"found = {{{heavy}}} & set(sys.modules)\n"
+        "sys.exit(str(found) if found else 0)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,4 @@
-"""`pgraph info MODEL`: numbering, degrees of freedom and plan of a model; compiles nothing."""
+"""`pgraph info MODEL`: numbering, degrees of freedom, mobility and plan of a model."""
 
 from __future__ import annotations
 
