@@ -84,6 +84,7 @@ COUNTERS = record(
 CURSOR = record(
     frame=INTEGER,  # the next frame
     taken=INTEGER,  # steps taken towards it
+    fresh=INTEGER,  # 1: the last frame left v' of the state for the next step
 )
 
 CLOCK = record(

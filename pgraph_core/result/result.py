@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from enum import Enum
 from functools import cached_property
-from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -282,7 +281,9 @@ class Result(Portable):
 
 
 def _show() -> Any:
-    return import_module("pgraph_core.show")
+    from .. import show
+
+    return show
 
 
 ARRAYS = (

@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..packing.system import Array
+from ..packing.system import Array, Ints
 from .plan import Plan
 from .recording import Progress, Recording
 
 LOOSER = 32.0  # tolerance of the run that the error estimate compares with
+EQUAL = 1e-9  # relative difference of widths of steps that are the same
 COMPARED = 65  # frames at most, where frames cost time of their own
 
 
@@ -67,16 +68,32 @@ def _coarser(plan: Plan) -> tuple[Plan, float] | None:
             return replace(plan, times=some, tolerance=twice), 2.0**power
         loose = given._replace(rtol=LOOSER * given.rtol, atol=LOOSER * given.atol)
         return replace(plan, times=some, tolerance=loose), LOOSER
-    if int(np.sum(plan.substeps)) < 2:
+    if int(plan.substeps.sum()) < 2:
         return None
-    if int(np.max(plan.substeps)) == 1:  # every second frame, so that kinks of tables stay steps
+    if int(plan.substeps.max()) == 1:  # every second frame, so that kinks of tables stay steps
         keep = np.union1d(np.arange(0, len(plan.times), 2), [*cuts, len(plan.times) - 1])
         times, count = plan.times[keep], np.ones(len(keep) - 1, dtype=np.int64)
     else:
         times, count = plan.times, -(-plan.substeps // 2)
     width = np.diff(times) / count
-    ratio = float(np.max(width) / np.max(plan.width))
+    ratio = float(width.max() / plan.width.max())
+    times, count, width = _thinned(times, count, width, plan.times[cuts])
     return replace(plan, times=times, substeps=count, width=width), ratio**power
+
+
+def _thinned(times: Array, count: Ints, width: Array, kept: Array) -> tuple[Array, Ints, Array]:
+    """The same steps with about COMPARED frames, those at the times `kept` among them.
+
+    Frames are joined only where the steps between them are equally wide.
+    """
+    group = len(count) // (COMPARED - 1)
+    if group < 2 or np.ptp(width) > EQUAL * width[0]:
+        return times, count, width
+    firsts = np.union1d(np.arange(0, len(count), group), np.searchsorted(times[:-1], kept))
+    firsts = firsts[firsts < len(count)]
+    some = times[np.append(firsts, len(count))]
+    steps = np.add.reduceat(count, firsts)
+    return some, steps, np.diff(some) / steps
 
 
 def _onto_corners(plan: Plan) -> Plan:

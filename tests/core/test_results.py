@@ -191,7 +191,6 @@ def test_a_welded_body_has_no_coordinates():
 
 
 def test_the_table_has_the_columns_of_the_csv(run):
-    pytest.importorskip("pgraph_core.show")
     frame = run.to_pandas()
     header = run.to_csv().splitlines()[0].split(",")
     assert [frame.index.name, *frame.columns] == header

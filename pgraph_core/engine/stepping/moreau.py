@@ -32,7 +32,7 @@ ENOUGH = 1e-3  # of what is to be recovered in a step: a sweep that moves less i
 
 
 @kernel(STEP_SIGNATURE, nogil=True)
-def moreau_jean(scene, accelerate, tableau, t, h, q, v, stages, flow, ledger):
+def moreau_jean(scene, accelerate, tableau, t, h, q, v, fresh, stages, flow, ledger):
     """One step; the solver's sweeps."""
     data = opened(scene)
     rows, const, drives, blocks = data.rows, data.const, data.drives, data.blocks

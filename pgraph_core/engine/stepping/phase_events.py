@@ -36,7 +36,7 @@ def trial(scene, held, links, sites, tableau, stabilised, t, w, q, v, stages, fl
     restore(q, v, stages, row)
     ledger[0] = before[0]
     ledger[1] = before[1]
-    arguments = (scene, links[0], tableau, t, w, q, v, stages, flow, ledger)
+    arguments = (scene, links[0], tableau, t, w, q, v, 0, stages, flow, ledger)
     counters.solver_iterations += call_step(step, arguments)
     counters.evaluations += max(tableau[1].shape[0], 1) + 1
     code = finish(held, links[1], stabilised, t + w, q, v, counters)

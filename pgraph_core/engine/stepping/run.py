@@ -10,8 +10,12 @@ from numba import types
 from .. import layout as at
 from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
+from ..constraints.blocks import velocities
+from ..forces import apply_loads, drive
 from ..motion import F1, F2, I1, OUT, call_acceleration, call_projection, call_record, opened
 from ..records import COUNTERS, CURSOR, array_of
+from ..tree.articulated import articulated, inboard, joint_acceleration
+from ..tree.kinematics import outboard, positions
 from ..tree.moving import advance, normalise_all, rate
 from ..vec import finite
 
@@ -20,67 +24,119 @@ STEP_ROUNDS = 10  # of projection a step: one is the rule
 LINKS = types.UniTuple(types.int64, 4)
 TABLEAU = types.Tuple((F2, F1, F1))
 f8, i8 = types.float64, types.int64
-# scene, accelerate, tableau, t, h, q, v, stages, flow, ledger; solver iterations
-STEP = i8(i8, i8, TABLEAU, f8, f8, F1, F1, F2, F1, F1)
+# scene, accelerate, tableau, t, h, q, v, fresh, stages, flow, ledger; solver iterations.
+# fresh: v' of this state is in row VDOT of `stages` already, and its power in `flow`
+STEP = i8(i8, i8, TABLEAU, f8, f8, F1, F1, i8, F2, F1, F1)
 call_step = caller(STEP)
 SETTLE = i8(i8, f8, F1, F1)  # scene, t, q, v: after a step of a scene with contacts
 call_settle = caller(SETTLE)
 
+# rows of `stages`: q and v before the step, τ, then q' and v' of each stage in turn
+Q0, V0, TAU, QDOT, VDOT = 0, 1, 2, 3, 4
 
-@kernel(STEP, nogil=True)
-def runge_kutta(scene, accelerate, tableau, t, h, q, v, stages, flow, ledger):
-    """One explicit Runge-Kutta step of (q, v), and of the ledger; solver iterations.
 
-    `stages` rows: q0, v0, τ, then q' and v' of each stage in turn.
-    """
-    rows = opened(scene).rows
+@sweep
+def derivative(rows, const, drives, loads, work, t, q, v, given, tau, vdot):
+    """v' of driven trees in lanes; `loads` is None if there are none."""
+    drive(drives, t, q, v, given, tau)
+    if loads is None:
+        articulated(rows, const, q, v, tau, work, vdot)
+    else:
+        outboard(rows, const, work, q, v)
+        linear = work[:, at.U : at.U + 3]
+        moving(rows, const, work, v, linear)
+        apply_loads(loads, work, linear, t)
+        inboard(rows, const, work, tau)
+        joint_acceleration(rows, const, work, vdot)
+
+
+@sweep
+def moving(rows, const, work, v, linear):
+    """Places of all origins into X, their velocities into `linear`: U, until `inboard` fills it."""
+    positions(rows, work)
+    velocities(rows, const, work, v, linear)
+
+
+@sweep
+def explicit_step(scene, trees, rows, tableau, t, h, q, v, stages):
+    """One explicit Runge-Kutta step of (q, v), of a scene or of lanes; solver iterations."""
     a, b, c = tableau
     nq = q.shape[0]
     nv = v.shape[0]
     for i in range(nq):
-        stages[0, i] = q[i]
+        stages[Q0, i] = q[i]
     for j in range(nv):
-        stages[1, j] = v[j]
-    tau = stages[2, :nv]
+        stages[V0, j] = v[j]
     total = 0
     for n in range(b.shape[0]):
         for r in range(n):
             if a[n, r] != 0.0:
                 for i in range(nq):
-                    q[i] += h * a[n, r] * stages[3 + 2 * r, i]
+                    q[i] += h * a[n, r] * stages[QDOT + 2 * r, i]
                 for j in range(nv):
-                    v[j] += h * a[n, r] * stages[4 + 2 * r, j]
-        rate(rows, q, v, stages[3 + 2 * n, :nq])
-        vdot = stages[4 + 2 * n, :nv]
-        call_acceleration(accelerate, (scene, t + c[n] * h, q, v, tau, vdot, flow))
-        ledger[at.WORK_DONE] += h * b[n] * flow[0]
-        ledger[at.DISSIPATED] += h * b[n] * flow[1]
-        total += int(flow[2])
+                    v[j] += h * a[n, r] * stages[VDOT + 2 * r, j]
+        rate(rows, q, v, stages[QDOT + 2 * n, :nq])
+        vdot = stages[VDOT + 2 * n, :nv]
+        tau = stages[TAU, :nv]
+        total += slope(scene, trees, n, t + c[n] * h, h * b[n], q, v, tau, vdot)
         for i in range(nq):
-            q[i] = stages[0, i]
+            q[i] = stages[Q0, i]
         for j in range(nv):
-            v[j] = stages[1, j]
+            v[j] = stages[V0, j]
     for n in range(b.shape[0]):
         for i in range(nq):
-            q[i] += h * b[n] * stages[3 + 2 * n, i]
+            q[i] += h * b[n] * stages[QDOT + 2 * n, i]
         for j in range(nv):
-            v[j] += h * b[n] * stages[4 + 2 * n, j]
+            v[j] += h * b[n] * stages[VDOT + 2 * n, j]
     normalise_all(rows, q)
     return total
 
 
-@kernel(STEP, nogil=True)
-def semi_implicit(scene, accelerate, tableau, t, h, q, v, stages, flow, ledger):
+@sweep
+def semi_implicit_step(scene, trees, rows, t, h, q, v, stages):
     """v += h v', then q moved along the new v; order 1, symplectic for conservative trees."""
     nv = v.shape[0]
-    vdot = stages[4, :nv]
-    call_acceleration(accelerate, (scene, t, q, v, stages[2, :nv], vdot, flow))
+    vdot = stages[VDOT, :nv]
+    taken = slope(scene, trees, 0, t, h, q, v, stages[TAU, :nv], vdot)
     for j in range(nv):
         v[j] += h * vdot[j]
-    ledger[at.WORK_DONE] += h * flow[0]
-    ledger[at.DISSIPATED] += h * flow[1]
-    advance(opened(scene).rows, q, v, h)
-    return int(flow[2])
+    advance(rows, q, v, h)
+    return taken
+
+
+@sweep
+def slope(scene, trees, stage, t, weight, q, v, tau, vdot):
+    """v' of a scene, its work and dissipation into the ledger, or of trees in lanes.
+
+    The other one is None; `weight` [s] turns power into work. Solver iterations.
+    """
+    iterations = 0
+    if trees is not None:
+        rows, const, drives, loads, work, given = trees
+        derivative(rows, const, drives, loads, work, t, q, v, given, tau, vdot)
+    if scene is not None:
+        address, accelerate, fresh, flow, ledger = scene
+        if stage > 0 or fresh == 0:
+            call_acceleration(accelerate, (address, t, q, v, tau, vdot, flow))
+        ledger[at.WORK_DONE] += weight * flow[0]
+        ledger[at.DISSIPATED] += weight * flow[1]
+        iterations = int(flow[2])
+    return iterations
+
+
+@kernel(STEP, nogil=True)
+def runge_kutta(scene, accelerate, tableau, t, h, q, v, fresh, stages, flow, ledger):
+    """One explicit Runge-Kutta step of (q, v), and of the ledger; solver iterations."""
+    system = (scene, accelerate, fresh, flow, ledger)
+    rows = opened(scene).rows
+    return explicit_step(system, None, rows, tableau, t, h, q, v, stages)
+
+
+@kernel(STEP, nogil=True)
+def semi_implicit(scene, accelerate, tableau, t, h, q, v, fresh, stages, flow, ledger):
+    """One step of semi-implicit Euler, and of the ledger; solver iterations."""
+    system = (scene, accelerate, fresh, flow, ledger)
+    return semi_implicit_step(system, None, opened(scene).rows, t, h, q, v, stages)
 
 
 @part
@@ -130,11 +186,16 @@ def run(
                 return at.NOT_FINITE
             cursor.frame = i + 1
             cursor.taken = 0
+            cursor.fresh = 1  # the first stage of the next step is known
+            for j in range(v.shape[0]):
+                stages[VDOT, j] = out[2][i, j]
             continue
         h = width[i - 1]
         t = times[i - 1] + taken * h
         keep(q, v, stages, before)
-        iterations = call_step(step, (scene, accelerate, tableau, t, h, q, v, stages, flow, ledger))
+        state = (q, v, cursor.fresh, stages, flow, ledger)
+        iterations = call_step(step, (scene, accelerate, tableau, t, h, *state))
+        cursor.fresh = 0
         counters.evaluations += max(tableau[1].shape[0], 1)
         counters.steps += 1
         counters.solver_iterations += iterations
