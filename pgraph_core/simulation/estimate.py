@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -55,8 +56,11 @@ def _again(record: Recording, plan: Plan, q: Array, v: Array, progress: Progress
     return again
 
 
+@lru_cache(maxsize=16)
 def _coarser(plan: Plan) -> tuple[Plan, float] | None:
-    """The same run, cheaper, and how many times larger its error is."""
+    """The same run, cheaper, and how many times larger its error is; None for a single step."""
+    if plan.tolerance is None and int(plan.substeps.sum()) < 2:
+        return None
     power = plan.method.order
     cuts = np.searchsorted(plan.times, [*(change.t for change in plan.changes), *plan.kinks])
     few = np.linspace(0, len(plan.times) - 1, COMPARED).astype(int)
@@ -68,8 +72,6 @@ def _coarser(plan: Plan) -> tuple[Plan, float] | None:
             return replace(plan, times=some, tolerance=twice), 2.0**power
         loose = given._replace(rtol=LOOSER * given.rtol, atol=LOOSER * given.atol)
         return replace(plan, times=some, tolerance=loose), LOOSER
-    if int(plan.substeps.sum()) < 2:
-        return None
     if int(plan.substeps.max()) == 1:  # every second frame, so that kinks of tables stay steps
         keep = np.union1d(np.arange(0, len(plan.times), 2), [*cuts, len(plan.times) - 1])
         times, count = plan.times[keep], np.ones(len(keep) - 1, dtype=np.int64)

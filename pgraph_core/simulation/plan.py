@@ -54,7 +54,7 @@ NO_GAINS = np.zeros(2)
 NO_FORCES = (Drives(np.zeros((0, at.DRIVE)), np.zeros((0, 3)), 0), NO_LOADS)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False)
 class Plan:
     """A run, checked and complete but for its initial state."""
 

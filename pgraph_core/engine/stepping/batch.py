@@ -5,6 +5,7 @@ instances that share their parameters, or (blocks, n + 1, columns, W).
 """
 
 from .. import layout as at
+from ..arrays import Loads
 from ..compiler.jit import kernel
 from ..compiler.lane import constants, lanes
 from ..forces import drive, torque_of_loads
@@ -42,7 +43,7 @@ def inverse_dynamics(rows, const, drives, loads, q, v, vdot, work, passive, none
             outboard(rows, c, w, lanes(q[i]), lanes(v[i]))
             linear = w[:, at.U : at.U + 3]
             moving(rows, c, w, lanes(v[i]), linear)
-            torque_of_loads(rows, c, loads, w, linear, s)
+            torque_of_loads(rows, c, Loads(loads[0], loads[1], loads[2]), w, linear, s)
             for j in range(out.shape[0]):
                 out[j] -= s[j]
 

@@ -8,6 +8,7 @@ method. `links` are the addresses of acceleration, projection, record and step.
 from numba import types
 
 from .. import layout as at
+from ..arrays import Loads
 from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
 from ..constraints.blocks import velocities
@@ -45,7 +46,7 @@ def derivative(rows, const, drives, loads, work, t, q, v, given, tau, vdot):
         outboard(rows, const, work, q, v)
         linear = work[:, at.U : at.U + 3]
         moving(rows, const, work, v, linear)
-        apply_loads(loads, work, linear, t)
+        apply_loads(Loads(loads[0], loads[1], loads[2]), work, linear, t)
         inboard(rows, const, work, tau)
         joint_acceleration(rows, const, work, vdot)
 
