@@ -1,4 +1,4 @@
-"""The integration methods as data: their tableaus, kernels and what each is for."""
+"""The integration methods as data: their tableaus, kernels and uses."""
 
 from .integrators import DOP853 as DOP853
 from .integrators import DOPRI5 as DOPRI5

@@ -11,13 +11,13 @@ from .tableaus import Tableau
 
 
 class Method(NamedTuple):
-    """A method: its numbers, the kernel that makes a step or attempts one, what it is for."""
+    """A method: its coefficients, the kernels of its step, and its use."""
 
     name: str
     order: int
     tableau: Tableau
-    use: str  # what it is for
-    step: Any = None  # the kernel of a step of given width; None: it chooses its steps
+    use: str  # in a few words
+    step: Any = None  # the kernel of a fixed step; None: adaptive only
     attempt: Any = None  # the kernel that tries a step and estimates its error
     # safety, exponents of this error and the last one, least and largest change of the width
     controller: tuple[float, float, float, float, float] = (0.9, 0.0, 0.0, 0.2, 6.0)

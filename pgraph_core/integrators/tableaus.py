@@ -100,7 +100,7 @@ def dop853() -> Tableau:
 
 
 def _interpolant(b: Array, end: int, d: Array) -> Array:
-    """p_i in powers of θ, of Hermite's cubic between both ends and what `d` adds to it.
+    """p_i in powers of θ, of Hermite's cubic between both ends and the terms of `d`.
 
     y + θ (Δ + (1 - θ) (h k_0 - Δ + θ (2 Δ - h (k_0 + k_end) + (1 - θ) (h d_0 k + θ ...)))),
     Δ = h Σ b_i k_i.
@@ -131,7 +131,7 @@ def radau5() -> Tableau:
 
 
 def _decoupled(a: Array) -> Array:
-    """(7, 3): what makes A⁻¹ diagonal: T, T⁻¹, and the real eigenvalue and a complex one.
+    """(7, 3): T and T⁻¹ that make A⁻¹ diagonal, its real and a complex eigenvalue.
 
     A⁻¹ = T Λ T⁻¹; as a complex number, the second and third of T⁻¹ z are multiplied by the
     complex eigenvalue ([Hairer, Wanner 1996, IV.8]).

@@ -1,7 +1,4 @@
-"""ContactRecord: what contacts and joint limits did over a run, however it was stepped.
-
-An event-driven run adds what it alone knows: phases, and the events between them.
-"""
+"""ContactRecord: forces, gaps, phases and events of contacts and joint limits over a run."""
 
 from __future__ import annotations
 
@@ -20,7 +17,7 @@ FREE, STOP = "free", "stop"  # a joint between its limits, and at one
 
 
 class Event(NamedTuple):
-    """A change of one contact point at one instant; what bounces goes from swing to swing."""
+    """A change of one contact point at one instant; a bounce goes from swing to swing."""
 
     t: float  # [s]
     contact: str  # its name, with the number of the point where it has several
@@ -45,7 +42,7 @@ class ContactRecord:
     gap: Mapping[str, Array] = field(default_factory=dict)
     """(n,) smallest gap [m], negative where it penetrates; inf where nothing is near."""
     slip: Mapping[str, Array] = field(default_factory=dict)
-    """(n,) fastest slip [m/s] of what touches."""
+    """(n,) fastest slip [m/s] of its touching points."""
     limit: Mapping[str, Array] = field(default_factory=dict)
     """(n,) torque or force of a joint limit along its coordinate [N m, N], by limit."""
     wrench: Array = field(default_factory=lambda: np.zeros((0, 0, 6)))
@@ -56,10 +53,10 @@ class ContactRecord:
     phases: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
     """(n,) swing, weight acceptance, slip or stance by contact point; a limit: free or stop."""
     events: tuple[Event, ...] = ()
-    """What changed, in its order."""
+    """Changes, in order of time."""
 
     def arrays(self) -> dict[str, Array]:
-        """Everything by a name that says what it is of, for a file."""
+        """All arrays by names for a file."""
         found = {
             f"contact {what}:{name}": array
             for what in KINDS

@@ -156,8 +156,8 @@ def _quintic_rate(frames: Any, i: Ints, k: Ints, x: Array) -> Array:
 def _missed(frames: Any, i: Ints, x: Array) -> Array:
     """Estimated interpolation error of q in the intervals from frames i, at times x.
 
-    In smooth motion from what polynomials over two frames miss the frame between them by; else,
-    as where an impact lies in the interval, the difference of quintic and cubic.
+    In smooth motion: from the error of polynomials over two intervals at the frame in between.
+    Else, as where an impact lies in the interval, the difference of quintic and cubic.
     """
     t, q, rate, _ = frames
     quintic = _quintic(frames, i, i + 1, x)

@@ -38,7 +38,7 @@ class Status(Enum):
     NOT_FINITE = "the motion stopped being finite"
     SINGULAR = "singular mass matrix: no inertia about the axis of a joint"
     CANNOT_CLOSE = "the constraints cannot all be met"
-    STEP_TOO_SMALL = "the step that the tolerance asks for fell below what time can resolve"
+    STEP_TOO_SMALL = "the step that the tolerance asks for fell below the resolution of time"
     TOO_MANY_STEPS = "the run took as many steps as it may"
     NOT_SOLVED = "the equations of an implicit step could not be solved"
     CHATTER = "contacts switch without end"
@@ -56,7 +56,7 @@ class Result(Portable):
 
     mechanism: Mechanism
     status: Status
-    message: str  # the status with its time, its body, and what to try
+    message: str  # the status with its time, its body and advice
     t: Array  # (n,) [s]
     q: Array  # (n, nq)
     v: Array  # (n, nv)
@@ -72,7 +72,7 @@ class Result(Portable):
     timing: Mapping[str, float]  # seconds a phase
     error_estimate: float  # largest |change of q| at the end against twice the step [rad, m]
     header: Mapping[str, Any]  # version, model hash, method, step, ...
-    notices: tuple[str, ...] = field(default=())  # what a person should know
+    notices: tuple[str, ...] = field(default=())  # sentences on how the run went
 
     def __repr__(self) -> str:
         span = f"{self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no time"
@@ -134,14 +134,14 @@ class Result(Portable):
 
     @cached_property
     def plan(self) -> Plan:
-        """What this scene needed, what it did not, and what that saved."""
+        """The parts that this scene needed and did not need, and the time saved."""
         model, acting = self.mechanism.model, tuple(self.constraint_force)
         given = {"scenario": self.header.get("scenario"), "method": self.header["method"]}
         return Plan.of(model, acting=acting, **given)
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """What this scene did not need and therefore did not run, a sentence each."""
+        """Parts that this scene did not need and did not run, a sentence each."""
         return self.plan.left_out
 
     @property
@@ -304,7 +304,7 @@ INTERNAL = ("gear", "motion", "velocity")  # act in joints, as motors do
 
 
 def body_motion(run: Result) -> BodyMotion:
-    """Body motion and joint forces of all frames from (q, v, v') and what acts on the bodies."""
+    """Body motion and joint forces of all frames from (q, v, v') and the forces on bodies."""
     mech = run.mechanism
     states = (run.q, run.v, run.vdot)
     external = _loads(run)
@@ -318,7 +318,7 @@ def body_motion(run: Result) -> BodyMotion:
 
 
 def _loads(run: Result) -> Array:
-    """(n, nb, 6) what the forces of the model, its scenario and the call do on the bodies."""
+    """(n, nb, 6) wrenches on the bodies from forces of the model, its scenario and the call."""
     mech, name = run.mechanism, run.header.get("scenario")
     own = mech.model.forces + (mech.model.scenario(name).forces if name is not None else ())
     loads = load_wrenches(mech.packed, own, run.t, run.q, run.v)
@@ -363,7 +363,7 @@ def _add_constraint_wrenches(run: Result, motion: BodyMotion, out: Array) -> Non
 
 # -- several runs as one -----------------------------------------------------------------------
 
-LEDGER = ("work", "dissipation")  # what a run counts from zero
+LEDGER = ("work", "dissipation")  # start from zero in each run
 
 
 def joined(runs: Sequence[Result], /) -> Result:
@@ -371,8 +371,8 @@ def joined(runs: Sequence[Result], /) -> Result:
 
     The frame at which two runs meet is kept once, as the later one has it: a body that was changed
     in between, or an impact, shows there. Work and dissipation go on adding up; counters and
-    times add up; the error estimate is the sum, which is what errors of the parts can add up to
-    where the motion does not grow them.
+    times add up; the error estimate is the sum of theirs, which holds where the motion does not
+    amplify errors.
 
     Raises InputError where there is no run, or where two do not meet in time or in their sizes.
     """
@@ -423,7 +423,7 @@ def _summed(parts: Sequence[Any], keep: Sequence[slice]) -> Any:
 
 
 def _by_name(parts: Sequence[Any], keep: Sequence[slice], runs: Sequence[Result]) -> dict[str, Any]:
-    """Arrays by name; zeros where a run lacks what another has."""
+    """Arrays by name; zeros where a run has none."""
     found = {}
     for name in dict.fromkeys(key for part in parts for key in part):
         like = next(part[name] for part in parts if name in part)

@@ -1,4 +1,4 @@
-"""Runs: what is asked for becomes a plan, the plan is stepped, and frames are recorded.
+"""Runs: options become a plan, the plan is stepped, and frames are recorded.
 
 The package is not called `simulate`, which would hide the function `pgraph_core.simulate`.
 """

@@ -81,7 +81,7 @@ def simulate_batch(
 
 
 def _given_steps(name: str) -> Method:
-    """The method called `name`, one that takes steps of given width. Raises InputError."""
+    """The method called `name`, one that takes fixed steps. Raises InputError."""
     chosen = method_of("rk4" if name == "auto" else name)
     if chosen.step is None:
         text = f"a batch takes rk4 or semi_implicit_euler; given {name!r}"
@@ -90,7 +90,7 @@ def _given_steps(name: str) -> Method:
 
 
 def _chunks(substeps: Any, frames: int, steps: int = 2000) -> list[tuple[int, int]]:
-    """Frame ranges of about `steps` steps, between which progress is told."""
+    """Frame ranges of about `steps` steps, between which progress is reported."""
     taken = np.concatenate(([0], np.cumsum(substeps)))
     group = (taken // steps).astype(int)
     starts = np.flatnonzero(np.diff(group, prepend=-1)).tolist()

@@ -1,6 +1,6 @@
-"""Event-driven contacts: phases of contact points and limits, and what happens where one ends.
+"""Event-driven contacts: phases of contact points and limits, and what ends them.
 
-Compiled steps end at events; Python decides there, and only there.
+Compiled steps end at events. Only there Python decides what comes next.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class ContactEvents:
         self.mech, self.plan, self.scene, self.steps = mech, plan, scene, steps
         self.q, self.v, self.ended = steps.q, steps.v, ended
         self.causes: dict[int, str] = {}
-        self._ends: dict[int, float] = {}  # times at which bounces of what comes to rest are over
+        self._ends: dict[int, float] = {}  # when the bounces of a point that comes to rest are over
         self.tally = {"phase_switches": 0, "impacts": 0, "bounces_left_out": 0}
         self.seconds = 0.0  # spent on events
         self._times: deque[float] = deque(maxlen=MANY)
@@ -78,7 +78,7 @@ class ContactEvents:
         self._first_phases(t, TOUCHING * size)
 
     def _first_phases(self, t: float, touching: float) -> None:
-        """Phases of the initial state: what touches stands or slides, or hits."""
+        """Phases of the initial state: points that touch stand, slide or hit."""
         scene, f = self.scene, self.scene.sites_f
         hits = []
         for s in np.flatnonzero(f[:, at.S_DISTANCE] <= touching).tolist():
@@ -137,7 +137,7 @@ class ContactEvents:
     # -- events --------------------------------------------------------------------------------
 
     def _event(self, t: float) -> None:
-        """Phases after what has ended at t, and the impacts that come with it."""
+        """Phases after the event at t, and its impacts."""
         scene, f = self.scene, self.scene.sites_f
         self._guard(t)
         before = scene.phase.copy()
@@ -176,7 +176,7 @@ class ContactEvents:
         return np.flatnonzero(over.any(axis=1)).tolist()
 
     def _note_changes(self, t: float, before: Ints) -> None:
-        """Log the changes of phases, arm what watches the new ones."""
+        """Log the changes of phases and watch the new ones."""
         scene = self.scene
         for s in np.flatnonzero(before != scene.phase).tolist():
             scene.sites_i[s, at.S_FRESH] = 1
@@ -268,7 +268,7 @@ class ContactEvents:
         )
 
     def _change(self, t: float, before: Ints) -> bool:
-        """One change of what fits least; whether there was one."""
+        """Change the phase that fits the forces least; whether there was one."""
         scene, f = self.scene, self.scene.sites_f
         closed = scene.phase != at.SWING
         sliding = self._sliding()
@@ -290,7 +290,7 @@ class ContactEvents:
         return bool((excess > slack).any()) or self._change_rates(t)
 
     def _change_rates(self, t: float) -> bool:
-        """Turn slip that is about to start; close what is open and would sink in."""
+        """Turn slip that is about to start; close open points that would penetrate."""
         scene, f = self.scene, self.scene.sites_f
         starting = self._still() & self._sliding()
         resting = self._resting & (scene.phase == at.SWING)
@@ -311,8 +311,8 @@ class ContactEvents:
     def _turn(self, s: int, tiny: float) -> float:
         """Turn the direction in which s is about to slip to where it would go; by how much.
 
-        The next direction is that of what drives it: its acceleration and what friction takes
-        off it. Near the border of the cone the acceleration alone points anywhere.
+        The next direction is that of its acceleration without friction. Near the border of the
+        cone the acceleration alone points anywhere.
         """
         f = self.scene.sites_f[s]
         way = f[at.S_WAY : at.S_WAY + 3].copy()
@@ -338,7 +338,7 @@ class ContactEvents:
     # -- impacts -------------------------------------------------------------------------------
 
     def _impact(self, t: float, hits: list[int], jammed: int = -1) -> None:
-        """Impulses at all that touches; what hits bounces, or stays."""
+        """Impulses at all points that touch; points that hit bounce, or stay."""
         scene, f = self.scene, self.scene.sites_f
         closed = scene.phase != at.SWING
         near = ~closed & (f[:, at.S_RATE] < 0)
@@ -407,7 +407,7 @@ class ContactEvents:
         before: Ints,
         rest: dict[int, float],
     ) -> None:
-        """Phases from the velocities after an impact; what bounces stays in swing."""
+        """Phases from the velocities after an impact; points that bounce stay in swing."""
         scene = self.scene
         tiny = 1e-12 * float(np.max(np.abs(u)))
         self._observe_still(t)

@@ -1,4 +1,4 @@
-"""What a run reports of its contacts and switches: record, phases, events, counters, notices.
+"""The report of a run on its contacts and switches: record, phases, events, counters, notices.
 
 With time stepping, phases come from a log of changes, good to one step.
 """
@@ -132,7 +132,7 @@ def phases_over(
     """({touch: (len(t),) phase}, events) from rows [time, touch, phase] in the order of time.
 
     The phase of a touch's first row is that of the start. Flights shorter than `graze` are none:
-    time stepping lets go of a point for a step where what it carries is moved out of the ground.
+    time stepping releases a point for a step when its body is moved out of the ground.
     Touches of one contact between many bodies together have phases as one.
     """
     phases, events = {}, []
@@ -151,14 +151,14 @@ def phases_over(
 
 
 def _without_grazes(own: Array, graze: float) -> Array:
-    """Rows of one touch without flights shorter than `graze`, and what then changes nothing."""
+    """Rows of one touch without flights shorter than `graze`, and rows that then change nothing."""
     if len(own) < 3:
         return own
     short = np.zeros(len(own), dtype=bool)
     short[1:-1] = (own[1:-1, at.CH_PHASE] == at.SWING) & (np.diff(own[1:, at.CH_TIME]) < graze)
     own = own[~short]
-    anew = np.append(True, np.diff(own[:, at.CH_PHASE]) != 0)
-    return own[anew]
+    changed = np.append(True, np.diff(own[:, at.CH_PHASE]) != 0)
+    return own[changed]
 
 
 def _event(t: float, touch: Touch, before: int, after: int) -> Event:

@@ -19,11 +19,11 @@ COMPARED = 65  # frames at most, where frames cost time of their own
 def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) -> float:
     """Largest error of q over the run [rad, m], from a second, coarser one.
 
-    The difference of both, over what it shrinks by between them: twice the step, or LOOSER times
-    the tolerance. A sum of the steps' own errors would miss what an unstable motion makes of
-    them. nan where torques come from a function, which is not called a second time, and where
-    the second run fails. What tables cost that bend inside steps goes by where in a step they do,
-    not by its width alone: it is the difference from a run whose steps end there.
+    The difference of the two runs over the factor by which their errors differ: twice the step,
+    or LOOSER times the tolerance. (Adding up the errors of steps would miss how unstable motion
+    makes them grow.) nan if torques come from a function, which is not called a second time, or
+    if the second run fails. Where tables bend inside fixed steps, the error depends on where in
+    the step they do: the estimate adds the difference to a run whose steps end there.
     """
     if record.user is not None:
         return float("nan")

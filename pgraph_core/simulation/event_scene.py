@@ -1,4 +1,4 @@
-"""The scene of an event-driven run: its sites, and which of their blocks act in which phase."""
+"""The scene of an event-driven run: contact points, and the blocks that act in each phase."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class EventScene(Scene):
         self.arrange()
 
     def _link(self) -> None:
-        """The two other scenes, of the tree alone and of what is held, and the one with sites."""
+        """Save the scenes: the tree alone, held constraints, and all with contact points."""
         tree, held = buffer(), buffer()
         nothing = np.zeros(1, dtype=np.int64)
         both = [
@@ -97,7 +97,7 @@ class EventScene(Scene):
 
     @property
     def held(self) -> int:
-        """Address of the scene whose active blocks are what is projected."""
+        """Address of the scene whose active blocks are projected."""
         return int(self._held_address)
 
     @property
@@ -106,7 +106,7 @@ class EventScene(Scene):
         return self.sites_i[:, at.S_PHASE]
 
     def switch(self, constraints: Ints) -> None:
-        """Activate these constraints beside what the sites' phases activate."""
+        """Activate these constraints in addition to those of the phases."""
         self.activate(constraints)
         self.bilateral = int(self.active[0])
         self.arrange()
@@ -140,6 +140,6 @@ class EventScene(Scene):
         return self.space.omega[:m, :m].copy(), self.space.vectors[RHS, :m].copy()
 
     def strike(self, impulse: Array, v: Array) -> None:
-        """Add to v what impulses of the rows of `impact` do, right after it."""
+        """Add the effect of impulses of the rows of `impact` to v, right after it."""
         self.space.vectors[LAMBDA, : len(impulse)] = impulse
         site_kernels.add_impulses(self.address, v)

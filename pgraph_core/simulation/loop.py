@@ -1,4 +1,4 @@
-"""The stepping loop: what takes a run on, at fixed steps or at steps chosen by their error."""
+"""The stepping loop: fixed steps, and adaptive steps chosen by their error."""
 
 from __future__ import annotations
 
@@ -10,10 +10,8 @@ import numpy as np
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.compiler.address import address_of
-from ..engine.contact import phases
-from ..engine.contact import sites as site_kernels
 from ..engine.records import CLOCK, COUNTERS, CURSOR, STEP_CONTROL, table
-from ..engine.stepping import adaptive, implicit, phase_dense, phase_events, run
+from ..engine.stepping import adaptive, implicit, run
 from ..mechanism import Mechanism
 from ..packing.system import Array, Ints
 from ..result import Status
@@ -59,7 +57,11 @@ class FixedSteps:
             plan.project, self.q, self.v, self.stages, self.flow, self.ledger, self._counters,
             self.failure, out,
         )  # fmt: skip
-        return phase_events.run_phased(*given, self._clock) if plan.sites else run.run(*given)
+        if not plan.sites:
+            return run.run(*given)
+        from ..engine.stepping import phase_events
+
+        return phase_events.run_phased(*given, self._clock)
 
     @property
     def event(self) -> float:
@@ -79,7 +81,7 @@ class FixedSteps:
 
     def fraction(self) -> float:
         """Fraction of the run that is done, 0 to 1."""
-        frame, taken = self.cursor.item()
+        frame, taken = int(self.cursor["frame"]), int(self.cursor["taken"])
         last = len(self.times) - 1
         part = taken / self.plan.substeps[frame - 1] if 0 < frame <= last else 0.0
         return float(min(1.0, max(0.0, frame - 1 + part) / max(last, 1)))
@@ -115,6 +117,8 @@ class AdaptiveSteps:
         self.events: Any = _no_events()
         project, sites = motion.projection, bool(plan.sites)
         if sites:
+            from ..engine.stepping import phase_dense
+
             project = phase_dense.phased_projection
             look = address_of(phase_dense.look_for_phases)
             self.events = (look, 0, np.zeros(1), *self.events[3:])
@@ -208,7 +212,7 @@ class AdaptiveSteps:
 
 
 class Outcome:
-    """How a run ended, what a person should know of it, and its events so far."""
+    """How a run ended, its notices, and its events so far."""
 
     def __init__(self) -> None:
         """The run has reached its end, until something stops it."""
@@ -224,13 +228,11 @@ class Outcome:
 @cache
 def links_of(step: Any, project: Any, sites: bool) -> tuple[int, ...]:
     """Addresses of the kernels that a step calls: acceleration, projection, record, step."""
-    kernels = (
-        phases.phased_acceleration if sites else motion.acceleration,
-        project,
-        site_kernels.phased_record if sites else motion.record,
-        step,
-    )
-    return tuple(address_of(kernel) for kernel in kernels)
+    accelerate, record = motion.acceleration, motion.record
+    if sites:
+        from ..engine.contact.phases import phased_acceleration as accelerate
+        from ..engine.contact.sites import phased_record as record
+    return tuple(address_of(kernel) for kernel in (accelerate, project, record, step))
 
 
 def _no_events() -> tuple[int, int, Array, Ints, Ints, Ints]:

@@ -1,4 +1,4 @@
-"""Plan: what acts in a run, by which method it is stepped, and when it is recorded.
+"""Plan: forces and contacts of a run, its method and steps, and its recorded times.
 
 Everything here but the automatic choice of a method depends on the mechanism and the options
 alone, so that a mechanism keeps its last plans: a short run costs little more than its steps.
@@ -9,13 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.sites import Site, sites_of
-from ..contact.tables import Tables
 from ..dynamics.arguments import finite, position
 from ..dynamics.scene import Scene, contact_tables
 from ..dynamics.states import length_of
@@ -24,7 +22,6 @@ from ..engine import motion
 from ..engine.compiler.address import address_of
 from ..engine.stepping import stiffness
 from ..errors import InputError, Problem
-from ..gait.controller import Controller
 from ..integrators import DOP853, DOPRI5, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
 from ..model import Contact, Scenario
@@ -40,6 +37,11 @@ from .options import (
     steps_between,
 )
 from .switches import Change, ever, switch_changes, with_instants
+
+if TYPE_CHECKING:
+    from ..contact.sites import Site
+    from ..contact.tables import Tables
+    from ..gait.controller import Controller
 
 VERSION = version("pgraph-dynamics")
 KEPT_PLANS = 8  # by a mechanism
@@ -109,7 +111,7 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> Plan
         plan, state = kept.get(key, (None, None))
     except TypeError:  # an option that cannot be hashed, such as an array of times
         key, plan, state = None, None, None
-    if isinstance(tau, Controller):
+    if _is_controller(tau):
         key = plan = None
     if plan is not None and (state is None or state == _bytes(q, v)):
         return plan
@@ -140,7 +142,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
     start = initial_state(mech, given, q, v, tau)
     plan = Plan(
         RK4, NO_TIMES, drives, loads, active, contacts=contacts, changes=changes, start=start,
-        tau=tau if isinstance(tau, Controller) else None,
+        tau=tau if _is_controller(tau) else None,
     )  # fmt: skip
     step = _given_step(plan, given, o)
     o = o._replace(step=step)
@@ -160,7 +162,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
     bends = corners(mech, drives, loads, whole := ever(active, changes), *span)
     kinks = NO_TIMES
     if tolerance is not None:
-        ticks = tau.ticks(*span) if isinstance(tau, Controller) else NO_TIMES
+        ticks = tau.ticks(*span) if _is_controller(tau) else NO_TIMES
         tolerance = tolerance._replace(corners=np.union1d(bends, ticks) if len(ticks) else bends)
     elif method.order > KINKED and len(bends):
         kinks = _corners_inside(bends, times, widths)
@@ -199,12 +201,21 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
     return plan, rate.known and rate.found is not None
 
 
-# -- what acts -----------------------------------------------------------------------------------
+# -- forces, contacts, constraints and state ----------------------------------------------------
 
 
 def controller_of(mech: Mechanism, given: Scenario | None) -> Controller | None:
     """The controller of a scenario's gait; None where it has none."""
-    return Controller(mech, given.gait) if given is not None and given.gait is not None else None
+    if given is None or given.gait is None:
+        return None
+    from ..gait.controller import Controller
+
+    return Controller(mech, given.gait)
+
+
+def _is_controller(tau: Any) -> bool:
+    """Whether `tau` is the controller of a gait, which has a start and a clock."""
+    return hasattr(tau, "ticks") and hasattr(tau, "start")
 
 
 def active_constraints(mech: Mechanism, given: Scenario | None) -> Ints:
@@ -230,7 +241,7 @@ def initial_state(
     """Initial state: the arguments, else the scenario's, else a gait's, else the model's."""
     tau = controller_of(mech, given) if tau is None else tau
     known = q is not None and v is not None
-    q0, v0 = tau.start() if isinstance(tau, Controller) and not known else mech.home()
+    q0, v0 = tau.start() if _is_controller(tau) and not known else mech.home()
     if given is not None:
         for state, entries, column in ((q0, given.q, at.QI), (v0, given.v, at.VI)):
             for name, values in entries.items():
@@ -253,6 +264,8 @@ def _event_driven(mech: Mechanism, contacts: Tables) -> tuple[Tables | None, tup
         text = "a penalty contact remembers where it sticks, and a step to an event is taken again"
         text += "; give the contacts law 'soft' or 'complementarity', or use method 'moreau_jean'"
         raise InputError(Problem("simulate", "method", text))
+    from ..contact.sites import sites_of
+
     sites = sites_of(mech.model, mech.topology, mech.packed.system, contacts)
     soft = tuple(t.contact for t in contacts.touches if t.contact.law == "soft")
     rest = contact_tables(mech.packed, tuple(dict.fromkeys(soft)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,12 +24,12 @@ from ..mechanism import Mechanism
 from ..packing.system import Array, Ints
 from ..result import Result, Status
 from ..result.contact_record import NOTHING, ContactRecord
-from .contact_events import ContactEvents
-from .contact_log import contact_counters, contact_notices, contacts_of, switched
-from .event_scene import EventScene
 from .loop import Outcome, steps_of
 from .plan import Plan
 from .switches import Change, closed, hold_here
+
+if TYPE_CHECKING:
+    from .contact_events import ContactEvents
 
 CHUNK = 0.02  # s of computation between two calls of `progress`
 Progress = Callable[[float], Any] | None
@@ -81,6 +81,9 @@ class Recording:
         mech, plan = self.mech, self.plan
         acts: Any = {"contacts": plan.contacts, "user": self.user}
         if plan.sites:
+            from .contact_events import ContactEvents
+            from .event_scene import EventScene
+
             frames = len(plan.times)
             scene = EventScene(mech, plan.drives, plan.loads, plan.ever, plan.sites, frames, **acts)
             return scene, ContactEvents(mech, plan, scene, self.steps, self.ended)
@@ -206,9 +209,11 @@ class Recording:
             return False
         gain = self._energy() - middle
         self.steps.ledger[at.WORK_DONE if gain > 0 else at.DISSIPATED] += abs(gain)
+        from .contact_log import switched
+
         self.ended.log += switched(self.mech, change, self._energy() - before)
         if moved > NOTABLE:
-            text = f"joints were moved by up to {moved:.3g} to meet what goes on"
+            text = f"joints were moved by up to {moved:.3g} to meet the constraints switched on"
             self.ended.notices.append(f"at t = {change.t:g} s {text}")
         self.steps.restart()
         self._stop_at_next()
@@ -245,7 +250,7 @@ class Recording:
         return f"try a step below {step:.3g} s, or less stiffness and damping there"
 
     def _blocking(self) -> str:
-        """What blocks the last recorded state to second order; "" where nothing does."""
+        """The reason why the last recorded state cannot move to second order; "" if it can."""
         if self.done == 0:
             return ""
         last = self.done - 1
@@ -279,6 +284,8 @@ class Recording:
         counters = by_name(steps.counters)
         contacts = self._contacts((t, pushes, touches))
         if self.scene.touching is not None:
+            from .contact_log import contact_counters
+
             counters |= contact_counters(self.scene)
         if self.events is not None:
             contacts = self.events.record(contacts, (q, v, vdot), rows)
@@ -309,13 +316,18 @@ class Recording:
     def _contacts(self, frames: tuple[Array, Array, Array]) -> ContactRecord:
         if not self.plan.contacts and not self.ended.log:
             return NOTHING
+        from .contact_log import contacts_of
+
         changes = np.concatenate(self._changes)
         return contacts_of(self.mech, self.plan, frames, changes, self.ended.log)
 
     def _notices(self) -> tuple[str, ...]:
         user = self.user.notices() if self.user is not None else []
-        touching = self.scene.touching is not None
-        contacts = contact_notices(self.scene, self._unlogged) if touching else []
+        contacts: list[str] = []
+        if self.scene.touching is not None:
+            from .contact_log import contact_notices
+
+            contacts = contact_notices(self.scene, self._unlogged)
         steps = self.steps.notices()
         return (*self.plan.notices, *self.ended.notices, *steps, *contacts, *user)
 

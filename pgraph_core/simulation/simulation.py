@@ -1,4 +1,4 @@
-"""simulate: a run from a mechanism, a state and a method, in chunks of compiled frames."""
+"""simulate: a run of a mechanism from a state by a method."""
 
 from __future__ import annotations
 
@@ -40,29 +40,36 @@ def simulate(
     progress: Callable[[float], Any] | None = None,
     estimate: bool = True,
 ) -> Result:
-    """Run a mechanism from (q, v), its initial state by default, at `t_start` to `t_end` [s].
+    """Simulate a mechanism, or a model, from `t_start` to `t_end` [s].
 
-    `tau` is an array (nv,) or a function f(t, q, v), called at every stage: a Python one, or one
-    compiled by `numba.njit`, which costs a hundredth. `frames` is how many evenly spaced states
-    are recorded, `t_eval` their times. `scenario` names a run of the model, whose parts the other
-    arguments replace; `forces` act beside its own. `stabilise` keeps constraints: "project",
-    "baumgarte" or None.
-    `switches` are (t, name of a constraint, True or False): it goes on or off then, between two
-    steps and without anything being built anew; frames at that time show what is after it.
-    `progress(fraction)` is called now and then; a run stops where it returns False. Without
-    `estimate` the second run that estimates the error is left out, and the estimate is nan.
+    Starts at (q, v), by default at the initial state of the scenario or of the model.
 
-    Methods that choose their steps keep the error of each below `rtol` times the mechanism's own
-    scales (a radian, its length, its highest speeds) plus `atol`, by default 1e-8 and 0; `step`
-    is then the largest one, and `max_steps` ends a run that takes more. With a `step` and no
-    `rtol` every step is as wide as it.
+    Torques and forces: `tau` is an array (nv,) or a function f(t, q, v) that is called at every
+    stage; compiled by `numba.njit` it costs a hundredth of a Python function. `forces` act in
+    addition to those of the model. `scenario` names a scenario of the model; other arguments
+    override its fields.
 
-    Rigid contacts and joint limits are stepped over by "moreau_jean", the choice of "auto" where
-    no `rtol` is given; "dop853" and "dopri5", its choices where one is, and "rk4" and
-    "semi_implicit_euler" go from event to event of points on the ground (gait phases), and always
-    project.
+    Output: `frames` evenly spaced states, or the states at the times `t_eval`; by default about
+    a thousand.
 
-    Raises InputError for arguments that do not fit. A numerical failure is a Status.
+    Steps: with a `step` [s] and no `rtol`, every step has that width. With `rtol`, or neither,
+    an adaptive method keeps the error of each step below `rtol` times the mechanism's own scales
+    (a radian, its length, its highest speeds) plus `atol`, by default 1e-8 and 0; `step` is then
+    the largest step, and `max_steps` the largest number of them.
+
+    Constraints: `stabilise` keeps them by "project", "baumgarte" or not at all (None). `switches`
+    are (t, name of a constraint, True or False): the constraint is switched on or off at t,
+    between two steps; a frame at t shows the state after it.
+
+    Rigid contacts and joint limits are handled by time stepping ("moreau_jean"), the choice of
+    "auto" without `rtol`, or from event to event by "dop853" and "dopri5", its choices with
+    `rtol`, and by "rk4" and "semi_implicit_euler". Event-driven runs always project.
+
+    `progress(fraction)` is called now and then; the run stops if it returns False. `estimate=False`
+    leaves out the second run that estimates the error; the estimate is then nan.
+
+    Returns a Result. Raises InputError for arguments that do not fit; a numerical failure is a
+    `Status` of the result.
     """
     began = time.perf_counter()
     mech = mechanism_of(mechanism, "simulate")

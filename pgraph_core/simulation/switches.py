@@ -12,7 +12,6 @@ from ..analysis.assembly import ASSEMBLY_ROUNDS
 from ..dynamics.scene import Scene
 from ..engine import motion
 from ..engine.constraints.proximal import RHS
-from ..engine.contact import sites as site_kernels
 from ..errors import InputError, ModelError, Problem
 from ..mechanism import Mechanism
 from ..model import Scenario, Switch
@@ -110,7 +109,7 @@ def ever(active: Ints, found: Sequence[Change]) -> Ints:
 
 
 def hold_here(scene: Scene, change: Change, q: Array) -> None:
-    """Fill in what constraints that are switched on leave open from the present position."""
+    """Fill in points and orientations that constraints switched on leave open."""
     if not len(change.on):
         return
     packed = scene.packed
@@ -142,7 +141,9 @@ def closed(scene: Scene, change: Change, q: Array, v: Array) -> float:
         text = f"is not met where it goes on, at t = {change.t:g} s: a joint would have to jump by "
         text += f"{moved:.3g}; leave out its other_point, or switch it where it is met"
         raise InputError(Problem(where, "", text))
-    m = site_kernels.impulse_rows(scene.held, change.t, q, v)
+    from ..engine.contact.sites import impulse_rows
+
+    m = impulse_rows(scene.held, change.t, q, v)
     left = float(np.max(np.abs(scene.space.vectors[RHS, :m]), initial=0.0))
     if left > SPEED * max(fastest, float(np.max(np.abs(v), initial=0.0))):
         text = f"requires velocities at t = {change.t:g} s that the others forbid: they miss by "

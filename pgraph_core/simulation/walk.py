@@ -19,7 +19,7 @@ EDGE = 1e-6  # s in which a push comes and goes
 
 
 class Walk(Portable):
-    """A walking mechanism at a time: `step` takes it on, what is changed acts from then on.
+    """A walking mechanism that is stepped piece by piece; changes act from then on.
 
     How a page plays while it computes, with `walk = Walk(mech, scenario="trot")`:
 
@@ -32,7 +32,7 @@ class Walk(Portable):
 
     A piece takes up where the last one ended, at absolute times: the same changes at the same
     times give the same bits. The controller has no memory, so that (t, q, v, gait) is all there
-    is to keep. A fall is said in the piece's notices, and from then on in `fell`.
+    is to keep. A fall is reported in the piece's notices, and `fell` stays true.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """Runs at steps chosen by their error, with output and events on dense output.
 
-What makes one step of a method, an *attempt*, is called by address; accepting it, the next
-width, corners of tables, projection, frames and events are the same for all methods.
+One step of a method, an *attempt*, is called by address. Accepting it, the next width, corners
+of tables, projection, frames and events are the same for all methods.
 """
 
 import math
@@ -30,7 +30,7 @@ LOOK_BACK = types.void(i8, i8, TABLEAU, SIZE, F2, CONTROL, F1, EVENTS)
 CONTROLLER = types.UniTuple(f8, 5)
 call_look_back = caller(LOOK_BACK)
 
-KEPT = 1.2  # a change of width below it is not worth factoring a matrix anew
+KEPT = 1.2  # a change of width below it is not worth factoring the matrices again
 
 
 @sweep

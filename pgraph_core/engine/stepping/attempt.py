@@ -1,6 +1,6 @@
 """An attempt: a step of a method from Y into CANDIDATE, and its error over the tolerance.
 
-It is called by address: what accepts it, `adaptive`, knows no method. A state y is a row of
+It is called by address: the loop in `adaptive` knows no method. A state y is a row of
 `stages`; see `layout`.
 """
 
@@ -24,7 +24,7 @@ ATTEMPT = f8(i8, i8, TABLEAU, SIZE, f8, F2, CONTROL, MATRICES, F1)
 call_attempt = caller(ATTEMPT)
 
 EPS = 2.220446049250313e-16
-NOT_SOLVED = -1.0  # what an attempt gives where its equations were not solved
+NOT_SOLVED = -1.0  # returned if the equations of a step were not solved
 
 
 @sweep

@@ -28,7 +28,7 @@ def forward_dynamics(rows, const, drives, loads, q, v, given, work, tau, vdot, b
 
 @kernel(None, nogil=True)
 def inverse_dynamics(rows, const, drives, loads, q, v, vdot, work, passive, none, tau, begin, end):
-    """τ of blocks `begin` to `end` - 1, eq. (24), beside springs and dampers."""
+    """τ of blocks `begin` to `end` - 1, eq. (24), without the part of springs and dampers."""
     w = lanes(work)
     s = lanes(passive)
     for i in range(begin, end):

@@ -23,7 +23,7 @@ BISECTIONS = 100
 
 @part
 def look(scene, address, size, stages, row, t, values):
-    """What events give at the state in `row`."""
+    """Values of all events at the state in `row`."""
     nq, nv = size
     call_event(address, (scene, t, stages[row, :nq], stages[row, nq : nq + nv], values))
 

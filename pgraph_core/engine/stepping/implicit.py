@@ -185,7 +185,7 @@ def prepare(scene, size, stages, settings, real):
 
 @sweep
 def finish_local(scene, size, stages, z, power, loss):
-    """CANDIDATE from Y, local coordinates and what the ledger gets."""
+    """CANDIDATE from Y, local coordinates and the change of the ledger."""
     nq, nv = size
     q = stages[at.CANDIDATE, :nq]
     advance(opened(scene).rows, q, z[:nv], 1.0)
@@ -252,7 +252,7 @@ def correct_stages(rows, tableau, h, nv, matrices):
 def newton(scene, accelerate, tableau, size, h, stages, control, matrices, flow):
     """The stages Z of a step; whether they were found. Its rate goes into `control`.
 
-    A correction that is rounding counts as none: what rounding is grows with the stiffness.
+    A correction by rounding alone counts as none; rounding grows with the stiffness.
     """
     settings, counters = control
     real = matrices[0]
@@ -294,7 +294,7 @@ def newton(scene, accelerate, tableau, size, h, stages, control, matrices, flow)
 
 @sweep
 def radau_error(scene, accelerate, tableau, size, h, stages, control, matrices, flow):
-    """Error of a step over its tolerance, filtered of what is stiff."""
+    """Error of a step over its tolerance, without its stiff part."""
     settings, counters = control
     real = matrices[0]
     nq, nv = size

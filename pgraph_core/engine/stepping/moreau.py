@@ -23,12 +23,12 @@ from ..tree.moving import advance
 from ..vec import add, add_scaled, load, mul, store
 from .run import STEP as STEP_SIGNATURE
 
-NEAR = 1e-9  # relative to the extent of what moves: a gap that is none
-DEPTH = 1e-5  # relative to the extent of what moves: penetration that is left alone
-RECOVER = 0.2  # of what is deeper, a step
-GAIN = 1e-6  # of what impulses turn over: a gain of energy beyond it is no rounding
+NEAR = 1e-9  # relative to the extent of the mechanism: a gap that counts as closed
+DEPTH = 1e-5  # relative to the extent of the mechanism: penetration that is tolerated
+RECOVER = 0.2  # part of deeper penetration that a step removes
+GAIN = 1e-6  # relative to the energy of the impulses: a larger gain is no rounding
 PUSH_SWEEPS = 30
-ENOUGH = 1e-3  # of what is to be recovered in a step: a sweep that moves less is the last
+ENOUGH = 1e-3  # of the penetration to remove: a sweep that moves less is the last
 
 
 @kernel(STEP_SIGNATURE, nogil=True)
@@ -88,7 +88,7 @@ def moreau_jean(scene, accelerate, tableau, t, h, q, v, fresh, stages, flow, led
 
 @sweep
 def stiffen(scene, t, h, q, v):
-    """Count what drives resist a change of v as inertia, what springs gain until h as torque."""
+    """Add the resistance of dampers and springs at the step's end to inertia and torque."""
     data = opened(scene)
     rows, const, drives, space, given = data.rows, data.const, data.drives, data.space, data.given
     vectors = space.vectors
@@ -127,7 +127,7 @@ def relax(rows, const, vectors, given):
 
 @part
 def book_drives(rows, drives, stages, extra, h, v, ledger):
-    """What joints' torques did over the step, beyond what they seemed to at its start."""
+    """Correct the work of the joints' torques by their change over the step."""
     more = 0.0
     for k in range(1, rows.shape[0]):
         if rows[k, at.KIND] <= at.TRANSLATE:
@@ -185,7 +185,7 @@ def add_unilateral(scene, q, size):
 
 @part
 def extent(work):
-    """Length of the longest link, displacements included [m]: what small gaps are relative to."""
+    """Length of the longest link, displacements included [m], the scale of small gaps."""
     x, y, z = 0.0, 0.0, 0.0
     for k in range(1, work.shape[0]):
         x = max(x, abs(work[k, at.L]))
@@ -196,7 +196,7 @@ def extent(work):
 
 @sweep
 def set_velocities(scene, t, h, v, vdot):
-    """J v into BEFORE and J (v + h v') into RHS, less what rows follow at the step's end."""
+    """J v into BEFORE and J (v + h v') into RHS, less the given velocities of rows."""
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     vectors, linear = space.vectors, space.linear
@@ -233,7 +233,7 @@ def warm_start(scene, first, m):
 
 @sweep
 def solve(scene, m, first, ledger):
-    """Impulses, without bounce where it would gain energy; what they take goes into the ledger."""
+    """Impulses, without bounce where it would gain energy; their loss goes into the ledger."""
     data = opened(scene)
     blocks, space = data.blocks, data.space
     contacts = contacts_at(data.links.contacts)
@@ -256,7 +256,7 @@ def solve(scene, m, first, ledger):
 
 @part
 def bounces(scene, first):
-    """Whether something comes back from an impact: not from what the step's own forces press."""
+    """Whether a contact bounces: not if only the step's own forces press on it."""
     data = opened(scene)
     blocks, space = data.blocks, data.space
     slots, vectors = space.slots, space.vectors
@@ -309,7 +309,7 @@ def book(scene, first, h):
 
 @sweep
 def push_out(scene, first, q, size):
-    """Move q out of what is deeper than a little of the extent, by normal rows, in mass metric."""
+    """Move q out of deeper penetration along the normals, in the mass metric."""
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
     contacts = contacts_at(data.links.contacts)

@@ -1,7 +1,7 @@
 """Phases of contact points and limits in runs whose steps are chosen by their error.
 
-A step is taken as if no phase ended in it: what moves goes on smoothly past such an instant.
-Then the first one is looked for on dense output, and the step ends there.
+A step is taken as if no phase ended in it. Then the first end of a phase is located on dense
+output, and the step ends there.
 """
 
 from .. import layout as at
@@ -30,7 +30,7 @@ PARTS = 4  # of a step that are looked at for themselves
 
 @kernel(PROJECTION, nogil=True, later=True)
 def phased_projection(scene, t, q, v, rounds):
-    """As `projection`, onto what is held; rounds taken, -1 where it fails."""
+    """As `projection`, onto held constraints; rounds taken, -1 where it fails."""
     links = opened_phased(scene).sites.links
     return call_projection(links.project, (links.held, t, q, v, rounds))
 
@@ -72,7 +72,7 @@ def seen(scene, accelerate, tableau, size, stages, control, flow, sites, low, wi
 
 @sweep
 def locate(scene, accelerate, tableau, size, stages, control, flow, sites, low, end):
-    """The first width from `low` at which a phase ends, its state in TRIAL, what ended in W_NOW."""
+    """The first width from `low` at which a phase ends, its state in TRIAL; W_NOW tells which."""
     watched = sites.watched
     bracket = bracket_of(watched, end)
     ended = True

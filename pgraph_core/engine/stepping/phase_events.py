@@ -1,4 +1,4 @@
-"""Runs of given steps with events: a step that ends a phase is taken again, shorter, until there.
+"""Fixed steps with events: a step that ends a phase is repeated with the width up to there.
 
 The first such instant of a step is bracketed and closed in on by secants and bisection over the
 width of the step: any method of one step can be located in, and needs no dense output.
@@ -50,7 +50,7 @@ def trial(scene, held, links, sites, tableau, stabilised, t, w, q, v, stages, fl
 @sweep
 def locate_event(scene, held, links, sites, tableau, stabilised, t, h, q, v, stages, flow, ledger,
                  before, counters):  # fmt: skip
-    """The first width at which a phase ends, its state in q and v, what ended in W_NOW."""
+    """The first width at which a phase ends, its state in q and v; W_NOW tells which."""
     watched = sites.watched
     bracket = bracket_of(watched, h)
     ended = True
@@ -80,7 +80,7 @@ def run_phased(
     scene, links, tableau, schedule, cursor, budget, stabilised, q, v, stages, flow, ledger,
     counters, failure, out, clock,
 ):  # fmt: skip
-    """As `run`; EVENT where a phase ends: `clock` is there, W_NOW says which of what is watched.
+    """As `run`; EVENT where a phase ends: `clock` is there, W_NOW tells which.
 
     Sites have been observed at the state it starts from.
     """

@@ -1,8 +1,8 @@
-"""Runs at fixed steps inside compiled calls: frames, steps between them, what ends a step.
+"""Runs at fixed steps: frames, and the steps between them.
 
-A run is a sequence of frames; between two frames lie `substeps[i]` steps of `width[i]`. What
-makes a step of a method is called by address, as the equations of motion are: one small kernel a
-method. `links` are the addresses of acceleration, projection, record and step.
+Between two frames lie `substeps[i]` steps of `width[i]`. The step of a method and the equations of
+motion are called by address; `links` are the addresses of acceleration, projection, record, step.
+The explicit steps serve single instances (a scene) and lanes of a batch (trees).
 """
 
 from numba import types
@@ -142,7 +142,7 @@ def semi_implicit(scene, accelerate, tableau, t, h, q, v, fresh, stages, flow, l
 
 @part
 def finish(scene, project, stabilised, t, q, v, counters):
-    """What ends a step: still finite, and moved back onto the constraints; a status code."""
+    """Finish a step: check it and project it onto the constraints; a status code."""
     if not finite(v):
         return at.NOT_FINITE
     settle = opened(scene).links.settle

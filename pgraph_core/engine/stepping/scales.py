@@ -37,7 +37,7 @@ def weigh(rows, size, stages, settings):
     """One over the tolerance of every number of y into WEIGHT; the ledger has none.
 
     The scales are one radian, the mechanism's length, and the fastest of all joints so far, at
-    least what would bring it one scale far in the whole run.
+    least one scale per run.
     """
     nq, nv = size
     found = extremes(rows, size, stages, at.Y, settings.spin, settings.speed, settings.length)
@@ -74,7 +74,7 @@ def weigh(rows, size, stages, settings):
 
 @part
 def inverse(x):
-    """1/x, or 0: what has no scale has not moved."""
+    """1/x, or 0 for a coordinate without scale, which has not moved."""
     return 1.0 / x if x > 0.0 else 0.0
 
 

@@ -1,4 +1,4 @@
-"""The fastest rate of a scene: what limits the steps of explicit methods."""
+"""The fastest rate of a scene, which limits the steps of explicit methods."""
 
 import math
 
@@ -8,7 +8,7 @@ from ..compiler.jit import kernel, sweep
 from ..motion import F1, F2, call_acceleration, opened
 from ..tree.moving import advance
 
-MOVE = 1e-6  # rad, m: small for what bends, large for what rounds
+MOVE = 1e-6  # rad, m: small against curvature, large against rounding
 ROUNDS = 20
 SURE = 1e-3  # relative change of the rate between two rounds that ends the search
 

@@ -1,4 +1,4 @@
-"""Widths of steps: the first one, what ends a step early, and the controller of all errors."""
+"""Widths of steps: the first one, steps that end early, and the controller of the error."""
 
 import math
 
