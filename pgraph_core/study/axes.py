@@ -1,6 +1,6 @@
 """The axes of the stability map: each makes a model extreme in one way.
 
-An axis is a pure function (model, value) -> model and a line in `AXES`. The functions raise
+An axis is a pure function (model, value) -> model and a line in `TABLE`. The functions raise
 InputError if the model lacks what they vary.
 """
 
@@ -260,108 +260,37 @@ def _with_body(model: Model, old: Body, new: Body) -> Model:
     return model.replace(bodies=tuple(new if b is old else b for b in model.bodies))
 
 
-AXES: dict[str, Axis] = {
-    axis.name: axis
-    for axis in (
-        Axis(
-            "stiffness",
-            "stiffness of the stiffest spring",
-            "N/m or N m/rad",
-            (1e2, 1e3, 1e4, 1e5, 1e6, 1e8, 1e10, 1e12),
-            stiffness,
-        ),
-        Axis(
-            "damping_ratio",
-            "damping over critical damping",
-            "",
-            (0, 0.01, 0.1, 0.5, 1, 2, 5, 10),
-            damping_ratio,
-        ),
-        Axis(
-            "contact_stiffness",
-            "stiffness of soft and penalty contacts",
-            "N/m^1.5 or N/m",
-            (1e3, 1e4, 1e5, 1e6, 1e7, 1e8),
-            contact_stiffness,
-        ),
-        Axis(
-            "mass_ratio",
-            "mass of the last tip body over its parent's",
-            "",
-            (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9),
-            mass_ratio,
-        ),
-        Axis(
-            "inertia",
-            "factor on every inertia",
-            "",
-            (1e-15, 1e-9, 1e-6, 1e-3, 1.0, 1e1, 1e3),
-            inertia,
-        ),
-        Axis(
-            "chain_length",
-            "links of a chain of the same length and mass",
-            "links",
-            (2, 5, 10, 20, 50, 100, 200, 500, 1000),
-            chain_length,
-        ),
-        Axis(
-            "speed",
-            "largest initial velocity",
-            "rad/s or m/s",
-            (0.1, 1.0, 1e1, 1e2, 1e3, 1e4),
-            speed,
-        ),
-        Axis(
-            "friction",
-            "Coulomb's coefficient of all contacts",
-            "",
-            (0, 0.01, 0.1, 0.3, 0.5, 1, 3, 10),
-            friction,
-        ),
-        Axis(
-            "joint_friction",
-            "friction of every hinge and slide",
-            "N m or N",
-            (0, 0.01, 0.1, 1, 3, 10),
-            joint_friction,
-        ),
-        Axis("redundancy", "copies of every active constraint", "copies", (0, 1, 2, 5), redundancy),
-        Axis(
-            "singularity",
-            "distance of the first joint from its initial position",
-            "rad or m",
-            (0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3, 1e-2),
-            singularity,
-        ),
-        Axis(
-            "length_scale",
-            "factor on every length, gravity too",
-            "",
-            SCALES,
-            lambda model, value: rescaled(model, length=value),
-        ),
-        Axis(
-            "mass_scale",
-            "factor on every mass, forces too",
-            "",
-            SCALES,
-            lambda model, value: rescaled(model, mass=value),
-        ),
-        Axis(
-            "time_scale",
-            "factor on every time, steps and duration too",
-            "",
-            SCALES,
-            lambda model, value: rescaled(model, time=value),
-            pace=float,
-        ),
-        Axis(
-            "step",
-            "step of the run",
-            "s",
-            (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5),
-            of_steps=True,
-        ),
-    )
-}
+# fmt: off
+TABLE = (
+    Axis("stiffness", "stiffness of the stiffest spring", "N/m or N m/rad",
+         (1e2, 1e3, 1e4, 1e5, 1e6, 1e8, 1e10, 1e12), stiffness),
+    Axis("damping_ratio", "damping over critical damping", "",
+         (0, 0.01, 0.1, 0.5, 1, 2, 5, 10), damping_ratio),
+    Axis("contact_stiffness", "stiffness of soft and penalty contacts", "N/m^1.5 or N/m",
+         (1e3, 1e4, 1e5, 1e6, 1e7, 1e8), contact_stiffness),
+    Axis("mass_ratio", "mass of the last tip body over its parent's", "",
+         (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9), mass_ratio),
+    Axis("inertia", "factor on every inertia", "",
+         (1e-15, 1e-9, 1e-6, 1e-3, 1.0, 1e1, 1e3), inertia),
+    Axis("chain_length", "links of a chain of the same length and mass", "links",
+         (2, 5, 10, 20, 50, 100, 200, 500, 1000), chain_length),
+    Axis("speed", "largest initial velocity", "rad/s or m/s",
+         (0.1, 1.0, 1e1, 1e2, 1e3, 1e4), speed),
+    Axis("friction", "Coulomb's coefficient of all contacts", "",
+         (0, 0.01, 0.1, 0.3, 0.5, 1, 3, 10), friction),
+    Axis("joint_friction", "friction of every hinge and slide", "N m or N",
+         (0, 0.01, 0.1, 1, 3, 10), joint_friction),
+    Axis("redundancy", "copies of every active constraint", "copies", (0, 1, 2, 5), redundancy),
+    Axis("singularity", "distance of the first joint from its initial position", "rad or m",
+         (0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3, 1e-2), singularity),
+    Axis("length_scale", "factor on every length, gravity too", "",
+         SCALES, lambda model, value: rescaled(model, length=value)),
+    Axis("mass_scale", "factor on every mass, forces too", "",
+         SCALES, lambda model, value: rescaled(model, mass=value)),
+    Axis("time_scale", "factor on every time, steps and duration too", "",
+         SCALES, lambda model, value: rescaled(model, time=value), pace=float),
+    Axis("step", "step of the run", "s",
+         (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5), of_steps=True),
+)
+# fmt: on
+AXES: dict[str, Axis] = {axis.name: axis for axis in TABLE}
