@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
+import textwrap
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -66,3 +68,20 @@ def test_threads_may_share_a_mechanism_and_its_edits():
                     assert all(map(np.array_equal, mine, found))
     finally:
         sys.setswitchinterval(interval)
+
+
+def test_a_pendulum_loads_no_contact_gait_study_or_lane_module():
+    code = """
+        import sys
+        import pgraph_core as pg
+        before = [m for m in sys.modules if m.split(".")[0] in ("numba", "scipy", "viser")]
+        assert not before, before
+        mech = pg.Mechanism(pg.Model(bodies=[pg.Body(name="a", mass=1.0, tip=(1, 0, 0))]))
+        assert pg.simulate(mech, t_end=0.01).status.ok
+        ours = [m.removeprefix("pgraph_core.") for m in sys.modules if m.startswith("pgraph_core")]
+        heavy = ("contact", "engine.contact", "gait", "engine.gait", "study", "verification")
+        print([m for m in ours if any(m == h or m.startswith(h + ".") for h in heavy)])
+    """
+    command = [sys.executable, "-c", textwrap.dedent(code)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
