@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from ..engine.stepping import explicit, implicit, moreau, run
+from ..engine.stepping import explicit, implicit, run
 from ..errors import InputError, Problem, choices
 from . import tableaus
 from .tableaus import Tableau
@@ -17,12 +18,17 @@ class Method(NamedTuple):
     order: int
     tableau: Tableau
     use: str  # in a few words
-    step: Any = None  # the kernel of a fixed step; None: adaptive only
+    fixed_step: Callable[[], Any] | None = None  # gives `step`; None: it chooses its steps
     attempt: Any = None  # the kernel that tries a step and estimates its error
     # safety, exponents of this error and the last one, least and largest change of the width
     controller: tuple[float, float, float, float, float] = (0.9, 0.0, 0.0, 0.2, 6.0)
     limit: float = 0.0  # largest rate x step of an oscillation that is stable; 0: any
     implicit: bool = False  # whether it solves equations, with a Jacobian
+
+    @property
+    def step(self) -> Any:
+        """The kernel of a fixed step, loaded when first asked for; None: adaptive only."""
+        return self.fixed_step and self.fixed_step()
 
     @property
     def adaptive(self) -> bool:
@@ -32,7 +38,7 @@ class Method(NamedTuple):
     @property
     def eventful(self) -> bool:
         """Whether it can go from event to event: events are located in a step of it."""
-        return self.name != "moreau_jean" and (self.step is not None or not self.implicit)
+        return self.name != "moreau_jean" and (self.fixed_step is not None or not self.implicit)
 
     @property
     def evaluations(self) -> int:
@@ -45,12 +51,18 @@ def _pi(order: int, last: float, most: float) -> tuple[float, float, float, floa
     return 0.9, 1.0 / order - 0.75 * last, last, 0.2, most
 
 
+def _moreau_jean() -> Any:
+    from ..engine.stepping import moreau  # and with it the kernels of contacts
+
+    return moreau.moreau_jean
+
+
 RK4 = Method(
     "rk4",
     4,
     tableaus.rk4(),
     "smooth motion at a fixed step",
-    step=run.runge_kutta,
+    fixed_step=lambda: run.runge_kutta,
     limit=2.83,
 )
 SEMI_IMPLICIT_EULER = Method(
@@ -58,7 +70,7 @@ SEMI_IMPLICIT_EULER = Method(
     1,
     tableaus.euler(),
     "playback and long runs without drift of energy, at low accuracy",
-    step=run.semi_implicit,
+    fixed_step=lambda: run.semi_implicit,
     limit=2.0,
 )
 DOPRI5 = Method(
@@ -102,7 +114,7 @@ MOREAU_JEAN = Method(
     1,
     tableaus.euler(),
     "rigid contacts, joint limits and impacts, many at once",
-    step=moreau.moreau_jean,
+    fixed_step=_moreau_jean,
     limit=2.0,
 )
 METHODS = {

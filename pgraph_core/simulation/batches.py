@@ -83,7 +83,7 @@ def simulate_batch(
 def _given_steps(name: str) -> Method:
     """The method called `name`, one that takes fixed steps. Raises InputError."""
     chosen = method_of("rk4" if name == "auto" else name)
-    if chosen.step is None:
+    if chosen.fixed_step is None:
         text = f"a batch takes rk4 or semi_implicit_euler; given {name!r}"
         raise InputError(Problem("simulate_batch", "method", text))
     return chosen
