@@ -30,9 +30,9 @@ def mesh_problems(model: pg.Model) -> list[Problem]:
 
     found = []
     for body in model.bodies:
-        if body.shape is not None and body.shape.file:
+        for file in (shape.file for shape in body.shapes if shape.file):
             try:
-                load_mesh(body.shape.file)
+                load_mesh(file)
             except pg.PgraphError as error:
                 found.append(Problem(f"body '{body.name}'", "shape", str(error)))
     return found

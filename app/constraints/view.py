@@ -93,7 +93,7 @@ def _touches(item: Any, name: str | None, model: pg.Model) -> bool:
     if name is None or name in _bodies(item):
         return True
     everyone = isinstance(item, pg.Contact) and parts.EVERY in _bodies(item)
-    return everyone and model.body(name).shape is not None
+    return everyone and bool(model.body(name).touching)
 
 
 def between(item: Any) -> str:

@@ -35,7 +35,7 @@ def packed(model: pg.Model) -> tuple[str, bytes]:
     Raises FileError.
     """
     stem = re.sub(r"[^\w-]+", "_", model.name) or "model"
-    if not any(body.shape is not None and body.shape.file for body in model.bodies):
+    if not any(shape.file for body in model.bodies for shape in body.shapes):
         return f"{stem}.json", model.to_json().encode()
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)

@@ -113,7 +113,7 @@ _layout = lru_cache(maxsize=16)(layout)
 def touching(model: pg.Model) -> dict[str, tuple[str, ...]]:
     """The constraint column: constraints and contacts that touch a body, and its limits."""
     found: dict[str, list[str]] = {body.name: [] for body in model.bodies}
-    shaped = [body.name for body in model.bodies if body.shape is not None]
+    shaped = [body.name for body in model.bodies if body.touching]
     for c in model.constraints:
         for name in c.touches:
             found[name].append(c.name)

@@ -123,7 +123,8 @@ def kept(
             if shape is None:
                 raise Refusal("has no shape; choose its kind first")
             data = dict(shape) if isinstance(shape, dict) else shape.model_dump()
-            return {"shape": data | {field.removeprefix("shape_"): value}}
+            first = data | {field.removeprefix("shape_"): value}
+            return {"shapes": (first, *body.shapes[1:])} if body.shapes[1:] else {"shape": first}
     return {field: value}
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pgraph_core as pg
 from pgraph_core.mesh_files import FORMATS, load_mesh
-from pgraph_core.shapes.meshes import mass_properties
+from pgraph_core.model.shape import mass_properties, mass_properties_of
 
 from ..core.cells import Refusal
 from ..model import Found
@@ -58,8 +58,7 @@ def mass_of(bodies: list[pg.Body], density: float) -> dict[str, dict[str, Any]]:
     """Mass, centre of mass and inertia of bodies that fill their shapes. Raises PgraphError."""
     found = {}
     for body in bodies:
-        assert body.shape is not None
-        mass, com, inertia = mass_properties(body.shape, density)
+        mass, com, inertia = mass_properties_of(body.shapes, density)
         if not (math.isfinite(mass) and mass >= 0):
             raise Refusal(f"gives '{body.name}' a mass of {mass}")
         even = body_cells.possible(inertia)  # symmetric to the last digit

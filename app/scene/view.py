@@ -152,7 +152,7 @@ class SceneView:
             return None
         d, body = state.derived, state.model.body(name)
         links = self._looks[d.number[name] - 1].links
-        return body.shape, links, body.tip, body.com, body.mass, d.grain
+        return body.shapes, links, body.tip, body.com, body.mass, d.grain
 
     def _outline(self, client: viser.ClientHandle, state: State, name: str) -> viser.FrameHandle:
         size = state.derived.grain

@@ -182,7 +182,7 @@ def saved(state: State, event: Saved) -> State:
     state = replied(state, event.client, event.serial, event.problem)
     if event.problem:
         return state
-    meshes = any(b.shape is not None and b.shape.file for b in state.model.bodies)
+    meshes = any(shape.file for b in state.model.bodies for shape in b.shapes)
     text = f"{event.path}; its mesh files are in the folder 'meshes' next to it"
     return told(state, event.client, Notice("Saved", text if meshes else event.path))
 

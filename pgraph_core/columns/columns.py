@@ -225,8 +225,8 @@ class Columns(Portable):
         when the new table is numbered.
         """
         rows, (parent, body, motion, start) = self._root._row, self.numbers
-        row = rows.get(name)
-        if not row:
+        row, model = rows.get(name), self._root._model
+        if not row or (model is not None and model.bodies[row - 1].derived):
             return None
         for field, value in changes.items():
             if field == "parent":

@@ -72,7 +72,10 @@ def _places(body: Body, contact: Contact) -> list[tuple[tuple[float, float, floa
     """(point, radius) in the body's axes of everything on it that can touch a plane."""
     if contact.points:
         return [(point, 0.0) for point in contact.points]
-    shape = body.shape
+    if len(body.touching) > 1:
+        text = f"events are located for one shape a body; '{body.name}' has several"
+        raise _refused(contact, "body", text)
+    shape = body.touching[0] if body.touching else None
     kind = shape.kind if shape else "missing shape"
     ends: list[tuple[float, ...]] = []
     if shape and kind == "sphere":

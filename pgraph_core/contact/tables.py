@@ -77,7 +77,7 @@ class _Shapes:
         self.parts = mech.model, mech.topology, mech.system
         self.apart = joined(mech.topology, mech.system)
         self.placed: list[Placed] = []
-        self.number: dict[tuple[str, tuple[Any, ...]], int] = {}
+        self.number: dict[tuple[str, tuple[Any, ...] | int], int] = {}
         self.touches: list[Touch] = []
         self.on_ground: list[tuple[int, int]] = []
         self.pairs: list[tuple[int, int, int]] = []
@@ -87,19 +87,21 @@ class _Shapes:
         """All touches that a contact asks for."""
         if c.body == EVERY and c.other == EVERY:
             slot = self._slot(c.name, c)
-            self.members += [(self._shape(b, c), slot) for b in self._shaped()]
+            self.members += [(i, slot) for b in self._shaped() for i in self._shapes(b, c)]
             return
         for body, other in self._ends(c):
             name = c.name if EVERY not in (c.body, c.other) else f"{c.name}[{_one(c, body, other)}]"
             if other == GROUND:
                 slot = self._slot(name, c, body, other)
-                self.on_ground.append((self._shape(self.model.body(body), c), slot))
+                self.on_ground += [(i, slot) for i in self._shapes(self.model.body(body), c)]
                 continue
-            a, b = self._shape(self.model.body(body), c), self._other(other, c)
-            if self.placed[a].row == self.placed[b].row:
+            mine = self._shapes(self.model.body(body), c)
+            others = self._shapes(self.model.body(other), c, points=False)
+            if self.placed[mine[0]].row == self.placed[others[0]].row:
                 text = f"'{body}' and '{other}' are welded together and cannot touch"
                 raise ModelError(Problem(f"contact '{c.name}'", "other", text))
-            self.pairs.append((a, b, self._slot(name, c, body, other)))
+            slot = self._slot(name, c, body, other)
+            self.pairs += [(a, b, slot) for a in mine for b in others]
 
     def _ends(self, c: Contact) -> Iterator[tuple[str, str]]:
         shaped = [b.name for b in self._shaped()]
@@ -115,36 +117,36 @@ class _Shapes:
         return tuple(numbers) in self.apart
 
     def _shaped(self) -> list[Body]:
-        return [b for b in self.model.bodies if b.shape is not None]
+        return [b for b in self.model.bodies if b.touching]
 
     def _slot(self, name: str, c: Contact, body: str = EVERY, other: str = EVERY) -> int:
         self.touches.append(Touch(name, body, other, c))
         return len(self.touches) - 1
 
-    def _other(self, name: str, c: Contact) -> int:
-        return self._shape(self.model.body(name), c, points=False)
-
-    def _shape(self, body: Body, c: Contact, points: bool = True) -> int:
-        """Number of a body's shape, or of the points that a contact gives."""
+    def _shapes(self, body: Body, c: Contact, points: bool = True) -> list[int]:
+        """Numbers of a body's shapes that touch, or of the points that a contact gives."""
         own = c.points if points else ()
-        key = (body.name, own)
-        if key not in self.number:
-            self.number[key] = len(self.placed)
-            self.placed.append(self._place(body, own, c))
-        return self.number[key]
+        shapes: tuple[Shape | None, ...] = (None,) if own else body.touching
+        if not shapes:
+            text = f"body '{body.name}' has no shape; give it one, or give the contact points"
+            raise ModelError(Problem(f"contact '{c.name}'", "body", text))
+        found = []
+        for k, shape in enumerate(shapes):
+            key = (body.name, own or k)
+            if key not in self.number:
+                self.number[key] = len(self.placed)
+                self.placed.append(self._place(body, own, shape, c))
+            found.append(self.number[key])
+        return found
 
-    def _place(self, body: Body, own: tuple[Any, ...], c: Contact) -> Placed:
+    def _place(self, body: Body, own: tuple[Any, ...], shape: Shape | None, c: Contact) -> Placed:
         number = self.mech.topology.number(body.name)
         packed = self.mech.system
         home = packed.bodies_f[number, at.HOME : at.HOME + 9].reshape(3, 3)
         offset = packed.bodies_f[number, at.OFFSET : at.OFFSET + 3]
         row = int(packed.bodies_i[number, at.ROW])
-        if own:
-            return Placed(solids.points(own), row, number, offset.tolist(), home)
-        shape = body.shape
         if shape is None:
-            text = f"body '{body.name}' has no shape; give it one, or give the contact points"
-            raise ModelError(Problem(f"contact '{c.name}'", "body", text))
+            return Placed(solids.points(own), row, number, offset.tolist(), home)
         position = offset + home @ np.array(shape.position)
         return Placed(
             _solid(c.name, body.name, shape),

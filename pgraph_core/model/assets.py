@@ -88,8 +88,9 @@ def _outside(file: str, folder: Path) -> str:
 def mesh_files(bodies: Iterable[Body]) -> Iterator[tuple[str, str]]:
     """(name of the body, path) of each mesh."""
     for body in bodies:
-        if body.shape is not None and body.shape.file:
-            yield body.name, body.shape.file
+        for shape in body.shapes:
+            if shape.file:
+                yield body.name, shape.file
 
 
 # -- saving ----------------------------------------------------------------------------------------
@@ -110,11 +111,13 @@ def gathered(bodies: Iterable[Body], folder: Path) -> tuple[Body, ...]:
             known[shape.file] = _carried(body.name, Path(shape.file), folder)
         return shape.model_copy(update={"file": known[shape.file]})
 
-    return tuple(
-        body if body.shape is None or not body.shape.file
-        else body.model_copy(update={"shape": carried(body, body.shape)})
-        for body in bodies
-    )  # fmt: skip
+    def saved(body: Body) -> Body:
+        if not any(shape.file for shape in body.shapes):
+            return body
+        shapes = tuple(carried(body, shape) for shape in body.shapes)
+        return body.model_copy(update={"shapes": shapes})
+
+    return tuple(map(saved, bodies))
 
 
 def _carried(body: str, file: Path, folder: Path) -> str:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from pydantic import model_validator
 
 from .. import joints
+from ..errors import PgraphError
 from ..joints import JointKind, Motion, MotionKind
 from .body_checks import (
     PER_MOTION,
@@ -22,7 +23,6 @@ from .body_checks import (
 )
 from .fields import (
     Described,
-    Frozen,
     Mat3,
     Number,
     PerMotion,
@@ -42,52 +42,8 @@ from .fields import (
 )
 from .names import GROUND
 from .sentences import shown
-
-
-class Shape(Frozen):
-    """What is drawn, in the body's frame [m]."""
-
-    kind: Literal["box", "sphere", "cylinder", "capsule", "mesh"] = field(
-        "one of box, sphere, cylinder, capsule, mesh"
-    )
-    size: Vec3 | None = field(
-        "the three edge lengths of a box [m]", converter=maybe_vector, default=None, unit="length"
-    )
-    radius: Number | None = field("a radius > 0 [m]", default=None, gt=0, unit="length")
-    length: Number | None = field(
-        "a length > 0 along z [m], a capsule's without its caps",
-        default=None, gt=0, unit="length",
-    )  # fmt: skip
-    file: str | None = field("the name of a mesh file", default=None)
-    scale: Number = field("a factor > 0 on the mesh", default=1.0, gt=0)
-    hull: Literal["convex"] | None = field(
-        "'convex': a mesh that is not closed touches by its convex hull", default=None
-    )
-    position: Vec3 = field(
-        "three finite numbers [x, y, z] [m]",
-        converter=vector, default=(0.0, 0.0, 0.0), unit="length",
-    )  # fmt: skip
-    rotation: Quat = field(
-        "a quaternion [w, x, y, z]", converter=quaternion, default=(1.0, 0.0, 0.0, 0.0)
-    )
-
-    @model_validator(mode="after")
-    def _complete(self) -> Self:
-        needed = {"box": ("size",), "sphere": ("radius",), "mesh": ("file",)}
-        missing = [
-            name
-            for name in needed.get(self.kind, ("radius", "length"))
-            if getattr(self, name) is None
-        ]
-        problems = [("shape", f"a {self.kind} needs {name}") for name in missing]
-        if self.size is not None and min(self.size) <= 0:
-            problems.append(("shape", f"a box's edges must be > 0 [m]; given {shown(self.size)}"))
-        if not 0.5 < math.hypot(*self.rotation) < 2:
-            given = shown(self.rotation)
-            problems.append(("shape", f"rotation must be a unit quaternion; given {given}"))
-        refuse(problems)
-        return self
-
+from .shape import Shape as Shape
+from .shape import mass_properties_of, tip_of
 
 Limit = Sequence[float | None] | None
 
@@ -107,6 +63,19 @@ def _limits_in(
 def _shape_in(value: Shape | Mapping[str, Any] | None) -> Shape | None:
     """A shape, or its fields."""
     return value  # type: ignore[return-value]
+
+
+Derived = Literal["mass", "com", "inertia", "tip"]
+
+
+def _shapes_in(value: Sequence[Shape | Mapping[str, Any]]) -> tuple[Shape, ...]:
+    """Shapes, or their fields."""
+    return value  # type: ignore[return-value]
+
+
+def _derived_in(value: Sequence[Derived]) -> tuple[Derived, ...]:
+    """Names of fields."""
+    return tuple(value)
 
 
 class Body(Described):
@@ -185,6 +154,17 @@ class Body(Described):
         "a shape such as {'kind': 'sphere', ...}", converter=_shape_in, default=None
     )
 
+    shapes: tuple[Shape, ...] = field(
+        "a list of shapes; the first of them is `shape`", converter=_shapes_in, default=()
+    )
+    density: Number | None = field(
+        "a number > 0 [kg/m^3], or nothing", default=None, gt=0, unit="kg/m³"
+    )
+    derived: tuple[Derived, ...] = field(
+        "a list of 'mass', 'com', 'inertia', 'tip': what follows from the shapes",
+        converter=_derived_in, default=(),
+    )  # fmt: skip
+
     if TYPE_CHECKING:  # also an argument, in place of `joint`
         dof: int = field("a whole number from 0 to 6", default=0)
 
@@ -214,7 +194,9 @@ class Body(Described):
     def _physical(self) -> Self:
         if "checked" in vars(self):  # as a part of another model
             return self
-        found = name_problems(self.name)
+        vars(self)["shapes"] = self._all_shapes()
+        vars(self)["shape"] = self.shapes[0] if self.shapes else None
+        found = name_problems(self.name) + self._derive()
         found += joint_problems(self.joint, self.sequence, self.q, self.v, self.limits)
         if not 0.5 < math.hypot(*self.rotation) < 2:
             text = f"must be a unit quaternion [w, x, y, z]; given {shown(self.rotation)}"
@@ -225,6 +207,48 @@ class Body(Described):
         vars(self)["checked"] = True  # not a field: a copy is checked again
         _ = self.records  # from numbers that are at hand and right
         return self
+
+    def _all_shapes(self) -> tuple[Shape, ...]:
+        """`shape` is the first one, whatever `shapes` has in its place."""
+        if self.shape is None:
+            return self.shapes
+        return (self.shape, *self.shapes[1:])
+
+    def _derive(self) -> list[tuple[str, str]]:
+        """Set the fields that follow from the shapes; or say why they do not."""
+        if not self.derived:
+            return []
+        if not self.shapes:
+            text = f"{', '.join(self.derived)} cannot follow from shapes: the body has none"
+            return [("derived", f"{text}; give a shape, or derived=()")]
+        fields = vars(self)
+        try:
+            if set(self.derived) != {"tip"}:
+                if "mass" in self.derived and self.density is None:
+                    return [("density", "is needed, since the mass follows from the shapes")]
+                found = mass_properties_of(self.shapes, self.density or 1.0)
+                if "mass" in self.derived:
+                    fields["mass"] = float(found.mass)
+                if "com" in self.derived:
+                    fields["com"] = tuple(map(float, found.com))
+                if "inertia" in self.derived:
+                    inertia = found.inertia * (self.mass / found.mass)
+                    fields["inertia"] = tuple(tuple(map(float, row)) for row in inertia)
+            if "tip" in self.derived:
+                fields["tip"] = tip_of(self.shapes)
+        except PgraphError as error:
+            return [("derived", str(problem)) for problem in error.problems]
+        return []
+
+    @property
+    def drawn(self) -> tuple[Shape, ...]:
+        """The shapes that are drawn."""
+        return tuple(s for s in self.shapes if s.role != "collision")
+
+    @property
+    def touching(self) -> tuple[Shape, ...]:
+        """The shapes that touch others."""
+        return tuple(s for s in self.shapes if s.role != "visual")
 
     @cached_property
     def sequence(self) -> tuple[Motion, ...]:
@@ -259,10 +283,20 @@ class Body(Described):
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A copy with other fields, not validated; one that only names others keeps its numbers."""
+        if update is not None and ("shape" in update) != ("shapes" in update):
+            update = {**update, **self._shapes_after(update)}
         copy = super().model_copy(update=update, deep=deep)
         if update is None or update.keys() <= NAMING:
             vars(copy)["records"] = self.records
         return copy
+
+    def _shapes_after(self, update: Mapping[str, Any]) -> dict[str, Any]:
+        """`shape` and `shapes` where one of them is given."""
+        if "shapes" in update:
+            shapes = tuple(update["shapes"])
+            return {"shape": shapes[0] if shapes else None}
+        shape = update["shape"]
+        return {"shapes": () if shape is None else (shape, *self.shapes[1:])}
 
 
 NAMING = {"name", "parent"}

@@ -178,7 +178,7 @@ def _shape_problems(c: Contact, where: str, bodies: Bodies) -> list[Problem]:
     found = []
     for field, name in (("body", c.body), ("other", c.other)):
         body = bodies.get(name)
-        if body is not None and body.shape is None and not (field == "body" and c.points):
+        if body is not None and not body.touching and not (field == "body" and c.points):
             do = "give it a shape, or points" if field == "body" else "give it a shape"
             found.append(Problem(where, field, f"'{name}' has no shape to touch with; {do}"))
     return found

@@ -37,6 +37,10 @@ def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
         if value is not None or key not in ("joint", "dof")  # none: as it is
     }
     data = fields_of(old)
+    if "shape" in changes or "shapes" in changes:  # `shape` means one
+        data |= {"shape": None, "shapes": ()}
+    if "derived" not in changes:  # what is given follows no more
+        changes = {**changes, "derived": tuple(x for x in old.derived if x not in changes)}
     kind, dof = changes.get("joint", old.joint), changes.get("dof", old.dof)
     new_joint = kind != old.joint or dof != old.dof or _moves_otherwise(old, changes)
     if new_joint:

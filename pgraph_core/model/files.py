@@ -18,7 +18,7 @@ from .parameters import Formula, inlined
 from .sentences import shown
 from .world import Ground
 
-SCHEMA_VERSION = 2  # 1: without parameters and formulas; nothing else differs
+SCHEMA_VERSION = 2  # 1: without parameters, formulas, several shapes, density and derived
 SCHEMA = "pgraph-model"
 
 LARGEST = 64_000_000  # characters of a file
@@ -34,6 +34,8 @@ def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
     data: dict[str, Any] = {"$schema": SCHEMA, "schema_version": version, **fields}
     _put_formulas(data, formulas)
     data["bodies"] = [_concise(body) for body in data["bodies"]]
+    if any(body.keys() & NEW_IN_2 for body in data["bodies"]):
+        data["schema_version"] = 2
     constraints = [{"other": GROUND, **c} for c in data["constraints"]]  # also where it has none
     data["constraints"] = [_in_order(c, ORDER) for c in constraints]
     data["forces"] = [_in_order(force, ORDER_OF_FORCES) for force in data["forces"]]
@@ -62,6 +64,9 @@ def _put_formulas(data: dict[str, Any], formulas: Sequence[Formula]) -> None:
     for formula in formulas:
         items = data[formula.part]
         i = next(i for i, item in enumerate(items) if item["name"] == formula.name)
+        if formula.path[0] == "shape" and len(items[i]["shapes"]) > 1:
+            path = ("shapes", 0, *formula.path[1:])
+            formula = formula.model_copy(update={"path": path})
         items[i] = inlined(items[i], [formula])
 
 
@@ -71,7 +76,24 @@ def _concise(body: dict[str, Any]) -> dict[str, Any]:
     for field in (*PER_MOTION, "v", "limits"):
         if not any(body[field]):
             implied.add(field)
-    return {key: value for key, value in body.items() if key not in implied}
+    implied |= {"shapes"} if _plain(body["shapes"]) else {"shape"}
+    implied |= set() if body["derived"] else {"derived"}
+    kept = {key: value for key, value in body.items() if key not in implied}
+    for key, shapes in (("shape", [kept.get("shape")]), ("shapes", kept.get("shapes", ()))):
+        new = [{k: x for k, x in s.items() if (k, x) != ("role", "both")} for s in shapes if s]
+        if new:
+            kept[key] = new if key == "shapes" else new[0]
+    return kept
+
+
+NEW_IN_2 = {"shapes", "density", "derived"}  # fields of a body that schema 1 does not have
+
+
+def _plain(shapes: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether the shapes are at most one, as schema 1 has it."""
+    if len(shapes) > 1:
+        return False
+    return all(shape["role"] == "both" and "colour" not in shape for shape in shapes)
 
 
 # the order in which files have the fields of forces and constraints

@@ -93,7 +93,7 @@ class Mirror:
             "tip": body.tip and self.point(body.tip),
             "q": self.coordinates("q", body.q, body.sequence),
             "v": self.coordinates("v", body.v, body.sequence),
-            "shape": body.shape and self.shape(body.shape),
+            "shapes": tuple(map(self.shape, body.shapes)),
         })  # fmt: skip
 
     def shape(self, shape: Shape) -> Shape:

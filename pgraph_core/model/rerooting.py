@@ -219,9 +219,12 @@ class _Turned:
         """With its new frame, and its new joint where it is between the two places."""
         fields: dict[str, Any] = {"com": self.moved(old.name, old.com)}
         fields["tip"] = self.moved(old.name, old.tip)
-        if old.shape is not None:
-            place = self.moved(old.name, old.shape.position)
-            fields["shape"] = old.shape.model_copy(update={"position": place})
+        if old.shapes:
+            fields["shapes"] = tuple(
+                s.model_copy(update={"position": self.moved(old.name, s.position)})
+                for s in old.shapes
+            )
+            fields["shape"] = fields["shapes"][0]
         if old.name == self.c.body:
             fields |= self._first(old)
         elif old.name in self.below:

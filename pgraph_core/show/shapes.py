@@ -46,9 +46,9 @@ def children_of(parent: Sequence[int]) -> tuple[tuple[int, ...], ...]:
 
 
 def pieces(body: Any, links: Sequence[Sequence[float]]) -> tuple[Piece, ...]:
-    """The body's own shape, or slender links from its origin to its children, tip or com."""
-    if body.shape is not None:
-        return (_own(body.shape),)
+    """The body's own shapes, or slender links from its origin to its children, tip or com."""
+    if body.shapes:
+        return tuple(map(_own, body.drawn))
     ends = [np.asarray(link) for link in links] or [np.asarray(body.tip_point)]
     longest = max(float(np.linalg.norm(end)) for end in ends)
     if longest < 10 * THINNEST:
@@ -138,7 +138,7 @@ def _file(name: str) -> Any:
 
 def unreadable(bodies: Sequence[Any]) -> tuple[str, ...]:
     """A sentence for each mesh that cannot be read and is drawn as a box."""
-    files = {b.shape.file for b in bodies if b.shape is not None and b.shape.file}
+    files = {shape.file for b in bodies for shape in b.shapes if shape.file}
     found = (_read(name, _changed(name)) for name in sorted(files))
     return tuple(text for text in found if isinstance(text, str))
 

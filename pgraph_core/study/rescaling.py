@@ -86,10 +86,13 @@ def _body(body: Body, s: Scale) -> Body:
         found[name] = tuple(x * f for x, f in zip(getattr(body, name), by))
     sizes = [s.length if m.kind == "translate" else 1.0 for m in body.sequence]
     found["limits"] = tuple(_times(pair, f) for pair, f in zip(body.limits, sizes))
-    if body.shape is not None:
+    shapes = []
+    for shape in body.shapes:
         named = ("size", "radius", "length", "scale", "position")
-        sizes = {x: _times(getattr(body.shape, x), s.length) for x in named}
-        found["shape"] = body.shape.model_copy(update=sizes)
+        sizes = {x: _times(getattr(shape, x), s.length) for x in named}
+        shapes.append(shape.model_copy(update=sizes))
+    found |= {"shape": shapes[0] if shapes else None, "shapes": tuple(shapes)}
+    found["density"] = _times(body.density, s.of(-3, 1))
     return changed(body, **found)
 
 

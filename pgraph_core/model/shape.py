@@ -1,0 +1,216 @@
+"""Shapes of bodies, and the mass properties of bodies that fill them."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, NamedTuple, Self
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BeforeValidator, model_validator
+
+from ..errors import ModelError, Problem
+from ..mesh_files import load_mesh
+from ..rotation import matrix
+from .fields import (
+    Frozen,
+    Number,
+    Quat,
+    Row3,
+    Vec3,
+    field,
+    listed,
+    maybe_vector,
+    quaternion,
+    refuse,
+    vector,
+)
+from .sentences import shown
+
+Array = np.ndarray
+
+
+def _colour(value: Any) -> Any:
+    """'#rrggbb' as three numbers from 0 to 1."""
+    if isinstance(value, str) and re.fullmatch("#[0-9a-fA-F]{6}", value):
+        return tuple(int(value[k : k + 2], 16) / 255 for k in (1, 3, 5))
+    return listed(value)
+
+
+Colour = Annotated[Row3, BeforeValidator(_colour)]
+
+
+def _colour_in(value: npt.ArrayLike | None) -> Colour | None:
+    """[red, green, blue] from 0 to 1, or '#rrggbb'."""
+    return _colour(value)
+
+
+class Shape(Frozen):
+    """A solid in the body's frame [m]: drawn, touching others, or both."""
+
+    kind: Literal["box", "sphere", "cylinder", "capsule", "mesh"] = field(
+        "one of box, sphere, cylinder, capsule, mesh"
+    )
+    size: Vec3 | None = field(
+        "the three edge lengths of a box [m]", converter=maybe_vector, default=None, unit="length"
+    )
+    radius: Number | None = field("a radius > 0 [m]", default=None, gt=0, unit="length")
+    length: Number | None = field(
+        "a length > 0 along z [m], a capsule's without its caps",
+        default=None, gt=0, unit="length",
+    )  # fmt: skip
+    file: str | None = field("the name of a mesh file", default=None)
+    scale: Number = field("a factor > 0 on the mesh", default=1.0, gt=0)
+    hull: Literal["convex"] | None = field(
+        "'convex': a mesh that is not closed touches by its convex hull", default=None
+    )
+    position: Vec3 = field(
+        "three finite numbers [x, y, z] [m]",
+        converter=vector, default=(0.0, 0.0, 0.0), unit="length",
+    )  # fmt: skip
+    rotation: Quat = field(
+        "a quaternion [w, x, y, z]", converter=quaternion, default=(1.0, 0.0, 0.0, 0.0)
+    )
+
+    role: Literal["visual", "collision", "both"] = field(
+        "'visual': drawn, 'collision': touches, or 'both'", default="both"
+    )
+    colour: Colour | None = field(
+        "three numbers [red, green, blue] from 0 to 1, or '#rrggbb'",
+        converter=_colour_in, default=None,
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        needed = {"box": ("size",), "sphere": ("radius",), "mesh": ("file",)}
+        missing = [
+            name
+            for name in needed.get(self.kind, ("radius", "length"))
+            if getattr(self, name) is None
+        ]
+        problems = [("shape", f"a {self.kind} needs {name}") for name in missing]
+        if self.size is not None and min(self.size) <= 0:
+            problems.append(("shape", f"a box's edges must be > 0 [m]; given {shown(self.size)}"))
+        if not 0.5 < math.hypot(*self.rotation) < 2:
+            given = shown(self.rotation)
+            problems.append(("shape", f"rotation must be a unit quaternion; given {given}"))
+        if self.colour is not None and not all(0 <= x <= 1 for x in self.colour):
+            given = shown(self.colour)
+            problems.append(("shape", f"colour must be from 0 to 1; given {given}"))
+        refuse(problems)
+        return self
+
+
+class MassProperties(NamedTuple):
+    """Of a rigid body, in its own frame."""
+
+    mass: float  # [kg]
+    com: Array  # (3,) [m]
+    inertia: Array  # (3, 3) about the centre of mass, in body axes [kg m^2]
+
+
+def mass_properties(shape: Shape, density: float, unit: str = "m") -> MassProperties:
+    """Of a body that fills its shape evenly; `density` [kg/m^3].
+
+    A mesh must be closed; `unit` is that of its file. Raises ModelError, FileError.
+    """
+    if not 0 < density < math.inf:
+        raise ModelError(
+            Problem("shape", "density", f"must be a number > 0 [kg/m^3]; given {density}")
+        )
+    volume, middle, second = _volume(shape, unit)
+    turn = matrix(shape.rotation)
+    com = np.array(shape.position) + turn @ middle
+    return MassProperties(density * volume, com, density * turn @ second @ turn.T)
+
+
+def _volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
+    """Volume, its centre, and its inertia about that at density 1, in the shape's frame."""
+    if shape.kind == "mesh":
+        return _mesh_volume(shape, unit)
+    r, h = shape.radius or 0.0, shape.length or 0.0
+    if shape.kind == "box":
+        x, y, z = shape.size or (0.0, 0.0, 0.0)
+        volume = x * y * z
+        moments = volume / 12 * np.array((y * y + z * z, x * x + z * z, x * x + y * y))
+    elif shape.kind == "sphere":
+        volume = 4 / 3 * math.pi * r**3
+        moments = volume * 0.4 * r * r * np.ones(3)
+    else:
+        middle = math.pi * r * r * h
+        caps = 4 / 3 * math.pi * r**3 if shape.kind == "capsule" else 0.0
+        volume = middle + caps
+        about = caps * 0.4 * r * r + middle * r * r / 2
+        across = middle * (h * h / 12 + r * r / 4)
+        # a cap's centre is 3r/8 beyond the end of the cylinder
+        across += caps * (0.4 * r * r + h * h / 4 + 3 * h * r / 8)
+        moments = np.array((across, across, about))
+    return volume, np.zeros(3), np.diag(moments)
+
+
+def _mesh_volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
+    mesh = load_mesh(shape.file or "", shape.scale, unit)
+    if reason := leak(mesh):
+        do = "mend the file, or give the body mass, com and inertia of its own"
+        raise ModelError(Problem(f"mesh {shape.file}", "", f"{reason}; {do}"))
+    mesh.density = 1.0
+    found = mesh.mass_properties
+    sign = math.copysign(1.0, found.volume)  # all faces may be inside out
+    return sign * found.volume, np.array(found.center_mass), sign * np.array(found.inertia)
+
+
+def leak(mesh: Any) -> str:
+    """Why a mesh has no volume; "" where it has one."""
+    if mesh.is_watertight and mesh.is_winding_consistent:
+        return ""
+    edges = np.sort(mesh.edges, axis=1)
+    _, counts = np.unique(edges, axis=0, return_counts=True)
+    open_edges = int((counts != 2).sum())
+    if open_edges:
+        return f"is not closed: {open_edges} of its edges do not have two faces"
+    return "has faces that are wound both ways"
+
+
+def solids_of(shapes: Sequence[Shape]) -> Sequence[Shape]:
+    """The shapes that have mass: those that touch, else all."""
+    return [s for s in shapes if s.role != "visual"] or shapes
+
+
+def mass_properties_of(shapes: Sequence[Shape], density: float) -> MassProperties:
+    """Of a body that fills several shapes evenly; what they share counts twice.
+
+    Raises ModelError, FileError.
+    """
+    parts = [mass_properties(shape, density) for shape in solids_of(shapes)]
+    mass = sum(part.mass for part in parts)
+    com = np.array(sum(part.mass * part.com for part in parts)) / mass
+    inertia = np.zeros((3, 3))
+    for part in parts:
+        r = part.com - com
+        inertia += part.inertia + part.mass * (r @ r * np.eye(3) - np.outer(r, r))
+    return MassProperties(mass, com, inertia)
+
+
+def tip_of(shapes: Sequence[Shape]) -> Vec3:
+    """The far end of the shapes: of the box around them, along its longest edge [m]."""
+    corners = np.concatenate([_corners(shape) for shape in solids_of(shapes)])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    k = int(np.argmax(high - low))
+    tip = (low + high) / 2
+    tip[k] = high[k] if abs(high[k]) >= abs(low[k]) else low[k]
+    x, y, z = tip.tolist()
+    return (x, y, z)
+
+
+def _corners(shape: Shape) -> Array:
+    """(n, 3) points whose box is that of the shape, or holds it closely, in body axes."""
+    if shape.kind == "mesh":
+        points = np.asarray(load_mesh(shape.file or "", shape.scale).vertices)
+    else:
+        r, caps = shape.radius or 0.0, (shape.radius or 0.0) * (shape.kind != "cylinder")
+        half = np.array(shape.size or (2 * r, 2 * r, (shape.length or 0.0) + 2 * caps)) / 2
+        signs = np.array([(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
+        points = half * signs
+    return np.array(shape.position) + points @ matrix(shape.rotation).T

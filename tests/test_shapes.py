@@ -1,0 +1,138 @@
+"""Several shapes a body, and the fields that follow from them."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from pgraph_core.show import shapes
+
+BOX = {"kind": "box", "size": (1.0, 0.2, 0.2), "position": (0.5, 0.0, 0.0)}
+BALL = {"kind": "sphere", "radius": 0.3, "position": (1.0, 0.0, 0.0)}
+
+
+def body(**fields):
+    return pg.Body(name="arm", **fields)
+
+
+def version(model: pg.Model) -> int:
+    return json.loads(model.to_json())["schema_version"]
+
+
+def test_one_shape_is_the_first_of_the_shapes():
+    one = body(shape=BOX)
+    assert one.shapes == (pg.Shape(**BOX),) == (one.shape,)
+    assert one == body(shapes=[BOX])
+    two = body(shapes=[BOX, BALL])
+    assert two.shape == pg.Shape(**BOX)
+    assert (body().shape, body().shapes) == (None, ())
+    model = pg.Model(bodies=[two])
+    assert model.edit("arm", shape=BALL).body("arm") == body(shape=BALL)
+    assert model.edit("arm", shape=None).body("arm") == body()
+    assert model.edit("arm", shapes=[BALL, BOX]).body("arm").shape == pg.Shape(**BALL)
+    assert model.edit("arm", mass=2.0).body("arm").shapes == two.shapes
+
+
+def test_a_file_is_of_schema_1_unless_it_needs_more():
+    plain = pg.Model(bodies=[body(shape=BOX)])
+    assert version(plain) == 1
+    assert not {"shapes", "density", "derived", "role"} & set(plain.to_json().split('"'))
+    for fields in (
+        {"shapes": [BOX, BALL]}, {"shape": {**BOX, "colour": "#ff8000"}},
+        {"shape": {**BOX, "role": "visual"}}, {"density": 7800.0},
+        {"shape": BOX, "derived": ["tip"]},
+    ):  # fmt: skip
+        model = pg.Model(bodies=[body(**fields)])
+        assert version(model) == 2
+        assert pg.Model.from_json(model.to_json()) == model
+
+
+def test_a_formula_in_a_shape_is_saved_with_several():
+    bodies = [{"name": "arm", "shapes": [{**BOX}, {**BALL, "radius": "=r/2"}]}]
+    model = pg.Model(parameters={"r": 0.8}, bodies=bodies)
+    assert model.body("arm").shapes[1].radius == 0.4
+    again = pg.Model.from_json(model.to_json()).replace(parameters={"r": 1.0})
+    assert again.body("arm").shapes[1].radius == 0.5
+
+
+def test_shapes_touch_and_are_drawn_by_their_role():
+    two = body(
+        joint="free", shapes=[{**BOX, "role": "visual"}, {**BALL, "role": "collision"}],
+        q=(0, 0, 1, 1, 0, 0, 0), com=(1, 0, 0),
+    )  # fmt: skip
+    assert [piece.kind for piece in shapes.pieces(two, [])] == ["box"]
+    model = pg.Model(bodies=[two], contacts=[pg.Contact(name="floor", body="arm")])
+    run = pg.simulate(pg.Mechanism(model), t_end=1.0)
+    assert run.status.ok, run.message
+    assert run.q[-1, 2] == pytest.approx(0.3, abs=1e-3)  # rests on the ball
+    with pytest.raises(pg.ModelError, match="'arm' has no shape to touch with"):
+        model.edit("arm", shape={**BOX, "role": "visual"})
+
+
+def test_every_shape_that_touches_carries():
+    """A table on two balls stands level: each carries half the weight."""
+    balls = [{"kind": "sphere", "radius": 0.1, "position": (x, 0, 0)} for x in (-1, 1)]
+    table = body(
+        joint="planar", axes=[(1, 0, 0), (0, 0, 1), (0, 1, 0)], shapes=balls, q=(0, 0.1, 0)
+    )
+    model = pg.Model(bodies=[table], contacts=[pg.Contact(name="floor", body="arm")])
+    run = pg.simulate(pg.Mechanism(model), t_end=0.5)
+    np.testing.assert_allclose(run.q[-1], (0, 0.1, 0), atol=1e-4)
+    assert run.contact_force["floor"][-1][5] == pytest.approx(9.81, rel=1e-3)
+
+
+def test_mass_follows_from_shapes_and_density_until_it_is_given():
+    model = pg.Model(
+        bodies=[body(shape=BOX, density=1000.0, derived=["mass", "com", "inertia", "tip"])]
+    )
+    arm = model.body("arm")
+    assert arm.mass == pytest.approx(40.0)
+    np.testing.assert_allclose((arm.com, arm.tip), ((0.5, 0, 0), (1, 0, 0)), atol=1e-15)
+    np.testing.assert_allclose(np.diag(arm.inertia), 40 / 12 * np.array((0.08, 1.04, 1.04)))
+    twice = model.edit("arm", density=2000.0).body("arm")
+    assert twice.mass == pytest.approx(80.0)
+    np.testing.assert_allclose(twice.inertia, 2 * np.array(arm.inertia))
+    wider = model.edit("arm", shape={**BOX, "size": (2.0, 0.2, 0.2)}).body("arm")
+    assert wider.mass == pytest.approx(80.0)
+    heavy = model.edit("arm", mass=1200.0).body("arm")
+    assert heavy.derived == ("com", "inertia", "tip")
+    np.testing.assert_allclose(heavy.inertia, 30 * np.array(arm.inertia))
+    assert pg.Model.from_json(model.to_json()) == model
+    through = pg.Mechanism(model).edit("arm", mass=1200.0).model
+    assert through.body("arm") == heavy
+
+
+def test_several_shapes_have_the_mass_of_those_that_touch():
+    half = {"kind": "box", "size": (0.5, 0.2, 0.2), "role": "collision"}
+    halves = [{**half, "position": (x, 0, 0)} for x in (0.25, 0.75)]
+    whole = body(shape=BOX, density=10.0, derived=["mass", "com", "inertia"])
+    parts = body(shapes=[*halves, {**BALL, "role": "visual"}], density=10.0, derived=whole.derived)
+    assert parts.mass == pytest.approx(whole.mass)
+    np.testing.assert_allclose(parts.com, whole.com)
+    np.testing.assert_allclose(parts.inertia, whole.inertia)
+
+
+@pytest.mark.parametrize(
+    ("fields", "facts"),
+    [
+        ({"derived": ["mass"]}, ["body 'arm', derived", "the body has none", "give a shape"]),
+        ({"shape": BOX, "derived": ["mass"]}, ["body 'arm', density", "needed"]),
+        ({"shape": BOX, "derived": ["weight"]}, ["body 'arm', derived", "'mass', 'com'", "weight"]),
+        ({"shapes": [BOX, {"kind": "sphere"}]}, ["body 'arm', shapes", "a sphere needs radius"]),
+        (
+            {"shape": {**BOX, "role": "seen"}},
+            ["body 'arm', shape", "'collision'", "'seen'"],
+        ),
+        ({"shape": {**BOX, "colour": "red"}}, ["body 'arm', shape", "colour", "#rrggbb", "'red'"]),
+        ({"shape": {**BOX, "colour": (2, 0, 0)}}, ["body 'arm', shape", "colour", "from 0 to 1"]),
+        ({"density": -1}, ["body 'arm', density", "> 0", "-1"]),
+    ],
+)
+def test_wrong_shapes_are_sentences(fields, facts):
+    with pytest.raises(pg.ModelError) as refused:
+        body(**fields)
+    for fact in facts:
+        assert fact in str(refused.value)
