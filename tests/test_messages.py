@@ -20,7 +20,8 @@ pytestmark = pytest.mark.fast
 
 FIELDS = (
     "name, parent, joint, axes, motions, link, rotation, mass, com, inertia, tip, q, v, "
-    "stiffness, damping, rest, friction, armature, limits, limit_restitution, shape"
+    "stiffness, damping, rest, friction, armature, limits, limit_restitution, shape, "
+    "shapes, density, derived"
 )
 KINDS = "weld, revolute, prismatic, cylindrical, universal, spherical, planar, free, compound"
 CONSTRAINTS = (
