@@ -44,7 +44,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _command(name: str, words: Sequence[str]) -> int:
     module = COMMANDS[name]
-    parser = ArgumentParser(prog=f"pgraph {name}", description=module.__doc__)
+    parser = ArgumentParser(
+        prog=f"pgraph {name}", description=f"{module.HELP[0].upper()}{module.HELP[1:]}."
+    )
     module.arguments(parser)
     parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
     args = parser.parse_args(words)

@@ -1,4 +1,4 @@
-"""The reports in the page: settings, what is measured, and what is said of it."""
+"""The reports in the page: settings, results and advice."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Published and closed-form motions: what a simulation must come to. See static_models/cases.
+"""Published and closed-form motions that simulations must reproduce. See static_models/cases.
 
 Each case is run by RK4 at a step at which its error is known; the tolerance is about three
 times what was measured.

@@ -1,4 +1,4 @@
-"""Error against run time: what is measured, against what, and what is said of it.
+"""Error against run time: the measurement, its reference, its text, figure and page.
 
 Tests look at errors and counters; no time is asserted.
 """
@@ -168,7 +168,7 @@ def test_a_made_reference_says_how_good_it_is(study: pg.Study):
     assert study.reference["limit"] == 10 * study.reference["accuracy"]
 
 
-def test_what_the_reference_cannot_tell_apart_is_said():
+def test_errors_below_the_limit_of_the_reference_are_marked():
     mech, t = built_in("double_pendulum"), np.linspace(0, 0.3, 7)
     rough = pg.simulate(mech, t_end=0.3, t_eval=t, method="rk4", step=0.01)
     found = pg.work_precision(
@@ -304,7 +304,7 @@ def test_the_baseline_has_ratio_one(study: pg.Study):
     assert study.rows[study.baseline].ratio == (1.0, 1.0, 1.0)
 
 
-# -- what is said --------------------------------------------------------------------------------
+# -- results --------------------------------------------------------------------------------
 
 
 def test_the_cheapest_run_that_meets_the_target_is_recommended(study: pg.Study):
@@ -358,7 +358,7 @@ def test_a_report_is_written(study: pg.Study, suffix: str, tmp_path):
 # -- peers ---------------------------------------------------------------------------------------
 
 
-def test_a_peer_that_is_not_installed_is_said(monkeypatch: pytest.MonkeyPatch):
+def test_a_note_names_a_peer_that_is_not_installed(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("pgraph_peers.Peer.installed", False)
     found = pg.work_precision(
         built_in("pendulum"), t_end=0.1, methods="rk4", steps=0.01, rounds=1, peers="mujoco"

@@ -285,7 +285,7 @@ def test_no_threshold_has_a_unit(name):
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "sentence"),
     [
         (
             {"axis": "mood"},
@@ -314,8 +314,8 @@ def test_no_threshold_has_a_unit(name):
         ),
     ],
 )
-def test_bad_input(options, said):
+def test_bad_input(options, sentence):
     mech, q = stiff_pendulum(1e6)
     with pytest.raises(pg.InputError) as refused:
         pg.stability_map(mech, q, **options)
-    assert str(refused.value).startswith(said)
+    assert str(refused.value).startswith(sentence)

@@ -1,1 +1,1 @@
-"""Numbers from MuJoCo and Pinocchio for random trees; `build.py` makes them anew."""
+"""Numbers from MuJoCo and Pinocchio for random trees; `build.py` remakes them."""

@@ -1,7 +1,7 @@
-"""Make the golden files anew: `python -m tests.golden.build` with mujoco and pin installed.
+"""Remake the golden files: `python -m tests.golden.build` with mujoco and pin installed.
 
 Each case is a model with a state; its mass matrix, bias force, forward dynamics, Jacobian and
-poses come from MuJoCo and from Pinocchio, mapped to our conventions, never from our own code.
+poses come from MuJoCo and from Pinocchio (`peers/`), in our conventions, never from our own code.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ DIGITS = 3
 
 
 class Forest(NamedTuple):
-    """A state and what each oracle says of it: {oracle: {quantity: flat array}}."""
+    """A state and the results of each oracle: {oracle: {quantity: flat array}}."""
 
     state: State
     by: dict[str, dict[str, np.ndarray]]
@@ -45,7 +45,7 @@ def rounded(seed: int) -> tuple[dict, np.ndarray]:
 
 
 def _short(value):
-    """Every number in a JSON value to DIGITS digits; what is empty left out."""
+    """Every number of a JSON value to DIGITS digits, without empty entries."""
     if isinstance(value, dict):
         return {key: _short(x) for key, x in value.items() if x not in (None, [])}
     if isinstance(value, list):

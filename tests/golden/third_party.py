@@ -1,4 +1,4 @@
-"""Make third_party.json and .npz anew: models that nobody here wrote, and their dynamics.
+"""Remake third_party.json and .npz: models of other authors, and their dynamics.
 
     pip install --target PLACE --no-deps gymnasium example-robot-data
     python -m tests.golden.third_party PLACE
@@ -142,7 +142,7 @@ def tree_only(m) -> None:
 
 
 def common_pivot(m, b) -> np.ndarray:
-    """Where the hinges of a body sit in its axes: our origin."""
+    """The place of a body's hinges in its axes: our origin."""
     joints = range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b])
     places = [m.jnt_pos[j] for j in joints if m.jnt_type[j] == 3]
     assert all(np.array_equal(place, places[0]) for place in places)
