@@ -359,7 +359,7 @@ def test_events_are_located_to_rounding_of_time(wanted):
     mech = pg.Mechanism(pg.Model(bodies=(mass("a"),), **DOWN))
     record, found = watched(mech, np.array([np.pi / 2]), 1e-12, wanted), []
     for _ in range(1000):
-        code = record.steps.advance(record.scene.address, 50, record.out)
+        code = record.steps.advance(record.scene.address, 50, tuple(record.out))
         if code == at.DONE:
             break
         if code == at.EVENT:
