@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 import pickle
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -203,3 +205,15 @@ def test_a_copy_answers_as_the_run_does(run, way):
     np.testing.assert_array_equal(other.at(0.123)[0], run.at(0.123)[0])
     np.testing.assert_array_equal(other.body_pose, run.body_pose)
     assert repr(other) == repr(run)
+
+
+def test_a_pendulum_loads_no_contact_kernel_and_no_gait():
+    """A fresh process that simulates a pendulum imports what it needs."""
+    code = (
+        "import sys, pgraph_core as pg; "
+        "pg.simulate(pg.Model(bodies=[pg.Body(name='a', mass=1.0, tip=(1, 0, 0))]), t_end=0.01); "
+        "print([m for m in sys.modules if m.startswith(('pgraph_core.engine.contact', "
+        "'pgraph_core.contact', 'pgraph_core.gait', 'pgraph_core.study'))])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
