@@ -43,8 +43,8 @@ class Server:
         bridge = Bridge(viser, lambda client, text: self.send(from_page(client, text)))
         page = Page(bridge, self.send)
         self._autosave = Autosave(keep, host, self.port, given, self.send) if keep else None
-        beside = (Simulator, LiveRunner, Analyst, Files, Reports, Errands)
-        work = [worker(self.send) for worker in beside]
+        workers = (Simulator, LiveRunner, Analyst, Files, Reports, Errands)
+        work = [worker(self.send) for worker in workers]
         self.store.start((*page.views, *work, *filter(None, [self._autosave])))
         self._compiler = Compiler(self.send)
 

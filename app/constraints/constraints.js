@@ -1,7 +1,6 @@
 // The list of constraints, contacts, forces and joint limits; what they leave free; picking.
 (() => {
-  const { make, forms, send } = pgraph;
-  const button = (className, textContent, title, onclick) => make("button", { className: `action ${className}`, textContent, title, onclick });
+  const { make, button, forms, send } = pgraph;
 
   function build(host) {
     const box = make("div", { className: "ties" },
@@ -65,18 +64,7 @@
     if (!box.querySelector("h4")) box.append(make("h4", { textContent: list.title }), make("div", { className: "empty" }));
     box.querySelector(".empty").textContent = list.items.length ? "" : "none";
     box.querySelector(".empty").hidden = list.items.length > 0;
-    const old = [...box.querySelectorAll(".tie")];
-    const kept = new Map(old.map((el) => [el.dataset.name, el]));
-    const names = new Set(list.items.map((item) => item.name));
-    const now = list.items.map((item, i) => {
-      const renamed = old.length === list.items.length && !names.has(old[i].dataset.name) ? old[i] : null;
-      const el = kept.get(item.name) ?? renamed ?? tie(list.part);
-      kept.delete(el.dataset.name);
-      fill(el, list.part, item);
-      return el;
-    });
-    for (const el of kept.values()) el.remove();
-    now.forEach((el, i) => { if (box.children[i + 2] !== el) box.insertBefore(el, box.children[i + 2] ?? null); });
+    pgraph.keyed(box, list.items, () => tie(list.part), (el, item) => fill(el, list.part, item));
   }
 
   function tie(part) {
@@ -84,7 +72,7 @@
     const name = () => el.dataset.name;
     const line = make("div", { className: "line" });
     if (part !== "forces") {
-      line.append(make("input", { type: "checkbox", title: "whether it acts",
+      line.append(make("input", { type: "checkbox", title: "active",
         onchange: (event) => send("SwitchPart", { part, name: name(), on: event.target.checked }) }));
     }
     line.append(
@@ -97,7 +85,6 @@
   }
 
   function fill(el, part, item) {
-    el.dataset.name = item.name;
     el.classList.toggle("open", item.form !== null);
     el.classList.toggle("off", item.active === false);
     const box = el.querySelector('input[type="checkbox"]');
@@ -145,7 +132,7 @@
     called = data.called;
   }
 
-  // In the table a click on the selected row selects nothing anew, so it is heard here.
+  // In the table a click on the selected row changes nothing, so it is handled here.
   document.addEventListener("mousedown", (event) => {
     const name = picking && event.target.closest?.("tr[data-name]")?.dataset.name;
     if (!name) return;

@@ -23,54 +23,8 @@ from viser._messages import RunJavascriptMessage
 from websockets.http11 import Response
 
 APP = Path(__file__).parent.parent
-SCRIPTS = (
-    "core/bridge",
-    "core/cells",
-    "core/drag",
-    "core/keys",
-    "core/rows",
-    "table/table",
-    "digraph/steps",
-    "digraph/digraph_hand",
-    "digraph/digraph",
-    "operators/operators",
-    "properties/forms",
-    "properties/properties",
-    "constraints/constraints",
-    "core/drop",
-    "core/shortcuts",
-    "pose/pose",
-    "model/model",
-    "run/run",
-    "scene/show",
-    "playback/playback",
-    "gait/phases",
-    "gait/gait",
-    "plots/plots",
-    "report/report",
-    "run/done",
-)
-STYLES = (
-    "core/page",
-    "core/cells",
-    "table/table",
-    "digraph/digraph",
-    "digraph/steps",
-    "operators/operators",
-    "properties/forms",
-    "properties/properties",
-    "pose/pose",
-    "constraints/constraints",
-    "model/model",
-    "core/shortcuts",
-    "run/run",
-    "scene/show",
-    "playback/playback",
-    "gait/phases",
-    "gait/gait",
-    "plots/plots",
-    "report/report",
-)
+CORE_SCRIPTS = ("bridge", "lists", "cells", "forms", "shortcuts")  # of this folder, in order
+CORE_STYLES = ("page", "cells", "forms", "shortcuts")
 LARGEST_MESSAGE = 16 * 1024 * 1024  # [bytes] from a page; viser's own limit is 50 MB
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 COOKIE = "pgraph_token"
@@ -132,10 +86,16 @@ class Bridge:
 
 
 def static_script() -> str:
-    """All of our script and style, to be run once per page."""
-    style = json.dumps("\n".join((APP / f"{name}.css").read_text("utf-8") for name in STYLES))
-    parts = [(APP / f"{name}.js").read_text("utf-8") for name in SCRIPTS]
-    return "\n".join([f"const PGRAPH_CSS = {style};", *parts, "pgraph.start(PGRAPH_CSS);"])
+    """All of our script and style, to be run once per page: the core's, then every feature's."""
+    style = json.dumps("\n".join(_sources(CORE_STYLES, "css")))
+    scripts = _sources(CORE_SCRIPTS, "js")
+    return "\n".join([f"const PGRAPH_CSS = {style};", *scripts, "pgraph.start(PGRAPH_CSS);"])
+
+
+def _sources(core: tuple[str, ...], suffix: str) -> list[str]:
+    features = sorted(f for f in APP.glob(f"*/*.{suffix}") if f.parent != APP / "core")
+    files = [*(APP / "core" / f"{name}.{suffix}" for name in core), *features]
+    return [file.read_text("utf-8") for file in files]
 
 
 @contextlib.contextmanager

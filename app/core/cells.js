@@ -1,5 +1,5 @@
 // Cells that a person types into. A cell commits on Enter or leaving, reverts on Escape, keeps
-// refused text with the sentence beside it, and is never overwritten while it is being typed in.
+// refused text with the reason below it, and is never overwritten while it is being typed in.
 pgraph.cells = (() => {
   const { make } = pgraph;
   const pending = new Map(); // serial -> the cell waiting for an answer

@@ -3,15 +3,15 @@ pgraph.shortcuts = (() => {
   const { make } = pgraph;
   const SHEET = [
     ["Anywhere", [
-      ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Space", "play or pause"], ["Esc", "select nothing"], ["?", "this sheet"],
+      ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Space", "play or pause"], ["Esc", "clear the selection"], ["?", "this sheet"],
     ]],
     ["In the table", [
       ["↑ ↓ ← →", "next cell"], ["Tab", "next cell, Shift Tab the one before"], ["Home End", "first or last cell of the row"],
-      ["Ctrl ↑ ↓", "first or last row"], ["F2", "edit the cell; typing replaces what is in it"], ["Enter", "take it and go down, Shift Enter up"], ["Esc", "put back what was there"],
+      ["Ctrl ↑ ↓", "first or last row"], ["F2", "edit the cell; typing replaces its content"], ["Enter", "commit and go down, Shift Enter up"], ["Esc", "restore the value"],
     ]],
     ["Rows", [
       ["Shift ↑ ↓", "select several; also Shift click, Ctrl click"], ["Ctrl A", "select all"], ["Ctrl Enter", "add a body"], ["Ctrl D", "duplicate"],
-      ["Delete", "delete the selected rows (click their number)"], ["Alt ↑ ↓", "move up or down"], ["Alt →", "hang on the row above"], ["Alt ←", "hang on the parent’s parent"],
+      ["Delete", "delete the selected rows (click their number)"], ["Alt ↑ ↓", "move up or down"], ["Alt →", "attach to the row above"], ["Alt ←", "attach to the parent’s parent"],
       ["Ctrl C, Ctrl V", "copy rows, paste rows of a spreadsheet"],
     ]],
   ];

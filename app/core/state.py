@@ -34,7 +34,7 @@ class Reply:
 
     serial: int
     text: str
-    offer: str = ""  # what a button beside the sentence would do, e.g. "use the nearest possible"
+    offer: str = ""  # what a button next to the sentence would do, e.g. "use the nearest possible"
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class State:
     job: Job | None = None
     jobs: int = 0  # how many were asked for; the last one's id
     live: Live | None = None
-    ghost: Run | None = None  # an earlier run, shown beside
+    ghost: Run | None = None  # an earlier run, shown together with this one
     exporting: Exporting | None = None
     reporting: ReportRequest = field(default_factory=ReportRequest)
     analysis: Analysis | None = None
@@ -107,7 +107,7 @@ class State:
     errand_count: int = 0  # how many were sent; the last one's id
     mobility: MobilityReport | None = None
     mobility_asked: pg.Model | None = None  # a large model, whose report takes long
-    framed: int = 0  # counts the models opened; the camera is set anew for each
+    framed: int = 0  # counts the models opened; the camera is framed for each
     posed: Pose | None = None  # the last pose by hand
     pose_problem: str = ""  # why a joint could not be moved further
     pull: Any = None  # the event of the mouse that pulls on a body
@@ -186,7 +186,7 @@ def with_client(state: State, client: int, **changes: Any) -> State:
 
 
 def told(state: State, client: int, notice: Notice) -> State:
-    """`state` with something said to one page."""
+    """`state` with a notice for one page."""
     return with_client(state, client, notice=notice)
 
 

@@ -50,7 +50,7 @@ pgraph.digraph = (() => {
       make("span", { textContent: "Drag a node onto its new parent, with Shift onto a second one.", className: "how" }));
   }
   function tools(canvas) {
-    const button = (className, textContent, title, onclick) => make("button", { className: `action ${className}`, textContent, title, onclick });
+    const { button } = pgraph;
     return make("div", { className: "tools" }, button("fit", "Fit", "Show all of it (double click)", () => canvas.fit()),
       button("walk", "Step through", "The seven steps that make Pgraph, and a frame update", () => pgraph.steps.toggle()));
   }
@@ -102,7 +102,7 @@ pgraph.digraph = (() => {
     pgraph.steps.redrawn(host);
   }
 
-  // Elements by what they are made from: a redraw makes those anew that are others than before,
+  // Elements by what they are made from: a redraw makes only those again that have changed,
   // and the rest is as if it were new.
   function keeping(before) {
     const parts = new Map();
@@ -265,7 +265,7 @@ pgraph.digraph = (() => {
     card.classList.toggle("low", circle.left < own.right && circle.right > own.left && circle.top < own.bottom + 8);
   }
 
-  // -- keys: along the tree, to the one beside at the same depth, Enter selects -----------------
+  // -- keys: along the tree, to the neighbour at the same depth, Enter selects -----------------
   function keyed(host, event) {
     const { data, children, nodes } = host.graph, k = numberAt(event.target);
     if (!k) return;

@@ -10,7 +10,7 @@ pgraph.steps = (() => {
   function walk(what) { pgraph.send("StepThrough", { what }); }
 
   function build(box, host) {
-    const button = (className, text, title, onclick) => make("button", { className: `action ${className}`, textContent: text, title, onclick });
+    const { button } = pgraph;
     const kinds = KINDS.map(([kind, text]) => make("button", { className: "kind", textContent: text, "data-kind": kind, onclick: () => walk(kind) }));
     const first = button("first", "", "to the start", () => go(box, 0));
     first.append(pgraph.icon("start"));
@@ -117,7 +117,7 @@ pgraph.steps = (() => {
       for (const el of box.host.querySelectorAll(`.${name}`)) el.classList.remove(name);
     }
   }
-  // The digraph was drawn anew: its marks are gone.
+  // The digraph was redrawn: its marks are gone.
   function redrawn(host) { for (const box of boxes) if (box.host === host && box.data?.kind) go(box, box.at); }
 
   return { build, draw, toggle, redrawn };

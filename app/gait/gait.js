@@ -1,9 +1,7 @@
 // The walk: which gait, how fast, over what ground; and what the feet did.
 (() => {
-  const { make, cells, send } = pgraph;
+  const { make, button, text, cells, send } = pgraph;
   const MOST = 60; // lines of the log
-  const text = (tag, className, textContent = "") => make(tag, { className, textContent });
-  const button = (className, textContent, title, onclick) => make("button", { className: `action ${className}`, textContent, title, onclick });
 
   function build(host) {
     const walk = (field) => (serial, value) => send("SetWalk", { serial, field, text: value });
@@ -37,7 +35,7 @@
         make("fieldset", { className: "log" }, make("legend", { textContent: "Foot events" }), make("ol", { className: "falls" }))));
   }
 
-  // A slider types into its cell, so that a refusal stands beside it.
+  // A slider types into its cell, so that a refusal appears next to it.
   function slider(cell, edit, label) {
     const range = make("input", { type: "range", step: 0.01, "aria-label": label });
     range.addEventListener("input", () => { cell.value = range.value; cells.commit(cell, edit); });

@@ -47,7 +47,7 @@ def live(state: State, event: GoLive) -> State:
 
 
 def begun(state: State, client: int) -> State | None:
-    """A live run of the gait, with the ground's forces in view and the camera beside it."""
+    """A live run of the gait, with the ground forces shown and the camera following."""
     offer = offered(state.model, state.walking)
     if offer is None:
         return None

@@ -65,7 +65,7 @@ class Walker:
         return self._walk
 
     def _said_once(self, part: pg.Result) -> pg.Result:
-        """Each part finds anew that it lies: only the first of them says so."""
+        """Every part detects the fall: only the first one reports it."""
         if not self._walk.fell:
             return part
         if self.fell is None:

@@ -31,7 +31,7 @@ class Derived:
     separation: frozenset[int]
     dof: int
     constraints: Mapping[str, tuple[str, ...]]  # body name -> names of what touches it
-    loops: tuple[Loop, ...]  # constraints to draw beside the tree
+    loops: tuple[Loop, ...]  # constraints drawn in addition to the tree
     layout: Layout
     colors: tuple[Color, ...]
     positions: np.ndarray  # (nb, 3) body origins at home, world axes [m]
@@ -91,7 +91,7 @@ def _derived(model: pg.Model) -> Derived:
 
 
 class Tree(NamedTuple):
-    """What follows from parents and degrees of freedom alone: most edits leave it as it is."""
+    """Follows from parents and degrees of freedom alone: most edits do not change it."""
 
     children: tuple[tuple[int, ...], ...]
     pgraph: tuple[int, ...]

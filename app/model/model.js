@@ -1,15 +1,6 @@
 // The model: new, open, save, undo.
 (() => {
-  const { make, cells, send } = pgraph;
-  const text = (tag, className, textContent = "") => make(tag, { className, textContent });
-  const button = (className, textContent, title, onclick) =>
-    make("button", { className: `action ${className}`, textContent, title, onclick });
-  function picture(className, title, onclick) {
-    const made = button(className, "", title, onclick);
-    made.setAttribute("aria-label", title);
-    made.append(pgraph.icon(className));
-    return made;
-  }
+  const { make, button, text, cells, send } = pgraph;
 
   function build(host) {
     host.replaceChildren(
@@ -18,9 +9,9 @@
         button("open", "Open", "A built-in model or a file", () => ask(host, openQuestion)),
         button("save", "Save", "Download, or write to a file", () => ask(host, saveQuestion)),
         text("span", "spring"),
-        picture("undo", "Undo", () => send("Undo")),
-        picture("redo", "Redo", () => send("Redo")),
-        picture("theme", "Dark or light", () => send("Theme", { dark: !pgraph.latest.theme?.dark })),
+        pgraph.pictureButton("undo", "undo", "Undo", "Undo", () => send("Undo")),
+        pgraph.pictureButton("redo", "redo", "Redo", "Redo", () => send("Redo")),
+        pgraph.pictureButton("theme", "theme", "Dark or light", "Dark or light", () => send("Theme", { dark: !pgraph.latest.theme?.dark })),
         button("keys", "?", "Keyboard shortcuts (?)", () => pgraph.shortcuts.open())),
       make("div", { className: "asked" }),
       make("div", { className: "model" }, text("strong", "name"), text("span", "muted count")));

@@ -48,7 +48,7 @@
     const chart = { data, canvas, legend, hover: null };
     chart.box = make("figure", { className: "plot" },
       make("figcaption", {}, make("strong", { textContent: data.title }), make("span", { className: "muted", textContent: ` ${data.unit}` }), legend,
-        make("button", { className: "remove", textContent: "×", title: `Take away ${data.title}`, "aria-label": `take away ${data.title}`,
+        make("button", { className: "remove", textContent: "×", title: `Remove ${data.title}`, "aria-label": `take away ${data.title}`,
           onclick: () => send("Plot", { kind: data.kind, of: data.of, on: false }) })),
       canvas);
     let from = null;

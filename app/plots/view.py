@@ -32,7 +32,7 @@ class PlotsView:
                 self._bridge.send(client, "signals", signals(new, now))
 
     def _due(self, old: State, new: State) -> bool:
-        """Whether a live run has grown for long enough to be drawn anew."""
+        """Whether a live run has grown long enough to be drawn again."""
         if new.live is None or old.live is None or new.live.parts is old.live.parts:
             return False
         late = time.perf_counter() - self._drawn > LIVE_EVERY
@@ -64,7 +64,7 @@ def signals(state: State, client: Client) -> Payload:
 
 
 def plots(state: State, client: Client) -> Payload:
-    """The charts of one page; a ghost's curves beside the run's."""
+    """The charts of one page; with the curves of the ghost."""
     return {"charts": [chart(state, Signal(*plot)) for plot in client.plots]}
 
 

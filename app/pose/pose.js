@@ -5,7 +5,7 @@
   let waiting = null, next = null; // one event under way; the last value wins
 
   function build(host) {
-    const button = (className, textContent, title, onclick) => make("button", { className: `action ${className}`, textContent, title, onclick });
+    const { button } = pgraph;
     host.replaceChildren(
       make("div", { className: "bar" }, button("use", "Use as initial state", "What is shown becomes the model's initial state: one undo step", () => send("UsePose")),
         button("home", "Reset", "Show the initial state, or the run, again", () => send("HomePose"))),

@@ -109,14 +109,14 @@ class Gizmos:
         self._send = send
         self._drawn: dict[int, Gizmo] = {}  # by client
 
-    def render(self, state: State, positions: np.ndarray, wxyz: np.ndarray, anew: bool) -> None:
-        """Draw what pages move, with the bodies at these poses; `anew`: the model is another."""
+    def render(self, state: State, positions: np.ndarray, wxyz: np.ndarray, rebuilt: bool) -> None:
+        """Draw what pages move, with the bodies at these poses; `rebuilt`: the model is another one."""
         for client in self._drawn.keys() - state.clients.keys():
             del self._drawn[client]
         for client, page in state.clients.items():
             wanted = (page.selection, page.gizmo) if page.selection and page.gizmo else None
             drawn = self._drawn.get(client)
-            if drawn is not None and (anew or (drawn.body, drawn.what) != wanted):
+            if drawn is not None and (rebuilt or (drawn.body, drawn.what) != wanted):
                 drawn.frame.remove()
                 del self._drawn[client]
             if wanted is not None and client not in self._drawn:
@@ -157,7 +157,7 @@ class Gizmos:
 def _place(
     drawn: Gizmo, state: State, page: Client, positions: np.ndarray, wxyz: np.ndarray
 ) -> None:
-    """The frame where its body is, and the numbers beside the handle."""
+    """The frame where its body is, and the numbers next to the handle."""
     number = state.derived.number[drawn.body]
     k = number if drawn.what == "com" else state.derived.parent[number - 1]
     if k > 0:

@@ -1,8 +1,6 @@
 // Reports: error against run time and the stability map, with progress, figure and rows.
 (() => {
-  const { make, cells, send } = pgraph;
-  const button = (className, textContent, title, onclick) =>
-    make("button", { className: `action ${className}`, textContent, title, onclick });
+  const { make, button, cells, send } = pgraph;
 
   function build(host) {
     const edit = (field) => (serial, value) => send("SetReport", { serial, field, text: value });

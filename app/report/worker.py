@@ -1,4 +1,4 @@
-"""Measures reports beside the store: each follows the state like a view, and answers by events."""
+"""Measures reports in a thread: follows the state like a view, and answers with events."""
 
 from __future__ import annotations
 

@@ -1,9 +1,6 @@
 // The run: what to simulate, its progress, its outcome, and what to do with it.
 (() => {
-  const { make, cells, send } = pgraph;
-  const text = (tag, className, textContent = "") => make(tag, { className, textContent });
-  const button = (className, textContent, title, onclick) =>
-    make("button", { className: `action ${className}`, textContent, title, onclick });
+  const { make, button, text, cells, send } = pgraph;
   const now = (event, fields) => { document.activeElement?.blur(); send(event, fields); };
 
   function build(host) {
@@ -35,21 +32,21 @@
       make("div", { className: "what" }, make("span", { textContent: label }), text("span", "unit", unit)), cell);
     return make("div", { className: "settings" },
       field("Scenario", "", scenario, "A run that the model describes, or a free one"),
-      field("Method", "", method, "How to step; automatic says why it chose what it chose"),
+      field("Method", "", method, "Integration method; automatic gives the reason for its choice"),
       make("div", { className: "numbers wide" },
         field("Duration", "s", t_end, "Length of the run"),
-        field("Step", "s", step, "Width of a step; empty: the method chooses"),
-        field("Tolerance", "", rtol, "Error of a step beside the mechanism's own scales; empty: by the step")));
+        field("Step", "s", step, "Step size; empty: the method chooses"),
+        field("Tolerance", "", rtol, "Largest relative error of a step; empty: follows from the step")));
   }
 
-  // What a finished run is good for.
+  // What can be done with a finished run.
   function after() {
     const keep = [["csv", "CSV", "Everything over time as a table"], ["npz", "NPZ", "The run with its model, for Python"],
       ["html", "HTML", "The animation as one file that any browser plays"]];
     return make("div", { className: "after", hidden: true },
       button("continue", "Continue", "Go on from the end for as long again", () => now("Continue")),
       button("pose", "Use pose", "The pose shown becomes the initial state of the model", () => now("UsePose")),
-      button("ghost", "Compare", "Keep this run as a ghost beside the next one", () => now("Compare")),
+      button("ghost", "Compare", "Show this run as a ghost next to the next one", () => now("Compare")),
       make("span", { className: "keep" }, text("span", "muted", "Keep as"), ...keep.map(([what, label, title]) =>
         button(`export ${what}`, label, title, () => send("Export", { what })))));
   }
@@ -92,7 +89,7 @@
     if (!same) summary.replaceChildren(...(data.summary ?? []).flatMap(([what, value, good]) => [
       make("dt", { textContent: what }), make("dd", { className: good ? "" : "bad" }, folded(value))]));
     $(".ghost").textContent = data.ghost ? "No ghost" : "Compare";
-    $(".ghost").title = data.ghost ? "Take the ghost away" : "Keep this run as a ghost beside the next one";
+    $(".ghost").title = data.ghost ? "Remove the ghost" : "Show this run as a ghost next to the next one";
     $(".ghost").setAttribute("aria-pressed", data.ghost);
     $(".ghost").classList.toggle("on", data.ghost);
   }

@@ -95,7 +95,7 @@ def job(state: State) -> Payload | None:
 
 
 def live(state: State) -> Payload | None:
-    """How far the live run is, and how fast beside the clock."""
+    """How far the live run is, and how fast compared with the clock."""
     if state.live is None:
         return None
     if not state.live.parts:

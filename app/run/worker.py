@@ -1,4 +1,4 @@
-"""What takes long, beside the store: simulations, compiling the kernels, writing files.
+"""Long work in threads: simulations, compiling the kernels, writing files.
 
 Each follows the state like a view and answers with events.
 """

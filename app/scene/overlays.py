@@ -31,7 +31,7 @@ class Overlays:
         self._attached = True  # the nodes hang on those of bodies
 
     def clear(self, attached: bool) -> None:
-        """Nothing drawn: the bodies are about to be drawn anew.
+        """Nothing drawn: the bodies are about to be redrawn.
 
         Lines that hang on no body stay, to be moved where they have to be.
         """

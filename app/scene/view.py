@@ -76,7 +76,7 @@ class SceneView:
         pages = new.clients is not old.clients
         if rebuilt or moved or pages:
             self._place(new)
-            self._gizmos.render(new, *at, anew=rebuilt)
+            self._gizmos.render(new, *at, rebuilt=rebuilt)
         if rebuilt or new.shown != old.shown:
             assert self._bodies is not None
             self._bodies.fade(0.35 if new.shown & INSIDE else None, "shapes" in new.shown)

@@ -74,7 +74,7 @@ def _served(address: str) -> bool:
 
 
 class Autosave:
-    """Writes the model of this session, beside the store's thread."""
+    """Writes the model of this session, in a thread of its own."""
 
     def __init__(
         self, folder: Path, host: str, port: int, given: str, send: Callable[[Event], None]

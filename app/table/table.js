@@ -4,9 +4,9 @@ pgraph.table = (() => {
   const { make, cells } = pgraph;
   const DOF = ["weld", "revolute", "universal", "spherical", "ball + z", "ball + x + y", "free"];
   const HEAD = [
-    ["#", "number in the Pgraph: depth-first, upper row first; drag it to move the row, or onto another row to hang it there"],
+    ["#", "number in the Pgraph: depth-first, upper row first; drag it to move the row, or onto another row to attach it there"],
     ["Body", "its name"],
-    ["Parent", "the body or ground it hangs on"],
+    ["Parent", "the body it is attached to, or ground"],
     ["DoF", "degrees of freedom of its joint, 0 to 6"],
     ["Constraint", "holonomic (the joint alone), or the constraints that touch the body; click to see them"],
   ];
@@ -86,38 +86,11 @@ pgraph.table = (() => {
   function draw(host, data) {
     rows = data.rows;
     byName = new Map(rows.map((row) => [row.name, row]));
-    const body = host.querySelector("tbody");
-    cells.keepingFocus(() => {
-      const old = [...body.querySelectorAll("tr[data-name]")], kept = new Map(trs);
-      trs = new Map();
-      const now = rows.map((row, i) => {
-        const renamed = old[i] && !byName.has(old[i].dataset.name) ? old[i] : null;
-        const tr = kept.get(row.name) ?? renamed ?? newRow();
-        kept.delete(tr.dataset.name);
-        trs.set(row.name, tr);
-        fill(tr, row);
-        return tr;
-      });
-      for (const tr of kept.values()) if (trs.get(tr.dataset.name) !== tr) { note(tr)?.remove(); near.unobserve(tr); tr.remove(); }
-      arrange(body, now);
-    });
+    trs = pgraph.keyed(host.querySelector("tbody"), rows, newRow, fill, (tr) => near.unobserve(tr));
     pgraph.rows.count(host, data);
     search(host, filter);
     mark(host);
     others(host, pgraph.latest.others);
-  }
-
-  const note = (tr) => (tr.nextElementSibling?.classList.contains("sentence") ? tr.nextElementSibling : null);
-
-  // Rows in order, each with its sentence; the common case of rows all in place costs no move.
-  function arrange(body, now) {
-    let at = body.firstElementChild;
-    for (const tr of now) {
-      const own = note(tr);
-      if (at === tr) { at = (own ?? tr).nextElementSibling; continue; }
-      body.insertBefore(tr, at);
-      if (own) tr.after(own);
-    }
   }
 
   function newRow() {
@@ -150,7 +123,6 @@ pgraph.table = (() => {
   function fill(tr, row) {
     const text = JSON.stringify(row);
     if (tr.dataset.drawn === text) return;
-    tr.dataset.name = row.name;
     tr.dataset.drawn = text;
     tr.querySelector(".chip").style.background = row.color;
     tr.querySelector(".n").textContent = row.number;
@@ -225,7 +197,7 @@ pgraph.table = (() => {
       const said = [row.name, row.parent, row.joint, ...row.constraints].join(" ").toLowerCase();
       const tr = trs.get(row.name), hidden = !words.every((word) => said.includes(word));
       tr.hidden = hidden;
-      const own = note(tr);
+      const own = pgraph.sentenceOf(tr);
       if (own) own.hidden = hidden;
       if (!hidden) found++;
     }

@@ -85,7 +85,7 @@ pgraph.keys = (() => {
   }
 
   // Enter commits a cell that was typed in and goes on at once: keys that follow belong to the
-  // next row however late the answer comes. A refusal stands beside its cell and moves nothing.
+  // next row however late the answer comes. A refusal appears at its cell and moves nothing.
   function entered(tr, target, step) {
     const column = cellsOf(tr).indexOf(target);
     if (column < 0) { cellsOf(tr)[0].focus(); return true; }

@@ -1,14 +1,7 @@
 // What is done to whole rows: the buttons above the table, their questions, the number of bodies.
 pgraph.rows = (() => {
-  const { make, cells, send } = pgraph;
+  const { make, button, cells, send } = pgraph;
   const table = () => pgraph.table;
-  const button = (className, textContent, title, onclick) => make("button", { className: `action ${className}`, textContent, title, onclick });
-  function picture(which, label, title, onclick) {
-    const made = button(which, "", `${label}: ${title}`, onclick);
-    made.setAttribute("aria-label", label);
-    made.append(pgraph.icon(which));
-    return made;
-  }
   const some = (names) => (names.length === 1 ? names[0] : `${names.length} bodies`);
 
   function bar(host) {
@@ -26,16 +19,16 @@ pgraph.rows = (() => {
     return [
       make("div", { className: "bar" },
         button("add", "+ Add", "A new body on the selected one (Ctrl+Enter)", add),
-        picture("duplicate", "Duplicate", "once more, with what acts on it (Ctrl+D)", () => duplicate(host)),
-        picture("mirror", "Mirror", "the branch reflected: a right leg from a left one", () => mirror(host)),
-        picture("delete", "Delete", "the selected bodies (Delete)", () => remove(host)),
+        pgraph.pictureButton("duplicate", "duplicate", "Duplicate", "Duplicate: a copy, with its constraints and forces (Ctrl+D)", () => duplicate(host)),
+        pgraph.pictureButton("mirror", "mirror", "Mirror", "Mirror: the branch reflected: a right leg from a left one", () => mirror(host)),
+        pgraph.pictureButton("delete", "delete", "Delete", "Delete: the selected bodies (Delete)", () => remove(host)),
         count, make("span", { className: "count muted" }), make("span", { className: "spring" }), search),
     ];
   }
 
   function count(host, data) {
     const cell = host.querySelector(".bodies-count"), n = data.rows.length;
-    cells.set(cell, String(n), "the number of bodies: change it, and the last rows come or go");
+    cells.set(cell, String(n), "the number of bodies; a change adds or removes rows at the end");
     host.querySelector(".count").textContent = data.count.replace(/^\d+ /, "");
   }
 
@@ -82,7 +75,7 @@ pgraph.rows = (() => {
     const left = children(bodies);
     if (!left.length) { close(host); send("DeleteBodies", { bodies, children: "attach" }); return; }
     const what = left.length === 1 ? "its child" : bodies.length === 1 ? `its ${left.length} children` : `${left.length} children`;
-    const to = bodies.length === 1 ? table().row(bodies[0]).parent : "what stays";
+    const to = bodies.length === 1 ? table().row(bodies[0]).parent : "the remaining bodies";
     ask(host, `Delete ${some(bodies)}:`,
       answer(host, `attach ${what} to ${to}`, "DeleteBodies", { bodies, children: "attach" }),
       answer(host, bodies.length === 1 ? "delete its whole branch" : "delete their whole branches", "DeleteBodies", { bodies, children: "delete" }));

@@ -1,0 +1,44 @@
+// Buttons, and keyed lists: what every view is built from.
+
+// A button with a word on it, and one with a picture and an accessible name.
+pgraph.button = (className, textContent, title, onclick) =>
+  pgraph.make("button", { className: `action ${className}`, textContent, title, onclick });
+pgraph.pictureButton = (className, icon, label, title, onclick) => {
+  const made = pgraph.button(className, "", title, onclick);
+  made.setAttribute("aria-label", label);
+  made.append(pgraph.icon(icon));
+  return made;
+};
+pgraph.text = (tag, className, textContent = "") => pgraph.make(tag, { className, textContent });
+
+// The sentence below a row or cell, as cells.js puts it there.
+pgraph.sentenceOf = (el) => (el?.nextElementSibling?.classList.contains("sentence") ? el.nextElementSibling : null);
+
+// Makes the children of `box` follow `items`, which have names. An item keeps its element, and with it
+// focus and half-typed text: by its name, or by its place if it was renamed. `create(item)` makes an
+// element, `fill(el, item)` draws the item in it, `gone(el)` is told before one is removed. Children
+// without data-name, and sentences below elements, stay. Returns the elements by name.
+pgraph.keyed = (box, items, create, fill, gone = () => {}) => {
+  const old = [...box.children].filter((el) => el.dataset.name !== undefined);
+  const left = new Map(old.map((el) => [el.dataset.name, el])), names = new Set(items.map((item) => item.name));
+  const now = new Map();
+  pgraph.cells.keepingFocus(() => {
+    items.forEach((item, i) => {
+      const renamed = old[i] && !names.has(old[i].dataset.name) ? old[i] : null;
+      const el = left.get(item.name) ?? renamed ?? create(item);
+      left.delete(el.dataset.name);
+      el.dataset.name = item.name;
+      now.set(item.name, el);
+      fill(el, item);
+    });
+    for (const el of left.values()) { gone(el); pgraph.sentenceOf(el)?.remove(); el.remove(); }
+    let at = [...box.children].find((el) => el.dataset.name !== undefined) ?? null;
+    for (const el of now.values()) { // all in place, the common case, costs no move
+      const sentence = pgraph.sentenceOf(el);
+      if (at === el) { at = (sentence ?? el).nextElementSibling; continue; }
+      box.insertBefore(el, at);
+      if (sentence) el.after(sentence);
+    }
+  });
+  return now;
+};
