@@ -110,7 +110,7 @@ class Gizmos:
         self._drawn: dict[int, Gizmo] = {}  # by client
 
     def render(self, state: State, positions: np.ndarray, wxyz: np.ndarray, rebuilt: bool) -> None:
-        """Draw what pages move, with the bodies at these poses; `rebuilt`: the model is another one."""
+        """Draw what pages move, with the bodies at these poses; `rebuilt`: another model."""
         for client in self._drawn.keys() - state.clients.keys():
             del self._drawn[client]
         for client, page in state.clients.items():
