@@ -228,12 +228,13 @@ def stance(
     if rk4:
         spec.option.tolerance, spec.option.iterations = 0.0, 20
     for c in state.model.constraints:
+        point = c.point or state.model.body(c.body).tip_point
         spec.add_equality(
             type=mujoco.mjtEq.mjEQ_CONNECT,
             objtype=mujoco.mjtObj.mjOBJ_BODY,
             name1=c.body,
             name2="world",
-            data=[*(c.point or state.model.body(c.body).tip_point), *np.zeros(8)],
+            data=[*point, *np.zeros(int(mujoco.mjNEQDATA) - 3)],
             **anchor,
         )
     model, data, _ = _data(spec, rows, state, at_rest=True)

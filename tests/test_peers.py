@@ -11,7 +11,7 @@ import pgraph_core as pg
 import pgraph_models
 import pgraph_peers
 
-from .core.trees import random_case, scaled_error
+from .core.trees import State, random_case, scaled_error
 
 ENGINES = {"mujoco": 1e-8, "pinocchio": 1e-9}  # relative; MuJoCo's small bodies cost digits
 
@@ -57,6 +57,36 @@ def test_an_engine_makes_the_motion_of_actuators_and_pinned_points(name: str):
     theirs = [row for row in found.rows if row.peer]
     assert theirs
     assert all(row.ok and row.error < 1e-5 for row in theirs), theirs
+
+
+@pytest.mark.parametrize(("name", "bound"), [("mujoco", 3.0), ("pinocchio", 1e-2)])
+def test_forces_of_a_stance(name: str, bound: float):
+    """On the quadruped's feet at rest, against ours [N]; MuJoCo's feet are soft."""
+    engine, model = builder(name), pg.Model.load(pgraph_models.path("quadruped"))
+    mech = pg.Mechanism(model)
+    q, v = mech.home()
+    state = State(model, mech.topology, q, v, 0 * v, 0 * v, np.zeros((mech.nb, 6)))
+    _, found = mech.constrained_dynamics(q, v, state.tau)
+    vertical = np.array([found[c.name][4] for c in model.constraints])
+    if name == "mujoco":
+        compiled, data = engine.stance(state)
+        import_module("mujoco").mj_forward(compiled, data)
+        theirs = np.array(data.efc_force).reshape(-1, 3)[:, 1]
+    else:
+        call, forces = engine.stance(state)
+        call()
+        theirs = forces()[:, 1]
+    assert abs(theirs - vertical).max() < bound, (theirs, vertical)
+
+
+def test_a_walker_stands_on_the_plane():
+    """Balls at the contact points, one body each, and gravity pulls it down onto the ground."""
+    mujoco = builder("mujoco")
+    model = pg.Model.load(pgraph_models.path("quadruped_hips"))
+    compiled = mujoco.walker(model, 1e-3, 1e-3)
+    assert compiled.ngeom == 1 + len(model.contacts)
+    assert compiled.nbody == 1 + len(model.bodies)
+    assert compiled.nv == sum(body.dof for body in model.bodies)
 
 
 def test_hinges_of_one_joint_share_a_body_of_mujoco():
