@@ -6,7 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from pgraph_core.engine.contact import collision
+from pgraph_core.engine.arrays import Candidates
+from pgraph_core.engine.contact import search as kernels
+from pgraph_core.engine.records import (
+    APART,
+    CONTACT,
+    GROUND_PAIR,
+    MEMBER,
+    POSE,
+    SHAPE_PAIR,
+    rows_of,
+    table,
+)
 from pgraph_core.shapes import solids
 
 from .machine import has
@@ -42,15 +53,16 @@ def pgraph(places: np.ndarray) -> tuple[int, Any]:
     count = len(places)
     ball = solids.sphere(RADIUS)
     geometry = solids.packed([solids.Placed(ball, i, i) for i in range(1, count + 1)])
-    poses = np.concatenate((places, np.tile(np.eye(3).ravel(), (count, 1))), axis=1)
+    poses = table(POSE, count)
+    poses["position"], poses["rotation"] = places, np.eye(3).ravel()
     search = solids.search_space(geometry, count)
-    members = np.stack((np.arange(count), np.zeros(count, np.int64)), axis=1)
-    none = np.zeros((0, 2), np.int64)
-    touch = (none, np.zeros((0, 3), np.int64), members, none)
-    out, ground = solids.contact_arrays(6 * count), solids.ground((0, 0, 1))
+    members = rows_of(MEMBER, [(i, 0) for i in range(count)])
+    none = (rows_of(kind, ()) for kind in (GROUND_PAIR, SHAPE_PAIR))
+    touch = Candidates(*none, members, rows_of(APART, ()))
+    out, ground = table(CONTACT, 6 * count), solids.ground((0, 0, 1))
 
     def call() -> int:
-        return collision.contacts(geometry, ground, touch, poses, search, 0.0, out)
+        return kernels.contacts(geometry, ground, touch, poses, search, 0.0, out)
 
     return call(), call
 

@@ -11,6 +11,7 @@ import numpy as np
 from ..dynamics import Dynamics
 from ..engine import layout as at
 from ..engine.compiler.lane import LANE_WIDTH
+from ..engine.records import CREEP
 from ..engine.stepping import run
 from ..engine.tree import slopes as kernels
 from ..packing.system import Array
@@ -37,7 +38,7 @@ def force_slopes(mech: Dynamics, q: Array, v: Array, tau: Array) -> tuple[Array,
     kernels.torque_slopes(*mech.packed.tree, q, v, vdot, space, *pending, slopes)
     spring, damper = passive_slopes(mech, v)
     by_q, by_v = np.diag(spring) - slopes[:n].T, np.diag(damper) - slopes[n:].T
-    if len(mech.packed.passive_loads.loads_i):
+    if len(mech.packed.passive_loads.table):
         more_q, more_v = load_slopes(mech, q, v)
         by_q, by_v = by_q + more_q, by_v + more_v
     return by_q, by_v
@@ -46,11 +47,11 @@ def force_slopes(mech: Dynamics, q: Array, v: Array, tau: Array) -> tuple[Array,
 def passive_slopes(mech: Dynamics, v: Array) -> tuple[Array, Array]:
     """(nv,) slopes of the joints' springs in q and of their dampers and friction in v."""
     spring, damper = np.zeros(mech.nv), np.zeros(mech.nv)
-    for row in mech.packed.passive[0]:
-        j = int(row[at.DR_V])
-        creep = v[j] ** 2 + at.CREEP**2
-        damper[j] -= row[at.DR_KD] + row[at.DR_FRICTION] * at.CREEP**2 / creep**1.5
-        spring[j] -= row[at.DR_KP] if row[at.DR_Q] >= 0 else 0.0
+    for one in mech.packed.passive.table:
+        j = one["velocity"]
+        creep = v[j] ** 2 + CREEP**2
+        damper[j] -= one["damping"] + one["friction"] * CREEP**2 / creep**1.5
+        spring[j] -= one["stiffness"] if one["coordinate"] >= 0 else 0.0
     return spring, damper
 
 

@@ -23,13 +23,13 @@ DIRECTIONS = 48  # of slip among which a root is looked for
 RANK = 1e-10
 
 
-class Row(NamedTuple):
-    """A site among the rows of an impact."""
+class ContactRow(NamedTuple):
+    """A contact among the rows of an impact."""
 
     first: int  # its normal row
     size: int  # 3, or 1 for a limit
     friction: float
-    back: float  # e u_n⁻ of a site that closes, else 0
+    restitution_velocity: float  # e u_n⁻ of a contact that closes, else 0
     held: bool = False  # Painlevé's case: the impulse that ends its slip
 
 
@@ -42,7 +42,7 @@ class Solution(NamedTuple):
     missed: float  # largest change in the last sweep, relative to the largest impulse
 
 
-def impulses(omega: Array, u: Array, bilateral: int, rows: Sequence[Row]) -> Solution:
+def impulses(omega: Array, u: Array, bilateral: int, rows: Sequence[ContactRow]) -> Solution:
     """λ of all rows; the first `bilateral` ones are held at zero velocity."""
     b = slice(0, bilateral)
     inverse = np.linalg.pinv(omega[b, b], rcond=RANK, hermitian=True)
@@ -56,11 +56,11 @@ def impulses(omega: Array, u: Array, bilateral: int, rows: Sequence[Row]) -> Sol
     return Solution(lam, after, float(lam @ (u + after)) / 2, change)
 
 
-def _sweep_all(omega: Array, free: Array, rows: Sequence[Row], lam: Array) -> float:
-    """Sites in turn until no impulse changes; the last change, relative to the largest.
+def _sweep_all(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> float:
+    """Contacts in turn until no impulse changes; the last change, relative to the largest.
 
-    Before that all at once: what is alike on both sides of a mirror then stays so, where sites in
-    turn would choose a side.
+    All at once comes first: what is alike on both sides of a mirror then stays alike, where
+    contacts in turn would choose a side.
     """
     if len(rows) > 1:
         lam[:] = _at_once(omega, free, rows)
@@ -86,14 +86,14 @@ def _sweep_all(omega: Array, free: Array, rows: Sequence[Row], lam: Array) -> fl
     return change
 
 
-def _at_once(omega: Array, free: Array, rows: Sequence[Row]) -> Array:
-    """λ with which all sites that close stick; on the rim where that is outside of the cone."""
+def _at_once(omega: Array, free: Array, rows: Sequence[ContactRow]) -> Array:
+    """λ with which all contacts that close stick; on the rim where that is outside of the cone."""
     lam = np.zeros(len(free))
-    closing = [row for row in rows if row.held or free[row.first] + row.back < 0]
+    closing = [row for row in rows if row.held or free[row.first] + row.restitution_velocity < 0]
     picked = [row.first + k for row in closing for k in range(row.size)]
     wanted = free.copy()
     for row in closing:
-        wanted[row.first] += row.back
+        wanted[row.first] += row.restitution_velocity
     block = omega[np.ix_(picked, picked)]
     lam[picked] = -np.linalg.lstsq(block, wanted[picked], rcond=RANK)[0]
     for row in closing:
@@ -107,13 +107,13 @@ def _at_once(omega: Array, free: Array, rows: Sequence[Row]) -> Array:
     return lam
 
 
-def _guess(omega: Array, free: Array, rows: Sequence[Row], lam: Array) -> bool:
+def _guess(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> bool:
     """Solve at once for what sticks, slides or is open now; into λ where that keeps all laws."""
     pushed = [row for row in rows if lam[row.first] > 0]
     ways = {row.first: _way(row, lam) for row in pushed}
     back = np.zeros(len(free))
     for row in rows:
-        back[row.first] = row.back
+        back[row.first] = row.restitution_velocity
     size = float(np.abs(free + back).max())
     found: Array = lam
     after: Array = free
@@ -146,8 +146,8 @@ def _guess(omega: Array, free: Array, rows: Sequence[Row], lam: Array) -> bool:
     return True
 
 
-def _way(row: Row, lam: Array) -> Array | None:
-    """Direction in which a pushed site slides, None where it sticks."""
+def _way(row: ContactRow, lam: Array) -> Array | None:
+    """Direction in which a pushed contact slides, None where it sticks."""
     if row.size == 1 or row.held:
         return None
     drag = lam[row.first + 1 : row.first + 3]
@@ -158,9 +158,9 @@ def _way(row: Row, lam: Array) -> Array | None:
 
 
 def _keeps_laws(
-    after: Array, lam: Array, rows: Sequence[Row], ways: dict[int, Array | None], size: float
+    after: Array, lam: Array, rows: Sequence[ContactRow], ways: dict[int, Array | None], size: float
 ) -> bool:
-    """Whether velocities, targets added, and impulses fit the laws of all sites."""
+    """Whether velocities, targets added, and impulses fit the laws of all contacts."""
     most = float(np.abs(lam).max(initial=0.0))
     for row in rows:
         n, pushed = row.first, lam[row.first] > 0
@@ -178,10 +178,10 @@ def _keeps_laws(
     return True
 
 
-def _one(omega: Array, u: Array, row: Row) -> Array:
-    """λ of one site while the others stay, from its velocity without it."""
+def _one(omega: Array, u: Array, row: ContactRow) -> Array:
+    """λ of one contact while the others stay, from its velocity without it."""
     none = np.zeros(row.size)
-    target = u + np.array([row.back, 0.0, 0.0])[: row.size]
+    target = u + np.array([row.restitution_velocity, 0.0, 0.0])[: row.size]
     if (target[0] >= 0 and not row.held) or omega[0, 0] <= 0:
         return none
     if row.size == 1:

@@ -9,7 +9,22 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..engine import layout as at
-from ..engine.arrays import Candidates, Geometry
+from ..engine.arrays import Candidates, Geometry, Ground
+from ..engine.records import (
+    APART,
+    CAPSULE,
+    CREEP,
+    GROUND_PAIR,
+    MEMBER,
+    PAIR_LAW,
+    PENALTY,
+    POINTS,
+    RIGID,
+    SHAPE_PAIR,
+    SOFT,
+    SPHERE,
+    rows_of,
+)
 from ..errors import ModelError, PgraphError, Problem
 from ..model import Body, Contact, Model, Shape
 from ..model.names import EVERY, GROUND
@@ -23,13 +38,13 @@ from ..topology import Topology
 if TYPE_CHECKING:
     from ..packing.packed import Packed
 
-LAWS = {"complementarity": at.RIGID, "soft": at.SOFT, "penalty": at.PENALTY}
-ROOM = {at.SPHERE: 1, at.CAPSULE: 2}  # contact points of a shape, 8 of others
+LAWS = {"complementarity": RIGID, "soft": SOFT, "penalty": PENALTY}
+ROOM = {SPHERE: 1, CAPSULE: 2}  # contact points of a shape, 8 of others
 SINKS = 1e-4  # of the bodies' size: how deep its weight presses what touches, if nothing is given
 SPEED = 1.0  # m/s: where a soft contact that gives no damping has its restitution
 
 
-class Touch(NamedTuple):
+class ContactPair(NamedTuple):
     """One shape over the ground, one pair of shapes, or all members of a contact together."""
 
     name: str
@@ -41,12 +56,12 @@ class Touch(NamedTuple):
 class Tables(NamedTuple):
     """Contacts and limits of a scene: arrays of the kernels, and what their rows stand for."""
 
-    touches: tuple[Touch, ...]
+    touches: tuple[ContactPair, ...]
     limits: tuple[str, ...]  # names of limits, one a block
     geometry: Geometry
-    ground: Array
+    ground: Ground
     candidates: Candidates
-    laws: Array  # (touches, 6)
+    laws: Any  # of PAIR_LAW, one a touch
     limit_blocks: tuple[Ints, Array, Ints, Array]  # as in `Blocks`
     room: int  # contact points that there is room for
     remembers: bool  # penalty friction sticks to anchors
@@ -70,7 +85,7 @@ def tables(mech: Packed, active: tuple[Contact, ...]) -> Tables:
 
 
 class _Shapes:
-    """Shapes that touch, each once, and what may touch what."""
+    """Shapes that pair, each once, and what may touch what."""
 
     def __init__(self, mech: Packed):
         self.mech, self.model = mech, mech.model
@@ -78,7 +93,7 @@ class _Shapes:
         self.apart = joined(mech.topology, mech.system)
         self.placed: list[Placed] = []
         self.number: dict[tuple[str, tuple[Any, ...] | int], int] = {}
-        self.touches: list[Touch] = []
+        self.touches: list[ContactPair] = []
         self.on_ground: list[tuple[int, int]] = []
         self.pairs: list[tuple[int, int, int]] = []
         self.members: list[tuple[int, int]] = []
@@ -120,7 +135,7 @@ class _Shapes:
         return [b for b in self.model.bodies if b.touching]
 
     def _slot(self, name: str, c: Contact, body: str = EVERY, other: str = EVERY) -> int:
-        self.touches.append(Touch(name, body, other, c))
+        self.touches.append(ContactPair(name, body, other, c))
         return len(self.touches) - 1
 
     def _shapes(self, body: Body, c: Contact, points: bool = True) -> list[int]:
@@ -167,12 +182,12 @@ class _Shapes:
             geometry,
             ground_of(self.model),
             Candidates(
-                _ints(self.on_ground, 2),
-                _ints(self.pairs, 3),
-                _ints(self.members, 2),
-                _ints(sorted(self.apart) if self.members else [], 2),
+                rows_of(GROUND_PAIR, self.on_ground),
+                rows_of(SHAPE_PAIR, self.pairs),
+                rows_of(MEMBER, self.members),
+                rows_of(APART, sorted(self.apart) if self.members else []),
             ),
-            np.array([law(t.contact, *self.parts) for t in self.touches]).reshape(-1, at.LAW),
+            rows_of(PAIR_LAW, [law(t.contact, *self.parts) for t in self.touches]),
             blocks,
             room,
             any(t.contact.law == "penalty" for t in self.touches),
@@ -181,7 +196,7 @@ class _Shapes:
 
     def _points(self, i: int) -> int:
         solid = self.placed[i].solid
-        return len(solid.vertices) if solid.kind == at.POINTS else ROOM.get(solid.kind, 8)
+        return len(solid.vertices) if solid.kind == POINTS else ROOM.get(solid.kind, 8)
 
 
 def _one(c: Contact, body: str, other: str) -> str:
@@ -189,7 +204,7 @@ def _one(c: Contact, body: str, other: str) -> str:
     return body if c.other != EVERY else other if c.body != EVERY else f"{body}, {other}"
 
 
-def ground_of(model: Model) -> Array:
+def ground_of(model: Model) -> Ground:
     """The plane, and the steps on it in its own axes (`solids.ground_axes`)."""
     patches = []
     for step in model.ground.steps:
@@ -210,7 +225,7 @@ def joined(topology: Topology, packed: System) -> set[tuple[int, int]]:
 
 
 def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[float, ...]:
-    """(6,) law, friction, restitution, stiffness, damping, 0, with what is left out filled in.
+    """(5,) law, friction, restitution, stiffness, damping, with what is left out filled in.
 
     Without a stiffness, the weight of the lightest tree that touches presses it in by 1e-4 of the
     bodies' size; a damping gives the restitution, of a soft contact at 1 m/s.
@@ -227,17 +242,17 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
         damping = 1.5 * (1 - restitution) / SPEED
     else:
         damping = 2 * damping_ratio(restitution) * np.sqrt(stiffness * mass)
-    return float(LAWS[c.law]), friction, restitution, stiffness, damping, 0.0
+    return float(LAWS[c.law]), friction, restitution, stiffness, damping
 
 
 def contact_rate(c: Contact, model: Model, topology: Topology, packed: System) -> float:
     """Rate [1/s] of what lies on a soft or penalty contact: its spring, damper and friction."""
-    kind, friction, _, stiffness, damping, _ = law(c, model, topology, packed)
+    kind, friction, _, stiffness, damping = law(c, model, topology, packed)
     mass, weight = _lightest(c, model, topology, packed)
-    if kind == at.SOFT:
+    if kind == SOFT:
         depth = (weight / stiffness) ** (2 / 3)
-        return float(np.sqrt(1.5 * weight / depth / mass) + friction * weight / mass / at.CREEP)
-    if kind == at.PENALTY:
+        return float(np.sqrt(1.5 * weight / depth / mass) + friction * weight / mass / CREEP)
+    if kind == PENALTY:
         return float(np.sqrt(stiffness / mass) + damping / mass)
     return 0.0
 
@@ -271,7 +286,7 @@ def _masses(c: Contact, topology: Topology, packed: System) -> list[float]:
 
 def _solid(contact: str, body: str, shape: Shape) -> Solid:
     """A body's shape as the kernels see it. Raises ModelError naming contact and body."""
-    from ..shapes.meshes import solid_of  # trimesh is imported by scenes with meshes alone
+    from ..shapes.kinds import solid_of  # trimesh is imported by scenes with meshes alone
 
     try:
         return solid_of(shape)

@@ -139,7 +139,7 @@ class Batch(Portable):
 
 def some(loads: Loads) -> tuple[Any, ...] | None:
     """Loads on bodies as kernels of lanes take them: without any, nothing of them is compiled."""
-    return unnamed(loads) if len(loads.loads_i) else None
+    return unnamed(loads) if len(loads.table) else None
 
 
 def _as_trees(mech: Dynamics, constraints: str | None) -> None:

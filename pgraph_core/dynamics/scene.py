@@ -12,6 +12,16 @@ from ..engine.arrays import Contacts, Links, User, Workspace
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
 from ..engine.constraints.dips import LEAST
 from ..engine.constraints.proximal import FACTORED
+from ..engine.records import (
+    BODY_WRENCH,
+    CONTACT,
+    CONTACT_TALLY,
+    KEPT,
+    PAIR,
+    PHASE_CHANGE,
+    POSE,
+    table,
+)
 from ..model import Contact, Force
 from ..packing.constraints import Blocks
 from ..packing.forces import TYPES
@@ -57,7 +67,9 @@ class Scene(Unportable):
         self.user = user
         self.work = np.zeros((len(packed.rows), at.WORK))
         before = len(own.blocks_i)
-        self.touching = TouchSpace(packed, contacts, before, steps=self.once) if contacts else None
+        self.touching = (
+            ContactSpace(packed, contacts, before, steps=self.once) if contacts else None
+        )
         imposed = address_of(motion.constrain) if len(self.blocks.blocks_i) else 0
         links = self.touching.links if self.touching else Links()
         self.space = workspace(packed.rows, packed.nq, packed.nv, self.blocks, active, contacts)
@@ -117,7 +129,7 @@ class Scene(Unportable):
         }
 
 
-class TouchSpace(Unportable):
+class ContactSpace(Unportable):
     """The contacts of a scene behind one address, with what they remember from step to step."""
 
     def __init__(self, packed: Packed, contacts: Tables, first: int, *, steps: bool):
@@ -125,43 +137,42 @@ class TouchSpace(Unportable):
 
         `steps`: each step is taken once, so that what contacts do in it can be remembered.
         """
-        from ..engine.contact import touch  # collision kernels: only where something touches
+        from ..engine.contact import contacts as kernels  # compiled only where something touches
         from ..shapes import solids
 
         n, count = len(contacts.touches), contacts.room
-        self.tally = np.zeros(at.TALLY, dtype=np.int64)
-        self.tally[at.FIRST_LIMIT], self.tally[at.N_LIMITS] = first, len(contacts.limits)
-        self.tally[at.FIRST_CONTACT] = first + len(contacts.limits)
-        self.worst = np.zeros(2)
-        self.changes = np.zeros((max(MOST_CHANGES, 2 * n), 3))
-        shapes = len(contacts.geometry.shapes_i)
+        limits = len(contacts.limits)
+        tally = table(CONTACT_TALLY, 1)
+        self.tally = tally[0]
+        self.tally["first_limit"], self.tally["limits"] = first, limits
+        self.tally["first_contact"] = first + limits
+        self.changes = table(PHASE_CHANGE, max(MOST_CHANGES, 2 * n))
+        pairs = table(PAIR, n + limits)
+        pairs["phase"] = -1
         self._kept = Contacts(
             contacts.geometry,
             contacts.ground,
             contacts.candidates,
-            np.zeros((shapes, at.POSE)),
+            table(POSE, len(contacts.geometry.shapes)),
             solids.search_space(contacts.geometry, len(contacts.candidates.members)),
-            solids.contact_arrays(count),
+            table(CONTACT, count),
             contacts.laws,
-            np.zeros((count, 3)),
-            np.zeros((count, 3), dtype=np.int64),
-            np.zeros((packed.nb + 1, 6)),
-            np.zeros((n + len(contacts.limits), at.TOUCH)),
-            self.tally,
-            self.worst,
+            table(KEPT, count),
+            table(BODY_WRENCH, packed.nb + 1),
+            pairs,
+            tally,
             *packed.system[2:4],
             np.zeros(packed.nv),
-            np.full(n, -1, dtype=np.int64),
             self.changes,
         )
         self._buffer = buffer()
-        touch.save_contacts(self._buffer, unnamed(self._kept))
+        kernels.save_contacts(self._buffer, unnamed(self._kept))
         self.links = Links(
             contacts=address_of_array(self._buffer),
-            find=address_of(touch.find),
-            forces=address_of(touch.contact_forces),
-            record=address_of(touch.record_contacts),
-            settle=address_of(touch.settle_contacts) if steps else 0,
+            find=address_of(kernels.find),
+            forces=address_of(kernels.contact_forces),
+            record=address_of(kernels.record_contacts),
+            settle=address_of(kernels.settle_contacts) if steps else 0,
         )
 
 

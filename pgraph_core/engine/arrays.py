@@ -11,6 +11,36 @@ from typing import Any, NamedTuple
 from numba import types
 
 from .compiler.address import plain, stored
+from .records import (
+    APART,
+    APPLIED_FORCE,
+    BODY_WRENCH,
+    BOUNDS,
+    CANDIDATE,
+    CELL,
+    CONTACT,
+    CONTACT_TALLY,
+    EDGE,
+    FACE,
+    FOOT,
+    GAIT_SETTINGS,
+    GROUND_PAIR,
+    JOINT_FORCE,
+    KEPT,
+    LEG,
+    MEMBER,
+    PAIR,
+    PAIR_LAW,
+    PATCH,
+    PHASE_CHANGE,
+    PLANE,
+    POINT,
+    POINT_FRAME,
+    POSE,
+    SHAPE,
+    SHAPE_PAIR,
+    array_of,
+)
 
 F1 = types.float64[::1]
 F2 = types.float64[:, ::1]
@@ -23,7 +53,7 @@ i8, f8 = types.int64, types.float64
 class Drives(NamedTuple):
     """Springs, dampers and friction of joints, then motors and servos."""
 
-    table: Any  # (nd, 10)
+    table: Any  # of JOINT_FORCE
     knots: Any  # (nk, 3) time [s], value, slope after it
     passive: Any  # how many rows of the table are springs and dampers
 
@@ -31,8 +61,7 @@ class Drives(NamedTuple):
 class Loads(NamedTuple):
     """Forces between two bodies, or on one."""
 
-    loads_i: Any  # (nl, 8)
-    loads_f: Any  # (nl, 20)
+    table: Any  # of APPLIED_FORCE
     knots: Any  # (nk, 7) time [s], torque, force
 
 
@@ -112,44 +141,43 @@ class Frames(NamedTuple):
     energies: Any  # (n, 4) kinetic, potential, work of drives, dissipation [J]
     drifts: Any  # (n, 2) largest residuals of constraints
     pushes: Any  # (n, nb, 6) wrenches of contacts on bodies
-    touches: Any  # (n, nt, 8)
+    pairs: Any  # (n, contact pairs and limits) of PAIR
 
 
 class Geometry(NamedTuple):
-    """Shapes that can touch; see `layout`."""
+    """Shapes that can touch."""
 
-    shapes_i: Any
-    shapes_f: Any
-    vertices: Any
-    normals: Any
-    faces: Any
-    rings: Any
-    edges: Any
+    shapes: Any  # of SHAPE
+    vertices: Any  # (nv, 3) in the shape's frame [m]
+    normals: Any  # (nf, 3) outward, in the shape's frame
+    faces: Any  # of FACE
+    rings: Any  # (nr,) vertices around a face, counterclockwise from outside
+    edges: Any  # of EDGE
+
+
+class Ground(NamedTuple):
+    """A plane, and rectangles of it at another height."""
+
+    plane: Any  # one PLANE
+    patches: Any  # of PATCH
 
 
 class Candidates(NamedTuple):
     """What may touch."""
 
-    on_ground: Any  # (ng, 2) shape, contact
-    pairs: Any  # (np, 3) shape A, shape B, contact
-    members: Any  # (nm, 2) shape, contact: every two members of one contact may touch
-    apart: Any  # (nx, 2) bodies a < b, sorted, that may not touch as members
+    on_ground: Any  # of GROUND_PAIR
+    pairs: Any  # of SHAPE_PAIR
+    members: Any  # of MEMBER
+    apart: Any  # of APART
 
 
 class Search(NamedTuple):
     """Scratch of the search for contact points."""
 
-    room: Any  # (nroom, 5) of one pair
-    bounds: Any  # (ns, 6) corners of every shape's box in the world [m]
-    cells: Any  # (nm, 5)
+    room: Any  # of CANDIDATE
+    bounds: Any  # of BOUNDS
+    cells: Any  # of CELL
     buckets: Any  # (a power of two,) first member of every bucket
-
-
-class Found(NamedTuple):
-    """Contact points."""
-
-    points: Any  # (nmax, 10)
-    labels: Any  # (nmax, 4)
 
 
 class Contacts(NamedTuple):
@@ -158,68 +186,62 @@ class Contacts(NamedTuple):
     geometry: Any
     ground: Any
     candidates: Any
-    poses: Any
+    poses: Any  # of POSE, one a shape
     search: Any
-    found: Any
-    laws: Any
-    kept: Any
-    kept_i: Any
-    pushes: Any
-    touches: Any
-    tally: Any
-    worst: Any
+    found: Any  # contact points, of CONTACT
+    laws: Any  # of PAIR_LAW, one a contact pair
+    kept: Any  # of KEPT
+    wrenches: Any  # of BODY_WRENCH, one a body, what contacts do
+    pairs: Any  # of PAIR: contact pairs, then limits
+    tally: Any  # one CONTACT_TALLY
     bodies_i: Any
     bodies_f: Any
-    limit_tau: Any
-    stages: Any
-    changes: Any
+    limit_tau: Any  # (nv,) torques of joint limits in the last step
+    changes: Any  # of PHASE_CHANGE; whoever reads them sets `logged` to 0
 
 
-class SiteLinks(NamedTuple):
-    """Addresses of the kernels and scenes that a scene with sites is made of."""
+class EventLinks(NamedTuple):
+    """Addresses of the kernels and scenes that a scene with points is made of."""
 
-    tree: Any  # the equations of motion without sites
+    tree: Any  # the equations of motion without points
     bare: Any  # the same scene without active blocks
     held: Any  # the scene whose active blocks are what is projected
-    phased: Any  # the equations of motion with sites
-    record: Any  # what records without sites
-    observe: Any  # what observes sites
+    acceleration: Any  # the equations of motion with points
+    record: Any  # what records without points
+    observe: Any  # what observes points
     project: Any  # what projects
 
 
-class Sites(NamedTuple):
+class EventContacts(NamedTuple):
     """Contact points and limits in phases; k slide."""
 
     links: Any
-    sites_i: Any
-    sites_f: Any
-    every: Any  # every site's S_SLIDE as active blocks
-    watched: Any  # (4, 3 ns)
+    points: Any  # of POINT
+    every: Any  # every point's `slide_block` as active blocks
+    watched: Any  # (4, 3 ns) what ends a phase, where it falls below zero
     columns: Any  # (3 k + 2, m) c and the right side, what Ω_BB⁺ makes of them, Ω of the normals
     small: Any  # (3 k + 2, k)
-    phases: Any  # (n, ns) of every frame
-    frames: Any  # (n, ns, 11)
+    frames: Any  # (n, ns) of POINT_FRAME
 
 
-class Phased(NamedTuple):
-    """A scene with sites; `opened` finds the scene alone."""
+class EventData(NamedTuple):
+    """A scene with points; `opened` finds the scene alone."""
 
     scene: Any
-    sites: Any
+    contact: Any
 
 
 class Walk(NamedTuple):
-    """A walking controller; columns in `gait.layout`."""
+    """A walking controller."""
 
     rows: Any
     const: Any
     work: Any
     linear: Any
-    legs_i: Any
-    legs_f: Any
-    settings: Any
+    legs: Any  # of LEG, the front ones first
+    settings: Any  # one GAIT_SETTINGS
     waves: Any
-    feet: Any
+    feet: Any  # of FOOT
     matrix: Any  # (6, 7)
     q: Any
     v: Any
@@ -236,24 +258,38 @@ def named(kind: Any, *members: Any) -> Any:
     return types.BaseTuple.from_types(members, kind)
 
 
-DRIVES = named(Drives, F2, F2, i8)
-LOADS = named(Loads, I2, F2, F2)
+DRIVES = named(Drives, array_of(JOINT_FORCE), F2, i8)
+LOADS = named(Loads, array_of(APPLIED_FORCE), F2)
 BLOCKS = named(Blocks, I2, F2, I2, F1, F2, I1)
 SPACE = named(Workspace, F2, I2, F2, F2, F2, F2, F2, F2, F2, F2, I1, F2)
 USER = named(User, i8, F2, I1)
 LINKS = named(Links, *[i8] * 6)
 SCENE = named(Scene, I2, F2, DRIVES, LOADS, BLOCKS, F2, SPACE, F1, F1, USER, LINKS)
-OUT = plain(named(Frames, F2, F2, F2, F3, F2, F2, F3, F3))
-GEOMETRY = named(Geometry, I2, F2, F2, F2, I2, I1, I2)
-CANDIDATES = named(Candidates, I2, I2, I2, I2)
-SEARCH = named(Search, F2, F2, I2, I1)
-FOUND = named(Found, F2, I2)
+OUT = plain(named(Frames, F2, F2, F2, F3, F2, F2, F3, array_of(PAIR, 2)))
+GEOMETRY = named(Geometry, array_of(SHAPE), F2, F2, array_of(FACE), I1, array_of(EDGE))
+GROUND = named(Ground, array_of(PLANE), array_of(PATCH))
+CANDIDATES = named(Candidates, *map(array_of, (GROUND_PAIR, SHAPE_PAIR, MEMBER, APART)))
+POSES, FOUND = array_of(POSE), array_of(CONTACT)
+SEARCH = named(Search, *map(array_of, (CANDIDATE, BOUNDS, CELL)), I1)
 CONTACTS = named(
-    Contacts, GEOMETRY, F2, CANDIDATES, F2, SEARCH, FOUND, F2, F2, I2, F2, F2, I1, F1, I2, F2, F1,
-    I1, F2,
+    Contacts, GEOMETRY, GROUND, CANDIDATES, POSES, SEARCH, FOUND,
+    *map(array_of, (PAIR_LAW, KEPT, BODY_WRENCH, PAIR, CONTACT_TALLY)), I2, F2, F1,
+    array_of(PHASE_CHANGE),
 )  # fmt: skip
-SITES = named(Sites, named(SiteLinks, *[i8] * 7), I2, F2, I1, F2, F2, F2, I2, F3)
-PHASED = named(Phased, SCENE, SITES)
-WALK = named(Walk, I2, F2, F2, F2, I2, F2, F1, F2, F2, F2, F1, F1, F1, F1, F1, I2, F1, F2)
+EVENT_CONTACTS = named(
+    EventContacts,
+    named(EventLinks, *[i8] * 7),
+    array_of(POINT),
+    I1,
+    F2,
+    F2,
+    F2,
+    array_of(POINT_FRAME, 2),
+)
+EVENT_SCENE = named(EventData, SCENE, EVENT_CONTACTS)
+WALK = named(
+    Walk, I2, F2, F2, F2, array_of(LEG), array_of(GAIT_SETTINGS), F2, array_of(FOOT), F2,
+    *[F1] * 5, I2, F1, F2,
+)  # fmt: skip
 
 save, opened = stored(SCENE)

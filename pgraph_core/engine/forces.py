@@ -7,7 +7,8 @@ import math
 
 from . import layout as at
 from .compiler.jit import part, sweep
-from .constraints.blocks import fixed_point, point_velocity
+from .constraints.blocks import point_velocity
+from .records import CREEP, SPRING, TORSION, WRENCH
 from .tree.kinematics import joint_force
 from .vec import (
     accumulate,
@@ -22,6 +23,7 @@ from .vec import (
     scale,
     store,
     sub,
+    xyz,
 )
 
 TINY = 1e-60  # a spring of length zero pulls nowhere, without a branch
@@ -63,25 +65,25 @@ def drive(drives, t, q, v, given, tau):
         tau[j] = given[j]
         put_in += given[j] * v[j]
     for n in range(table.shape[0]):
-        j = int(table[n, at.DR_V])
-        i = int(table[n, at.DR_Q])
-        kd = table[n, at.DR_KD]
+        j = table[n].velocity
+        i = table[n].coordinate
+        kd = table[n].damping
         speed = v[j]
         drag = kd * speed
-        friction = table[n, at.DR_FRICTION]
+        friction = table[n].friction
         if friction > 0.0:
-            drag += friction * speed / math.sqrt(speed * speed + at.CREEP * at.CREEP)
+            drag += friction * speed / math.sqrt(speed * speed + CREEP * CREEP)
         torque = -drag
         if i >= 0:
-            first = int(table[n, at.DR_TARGET])
-            target = lookup(knots, first, int(table[n, at.DR_TARGET_N]), t)
-            torque += table[n, at.DR_KP] * (target - q[i])
+            first = table[n].first_target
+            target = lookup(knots, first, table[n].targets, t)
+            torque += table[n].stiffness * (target - q[i])
         if n < passive:
             dissipated += drag * speed
         else:
-            first = int(table[n, at.DR_TORQUE])
-            torque += lookup(knots, first, int(table[n, at.DR_TORQUE_N]), t)
-            limit = table[n, at.DR_LIMIT]
+            first = table[n].first_torque
+            torque += lookup(knots, first, table[n].torques, t)
+            limit = table[n].limit
             torque = min(max(torque, -limit), limit)
             put_in += torque * v[j]
         tau[j] += torque
@@ -94,10 +96,10 @@ def elastic(drives, q):
     table, knots, passive = drives
     energy = 0.0
     for n in range(passive):
-        i = int(table[n, at.DR_Q])
+        i = table[n].coordinate
         if i >= 0:
-            stretch = q[i] - knots[int(table[n, at.DR_TARGET]), 1]
-            energy += 0.5 * table[n, at.DR_KP] * stretch * stretch
+            stretch = q[i] - knots[table[n].first_target, 1]
+            energy += 0.5 * table[n].stiffness * stretch * stretch
     return energy
 
 
@@ -108,6 +110,12 @@ def apply(work, k, p, torque, force):
         arm = sub(p, load(work, k, at.X))
         accumulate(work, k, at.P, scale(-1.0, add_cross(torque, arm, force)))
         accumulate(work, k, at.P + 3, scale(-1.0, force))
+
+
+@part
+def point_of(local, work, k):
+    """A point that is fixed in row k, in the world."""
+    return add(load(work, k, at.X), mul(load9(work, k, at.R), local))
 
 
 @part
@@ -128,47 +136,48 @@ def between(knots, first, count, t, column):
 @part
 def load_of(loads, i, work, linear, t):
     """(torque, force) on A at p, the point `end` of B that takes the opposite, powers [W]."""
-    table_i, table_f, knots = loads
-    a = table_i[i, at.L_A]
-    b = table_i[i, at.L_B]
+    knots = loads.knots
+    spring = loads.table[i]
+    a = spring.row_a
+    b = spring.row_b
     none = (0.0, 0.0, 0.0)
-    p = fixed_point(table_f, i, at.L_PA, work, a)
-    if table_i[i, at.L_TYPE] == at.WRENCH:
-        first = table_i[i, at.L_KNOT]
-        torque = between(knots, first, table_i[i, at.L_KNOTS], t, 1)
-        force = between(knots, first, table_i[i, at.L_KNOTS], t, 4)
-        if table_i[i, at.L_FRAME] == 1:
+    p = point_of(xyz(spring.point_a), work, a)
+    if spring.kind == WRENCH:
+        first = spring.first_knot
+        torque = between(knots, first, spring.knots, t, 1)
+        force = between(knots, first, spring.knots, t, 4)
+        if spring.in_body == 1:
             r = load9(work, a, at.R)
             torque = mul(r, torque)
             force = mul(r, force)
         put_in = dot(torque, load(work, a, at.W))
         put_in += dot(force, point_velocity(work, linear, a, p))
         return p, torque, force, p, put_in, 0.0
-    if table_i[i, at.L_TYPE] == at.SPRING:
-        end = fixed_point(table_f, i, at.L_PB, work, b)
+    if spring.kind == SPRING:
+        end = point_of(xyz(spring.point_b), work, b)
         d, length = along(p, end)
         u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, end))
         speed = dot(d, u)
-        damping = table_f[i, at.L_DAMP] * speed
-        pull = table_f[i, at.L_STIFF] * (length - table_f[i, at.L_REST]) + damping
+        damping = spring.damping * speed
+        pull = spring.stiffness * (length - spring.rest) + damping
         return p, none, scale(-pull, d), end, 0.0, damping * speed
-    angle, axis = twist(table_f, i, work, a, b)
+    angle, axis = twist(spring, work, a, b)
     rate = dot(axis, sub(load(work, a, at.W), load(work, b, at.W)))
-    damping = table_f[i, at.L_DAMP] * rate
-    torque = scale(-table_f[i, at.L_STIFF] * angle - damping, axis)
+    damping = spring.damping * rate
+    torque = scale(-spring.stiffness * angle - damping, axis)
     return p, torque, none, p, 0.0, damping * rate
 
 
 @sweep
 def apply_loads(loads, work, linear, t):
     """All loads onto the rows, after `positions` and `velocities`; powers in and dissipated [W]."""
-    table_i = loads.loads_i
+    table = loads.table
     put_in = 0.0
     dissipated = 0.0
-    for i in range(table_i.shape[0]):
+    for i in range(table.shape[0]):
         p, torque, force, end, more, lost = load_of(loads, i, work, linear, t)
-        apply(work, table_i[i, at.L_A], p, torque, force)
-        apply(work, table_i[i, at.L_B], end, scale(-1.0, torque), scale(-1.0, force))
+        apply(work, table[i].row_a, p, torque, force)
+        apply(work, table[i].row_b, end, scale(-1.0, torque), scale(-1.0, force))
         put_in += more
         dissipated += lost
     return put_in, dissipated
@@ -202,20 +211,20 @@ def along(p, end):
 
 
 @part
-def twist(table, i, work, a, b):
+def twist(spring, work, a, b):
     """(angle of A from its rest about its axis, the angle's gradient), angle within ±π.
 
     The angle leads from B's reference to A's, seen along the axis. Its gradient is the axis
     while both share it; elsewhere it makes the torque the slope of ½ k angle².
     """
     turn_a = load9(work, a, at.R)
-    h = mul(turn_a, load(table, i, at.L_AXIS))
-    mine = mul(turn_a, load(table, i, at.L_REF))
-    other = mul(load9(work, b, at.R), load(table, i, at.L_REF_B))
+    h = mul(turn_a, xyz(spring.axis))
+    mine = mul(turn_a, xyz(spring.reference_a))
+    other = mul(load9(work, b, at.R), xyz(spring.reference_b))
     n = cross(other, mine)
     y = dot(h, n)
     x = dot(other, mine)
-    angle = math.atan2(y, x) - table[i, at.L_REST]
+    angle = math.atan2(y, x) - spring.rest
     angle -= 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
     across = add(add(cross(h, n), scale(x, h)), scale(-dot(h, mine), other))
     slope = scale(1.0 / (x * x + y * y), add_scaled(scale(x, across), y, n))
@@ -225,16 +234,16 @@ def twist(table, i, work, a, b):
 @sweep
 def elastic_loads(loads, work):
     """Energy of springs between bodies [J], after `positions`."""
-    table_i, table_f = loads.loads_i, loads.loads_f
+    table = loads.table
     energy = 0.0
-    for i in range(table_i.shape[0]):
-        a = table_i[i, at.L_A]
-        b = table_i[i, at.L_B]
-        if table_i[i, at.L_TYPE] == at.SPRING:
-            p = fixed_point(table_f, i, at.L_PA, work, a)
-            _, length = along(p, fixed_point(table_f, i, at.L_PB, work, b))
-            energy += 0.5 * table_f[i, at.L_STIFF] * (length - table_f[i, at.L_REST]) ** 2
-        elif table_i[i, at.L_TYPE] == at.TORSION:
-            angle, _ = twist(table_f, i, work, a, b)
-            energy += 0.5 * table_f[i, at.L_STIFF] * angle * angle
+    for i in range(table.shape[0]):
+        a = table[i].row_a
+        b = table[i].row_b
+        if table[i].kind == SPRING:
+            p = point_of(xyz(table[i].point_a), work, a)
+            _, length = along(p, point_of(xyz(table[i].point_b), work, b))
+            energy += 0.5 * table[i].stiffness * (length - table[i].rest) ** 2
+        elif table[i].kind == TORSION:
+            angle, _ = twist(table[i], work, a, b)
+            energy += 0.5 * table[i].stiffness * angle * angle
     return energy

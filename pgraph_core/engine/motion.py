@@ -14,6 +14,7 @@ from .compiler.jit import kernel, part
 from .constraints.blocks import residual, residual_velocity, velocities
 from .constraints.constraints import drift, driven_power, impose, located, project, wrenches
 from .forces import apply_loads, drive, elastic, elastic_loads, load_of, torque_of_loads
+from .records import PAIR, array_of
 from .tree.articulated import inboard, joint_acceleration, singular_row
 from .tree.kinematics import kinetic_and_potential, outboard, positions
 from .vec import accumulate, add, add_cross, finite, load, load9, mul, scale, sub
@@ -28,7 +29,7 @@ PROJECTION = types.int64(types.int64, types.float64, F1, F1, types.int64)
 RECORD = types.int64(types.int64, types.int64, types.float64, F1, F1, F1, F1, types.int64, OUT)
 # of contacts, compiled only for a scene that has some (`touch`): forces, and what is recorded
 CONTACT_FORCES = types.int64(types.int64, F1, F1, F1)
-CONTACT_RECORD = types.int64(types.int64, F2, F2)
+CONTACT_RECORD = types.int64(types.int64, F2, array_of(PAIR))
 # of constraints, compiled only for a scene that has some
 CONSTRAIN = types.int64(types.int64, types.float64, F1, F1, F1, F1)
 call_acceleration = caller(ACCELERATION)
@@ -78,7 +79,7 @@ def acceleration(scene, t, q, v, tau, vdot, flow):
         put_in += user_torque(user, t, q, v, tau)
     data = opened(scene)  # again: what is not needed is not read
     loads, space, links = data.loads, data.space, data.links
-    if loads.loads_i.shape[0] > 0:
+    if loads.table.shape[0] > 0:
         positions(rows, work)
         velocities(rows, const, work, v, space.linear)
         more, lost = apply_loads(loads, work, space.linear, t)

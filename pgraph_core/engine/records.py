@@ -31,14 +31,23 @@ def table(kind: np.dtype[Any], *shape: int) -> Any:
     return found if JIT else found.view(np.recarray)  # without a compiler, fields are attributes
 
 
+def rows_of(kind: np.dtype[Any], rows: Any) -> Any:
+    """An array of records from rows of numbers."""
+    found = table(kind, len(rows))
+    for one, row in zip(found, rows):
+        for name, value in zip(kind.names or (), row):
+            one[name] = value
+    return found
+
+
 def by_name(one: Any) -> dict[str, Any]:
     """A record as Python numbers by their names."""
     return dict(zip(one.dtype.names, one.item()))
 
 
-def array_of(kind: np.dtype[Any]) -> types.Array:
+def array_of(kind: np.dtype[Any], dimensions: int = 1) -> types.Array:
     """The compiler's type of a contiguous array of records."""
-    return types.Array(numba.from_dtype(kind), 1, "C")
+    return types.Array(numba.from_dtype(kind), dimensions, "C")
 
 
 # -- runs ------------------------------------------------------------------------------------------
@@ -90,4 +99,284 @@ CURSOR = record(
 CLOCK = record(
     done=REAL,  # how much of the step under way is done [s]
     event=REAL,  # time of the last event [s]
+)
+
+# -- forces ----------------------------------------------------------------------------------------
+
+# torque = clamp(stiffness (target(t) - q) - damping v + torque(t)) - friction sign(v); springs,
+# dampers and friction of joints come first, then motors and servos
+JOINT_FORCE = record(
+    velocity=INTEGER,  # index into v
+    coordinate=INTEGER,  # index into q, -1: none
+    stiffness=REAL,  # [N m/rad, N/m]
+    damping=REAL,  # [N m s/rad, N s/m]
+    limit=REAL,  # of the torque [N m, N]
+    friction=REAL,  # [N m, N]
+    first_target=INTEGER,  # knot of the target
+    targets=INTEGER,  # number of knots of the target
+    first_torque=INTEGER,
+    torques=INTEGER,
+)
+CREEP = 1e-3  # rad/s, m/s: friction is regularised as v / √(v² + creep²)
+
+WRENCH, SPRING, TORSION = 0, 1, 2  # kinds of applied forces
+APPLIED_FORCE = record(  # points and directions in the home axes of their rows
+    kind=INTEGER,
+    row_a=INTEGER,  # the row that gets the force
+    row_b=INTEGER,  # the row that gets the opposite, 0: the ground
+    in_body=INTEGER,  # 1: a wrench in body axes
+    first_knot=INTEGER,  # of a wrench
+    knots=INTEGER,
+    point_a=(REAL, 3),  # from the row's origin [m]
+    point_b=(REAL, 3),
+    axis=(REAL, 3),  # of a torsion spring, in A
+    reference_a=(REAL, 3),  # perpendicular to it: where the angle is measured
+    reference_b=(REAL, 3),
+    stiffness=REAL,  # [N/m, N m/rad]
+    damping=REAL,  # [N s/m, N m s/rad]
+    rest=REAL,  # [m, rad]
+)
+
+# -- shapes ----------------------------------------------------------------------------------------
+
+SPHERE, CAPSULE, BOX, CYLINDER, HULL, POINTS = 0, 1, 2, 3, 4, 5  # kinds of shape
+
+# A ball of `radius` about one vertex is a sphere, about two a capsule. A cylinder's faces are those
+# of a prism, which only other bodies see: the ground sees the cylinder.
+SHAPE = record(  # its frame in the home axes of its row
+    kind=INTEGER,
+    row=INTEGER,  # that carries it; 0: fixed to the ground
+    body=INTEGER,  # number of its body
+    first_vertex=INTEGER,
+    vertices=INTEGER,
+    first_face=INTEGER,
+    faces=INTEGER,
+    first_edge=INTEGER,
+    edges=INTEGER,
+    position=(REAL, 3),  # from the row's origin [m]
+    rotation=(REAL, 9),  # row-major
+    radius=REAL,  # of a sphere, capsule or cylinder; 0 of what has corners [m]
+    half_length=REAL,  # of a capsule without its caps, or of a cylinder, along z [m]
+    half_extents=(REAL, 3),  # of the bounding box in the shape's frame [m]
+    middle=(REAL, 3),  # centre of that box [m]
+    reach=REAL,  # from the frame's origin to the farthest point [m]
+)
+
+FACE = record(first=INTEGER, corners=INTEGER)  # vertices in `rings`
+
+EDGE = record(  # end - start lies along n_right × n_left; -1: a capsule's edge has no faces
+    start=INTEGER,
+    end=INTEGER,
+    left=INTEGER,  # face
+    right=INTEGER,
+)
+
+POSE = record(position=(REAL, 3), rotation=(REAL, 9))  # of a shape in the world [m]
+
+PLANE = record(  # of the ground, through the world's origin
+    normal=(REAL, 3),
+    x=(REAL, 3),  # two unit directions in the plane
+    y=(REAL, 3),
+)
+
+PATCH = record(  # of the ground at another height; the last one that a point is over counts [m]
+    x_low=REAL,
+    x_high=REAL,
+    y_low=REAL,
+    y_high=REAL,
+    height=REAL,
+)
+
+# -- search for contact points ---------------------------------------------------------------------
+
+GROUND_PAIR = record(shape=INTEGER, pair=INTEGER)  # a shape over the ground
+SHAPE_PAIR = record(shape_a=INTEGER, shape_b=INTEGER, pair=INTEGER)
+MEMBER = record(shape=INTEGER, pair=INTEGER)  # every two members of one contact may touch
+APART = record(low=INTEGER, high=INTEGER)  # bodies that may not touch as members, sorted
+
+CONTACT = record(  # a contact point, world axes; B is the ground or the second shape
+    point_a=(REAL, 3),  # [m]
+    point_b=(REAL, 3),
+    normal=(REAL, 3),  # unit, from B to A
+    gap=REAL,  # (point_a - point_b) · normal [m], negative where they penetrate
+    shape_a=INTEGER,
+    shape_b=INTEGER,  # -1: the ground
+    feature=INTEGER,  # vertex, edge or face that touches: the same number as long as it does
+    pair=INTEGER,  # contact pair
+)
+
+CANDIDATE = record(  # scratch of one pair: a vertex, a normal or a candidate point
+    place=(REAL, 3),
+    height=REAL,  # the gap there [m]
+    tag=INTEGER,
+)
+
+BOUNDS = record(low=(REAL, 3), high=(REAL, 3))  # of a shape's box in the world [m]
+
+CELL = record(  # of a member
+    next=INTEGER,  # member in the bucket, -1: none
+    place=(INTEGER, 3),  # the cell's three numbers
+    large=INTEGER,  # 1: compared with all others
+)
+
+# -- contacts of a scene ---------------------------------------------------------------------------
+# A contact pair is a shape over the ground, a pair of shapes, or all members of one contact.
+
+RIGID, SOFT, PENALTY = 0, 1, 2  # contact laws
+SWING, ACCEPTANCE, SLIP, STANCE = 0, 1, 2, 3  # phases: open, sliding since touchdown, sliding, held
+
+PAIR_LAW = record(
+    law=INTEGER,
+    friction=REAL,
+    restitution=REAL,
+    stiffness=REAL,  # [N/m, N/m^1.5]
+    damping=REAL,  # [N s/m, s/m]
+)
+
+PAIR = record(  # what a contact pair does, world axes
+    force=(REAL, 3),  # on A [N]; of a limit its torque
+    torque=(REAL, 3),  # about the origin of A's body [N m]
+    gap=REAL,  # the smallest [m]
+    slip=REAL,  # the fastest [m/s]
+    phase=INTEGER,  # -1 before the first step
+)
+
+KEPT = record(  # what a contact point keeps until the next step
+    value=(REAL, 3),  # impulse [N s], or the anchor of its friction [m]
+    shape_a=INTEGER,
+    shape_b=INTEGER,
+    feature=INTEGER,
+)
+
+BODY_WRENCH = record(torque=(REAL, 3), force=(REAL, 3))  # about the origin of the body's row
+
+PHASE_CHANGE = record(time=REAL, pair=INTEGER, phase=INTEGER)
+
+CONTACT_TALLY = record(
+    found=INTEGER,  # contact points
+    kept=INTEGER,
+    first_limit=INTEGER,  # blocks
+    limits=INTEGER,
+    first_contact=INTEGER,
+    frozen=INTEGER,  # 1: the forces of the last step act, rigid contacts are known by impulses only
+    fallbacks=INTEGER,  # steps solved by ADMM
+    calmed=INTEGER,  # steps whose bounce was left out
+    overflows=INTEGER,  # steps with more contact points than there is room for
+    logged=INTEGER,  # changes of phases that wait in `changes`
+    residual=REAL,  # largest law missed, relative to the velocities
+    depth=REAL,  # deepest penetration [m]
+)
+
+# -- contact points and joint limits of event-driven runs ------------------------------------------
+
+POINT = record(  # world axes; a limit's force and rates are about or along its axis
+    phase=INTEGER,  # a limit is in SWING or STANCE
+    held_block=INTEGER,
+    slide_block=INTEGER,  # normal and two tangents
+    gap_block=INTEGER,  # normal alone
+    limit=INTEGER,  # 1: a joint's limit
+    fresh=INTEGER,  # 1: its phase began now, so what is watched starts at zero; 2: it bounced
+    friction=REAL,
+    normal=(REAL, 3),
+    slip_direction=(REAL, 3),  # also where it is only about to slip
+    force=(REAL, 3),  # on the body [N]
+    normal_force=REAL,  # [N]
+    friction_force=REAL,  # [N]
+    gap=REAL,  # [m, rad]
+    gap_rate=REAL,  # [m/s, rad/s]
+    slip_velocity=(REAL, 3),  # tangential velocity of the point [m/s]
+    position=(REAL, 3),  # [m]
+    pivot=REAL,  # normal acceleration that a newton gives a sliding point, over that without slip
+    rounding=REAL,  # of the gap [m, rad]
+    slip_tolerance=REAL,  # speed that counts as none: its direction means nothing [m/s]
+    normal_acceleration=REAL,
+    tangential_acceleration=(REAL, 3),
+    start=REAL,  # gap at the start of the step, or speed along `slip_direction` of a sliding point
+    start_rate=REAL,  # `gap_rate` at the start of the step
+    compliance=REAL,  # tangential acceleration that a newton gives a sliding point [1/kg]
+    blend_speed=REAL,  # below it a step cannot follow how friction turns slip [m/s]
+)
+
+POINT_FRAME = record(  # what a run records of a point
+    phase=INTEGER,
+    force=(REAL, 3),
+    position=(REAL, 3),
+    slip_velocity=(REAL, 3),
+    normal_force=REAL,
+    gap=REAL,
+)
+
+# -- gaits -----------------------------------------------------------------------------------------
+# Heading axes: x where the trunk points, level; y up; z to the right: world axes turned about y.
+
+GAIT_SETTINGS = record(  # what a person may change between steps is here
+    clock_time=REAL,  # [s]
+    clock_phase=REAL,  # part of a stride done at `clock_time`
+    stride=REAL,  # [s]
+    speed_from=REAL,  # a ramp from `speed_time` on [m/s]
+    speed_to=REAL,  # [m/s]
+    speed_time=REAL,  # [s]
+    speed_rate=REAL,  # [m/s²]
+    drift=REAL,  # speed to the right [m/s]
+    heading=REAL,  # at `turn_time` [rad]
+    turn_rate=REAL,  # [rad/s]
+    turn_time=REAL,  # [s]
+    height=REAL,  # of the centre of mass over the ground under it [m]
+    clearance=REAL,  # of a swinging foot [m]
+    landing=REAL,  # its speed down at the end [m/s]
+    ramp=REAL,  # part of a stance over which its load comes, and goes
+    width=REAL,  # how far feet stand outside of their hips [m]
+    grip=REAL,  # friction that forces may ask for
+    least_load=REAL,  # of a foot on the ground [N]
+    mass=REAL,  # of all bodies [kg]
+    inertia=(REAL, 3),  # about their centre of mass [kg m²]
+    pitch=REAL,  # of the trunk at home [rad]
+    gain_speed=REAL,  # [1/s]
+    gain_drift=REAL,  # [1/s]
+    gain_sway=REAL,  # towards the middle of the feet, across [1/s²]
+    gain_surge=REAL,  # the same, ahead [1/s²]
+    gain_height=(REAL, 2),  # of a place and a rate, as all below [1/s², 1/s]
+    gain_roll=(REAL, 2),
+    gain_pitch=(REAL, 2),
+    gain_yaw=(REAL, 2),
+    gain_swing=(REAL, 2),
+    gain_spine=(REAL, 2),
+    gain_paw=(REAL, 2),
+    place_speed=REAL,  # touchdown ahead of an error in speed [s]
+    place_drift=REAL,  # the same, across [s]
+    place_roll=REAL,  # touchdown across, by roll [m]
+    tight_torque=REAL,  # how closely the trunk's torque is met
+    tight_force=REAL,
+    lever=REAL,  # 1: hips spread, so that feet push sideways; 0: all hinges are parallel
+    limp=REAL,  # damping of all joints after a fall [N m s/rad]
+    low=REAL,  # a fall: lower than this part of `height`
+    upright=REAL,  # or more tilted than this cosine
+)
+
+LEG = record(  # home axes; the paw moves parallel to the thigh in swing
+    girdle=INTEGER,  # row of the trunk's body
+    hip=INTEGER,  # row
+    foot=INTEGER,  # row
+    q_spread=INTEGER,  # the spreading motion in q
+    v_spread=INTEGER,  # and in v, -1: none
+    q_flex=INTEGER,  # the first of three hinges about z
+    v_flex=INTEGER,
+    offset=REAL,  # touchdown as a part of the stride
+    duty=REAL,  # part of the stride on the ground
+    side=REAL,  # -1 left, 1 right
+    ahead=REAL,  # touchdown ahead of the hip at rest [m]
+    long=(REAL, 2),  # thigh + paw [m]
+    shank=(REAL, 2),  # [m]
+    thigh=(REAL, 2),  # [m]
+    paw=(REAL, 2),  # [m]
+    tip=(REAL, 3),  # of the foot's row [m]
+    share=REAL,  # of the weight, at full load
+)
+
+FOOT = record(  # heading axes
+    place=(REAL, 3),  # [m]
+    velocity=(REAL, 3),  # [m/s]
+    force=(REAL, 3),  # on the foot [N]
+    load=REAL,  # part of its stance's full load, 0 to 1
+    swing=REAL,  # part of the swing done, -1 in stance
 )

@@ -54,6 +54,48 @@ def store9(a, i, j, x):
 
 
 @part
+def xyz(field):
+    """A field of three numbers."""
+    return (field[0], field[1], field[2])
+
+
+@part
+def set_xyz(field, x):
+    field[0] = x[0]
+    field[1] = x[1]
+    field[2] = x[2]
+
+
+@part
+def add_xyz(field, x):
+    field[0] += x[0]
+    field[1] += x[1]
+    field[2] += x[2]
+
+
+@part
+def matrix(field):
+    """A field of nine numbers."""
+    return (
+        field[0],
+        field[1],
+        field[2],
+        field[3],
+        field[4],
+        field[5],
+        field[6],
+        field[7],
+        field[8],
+    )
+
+
+@part
+def set_matrix(field, x):
+    for n in range(9):
+        field[n] = x[n]
+
+
+@part
 def add(x, y):
     return (x[0] + y[0], x[1] + y[1], x[2] + y[2])
 

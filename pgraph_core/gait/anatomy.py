@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..engine import layout as at
-from ..engine.gait import layout as go
+from ..engine.records import LEG, table
 from ..errors import InputError, Problem, choices
 from ..mechanism import Mechanism
 from ..model import Contact, Footfall, Gait, Model
@@ -21,8 +21,7 @@ class Anatomy(NamedTuple):
     """Four legs, the front ones first, left before right; at q = 0 in the world."""
 
     feet: tuple[Footfall, ...]
-    legs_i: Ints  # (4, LEG_I)
-    legs_f: Array  # (4, LEG_F), what a gait says of them left out
+    legs: Any  # of LEG; `share` is the controller's
     hips: Array  # (4, 3) [m]
     soles: Array  # (4, 3) [m]
     spine: Ints  # (ns, 2) places in q and v
@@ -33,8 +32,8 @@ class Anatomy(NamedTuple):
     @property
     def longest(self) -> Array:
         """(4,) reach of the legs [m]."""
-        a = self.legs_f[:, go.LONG : go.LONG + 2]
-        b = self.legs_f[:, go.SHANK : go.SHANK + 2]
+        a = self.legs["long"]
+        b = self.legs["shank"]
         bend = 0.99 * np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
         return np.sqrt((a**2).sum(axis=1) + (b**2).sum(axis=1) + 2 * bend)
 
@@ -58,8 +57,7 @@ def anatomy(mech: Mechanism, gait: Gait) -> Anatomy:
     mass, centre, inertia = whole(mech, q0)
     return Anatomy(
         feet=tuple(leg.fall for leg in legs),
-        legs_i=np.array([leg.numbers for leg in legs]),
-        legs_f=np.array([leg.lengths for leg in legs]),
+        legs=np.concatenate([leg.table for leg in legs]),
         hips=np.array([leg.hip for leg in legs]),
         soles=np.array([leg.sole for leg in legs]),
         spine=_spine(mech, gait, front, hind),
@@ -72,8 +70,7 @@ def anatomy(mech: Mechanism, gait: Gait) -> Anatomy:
 class _Leg(NamedTuple):
     fall: Footfall
     girdle: str
-    numbers: Ints
-    lengths: Array
+    table: Any  # one LEG
     hip: Array
     sole: Array
 
@@ -107,34 +104,34 @@ def _leg(mech: Mechanism, gait: Gait, fall: Footfall, position: Array) -> _Leg:
         text = "three hinges about z, the hip's after one about x or alone"
         raise _refused(gait, f"a leg has {text}; that of '{fall.foot}' has not")
     _, shank, thigh, girdle = chain
-    lengths = np.zeros(go.LEG_F)
+    found = table(LEG, 1)
+    lengths = found[0]
     tip = np.array(contact.points[0])
     parts = np.array([shank.link, paw.link, tip])
     if np.abs(parts[:, 2]).max() > FLAT:
         raise _refused(gait, f"a leg lies in a plane across z; that of '{fall.foot}' does not")
-    for column, part in ((go.THIGH, 0), (go.SHANK, 1), (go.PAW, 2)):
-        lengths[column : column + 2] = parts[part, :2]
-    lengths[go.LONG : go.LONG + 2] = (parts[0] + parts[2])[:2]
-    lengths[go.TIP : go.TIP + 3] = tip
+    for name, part in zip(("thigh", "shank", "paw"), parts):
+        lengths[name] = part[:2]
+    lengths["long"] = (parts[0] + parts[2])[:2]
+    lengths["tip"] = tip
     hip = position[number(thigh.name) - 1]
     sole = position[number(paw.name) - 1] + tip
-    lengths[go.AHEAD] = sole[0] - hip[0] + fall.ahead
-    lengths[go.SIDE] = np.sign(hip[2])
-    lengths[go.OFFSET], lengths[go.DUTY] = fall.offset, fall.duty
-    return _Leg(fall, girdle.name, _numbers(mech, paw.name, thigh.name, girdle.name), lengths, hip,
-                sole)  # fmt: skip
+    lengths["ahead"] = sole[0] - hip[0] + fall.ahead
+    lengths["side"] = np.sign(hip[2])
+    lengths["offset"], lengths["duty"] = fall.offset, fall.duty
+    _number(found[0], mech, paw.name, thigh.name, girdle.name)
+    return _Leg(fall, girdle.name, found, hip, sole)
 
 
-def _numbers(mech: Mechanism, paw: str, thigh: str, girdle: str) -> Ints:
+def _number(found: Any, mech: Mechanism, paw: str, thigh: str, girdle: str) -> None:
+    """Rows of a leg, and its joints' places in q and v."""
     rows = mech.packed.system.bodies_i[:, at.ROW]
     row = {name: int(rows[mech.topology.number(name)]) for name in (paw, thigh, girdle)}
     joint = mech.joints[thigh]
     spreads = len(joint.kinds) == 2
-    found = np.zeros(go.LEG_I, dtype=np.int64)
-    found[go.GIRDLE], found[go.HIP], found[go.FOOT] = row[girdle], row[thigh] - spreads, row[paw]
-    found[go.Q_SPREAD], found[go.V_SPREAD] = (joint.q.start, joint.v.start) if spreads else (0, -1)
-    found[go.Q_FLEX], found[go.V_FLEX] = joint.q.start + spreads, joint.v.start + spreads
-    return found
+    found["girdle"], found["hip"], found["foot"] = row[girdle], row[thigh] - spreads, row[paw]
+    found["q_spread"], found["v_spread"] = (joint.q.start, joint.v.start) if spreads else (0, -1)
+    found["q_flex"], found["v_flex"] = joint.q.start + spreads, joint.v.start + spreads
 
 
 def _spine(mech: Mechanism, gait: Gait, front: str, hind: str) -> Ints:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -11,8 +12,9 @@ from ..engine import layout as at
 from ..engine.arrays import Walk
 from ..engine.compiler.address import _KEPT, WORDS, address_of, unnamed
 from ..engine.compiler.jit import JIT, compile_kernel, ready
-from ..engine.gait import layout as go
 from ..engine.gait import walking
+from ..engine.gait.heading import FLEXION, HARMONICS, NOD, RISE, SURGE, SWAY
+from ..engine.records import FOOT, GAIT_SETTINGS, table
 from ..errors import InputError, Problem
 from ..mechanism import Mechanism
 from ..model import Gait
@@ -43,7 +45,7 @@ class Controller(Portable):
         self.mech, self.gait = mech, gait
         self.anatomy = anatomy(mech, gait)
         self.settings = _settings(self.anatomy, gait)
-        self.legs_f = self.anatomy.legs_f.copy()
+        self.legs = self.anatomy.legs.copy()
         self._share()
         _check_reach(self.anatomy, gait)
         self.waves = self._waves()
@@ -61,13 +63,13 @@ class Controller(Portable):
     def changed(self, t: float, /, **fields: object) -> Controller:
         """The controller of a gait with other fields, which goes on from this one's clock at t."""
         new = Controller(self.mech, self.gait.edit(**fields))
-        old, s = self.settings, new.settings
-        rise = old[go.SPEED_TO] - old[go.SPEED_FROM]
-        most = old[go.SPEED_RATE] * max(t - old[go.SPEED_T], 0.0)
-        s[go.SPEED_FROM] = old[go.SPEED_FROM] + min(max(rise, -most), most)
-        s[go.CLOCK_PHASE] = old[go.CLOCK_PHASE] + (t - old[go.CLOCK_T]) / old[go.STRIDE]
-        s[go.HEADING] = old[go.HEADING] + old[go.TURN] * (t - old[go.TURN_T])
-        s[[go.CLOCK_T, go.SPEED_T, go.TURN_T]] = t
+        old, s = self.settings[0], new.settings[0]
+        rise = old["speed_to"] - old["speed_from"]
+        most = old["speed_rate"] * max(t - old["speed_time"], 0.0)
+        s["speed_from"] = old["speed_from"] + min(max(rise, -most), most)
+        s["clock_phase"] = old["clock_phase"] + (t - old["clock_time"]) / old["stride"]
+        s["heading"] = old["heading"] + old["turn_rate"] * (t - old["turn_time"])
+        s["clock_time"] = s["speed_time"] = s["turn_time"] = t
         return new
 
     def ticks(self, t_start: float, t_end: float) -> Array:
@@ -75,14 +77,14 @@ class Controller(Portable):
 
         Two each, so near that rounding of the clock is between them.
         """
-        s, f = self.settings, self.legs_f
-        clock = s[go.CLOCK_PHASE] + (np.array([t_start, t_end]) - s[go.CLOCK_T]) / s[go.STRIDE]
+        s, f = self.settings[0], self.legs
+        clock = s["clock_phase"] + (np.array([t_start, t_end]) - s["clock_time"]) / s["stride"]
         turns = np.arange(np.floor(clock[0]) - 1, np.ceil(clock[1]) + 1)
-        feet = f[f[:, go.DUTY] < 1]
-        parts = np.concatenate((feet[:, go.OFFSET], feet[:, go.OFFSET] + feet[:, go.DUTY]))
+        feet = f[f["duty"] < 1]
+        parts = np.concatenate((feet["offset"], feet["offset"] + feet["duty"]))
         phase = np.add.outer(turns, np.unique(parts % 1.0)).ravel()
-        t = s[go.CLOCK_T] + (phase - s[go.CLOCK_PHASE]) * s[go.STRIDE]
-        apart = BLURRED * np.maximum(np.abs(t), s[go.STRIDE])
+        t = s["clock_time"] + (phase - s["clock_phase"]) * s["stride"]
+        apart = BLURRED * np.maximum(np.abs(t), s["stride"])
         t = np.union1d(t - apart, t + apart)
         return t[(t > t_start) & (t < t_end)]
 
@@ -92,19 +94,19 @@ class Controller(Portable):
 
     def _share(self) -> None:
         """Loads at full: those whose means over a stride carry the weight without a pitch."""
-        f, a = self.legs_f, self.anatomy
-        x = a.hips[:, 0] + f[:, go.AHEAD] - a.centre[0]
+        f, a = self.legs, self.anatomy
+        x = a.hips[:, 0] + f["ahead"] - a.centre[0]
         hind = x[:2].mean() / (x[:2].mean() - x[2:].mean())
         part = np.array([1 - hind, 1 - hind, hind, hind]) / 2
-        on = np.where(f[:, go.DUTY] < 1, f[:, go.DUTY] * (1 - self.gait.loading), 1.0)
-        f[:, go.SHARE] = part / on * self.gait.push
+        on = np.where(f["duty"] < 1, f["duty"] * (1 - self.gait.loading), 1.0)
+        f["share"] = part / on * self.gait.push
 
     def _waves(self) -> Array:
-        waves = np.zeros((5, 2 * go.HARMONICS))
+        waves = np.zeros((5, 2 * HARMONICS))
         given = (self.gait.sway, self.gait.surge, self.gait.flexion)
-        for row, wave in zip((go.SWAY, go.SURGE, go.FLEXION), given):
+        for row, wave in zip((SWAY, SURGE, FLEXION), given):
             waves[row, : len(wave)] = wave
-        for row, part, shape in zip((go.RISE, go.NOD), (self.gait.rise, self.gait.nod),
+        for row, part, shape in zip((RISE, NOD), (self.gait.rise, self.gait.nod),
                                     self._planned()):  # fmt: skip
             waves[row] = part * _twice_integrated(shape, self.gait.stride)
         return waves
@@ -114,11 +116,11 @@ class Controller(Portable):
         gait, a = self.gait, self.anatomy
         x = np.arange(SAMPLES) / SAMPLES
         up, nod = np.full(SAMPLES, -G), np.zeros(SAMPLES)
-        for hip, f in zip(a.hips, self.legs_f):
-            p, duty = (x - f[go.OFFSET]) % 1.0, f[go.DUTY]
+        for hip, f in zip(a.hips, self.legs):
+            p, duty = (x - f["offset"]) % 1.0, f["duty"]
             near = np.clip(np.minimum(p, duty - p) / (gait.loading * duty), 0.0, 1.0)
-            load = np.where(p < duty, near * near * (3 - 2 * near), 0.0) * f[go.SHARE] * G
-            arm = hip[0] + f[go.AHEAD] - a.centre[0] - gait.speed * gait.stride * (p - duty / 2)
+            load = np.where(p < duty, near * near * (3 - 2 * near), 0.0) * f["share"] * G
+            arm = hip[0] + f["ahead"] - a.centre[0] - gait.speed * gait.stride * (p - duty / 2)
             up += load
             nod += load * arm * a.mass / a.inertia[2]
         return up, nod
@@ -143,10 +145,9 @@ class GaitTorque(UserTorque):
         rows, const = mech.packed.tree
         a = controller.anatomy
         self._kept = Walk(
-            rows, const, np.zeros((len(rows), at.WORK)), np.zeros((len(rows), 3)), a.legs_i,
-            controller.legs_f, self.settings, self.waves, np.zeros((4, go.FOOT_F)),
-            np.zeros((6, 7)), self._q, self._v, self._tau, np.zeros(nv), controller.limit, a.spine,
-            self.fallen, NO_RUN,
+            rows, const, np.zeros((len(rows), at.WORK)), np.zeros((len(rows), 3)),
+            controller.legs, self.settings, self.waves, table(FOOT, 4), np.zeros((6, 7)), self._q,
+            self._v, self._tau, np.zeros(nv), controller.limit, a.spine, self.fallen, NO_RUN,
         )  # fmt: skip
         _store(self.exchange, self._kept)
 
@@ -187,24 +188,27 @@ def _store(exchange: Array, kept: Walk) -> None:
     place[:] = buffer[: len(place)]
 
 
-def _settings(a: Anatomy, gait: Gait) -> Array:
-    s, gains = np.zeros(go.SETTINGS), gait.gains
-    s[go.STRIDE], s[go.HEIGHT], s[go.CLEARANCE] = gait.stride, gait.height, gait.clearance
-    s[go.LANDING], s[go.RAMP], s[go.WIDTH] = gait.landing, gait.loading, gait.width
-    s[go.SPEED_TO], s[go.SPEED_RATE], s[go.DRIFT] = gait.speed, gait.acceleration, gait.drift
-    s[go.TURN], s[go.GRIP], s[go.LEAST] = gait.turn, gait.grip, gait.least
-    s[go.MASS], s[go.INERTIA : go.INERTIA + 3] = a.mass, a.inertia
+def _settings(a: Anatomy, gait: Gait) -> Any:
+    """One GAIT_SETTINGS."""
+    found, gains = table(GAIT_SETTINGS, 1), gait.gains
+    s = found[0]
+    s["stride"], s["height"], s["clearance"] = gait.stride, gait.height, gait.clearance
+    s["landing"], s["ramp"], s["width"] = gait.landing, gait.loading, gait.width
+    s["speed_to"], s["speed_rate"], s["drift"] = gait.speed, gait.acceleration, gait.drift
+    s["turn_rate"], s["grip"], s["least_load"] = gait.turn, gait.grip, gait.least
+    s["mass"], s["inertia"] = a.mass, a.inertia
     along = a.hips[:2].mean(axis=0) - a.hips[2:].mean(axis=0)
-    s[go.PITCH] = math.atan2(along[1], along[0])
-    s[go.GAIN_SPEED], s[go.GAIN_DRIFT], s[go.GAIN_SWAY] = gains.speed, gains.drift, gains.sway
-    s[go.GAIN_SURGE] = gains.surge
-    pairs = (gains.height, gains.roll, gains.pitch, gains.yaw, gains.swing, gains.spine, gains.paw)
-    s[go.GAIN_HEIGHT : go.PLACE] = np.ravel(pairs)
-    s[go.PLACE : go.TIGHT_TORQUE] = gains.place, gains.place_drift, gains.place_roll
-    s[go.TIGHT_TORQUE], s[go.TIGHT_FORCE] = gains.tight_torque, gains.tight_force
-    s[go.LEVER] = float((a.legs_i[:, go.V_SPREAD] >= 0).all())
-    s[go.LIMP], s[go.LOW], s[go.UPRIGHT] = LIMP, LOW, UPRIGHT
-    return s
+    s["pitch"] = math.atan2(along[1], along[0])
+    s["gain_speed"], s["gain_drift"], s["gain_sway"] = gains.speed, gains.drift, gains.sway
+    s["gain_surge"] = gains.surge
+    for name in ("height", "roll", "pitch", "yaw", "swing", "spine", "paw"):
+        s[f"gain_{name}"] = getattr(gains, name)
+    s["place_speed"], s["place_drift"] = gains.place, gains.place_drift
+    s["place_roll"] = gains.place_roll
+    s["tight_torque"], s["tight_force"] = gains.tight_torque, gains.tight_force
+    s["lever"] = float((a.legs["v_spread"] >= 0).all())
+    s["limp"], s["low"], s["upright"] = LIMP, LOW, UPRIGHT
+    return found
 
 
 def _check_reach(a: Anatomy, gait: Gait) -> None:
@@ -227,6 +231,6 @@ def _check_reach(a: Anatomy, gait: Gait) -> None:
 def _twice_integrated(acceleration: Array, period: float) -> Array:
     """(8,) the wave whose second derivative is the periodic part of samples over a period."""
     c = np.fft.rfft(acceleration) / len(acceleration)
-    k = np.arange(1, go.HARMONICS + 1)
+    k = np.arange(1, HARMONICS + 1)
     over = 2.0 / (2 * math.pi * k / period) ** 2
     return np.stack((-c[k].real * over, c[k].imag * over), axis=1).ravel()

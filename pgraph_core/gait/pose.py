@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import cmath
 import math
+from typing import Any
 
 import numpy as np
 
-from ..engine.gait import layout as go
 from ..mechanism import Mechanism
 from ..model import Gait
 from ..packing.system import Array
@@ -35,19 +35,19 @@ def standing(mech: Mechanism, gait: Gait, a: Anatomy) -> tuple[Array, Array]:
 
 def _bend(mech: Mechanism, gait: Gait, a: Anatomy, q: Array) -> None:
     """The legs' joints into q, so that the feet are on the ground."""
-    for hip, i, f in zip(a.hips, a.legs_i, a.legs_f):
-        spreads = i[go.V_SPREAD] >= 0
-        x, z = f[go.AHEAD], f[go.SIDE] * gait.width * spreads
+    for hip, f in zip(a.hips, a.legs):
+        spreads = f["v_spread"] >= 0
+        x, z = f["ahead"], f["side"] * gait.width * spreads
         y = height_under(mech.model, hip[0] + x, hip[2] + z) - hip[1] - q[1]
         bend, knee = leg(f, complex(x, -math.hypot(y, z)))
-        q[i[go.Q_FLEX] : i[go.Q_FLEX] + 3] = bend, knee, -knee
+        q[f["q_flex"] : f["q_flex"] + 3] = bend, knee, -knee
         if spreads:
-            q[i[go.Q_SPREAD]] = math.atan2(-z, -y)
+            q[f["q_spread"]] = math.atan2(-z, -y)
 
 
-def leg(f: Array, foot: complex) -> tuple[float, float]:
+def leg(f: Any, foot: complex) -> tuple[float, float]:
     """(hip's angle, knee's) that bring a foot to its place from the hip, as `engine.gait.legs`."""
-    a, b = (complex(*f[k : k + 2]) for k in (go.LONG, go.SHANK))
+    a, b = complex(*f["long"]), complex(*f["shank"])
     cosine = (abs(foot) ** 2 - abs(a) ** 2 - abs(b) ** 2) / (2 * abs(a) * abs(b))
     side = cmath.phase(b / a)
     bend = math.copysign(math.acos(min(max(cosine, -1.0), 1.0)), side)

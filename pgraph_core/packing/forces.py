@@ -13,16 +13,13 @@ import numpy as np
 
 from .. import joints
 from ..engine import layout as at
+from ..engine.records import APPLIED_FORCE, JOINT_FORCE, SPRING, TORSION, WRENCH, rows_of, table
 from ..model import Body, Force, Model, Table, VectorTable
 from ..rotation import normals_of, unit_vector
 from ..topology import Topology
 from .system import Array, Drives, Loads, System, joint_coordinates, point_in_row
 
-NO_LOADS = Loads(
-    np.zeros((0, at.LOAD_I), dtype=np.int64),
-    np.zeros((0, at.LOAD_F)),
-    np.zeros((0, 7)),
-)
+NO_LOADS = Loads(table(APPLIED_FORCE, 0), np.zeros((0, 7)))
 ORIGIN = (0.0, 0.0, 0.0)
 
 
@@ -34,34 +31,32 @@ def loads(
     home: tuple[Array, Array],
 ) -> Loads:
     """The wrenches and springs in `forces`; `home`: the bodies' poses in the initial state."""
-    ints: list[tuple[int, ...]] = []
-    floats: list[Array] = []
+    ours = [f for f in forces if f.kind in TYPES]
+    found = table(APPLIED_FORCE, len(ours))
     knots: list[Array] = []
-    for f in forces:
-        if f.kind not in TYPES:
-            continue
+    for one, f in zip(found, ours):
         a, b = topology.number(f.body), topology.number(f.other)
         own = _knots(f) if f.kind == "wrench" else np.zeros((0, 7))
         first = sum(map(len, knots))
         rows = (int(packed.bodies_i[n, at.ROW]) for n in (a, b))
-        ints.append((TYPES[f.kind], *rows, int(f.frame == "body"), first, len(own), 0, 0))
-        floats.append(_numbers(f, model, packed, a, b, home))
+        one["kind"], one["in_body"] = TYPES[f.kind], f.frame == "body"
+        one["row_a"], one["row_b"] = rows
+        one["first_knot"], one["knots"] = first, len(own)
+        _set_numbers(one, f, model, packed, a, b, home)
         knots.append(_in_row(own, packed, a) if f.frame == "body" else own)
     return Loads(
-        np.array(ints, dtype=np.int64).reshape(-1, at.LOAD_I),
-        np.array(floats).reshape(-1, at.LOAD_F),
+        found,
         np.concatenate((np.zeros((0, 7)), *knots)),
     )
 
 
-TYPES = {"wrench": at.WRENCH, "spring": at.SPRING, "torsion": at.TORSION}
+TYPES = {"wrench": WRENCH, "spring": SPRING, "torsion": TORSION}
 
 
-def _numbers(
-    f: Force, model: Model, packed: System, a: int, b: int, home: tuple[Array, Array]
-) -> Array:
-    """(20,) points, axis, stiffness, damping and rest of a load."""
-    out = np.zeros(at.LOAD_F)
+def _set_numbers(
+    one: Any, f: Force, model: Model, packed: System, a: int, b: int, home: tuple[Array, Array]
+) -> None:
+    """Points, axis, stiffness, damping and rest of an applied force."""
     tip = model.body(f.body).tip_point if f.kind == "spring" else ORIGIN
     point, other = f.point or tip, f.other_point or ORIGIN
     axis = unit_vector(f.axis or (0.0, 0.0, 1.0))
@@ -70,16 +65,11 @@ def _numbers(
     rest = f.rest or 0.0
     if f.kind == "spring" and f.rest is None:
         rest = float(np.linalg.norm(_place(home, a, point) - _place(home, b, other)))
-    for column, values in (
-        (at.L_PA, point_in_row(packed, a, point)),
-        (at.L_PB, point_in_row(packed, b, other)),
-        (at.L_AXIS, turned),
-        (at.L_REF, across),
-        (at.L_REF_B, across),  # at q = 0 the axes of all rows are those of the world
-    ):
-        out[column : column + 3] = values
-    out[at.L_STIFF], out[at.L_DAMP], out[at.L_REST] = f.stiffness or 0.0, f.damping or 0.0, rest
-    return out
+    one["point_a"] = point_in_row(packed, a, point)
+    one["point_b"] = point_in_row(packed, b, other)
+    one["axis"] = turned
+    one["reference_a"] = one["reference_b"] = across  # at q = 0 all rows have the world's axes
+    one["stiffness"], one["damping"], one["rest"] = f.stiffness or 0.0, f.damping or 0.0, rest
 
 
 def _home(packed: System, number: int) -> Array:
@@ -120,13 +110,13 @@ def _over(t: Array, value: Any) -> Array:
 
 def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force, ...]) -> Drives:
     """The rows of joint springs and dampers, and of the motors and servos in `forces`."""
-    table: list[tuple[float, ...]] = []
+    rows: list[tuple[float, ...]] = []
     knots: list[tuple[float, float, float]] = []
     for number, row in enumerate(topology.row.tolist(), start=1):
         body = model.bodies[row]
         if has_springs(body):
-            table += _springs(body, joint_coordinates(packed, number), knots)
-    passive = len(table)
+            rows += _springs(body, joint_coordinates(packed, number), knots)
+    passive = len(rows)
     for force in forces:
         if force.kind not in ("motor", "servo"):
             continue
@@ -135,8 +125,8 @@ def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force
         target, torque = _table_knots(force.target, knots), _table_knots(given, knots)
         limit = np.inf if force.torque_limit is None else force.torque_limit
         position = at_q if force.kind == "servo" and force.kp else -1
-        table.append((at_v, position, force.kp, force.kd, limit, *target, *torque, 0.0))
-    return Drives(np.array(table).reshape(-1, at.DRIVE), np.array(knots).reshape(-1, 3), passive)
+        rows.append((at_v, position, force.kp, force.kd, limit, 0.0, *target, *torque))
+    return Drives(rows_of(JOINT_FORCE, rows), np.array(knots).reshape(-1, 3), passive)
 
 
 def bends(drives: Drives) -> Array:
@@ -159,7 +149,7 @@ def _springs(body: Any, at_vq: list[tuple[int, int]], knots: list[Any]) -> list[
         for at_v, at_q in at_vq[start : start + size]:
             none = _table_knots(0.0, knots)
             place = (at_v, at_q if k else -1)
-            found.append((*place, k, d, np.inf, *_table_knots(rest, knots), *none, friction))
+            found.append((*place, k, d, np.inf, friction, *_table_knots(rest, knots), *none))
         start += size
     return found
 

@@ -12,9 +12,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..engine import layout as at
-from ..engine.arrays import Found, Geometry, Search
+from ..engine.arrays import Geometry, Ground, Search
 from ..engine.contact.manifold import MOST
+from ..engine.records import (
+    BOUNDS,
+    BOX,
+    CANDIDATE,
+    CAPSULE,
+    CELL,
+    CYLINDER,
+    EDGE,
+    FACE,
+    HULL,
+    PATCH,
+    PLANE,
+    POINTS,
+    SHAPE,
+    SPHERE,
+    rows_of,
+    table,
+)
 
 Array = np.ndarray
 SIDES = 32
@@ -36,9 +53,9 @@ class Solid:
     def box(self) -> tuple[Array, Array]:
         """(half extents, centre) of the bounding box [m]."""
         low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
-        if self.kind in (at.SPHERE, at.CAPSULE):
+        if self.kind in (SPHERE, CAPSULE):
             low, high = low - self.radius, high + self.radius
-        if self.kind == at.CYLINDER:
+        if self.kind == CYLINDER:
             high = np.array((self.radius, self.radius, self.half))
             low = -high
         return (high - low) / 2, (high + low) / 2
@@ -46,27 +63,27 @@ class Solid:
     @property
     def reach(self) -> float:
         """Distance of the farthest point from the shape's origin [m]."""
-        if self.kind == at.CYLINDER:
+        if self.kind == CYLINDER:
             return float(np.hypot(self.radius, self.half))
         return float(np.linalg.norm(self.vertices, axis=1).max() + self.radius)
 
 
 def sphere(radius: float) -> Solid:
     """A ball about the shape's origin."""
-    return Solid(at.SPHERE, np.zeros((1, 3)), radius=radius)
+    return Solid(SPHERE, np.zeros((1, 3)), radius=radius)
 
 
 def capsule(radius: float, length: float) -> Solid:
     """Along z; `length` is without the caps."""
     ends = np.array(((0.0, 0.0, -length / 2), (0.0, 0.0, length / 2)))
-    return Solid(at.CAPSULE, ends, (), np.array(((0, 1, -1, -1),)), radius, length / 2)
+    return Solid(CAPSULE, ends, (), np.array(((0, 1, -1, -1),)), radius, length / 2)
 
 
 def box(size: Sequence[float]) -> Solid:
     """Edge lengths along x, y, z."""
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     rings = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-    return Solid(at.BOX, corners * np.asarray(size, float) / 2, rings)
+    return Solid(BOX, corners * np.asarray(size, float) / 2, rings)
 
 
 def cylinder(radius: float, length: float) -> Solid:
@@ -77,12 +94,12 @@ def cylinder(radius: float, length: float) -> Solid:
     after = [*range(1, SIDES), 0]
     rings = [(k, after[k], SIDES + after[k], SIDES + k) for k in range(SIDES)]
     rings += [tuple(reversed(range(SIDES))), tuple(range(SIDES, 2 * SIDES))]
-    return Solid(at.CYLINDER, vertices, tuple(rings), radius=radius, half=length / 2)
+    return Solid(CYLINDER, vertices, tuple(rings), radius=radius, half=length / 2)
 
 
 def points(places: Any) -> Solid:
     """Explicit contact points in the shape's frame."""
-    return Solid(at.POINTS, np.array(places, float).reshape(-1, 3))
+    return Solid(POINTS, np.array(places, float).reshape(-1, 3))
 
 
 def hull(places: Any) -> Solid:
@@ -104,7 +121,7 @@ def hull(places: Any) -> Solid:
     kept = np.unique(np.concatenate(rings))
     number = {int(old): new for new, old in enumerate(kept)}
     renamed = tuple(tuple(number[int(v)] for v in ring) for ring in rings)
-    return Solid(at.HULL, places[kept], renamed)
+    return Solid(HULL, places[kept], renamed)
 
 
 def _around(places: Array, ring: Array, n: Array) -> Array:
@@ -150,10 +167,9 @@ class Placed(NamedTuple):
 
 
 def packed(shapes: Iterable[Placed]) -> Geometry:
-    """The `geometry` of the kernels: shapes_i, shapes_f, vertices, normals, faces, rings, edges."""
+    """The shapes as the kernels take them."""
     shapes = list(shapes)
-    shapes_i = np.zeros((len(shapes), at.SHAPE_I), np.int64)
-    shapes_f = np.zeros((len(shapes), at.SHAPE_F))
+    found = table(SHAPE, len(shapes))
     solids = [shape.solid for shape in shapes]
     normals, edges = [normals_of(s) for s in solids], [edges_of(s) for s in solids]
     first = np.zeros(3, np.int64)
@@ -161,39 +177,34 @@ def packed(shapes: Iterable[Placed]) -> Geometry:
         s = shape.solid
         counts = np.array((len(s.vertices), len(s.rings), len(edges[i])))
         ranges = np.stack((first, counts), axis=1).ravel()
-        shapes_i[i] = (s.kind, shape.row, shape.body, *ranges)
         half, middle = s.box
         rotation = np.asarray(shape.rotation, float).ravel()
-        sizes = (s.radius, s.half, *half, *middle, s.reach)
-        shapes_f[i] = (*shape.position, *rotation, *sizes)
+        place = (shape.position, rotation, s.radius, s.half, half, middle, s.reach)
+        found[i] = (s.kind, shape.row, shape.body, *ranges, *place)
         first += counts
     rings = [ring for s in solids for ring in s.rings]
     lengths = np.array([len(ring) for ring in rings], np.int64)
-    faces = np.stack((np.cumsum(lengths) - lengths, lengths), axis=1)
+    faces = table(FACE, len(lengths))
+    faces["first"], faces["corners"] = np.cumsum(lengths) - lengths, lengths
     return Geometry(
-        shapes_i,
-        shapes_f,
+        found,
         np.concatenate([np.zeros((0, 3)), *(s.vertices for s in solids)]),
         np.concatenate([np.zeros((0, 3)), *normals]),
-        faces.reshape(-1, 2),
+        faces,
         np.array([v for ring in rings for v in ring], np.int64),
-        np.concatenate([np.zeros((0, 4), np.int64), *edges]),
+        rows_of(EDGE, np.concatenate([np.zeros((0, 4), np.int64), *edges])),
     )
 
 
-def ground(normal: Sequence[float], patches: Iterable[Sequence[float]] = ()) -> Array:
+def ground(normal: Sequence[float], patches: Iterable[Sequence[float]] = ()) -> Ground:
     """The `ground` of the kernels: the plane, and patches (x0, x1, y0, y1, height) of it.
 
     x and y of a patch are along `ground_axes`, its height is along the normal [m].
     """
     n = np.asarray(normal, float) / np.linalg.norm(normal)
-    patches = list(patches)
-    table = np.zeros((1 + len(patches), at.GROUND))
-    x, y = ground_axes(n)
-    table[0] = (*n, *x, *y)
-    for k, patch in enumerate(patches, start=1):
-        table[k, :5] = patch
-    return table
+    plane = table(PLANE, 1)
+    plane[0] = (n, *ground_axes(n))
+    return Ground(plane, rows_of(PATCH, list(patches)))
 
 
 def ground_axes(normal: Array) -> tuple[Array, Array]:
@@ -209,22 +220,16 @@ def ground_axes(normal: Array) -> tuple[Array, Array]:
 
 
 def search_space(geometry: Geometry, members: int) -> Search:
-    """The `search` of the kernels for as many members: room, bounds, cells, buckets."""
-    shapes_i = geometry.shapes_i
-    faces = geometry.faces
-    corners = int(shapes_i[:, at.SH_VERTICES].max(initial=0))
-    sides = int(shapes_i[:, at.SH_FACES].max(initial=0))
-    ring = int(faces[:, 1].max(initial=0))
+    """Scratch of the search for contact points, for as many members."""
+    shapes = geometry.shapes
+    corners = int(shapes["vertices"].max(initial=0))
+    sides = int(shapes["faces"].max(initial=0))
+    ring = int(geometry.faces["corners"].max(initial=0))
     rows = 2 * (corners + sides) + 2 * (2 * ring + corners) + MOST
     buckets = 1 << max(2 * members - 1, 1).bit_length()
     return Search(
-        np.zeros((rows, at.ROOM)),
-        np.zeros((len(shapes_i), 6)),
-        np.zeros((members, at.CELL), np.int64),
+        table(CANDIDATE, rows),
+        table(BOUNDS, len(shapes)),
+        table(CELL, members),
         np.zeros(buckets, np.int64),
     )
-
-
-def contact_arrays(count: int) -> Found:
-    """The `out` of the kernels: room for so many contact points."""
-    return Found(np.zeros((count, at.CONTACT_F)), np.zeros((count, at.CONTACT_I), np.int64))

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.tables import Tables, Touch
+from ..contact.tables import ContactPair, Tables
 from ..dynamics.scene import Scene
-from ..engine import layout as at
+from ..engine.records import ACCEPTANCE, SLIP, STANCE, SWING
 from ..mechanism import Mechanism
 from ..model.names import GROUND
 from ..packing.system import Array
@@ -26,11 +26,11 @@ GRAZE = 2.5  # steps: a shorter flight of a contact is none
 LOOSE = 1e-6  # of the velocities: a larger violation of a contact law is reported
 
 CAUSES = {
-    (at.SWING, at.ACCEPTANCE): "it touched down, sliding",
-    (at.SWING, at.STANCE): "it touched down",
-    (at.ACCEPTANCE, at.STANCE): "its slip came to zero",
-    (at.SLIP, at.STANCE): "its slip came to zero",
-    (at.STANCE, at.SLIP): "friction did not hold it",
+    (SWING, ACCEPTANCE): "it touched down, sliding",
+    (SWING, STANCE): "it touched down",
+    (ACCEPTANCE, STANCE): "its slip came to zero",
+    (SLIP, STANCE): "its slip came to zero",
+    (STANCE, SLIP): "friction did not hold it",
 }
 LIFTED = "the ground cannot pull"
 
@@ -38,8 +38,8 @@ LIFTED = "the ground cannot pull"
 def contacts_of(
     mech: Mechanism,
     plan: Plan,
-    frames: tuple[Array, Array, Array],
-    changes: Array,
+    frames: tuple[Array, Array, Any],
+    changes: Any,
     log: Sequence[Event],
 ) -> ContactRecord:
     """Contacts and limits over the frames (times, pushes, touches), and the events in between."""
@@ -71,29 +71,29 @@ def contact_counters(scene: Scene) -> dict[str, int]:
     if scene.touching is None:
         return {}
     tally = scene.touching.tally
-    return {"contact_fallbacks": int(tally[at.N_FALLBACK]), "calmed": int(tally[at.N_CALMED])}
+    return {"contact_fallbacks": int(tally["fallbacks"]), "calmed": int(tally["calmed"])}
 
 
 def contact_notices(scene: Scene, unlogged: int) -> list[str]:
     """Notices on how contacts were solved."""
     if scene.touching is None:
         return []
-    tally, worst = scene.touching.tally, scene.touching.worst
+    tally = scene.touching.tally
     found: list[str] = []
-    if tally[at.N_CALMED]:
+    if tally["calmed"]:
         found.append(
-            f"in {tally[at.N_CALMED]} steps the bounce with friction would have gained energy: "
+            f"in {tally['calmed']} steps the bounce with friction would have gained energy: "
             "they were taken without restitution"
         )
-    if worst[at.MISSED] > LOOSE:
+    if tally["residual"] > LOOSE:
         found.append(
             "the contact solver stopped at its cap: laws missed by up to "
-            f"{worst[at.MISSED]:.1e} of the velocities; try a smaller step"
+            f"{tally['residual']:.1e} of the velocities; try a smaller step"
         )
     if unlogged:
         found.append(f"{unlogged} changes of contacts' phases were too many to log")
-    if tally[at.N_MISSED]:
-        found.append(f"in {tally[at.N_MISSED]} steps there were more contact points than room")
+    if tally["overflows"]:
+        found.append(f"in {tally['overflows']} steps there were more contact points than room")
     return found
 
 
@@ -102,24 +102,24 @@ def stepped_record(
     up: Array,
     t: Array,
     pushes: Array,
-    touches: Array,
-    changes: Array,
+    pairs: Any,
+    changes: Any,
     graze: float,
 ) -> ContactRecord:
     """Contacts and limits from frames and the log of changes; `up` is the ground's normal."""
-    names = [touch.name for touch in tables.touches]
-    forces = np.concatenate((touches[..., 3:6], touches[..., :3]), axis=-1).swapaxes(0, 1)
+    names = [pair.name for pair in tables.touches]
+    forces = np.concatenate((pairs["torque"], pairs["force"]), axis=-1).swapaxes(0, 1)
     phases, events = phases_over(changes, tables.touches, t, graze)
     return ContactRecord(
         force=dict(zip(names, forces)),
-        gap=dict(zip(names, touches[..., at.TO_GAP].T)),
-        slip=dict(zip(names, touches[..., at.TO_SLIP].T)),
-        limit=dict(zip(tables.limits, touches[:, len(names) :, at.TO_FORCE].T)),
+        gap=dict(zip(names, pairs["gap"].T)),
+        slip=dict(zip(names, pairs["slip"].T)),
+        limit=dict(zip(tables.limits, pairs["force"][:, len(names) :, 0].T)),
         wrench=pushes,
         normal={
-            touch.name: force[:, 3:] @ up
-            for touch, force in zip(tables.touches, forces)
-            if touch.other == GROUND
+            pair.name: force[:, 3:] @ up
+            for pair, force in zip(tables.touches, forces)
+            if pair.other == GROUND
         },
         phases=phases,
         events=events,
@@ -127,40 +127,40 @@ def stepped_record(
 
 
 def phases_over(
-    changes: Array, touches: Sequence[Touch], t: Array, graze: float = 0.0
+    changes: Any, touches: Sequence[ContactPair], t: Array, graze: float = 0.0
 ) -> tuple[dict[str, NDArray[np.str_]], tuple[Event, ...]]:
-    """({touch: (len(t),) phase}, events) from rows [time, touch, phase] in the order of time.
+    """({pair: (len(t),) phase}, events) from PHASE_CHANGE records in the order of time.
 
     The phase of a touch's first row is that of the start. Flights shorter than `graze` are none:
     time stepping releases a point for a step when its body is moved out of the ground.
     Touches of one contact between many bodies together have phases as one.
     """
     phases, events = {}, []
-    for k, touch in enumerate(touches):
-        own = _without_grazes(changes[changes[:, at.CH_TOUCH] == k], graze)
+    for k, pair in enumerate(touches):
+        own = _without_grazes(changes[changes["pair"] == k], graze)
         if not len(own):
             continue
-        codes = own[:, at.CH_PHASE].astype(int)
-        now = np.searchsorted(own[1:, at.CH_TIME], t, side="right")
-        phases[touch.name] = np.array(PHASES)[codes[now]]
+        codes = own["phase"]
+        now = np.searchsorted(own["time"][1:], t, side="right")
+        phases[pair.name] = np.array(PHASES)[codes[now]]
         events += [
-            _event(float(time), touch, before, after)
-            for time, before, after in zip(own[1:, at.CH_TIME], codes, codes[1:])
+            _event(float(time), pair, before, after)
+            for time, before, after in zip(own["time"][1:], codes, codes[1:])
         ]
     return phases, tuple(sorted(events, key=lambda event: event.t))
 
 
-def _without_grazes(own: Array, graze: float) -> Array:
+def _without_grazes(own: Any, graze: float) -> Any:
     """Rows of one touch without flights shorter than `graze`, and rows that then change nothing."""
     if len(own) < 3:
         return own
     short = np.zeros(len(own), dtype=bool)
-    short[1:-1] = (own[1:-1, at.CH_PHASE] == at.SWING) & (np.diff(own[1:, at.CH_TIME]) < graze)
+    short[1:-1] = (own["phase"][1:-1] == SWING) & (np.diff(own["time"][1:]) < graze)
     own = own[~short]
-    changed = np.append(True, np.diff(own[:, at.CH_PHASE]) != 0)
+    changed = np.append(True, np.diff(own["phase"]) != 0)
     return own[changed]
 
 
-def _event(t: float, touch: Touch, before: int, after: int) -> Event:
+def _event(t: float, pair: ContactPair, before: int, after: int) -> Event:
     cause: Any = CAUSES.get((before, after), LIFTED)
-    return Event(t, touch.name, touch.body, PHASES[before], PHASES[after], cause)
+    return Event(t, pair.name, pair.body, PHASES[before], PHASES[after], cause)

@@ -6,23 +6,24 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..contact.sites import Site, with_sites
+from ..contact.points import ContactPoint, with_points
 from ..contact.tables import Tables
 from ..dynamics.callback import UserTorque
 from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine import motion
-from ..engine.arrays import Phased, SiteLinks, Sites
+from ..engine.arrays import EventContacts, EventData, EventLinks
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
 from ..engine.constraints.proximal import LAMBDA, RHS
 from ..engine.contact import phases
-from ..engine.contact import sites as site_kernels
+from ..engine.contact import points as point_kernels
+from ..engine.records import ACCEPTANCE, POINT_FRAME, SLIP, STANCE, table
 from ..mechanism import Mechanism
 from ..packing.system import Array, Drives, Ints, Loads
 
 
 class EventScene(Scene):
-    """A scene with sites; `arrange` makes a change of `sites_i[:, S_PHASE]` effective."""
+    """A scene with contact points; `arrange` makes a change of `points["phase"]` effective."""
 
     once = False  # a step that ends at an event is taken again, shorter
 
@@ -32,17 +33,17 @@ class EventScene(Scene):
         drives: Drives,
         loads: Loads,
         active: Ints,
-        sites: Sequence[Site],
+        contact_points: Sequence[ContactPoint],
         frames: int,
         *,
         contacts: Tables | None = None,
         user: UserTorque | None = None,
     ):
-        """All sites are in swing. `frames` is how many are to be recorded."""
+        """All points are in swing. `frames` is how many are to be recorded."""
         packed = mech.packed
         given = (mech.model, mech.topology, packed.system)
-        extended, tables = with_sites(packed.blocks, sites, *given)
-        count = len(sites)
+        extended, points = with_points(packed.blocks, contact_points, *given)
+        count = len(contact_points)
         whole = len(packed.blocks.names) + 2 * np.arange(count)
         everything = np.concatenate((active, whole))
         super().__init__(
@@ -50,11 +51,10 @@ class EventScene(Scene):
         )
         self.activate(active)
         self.bilateral = int(self.active[0])
-        self.sites, (self.sites_i, self.sites_f) = tuple(sites), tables
-        self.every = np.concatenate(([count], self.sites_i[:, at.S_SLIDE]))
+        self.contact_points, self.points = tuple(contact_points), points
+        self.every = np.concatenate(([count], self.points["slide_block"]))
         self.watched = np.zeros((4, 3 * count))
-        self.frame_phases = np.zeros((frames, count), dtype=np.int64)
-        self.frames = np.zeros((frames, count, at.SITE_FRAME))
+        self.frames = table(POINT_FRAME, frames, count)
         self._held = np.zeros_like(self.active)
         self._link()
         self.arrange()
@@ -69,30 +69,28 @@ class EventScene(Scene):
         ]
         for place, scene in zip((tree, held), both):
             motion.save_scene(place, unnamed(scene))
-        links = SiteLinks(
+        links = EventLinks(
             tree=address_of(motion.acceleration),
             bare=address_of_array(tree),
             held=address_of_array(held),
-            phased=address_of(phases.phased_acceleration),
+            acceleration=address_of(phases.event_acceleration),
             record=address_of(motion.record),
-            observe=address_of(site_kernels.observe),
+            observe=address_of(point_kernels.observe),
             project=address_of(motion.projection),
         )
-        count, rows = len(self.sites), len(self.space.omega)
-        parts = Sites(
+        count, rows = len(self.contact_points), len(self.space.omega)
+        parts = EventContacts(
             links,
-            self.sites_i,
-            self.sites_f,
+            self.points,
             self.every,
             self.watched,
             np.zeros((3 * count + 2, max(rows, 1))),
             np.zeros((3 * count + 2, max(count, 1))),
-            self.frame_phases,
             self.frames,
         )
         self._alive = (tree, held, both, parts)
         self._buffer = buffer()
-        phases.save_phased(self._buffer, unnamed(Phased(self._kept, parts)))
+        phases.save_events(self._buffer, unnamed(EventData(self._kept, parts)))
         self.address, self._held_address = address_of_array(self._buffer), links.held
 
     @property
@@ -102,8 +100,8 @@ class EventScene(Scene):
 
     @property
     def phase(self) -> Ints:
-        """(ns,) phases of the sites."""
-        return self.sites_i[:, at.S_PHASE]
+        """(ns,) phases of the points."""
+        return self.points["phase"]
 
     def switch(self, constraints: Ints) -> None:
         """Activate these constraints in addition to those of the phases."""
@@ -112,34 +110,34 @@ class EventScene(Scene):
         self.arrange()
 
     def arrange(self) -> None:
-        """Activate the blocks of constraints, then of stances and limits, then of sliding sites."""
+        """Activate the blocks of constraints, of stances and limits, then of sliding points."""
         phase = self.phase
-        stances = self.sites_i[phase == at.STANCE, at.S_STANCE]
-        sliding = self.sites_i[(phase == at.SLIP) | (phase == at.ACCEPTANCE)]
-        for active, last in ((self.active, at.S_SLIDE), (self._held, at.S_GAP)):
-            chosen = np.concatenate((stances, sliding[:, last]))
+        stances = self.points["held_block"][phase == STANCE]
+        sliding = self.points[(phase == SLIP) | (phase == ACCEPTANCE)]
+        for active, last in ((self.active, "slide_block"), (self._held, "gap_block")):
+            chosen = np.concatenate((stances, sliding[last]))
             active[1 : self.bilateral + 1] = self.active[1 : self.bilateral + 1]
             active[self.bilateral + 1 : self.bilateral + 1 + len(chosen)] = chosen
             active[0] = self.bilateral + len(chosen)
 
     def hold(self, s: int) -> None:
-        """Let a stance of site s hold the point of the ground that it is over."""
-        block = self.sites_i[s, at.S_STANCE]
+        """Let a stance of point s hold the point of the ground that it is over."""
+        block = self.points["held_block"][s]
         if self.blocks.blocks_i[block, at.B_TYPE] == at.T_POINT:
-            f = self.sites_f[s]
-            normal = f[at.S_NORMAL : at.S_NORMAL + 3]
-            foot = f[at.S_PLACE : at.S_PLACE + 3] - f[at.S_DISTANCE] * normal
+            f = self.points[s]
+            normal = f["normal"]
+            foot = f["position"] - f["gap"] * normal
             self.blocks.blocks_f[block, at.PB : at.PB + 3] = foot
 
-    def impact(self, t: float, q: Array, v: Array, sites: Sequence[int]) -> tuple[Array, Array]:
-        """(Ω, velocities) of the rows of constraints and of all rows of these sites."""
-        blocks = self.sites_i[list(sites), at.S_SLIDE]
+    def impact(self, t: float, q: Array, v: Array, chosen: Sequence[int]) -> tuple[Array, Array]:
+        """(Ω, velocities) of the rows of constraints and of all rows of these points."""
+        blocks = self.points["slide_block"][list(chosen)]
         self.active[0] = self.bilateral + len(blocks)
         self.active[self.bilateral + 1 : self.active[0] + 1] = blocks
-        m = site_kernels.impulse_rows(self.address, t, q, v)
+        m = point_kernels.impulse_rows(self.address, t, q, v)
         return self.space.omega[:m, :m].copy(), self.space.vectors[RHS, :m].copy()
 
     def strike(self, impulse: Array, v: Array) -> None:
         """Add the effect of impulses of the rows of `impact` to v, right after it."""
         self.space.vectors[LAMBDA, : len(impulse)] = impulse
-        site_kernels.add_impulses(self.address, v)
+        point_kernels.add_impulses(self.address, v)

@@ -46,7 +46,7 @@ class FixedSteps:
             table(kind, 1) for kind in (CURSOR, COUNTERS, CLOCK)
         )
         self.cursor, self.counters = self._cursor[0], self._counters[0]
-        self.links = links_of(plan.method.step, motion.projection, bool(plan.sites))
+        self.links = links_of(plan.method.step, motion.projection, bool(plan.contact_points))
 
     def advance(self, scene: int, budget: int, out: tuple[Array, ...]) -> int:
         """Take at most `budget` steps and frames; the kernel's status code."""
@@ -57,11 +57,11 @@ class FixedSteps:
             plan.project, self.q, self.v, self.stages, self.flow, self.ledger, self._counters,
             self.failure, out,
         )  # fmt: skip
-        if not plan.sites:
+        if not plan.contact_points:
             return run.run(*given)
         from ..engine.stepping import phase_events
 
-        return phase_events.run_phased(*given, self._clock)
+        return phase_events.run_events(*given, self._clock)
 
     @property
     def event(self) -> float:
@@ -115,14 +115,14 @@ class AdaptiveSteps:
         self._set_control()
         self.matrices = _matrices(mech.nv) if method.implicit else NO_MATRICES
         self.events: Any = _no_events()
-        project, sites = motion.projection, bool(plan.sites)
-        if sites:
+        project, event_driven = motion.projection, bool(plan.contact_points)
+        if event_driven:
             from ..engine.stepping import phase_dense
 
-            project = phase_dense.phased_projection
+            project = phase_dense.event_projection
             look = address_of(phase_dense.look_for_phases)
             self.events = (look, 0, np.zeros(1), *self.events[3:])
-        self.links = links_of(method.attempt, project, sites)
+        self.links = links_of(method.attempt, project, event_driven)
         self.blurred = 0.0 if self.tolerance.fixed else self.tolerance.rtol
         self.divided = 0  # steps of fixed width that were taken in parts
 
@@ -226,12 +226,12 @@ class Outcome:
 
 
 @cache
-def links_of(step: Any, project: Any, sites: bool) -> tuple[int, ...]:
+def links_of(step: Any, project: Any, event_driven: bool) -> tuple[int, ...]:
     """Addresses of the kernels that a step calls: acceleration, projection, record, step."""
     accelerate, record = motion.acceleration, motion.record
-    if sites:
-        from ..engine.contact.phases import phased_acceleration as accelerate
-        from ..engine.contact.sites import phased_record as record
+    if event_driven:
+        from ..engine.contact.phases import event_acceleration as accelerate
+        from ..engine.contact.points import event_record as record
     return tuple(address_of(kernel) for kernel in (accelerate, project, record, step))
 
 

@@ -20,6 +20,7 @@ from ..dynamics.states import length_of
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.compiler.address import address_of
+from ..engine.records import JOINT_FORCE, table
 from ..engine.stepping import stiffness
 from ..errors import InputError, Problem
 from ..integrators import DOP853, DOPRI5, RADAU5, RK4, Method, method_of
@@ -39,7 +40,7 @@ from .options import (
 from .switches import Change, ever, switch_changes, with_instants
 
 if TYPE_CHECKING:
-    from ..contact.sites import Site
+    from ..contact.points import ContactPoint
     from ..contact.tables import Tables
     from ..gait.controller import Controller
 
@@ -53,7 +54,7 @@ AT_END = 1e-6  # of a step: a corner this near its end is there
 NO_TIMES = np.zeros(0)
 NO_SUBSTEPS = np.zeros(0, dtype=np.int64)
 NO_GAINS = np.zeros(2)
-NO_FORCES = (Drives(np.zeros((0, at.DRIVE)), np.zeros((0, 3)), 0), NO_LOADS)
+NO_FORCES = (Drives(table(JOINT_FORCE, 0), np.zeros((0, 3)), 0), NO_LOADS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +72,9 @@ class Plan:
     gains: Array = field(default_factory=lambda: NO_GAINS)  # (2,) of Baumgarte
     project: bool = False
     tolerance: Tolerance | None = None  # None: fixed steps
-    sites: tuple[Site, ...] = ()  # contact points and limits of an event-driven run
+    contact_points: tuple[
+        ContactPoint, ...
+    ] = ()  # contact points and limits of an event-driven run
     changes: tuple[Change, ...] = ()  # of constraints that go on and off
     ever: Ints = field(default_factory=lambda: NO_SUBSTEPS)  # active constraints of all times
     length: float = 1.0  # of the mechanism, a scale of errors [m]
@@ -148,9 +151,9 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
     o = o._replace(step=step)
     rate = _Rate(mech, plan, span[1] - span[0], known=not callable(tau))
     method, why = _method(rate, plan, name, o, step or (given.step if given else None))
-    sites: tuple[Site, ...] = ()
+    points: tuple[ContactPoint, ...] = ()
     if contacts and plan.impulses and method.name != "moreau_jean":
-        contacts, sites = _event_driven(mech, contacts)
+        contacts, points = _event_driven(mech, contacts)
         why = f"{why}, from event to event of contacts and limits"
     usual = given.step if given else 1e-3
     tolerance = o.tolerance(method, span[1] - span[0])
@@ -174,9 +177,9 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
         width=widths,
         contacts=contacts,
         gains=_gains(o, usual),
-        project=o.stabilise == "project" or bool(sites),
+        project=o.stabilise == "project" or bool(points),
         tolerance=tolerance,
-        sites=sites,
+        contact_points=points,
         changes=changes,
         ever=whole,
         length=length_of(mech.packed),
@@ -258,21 +261,23 @@ def with_state(mech: Mechanism, start: tuple[Array, Array], q: Any, v: Any) -> t
     return q.copy(), (start[1] if v is None else finite("v", v, mech.nv)).copy()
 
 
-def _event_driven(mech: Mechanism, contacts: Tables) -> tuple[Tables | None, tuple[Site, ...]]:
+def _event_driven(
+    mech: Mechanism, contacts: Tables
+) -> tuple[Tables | None, tuple[ContactPoint, ...]]:
     """(soft contacts, points of rigid contacts and limits) of an event-driven run."""
     if contacts.remembers:
         text = "a penalty contact remembers where it sticks, and a step to an event is taken again"
         text += "; give the contacts law 'soft' or 'complementarity', or use method 'moreau_jean'"
         raise InputError(Problem("simulate", "method", text))
-    from ..contact.sites import sites_of
+    from ..contact.points import contact_points
 
-    sites = sites_of(mech.model, mech.topology, mech.packed.system, contacts)
+    points = contact_points(mech.model, mech.topology, mech.packed.system, contacts)
     soft = tuple(t.contact for t in contacts.touches if t.contact.law == "soft")
     rest = contact_tables(mech.packed, tuple(dict.fromkeys(soft)))
     if rest is None or not rest.touches:
-        return None, sites
+        return None, points
     none = tuple(array[:0] for array in rest.limit_blocks)
-    return rest._replace(limits=(), limit_blocks=none), sites
+    return rest._replace(limits=(), limit_blocks=none), points
 
 
 # -- how it is stepped ---------------------------------------------------------------------------

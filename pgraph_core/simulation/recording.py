@@ -18,7 +18,7 @@ from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import Frames
 from ..engine.compiler.address import address_of
-from ..engine.records import by_name
+from ..engine.records import PAIR, PHASE_CHANGE, by_name, table
 from ..errors import InputError
 from ..mechanism import Mechanism
 from ..packing.system import Array, Ints
@@ -69,10 +69,10 @@ class Recording:
             energies=np.zeros((n, 4)),
             drifts=np.zeros((n, 2)),
             pushes=np.zeros((n if nb else 0, nb, 6)),
-            touches=np.zeros((n if nb else 0, plan.touches, at.TOUCH)),
+            pairs=table(PAIR, n if nb else 0, plan.touches),
         )
         self._frames = tuple(self.out)  # as kernels take them
-        self._changes = [np.zeros((0, 3))]  # of contact phases, as logged by the kernels
+        self._changes = [table(PHASE_CHANGE, 0)]  # of contact phases, as logged by the kernels
         self._unlogged = 0  # changes that there was no room for
         self._first: Instant | None = None  # the state in which constraints are met
         self._redundant = False  # whether constraints are redundant there
@@ -80,12 +80,14 @@ class Recording:
     def _scene(self) -> tuple[Scene, ContactEvents | None]:
         mech, plan = self.mech, self.plan
         acts: Any = {"contacts": plan.contacts, "user": self.user}
-        if plan.sites:
+        if plan.contact_points:
             from .contact_events import ContactEvents
             from .event_scene import EventScene
 
             frames = len(plan.times)
-            scene = EventScene(mech, plan.drives, plan.loads, plan.ever, plan.sites, frames, **acts)
+            scene = EventScene(
+                mech, plan.drives, plan.loads, plan.ever, plan.contact_points, frames, **acts
+            )
             return scene, ContactEvents(mech, plan, scene, self.steps, self.ended)
         own = mech.packed.blocks
         if plan.changes:  # which may hold places that are known only then
@@ -165,10 +167,10 @@ class Recording:
             code = self.events.advance(budget, self._frames)
         touching = self.scene.touching
         if touching is not None:  # keep the logged changes of phases, make room for more
-            count = int(touching.tally[at.N_LOGGED])
+            count = int(touching.tally["logged"])
             self._changes.append(touching.changes[:count].copy())
             self._unlogged += max(count - len(touching.changes), 0)
-            touching.tally[at.N_LOGGED] = 0
+            touching.tally["logged"] = 0
         return code
 
     def _raise_user_error(self) -> None:

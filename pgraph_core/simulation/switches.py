@@ -141,7 +141,7 @@ def closed(scene: Scene, change: Change, q: Array, v: Array) -> float:
         text = f"is not met where it goes on, at t = {change.t:g} s: a joint would have to jump by "
         text += f"{moved:.3g}; leave out its other_point, or switch it where it is met"
         raise InputError(Problem(where, "", text))
-    from ..engine.contact.sites import impulse_rows
+    from ..engine.contact.points import impulse_rows
 
     m = impulse_rows(scene.held, change.t, q, v)
     left = float(np.max(np.abs(scene.space.vectors[RHS, :m]), initial=0.0))

@@ -29,7 +29,6 @@ from pgraph_app.run.update import Advanced, GoLive, SetScenario, StopLive, Stuck
 from pgraph_app.scene import marks
 from pgraph_app.scene.update import Show
 from pgraph_app.session.update import Connected
-from pgraph_core.engine.gait import layout as go
 from pgraph_core.result import contact_record
 from pgraph_core.show.ground import solid
 from pgraph_core.show.shapes import to_matrix
@@ -251,9 +250,9 @@ def mechanism() -> pg.Mechanism:
 def asked_speed(motion: Motion) -> float:
     """What the controller is asked for now [m/s]."""
     assert motion._walker is not None
-    s, t = motion._walker._walk.controller.settings, motion.time
-    most = s[go.SPEED_RATE] * max(t - s[go.SPEED_T], 0.0)
-    return s[go.SPEED_FROM] + float(np.clip(s[go.SPEED_TO] - s[go.SPEED_FROM], -most, most))
+    s, t = motion._walker._walk.controller.settings[0], motion.time
+    most = s["speed_rate"] * max(t - s["speed_time"], 0.0)
+    return s["speed_from"] + float(np.clip(s["speed_to"] - s["speed_from"], -most, most))
 
 
 def test_the_speed_asked_for_follows_every_edit_as_fast_as_the_gait_allows():

@@ -11,10 +11,30 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from pgraph_core.engine import layout as at
-from pgraph_core.engine.contact import collision
+from pgraph_core.engine.arrays import Candidates
+from pgraph_core.engine.contact import search as kernels
+from pgraph_core.engine.records import (
+    CONTACT,
+    GROUND_PAIR,
+    MEMBER,
+    POSE,
+    SHAPE_PAIR,
+    rows_of,
+    table,
+)
 from pgraph_core.shapes import solids
 
-from .touching import FLAT, NOTHING, Scene, random_pose, random_solid
+from .touching import (
+    FLAT,
+    NO_GROUND,
+    NO_PAIRS,
+    NOBODY,
+    NOT_APART,
+    Scene,
+    as_poses,
+    random_pose,
+    random_solid,
+)
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -37,7 +57,7 @@ def test_the_grid_finds_every_pair(seed, count, margin, mixed):
     kinds = rng.choice(["sphere", "capsule", "box"], count)
     shapes = [random_solid(rng, kind, size) for kind, size in zip(kinds, sizes)]
     scene = Scene(shapes, np.array([random_pose(rng, 1.0) for _ in shapes]).reshape(-1, 12))
-    touch = scene.among([(i, 0) for i in range(count)] or NOTHING, margin=margin)
+    touch = scene.among([(i, 0) for i in range(count)] or (), margin=margin)
     assert found(touch) == all_pairs(scene, margin)
     assert (touch.whose[:, 0] < touch.whose[:, 1]).all()
 
@@ -71,7 +91,7 @@ def test_joined_bodies_and_one_row_are_left_out():
     joined = touching[::2]
     apart = sorted((i + 1, j + 1) for i, j in joined)  # bodies are numbered from 1
     assert found(scene.among(members, apart)) == set(touching) - set(joined)
-    scene.geometry.shapes_i[:, 1] = 5
+    scene.geometry.shapes["row"] = 5
     assert not found(scene.among(members))
 
 
@@ -86,15 +106,13 @@ def test_members_of_different_contacts_do_not_touch():
 
 def test_more_contacts_than_fit_are_counted():
     scene = heap(60)
-    members = np.array([(i, 0) for i in range(60)])
+    members = rows_of(MEMBER, [(i, 0) for i in range(60)])
     search = solids.search_space(scene.geometry, 60)
-    touch = (NOTHING, np.zeros((0, 3), np.int64), members, NOTHING)
+    touch = Candidates(NO_GROUND, NO_PAIRS, members, NOT_APART)
     counts = []
     for size in (0, 5, 500):
-        out = solids.contact_arrays(size)
-        counts.append(
-            collision.contacts(scene.geometry, FLAT, touch, scene.poses, search, 0.0, out)
-        )
+        out, poses = table(CONTACT, size), as_poses(scene.poses)
+        counts.append(kernels.contacts(scene.geometry, FLAT, touch, poses, search, 0.0, out))
     assert counts == [counts[-1]] * 3
     assert counts[-1] > 5
 
@@ -102,15 +120,15 @@ def test_more_contacts_than_fit_are_counted():
 def test_nothing_declared_is_nothing_done():
     scene = heap(3)
     scene.poses[:] = np.nan  # would show in any contact
-    touch = (NOTHING, np.zeros((0, 3), np.int64), NOTHING, NOTHING)
+    touch = Candidates(NO_GROUND, NO_PAIRS, NOBODY, NOT_APART)
     assert len(scene.ask(touch).gap) == 0
 
 
 def test_a_contact_says_who_asked_for_it():
     scene = heap(2)
     scene.poses[:, :3] = (0, 0, 0.3), (0, 0, 0.2)
-    ground, pair = np.array([[0, 4], [1, 5]]), np.array([[0, 1, 6]])
-    touch = scene.ask((ground, pair, NOTHING, NOTHING))
+    ground, pair = rows_of(GROUND_PAIR, [(0, 4), (1, 5)]), rows_of(SHAPE_PAIR, [(0, 1, 6)])
+    touch = scene.ask(Candidates(ground, pair, NOBODY, NOT_APART))
     assert touch.whose[:, [0, 1, 3]].tolist() == [[0, -1, 4], [1, -1, 5], [0, 1, 6]]
 
 
@@ -125,11 +143,11 @@ def test_shapes_go_where_their_rows_are():
         solids.Placed(solids.sphere(1), row, row, (1, 2, 3), own.as_matrix()) for row in (2, 1)
     ]
     geometry = solids.packed(placed)
-    poses = np.zeros((2, at.POSE))
-    collision.shape_poses(geometry.shapes_i, geometry.shapes_f, rows, poses)
+    poses = table(POSE, 2)
+    kernels.shape_poses(geometry.shapes, rows, poses)
     for found, row in zip(poses, (2, 1)):
         np.testing.assert_allclose(
-            found[:3], rows[row, at.X : at.X + 3] + turns[row].apply((1, 2, 3))
+            found["position"], rows[row, at.X : at.X + 3] + turns[row].apply((1, 2, 3))
         )
         expected = (turns[row] * own).as_matrix()
-        np.testing.assert_allclose(found[3:].reshape(3, 3), expected, atol=1e-15)
+        np.testing.assert_allclose(found["rotation"].reshape(3, 3), expected, atol=1e-15)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from pgraph_core.engine import layout as at
+from pgraph_core.engine.records import CYLINDER
 from pgraph_core.shapes import solids
 
 from .touching import KINDS, Scene, pose, random_pose, random_solid
@@ -21,7 +21,7 @@ seeds = st.integers(0, 2**32 - 1)
 def lowest(scene: Scene, normal: np.ndarray) -> float:
     """Height of the lowest point, from the shape's support function."""
     shape, place = scene.shapes[0], scene.poses[0]
-    if shape.kind == at.CYLINDER:
+    if shape.kind == CYLINDER:
         tilt = place[3:].reshape(3, 3)[:, 2] @ normal
         across = shape.radius * np.sqrt(max(1 - tilt**2, 0))
         return float(place[:3] @ normal - abs(tilt) * shape.half - across)
@@ -122,7 +122,8 @@ def test_height_steps(x, y, gap):
 
 @pytest.mark.parametrize("up", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0.2, 0.1, 1)])
 def test_axes_of_the_ground_are_right_handed(up):
-    table = solids.ground(up)[0].reshape(3, 3)
+    plane = solids.ground(up).plane[0]
+    table = np.array([plane[name] for name in ("normal", "x", "y")])
     np.testing.assert_allclose(table @ table.T, np.eye(3), atol=ROUNDING)
     np.testing.assert_allclose(np.cross(table[1], table[2]), table[0], atol=ROUNDING)
 

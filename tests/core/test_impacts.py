@@ -31,7 +31,7 @@ def test_a_contact_stops_and_friction_opposes_its_slip(friction, lever, slip):
         omega = thin_spike(random, lever)
         u = random.normal(size=3) * (1.0, slip, slip)
         u[0] = -abs(u[0])
-        solved = impacts.impulses(omega, u, 0, [impacts.Row(0, 3, friction, 0.0)])
+        solved = impacts.impulses(omega, u, 0, [impacts.ContactRow(0, 3, friction, 0.0)])
         lam, after = solved.impulse, solved.velocity
         rounding = 1e-9 * float((np.abs(omega) @ np.abs(lam)).max())
         assert lam[0] > 0

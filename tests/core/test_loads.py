@@ -60,9 +60,9 @@ def test_tables_say_what_the_description_says(seed):
     s = random_case(seed)
     packed = pg.Mechanism(s.model).packed.system
     given = forces(s)
-    loads_i, loads_f, knots = loads(s.model, s.topology, packed, given, home_poses(s.model))
-    assert loads_i[:, at.L_TYPE].tolist() == [0, 0, 1, 1, 2, 2]
-    assert loads_i[:, at.L_KNOTS].tolist() == [3, 1, 0, 0, 0, 0]
+    table, knots = loads(s.model, s.topology, packed, given, home_poses(s.model))
+    assert table["kind"].tolist() == [0, 0, 1, 1, 2, 2]
+    assert table["knots"].tolist() == [3, 1, 0, 0, 0, 0]
     position, rotation = frames(s.model, s.topology, s.q)
 
     def pose(number):
@@ -75,30 +75,32 @@ def test_tables_say_what_the_description_says(seed):
             number, at.OFFSET : at.OFFSET + 3
         ], turn
 
-    for f, i, x in zip(given, loads_i, loads_f):
+    for f, x in zip(given, table):
         a, b = s.topology.number(f.body), s.topology.number(f.other)
-        assert i[at.L_A] == packed.bodies_i[a, at.ROW]
-        assert i[at.L_B] == packed.bodies_i[b, at.ROW]
+        assert x["row_a"] == packed.bodies_i[a, at.ROW]
+        assert x["row_b"] == packed.bodies_i[b, at.ROW]
         (o_a, R_a), (o_b, R_b) = pose(a), pose(b)
         expected = dense(s, f, s.q, s.v, t=2.0)
         if f.kind == "wrench":
-            own = knots[i[at.L_KNOT] : i[at.L_KNOT] + i[at.L_KNOTS]]
+            own = knots[x["first_knot"] : x["first_knot"] + x["knots"]]
             wrench = [np.interp(2.0, own[:, 0], column) for column in own.T[1:]]
-            turn = R_a if i[at.L_FRAME] else np.eye(3)
+            turn = R_a if x["in_body"] else np.eye(3)
             op = Operators(s.model, s.topology, s.q, s.v)
-            J = op.point_jacobian(a, rotation[a - 1].T @ (o_a + R_a @ x[:3] - position[a - 1]))
+            J = op.point_jacobian(
+                a, rotation[a - 1].T @ (o_a + R_a @ x["point_a"] - position[a - 1])
+            )
             tau = J.T @ np.concatenate((turn @ wrench[:3], turn @ wrench[3:]))
             np.testing.assert_allclose(tau, expected.tau, atol=1e-12)
         elif f.kind == "spring":
-            ends = o_a + R_a @ x[at.L_PA : at.L_PA + 3] - o_b - R_b @ x[at.L_PB : at.L_PB + 3]
-            stretch = np.linalg.norm(ends) - x[at.L_REST]
-            assert x[at.L_STIFF] * stretch**2 / 2 == pytest.approx(expected.energy)
+            ends = o_a + R_a @ x["point_a"] - o_b - R_b @ x["point_b"]
+            stretch = np.linalg.norm(ends) - x["rest"]
+            assert x["stiffness"] * stretch**2 / 2 == pytest.approx(expected.energy)
         else:
-            h, mine = R_a @ x[at.L_AXIS : at.L_AXIS + 3], R_a @ x[at.L_REF : at.L_REF + 3]
-            other = R_b @ x[at.L_REF_B : at.L_REF_B + 3]
-            angle = np.arctan2(h @ np.cross(other, mine), other @ mine) - x[at.L_REST]
+            h, mine = R_a @ x["axis"], R_a @ x["reference_a"]
+            other = R_b @ x["reference_b"]
+            angle = np.arctan2(h @ np.cross(other, mine), other @ mine) - x["rest"]
             angle -= 2 * np.pi * np.round(angle / (2 * np.pi))
-            assert x[at.L_STIFF] * angle**2 / 2 == pytest.approx(expected.energy)
+            assert x["stiffness"] * angle**2 / 2 == pytest.approx(expected.energy)
 
 
 def test_a_torsion_spring_about_a_hinge_sees_its_coordinate():

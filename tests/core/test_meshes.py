@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
 from pgraph_core.mesh_files import load_mesh
-from pgraph_core.shapes import meshes, solids
+from pgraph_core.shapes import kinds, solids
 
 from .convex import signed_distance
 
@@ -43,7 +43,7 @@ SHAPES = [
 @pytest.mark.parametrize(("fields", "mesh", "tolerance"), SHAPES)
 def test_closed_forms_equal_the_integral_over_a_mesh(fields, mesh, tolerance):
     shape = pg.Shape(**fields, position=(0.1, 0.2, 0.3), rotation=TURN)
-    found = meshes.mass_properties(shape, 1000.0)
+    found = kinds.mass_properties(shape, 1000.0)
     turn = Rotation.from_quat(TURN, scalar_first=True).as_matrix()
     mesh.density = 1000.0
     assert found.mass == pytest.approx(mesh.mass, rel=tolerance)
@@ -54,7 +54,7 @@ def test_closed_forms_equal_the_integral_over_a_mesh(fields, mesh, tolerance):
 
 @pytest.mark.parametrize("fields", [fields for fields, _, _ in SHAPES])
 def test_what_touches_has_the_size_of_the_shape(fields):
-    solid = meshes.solid_of(pg.Shape(**fields))
+    solid = kinds.solid_of(pg.Shape(**fields))
     half, middle = solid.box
     expected = {
         "box": (0.5, 1, 1.5),
@@ -75,8 +75,8 @@ def test_a_mesh_file_has_the_mass_of_its_solid(tmp_path, inside_out):
         mesh.invert()
     mesh.export(tmp_path / "brick.stl")
     shape = pg.Shape(kind="mesh", file=str(tmp_path / "brick.stl"))
-    found = meshes.mass_properties(shape, 1000.0, unit="mm")
-    box = meshes.mass_properties(pg.Shape(kind="box", size=(0.1, 0.2, 0.3)), 1000.0)
+    found = kinds.mass_properties(shape, 1000.0, unit="mm")
+    box = kinds.mass_properties(pg.Shape(kind="box", size=(0.1, 0.2, 0.3)), 1000.0)
     assert found.mass == pytest.approx(6.0)
     np.testing.assert_allclose(found.com, (0.05, 0, 0), atol=1e-9)
     np.testing.assert_allclose(found.inertia, box.inertia, atol=1e-9)
@@ -86,7 +86,7 @@ def test_the_hull_of_a_mesh_file_is_a_solid(tmp_path):
     """Facets in one plane are one face; hollows are filled."""
     box, hole = trimesh.creation.box((1, 2, 3)), trimesh.creation.icosphere(radius=0.2)
     trimesh.util.concatenate((box, hole)).export(tmp_path / "part.obj")
-    solid = meshes.convex_hull(tmp_path / "part.obj", scale=2)
+    solid = kinds.convex_hull(tmp_path / "part.obj", scale=2)
     assert solid.vertices.shape == (8, 3)
     assert sorted(map(len, solid.rings)) == [4] * 6
     assert len(solids.edges_of(solid)) == 12
@@ -113,10 +113,10 @@ def test_faces_of_a_hull_look_outward(count):
     "solid", [solids.box((1, 2, 3)), solids.cylinder(0.5, 2), solids.capsule(0.3, 1)]
 )
 def test_packed_sizes(solid):
-    table = solids.packed([solids.Placed(solid, 3, 2, (1, 2, 3))])
+    packed = solids.packed([solids.Placed(solid, 3, 2, (1, 2, 3))]).shapes[0]
     half, middle = solid.box
-    assert table[0][0, 1:3].tolist() == [3, 2]
-    np.testing.assert_allclose(table[1][0, :3], (1, 2, 3))
+    assert (packed["row"], packed["body"]) == (3, 2)
+    np.testing.assert_allclose(packed["position"], (1, 2, 3))
     np.testing.assert_allclose(middle, 0)
     assert (np.abs(solid.vertices) <= half + 1e-15).all()
     assert np.linalg.norm(half) >= solid.reach - 1e-15
@@ -138,13 +138,13 @@ def test_sentences(tmp_path):
     files = broken(tmp_path)
     shape = pg.Shape(kind="mesh", file=str(files["open.stl"]))
     with pytest.raises(pg.ModelError) as error:
-        meshes.mass_properties(shape, 1000)
+        kinds.mass_properties(shape, 1000)
     assert str(error.value) == (
         f"mesh {files['open.stl']}: is not closed: 3 of its edges do not have two faces; mend the "
         "file, or give the body mass, com and inertia of its own"
     )
     with pytest.raises(pg.ModelError, match="must be a number > 0"):
-        meshes.mass_properties(shape, 0)
+        kinds.mass_properties(shape, 0)
     with pytest.raises(pg.ModelError, match="must be one of m, cm, mm, in, ft; given 'inch'"):
         load_mesh(files["open.stl"], unit="inch")
     with pytest.raises(pg.FileError, match="there is no such file"):
@@ -154,7 +154,7 @@ def test_sentences(tmp_path):
     with pytest.raises(pg.FileError, match=r"no mesh is read from \.xyz9 files; give one of glb, "):
         load_mesh(files["part.xyz9"])
     with pytest.raises(pg.ModelError, match="is flat: a shape that touches must span a volume"):
-        meshes.convex_hull(files["flat.obj"])
+        kinds.convex_hull(files["flat.obj"])
 
 
 def test_a_mesh_that_is_not_closed_touches_where_that_is_asked_for(tmp_path):
@@ -182,7 +182,7 @@ def test_a_mesh_that_is_not_closed_touches_where_that_is_asked_for(tmp_path):
 def test_trimesh_is_imported_for_files_only():
     code = (
         "import sys, pgraph_core as pg; from pgraph_core.shapes import meshes;"
-        "meshes.mass_properties(pg.Shape(kind='sphere', radius=1), 1);"
+        "kinds.mass_properties(pg.Shape(kind='sphere', radius=1), 1);"
         "assert 'trimesh' not in sys.modules"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

@@ -8,14 +8,26 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pgraph_core.engine import layout as at
 from pgraph_core.engine.arrays import Candidates
-from pgraph_core.engine.contact import collision
+from pgraph_core.engine.contact import search as kernels
+from pgraph_core.engine.records import (
+    APART,
+    CAPSULE,
+    CONTACT,
+    GROUND_PAIR,
+    MEMBER,
+    POSE,
+    SHAPE_PAIR,
+    SPHERE,
+    rows_of,
+    table,
+)
 from pgraph_core.shapes import solids
 from pgraph_core.shapes.solids import Placed, Solid
 
 FLAT = solids.ground((0, 0, 1))
-NOTHING = np.zeros((0, 2), np.int64)
+NO_PAIRS, NOBODY = rows_of(SHAPE_PAIR, ()), rows_of(MEMBER, ())
+NO_GROUND, NOT_APART = rows_of(GROUND_PAIR, ()), rows_of(APART, ())
 KINDS = ("sphere", "capsule", "box", "cylinder", "hull")
 
 
@@ -41,38 +53,41 @@ class Scene:
     def ask(self, touch, margin: float = 1e3, room: int = 400, count: int | None = None) -> Touch:
         """Contact points of a `touch` table of the kernels."""
         search = solids.search_space(self.geometry, len(touch.members))
-        out = solids.contact_arrays(room)
-        n = collision.contacts(self.geometry, self.ground, touch, self.poses, search, margin, out)
+        out, poses = table(CONTACT, room), as_poses(self.poses)
+        n = kernels.contacts(self.geometry, self.ground, touch, poses, search, margin, out)
         assert n <= room
-        f, i = out.points[:n], out.labels[:n]
-        return Touch(f[:, :3], f[:, 3:6], f[:, 6:9], f[:, at.CT_GAP], i)
+        found = out[:n]
+        whose = np.column_stack([found[x] for x in ("shape_a", "shape_b", "feature", "pair")])
+        return Touch(found["point_a"], found["point_b"], found["normal"], found["gap"], whose)
 
     def pair(self, i: int = 0, j: int = 1, margin: float = 1e3) -> Touch:
         """Contact points of two shapes."""
-        return self.ask(Candidates(NOTHING, np.array([[i, j, 0]]), NOTHING, NOTHING), margin)
+        return self.ask(
+            Candidates(NO_GROUND, rows_of(SHAPE_PAIR, [(i, j, 0)]), NOBODY, NOT_APART), margin
+        )
 
     def on_ground(self, i: int = 0, margin: float = 1e3) -> Touch:
         """Contact points of a shape with the ground."""
         return self.ask(
-            Candidates(np.array([[i, 0]]), np.zeros((0, 3), np.int64), NOTHING, NOTHING), margin
+            Candidates(rows_of(GROUND_PAIR, [(i, 0)]), NO_PAIRS, NOBODY, NOT_APART), margin
         )
 
-    def among(self, members, apart=NOTHING, margin: float = 0.0, room: int = 20000) -> Touch:
+    def among(self, members, apart=(), margin: float = 0.0, room: int = 20000) -> Touch:
         """Contact points of every two members: (shape, contact) each."""
-        nobody = np.zeros((0, 3), np.int64)
         return self.ask(
-            Candidates(NOTHING, nobody, np.array(members), np.array(apart)), margin, room
+            Candidates(NO_GROUND, NO_PAIRS, rows_of(MEMBER, members), rows_of(APART, apart)),
+            margin,
+            room,
         )
 
     def gaps(self, on_ground=(), pairs=()) -> np.ndarray:
         """Signed distances from the ground and of pairs."""
-        ground = np.array([(i, 0) for i in on_ground], np.int64).reshape(-1, 2)
-        table = np.array([(i, j, 0) for i, j in pairs], np.int64).reshape(-1, 3)
-        found = np.zeros(len(ground) + len(table))
+        ground = rows_of(GROUND_PAIR, [(i, 0) for i in on_ground])
+        both = rows_of(SHAPE_PAIR, [(i, j, 0) for i, j in pairs])
+        found = np.zeros(len(ground) + len(both))
         room = solids.search_space(self.geometry, 0).room
-        touch = Candidates(ground, table, NOTHING, NOTHING)
-        probe = solids.contact_arrays(8)
-        collision.gaps(self.geometry, self.ground, touch, self.poses, room, probe, found)
+        touch, poses = Candidates(ground, both, NOBODY, NOT_APART), as_poses(self.poses)
+        kernels.gaps(self.geometry, self.ground, touch, poses, room, table(CONTACT, 8), found)
         return found
 
     def gap(self, i: int = 0, j: int = 1) -> float:
@@ -82,6 +97,11 @@ class Scene:
     def placed(self, i: int) -> np.ndarray:
         """Vertices of shape i in the world (without its radius)."""
         return self.shapes[i].vertices @ self.poses[i, 3:].reshape(3, 3).T + self.poses[i, :3]
+
+
+def as_poses(poses: np.ndarray):
+    """Poses (n, 12) as records."""
+    return rows_of(POSE, [(x[:3], x[3:]) for x in poses])
 
 
 def pose(position=(0.0, 0.0, 0.0), rotation: Rotation | None = None) -> np.ndarray:
@@ -129,4 +149,4 @@ def moved(poses: np.ndarray, position, rotation: Rotation) -> np.ndarray:
 
 def rounded(solid: Solid) -> float:
     """The radius about the vertices: of spheres and capsules."""
-    return solid.radius if solid.kind in (at.SPHERE, at.CAPSULE) else 0.0
+    return solid.radius if solid.kind in (SPHERE, CAPSULE) else 0.0

@@ -7,9 +7,9 @@ crosses its border meets the new height at once. A step that can be bumped into 
 
 import math
 
-from .. import layout as at
 from ..compiler.jit import part, sweep
-from ..vec import add_scaled, cross, dot, load, load9, scale, store
+from ..records import CYLINDER, HULL
+from ..vec import add_scaled, cross, dot, matrix, scale, set_xyz, xyz
 from .manifold import thin
 from .shapes import put, vertex
 
@@ -17,15 +17,21 @@ UPRIGHT = 1e-12  # below it the lowest direction of a cylinder's rim is rounding
 
 
 @part
+def normal_of(ground):
+    """The unit normal of the plane."""
+    return xyz(ground.plane[0].normal)
+
+
+@part
 def height(ground, p):
     """Of the ground under a point, along the normal [m]."""
-    x = dot(p, load(ground, 0, at.GR_X))
-    y = dot(p, load(ground, 0, at.GR_Y))
+    x = dot(p, xyz(ground.plane[0].x))
+    y = dot(p, xyz(ground.plane[0].y))
     found = 0.0
-    for k in range(1, ground.shape[0]):
-        over = ground[k, at.GR_X0] <= x <= ground[k, at.GR_X1]
-        if over and ground[k, at.GR_Y0] <= y <= ground[k, at.GR_Y1]:
-            found = ground[k, at.GR_HEIGHT]
+    for k in range(ground.patches.shape[0]):
+        patch = ground.patches[k]
+        if patch.x_low <= x <= patch.x_high and patch.y_low <= y <= patch.y_high:
+            found = patch.height
     return found
 
 
@@ -33,15 +39,15 @@ def height(ground, p):
 def top(ground):
     """The greatest height that the ground has [m]."""
     found = 0.0
-    for k in range(1, ground.shape[0]):
-        found = max(found, ground[k, at.GR_HEIGHT])
+    for k in range(ground.patches.shape[0]):
+        found = max(found, ground.patches[k].height)
     return found
 
 
 @part
 def above(ground, p):
     """Height of a point over the ground under it."""
-    return dot(p, load(ground, 0, at.GR_NORMAL)) - height(ground, p)
+    return dot(p, normal_of(ground)) - height(ground, p)
 
 
 @part
@@ -50,8 +56,8 @@ def rim_point(geometry, ground, poses, i, k):
 
     Only the lower end is turned around: five points, whose lowest is the cylinder's.
     """
-    n = load(ground, 0, at.GR_NORMAL)
-    r = load9(poses, i, at.PO_ROT)
+    n = normal_of(ground)
+    r = matrix(poses[i].rotation)
     axis = (r[2], r[5], r[8])
     tilt = dot(n, axis)
     down = add_scaled(scale(tilt, axis), -1.0, n)
@@ -62,32 +68,32 @@ def rim_point(geometry, ground, poses, i, k):
         down = cross(axis, down)
     if k >= 3:
         down = scale(-1.0, down)
-    half = geometry.shapes_f[i, at.SH_HALF]
-    centre = add_scaled(load(poses, i, at.PO_POS), half if far else -half, axis)
+    half = geometry.shapes[i].half_length
+    centre = add_scaled(xyz(poses[i].position), half if far else -half, axis)
     feature = k + 3 if k >= 2 and far else k
-    return add_scaled(centre, geometry.shapes_f[i, at.SH_RADIUS], down), feature
+    return add_scaled(centre, geometry.shapes[i].radius, down), feature
 
 
 @part
 def candidate(geometry, ground, poses, i, k):
     """(place, radius, feature) of the k-th ball that may touch the ground."""
-    if geometry.shapes_i[i, at.SH_KIND] == at.CYLINDER:
+    if geometry.shapes[i].kind == CYLINDER:
         p, feature = rim_point(geometry, ground, poses, i, k)
         return p, 0.0, feature
-    return vertex(geometry, poses, i, k), geometry.shapes_f[i, at.SH_RADIUS], k
+    return vertex(geometry, poses, i, k), geometry.shapes[i].radius, k
 
 
 @part
-def candidates(shapes_i, i):
+def candidates(shapes, i):
     """How many there are."""
-    return 5 if shapes_i[i, at.SH_KIND] == at.CYLINDER else shapes_i[i, at.SH_VERTICES]
+    return 5 if shapes[i].kind == CYLINDER else shapes[i].vertices
 
 
 @sweep
 def ground_gap(geometry, ground, poses, i):
     """Signed distance of shape i from the ground [m]."""
     gap = math.inf
-    for k in range(candidates(geometry.shapes_i, i)):
+    for k in range(candidates(geometry.shapes, i)):
         p, radius, _ = candidate(geometry, ground, poses, i, k)
         gap = min(gap, above(ground, p) - radius)
     return gap
@@ -101,24 +107,24 @@ def ground_contacts(geometry, ground, poses, i, margin, room, out, n):
     square on the lower one), hull its vertices thinned to 8, points all. Feature: the vertex; of a
     cylinder 0 and 1 the lowest points of its ends, 2-4 and 5-7 the rest of their squares.
     """
-    shapes_i = geometry.shapes_i
-    normal = load(ground, 0, at.GR_NORMAL)
-    kind = shapes_i[i, at.SH_KIND]
+    shapes = geometry.shapes
+    normal = normal_of(ground)
+    kind = shapes[i].kind
     found = 0
-    for k in range(candidates(shapes_i, i)):
+    for k in range(candidates(shapes, i)):
         p, radius, feature = candidate(geometry, ground, poses, i, k)
         gap = above(ground, p) - radius
         if gap > margin:
             continue
-        if kind == at.HULL:
-            store(room, found, 0, p)
-            room[found, at.RO_HEIGHT] = gap
-            room[found, at.RO_TAG] = k
+        if kind == HULL:
+            set_xyz(room[found].place, p)
+            room[found].height = gap
+            room[found].tag = k
             found += 1
         else:
             n = put(out, n, add_scaled(p, -gap - radius, normal), normal, gap, feature)
     for k in range(thin(room, 0, found, normal)):
-        gap = room[k, at.RO_HEIGHT]
-        on_ground = add_scaled(load(room, k, 0), -gap, normal)
-        n = put(out, n, on_ground, normal, gap, int(room[k, at.RO_TAG]))
+        gap = room[k].height
+        on_ground = add_scaled(xyz(room[k].place), -gap, normal)
+        n = put(out, n, on_ground, normal, gap, room[k].tag)
     return n

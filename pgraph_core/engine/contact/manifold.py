@@ -5,9 +5,8 @@ Candidates stand in rows of `room`: a place, a height (the gap there) and a tag.
 
 import math
 
-from .. import layout as at
 from ..compiler.jit import part, sweep
-from ..vec import add_scaled, cross, dot, load, scale, store, sub
+from ..vec import add_scaled, cross, dot, scale, set_xyz, sub, xyz
 
 MOST = 8  # points that one touch leaves
 CROSSING = 1 << 20  # tags from here on: where an edge crosses side k of the reference face
@@ -15,25 +14,27 @@ CROSSING = 1 << 20  # tags from here on: where an edge crosses side k of the ref
 
 @part
 def copy(room, target, source):
-    for c in range(at.ROOM):
-        room[target, c] = room[source, c]
+    set_xyz(room[target].place, xyz(room[source].place))
+    room[target].height = room[source].height
+    room[target].tag = room[source].tag
 
 
 @part
 def swap(room, i, j):
-    for c in range(at.ROOM):
-        x = room[i, c]
-        room[i, c] = room[j, c]
-        room[j, c] = x
+    place, height, tag = xyz(room[i].place), room[i].height, room[i].tag
+    copy(room, i, j)
+    set_xyz(room[j].place, place)
+    room[j].height = height
+    room[j].tag = tag
 
 
 @part
 def cross_over(room, target, inner, outer, d_inner, d_outer, tag):
     """Where the edge from one candidate to another leaves the plane that parts them."""
     t = d_inner / (d_inner - d_outer)
-    p = load(room, inner, 0)
-    store(room, target, 0, add_scaled(p, t, sub(load(room, outer, 0), p)))
-    room[target, at.RO_TAG] = tag
+    p = xyz(room[inner].place)
+    set_xyz(room[target].place, add_scaled(p, t, sub(xyz(room[outer].place), p)))
+    room[target].tag = tag
 
 
 @sweep
@@ -45,8 +46,8 @@ def clip_polygon(room, source, m, target, plane, offset, tag):
     kept = 0
     for k in range(m):
         following = k + 1 if k + 1 < m else 0
-        d = dot(plane, load(room, source + k, 0)) - offset
-        d_next = dot(plane, load(room, source + following, 0)) - offset
+        d = dot(plane, xyz(room[source + k].place)) - offset
+        d_next = dot(plane, xyz(room[source + following].place)) - offset
         if d <= 0.0 and kept <= m:
             copy(room, target + kept, source + k)
             kept += 1
@@ -69,7 +70,7 @@ def thin(room, first, m, normal):
     t1, t2 = tangents(normal)
     best = first
     for k in range(first, first + m):
-        if room[k, at.RO_HEIGHT] < room[best, at.RO_HEIGHT]:
+        if room[k].height < room[best].height:
             best = k
     swap(room, first, best)
     kept = 1
@@ -79,7 +80,7 @@ def thin(room, first, m, normal):
         best = -1
         far = -math.inf
         for k in range(first, first + m):
-            x = dot(way, load(room, k, 0))
+            x = dot(way, xyz(room[k].place))
             if x > far:
                 best = k
                 far = x

@@ -14,7 +14,7 @@ import math
 from numba import types
 
 from .. import layout as at
-from ..arrays import I1, PHASED
+from ..arrays import EVENT_SCENE, I1
 from ..compiler.address import plain, stored
 from ..compiler.jit import kernel, part, sweep
 from ..constraints.blocks import locate, residual_acceleration, slip, velocities
@@ -22,10 +22,11 @@ from ..constraints.constraints import couplings, number_rows, respond, unit_resp
 from ..constraints.dips import watch
 from ..constraints.proximal import CHANGE, LAMBDA, RHS, STEP, factor_proximal, solve_proximal
 from ..motion import ACCELERATION, call_acceleration
+from ..records import ACCEPTANCE, SLIP, STANCE
 from ..tree.kinematics import positions
-from ..vec import add_scaled, dot, load, scale, store3
+from ..vec import add_scaled, dot, load, scale, store3, xyz
 
-_save, opened_phased = stored(PHASED)
+_save, opened_events = stored(EVENT_SCENE)
 
 RANK = 1e-11  # singular values of sliding points below this part of the largest are zero
 JACOBI_SWEEPS = 30
@@ -35,38 +36,38 @@ INSIDE = 1e-9  # part of the cone that is left free, so that projections end ins
 OVER = 1.5  # over-relaxation
 
 
-@kernel(types.void(I1, plain(PHASED)), later=True)
-def save_phased(buffer, scene):
-    """Keep a scene with sites where `opened_phased` finds it; `opened` finds the scene alone."""
+@kernel(types.void(I1, plain(EVENT_SCENE)), later=True)
+def save_events(buffer, scene):
+    """Keep a scene with points where `opened_events` finds it; `opened` finds the scene alone."""
     _save(buffer, scene)
 
 
 @part
 def slides(phase):
-    """Whether a site in this phase slides."""
-    return phase == at.SLIP or phase == at.ACCEPTANCE
+    """Whether a point in this phase slides."""
+    return phase in (SLIP, ACCEPTANCE)
 
 
 @part
-def tangential(sites_f, s, u):
-    """u without its part along the normal of site s."""
-    n = load(sites_f, s, at.S_NORMAL)
+def tangential(points, s, u):
+    """u without its part along the normal of point s."""
+    n = xyz(points[s].normal)
     return add_scaled(u, -dot(u, n), n)
 
 
 @part
-def way(sites_f, s, u):
+def slip_direction(points, s, u):
     """Direction of slip: of u, of S_WAY where u is zero, and beyond the end of a slide.
 
     Friction turns slow slip across its way at the rate μ N w / |u|, too fast for an explicit step:
     there the way of the step's start weighs as much as keeps the step stable.
     """
-    before = load(sites_f, s, at.S_WAY)
-    u = tangential(sites_f, s, u)
+    before = xyz(points[s].slip_direction)
+    u = tangential(points, s, u)
     if not dot(u, before) > 0.0:
         return before
-    weight = sites_f[s, at.S_STILL]
-    blend = sites_f[s, at.S_BLEND]
+    weight = points[s].slip_tolerance
+    blend = points[s].blend_speed
     if blend > 0.0:
         left = max(0.0, 1.0 - 0.25 * math.sqrt(dot(u, u)) / blend)
         weight += blend * left * left
@@ -75,12 +76,12 @@ def way(sites_f, s, u):
 
 
 @kernel(ACCELERATION, nogil=True, later=True)
-def phased_acceleration(scene, t, q, v, tau, vdot, flow):
-    """As `acceleration`, with the sites of the scene in their phases."""
-    phased = opened_phased(scene)
-    data, sites = phased.scene, phased.sites
+def event_acceleration(scene, t, q, v, tau, vdot, flow):
+    """As `acceleration`, with the points of the scene in their phases."""
+    phased = opened_events(scene)
+    data, contact = phased.scene, phased.contact
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
-    links = sites.links
+    links = contact.links
     call_acceleration(links.tree, (links.bare, t, q, v, tau, vdot, flow))
     if blocks.active[0] == 0:
         return 0
@@ -95,8 +96,8 @@ def phased_acceleration(scene, t, q, v, tau, vdot, flow):
     unit_responses(rows, const, blocks, work, space)
     couplings(blocks, space)
     flow[2] = 0.0
-    flow[1] += solve_phased(blocks, work, space, sites, m, flow)
-    watch(scene, t, q, v)  # rows of constraints come first: their pivots know nothing of sites
+    flow[1] += solve_points(blocks, work, space, contact, m, flow)
+    watch(scene, t, q, v)  # rows of constraints come first: their pivots know nothing of points
     respond(rows, const, blocks, work, space)
     for j in range(vdot.shape[0]):
         vdot[j] += vectors[STEP, j]
@@ -104,21 +105,21 @@ def phased_acceleration(scene, t, q, v, tau, vdot, flow):
 
 
 @sweep
-def solve_phased(blocks, work, space, sites, m, flow):
+def solve_points(blocks, work, space, contact, m, flow):
     """λ of all active rows, sliding blocks last; power that friction takes [W]."""
-    sites_i, columns, small = sites.sites_i, sites.columns, sites.small
+    points, columns, small = contact.points, contact.columns, contact.small
     slots, omega, factor = space.slots, space.omega, space.factor
     vectors, nulls = space.vectors, space.nulls
     lam = vectors[LAMBDA]
     held, k, count = m, 0, 0
-    for s in range(sites_i.shape[0]):
-        if slides(sites_i[s, at.S_PHASE]):
-            held = min(held, slots[sites_i[s, at.S_SLIDE], at.FIRST])
+    for s in range(points.shape[0]):
+        if slides(points[s].phase):
+            held = min(held, slots[points[s].slide_block, at.FIRST])
             k += 1
     for r in range(m):
         columns[k, r] = vectors[RHS, r]
     if k > 0:
-        slide_columns(blocks, work, space, sites, k, m)
+        slide_columns(blocks, work, space, contact, k, m)
     for r in range(m):
         lam[r] = 0.0
     if held > 0:
@@ -131,27 +132,27 @@ def solve_phased(blocks, work, space, sites, m, flow):
                 columns[k + 1 + j, r] = lam[r]
     if k == 0:
         if held > 0 and count > 0:
-            share_out(blocks, space, sites, count, held)
+            share_out(blocks, space, contact, count, held)
         return 0.0
-    reduce_slides(sites, held, k)
+    reduce_slides(contact, held, k)
     if k == 1:
         small[2, 0] = small[1, 0] / small[0, 0] if small[0, 0] != 0.0 else 0.0
     else:
         solve_small(small, k)
-    power = share_slides(blocks, space, sites, held, k, work)
+    power = share_slides(blocks, space, contact, held, k, work)
     if count > 0:
-        share_out(blocks, space, sites, count, held)
+        share_out(blocks, space, contact, count, held)
     return power
 
 
 @sweep
-def share_out(blocks, space, sites, count, held):
+def share_out(blocks, space, contact, count, held):
     """Move λ of stances along null directions of Ω into their cones, where that can be done.
 
     Forces of redundant supports are not unique: those of least norm may leave a cone though
     others do not. Projections on the cones and back along the null directions, in turn.
     """
-    sites_i, sites_f = sites.sites_i, sites.sites_f
+    points = contact.points
     slots, place, vectors, nulls = space.slots, space.place, space.vectors, space.nulls
     lam = vectors[LAMBDA]
     change = vectors[CHANGE]
@@ -161,15 +162,15 @@ def share_out(blocks, space, sites, count, held):
         for r in range(held):
             change[r] = 0.0
             size = max(size, abs(lam[r]))
-        for s in range(sites_i.shape[0]):
-            if sites_i[s, at.S_PHASE] == at.STANCE:
-                i = sites_i[s, at.S_STANCE]
+        for s in range(points.shape[0]):
+            if points[s].phase == STANCE:
+                i = points[s].held_block
                 r = slots[i, at.FIRST]
-                if sites_i[s, at.S_LIMIT] == 1:
+                if points[s].limit == 1:
                     step = (max(0.0, -lam[r]), 0.0, 0.0)
                     change[r] = step[0]
                 else:
-                    step = into_cone(sites_f, s, place, i, lam, r)
+                    step = into_cone(points, s, place, i, lam, r)
                     store3(change, r, step)
                 worst = max(worst, dot(step, step))
         if not worst > (SHARED * size) ** 2:
@@ -183,10 +184,10 @@ def share_out(blocks, space, sites, count, held):
 
 
 @part
-def into_cone(sites_f, s, place, i, lam, r):
+def into_cone(points, s, place, i, lam, r):
     """What λ of a stance lacks to the nearest force in its cone, a little inside the rim."""
-    mu = sites_f[s, at.S_FRICTION] * (1.0 - INSIDE)
-    normal = load(sites_f, s, at.S_NORMAL)
+    mu = points[s].friction * (1.0 - INSIDE)
+    normal = xyz(points[s].normal)
     n = (
         dot(normal, load(place, i, at.PLACE_D)),
         dot(normal, load(place, i, at.PLACE_D + 3)),
@@ -206,34 +207,34 @@ def into_cone(sites_f, s, place, i, lam, r):
 
 
 @sweep
-def slide_columns(blocks, work, space, sites, k, m):
-    """c_j, and Ω_·n, of every sliding site in turn into `columns`: factoring writes into Ω."""
-    sites_i, sites_f, columns = sites.sites_i, sites.sites_f, sites.columns
+def slide_columns(blocks, work, space, contact, k, m):
+    """c_j, and Ω_·n, of every sliding point in turn into `columns`: factoring writes into Ω."""
+    points, columns = contact.points, contact.columns
     slots, omega, place = space.slots, space.omega, space.place
     j = 0
-    for s in range(sites_i.shape[0]):
-        if not slides(sites_i[s, at.S_PHASE]):
+    for s in range(points.shape[0]):
+        if not slides(points[s].phase):
             continue
-        i = sites_i[s, at.S_SLIDE]
-        d = way(sites_f, s, slip(blocks.blocks_i, i, work, space.linear, place))
-        x = sites_f[s, at.S_FRICTION] * dot(d, load(place, i, at.PLACE_D + 3))
-        y = sites_f[s, at.S_FRICTION] * dot(d, load(place, i, at.PLACE_D + 6))
+        i = points[s].slide_block
+        d = slip_direction(points, s, slip(blocks.blocks_i, i, work, space.linear, place))
+        x = points[s].friction * dot(d, load(place, i, at.PLACE_D + 3))
+        y = points[s].friction * dot(d, load(place, i, at.PLACE_D + 6))
         n = slots[i, at.FIRST]
         for r in range(m):
             columns[j, r] = omega[r, n] - x * omega[r, n + 1] - y * omega[r, n + 2]
             columns[2 * k + 2 + j, r] = omega[r, n]
-        sites_f[s, at.S_EASE] = 0.5 * (omega[n + 1, n + 1] + omega[n + 2, n + 2])
+        points[s].compliance = 0.5 * (omega[n + 1, n + 1] + omega[n + 2, n + 2])
         j += 1
 
 
 @sweep
-def reduce_slides(sites, held, k):
-    """The k equations of the sliding sites: matrix in the first k rows of `small`, then r."""
-    sites_i, sites_f, columns, small = sites.sites_i, sites.sites_f, sites.columns, sites.small
+def reduce_slides(contact, held, k):
+    """The k equations of the sliding contact: matrix in the first k rows of `small`, then r."""
+    points, columns, small = contact.points, contact.columns, contact.small
     i = 0
     n = held
-    for s in range(sites_i.shape[0]):
-        if not slides(sites_i[s, at.S_PHASE]):
+    for s in range(points.shape[0]):
+        if not slides(points[s].phase):
             continue
         n = held + 3 * i
         for j in range(k + 1):
@@ -244,7 +245,7 @@ def reduce_slides(sites, held, k):
                 small[i, j] = x
             else:
                 small[k, i] = x
-        sites_f[s, at.S_PIVOT] = small[i, i] / columns[2 * k + 2 + i, n]
+        points[s].pivot = small[i, i] / columns[2 * k + 2 + i, n]
         i += 1
 
 
@@ -314,24 +315,24 @@ def rotate_columns(small, base, p, q, k):
 
 
 @sweep
-def share_slides(blocks, space, sites, held, k, work):
+def share_slides(blocks, space, contact, held, k, work):
     """λ of all rows from the sizes s of the sliding forces; power that friction takes."""
-    sites_i, sites_f, columns, small = sites.sites_i, sites.sites_f, sites.columns, sites.small
+    points, columns, small = contact.points, contact.columns, contact.small
     slots, place, lam = space.slots, space.place, space.vectors[LAMBDA]
     power = 0.0
     j = 0
     for r in range(held):
         lam[r] = columns[2 * k + 1, r]
-    for s in range(sites_i.shape[0]):
-        if not slides(sites_i[s, at.S_PHASE]):
+    for s in range(points.shape[0]):
+        if not slides(points[s].phase):
             continue
-        i = sites_i[s, at.S_SLIDE]
+        i = points[s].slide_block
         size = small[2 * k, j]
         for r in range(held):
             lam[r] -= size * columns[k + 1 + j, r]
         u = slip(blocks.blocks_i, i, work, space.linear, place)
-        d = way(sites_f, s, u)
-        drag = size * sites_f[s, at.S_FRICTION]
+        d = slip_direction(points, s, u)
+        drag = size * points[s].friction
         n = slots[i, at.FIRST]
         lam[n] = size
         lam[n + 1] = -drag * dot(d, load(place, i, at.PLACE_D + 3))

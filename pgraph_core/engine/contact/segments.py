@@ -5,9 +5,8 @@ A capsule is the set within a radius of a segment, so gaps are distances of segm
 
 import math
 
-from .. import layout as at
 from ..compiler.jit import part, sweep
-from ..vec import add, add_scaled, cross, dot, load, load9, mul, mul_t, scale, sub
+from ..vec import add, add_scaled, cross, dot, matrix, mul, mul_t, scale, sub, xyz
 from .shapes import put
 
 TOUCH = 1e-12  # of the sizes: segments closer than this cross, and have no direction between them
@@ -146,9 +145,9 @@ def segment_segment(out, n, p, d, radius_a, q, e, radius_b, margin, feature):
 @sweep
 def ball_box(out, n, centre, radius, geometry, poses, j, sign, margin, feature):
     """A ball against box j, which is B where `sign` is 1 and A where it is -1."""
-    r = load9(poses, j, at.PO_ROT)
-    origin = load(poses, j, at.PO_POS)
-    half = load(geometry.shapes_f, j, at.SH_BOX)
+    r = matrix(poses[j].rotation)
+    origin = xyz(poses[j].position)
+    half = xyz(geometry.shapes[j].half_extents)
     c = mul_t(r, sub(centre, origin))
     nearest = (
         between(c[0], -half[0], half[0]),

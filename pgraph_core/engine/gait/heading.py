@@ -4,7 +4,10 @@ import math
 
 from ..compiler.jit import part, sweep
 from ..compiler.sines import sine_cosine
-from . import layout as go
+
+# waves (5, 8), each a1, b1, a2, b2, ...: Σ a cos(2π k phase) + b sin(2π k phase)
+RISE, NOD, SWAY, SURGE, FLEXION = 0, 1, 2, 3, 4  # of height, pitch, place, place, spine hinges
+HARMONICS = 4
 
 
 @part
@@ -31,11 +34,11 @@ def smooth(x):
 @sweep
 def wave(waves, i, s, phase):
     """(value, rate, acceleration) of wave i."""
-    rate = 2.0 * math.pi / s[go.STRIDE]
+    rate = 2.0 * math.pi / s.stride
     x = 0.0
     x1 = 0.0
     x2 = 0.0
-    for k in range(go.HARMONICS):
+    for k in range(HARMONICS):
         a, b = waves[i, 2 * k], waves[i, 2 * k + 1]
         if a == 0.0 and b == 0.0:
             continue
@@ -50,10 +53,10 @@ def wave(waves, i, s, phase):
 @part
 def speed_at(s, t):
     """Forward speed that is wanted [m/s]: a ramp."""
-    most = s[go.SPEED_RATE] * max(t - s[go.SPEED_T], 0.0)
-    return s[go.SPEED_FROM] + min(max(s[go.SPEED_TO] - s[go.SPEED_FROM], -most), most)
+    most = s.speed_rate * max(t - s.speed_time, 0.0)
+    return s.speed_from + min(max(s.speed_to - s.speed_from, -most), most)
 
 
 @part
 def phase_at(s, t):
-    return s[go.CLOCK_PHASE] + (t - s[go.CLOCK_T]) / s[go.STRIDE]
+    return s.clock_phase + (t - s.clock_time) / s.stride

@@ -10,7 +10,6 @@ import math
 
 from ..compiler.jit import part, sweep
 from ..compiler.sines import sine_cosine
-from . import layout as go
 
 STRAIGHT, FOLDED = 0.99, -0.98  # cosine of the knee's bend: no nearer to either
 FLAT = 0.02  # m²: below it the leg is nearly straight, and rates are damped
@@ -30,10 +29,10 @@ def clamp(x, most):
 
 
 @part
-def reach(legs_f, f, x, y):
+def reach(legs, f, x, y):
     """(hip's angle, knee's) that bring the foot to (x, y) from the hip, or as near as it goes."""
-    ax, ay = legs_f[f, go.LONG], legs_f[f, go.LONG + 1]
-    bx, by = legs_f[f, go.SHANK], legs_f[f, go.SHANK + 1]
+    ax, ay = legs[f].long[0], legs[f].long[1]
+    bx, by = legs[f].shank[0], legs[f].shank[1]
     aa = ax * ax + ay * ay
     bb = bx * bx + by * by
     cosine = (x * x + y * y - aa - bb) / (2.0 * math.sqrt(aa * bb))
@@ -64,26 +63,26 @@ def out_of_spread(spread, x):
 
 
 @sweep
-def swing(legs_i, legs_f, f, place, speed, push, q, v, s, vdot):
+def swing(legs, f, place, speed, push, q, v, s, vdot):
     """v' of a leg whose foot is to be at `place` from the hip, with a velocity and acceleration.
 
     All three in the girdle's axes, relative to it.
     """
-    i = legs_i[f, go.Q_FLEX]
-    j = legs_i[f, go.V_FLEX]
-    kp = s[go.GAIN_SWING]
-    kd = s[go.GAIN_SWING + 1]
+    i = legs[f].q_flex
+    j = legs[f].v_flex
+    kp = s.gain_swing[0]
+    kd = s.gain_swing[1]
     y = place[1]
-    if legs_i[f, go.V_SPREAD] >= 0:
+    if legs[f].v_spread >= 0:
         spread = math.atan2(-place[2], -place[1])
         y = -math.sqrt(place[1] * place[1] + place[2] * place[2])
         speed = out_of_spread(spread, speed)
         push = out_of_spread(spread, push)
-        k = legs_i[f, go.V_SPREAD]
-        vdot[k] = kp * (spread - q[legs_i[f, go.Q_SPREAD]]) + kd * (speed[2] / y - v[k])
+        k = legs[f].v_spread
+        vdot[k] = kp * (spread - q[legs[f].q_spread]) + kd * (speed[2] / y - v[k])
         vdot[k] += push[2] / y
-    hip, knee = reach(legs_f, f, place[0], y)
-    b = turned(hip + knee, legs_f[f, go.SHANK], legs_f[f, go.SHANK + 1])
+    hip, knee = reach(legs, f, place[0], y)
+    b = turned(hip + knee, legs[f].shank[0], legs[f].shank[1])
     hip_rate, knee_rate = two_rates((place[0], y), b, (speed[0], speed[1]))
     hip_push, knee_push = two_rates((place[0], y), b, (push[0], push[1]))
     hip_rate = clamp(hip_rate, FASTEST)
@@ -95,16 +94,16 @@ def swing(legs_i, legs_f, f, place, speed, push, q, v, s, vdot):
 
 
 @sweep
-def stand(legs_i, legs_f, f, q, v, s, vdot):
+def stand(legs, f, q, v, s, vdot):
     """v' of a leg along the motion that leaves its foot in place, towards a pantograph's shape."""
-    i = legs_i[f, go.Q_FLEX]
-    j = legs_i[f, go.V_FLEX]
+    i = legs[f].q_flex
+    j = legs[f].v_flex
     bend = q[i] + q[i + 1]
-    fx, fy = turned(bend + q[i + 2], legs_f[f, go.PAW], legs_f[f, go.PAW + 1])
-    kx, ky = turned(bend, legs_f[f, go.SHANK], legs_f[f, go.SHANK + 1])
+    fx, fy = turned(bend + q[i + 2], legs[f].paw[0], legs[f].paw[1])
+    kx, ky = turned(bend, legs[f].shank[0], legs[f].shank[1])
     kx += fx
     ky += fy
-    hx, hy = turned(q[i], legs_f[f, go.THIGH], legs_f[f, go.THIGH + 1])
+    hx, hy = turned(q[i], legs[f].thigh[0], legs[f].thigh[1])
     hx += kx
     hy += ky
     hip = kx * fy - ky * fx  # along the cross product of the foot's two rows of J
@@ -114,7 +113,7 @@ def stand(legs_i, legs_f, f, q, v, s, vdot):
     along = knee + paw
     if abs(along) < 0.05 * size:
         along = 0.05 * size if along >= 0.0 else -0.05 * size
-    pull = -s[go.GAIN_PAW] * (q[i + 1] + q[i + 2]) - s[go.GAIN_PAW + 1] * (v[j + 1] + v[j + 2])
+    pull = -s.gain_paw[0] * (q[i + 1] + q[i + 2]) - s.gain_paw[1] * (v[j + 1] + v[j + 2])
     vdot[j] = pull * hip / along
     vdot[j + 1] = pull * knee / along
     vdot[j + 2] = pull * paw / along

@@ -12,8 +12,20 @@ import math
 
 from .. import layout as at
 from ..compiler.jit import part, sweep
-from ..vec import add, add_cross, add_scaled, cross, dot, load, load9, mul, scale, store, sub
-from . import layout as go
+from ..vec import (
+    add,
+    add_cross,
+    add_scaled,
+    cross,
+    dot,
+    load,
+    load9,
+    mul,
+    scale,
+    set_xyz,
+    sub,
+    xyz,
+)
 
 ROUNDS = 6
 MOST = 4.0  # weights: the largest load of one foot
@@ -43,8 +55,8 @@ def carry(feet, s, goal, com, mat):
         for i in range(6):
             mat[i, 6] = goal[i]
         for f in range(feet.shape[0]):
-            one = load(feet, f, go.FORCE_F)
-            moment = cross(sub(load(feet, f, go.PLACE_F), com), one)
+            one = xyz(feet[f].force)
+            moment = cross(sub(xyz(feet[f].place), com), one)
             for i in range(3):
                 mat[i, 6] -= moment[i]
                 mat[3 + i, 6] -= one[i]
@@ -52,20 +64,20 @@ def carry(feet, s, goal, com, mat):
         turn = (mat[0, 6], mat[1, 6], mat[2, 6])
         push = (mat[3, 6], mat[4, 6], mat[5, 6])
         for f in range(feet.shape[0]):
-            w = feet[f, go.LOAD]
+            w = feet[f].load
             if w > 0.0:
-                arm = sub(load(feet, f, go.PLACE_F), com)
-                force = add_scaled(load(feet, f, go.FORCE_F), w, add(push, cross(turn, arm)))
-                store(feet, f, go.FORCE_F, in_cone(force, w, s))
+                arm = sub(xyz(feet[f].place), com)
+                force = add_scaled(xyz(feet[f].force), w, add(push, cross(turn, arm)))
+                set_xyz(feet[f].force, in_cone(force, w, s))
 
 
 @part
 def in_cone(force, w, s):
     """A force that pushes enough, and not more than friction holds."""
-    up = min(max(force[1], s[go.LEAST] * w), MOST * s[go.MASS] * 9.81 * w)
-    side = force[2] * s[go.LEVER]
+    up = min(max(force[1], s.least_load * w), MOST * s.mass * 9.81 * w)
+    side = force[2] * s.lever
     size = math.sqrt(force[0] * force[0] + side * side)
-    k = min(1.0, s[go.GRIP] * up / size) if size > 0.0 else 1.0
+    k = min(1.0, s.grip * up / size) if size > 0.0 else 1.0
     return (k * force[0], up, k * side)
 
 
@@ -75,11 +87,11 @@ def weigh(feet, s, com, mat):
     for i in range(6):
         for j in range(6):
             mat[i, j] = 0.0
-        tight = s[go.TIGHT_TORQUE] if i < 3 else s[go.TIGHT_FORCE]
+        tight = s.tight_torque if i < 3 else s.tight_force
         mat[i, i] = 1.0 / (tight * tight)
     for f in range(feet.shape[0]):
-        w = feet[f, go.LOAD]
-        p = sub(load(feet, f, go.PLACE_F), com)
+        w = feet[f].load
+        p = sub(xyz(feet[f].place), com)
         x, y, z = p
         size = dot(p, p)
         mat[0, 0] += w * (size - x * x)
@@ -96,7 +108,7 @@ def weigh(feet, s, com, mat):
         mat[5, 1] -= w * x
         for i in range(3):
             mat[3 + i, 3 + i] += w
-        w *= 1.0 - s[go.LEVER]  # no hinge feels a force along z where all are parallel to it
+        w *= 1.0 - s.lever  # no hinge feels a force along z where all are parallel to it
         mat[0, 0] -= w * y * y
         mat[1, 0] += w * x * y
         mat[1, 1] -= w * x * x

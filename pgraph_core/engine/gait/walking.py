@@ -28,12 +28,13 @@ from ..vec import (
     mul,
     mul_t,
     scale,
+    set_xyz,
     store,
     sub,
+    xyz,
 )
-from . import layout as go
 from .footsteps import ground, level_at, step_to, swing_foot
-from .heading import into, out_of, phase_at, smooth, speed_at, wave
+from .heading import FLEXION, NOD, RISE, SURGE, SWAY, into, out_of, phase_at, smooth, speed_at, wave
 from .legs import stand, swing
 from .support import carry, centre
 
@@ -49,75 +50,73 @@ def save_walk(buffer, walk):
 
 
 @part
-def trunk(work, linear, legs_i, s):
+def trunk(work, linear, legs, s):
     """(heading, (roll, yaw, pitch), their rates) from the line between the hips' middles."""
-    hind = legs_i[2, go.GIRDLE]
+    hind = legs[2].girdle
     d = (0.0, 0.0, 0.0)
     u = (0.0, 0.0, 0.0)
     for f in range(4):  # the first two are in front
         side = 0.5 if f < 2 else -0.5
-        d = add_scaled(d, side, load(work, legs_i[f, go.HIP], at.X))
-        u = add_scaled(u, side, load(linear, legs_i[f, go.HIP], 0))
+        d = add_scaled(d, side, load(work, legs[f].hip, at.X))
+        u = add_scaled(u, side, load(linear, legs[f].hip, 0))
     flat = math.sqrt(d[0] * d[0] + d[2] * d[2])
     heading = (d[0] / flat, -d[2] / flat)
     d = into(heading, d)
     u = into(heading, u)
     right = into(heading, mul(load9(work, hind, at.R), (0.0, 0.0, 1.0)))
     w = into(heading, load(work, hind, at.W))
-    pitch = math.atan2(d[1], d[0]) - s[go.PITCH]
+    pitch = math.atan2(d[1], d[0]) - s.pitch
     nods = (d[0] * u[1] - d[1] * u[0]) / (d[0] * d[0] + d[1] * d[1])
     roll = -math.asin(min(max(right[1], -1.0), 1.0))
     return heading, (roll, math.atan2(heading[1], heading[0]), pitch), (w[0], w[1], nods)
 
 
 @part
-def feel(work, linear, legs_i, legs_f, s, phase, heading, feet):
+def feel(work, linear, legs, s, phase, heading, feet):
     """Where the feet are, which ones carry by their clocks, and how much they are to carry."""
-    for f in range(legs_i.shape[0]):
-        p = phase - legs_f[f, go.OFFSET]
+    for f in range(legs.shape[0]):
+        p = phase - legs[f].offset
         p -= math.floor(p)
-        duty = legs_f[f, go.DUTY]
-        k = legs_i[f, go.FOOT]
-        arm = mul(load9(work, k, at.R), load(legs_f, f, go.TIP))
+        duty = legs[f].duty
+        k = legs[f].foot
+        arm = mul(load9(work, k, at.R), xyz(legs[f].tip))
         u = add_cross(load(linear, k, 0), load(work, k, at.W), arm)
-        store(feet, f, go.PLACE_F, into(heading, add(load(work, k, at.X), arm)))
-        store(feet, f, go.SPEED_F, into(heading, u))
+        set_xyz(feet[f].place, into(heading, add(load(work, k, at.X), arm)))
+        set_xyz(feet[f].velocity, into(heading, u))
         if p < duty:
-            whole = s[go.RAMP] * duty
-            feet[f, go.LOAD] = smooth(min(p, duty - p) / whole) if duty < 1.0 else 1.0
-            feet[f, go.SWING] = -1.0
+            whole = s.ramp * duty
+            feet[f].load = smooth(min(p, duty - p) / whole) if duty < 1.0 else 1.0
+            feet[f].swing = -1.0
         else:
-            feet[f, go.LOAD] = 0.0
-            feet[f, go.SWING] = (p - duty) / (1.0 - duty)
-        up = feet[f, go.LOAD] * legs_f[f, go.SHARE] * s[go.MASS] * G
-        store(feet, f, go.FORCE_F, (0.0, up, 0.0))
+            feet[f].load = 0.0
+            feet[f].swing = (p - duty) / (1.0 - duty)
+        up = feet[f].load * legs[f].share * s.mass * G
+        set_xyz(feet[f].force, (0.0, up, 0.0))
 
 
 @part
 def wanted(s, waves, phase, t, felt, angles, rates, com, u):
     """[torque about the centre of mass, force] that feet are to give the body, heading axes."""
     sure, middle, slope, _ = felt
-    rise, rise_u, rise_a = wave(waves, go.RISE, s, phase)
-    nod, nod_u, nod_a = wave(waves, go.NOD, s, phase)
-    sway, sway_u, sway_a = wave(waves, go.SWAY, s, phase)
-    surge, surge_u, surge_a = wave(waves, go.SURGE, s, phase)
-    k = go.GAIN_HEIGHT
-    up = s[k] * (s[go.HEIGHT] + level_at(felt, com[0]) + rise - com[1])
-    up += s[k + 1] * (rise_u + slope * u[0] - u[1]) + rise_a
-    ahead = s[go.GAIN_SPEED] * (speed_at(s, t) + surge_u - u[0]) + surge_a
-    ahead += s[go.GAIN_SURGE] * sure * (surge + middle[0] - com[0])
-    right = s[go.GAIN_DRIFT] * (s[go.DRIFT] + sway_u - u[2]) + sway_a
-    right += s[go.GAIN_SWAY] * sure * (sway + middle[2] - com[2])
-    off = s[go.HEADING] + s[go.TURN] * (t - s[go.TURN_T]) - angles[1]
+    rise, rise_u, rise_a = wave(waves, RISE, s, phase)
+    nod, nod_u, nod_a = wave(waves, NOD, s, phase)
+    sway, sway_u, sway_a = wave(waves, SWAY, s, phase)
+    surge, surge_u, surge_a = wave(waves, SURGE, s, phase)
+    up = s.gain_height[0] * (s.height + level_at(felt, com[0]) + rise - com[1])
+    up += s.gain_height[1] * (rise_u + slope * u[0] - u[1]) + rise_a
+    ahead = s.gain_speed * (speed_at(s, t) + surge_u - u[0]) + surge_a
+    ahead += s.gain_surge * sure * (surge + middle[0] - com[0])
+    right = s.gain_drift * (s.drift + sway_u - u[2]) + sway_a
+    right += s.gain_sway * sure * (sway + middle[2] - com[2])
+    off = s.heading + s.turn_rate * (t - s.turn_time) - angles[1]
     off -= 2.0 * math.pi * math.floor(off / (2.0 * math.pi) + 0.5)
-    roll = -s[go.GAIN_ROLL] * angles[0] - s[go.GAIN_ROLL + 1] * rates[0]
-    yaw = s[go.GAIN_YAW] * off + s[go.GAIN_YAW + 1] * (s[go.TURN] - rates[1])
-    pitch = s[go.GAIN_PITCH] * (slope + nod - angles[2])
-    pitch += s[go.GAIN_PITCH + 1] * (nod_u - rates[2]) + nod_a
-    m = s[go.MASS]
-    i = go.INERTIA
+    roll = -s.gain_roll[0] * angles[0] - s.gain_roll[1] * rates[0]
+    yaw = s.gain_yaw[0] * off + s.gain_yaw[1] * (s.turn_rate - rates[1])
+    pitch = s.gain_pitch[0] * (slope + nod - angles[2])
+    pitch += s.gain_pitch[1] * (nod_u - rates[2]) + nod_a
+    m, inertia = s.mass, s.inertia
     return (
-        s[i] * roll, s[i + 1] * yaw, s[i + 2] * pitch,
+        inertia[0] * roll, inertia[1] * yaw, inertia[2] * pitch,
         m * ahead, m * (G + up), m * right,
     )  # fmt: skip
 
@@ -128,12 +127,12 @@ def base_acceleration(work, feet, s, heading, com, vdot):
     force = (0.0, 0.0, 0.0)
     moment = (0.0, 0.0, 0.0)
     for f in range(feet.shape[0]):
-        one = load(feet, f, go.FORCE_F)
+        one = xyz(feet[f].force)
         force = add(force, one)
-        moment = add(moment, cross(sub(load(feet, f, go.PLACE_F), com), one))
-    i = go.INERTIA
-    alpha = (moment[0] / s[i], moment[1] / s[i + 1], moment[2] / s[i + 2])
-    linear = add(scale(1.0 / s[go.MASS], force), (0.0, -G, 0.0))
+        moment = add(moment, cross(sub(xyz(feet[f].place), com), one))
+    inertia = s.inertia
+    alpha = (moment[0] / inertia[0], moment[1] / inertia[1], moment[2] / inertia[2])
+    linear = add(scale(1.0 / s.mass, force), (0.0, -G, 0.0))
     arm = sub(into(heading, load(work, 1, at.X)), com)
     linear = out_of(heading, add_cross(linear, alpha, arm))
     alpha = out_of(heading, alpha)
@@ -146,52 +145,52 @@ def base_acceleration(work, feet, s, heading, com, vdot):
 @part
 def swing_leg(walk, work, t, f, heading, u, roll, felt, base):
     """v' of a swinging leg: its foot's aim, seen from its girdle."""
-    linear, legs_i, legs_f, s = walk.linear, walk.legs_i, walk.legs_f, walk.settings
+    linear, legs, s = walk.linear, walk.legs, walk.settings[0]
     feet, q, v, vdot = walk.feet, walk.q, walk.v, walk.vdot
-    g = legs_i[f, go.GIRDLE]
-    hip = load(work, legs_i[f, go.HIP], at.X)
-    hip_u = load(linear, legs_i[f, go.HIP], 0)
+    g = legs[f].girdle
+    hip = load(work, legs[f].hip, at.X)
+    hip_u = load(linear, legs[f].hip, 0)
     places = step_to(
-        legs_f, f, s, feet[f, go.SWING], speed_at(s, t), into(heading, hip), into(heading, hip_u),
+        legs, f, s, feet[f].swing, speed_at(s, t), into(heading, hip), into(heading, hip_u),
         u, roll,
     )  # fmt: skip
-    place, speed, push = swing_foot(feet, f, legs_f, s, felt, places[0], places[1])
+    place, speed, push = swing_foot(feet, f, legs, s, felt, places[0], places[1])
     arm = sub(out_of(heading, place), hip)
     alpha, linear_a = base
     hip_a = add_cross(linear_a, alpha, sub(hip, load(work, 1, at.X)))
     rate = sub(sub(out_of(heading, speed), hip_u), cross(load(work, g, at.W), arm))
     push = sub(sub(out_of(heading, push), hip_a), cross(alpha, arm))
     r = load9(work, g, at.R)
-    swing(legs_i, legs_f, f, mul_t(r, arm), mul_t(r, rate), mul_t(r, push), q, v, s, vdot)
+    swing(legs, f, mul_t(r, arm), mul_t(r, rate), mul_t(r, push), q, v, s, vdot)
 
 
 @part
 def legs_and_spine(walk, work, t, phase, heading, u, roll, felt, base):
     """v' of all hinges."""
-    legs_i, legs_f, s, waves, feet = walk.legs_i, walk.legs_f, walk.settings, walk.waves, walk.feet
+    legs, s, waves, feet = walk.legs, walk.settings[0], walk.waves, walk.feet
     q, v, vdot, spine = walk.q, walk.v, walk.vdot, walk.spine
-    bend, bend_u, bend_a = wave(waves, go.FLEXION, s, phase)
+    bend, bend_u, bend_a = wave(waves, FLEXION, s, phase)
     for n in range(spine.shape[0]):
         i, j = spine[n, 0], spine[n, 1]
-        vdot[j] = s[go.GAIN_SPINE] * (bend - q[i])
-        vdot[j] += s[go.GAIN_SPINE + 1] * (bend_u - v[j]) + bend_a
+        vdot[j] = s.gain_spine[0] * (bend - q[i])
+        vdot[j] += s.gain_spine[1] * (bend_u - v[j]) + bend_a
     for f in range(feet.shape[0]):
-        if legs_i[f, go.V_SPREAD] >= 0:
-            vdot[legs_i[f, go.V_SPREAD]] = 0.0
-        if feet[f, go.SWING] < 0.0:
-            stand(legs_i, legs_f, f, q, v, s, vdot)
+        if legs[f].v_spread >= 0:
+            vdot[legs[f].v_spread] = 0.0
+        if feet[f].swing < 0.0:
+            stand(legs, f, q, v, s, vdot)
         else:
             swing_leg(walk, work, t, f, heading, u, roll, felt, base)
 
 
 @part
-def take_off_forces(rows, work, legs_i, feet, heading, tau):
+def take_off_forces(rows, work, legs, feet, heading, tau):
     """τ less Jᵀ f of the feet's forces."""
     for f in range(feet.shape[0]):
-        if feet[f, go.LOAD] > 0.0:
-            force = out_of(heading, load(feet, f, go.FORCE_F))
-            place = out_of(heading, load(feet, f, go.PLACE_F))
-            k = legs_i[f, go.FOOT]
+        if feet[f].load > 0.0:
+            force = out_of(heading, xyz(feet[f].force))
+            place = out_of(heading, xyz(feet[f].place))
+            k = legs[f].foot
             while k > 1:
                 moment = cross(sub(place, load(work, k, at.X)), force)
                 tau[rows[k, at.VI]] -= dot(load(work, k, at.H), moment)
@@ -202,7 +201,7 @@ def take_off_forces(rows, work, legs_i, feet, heading, tau):
 def has_fallen(work, s, com, level):
     """Whether the trunk is too low or too tilted to walk on."""
     upright = work[1, at.R + 4]
-    return com[1] - level < s[go.LOW] * s[go.HEIGHT] or upright < s[go.UPRIGHT]
+    return com[1] - level < s.low * s.height or upright < s.upright
 
 
 @part
@@ -220,8 +219,8 @@ def walking(t, q_place, v_place, tau_place):
     After a fall the joints are only damped; the first time of one is kept in `fallen`.
     """
     walk = opened_walk(tau_place + (tau_place - v_place))
-    rows, const, mine, linear, legs_i = walk.rows, walk.const, walk.work, walk.linear, walk.legs_i
-    legs_f, s, waves, feet, mat = walk.legs_f, walk.settings, walk.waves, walk.feet, walk.matrix
+    rows, const, mine, linear, legs = walk.rows, walk.const, walk.work, walk.linear, walk.legs
+    s, waves, feet, mat = walk.settings[0], walk.waves, walk.feet, walk.matrix
     q, v, tau, vdot, limit = walk.q, walk.v, walk.tau, walk.vdot, walk.limit
     fallen, theirs = walk.fallen, walk.theirs
     work = theirs if theirs.shape[0] > 0 else mine
@@ -230,16 +229,16 @@ def walking(t, q_place, v_place, tau_place):
     positions(rows, work)
     velocities(rows, const, work, v, linear)
     com, u = centre(rows, const, work, linear)
-    heading, angles, rates = trunk(work, linear, legs_i, s)
+    heading, angles, rates = trunk(work, linear, legs, s)
     com, u = into(heading, com), into(heading, u)
     phase = phase_at(s, t)
-    feel(work, linear, legs_i, legs_f, s, phase, heading, feet)
-    felt = ground(feet, com[1] - s[go.HEIGHT] - wave(waves, go.RISE, s, phase)[0])
+    feel(work, linear, legs, s, phase, heading, feet)
+    felt = ground(feet, com[1] - s.height - wave(waves, RISE, s, phase)[0])
     if has_fallen(work, s, com, level_at(felt, com[0])):
         if fallen[0] < 0.0:
             fallen[0] = t
         for j in range(tau.shape[0]):
-            tau[j] = -s[go.LIMP] * v[j] if j >= 6 else 0.0
+            tau[j] = -s.limp * v[j] if j >= 6 else 0.0
     else:
         carry(feet, s, wanted(s, waves, phase, t, felt, angles, rates, com, u), com, mat)
         base = base_acceleration(work, feet, s, heading, com, vdot)
@@ -249,7 +248,7 @@ def walking(t, q_place, v_place, tau_place):
         copied_bias(mine, work)
         store(work, 0, at.U, (0.0, 0.0, 0.0))  # where forces of the root have ended
         store(work, 0, at.U + 3, (0.0, 0.0, 0.0))
-        take_off_forces(rows, work, legs_i, feet, heading, tau)
+        take_off_forces(rows, work, legs, feet, heading, tau)
         for j in range(6):
             tau[j] = 0.0
     for j in range(6, tau.shape[0]):

@@ -14,10 +14,11 @@ from ..constraints.blocks import locate, residual_velocity, total, velocities
 from ..constraints.constraints import driven_power, number_rows, unit_responses
 from ..constraints.paths import spread
 from ..constraints.proximal import CHANGE, DINV, FACTORED, LAMBDA, RHS, STEP
+from ..contact.contacts import clear, contacts_at, keep_point, kept_place, note, set_block, touching
 from ..contact.impulse import BEFORE, DUAL, REPORT, SPLIT, gained, gather, solve_impulses
-from ..contact.touch import clear, contacts_at, kept_place, note, set_block, touching
 from ..forces import lookup
 from ..motion import call_acceleration, opened
+from ..records import RIGID
 from ..tree.kinematics import base_axes, positions
 from ..tree.moving import advance
 from ..vec import add, add_scaled, load, mul, store
@@ -43,7 +44,7 @@ def moreau_jean(scene, accelerate, tableau, t, h, q, v, fresh, stages, flow, led
     nv = v.shape[0]
     for j in range(nv):
         stages[1, j] = v[j]
-    contacts.tally[at.FROZEN] = 0
+    contacts.tally[0].frozen = 0
     active[0] = 0  # constraints come in with the impulses
     advance(rows, q, v, 0.5 * h)
     stiffen(scene, t + 0.5 * h, h, q, v)
@@ -82,7 +83,7 @@ def moreau_jean(scene, accelerate, tableau, t, h, q, v, fresh, stages, flow, led
     if active[0] >= first:
         push_out(scene, first, q, size)
     active[0] = bilateral
-    contacts.tally[at.FROZEN] = 1
+    contacts.tally[0].frozen = 1
     return taken
 
 
@@ -99,12 +100,12 @@ def stiffen(scene, t, h, q, v):
         damping[j] = 0.0
         stiffness[j] = 0.0
     for n in range(table.shape[0]):
-        j = int(table[n, at.DR_V])
-        kd = table[n, at.DR_KD]
+        j = table[n].velocity
+        kd = table[n].damping
         if kd > 0.0 and not saturated(table, knots, n, t, q, v):
             damping[j] += kd
-            if table[n, at.DR_Q] >= 0.0:
-                stiffness[j] += table[n, at.DR_KP]
+            if table[n].coordinate >= 0:
+                stiffness[j] += table[n].stiffness
     for k in range(1, rows.shape[0]):
         if rows[k, at.KIND] <= at.TRANSLATE:
             j = rows[k, at.VI]
@@ -144,16 +145,16 @@ def book_drives(rows, drives, stages, extra, h, v, ledger):
 @part
 def saturated(table, knots, n, t, q, v):
     """Whether drive n gives its largest torque."""
-    j = int(table[n, at.DR_V])
-    i = int(table[n, at.DR_Q])
-    torque = -table[n, at.DR_KD] * v[j]
+    j = table[n].velocity
+    i = table[n].coordinate
+    torque = -table[n].damping * v[j]
     if i >= 0:
-        first = int(table[n, at.DR_TARGET])
-        target = lookup(knots, first, int(table[n, at.DR_TARGET_N]), t)
-        torque += table[n, at.DR_KP] * (target - q[i])
-    first = int(table[n, at.DR_TORQUE])
-    torque += lookup(knots, first, int(table[n, at.DR_TORQUE_N]), t)
-    return abs(torque) > table[n, at.DR_LIMIT]
+        first = table[n].first_target
+        target = lookup(knots, first, table[n].targets, t)
+        torque += table[n].stiffness * (target - q[i])
+    first = table[n].first_torque
+    torque += lookup(knots, first, table[n].torques, t)
+    return abs(torque) > table[n].limit
 
 
 @sweep
@@ -164,9 +165,9 @@ def add_unilateral(scene, q, size):
     contacts = contacts_at(data.links.contacts)
     blocks_i, blocks_f, terms_i = blocks.blocks_i, blocks.blocks_f, blocks.terms_i
     terms_f, active = blocks.terms_f, blocks.active
-    laws, tally = contacts.laws, contacts.tally
-    first = tally[at.FIRST_LIMIT]
-    for i in range(first, first + tally[at.N_LIMITS]):
+    laws, tally = contacts.laws, contacts.tally[0]
+    first = tally.first_limit
+    for i in range(first, first + tally.limits):
         gap = total(blocks_i, terms_i, terms_f, i, 1, q) - blocks_f[i, at.VALUE]
         if gap <= 0.0:
             active[0] += 1
@@ -174,10 +175,10 @@ def add_unilateral(scene, q, size):
     if laws.shape[0] == 0:
         return
     near = NEAR * size
-    first = tally[at.FIRST_CONTACT]
+    first = tally.first_contact
     for n in range(touching(scene, near)):
-        law = contacts.found.labels[n, at.CT_CONTACT]
-        if laws[law, at.LW_LAW] == at.RIGID and contacts.found.points[n, at.CT_GAP] <= near:
+        point = contacts.found[n]
+        if laws[point.pair].law == RIGID and point.gap <= near:
             set_block(contacts, blocks, n, first + n)
             active[0] += 1
             active[active[0]] = first + n
@@ -220,7 +221,7 @@ def warm_start(scene, first, m):
     lam = space.vectors[LAMBDA]
     for r in range(m):
         lam[r] = 0.0
-    begin = contacts.tally[at.FIRST_CONTACT]
+    begin = contacts.tally[0].first_contact
     for j in range(first, active[0] + 1):
         n = active[j] - begin
         if n >= 0:
@@ -228,7 +229,7 @@ def warm_start(scene, first, m):
             if k >= 0:
                 r = slots[active[j], at.FIRST]
                 for c in range(3):
-                    lam[r + c] = contacts.kept[k, c]
+                    lam[r + c] = contacts.kept[k].value[c]
 
 
 @sweep
@@ -237,20 +238,20 @@ def solve(scene, m, first, ledger):
     data = opened(scene)
     blocks, space = data.blocks, data.space
     contacts = contacts_at(data.links.contacts)
-    tally = contacts.tally
+    tally = contacts.tally[0]
     answer = space.vectors[REPORT]
     solve_impulses(scene, m, first)
     gain, size = gained(scene, first)
     if gain > GAIN * size and bounces(scene, first):
-        tally[at.N_CALMED] += 1
+        tally.calmed += 1
         for j in range(first, blocks.active[0] + 1):
             blocks.blocks_f[blocks.active[j], at.BOUNCE] = 0.0
         solve_impulses(scene, m, first)
         gain, size = gained(scene, first)
     ledger[at.DISSIPATED] -= gain
     if answer[1] > 0.0:
-        tally[at.N_FALLBACK] += 1
-    contacts.worst[at.MISSED] = max(contacts.worst[at.MISSED], answer[2])
+        tally.fallbacks += 1
+    tally.residual = max(tally.residual, answer[2])
     return int(answer[0] + answer[1])
 
 
@@ -277,10 +278,9 @@ def book(scene, first, h):
     contacts = contacts_at(data.links.contacts)
     active, slots = blocks.active, space.slots
     lam = space.vectors[LAMBDA]
-    found_i, kept = contacts.found.labels, contacts.kept
-    kept_i, tally = contacts.kept_i, contacts.tally
-    touches, limit_tau = contacts.touches, contacts.limit_tau
-    begin = tally[at.FIRST_CONTACT]
+    found, kept, tally = contacts.found, contacts.kept, contacts.tally[0]
+    pairs, limit_tau = contacts.pairs, contacts.limit_tau
+    begin = tally.first_contact
     count = 0
     for j in range(first, active[0] + 1):
         n = active[j] - begin
@@ -289,22 +289,19 @@ def book(scene, first, h):
             term = blocks.blocks_i[active[j], at.B_TERM]
             torque = blocks.terms_f[term] * lam[r] / h
             limit_tau[blocks.terms_i[term, 0]] += torque
-            touches[touches.shape[0] + n, at.TO_FORCE] = torque
+            pairs[pairs.shape[0] + n].force[0] = torque
             continue
         force = (0.0, 0.0, 0.0)
         for c in range(3):
-            kept[count, c] = lam[r + c]
             d = load(blocks.blocks_f, active[j], at.DIR + 3 * c)
             force = add_scaled(force, lam[r + c] / h, d)
-        kept_i[count, 0] = found_i[n, at.CT_SHAPE_A]
-        kept_i[count, 1] = found_i[n, at.CT_SHAPE_B]
-        kept_i[count, 2] = found_i[n, at.CT_FEATURE]
+        keep_point(kept[count], found[n], (lam[r], lam[r + 1], lam[r + 2]))
         count += 1
         u = gather(space.y, slots, active[j], space.vectors[STEP])
         x, z = space.vectors[RHS, r + 1] + u[1], space.vectors[RHS, r + 2] + u[2]
         slip = math.sqrt(x * x + z * z)
         note(opened(scene).links.contacts, work, n, force, slip)
-    tally[at.N_KEPT] = count
+    tally.kept = count
 
 
 @sweep
@@ -318,14 +315,14 @@ def push_out(scene, first, q, size):
     lam = vectors[LAMBDA]
     dinv = vectors[DINV]
     z = vectors[STEP]
-    found_f, tally, worst = contacts.found.points, contacts.tally, contacts.worst
-    begin = tally[at.FIRST_CONTACT]
+    found, tally = contacts.found, contacts.tally[0]
+    begin = tally.first_contact
     deepest = 0.0
     for j in range(first, active[0] + 1):
         n = active[j] - begin
         if n >= 0:
-            deepest = max(deepest, -found_f[n, at.CT_GAP])
-    worst[at.DEEPEST] = max(worst[at.DEEPEST], deepest)
+            deepest = max(deepest, -found[n].gap)
+    tally.depth = max(tally.depth, deepest)
     if not deepest > DEPTH * size:
         return
     for k in range(z.shape[0]):
@@ -340,7 +337,7 @@ def push_out(scene, first, q, size):
             if n < 0 or not own[i, 0] > 0.0:
                 continue
             r = slots[i, at.FIRST]
-            gap = RECOVER * (found_f[n, at.CT_GAP] + 0.5 * DEPTH * size)
+            gap = RECOVER * (found[n].gap + 0.5 * DEPTH * size)
             for s in range(slots[i, at.SLOTS]):
                 gap += y[i, 3 * s] * z[slots[i, at.SLOT + s]]
             new = max(lam[r] - gap / own[i, 0], 0.0)

@@ -6,11 +6,14 @@ output, and the step ends there.
 
 from .. import layout as at
 from ..compiler.jit import kernel, sweep
-from ..contact.phase_watch import (
+from ..contact.phases import opened_events
+from ..contact.points import (
+    NOW,
     TRIALS,
     WIDTH,
     accepted,
     bracket_of,
+    call_observe,
     lowest,
     narrowed,
     next_try,
@@ -18,8 +21,6 @@ from ..contact.phase_watch import (
     start,
     watch,
 )
-from ..contact.phases import opened_phased
-from ..contact.sites import call_observe
 from ..motion import PROJECTION, call_projection
 from .adaptive import LOOK_BACK
 from .attempt import copied
@@ -29,14 +30,14 @@ PARTS = 4  # of a step that are looked at for themselves
 
 
 @kernel(PROJECTION, nogil=True, later=True)
-def phased_projection(scene, t, q, v, rounds):
+def event_projection(scene, t, q, v, rounds):
     """As `projection`, onto held constraints; rounds taken, -1 where it fails."""
-    links = opened_phased(scene).sites.links
+    links = opened_events(scene).contact.links
     return call_projection(links.project, (links.held, t, q, v, rounds))
 
 
 @sweep
-def look(scene, accelerate, tableau, size, stages, control, flow, sites, low, w):
+def look(scene, accelerate, tableau, size, stages, control, flow, contact, low, w):
     """The state a time low + w after the last step's start, into TRIAL, observed and watched."""
     settings, counters = control
     nq, nv = size
@@ -49,42 +50,42 @@ def look(scene, accelerate, tableau, size, stages, control, flow, sites, low, w)
     v = stages[at.TRIAL, nq : nq + nv]
     vdot = stages[at.ERROR, nq : nq + nv]
     t = settings.old_time + low + w
-    call_observe(sites.links.observe, (scene, t, q, v, vdot, flow))
+    call_observe(contact.links.observe, (scene, t, q, v, vdot, flow))
     counters.evaluations += 1
-    watch(sites, at.W_NOW, w)
+    watch(contact, NOW, w)
 
 
 @sweep
-def seen(scene, accelerate, tableau, size, stages, control, flow, sites, low, width):
+def seen(scene, accelerate, tableau, size, stages, control, flow, contact, low, width):
     """Width at which a phase has ended in a part of the step from `low`; 0 where none has."""
-    watched = sites.watched
-    look(scene, accelerate, tableau, size, stages, control, flow, sites, low, width)
-    if over(watched, at.W_NOW):
+    watched = contact.watched
+    look(scene, accelerate, tableau, size, stages, control, flow, contact, low, width)
+    if over(watched, NOW):
         return width
-    dip = lowest(sites, width)
+    dip = lowest(contact, width)
     if dip < width:
-        look(scene, accelerate, tableau, size, stages, control, flow, sites, low, dip)
-        if over(watched, at.W_NOW):
+        look(scene, accelerate, tableau, size, stages, control, flow, contact, low, dip)
+        if over(watched, NOW):
             return dip
-        look(scene, accelerate, tableau, size, stages, control, flow, sites, low, width)
+        look(scene, accelerate, tableau, size, stages, control, flow, contact, low, width)
     return 0.0
 
 
 @sweep
-def locate(scene, accelerate, tableau, size, stages, control, flow, sites, low, end):
+def locate(scene, accelerate, tableau, size, stages, control, flow, contact, low, end):
     """The first width from `low` at which a phase ends, its state in TRIAL; W_NOW tells which."""
-    watched = sites.watched
+    watched = contact.watched
     bracket = bracket_of(watched, end)
     ended = True
     for n in range(TRIALS):
         if bracket[1] - bracket[0] <= WIDTH:
             break
         w = next_try(watched, bracket, n)
-        look(scene, accelerate, tableau, size, stages, control, flow, sites, low, w)
-        ended = over(watched, at.W_NOW)
+        look(scene, accelerate, tableau, size, stages, control, flow, contact, low, w)
+        ended = over(watched, NOW)
         bracket = narrowed(watched, bracket, w, ended)
     if not ended:
-        look(scene, accelerate, tableau, size, stages, control, flow, sites, low, bracket[1])
+        look(scene, accelerate, tableau, size, stages, control, flow, contact, low, bracket[1])
     return bracket[1]
 
 
@@ -95,18 +96,18 @@ def look_for_phases(scene, accelerate, tableau, size, stages, control, flow, eve
     The first of events' numbers is the time in which friction may turn slow slip around [s].
     """
     settings, _ = control
-    sites = opened_phased(scene).sites
+    contact = opened_events(scene).contact
     h = settings.old_width
     for n in range(PARTS):
         low = h * n / PARTS
         width = h * (n + 1) / PARTS - low
-        end = seen(scene, accelerate, tableau, size, stages, control, flow, sites, low, width)
+        end = seen(scene, accelerate, tableau, size, stages, control, flow, contact, low, width)
         if end > 0.0:
-            w = locate(scene, accelerate, tableau, size, stages, control, flow, sites, low, end)
+            w = locate(scene, accelerate, tableau, size, stages, control, flow, contact, low, end)
             copied(stages, at.TRIAL, at.Y, stages.shape[1])
             settings.time = settings.old_time + low + w
             settings.fresh = 0
             settings.fired = 1
             return
-        accepted(sites)
-        start(sites, events[2][0])
+        accepted(contact)
+        start(contact, events[2][0])

@@ -8,11 +8,14 @@ from numba import types
 
 from .. import layout as at
 from ..compiler.jit import kernel, sweep
-from ..contact.phase_watch import (
+from ..contact.phases import opened_events
+from ..contact.points import (
+    NOW,
     TRIALS,
     WIDTH,
     accepted,
     bracket_of,
+    call_observe,
     lowest,
     narrowed,
     next_try,
@@ -20,15 +23,13 @@ from ..contact.phase_watch import (
     start,
     watch,
 )
-from ..contact.phases import opened_phased
-from ..contact.sites import call_observe
 from ..motion import F1, F2, I1, OUT, call_record
 from ..records import CLOCK, COUNTERS, CURSOR, array_of
 from .run import LINKS, TABLEAU, call_step, fail, finish, keep, restore
 
 
 @sweep
-def trial(scene, held, links, sites, tableau, stabilised, t, w, q, v, stages, flow, ledger,
+def trial(scene, held, links, contact, tableau, stabilised, t, w, q, v, stages, flow, ledger,
           before, counters):  # fmt: skip
     """A step of width w from the state kept, observed; a status code."""
     step = links[3]
@@ -42,16 +43,16 @@ def trial(scene, held, links, sites, tableau, stabilised, t, w, q, v, stages, fl
     code = finish(held, links[1], stabilised, t + w, q, v, counters)
     if code == at.DONE:
         vdot = stages[4, : v.shape[0]]
-        call_observe(sites.links.observe, (scene, t + w, q, v, vdot, flow))
-        watch(sites, at.W_NOW, w)
+        call_observe(contact.links.observe, (scene, t + w, q, v, vdot, flow))
+        watch(contact, NOW, w)
     return code
 
 
 @sweep
-def locate_event(scene, held, links, sites, tableau, stabilised, t, h, q, v, stages, flow, ledger,
+def locate_event(scene, held, links, contact, tableau, stabilised, t, h, q, v, stages, flow, ledger,
                  before, counters):  # fmt: skip
     """The first width at which a phase ends, its state in q and v; W_NOW tells which."""
-    watched = sites.watched
+    watched = contact.watched
     bracket = bracket_of(watched, h)
     ended = True
     for n in range(TRIALS):
@@ -59,12 +60,12 @@ def locate_event(scene, held, links, sites, tableau, stabilised, t, h, q, v, sta
         if width <= WIDTH or width <= 1e-15 * h:
             break
         w = next_try(watched, bracket, n)
-        code = trial(scene, held, links, sites, tableau, stabilised, t, w, q, v, stages, flow,
+        code = trial(scene, held, links, contact, tableau, stabilised, t, w, q, v, stages, flow,
                      ledger, before, counters)  # fmt: skip
-        ended = code != at.DONE or over(watched, at.W_NOW)
+        ended = code != at.DONE or over(watched, NOW)
         bracket = narrowed(watched, bracket, w, ended)
     if not ended:
-        trial(scene, held, links, sites, tableau, stabilised, t, bracket[1], q, v, stages, flow,
+        trial(scene, held, links, contact, tableau, stabilised, t, bracket[1], q, v, stages, flow,
               ledger, before, counters)  # fmt: skip
     return bracket[1]
 
@@ -76,19 +77,19 @@ def locate_event(scene, held, links, sites, tableau, stabilised, t, h, q, v, sta
     nogil=True,
     later=True,
 )  # fmt: skip
-def run_phased(
+def run_events(
     scene, links, tableau, schedule, cursor, budget, stabilised, q, v, stages, flow, ledger,
     counters, failure, out, clock,
 ):  # fmt: skip
     """As `run`; EVENT where a phase ends: `clock` is there, W_NOW tells which.
 
-    Sites have been observed at the state it starts from.
+    Points have been observed at the state it starts from.
     """
     record = links[2]
     cursor, counters, clock = cursor[0], counters[0], clock[0]
     times, substeps, width = schedule
-    sites = opened_phased(scene).sites
-    held = sites.links.held
+    contact = opened_events(scene).contact
+    held = contact.links.held
     kept = stages.shape[0] - 2
     for _ in range(budget):
         i = cursor.frame
@@ -105,9 +106,9 @@ def run_phased(
         h = width[i - 1] - clock.done
         t = times[i - 1] + taken * width[i - 1] + clock.done
         keep(q, v, stages, kept)
-        start(sites, h)
+        start(contact, h)
         saved = (ledger[0], ledger[1])
-        code = trial(scene, held, links, sites, tableau, stabilised, t, h, q, v, stages, flow,
+        code = trial(scene, held, links, contact, tableau, stabilised, t, h, q, v, stages, flow,
                      ledger, saved, counters)  # fmt: skip
         counters.steps += 1
         if code != at.DONE:
@@ -119,16 +120,16 @@ def run_phased(
                 cursor.frame = i + call_record(record, frame)
             return code
         end = h
-        if not over(sites.watched, at.W_NOW):
-            end = lowest(sites, h)
+        if not over(contact.watched, NOW):
+            end = lowest(contact, h)
             if end < h:
-                trial(scene, held, links, sites, tableau, stabilised, t, end, q, v, stages, flow,
+                trial(scene, held, links, contact, tableau, stabilised, t, end, q, v, stages, flow,
                       ledger, saved, counters)  # fmt: skip
-                if not over(sites.watched, at.W_NOW):
-                    trial(scene, held, links, sites, tableau, stabilised, t, h, q, v, stages, flow,
-                          ledger, saved, counters)  # fmt: skip
-        if over(sites.watched, at.W_NOW):
-            w = locate_event(scene, held, links, sites, tableau, stabilised, t, end, q, v, stages,
+                if not over(contact.watched, NOW):
+                    trial(scene, held, links, contact, tableau, stabilised, t, h, q, v, stages,
+                          flow, ledger, saved, counters)  # fmt: skip
+        if over(contact.watched, NOW):
+            w = locate_event(scene, held, links, contact, tableau, stabilised, t, end, q, v, stages,
                              flow, ledger, saved, counters)  # fmt: skip
             clock.event = t + w
             clock.done += w
@@ -136,7 +137,7 @@ def run_phased(
                 cursor.taken = taken + 1
                 clock.done = 0.0
             return at.EVENT
-        accepted(sites)
+        accepted(contact)
         cursor.taken = taken + 1
         clock.done = 0.0
     return at.DONE if cursor.frame == times.shape[0] else at.RUNNING

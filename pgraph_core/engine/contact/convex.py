@@ -5,29 +5,175 @@ faces of their difference A - B: faces of A, faces of B, and products of edges w
 the Gauss map [Gottschalk et al. 1996; Gregorius 2013]. That is exact where they penetrate, and
 where the nearest features are a face and a vertex or two edges. Else (vertex to edge or vertex)
 the nearest pair is searched, pruned by the separation. Nothing iterates, so nothing can stall.
+
+All vertices are taken relative to A's origin: far away from the world's nothing is lost.
 """
 
 import math
+from typing import Any, NamedTuple
 
-from .. import layout as at
 from ..compiler.jit import part, sweep
-from ..vec import add, add_scaled, cross, dot, load, scale, store, sub
+from ..records import POINTS
+from ..vec import add, add_scaled, cross, dot, load, matrix, mul, scale, set_xyz, sub, xyz
 from .manifold import CROSSING, clip_polygon, swap, thin
 from .segments import segment_segment
-from .separation import (
-    edge_line,
-    edge_normals,
-    edge_separation,
-    face_corner,
-    face_separation,
-    lay_out,
-)
 from .shapes import put
 
 CERTAIN = 1e-12  # of the sizes: rounding of a distance
 PREFER = 1e-9  # of the smaller size: a face is taken where two edges overlap only this much less
 NO_WAY = 1e-9  # of the sizes: nearer corners have no direction between them worth having
 FACE_A, FACE_B, EDGES, CORNER, CAPSULE_EDGE = 1, 2, 3, 4, 5  # kinds of touch
+
+
+class Side(NamedTuple):
+    """One solid of a pair, laid out in `room`."""
+
+    first: Any  # row of its first vertex
+    vertices: Any
+    normal: Any  # row of its first face's normal
+    face: Any  # its first face, in the tables
+    faces: Any
+    edge: Any  # its first edge, in the tables
+    edges: Any
+
+
+PARALLEL = 1e-20  # squared sine: edges closer to parallel span no face that the others do not
+
+
+@sweep
+def lay_out(geometry, poses, i, only, origin, room, row):
+    """Vertices and normals of shape i into `room`; the side, and the next free row.
+
+    Of a list of points only point `only` counts.
+    """
+    shapes, vertices, normals = geometry.shapes, geometry.vertices, geometry.normals
+    r = matrix(poses[i].rotation)
+    shift = sub(xyz(poses[i].position), origin)
+    first = shapes[i].first_vertex
+    count = shapes[i].vertices
+    if shapes[i].kind == POINTS:
+        first += only
+        count = 1
+    for k in range(count):
+        set_xyz(room[row + k].place, add(shift, mul(r, load(vertices, first + k, 0))))
+    face = shapes[i].first_face
+    faces = shapes[i].faces
+    for k in range(faces):
+        set_xyz(room[row + count + k].place, mul(r, load(normals, face + k, 0)))
+    edge = shapes[i].first_edge
+    side = Side(row, count, row + count, face, faces, edge, shapes[i].edges)
+    return side, row + count + faces
+
+
+@part
+def face_corner(geometry, room, a, face):
+    """The first vertex of a face, and its normal."""
+    faces, rings = geometry.faces, geometry.rings
+    corner = xyz(room[a.first + rings[faces[a.face + face].first]].place)
+    return corner, xyz(room[a.normal + face].place)
+
+
+@part
+def lowest(room, a, n):
+    """(height, vertex) of side a that is lowest along n."""
+    low = math.inf
+    found = 0
+    for k in range(a.vertices):
+        h = dot(n, xyz(room[a.first + k].place))
+        if h < low:
+            low = h
+            found = k
+    return low, found
+
+
+@sweep
+def face_separation(geometry, room, a, b):
+    """(separation, face of a, deepest vertex of b): the largest over a's faces."""
+    best = -math.inf
+    found = 0
+    deepest = 0
+    for f in range(a.faces):
+        corner, n = face_corner(geometry, room, a, f)
+        low, k = lowest(room, b, n)
+        low -= dot(n, corner)
+        if low > best:
+            best = low
+            found = f
+            deepest = k
+    return best, found, deepest
+
+
+@part
+def edge_line(geometry, room, a, e):
+    """(start, way) of an edge."""
+    edges = geometry.edges
+    start = xyz(room[a.first + edges[a.edge + e].start].place)
+    return start, sub(xyz(room[a.first + edges[a.edge + e].end].place), start)
+
+
+@part
+def edge_normals(geometry, room, a, e):
+    """Normals of the two faces beside an edge."""
+    edges = geometry.edges
+    f = xyz(room[a.normal + edges[a.edge + e].left].place)
+    return f, xyz(room[a.normal + edges[a.edge + e].right].place)
+
+
+@part
+def arcs_cross(da, f, g, db, h, k):
+    """Whether two edges span a face of A - B: the arc f, g crosses the arc -h, -k."""
+    hd = -dot(h, da)
+    kd = -dot(k, da)
+    fd = dot(f, db)
+    gd = dot(g, db)
+    return hd * kd < 0.0 and fd * gd < 0.0 and hd * gd > 0.0
+
+
+@sweep
+def edge_separation(geometry, room, a, b, least):
+    """(separation, edge of a, edge of b, direction from a to b), edge -1 if none exceeds `least`.
+
+    The separation is that of all vertices, so it holds whatever rounding did to the direction.
+    """
+    best = least
+    found_a = -1
+    found_b = -1
+    way = (0.0, 0.0, 0.0)
+    for i in range(a.edges):
+        p, da = edge_line(geometry, room, a, i)
+        for j in range(b.edges):
+            q, db = edge_line(geometry, room, b, j)
+            if a.faces == 0:  # the one edge of a capsule: its normals are a whole circle
+                h, k = edge_normals(geometry, room, b, j)
+                if not dot(h, da) * dot(k, da) < 0.0:
+                    continue
+                outward = scale(-1.0, add(h, k))
+            elif b.faces == 0:
+                f, g = edge_normals(geometry, room, a, i)
+                if not dot(f, db) * dot(g, db) < 0.0:
+                    continue
+                outward = add(f, g)
+            else:
+                f, g = edge_normals(geometry, room, a, i)
+                h, k = edge_normals(geometry, room, b, j)
+                if not arcs_cross(da, f, g, db, h, k):
+                    continue
+                outward = add(f, g)
+            n = cross(da, db)
+            size = dot(n, n)
+            if size <= PARALLEL * dot(da, da) * dot(db, db):
+                continue
+            n = scale(math.copysign(1.0 / math.sqrt(size), dot(n, outward)), n)
+            if dot(n, sub(q, p)) <= best:
+                continue
+            low_b, _ = lowest(room, b, n)
+            low_a, _ = lowest(room, a, scale(-1.0, n))
+            if low_b + low_a > best:
+                best = low_b + low_a
+                found_a = i
+                found_b = j
+                way = n
+    return best, found_a, found_b, way
 
 
 @part
@@ -43,14 +189,14 @@ def facing(geometry, room, b, deepest, n):
     It is one of the two beside the flattest edge there, so that an edge which lies across a face
     as a whole belongs to it.
     """
-    if b[4] == 0:
+    if b.faces == 0:
         return -1
     edges = geometry.edges
     flattest = math.inf
     found = 0
-    for e in range(b[6]):
-        start = edges[b[5] + e, 0] == deepest
-        if not start and edges[b[5] + e, 1] != deepest:
+    for e in range(b.edges):
+        start = edges[b.edge + e].start == deepest
+        if not start and edges[b.edge + e].end != deepest:
             continue
         _, d = edge_line(geometry, room, b, e)
         rise = (1.0 if start else -1.0) * dot(n, d) / math.sqrt(dot(d, d))
@@ -58,7 +204,7 @@ def facing(geometry, room, b, deepest, n):
             flattest = rise
             found = e
     f, g = edge_normals(geometry, room, b, found)
-    return edges[b[5] + found, 2] if dot(f, n) <= dot(g, n) else edges[b[5] + found, 3]
+    return edges[b.edge + found].left if dot(f, n) <= dot(g, n) else edges[b.edge + found].right
 
 
 @sweep
@@ -70,26 +216,26 @@ def clipped(geometry, room, row, a, face, b, deepest):
     faces, rings = geometry.faces, geometry.rings
     corner, n = face_corner(geometry, room, a, face)
     other = facing(geometry, room, b, deepest, n)
-    start = faces[b[3] + other, 0] if other >= 0 else 0
-    m = faces[b[3] + other, 1] if other >= 0 else b[1]
-    ring = faces[a[3] + face, 0]
-    count = faces[a[3] + face, 1]
+    start = faces[b.face + other].first if other >= 0 else 0
+    m = faces[b.face + other].corners if other >= 0 else b.vertices
+    ring = faces[a.face + face].first
+    count = faces[a.face + face].corners
     spare = row + m + count
     for k in range(m):
         v = rings[start + k] if other >= 0 else k
-        store(room, row + k, 0, load(room, b[0] + v, 0))
-        room[row + k, at.RO_TAG] = v
-    u = load(room, a[0] + rings[ring + count - 1], 0)
+        set_xyz(room[row + k].place, xyz(room[b.first + v].place))
+        room[row + k].tag = v
+    u = xyz(room[a.first + rings[ring + count - 1]].place)
     for k in range(count):
-        v = load(room, a[0] + rings[ring + k], 0)
+        v = xyz(room[a.first + rings[ring + k]].place)
         outward = cross(sub(v, u), n)
         m = clip_polygon(room, row, m, spare, outward, dot(outward, u), CROSSING + 2 * k)
         row, spare = spare, row
         u = v
     low = math.inf
     for k in range(row, row + m):
-        room[k, at.RO_HEIGHT] = dot(n, sub(load(room, k, 0), corner))
-        low = min(low, room[k, at.RO_HEIGHT])
+        room[k].height = dot(n, sub(xyz(room[k].place), corner))
+        low = min(low, room[k].height)
     return row, m, low
 
 
@@ -100,14 +246,14 @@ def face_contacts(geometry, room, row, m, a, face, radii, kind, origin, margin, 
     _, normal = face_corner(geometry, room, a, face)
     kept = 0
     for k in range(m):
-        if room[row + k, at.RO_HEIGHT] - radius - other_radius <= margin:
+        if room[row + k].height - radius - other_radius <= margin:
             swap(room, row + kept, row + k)
             kept += 1
     for k in range(row, row + thin(room, row, kept, normal)):
-        p = add(origin, load(room, k, 0))
-        height = room[k, at.RO_HEIGHT]
+        p = add(origin, xyz(room[k].place))
+        height = room[k].height
         gap = height - radius - other_radius
-        feature = feature_of(kind, face, int(room[k, at.RO_TAG]))
+        feature = feature_of(kind, face, int(room[k].tag))
         if kind == FACE_A:
             on_b = add_scaled(p, -other_radius, normal)
             n = put(out, n, on_b, scale(-1.0, normal), gap, feature)
@@ -125,9 +271,9 @@ def by_face(geometry, room, row, a, found, b, radii, kind, origin, size, margin,
         if separation > 0.0:
             return -1
         m += 1  # the deepest vertex lies beside the face: it belongs to the touch all the same
-        store(room, row + m - 1, 0, load(room, b[0] + deepest, 0))
-        room[row + m - 1, at.RO_HEIGHT] = separation
-        room[row + m - 1, at.RO_TAG] = deepest
+        set_xyz(room[row + m - 1].place, xyz(room[b.first + deepest].place))
+        room[row + m - 1].height = separation
+        room[row + m - 1].tag = deepest
     return face_contacts(geometry, room, row, m, a, face, radii, kind, origin, margin, out, n)
 
 
@@ -145,7 +291,7 @@ def by_edges(geometry, room, a, found, b, radii, origin, margin, out, n):
     if separation > 0.0:
         if min(s, t) < -CERTAIN or max(s, t) > 1.0 + CERTAIN:
             return -1
-        if a[4] == 0 or b[4] == 0:
+        if a.faces == 0 or b.faces == 0:
             feature = feature_of(CAPSULE_EDGE, i, j)
             return ends_of_capsule(p, da, radii, q, db, origin, margin, feature, out, n)
     gap = separation - radii[0] - radii[1]
@@ -168,9 +314,9 @@ def measure(room, a, n):
     """Heights of all vertices along n; the lowest and the highest."""
     low = math.inf
     high = -math.inf
-    for k in range(a[0], a[0] + a[1]):
-        h = dot(n, load(room, k, 0))
-        room[k, at.RO_HEIGHT] = h
+    for k in range(a.first, a.first + a.vertices):
+        h = dot(n, xyz(room[k].place))
+        room[k].height = h
         low = min(low, h)
         high = max(high, h)
     return low, high
@@ -185,14 +331,14 @@ def vertex_to_edge(geometry, room, a, b, way, base, best):
     """
     edges = geometry.edges
     found_v, found_e, place = -1, -1, 0.0
-    for k in range(a[1]):
-        below = way * (base - room[a[0] + k, at.RO_HEIGHT])
+    for k in range(a.vertices):
+        below = way * (base - room[a.first + k].height)
         if below >= best:
             continue
-        x = load(room, a[0] + k, 0)
-        for e in range(b[6]):
-            h0 = room[b[0] + edges[b[5] + e, 0], at.RO_HEIGHT]
-            h1 = room[b[0] + edges[b[5] + e, 1], at.RO_HEIGHT]
+        x = xyz(room[a.first + k].place)
+        for e in range(b.edges):
+            h0 = room[b.first + edges[b.edge + e].start].height
+            h1 = room[b.first + edges[b.edge + e].end].height
             further = min(way * (h0 - base), way * (h1 - base))
             if below + further >= best:
                 continue
@@ -214,8 +360,8 @@ def edge_at(geometry, room, b, v, d):
     edges = geometry.edges
     best = -1.0
     found = 0
-    for e in range(b[6]):
-        if edges[b[5] + e, 0] == v or edges[b[5] + e, 1] == v:
+    for e in range(b.edges):
+        if edges[b.edge + e].start == v or edges[b.edge + e].end == v:
             _, way = edge_line(geometry, room, b, e)
             x = dot(way, d) ** 2 / dot(way, way)
             if x > best:
@@ -236,13 +382,13 @@ def by_corner(geometry, room, a, b, way, radii, origin, size, margin, out, n):
         best, v, e, t, of_a = best_b, v_b, e_b, t_b, False
     if best - radii[0] - radii[1] > margin:
         return n
-    if a[4] == 0 and a[1] == 2:
+    if a.faces == 0 and a.vertices == 2:
         p, d = edge_line(geometry, room, a, 0)
         edge = e if of_a else edge_at(geometry, room, b, v, d)
         q, db = edge_line(geometry, room, b, edge)
         feature = feature_of(CAPSULE_EDGE, 0, edge)
         return ends_of_capsule(p, d, radii, q, db, origin, margin, feature, out, n)
-    if b[4] == 0 and b[1] == 2:
+    if b.faces == 0 and b.vertices == 2:
         q, d = edge_line(geometry, room, b, 0)
         edge = edge_at(geometry, room, a, v, d) if of_a else e
         p, da = edge_line(geometry, room, a, edge)
@@ -250,7 +396,7 @@ def by_corner(geometry, room, a, b, way, radii, origin, size, margin, out, n):
         return ends_of_capsule(p, da, radii, q, d, origin, margin, feature, out, n)
     p, d = edge_line(geometry, room, b if of_a else a, e)
     on_edge = add_scaled(p, t, d)
-    vertex = load(room, (a[0] if of_a else b[0]) + v, 0)
+    vertex = xyz(room[(a.first if of_a else b.first) + v].place)
     on_b = on_edge if of_a else vertex
     between = sub(on_b, vertex if of_a else on_edge)
     if best > NO_WAY * size:
@@ -263,14 +409,14 @@ def by_corner(geometry, room, a, b, way, radii, origin, size, margin, out, n):
 @sweep
 def solid_solid(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
     """Append where two shapes are within `margin`; at least one of them has faces."""
-    shapes_f = geometry.shapes_f
-    origin = load(poses, i, at.PO_POS)
+    shapes = geometry.shapes
+    origin = xyz(poses[i].position)
     a, row = lay_out(geometry, poses, i, only_a, origin, room, 0)
     b, row = lay_out(geometry, poses, j, only_b, origin, room, row)
-    radius_a = shapes_f[i, at.SH_RADIUS] if a[4] == 0 else 0.0
-    radius_b = shapes_f[j, at.SH_RADIUS] if b[4] == 0 else 0.0
+    radius_a = shapes[i].radius if a.faces == 0 else 0.0
+    radius_b = shapes[j].radius if b.faces == 0 else 0.0
     radii = (radius_a, radius_b)
-    reach_a, reach_b = shapes_f[i, at.SH_REACH], shapes_f[j, at.SH_REACH]
+    reach_a, reach_b = shapes[i].reach, shapes[j].reach
     size = reach_a + reach_b
     prefer = PREFER * min(reach_a, reach_b) + CERTAIN * size
     limit = margin + radius_a + radius_b

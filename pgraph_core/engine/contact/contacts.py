@@ -11,28 +11,31 @@ from ..compiler.jit import kernel, part, sweep
 from ..constraints.blocks import point_velocity, velocities
 from ..forces import apply
 from ..motion import CONTACT_FORCES, CONTACT_RECORD
+from ..records import ACCEPTANCE, CREEP, PENALTY, RIGID, SLIP, SOFT, STANCE, SWING
 from ..stepping.run import SETTLE
 from ..tree.kinematics import outboard, positions
 from ..vec import (
-    accumulate,
     add,
     add_scaled,
+    add_xyz,
     cross,
     dot,
     load,
     load9,
     mul,
     scale,
+    set_xyz,
     store,
     sub,
+    xyz,
 )
-from .collision import find_contacts
+from .search import find_contacts
 from .shapes import place
 
 _save, contacts_at = stored(CONTACTS)
 
 STILL = 1e-5  # m/s: slip of a rigid contact that is the solver's rounding
-CREEPING = 2.0 * at.CREEP  # m/s: slip that a regularised contact needs to hold
+CREEPING = 2.0 * CREEP  # m/s: slip that a regularised contact needs to hold
 
 
 @kernel(types.void(I1, plain(CONTACTS)))
@@ -51,14 +54,15 @@ def find(scene, margin):
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
     geometry, poses, found = contacts.geometry, contacts.poses, contacts.found
-    place(geometry.shapes_i, geometry.shapes_f, data.work, poses)
+    place(geometry.shapes, data.work, poses)
     n = find_contacts(
         geometry, contacts.ground, contacts.candidates, poses, contacts.search, margin, found
     )
-    if n > found.points.shape[0]:
-        contacts.tally[at.N_MISSED] += 1
-        n = found.points.shape[0]
-    contacts.tally[at.N_FOUND] = n
+    tally = contacts.tally[0]
+    if n > found.shape[0]:
+        tally.overflows += 1
+        n = found.shape[0]
+    tally.found = n
     return n
 
 
@@ -69,21 +73,20 @@ def touching(scene, margin):
 
 
 @part
-def ends(contacts, n):
-    """(row of A, row of B, body A, body B, law) of contact point n; 0 is the ground."""
-    found_i = contacts.found.labels
-    shapes_i = contacts.geometry.shapes_i
-    a = found_i[n, at.CT_SHAPE_A]
-    b = found_i[n, at.CT_SHAPE_B]
-    row_b = shapes_i[b, at.SH_ROW] if b >= 0 else 0
-    body_b = shapes_i[b, at.SH_BODY] if b >= 0 else 0
-    return shapes_i[a, at.SH_ROW], row_b, shapes_i[a, at.SH_BODY], body_b, found_i[n, at.CT_CONTACT]
+def endpoints(contacts, n):
+    """(row of A, row of B, body A, body B, contact pair) of contact point n; 0 is the ground."""
+    point, shapes = contacts.found[n], contacts.geometry.shapes
+    b = point.shape_b
+    row_b = shapes[b].row if b >= 0 else 0
+    body_b = shapes[b].body if b >= 0 else 0
+    a = shapes[point.shape_a]
+    return a.row, row_b, a.body, body_b, point.pair
 
 
 @part
-def middle(found_f, n):
-    """Where contact point n acts: half way between the two surfaces."""
-    return scale(0.5, add(load(found_f, n, at.CT_A), load(found_f, n, at.CT_B)))
+def middle(point):
+    """Where a contact point acts: half way between the two surfaces."""
+    return scale(0.5, add(xyz(point.point_a), xyz(point.point_b)))
 
 
 @part
@@ -98,20 +101,20 @@ def tangents(n):
 def set_block(contacts, blocks, n, i):
     """Contact point n as block i."""
     blocks_i, blocks_f = blocks.blocks_i, blocks.blocks_f
-    found_f = contacts.found.points
-    a, b, _, _, law = ends(contacts, n)
-    normal = load(found_f, n, at.CT_NORMAL)
+    point = contacts.found[n]
+    a, b, _, _, pair = endpoints(contacts, n)
+    normal = xyz(point.normal)
     t, s = tangents(normal)
     blocks_i[i, at.B_TYPE] = at.T_CONTACT
     blocks_i[i, at.B_A] = a
     blocks_i[i, at.B_B] = b
     blocks_i[i, at.B_SIZE] = 3
-    store(blocks_f, i, at.PA, middle(found_f, n))
+    store(blocks_f, i, at.PA, middle(point))
     store(blocks_f, i, at.DIR, normal)
     store(blocks_f, i, at.DIR + 3, t)
     store(blocks_f, i, at.DIR + 6, s)
-    blocks_f[i, at.FRICTION] = contacts.laws[law, at.LW_FRICTION]
-    blocks_f[i, at.BOUNCE] = contacts.laws[law, at.LW_BOUNCE]
+    blocks_f[i, at.FRICTION] = contacts.laws[pair].friction
+    blocks_f[i, at.BOUNCE] = contacts.laws[pair].restitution
 
 
 @part
@@ -120,56 +123,69 @@ def kept_place(contacts, n, start):
 
     Points come in the same order step after step, so that the search is short.
     """
-    found_i, kept_i, tally = contacts.found.labels, contacts.kept_i, contacts.tally
-    count = tally[at.N_KEPT]
+    point, kept = contacts.found[n], contacts.kept
+    count = contacts.tally[0].kept
     for m in range(min(count, 64)):
         k = start + m
         if k >= count:
             k -= count
         if (
-            kept_i[k, 0] == found_i[n, at.CT_SHAPE_A]
-            and kept_i[k, 1] == found_i[n, at.CT_SHAPE_B]
-            and kept_i[k, 2] == found_i[n, at.CT_FEATURE]
+            kept[k].shape_a == point.shape_a
+            and kept[k].shape_b == point.shape_b
+            and kept[k].feature == point.feature
         ):
             return k
     return -1
+
+
+@part
+def keep_point(kept, point, value):
+    """Keep a vector of a contact point until the next step."""
+    set_xyz(kept.value, value)
+    kept.shape_a = point.shape_a
+    kept.shape_b = point.shape_b
+    kept.feature = point.feature
 
 
 @sweep
 def clear(address):
     """No contact pushes: at the start of a step, or of a record."""
     contacts = contacts_at(address)
-    pushes, touches, limit_tau = contacts.pushes, contacts.touches, contacts.limit_tau
+    limit_tau = contacts.limit_tau
+    none = (0.0, 0.0, 0.0)
     for j in range(limit_tau.shape[0]):
         limit_tau[j] = 0.0
-    for b in range(pushes.shape[0]):
-        store(pushes, b, 0, (0.0, 0.0, 0.0))
-        store(pushes, b, 3, (0.0, 0.0, 0.0))
-    for k in range(touches.shape[0]):
-        for n in range(at.TOUCH):
-            touches[k, n] = 0.0
-        touches[k, at.TO_GAP] = math.inf
+    for b in range(contacts.wrenches.shape[0]):
+        set_xyz(contacts.wrenches[b].torque, none)
+        set_xyz(contacts.wrenches[b].force, none)
+    for k in range(contacts.pairs.shape[0]):
+        pair = contacts.pairs[k]
+        set_xyz(pair.force, none)
+        set_xyz(pair.torque, none)
+        pair.slip = 0.0
+        pair.gap = math.inf
 
 
 @sweep
 def note(address, work, n, force, slip):
-    """Book a force on A at contact point n: on its bodies, and in its touch."""
+    """Add a force on A at contact point n to the wrenches of its bodies, and to its pair."""
     contacts = contacts_at(address)
-    found_f, pushes, touches = contacts.found.points, contacts.pushes, contacts.touches
-    bodies_f = contacts.bodies_f
-    a, b, body_a, body_b, law = ends(contacts, n)
-    p = middle(found_f, n)
+    point, wrenches = contacts.found[n], contacts.wrenches
+    a, b, body_a, body_b, k = endpoints(contacts, n)
+    p = middle(point)
     arm = sub(p, load(work, a, at.X))
-    accumulate(pushes, body_a, 0, cross(arm, force))
-    accumulate(pushes, body_a, 3, force)
+    add_xyz(wrenches[body_a].torque, cross(arm, force))
+    add_xyz(wrenches[body_a].force, force)
     if body_b > 0:
-        accumulate(pushes, body_b, 0, scale(-1.0, cross(sub(p, load(work, b, at.X)), force)))
-        accumulate(pushes, body_b, 3, scale(-1.0, force))
-    offset = mul(load9(work, a, at.R), load(bodies_f, body_a, at.OFFSET))
-    accumulate(touches, law, at.TO_FORCE, force)
-    accumulate(touches, law, at.TO_TORQUE, cross(sub(arm, offset), force))
-    touches[law, at.TO_GAP] = min(touches[law, at.TO_GAP], found_f[n, at.CT_GAP])
-    touches[law, at.TO_SLIP] = max(touches[law, at.TO_SLIP], slip)
+        torque = cross(sub(p, load(work, b, at.X)), force)
+        add_xyz(wrenches[body_b].torque, scale(-1.0, torque))
+        add_xyz(wrenches[body_b].force, scale(-1.0, force))
+    offset = mul(load9(work, a, at.R), load(contacts.bodies_f, body_a, at.OFFSET))
+    pair = contacts.pairs[k]
+    add_xyz(pair.force, force)
+    add_xyz(pair.torque, cross(sub(arm, offset), force))
+    pair.gap = min(pair.gap, point.gap)
+    pair.slip = max(pair.slip, slip)
 
 
 @kernel(CONTACT_FORCES, nogil=True)
@@ -177,37 +193,38 @@ def contact_forces(scene, v, tau, flow):
     """Forces of contacts onto the rows and τ, after `outboard`; power lost to flow[1].
 
     Soft and penalty contacts push by how deep they are; rigid ones by what the last step of a
-    time-stepping method found, where that is asked for (FROZEN).
+    time-stepping method found, where that is asked for (`frozen`).
     """
     data = opened(scene)
     rows, const, work, space = data.rows, data.const, data.work, data.space
     contacts = contacts_at(data.links.contacts)
-    laws, pushes, tally = contacts.laws, contacts.pushes, contacts.tally
+    laws, wrenches = contacts.laws, contacts.wrenches
     bodies_i, limit_tau = contacts.bodies_i, contacts.limit_tau
-    if tally[at.FROZEN] == 1:
+    if contacts.tally[0].frozen == 1:
         positions(rows, work)
         for j in range(limit_tau.shape[0]):
             tau[j] += limit_tau[j]
-        for b in range(1, pushes.shape[0]):
+        for b in range(1, wrenches.shape[0]):
             k = bodies_i[b, at.ROW]
-            apply(work, k, load(work, k, at.X), load(pushes, b, 0), load(pushes, b, 3))
+            torque, force = xyz(wrenches[b].torque), xyz(wrenches[b].force)
+            apply(work, k, load(work, k, at.X), torque, force)
         return 0
     soft = False
     for k in range(laws.shape[0]):
-        soft = soft or laws[k, at.LW_LAW] != at.RIGID
+        soft = soft or laws[k].law != RIGID
     if not soft:
         return 0
     positions(rows, work)
     velocities(rows, const, work, v, space.linear)
     clear(opened(scene).links.contacts)
     for n in range(touching(scene, 0.0)):
-        a, b, _, _, law = ends(contacts, n)
-        if laws[law, at.LW_LAW] != at.RIGID:
-            p = middle(contacts.found.points, n)
+        a, b, _, _, pair = endpoints(contacts, n)
+        if laws[pair].law != RIGID:
+            p = middle(contacts.found[n])
             u = sub(
                 point_velocity(work, space.linear, a, p), point_velocity(work, space.linear, b, p)
             )
-            force, slip = push_back(contacts, n, law, u)
+            force, slip = compliant_force(contacts, n, laws[pair], u)
             apply(work, a, p, (0.0, 0.0, 0.0), force)
             apply(work, b, p, (0.0, 0.0, 0.0), scale(-1.0, force))
             note(opened(scene).links.contacts, work, n, force, slip)
@@ -216,26 +233,26 @@ def contact_forces(scene, v, tau, flow):
 
 
 @part
-def push_back(contacts, n, law, u):
+def compliant_force(contacts, n, law, u):
     """(force on A, slip speed) of a soft or penalty contact that closes with velocity u."""
-    laws, found_f = contacts.laws, contacts.found.points
-    normal = load(found_f, n, at.CT_NORMAL)
-    depth = max(-found_f[n, at.CT_GAP], 0.0)
+    point = contacts.found[n]
+    normal = xyz(point.normal)
+    depth = max(-point.gap, 0.0)
     speed = -dot(u, normal)
     slide = add_scaled(u, speed, normal)
     slip = math.sqrt(dot(slide, slide))
-    k = laws[law, at.LW_STIFF]
-    c = laws[law, at.LW_DAMP]
-    mu = laws[law, at.LW_FRICTION]
-    if laws[law, at.LW_LAW] == at.SOFT:
+    k = law.stiffness
+    c = law.damping
+    mu = law.friction
+    if law.law == SOFT:
         size = max(k * depth * math.sqrt(depth) * (1.0 + c * speed), 0.0)
-        drag = mu * size / math.sqrt(slip * slip + at.CREEP * at.CREEP)
+        drag = mu * size / math.sqrt(slip * slip + CREEP * CREEP)
         return add_scaled(scale(size, normal), -drag, slide), slip
     size = max(k * depth + c * speed, 0.0) if depth > 0.0 else 0.0
     stretch = (0.0, 0.0, 0.0)
     at_k = kept_place(contacts, n, n)
     if at_k >= 0:
-        stretch = sub(middle(found_f, n), load(contacts.kept, at_k, 0))
+        stretch = sub(middle(point), xyz(contacts.kept[at_k].value))
         stretch = add_scaled(stretch, -dot(stretch, normal), normal)
     pull = add_scaled(scale(-k, stretch), -c, slide)
     total = math.sqrt(dot(pull, pull))
@@ -248,10 +265,10 @@ def push_back(contacts, n, law, u):
 def settle_contacts(scene, t, q, v):
     """After a step that ends at t: what contacts remember of it, and changes of their phases."""
     address = opened(scene).links.contacts
-    laws = contacts_at(address)[6]
+    laws = contacts_at(address).laws
     sticks = False
     for k in range(laws.shape[0]):
-        sticks = sticks or laws[k, at.LW_LAW] == at.PENALTY
+        sticks = sticks or laws[k].law == PENALTY
     if sticks:
         keep_anchors(scene, q, v)
     log_phases(address, t)
@@ -260,29 +277,28 @@ def settle_contacts(scene, t, q, v):
 
 @sweep
 def log_phases(address, t):
-    """Changes of the touches' phases, from the forces and slips of the last step."""
+    """Log the pairs whose phase has changed, from the forces and slips of the last step."""
     contacts = contacts_at(address)
-    laws, touches, tally, stages, changes = (
-        contacts.laws, contacts.touches, contacts.tally, contacts.stages, contacts.changes,
-    )  # fmt: skip
+    laws, changes, tally = contacts.laws, contacts.changes, contacts.tally[0]
     for k in range(laws.shape[0]):
-        force = load(touches, k, at.TO_FORCE)
-        still = STILL if laws[k, at.LW_LAW] == at.RIGID else CREEPING
-        before = stages[k]
+        pair = contacts.pairs[k]
+        force = xyz(pair.force)
+        still = STILL if laws[k].law == RIGID else CREEPING
+        before = pair.phase
         if not dot(force, force) > 0.0:
-            now = at.SWING
-        elif touches[k, at.TO_SLIP] <= still:
-            now = at.STANCE
+            now = SWING
+        elif pair.slip <= still:
+            now = STANCE
         else:
-            now = at.ACCEPTANCE if before == at.SWING or before == at.ACCEPTANCE else at.SLIP
+            now = ACCEPTANCE if before in (SWING, ACCEPTANCE) else SLIP
         if now != before:
-            stages[k] = now
-            n = tally[at.N_LOGGED]
+            pair.phase = now
+            n = tally.logged
             if n < changes.shape[0]:
-                changes[n, at.CH_TIME] = t
-                changes[n, at.CH_TOUCH] = k
-                changes[n, at.CH_PHASE] = now
-            tally[at.N_LOGGED] = n + 1
+                changes[n].time = t
+                changes[n].pair = k
+                changes[n].phase = now
+            tally.logged = n + 1
 
 
 @sweep
@@ -294,51 +310,47 @@ def keep_anchors(scene, q, v):
     outboard(rows, const, work, q, v)
     positions(rows, work)
     velocities(rows, const, work, v, space.linear)
-    laws, kept, kept_i, tally = contacts.laws, contacts.kept, contacts.kept_i, contacts.tally
-    found_f, found_i = contacts.found
+    laws, kept, found = contacts.laws, contacts.kept, contacts.found
     count = touching(scene, 0.0)
-    fresh = contacts.found.points
-    for n in range(count):  # new anchors wait in the columns of the points on B
-        a, b, _, _, law = ends(contacts, n)
-        p = middle(found_f, n)
+    for n in range(count):  # new anchors wait in `point_b`
+        a, b, _, _, pair = endpoints(contacts, n)
+        law = laws[pair]
+        p = middle(found[n])
         anchor = p
         at_k = kept_place(contacts, n, n)
-        if at_k >= 0 and laws[law, at.LW_LAW] == at.PENALTY:
-            normal = load(found_f, n, at.CT_NORMAL)
-            stretch = sub(p, load(kept, at_k, 0))
+        if at_k >= 0 and law.law == PENALTY:
+            normal = xyz(found[n].normal)
+            stretch = sub(p, xyz(kept[at_k].value))
             stretch = add_scaled(stretch, -dot(stretch, normal), normal)
             u = sub(
                 point_velocity(work, space.linear, a, p), point_velocity(work, space.linear, b, p)
             )
-            force, _ = push_back(contacts, n, law, u)
-            most = laws[law, at.LW_FRICTION] * max(dot(force, normal), 0.0) / laws[law, at.LW_STIFF]
+            force, _ = compliant_force(contacts, n, law, u)
+            most = law.friction * max(dot(force, normal), 0.0) / law.stiffness
             size = math.sqrt(dot(stretch, stretch))
             if size > most:
                 stretch = scale(most / size, stretch)
             anchor = sub(p, stretch)
-        store(fresh, n, at.CT_B, anchor)
+        set_xyz(found[n].point_b, anchor)
     for n in range(count):
-        store(kept, n, 0, load(fresh, n, at.CT_B))
-        kept_i[n, 0] = found_i[n, at.CT_SHAPE_A]
-        kept_i[n, 1] = found_i[n, at.CT_SHAPE_B]
-        kept_i[n, 2] = found_i[n, at.CT_FEATURE]
-    tally[at.N_KEPT] = count
+        keep_point(kept[n], found[n], xyz(found[n].point_b))
+    contacts.tally[0].kept = count
 
 
 @kernel(CONTACT_RECORD, nogil=True)
-def record_contacts(scene, wrenches, touches):
-    """What contacts do to bodies (nb, 6), about their origins, and touches (nt, 8)."""
+def record_contacts(scene, wrenches, pairs):
+    """What contacts do to bodies (nb, 6), about their origins, and the contact pairs."""
     data = opened(scene)
     work = data.work
     contacts = contacts_at(data.links.contacts)
-    pushes, bodies_i, bodies_f = contacts.pushes, contacts.bodies_i, contacts.bodies_f
-    for b in range(1, pushes.shape[0]):
+    bodies_i, bodies_f = contacts.bodies_i, contacts.bodies_f
+    for b in range(1, contacts.wrenches.shape[0]):
         k = bodies_i[b, at.ROW]
         offset = mul(load9(work, k, at.R), load(bodies_f, b, at.OFFSET))
-        force = load(pushes, b, 3)
-        store(wrenches, b - 1, 0, sub(load(pushes, b, 0), cross(offset, force)))
+        wrench = contacts.wrenches[b]
+        force = xyz(wrench.force)
+        store(wrenches, b - 1, 0, sub(xyz(wrench.torque), cross(offset, force)))
         store(wrenches, b - 1, 3, force)
-    for k in range(touches.shape[0]):
-        for n in range(at.TOUCH):
-            touches[k, n] = contacts.touches[k, n]
+    for k in range(pairs.shape[0]):
+        pairs[k] = contacts.pairs[k]
     return 0

@@ -1,0 +1,391 @@
+"""Contact points and joint limits of event-driven runs: what they do, and what ends their phases.
+
+`observe` finds gaps, rates and forces at one instant; `watch` turns them into monitors that fall
+below zero where a phase ends. Times within a step are widths from where it starts, or from where
+a part of it does.
+"""
+
+import math
+
+from numba import types
+
+from .. import layout as at
+from ..arrays import F1, Blocks, Frames, opened
+from ..compiler.address import caller
+from ..compiler.jit import kernel, part, sweep
+from ..constraints.blocks import (
+    locate,
+    residual,
+    residual_acceleration,
+    residual_velocity,
+    slip,
+    velocities,
+)
+from ..constraints.constraints import couplings, drift, number_rows, respond, unit_responses
+from ..constraints.proximal import CHANGE, LAMBDA, RHS, STEP, ZERO
+from ..motion import RECORD, TAU, call_acceleration, call_record
+from ..records import STANCE, SWING
+from ..tree.articulated import inboard
+from ..tree.kinematics import accelerate, outboard, positions
+from ..vec import add_scaled, dot, load, scale, set_xyz, sub, xyz
+from .phases import (
+    opened_events,
+    slides,
+    slip_direction,
+    tangential,
+)
+
+ROUNDING = 2.0**-51  # of the coordinates that a gap is the difference of
+
+# scene, t, q, v, v', flow
+OBSERVE = types.int64(types.int64, types.float64, F1, F1, F1, F1)
+call_observe = caller(OBSERVE)
+WIDTH = 1e-14  # s: a bracket this narrow is an instant
+TRIALS = 80
+FORCE_TOLERANCE = 1e-11  # of the largest contact force: rounding of the solution for them
+PIVOT_TOLERANCE = 1e-9
+NEARLY = 0.02  # of how far a gap falls and rises in a step: what the cubic may be off
+START, LOW, HIGH, NOW = 0, 1, 2, 3  # rows of `watched`: at a step's start, the bracket, now
+NOTHING = 1.0  # what a monitor that watches nothing shows
+
+
+@kernel(OBSERVE, nogil=True, later=True)
+def observe(scene, t, q, v, vdot, flow):
+    """Gap, rates, force and rounding of every point at (q, v); v' where a point is closed."""
+    phased = opened_events(scene)
+    data, contact = phased.scene, phased.contact
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    links, points = contact.links, contact.points
+    closed = False
+    for s in range(points.shape[0]):
+        closed = closed or points[s].phase != SWING
+        set_xyz(points[s].force, (0.0, 0.0, 0.0))
+        points[s].normal_force = 0.0
+        points[s].friction_force = 0.0
+        points[s].pivot = 1.0
+    if closed:
+        tau = space.vectors[TAU, : v.shape[0]]
+        call_acceleration(links.acceleration, (scene, t, q, v, tau, vdot, flow))
+        for s in range(points.shape[0]):
+            if points[s].phase != SWING:
+                point_force(rows, blocks, work, space, contact, s)
+    else:
+        outboard(rows, const, work, q, v)
+        positions(rows, work)
+        velocities(rows, const, work, v, space.linear)
+    all_points(rows, const, blocks, work, space, contact, t, q, v)
+    return 0
+
+
+@part
+def with_active(blocks, active):
+    """The same blocks, others of them active."""
+    return Blocks(
+        blocks.blocks_i, blocks.blocks_f, blocks.terms_i, blocks.terms_f, blocks.curves, active
+    )
+
+
+@sweep
+def all_points(rows, const, blocks, work, space, contact, t, q, v):
+    """Gap, rates and rounding of every point, open ones too."""
+    points, every = contact.points, contact.every
+    blocks_i, blocks_f, terms_i = blocks.blocks_i, blocks.blocks_f, blocks.terms_i
+    observed = with_active(blocks, every)
+    slots, place, vectors, linear = space.slots, space.place, space.vectors, space.linear
+    number_rows(observed, slots)
+    locate(observed, work, place)
+    residual(observed, work, space, t, q, vectors[CHANGE])
+    residual_velocity(observed, work, space, t, v, vectors[RHS])
+    for s in range(points.shape[0]):
+        i = points[s].slide_block
+        r = slots[i, at.FIRST]
+        points[s].gap = vectors[CHANGE, r]
+        points[s].gap_rate = vectors[RHS, r]
+        if points[s].limit == 1:
+            spread = abs(blocks_f[i, at.VALUE])
+            first = blocks_i[i, at.B_TERM]
+            spread += abs(q[terms_i[first, 1]])
+        else:
+            p = load(place, i, at.PLACE_P)
+            set_xyz(points[s].position, p)
+            u = slip(blocks_i, i, work, linear, place)
+            set_xyz(points[s].slip_velocity, tangential(points, s, u))
+            normal = xyz(points[s].normal)
+            spread = path_length(rows, const, work, blocks_i[i, at.B_A], p, normal)
+        points[s].rounding = ROUNDING * spread
+
+
+@part
+def path_length(rows, const, work, k, p, n):
+    """What a height is summed from: along normal n, from the ground to point p of row k [m]."""
+    length = abs(dot(sub(p, load(work, k, at.X)), n))
+    while k > 0:
+        length += abs(dot(load(work, k, at.L), n))
+        if rows[k, at.KIND] == at.TRANSLATE or rows[k, at.KIND] == at.FREE:
+            link = load(const, k, at.LINK)  # which a displacement may have been taken from
+            length += abs(link[0]) + abs(link[1]) + abs(link[2])
+        k = rows[k, at.PARENT]
+    return length
+
+
+@sweep
+def point_force(rows, blocks, work, space, contact, s):
+    """Force on the body at a closed point from λ, and its parts; a limit's is about its axis."""
+    points = contact.points
+    blocks_i, terms_f = blocks.blocks_i, blocks.terms_f
+    slots, place, lam = space.slots, space.place, space.vectors[LAMBDA]
+    slid = slides(points[s].phase)
+    i = points[s].slide_block if slid else points[s].held_block
+    r = slots[i, at.FIRST]
+    if points[s].limit == 1:
+        points[s].normal_force = lam[r]
+        axis = load(work, blocks_i[i, at.B_A], at.H)
+        set_xyz(points[s].force, scale(terms_f[blocks_i[i, at.B_TERM]] * lam[r], axis))
+        return
+    force = (0.0, 0.0, 0.0)
+    for c in range(3):
+        force = add_scaled(force, lam[r + c], load(place, i, at.PLACE_D + 3 * c))
+    set_xyz(points[s].force, force)
+    points[s].normal_force = dot(force, xyz(points[s].normal))
+    drag = tangential(points, s, force)
+    points[s].friction_force = math.sqrt(dot(drag, drag))
+
+
+@kernel(RECORD, nogil=True, later=True)
+def event_record(scene, accelerate, t, q, v, flow, ledger, i, out):
+    """As `record`, and what every point does; drift is that of what is held."""
+    phased = opened_events(scene)
+    data, contact = phased.scene, phased.contact
+    rows, const, work, space = data.rows, data.const, data.work, data.space
+    links, points = contact.links, contact.points
+    frame = Frames(*out)
+    fine = call_record(links.record, (scene, accelerate, t, q, v, flow, ledger, i, out))
+    call_observe(links.observe, (scene, t, q, v, frame.vdot[i], flow))
+    drift(rows, const, opened(links.held).blocks, work, space, t, q, v, frame.drifts[i])
+    for s in range(points.shape[0]):
+        kept, point = contact.frames[i, s], points[s]
+        kept.phase = point.phase
+        set_xyz(kept.force, xyz(point.force))
+        set_xyz(kept.position, xyz(point.position))
+        set_xyz(kept.slip_velocity, xyz(point.slip_velocity))
+        kept.normal_force = point.normal_force
+        kept.gap = point.gap
+    return fine
+
+
+@kernel("void(i8,f8,f8[::1],f8[::1],f8[::1],f8[::1])", later=True)
+def point_accelerations(scene, t, q, v, vdot, flow):
+    """Normal and tangential acceleration of every point, open ones too, into S_ACC_N, S_ACC_T."""
+    phased = opened_events(scene)
+    data, contact = phased.scene, phased.contact
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    links, points, every = contact.links, contact.points, contact.every
+    slots, place, vectors = space.slots, space.place, space.vectors
+    tau = vectors[TAU, : v.shape[0]]
+    call_acceleration(links.acceleration, (scene, t, q, v, tau, vdot, flow))
+    outboard(rows, const, work, q, v)
+    accelerate(rows, const, work, v, vdot)
+    positions(rows, work)
+    velocities(rows, const, work, v, space.linear)
+    observed = with_active(blocks, every)
+    number_rows(observed, slots)
+    locate(observed, work, place)
+    residual_acceleration(observed, work, space, t, vdot, vectors[RHS])
+    for s in range(points.shape[0]):
+        i = points[s].slide_block
+        r = slots[i, at.FIRST]
+        points[s].normal_acceleration = vectors[RHS, r]
+        set_xyz(points[s].tangential_acceleration, (0.0, 0.0, 0.0))
+        if points[s].limit == 0:
+            a = scale(vectors[RHS, r + 1], load(place, i, at.PLACE_D + 3))
+            a = add_scaled(a, vectors[RHS, r + 2], load(place, i, at.PLACE_D + 6))
+            set_xyz(points[s].tangential_acceleration, a)
+
+
+@kernel("i8(i8,f8,f8[::1],f8[::1])", later=True)
+def impulse_rows(scene, t, q, v):
+    """Ω and velocities (in RHS) of the active rows of a scene, for impulses; their number."""
+    data = opened(scene)
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    vectors = space.vectors
+    for j in range(v.shape[0]):
+        vectors[ZERO, j] = 0.0
+    outboard(rows, const, work, q, v)
+    inboard(rows, const, work, vectors[ZERO])
+    positions(rows, work)
+    velocities(rows, const, work, v, space.linear)
+    m = number_rows(blocks, space.slots)
+    locate(blocks, work, space.place)
+    unit_responses(rows, const, blocks, work, space)
+    couplings(blocks, space)
+    residual_velocity(blocks, work, space, t, v, vectors[RHS])
+    return m
+
+
+@kernel("void(i8,f8[::1])", later=True)
+def add_impulses(scene, v):
+    """v += M⁻¹ Jᵀ λ of the active rows, after `impulse_rows`, λ in LAMBDA."""
+    data = opened(scene)
+    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
+    respond(rows, const, blocks, work, space)
+    for j in range(v.shape[0]):
+        v[j] += space.vectors[STEP, j]
+
+
+@sweep
+def watch(contact, row, w):
+    """Fill row `row` of `watched` a time w after the step's start, from what was observed."""
+    points, watched = contact.points, contact.watched
+    largest = 0.0
+    for s in range(points.shape[0]):
+        push = points[s].normal_force
+        largest = max(largest, abs(push), points[s].friction_force)
+    slack = FORCE_TOLERANCE * largest
+    for s in range(points.shape[0]):
+        phase = points[s].phase
+        fresh = points[s].fresh > 0
+        mu = points[s].friction
+        a = points[s].normal_force + slack
+        b = NOTHING
+        c = NOTHING
+        if phase == SWING:
+            a = points[s].gap
+            if fresh:
+                a -= points[s].start
+                if points[s].fresh == 1:
+                    a += points[s].rounding
+                a = a / w if w > 0.0 else max(points[s].gap_rate, 0.0)
+        elif phase == STANCE:
+            if points[s].limit == 0:
+                b = mu * points[s].normal_force - points[s].friction_force + slack
+        else:
+            c = points[s].pivot + PIVOT_TOLERANCE
+            if mu > 0.0:
+                b = dot(xyz(points[s].slip_velocity), xyz(points[s].slip_direction))
+                if fresh:
+                    b += points[s].slip_tolerance - points[s].start
+                    b = b / w if w > 0.0 else NOTHING
+        watched[row, 3 * s] = a
+        watched[row, 3 * s + 1] = b
+        watched[row, 3 * s + 2] = c
+
+
+@part
+def over(watched, row):
+    """Whether a phase has ended."""
+    found = False
+    for n in range(watched.shape[1]):
+        found = found or watched[row, n] < 0.0
+    return found
+
+
+@sweep
+def start(contact, h):
+    """What a step's start was, for phases that begin with it; how slow slip is turned slowly."""
+    points = contact.points
+    rate = 0.0
+    for s in range(points.shape[0]):
+        if slides(points[s].phase):
+            rate += points[s].friction_force * points[s].compliance
+    for s in range(points.shape[0]):
+        points[s].start = points[s].gap
+        points[s].start_rate = points[s].gap_rate
+        if slides(points[s].phase):
+            slip_v = xyz(points[s].slip_velocity)
+            along = dot(slip_v, xyz(points[s].slip_direction))
+            points[s].start = along
+            if along > 10.0 * points[s].slip_tolerance:
+                points[s].fresh = 0
+            points[s].blend_speed = 0.5 * h * rate
+    watch(contact, START, 0.0)
+
+
+@kernel("void(i8,f8)", later=True)
+def begin(scene, h):
+    """What points were just observed to do is what a step starts from; `h` as in `start`."""
+    start(opened_events(scene).contact, h)
+
+
+@sweep
+def accepted(contact):
+    """After a step: points that have left the ground or slide notably are watched plainly."""
+    points = contact.points
+    for s in range(points.shape[0]):
+        if slides(points[s].phase):
+            u = xyz(points[s].slip_velocity)
+            if dot(u, u) > (10.0 * points[s].slip_tolerance) ** 2:
+                set_xyz(points[s].slip_direction, slip_direction(points, s, u))
+                points[s].fresh = 0
+        elif points[s].gap > 2.0 * points[s].rounding:
+            points[s].fresh = 0
+
+
+@sweep
+def lowest(contact, h):
+    """When within the step a gap may have dipped below zero and recovered; h where none has.
+
+    By the cubic through gaps and rates at both ends; what it leaves above zero by little is
+    looked at too.
+    """
+    points = contact.points
+    first = h
+    for s in range(points.shape[0]):
+        a = h * points[s].start_rate
+        b = h * points[s].gap_rate
+        if points[s].phase != SWING or not (a < 0.0 < b):
+            continue
+        before = points[s].start
+        rise = points[s].gap - before
+        square = 3.0 * rise - 2.0 * a - b
+        cube = a + b - 2.0 * rise
+        x = -a / (square + math.sqrt(max(square * square - 3.0 * cube * a, 0.0)))
+        if 0.0 < x < 1.0 and before + x * (a + x * (square + x * cube)) < NEARLY * (b - a):
+            first = min(first, x * h)
+    return first
+
+
+@sweep
+def urgent(watched, width, sides):
+    """Width from `lo` at which the first monitor crosses zero by secants; `sides` weigh them."""
+    best = width
+    for n in range(watched.shape[1]):
+        low = watched[LOW, n]
+        high = watched[HIGH, n]
+        if high < 0.0:
+            low = max(low, 0.0) * sides[0]
+            high = high * sides[1]
+            best = min(best, width * low / (low - high))
+    return best
+
+
+@part
+def copy_row(watched, a, b):
+    for n in range(watched.shape[1]):
+        watched[b, n] = watched[a, n]
+
+
+@sweep
+def bracket_of(watched, end):
+    """(lo, hi, weights of both in a secant, which was moved last): a phase ends in between."""
+    copy_row(watched, START, LOW)
+    copy_row(watched, NOW, HIGH)
+    return 0.0, end, 1.0, 1.0, 0
+
+
+@sweep
+def next_try(watched, bracket, n):
+    """Width to look at next: by secants, every third one in the middle."""
+    lo, hi, _, _, _ = bracket
+    w = 0.5 * (lo + hi) if n % 3 == 2 else lo + urgent(watched, hi - lo, bracket[2:4])
+    return min(max(w, lo + 0.3 * WIDTH), hi - 0.3 * WIDTH)
+
+
+@sweep
+def narrowed(watched, bracket, w, ended):
+    """The bracket after a look at w, which W_NOW is of."""
+    lo, hi, low, high, last = bracket
+    if ended:
+        copy_row(watched, NOW, HIGH)
+        return lo, w, 0.5 * low if last == 1 else 1.0, 1.0, 1
+    copy_row(watched, NOW, LOW)
+    return w, hi, 1.0, 0.5 * high if last == -1 else 1.0, -1

@@ -1,0 +1,88 @@
+"""The kinds of shapes that touch, in one table: how each touches.
+
+trimesh is imported only where a mesh file is opened.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import product
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..errors import ModelError, Problem
+from ..mesh_files import load_mesh
+from ..model import Shape
+from ..model.shape import MassProperties as MassProperties
+from ..model.shape import leak as _leak
+from ..model.shape import mass_properties as mass_properties
+from . import solids
+from .solids import Solid
+
+Array = np.ndarray
+
+
+def solid_of(shape: Shape, unit: str = "m") -> Solid:
+    """A shape as it touches others, in its own frame. Raises FileError, ModelError."""
+    if shape.kind == "mesh":
+        return convex_hull(shape.file or "", shape.scale, unit, closed=shape.hull is None)
+    return KINDS[shape.kind].solid(shape)
+
+
+def balls_on_ground(shape: Shape) -> tuple[Array, float] | None:
+    """(centres (n, 3), radius) of the balls that touch a plane; None: it has none."""
+    kind = KINDS.get(shape.kind)
+    return kind.balls(shape) if kind and kind.balls else None
+
+
+def convex_hull(
+    file: str | Path, scale: float = 1.0, unit: str = "m", *, closed: bool = False
+) -> Solid:
+    """The convex hull of a mesh file, as it touches other bodies.
+
+    Raises FileError, ModelError, also for a mesh that is not `closed` where it has to be.
+    """
+    mesh = load_mesh(file, scale, unit)
+    vertices = np.asarray(mesh.vertices)
+    spread = np.linalg.svd(vertices - vertices.mean(axis=0), compute_uv=False)
+    if len(vertices) < 4 or spread[2] <= 1e-9 * spread[0]:
+        text = "is flat: a shape that touches must span a volume; give a box, or a solid mesh"
+        raise ModelError(Problem(f"mesh {file}", "", text))
+    if closed and not mesh.is_watertight:
+        do = "give a closed mesh, or hull 'convex' to let its convex hull touch"
+        raise ModelError(Problem(f"mesh {file}", "", f"{_leak(mesh)}; {do}"))
+    return solids.hull(vertices)
+
+
+class Kind(NamedTuple):
+    """How a kind of shape touches.
+
+    `balls` are (centres, radius) by which it touches a plane in event-driven runs; None where it
+    does not touch by a few balls.
+    """
+
+    solid: Callable[[Shape], Solid]
+    balls: Callable[[Shape], tuple[Array, float]] | None = None
+
+
+# Every kind of shape but meshes, which are read from files. A new kind is an entry here, its mass
+# properties in `model.shape`, a builder in `solids`, and for the kernels a branch in
+# `engine.contact.pairs.single_pair` and in `engine.contact.ground.candidate`, unless it is a convex
+# solid with corners.
+KINDS = {
+    "box": Kind(
+        lambda s: solids.box(s.size or ()),
+        lambda s: (np.array([*product((-0.5, 0.5), repeat=3)]) * (s.size or ()), 0.0),
+    ),
+    "sphere": Kind(
+        lambda s: solids.sphere(s.radius or 0.0),
+        lambda s: (np.zeros((1, 3)), s.radius or 0.0),
+    ),
+    "cylinder": Kind(lambda s: solids.cylinder(s.radius or 0.0, s.length or 0.0)),
+    "capsule": Kind(
+        lambda s: solids.capsule(s.radius or 0.0, s.length or 0.0),
+        lambda s: (np.outer((-0.5, 0.5), (0.0, 0.0, s.length or 0.0)), s.radius or 0.0),
+    ),
+}
