@@ -18,7 +18,7 @@ BALL = {"kind": "sphere", "radius": 0.1}
 
 def tables(model):
     mech = pg.Mechanism(model)
-    return mech, tables_of(mech, model.contacts)
+    return mech, tables_of(mech.packed, model.contacts)
 
 
 def heap(count, *contacts):
@@ -143,7 +143,7 @@ def test_limits_name_the_coordinates_that_they_bound():
         pg.Body(name="b", parent="a", limits=(None, 0.5), limit_restitution=0.6),
     )
     mech = pg.Mechanism(pg.Model(bodies=bodies))
-    t = tables_of(mech, ())
+    t = tables_of(mech.packed, ())
     ints, floats, terms, factors = t.limit_blocks
     assert t.limits == ("a low limit 1", "a low limit 2", "a high limit 2", "b high limit")
     assert terms.tolist() == [[3, 4], [4, 5], [4, 5], [5, 6]]  # v, q
