@@ -195,7 +195,7 @@ class Columns(Portable):
         """The description in rows, made when first asked for."""
         if self._model is None:
             if self is self._root:
-                model = described(self)
+                model = described(self.names, self.numbers, self.nq)
             else:
                 base, changes = self._since()
                 model = with_fields(base.model(), changes)

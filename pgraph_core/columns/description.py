@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -15,9 +15,6 @@ from ..model import Body, Model
 from ..model.editing import edited
 from ..model.names import GROUND
 from .checks import INT, MOTIONS, PHYSICS, Array, Ints, joint_of
-
-if TYPE_CHECKING:
-    from .columns import Columns
 
 # parent (nb,) rows from 1, 0 = ground; body (nb + 1, 18) and motion (nm, 9), whose columns are in
 # `engine/packing/pack.py`; q and v in one array (nq + nv,): all in the order of the table
@@ -56,14 +53,14 @@ def with_fields(model: Model, changes: Mapping[str, Mapping[str, Any]]) -> Model
     return model if bodies == list(model.bodies) else model.replace(bodies=tuple(bodies))
 
 
-def described(columns: Columns) -> Model:
-    """A model with the rows of the columns, whose numbers have been checked."""
-    parent, body, motion, start = (x.tolist() for x in columns.numbers)
-    label = (GROUND, *columns.names)
+def described(names: tuple[str, ...], numbers: Numbers, nq: int) -> Model:
+    """A model with these rows, whose numbers have been checked."""
+    parent, body, motion, start = (x.tolist() for x in numbers)
+    label = (GROUND, *names)
     bodies: list[Body] = []
     m = qi = 0
-    vi = columns.nq
-    for name, p, row in zip(columns.names, parent, body[1:]):
+    vi = nq
+    for name, p, row in zip(names, parent, body[1:]):
         count = int(row[pack.MOTIONS])
         mine = motion[m : m + count]
         motions = tuple(Motion(MOTIONS[int(x[0])], tuple(x[1:4])) for x in mine)
