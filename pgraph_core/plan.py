@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from .model import Body, Constraint, Contact, Force, Model
-from .model.methods import AUTO
+from .model.scenario import AUTO
 
 IMPLICIT = ("ros2", "radau5")  # methods with a Jacobian
 STEPPED_OVER = "moreau_jean"  # the method that needs no times of impacts

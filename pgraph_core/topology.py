@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from .errors import InputError, Problem, choices
 from .model import Model
 from .model.constraint import IN_JOINTS
-from .model.names import GROUND
-from .model.sentences import shown
+from .model.sentences import GROUND, shown
 from .portable import Portable
 
 Ints: TypeAlias = "NDArray[np.int64]"

@@ -7,8 +7,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.model.copies import free_name
-from pgraph_core.model.mirror import other_side
+from pgraph_core.model.copies import free_name, other_side
 
 
 @pytest.fixture(scope="module")

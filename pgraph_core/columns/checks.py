@@ -14,8 +14,7 @@ from ..errors import ModelError, Problem, choices
 from ..joints import JointKind, Motion, MotionKind
 from ..model import Body
 from ..model.checks import tree_problems
-from ..model.names import GROUND, name_problem
-from ..model.sentences import shown
+from ..model.sentences import GROUND, name_problem, shown
 
 Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
@@ -235,3 +234,16 @@ def joint_of(motions: Sequence[Motion]) -> JointKind:
 KIND_OF: dict[tuple[str, ...], JointKind] = {
     tuple(m.kind for m in motions): kind for kind, motions in joints.DEFAULT.items()
 }
+
+
+def _kinds() -> Array:
+    """Motions of every kind of joint, as `engine/packing/gather.py` takes them."""
+    table = np.zeros((len(JOINTS), 1 + 3 * gather.STRIDE))
+    for row, kind in zip(table, JOINTS):
+        row[gather.COUNT] = len(joints.DEFAULT[kind])
+        for n, (motion, axis) in enumerate(joints.DEFAULT[kind]):
+            row[1 + n * gather.STRIDE :][: gather.STRIDE] = MOTIONS.index(motion), *axis
+    return table
+
+
+KINDS = _kinds()

@@ -11,16 +11,15 @@ import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from ..errors import FileError, ModelError, Problem
 from ..mesh_files import parsed_mesh
+from .body import Body
 from .sentences import shown
-
-if TYPE_CHECKING:
-    from .body import Body, Shape
+from .shape import Shape
 
 FOLDER = "meshes"  # where a saved model keeps meshes from elsewhere, next to its file
 ALLOWED = "PGRAPH_MESHES"  # environment: more folders whose meshes a model may name

@@ -40,8 +40,7 @@ from .fields import (
     vectors,
     whole,
 )
-from .names import GROUND
-from .sentences import shown
+from .sentences import GROUND, shown
 from .shape import Shape as Shape
 from .shape import mass_properties_of, tip_of
 

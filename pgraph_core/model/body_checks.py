@@ -10,8 +10,7 @@ import numpy as np
 
 from .. import joints
 from ..joints import JointKind, Motion
-from .names import EVERY, GROUND, name_problem, numbers
-from .sentences import shown
+from .sentences import EVERY, GROUND, name_problem, numbers, shown
 
 # what a joint has besides its limits, one number a motion
 PER_MOTION = ("stiffness", "damping", "rest", "friction", "armature", "limit_restitution")

@@ -6,15 +6,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from .. import joints
-from ..errors import Problem, choices
+from ..errors import ModelError, Problem, choices
 from .body import Body
 from .body_checks import outside, quaternion_problems
 from .constraint import Constraint, Rolling, Velocity
 from .contact import Contact
+from .fields import Described, part_problems
 from .force import Force, OnJoint, Servo
-from .names import EVERY, GROUND, name_problem, numbers
 from .scenario import Scenario, Switch
-from .sentences import shown
+from .sentences import EVERY, GROUND, name_problem, nearest, numbers, shown
+from .world import World
 
 Bodies = Mapping[str, Body | None]  # by name; None for one that is not valid itself
 
@@ -313,3 +314,81 @@ def model_problems(parts: Mapping[str, Sequence[Any]]) -> list[Problem]:
         *tree_problems([b.name for b in bodies], [b.parent for b in bodies]),
         *reference_problems({b.name: b for b in bodies}, **others, names=names),
     ]
+
+
+PARTS: dict[str, type[Described]] = {
+    "bodies": Body,
+    "constraints": Constraint,
+    "contacts": Contact,
+    "forces": Force,
+    "scenarios": Scenario,
+}
+
+
+def problems(data: Mapping[str, Any], known: Iterable[str]) -> list[Problem]:
+    """Everything wrong with `data` as a model whose fields are `known`, in the order given."""
+    found = [
+        Problem("model", key, f"no such field; {nearest(key, known)}")
+        for key in data
+        if key not in known
+    ]
+    world = {key: data[key] for key in World.model_fields if key in data}
+    found += part_problems(World, world, "model")
+    valid: dict[str, list[Any]] = {}
+    for key, kind in PARTS.items():
+        items = data.get(key, ())
+        if not isinstance(items, (list, tuple)):
+            found.append(Problem("model", key, f"must be a list; given {shown(items)}"))
+            items = ()
+        valid[key] = []
+        for i, item in enumerate(items):
+            bad = part_problems(kind, item, _where(kind, item, i))
+            found += bad
+            if part := _mended(kind, item, bad):
+                valid[key].append(part)
+    rows = data.get("bodies", ())
+    rows = rows if isinstance(rows, (list, tuple)) else ()
+    names = [_text(row, "name", f"row {i + 1}") for i, row in enumerate(rows)]
+    found += tree_problems(names, [_text(row, "parent", GROUND) for row in rows])
+    bodies = dict.fromkeys(names) | {body.name: body for body in valid.pop("bodies")}
+    known_names = (_names(data.get("constraints", ())), _names(data.get("contacts", ())))
+    return found + reference_problems(bodies, **valid, names=known_names)
+
+
+def _names(items: Any) -> list[str]:
+    return [_text(item, "name", "") for item in items] if isinstance(items, (list, tuple)) else []
+
+
+def _mended(kind: type[Described], item: Any, bad: list[Problem]) -> Any:
+    """The part without its refused fields, to check the names in the others; or None.
+
+    A body is not mended: its joint says what forces and states have to fit.
+    """
+    if isinstance(item, kind):
+        return item
+    if not isinstance(item, Mapping) or (bad and kind is Body):
+        return None
+    refused = {p.field for p in bad}
+    refused |= {name for field in refused for name in kind.followers().get(field, ())}
+    try:
+        return kind(**{key: value for key, value in item.items() if key not in refused})
+    except ModelError:
+        return None
+
+
+def _where(kind: type[Described], item: Any, i: int) -> str:
+    word = kind.word()
+    name = _field(item, "name", None)
+    if isinstance(name, str) and name.strip():
+        return f"{word} {shown(name)}"
+    return f"row {i + 1}" if kind is Body else f"{word} {i + 1}"
+
+
+def _text(item: Any, name: str, default: str) -> str:
+    value = _field(item, name, default)
+    return value if isinstance(value, str) else default
+
+
+def _field(item: Any, name: str, default: Any) -> Any:
+    value = item.get(name) if isinstance(item, Mapping) else getattr(item, name, None)
+    return default if value is None else value

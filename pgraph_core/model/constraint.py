@@ -23,8 +23,7 @@ from .fields import (
     refuse,
     vector,
 )
-from .names import GROUND
-from .sentences import shown
+from .sentences import GROUND, shown
 
 IN_JOINTS = ("gear", "motion", "velocity")  # act on coordinates, not between places of bodies
 KIND = (

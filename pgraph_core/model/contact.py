@@ -8,7 +8,7 @@ from typing import ClassVar, Literal, Self
 from pydantic import model_validator
 
 from .fields import Described, Number, Vec3s, field, refuse, vectors
-from .names import EVERY, GROUND
+from .sentences import EVERY, GROUND
 
 
 class Contact(Described):

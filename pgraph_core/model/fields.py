@@ -39,8 +39,7 @@ from pydantic_core import PydanticCustomError, PydanticUndefined, core_schema
 
 from ..errors import ModelError, Problem
 from ..portable import Portable
-from .names import GROUND
-from .sentences import all_problems, nearest_first, shown
+from .sentences import GROUND, all_problems, nearest_first, shown
 
 Given = TypeVar("Given")
 Held = TypeVar("Held")

@@ -13,9 +13,8 @@ from typing import Any
 
 from ..errors import FileError, Problem
 from .body_checks import PER_MOTION
-from .names import GROUND
 from .parameters import Formula, inlined
-from .sentences import shown
+from .sentences import GROUND, shown
 from .world import Ground
 
 SCHEMA_VERSION = 2  # 1: without parameters, formulas, several shapes, density and derived

@@ -15,8 +15,7 @@ from pydantic import model_validator
 
 from .curves import Table, VectorTable
 from .fields import Number, OfKinds, Vec3, field, maybe_vector, refuse
-from .names import GROUND
-from .sentences import shown
+from .sentences import GROUND, shown
 
 BETWEEN = ("spring", "torsion")  # passive: they act in every question, the others in runs only
 KIND = "one of motor, servo, wrench, spring, torsion"

@@ -11,7 +11,7 @@ import numpy as np
 from .. import joints
 from ..rotation import Array, matrix, rodrigues, unit_vector
 from .body import Body
-from .names import GROUND
+from .sentences import GROUND
 
 
 @dataclass(frozen=True)

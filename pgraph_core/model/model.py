@@ -14,12 +14,13 @@ from ..errors import ModelError, Problem, choices
 from . import files
 from .assets import gathered, located
 from .body import Body
-from .checks import model_problems
+from .checks import PARTS, model_problems, problems
 from .constraint import Constraint
 from .contact import Contact
-from .copies import branch, copied, names_of_copies
+from .copies import Mirror, branch, copied, names_of_copies, other_side
 from .editing import (
     attached,
+    cut_joint,
     edited,
     edited_all,
     edited_part,
@@ -30,9 +31,6 @@ from .editing import (
 )
 from .fields import Vec3, field, fields_of, listed, whole
 from .force import Force
-from .loops import cut_joint
-from .mirror import Mirror, other_side
-from .names import GROUND
 from .parameters import (
     Formula,
     cells_of,
@@ -42,10 +40,9 @@ from .parameters import (
     resolved,
     still_true,
 )
-from .problems import PARTS, problems
 from .rerooting import cut_elsewhere
 from .scenario import Scenario
-from .sentences import nearest_first, shown
+from .sentences import GROUND, nearest_first, shown
 from .world import DOWN, World
 
 # serial(n): slender rods of 0.2 m along x, hinged about y, so that they swing under gravity.

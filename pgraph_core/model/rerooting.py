@@ -19,11 +19,11 @@ from ..rotation import Array, matrix, multiply, rotate, unit_vector
 from .body import Body
 from .body_checks import PER_MOTION
 from .constraint import Constraint
+from .editing import CUT, free_name
 from .force import Force
 from .linkage import Pose, coordinate, poses
-from .loops import CUT, free_name
-from .names import GROUND
 from .scenario import Scenario
+from .sentences import GROUND
 
 TURNED: tuple[JointKind, ...] = ("weld", "revolute", "prismatic", "cylindrical", "spherical")
 JOINT_OF: dict[str, JointKind] = {

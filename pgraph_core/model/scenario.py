@@ -11,7 +11,6 @@ from ..errors import choices
 from .fields import Described, Number, PerMotion, by_name, field, names_or_none, refuse
 from .force import Force
 from .gait import Gait
-from .methods import METHOD_NAMES
 from .sentences import shown
 
 
@@ -74,3 +73,16 @@ class Scenario(Described):
             text = f"no method is called {shown(self.method)}; choose one of "
             refuse([("method", text + choices(METHOD_NAMES))])
         return self
+
+
+AUTO = "auto"  # chosen for the scene
+METHOD_NAMES = (
+    AUTO,
+    "semi_implicit_euler",
+    "rk4",
+    "dopri5",
+    "dop853",
+    "ros2",
+    "radau5",
+    "moreau_jean",
+)

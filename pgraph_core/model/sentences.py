@@ -1,4 +1,4 @@
-"""pydantic's complaints turned into sentences, all that there are to say at once."""
+"""Names of parts, and pydantic's complaints turned into sentences."""
 
 from __future__ import annotations
 
@@ -124,3 +124,22 @@ def shown(value: Any, limit: int = 60) -> str:
         return str(value)
     text = repr(_lists(value))
     return text if len(text) <= limit else text[: limit - 3] + "..."
+
+
+GROUND = "ground"
+EVERY = "*"  # in a contact: every body that has a shape
+
+
+def name_problem(name: str) -> str:
+    """What is wrong with the name of a part: it must show as what it is, in a table and a file."""
+    if not name.strip():
+        return f"must be text that is not empty; given {shown(name)}"
+    if name != name.strip():
+        return f"must not start or end with a space; given {shown(name)}"
+    if not name.isprintable():
+        return f"must be text on one line, without control characters; given {shown(name)}"
+    return ""
+
+
+def numbers(n: int) -> str:
+    return f"{n} number" if n == 1 else f"{n} numbers"

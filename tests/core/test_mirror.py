@@ -7,7 +7,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.model.mirror import Mirror
+from pgraph_core.model.copies import Mirror
 
 from .trees import random_model
 
