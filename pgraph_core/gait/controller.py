@@ -152,7 +152,7 @@ class GaitTorque(UserTorque):
         _store(self.exchange, self._kept)
 
     def join(self, packed: Packed, work: Array) -> None:
-        """Take frames, velocities and inertias from a run of the same bodies, not anew."""
+        """Take frames, velocities and inertias from a run of the same bodies."""
         mine = self._kept.rows, self._kept.const
         if all(np.array_equal(a, b) for a, b in zip(mine, packed.tree)):
             self._kept = self._kept._replace(theirs=work)
