@@ -274,7 +274,7 @@ def extent(
 
 
 def _motions(body: pg.Body, entries: Sequence[Entry]) -> tuple[Any, ...]:
-    """A compound joint's motions with one chosen anew, added or taken out."""
+    """A compound joint's motions with one replaced, added or removed."""
     motions: list[Any] = list(body.motions)
     for (i, *_), text in entries:
         if not text:

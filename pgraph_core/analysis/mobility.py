@@ -144,7 +144,7 @@ def _judged(state: Rows, holonomic: bool = False, cut: float = CUT) -> tuple[Arr
 
 
 def _freed(basis: Array, y: Array) -> Array:
-    """(..., nv) what is left of vectors in the mass metric beside an orthonormal basis."""
+    """(..., nv) vectors without their parts along an orthonormal basis, in the mass metric."""
     for _ in range(2):
         y = y - (y @ basis.T) @ basis
     return y

@@ -1,7 +1,7 @@
 """Fig. 7: the frames of all bodies brought from one q to the next by walking along Pgraph.
 
 The figure's drawing is lost: this is our reconstruction from the text of sec. 4, which names
-Rot, find, P and F(P). Teaching and checking use it; `Mechanism` makes frames anew from q (R14).
+Rot, find, P and F(P). Teaching and checking use it; `Mechanism` computes frames from q (R14).
 """
 
 from __future__ import annotations
