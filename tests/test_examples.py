@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -31,6 +33,8 @@ PROMISED = {
     "16_sweep_a_mass": "4.0 kg: at most ",
     "17_four_processes": "as in one process: True",
     "18_edit_and_rerun": "the first model is unchanged: True",
+    "19_spring_and_contact": "at rest: True",
+    "20_to_pandas": "the index is the time: True",
 }
 
 
@@ -49,3 +53,27 @@ def test_example(file: Path):
 
 def test_examples_are_numbered_without_a_gap():
     assert [int(file.name[:2]) for file in EXAMPLES] == list(range(1, len(EXAMPLES) + 1))
+
+
+TYPED = """
+import numpy as np
+import pgraph_core as pg
+
+body = pg.Body(name="a", axes=(0, 1, 0), inertia=np.eye(3), shape={"kind": "sphere", "radius": 0.1})
+print(body.mass, pg.simulate(pg.Model(bodies=[body]), t_end=1.0).q[-1])
+"""
+
+
+def test_strict_pyright_passes_on_the_readme_and_on_every_example(tmp_path: Path):
+    (tour,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    (tmp_path / "readme.py").write_text(tour)
+    (tmp_path / "typed.py").write_text(TYPED)
+    config = {
+        "include": [".", str(ROOT / "examples")],
+        "extraPaths": [str(ROOT), str(ROOT / "typings")],
+        "typeCheckingMode": "strict",
+    }
+    (tmp_path / "pyrightconfig.json").write_text(json.dumps(config))
+    pyright = [sys.executable, "-m", "pyright", "--pythonpath", sys.executable, "-p", str(tmp_path)]
+    done = subprocess.run(pyright, capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stdout
