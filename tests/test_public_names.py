@@ -74,5 +74,5 @@ def test_a_pendulum_loads_no_module_of_what_it_does_not_have():
     )
     loaded = output(code).split()
     assert "pgraph_core.simulation" in loaded
-    for room in ("study", "verification", "show"):
+    for room in ("study", "verification", "show", "contact", "gait"):
         assert not [name for name in loaded if name.startswith(f"pgraph_core.{room}")]

@@ -170,3 +170,39 @@ def test_the_tutorial_types_what_its_test_types():
     words = {a or b for a, b in typed}
     assert words >= {"3", "crank", "coupler", "rocker", "-1"}
     assert [word for word in sorted(words) if f'"{word}"' not in script] == []
+
+
+# Words of a private dialect, and where they must not come back.
+BANNED = re.compile(r"\b(?:anew|beside|is said|are said)\b", re.IGNORECASE)
+PLAIN = (
+    "docs",
+    "examples",
+    "benchmarks",
+    "peers",
+    "static_models",
+    "app/digraph",
+    "app/run",
+    "pgraph_core/show",
+    "pgraph_core/study",
+    "pgraph_core/simulation/simulation.py",
+)
+
+
+def test_texts_are_plain_english():
+    files = [*ROOT.glob("*.md")]
+    for place in PLAIN:
+        folder = ROOT / place
+        files += [folder] if folder.is_file() else folder.rglob("*")
+    texts = {file: file.read_text() for file in files if file.suffix in (".md", ".py", ".js")}
+    assert len(texts) > 60
+    found = [
+        f"{file.name}: {word}" for file, text in texts.items() for word in BANNED.findall(text)
+    ]
+    assert found == []
+
+
+def test_files_that_the_documents_name_are_there():
+    path = re.compile(r"\b((?:tests|benchmarks|app|pgraph_core|peers)/[\w/]+\.\w+)")
+    for file in (*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")):
+        named = path.findall(file.read_text())
+        assert [name for name in named if not (ROOT / name).exists()] == [], file.name

@@ -349,7 +349,7 @@ def rekinded(model: pg.Model, part: Part, item: Item, kind: str) -> dict[str, An
 
 
 def _put(model: pg.Model, part: Part, name: str, data: Mapping[str, Any]) -> pg.Model:
-    """The model with one part given by its fields anew."""
+    """The model with one part replaced by these fields."""
     items = tuple(dict(data) if x.name == name else x for x in getattr(model, part))
     return model.replace(**{part: items})
 

@@ -520,7 +520,7 @@ class Model(World):
             now = {**self._others(), "bodies": self.bodies, **fields}
             fields = {**fields, "formulas": still_true(formulas, now, self.parameters)}
         model = self.model_copy(update=fields)
-        vars(model)["notices"] = tuple(notices)  # beside the fields: equality ignores it
+        vars(model)["notices"] = tuple(notices)  # not a field: equality ignores it
         return model
 
     def _carries(self, new: Body) -> bool:

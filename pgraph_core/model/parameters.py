@@ -1,6 +1,6 @@
 """Named numbers that cells share, and the formulas that use them: '=thigh/2' in place of a number.
 
-A model holds numbers everywhere; its formulas stand beside them, each with the place of its cell.
+A model holds numbers everywhere; its formulas are kept separately, each with the place of its cell.
 In a file a formula stands in the cell itself. A cell that gets another number loses its formula.
 """
 
@@ -169,7 +169,7 @@ def name_problems(parameters: Mapping[str, float]) -> list[tuple[str, str]]:
 
 
 def _usable(name: str) -> bool:
-    """Whether the name is itself in a formula: no keyword, no letter that Python writes anew."""
+    """Whether the name may stand in a formula: no keyword, unchanged by normalisation."""
     return names_in(name) == {name}
 
 
@@ -177,7 +177,7 @@ def _usable(name: str) -> bool:
 
 
 def resolved(data: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of a model with a number for each formula, and all formulas beside them.
+    """The fields of a model with a number for each formula, and all formulas.
 
     Formulas stand in the cells of parts given as dictionaries, or under "formulas".
     Raises ModelError with every formula that has no value.
@@ -252,7 +252,7 @@ def formulas_in(value: Any, path: Path = ()) -> Iterator[tuple[Path, str]]:
 
 
 def _filled(item: Any, values: Mapping[Path, float]) -> Any:
-    """A part with these numbers in its cells; validated anew where it was."""
+    """A part with these numbers in its cells; validated again if it was."""
     new = {path: x for path, x in values.items() if not _holds(at(item, path), x)}
     if not new:
         return item
