@@ -1,4 +1,4 @@
-"""The constraints tab: what ties and drives bodies beside their joints, and what it leaves free."""
+"""The constraints tab: constraints, contacts and forces on bodies, and the remaining mobility."""
 
 from __future__ import annotations
 

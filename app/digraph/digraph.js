@@ -204,14 +204,14 @@ pgraph.digraph = (() => {
     if (g.getAttribute("tabindex") !== String(k === 1 ? 0 : -1)) g.setAttribute("tabindex", k === 1 ? 0 : -1);
     return g;
   }
-  function drawn(data, k, kind, x, y, beside) {
+  function drawn(data, k, kind, x, y, labelX) {
     const name = data.names[k - 1], g = svg("g", {
       class: `node${kind}`, "data-name": name, "data-number": k, tabindex: k === 1 ? 0 : -1, role: "button", "aria-label": `${k} ${name}`,
       style: `--body: ${data.colors[k - 1]}`,
     });
     if (kind === " separation") g.append(svg("circle", { class: "outer", cx: x, cy: y, r: RADIUS + 3 }));
     g.append(svg("circle", { cx: x, cy: y, r: RADIUS }), written("number", x, y + 3.5, k),
-      written("label", beside, y + 4, label(name)));
+      written("label", labelX, y + 4, label(name)));
     return g;
   }
   const label = (name) => (name.length > 20 ? `${name.slice(0, 19)}…` : name);
@@ -269,11 +269,11 @@ pgraph.digraph = (() => {
   function keyed(host, event) {
     const { data, children, nodes } = host.graph, k = numberAt(event.target);
     if (!k) return;
-    const beside = (step) => {
+    const neighbour = (step) => {
       const depth = path(data, k).length, row = data.names.map((_, i) => i + 1).filter((j) => path(data, j).length === depth);
       return row[row.indexOf(k) + step];
     };
-    const next = { ArrowUp: () => data.parent[k - 1], ArrowDown: () => children[k][0], ArrowLeft: () => beside(-1), ArrowRight: () => beside(1), Home: () => 1 }[event.key];
+    const next = { ArrowUp: () => data.parent[k - 1], ArrowDown: () => children[k][0], ArrowLeft: () => neighbour(-1), ArrowRight: () => neighbour(1), Home: () => 1 }[event.key];
     if (event.key === "Enter") select(data.names[k - 1]);
     else if (!next) return;
     event.preventDefault();

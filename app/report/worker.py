@@ -17,7 +17,7 @@ from ..run import FREE_RUN
 REPORT = 0.1  # [s] between progress events
 ROUNDS = 3  # of timing: a page waits for them
 LONGEST = 0.5  # [s] of computing: longer runs are left out
-DURATION = 1.0  # [s] of the motion, where nothing else is said
+DURATION = 1.0  # [s] of the motion by default
 
 
 class Analyst:
