@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.model import files
 from pgraph_peers import drake as in_drake
 from pgraph_peers import mujoco as in_mujoco
 from pgraph_peers import pinocchio as in_pinocchio
@@ -77,7 +78,7 @@ def construction(place: Scene, *, goal: float, small: bool) -> Case:
 def from_text(place: Scene) -> Case:
     """The text of a file to something that runs: reading and validation included."""
     text = place.model.to_json()
-    data = {k: v for k, v in pg.schema.files.parse(text, "bench").items() if k[0] != "$"}
+    data = {k: v for k, v in files.parse(text, "bench").items() if k[0] != "$"}
     sides: dict[str, Callable[[], Any]] = {
         "pgraph": lambda: pg.Mechanism(pg.Model.from_json(text)),
         "pgraph, validation alone": lambda: pg.Model(**data),

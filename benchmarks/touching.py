@@ -1,4 +1,4 @@
-"""Contact points of balls: those near each other found, and where they touch."""
+"""The search for contact points between balls."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def balls(count: int, apart: float) -> Case:
 
 
 def pgraph(places: np.ndarray) -> tuple[int, Any]:
-    """How many contacts there are, and the search for them."""
+    """(the number of contacts, the call of the search)."""
     count = len(places)
     ball = solids.sphere(RADIUS)
     geometry = solids.packed([solids.Placed(ball, i, i) for i in range(1, count + 1)])
@@ -68,7 +68,7 @@ def pgraph(places: np.ndarray) -> tuple[int, Any]:
 
 
 def mujoco(places: np.ndarray) -> tuple[Any, int]:
-    """mj_collision of the same balls, and how many contacts it finds."""
+    """(the call of mj_collision on the same balls, the number of contacts that it finds)."""
     import mujoco
 
     spec = mujoco.MjSpec()

@@ -19,6 +19,7 @@ compare, construction, gate, lean, machine, report, scenes, suite, timing = map(
     part,
     ["compare", "construction", "gate", "lean", "machine", "report", "scenes", "suite", "timing"],
 )
+building, dynamics, runs, touching = map(part, ("building", "dynamics", "runs", "touching"))
 Case, Timed = timing.Case, timing.Timed
 BASELINE = {"cpu": "old", "ratios": {"a: peer": 4.0, "b: peer": 2.0}}
 
@@ -295,3 +296,36 @@ def test_two_trees_take_turns_and_a_row_that_one_lacks_says_why():
     assert shown[:4] == (row, *shown[1:3], f"{found['ratio']:.3f}")
     missing = {"row": "a", "problem": "old: AttributeError: no such name"}
     assert compare.lines([missing])[1][-1] == missing["problem"]
+
+
+# -- every case ------------------------------------------------------------------------------------
+
+SMALL = {  # each kind of case of the suite, on small models
+    "one call": lambda: dynamics.one_call(dynamics.quadruped_tree(), "one call", goals={}),
+    "native loop": lambda: dynamics.native_loop(dynamics.quadruped_tree(), "a", 2, compiling=False),
+    "back ends": lambda: dynamics.back_ends(dynamics.quadruped_tree()),
+    "derivatives": lambda: dynamics.derivatives(scenes.scene("chain", pg.Model.serial(5))),
+    "stance, run": lambda: dynamics.stance_run(),
+    "stance, call": lambda: dynamics.stance_call(),
+    "chains": lambda: dynamics.chains(10),
+    "lean steps": lambda: lean.steps(scenes.scene("tree", scenes.binary_tree(7), 0.2), 5),
+    "steps": lambda: runs.steps(scenes.scene("chain", pg.Model.serial(5), 0.2), "rk4", 5),
+    "batch": lambda: runs.batch(scenes.scene("chain", pg.Model.serial(5), 0.2), 1, 4, 5),
+    "whole call": lambda: runs.whole_call(estimate=False, number=5),
+    "whole call, estimate": lambda: runs.whole_call(estimate=True, number=5),
+    "one step": lambda: runs.one_step(),
+    "balls": lambda: touching.balls(27, 0.98),
+    "columns": lambda: building.from_columns(dynamics.quadruped_tree(), goal=1.0, small=True),
+    "construction": lambda: building.construction(dynamics.quadruped_tree(), goal=1.0, small=True),
+    "text": lambda: building.from_text(dynamics.quadruped_tree()),
+    "parent": lambda: building.parent_changed(),
+    "mass": lambda: building.mass_changed(),
+}
+
+
+@pytest.mark.parametrize("kind", SMALL)
+def test_every_side_of_a_case_can_be_called(kind: str):
+    case = SMALL[kind]()
+    assert case.sides
+    for call in case.sides.values():
+        call()
