@@ -9,6 +9,7 @@ from .analysis.assembly import Assembly, assemble
 from .analysis.mobility import Mobility, mobility
 from .dynamics import Dynamics
 from .dynamics.arguments import finite, position
+from .errors import InputError, Problem
 from .model import Model
 from .packing.system import Array
 from .plan import Plan
@@ -68,6 +69,13 @@ class Mechanism(Dynamics):
         return Batch(self, size, **options)
 
 
-def as_mechanism(model: Model | Mechanism) -> Mechanism:
-    """The mechanism of a model; a mechanism as it is."""
-    return model if isinstance(model, Mechanism) else Mechanism(model)
+def mechanism_of(value: Any, where: str) -> Mechanism:
+    """The mechanism of a Mechanism or a Model, for `where`. Raises InputError for other types."""
+    if isinstance(value, Mechanism):
+        return value
+    if isinstance(value, Model):
+        return Mechanism(value)
+    text = f"must be a pg.Mechanism or a pg.Model; given {value!r:.60}"
+    if isinstance(value, str):
+        text += f"; to read a file: pg.Model.load({value!r})"
+    raise InputError(Problem(where, "mechanism", text))

@@ -37,7 +37,7 @@ class Batch(Portable):
 
     def __init__(
         self,
-        mech: Dynamics,
+        mech: Dynamics | Model,
         size: int | None = None,
         *,
         models: Sequence[Model] | None = None,
@@ -45,6 +45,7 @@ class Batch(Portable):
         constraints: str | None = None,
     ):
         """Raises InputError where the models are not of one kind, or are more than trees."""
+        mech = Dynamics(mech) if isinstance(mech, Model) else mech
         _as_trees(mech, constraints)
         self.mech = mech
         self.models = None if models is None else [type(mech)(m) for m in models]

@@ -16,8 +16,8 @@ from ..engine.gait import walking
 from ..engine.gait.heading import FLEXION, HARMONICS, NOD, RISE, SURGE, SWAY
 from ..engine.records import FOOT, GAIT_SETTINGS, table
 from ..errors import InputError, Problem
-from ..mechanism import Mechanism
-from ..model import Gait
+from ..mechanism import Mechanism, mechanism_of
+from ..model import Gait, Model
 from ..packing.packed import Packed
 from ..packing.system import Array
 from ..portable import Portable
@@ -40,8 +40,9 @@ class Controller(Portable):
     that cannot walk on the gait's feet, and for a speed that its legs cannot reach.
     """
 
-    def __init__(self, mech: Mechanism, gait: Gait):
+    def __init__(self, mech: Mechanism | Model, gait: Gait):
         """Nothing is compiled yet."""
+        mech = mechanism_of(mech, "Controller")
         self.mech, self.gait = mech, gait
         self.anatomy = anatomy(mech, gait)
         self.settings = _settings(self.anatomy, gait)

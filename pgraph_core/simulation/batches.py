@@ -13,10 +13,10 @@ from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.stepping import batch as kernels
 from ..errors import InputError, Problem
 from ..integrators import Method, method_of
-from ..mechanism import Mechanism
+from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
 from ..packing.system import Array
-from .options import fixed_step_times, mechanism_of, steps_between
+from .options import fixed_step_times, steps_between
 
 
 class BatchResult(NamedTuple):

@@ -11,7 +11,7 @@ import numpy as np
 from ..errors import InputError, Problem, choices
 from ..integrators import METHODS, Method
 from ..mechanism import Mechanism
-from ..model import Force, Model, Scenario
+from ..model import Force, Scenario
 from ..model.checks import force_problems
 from ..packing.system import Array, Ints
 
@@ -117,18 +117,6 @@ class Options(NamedTuple):
         if found := [problem for f in forces for problem in force_problems((f,), bodies)]:
             raise InputError(found)
         return tuple(forces)
-
-
-def mechanism_of(value: Any, where: str) -> Mechanism:
-    """The mechanism of a Mechanism or a Model. Raises InputError for other types."""
-    if isinstance(value, Mechanism):
-        return value
-    if isinstance(value, Model):
-        return Mechanism(value)
-    text = f"must be a pg.Mechanism or a pg.Model; given {value!r:.60}"
-    if isinstance(value, str):
-        text += f"; to read a file: pg.Model.load({value!r})"
-    raise InputError(Problem(where, "mechanism", text))
 
 
 def positive(field: str, value: Any, *, unit: str = " [s]") -> float:

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, Problem
-from ..mechanism import Mechanism
+from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..result import Result
 from .estimate import error_estimate
-from .options import MOST_CHOSEN, Options, mechanism_of
+from .options import MOST_CHOSEN, Options
 from .plan import plan_of, with_state
 from .recording import Recording
 

@@ -7,12 +7,11 @@ from typing import Any
 
 from ..errors import InputError, Problem
 from ..gait.controller import Controller
-from ..mechanism import Mechanism
+from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Gait, Model, VectorTable
 from ..packing.system import Array
 from ..portable import Portable
 from ..result import Result
-from .options import mechanism_of
 from .simulation import simulate
 
 EDGE = 1e-6  # s in which a push comes and goes

@@ -14,7 +14,7 @@ import numpy as np
 from ..dynamics.arguments import finite, position
 from ..errors import PgraphError, choices
 from ..joints import nq, nv
-from ..mechanism import Mechanism
+from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
 from ..packing.system import Array
 from ..result import Result, Status
@@ -23,7 +23,7 @@ from .axes import AXES, Axis, changed
 from .map import StabilityMap
 from .reference import KnownMotion, known_motion, merged, per_step
 from .settings import Setting, finite_numbers, methods_of, positive, refusal
-from .task import Task, mechanism_of
+from .task import Task
 from .verdicts import Cell, Verdict, judged, step_limit
 
 STEPS = (1e-1, 1e-2, 1e-3, 1e-4)  # [s]
@@ -242,7 +242,7 @@ def _computed(
 
 def _warm(sweep: Sweep) -> None:
     """Compile here what the threads need, which would otherwise all compile it at once."""
-    mech = mechanism_of(sweep.model)
+    mech = mechanism_of(sweep.model, "stability_map")
     impulses = Task(mech, None, None, np.zeros(1)).impulses
     own = ("rk4", "moreau_jean") if impulses else ("radau5", "dop853", "dopri5")
     for name in dict.fromkeys((*sweep.methods, *own)):

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..dynamics.scene import contact_tables
 from ..mechanism import Mechanism
-from ..model import Model, Scenario
+from ..model import Scenario
 from ..packing.system import Array
 from ..result import Result, Status
 from ..simulation import simulate
@@ -99,11 +99,6 @@ class Task:
     @property
     def _given(self) -> Scenario | None:
         return None if self.scenario is None else self.mech.model.scenario(self.scenario)
-
-
-def mechanism_of(given: Mechanism | Model) -> Mechanism:
-    """The mechanism, packed here from a model."""
-    return Mechanism(given) if isinstance(given, Model) else given
 
 
 class Outcome(NamedTuple):

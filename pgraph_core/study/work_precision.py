@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import choices
 from ..integrators import METHODS
-from ..mechanism import Mechanism
+from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
 from . import reference as references
 from .engines import engine_participants, engines_of
@@ -25,7 +25,6 @@ from .task import (
     Progress,
     Stopped,
     Task,
-    mechanism_of,
     own_participant,
     start,
 )
@@ -75,7 +74,7 @@ def work_precision(
 
     Raises InputError for arguments that do not fit. A run that fails stays in the table.
     """
-    call, mech = "work_precision", mechanism_of(mech)
+    call, mech = "work_precision", mechanism_of(mech, "work_precision")
     given = None if scenario is None else mech.model.scenario(scenario)
     duration = t_end if t_end is not None else given.t_end if given else 1.0
     duration = positive(call, "t_end", duration, "a finite number > 0 [s]")

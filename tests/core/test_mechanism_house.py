@@ -85,3 +85,21 @@ def test_a_pendulum_loads_no_contact_gait_study_or_lane_module():
     command = [sys.executable, "-c", textwrap.dedent(code)]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_functions_of_a_mechanism_take_a_model():
+    model = pg.Model.serial(3)
+    mech = pg.Mechanism(model)
+    q = np.full((2, 3), 0.1)
+    two = pg.Batch(model, 2).forward_dynamics(q, q)
+    assert np.array_equal(two, pg.Batch(mech, 2).forward_dynamics(q, q))
+    assert np.array_equal(pg.simulate(model, t_end=0.1).q, pg.simulate(mech, t_end=0.1).q)
+    one, other = (pg.simulate_batch(m, q, q, t_end=0.01).q for m in (model, mech))
+    assert np.array_equal(one, other)
+    cat = pg.Model.load(pgraph_models.path("quadruped_hips"))
+    gait = cat.scenario("trot").gait
+    assert gait is not None
+    start = pg.Controller(cat, gait).start()
+    assert np.array_equal(start[0], pg.Controller(pg.Mechanism(cat), gait).start()[0])
+    with pytest.raises(pg.InputError, match="Controller"):
+        pg.Controller("quadruped", gait)
