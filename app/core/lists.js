@@ -27,7 +27,7 @@ pgraph.keyed = (box, items, create, fill, gone = () => {}) => {
       const renamed = old[i] && !names.has(old[i].dataset.name) ? old[i] : null;
       const el = left.get(item.name) ?? renamed ?? create(item);
       left.delete(el.dataset.name);
-      el.dataset.name = item.name;
+      if (el.dataset.name !== item.name) el.dataset.name = item.name;
       now.set(item.name, el);
       fill(el, item);
     });
