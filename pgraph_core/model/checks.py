@@ -78,11 +78,11 @@ def unique(kind: str, names: Iterable[str]) -> list[Problem]:
     return found
 
 
-def unknown(name: str, bodies: Bodies, *beside: str) -> str:
-    """What is wrong with a name that is no body's, nor one of those beside; else nothing."""
-    if name in bodies or name in beside:
+def unknown(name: str, bodies: Bodies, *others: str) -> str:
+    """Why a name is neither a body's nor one of `others`; "" where it is."""
+    if name in bodies or name in others:
         return ""
-    return f"no body is named '{name}'; choose one of {choices((*beside, *bodies))}"
+    return f"no body is named '{name}'; choose one of {choices((*others, *bodies))}"
 
 
 def pair_problems(
@@ -94,8 +94,8 @@ def pair_problems(
     """
     found = []
     body, other = part.pair
-    for field, name, beside in (("body", body, anyone), ("other", other, (GROUND, *anyone))):
-        if text := unknown(name, bodies, *beside):
+    for field, name, others in (("body", body, anyone), ("other", other, (GROUND, *anyone))):
+        if text := unknown(name, bodies, *others):
             found.append(Problem(where, field, text))
     if body == other and body not in anyone:
         text = f"a body cannot be {_TIED[part.word()]} itself; given '{body}' twice"

@@ -120,7 +120,7 @@ def edited_all(
 ) -> tuple[dict[str, Any], list[str]]:
     """All parts after several bodies were edited, and what changed besides. Raises ModelError.
 
-    `others` are the parts beside the bodies; `parent` in `changes` speaks of new names.
+    `others` are the other parts; `parent` in `changes` means new names.
     """
     rows, names, notices = {body.name: body for body in bodies}, {}, []
     for name, fields in changes.items():
