@@ -378,5 +378,5 @@ def test_a_wrong_edit_of_a_mechanism_is_refused_as_that_of_the_model(changes):
     with pytest.raises(pg.ModelError) as theirs:
         QUADRUPED.edit("left_femur", **changes)
     assert str(ours.value) == str(theirs.value)
-    with pytest.raises(pg.ModelError, match="no body has this name"):
+    with pytest.raises(pg.ModelError, match="no part has this name; choose one of pelvis"):
         mech.edit("nobody", mass=1.0)
