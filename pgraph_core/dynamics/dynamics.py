@@ -22,7 +22,6 @@ from ..model import Model
 from ..packing.packed import Joint, Packed
 from ..packing.system import Array, Ints, point_in_row
 from ..portable import Portable
-from ..show import mechanism_html
 from ..topology import Topology
 from .arguments import finite, numbers, position
 from .back_ends import NO_EXTERNAL, BackEnd, accelerated, dense, operators
@@ -77,6 +76,8 @@ class Dynamics(Portable):
         return f"<{kind} '{model.name}': {counts}>" if model.name else f"<{kind}: {counts}>"
 
     def _repr_html_(self) -> str:
+        from ..show import mechanism_html  # only notebooks need it
+
         return mechanism_html(self)
 
     @property
