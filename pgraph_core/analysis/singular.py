@@ -2,7 +2,7 @@
 
 *Redundant rows* are named from the null directions that the solver of a run finds. *Singular
 positions*: the kernels keep the places where pivots fell far below their largest
-(`engine/constraints/dips.py`); from there the smallest eigenvalue of Ω that is not always zero is
+(`watch` in `engine/constraints`); from there the smallest eigenvalue of Ω that is not always 0 is
 followed along the velocity. At a singular position it touches zero, as the square of the distance.
 *Blocked motions* are those that constraints leave free to first order and block to second.
 """
@@ -17,7 +17,7 @@ from ..dynamics import Dynamics
 from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine import motion
-from ..engine.constraints.proximal import FACTORED
+from ..engine.arrays import FACTORED
 from ..engine.stepping import run
 from ..packing.system import Array, Ints
 from .rows import Rows
@@ -132,7 +132,7 @@ class _Look:
 
     def __init__(self, scene: Scene, t: float, q: Array, v: Array):
         self.scene, self.t, self.q, self.v = scene, t, q, v
-        self.rows = int(scene.space.dips[0, at.DIP_ROWS])
+        self.rows = int(scene.space.watch[0]["rows"])
 
     def eigen(self, tau: float) -> tuple[Array, Array]:
         """(values over the mean diagonal, vectors) of Ω a time tau on, constraints met."""
@@ -172,10 +172,10 @@ def passed(scene: Scene) -> list[Passed]:
     """Singular positions among the first dips of the active constraints, each once."""
     found: list[Passed] = []
     nq, nv = scene.packed.nq, scene.packed.nv
-    for dip in scene.space.dips[1:]:
-        if dip[at.DIP_DEPTH] > 0:
-            q, v = np.split(dip[at.DIP_STATE : at.DIP_STATE + nq + nv].copy(), [nq])
-            look, apart = _Look(scene, float(dip[at.DIP_TIME]), q, v), float(dip[at.DIP_APART])
+    for dip, state in zip(scene.space.dips, scene.space.dip_states):
+        if dip["depth"] > 0:
+            q, v = np.split(state[: nq + nv].copy(), [nq])
+            look, apart = _Look(scene, float(dip["time"]), q, v), float(dip["apart"])
             place = _touched(look, REACH * apart)
             if place and not any(abs(place.t - other.t) <= apart for other in found):
                 found.append(place)
@@ -207,14 +207,14 @@ def singular_notice(scene: Scene, start: Instant, end: Instant, redundant: bool)
 
     `start` and `end` are those of the run; `redundant`: whether rows were at the start.
     """
-    dips = int(scene.space.dips[0, at.DIP_COUNT])
+    dips = int(scene.space.watch[0]["count"])
     places = passed(scene) if dips else []
     if not places:
         began = _began(scene, start, end) if redundant else None
         where = "the run began at a singular position"
     else:
         began = places[0]
-        most = "at least " if dips >= at.DIPS else ""
+        most = "at least " if dips > len(scene.space.dips) else ""
         many = f", the first of {most}{len(places)}," if len(places) > 1 else ""
         where = f"at t = {began.t:.4g} s the run passed a singular position{many} or close by one"
     if began is None:

@@ -10,8 +10,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from .. import joints
+from ..engine import packing
 from ..engine.compiler.jit import JIT, ready
-from ..engine.packing import gather, pack
 from ..joints import Motion
 from ..model import Body, Model
 from ..model.editing import edited
@@ -94,7 +94,7 @@ class Columns(Portable):
         kinds = REVOLUTE if joint is None else codes("joint", joint, JOINTS)
         moves = NO_INTS if motion is None else codes("motion", motion, MOTIONS)
         bare = armature is stiffness is damping is rest is friction is None
-        nm, nq, nv = gather.sizes(nb, kinds, moves, KINDS)
+        nm, nq, nv = packing.sizes(nb, kinds, moves, KINDS)
         given = (
             parent,
             kinds,
@@ -115,20 +115,20 @@ class Columns(Portable):
         empty = np.empty
         self.numbers: Numbers = (
             empty(nb, INT),
-            empty((nb + 1, pack.BODY)),
-            empty((nm, pack.MOTION)),
+            empty((nb + 1, packing.TABLE_BODY)),
+            empty((nm, packing.TABLE_MOTION)),
             empty(nq + nv),
         )
         self._nq = nq
         self._keep(None if names is None else names_of(names, nb), None)
-        check = ready(gather.gather)
+        check = ready(packing.gather)
         given = given if JIT else converted(given)  # uncompiled, it takes any type
         try:
             wrong, row, above = check(*given, nq, *self.numbers)
         except TypeError:  # lists, single numbers, other types: looked at one by one
             given = converted(given)
             wrong, row, above = check(*given, nq, *self.numbers)
-        if wrong != gather.NONE:
+        if wrong != packing.FINE:
             raise refusal(wrong, row, given, (nb, nm, nq, nv))
         if not above:
             refuse_cycles(parent)
@@ -259,7 +259,8 @@ class Columns(Portable):
         self._depth = 1
 
 
-DIRECT = {"mass": pack.MASS, "com": pack.COM, "link": pack.LINK}  # fields that an edit writes
+# fields that an edit writes
+DIRECT = {"mass": packing.MASS, "com": packing.COM, "link": packing.LINK}
 
 
 def written(body: Array, row: int, field: str, value: Any) -> Array | None:
@@ -282,7 +283,7 @@ def written(body: Array, row: int, field: str, value: Any) -> Array | None:
 
 
 # parent (nb,) rows from 1, 0 = ground; body (nb + 1, 18) and motion (nm, 9), whose columns are in
-# `engine/packing/pack.py`; q and v in one array (nq + nv,): all in the order of the table
+# `engine/packing.py`; q and v in one array (nq + nv,): all in the order of the table
 Numbers: TypeAlias = tuple[Ints, Array, Array, Array]
 
 
@@ -293,8 +294,8 @@ def numbers_of(model: Model) -> tuple[Numbers, int]:
     records = [b.records for b in bodies]
     numbers = (
         np.array(parent, INT),
-        _floats([_ground(model), *[r[0] for r in records]]).reshape(-1, pack.BODY),
-        _floats([r[1] for r in records]).reshape(-1, pack.MOTION),
+        _floats([_ground(model), *[r[0] for r in records]]).reshape(-1, packing.TABLE_BODY),
+        _floats([r[1] for r in records]).reshape(-1, packing.TABLE_MOTION),
         _floats([*[r[2] for r in records], *[r[3] for r in records]]),
     )
     return numbers, sum([len(r[2]) for r in records]) // 8
@@ -302,7 +303,7 @@ def numbers_of(model: Model) -> tuple[Numbers, int]:
 
 def _ground(model: Model) -> bytes:
     """Row 0 of the table's bodies."""
-    return struct.pack(f"{pack.BODY}d", *model.gravity, *(0.0,) * (pack.BODY - 3))
+    return struct.pack(f"{packing.TABLE_BODY}d", *model.gravity, *(0.0,) * (packing.TABLE_BODY - 3))
 
 
 def _floats(records: list[bytes]) -> Array:
@@ -326,26 +327,26 @@ def described(names: tuple[str, ...], numbers: Numbers, nq: int) -> Model:
     m = qi = 0
     vi = nq
     for name, p, row in zip(names, parent, body[1:]):
-        count = int(row[pack.MOTIONS])
+        count = int(row[packing.MOTIONS])
         mine = motion[m : m + count]
         motions = tuple(Motion(MOTIONS[int(x[0])], tuple(x[1:4])) for x in mine)
         q_end, v_end = qi + joints.nq(motions), vi + joints.nv(motions)
-        xx, yy, zz, xy, xz, yz = row[pack.INERTIA : pack.INERTIA + 6]
+        xx, yy, zz, xy, xz, yz = row[packing.INERTIA : packing.INERTIA + 6]
         fields: dict[str, Any] = {
             "name": name,
             "parent": label[p],
             "joint": joint_of(motions),
             "axes": tuple([m.axis for m in motions if m.kind in ("rotate", "translate")]),
             "motions": motions,
-            "link": tuple(row[pack.LINK : pack.LINK + 3]),
-            "rotation": tuple(row[pack.ROTATION : pack.ROTATION + 4]),
-            "mass": row[pack.MASS],
-            "com": tuple(row[pack.COM : pack.COM + 3]),
+            "link": tuple(row[packing.LINK : packing.LINK + 3]),
+            "rotation": tuple(row[packing.ROTATION : packing.ROTATION + 4]),
+            "mass": row[packing.MASS],
+            "com": tuple(row[packing.COM : packing.COM + 3]),
             "inertia": ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)),
             "q": tuple(start[qi:q_end]),
             "v": tuple(start[vi:v_end]),
         }
-        for column, field in enumerate(PHYSICS, start=pack.ARMATURE):
+        for column, field in enumerate(PHYSICS, start=packing.ARMATURE):
             fields[field] = tuple([x[column] for x in mine])
         fields["limit_restitution"] = (0.0,) * count
         bodies.append(Body.model_construct(None, **fields))

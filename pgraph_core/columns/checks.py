@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import joints
-from ..engine.packing import gather
+from ..engine import packing
 from ..errors import ModelError, Problem, choices
 from ..joints import JointKind, Motion, MotionKind
 from ..model import Body
@@ -22,7 +22,7 @@ Ints: TypeAlias = NDArray[np.int64]
 JOINTS: tuple[JointKind, ...] = tuple(joints.DEFAULT)  # what the numbers of `joint` mean
 MOTIONS: tuple[MotionKind, ...] = ("rotate", "translate", "ball", "free")  # ... and of `motion`
 PHYSICS = ("armature", "stiffness", "damping", "rest", "friction")
-# as `engine/packing/gather.py` numbers what is wrong
+# as `engine/packing.py` numbers what is wrong
 COLUMNS = ("parent", "joint", "motion", "axis", "link", "rotation", "mass", "com", "inertia")
 COLUMNS += (*PHYSICS, "q", "v", "gravity")
 # the arguments of `gather`, and the shape of an entry where they are float64
@@ -146,10 +146,10 @@ def refusal(wrong: int, row: int, given: Sequence[Any], sizes: tuple[int, ...]) 
     if row < 0:
         return refused(column, _shape(column, columns, sizes))
     where = f"row {row}"
-    if wrong == gather.PARENT:
+    if wrong == packing.NO_PARENT:
         text = f"must be a row from 1 to {sizes[0]}, or 0 for the ground"
         return refused(column, f"{text}; given {columns['parent'][row - 1]}", where)
-    if wrong == gather.JOINT:
+    if wrong == packing.NO_JOINT:
         code = columns["joint"][_one(columns["joint"], row - 1)]
         text = f"must be one of {choices(JOINTS)}, or a place in this list from 0; given {code}"
         return refused(column, text, where)
@@ -237,12 +237,12 @@ KIND_OF: dict[tuple[str, ...], JointKind] = {
 
 
 def _kinds() -> Array:
-    """Motions of every kind of joint, as `engine/packing/gather.py` takes them."""
-    table = np.zeros((len(JOINTS), 1 + 3 * gather.STRIDE))
+    """Motions of every kind of joint, as `engine/packing.py` takes them."""
+    table = np.zeros((len(JOINTS), 1 + 3 * packing.STRIDE))
     for row, kind in zip(table, JOINTS):
-        row[gather.COUNT] = len(joints.DEFAULT[kind])
+        row[packing.COUNT] = len(joints.DEFAULT[kind])
         for n, (motion, axis) in enumerate(joints.DEFAULT[kind]):
-            row[1 + n * gather.STRIDE :][: gather.STRIDE] = MOTIONS.index(motion), *axis
+            row[1 + n * packing.STRIDE :][: packing.STRIDE] = MOTIONS.index(motion), *axis
     return table
 
 

@@ -12,10 +12,9 @@ import numpy as np
 
 from ..columns import Columns
 from ..engine import layout as at
-from ..engine import motion
+from ..engine import motion, packing
 from ..engine.compiler.address import address_of
 from ..engine.compiler.jit import ready
-from ..engine.packing import numbering
 from ..engine.tree import bodies, dynamics
 from ..errors import InputError, Problem
 from ..model import Model
@@ -136,7 +135,7 @@ class Dynamics(Portable):
     @cached_property
     def _walk(self) -> tuple[Ints, Ints]:
         path, jdof = np.empty((2, 2 * self.nb + 1), np.int64)
-        n = numbering.pgraph(self.packed.system.bodies_i, path, jdof)
+        n = packing.pgraph(self.packed.system.bodies_i, path, jdof)
         return path[:n].copy(), jdof[:n].copy()
 
     @property

@@ -8,18 +8,18 @@ import numpy as np
 
 from ..engine import arrays, motion
 from ..engine import layout as at
-from ..engine.arrays import Contacts, Links, User, Workspace
+from ..engine.arrays import FACTORED, LEAST, VECTORS, Contacts, Links, User, Workspace
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
-from ..engine.constraints.dips import LEAST
-from ..engine.constraints.proximal import FACTORED
 from ..engine.records import (
     BODY_WRENCH,
     CONTACT,
     CONTACT_TALLY,
+    DIP,
     KEPT,
     PAIR,
     PHASE_CHANGE,
     POSE,
+    WATCH,
     table,
 )
 from ..model import Contact, Force
@@ -96,8 +96,9 @@ class Scene(Unportable):
         self.active[1 : len(chosen) + 1] = chosen
         self.space.vectors[LEAST] = np.inf
         self.space.vectors[FACTORED, 2] = 0.0  # the last factors were of other blocks
-        self.space.dips[:] = 0.0
-        self.space.dips[0, at.DIP_ROWS] = self.blocks.blocks_i[chosen, at.B_SIZE].sum()
+        self.space.dips[:] = 0
+        self.space.watch[:] = 0
+        self.space.watch["rows"] = self.blocks.blocks_i[chosen, at.B_SIZE].sum()
 
     def switch(self, constraints: Ints) -> None:
         """Activate these constraints in a run under way."""
@@ -176,6 +177,7 @@ class ContactSpace(Unportable):
         )
 
 
+MOST_DIPS = 8  # of pivots of constraints that are kept for a closer look
 MOST_CHANGES = 4096  # of phases between two looks at them
 DENSE = 150  # rows of unilateral blocks, above which no Ω is held; as `impulse.DENSE`
 
@@ -235,10 +237,12 @@ def workspace(
         np.zeros((m, m)),
         np.zeros((m, m)),
         np.zeros((count, at.PLACE)),
-        np.zeros((14, max(most + 2, nq, nv, 3))),
+        np.zeros((VECTORS, max(most + 2, nq, nv, 3))),
         np.zeros((n, 3)),
         np.zeros((n, 6)),
-        np.zeros((at.DIPS if count else 1, at.DIP_STATE + max(nq + nv, 2))),
+        table(WATCH, 1),
+        table(DIP, MOST_DIPS if count else 0),
+        np.zeros((MOST_DIPS if count else 0, nq + nv)),
         np.zeros((m, m)),
         np.zeros(nv, dtype=np.int64),
         np.zeros((count, 9)),

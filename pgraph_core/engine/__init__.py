@@ -4,8 +4,7 @@ from collections.abc import Iterator
 from importlib import import_module
 
 MODULES = (
-    "packing.pack",
-    "packing.gather",
+    "packing",
     "tree.dynamics",
     "tree.bodies",
     "motion",

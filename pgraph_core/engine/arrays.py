@@ -20,6 +20,7 @@ from .records import (
     CELL,
     CONTACT,
     CONTACT_TALLY,
+    DIP,
     EDGE,
     FACE,
     FOOT,
@@ -39,6 +40,7 @@ from .records import (
     POSE,
     SHAPE,
     SHAPE_PAIR,
+    WATCH,
     array_of,
 )
 
@@ -48,6 +50,20 @@ F3 = types.float64[:, :, ::1]
 I1 = types.int64[::1]
 I2 = types.int64[:, ::1]
 i8, f8 = types.int64, types.float64
+
+
+# Rows of `Workspace.vectors`: right side and solution of Ω λ = r, corrections of λ, what λ does
+RHS, LAMBDA, CHANGE, STEP = 0, 1, 2, 3
+DINV = 4  # 1/d of every freedom
+ZERO, MOVED = 5, 6  # no joint forces; change of v that waits for that of q
+TAU = 7  # joint forces
+PLACED, FACTORED = 8, 9  # q of the last factors; their μ, null directions, whether there are any
+LEAST = 10  # the smallest inverse pivots so far
+BEFORE = 11  # velocities of rows before an impulse
+DUAL, SPLIT, REPORT = 12, 13, 14  # of ADMM: dual, copy; sweeps, rounds and law missed
+DAMPING, STIFFNESS = 15, 16  # of drives in a step, as inertia; as torque
+ARMATURE, GIVEN = 17, 18  # as they are without that
+VECTORS = 19
 
 
 class Drives(NamedTuple):
@@ -87,10 +103,12 @@ class Workspace(NamedTuple):
     omega: Any  # (m, m) Delassus matrix
     factor: Any  # (m, m) of omega
     place: Any  # (nb, 15) where and along what a block acts
-    vectors: Any  # (14, max(m, nq, 3)) rows are named where they are used
+    vectors: Any  # (VECTORS, max(m, nq, 3)) rows are named above
     linear: Any  # (n + 1, 3) velocities of origins [m/s]
     carried: Any  # (n + 1, 6) wrenches on their way to the ground
-    dips: Any  # (9, 5 + nq + nv) of the pivots of omega in a run; row 0 counts
+    watch: Any  # (1,) where the pivots of omega dip in a run
+    dips: Any  # (8,) the first dips
+    dip_states: Any  # (8, nq + nv) q and v there
     nulls: Any  # (m, m) null directions of omega
     where: Any  # (nv,) places of joints in a row of y, from 1; 0: not there
     own: Any  # (nb, 9) a block's part of omega
@@ -261,7 +279,9 @@ def named(kind: Any, *members: Any) -> Any:
 DRIVES = named(Drives, array_of(JOINT_FORCE), F2, i8)
 LOADS = named(Loads, array_of(APPLIED_FORCE), F2)
 BLOCKS = named(Blocks, I2, F2, I2, F1, F2, I1)
-SPACE = named(Workspace, F2, I2, F2, F2, F2, F2, F2, F2, F2, F2, I1, F2)
+SPACE = named(
+    Workspace, F2, I2, F2, F2, F2, F2, F2, F2, array_of(WATCH), array_of(DIP), F2, F2, I1, F2
+)
 USER = named(User, i8, F2, I1)
 LINKS = named(Links, *[i8] * 6)
 SCENE = named(Scene, I2, F2, DRIVES, LOADS, BLOCKS, F2, SPACE, F1, F1, USER, LINKS)

@@ -5,26 +5,13 @@ What a joint's own parts do is in `drives`, what acts on bodies or between two i
 
 import math
 
-from . import layout as at
+from .compiler.elementary import atan2
 from .compiler.jit import part, sweep
 from .constraints.blocks import point_velocity
 from .records import CREEP, SPRING, TORSION, WRENCH
+from .rows import add_bias, bias_of, link_of, origin_of, parent_of, rotation_of, set_bias, spin_of
 from .tree.kinematics import joint_force
-from .vec import (
-    accumulate,
-    add,
-    add_cross,
-    add_scaled,
-    cross,
-    dot,
-    load,
-    load9,
-    mul,
-    scale,
-    store,
-    sub,
-    xyz,
-)
+from .vec import add, add_cross, add_scaled, cross, dot, load, mul, scale, sub, xyz
 
 TINY = 1e-60  # a spring of length zero pulls nowhere, without a branch
 
@@ -107,15 +94,14 @@ def elastic(drives, q):
 def apply(work, k, p, torque, force):
     """A wrench at p on row k, off the bias force P; the ground takes any."""
     if k > 0:
-        arm = sub(p, load(work, k, at.X))
-        accumulate(work, k, at.P, scale(-1.0, add_cross(torque, arm, force)))
-        accumulate(work, k, at.P + 3, scale(-1.0, force))
+        arm = sub(p, origin_of(work, k))
+        add_bias(work, k, scale(-1.0, add_cross(torque, arm, force)), scale(-1.0, force))
 
 
 @part
 def point_of(local, work, k):
     """A point that is fixed in row k, in the world."""
-    return add(load(work, k, at.X), mul(load9(work, k, at.R), local))
+    return add(origin_of(work, k), mul(rotation_of(work, k), local))
 
 
 @part
@@ -147,10 +133,10 @@ def load_of(loads, i, work, linear, t):
         torque = between(knots, first, spring.knots, t, 1)
         force = between(knots, first, spring.knots, t, 4)
         if spring.in_body == 1:
-            r = load9(work, a, at.R)
+            r = rotation_of(work, a)
             torque = mul(r, torque)
             force = mul(r, force)
-        put_in = dot(torque, load(work, a, at.W))
+        put_in = dot(torque, spin_of(work, a))
         put_in += dot(force, point_velocity(work, linear, a, p))
         return p, torque, force, p, put_in, 0.0
     if spring.kind == SPRING:
@@ -162,7 +148,7 @@ def load_of(loads, i, work, linear, t):
         pull = spring.stiffness * (length - spring.rest) + damping
         return p, none, scale(-pull, d), end, 0.0, damping * speed
     angle, axis = twist(spring, work, a, b)
-    rate = dot(axis, sub(load(work, a, at.W), load(work, b, at.W)))
+    rate = dot(axis, sub(spin_of(work, a), spin_of(work, b)))
     damping = spring.damping * rate
     torque = scale(-spring.stiffness * angle - damping, axis)
     return p, torque, none, p, 0.0, damping * rate
@@ -190,16 +176,13 @@ def torque_of_loads(rows, const, loads, work, linear, tau):
     P is used up.
     """
     for k in range(rows.shape[0]):
-        store(work, k, at.P, (0.0, 0.0, 0.0))
-        store(work, k, at.P + 3, (0.0, 0.0, 0.0))
+        set_bias(work, k, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     apply_loads(loads, work, linear, 0.0)
     for k in range(rows.shape[0] - 1, 0, -1):
-        moment = load(work, k, at.P)
-        force = load(work, k, at.P + 3)
+        moment, force = bias_of(work, k)
         joint_force(rows, const, work, k, scale(-1.0, force), scale(-1.0, moment), tau)
-        p = rows[k, at.PARENT]
-        accumulate(work, p, at.P, add_cross(moment, load(work, k, at.L), force))
-        accumulate(work, p, at.P + 3, force)
+        p = parent_of(rows, k)
+        add_bias(work, p, add_cross(moment, link_of(work, k), force), force)
 
 
 @part
@@ -217,14 +200,14 @@ def twist(spring, work, a, b):
     The angle leads from B's reference to A's, seen along the axis. Its gradient is the axis
     while both share it; elsewhere it makes the torque the slope of ½ k angle².
     """
-    turn_a = load9(work, a, at.R)
+    turn_a = rotation_of(work, a)
     h = mul(turn_a, xyz(spring.axis))
     mine = mul(turn_a, xyz(spring.reference_a))
-    other = mul(load9(work, b, at.R), xyz(spring.reference_b))
+    other = mul(rotation_of(work, b), xyz(spring.reference_b))
     n = cross(other, mine)
     y = dot(h, n)
     x = dot(other, mine)
-    angle = math.atan2(y, x) - spring.rest
+    angle = atan2(y, x) - spring.rest
     angle -= 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
     across = add(add(cross(h, n), scale(x, h)), scale(-dot(h, mine), other))
     slope = scale(1.0 / (x * x + y * y), add_scaled(scale(x, across), y, n))

@@ -34,11 +34,14 @@ H = 9  # 3, motion axis
 L = 12  # 3, link vector from the parent row's origin, displacement included [m]
 W = 15  # 3, angular velocity [rad/s]
 A = 18  # 6, velocity-dependent acceleration a of eq. (8)
-P = 24  # 6, bias force b of eq. (12), then the articulated one; then the acceleration V'
+BIAS = ACCELERATION = 24  # 6, bias force b of eq. (12), then the articulated one; then V'
 IA = 30  # 21, lower triangle of the 6x6 inertia, row by row; then its factor for a free motion
-U = 51  # 6, articulated inertia times axis; for a ball: the factor of its 3x3 block
+# 6: U = I h, articulated inertia times axis; of a ball the factor of its 3x3 block; of a free
+# motion what its factor is solved for. Where nothing is solved: velocity of the origin, or force
+PROJECTED = FACTOR3 = SOLVED = VELOCITY = FORCE = 51
 D = 57  # inverse of the inertia about the axis
-UU = 58  # 3, what is left of the joint force: u = τ - Hᵀp; for a ball in world axes
+LEFT = 58  # 3, what is left of the joint force: u = τ - Hᵀb; for a ball in world axes
+ANGLE = 58  # 2, sine and cosine of a rotation, before that
 X = 61  # 3, position of the origin [m] (only where something needs it)
 WORK = 64
 
@@ -64,7 +67,7 @@ BODY = 22
 
 # knots: float64 (nk, 3): time [s], value, slope after it; of a table's last one, knots a second
 
-# -- constraint blocks -----------------------------------------------------------------------------
+# -- constraint blocks ----------------------------------------------------------------------------
 # A constraint is one or two blocks of up to three rows; x is the place of a block's point.
 
 # blocks_i: int64 (nb, 8)
@@ -108,21 +111,10 @@ SINE = -1
 
 # active: int64 (nb + 1,): the number of active blocks, then their indices
 
-# space of the constraint kernels, float64; w: most degrees of freedom on the paths of a block
-# y (nb, 3 w): what unit multipliers do in each joint; place (nb, 15): where and along what
-# omega, factor, nulls (m, m), m a multiple of 3; vectors (14, max(m, nq, 3))
-# linear (n + 1, 3): velocities of origins
-# whole (n + 1, 6): wrenches on their way to the ground
-# dips (9, 5 + nq + nv): of the pivots of Ω in a run; row 0 counts, the others are the first ones
-# own (nb, 9): a block's part of omega
-# slots, int64 (nb, w + 2): number of joints, first row, then their indices into v
+# of `Workspace.place` and `Workspace.slots`
 PLACE_P, PLACE_D, PLACE_Q = 0, 3, 12  # 3 on A, 9, 3 on B
 PLACE = 15
 SLOTS, FIRST, SLOT = 0, 1, 2
-DIP_DEPTH, DIP_TIME, DIP_APART, DIP_STATE = 0, 1, 2, 3  # largest pivot over it; of the deepest
-# place: its time, time since the evaluation before [s], q and v; of row 0: of the last evaluation
-DIP_COUNT, DIP_ROWS, DIP_INSIDE = 0, 3, 4  # of row 0: dips, rows to watch, whether one is under way
-DIPS = 9
 
 # load_knots: float64 (nk, 7): time [s], torque 3, force 3
 
@@ -133,7 +125,7 @@ WORK_DONE, DISSIPATED = 0, 1
 DONE, NOT_FINITE, NOT_CONVERGED, RUNNING = 0, 1, 2, 3
 TOO_SMALL, TOO_MANY, NOT_SOLVED, EVENT = 4, 5, 6, 7
 
-# -- adaptive runs -----------------------------------------------------------------------------
+# -- adaptive runs --------------------------------------------------------------------------------
 # y = q, v, work done, dissipation [rad, m, 1; rad/s, m/s; J]: a row of `stages`
 Y, Y_OLD, SLOPE, CANDIDATE = 0, 1, 2, 3  # state, the one before the last step, y' at Y, the next
 ERROR, WEIGHT, TRIAL, TORQUE = (

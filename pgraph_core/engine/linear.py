@@ -1,6 +1,111 @@
-"""Small dense linear systems, real or complex: factors in place, partial pivoting."""
+"""Linear algebra: L diag(d) Lᵀ of a ball's 3x3 and a free motion's 6x6 block; dense systems.
+
+The 6x6 block is the inertia of a row in `work`, factored in its place.
+"""
 
 from .compiler.jit import part, sweep
+from .layout import IA
+from .layout import SOLVED as X
+
+
+@part
+def factor3(j):
+    """(1/d0, 1/d1, 1/d2, l10, l20, l21) of j = L diag(d) Lᵀ."""
+    d0 = 1.0 / j[0]
+    l10 = j[3] * d0
+    l20 = j[4] * d0
+    d1 = 1.0 / (j[1] - l10 * j[3])
+    y = j[5] - l20 * j[3]
+    l21 = y * d1
+    d2 = 1.0 / (j[2] - l20 * j[4] - l21 * y)
+    return (d0, d1, d2, l10, l20, l21)
+
+
+@part
+def forward3(f, x):
+    """L⁻¹ x."""
+    y1 = x[1] - f[3] * x[0]
+    return (x[0], y1, x[2] - f[4] * x[0] - f[5] * y1)
+
+
+@part
+def backward3(f, x):
+    """L⁻ᵀ x."""
+    y1 = x[1] - f[5] * x[2]
+    return (x[0] - f[3] * y1 - f[4] * x[2], y1, x[2])
+
+
+@part
+def solve3(f, x):
+    """j⁻¹ x."""
+    y = forward3(f, x)
+    return backward3(f, (f[0] * y[0], f[1] * y[1], f[2] * y[2]))
+
+
+@part
+def factor6(work, k):
+    """L diag(d) Lᵀ of the 6x6 inertia in its own place; the diagonal holds 1/d."""
+    for r in range(6):
+        ir = IA + r * (r + 1) // 2
+        for c in range(r):
+            ic = IA + c * (c + 1) // 2
+            for n in range(c):
+                work[k, ir + c] -= work[k, ir + n] * work[k, ic + n]
+        diagonal = work[k, ir + r]
+        for c in range(r):
+            scaled = work[k, ir + c] * work[k, IA + c * (c + 1) // 2 + c]
+            diagonal -= scaled * work[k, ir + c]
+            work[k, ir + c] = scaled
+        work[k, ir + r] = 1.0 / diagonal
+
+
+@part
+def forward6(work, k):
+    """L⁻¹ x in place, x the six numbers that are solved for."""
+    for r in range(1, 6):
+        ir = IA + r * (r + 1) // 2
+        for c in range(r):
+            work[k, X + r] -= work[k, ir + c] * work[k, X + c]
+
+
+@part
+def backward6(work, k):
+    """L⁻ᵀ x in place."""
+    for r in range(4, -1, -1):
+        for c in range(r + 1, 6):
+            work[k, X + r] -= work[k, IA + c * (c + 1) // 2 + r] * work[k, X + c]
+
+
+@part
+def diagonal6(work, k):
+    """diag(1/d) x in place."""
+    for r in range(6):
+        work[k, X + r] *= work[k, IA + r * (r + 1) // 2 + r]
+
+
+@part
+def forward_free(work, k, moment, force):
+    """L⁻¹ of a wrench of numbers or triples: six of them."""
+    y0, y1, y2 = moment
+    y3, y4, y5 = force
+    y1 -= work[k, IA + 1] * y0
+    y2 -= work[k, IA + 3] * y0 + work[k, IA + 4] * y1
+    y3 -= work[k, IA + 6] * y0 + work[k, IA + 7] * y1 + work[k, IA + 8] * y2
+    y4 -= work[k, IA + 10] * y0 + work[k, IA + 11] * y1 + work[k, IA + 12] * y2
+    y4 -= work[k, IA + 13] * y3
+    y5 -= work[k, IA + 15] * y0 + work[k, IA + 16] * y1 + work[k, IA + 17] * y2
+    y5 -= work[k, IA + 18] * y3 + work[k, IA + 19] * y4
+    return (y0, y1, y2, y3, y4, y5)
+
+
+@part
+def pivots6(work, k):
+    """1/d of the six freedoms: (angular, linear)."""
+    a = (work[k, IA], work[k, IA + 2], work[k, IA + 5])
+    return a, (work[k, IA + 9], work[k, IA + 14], work[k, IA + 20])
+
+
+# -- dense systems, real or complex: factors in place, partial pivoting ---------------------------
 
 
 @sweep

@@ -8,18 +8,17 @@ import math
 from numba import types
 
 from . import layout as at
-from .arrays import F1, F2, I1, I2, OUT, SCENE, opened, save
+from .arrays import F1, F2, I1, I2, OUT, SCENE, TAU, opened, save
 from .compiler.address import caller, plain
 from .compiler.jit import kernel, part
 from .constraints.blocks import residual, residual_velocity, velocities
 from .constraints.constraints import drift, driven_power, impose, located, project, wrenches
 from .forces import apply_loads, drive, elastic, elastic_loads, load_of, torque_of_loads
 from .records import PAIR, array_of
+from .rows import carrier_of, offset_of, origin_of, rotation_of
 from .tree.articulated import inboard, joint_acceleration, singular_row
 from .tree.kinematics import kinetic_and_potential, outboard, positions
-from .vec import accumulate, add, add_cross, finite, load, load9, mul, scale, sub
-
-TAU = 6  # row of `vectors`: the joints' own forces
+from .vec import accumulate, add, add_cross, finite, mul, scale, sub
 
 # a user's function takes time and the addresses of q, v and τ; another answer than 0 is a failure
 _call_user = caller(types.int64(types.float64, types.uint64, types.uint64, types.uint64))
@@ -189,9 +188,9 @@ def load_wrenches(scene, carriers, bodies_i, bodies_f, t, q, v, external):
         for side in range(2):
             b = carriers[i, side]
             if b > 0:
-                k = bodies_i[b, at.ROW]
-                origin = mul(load9(work, k, at.R), load(bodies_f, b, at.OFFSET))
-                origin = add(load(work, k, at.X), origin)
+                k = carrier_of(bodies_i, b)
+                origin = mul(rotation_of(work, k), offset_of(bodies_f, b))
+                origin = add(origin_of(work, k), origin)
                 arm = sub(p if side == 0 else end, origin)
                 sign = 1.0 if side == 0 else -1.0
                 accumulate(external, b - 1, 0, scale(sign, add_cross(torque, arm, force)))

@@ -50,7 +50,23 @@ def array_of(kind: np.dtype[Any], dimensions: int = 1) -> types.Array:
     return types.Array(numba.from_dtype(kind), dimensions, "C")
 
 
-# -- runs ------------------------------------------------------------------------------------------
+# -- constraints ----------------------------------------------------------------------------------
+
+WATCH = record(
+    time=REAL,  # of the last evaluation [s]
+    apart=REAL,  # since the one before [s]
+    count=INTEGER,  # dips of pivots so far
+    rows=INTEGER,  # of constraints that are watched
+    inside=INTEGER,  # 1: a dip is under way
+)
+
+DIP = record(
+    depth=REAL,  # largest pivot over it
+    time=REAL,  # of its deepest place [s]
+    apart=REAL,  # time since the evaluation before [s]
+)
+
+# -- runs -----------------------------------------------------------------------------------------
 
 STEP_CONTROL = record(
     time=REAL,  # of the state [s]

@@ -172,6 +172,59 @@ def mat_mul(a, b):
 
 
 @part
+def add9(a, b):
+    return (
+        a[0] + b[0], a[1] + b[1], a[2] + b[2],
+        a[3] + b[3], a[4] + b[4], a[5] + b[5],
+        a[6] + b[6], a[7] + b[7], a[8] + b[8],
+    )  # fmt: skip
+
+
+@part
+def add_outer(s, x, y):
+    """s + x yᵀ for a symmetric result."""
+    return (
+        s[0] + x[0] * y[0],
+        s[1] + x[1] * y[1],
+        s[2] + x[2] * y[2],
+        s[3] + x[0] * y[1],
+        s[4] + x[0] * y[2],
+        s[5] + x[1] * y[2],
+    )
+
+
+@part
+def add_outer9(m, x, y):
+    """m + x yᵀ for a 3x3 matrix."""
+    return (
+        m[0] + x[0] * y[0], m[1] + x[0] * y[1], m[2] + x[0] * y[2],
+        m[3] + x[1] * y[0], m[4] + x[1] * y[1], m[5] + x[1] * y[2],
+        m[6] + x[2] * y[0], m[7] + x[2] * y[1], m[8] + x[2] * y[2],
+    )  # fmt: skip
+
+
+@part
+def rows_of(m):
+    """The rows of a 3x3 matrix."""
+    return (m[0], m[1], m[2]), (m[3], m[4], m[5]), (m[6], m[7], m[8])
+
+
+@part
+def columns_of(m):
+    """The columns of a 3x3 matrix."""
+    return (m[0], m[3], m[6]), (m[1], m[4], m[7]), (m[2], m[5], m[8])
+
+
+@part
+def cross_sym(x, s):
+    """x× s for a symmetric matrix: 3x3."""
+    a = cross(x, (s[0], s[3], s[4]))
+    b = cross(x, (s[3], s[1], s[5]))
+    c = cross(x, (s[4], s[5], s[2]))
+    return (a[0], b[0], c[0], a[1], b[1], c[1], a[2], b[2], c[2])
+
+
+@part
 def transpose(m):
     return (m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8])
 

@@ -12,7 +12,7 @@ from ..engine import layout as at
 from ..engine.arrays import Drives as Drives
 from ..engine.arrays import Loads as Loads
 from ..engine.layout import BODIES_I, BODY, CONST
-from ..engine.packing.pack import pack
+from ..engine.packing import pack
 
 Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]

@@ -17,7 +17,7 @@ from ..contact import impacts
 from ..dynamics.bodies import bodies_over
 from ..engine import layout as at
 from ..engine import motion
-from ..engine.constraints.proximal import FACTORED
+from ..engine.arrays import FACTORED
 from ..engine.contact import points as point_kernels
 from ..engine.contact.points import NOW
 from ..engine.records import ACCEPTANCE, SLIP, STANCE, SWING

@@ -12,9 +12,8 @@ from ..dynamics.callback import UserTorque
 from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine import motion
-from ..engine.arrays import EventContacts, EventData, EventLinks
+from ..engine.arrays import LAMBDA, RHS, EventContacts, EventData, EventLinks
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
-from ..engine.constraints.proximal import LAMBDA, RHS
 from ..engine.contact import phases
 from ..engine.contact import points as point_kernels
 from ..engine.records import ACCEPTANCE, POINT_FRAME, SLIP, STANCE, table

@@ -11,7 +11,7 @@ import numpy as np
 from ..analysis.assembly import ASSEMBLY_ROUNDS
 from ..dynamics.scene import Scene
 from ..engine import motion
-from ..engine.constraints.proximal import RHS
+from ..engine.arrays import RHS
 from ..errors import InputError, ModelError, Problem
 from ..mechanism import Mechanism
 from ..model import Scenario, Switch

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_core.engine.compiler.elementary import sine_cosine
 from pgraph_core.engine.compiler.lane import LANE_WIDTH, lanes
-from pgraph_core.engine.compiler.sines import sine_cosine
 from tests.core.trees import random_case
 
 SIZES = (1, LANE_WIDTH - 1, LANE_WIDTH, 3 * LANE_WIDTH + 1)
@@ -178,7 +178,7 @@ def test_an_instance_that_blows_up_leaves_the_others_alone():
 
 
 def test_sine_and_cosine_together_of_lanes_and_of_numbers():
-    """One ulp below 1, up to 1e4 rad; of numbers at any distance, where the library is asked."""
+    """One ulp below 1, up to 1e4 rad; of numbers at any distance, by an exact reduction."""
     import numba
 
     @numba.njit(_nrt=False)

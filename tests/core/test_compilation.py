@@ -9,7 +9,12 @@ from pgraph_core.engine.compiler.jit import JIT, KERNELS, source_hash
 
 USE = """
 import numpy as np, pgraph_core as pg, pgraph_models
+from importlib import import_module
+from pgraph_core.engine import MODULES
 from pgraph_core.engine.compiler.jit import KERNELS
+for module in MODULES:
+    import_module(f"pgraph_core.engine.{module}")
+warm = dict(KERNELS)  # others, as those of contacts, are compiled where a scene first needs them
 for name in pgraph_models.names():
     mech = pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
     q, v = mech.home()
@@ -20,7 +25,7 @@ for name in pgraph_models.names():
         run = pg.simulate(mech, t_end=0.01, scenario=scenario)
         run.body_pose
     pg.simulate(mech, t_end=0.01, tau=lambda t, q, v: 0 * v)
-missed = {n: d.stats.cache_misses for n, (d, _) in KERNELS.items() if d.stats.cache_misses}
+missed = {n: d.stats.cache_misses for n, (d, _) in warm.items() if d.stats.cache_misses}
 many = {n: len(d.signatures) for n, (d, _) in KERNELS.items() if len(d.signatures) > 1}
 print(missed, many)
 """
@@ -28,10 +33,11 @@ print(missed, many)
 COLD = """
 import sys, time
 from pathlib import Path
-from pgraph_core.engine import _jit, warm_up
-_jit.cache_folder = lambda: Path(sys.argv[1])
+from pgraph_core.engine import warm_up
+from pgraph_core.engine.compiler import jit
+jit.cache_folder = lambda: Path(sys.argv[1])
 import pgraph_core.engine.tree.dynamics
-_jit.compile_kernel("forward_dynamics")
+jit.compile_kernel("forward_dynamics")
 alone = time.process_time()
 for _ in warm_up():
     pass

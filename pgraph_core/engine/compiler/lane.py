@@ -2,8 +2,8 @@
 
 `lanes(a)` views a C-contiguous float64 array (..., W) as an array (...) of lanes. Kernels index
 it as any array and are compiled by type alone, for one instance or for W at once. Lanes know
-+ - * / neg, their in-place forms, sqrt, floor, atan2, min and max with a number, and the
-`sine_cosine` of `sines`; a float becomes a lane where it is stored or meets one. They cannot be
++ - * / neg, their in-place forms, sqrt, floor, min and max with a number, and `sine_cosine` and
+`atan2` of `elementary`; a float becomes a lane where it is stored or meets one. They cannot be
 compared: a kernel for lanes branches on the structure of a mechanism, never on its state.
 """
 
@@ -13,6 +13,7 @@ import math
 import operator
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import extending, types
 from numba.core import cgutils
@@ -20,6 +21,8 @@ from numba.core.typeconv.castgraph import Conversion
 from numba.core.typing import templates
 from numba.core.typing.templates import AbstractTemplate, signature
 from numba.extending import lower_builtin, lower_cast, models, register_model
+
+from .jit import JIT
 
 DOUBLE = ir.DoubleType()
 infer_global: Any = templates.infer_global  # untyped in numba
@@ -132,30 +135,6 @@ _unary(math.sqrt, lambda builder, x, width: llvm(builder, "sqrt", x))
 _unary(math.floor, lambda builder, x, width: llvm(builder, "floor", x))
 
 
-def called(builder: Any, name: str, args: Any) -> Any:
-    """A function of the C library."""
-    kind = ir.FunctionType(DOUBLE, [DOUBLE] * len(args))
-    return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), args)
-
-
-@infer_global(math.atan2)
-class _Atan2(AbstractTemplate):
-    def generic(self, args: Any, kws: Any) -> Any:
-        fits = len(args) == 2 and all(isinstance(a, Lane) for a in args)
-        return signature(args[0], *args) if fits else None
-
-
-@lower_builtin(math.atan2, Lane, Lane)
-def _atan2(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-    """One place after the other: few ask for it."""
-    found = ir.Constant(args[0].type, ir.Undefined)
-    for n in range(sig.return_type.width):
-        place = ir.IntType(32)(n)
-        pair = [builder.extract_element(a, place) for a in args]
-        found = builder.insert_element(found, called(builder, "atan2", pair), place)
-    return found
-
-
 def _clamp(function: Any, relation: str) -> None:
     """min and max of a lane and a number: the lane where it stands in `relation` to it."""
 
@@ -243,3 +222,92 @@ def _width() -> int:
 
 
 LANE_WIDTH = _width()
+
+
+# -- triples: three numbers in one register -------------------------------------------------------
+# A wrench whose components are triples is three wrenches, and goes through the same lines as one:
+# the three rows of a block at the cost of one. Three rows of a 3x3 block are three triples.
+
+TRIPLE = Lane(4)  # the fourth place is idle
+PAIR = ir.VectorType(DOUBLE, 2)
+WHOLE = ir.VectorType(DOUBLE, 4)
+PLACE = ir.IntType(32)
+
+
+def _mask(*places: int) -> Any:
+    return ir.Constant(ir.VectorType(PLACE, len(places)), list(places))
+
+
+def _pointer(context: Any, builder: Any, kind: Any, values: Any) -> Any:
+    """Where entry (i, j) of a C-contiguous array is."""
+    array = context.make_array(kind)(context, builder, values[0])
+    strides = cgutils.unpack_tuple(builder, array.strides)
+    place = builder.mul(values[1], strides[0])
+    place = builder.add(place, builder.mul(values[2], strides[1]))
+    return cgutils.pointer_add(builder, array.data, place)
+
+
+@intrinsic
+def _triple(typingctx: Any, x: Any, y: Any, z: Any) -> Any:
+    """Three numbers side by side."""
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        value = ir.Constant(WHOLE, [0.0] * 4)
+        for n, arg in enumerate(args):
+            value = builder.insert_element(value, arg, PLACE(n))
+        return value
+
+    return TRIPLE(types.float64, types.float64, types.float64), code
+
+
+@intrinsic
+def _numbers(typingctx: Any, x: Any) -> Any:
+    """The three numbers of a triple, as a tuple."""
+    kind = types.UniTuple(types.float64, 3)
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        found = [builder.extract_element(args[0], PLACE(n)) for n in range(3)]
+        return context.make_tuple(builder, kind, found)
+
+    return kind(TRIPLE), code
+
+
+@intrinsic
+def _load_triple(typingctx: Any, a: Any, i: Any, j: Any) -> Any:
+    """a[i, j], a[i, j + 1], a[i, j + 2] as a triple."""
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        place = _pointer(context, builder, signature.args[0], args)
+        two = builder.load(builder.bitcast(place, PAIR.as_pointer()), align=8)
+        one = builder.load(builder.gep(place, [PLACE(2)]), align=8)
+        last = builder.insert_element(ir.Constant(PAIR, [0.0] * 2), one, PLACE(0))
+        return builder.shuffle_vector(two, last, _mask(0, 1, 2, 3))
+
+    return TRIPLE(a, types.intp, types.intp), code
+
+
+@intrinsic
+def _store_triple(typingctx: Any, a: Any, i: Any, j: Any, x: Any) -> Any:
+    """a[i, j], a[i, j + 1], a[i, j + 2] from a triple."""
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        place = _pointer(context, builder, signature.args[0], args)
+        two = builder.shuffle_vector(args[3], ir.Constant(WHOLE, ir.Undefined), _mask(0, 1))
+        builder.store(two, builder.bitcast(place, PAIR.as_pointer()), align=8)
+        builder.store(
+            builder.extract_element(args[3], PLACE(2)), builder.gep(place, [PLACE(2)]), align=8
+        )
+        return context.get_dummy_value()
+
+    return types.void(a, types.intp, types.intp, TRIPLE), code
+
+
+def _store_plain(a: Any, i: int, j: int, x: Any) -> None:
+    a[i, j : j + 3] = x
+
+
+# uncompiled, a triple is an array of three
+triple: Any = _triple if JIT else lambda x, y, z: np.array([x, y, z])
+numbers: Any = _numbers if JIT else lambda x: tuple(x.tolist())
+load_triple: Any = _load_triple if JIT else lambda a, i, j: a[i, j : j + 3].copy()
+store_triple: Any = _store_triple if JIT else _store_plain

@@ -14,49 +14,150 @@ says its own. A coordinate row is Σ c q, or Σ c v, that follows a number or a 
 import math
 
 from .. import layout as at
+from ..compiler.elementary import cos, sin
 from ..compiler.jit import part
-from ..tree.kinematics import linear_velocity
-from ..vec import (
-    add,
-    add_cross,
-    add_scaled,
-    cross,
-    dot,
-    load,
-    load9,
-    mul,
-    scale,
-    store,
-    store3,
-    store9,
-    sub,
+from ..layout import (
+    SINE,
+    T_ALIGN,
+    T_BLADE,
+    T_CONTACT,
+    T_COORD,
+    T_DISC,
+    T_DISTANCE,
+    T_LIMIT,
+    T_POINT,
+    T_SPHERE,
+    T_VELOCITY,
 )
+from ..rows import acceleration_of, origin_of, parent_of, rotation_of, spin_of
+from ..tree.kinematics import linear_velocity
+from ..vec import add, add_cross, add_scaled, cross, dot, load, mul, scale, store, store3, sub
+
+# -- columns of a block, of where it acts, and of the joints that it moves ------------------------
+
+
+@part
+def type_of(blocks_i, i):
+    return blocks_i[i, at.B_TYPE]
+
+
+@part
+def size_of(blocks_i, i):
+    """Number of rows, 1 to 3."""
+    return blocks_i[i, at.B_SIZE]
+
+
+@part
+def ends_of(blocks_i, i):
+    """Rows of A and B; 0 is the ground."""
+    return blocks_i[i, at.B_A], blocks_i[i, at.B_B]
+
+
+@part
+def terms_of(blocks_i, i):
+    """Where the terms of a coordinate row begin and end."""
+    first = blocks_i[i, at.B_TERM]
+    return first, first + blocks_i[i, at.B_TERMS]
+
+
+@part
+def value_of(blocks_f, i):
+    """Length, radius [m], offset [rad, m] or velocity [rad/s, m/s]."""
+    return blocks_f[i, at.VALUE]
+
+
+@part
+def place_a(place, i):
+    """Where a block acts on A."""
+    return load(place, i, at.PLACE_P)
+
+
+@part
+def place_b(place, i):
+    """Where a block acts on B."""
+    return load(place, i, at.PLACE_Q)
+
+
+@part
+def along(place, i, r):
+    """What row r of a block acts along."""
+    return load(place, i, at.PLACE_D + 3 * r)
+
+
+@part
+def set_place(place, i, on_a, on_b):
+    store(place, i, at.PLACE_P, on_a)
+    store(place, i, at.PLACE_Q, on_b)
+
+
+@part
+def set_along(place, i, r, d):
+    store(place, i, at.PLACE_D + 3 * r, d)
+
+
+@part
+def first_of(slots, i):
+    """First row of an active block among all rows."""
+    return slots[i, at.FIRST]
+
+
+@part
+def joints_of(slots, i):
+    """Number of joints on a block's paths."""
+    return slots[i, at.SLOTS]
+
+
+@part
+def joint_of(slots, i, s):
+    """Index into v of joint s on a block's paths."""
+    return slots[i, at.SLOT + s]
+
+
+# -- what blocks ask for --------------------------------------------------------------------------
 
 
 @part
 def velocities(rows, const, work, v, linear):
     """Velocities of all origins, eq. (5)."""
     for k in range(1, rows.shape[0]):
-        before = load(linear, rows[k, at.PARENT], 0)
+        before = load(linear, parent_of(rows, k), 0)
         store(linear, k, 0, linear_velocity(rows, const, work, v, k, before))
 
 
 @part
 def along_coordinates(kind):
     """Whether a block's row is over coordinates, not between bodies."""
-    return kind == at.T_COORD or kind == at.T_VELOCITY or kind == at.T_LIMIT
+    return kind == T_COORD or kind == T_VELOCITY or kind == T_LIMIT
 
 
 @part
-def direction(table, i, column, r, work, k):
-    """Direction r of block i, which is fixed in row k, in world axes."""
-    return mul(load9(work, k, at.R), load(table, i, column + 3 * r))
+def direction_a(blocks_f, i, r, work, a):
+    """Direction r of block i that is fixed in A, in world axes."""
+    return mul(rotation_of(work, a), load(blocks_f, i, at.AIM + 3 * r))
+
+
+@part
+def direction_b(blocks_f, i, r, work, b):
+    """Direction r of block i that is fixed in B, in world axes."""
+    return mul(rotation_of(work, b), load(blocks_f, i, at.DIR + 3 * r))
+
+
+@part
+def point_a(blocks_f, i, work, a):
+    """The point of block i that is fixed in A, in the world."""
+    return fixed_point(blocks_f, i, at.PA, work, a)
+
+
+@part
+def point_b(blocks_f, i, work, b):
+    """The point of block i that is fixed in B, in the world."""
+    return fixed_point(blocks_f, i, at.PB, work, b)
 
 
 @part
 def fixed_point(table, i, column, work, k):
-    """A point of block i, which is fixed in row k, in the world."""
-    return add(load(work, k, at.X), mul(load9(work, k, at.R), load(table, i, column)))
+    """A point in row i of a table, fixed in row k of the tree, in the world."""
+    return add(origin_of(work, k), mul(rotation_of(work, k), load(table, i, column)))
 
 
 @part
@@ -69,11 +170,11 @@ def lean(e, n):
 @part
 def to_contact(blocks_i, blocks_f, i, work):
     """ρ: from a rolling body's centre to where it touches the plane."""
-    n = direction(blocks_f, i, at.DIR, 0, work, blocks_i[i, at.B_B])
-    radius = blocks_f[i, at.VALUE]
-    if blocks_i[i, at.B_TYPE] == at.T_SPHERE:
+    n = direction_b(blocks_f, i, 0, work, ends_of(blocks_i, i)[1])
+    radius = value_of(blocks_f, i)
+    if type_of(blocks_i, i) == T_SPHERE:
         return scale(-radius, n)
-    e = direction(blocks_f, i, at.AIM, 0, work, blocks_i[i, at.B_A])
+    e = direction_a(blocks_f, i, 0, work, ends_of(blocks_i, i)[0])
     m, size = lean(e, n)
     return scale(-radius / size, m)
 
@@ -84,37 +185,38 @@ def locate(blocks, work, place):
     blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active
     for j in range(1, active[0] + 1):
         i = active[j]
-        kind = blocks_i[i, at.B_TYPE]
+        kind = type_of(blocks_i, i)
         if along_coordinates(kind):
             continue
-        if kind == at.T_CONTACT:
-            store(place, i, at.PLACE_P, load(blocks_f, i, at.PA))
-            store(place, i, at.PLACE_Q, load(blocks_f, i, at.PA))
-            store9(place, i, at.PLACE_D, load9(blocks_f, i, at.DIR))
+        if kind == T_CONTACT:
+            p = load(blocks_f, i, at.PA)
+            set_place(place, i, p, p)
+            for r in range(3):
+                set_along(place, i, r, load(blocks_f, i, at.DIR + 3 * r))
             continue
-        a = blocks_i[i, at.B_A]
-        b = blocks_i[i, at.B_B]
-        p = fixed_point(blocks_f, i, at.PA, work, a)
-        if kind == at.T_SPHERE or kind == at.T_DISC:
+        a, b = ends_of(blocks_i, i)
+        p = point_a(blocks_f, i, work, a)
+        if kind == T_SPHERE or kind == T_DISC:
             p = add(p, to_contact(blocks_i, blocks_f, i, work))
-        store(place, i, at.PLACE_P, p)
-        store(place, i, at.PLACE_Q, p)
+        set_place(place, i, p, p)
         if whole_point(blocks_i, i):
-            store9(place, i, at.PLACE_D, (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
-            store(place, i, at.PLACE_Q, fixed_point(blocks_f, i, at.PB, work, b))
-        elif kind == at.T_DISTANCE:
-            apart = sub(p, fixed_point(blocks_f, i, at.PB, work, b))
+            set_place(place, i, p, point_b(blocks_f, i, work, b))
+            set_along(place, i, 0, (1.0, 0.0, 0.0))
+            set_along(place, i, 1, (0.0, 1.0, 0.0))
+            set_along(place, i, 2, (0.0, 0.0, 1.0))
+        elif kind == T_DISTANCE:
+            apart = sub(p, point_b(blocks_f, i, work, b))
             size = math.sqrt(dot(apart, apart))
-            store(place, i, at.PLACE_D, scale(1.0 / size, apart))
+            set_along(place, i, 0, scale(1.0 / size, apart))
         else:
-            for r in range(blocks_i[i, at.B_SIZE]):
-                store(place, i, at.PLACE_D + 3 * r, row_direction(blocks_i, blocks_f, i, r, work))
+            for r in range(size_of(blocks_i, i)):
+                set_along(place, i, r, row_direction(blocks_i, blocks_f, i, r, work))
 
 
 @part
 def whole_point(blocks_i, i):
     """Whether block i holds a point in all directions."""
-    return blocks_i[i, at.B_TYPE] == at.T_POINT and blocks_i[i, at.B_SIZE] == 3
+    return type_of(blocks_i, i) == T_POINT and size_of(blocks_i, i) == 3
 
 
 @part
@@ -124,8 +226,8 @@ def turns_with_speed(blocks):
     found = False
     for j in range(1, active[0] + 1):
         i = active[j]
-        kind = blocks_i[i, at.B_TYPE]
-        still = along_coordinates(kind) or kind == at.T_ALIGN or whole_point(blocks_i, i)
+        kind = type_of(blocks_i, i)
+        still = along_coordinates(kind) or kind == T_ALIGN or whole_point(blocks_i, i)
         found = found or not still
     return found
 
@@ -133,12 +235,12 @@ def turns_with_speed(blocks):
 @part
 def row_direction(blocks_i, blocks_f, i, r, work):
     """d, or t, of row r of a block whose directions are fixed in its bodies."""
-    kind = blocks_i[i, at.B_TYPE]
-    if kind == at.T_BLADE:
-        return direction(blocks_f, i, at.AIM, r, work, blocks_i[i, at.B_A])
-    d = direction(blocks_f, i, at.DIR, r, work, blocks_i[i, at.B_B])
-    if kind == at.T_ALIGN:
-        return cross(direction(blocks_f, i, at.AIM, r, work, blocks_i[i, at.B_A]), d)
+    kind = type_of(blocks_i, i)
+    if kind == T_BLADE:
+        return direction_a(blocks_f, i, r, work, ends_of(blocks_i, i)[0])
+    d = direction_b(blocks_f, i, r, work, ends_of(blocks_i, i)[1])
+    if kind == T_ALIGN:
+        return cross(direction_a(blocks_f, i, r, work, ends_of(blocks_i, i)[0]), d)
     return d
 
 
@@ -148,15 +250,15 @@ def followed(blocks_i, blocks_f, curves, i, t, order):
     count = blocks_i[i, at.B_KNOTS]
     k = blocks_i[i, at.B_CURVE]
     if count == 0:
-        return blocks_f[i, at.VALUE] if order == 0 else 0.0
-    if count == at.SINE:
+        return value_of(blocks_f, i) if order == 0 else 0.0
+    if count == SINE:
         rate = curves[k, 2]
         angle = rate * t + curves[k, 3]
         if order == 0:
-            return curves[k, 0] + curves[k, 1] * math.sin(angle)
+            return curves[k, 0] + curves[k, 1] * sin(angle)
         if order == 1:
-            return curves[k, 1] * rate * math.cos(angle)
-        return -curves[k, 1] * rate * rate * math.sin(angle)
+            return curves[k, 1] * rate * cos(angle)
+        return -curves[k, 1] * rate * rate * sin(angle)
     last = k + count - 1
     while k < last and t >= curves[k + 1, 0]:
         k += 1
@@ -174,8 +276,8 @@ def followed(blocks_i, blocks_f, curves, i, t, order):
 def total(blocks_i, terms_i, terms_f, i, column, x):
     """Σ c x of a coordinate row over entries of q or v."""
     sum_ = 0.0
-    first = blocks_i[i, at.B_TERM]
-    for n in range(first, first + blocks_i[i, at.B_TERMS]):
+    first, end = terms_of(blocks_i, i)
+    for n in range(first, end):
         sum_ += terms_f[n] * x[terms_i[n, column]]
     return sum_
 
@@ -187,24 +289,23 @@ def residual(blocks, work, space, t, q, out):
     place, slots = space.place, space.slots
     for j in range(1, active[0] + 1):
         i = active[j]
-        kind = blocks_i[i, at.B_TYPE]
-        at_r = slots[i, at.FIRST]
-        a = blocks_i[i, at.B_A]
-        b = blocks_i[i, at.B_B]
-        for r in range(blocks_i[i, at.B_SIZE]):
+        kind = type_of(blocks_i, i)
+        at_r = first_of(slots, i)
+        a, b = ends_of(blocks_i, i)
+        for r in range(size_of(blocks_i, i)):
             out[at_r + r] = 0.0
-        if kind == at.T_POINT or kind == at.T_SPHERE or kind == at.T_DISC:
-            apart = sub(load(place, i, at.PLACE_P), fixed_point(blocks_f, i, at.PB, work, b))
-            for r in range(blocks_i[i, at.B_SIZE] if kind == at.T_POINT else 1):
-                out[at_r + r] = dot(load(place, i, at.PLACE_D + 3 * r), apart)
-        elif kind == at.T_ALIGN:
-            for r in range(blocks_i[i, at.B_SIZE]):
-                aim = direction(blocks_f, i, at.AIM, r, work, a)
-                out[at_r + r] = dot(aim, direction(blocks_f, i, at.DIR, r, work, b))
-        elif kind == at.T_DISTANCE:
-            apart = sub(load(place, i, at.PLACE_P), fixed_point(blocks_f, i, at.PB, work, b))
-            out[at_r] = math.sqrt(dot(apart, apart)) - blocks_f[i, at.VALUE]
-        elif kind == at.T_COORD or kind == at.T_LIMIT:
+        if kind == T_POINT or kind == T_SPHERE or kind == T_DISC:
+            apart = sub(place_a(place, i), point_b(blocks_f, i, work, b))
+            for r in range(size_of(blocks_i, i) if kind == T_POINT else 1):
+                out[at_r + r] = dot(along(place, i, r), apart)
+        elif kind == T_ALIGN:
+            for r in range(size_of(blocks_i, i)):
+                aim = direction_a(blocks_f, i, r, work, a)
+                out[at_r + r] = dot(aim, direction_b(blocks_f, i, r, work, b))
+        elif kind == T_DISTANCE:
+            apart = sub(place_a(place, i), point_b(blocks_f, i, work, b))
+            out[at_r] = math.sqrt(dot(apart, apart)) - value_of(blocks_f, i)
+        elif kind == T_COORD or kind == T_LIMIT:
             out[at_r] = total(blocks_i, terms_i, terms_f, i, 1, q)
             out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, 0)
 
@@ -212,14 +313,14 @@ def residual(blocks, work, space, t, q, out):
 @part
 def point_velocity(work, linear, k, p):
     """Velocity of the material point of row k that is at p."""
-    return add_cross(load(linear, k, 0), load(work, k, at.W), sub(p, load(work, k, at.X)))
+    return add_cross(load(linear, k, 0), spin_of(work, k), sub(p, origin_of(work, k)))
 
 
 @part
 def slip(blocks_i, i, work, linear, place):
     """u of a force block: velocity of A's point against B's."""
-    mine = point_velocity(work, linear, blocks_i[i, at.B_A], load(place, i, at.PLACE_P))
-    return sub(mine, point_velocity(work, linear, blocks_i[i, at.B_B], load(place, i, at.PLACE_Q)))
+    mine = point_velocity(work, linear, ends_of(blocks_i, i)[0], place_a(place, i))
+    return sub(mine, point_velocity(work, linear, ends_of(blocks_i, i)[1], place_b(place, i)))
 
 
 @part
@@ -229,44 +330,43 @@ def residual_velocity(blocks, work, space, t, v, out):
     place, slots, linear = space.place, space.slots, space.linear
     for j in range(1, active[0] + 1):
         i = active[j]
-        kind = blocks_i[i, at.B_TYPE]
-        at_r = slots[i, at.FIRST]
-        a = blocks_i[i, at.B_A]
-        b = blocks_i[i, at.B_B]
+        kind = type_of(blocks_i, i)
+        at_r = first_of(slots, i)
+        a, b = ends_of(blocks_i, i)
         if along_coordinates(kind):
-            order = 0 if kind == at.T_VELOCITY else 1
+            order = 0 if kind == T_VELOCITY else 1
             out[at_r] = total(blocks_i, terms_i, terms_f, i, 0, v)
             out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, order)
             continue
-        if kind == at.T_ALIGN:
-            u = sub(load(work, a, at.W), load(work, b, at.W))
+        if kind == T_ALIGN:
+            u = sub(spin_of(work, a), spin_of(work, b))
         else:
             u = slip(blocks_i, i, work, linear, place)
-        for r in range(blocks_i[i, at.B_SIZE]):
-            out[at_r + r] = dot(load(place, i, at.PLACE_D + 3 * r), u)
+        for r in range(size_of(blocks_i, i)):
+            out[at_r + r] = dot(along(place, i, r), u)
 
 
 @part
 def point_acceleration(work, k, p):
-    """V' of row k, left in P by the sweeps, taken to its material point at p (R6)."""
-    r = sub(p, load(work, k, at.X))
-    w = load(work, k, at.W)
-    linear = add_cross(load(work, k, at.P + 3), load(work, k, at.P), r)
+    """V' of row k, left by the sweeps, taken to its material point at p (R6)."""
+    r = sub(p, origin_of(work, k))
+    w = spin_of(work, k)
+    alpha, linear = acceleration_of(work, k)
+    linear = add_cross(linear, alpha, r)
     return add(linear, cross(w, cross(w, r)))
 
 
 @part
 def rolled(blocks_i, blocks_f, i, work):
     """ρ' of a rolling block: how its contact point moves from the centre's place."""
-    a = blocks_i[i, at.B_A]
-    b = blocks_i[i, at.B_B]
-    n = direction(blocks_f, i, at.DIR, 0, work, b)
-    n_dot = cross(load(work, b, at.W), n)
-    radius = blocks_f[i, at.VALUE]
-    if blocks_i[i, at.B_TYPE] == at.T_SPHERE:
+    a, b = ends_of(blocks_i, i)
+    n = direction_b(blocks_f, i, 0, work, b)
+    n_dot = cross(spin_of(work, b), n)
+    radius = value_of(blocks_f, i)
+    if type_of(blocks_i, i) == T_SPHERE:
         return scale(-radius, n_dot)
-    e = direction(blocks_f, i, at.AIM, 0, work, a)
-    e_dot = cross(load(work, a, at.W), e)
+    e = direction_a(blocks_f, i, 0, work, a)
+    e_dot = cross(spin_of(work, a), e)
     m, size = lean(e, n)
     m_dot = add_scaled(n_dot, -dot(n_dot, e) - dot(n, e_dot), e)
     m_dot = add_scaled(m_dot, -dot(n, e), e_dot)
@@ -277,22 +377,21 @@ def rolled(blocks_i, blocks_f, i, work):
 @part
 def turning(blocks_i, blocks_f, i, work, linear, p, u, d):
     """(e, s) of a force block but a whole point, which has none; d is its first direction."""
-    kind = blocks_i[i, at.B_TYPE]
-    a = blocks_i[i, at.B_A]
-    b = blocks_i[i, at.B_B]
-    w_a = load(work, a, at.W)
-    w_b = load(work, b, at.W)
+    kind = type_of(blocks_i, i)
+    a, b = ends_of(blocks_i, i)
+    w_a = spin_of(work, a)
+    w_b = spin_of(work, b)
     none = (0.0, 0.0, 0.0)
-    if kind == at.T_POINT:
+    if kind == T_POINT:
         return none, scale(2.0, w_b)
-    if kind == at.T_BLADE:
+    if kind == T_BLADE:
         return none, add(w_a, w_b)
-    if kind == at.T_DISTANCE:
-        apart = sub(p, fixed_point(blocks_f, i, at.PB, work, b))
+    if kind == T_DISTANCE:
+        apart = sub(p, point_b(blocks_f, i, work, b))
         speed = add_cross(u, w_b, apart)
         d_dot = add_scaled(speed, -dot(d, speed), d)
         return scale(dot(d_dot, u) / math.sqrt(dot(apart, apart)), d), w_b
-    centre = fixed_point(blocks_f, i, at.PA, work, a)
+    centre = point_a(blocks_f, i, work, a)
     moved = add(point_velocity(work, linear, a, centre), rolled(blocks_i, blocks_f, i, work))
     e = cross(w_a, sub(moved, point_velocity(work, linear, a, p)))
     return sub(e, cross(w_b, sub(moved, point_velocity(work, linear, b, p)))), w_b
@@ -305,43 +404,41 @@ def residual_acceleration(blocks, work, space, t, vdot, out):
     place, slots, linear = space.place, space.slots, space.linear
     for j in range(1, active[0] + 1):
         i = active[j]
-        kind = blocks_i[i, at.B_TYPE]
-        at_r = slots[i, at.FIRST]
-        a = blocks_i[i, at.B_A]
-        b = blocks_i[i, at.B_B]
+        kind = type_of(blocks_i, i)
+        at_r = first_of(slots, i)
+        a, b = ends_of(blocks_i, i)
         if along_coordinates(kind):
-            order = 2 if kind == at.T_COORD else 1
+            order = 2 if kind == T_COORD else 1
             out[at_r] = total(blocks_i, terms_i, terms_f, i, 0, vdot)
             out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, order)
-        elif kind == at.T_ALIGN:
+        elif kind == T_ALIGN:
             align_acceleration(blocks_i, blocks_f, i, work, place, out, at_r)
         elif whole_point(blocks_i, i):
-            mine = point_acceleration(work, a, load(place, i, at.PLACE_P))
-            store3(out, at_r, sub(mine, point_acceleration(work, b, load(place, i, at.PLACE_Q))))
+            mine = point_acceleration(work, a, place_a(place, i))
+            store3(out, at_r, sub(mine, point_acceleration(work, b, place_b(place, i))))
         else:
-            p = load(place, i, at.PLACE_P)
-            d = load(place, i, at.PLACE_D)
+            p = place_a(place, i)
+            d = along(place, i, 0)
             u = slip(blocks_i, i, work, linear, place)
             e, s = turning(blocks_i, blocks_f, i, work, linear, p, u, d)
-            other = load(place, i, at.PLACE_Q)
+            other = place_b(place, i)
             apart = sub(point_acceleration(work, a, p), point_acceleration(work, b, other))
             apart = add(apart, e)
-            for r in range(blocks_i[i, at.B_SIZE]):
-                d = load(place, i, at.PLACE_D + 3 * r)
+            for r in range(size_of(blocks_i, i)):
+                d = along(place, i, r)
                 out[at_r + r] = dot(d, apart) + dot(u, cross(s, d))
 
 
 @part
 def align_acceleration(blocks_i, blocks_f, i, work, place, out, at_r):
     """g'' of rows a · b: t = a × b turns with both bodies."""
-    k = blocks_i[i, at.B_A]
-    n = blocks_i[i, at.B_B]
-    w_a = load(work, k, at.W)
-    w_b = load(work, n, at.W)
+    k, n = ends_of(blocks_i, i)
+    w_a = spin_of(work, k)
+    w_b = spin_of(work, n)
     u = sub(w_a, w_b)
-    apart = sub(load(work, k, at.P), load(work, n, at.P))
-    for r in range(blocks_i[i, at.B_SIZE]):
-        a = direction(blocks_f, i, at.AIM, r, work, k)
-        b = direction(blocks_f, i, at.DIR, r, work, n)
+    apart = sub(acceleration_of(work, k)[0], acceleration_of(work, n)[0])
+    for r in range(size_of(blocks_i, i)):
+        a = direction_a(blocks_f, i, r, work, k)
+        b = direction_b(blocks_f, i, r, work, n)
         t_dot = add(cross(cross(w_a, a), b), cross(a, cross(w_b, b)))
-        out[at_r + r] = dot(load(place, i, at.PLACE_D + 3 * r), apart) + dot(t_dot, u)
+        out[at_r + r] = dot(along(place, i, r), apart) + dot(t_dot, u)

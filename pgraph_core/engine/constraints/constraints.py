@@ -5,35 +5,49 @@
 """
 
 from .. import layout as at
-from ..arrays import opened
-from ..compiler.jit import part, sweep
-from ..compiler.triple import load_triple, numbers, triple
-from ..tree.articulated import inboard
-from ..tree.kinematics import frames, outboard, positions
-from ..tree.moving import advance
-from ..vec import accumulate, cross, largest, load, scale, store, sub
-from .blocks import (
-    along_coordinates,
-    fixed_point,
-    locate,
-    residual,
-    residual_acceleration,
-    residual_velocity,
-    total,
-    turns_with_speed,
-    velocities,
-)
-from .dips import watch
-from .paths import carry, carry_coordinates, pivots, spread
-from .proximal import (
+from ..arrays import (
     CHANGE,
     DINV,
     FACTORED,
     LAMBDA,
+    LEAST,
+    MOVED,
     PLACED,
     RHS,
     STEP,
     ZERO,
+    opened,
+)
+from ..compiler.jit import part, sweep
+from ..compiler.lane import load_triple, numbers, triple
+from ..layout import T_ALIGN, T_COORD, T_VELOCITY
+from ..rows import ROTATE, TRANSLATE, axis_of, kind_of, origin_of
+from ..tree.articulated import inboard
+from ..tree.kinematics import frames, outboard, positions
+from ..tree.moving import advance
+from ..vec import accumulate, cross, largest, scale, store, sub
+from .blocks import (
+    along,
+    along_coordinates,
+    ends_of,
+    first_of,
+    joint_of,
+    joints_of,
+    locate,
+    place_a,
+    point_a,
+    residual,
+    residual_acceleration,
+    residual_velocity,
+    size_of,
+    terms_of,
+    total,
+    turns_with_speed,
+    type_of,
+    velocities,
+)
+from .paths import carry, carry_coordinates, pivots, spread
+from .proximal import (
     along_nulls,
     factor_proximal,
     solve_proximal,
@@ -52,7 +66,7 @@ def number_rows(blocks, slots):
     m = 0
     for j in range(1, active[0] + 1):
         slots[active[j], at.FIRST] = m
-        m += blocks_i[active[j], at.B_SIZE]
+        m += size_of(blocks_i, active[j])
     return m
 
 
@@ -63,7 +77,7 @@ def unit_responses(rows, const, blocks, work, space):
     pivots(rows, work, space.vectors[DINV])
     for j in range(1, active[0] + 1):
         i = active[j]
-        if along_coordinates(blocks_i[i, at.B_TYPE]):
+        if along_coordinates(type_of(blocks_i, i)):
             carry_coordinates(rows, const, blocks, i, work, space)
         else:
             carry(rows, blocks_i, i, work, space)
@@ -77,13 +91,13 @@ def couplings(blocks, space):
     where, dinv = space.where, space.vectors[DINV]
     for j in range(1, active[0] + 1):
         i = active[j]
-        count = slots[i, at.SLOTS]
+        count = joints_of(slots, i)
         for s in range(count):
-            where[slots[i, at.SLOT + s]] = s + 1
+            where[joint_of(slots, i, s)] = s + 1
         for n in range(j, active[0] + 1):
             couple(blocks_i, i, active[n], y, slots, where, dinv, omega)
         for s in range(count):
-            where[slots[i, at.SLOT + s]] = 0
+            where[joint_of(slots, i, s)] = 0
 
 
 @part
@@ -99,18 +113,18 @@ def couple(blocks_i, i, n, y, slots, where, dinv, omega):
     """The block of Ω between blocks i and n: joints on both their paths."""
     u = triple(0.0, 0.0, 0.0)
     v, w = u, u
-    for s in range(slots[n, at.SLOTS]):
-        k = slots[n, at.SLOT + s]
+    for s in range(joints_of(slots, n)):
+        k = joint_of(slots, n, s)
         mine = max(where[k] - 1, 0)
         other = (dinv[k] if where[k] > 0 else 0.0) * load_triple(y, n, 3 * s)  # no branch is missed
         u = u + y[i, 3 * mine] * other
         v = v + y[i, 3 * mine + 1] * other
         w = w + y[i, 3 * mine + 2] * other
     a, b, c = numbers(u), numbers(v), numbers(w)
-    r = slots[i, at.FIRST]
-    q = slots[n, at.FIRST]
-    rows = blocks_i[i, at.B_SIZE]
-    columns = blocks_i[n, at.B_SIZE]
+    r = first_of(slots, i)
+    q = first_of(slots, n)
+    rows = size_of(blocks_i, i)
+    columns = size_of(blocks_i, n)
     if rows == 3 and columns == 3:
         store(omega, r, q, a)
         store(omega, r + 1, q, b)
@@ -138,13 +152,13 @@ def respond(rows, const, blocks, work, space):
         step[k] = 0.0
     for j in range(1, active[0] + 1):
         i = active[j]
-        r = slots[i, at.FIRST]
-        size = blocks_i[i, at.B_SIZE]
+        r = first_of(slots, i)
+        size = size_of(blocks_i, i)
         x = lam[r]
         z = lam[r + 1] if size > 1 else 0.0
         w = lam[r + 2] if size > 2 else 0.0
-        for s in range(slots[i, at.SLOTS]):
-            k = slots[i, at.SLOT + s]
+        for s in range(joints_of(slots, i)):
+            k = joint_of(slots, i, s)
             total = x * y[i, 3 * s] + z * y[i, 3 * s + 1] + w * y[i, 3 * s + 2]
             step[k] += total * dinv[k]
     spread(rows, const, work, step)
@@ -222,9 +236,9 @@ def driven_power(blocks, space, v):
     power = 0.0
     for j in range(1, active[0] + 1):
         i = active[j]
-        kind = blocks_i[i, at.B_TYPE]
-        if kind == at.T_COORD or kind == at.T_VELOCITY:
-            lam = space.vectors[LAMBDA, space.slots[i, at.FIRST]]
+        kind = type_of(blocks_i, i)
+        if kind == T_COORD or kind == T_VELOCITY:
+            lam = space.vectors[LAMBDA, first_of(space.slots, i)]
             power += lam * total(blocks_i, terms_i, terms_f, i, 0, v)
     return power
 
@@ -267,20 +281,20 @@ def wrenches(rows, blocks, work, space, out):
         store(out, i, 3, (0.0, 0.0, 0.0))
     for j in range(1, active[0] + 1):
         i = active[j]
-        kind = blocks_i[i, at.B_TYPE]
-        a = blocks_i[i, at.B_A]
+        kind = type_of(blocks_i, i)
+        a = ends_of(blocks_i, i)[0]
         if along_coordinates(kind):
-            x = scale(vectors[LAMBDA, slots[i, at.FIRST]], load(work, a, at.H))
-            if rows[a, at.KIND] <= at.TRANSLATE:
-                x = scale(terms_f[blocks_i[i, at.B_TERM]], x)
-                store(out, i, 0 if rows[a, at.KIND] == at.ROTATE else 3, x)
+            x = scale(vectors[LAMBDA, first_of(slots, i)], axis_of(work, a))
+            if kind_of(rows, a) <= TRANSLATE:
+                x = scale(terms_f[terms_of(blocks_i, i)[0]], x)
+                store(out, i, 0 if kind_of(rows, a) == ROTATE else 3, x)
             continue
-        arm = sub(load(place, i, at.PLACE_P), fixed_point(blocks_f, i, at.PA, work, a))
-        for r in range(blocks_i[i, at.B_SIZE]):
-            d = load(place, i, at.PLACE_D + 3 * r)
-            x = scale(vectors[LAMBDA, slots[i, at.FIRST] + r], d)
-            accumulate(out, i, 0, x if kind == at.T_ALIGN else cross(arm, x))
-            if kind != at.T_ALIGN:
+        arm = sub(place_a(place, i), point_a(blocks_f, i, work, a))
+        for r in range(size_of(blocks_i, i)):
+            d = along(place, i, r)
+            x = scale(vectors[LAMBDA, first_of(slots, i) + r], d)
+            accumulate(out, i, 0, x if kind == T_ALIGN else cross(arm, x))
+            if kind != T_ALIGN:
                 accumulate(out, i, 3, x)
 
 
@@ -290,9 +304,8 @@ def extent(rows, blocks, work):
     blocks_f = blocks.blocks_f
     x, y, z = 0.0, 0.0, 0.0
     for k in range(1, rows.shape[0]):
-        x = max(x, abs(work[k, at.X]))
-        y = max(y, abs(work[k, at.X + 1]))
-        z = max(z, abs(work[k, at.X + 2]))
+        p = origin_of(work, k)
+        x, y, z = max(x, abs(p[0])), max(y, abs(p[1])), max(z, abs(p[2]))
     size = max(x, max(y, z))
     for i in range(blocks_f.shape[0]):
         for n in range(6):
@@ -324,7 +337,7 @@ def settle(scene, t, q, v):
     speeds(scene, t, v, RHS)
     missed = along_nulls(nulls, count, vectors[RHS], m)
     correct(scene, mu, count, m, rounding)
-    change = vectors[ZERO]
+    change = vectors[MOVED]
     for j in range(v.shape[0]):
         change[j] = vectors[STEP, j]
     missed = max(missed, moved * largest(change, v.shape[0]))
@@ -401,3 +414,52 @@ def correct(scene, mu, count, m, enough):
         vectors[RHS, r] = -vectors[RHS, r]
     solve_proximal(space.omega, space.factor, space.nulls, mu, count, vectors, m, enough)
     respond(rows, const, blocks, work, space)
+
+
+# -- dips of pivots during a run: where constraints are nearly dependent --------------------------
+# The pivots of Ω's factor are what each row adds to those before it. One that falls far below its
+# largest so far marks a position at or beside which the row says nothing new; a row that never says
+# anything has no dip. What dips only because rows take each other's place is sorted out afterwards.
+
+DIP = 100.0  # times smaller than its largest: a pivot in a dip
+OVER = 25.0  # times smaller: where the dip ends
+ROUNDING = 1e-12  # of the time: evaluations at one instant
+TOGETHER = 4.0  # times the way between evaluations: stages of one step see one dip
+
+
+@sweep
+def watch(scene, t, q, v):
+    """Count dips after a factorisation; keep the deepest place of the first ones."""
+    space = opened(scene).space
+    factor, dips, least, now = space.factor, space.dips, space.vectors[LEAST], space.watch[0]
+    deepest = OVER
+    gap = abs(t - now.time)
+    if gap > ROUNDING * abs(t):
+        now.apart = gap
+        now.time = t
+    for r in range(now.rows):
+        x = factor[r, r]
+        if 0.0 < x < least[r]:
+            least[r] = x
+        elif x > deepest * least[r]:
+            deepest = x / least[r]
+    if deepest <= OVER:
+        now.inside = 0
+        return
+    if now.inside == 0:
+        if deepest <= DIP:
+            return
+        now.inside = 1
+        last = min(now.count, dips.shape[0]) - 1
+        if last < 0 or abs(t - dips[last].time) > TOGETHER * now.apart:
+            now.count += 1
+    n = now.count - 1
+    if n < dips.shape[0] and deepest > dips[n].depth:
+        dips[n].depth = deepest
+        dips[n].time = t
+        dips[n].apart = now.apart
+        nq = q.shape[0]
+        for i in range(nq):
+            space.dip_states[n, i] = q[i]
+        for j in range(v.shape[0]):
+            space.dip_states[n, nq + j] = v[j]

@@ -6,9 +6,31 @@ matrix ([Featherstone 2008, ch. 8], [Wensing et al. 2012]). Only joints on the p
 
 from .. import layout as at
 from ..compiler.jit import part
-from ..compiler.triple import numbers, store_triple, triple
-from ..tree.factors import backward3, backward6, forward3, solve3
-from ..tree.kinematics import base_axes, load_inertia
+from ..compiler.lane import numbers, store_triple, triple
+from ..layout import T_ALIGN
+from ..linear import backward3, backward6, forward3, forward_free, pivots6, solve3
+from ..rows import (
+    BALL,
+    FREE,
+    ROTATE,
+    TRANSLATE,
+    acceleration_of,
+    axis_of,
+    ball_of,
+    inertia_of,
+    kind_of,
+    link_of,
+    nv_of,
+    origin_of,
+    parent_of,
+    pivot_of,
+    projected_of,
+    set_acceleration,
+    set_solved,
+    solved_of,
+    v_of,
+)
+from ..tree.kinematics import base_axes
 from ..vec import (
     accumulate,
     add,
@@ -17,7 +39,7 @@ from ..vec import (
     cross,
     dot,
     load,
-    load6,
+    load3,
     mul,
     mul_t,
     scale,
@@ -25,35 +47,37 @@ from ..vec import (
     store3,
     sub,
 )
+from .blocks import along, ends_of, place_a, place_b, size_of, terms_of, type_of
 
 
 @part
 def pivots(rows, work, dinv):
     """1/d of every degree of freedom: the diagonal between Y and Yᵀ."""
     for k in range(1, rows.shape[0]):
-        i = rows[k, at.VI]
-        kind = rows[k, at.KIND]
-        if kind <= at.TRANSLATE:
-            dinv[i] = work[k, at.D]
-        elif kind == at.BALL:
+        i = v_of(rows, k)
+        kind = kind_of(rows, k)
+        if kind <= TRANSLATE:
+            dinv[i] = pivot_of(work, k)
+        elif kind == BALL:
             for n in range(3):
-                dinv[i + n] = work[k, at.U + n]
+                dinv[i + n] = ball_of(work, k)[0][n]
         else:
-            for n in range(6):
-                dinv[i + n] = work[k, at.IA + n * (n + 1) // 2 + n]
+            angular, linear = pivots6(work, k)
+            store3(dinv, i, angular)
+            store3(dinv, i + 3, linear)
 
 
 @part
-def unit_wrenches(blocks_i, i, work, place, column, k, sign):
+def unit_wrenches(blocks_i, i, work, place, k, sign):
     """The block's unit wrenches on row k, at its origin: (moment, force), of triples."""
-    arm = sub(load(place, i, column), load(work, k, at.X))
-    size = blocks_i[i, at.B_SIZE]
+    arm = sub(place_b(place, i) if sign < 0.0 else place_a(place, i), origin_of(work, k))
+    size = size_of(blocks_i, i)
     none = (0.0, 0.0, 0.0)
-    a = scale(sign, load(place, i, at.PLACE_D))
-    b = scale(sign, load(place, i, at.PLACE_D + 3)) if size > 1 else none
-    c = scale(sign, load(place, i, at.PLACE_D + 6)) if size > 2 else none
+    a = scale(sign, along(place, i, 0))
+    b = scale(sign, along(place, i, 1)) if size > 1 else none
+    c = scale(sign, along(place, i, 2)) if size > 2 else none
     d = (triple(a[0], b[0], c[0]), triple(a[1], b[1], c[1]), triple(a[2], b[2], c[2]))
-    if blocks_i[i, at.B_TYPE] == at.T_ALIGN:
+    if type_of(blocks_i, i) == T_ALIGN:
         return d, no_triples()
     return cross(arm, d), d
 
@@ -70,9 +94,9 @@ def meeting(rows, a, b):
         return b
     while a != b:
         if a > b:
-            a = rows[a, at.PARENT]
+            a = parent_of(rows, a)
         else:
-            b = rows[b, at.PARENT]
+            b = parent_of(rows, b)
     return a
 
 
@@ -80,8 +104,7 @@ def meeting(rows, a, b):
 def carry(rows, blocks_i, i, work, space):
     """Y of a block between bodies: from B and from A to where they meet, and on from there."""
     y, slots, place = space.y, space.slots, space.place
-    a = blocks_i[i, at.B_A]
-    b = blocks_i[i, at.B_B]
+    a, b = ends_of(blocks_i, i)
     meet = meeting(rows, a, b)
     moment, force = no_triples(), no_triples()
     moment_b, force_b = moment, force
@@ -97,30 +120,30 @@ def carry(rows, blocks_i, i, work, space):
             moment, force = add(moment_b, moment), add(force_b, force)
         elif k > 0:
             moment_b, force_b = moment, force
-            column = at.PLACE_Q if leg == 0 else at.PLACE_P
-            moment, force = unit_wrenches(blocks_i, i, work, place, column, k, 2.0 * leg - 1.0)
+            moment, force = unit_wrenches(blocks_i, i, work, place, k, 2.0 * leg - 1.0)
         while k > stop:
             moment, force, slot = past(rows, work, k, moment, force, y, slots, i, slot)
-            k = 0 if rows[k, at.KIND] == at.FREE else rows[k, at.PARENT]
+            k = 0 if kind_of(rows, k) == FREE else parent_of(rows, k)
     slots[i, at.SLOTS] = slot
 
 
 @part
 def past(rows, work, k, moment, force, y, slots, i, slot):
     """(three wrenches past joint k, the next free slot); the joint keeps its share of each."""
-    kind = rows[k, at.KIND]
-    width = width_of(kind)
+    kind = kind_of(rows, k)
+    width = nv_of(kind)
     for n in range(width):
-        slots[i, at.SLOT + slot + n] = rows[k, at.VI] + n
-    link = load(work, k, at.L)
-    if kind <= at.TRANSLATE:
-        h = load(work, k, at.H)
-        share = dot(h, moment) if kind == at.ROTATE else dot(h, force)
+        slots[i, at.SLOT + slot + n] = v_of(rows, k) + n
+    link = link_of(work, k)
+    if kind <= TRANSLATE:
+        h = axis_of(work, k)
+        share = dot(h, moment) if kind == ROTATE else dot(h, force)
         store_triple(y, i, 3 * slot, share)
-        passed = -work[k, at.D] * share
-        force = add_scaled(force, passed, load(work, k, at.U + 3))
-        moment = add_cross(add_scaled(moment, passed, load(work, k, at.U)), link, force)
-    elif kind == at.BALL:  # it passes a force on, and no moment
+        passed = -pivot_of(work, k) * share
+        u0, u1 = projected_of(work, k)
+        force = add_scaled(force, passed, u1)
+        moment = add_cross(add_scaled(moment, passed, u0), link, force)
+    elif kind == BALL:  # it passes a force on, and no moment
         force = past_ball(work, k, moment, force, y, i, slot)
         moment = cross(link, force)
     else:  # the last joint that feels a wrench
@@ -132,8 +155,8 @@ def past(rows, work, k, moment, force, y, slots, i, slot):
 @part
 def past_ball(work, k, moment, force, y, i, slot):
     """The force behind a ball."""
-    _, b, _ = load_inertia(work, k)
-    f = load6(work, k, at.U)
+    _, b, _ = inertia_of(work, k)
+    f, _ = ball_of(work, k)
     share = forward3(f, moment)
     for n in range(3):
         store_triple(y, i, 3 * (slot + n), share[n])
@@ -143,17 +166,7 @@ def past_ball(work, k, moment, force, y, i, slot):
 @part
 def into_free(work, k, moment, force, y, i, slot):
     """L⁻¹ of wrenches on a free row."""
-    a = at.IA
-    y0, y1, y2 = moment
-    y3, y4, y5 = force
-    y1 -= work[k, a + 1] * y0
-    y2 -= work[k, a + 3] * y0 + work[k, a + 4] * y1
-    y3 -= work[k, a + 6] * y0 + work[k, a + 7] * y1 + work[k, a + 8] * y2
-    y4 -= work[k, a + 10] * y0 + work[k, a + 11] * y1 + work[k, a + 12] * y2
-    y4 -= work[k, a + 13] * y3
-    y5 -= work[k, a + 15] * y0 + work[k, a + 16] * y1 + work[k, a + 17] * y2
-    y5 -= work[k, a + 18] * y3 + work[k, a + 19] * y4
-    share = (y0, y1, y2, y3, y4, y5)
+    share = forward_free(work, k, moment, force)
     for n in range(6):
         store_triple(y, i, 3 * (slot + n), share[n])
 
@@ -166,10 +179,10 @@ def carry_coordinates(rows, const, blocks, i, work, space):
     none = (0.0, 0.0, 0.0)
     slot = 0
     for k in range(rows.shape[0] - 1, 0, -1):
-        first = blocks_i[i, at.B_TERM]
-        for n in range(first, first + blocks_i[i, at.B_TERMS]):
-            column = terms_i[n, 0] - rows[k, at.VI]
-            if 0 <= column < width_of(rows[k, at.KIND]):
+        first, end = terms_of(blocks_i, i)
+        for n in range(first, end):
+            column = terms_i[n, 0] - v_of(rows, k)
+            if 0 <= column < nv_of(kind_of(rows, k)):
                 push(rows, const, work, k, column, terms_f[n], whole)
         if not any_of(whole, k):
             continue
@@ -177,8 +190,8 @@ def carry_coordinates(rows, const, blocks, i, work, space):
         store(whole, k, 0, none)
         store(whole, k, 3, none)
         moment, force, slot = past(rows, work, k, moment, force, y, slots, i, slot)
-        p = rows[k, at.PARENT]
-        if p > 0 and rows[k, at.KIND] != at.FREE:
+        p = parent_of(rows, k)
+        if p > 0 and kind_of(rows, k) != FREE:
             accumulate(whole, p, 0, first_of(moment))
             accumulate(whole, p, 3, first_of(force))
     slots[i, at.SLOTS] = slot
@@ -197,12 +210,6 @@ def first_of(x):
 
 
 @part
-def width_of(kind):
-    """Degrees of freedom of a row."""
-    return 1 if kind <= at.TRANSLATE else 3 if kind == at.BALL else 6
-
-
-@part
 def any_of(whole, k):
     """Whether a wrench reaches row k."""
     found = False
@@ -214,11 +221,11 @@ def any_of(whole, k):
 @part
 def push(rows, const, work, k, column, size, whole):
     """Add the wrench pair of a unit joint force in one coordinate of row k, eq. (23)."""
-    p = rows[k, at.PARENT]
-    kind = rows[k, at.KIND]
-    if kind <= at.TRANSLATE:
-        x = scale(size, load(work, k, at.H))
-        turns = kind == at.ROTATE
+    p = parent_of(rows, k)
+    kind = kind_of(rows, k)
+    if kind <= TRANSLATE:
+        x = scale(size, axis_of(work, k))
+        turns = kind == ROTATE
     else:
         axes = base_axes(const, work, p, k)
         c = column % 3
@@ -231,45 +238,43 @@ def push(rows, const, work, k, column, size, whole):
     else:
         accumulate(whole, k, 3, x)
         if p > 0:
-            accumulate(whole, p, 0, scale(-1.0, cross(load(work, k, at.L), x)))
+            accumulate(whole, p, 0, scale(-1.0, cross(link_of(work, k), x)))
             accumulate(whole, p, 3, scale(-1.0, x))
 
 
 @part
 def spread(rows, const, work, step):
-    """M⁻¹ Jᵀ λ from diag(1/d) Yᵀ λ, both in `step`: the response of all joints. Overwrites P."""
-    store(work, 0, at.P, (0.0, 0.0, 0.0))
-    store(work, 0, at.P + 3, (0.0, 0.0, 0.0))
+    """M⁻¹ Jᵀ λ from diag(1/d) Yᵀ λ, both in `step`: the response of all joints. Overwrites V'."""
+    set_acceleration(work, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     for k in range(1, rows.shape[0]):
-        p = rows[k, at.PARENT]
-        i = rows[k, at.VI]
-        kind = rows[k, at.KIND]
-        alpha = load(work, p, at.P)
-        linear = add_cross(load(work, p, at.P + 3), alpha, load(work, k, at.L))
-        if kind <= at.TRANSLATE:
-            u = dot(load(work, k, at.U), alpha) + dot(load(work, k, at.U + 3), linear)
-            x = step[i] - work[k, at.D] * u
+        p = parent_of(rows, k)
+        i = v_of(rows, k)
+        kind = kind_of(rows, k)
+        alpha, linear = acceleration_of(work, p)
+        linear = add_cross(linear, alpha, link_of(work, k))
+        if kind <= TRANSLATE:
+            u0, u1 = projected_of(work, k)
+            u = dot(u0, alpha) + dot(u1, linear)
+            x = step[i] - pivot_of(work, k) * u
             step[i] = x
-            if kind == at.ROTATE:
-                alpha = add_scaled(alpha, x, load(work, k, at.H))
+            if kind == ROTATE:
+                alpha = add_scaled(alpha, x, axis_of(work, k))
             else:
-                linear = add_scaled(linear, x, load(work, k, at.H))
-        elif kind == at.BALL:
-            _, b, _ = load_inertia(work, k)
-            f = load6(work, k, at.U)
+                linear = add_scaled(linear, x, axis_of(work, k))
+        elif kind == BALL:
+            _, b, _ = inertia_of(work, k)
+            f, _ = ball_of(work, k)
             turned = backward3(f, (step[i], step[i + 1], step[i + 2]))
             turned = sub(turned, solve3(f, mul(b, linear)))
             axes = base_axes(const, work, p, k)
             store3(step, i, mul_t(axes, sub(turned, alpha)))
             alpha = turned
         else:
-            for n in range(6):
-                work[k, at.U + n] = step[i + n]
-            backward6(work, k, at.U)
+            set_solved(work, k, load3(step, i), load3(step, i + 3))
+            backward6(work, k)
             axes = base_axes(const, work, p, k)
-            store3(step, i, mul_t(axes, sub(load(work, k, at.U), alpha)))
-            store3(step, i + 3, mul_t(axes, sub(load(work, k, at.U + 3), linear)))
-            alpha = load(work, k, at.U)
-            linear = load(work, k, at.U + 3)
-        store(work, k, at.P, alpha)
-        store(work, k, at.P + 3, linear)
+            angular, along = solved_of(work, k)
+            store3(step, i, mul_t(axes, sub(angular, alpha)))
+            store3(step, i + 3, mul_t(axes, sub(along, linear)))
+            alpha, linear = angular, along
+        set_acceleration(work, k, alpha, linear)

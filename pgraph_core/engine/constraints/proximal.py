@@ -9,13 +9,12 @@ of 3x3, which fit the registers; the last is filled up with zeros.
 
 import math
 
+from ..arrays import CHANGE, LAMBDA, RHS
 from ..compiler.jit import part, sweep
-from ..compiler.triple import load_triple, numbers, store_triple, triple
-from ..tree.factors import backward3, factor3, solve3
+from ..compiler.lane import load_triple, numbers, store_triple, triple
+from ..linear import backward3, factor3, solve3
 from ..vec import load, load3, store, store3
 
-RHS, LAMBDA, CHANGE, DINV, STEP, ZERO = 0, 1, 2, 3, 4, 5  # rows of `vectors`
-PLACED, FACTORED = 7, 8  # q of the last factors; their μ, null directions, whether there are any
 PROXIMAL = 1e-10  # μ relative to the mean diagonal of Ω
 SMALL = 1e5  # a pivot below this many μ may belong to a null direction
 NULL = 10.0  # an eigenvalue below this many μ does

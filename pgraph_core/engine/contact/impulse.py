@@ -10,27 +10,20 @@ kept with it, by ADMM with one factor of Ω + ρI ([Carpentier et al. 2024]).
 import math
 
 from .. import layout as at
-from ..arrays import opened
+from ..arrays import BEFORE, CHANGE, DINV, DUAL, LAMBDA, REPORT, RHS, SPLIT, STEP, opened
 from ..compiler.jit import part, sweep
-from ..compiler.triple import load_triple, numbers, store_triple, triple
+from ..compiler.lane import load_triple, numbers, store_triple, triple
 from ..constraints.constraints import couplings
 from ..constraints.proximal import (
-    CHANGE,
-    DINV,
-    LAMBDA,
-    RHS,
-    STEP,
     eliminate,
     load_factor3,
     solve_factor,
     store_factor3,
     whole_blocks,
 )
-from ..tree.factors import factor3
+from ..linear import factor3
 from ..vec import add_scaled, dot, load
 
-# rows of `vectors`: velocities before; ADMM's dual and copy; what the solver reports
-BEFORE, DUAL, SPLIT, REPORT = 9, 10, 11, 12
 TOLERANCE = 1e-10  # of the largest velocity among the rows
 CROWD = 1e-6  # where there is no fallback: a heap's forces wander more than that anyhow
 SWEEPS = 200  # of Gauss-Seidel where there is no fallback

@@ -5,6 +5,7 @@ Candidates stand in rows of `room`: a place, a height (the gap there) and a tag.
 
 import math
 
+from ..compiler.elementary import cos, sin
 from ..compiler.jit import part, sweep
 from ..vec import add_scaled, cross, dot, scale, set_xyz, sub, xyz
 
@@ -76,7 +77,7 @@ def thin(room, first, m, normal):
     kept = 1
     for n in range(MOST - 1):
         angle = 2.0 * math.pi * n / (MOST - 1)
-        way = add_scaled(scale(math.cos(angle), t1), math.sin(angle), t2)
+        way = add_scaled(scale(cos(angle), t1), sin(angle), t2)
         best = -1
         far = -math.inf
         for k in range(first, first + m):

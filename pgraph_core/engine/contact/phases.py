@@ -14,13 +14,18 @@ import math
 from numba import types
 
 from .. import layout as at
-from ..arrays import EVENT_SCENE, I1
+from ..arrays import CHANGE, EVENT_SCENE, I1, LAMBDA, RHS, STEP
 from ..compiler.address import plain, stored
 from ..compiler.jit import kernel, part, sweep
 from ..constraints.blocks import locate, residual_acceleration, slip, velocities
-from ..constraints.constraints import couplings, number_rows, respond, unit_responses
-from ..constraints.dips import watch
-from ..constraints.proximal import CHANGE, LAMBDA, RHS, STEP, factor_proximal, solve_proximal
+from ..constraints.constraints import (
+    couplings,
+    number_rows,
+    respond,
+    unit_responses,
+    watch,
+)
+from ..constraints.proximal import factor_proximal, solve_proximal
 from ..motion import ACCELERATION, call_acceleration
 from ..records import ACCEPTANCE, SLIP, STANCE
 from ..tree.kinematics import positions

@@ -10,7 +10,7 @@ import math
 from numba import types
 
 from .. import layout as at
-from ..arrays import F1, Blocks, Frames, opened
+from ..arrays import CHANGE, F1, LAMBDA, RHS, STEP, TAU, ZERO, Blocks, Frames, opened
 from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
 from ..constraints.blocks import (
@@ -22,8 +22,7 @@ from ..constraints.blocks import (
     velocities,
 )
 from ..constraints.constraints import couplings, drift, number_rows, respond, unit_responses
-from ..constraints.proximal import CHANGE, LAMBDA, RHS, STEP, ZERO
-from ..motion import RECORD, TAU, call_acceleration, call_record
+from ..motion import RECORD, call_acceleration, call_record
 from ..records import STANCE, SWING
 from ..tree.articulated import inboard
 from ..tree.kinematics import accelerate, outboard, positions

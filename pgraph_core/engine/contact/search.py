@@ -21,6 +21,7 @@ from ..arrays import (
     POSES,
     SEARCH,
 )
+from ..compiler.elementary import exp, log
 from ..compiler.jit import inlined, kernel, part, sweep
 from ..records import CANDIDATE, SHAPE, SPHERE, array_of
 from ..vec import dot, sub, xyz
@@ -60,8 +61,8 @@ def sort_into_cells(members, bounds, cells, buckets):
     n = members.shape[0]
     total = 0.0
     for m in range(n):
-        total += math.log(max(width(bounds, members[m].shape), 1e-300))
-    usual = LARGE * math.exp(total / n)
+        total += log(max(width(bounds, members[m].shape), 1e-300))
+    usual = LARGE * exp(total / n)
     cell = 1e-300
     origin = (math.inf, math.inf, math.inf)
     for m in range(n):

@@ -2,8 +2,8 @@
 
 import math
 
+from ..compiler.elementary import sine_cosine
 from ..compiler.jit import part, sweep
-from ..compiler.sines import sine_cosine
 
 # waves (5, 8), each a1, b1, a2, b2, ...: Σ a cos(2π k phase) + b sin(2π k phase)
 RISE, NOD, SWAY, SURGE, FLEXION = 0, 1, 2, 3, 4  # of height, pitch, place, place, spine hinges

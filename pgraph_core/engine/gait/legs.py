@@ -8,8 +8,8 @@ motion that leaves it there is held to the same shape.
 
 import math
 
+from ..compiler.elementary import acos, atan2, sine_cosine
 from ..compiler.jit import part, sweep
-from ..compiler.sines import sine_cosine
 
 STRAIGHT, FOLDED = 0.99, -0.98  # cosine of the knee's bend: no nearer to either
 FLAT = 0.02  # m²: below it the leg is nearly straight, and rates are damped
@@ -36,13 +36,13 @@ def reach(legs, f, x, y):
     aa = ax * ax + ay * ay
     bb = bx * bx + by * by
     cosine = (x * x + y * y - aa - bb) / (2.0 * math.sqrt(aa * bb))
-    bend = math.acos(min(max(cosine, FOLDED), STRAIGHT))
-    home = math.atan2(ax * by - ay * bx, ax * bx + ay * by)
+    bend = acos(min(max(cosine, FOLDED), STRAIGHT))
+    home = atan2(ax * by - ay * bx, ax * bx + ay * by)
     knee = (bend if home > 0.0 else -bend) - home
     px, py = turned(knee, bx, by)
     px += ax
     py += ay
-    return math.atan2(px * y - py * x, px * x + py * y), knee
+    return atan2(px * y - py * x, px * x + py * y), knee
 
 
 @part
@@ -74,7 +74,7 @@ def swing(legs, f, place, speed, push, q, v, s, vdot):
     kd = s.gain_swing[1]
     y = place[1]
     if legs[f].v_spread >= 0:
-        spread = math.atan2(-place[2], -place[1])
+        spread = atan2(-place[2], -place[1])
         y = -math.sqrt(place[1] * place[1] + place[2] * place[2])
         speed = out_of_spread(spread, speed)
         push = out_of_spread(spread, push)

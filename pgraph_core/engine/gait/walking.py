@@ -13,8 +13,10 @@ from numba import types
 from .. import layout as at
 from ..arrays import WALK
 from ..compiler.address import plain, stored
+from ..compiler.elementary import asin, atan2
 from ..compiler.jit import kernel, part
 from ..constraints.blocks import velocities
+from ..rows import bias_of, set_bias, set_force
 from ..tree.dynamics import newton_euler
 from ..tree.kinematics import outboard, positions
 from ..vec import (
@@ -29,7 +31,6 @@ from ..vec import (
     mul_t,
     scale,
     set_xyz,
-    store,
     sub,
     xyz,
 )
@@ -65,10 +66,10 @@ def trunk(work, linear, legs, s):
     u = into(heading, u)
     right = into(heading, mul(load9(work, hind, at.R), (0.0, 0.0, 1.0)))
     w = into(heading, load(work, hind, at.W))
-    pitch = math.atan2(d[1], d[0]) - s.pitch
+    pitch = atan2(d[1], d[0]) - s.pitch
     nods = (d[0] * u[1] - d[1] * u[0]) / (d[0] * d[0] + d[1] * d[1])
-    roll = -math.asin(min(max(right[1], -1.0), 1.0))
-    return heading, (roll, math.atan2(heading[1], heading[0]), pitch), (w[0], w[1], nods)
+    roll = -asin(min(max(right[1], -1.0), 1.0))
+    return heading, (roll, atan2(heading[1], heading[0]), pitch), (w[0], w[1], nods)
 
 
 @part
@@ -208,8 +209,8 @@ def has_fallen(work, s, com, level):
 def copied_bias(work, out):
     """b of all rows: `newton_euler` overwrites it, and a run goes on with it."""
     for k in range(1, work.shape[0]):
-        store(out, k, at.P, load(work, k, at.P))
-        store(out, k, at.P + 3, load(work, k, at.P + 3))
+        moment, force = bias_of(work, k)
+        set_bias(out, k, moment, force)
 
 
 @kernel(types.int64(types.float64, types.uint64, types.uint64, types.uint64), later=True)
@@ -246,8 +247,8 @@ def walking(t, q_place, v_place, tau_place):
         copied_bias(work, mine)
         newton_euler(rows, const, v, vdot, work, tau)
         copied_bias(mine, work)
-        store(work, 0, at.U, (0.0, 0.0, 0.0))  # where forces of the root have ended
-        store(work, 0, at.U + 3, (0.0, 0.0, 0.0))
+        none = (0.0, 0.0, 0.0)
+        set_force(work, 0, none, none)  # where forces of the root have ended
         take_off_forces(rows, work, legs, feet, heading, tau)
         for j in range(6):
             tau[j] = 0.0

@@ -41,9 +41,9 @@ def inverse_dynamics(rows, const, drives, loads, q, v, vdot, work, passive, none
             out[j] -= s[j]
         if loads is not None:
             outboard(rows, c, w, lanes(q[i]), lanes(v[i]))
-            linear = w[:, at.U : at.U + 3]
+            linear = w[:, at.VELOCITY : at.VELOCITY + 3]
             moving(rows, c, w, lanes(v[i]), linear)
-            torque_of_loads(rows, c, Loads(loads[0], loads[1], loads[2]), w, linear, s)
+            torque_of_loads(rows, c, Loads(loads[0], loads[1]), w, linear, s)
             for j in range(out.shape[0]):
                 out[j] -= s[j]
 

@@ -117,7 +117,7 @@ def estimate(rows, size, weights, h, stages):
     return size_of(rows, size, stages, at.ERROR)
 
 
-# -- dense output --------------------------------------------------------------------------------
+# -- dense output ---------------------------------------------------------------------------------
 
 
 @sweep

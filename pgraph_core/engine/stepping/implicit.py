@@ -195,7 +195,7 @@ def finish_local(scene, size, stages, z, power, loss):
     stages[at.CANDIDATE, nq + nv + 1] += loss
 
 
-# -- Radau IIA -----------------------------------------------------------------------------------
+# -- Radau IIA ------------------------------------------------------------------------------------
 
 
 @sweep
@@ -365,7 +365,7 @@ def attempt_radau(scene, accelerate, tableau, size, h, stages, control, matrices
     return error if finite(stages[at.CANDIDATE]) else math.inf
 
 
-# -- ROS2 ----------------------------------------------------------------------------------------
+# -- ROS2 -----------------------------------------------------------------------------------------
 
 
 @kernel(ATTEMPT, nogil=True, later=True)

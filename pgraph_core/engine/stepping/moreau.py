@@ -9,13 +9,25 @@ they are: h d + h²/2 k counts as inertia there.
 import math
 
 from .. import layout as at
+from ..arrays import (
+    ARMATURE,
+    BEFORE,
+    DAMPING,
+    DINV,
+    FACTORED,
+    GIVEN,
+    LAMBDA,
+    REPORT,
+    RHS,
+    STEP,
+    STIFFNESS,
+)
 from ..compiler.jit import kernel, part, sweep
 from ..constraints.blocks import locate, residual_velocity, total, velocities
 from ..constraints.constraints import driven_power, number_rows, unit_responses
 from ..constraints.paths import spread
-from ..constraints.proximal import CHANGE, DINV, FACTORED, LAMBDA, RHS, STEP
 from ..contact.contacts import clear, contacts_at, keep_point, kept_place, note, set_block, touching
-from ..contact.impulse import BEFORE, DUAL, REPORT, SPLIT, gained, gather, solve_impulses
+from ..contact.impulse import gained, gather, solve_impulses
 from ..forces import lookup
 from ..motion import call_acceleration, opened
 from ..records import RIGID
@@ -53,7 +65,7 @@ def moreau_jean(scene, accelerate, tableau, t, h, q, v, fresh, stages, flow, led
     ledger[at.DISSIPATED] += h * flow[1]
     relax(rows, const, space.vectors, given)
     for j in range(nv):
-        stages[4, j] = space.vectors[DUAL, j]
+        stages[4, j] = space.vectors[DAMPING, j]
     positions(rows, work)
     active[0] = bilateral
     first = bilateral + 1
@@ -94,8 +106,8 @@ def stiffen(scene, t, h, q, v):
     rows, const, drives, space, given = data.rows, data.const, data.drives, data.space, data.given
     vectors = space.vectors
     table, knots, passive = drives
-    damping = vectors[DUAL]
-    stiffness = vectors[SPLIT]
+    damping = vectors[DAMPING]
+    stiffness = vectors[STIFFNESS]
     for j in range(v.shape[0]):  # with a hinge: joints of several coordinates stay as they are
         damping[j] = 0.0
         stiffness[j] = 0.0
@@ -109,8 +121,8 @@ def stiffen(scene, t, h, q, v):
     for k in range(1, rows.shape[0]):
         if rows[k, at.KIND] <= at.TRANSLATE:
             j = rows[k, at.VI]
-            vectors[CHANGE, j] = const[k, at.ARMATURE]
-            vectors[LAMBDA, j] = given[j]
+            vectors[ARMATURE, j] = const[k, at.ARMATURE]
+            vectors[GIVEN, j] = given[j]
             damping[j] = h * damping[j] + 0.5 * h * h * stiffness[j]
             const[k, at.ARMATURE] += damping[j]
             given[j] -= 0.5 * h * stiffness[j] * v[j]
@@ -122,8 +134,8 @@ def relax(rows, const, vectors, given):
     for k in range(1, rows.shape[0]):
         if rows[k, at.KIND] <= at.TRANSLATE:
             j = rows[k, at.VI]
-            const[k, at.ARMATURE] = vectors[CHANGE, j]
-            given[j] = vectors[LAMBDA, j]
+            const[k, at.ARMATURE] = vectors[ARMATURE, j]
+            given[j] = vectors[GIVEN, j]
 
 
 @part

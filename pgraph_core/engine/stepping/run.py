@@ -44,9 +44,9 @@ def derivative(rows, const, drives, loads, work, t, q, v, given, tau, vdot):
         articulated(rows, const, q, v, tau, work, vdot)
     else:
         outboard(rows, const, work, q, v)
-        linear = work[:, at.U : at.U + 3]
+        linear = work[:, at.VELOCITY : at.VELOCITY + 3]
         moving(rows, const, work, v, linear)
-        apply_loads(Loads(loads[0], loads[1], loads[2]), work, linear, t)
+        apply_loads(Loads(loads[0], loads[1]), work, linear, t)
         inboard(rows, const, work, tau)
         joint_acceleration(rows, const, work, vdot)
 

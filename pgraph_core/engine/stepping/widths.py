@@ -3,6 +3,7 @@
 import math
 
 from .. import layout as at
+from ..compiler.elementary import power
 from ..compiler.jit import part, sweep
 from ..motion import opened
 from ..vec import finite
@@ -19,7 +20,7 @@ def first_width(scene, accelerate, size, order, stages, control, flow):
     copied(stages, at.Y, at.CANDIDATE, n)
     weigh(rows, size, stages, settings)
     rtol = settings.rtol
-    shrink = (0.01 * rtol) ** (1.0 / (order + 1))
+    shrink = power(0.01 * rtol, 1.0 / (order + 1))
     fastest = max(size_of(rows, size, stages, at.SLOPE) * rtol, 1.0 / settings.span)
     h = 0.01 / fastest
     for i in range(n):
@@ -63,9 +64,9 @@ def widen(settings, controller, error, h):
     safety, by_error, by_last, least, most = controller
     error = max(error, 1e-10)
     if error > 1.0:
-        settings.width = h * max(least, safety * error**-by_error)
+        settings.width = h * max(least, safety * power(error, -by_error))
         return
-    factor = safety * error**-by_error * settings.last_error**by_last
+    factor = safety * power(error, -by_error) * power(settings.last_error, by_last)
     most = max(most, settings.width / h)  # where the step was cut short
     factor = max(least, min(factor, most))
     if settings.rejected == 1:

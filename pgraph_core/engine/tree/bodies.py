@@ -2,14 +2,26 @@
 
 from .. import layout as at
 from ..compiler.jit import kernel, part, sweep
+from ..rows import (
+    acceleration_of,
+    body_mass_of,
+    carrier_of,
+    gravity_of,
+    home_of,
+    offset_of,
+    origin_of,
+    parent_of,
+    rotation_of,
+    set_velocity,
+    spin_of,
+    velocity_of,
+)
 from ..vec import (
     about_origin,
     add,
     add_cross,
     cross,
     load,
-    load6,
-    load9,
     mat_mul,
     mul,
     rotate_sym,
@@ -36,10 +48,10 @@ def poses(rows, const, bodies_i, bodies_f, q, v, work, position, rotation):
 @part
 def place(work, bodies_i, bodies_f, b, position, rotation):
     """Origin and rotation of body b."""
-    k = bodies_i[b, at.ROW]
-    r = load9(work, k, at.R)
-    store(position, b - 1, 0, add(load(work, k, at.X), mul(r, load(bodies_f, b, at.OFFSET))))
-    store9(rotation, b - 1, 0, mat_mul(r, load9(bodies_f, b, at.HOME)))
+    k = carrier_of(bodies_i, b)
+    r = rotation_of(work, k)
+    store(position, b - 1, 0, add(origin_of(work, k), mul(r, offset_of(bodies_f, b))))
+    store9(rotation, b - 1, 0, mat_mul(r, home_of(bodies_f, b)))
 
 
 @kernel(
@@ -70,16 +82,16 @@ def motion_and_forces(
     for i in range(qs.shape[0]):
         outboard(rows, const, work, qs[i], vs[i])
         positions(rows, work)
-        for k in range(1, rows.shape[0]):  # velocities of origins into U
-            p = rows[k, at.PARENT]
-            store(work, k, at.U, linear_velocity(rows, const, work, vs[i], k, load(work, p, at.U)))
+        for k in range(1, rows.shape[0]):
+            before = velocity_of(work, parent_of(rows, k))
+            set_velocity(work, k, linear_velocity(rows, const, work, vs[i], k, before))
         accelerate(rows, const, work, vs[i], vdots[i])
         for b in range(1, bodies_i.shape[0]):
             place(work, bodies_i, bodies_f, b, position[i], rotation[i])
             move_body(work, bodies_i, bodies_f, b, velocity[i], acceleration[i])
             load_body(work, bodies_i, bodies_f, b, acceleration[i], external[i], force[i])
         gather(bodies_i, position[i], force[i])
-        gravity = load(const, 0, at.GRAVITY)
+        gravity = gravity_of(const)
         for b in range(acceleration.shape[1]):  # base acceleration -g taken off again (R7)
             store(acceleration[i], b, 3, add(load(acceleration[i], b, 3), gravity))
 
@@ -87,13 +99,13 @@ def motion_and_forces(
 @part
 def move_body(work, bodies_i, bodies_f, b, velocity, acceleration):
     """V and V' of body b from those of the row that carries it."""
-    k = bodies_i[b, at.ROW]
-    offset = mul(load9(work, k, at.R), load(bodies_f, b, at.OFFSET))
-    w = load(work, k, at.W)
-    alpha = load(work, k, at.P)
+    k = carrier_of(bodies_i, b)
+    offset = mul(rotation_of(work, k), offset_of(bodies_f, b))
+    w = spin_of(work, k)
+    alpha, linear = acceleration_of(work, k)
     store(velocity, b - 1, 0, w)
-    store(velocity, b - 1, 3, add_cross(load(work, k, at.U), w, offset))
-    linear = add_cross(load(work, k, at.P + 3), alpha, offset)
+    store(velocity, b - 1, 3, add_cross(velocity_of(work, k), w, offset))
+    linear = add_cross(linear, alpha, offset)
     store(acceleration, b - 1, 0, alpha)
     store(acceleration, b - 1, 3, add(linear, cross(w, cross(w, offset))))
 
@@ -101,12 +113,11 @@ def move_body(work, bodies_i, bodies_f, b, velocity, acceleration):
 @part
 def load_body(work, bodies_i, bodies_f, b, acceleration, external, force):
     """M V' + b - external of body b, eq. (12): what its joint and its children must supply."""
-    k = bodies_i[b, at.ROW]
-    r = load9(work, k, at.R)
-    w = load(work, k, at.W)
-    m = bodies_f[b, at.B_MASS]
-    c = mul(r, load(bodies_f, b, at.B_COM))
-    central = load6(bodies_f, b, at.B_INERTIA)
+    k = carrier_of(bodies_i, b)
+    r = rotation_of(work, k)
+    w = spin_of(work, k)
+    m, com, central = body_mass_of(bodies_f, b)
+    c = mul(r, com)
     inertia = about_origin(rotate_sym(r, central), m, c)
     alpha = load(acceleration, b - 1, 0)
     linear = load(acceleration, b - 1, 3)

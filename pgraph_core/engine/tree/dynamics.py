@@ -4,48 +4,55 @@ Articulated bodies follow [Featherstone 2008, ch. 7], here in world-aligned axes
 origins, where the paper's φ is a pure shift and a and b are those of eqs. (9) and (12).
 """
 
-from .. import layout as at
-from ..compiler.jit import kernel, sweep
-from ..vec import (
-    accumulate,
-    add,
-    add_cross,
-    cross,
-    finite,
-    load,
-    load9,
-    mul,
-    mul_t,
-    scale,
-    store,
-    sub,
-    sym_mul,
+from ..compiler.jit import kernel, part, sweep
+from ..rows import (
+    ROTATE,
+    TRANSLATE,
+    acceleration_of,
+    add_bias,
+    add_force,
+    armature_of,
+    axis_of,
+    bias_of,
+    carrier_of,
+    force_of,
+    inertia_of,
+    kind_of,
+    link_of,
+    nv_of,
+    offset_of,
+    origin_of,
+    parent_of,
+    rotation_of,
+    set_acceleration,
+    set_force,
+    spin_of,
+    traces_of,
+    v_of,
 )
-from .articulated import articulated, inboard, joint_acceleration, singular_row
-from .composite import (
-    factor,
-    joint_inertia,
-    motion,
-    outer_freedoms,
-    singular_pivot,
-    size_of,
-    solve,
+from ..vec import add, add_cross, cross, dot, finite, load, mul, mul_t, scale, sub, sym_mul
+from .articulated import (
+    add_to_parent,
+    articulated,
+    inboard,
+    joint_acceleration,
+    singular_row,
+    vanishes,
 )
-from .kinematics import accelerate, joint_force, load_inertia, outboard, positions
+from .kinematics import accelerate, base_axes, joint_force, outboard, positions
 
 
 @sweep
 def apply_external(bodies_i, bodies_f, external, work):
-    """Take wrenches [torque, force] on the bodies, world axes at their origins, off P."""
+    """Take wrenches [torque, force] on the bodies, world axes at their origins, off the bias."""
     for b in range(external.shape[0]):
-        k = bodies_i[b + 1, at.ROW]
+        k = carrier_of(bodies_i, b + 1)
         if k == 0:  # welded to the ground, which takes any force
             continue
-        offset = mul(load9(work, k, at.R), load(bodies_f, b + 1, at.OFFSET))
+        offset = mul(rotation_of(work, k), offset_of(bodies_f, b + 1))
         force = load(external, b, 3)
         moment = add_cross(load(external, b, 0), offset, force)
-        accumulate(work, k, at.P, scale(-1.0, moment))
-        accumulate(work, k, at.P + 3, scale(-1.0, force))
+        add_bias(work, k, scale(-1.0, moment), scale(-1.0, force))
 
 
 @kernel("i8(i8[:,::1],f8[:,::1],f8[::1],f8[::1],f8[::1],f8[:,::1],f8[::1])")
@@ -75,29 +82,26 @@ def forward_dynamics_external(rows, const, bodies_i, bodies_f, q, v, tau, extern
 
 @sweep
 def newton_euler(rows, const, v, vdot, work, tau):
-    """τ = Hᵀ F with F = φᵀ F_child + M V' + b, eqs. (12), (23), after `outboard` left b in P."""
+    """τ = Hᵀ F with F = φᵀ F_child + M V' + b, eqs. (12), (23), after `outboard` left b."""
     n = rows.shape[0]
-    for k in range(1, n):  # b out of the way: `accelerate` writes V' into P
-        for i in range(6):
-            work[k, at.U + i] = work[k, at.P + i]
+    for k in range(1, n):  # b out of the way: `accelerate` writes V' in its place
+        moment, force = bias_of(work, k)
+        set_force(work, k, moment, force)
     accelerate(rows, const, work, v, vdot)
     for k in range(1, n):
-        j, b, m = load_inertia(work, k)
-        alpha = load(work, k, at.P)
-        linear = load(work, k, at.P + 3)
-        moment = add(add(load(work, k, at.U), sym_mul(j, alpha)), mul(b, linear))
-        force = add(add(load(work, k, at.U + 3), mul_t(b, alpha)), scale(m[0], linear))
-        store(work, k, at.U, moment)
-        store(work, k, at.U + 3, force)
+        j, b, m = inertia_of(work, k)
+        alpha, linear = acceleration_of(work, k)
+        moment, force = force_of(work, k)
+        moment = add(add(moment, sym_mul(j, alpha)), mul(b, linear))
+        force = add(add(force, mul_t(b, alpha)), scale(m[0], linear))
+        set_force(work, k, moment, force)
     for k in range(n - 1, 0, -1):
-        moment = load(work, k, at.U)
-        force = load(work, k, at.U + 3)
+        moment, force = force_of(work, k)
         joint_force(rows, const, work, k, force, moment, tau)
-        if rows[k, at.KIND] <= at.TRANSLATE:
-            tau[rows[k, at.VI]] += const[k, at.ARMATURE] * vdot[rows[k, at.VI]]
-        p = rows[k, at.PARENT]
-        accumulate(work, p, at.U, add_cross(moment, load(work, k, at.L), force))
-        accumulate(work, p, at.U + 3, force)
+        if kind_of(rows, k) <= TRANSLATE:
+            tau[v_of(rows, k)] += armature_of(const, k) * vdot[v_of(rows, k)]
+        p = parent_of(rows, k)
+        add_force(work, p, add_cross(moment, link_of(work, k), force), force)
 
 
 @kernel(
@@ -108,6 +112,122 @@ def inverse_dynamics(rows, const, bodies_i, bodies_f, q, v, vdot, external, work
     outboard(rows, const, work, q, v)
     apply_external(bodies_i, bodies_f, external, work)
     newton_euler(rows, const, v, vdot, work, tau)
+
+
+# -- composite bodies: the mass matrix and its factor along the tree, O(n depth²) -----------------
+# M = Lᵀ D L keeps the zeros of M: only freedoms on one path to the root meet [Featherstone 2008,
+# secs. 6.2, 6.5]. `outer[i]` is the freedom next to i towards the root (λ(i) there), -1: none.
+
+
+@part
+def motion(rows, const, work, k, column):
+    """Column of H_k, eqs. (6), (7): (angular, linear) in world axes."""
+    zero = (0.0, 0.0, 0.0)
+    kind = kind_of(rows, k)
+    if kind == ROTATE:
+        return axis_of(work, k), zero
+    if kind == TRANSLATE:
+        return zero, axis_of(work, k)
+    axes = base_axes(const, work, parent_of(rows, k), k)
+    c = column % 3
+    x = (axes[c], axes[c + 3], axes[c + 6])
+    if column < 3:
+        return x, zero
+    return zero, x
+
+
+@sweep
+def composite_inertia(rows, work):
+    """I_c of every row: its own inertia and, shifted by φ, those of all rows it carries."""
+    zero = (0.0, 0.0, 0.0)
+    for k in range(rows.shape[0] - 1, 0, -1):
+        p = parent_of(rows, k)
+        if p > 0:
+            add_to_parent(work, p, link_of(work, k), inertia_of(work, k), zero, zero)
+
+
+@sweep
+def joint_inertia(rows, const, work, m):
+    """M of eq. (25) after `outboard`: F = I_c H carried down the path, F_p = φᵀ F, eq. (12)."""
+    composite_inertia(rows, work)
+    for k in range(1, rows.shape[0]):
+        for column in range(nv_of(kind_of(rows, k))):
+            h0, h1 = motion(rows, const, work, k, column)
+            j, b, mass = inertia_of(work, k)
+            moment = add(sym_mul(j, h0), mul(b, h1))
+            force = add(mul_t(b, h0), sym_mul(mass, h1))
+            i = v_of(rows, k) + column
+            p = k
+            while p > 0:
+                for c in range(nv_of(kind_of(rows, p))):
+                    g0, g1 = motion(rows, const, work, p, c)
+                    x = dot(g0, moment) + dot(g1, force)
+                    m[i, v_of(rows, p) + c] = x
+                    m[v_of(rows, p) + c, i] = x
+                moment = add_cross(moment, link_of(work, p), force)
+                p = parent_of(rows, p)
+            if kind_of(rows, k) <= TRANSLATE:
+                m[i, i] += armature_of(const, k)
+
+
+@sweep
+def outer_freedoms(rows, outer):
+    """The freedom next to each one towards the root, -1 for the ground."""
+    for k in range(1, rows.shape[0]):
+        p = parent_of(rows, k)
+        first = v_of(rows, k)
+        outer[first] = v_of(rows, p) + nv_of(kind_of(rows, p)) - 1 if p > 0 else -1
+        for i in range(first + 1, first + nv_of(kind_of(rows, k))):
+            outer[i] = i - 1
+
+
+@sweep
+def factor(outer, m):
+    """M = Lᵀ D L in the lower triangle of `m`, L with ones on its diagonal, D in their place."""
+    for k in range(m.shape[0] - 1, -1, -1):
+        i = outer[k]
+        while i >= 0:
+            a = m[k, i] / m[k, k]
+            j = i
+            while j >= 0:
+                m[i, j] -= a * m[k, j]
+                j = outer[j]
+            m[k, i] = a
+            i = outer[i]
+
+
+@sweep
+def solve(outer, m, x):
+    """M⁻¹ x in place by the factor of M: L⁻¹ D⁻¹ L⁻ᵀ x."""
+    n = m.shape[0]
+    for i in range(n - 1, -1, -1):
+        j = outer[i]
+        while j >= 0:
+            x[j] -= m[i, j] * x[i]
+            j = outer[j]
+    for i in range(n):
+        x[i] /= m[i, i]
+        j = outer[i]
+        while j >= 0:
+            x[i] -= m[i, j] * x[j]
+            j = outer[j]
+
+
+@sweep
+def singular_pivot(rows, work, m):
+    """First row, from the tips, with a pivot of D that is rounding of its inertia; 0 if none."""
+    for k in range(rows.shape[0] - 1, 0, -1):
+        angular, linear = traces_of(work, k)
+        kind = kind_of(rows, k)
+        for c in range(nv_of(kind)):
+            i = v_of(rows, k) + c
+            size = linear if kind == TRANSLATE or c > 2 else angular
+            if vanishes(size, 1.0 / m[i, i]):
+                return k
+    return 0
+
+
+# -- what asks for them ---------------------------------------------------------------------------
 
 
 @kernel("void(i8[:,::1],f8[:,::1],f8[::1],f8[::1],f8[:,::1],f8[:,::1])")
@@ -148,30 +268,30 @@ def jacobian(rows, const, q, v, k, point, work, jac):
     """
     outboard(rows, const, work, q, v)
     positions(rows, work)
-    offset = mul(load9(work, k, at.R), (point[0], point[1], point[2]))
-    place = add(load(work, k, at.X), offset)
+    offset = mul(rotation_of(work, k), (point[0], point[1], point[2]))
+    place = add(origin_of(work, k), offset)
     while k > 0:
-        arm = sub(place, load(work, k, at.X))
-        for c in range(size_of(rows[k, at.KIND])):
+        arm = sub(place, origin_of(work, k))
+        for c in range(nv_of(kind_of(rows, k))):
             h0, h1 = motion(rows, const, work, k, c)
             linear = add_cross(h1, h0, arm)
-            i = rows[k, at.VI] + c
+            i = v_of(rows, k) + c
             for n in range(3):
                 jac[n, i] = h0[n]
                 jac[n + 3, i] = linear[n]
-        k = rows[k, at.PARENT]
+        k = parent_of(rows, k)
 
 
 @kernel("void(i8[:,::1],f8[:,::1],f8[::1],f8[::1],f8[::1],i8,f8[::1],f8[:,::1],f8[::1])")
 def jacobian_bias(rows, const, q, v, zero, k, point, work, bias):
     """J' v (6,): the acceleration of the point at v' = 0 (`zero`), without gravity (R6)."""
     outboard(rows, const, work, q, v)
-    store(work, 0, at.P + 3, (0.0, 0.0, 0.0))
+    set_acceleration(work, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     accelerate(rows, const, work, v, zero)
-    r = mul(load9(work, k, at.R), (point[0], point[1], point[2]))
-    w = load(work, k, at.W)
-    alpha = load(work, k, at.P)
-    linear = add(add_cross(load(work, k, at.P + 3), alpha, r), cross(w, cross(w, r)))
+    r = mul(rotation_of(work, k), (point[0], point[1], point[2]))
+    w = spin_of(work, k)
+    alpha, linear = acceleration_of(work, k)
+    linear = add(add_cross(linear, alpha, r), cross(w, cross(w, r)))
     for n in range(3):
         bias[n] = alpha[n]
         bias[n + 3] = linear[n]

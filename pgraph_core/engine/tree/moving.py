@@ -2,9 +2,9 @@
 
 import math
 
-from .. import layout as at
+from ..compiler.elementary import sine_cosine, tan
 from ..compiler.jit import part, sweep
-from ..compiler.sines import sine_cosine
+from ..rows import BALL, FREE, TRANSLATE, kind_of, q_of, v_of
 from ..vec import add_cross, add_scaled, cross, dot, scale, store3
 
 TINY = 1e-60  # keeps sin(x)/x at 1 where x = 0, without a branch (lanes have none)
@@ -14,13 +14,13 @@ TINY = 1e-60  # keeps sin(x)/x at 1 where x = 0, without a branch (lanes have no
 def advance(rows, q, v, h):
     """q moved along v for the time h; quaternions by the exponential of the rotation h ω."""
     for k in range(1, rows.shape[0]):
-        i = rows[k, at.QI]
-        j = rows[k, at.VI]
-        kind = rows[k, at.KIND]
-        if kind <= at.TRANSLATE:
+        i = q_of(rows, k)
+        j = v_of(rows, k)
+        kind = kind_of(rows, k)
+        if kind <= TRANSLATE:
             q[i] += h * v[j]
             continue
-        if kind == at.FREE:
+        if kind == FREE:
             for n in range(3):
                 q[i + n] += h * v[j + 3 + n]
             i += 3
@@ -55,13 +55,13 @@ def normalise(q, i):
 def rate(rows, q, v, out):
     """q' for given v: quaternions by half ω times q, ω in the parent's axes."""
     for k in range(1, rows.shape[0]):
-        i = rows[k, at.QI]
-        j = rows[k, at.VI]
-        kind = rows[k, at.KIND]
-        if kind <= at.TRANSLATE:
+        i = q_of(rows, k)
+        j = v_of(rows, k)
+        kind = kind_of(rows, k)
+        if kind <= TRANSLATE:
             out[i] = v[j]
             continue
-        if kind == at.FREE:
+        if kind == FREE:
             for n in range(3):
                 out[i + n] = v[j + 3 + n]
             i += 3
@@ -77,10 +77,10 @@ def rate(rows, q, v, out):
 def normalise_all(rows, q):
     """Every quaternion at length one."""
     for k in range(1, rows.shape[0]):
-        if rows[k, at.KIND] == at.BALL:
-            normalise(q, rows[k, at.QI])
-        elif rows[k, at.KIND] == at.FREE:
-            normalise(q, rows[k, at.QI] + 3)
+        if kind_of(rows, k) == BALL:
+            normalise(q, q_of(rows, k))
+        elif kind_of(rows, k) == FREE:
+            normalise(q, q_of(rows, k) + 3)
 
 
 @sweep
@@ -90,12 +90,12 @@ def local_rate(rows, xi, v, out):
     ω - ½ ξ × ω + c ξ × (ξ × ω), c = (1 - ½ φ cot ½ φ) / φ², φ = |ξ|.
     """
     for k in range(1, rows.shape[0]):
-        j = rows[k, at.VI]
-        kind = rows[k, at.KIND]
-        if kind <= at.TRANSLATE:
+        j = v_of(rows, k)
+        kind = kind_of(rows, k)
+        if kind <= TRANSLATE:
             out[j] = v[j]
             continue
-        if kind == at.FREE:
+        if kind == FREE:
             for n in range(3):
                 out[j + 3 + n] = v[j + 3 + n]
         x = (xi[j], xi[j + 1], xi[j + 2])
@@ -104,6 +104,6 @@ def local_rate(rows, xi, v, out):
         c = 1.0 / 12.0 + square / 720.0
         if square > 1e-4:
             half = 0.5 * math.sqrt(square)
-            c = (1.0 - half / math.tan(half)) / square
+            c = (1.0 - half / tan(half)) / square
         turned = cross(x, omega)
         store3(out, j, add_scaled(add_scaled(omega, -0.5, turned), c, cross(x, turned)))

@@ -7,11 +7,11 @@ is in v. A few values far apart then give the slope without any error of truncat
 
 import math
 
-from .. import layout as at
+from ..compiler.elementary import cos, sin
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.lane import lanes
+from ..rows import BALL, TRANSLATE, home_link, kind_of, mass_of, nv_of, q_of, v_of
 from ..vec import add_scaled, cross
-from .composite import size_of
 from .dynamics import newton_euler
 from .kinematics import outboard
 
@@ -26,7 +26,7 @@ def reach(const):
     length = 0.0
     for k in range(1, const.shape[0]):
         for n in range(3):
-            length = max(length, abs(const[k, at.LINK + n]), abs(const[k, at.COM + n]))
+            length = max(length, abs(home_link(const, k)[n]), abs(mass_of(const, k)[1][n]))
     return length if length > 0.0 else 1.0
 
 
@@ -42,8 +42,8 @@ def largest_speed(v):
 @part
 def turn(q, i, w, axis, angle):
     """The quaternion at row i of instance w turned about an axis of its parent."""
-    c = math.cos(0.5 * angle)
-    s = math.sin(0.5 * angle)
+    c = cos(0.5 * angle)
+    s = sin(0.5 * angle)
     e = (s if axis == 0 else 0.0, s if axis == 1 else 0.0, s if axis == 2 else 0.0)
     real = q[i, w]
     u = (q[i + 1, w], q[i + 2, w], q[i + 3, w])
@@ -56,11 +56,11 @@ def turn(q, i, w, axis, angle):
 @part
 def shift(rows, q, k, c, w, distance):
     """Instance w moved along freedom c of row k."""
-    i = rows[k, at.QI]
-    kind = rows[k, at.KIND]
-    if kind <= at.TRANSLATE:
+    i = q_of(rows, k)
+    kind = kind_of(rows, k)
+    if kind <= TRANSLATE:
         q[i, w] += distance
-    elif kind == at.BALL:
+    elif kind == BALL:
         turn(q, i, w, c, distance)
     elif c < 3:
         turn(q, i + 3, w, c, distance)
@@ -96,10 +96,10 @@ def torque_slopes(rows, const, q, v, vdot, space, target, weight, slopes):
         restore(qs, vs, q, v, w)
     w = 0
     for k in range(1, rows.shape[0]):
-        kind = rows[k, at.KIND]
-        for c in range(size_of(kind)):
-            j = rows[k, at.VI] + c
-            slides = kind == at.TRANSLATE or c > 2
+        kind = kind_of(rows, k)
+        for c in range(nv_of(kind)):
+            j = v_of(rows, k) + c
+            slides = kind == TRANSLATE or c > 2
             for n in range(6):
                 if slides and 1 < n < 4:
                     continue

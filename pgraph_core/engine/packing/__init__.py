@@ -1,1 +1,0 @@
-"""From columns of numbers to the packed arrays of a mechanism."""

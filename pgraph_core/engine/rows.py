@@ -1,0 +1,408 @@
+"""A row of the tree: its place, its constants and its part of the workspace, by name.
+
+The columns of `rows`, `const` and `work` are in `layout`; no kernel of the tree counts them. All
+parts are inlined, take numbers or lanes, and cost what an index costs. What a sweep leaves in a
+column, a later one may write over: the names say which of its meanings is read.
+"""
+
+from . import layout as at
+from .compiler.jit import part
+from .vec import accumulate, load, load6, load9, store, store9
+
+ROTATE, TRANSLATE, BALL, FREE = at.ROTATE, at.TRANSLATE, at.BALL, at.FREE
+
+# -- place in the tree ----------------------------------------------------------------------------
+
+
+@part
+def parent_of(rows, k):
+    return rows[k, at.PARENT]
+
+
+@part
+def kind_of(rows, k):
+    return rows[k, at.KIND]
+
+
+@part
+def q_of(rows, k):
+    """First index into q."""
+    return rows[k, at.QI]
+
+
+@part
+def v_of(rows, k):
+    """First index into v."""
+    return rows[k, at.VI]
+
+
+@part
+def set_row(rows, k, parent, kind, q, v):
+    rows[k, at.PARENT] = parent
+    rows[k, at.KIND] = kind
+    rows[k, at.QI] = q
+    rows[k, at.VI] = v
+
+
+@part
+def nv_of(kind):
+    """Degrees of freedom of a row."""
+    return 1 if kind <= TRANSLATE else 3 if kind == BALL else 6
+
+
+@part
+def nq_of(kind):
+    """Coordinates of a row: those of a turn are a quaternion."""
+    return 1 if kind <= TRANSLATE else 4 if kind == BALL else 7
+
+
+# -- constants, home axes -------------------------------------------------------------------------
+
+
+@part
+def home_axis(const, k):
+    return load(const, k, at.AXIS)
+
+
+@part
+def home_link(const, k):
+    """From the parent row's origin [m]."""
+    return load(const, k, at.LINK)
+
+
+@part
+def home_base(const, k):
+    """Orientation of the parent body: the axes of a ball's or free motion's q and v."""
+    return load9(const, k, at.BASE)
+
+
+@part
+def set_motion(const, k, axis, link, base, armature):
+    store(const, k, at.AXIS, axis)
+    store(const, k, at.LINK, link)
+    store9(const, k, at.BASE, base)
+    const[k, at.ARMATURE] = armature
+
+
+@part
+def armature_of(const, k):
+    return const[k, at.ARMATURE]
+
+
+@part
+def mass_of(const, k):
+    """(mass, centre of mass from the row's origin, inertia about that centre)."""
+    return const[k, at.MASS], load(const, k, at.COM), load6(const, k, at.INERTIA)
+
+
+@part
+def set_mass(const, k, mass, com, inertia):
+    const[k, at.MASS] = mass
+    store(const, k, at.COM, com)
+    store(const, k, at.INERTIA, inertia[:3])
+    store(const, k, at.INERTIA + 3, inertia[3:])
+
+
+@part
+def gravity_of(const):
+    return load(const, 0, at.GRAVITY)
+
+
+@part
+def set_gravity(const, gravity):
+    store(const, 0, at.GRAVITY, gravity)
+
+
+# -- workspace, world axes at the row's origin ----------------------------------------------------
+
+
+@part
+def rotation_of(work, k):
+    return load9(work, k, at.R)
+
+
+@part
+def set_rotation(work, k, r):
+    store9(work, k, at.R, r)
+
+
+@part
+def axis_of(work, k):
+    return load(work, k, at.H)
+
+
+@part
+def set_axis(work, k, h):
+    store(work, k, at.H, h)
+
+
+@part
+def link_of(work, k):
+    """From the parent row's origin, displacement included [m]."""
+    return load(work, k, at.L)
+
+
+@part
+def set_link(work, k, link):
+    store(work, k, at.L, link)
+
+
+@part
+def spin_of(work, k):
+    """Angular velocity [rad/s]."""
+    return load(work, k, at.W)
+
+
+@part
+def set_spin(work, k, w):
+    store(work, k, at.W, w)
+
+
+@part
+def origin_of(work, k):
+    """Position [m], after `positions`."""
+    return load(work, k, at.X)
+
+
+@part
+def set_origin(work, k, x):
+    store(work, k, at.X, x)
+
+
+@part
+def coriolis_of(work, k):
+    """a of eq. (8): (angular, linear)."""
+    return load(work, k, at.A), load(work, k, at.A + 3)
+
+
+@part
+def set_coriolis(work, k, angular, linear):
+    store(work, k, at.A, angular)
+    store(work, k, at.A + 3, linear)
+
+
+@part
+def sine_cosine_of(work, k):
+    """Of a rotation's angle, until the inboard sweep."""
+    return work[k, at.ANGLE], work[k, at.ANGLE + 1]
+
+
+@part
+def set_sine_cosine(work, k, sine, cosine):
+    work[k, at.ANGLE] = sine
+    work[k, at.ANGLE + 1] = cosine
+
+
+@part
+def bias_of(work, k):
+    """b of eq. (12), articulated after the inboard sweep: (moment, force)."""
+    return load(work, k, at.BIAS), load(work, k, at.BIAS + 3)
+
+
+@part
+def set_bias(work, k, moment, force):
+    store(work, k, at.BIAS, moment)
+    store(work, k, at.BIAS + 3, force)
+
+
+@part
+def add_bias(work, k, moment, force):
+    accumulate(work, k, at.BIAS, moment)
+    accumulate(work, k, at.BIAS + 3, force)
+
+
+@part
+def acceleration_of(work, k):
+    """V' of eq. (8), gravity's -g included: (angular, linear); in the place of the bias."""
+    return load(work, k, at.ACCELERATION), load(work, k, at.ACCELERATION + 3)
+
+
+@part
+def set_acceleration(work, k, angular, linear):
+    store(work, k, at.ACCELERATION, angular)
+    store(work, k, at.ACCELERATION + 3, linear)
+
+
+@part
+def force_of(work, k):
+    """F of eq. (12) that the joint transmits: (moment, force)."""
+    return load(work, k, at.FORCE), load(work, k, at.FORCE + 3)
+
+
+@part
+def set_force(work, k, moment, force):
+    store(work, k, at.FORCE, moment)
+    store(work, k, at.FORCE + 3, force)
+
+
+@part
+def add_force(work, k, moment, force):
+    accumulate(work, k, at.FORCE, moment)
+    accumulate(work, k, at.FORCE + 3, force)
+
+
+@part
+def velocity_of(work, k):
+    """Velocity of the origin [m/s], where a sweep has left it."""
+    return load(work, k, at.VELOCITY)
+
+
+@part
+def set_velocity(work, k, velocity):
+    store(work, k, at.VELOCITY, velocity)
+
+
+@part
+def projected_of(work, k):
+    """U = I h of a rotation or translation, I articulated: (angular, linear)."""
+    return load(work, k, at.PROJECTED), load(work, k, at.PROJECTED + 3)
+
+
+@part
+def pivot_of(work, k):
+    """1 / (hᵀ U + armature) of a rotation or translation."""
+    return work[k, at.D]
+
+
+@part
+def left_of(work, k):
+    """u = τ - hᵀ b of a rotation or translation."""
+    return work[k, at.LEFT]
+
+
+@part
+def set_hinge(work, k, angular, linear, pivot, left):
+    """U, 1 / (hᵀ U + armature) and u."""
+    store(work, k, at.PROJECTED, angular)
+    store(work, k, at.PROJECTED + 3, linear)
+    work[k, at.D] = pivot
+    work[k, at.LEFT] = left
+
+
+@part
+def ball_of(work, k):
+    """(factor of the 3x3 block, u in world axes) of a ball."""
+    return load6(work, k, at.FACTOR3), load(work, k, at.LEFT)
+
+
+@part
+def set_ball(work, k, factor, left):
+    store(work, k, at.FACTOR3, factor[:3])
+    store(work, k, at.FACTOR3 + 3, factor[3:])
+    store(work, k, at.LEFT, left)
+
+
+@part
+def solved_of(work, k):
+    """What a free motion's factor is solved for: (angular, linear)."""
+    return load(work, k, at.SOLVED), load(work, k, at.SOLVED + 3)
+
+
+@part
+def set_solved(work, k, angular, linear):
+    store(work, k, at.SOLVED, angular)
+    store(work, k, at.SOLVED + 3, linear)
+
+
+@part
+def inertia_of(work, k):
+    """(j, b, m) of the 6x6 inertia [j b; bᵀ m], whose lower triangle stands row by row."""
+    i = at.IA
+    j = (
+        work[k, i], work[k, i + 2], work[k, i + 5],
+        work[k, i + 1], work[k, i + 3], work[k, i + 4],
+    )  # fmt: skip
+    b = (
+        work[k, i + 6], work[k, i + 10], work[k, i + 15],
+        work[k, i + 7], work[k, i + 11], work[k, i + 16],
+        work[k, i + 8], work[k, i + 12], work[k, i + 17],
+    )  # fmt: skip
+    m = (
+        work[k, i + 9], work[k, i + 14], work[k, i + 20],
+        work[k, i + 13], work[k, i + 18], work[k, i + 19],
+    )  # fmt: skip
+    return j, b, m
+
+
+@part
+def triangle(j, b, m):
+    """The lower triangle of [j b; bᵀ m], row by row."""
+    return (
+        j[0],
+        j[3], j[1],
+        j[4], j[5], j[2],
+        b[0], b[3], b[6], m[0],
+        b[1], b[4], b[7], m[3], m[1],
+        b[2], b[5], b[8], m[4], m[5], m[2],
+    )  # fmt: skip
+
+
+@part
+def set_inertia(work, k, j, b, m):
+    i = at.IA
+    x = triangle(j, b, m)
+    store(work, k, i, x[:3])
+    store(work, k, i + 3, x[3:6])
+    store(work, k, i + 6, x[6:9])
+    store(work, k, i + 9, x[9:12])
+    store(work, k, i + 12, x[12:15])
+    store(work, k, i + 15, x[15:18])
+    store(work, k, i + 18, x[18:])
+
+
+@part
+def add_inertia(work, k, j, b, m):
+    i = at.IA
+    x = triangle(j, b, m)
+    accumulate(work, k, i, x[:3])
+    accumulate(work, k, i + 3, x[3:6])
+    accumulate(work, k, i + 6, x[6:9])
+    accumulate(work, k, i + 9, x[9:12])
+    accumulate(work, k, i + 12, x[12:15])
+    accumulate(work, k, i + 15, x[15:18])
+    accumulate(work, k, i + 18, x[18:])
+
+
+@part
+def traces_of(work, k):
+    """(angular, linear) sizes of the inertia: what its rounding is relative to."""
+    i = at.IA
+    angular = work[k, i] + work[k, i + 2] + work[k, i + 5]
+    return angular, work[k, i + 9] + work[k, i + 14] + work[k, i + 20]
+
+
+# -- bodies: by number, 0 is the ground; home axes ------------------------------------------------
+
+
+@part
+def carrier_of(bodies_i, b):
+    """The row that carries body b."""
+    return bodies_i[b, at.ROW]
+
+
+@part
+def offset_of(bodies_f, b):
+    """From the carrying row's origin to the body's [m]."""
+    return load(bodies_f, b, at.OFFSET)
+
+
+@part
+def home_of(bodies_f, b):
+    """Home orientation of body b."""
+    return load9(bodies_f, b, at.HOME)
+
+
+@part
+def body_mass_of(bodies_f, b):
+    """(mass, centre of mass from the body's origin, inertia about that centre)."""
+    return bodies_f[b, at.B_MASS], load(bodies_f, b, at.B_COM), load6(bodies_f, b, at.B_INERTIA)
+
+
+@part
+def set_body(bodies_f, b, offset, home, mass, com, inertia):
+    store(bodies_f, b, at.OFFSET, offset)
+    store9(bodies_f, b, at.HOME, home)
+    bodies_f[b, at.B_MASS] = mass
+    store(bodies_f, b, at.B_COM, com)
+    store(bodies_f, b, at.B_INERTIA, inertia[:3])
+    store(bodies_f, b, at.B_INERTIA + 3, inertia[3:])
