@@ -1,4 +1,4 @@
-"""Contacts and joint limits of a model as the kernels take them; columns in `engine/layout.py`."""
+"""Contacts and joint limits of a model as the kernels take them; fields in `engine/records.py`."""
 
 from __future__ import annotations
 

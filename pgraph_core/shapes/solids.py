@@ -1,6 +1,6 @@
 """Shapes as the kernels see them: what bounds each, and the packed arrays of many.
 
-Columns and tables are those of `engine/layout.py`. A cylinder's own surface is what the ground
+Tables are those of `engine/records.py`. A cylinder's own surface is what the ground
 sees; other bodies see a prism of `SIDES` sides inside it, 0.5 % of the radius off at most.
 """
 
