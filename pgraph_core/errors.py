@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import difflib
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -49,3 +51,36 @@ def choices(names: Iterable[str], limit: int = 12) -> str:
     listed = list(names)
     more = f" and {len(listed) - limit} more" if len(listed) > limit else ""
     return ", ".join(listed[:limit]) + more
+
+
+def nearest_first(name: str, known: Iterable[str]) -> list[str]:
+    """The names, those most like `name` before the others."""
+    names = list(dict.fromkeys(known))
+    close = difflib.get_close_matches(name, names, n=3)
+    return [*close, *(x for x in names if x not in close)]
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """'did you mean mass? Choose from ...' for a mistyped name."""
+    names = list(known)
+    close = difflib.get_close_matches(name, names, n=1)
+    hint = f"did you mean {close[0]}? " if close else ""
+    return f"{hint}choose from {choices(names, limit=40)}"
+
+
+def shown(value: Any, limit: int = 60) -> str:
+    """A given value as it may stand in a sentence: short, and nan and inf spelled out."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    text = repr(_lists(value))
+    return text if len(text) <= limit else text[: limit - 3] + "..."
+
+
+def _lists(value: Any) -> Any:
+    return [_lists(x) for x in value] if isinstance(value, (list, tuple)) else value
+
+
+def numbers(n: int) -> str:
+    return f"{n} number" if n == 1 else f"{n} numbers"

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError, Problem, choices
+from .errors import InputError, Problem, choices, shown
 from .model import Model
 from .model.constraint import IN_JOINTS
-from .model.sentences import GROUND, shown
+from .model.fields import GROUND
 from .portable import Portable
 
 Ints: TypeAlias = "NDArray[np.int64]"

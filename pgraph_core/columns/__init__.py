@@ -15,8 +15,8 @@ from ..engine.compiler.jit import JIT, ready
 from ..joints import Motion
 from ..model import Body, Model
 from ..model.editing import edited
+from ..model.fields import GROUND
 from ..model.force import BETWEEN
-from ..model.sentences import GROUND
 from ..model.world import DOWN
 from ..portable import Portable
 from .checks import (

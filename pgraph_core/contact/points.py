@@ -11,7 +11,7 @@ from ..engine import layout as at
 from ..engine.records import POINT, table
 from ..errors import InputError, Problem
 from ..model import Body, Contact, Model
-from ..model.sentences import GROUND
+from ..model.fields import GROUND
 from ..packing.constraints import Blocks
 from ..packing.system import Array, System, point_in_row
 from ..rotation import matrix, normals_of

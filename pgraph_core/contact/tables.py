@@ -27,7 +27,7 @@ from ..engine.records import (
 )
 from ..errors import ModelError, PgraphError, Problem
 from ..model import Body, Contact, Model, Shape
-from ..model.sentences import EVERY, GROUND
+from ..model.fields import EVERY, GROUND
 from ..packing.constraints import Blocks, radius_of_gyration
 from ..packing.system import Array, Ints, System
 from ..rotation import matrix

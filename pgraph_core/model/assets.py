@@ -15,10 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import FileError, ModelError, Problem
+from ..errors import FileError, ModelError, Problem, shown
 from ..mesh_files import parsed_mesh
 from .body import Body
-from .sentences import shown
 from .shape import Shape
 
 FOLDER = "meshes"  # where a saved model keeps meshes from elsewhere, next to its file

@@ -8,20 +8,25 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
+import numpy as np
 import numpy.typing as npt
 from pydantic import model_validator
 
 from .. import joints
-from ..errors import PgraphError
-from ..joints import JointKind, Motion, MotionKind
-from .body_checks import (
+from ..errors import PgraphError, shown
+from ..joints import (
     PER_MOTION,
-    inertia_problems,
+    Finding,
+    JointKind,
+    Motion,
+    MotionKind,
+    Numbers,
     joint_problems,
-    name_problems,
     physics_problems,
 )
 from .fields import (
+    EVERY,
+    GROUND,
     Described,
     Mat3,
     Number,
@@ -33,6 +38,7 @@ from .fields import (
     listed,
     matrix3,
     maybe_vector,
+    name_problem,
     per_motion,
     quaternion,
     refuse,
@@ -40,7 +46,6 @@ from .fields import (
     vectors,
     whole,
 )
-from .sentences import GROUND, shown
 from .shape import Shape as Shape
 from .shape import mass_properties_of, tip_of
 
@@ -411,3 +416,70 @@ def _bound(pair: Any) -> Any:
 
 def _count(n: int) -> str:
     return {0: "no axes", 1: "one axis [x, y, z]"}.get(n, f"{n} axes, each [x, y, z]")
+
+
+TRIANGLE = 1e-9  # relative slack of the inertia's symmetry and triangle inequality
+
+
+def name_problems(name: str) -> list[Finding]:
+    """Names that would not show as they are, or that mean something else."""
+    if text := name_problem(name):
+        return [("name", text)]
+    if name == GROUND:
+        return [("name", "'ground' is the name of the ground; choose another")]
+    if name == EVERY:
+        return [("name", "'*' stands for every body in contacts; choose another")]
+    return []
+
+
+def inertia_problems(inertia: tuple[Numbers, ...]) -> list[Finding]:
+    """Symmetry, positive semidefiniteness and the triangle inequality of the inertia."""
+    size = max(abs(x) for row in inertia for x in row)
+    if any(
+        abs(inertia[i][j] - inertia[j][i]) > TRIANGLE * size for i, j in ((0, 1), (0, 2), (1, 2))
+    ):
+        return [("inertia", f"must be symmetric; given {[list(row) for row in inertia]}")]
+    slack = TRIANGLE * size
+    if _is_plainly_right(inertia, 0.5 * slack):
+        return []
+    a, b, c = _principal_moments(inertia)
+    if a < -slack:
+        return [
+            (
+                "inertia",
+                f"must be positive semidefinite; its smallest principal moment is {a:.6g} kg m^2",
+            )
+        ]
+    if a + b < c - slack:
+        return [
+            (
+                "inertia",
+                f"breaks the triangle inequality: principal moments {a:.6g} + {b:.6g} < {c:.6g} by "
+                f"{c - a - b:.3g} kg m^2; no rigid body has it",
+            )
+        ]
+    return []
+
+
+def _is_plainly_right(inertia: tuple[tuple[float, ...], ...], slack: float) -> bool:
+    """Whether tr(I)/2 - I + slack is positive definite, by the pivots of Cholesky's method.
+
+    That is the triangle inequality, from which the rest follows, without eigenvalues.
+    """
+    (a, d, e), (_, b, f), (_, _, c) = inertia
+    half = 0.5 * (a + b + c) + slack
+    first, second = half - a, half - b
+    if not (first > 0 and (second := second - d * d / first) > 0):
+        return False
+    left = -f - d * e / first
+    return half - c - e * e / first - left * left / second > 0
+
+
+def _principal_moments(inertia: tuple[tuple[float, ...], ...]) -> tuple[float, float, float]:
+    """Eigenvalues of a symmetric 3x3 matrix, ascending."""
+    (a, d, e), (_, b, f), (_, _, c) = inertia
+    if d == e == f == 0.0:
+        low, middle, high = sorted((a, b, c))
+        return low, middle, high
+    low, middle, high = np.linalg.eigvalsh(np.array(inertia))
+    return float(low), float(middle), float(high)

@@ -6,15 +6,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from .. import joints
-from ..errors import ModelError, Problem, choices
+from ..errors import ModelError, Problem, choices, nearest, numbers, shown
+from ..joints import outside, quaternion_problems
 from .body import Body
-from .body_checks import outside, quaternion_problems
 from .constraint import Constraint, Rolling, Velocity
 from .contact import Contact
-from .fields import Described, part_problems
+from .fields import EVERY, GROUND, Described, name_problem, part_problems
 from .force import Force, OnJoint, Servo
 from .scenario import Scenario, Switch
-from .sentences import EVERY, GROUND, name_problem, nearest, numbers, shown
 from .world import World
 
 Bodies = Mapping[str, Body | None]  # by name; None for one that is not valid itself

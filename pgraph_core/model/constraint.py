@@ -11,8 +11,10 @@ from typing import Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
+from ..errors import shown
 from .curves import Curve
 from .fields import (
+    GROUND,
     Number,
     OfKinds,
     PerMotion,
@@ -23,7 +25,6 @@ from .fields import (
     refuse,
     vector,
 )
-from .sentences import GROUND, shown
 
 IN_JOINTS = ("gear", "motion", "velocity")  # act on coordinates, not between places of bodies
 KIND = (

@@ -7,8 +7,7 @@ from typing import ClassVar, Literal, Self
 
 from pydantic import model_validator
 
-from .fields import Described, Number, Vec3s, field, refuse, vectors
-from .sentences import EVERY, GROUND
+from .fields import EVERY, GROUND, Described, Number, Vec3s, field, refuse, vectors
 
 
 class Contact(Described):

@@ -12,11 +12,10 @@ from .constraint import Constraint, Gear, Velocity
 from .constraint import Motion as PrescribedMotion
 from .contact import Contact
 from .curves import Table, VectorTable
-from .fields import Quat, Vec3
+from .fields import GROUND, Quat, Vec3
 from .force import BETWEEN, Force, OnJoint, Wrench
 from .parameters import LONGEST, Formula, at, negated, ordered, probed
 from .scenario import Scenario
-from .sentences import GROUND
 
 PAIR = ("body", "other")
 Names = Mapping[str, str]  # of the copied bodies: old name -> that of the copy

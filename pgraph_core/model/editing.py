@@ -6,17 +6,16 @@ from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 from .. import joints
-from ..errors import ModelError, Problem
+from ..errors import ModelError, Problem, nearest
+from ..joints import PER_MOTION
 from ..rotation import multiply, rotate
 from .body import Body
-from .body_checks import PER_MOTION
 from .checks import fits_joint, force_problems, state_problems
 from .constraint import Constraint, Velocity
 from .contact import Contact
 from .fields import Described, OfKinds, fields_of, listed
 from .force import Force, OnJoint
 from .scenario import Scenario
-from .sentences import nearest
 
 PAIR = ("body", "other")
 T = TypeVar("T", bound=Described)

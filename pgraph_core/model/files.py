@@ -11,10 +11,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..errors import FileError, Problem
-from .body_checks import PER_MOTION
+from ..errors import FileError, Problem, shown
+from ..joints import PER_MOTION
+from .fields import GROUND
 from .parameters import Formula, inlined
-from .sentences import GROUND, shown
 from .world import Ground
 
 SCHEMA_VERSION = 2  # 1: without parameters, formulas, several shapes, density and derived

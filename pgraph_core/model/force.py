@@ -13,9 +13,9 @@ from typing import Any, ClassVar, Literal, Self
 import numpy.typing as npt
 from pydantic import model_validator
 
+from ..errors import shown
 from .curves import Table, VectorTable
-from .fields import Number, OfKinds, Vec3, field, maybe_vector, refuse
-from .sentences import GROUND, shown
+from .fields import GROUND, Number, OfKinds, Vec3, field, maybe_vector, refuse
 
 BETWEEN = ("spring", "torsion")  # passive: they act in every question, the others in runs only
 KIND = "one of motor, servo, wrench, spring, torsion"

@@ -6,8 +6,8 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
+from ..errors import shown
 from .fields import Described, Frozen, Number, Numbers, listed, refuse
-from .sentences import shown
 
 Positive = Annotated[Number, Field(gt=0)]
 AtLeast0 = Annotated[Number, Field(ge=0)]

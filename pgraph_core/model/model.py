@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self, overload
 
 from pydantic import ValidationError
 
-from ..errors import ModelError, Problem, choices
+from ..errors import ModelError, Problem, choices, nearest_first, shown
 from . import files
 from .assets import gathered, located
 from .body import Body
@@ -29,7 +29,7 @@ from .editing import (
     renamed_in_scenarios,
     without,
 )
-from .fields import Vec3, field, fields_of, listed, whole
+from .fields import GROUND, Vec3, field, fields_of, listed, whole
 from .force import Force
 from .parameters import (
     Formula,
@@ -42,7 +42,6 @@ from .parameters import (
 )
 from .rerooting import cut_elsewhere
 from .scenario import Scenario
-from .sentences import GROUND, nearest_first, shown
 from .world import DOWN, World
 
 # serial(n): slender rods of 0.2 m along x, hinged about y, so that they swing under gravity.

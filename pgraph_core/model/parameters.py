@@ -14,9 +14,8 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationError
 
-from ..errors import ModelError, Problem, choices
+from ..errors import ModelError, Problem, choices, shown
 from .fields import Frozen, fields_of
-from .sentences import shown
 
 PartKind = Literal["bodies", "constraints", "contacts", "forces"]
 KINDS: tuple[PartKind, ...] = ("bodies", "constraints", "contacts", "forces")

@@ -7,11 +7,10 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
-from ..errors import choices
+from ..errors import choices, shown
 from .fields import Described, Number, PerMotion, by_name, field, names_or_none, refuse
 from .force import Force
 from .gait import Gait
-from .sentences import shown
 
 
 class Switch(Described):

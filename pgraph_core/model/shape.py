@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BeforeValidator, model_validator
 
-from ..errors import ModelError, Problem
+from ..errors import ModelError, Problem, shown
 from ..mesh_files import load_mesh
 from ..rotation import matrix
 from .fields import (
@@ -27,7 +27,6 @@ from .fields import (
     refuse,
     vector,
 )
-from .sentences import shown
 
 Array = np.ndarray
 

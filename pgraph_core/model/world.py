@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal, Self
 import numpy.typing as npt
 from pydantic import Field, model_validator
 
+from ..errors import shown
 from .fields import Described, Frozen, Number, Vec3, field, listed, maybe_vector, refuse
 from .parameters import name_problems
-from .sentences import shown
 
 DOWN: dict[str, Vec3] = {"x": (-9.81, 0.0, 0.0), "y": (0.0, -9.81, 0.0), "z": (0.0, 0.0, -9.81)}
 AXES = ("x", "y", "z")

@@ -16,7 +16,7 @@ from ..contact.tables import ContactPair, Tables
 from ..dynamics.scene import Scene
 from ..engine.records import ACCEPTANCE, SLIP, STANCE, SWING
 from ..mechanism import Mechanism
-from ..model.sentences import GROUND
+from ..model.fields import GROUND
 from ..packing.system import Array
 from ..result.contact_record import NOTHING, PHASES, ContactRecord, Event
 from .plan import Plan

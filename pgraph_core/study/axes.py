@@ -16,7 +16,7 @@ from ..errors import InputError
 from ..joints import SIZE
 from ..mechanism import Mechanism
 from ..model import Body, Force, Model
-from ..model.sentences import GROUND
+from ..model.fields import GROUND
 from ..topology import Topology
 from .rescaling import changed, rescaled
 from .settings import refusal
