@@ -19,8 +19,7 @@ from .pose.view import JointsView
 from .properties.view import PropertiesView
 from .report.view import ReportsView
 from .run.view import ExportView, RunView
-from .scene.show import ShowView
-from .scene.view import FollowView, GhostView, SceneView
+from .scene.view import FollowView, GhostView, SceneView, ShowView
 from .session.update import Connected, Disconnected
 from .session.view import ACCENT, SessionView
 from .table.view import TableView

@@ -13,12 +13,15 @@ from pgraph_core.show.animation import between
 from pgraph_core.show.bodies import SEPARATE, BatchedBodies, Bodies, Look, SeparateBodies, at_rest
 from pgraph_core.show.ground import GRID, grid, steps
 
+from ..core.bridge import Bridge
 from ..core.events import Event
-from ..core.state import Run, State, poses
+from ..core.state import Client, Run, State, poses
+from ..core.views import Payload, audience
 from ..pose.update import Pull
 from ..pose.view import Gizmos
 from ..scene.update import Unreadable
 from ..session.update import Select
+from . import marks
 from .overlays import Overlays
 
 FIELD_OF_VIEW = 0.85  # [rad]
@@ -315,3 +318,35 @@ def move(camera: viser.CameraHandle, target: np.ndarray) -> None:
     if np.linalg.norm(target - np.asarray(camera.look_at)) > LEAST:
         camera.position = target + way
         camera.look_at = target
+
+
+class ShowView:
+    """Switches for what is drawn, as far as the scene has it; and what the gizmo moves."""
+
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+        bridge.host("show")
+
+    def render(self, old: State, new: State) -> None:
+        changed = new.derived is not old.derived or new.shown != old.shown
+        clients = set(audience(old, new, changed))
+        for client, page in new.clients.items():
+            before = old.clients.get(client, Client())
+            moved = (before.gizmo, before.selection, before.follow) != (
+                page.gizmo, page.selection, page.follow,
+            )  # fmt: skip
+            if client in clients or moved:
+                self._bridge.send(client, "show", switches(new, page))
+
+
+def switches(state: State, page: Client) -> Payload:
+    """The switches there are, which are on, and what this page's gizmo moves."""
+    listed = [
+        {
+            "what": what,
+            "label": label,
+            "on": page.follow if what == "follow" else what in state.shown,
+        }
+        for what, label in marks.showable(state)
+    ]
+    return {"switches": listed, "gizmo": page.gizmo, "selected": page.selection}
