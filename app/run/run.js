@@ -26,7 +26,7 @@
     const method = cells.choice(() => pgraph.latest.run.methods, edit("method"), { label: "method" });
     const number = (field, label) => cells.input(edit(field), { label, numeric: true });
     const t_end = number("t_end", "duration"), step = number("step", "step"), rtol = number("rtol", "tolerance");
-    step.placeholder = rtol.placeholder = "chosen";
+    step.placeholder = rtol.placeholder = "automatic";
     host.pgraphRun = { scenario, method, t_end, step, rtol };
     const field = (label, unit, cell, help) => make("div", { className: cell.tagName === "INPUT" ? "field" : "field wide", title: help },
       make("div", { className: "what" }, make("span", { textContent: label }), text("span", "unit", unit)), cell);

@@ -153,6 +153,9 @@ def heard(state: State, event: Progress | Simulated | Failed) -> State:
             return replace(state, job=replace(job, fraction=fraction))
         case Failed(_, text):
             return replace(state, job=None, run_problem=text)
+        case Simulated(_, result) if not len(result.t):  # nothing to play or to keep
+            why = result.message or result.status.value
+            return replace(state, job=None, run_problem=f"There is no run to show: {why}.")
         case Simulated(_, result):
             start = 0.0 if job.before is None else float(job.before.t[-1])
             playback = replace(state.playback, time=start, playing=False)
@@ -238,11 +241,11 @@ class Advanced(Event):
 
 @on(Advanced)
 def advanced(state: State, event: Advanced) -> State:
-    """The live run with one more part, unless the part is of other bodies."""
+    """The live run with one more part, unless the part is empty or of other bodies."""
     live, part = state.live, event.part
     if live is None or live.id != event.live:
         return state
-    if tuple(part.mechanism.names) != state.derived.names:
+    if tuple(part.mechanism.names) != state.derived.names or not len(part.t):
         return state
     live = replace(
         live,

@@ -197,6 +197,22 @@ def test_continue_asks_for_a_run_from_the_end(ran):
     assert done.playback.time == pytest.approx(0.2)
 
 
+def test_a_run_that_ends_before_its_first_frame_says_why_and_leaves_what_is_shown(ran):
+    plain = ran.run.result
+    empty = replace(
+        plain,
+        t=plain.t[:0],
+        status=pg.Status.NOT_FINITE,
+        message="the motion stopped being finite at t = 0 s",
+    )
+    state = after(ran, Simulate(ME))
+    done = after(state, Simulated(state.job.id, empty))
+    assert done.job is None
+    assert done.run is ran.run
+    assert "stopped being finite at t = 0 s" in done.run_problem
+    assert (done.t_start, done.t_end) == (ran.t_start, ran.t_end)
+
+
 def test_the_pose_shown_becomes_the_initial_state_in_one_step(ran):
     state = after(ran, Scrub(ME, 0.2), UsePose(ME))
     q, v = pg.Mechanism(state.model).home()
