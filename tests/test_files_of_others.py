@@ -67,6 +67,57 @@ def test_a_model_file_names_no_mesh_outside_of_its_folder(folders):
         assert "roots=" in problem.text
 
 
+def test_text_without_a_folder_names_no_mesh_outside_of_the_current_one(folders, monkeypatch):
+    folder, mine = folders
+    monkeypatch.chdir(folder)
+    for file in escapes(folder, mine):
+        with pytest.raises(pg.ModelError) as refused:
+            pg.Model.from_json(text_of(file))
+        (problem,) = refused.value.problems
+        assert (problem.where, problem.field) == ("body 'cup'", "shape")
+        assert repr(file) in problem.text
+        assert "roots=" in problem.text
+    trimesh.creation.box((1, 1, 1)).export(folder / "box.stl")
+    model = pg.Model.from_json(text_of("box.stl"))
+    assert pg.Model.from_json(model.to_json()) == model
+    outside = text_of(str(mine / "box.stl"))
+    assert mesh_of(pg.Model.from_json(outside, roots=[mine])) == str(mine / "box.stl")
+
+
+def mesh_of(model: pg.Model) -> str | None:
+    shape = model.body("cup").shape
+    return shape.file if shape is not None else None
+
+
+def test_a_file_of_a_run_names_no_mesh_outside_of_its_folder(folders):
+    folder, mine = folders
+    run = pg.simulate(pg.Mechanism(pg.Model.serial(1)), t_end=0.01)
+    run.save(folder / "run.npz")
+    with np.load(folder / "run.npz") as data:
+        arrays = dict(data)
+    header = json.loads(str(arrays["header"]))
+    for file in escapes(folder, mine):
+        header["model"]["bodies"][0]["shape"] = {"kind": "mesh", "file": file}
+        arrays["header"] = np.array(json.dumps(header))
+        np.savez(folder / "other.npz", **arrays)
+        with pytest.raises(pg.ModelError) as refused:
+            pg.Result.load(folder / "other.npz")
+        (problem,) = refused.value.problems
+        assert (problem.where, problem.field) == ("body '1'", "shape")
+        assert repr(file) in problem.text
+
+
+def test_a_saved_run_carries_its_meshes(folders):
+    folder, mine = folders
+    cup = {"name": "cup", "shape": {"kind": "mesh", "file": str(mine / "box.stl")}}
+    run = pg.simulate(pg.Mechanism(pg.Model(bodies=[cup])), t_end=0.01)
+    run.save(folder / "run.npz")
+    again = pg.Result.load(folder / "run.npz")
+    np.testing.assert_array_equal(again.q, run.q)
+    assert mesh_of(again.mechanism.model) == str(folder / "meshes" / "box.stl")
+    assert (folder / "meshes" / "box.stl").is_file()
+
+
 def test_a_folder_that_the_user_allows_may_hold_meshes(folders, monkeypatch):
     folder, mine = folders
     (folder / "model.json").write_text(text_of("../private/box.stl"))

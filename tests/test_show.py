@@ -13,7 +13,7 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core import show
-from pgraph_core.show import animation, plots, tables
+from pgraph_core.show import animation, bodies, plots, tables
 
 pytestmark = pytest.mark.fast
 
@@ -195,6 +195,37 @@ def test_an_animation_places_bodies_where_the_run_has_them(run: pg.Result):
     np.testing.assert_allclose(seen[0], run.body_pose[0, :, :3], atol=1e-12)
     np.testing.assert_allclose(seen[-1], run.body_pose[-1, :, :3], atol=1e-12)
     assert sum(waited[:-1]) == pytest.approx(run.t[-1] - run.t[0])
+
+
+def test_shapes_are_drawn_in_their_own_colours():
+    viser = pytest.importorskip("viser")
+    red, green = {"kind": "sphere", "radius": 0.1, "colour": "#ff0000"}, "#00ff00"
+    plain = {"kind": "box", "size": (0.1, 0.1, 0.1)}
+    body = pg.Body(name="1", shapes=(plain, red))
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    nodes = server.scene._handle_from_node_name
+    try:
+        drawn = bodies.SeparateBodies(server, lambda *_: None, lambda *_: None)
+        first = bodies.looks([body], ((1,), ()), [(1, 2, 3)])
+        drawn.show(first)
+        assert [nodes[name].color for name in ("/bodies/1", "/bodies/1/1")] == [
+            (1, 2, 3), (255, 0, 0),
+        ]  # fmt: skip
+        drawn.fade(0.5, True)
+        assert nodes["/bodies/1/1"].opacity == 0.5
+        other = pg.Body(name="1", shapes=({**plain, "colour": green},))
+        second = bodies.looks([other], ((1,), ()), [(1, 2, 3)])
+        assert not first[0].alike(second[0])
+        drawn.show(second)
+        assert nodes["/bodies/1"].color == (0, 255, 0)
+        assert "/bodies/1/1" not in nodes
+        drawn.remove()
+        batched = bodies.BatchedBodies(server, lambda *_: None, lambda *_: None)
+        batched.show(first)
+        np.testing.assert_array_equal(nodes["/bodies/box"].batched_colors, [(1, 2, 3)])
+        np.testing.assert_array_equal(nodes["/bodies/sphere"].batched_colors, [(255, 0, 0)])
+    finally:
+        server.stop()
 
 
 def test_a_page_opens_in_the_browser_outside_of_notebooks(monkeypatch):

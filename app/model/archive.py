@@ -40,12 +40,22 @@ def packed(model: pg.Model) -> tuple[str, bytes]:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         model.save(folder / f"{stem}.json")
-        content = io.BytesIO()
-        with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
-            for file in sorted(folder.rglob("*")):
-                if file.is_file():
-                    archive.write(file, file.relative_to(folder).as_posix())
-    return f"{stem}.zip", content.getvalue()
+        return f"{stem}.zip", zipped(folder)
+
+
+def zipped(folder: Path) -> bytes:
+    """A zip of the files in a folder."""
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+        for file in sorted(folder.rglob("*")):
+            if file.is_file():
+                archive.write(file, file.relative_to(folder).as_posix())
+    return content.getvalue()
+
+
+def own(text: str) -> pg.Model:
+    """The model in text that Pgraph kept on this machine: its meshes may lie anywhere."""
+    return pg.Model.from_json(text, roots=[Path.cwd().anchor])
 
 
 def unpacked(content: bytes, keep: Path) -> pg.Model:

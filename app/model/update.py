@@ -22,7 +22,7 @@ from ..core.events import Event, FromPage, Text, on
 from ..core.state import Notice, State, replied, told, with_client
 from ..session import Kept
 from . import Errand, Found
-from .archive import mesh_folder, unpacked
+from .archive import mesh_folder, own, unpacked
 
 EditField = Literal[
     "name", "parent", "dof", "joint", "axes", "link", "rotation", "mass", "com", "inertia",
@@ -196,7 +196,7 @@ def recovered(state: State, kept: tuple[Kept, ...], given: str) -> State:
     offered = {_called(old): old for old in kept[len(again) :]}
     state = replace(state, kept=offered)
     for old in again:
-        model = pg.Model.from_json(old.text)
+        model = own(old.text)
         text = (
             f"{model.name} as it was at {_at(old)}, when Pgraph was stopped. "
             f"Undo brings back {given}."
@@ -207,7 +207,7 @@ def recovered(state: State, kept: tuple[Kept, ...], given: str) -> State:
 
 
 def _called(kept: Kept) -> str:
-    name = pg.Model.from_json(kept.text).name
+    name = own(kept.text).name
     return f"{name}, {_at(kept)}"
 
 

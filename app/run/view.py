@@ -20,6 +20,7 @@ from ..core.state import SHOWN_AT_FIRST, Exporting, Playback, Run, State
 from ..core.views import Payload, audience
 from ..gait.footfalls import prints
 from ..gait.view import MOST, FootprintsView
+from ..model.archive import zipped
 from ..scene.overlays import Overlays
 from . import FREE_RUN, METHODS
 
@@ -152,23 +153,23 @@ class ExportView:
             return
         name = re.sub(r"[^\w-]+", "_", asked.run.model.name) or "run"
         try:
-            content = made(asked)
+            suffix, content = made(asked)
         except Exception as error:  # shown on the page: the session goes on
             handle.add_notification(
                 "Not exported", f"{type(error).__name__}: {error}", color=(200, 60, 50)
             )
             return
-        handle.send_file_download(f"{name}.{asked.what}", content, save_immediately=True)
+        handle.send_file_download(f"{name}.{suffix}", content, save_immediately=True)
 
 
-def made(asked: Exporting) -> bytes:
-    """The file that is asked for."""
+def made(asked: Exporting) -> tuple[str, bytes]:
+    """(suffix, content) of the file that is asked for."""
     match asked.what:
         case "csv":
-            return table(asked.run)
+            return "csv", table(asked.run)
         case "npz":
             return arrays(asked.run)
-    return animation(asked.run, asked.shown)
+    return "html", animation(asked.run, asked.shown)
 
 
 def table(run: Run) -> bytes:
@@ -176,12 +177,17 @@ def table(run: Run) -> bytes:
     return run.result.to_csv().encode()
 
 
-def arrays(run: Run) -> bytes:
-    """The run with its model, as `pg.Result.load` reads it."""
+def arrays(run: Run) -> tuple[str, bytes]:
+    """(suffix, content): the run with its model, as `pg.Result.load` reads it.
+
+    With meshes, a zip of that and them.
+    """
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "run.npz"
         run.result.save(path)
-        return path.read_bytes()
+        if any(file.is_dir() for file in path.parent.iterdir()):
+            return "zip", zipped(path.parent)
+        return "npz", path.read_bytes()
 
 
 def animation(run: Run, shown: frozenset[str] = SHOWN_AT_FIRST) -> bytes:

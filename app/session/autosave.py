@@ -21,6 +21,7 @@ from pgraph_core.model.files import write_atomic
 
 from ..core.events import Event
 from ..core.state import Kept, State
+from ..model.archive import own
 from ..session.update import NotKept
 
 DELAY, LONGEST = 0.4, 2.0  # [s] after the last edit, and after the first one not yet written
@@ -53,7 +54,7 @@ def left_behind(folder: Path, host: str, port: int) -> tuple[Kept, ...]:
         with contextlib.suppress(OSError, ValueError, TypeError, pg.PgraphError):
             session = Session(**json.loads(path.read_text("utf-8")))
             if path.name == _name(host, port) or not _served(path.stem):
-                pg.Model.from_json(session.text)
+                own(session.text)
                 found.append(session.kept(path))
     return tuple(sorted(found, key=lambda kept: kept.time, reverse=True)[:MOST])
 

@@ -27,23 +27,24 @@ ALLOWED = "PGRAPH_MESHES"  # environment: more folders whose meshes a model may 
 
 
 def located(
-    data: dict[str, Any], folder: str | Path, roots: Iterable[str | Path] = ()
+    data: dict[str, Any], folder: str | Path | None, roots: Iterable[str | Path] = ()
 ) -> dict[str, Any]:
     """The fields of a model with absolute paths of its meshes, which a file names from `folder` on.
 
-    Raises ModelError for meshes outside of `folder`, `roots` and the folders in $PGRAPH_MESHES,
-    also where `..` or a link leads out.
+    Without a folder, names count from the current one on and stay as they are. Raises ModelError
+    for meshes outside of the folder, `roots` and the folders in $PGRAPH_MESHES, also where `..` or
+    a link leads out.
     """
     bodies = data.get("bodies")
     if not isinstance(bodies, list):
         return data
-    folder = Path(folder).absolute()
-    allowed = (folder, *map(Path, roots), *_allowed_always())
+    start = Path(folder or "").absolute()
+    allowed = (start, *map(Path, roots), *_allowed_always())
     problems: list[Problem] = []
-    found = [_located(body, folder, allowed, problems) for body in bodies]
+    found = [_located(body, start, allowed, problems) for body in bodies]
     if problems:
         raise ModelError(problems)
-    return {**data, "bodies": found}
+    return data if folder is None else {**data, "bodies": found}
 
 
 def _allowed_always() -> list[Path]:
@@ -79,7 +80,7 @@ def _located(body: Any, folder: Path, allowed: tuple[Path, ...], problems: list[
 def _outside(file: str, folder: Path) -> str:
     return (
         f"the mesh file {shown(file, 200)} lies outside of the model's folder {folder}; copy it "
-        f"into that folder, or allow its own: Model.load(path, roots=[...]) or {ALLOWED}"
+        f"into that folder, or allow its own: roots=[...] or the environment variable {ALLOWED}"
     )
 
 

@@ -555,11 +555,10 @@ class Model(World):
     ) -> Self:
         """The model in JSON text. Raises FileError (not JSON, too new) or ModelError.
 
-        With `folder`, meshes are found from there on and refused outside of it and of `roots`:
-        for text from somebody else.
+        Meshes are refused outside of `folder` (None: the current folder) and of `roots`. With
+        `folder`, they are found from there on.
         """
-        data = files.parse(text, source)
-        return cls(**(data if folder is None else located(data, folder, roots)))
+        return cls(**located(files.parse(text, source), folder, roots))
 
     @classmethod
     def load(cls, path: str | Path, /, *, roots: Iterable[str | Path] = ()) -> Self:

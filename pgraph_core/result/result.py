@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from enum import Enum
@@ -20,6 +20,7 @@ from ..dynamics.bodies import BodyMotion, bodies_over, turned
 from ..dynamics.scene import load_wrenches
 from ..errors import FileError, InputError, Problem, choices
 from ..model import Force, Model
+from ..model.assets import gathered
 from ..model.files import write_atomic
 from ..packing.system import Array
 from ..plan import Plan
@@ -220,22 +221,32 @@ class Result(Portable):
     # -- files -------------------------------------------------------------------------------
 
     def save(self, path: str | Path, /) -> None:
-        """Write an `.npz`: the arrays, and a JSON header that holds the model."""
+        """Write an `.npz`: the arrays, and a JSON header that holds the model.
+
+        As `Model.save` does, it writes meshes from elsewhere to `meshes` next to the file.
+        """
+        model, folder = self.mechanism.model, Path(path).parent
+        if folder.is_dir():
+            model = model.model_copy(update={"bodies": gathered(model.bodies, folder)})
         arrays = {name: getattr(self, name) for name in ARRAYS}
         arrays |= {f"force:{name}": value for name, value in self.constraint_force.items()}
         arrays |= self.contacts.arrays()
         header = {
             "status": self.status.name,
             **{name: getattr(self, name) for name in SCALARS},
-            "model": json.loads(self.mechanism.model.to_json()),
+            "model": json.loads(model.to_json()),
         }
         buffer = io.BytesIO()
         np.savez_compressed(buffer, header=np.array(json.dumps(header)), **arrays)
         write_atomic(path, buffer.getvalue())
 
     @classmethod
-    def load(cls, path: str | Path, /) -> Result:
-        """The run in an `.npz` written by `save`. Raises FileError."""
+    def load(cls, path: str | Path, /, *, roots: Iterable[str | Path] = ()) -> Result:
+        """The run in an `.npz` written by `save`.
+
+        Meshes outside of its folder are refused unless they lie in one of `roots`.
+        Raises FileError or ModelError.
+        """
         from ..mechanism import Mechanism
 
         try:
@@ -248,7 +259,8 @@ class Result(Portable):
         except (OSError, ValueError, KeyError) as error:
             text = f"holds no run: {error}; give a file written by Result.save"
             raise FileError(Problem(str(path), "", text)) from None
-        model = Model.from_json(json.dumps(header.pop("model")), source=str(path))
+        text, folder = json.dumps(header.pop("model")), Path(path).parent
+        model = Model.from_json(text, source=str(path), folder=folder, roots=roots)
         status = Status[header.pop("status")]
         header["notices"] = tuple(header["notices"])
         header.pop("left_out", None)  # of runs saved before it followed from the model

@@ -35,7 +35,7 @@ class Look(NamedTuple):
 
 
 def _drawn(pieces: Sequence[shapes.Piece]) -> list[Any]:
-    return [(p.kind, p.file, p.size, p.position, p.rotation.tobytes()) for p in pieces]
+    return [(p.kind, p.file, p.size, p.position, p.rotation.tobytes(), p.color) for p in pieces]
 
 
 def looks(
@@ -77,28 +77,41 @@ def at_rest(node: Node) -> Node:
 
 
 class SeparateBodies:
-    """A node a body; only bodies that look different are sent again."""
+    """A node a body, with a child for each further colour; only what looks different is sent."""
 
     def __init__(self, server: viser.ViserServer, clicked: Clicked, pulled: Pulled):
         self._server = server
         self._clicked, self._pulled = clicked, pulled
-        self._drawn: list[tuple[Look, viser.MeshHandle]] = []  # by number
+        self._drawn: list[tuple[Look, list[viser.MeshHandle]]] = []  # by number
 
     def show(self, looks: Sequence[Look]) -> None:
-        for _, node in self._drawn[len(looks) :]:
-            node.remove()
+        for _, nodes in self._drawn[len(looks) :]:
+            _remove(nodes)
         del self._drawn[len(looks) :]
         for k, look in enumerate(looks, 1):
             if k > len(self._drawn) or not self._drawn[k - 1][0].alike(look):
-                self._drawn[k - 1 : k] = [(look, self._node(look, k))]
+                if k <= len(self._drawn):
+                    _remove(self._drawn[k - 1][1][1:])
+                self._drawn[k - 1 : k] = [(look, self._nodes(look, k))]
 
-    def _node(self, look: Look, number: int) -> viser.MeshHandle:
-        solid = shapes.mesh(look.pieces)
+    def _nodes(self, look: Look, number: int) -> list[viser.MeshHandle]:
+        """The body's node, and its children."""
+        colored: dict[shapes.Color, list[shapes.Piece]] = defaultdict(list)
+        for piece in look.pieces:
+            colored[piece.color or look.color].append(piece)
+        parts = list(colored.items()) or [(look.color, [])]
+        names = [f"/bodies/{number}", *(f"/bodies/{number}/{i}" for i in range(1, len(parts)))]
+        return [self._node(name, *part, number) for name, part in zip(names, parts)]
+
+    def _node(
+        self, name: str, color: shapes.Color, pieces: Sequence[shapes.Piece], number: int
+    ) -> viser.MeshHandle:
+        solid = shapes.mesh(pieces)
         node = self._server.scene.add_mesh_simple(
-            f"/bodies/{number}",
+            name,
             solid.vertices,
             solid.faces,
-            color=look.color,
+            color=color,
             flat_shading=len(solid.faces) < 100,
         )
         at_rest(node)
@@ -114,18 +127,25 @@ class SeparateBodies:
         return node
 
     def place(self, positions: np.ndarray, wxyz: np.ndarray) -> None:
-        for (_, node), p, quaternion in zip(self._drawn, positions, wxyz):
-            node.position, node.wxyz = p, quaternion
+        for (_, nodes), p, quaternion in zip(self._drawn, positions, wxyz):
+            nodes[0].position, nodes[0].wxyz = p, quaternion
 
     def fade(self, opacity: float | None, visible: bool) -> None:
-        for _, node in self._drawn:
-            node.opacity = opacity if visible else 0.0  # overlays hang on it
-            node.cast_shadow = visible
+        for _, nodes in self._drawn:
+            for node in nodes:
+                node.opacity = opacity if visible else 0.0  # overlays hang on it
+                node.cast_shadow = visible
 
     def remove(self) -> None:
-        for _, node in self._drawn:
-            node.remove()
+        for _, nodes in self._drawn:
+            _remove(nodes)
         self._drawn = []
+
+
+def _remove(nodes: Sequence[viser.MeshHandle]) -> None:
+    """Removes nodes, children first."""
+    for node in reversed(nodes):
+        node.remove()
 
 
 class BatchedBodies:
@@ -162,7 +182,7 @@ class BatchedBodies:
             batched_wxyzs=turned,
             batched_positions=local,
             batched_scales=np.array([piece.size for _, piece in parts]),
-            batched_colors=np.array([self._looks[k - 1].color for k, _ in parts]),
+            batched_colors=np.array([p.color or self._looks[k - 1].color for k, p in parts]),
             flat_shading=len(solid.faces) < 100,
             lod="off",
         )

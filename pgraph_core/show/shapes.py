@@ -35,6 +35,7 @@ class Piece:
     position: tuple[float, float, float]  # its middle [m]
     rotation: np.ndarray  # (3, 3)
     file: str = ""
+    color: Color | None = None  # of its own; else its body's
 
 
 def children_of(parent: Sequence[int]) -> tuple[tuple[int, ...], ...]:
@@ -78,7 +79,11 @@ def _own(shape: Any) -> Piece:
     if shape.kind == "mesh":
         size = (shape.scale, shape.scale, shape.scale)
     rotation = to_matrix(np.asarray(shape.rotation))
-    return Piece(shape.kind, size, shape.position, rotation, shape.file or "")
+    color = None
+    if shape.colour is not None:
+        r, g, b = (round(255 * c) for c in shape.colour)
+        color = (r, g, b)
+    return Piece(shape.kind, size, shape.position, rotation, shape.file or "", color)
 
 
 def mesh(parts: Sequence[Piece]) -> Any:

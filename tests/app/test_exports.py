@@ -5,10 +5,12 @@ from __future__ import annotations
 import csv
 import io
 import re
+import zipfile
 from typing import Any
 
 import numpy as np
 import pytest
+import trimesh
 import viser
 
 import pgraph_core as pg
@@ -39,10 +41,26 @@ def test_the_table_holds_the_run_s_numbers(run):
 
 def test_the_arrays_are_read_back_as_the_run(run, tmp_path):
     file = tmp_path / "run.npz"
-    file.write_bytes(view.arrays(run))
+    suffix, content = view.arrays(run)
+    assert suffix == "npz"
+    file.write_bytes(content)
     again = pg.Result.load(file)
     np.testing.assert_array_equal(again.q, run.result.q)
     assert again.mechanism.model == run.model
+
+
+def test_the_arrays_of_a_run_with_meshes_come_with_them(tmp_path):
+    trimesh.creation.box((0.1, 0.1, 0.1)).export(tmp_path / "part.stl")
+    shape = {"kind": "mesh", "file": str(tmp_path / "part.stl")}
+    model = pg.Model.serial(1).edit("1", shape=shape)
+    run = Run(model, Request(), pg.simulate(pg.Mechanism(model), t_end=0.01))
+    suffix, content = view.arrays(run)
+    assert suffix == "zip"
+    away = tmp_path / "away"
+    zipfile.ZipFile(io.BytesIO(content)).extractall(away)
+    again = pg.Result.load(away / "run.npz").mechanism.model.body("1").shape
+    assert again is not None
+    assert again.file == str(away / "meshes" / "part.stl")
 
 
 def test_the_animation_is_one_page_that_asks_for_nothing_else(run):

@@ -134,3 +134,24 @@ def test_a_scenario_becomes_part_of_the_model():
     b = pg.simulate(pg.Mechanism(model), **options)
     np.testing.assert_array_equal(a.q, b.q)
     assert t_end == quadruped().scenario("stance").t_end
+
+
+def test_every_shape_of_a_body_is_rescaled():
+    from pgraph_core.study.rescaling import rescaled
+
+    box = {"kind": "box", "size": (0.1, 0.2, 0.4), "position": (0.1, 0.0, 0.2)}
+    ball = {"kind": "sphere", "radius": 0.3, "role": "collision", "colour": "#ff0000"}
+    rod = {"kind": "capsule", "radius": 0.1, "length": 0.5, "role": "visual"}
+    body = pg.Body(
+        name="a", shapes=(box, ball, rod), density=500, derived=("mass", "com", "inertia", "tip")
+    )
+    scaled = rescaled(pg.Model(bodies=[body]), length=2.0, mass=3.0).body("a")
+    assert [s.size or (s.radius, s.length) for s in scaled.shapes] == [
+        (0.2, 0.4, 0.8), (0.6, None), (0.2, 1.0),
+    ]  # fmt: skip
+    assert scaled.shape == scaled.shapes[0]
+    assert scaled.shapes[0].position == (0.2, 0.0, 0.4)
+    assert [s.role for s in scaled.shapes] == ["both", "collision", "visual"]
+    assert scaled.shapes[1].colour == (1.0, 0.0, 0.0)
+    assert scaled.mass == pytest.approx(3 * body.mass, rel=1e-14)  # from density and volume
+    np.testing.assert_allclose(scaled.inertia, 12 * np.array(body.inertia), rtol=1e-13, atol=1e-13)
