@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import viser
+
 import pgraph_core as pg
 
 from ..constraints import Part, Picking
 from ..core.bridge import Bridge
 from ..core.cells import Display, Quantity
+from ..core.places import Place
 from ..core.state import Client, State
 from ..core.views import Payload, audience
 from ..properties.forms import button, cell, choice, field, group, shown
@@ -274,3 +277,8 @@ def _over_time(item: pg.Force, name: str, cells: Any) -> list[Payload]:
     text = "rows: t x y z; t x y z; ..."
     return [field(name, shows.label, row, unit=shows.unit.split(",")[0], kind="text", help=text,
                   note=text), over]  # fmt: skip
+
+
+VIEWS = (
+    Place(lambda desk: ConstraintsView(desk.bridge), 21, "graph", "Constraints", viser.Icon.LINK),
+)

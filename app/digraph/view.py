@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import viser
 
 import pgraph_core as pg
 
 from ..core.bridge import Bridge
+from ..core.places import Place
 from ..core.state import State
 from ..core.views import Payload, audience, css
 from ..pose.solving import home, shown_q
@@ -141,3 +143,6 @@ def _back(tip: int, i: int, again: bool) -> Step:
     pushed = ", pushed back" if again else ""
     text = f"{tip} is a tip: pull {i} from SBS{pushed}; Pgraph gets {i}, jdof 0"
     return Step("4, 5", text, i, (i, 0), i if again else None, pull=True, tip=tip)
+
+
+VIEWS = (Place(lambda desk: DigraphView(desk.bridge), 20, "graph", "Digraph", viser.Icon.SITEMAP),)

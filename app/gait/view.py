@@ -13,6 +13,7 @@ from pgraph_core.result.contact_record import PHASES
 from pgraph_core.show import shapes
 
 from ..core.bridge import Bridge
+from ..core.places import Place
 from ..core.state import State
 from ..core.views import Payload, audience
 from . import (
@@ -169,3 +170,10 @@ def phases(falls: tuple[Change, ...], state: State, running: bool) -> Payload:
         "phases": list(PHASES),
         "changes": [[number[foot], t, phase] for foot, t, phase, _ in shown],
     }
+
+
+VIEWS = (
+    Place(lambda desk: GaitView(desk.bridge, desk.panels["properties"]), 43),
+    Place(lambda desk: PhasesView(desk.bridge), 61, "playback", "Playback", viser.Icon.PLAYER_PLAY),
+    Place(lambda desk: FootprintsView(desk.bridge.server), 72),
+)

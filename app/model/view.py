@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 from ..core.bridge import Bridge
+from ..core.places import Place
 from ..core.state import State
 from ..core.views import Payload, audience, count
 
@@ -46,3 +47,6 @@ def gallery(state: State) -> list[tuple[str, str]]:
         said = data.get("description") or f"{n} {'body' if n == 1 else 'bodies'}"
         found.append((name, said))
     return found
+
+
+VIEWS = (Place(lambda desk: ToolbarView(desk.bridge), 30),)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import time
 
+import viser
+
 import pgraph_core as pg
 
 from ..core.bridge import Bridge
+from ..core.places import Place
 from ..core.state import Client, Inspected, State
 from ..core.views import Payload, count, plural
 from . import matrices
@@ -64,3 +67,8 @@ def facts(state: State) -> str:
     d = state.derived
     separation = plural(len(d.separation), "separation body", "separation bodies")
     return f"{count(state)}, {separation}, {plural(len(d.tips), 'tip body', 'tip bodies')}"
+
+
+VIEWS = (
+    Place(lambda desk: OperatorsView(desk.bridge), 22, "graph", "Operators", viser.Icon.GRID_DOTS),
+)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import viser
+
 from ..core.bridge import Bridge
+from ..core.places import Place
 from ..core.state import SPEEDS, State
 from ..core.views import Payload, audience
 
@@ -48,3 +51,10 @@ def playback(state: State) -> Payload:
         "live": live is not None,
         "hint": "The live run starts ..." if live and not live.parts else hint,
     }
+
+
+VIEWS = (
+    Place(
+        lambda desk: PlaybackView(desk.bridge), 60, "playback", "Playback", viser.Icon.PLAYER_PLAY
+    ),
+)

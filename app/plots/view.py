@@ -6,8 +6,10 @@ import time
 from typing import Any
 
 import numpy as np
+import viser
 
 from ..core.bridge import Bridge
+from ..core.places import Place
 from ..core.state import Client, Run, State
 from ..core.views import Payload
 from . import KINDS, Curve, Signal, curves, of_body, of_scene, thinned, title, unit
@@ -93,3 +95,6 @@ def of_state(state: State, signal: Signal) -> list[Curve]:
         t, y = (np.concatenate([getattr(c, axis) for c in pieces]) for axis in ("t", "y"))
         found.append(thinned(pieces[0].label, t, y))
     return found
+
+
+VIEWS = (Place(lambda desk: PlotsView(desk.bridge), 23, "graph", "Plots", viser.Icon.CHART_LINE),)

@@ -13,6 +13,7 @@ from pgraph_core.show.bodies import at_rest
 
 from ..core.bridge import Bridge
 from ..core.events import Event
+from ..core.places import Place
 from ..core.state import Client, State
 from ..core.views import Payload, css
 from .solving import coordinates
@@ -169,3 +170,14 @@ def _place(
     )
     drawn.numbers.position = np.asarray(at)
     drawn.numbers.text = f"{', '.join(f'{x:.6g}' for x in at)} m"
+
+
+VIEWS = (
+    Place(
+        lambda desk: JointsView(desk.bridge),
+        41,
+        "properties",
+        "Pose",
+        viser.Icon.ADJUSTMENTS_HORIZONTAL,
+    ),
+)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any, get_args
 
+import viser
+
 import pgraph_core as pg
 from pgraph_core.model.fields import About
 
 from ..core.bridge import Bridge
 from ..core.cells import Display
+from ..core.places import Place
 from ..core.state import Client, State
 from ..core.views import Payload, audience, css
 from ..world.form import world
@@ -264,3 +267,14 @@ def physical(body: pg.Body) -> str:
         return f"principal {a:.4g}, {b:.4g}, {c:.4g}: just possible (all mass in one plane)"
     gyration = f", radius of gyration {math.sqrt(c / body.mass):.3g} m" if body.mass > 0 else ""
     return f"principal {a:.4g}, {b:.4g}, {c:.4g}: possible{gyration}"
+
+
+VIEWS = (
+    Place(
+        lambda desk: PropertiesView(desk.bridge),
+        40,
+        "properties",
+        "Properties",
+        viser.Icon.ADJUSTMENTS,
+    ),
+)

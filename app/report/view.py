@@ -5,7 +5,10 @@ from __future__ import annotations
 import re
 from typing import Any
 
+import viser
+
 from ..core.bridge import Bridge
+from ..core.places import Place
 from ..core.state import Report, State
 from ..core.views import Payload, audience
 from .update import AXES
@@ -118,3 +121,10 @@ def stability(found: Any) -> Payload:
         "rows": rows[:200],
         "notes": list(dict.fromkeys(found.references)),
     }
+
+
+VIEWS = (
+    Place(
+        lambda desk: ReportsView(desk.bridge), 24, "graph", "Report", viser.Icon.REPORT_ANALYTICS
+    ),
+)

@@ -16,6 +16,7 @@ from pgraph_core import show
 from pgraph_core.show.animation import Extra
 
 from ..core.bridge import Bridge
+from ..core.places import Place
 from ..core.state import SHOWN_AT_FIRST, Exporting, Playback, Run, State
 from ..core.views import Payload, audience
 from ..gait.footfalls import prints
@@ -131,7 +132,7 @@ def cost(result: Any) -> str:
     counters = dict(result.counters).items()
     counts = [f"{int(n)} {name.replace('_', ' ')}" for name, n in counters if n]
     seconds = sum(float(s) for s in dict(result.timing).values())
-    return ", ".join([*counts, f"{1e3 * seconds:.3g} ms"])
+    return ", ".join([*counts, f"{seconds:.3g} s" if seconds >= 1 else f"{1e3 * seconds:.3g} ms"])
 
 
 class ExportView:
@@ -210,3 +211,9 @@ def overlays(server: viser.ViserServer, run: Run, shown: frozenset[str]) -> Extr
             feet.show(now, prints(run.falls, time, MOST) - gone)
 
     return draw
+
+
+VIEWS = (
+    Place(lambda desk: RunView(desk.bridge), 31),
+    Place(lambda desk: ExportView(desk.bridge), 74),
+)

@@ -15,6 +15,7 @@ from pgraph_core.show.ground import GRID, grid, steps
 
 from ..core.bridge import Bridge
 from ..core.events import Event
+from ..core.places import Place
 from ..core.state import Client, Run, State, poses
 from ..core.views import Payload, audience
 from ..pose.update import Pull
@@ -350,3 +351,11 @@ def switches(state: State, page: Client) -> Payload:
         for what, label in marks.showable(state)
     ]
     return {"switches": listed, "gizmo": page.gizmo, "selected": page.selection}
+
+
+VIEWS = (
+    Place(lambda desk: ShowView(desk.bridge), 42, "properties", "Show", viser.Icon.EYE),
+    Place(lambda desk: SceneView(desk.bridge.server, desk.send), 70),
+    Place(lambda desk: GhostView(desk.bridge.server), 71),
+    Place(lambda desk: FollowView(desk.bridge.server), 73),
+)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pgraph_core as pg
 
 from ..core.bridge import Bridge
+from ..core.places import Place
 from ..core.state import Client, Notice, State
 from ..core.views import Payload, audience
 from ..model.archive import packed
@@ -80,3 +81,6 @@ def others(state: State, client: int) -> Payload:
             for name in page.selected:
                 found.setdefault(name, []).append(PEOPLE[other % len(PEOPLE)])
     return found
+
+
+VIEWS = (Place(lambda desk: SessionView(desk.bridge), 100),)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import viser
+
 from ..core.bridge import Bridge
+from ..core.places import Place
 from ..core.state import State
 from ..core.views import Payload, audience, count, css
 
@@ -35,3 +38,6 @@ def table(state: State) -> Payload:
         for body in state.model.bodies
     ]
     return {"rows": rows, "count": count(state)}
+
+
+VIEWS = (Place(lambda desk: TableView(desk.bridge), 10, "bodies", "Bodies", viser.Icon.TABLE),)
