@@ -109,7 +109,7 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> Plan
     Raises InputError.
     """
     kept: dict[Any, tuple[Plan, Any]] = mech.__dict__.setdefault("_plans", {})
-    key: Any = (*options, *map(type, options), callable(tau), q is None or v is None)
+    key: Any = (*options, *map(type, options), callable(tau), q is None, v is None)
     try:
         plan, state = kept.get(key, (None, None))
     except TypeError:  # an option that cannot be hashed, such as an array of times
@@ -200,7 +200,8 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
         "forces": [(*span, f.model_dump(mode="json", exclude_none=True)) for f in extra],
     }
     notices = (*_stiff(plan, rate), *_bent(plan), *_hard(plan))
-    plan = replace(plan, header=header, notices=notices)
+    start = initial_state(mech, given, None, None, tau) if q is None or v is None else start
+    plan = replace(plan, header=header, notices=notices, start=start)
     return plan, rate.known and rate.found is not None
 
 
