@@ -196,7 +196,7 @@ def all_problems(
             return found
         refused |= {p.field for p in found}
         refused |= {name for field in refused for name in followers.get(field, ())}
-        left = {"name": "unnamed"}
+        left = {"name": "unnamed"} if "name" in kind.model_fields else {}
         left |= {key: value for key, value in data.items() if key not in refused}
         try:
             BaseModel.__init__(kind.__new__(kind), **left)
@@ -295,7 +295,21 @@ if TYPE_CHECKING:  # a type checker reads the parameters of a part from its conv
 
 else:
 
-    class _Base(Portable, BaseModel):
+    class _Sentences(type(BaseModel)):
+        """Makes a ModelError of what pydantic refuses in a call of the class.
+
+        Not in `__init__`: pydantic would call that for values inside others, too, and their place
+        in the whole would be lost.
+        """
+
+        def __call__(cls, *args, **data):
+            try:
+                return super().__call__(*args, **data)
+            except ValidationError as error:
+                where = cls.__name__.lower()
+                raise ModelError(all_problems(cls, data, error, where, {})) from None
+
+    class _Base(Portable, BaseModel, metaclass=_Sentences):
         pass
 
 

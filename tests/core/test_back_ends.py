@@ -73,7 +73,9 @@ def test_the_factor_of_a_long_chain_keeps_its_digits():
 def test_every_back_end_names_a_joint_that_moves_no_inertia(back_end):
     still = pg.Body(name="needle", parent="arm", mass=0.0, inertia=np.zeros((3, 3)))
     mech = pg.Mechanism(pg.Model(bodies=(pg.Body(name="arm"), still)))
-    with pytest.raises(pg.InputError, match="body 'needle', inertia: its joint moves nothing"):
+    with pytest.raises(
+        pg.InputError, match=r"body 'needle', inertia: .* give it mass, inertia or armature"
+    ):
         mech.forward_dynamics(*mech.home(), back_end=back_end)
 
 
