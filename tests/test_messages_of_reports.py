@@ -1,5 +1,4 @@
-"""What `work_precision` and `pgraph report` answer to what does not fit, by its facts: what is wrong, where,
-what was given or what there is to choose from."""
+"""What `work_precision` and `pgraph report` answer to wrong input: the field and the fact."""
 
 from __future__ import annotations
 

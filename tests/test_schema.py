@@ -305,3 +305,21 @@ def check_damaged(data) -> None:
     target[path[-1]] = data.draw(JSON)
     if problems := refused(lambda: pg.Model(**tree)):
         assert all(p.where and p.text and "\n" not in str(p) for p in problems)
+
+
+@pytest.mark.parametrize(
+    ("made", "facts"),
+    [
+        (lambda: pg.Shape(kind="sphere"), ("shape", "sphere", "radius")),
+        (lambda: pg.Shape(kind="sphere", raduis=1), ("raduis", "did you mean radius")),
+        (lambda: pg.Table(t=[0, 1], value=[1]), ("table", "value", "2 times, 1 value")),
+        (lambda: pg.Step(low=(0, 0), high=(-1, 1), height=1), ("low", "high", "-1.0, 1.0")),
+        (lambda: pg.Ground(friction=-1), ("ground", "friction", ">= 0", "-1")),
+        (lambda: pg.Sine(amplitude="x"), ("sine", "amplitude", "'x'")),
+    ],
+)
+def test_values_made_directly_are_refused_in_sentences(made, facts):
+    """As they are inside a body: never by an error of pydantic."""
+    with pytest.raises(pg.ModelError) as refused:
+        made()
+    assert all(fact in str(refused.value) for fact in facts)

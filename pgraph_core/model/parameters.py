@@ -209,7 +209,7 @@ def resolved(data: Mapping[str, Any]) -> dict[str, Any]:
 def _formula(item: Any) -> Formula:
     try:
         return item if isinstance(item, Formula) else Formula(**item)
-    except (ValidationError, TypeError):
+    except (ValidationError, ModelError, TypeError):
         text = f"needs part, name, path and text; given {shown(item)}"
         raise ModelError(Problem("model", "formulas", text)) from None
 
