@@ -249,24 +249,29 @@ class Result(Portable):
         """
         from ..mechanism import Mechanism
 
+        header, arrays = _entries(path)
+        text = f"holds no whole run; {WRITTEN}"
         try:
-            with np.load(Path(path), allow_pickle=False) as data:
-                header = json.loads(str(data["header"]))
-                arrays = {name: data[name] for name in ARRAYS}
-                prefix = "force:"
-                forces = {k.removeprefix(prefix): data[k] for k in data if k.startswith(prefix)}
-                contacts = ContactRecord.of_arrays({k: data[k] for k in data})
-        except (OSError, ValueError, KeyError) as error:
-            text = f"holds no run: {error}; give a file written by Result.save"
+            description, folder = json.dumps(header.pop("model")), Path(path).parent
+            model = Model.from_json(description, source=str(path), folder=folder, roots=roots)
+            status = Status(Status.__members__.get(header["status"]))
+            given = {name: header[name] for name in SCALARS}
+            given["notices"] = tuple(given["notices"])
+            given |= {name: arrays[name] for name in ARRAYS}
+            prefix = "force:"
+            forces = {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
+            contacts = ContactRecord.of_arrays(arrays)
+            mech = Mechanism(model)
+            fits = given["q"].shape[1:] == (mech.nq,) and given["v"].shape[1:] == (mech.nv,)
+            whole = fits and len({len(given[name]) for name in ARRAYS}) == 1
+        except KeyError as missing:
+            text = f"holds no whole run: {missing} is missing; {WRITTEN}"
             raise FileError(Problem(str(path), "", text)) from None
-        text, folder = json.dumps(header.pop("model")), Path(path).parent
-        model = Model.from_json(text, source=str(path), folder=folder, roots=roots)
-        status = Status[header.pop("status")]
-        header["notices"] = tuple(header["notices"])
-        header.pop("left_out", None)  # of runs saved before it followed from the model
-        return cls(
-            Mechanism(model), status, constraint_force=forces, contacts=contacts, **header, **arrays
-        )
+        except (TypeError, ValueError, AttributeError):
+            raise FileError(Problem(str(path), "", text)) from None
+        if not whole:
+            raise FileError(Problem(str(path), "", text))
+        return cls(mech, status, constraint_force=forces, contacts=contacts, **given)
 
     def to_csv(self) -> str:
         """Time, q, v, energies and constraint forces as CSV, units in the first line."""
@@ -290,6 +295,31 @@ class Result(Portable):
         for name, force in self.constraint_force.items():
             columns |= {f"{name} F{axis} [N]": force[:, 3 + i] for i, axis in enumerate("xyz")}
         return columns | self.contacts.columns()
+
+
+WRITTEN = "give a file written by Result.save"
+
+
+def _entries(path: str | Path) -> tuple[dict[str, Any], dict[str, Array]]:
+    """The header and the arrays in the file of a run. Raises FileError."""
+    try:
+        content = Path(path).read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        reason = getattr(error, "strerror", None) or str(error)
+        text = f"cannot be read: {reason[:1].lower()}{reason[1:]}; {WRITTEN}"
+        raise FileError(Problem(str(path), "", text)) from None
+    if not content.startswith(b"PK"):  # of zip files, which .npz files are
+        raise FileError(Problem(str(path), "", f"is no run: not an .npz file; {WRITTEN}"))
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as data:
+            arrays = {name: data[name] for name in data}
+        header = json.loads(str(arrays.pop("header")))
+        return dict(header), arrays
+    except KeyError:
+        text = f"is no run: it has no header; {WRITTEN}"
+    except Exception:  # what zip, zlib, numpy and its parser raise on damaged files is not bounded
+        text = "is damaged and cannot be read as a run; save the run again, or copy the file again"
+    raise FileError(Problem(str(path), "", text))
 
 
 def _show() -> Any:
