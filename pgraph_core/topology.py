@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from .equality import EqualByFields
 from .errors import InputError, Problem, choices, shown
 from .model import Model
 from .model.constraint import IN_JOINTS
@@ -22,8 +23,8 @@ from .portable import Portable
 Ints: TypeAlias = "NDArray[np.int64]"
 
 
-@dataclass(frozen=True)
-class Topology(Portable):
+@dataclass(frozen=True, eq=False)
+class Topology(EqualByFields, Portable):
     """A model's bodies numbered depth-first in pre-order, left child (upper row) first."""
 
     names: tuple[str, ...]  # by number

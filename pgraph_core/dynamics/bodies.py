@@ -9,6 +9,7 @@ import numpy as np
 
 from ..engine import layout as at
 from ..engine.tree import bodies as kernels
+from ..equality import same
 from ..model import Body
 from ..packing.system import Array, System
 
@@ -20,6 +21,15 @@ class BodyMotion(NamedTuple):
     velocity: Array  # (..., nb, 6) angular [rad/s], linear [m/s]
     acceleration: Array  # (..., nb, 6) angular [rad/s^2], linear [m/s^2]
     force: Array  # (..., nb, 6) torque [N m], force [N] that each joint passes on to its body
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the arrays are equal, nan to nan."""
+        return isinstance(other, tuple) and same(tuple(self), other)
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    __hash__ = None  # pyright: ignore[reportAssignmentType]
 
 
 def bodies_over(system: System, q: Array, v: Array, vdot: Array, external: Array) -> BodyMotion:

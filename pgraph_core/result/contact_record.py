@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..equality import EqualByFields
 from ..packing.system import Array
 
 SWING, ACCEPTANCE, SLIP, STANCE = "swing", "weight acceptance", "slip", "stance"
@@ -33,8 +34,8 @@ class Event(NamedTuple):
         return f"t = {self.t:.9g} s: {where}: {change}: {self.cause}"
 
 
-@dataclass(frozen=True)
-class ContactRecord:
+@dataclass(frozen=True, eq=False)
+class ContactRecord(EqualByFields):
     """By touch: the contact's name, or `name[body]` where it has several; n frames."""
 
     force: Mapping[str, Array] = field(default_factory=dict)

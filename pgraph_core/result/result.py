@@ -18,6 +18,7 @@ import numpy as np
 
 from ..dynamics.bodies import BodyMotion, bodies_over, turned
 from ..dynamics.scene import load_wrenches
+from ..equality import EqualByFields
 from ..errors import FileError, InputError, Problem, choices
 from ..model import Force, Model
 from ..model.assets import gathered
@@ -51,11 +52,14 @@ class Status(Enum):
         return self is Status.DONE
 
 
-@dataclass(frozen=True)
-class Result(Portable):
-    """A run. Arrays have one row a recorded frame; a run that failed keeps what it computed."""
+@dataclass(frozen=True, eq=False)
+class Result(EqualByFields, Portable):
+    """A run. Arrays have one row a recorded frame; a run that failed keeps what it computed.
 
-    mechanism: Mechanism
+    Runs are equal where their models and all numbers are; what they cost does not count.
+    """
+
+    mechanism: Mechanism = field(compare=False)  # its model is compared
     status: Status
     message: str  # the status with its time, its body and advice
     t: Array  # (n,) [s]
@@ -69,11 +73,22 @@ class Result(Portable):
     constraint_drift: Array  # (n, 2) largest |position| [m] and |velocity| [m/s] residual
     constraint_force: Mapping[str, Array]  # {name: (n, 6)} [torque, force] on `body` at `point`
     contacts: ContactRecord  # forces, gaps, slips of contacts; torques of joint limits
-    counters: Mapping[str, int]  # steps, evaluations, projections, solver iterations, ...
-    timing: Mapping[str, float]  # seconds a phase
+    counters: Mapping[str, int] = field(
+        compare=False
+    )  # steps, evaluations, projections, solver iterations, ...
+    timing: Mapping[str, float] = field(compare=False)  # seconds a phase
     error_estimate: float  # largest |change of q| at the end against twice the step [rad, m]
     header: Mapping[str, Any]  # version, model hash, method, step, ...
     notices: tuple[str, ...] = field(default=())  # sentences on how the run went
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the models and the numbers are equal, nan to nan."""
+        equal = super().__eq__(other)
+        if equal is not True or not isinstance(other, Result):
+            return equal
+        return self.mechanism is other.mechanism or self.mechanism.model == other.mechanism.model
+
+    __hash__ = None  # pyright: ignore[reportAssignmentType]
 
     def __repr__(self) -> str:
         span = f"{self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no time"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from contextlib import suppress
 
@@ -85,3 +86,46 @@ def test_a_file_that_is_not_there_and_a_folder_are_refused(tmp_path):
     for path in (tmp_path / "none.npz", tmp_path):
         with pytest.raises(pg.FileError, match=r"cannot be read: .*Result\.save"):
             pg.Result.load(path)
+
+
+# -- equality --------------------------------------------------------------------------------------
+
+
+def test_equal_runs_are_equal_and_others_are_not(run, saved, tmp_path):
+    again = pg.simulate(ROD, t_end=0.01, frames=5)
+    assert (run == again) is True
+    assert (run != again) is False
+    assert run == dataclasses.replace(run, timing={}, counters={})
+    file = tmp_path / "run.npz"
+    file.write_bytes(saved)
+    assert pg.Result.load(file) == run
+    assert run != dataclasses.replace(run, q=run.q + 1.0)
+    heavier = pg.Mechanism(ROD.edit("rod", mass=2.0))
+    assert run != dataclasses.replace(run, mechanism=heavier)
+    assert run != 3
+    assert run in [again]
+
+
+def test_nan_equals_nan(run):
+    one, two = (dataclasses.replace(run, q=run.q * np.nan, error_estimate=np.nan) for _ in "ab")
+    assert one == two
+    assert one != run
+
+
+def test_parts_of_runs_are_equal_by_their_arrays(run):
+    again = pg.simulate(ROD, t_end=0.01, frames=5)
+    assert run.contacts == again.contacts
+    assert (run.body_motion == again.body_motion) is True
+    assert (run.body_motion != again.body_motion) is False
+    assert run.body_motion != run.body_motion._replace(force=run.body_motion.force + 1.0)
+    assert run.mechanism.topology == again.mechanism.topology
+    record = type(run.contacts)
+    phases = {"foot": np.array(["swing", "stance"])}
+    assert record(phases=phases) == record(phases={"foot": phases["foot"].copy()})
+    assert record(phases=phases) != record()
+
+
+def test_what_holds_arrays_has_no_hash(run):
+    for value in (run, run.contacts, run.mechanism.topology, run.body_motion):
+        with pytest.raises(TypeError, match="unhashable"):
+            hash(value)
