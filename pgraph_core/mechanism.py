@@ -8,8 +8,7 @@ from typing import Any
 from .analysis.assembly import Assembly, assemble
 from .analysis.mobility import Mobility, mobility
 from .dynamics import Dynamics
-from .dynamics.arguments import finite, position
-from .errors import InputError, Problem
+from .dynamics.arguments import finite, position, wrong_type
 from .model import Model
 from .packing.system import Array
 from .plan import Plan
@@ -75,7 +74,4 @@ def mechanism_of(value: Any, where: str) -> Mechanism:
         return value
     if isinstance(value, Model):
         return Mechanism(value)
-    text = f"must be a pg.Mechanism or a pg.Model; given {value!r:.60}"
-    if isinstance(value, str):
-        text += f"; to read a file: pg.Model.load({value!r})"
-    raise InputError(Problem(where, "mechanism", text))
+    raise wrong_type(where, "mechanism", "a pg.Mechanism or a pg.Model", value)

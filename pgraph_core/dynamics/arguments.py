@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..engine import layout as at
-from ..errors import InputError, Problem
+from ..errors import InputError, Problem, shown
 from ..packing.packed import Packed
 from ..packing.system import Array
 
@@ -54,3 +54,11 @@ def position(packed: Packed, q: Any) -> Array:
             text = f"the quaternion [w, x, y, z] of '{packed.body_of(k)}' at q[{i}] must have "
             raise InputError(Problem("q", "", f"{text}length 1; its length is {length:.6g}"))
     return q
+
+
+def wrong_type(where: str, field: str, wanted: str, value: Any) -> InputError:
+    """The error of an argument of another type; where a model is wanted, a text may be a path."""
+    text = f"must be {wanted}; given {shown(value)}"
+    if isinstance(value, str) and "pg.Model" in wanted:
+        text += f"; to read a file: pg.Model.load({value!r})"
+    return InputError(Problem(where, field, text))

@@ -22,7 +22,7 @@ from ..errors import InputError, Problem, choices
 from ..model import Model
 from ..packing.system import Array, Loads
 from ..portable import Portable
-from .arguments import finite
+from .arguments import finite, wrong_type
 from .dynamics import Dynamics
 
 
@@ -46,6 +46,8 @@ class Batch(Portable):
     ):
         """Raises InputError where the models are not of one kind, or are more than trees."""
         mech = Dynamics(mech) if isinstance(mech, Model) else mech
+        if not isinstance(mech, Dynamics):
+            raise wrong_type("batch", "mech", "a pg.Mechanism or a pg.Model", mech)
         _as_trees(mech, constraints)
         self.mech = mech
         self.models = None if models is None else [type(mech)(m) for m in models]

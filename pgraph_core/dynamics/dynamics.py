@@ -22,7 +22,7 @@ from ..packing.packed import Joint, Packed
 from ..packing.system import Array, Ints, point_in_row
 from ..portable import Portable
 from ..topology import Topology
-from .arguments import finite, numbers, position
+from .arguments import finite, numbers, position, wrong_type
 from .back_ends import NO_EXTERNAL, BackEnd, accelerated, dense, operators
 from .bodies import BodyMotion, bodies_over, mass_points, shifted
 from .scene import Scene
@@ -42,7 +42,9 @@ class Dynamics(Portable):
     """
 
     def __init__(self, model: Model | Columns, /):
-        """Number and pack a valid model, or a table in columns."""
+        """Number and pack a valid model, or a table in columns. Raises InputError for others."""
+        if not isinstance(model, (Model, Columns)):
+            raise wrong_type(type(self).__name__, "model", "a pg.Model", model)
         packed = Packed(model if isinstance(model, Columns) else Columns.of(model))
         self._take(packed)
         ready(FORWARD)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..dynamics.arguments import wrong_type
 from ..dynamics.bodies import turned
 from ..packing.system import Array
 from ..result import Result
@@ -29,7 +30,12 @@ class Footprint(NamedTuple):
 
 
 def footprints(run: Result) -> tuple[Footprint, ...]:
-    """Every time on the ground of every contact that is one point, in the order of time."""
+    """Every time on the ground of every contact that is one point, in the order of time.
+
+    Raises InputError for what is no run.
+    """
+    if not isinstance(run, Result):
+        raise wrong_type("footprints", "run", "a pg.Result, which pg.simulate returns", run)
     model = run.mechanism.model
     points = {c.name: c for c in model.contacts if len(c.points) == 1 and c.name in run.phases}
     found = [

@@ -93,7 +93,7 @@ def stability_map(
 
     Raises InputError for arguments that do not fit, with the choices.
     """
-    given = mech.model if isinstance(mech, Mechanism) else mech
+    given = mech if isinstance(mech, Model) else mechanism_of(mech, CALL).model
     model, duration = in_scenario(given, scenario)
     model = started(model, q, v)
     sweep = _checked(

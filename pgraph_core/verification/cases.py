@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ..dynamics.arguments import wrong_type
 from ..errors import FileError, Problem, choices
 from ..mechanism import Mechanism
 from ..model import Model
@@ -102,7 +103,9 @@ class Verdict:
 
 
 def verify(case: Case, *, progress: Callable[[float], Any] | None = None) -> Verdict:
-    """Run a case and compare it with its reference."""
+    """Run a case and compare it with its reference. Raises InputError for what is no case."""
+    if not isinstance(case, Case):
+        raise wrong_type("verify", "case", "a pg.Case, one of those of pg.load_cases(path)", case)
     motion = case.motion(progress=progress, estimate=False)  # the error itself is measured
     found = [float(np.max(each.errors(motion))) for each in case.observables]
     parts = [error / each.target for error, each in zip(found, case.observables)]

@@ -129,3 +129,27 @@ def test_what_holds_arrays_has_no_hash(run):
     for value in (run, run.contacts, run.mechanism.topology, run.body_motion):
         with pytest.raises(TypeError, match="unhashable"):
             hash(value)
+
+
+# -- wrong types -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("call", "wanted"),
+    [
+        (pg.Mechanism, r"Mechanism, model: must be a pg\.Model; given 'arm'; .*load\('arm'\)"),
+        (lambda x: pg.Batch(x, 3), r"batch, mech: must be a pg\.Mechanism or a pg\.Model; .*load"),
+        (pg.stability_map, r"stability_map, mechanism: must be a pg\.Mechanism or a pg\.Model; "),
+        (pg.verify, r"verify, case: must be a pg\.Case, .* given 'arm'$"),
+        (pg.footprints, r"footprints, run: must be a pg\.Result, .* given 'arm'$"),
+    ],
+)
+def test_a_wrong_type_is_refused_in_a_sentence(call, wanted):
+    with pytest.raises(pg.InputError, match=wanted):
+        call("arm")
+    with pytest.raises(pg.InputError, match="given None"):
+        call(None)
+
+
+def test_a_batch_is_made_of_a_model():
+    assert pg.Batch(ROD, 3).size == 3
