@@ -93,7 +93,8 @@ class Result(EqualByFields, Portable):
     def __repr__(self) -> str:
         span = f"{self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no time"
         method = self.header.get("method", "?")
-        error = f"error {self.error_estimate:.1e}"
+        known = not np.isnan(self.error_estimate)
+        error = f"error {self.error_estimate:.1e}" if known else "error not estimated"
         text = f"<Result: {len(self.t)} frames over {span} by {method}, {error}"
         if self.notices:
             text += f", {len(self.notices)} notice{'s'[: len(self.notices) > 1]}"
@@ -106,6 +107,10 @@ class Result(EqualByFields, Portable):
             raise InputError(Problem("run", "name", self._no_joint(name)))
         place = joints[name].q
         return self.q[:, place.start] if place.stop == place.start + 1 else self.q[:, place]
+
+    def _ipython_key_completions_(self) -> list[str]:
+        """What `run["` completes to in a notebook: the joints."""
+        return list(self.mechanism.joints)
 
     def _no_joint(self, name: Any) -> str:
         joints = tuple(self.mechanism.joints)

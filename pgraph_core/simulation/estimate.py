@@ -13,6 +13,10 @@ from .recording import Progress, Recording
 
 LOOSER = 32.0  # tolerance of the run that the error estimate compares with
 EQUAL = 1e-9  # relative difference of widths of steps that are the same
+UNKNOWN = (
+    "its error is not estimated, because a function gives its torques; compare it with a second "
+    "run at half the step, or at a tighter rtol"
+)
 COMPARED = 65  # frames at most, where frames cost time of their own
 
 

@@ -12,7 +12,7 @@ from ..errors import InputError, Problem
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..result import Result
-from .estimate import error_estimate
+from .estimate import UNKNOWN, error_estimate
 from .options import MOST_CHOSEN, Options
 from .plan import plan_of, with_state
 from .recording import Recording
@@ -66,7 +66,8 @@ def simulate(
     `rtol`, and by "rk4" and "semi_implicit_euler". Event-driven runs always project.
 
     `progress(fraction)` is called now and then; the run stops if it returns False. `estimate=False`
-    leaves out the second run that estimates the error; the estimate is then nan.
+    leaves out the second run that estimates the error; the estimate is then nan. It is
+    nan too where a function gives the torques, and the run's `message` says what would do.
 
     Returns a Result. Raises InputError for arguments that do not fit; a numerical failure is a
     `Status` of the result.
@@ -89,6 +90,8 @@ def simulate(
     stepped, busy = time.perf_counter(), time.thread_time() - busy
     wanted = estimate and record.ended.ok
     error = error_estimate(record, *state, progress) if wanted else np.nan
+    if wanted and record.user is not None:
+        record.ended.message += f"; {UNKNOWN}"
     timing = {
         "build": built - began,
         "step": stepped - built,

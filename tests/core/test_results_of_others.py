@@ -153,3 +153,24 @@ def test_a_wrong_type_is_refused_in_a_sentence(call, wanted):
 
 def test_a_batch_is_made_of_a_model():
     assert pg.Batch(ROD, 3).size == 3
+
+
+# -- what a run says of itself ---------------------------------------------------------------------
+
+
+def test_a_run_whose_torques_come_from_a_function_says_that_its_error_is_not_estimated(run):
+    torque = {"tau": lambda t, q, v: -v, "t_end": 0.01, "frames": 5}
+    done = pg.simulate(ROD, **torque)
+    assert np.isnan(done.error_estimate)
+    assert "its error is not estimated, because a function gives its torques" in done.message
+    assert "half the step, or at a tighter rtol" in done.message
+    assert "error not estimated" in repr(done)
+    assert "nan" not in done._repr_html_()
+    assert done.notices == ()
+    assert run.message == run.status.value
+    assert pg.simulate(ROD, estimate=False, **torque).message == run.message
+
+
+def test_a_notebook_completes_the_joints_of_a_run(run):
+    assert run._ipython_key_completions_() == ["rod"]
+    assert run["rod"].shape == (5,)
