@@ -45,10 +45,10 @@ class Without(ast.NodeTransformer):
         """A comparison of the kind that has the same answer for all kinds of the scene."""
         asked, constant = ast.unparse(node.left), node.comparators[0]
         answer = ANSWERS.get(type(node.ops[0]))
-        if asked not in ("kind", "rows[k, at.KIND]") or answer is None:
+        if asked not in ("kind", "kind_of(rows, k)") or answer is None:
             return node
-        assert isinstance(constant, ast.Attribute)
-        answers = {answer(kind, getattr(at, constant.attr)) for kind in self.kinds}
+        assert isinstance(constant, ast.Name)
+        answers = {answer(kind, getattr(at, constant.id)) for kind in self.kinds}
         return ast.Constant(answers.pop()) if len(answers) == 1 else node
 
     def visit_If(self, node: ast.If) -> Any:
@@ -61,7 +61,7 @@ class Without(ast.NodeTransformer):
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
         """x + armature is x."""
         self.generic_visit(node)
-        return node.left if "at.ARMATURE" in ast.unparse(node.right) else node
+        return node.left if "armature_of(" in ast.unparse(node.right) else node
 
 
 def sweeps(kinds: Set[int]) -> dict[str, Any]:

@@ -143,7 +143,7 @@ class _Look:
             motion.projection(self.scene.held, self.t + tau, q, v, 1)
         omega = self.scene.space.omega[: self.rows, : self.rows]
         values, vectors = np.linalg.eigh(omega)
-        return values * self.rows / np.trace(omega), vectors
+        return values * self.rows / (np.trace(omega) or 1.0), vectors
 
     def only_there(self, tau: float, usual: Array) -> Passed | None:
         """The position a time tau on, if rows are null there beside the `usual` combinations."""

@@ -155,7 +155,7 @@ class Result(EqualByFields, Portable):
 
     @cached_property
     def plan(self) -> Plan:
-        """The parts that this scene needed and did not need, and the time saved."""
+        """The parts that this scene needed and did not need, with their counts."""
         model, acting = self.mechanism.model, tuple(self.constraint_force)
         given = {"scenario": self.header.get("scenario"), "method": self.header["method"]}
         return Plan.of(model, acting=acting, **given)

@@ -325,3 +325,21 @@ def test_a_crank_that_turns_back_before_the_flat_position_passes_none():
     v = np.array([-1.0, 1.0, -1.0])
     done = pg.simulate(mech, FLAT + 0.1 * ALONG, -1e-3 * v, t_end=0.5, method="rk4", step=1e-3)
     assert not any("singular" in notice for notice in done.notices)
+
+
+def test_a_constraint_that_no_joint_can_change_leaves_the_motion_as_it_is():
+    """All rows of Ω are zero: a distance between two points that move together."""
+    bodies = (
+        pg.Body(name="upper", tip=(0.5, 0, 0), axes=(0, 1, 0)),
+        pg.Body(name="lower", parent="upper", link=(0.5, 0, 0), tip=(0.3, 0, 0), axes=(0, 1, 0)),
+        pg.Body(name="pin", parent="upper", link=(0.5, 0, 0), joint="weld"),
+    )
+    rod = pg.Distance(
+        name="rod", body="lower", other="pin", point=(0.3, 0, 0), other_point=(0, 0, 0), length=0.3
+    )
+    free = pg.simulate(pg.Model(bodies=bodies), t_end=0.2)
+    tied = pg.simulate(pg.Model(bodies=bodies, constraints=(rod,)), t_end=0.2)
+    assert tied.status.ok
+    np.testing.assert_allclose(tied.q[-1], free.q[-1], atol=1e-9)
+    assert abs(tied.constraint_force["rod"]).max() == 0.0
+    assert any("redundant" in notice and "rod" in notice for notice in tied.notices)

@@ -56,7 +56,7 @@ def factor_proximal(omega, factor, nulls, m):
     trace = 0.0
     for r in range(m):
         trace += omega[r, r]
-    mu = PROXIMAL * trace / m
+    mu = PROXIMAL * trace / m if trace > 0.0 else 1.0  # no row moves anything: all are null
     end = whole_blocks(m)
     for r in range(m, end):
         for c in range(end):
