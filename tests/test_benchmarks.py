@@ -103,10 +103,10 @@ def test_what_a_scene_lacks_may_cost_at_most_its_limit(full: float, met: str):
 def test_branches_that_a_scene_cannot_take_are_taken_out():
     source = """
 def f(rows, const, work, k, h):
-    kind = rows[k, at.KIND]
-    if kind == at.ROTATE:
-        d = 1.0 / (work[k, at.D] + const[k, at.ARMATURE])
-    elif kind <= at.TRANSLATE:
+    kind = kind_of(rows, k)
+    if kind == ROTATE:
+        d = 1.0 / (pivot_of(work, k) + armature_of(const, k))
+    elif kind <= TRANSLATE:
         d = 2.0
     else:
         d = 3.0
@@ -118,9 +118,9 @@ def f(rows, const, work, k, h):
         for tree in [ast.parse(source)]
     }
     assert "if" not in left[0,]
-    assert "ARMATURE" not in left[0,]
+    assert "armature" not in left[0,]
     assert "d = 3.0" in left[0, 3]
-    assert "if kind == at.ROTATE" in left[0, 3]
+    assert "if kind == ROTATE" in left[0, 3]
 
 
 def test_kernels_without_what_a_scene_lacks_give_the_same_numbers():
