@@ -17,7 +17,7 @@ test: check kernels ## set up everything that the tests need, and run them
 	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -m "not (browser or timed or nightly)"
 	@$(BIN)/python -m pytest -m "(browser or timed) and not nightly"
 
-quick: $(VENV)/installed-for-tests ## the tests that take a minute together, without a browser
+quick: $(VENV)/installed-for-tests ## the quick tests, without a browser: under two minutes
 	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -m fast
 
 nightly: check kernels ## every test, the long ones too, with new random cases
