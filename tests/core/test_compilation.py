@@ -2,10 +2,12 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
-from pgraph_core.engine.compiler.jit import JIT, KERNELS, source_hash
+from pgraph_core.engine.compiler import jit
+from pgraph_core.engine.compiler.jit import ENGINE, JIT, KERNELS
 
 USE = """
 import numpy as np, pgraph_core as pg, pgraph_models
@@ -69,12 +71,38 @@ def test_every_kernel_states_its_signature():
     assert {"run", "constrained_dynamics"} <= set(KERNELS)
 
 
-def test_an_edit_of_any_kernel_names_another_cache(tmp_path):
-    (tmp_path / "a.py").write_text("x = 20")
-    (tmp_path / "b.py").write_text("y = 1")
-    before = source_hash(tmp_path)
-    source_hash.cache_clear()
-    assert source_hash(tmp_path) == before
-    (tmp_path / "a.py").write_text("x = 30")
-    source_hash.cache_clear()
-    assert source_hash(tmp_path) != before
+def test_an_edit_compiles_the_kernels_that_import_it_and_no_others(tmp_path):
+    tree, moving, contact = (tmp_path / name for name in ("tree.py", "moving.py", "contact.py"))
+    sizes = tmp_path / "rows" / "sizes.py"
+    sizes.parent.mkdir()
+    sizes.write_text("WIDTH = 3")
+    tree.write_text("from .rows import sizes as at\nfrom .moving import (\n    advance,\n)\n")
+    moving.write_text("def advance(): ...")
+    contact.write_text("GAP = 1")
+    modules = (tree, moving, contact)
+
+    def hashes():
+        for kept in (jit.source_hash, jit._imported, jit._hash):
+            kept.cache_clear()
+        return [jit.source_hash(module) for module in modules]
+
+    first = hashes()
+    assert hashes() == first
+    sizes.write_text("WIDTH = 4")
+    assert [a == b for a, b in zip(first, hashes(), strict=True)] == [False, True, True]
+    sizes.write_text("WIDTH = 3")
+    moving.write_text("def advance(): return 1")
+    assert [a == b for a, b in zip(first, hashes(), strict=True)] == [False, False, True]
+
+
+def test_a_kernel_depends_on_every_engine_module_that_python_loads_for_it():
+    """Python's own list of loaded modules is the oracle; packages' own files hold no code."""
+    code = "import sys, {0}; print(*[m for m in sys.modules if m.startswith('{1}')])"
+    engine = "pgraph_core.engine"
+    for name in ("tree.dynamics", "constraints.constraints", "stepping.run", "contact.contacts"):
+        command = [sys.executable, "-c", code.format(f"{engine}.{name}", engine)]
+        loaded = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
+        files = {Path(ENGINE, *module.split(".")[2:]).with_suffix(".py") for module in loaded}
+        assert {path for path in files if path.is_file()} <= jit.sources(
+            Path(ENGINE, *name.split(".")).with_suffix(".py")
+        )

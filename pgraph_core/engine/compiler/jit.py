@@ -1,14 +1,16 @@
 """How kernels are compiled: options, and a disk cache that notices every edit of a kernel.
 
-Numba's own cache keys a function by its own file and misses edits of helpers in others. Here
-the cache folder is named by a hash of all kernel sources. All settings sit on the dispatchers:
-code of the user that uses numba never feels them.
+Numba's own cache keys a function by its own file and misses edits of helpers in others. Here a
+compiled kernel is named by a hash of its module and of every engine module that this imports,
+directly or not: an edit compiles only the kernels that it can change. All settings sit on the
+dispatchers: code of the user that uses numba never feels them.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -28,13 +30,41 @@ ENGINE = Path(__file__).parent.parent
 JIT = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
 
 
+IMPORT = re.compile(r"^[ \t]*from (\.+)([\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
+
+
 @cache
-def source_hash(folder: Path = ENGINE) -> str:
-    """Hash of every kernel source: the name of the cache folder."""
-    digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted(folder.rglob("*.py")):
-        digest.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
-    return digest.hexdigest()[:16]
+def _imported(module: Path) -> tuple[Path, ...]:
+    """The files that a module imports by `from .x import y`, the only form in the engine."""
+    found: list[Path] = []
+    for dots, dotted, names in IMPORT.findall(module.read_text(encoding="utf-8")):
+        package = module.parents[len(dots) - 1].joinpath(*filter(None, dotted.split(".")))
+        inside = [package / f"{name}.py" for name in re.findall(r"\w+", names)]
+        candidates = (package.with_suffix(".py"), package / "__init__.py", *inside)
+        found += [path for path in candidates if path.is_file()]
+    return tuple(found)
+
+
+def sources(module: Path) -> set[Path]:
+    """A module's file and those of all that it imports, directly or not."""
+    found, new = {module}, [module]
+    while new:
+        imported = set(_imported(new.pop())) - found
+        found |= imported
+        new += imported
+    return found
+
+
+@cache
+def _hash(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@cache
+def source_hash(module: Path) -> str:
+    """Hash of a module and of all that it imports, directly or not."""
+    parts = [(os.path.relpath(path, module.parent), _hash(path)) for path in sources(module)]
+    return hashlib.sha256(repr(sorted(parts)).encode()).hexdigest()[:16]
 
 
 @cache
@@ -43,7 +73,7 @@ def cache_folder() -> Path:
     user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     chosen = [Path(os.environ["PGRAPH_CACHE"])] if os.environ.get("PGRAPH_CACHE") else []
     for base in (*chosen, ENGINE / "__pycache__", user / "pgraph"):
-        folder = base / f"kernels-{source_hash()}"
+        folder = base / f"kernels-numba-{numba.__version__}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError:
@@ -93,15 +123,16 @@ class _Locator(_CacheLocator):
 
     def __init__(self, py_func: Callable[..., Any]):
         self._line = py_func.__code__.co_firstlineno
+        self._source = Path(py_func.__code__.co_filename)
 
     def get_cache_path(self) -> Any:
         return str(cache_folder())
 
     def get_source_stamp(self) -> Any:
-        return source_hash()
+        return source_hash(self._source)
 
     def get_disambiguator(self) -> Any:
-        return str(self._line)
+        return f"{self._line}-{source_hash(self._source)}"
 
     @classmethod
     def from_function(cls, py_func: Callable[..., Any], py_file: str) -> _Locator:
