@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from .analysis.assembly import Assembly, assemble
@@ -13,6 +13,8 @@ from .model import Model
 from .packing.system import Array
 from .plan import Plan
 
+OF_TOPOLOGY = {"adjacency", "parent", "separation_bodies", "tips"}  # names that it has too
+
 
 class Mechanism(Dynamics):
     """A model numbered depth-first and packed for the kernels.
@@ -21,6 +23,9 @@ class Mechanism(Dynamics):
     kept of a state: every answer is a function of its arguments.
     Raises InputError for arrays of the wrong length or with numbers that are not finite.
     """
+
+    def __dir__(self) -> Iterable[str]:
+        return sorted(set(super().__dir__()) - OF_TOPOLOGY)
 
     def plan(self, *, scenario: str | None = None, method: str = "auto") -> Plan:
         """What runs of this scene need, what is left out of them, and what that saves."""
@@ -45,6 +50,30 @@ class Mechanism(Dynamics):
         constraints cannot be met.
         """
         return mobility(self, q, v, active)
+
+    def constrained_inverse_dynamics(
+        self,
+        q: Array,
+        v: Array,
+        vdot: Array,
+        actuated: Sequence[str] | None = None,
+        weights: Array | Mapping[str, float] | None = None,
+        contacts: Sequence[str] | None = None,
+    ) -> Array:
+        """τ (nv,) [N m, N] that gives v' with every active constraint imposed.
+
+        In addition to the passive forces; the inverse of `constrained_dynamics`. Of the torques
+        that do it, those of least Σ weights τ². `actuated`: names of bodies whose joints carry
+        torques, by default all. `weights`: > 0, (nv,) or by name of body. `contacts`: names of
+        contacts that carry at q; their forces stay within the friction cones, and leave the
+        torques as small as they can. Prescribed motions bring their own forces.
+        Raises InputError where q, v or v' break a constraint, or where no torque of these joints
+        gives the motion: what is left of the equations is above 1e-9 of the forces at hand.
+        """
+        from .analysis.inverse import constrained_inverse_dynamics
+
+        given = (actuated, weights, contacts)
+        return constrained_inverse_dynamics(self, q, v, vdot, *given)
 
     def forward_derivatives(
         self, q: Array, v: Array, tau: Array | None = None

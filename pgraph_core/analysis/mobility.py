@@ -93,9 +93,9 @@ def mobility(
     if not ended.closed:
         raise InputError(contradiction(ended))
     here = ended.rows
-    basis, found = _judged(here)
+    basis, found = judged(here)
     everywhere = all(group.holonomic for group in here.groups)
-    holonomic = len(basis) if everywhere else len(_judged(here, holonomic=True)[0])
+    holonomic = len(basis) if everywhere else len(judged(here, holonomic=True)[0])
     generic, finite_, again, branches = len(basis), True, found, ()
     if found:
         generic, finite_, again, branches = _around(here, basis, found)
@@ -121,7 +121,7 @@ def mobility(
 Found = list[tuple[Group, Array]]  # groups with what is redundant of them, (k, rows)
 
 
-def _judged(state: Rows, holonomic: bool = False, cut: float = CUT) -> tuple[Array, Found]:
+def judged(state: Rows, holonomic: bool = False, cut: float = CUT) -> tuple[Array, Found]:
     """An orthonormal basis (rank, nv) of the rows' span, and what is redundant, in turn."""
     groups = [group for group in state.groups if group.holonomic or not holonomic]
     basis, rank = np.empty((min(len(state.J), state.nv), state.nv)), 0
@@ -172,7 +172,7 @@ def _around(here: Rows, basis: Array, found: Found) -> tuple[int, bool, Found, t
             back += 1
             continue
         steps.append(step)
-        around, redundant = _judged(other, cut=CUT_AROUND)
+        around, redundant = judged(other, cut=CUT_AROUND)
         if len(around) > most:
             most, again = len(around), redundant
     if back and not steps:

@@ -260,6 +260,8 @@ class Dynamics(Portable):
     ) -> Array:
         """τ (nv,) that gives v' of the tree, eq. (24), in addition to the passive forces.
 
+        Active constraints are left out; `constrained_inverse_dynamics` has them.
+
         `external` (nb, 6): [torque, force] on each body at its origin, world axes; `external_at`
         makes it from wrenches elsewhere.
         """

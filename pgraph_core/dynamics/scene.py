@@ -166,6 +166,7 @@ class ContactSpace(Unportable):
             np.zeros(packed.nv),
             self.changes,
         )
+        self.shapes, self.found = contacts.geometry.shapes, self._kept.found
         self._buffer = buffer()
         kernels.save_contacts(self._buffer, unnamed(self._kept))
         self.links = Links(

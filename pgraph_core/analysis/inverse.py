@@ -1,0 +1,293 @@
+"""Inverse dynamics of mechanisms with loops: joint torques for a motion that constraints allow.
+
+M v' + C - passive = S τ + Jᵀλ + J_cᵀf. With N spanning the null space of J (orthonormal in the mass
+metric) the constraints' forces drop out, Nᵀ S τ + Nᵀ J_cᵀ f = Nᵀ r, and τ is the solution of least
+weighted norm ([Aghili 2005], [Nakamura and Ghodoussi 1989]).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import nnls
+
+from ..dynamics import Dynamics
+from ..dynamics.arguments import finite
+from ..dynamics.scene import NO_CONSTRAINTS, Scene, contact_tables
+from ..engine import motion
+from ..errors import InputError, Problem, choices, shown
+from ..packing.forces import NO_LOADS
+from ..packing.system import Array, Ints
+from ..rotation import normals_of
+from .mobility import judged
+from .rows import Rows
+
+REACHED = 1e-9  # relative: what is left of the equations of motion, or of the constraints
+MET = 1e-6  # of the mechanism's size or of its speeds: a state that meets its constraints
+RANK = 1e-11  # of the largest singular value: below it an actuator has no leverage
+TOUCHING = 1e-3  # of the mechanism's size: a gap of a contact that carries
+EDGES = 8  # of the first pyramid inside a friction cone
+REFINEMENTS = 12  # of it, each by the directions in which it is used
+LIGHT = 1e-4  # of a force's cost against a torque's: it decides only where torques do not
+BALANCE = 1e4  # weight of what torques cannot balance, before it is met exactly
+
+
+def constrained_inverse_dynamics(
+    mech: Dynamics,
+    q: Array,
+    v: Array,
+    vdot: Array,
+    actuated: Sequence[str] | None,
+    weights: Array | Mapping[str, float] | None,
+    contacts: Sequence[str] | None,
+) -> Array:
+    """τ (nv,) of least weighted norm for v'; see `Mechanism.constrained_inverse_dynamics`."""
+    force = mech.inverse_dynamics(q, v, vdot)  # checks q, v, v'
+    q, v, vdot = (np.array(x, dtype=float) for x in (q, v, vdot))
+    rows = Rows.of(mech, mech.packed.active, q, v)
+    _refuse_wrong_state(rows)
+    basis = judged(rows)[0]
+    _refuse_forbidden(rows, basis, vdot)
+    free = rows.step(_complement(basis, mech.nv))  # (nv, n), orthonormal in the mass metric
+    chosen = _coordinates(mech, actuated)
+    scale = 1.0 / np.sqrt(_weights(mech, weights)[chosen])
+    leverage = free[chosen].T * scale  # (n, actuated)
+    wanted = free.T @ force
+    size = _size(rows, force, vdot)
+    points = _points(mech, q, contacts) if contacts else []
+    if points:
+        wanted = wanted - _carried(points, free, leverage, wanted, size)
+    given = np.linalg.lstsq(leverage, wanted, rcond=RANK)[0]
+    left = wanted - leverage @ given
+    if np.linalg.norm(left) > REACHED * size:
+        raise InputError(_unreached(mech, rows.root @ rows.root.T @ (free @ left), actuated))
+    tau = np.zeros(mech.nv)
+    tau[chosen] = scale * given
+    return tau
+
+
+def _complement(basis: Array, n: int) -> Array:
+    """(n, n - rank) orthonormal columns normal to the orthonormal rows of `basis`."""
+    if not len(basis):
+        return np.eye(n)
+    return np.linalg.qr(basis.T, mode="complete")[0][:, len(basis) :]
+
+
+def _size(rows: Rows, force: Array, vdot: Array) -> float:
+    """The forces at hand in the mass metric, before they cancel."""
+    inertia = rows.root @ (rows.root.T @ vdot)
+    parts = (inertia, force, force - inertia, rows.mech.bias_force(rows.q, rows.v))
+    return sum(float(np.linalg.norm(np.linalg.solve(rows.root, x))) for x in parts)
+
+
+# -- arguments -------------------------------------------------------------------------------------
+
+WHERE = "constrained_inverse_dynamics"
+
+
+def _coordinates(mech: Dynamics, actuated: Sequence[str] | None) -> Ints:
+    """Indices into v of the joints that carry torques."""
+    if actuated is None:
+        return np.arange(mech.nv)
+    if isinstance(actuated, str):
+        actuated = (actuated,)
+    spans: list[Ints] = []
+    for name in actuated:
+        if name not in mech.joints:
+            text = f"no joint that moves belongs to {shown(name)}; choose from "
+            raise InputError(Problem(WHERE, "actuated", text + choices(mech.joints)))
+        span = mech.joints[name].v
+        spans.append(np.arange(span.start, span.stop))
+    return np.unique(np.concatenate(spans)) if spans else np.zeros(0, dtype=np.int64)
+
+
+def _weights(mech: Dynamics, weights: Array | Mapping[str, float] | None) -> Array:
+    """(nv,) > 0, the cost of τ² in each coordinate; joints that a mapping leaves out cost 1."""
+    if weights is None:
+        return np.ones(mech.nv)
+    if isinstance(weights, Mapping):
+        cost = np.ones(mech.nv)
+        for name, weight in weights.items():
+            cost[_coordinates(mech, (name,))] = weight
+    else:
+        cost = finite("weights", weights, mech.nv)
+    if not (np.isfinite(cost).all() and (cost > 0).all()):
+        raise InputError(Problem(WHERE, "weights", f"must be numbers > 0; given {shown(weights)}"))
+    return cost
+
+
+# -- what cannot be reached ------------------------------------------------------------------------
+
+
+def _refuse_wrong_state(rows: Rows) -> None:
+    """Raise InputError where q or v do not meet the constraints."""
+    speed = float(np.max(np.abs(rows.J) @ np.abs(rows.v), initial=0.0))
+    for what, missed, most, unit in (
+        ("q", rows.gap, MET * rows.size, "m"),
+        ("v", rows.slip, MET * max(speed, MET), "m/s"),
+    ):
+        worst = float(np.max(np.abs(missed), initial=0.0))
+        if worst > most:
+            name = _blamed(rows, missed)
+            text = f"misses constraint '{name}' by {worst:.3g} {unit}; `assemble` it first"
+            raise InputError(Problem(WHERE, what, text))
+
+
+def _refuse_forbidden(rows: Rows, basis: Array, vdot: Array) -> None:
+    """Raise InputError where the constraints do not allow v'."""
+    if not len(basis):
+        return
+    allowed, _ = rows.mech.constrained_dynamics(rows.q, rows.v)
+    mine, theirs = rows.root.T @ vdot, rows.root.T @ allowed
+    missed = float(np.linalg.norm(basis @ (mine - theirs)))
+    if missed > REACHED * float(np.linalg.norm(mine) + np.linalg.norm(theirs)):
+        off = rows.J @ (vdot - allowed)
+        text = (
+            f"cannot be reached: constraint '{_blamed(rows, off)}' forbids it, by "
+            f"{np.abs(off).max():.3g} m/s^2; take v' from `constrained_dynamics`, or a motion "
+            "that meets the constraints"
+        )
+        raise InputError(Problem(WHERE, "vdot", text))
+
+
+def _blamed(rows: Rows, missed: Array) -> str:
+    worst = max(rows.groups, key=lambda g: float(np.abs(missed[g.rows]).max()))
+    return worst.constraint.name
+
+
+def _unreached(mech: Dynamics, left: Array, actuated: Sequence[str] | None) -> Problem:
+    """Which joints would have to carry what no actuator gives."""
+    missing = {name: float(np.abs(left[j.v]).max()) for name, j in mech.joints.items()}
+    most = max(missing.values())
+    named = [name for name, x in sorted(missing.items(), key=lambda m: -m[1]) if x > 0.1 * most]
+    by = "every joint" if actuated is None else choices(actuated) or "no joint"
+    text = f"the motion cannot be reached with torques of {by}: forces of up to {most:.3g} (N m or"
+    text = f"{text} N) are missing, in the joints of {choices(named, 6)}; name more joints"
+    return Problem(WHERE, "actuated", text)
+
+
+# -- contacts that carry ---------------------------------------------------------------------------
+
+
+class CarryingPoint(NamedTuple):
+    """Where a contact pushes: a force is `axes.T @ (normal, tangential, tangential)`."""
+
+    jacobian: Array  # (3, nv) of the body's point against the other's, world axes
+    axes: Array  # (3, 3) normal and two tangents, as rows
+    friction: float
+
+
+def _points(mech: Dynamics, q: Array, names: Sequence[str]) -> list[CarryingPoint]:
+    """The points at which these contacts touch. Raises InputError for one that does not."""
+    from ..engine.contact import contacts as kernels  # compiled only where something touches
+
+    names = (names,) if isinstance(names, str) else tuple(names)
+    known = [c.name for c in mech.model.contacts]
+    for name in names:
+        if name not in known:
+            do = f"choose from {choices(known)}" if known else "the model has no contact"
+            raise InputError(Problem(WHERE, "contacts", f"no contact is named {shown(name)}; {do}"))
+    chosen = tuple(c for c in mech.model.contacts if c.name in names)
+    tables = contact_tables(mech.packed, chosen)
+    assert tables is not None
+    scene = Scene(mech.packed, mech.packed.passive, NO_LOADS, NO_CONSTRAINTS, contacts=tables)
+    none = np.zeros(0)
+    motion.residuals(scene.address, 0.0, q, np.zeros(mech.nv), none, none)  # places the bodies
+    place, turn = mech.poses(q)
+    reach = TOUCHING * float(np.max(np.abs(place - place[:1]), initial=1e-3))
+    assert scene.touching is not None
+    count = kernels.find(scene.address, reach)
+    shapes, found = scene.touching.shapes, scene.touching.found[:count]
+    points: list[CarryingPoint] = []
+    carrying: set[str] = set()
+
+    def jacobian(shape: int, x: Array) -> Array:
+        if shape < 0:
+            return np.zeros((3, mech.nv))
+        number = int(mech.packed.system.body_of_row[int(shapes[shape]["row"])])
+        at = turn[number - 1].T @ (x - place[number - 1])
+        return mech.jacobian(q, mech.names[number - 1], at)[3:]
+
+    for one in found:
+        if one["gap"] > reach:
+            continue
+        contact = tables.touches[int(one["pair"])].contact
+        carrying.add(contact.name)
+        normal = np.array(one["normal"])
+        mine = jacobian(int(one["shape_a"]), one["point_a"])
+        other = jacobian(int(one["shape_b"]), one["point_b"])
+        own = mech.model.ground.friction if contact.friction is None else contact.friction
+        points.append(CarryingPoint(mine - other, np.stack((normal, *normals_of(normal))), own))
+    for name in names:
+        if name not in carrying:
+            text = f"contact '{name}' does not touch at q, so it carries nothing; leave it out, or"
+            raise InputError(Problem(WHERE, "contacts", f"{text} put the body down"))
+    return points
+
+
+def _carried(
+    points: list[CarryingPoint], free: Array, leverage: Array, wanted: Array, size: float
+) -> Array:
+    """(n,) what contact forces within their cones do, where the torques beside them are least.
+
+    Cones by pyramids inside them, refined in the directions that are used: each is a non-negative
+    least-squares problem, and the torques fall from one to the next.
+    """
+    left, sizes, right = np.linalg.svd(leverage, full_matrices=True)
+    rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
+    by_torque, beyond = left[:, :rank].T / sizes[:rank, None], left[:, rank:].T
+    angles = [np.linspace(0, 2 * np.pi, EDGES, endpoint=False) for _ in points]
+    effect = np.zeros(len(wanted))
+    for _ in range(REFINEMENTS):
+        edges = [_edges(p, a) for p, a in zip(points, angles)]
+        acts = [free.T @ p.jacobian.T @ e for p, e in zip(points, edges)]
+        pushes, each = np.hstack(acts), np.hstack(edges)
+        torques = by_torque @ pushes
+        light = LIGHT * float(np.max(np.abs(torques), initial=0.0)) or 1.0
+        cost = np.vstack((torques, light * _apart(edges)))
+        aim = np.concatenate((by_torque @ wanted, np.zeros(len(cost) - len(by_torque))))
+        weight = BALANCE * float(np.abs(cost).max())
+        share, _ = nnls(
+            np.vstack((cost, weight * beyond @ pushes)),
+            np.concatenate((aim, weight * beyond @ wanted)),
+            maxiter=100 * each.shape[1],
+        )
+        used = np.flatnonzero(share > 0)
+        share = _balanced(beyond @ pushes[:, used], beyond @ wanted, share[used])
+        before, effect = effect, pushes[:, used] @ share
+        first = 0
+        for k, (point, e) in enumerate(zip(points, edges)):
+            mine = (used >= first) & (used < first + e.shape[1])
+            force = point.axes @ (e[:, used[mine] - first] @ share[mine])
+            first += e.shape[1]
+            if np.hypot(*force[1:]) > 0:
+                angles[k] = np.append(angles[k], np.arctan2(force[2], force[1]))
+        if np.linalg.norm(effect - before) <= 1e-10 * size:
+            break
+    return effect
+
+
+def _edges(point: CarryingPoint, angles: Array) -> Array:
+    """(3, k) forces along the edges of a pyramid in a friction cone, normal part 1; the normal."""
+    mu = point.friction
+    own = np.stack((np.ones_like(angles), mu * np.cos(angles), mu * np.sin(angles)))
+    return point.axes.T @ np.hstack((np.array([[1.0], [0.0], [0.0]]), own))
+
+
+def _apart(edges: list[Array]) -> Array:
+    """The forces of all points one below the other."""
+    width = sum(e.shape[1] for e in edges)
+    out, column = np.zeros((3 * len(edges), width)), 0
+    for k, e in enumerate(edges):
+        out[3 * k : 3 * k + 3, column : column + e.shape[1]] = e
+        column += e.shape[1]
+    return out
+
+
+def _balanced(balance: Array, owed: Array, share: Array) -> Array:
+    """The shares that meet the balance exactly, nearest to least cost; all stay >= 0."""
+    for _ in range(3):
+        share = share + np.linalg.lstsq(balance, owed - balance @ share, rcond=RANK)[0]
+    return np.maximum(share, 0.0) if len(share) else share
