@@ -227,6 +227,19 @@ CONTACTS: list[tuple[dict[str, Any], list[str]]] = [
         [("restitution: must be a number from 0 to 1; left out: that of the ground; given 1.5")],
     ),
     (
+        {"body": "puck", "friction": 0.5, "static_friction": 0.4},
+        ["static_friction: must be at least the kinetic friction 0.5; given 0.4"],
+    ),
+    (
+        {"body": "puck", "rolling_friction": -1e-3},
+        [
+            (
+                "rolling_friction: must be a length >= 0 [m]: torque against rolling over normal "
+                "force; left out: the ground's; given -0.001"
+            )
+        ],
+    ),
+    (
         {"body": "puck", "stiffness": 10},
         ["stiffness: means nothing to a rigid contact; use law 'soft' or 'penalty'"],
     ),
@@ -351,7 +364,24 @@ MODELS: list[tuple[dict[str, Any], list[str]]] = [
         [
             (
                 "model, ground: has no field 'tilt'; choose from slope, uphill, friction, "
-                "restitution, steps"
+                "static_friction, rolling_friction, spinning_friction, restitution, steps"
+            )
+        ],
+    ),
+    (
+        {"ground": {"friction": 0.6, "static_friction": 0.5}},
+        [("model, ground: static_friction must be at least the kinetic friction 0.6; given 0.5")],
+    ),
+    (
+        {
+            "ground": {"friction": 0.6},
+            "bodies": [{"name": "b", "shape": {"kind": "sphere", "radius": 1}}],
+            "contacts": [{"name": "c", "body": "b", "static_friction": 0.5}],
+        },
+        [
+            (
+                "contact 'c', static_friction: must be at least the kinetic friction 0.6; "
+                "given 0.5, and the friction is the ground's; give friction as well"
             )
         ],
     ),

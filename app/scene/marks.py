@@ -199,7 +199,7 @@ def _place(wrench: np.ndarray, origin: np.ndarray, normal: np.ndarray | None) ->
 
 
 def _friction(model: pg.Model, contact: pg.Contact) -> float:
-    return model.ground.friction if contact.friction is None else contact.friction
+    return contact.frictions(model.ground).kinetic
 
 
 def scale(state: State) -> float:

@@ -40,6 +40,13 @@ def _ground(state: State, display: Display) -> Payload:
     fields = [
         field("friction", "Friction", [cell((), ground.friction)],
               help="Coulomb's coefficient of contacts that give none"),
+        field("static_friction", "Static friction",
+              [cell((), ground.least_to_slide, implied=ground.static_friction is None)],
+              help="of what does not slide yet; empty: as friction"),
+        *(field(f"{way}_friction", f"{way.capitalize()} friction",
+                [cell((), shown(getattr(ground, f"{way}_friction"), "length", display))],
+                unit=display.length, help=f"torque against {way} over normal force")
+          for way in ("rolling", "spinning")),
         field("restitution", "Restitution", [cell((), ground.restitution)],
               help="0 to 1, of contacts that give none"),
         field("slope", "Slope", [cell((), display.shown(ground.slope, "angle"))],

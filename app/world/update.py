@@ -16,7 +16,8 @@ from ..core.events import FromPage, Index, Text, on
 from ..core.state import State, display_of
 
 WorldField = Literal[
-    "name", "up", "gravity", "friction", "restitution", "slope", "uphill", "steps",
+    "name", "up", "gravity", "friction", "static_friction", "rolling_friction",
+    "spinning_friction", "restitution", "slope", "uphill", "steps",
 ]  # fmt: skip
 
 
@@ -64,6 +65,10 @@ def _world(
             return _grounded(model, uphill=new)
         case "slope":
             return _grounded(model, slope=cells.quantity(text, "angle", display))
+        case "static_friction":
+            return _grounded(model, static_friction=cells.number(text) if text.strip() else None)
+        case "rolling_friction" | "spinning_friction":
+            return _grounded(model, **{field: cells.quantity(text, "length", display)})
         case "steps":
             return _grounded(model, steps=_steps(model.ground, index, text, display))
     return _grounded(model, **{field: cells.number(text)})

@@ -63,7 +63,7 @@ def _points(model: Model, pair: ContactPair) -> Iterator[ContactPoint]:
         raise _refused(contact, "other", "events are located between a body and the ground")
     if ground.steps:
         raise _refused(contact, "other", "events are located on a ground without steps")
-    friction = ground.friction if contact.friction is None else contact.friction
+    friction = contact.frictions(ground).kinetic
     bounce = ground.restitution if contact.restitution is None else contact.restitution
     places = _places(model.body(pair.body), contact)
     for k, (point, radius) in enumerate(places):

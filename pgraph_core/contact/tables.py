@@ -230,7 +230,10 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
     Without a stiffness, the weight of the lightest tree that touches presses it in by 1e-4 of the
     bodies' size; a damping gives the restitution, of a soft contact at 1 m/s.
     """
-    friction = model.ground.friction if c.friction is None else c.friction
+    friction = c.frictions(model.ground)
+    if friction.static != friction.kinetic or friction.rolling or friction.spinning:
+        text = "static, rolling and spinning friction act in no law yet"
+        raise ModelError(Problem(f"contact '{c.name}'", "law", text))
     restitution = model.ground.restitution if c.restitution is None else c.restitution
     mass, weight = _lightest(c, model, topology, packed)
     depth = SINKS * radius_of_gyration(packed)
@@ -242,7 +245,7 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
         damping = 1.5 * (1 - restitution) / SPEED
     else:
         damping = 2 * damping_ratio(restitution) * np.sqrt(stiffness * mass)
-    return float(LAWS[c.law]), friction, restitution, stiffness, damping
+    return float(LAWS[c.law]), friction.kinetic, restitution, stiffness, damping
 
 
 def contact_rate(c: Contact, model: Model, topology: Topology, packed: System) -> float:

@@ -14,7 +14,7 @@ from .contact import Contact
 from .fields import EVERY, GROUND, Described, name_problem, part_problems
 from .force import Force, OnJoint, Servo
 from .scenario import Scenario, Switch
-from .world import World
+from .world import Ground, World, below_kinetic
 
 Bodies = Mapping[str, Body | None]  # by name; None for one that is not valid itself
 
@@ -304,7 +304,18 @@ def reference_problems(
     ]
 
 
-def model_problems(parts: Mapping[str, Sequence[Any]]) -> list[Problem]:
+def friction_problems(contacts: Sequence[Contact], ground: Ground) -> list[Problem]:
+    """Contacts whose static friction is below the kinetic friction that the ground gives them."""
+    found = []
+    for c in contacts:
+        if c.friction is None and c.static_friction is not None:
+            bad = below_kinetic("static_friction", c.static_friction, ground.friction)
+            text = "and the friction is the ground's; give friction as well"
+            found += [Problem(f"contact '{c.name}'", at, f"{why}, {text}") for at, why in bad]
+    return found
+
+
+def model_problems(parts: Mapping[str, Sequence[Any]], ground: Ground) -> list[Problem]:
     """What is wrong between the parts of a model, each valid by itself."""
     bodies = parts["bodies"]
     others = {key: parts[key] for key in ("constraints", "contacts", "forces", "scenarios")}
@@ -312,6 +323,7 @@ def model_problems(parts: Mapping[str, Sequence[Any]]) -> list[Problem]:
     return [
         *tree_problems([b.name for b in bodies], [b.parent for b in bodies]),
         *reference_problems({b.name: b for b in bodies}, **others, names=names),
+        *friction_problems(parts["contacts"], ground),
     ]
 
 

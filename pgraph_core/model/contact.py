@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Literal, NamedTuple, Self
 
 from pydantic import model_validator
 
 from .fields import EVERY, GROUND, Described, Number, Vec3s, field, refuse, vectors
+from .world import Ground, below_kinetic
+
+
+class Frictions(NamedTuple):
+    """Of one contact."""
+
+    kinetic: float
+    static: float
+    rolling: float  # [m]
+    spinning: float  # [m]
 
 
 class Contact(Described):
@@ -15,7 +25,8 @@ class Contact(Described):
 
     soft: Hunt and Crossley's k d^1.5 (1 + c d') at a depth d with regularised friction; penalty:
     k d + c d' with Coulomb friction that sticks by a spring; complementarity: no depth, impulses
-    in the friction cone, Newton's restitution.
+    in the friction cone, Newton's restitution. Where it rolls or spins, a torque of at most
+    rolling_friction or spinning_friction times the normal force resists.
     """
 
     ABOUT: ClassVar[Mapping[str, str]] = {  # one line a law, for who chooses
@@ -38,6 +49,20 @@ class Contact(Described):
         "Coulomb's coefficient >= 0; left out: that of the ground",
         default=None, ge=0, help="Coulomb's coefficient; empty: that of the ground",
     )  # fmt: skip
+    static_friction: Number | None = field(
+        "a coefficient >= friction, of what does not slide; left out: friction, or the ground's",
+        default=None, ge=0, help="of what does not slide yet; empty: as friction",
+    )  # fmt: skip
+    rolling_friction: Number | None = field(
+        "a length >= 0 [m]: torque against rolling over normal force; left out: the ground's",
+        default=None, ge=0, unit="length",
+        help="torque against rolling over normal force; empty: that of the ground",
+    )  # fmt: skip
+    spinning_friction: Number | None = field(
+        "a length >= 0 [m]: torque about the normal over normal force; left out: the ground's",
+        default=None, ge=0, unit="length",
+        help="torque about the normal over normal force; empty: that of the ground",
+    )  # fmt: skip
     restitution: Number | None = field(
         "a number from 0 to 1; left out: that of the ground",
         default=None, ge=0, le=1, help="0 to 1; empty: that of the ground",
@@ -56,6 +81,20 @@ class Contact(Described):
         help="that touch, in the axes of the body; none: its shape",
     )  # fmt: skip
     active: bool = field("true or false", default=True)
+
+    def frictions(self, ground: Ground) -> Frictions:
+        """The four coefficients, with what is left out from the ground."""
+        kinetic = ground.friction if self.friction is None else self.friction
+        static = self.static_friction
+        if static is None:
+            static = ground.least_to_slide if self.friction is None else kinetic
+        rolling, spinning = self.rolling_friction, self.spinning_friction
+        return Frictions(
+            kinetic,
+            static,
+            ground.rolling_friction if rolling is None else rolling,
+            ground.spinning_friction if spinning is None else spinning,
+        )
 
     @property
     def pair(self) -> tuple[str, str]:
@@ -79,6 +118,8 @@ class Contact(Described):
         if self.law == "soft" and self.damping is not None and self.restitution is not None:
             text = "damping says how much of the velocity comes back; give one of the two"
             found.append(("restitution", text))
+        if self.friction is not None and self.static_friction is not None:
+            found += below_kinetic("static_friction", self.static_friction, self.friction)
         if self.body == EVERY and self.points:
             found.append(("points", "belong to one body; name it instead of '*'"))
         refuse(found)

@@ -42,7 +42,13 @@ def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
         scenario["forces"] = [_in_order(force, ORDER_OF_FORCES) for force in scenario["forces"]]
         if not scenario["switches"]:
             del scenario["switches"]
-    if data["ground"] == Ground().model_dump(mode="json", exclude_none=True):
+    for name in ("rolling_friction", "spinning_friction"):
+        if data["ground"][name] == 0:
+            del data["ground"][name]
+    if any(part.keys() & FRICTIONS for part in (data["ground"], *data["contacts"])):
+        data["schema_version"] = 2
+    plain = Ground().model_dump(mode="json", exclude_none=True, exclude=FRICTIONS)
+    if data["ground"] == plain:
         del data["ground"]
     for key in ("contacts", "parameters"):
         if not data[key]:
@@ -86,6 +92,7 @@ def _concise(body: dict[str, Any]) -> dict[str, Any]:
 
 
 NEW_IN_2 = {"shapes", "density", "derived"}  # fields of a body that schema 1 does not have
+FRICTIONS = {"static_friction", "rolling_friction", "spinning_friction"}  # nor of these a contact
 
 
 def _plain(shapes: Sequence[Mapping[str, Any]]) -> bool:

@@ -107,7 +107,7 @@ class Model(World):
                 super(World, self).__init__(**data)
             except (ValidationError, ModelError):
                 raise ModelError(problems(data, type(self).model_fields)) from None
-            if found := model_problems(self._parts()):
+            if found := model_problems(self._parts(), self.ground):
                 raise ModelError(found)
 
     def __repr__(self) -> str:
@@ -509,7 +509,7 @@ class Model(World):
     def _with(self, notices: Iterable[str], **fields: Any) -> Self:
         """A copy with validated parts replaced: only what ties the parts together is checked."""
         model = self._made(notices, **fields)
-        if found := model_problems(model._parts()):
+        if found := model_problems(model._parts(), model.ground):
             raise ModelError(found)
         return model
 

@@ -61,12 +61,44 @@ class Ground(Frozen):
     friction: Annotated[Number, Field(ge=0)] = Field(
         default=0.5, description="Coulomb's coefficient >= 0 of contacts that give none"
     )
+    static_friction: Annotated[Number, Field(ge=0)] | None = Field(
+        default=None,
+        description="a coefficient >= friction, of what does not slide; left out: friction",
+    )
+    rolling_friction: Annotated[Number, Field(ge=0)] = Field(
+        default=0.0,
+        description="a length >= 0 [m]: torque against rolling over normal force",
+    )
+    spinning_friction: Annotated[Number, Field(ge=0)] = Field(
+        default=0.0,
+        description="a length >= 0 [m]: torque about the normal over normal force",
+    )
     restitution: Annotated[Number, Field(ge=0, le=1)] = Field(
         default=0.0, description="a number from 0 to 1, of contacts that give none"
     )
     steps: tuple[Step, ...] = field(
         "a list of {'low': [a, b], 'high': [a, b], 'height': h}", converter=_steps_in, default=()
     )
+
+    @property
+    def least_to_slide(self) -> float:
+        """The static coefficient, which is the kinetic one where none is given."""
+        return self.friction if self.static_friction is None else self.static_friction
+
+    @model_validator(mode="after")
+    def _holds_before_it_slides(self) -> Self:
+        refuse(below_kinetic("ground", self.least_to_slide, self.friction, "static_friction "))
+        return self
+
+
+def below_kinetic(
+    name: str, static: float, kinetic: float, what: str = ""
+) -> list[tuple[str, str]]:
+    """Why static friction is refused: it is less than kinetic friction."""
+    if static >= kinetic:
+        return []
+    text = f"{what}must be at least the kinetic friction {shown(kinetic)}; given {shown(static)}"
+    return [(name, text)]
 
 
 def _gravity_in(value: npt.ArrayLike | None) -> Vec3:

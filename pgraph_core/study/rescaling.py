@@ -88,7 +88,7 @@ def _body(body: Body, s: Scale) -> Body:
     found["limits"] = tuple(_times(pair, f) for pair, f in zip(body.limits, sizes))
     shapes = []
     for shape in body.shapes:
-        named = ("size", "radius", "length", "scale", "position")
+        named = ("size", "radius", "radii", "length", "heights", "scale", "position")
         sizes = {x: _times(getattr(shape, x), s.length) for x in named}
         shapes.append(shape.model_copy(update=sizes))
     found |= {"shape": shapes[0] if shapes else None, "shapes": tuple(shapes)}
@@ -115,6 +115,8 @@ def _contact(c: Contact, s: Scale) -> Contact:
     return c.model_copy(
         update={
             "points": _times(c.points, s.length),
+            "rolling_friction": _times(c.rolling_friction, s.length),
+            "spinning_friction": _times(c.spinning_friction, s.length),
             "stiffness": _times(c.stiffness, stiffness),
             "damping": _times(c.damping, damping),
         }
@@ -160,4 +162,7 @@ def _ground(ground: Ground, s: Scale) -> Ground:
         )
         for step in ground.steps
     )
-    return ground.model_copy(update={"steps": steps})
+    update: dict[str, Any] = {"steps": steps}
+    for name in ("rolling_friction", "spinning_friction"):
+        update[name] = _times(getattr(ground, name), s.length)
+    return ground.model_copy(update=update)

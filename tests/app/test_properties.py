@@ -355,6 +355,8 @@ def test_errands_are_answered_beside_the_store(state):
         ("up", (), "y", lambda m: m.up == "y" and m.gravity == (0, -9.81, 0)),
         ("friction", (), "0.8", lambda m: m.ground.friction == 0.8),
         ("restitution", (), "0.1", lambda m: m.ground.restitution == 0.1),
+        ("static_friction", (), "0.9", lambda m: m.ground.static_friction == 0.9),
+        ("rolling_friction", (), "0.01", lambda m: m.ground.rolling_friction == 0.01),
         ("slope", (), "10 deg", lambda m: m.ground.slope == pytest.approx(math.pi / 18)),
         ("uphill", (1,), "1", lambda m: m.ground.uphill == (1.0, 1.0, 0.0)),
         ("steps", (), "", lambda m: len(m.ground.steps) == 1),
