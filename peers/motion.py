@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pgraph_core import Constraint, Force, Mechanism, Model, Table
+from pgraph_core import Constraint, Force, Mechanism, Model, Motor, Point, Servo, Table
 from pgraph_core.rotation import matrix
 
 from .rows import PLAIN, Array, Row, rows_of, sizes
@@ -134,13 +134,16 @@ def _refuse(mech: Mechanism, given: Any, tau: Any, t: Array) -> None:
 
 
 def _actuator(mech: Mechanism, force: Force) -> Actuator:
-    if force.kind not in ("motor", "servo") or force.torque_limit is not None:
-        limited = " with a torque limit" if force.torque_limit is not None else ""
-        raise Refused(f"it has force '{force.name}', a {force.kind}{limited}")
-    target, torque = _knots(force.target), _knots(force.torque)
+    if not isinstance(force, (Motor, Servo)):
+        raise Refused(f"it has force '{force.name}', a {force.kind}")
+    if force.torque_limit is not None:
+        raise Refused(f"it has force '{force.name}', a {force.kind} with a torque limit")
+    servo = isinstance(force, Servo)
+    kp, kd = (force.kp, force.kd) if servo else (0.0, 0.0)
+    target, torque = _knots(force.target if servo else 0.0), _knots(force.torque)
     t = np.union1d(target[0], torque[0])
-    u = force.kp * np.interp(t, *target) + np.interp(t, *torque)
-    return Actuator(*_coordinate(mech, force.body, force.coordinate), force.kp, force.kd, t, u)
+    u = kp * np.interp(t, *target) + np.interp(t, *torque)
+    return Actuator(*_coordinate(mech, force.body, force.coordinate), kp, kd, t, u)
 
 
 def _knots(curve: Any) -> tuple[Array, Array]:
@@ -187,7 +190,7 @@ def _first_row(mech: Mechanism, name: str) -> int:
 
 
 def _pin(mech: Mechanism, c: Constraint) -> Pin:
-    if c.kind != "point" or c.other != "ground":
+    if not isinstance(c, Point) or c.other != "ground":
         raise Refused(f"it has constraint '{c.name}' of kind {c.kind}")
     body = mech.model.body(c.body)
     point = np.array(body.tip_point if c.point is None else c.point)

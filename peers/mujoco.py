@@ -228,7 +228,7 @@ def stance(
     if rk4:
         spec.option.tolerance, spec.option.iterations = 0.0, 20
     for c in state.model.constraints:
-        point = c.point or state.model.body(c.body).tip_point
+        point = state.model.point_of(c)
         spec.add_equality(
             type=mujoco.mjtEq.mjEQ_CONNECT,
             objtype=mujoco.mjtObj.mjOBJ_BODY,

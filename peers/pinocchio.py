@@ -180,7 +180,7 @@ def constrained(
     model, *_ = build(state.model, rows_of(state.model, state.topology))
     data = model.createData()
     points = [
-        (model.getJointId(c.body), pin.SE3(np.eye(3), np.array(c.point)), None)
+        (model.getJointId(c.body), pin.SE3(np.eye(3), np.array(state.model.point_of(c))), None)
         for c in state.model.constraints
     ]
     made, found = pinned(model, data, points)

@@ -10,16 +10,12 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from .model import Body, Constraint, Contact, Force, Model
+from .model import Body, Constraint, Contact, Force, Model, Servo
+from .model.force import Between, OnJoint
 from .model.scenario import AUTO
 
 IMPLICIT = ("ros2", "radau5")  # methods with a Jacobian
 STEPPED_OVER = "moreau_jean"  # the method that needs no times of impacts
-ROWS = {
-    "point": 3, "weld": 6, "revolute": 5, "prismatic": 5, "cylindrical": 4, "universal": 4,
-    "distance": 1, "line": 2, "plane": 1, "orientation": 3, "gear": 1, "motion": 1,
-    "rolling": 3, "skate": 1, "velocity": 1,
-}  # fmt: skip
 KEPT_A_BODY = 7 + 6 + 6 + 6  # pose, velocity, acceleration, joint force: made when asked for
 
 
@@ -143,7 +139,7 @@ class Scene(NamedTuple):
         """Whether something could make rates that a step does not resolve."""
         fields = ("stiffness", "damping", "friction")
         joints = any(any(getattr(b, f)) for b in self.bodies for f in fields)
-        between = any(f.kind in ("spring", "torsion", "servo") for f in self.forces)
+        between = any(isinstance(f, (Between, Servo)) for f in self.forces)
         return joints or between or any(c.law != "complementarity" for c in self.contacts)
 
 
@@ -173,7 +169,7 @@ def _tree(s: Scene) -> Iterator[Part]:
 
 
 def _loops(s: Scene) -> Iterator[Part]:
-    rows = sum(ROWS[c.kind] for c in s.constraints)
+    rows = sum(c.ROWS for c in s.constraints)
     if s.constraints:
         text = f"{_counted(len(s.constraints), 'constraint')} of {_counted(rows, 'row')}: their "
         text += f"Delassus matrix at each evaluation, a projection a step ({_named(s.constraints)})"
@@ -182,13 +178,13 @@ def _loops(s: Scene) -> Iterator[Part]:
         text = "no active constraint: no Delassus matrix, no projection"
         yield Part("constraints", False, text)
     if s.idle:
-        count = sum(ROWS[c.kind] for c in s.idle)
+        count = sum(c.ROWS for c in s.idle)
         text = f"inactive: {_named(s.idle)}: their rows are not looked at"
         yield Part("inactive constraints", False, text, count, "rows an evaluation")
 
 
 def _forces(s: Scene) -> Iterator[Part]:
-    drives = [f for f in s.forces if f.kind in ("motor", "servo")]
+    drives = [f for f in s.forces if isinstance(f, OnJoint)]
     sprung = sum(any(map(any, (b.stiffness, b.damping, b.friction))) for b in s.bodies)
     if drives or sprung:
         own = [f"springs, dampers or friction of {_counted(sprung, 'joint')}"] * bool(sprung)

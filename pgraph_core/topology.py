@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from .equality import EqualByFields
 from .errors import InputError, Problem, choices, shown
 from .model import Model
-from .model.constraint import IN_JOINTS
+from .model.constraint import InJoints
 from .model.fields import GROUND
 from .portable import Portable
 
@@ -112,9 +112,9 @@ class Loop(NamedTuple):
 def loops_of(model: Model, topology: Topology) -> tuple[Loop, ...]:
     """The constraints between places of bodies: no edges of the tree, but of the digraph."""
     return tuple(
-        Loop(c.name, c.kind, topology.number(c.body), topology.number(c.other))
+        Loop(c.name, c.kind, *map(topology.number, c.pair))
         for c in model.constraints
-        if c.kind not in IN_JOINTS
+        if not isinstance(c, InJoints)
     )
 
 

@@ -114,7 +114,6 @@ def test_files_of_schema_1_name_fields_of_other_kinds_that_say_nothing():
     }
     model = pg.Model.from_json(json.dumps({"$schema": "pgraph-model", "schema_version": 1, **text}))
     assert [type(x) for x in (*model.constraints, *model.forces)] == [pg.Motion, pg.Motor]
-    assert model.forces[0].kp == 0.0  # as a reader of several kinds reads it
     assert '"other": "ground"' in model.to_json().split('"constraints"')[1]
 
 
@@ -125,6 +124,22 @@ def test_files_of_schema_1_are_saved_as_they_were(name):
     assert pg.Model.from_json(model.to_json()) == model
     if model.to_json() != path.read_text("utf-8"):  # only by what the file writes in full
         assert json.loads(path.read_text("utf-8"))["schema_version"] == 1
+
+
+@pytest.mark.parametrize(
+    ("part", "field", "facts"),
+    [
+        (pg.Spring(name="s", body="a"), "kp", ["Spring", "'kp'", "stiffness"]),
+        (pg.Motor(name="m", body="a"), "other", ["Motor", "'other'", "torque_limit"]),
+        (pg.Gear(name="g", body="a", other="b"), "point", ["Gear", "'point'", "ratio"]),
+    ],
+)
+def test_a_part_has_the_fields_of_its_own_kind_only(part, field, facts):
+    assert not hasattr(part, field)
+    with pytest.raises(AttributeError) as refused:
+        getattr(part, field)
+    assert all(fact in str(refused.value) for fact in facts)
+    assert not hasattr(part, "no_such_field")
 
 
 # -- add, edit, remove -----------------------------------------------------------------------------

@@ -62,7 +62,7 @@ def test_a_new_name_is_followed_everywhere(model):
     renamed = model.edit("c", name="paw")
     assert renamed.constraints[0].other == "paw"
     assert renamed.constraints[1].coefficients == {"b": (1, 0), "paw": (2,)}
-    assert [f.other for f in renamed.forces] == ["paw", "ground"]
+    assert [f.pair[1] for f in renamed.forces] == ["paw", "ground"]
     assert renamed.scenarios[0].forces[0].other == "paw"
     assert renamed.edit("a", name="x").contacts[1].body == "x"
     assert '"c"' not in renamed.to_json()

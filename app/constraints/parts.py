@@ -128,26 +128,25 @@ def places(names: Sequence[str], positions: np.ndarray, wxyz: np.ndarray) -> Pla
 
 def implied(model: pg.Model, item: Item, field: str, at: Places) -> Any:
     """What a field that is left out comes to; None where there is nothing to show."""
-    constraint = isinstance(item, pg.Constraint)
-    match field:
-        case "point" if constraint:
+    match item, field:
+        case pg.Constraint(), "point":
             return model.point_of(item)
-        case "point":
-            return model.body(item.body).tip_point if item.kind == "spring" else (0.0, 0.0, 0.0)
-        case "other_point" if not constraint or item.kind == "rolling":
+        case pg.Spring(), "point":
+            return model.body(item.body).tip_point
+        case (pg.Wrench(), "point") | (pg.Spring() | pg.Rolling(), "other_point"):
             return (0.0, 0.0, 0.0)
-        case "other_point":
+        case (pg.Constraint(), "other_point"):
             p, R = at[item.body]
-            place, turn = at[item.other]
+            place, turn = at[item.pair[1]]
             found = turn.T @ (p + R @ np.asarray(model.point_of(item)) - place)
             return tuple(float(x) + 0.0 for x in found)
-        case "length" | "rest" if getattr(item, "kind", "") in ("distance", "spring"):
+        case (pg.Distance(), "length") | (pg.Spring(), "rest"):
             (p, R), (o, turn) = at[item.body], at[item.other]
             point = item.point or implied(model, item, "point", at)
             other = item.other_point or (0.0, 0.0, 0.0)
             here, there = p + R @ np.asarray(point), o + turn @ np.asarray(other)
             return float(np.linalg.norm(here - there))
-        case "axis" if getattr(item, "kind", "") == "torsion":
+        case pg.Torsion(), "axis":
             return (0.0, 0.0, 1.0)
     return None
 

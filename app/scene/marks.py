@@ -52,7 +52,7 @@ def showable(state: State) -> tuple[tuple[str, str], ...]:
         (
             "points",
             f"{'contact' if touching else 'constraint'} points",
-            touching or any(c.point for c in model.constraints),
+            touching or any(getattr(c, "point", None) for c in model.constraints),
         ),
         ("forces", "forces", held),
         ("cones", "friction cones", touching and any(_friction(model, c) for c in model.contacts)),
@@ -110,10 +110,9 @@ def points(state: State) -> Local:
         if contact.body in number:
             found[number[contact.body]] += contact.points
     for c in model.constraints:
-        if c.point is not None:
-            found[number[c.body]].append(c.point)
-        if c.other_point is not None:
-            found[number.get(c.other, 0)].append(c.other_point)
+        for name, field in zip(c.pair, ("point", "other_point")):
+            if (point := getattr(c, field, None)) is not None:
+                found[number.get(name, 0)].append(point)
     return {k: np.array(at) for k, at in found.items() if at}
 
 

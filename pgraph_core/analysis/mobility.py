@@ -230,7 +230,7 @@ def _named(state: Rows, found: Found, around: Found) -> tuple[Redundant, ...]:
 
 def _others(group: Group) -> tuple[str, ...]:
     c = group.constraint
-    named = (c.other, *(c.coefficients or ())) if group.nature != COORDINATE else c.touches
+    named = c.touches if group.nature == COORDINATE else c.pair
     return tuple(name for name in dict.fromkeys(named) if name != c.body)
 
 
@@ -240,7 +240,7 @@ def _directions(state: Rows, group: Group, null: Array) -> list[str]:
         return ["coordinate"] * len(null)
     spanned = _upright(null @ group.directions)
     about = "about" if group.nature == "rotation" else "along"
-    other = state.mech.topology.number(group.constraint.other)
+    other = state.mech.topology.number(group.constraint.pair[1])
     named = [f"{group.nature} {about} {axis_name(d, state, other)}" for d in spanned]
     return named[: len(null)] + [group.nature] * (len(null) - len(named))
 

@@ -17,6 +17,7 @@ from ..engine import motion
 from ..engine.stepping import run
 from ..engine.tree import dynamics
 from ..model import Constraint
+from ..model.constraint import AtPoints
 from ..packing.constraints import radius_of_gyration
 from ..packing.forces import NO_LOADS
 from ..packing.system import Array, Ints
@@ -116,7 +117,8 @@ class Rows:
     @cached_property
     def size(self) -> float:
         """Of the mechanism [m]: what rounding of positions is relative to."""
-        points = [p for c in self.constraints for p in (c.point, c.other_point) if p is not None]
+        tied = [c for c in self.constraints if isinstance(c, AtPoints)]
+        points = [p for c in tied for p in (c.point, c.other_point) if p is not None]
         farthest = [np.abs(x).max() for x in [self.poses[0], *map(np.array, points)] if x.size]
         return float(max(farthest, default=0.0)) or 1.0
 

@@ -16,7 +16,7 @@ from ..joints import Motion
 from ..model import Body, Model
 from ..model.editing import edited
 from ..model.fields import GROUND
-from ..model.force import BETWEEN
+from ..model.force import Between
 from ..model.world import DOWN
 from ..portable import Portable
 from .checks import (
@@ -182,7 +182,7 @@ class Columns(Portable):
 
     @cached_property
     def _between(self) -> int:
-        return sum([f.kind in BETWEEN for f in self._model.forces]) if self._model else 0
+        return sum(isinstance(f, Between) for f in self._model.forces) if self._model else 0
 
     @cached_property
     def _names(self) -> tuple[str, ...]:

@@ -24,7 +24,7 @@ from ..engine.records import (
 )
 from ..model import Contact, Force
 from ..packing.constraints import Blocks
-from ..packing.forces import TYPES
+from ..packing.forces import on_bodies
 from ..packing.packed import Packed
 from ..packing.system import Array, Drives, Ints, Loads
 from ..portable import Unportable
@@ -204,10 +204,9 @@ def load_wrenches(packed: Packed, forces: tuple[Force, ...], t: Array, q: Array,
     In n states at times t (n,), at the bodies' origins, world axes: `external` of these states.
     """
     external = np.zeros((len(t), packed.nb, 6))
-    acting = [f for f in forces if f.kind in TYPES]
+    acting = on_bodies(forces)
     if acting:
-        number = packed.topology.number
-        carriers = np.array([(number(f.body), number(f.other)) for f in acting])
+        carriers = np.array([[packed.topology.number(name) for name in f.pair] for f in acting])
         scene = Scene(packed, packed.passive, packed.loads(forces), NO_CONSTRAINTS)
         for i in range(len(t)):
             state = (t[i], q[i], v[i], external[i])

@@ -9,7 +9,7 @@ from .. import joints
 from ..errors import ModelError, Problem, choices, nearest, numbers, shown
 from ..joints import outside, quaternion_problems
 from .body import Body
-from .constraint import Constraint, Rolling, Velocity
+from .constraint import Constraint, Gear, Motion, Rolling, Velocity
 from .contact import Contact
 from .fields import EVERY, GROUND, Described, name_problem, part_problems
 from .force import Force, OnJoint, Servo
@@ -119,10 +119,14 @@ def constraint_problems(items: Sequence[Constraint], bodies: Bodies) -> list[Pro
 
 def _joint_problems(c: Constraint, where: str, bodies: Bodies) -> list[Problem]:
     """Coordinates of gears and motions; the radius of what rolls."""
-    found = []
-    for field, name in zip(("coordinate", "other_coordinate"), c.pair):
-        body, k = bodies.get(name), getattr(c, field, None)
-        if k is not None and body is not None and (text := _coordinate_problem(body, k)):
+    found, asked = [], []
+    if isinstance(c, (Gear, Motion)):
+        asked.append(("coordinate", c.body, c.coordinate))
+    if isinstance(c, Gear):
+        asked.append(("other_coordinate", c.other, c.other_coordinate))
+    for field, name, k in asked:
+        body = bodies.get(name)
+        if body is not None and (text := _coordinate_problem(body, k)):
             found.append(Problem(where, field, text))
     body = bodies.get(c.body)
     if isinstance(c, Rolling) and c.radius is None and body is not None:

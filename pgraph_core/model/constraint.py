@@ -5,13 +5,11 @@ One class a kind; `Constraint(kind=...)` makes them too.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal, Self
 
 from pydantic import model_validator
 
-from ..errors import shown
 from .curves import Curve
 from .fields import (
     GROUND,
@@ -23,10 +21,10 @@ from .fields import (
     field,
     maybe_vector,
     refuse,
+    refuse_no_direction,
     vector,
 )
 
-IN_JOINTS = ("gear", "motion", "velocity")  # act on coordinates, not between places of bodies
 KIND = (
     "one of point, weld, revolute, prismatic, cylindrical, universal, distance, line, plane, "
     "orientation, gear, motion, rolling, skate, velocity"
@@ -47,6 +45,7 @@ class Constraint(OfKinds):
 
     KINDS: ClassVar[dict[str, type[OfKinds]]] = {}
     WORD: ClassVar[str] = "constraint"
+    ROWS: ClassVar[int] = 0  # of a kind: how many scalar equations it is
     NOTHING: ClassVar[Mapping[str, Any]] = {"other": GROUND}
 
     name: str = field("text that is not empty", label="Name")
@@ -57,16 +56,6 @@ class Constraint(OfKinds):
     def __init__(self, /, **data: Any):
         """A constraint of the given kind. Raises ModelError."""
         super().__init__(**data)
-
-    @model_validator(mode="after")
-    def _directions(self) -> Self:
-        axes = ((name, getattr(self, name, None)) for name in ("axis", "other_axis"))
-        refuse([
-            (name, f"a direction must not be zero; given {shown(axis)}")
-            for name, axis in axes
-            if axis is not None and not 1e-9 < math.hypot(*axis) < 1e9
-        ])  # fmt: skip
-        return self
 
 
 # -- between places of bodies ----------------------------------------------------------------------
@@ -108,10 +97,16 @@ class AlongAxes(AtPoints):
         help="direction in the axes of the other; empty: as at first",
     )  # fmt: skip
 
+    @model_validator(mode="after")
+    def _directions(self) -> Self:
+        refuse_no_direction(axis=self.axis, other_axis=self.other_axis)
+        return self
+
 
 class Point(AtPoints):
     """`point` of `body` stays at `other_point` of `other`."""
 
+    ROWS: ClassVar[int] = 3
     ABOUT: ClassVar[str] = "holds a point of one body at a point of the other: 3 rows"
     kind: Literal["point"] = field(KIND, default="point")
 
@@ -119,6 +114,7 @@ class Point(AtPoints):
 class Weld(AtPoints):
     """`body` stays at its place and orientation against `other`."""
 
+    ROWS: ClassVar[int] = 6
     ABOUT: ClassVar[str] = "holds point and orientation, as if glued: 6 rows"
     kind: Literal["weld"] = field(KIND, default="weld")
 
@@ -126,6 +122,7 @@ class Weld(AtPoints):
 class Revolute(AlongAxes):
     """A hinge: the points coincide, and `axis` stays along `other_axis`."""
 
+    ROWS: ClassVar[int] = 5
     ABOUT: ClassVar[str] = "a hinge: point, and one axis along the other: 5 rows"
     kind: Literal["revolute"] = field(KIND, default="revolute")
 
@@ -133,6 +130,7 @@ class Revolute(AlongAxes):
 class Prismatic(AlongAxes):
     """A slider: the orientation stays, and `point` stays on the line along `other_axis`."""
 
+    ROWS: ClassVar[int] = 5
     ABOUT: ClassVar[str] = "a slider: orientation, and the point on a line: 5 rows"
     kind: Literal["prismatic"] = field(KIND, default="prismatic")
 
@@ -140,6 +138,7 @@ class Prismatic(AlongAxes):
 class Cylindrical(AlongAxes):
     """`axis` stays along `other_axis`, and `point` on that line."""
 
+    ROWS: ClassVar[int] = 4
     ABOUT: ClassVar[str] = "slides and turns: one axis along the other: 4 rows"
     kind: Literal["cylindrical"] = field(KIND, default="cylindrical")
 
@@ -147,6 +146,7 @@ class Cylindrical(AlongAxes):
 class Universal(AlongAxes):
     """The points coincide, and `axis` stays normal to `other_axis`."""
 
+    ROWS: ClassVar[int] = 4
     ABOUT: ClassVar[str] = "point, and two axes at a right angle: 4 rows"
     kind: Literal["universal"] = field(KIND, default="universal")
 
@@ -161,6 +161,7 @@ class Universal(AlongAxes):
 class Distance(AtPoints):
     """A rod without mass: the points stay `length` apart."""
 
+    ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "a massless rod: two points a length apart: 1 row"
     kind: Literal["distance"] = field(KIND, default="distance")
     other_point: Vec3 = field(
@@ -189,6 +190,7 @@ class OneDirection(AlongAxes):
 class Line(OneDirection):
     """`point` stays on the line through `other_point` along the direction."""
 
+    ROWS: ClassVar[int] = 2
     ABOUT: ClassVar[str] = "the point stays on a line: 2 rows"
     OF: ClassVar[str] = "along the line"
     kind: Literal["line"] = field(KIND, default="line")
@@ -197,6 +199,7 @@ class Line(OneDirection):
 class Plane(OneDirection):
     """`point` stays on the plane through `other_point` normal to the direction."""
 
+    ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "the point stays on a plane: 1 row"
     OF: ClassVar[str] = "normal to the plane"
     kind: Literal["plane"] = field(KIND, default="plane")
@@ -205,6 +208,7 @@ class Plane(OneDirection):
 class Orientation(ToOther):
     """The orientation of `body` against `other` stays as it is at first."""
 
+    ROWS: ClassVar[int] = 3
     ABOUT: ClassVar[str] = "the orientation stays, the place is free: 3 rows"
     kind: Literal["orientation"] = field(KIND, default="orientation")
 
@@ -212,9 +216,14 @@ class Orientation(ToOther):
 # -- between coordinates of joints -----------------------------------------------------------------
 
 
-class Gear(Constraint):
+class InJoints(Constraint):
+    """Acts on coordinates of joints, not between places of bodies."""
+
+
+class Gear(InJoints):
     """q of the joint of `body` = ratio x q of the joint of `other` + offset."""
 
+    ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "one joint follows another: q = ratio × q + offset"
 
     kind: Literal["gear"] = field(KIND, default="gear")
@@ -245,9 +254,10 @@ class Gear(Constraint):
         return self
 
 
-class Motion(Constraint):
+class Motion(InJoints):
     """q of the joint of `body` is a function of time: it takes whatever force that needs."""
 
+    ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "a joint follows a function of time, whatever it takes"
 
     kind: Literal["motion"] = field(KIND, default="motion")
@@ -267,6 +277,7 @@ class Motion(Constraint):
 class Rolling(AlongAxes):
     """A sphere, or where `axis` is given a disc, rolls on a plane without slip."""
 
+    ROWS: ClassVar[int] = 3
     ABOUT: ClassVar[str] = "a sphere or disc rolls without slip (nonholonomic)"
     kind: Literal["rolling"] = field(KIND, default="rolling")
     radius: Number | None = field(
@@ -278,6 +289,7 @@ class Rolling(AlongAxes):
 class Skate(ToOther):
     """The velocity of `point` along `axis`, which is across a blade of `body`, is zero."""
 
+    ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "no velocity across a blade (nonholonomic)"
 
     kind: Literal["skate"] = field(KIND, default="skate")
@@ -291,10 +303,16 @@ class Skate(ToOther):
         converter=vector, help="direction in the axes of the body, across the blade",
     )  # fmt: skip
 
+    @model_validator(mode="after")
+    def _directions(self) -> Self:
+        refuse_no_direction(axis=self.axis)
+        return self
 
-class Velocity(Constraint):
+
+class Velocity(InJoints):
     """A sum of joint velocities has a value: the sum of coefficients x v is `value`."""
 
+    ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "a sum of joint velocities has a value (nonholonomic)"
 
     kind: Literal["velocity"] = field(KIND, default="velocity")

@@ -12,12 +12,12 @@ from .constraint import Constraint, Gear, Velocity
 from .constraint import Motion as PrescribedMotion
 from .contact import Contact
 from .curves import Table, VectorTable
+from .editing import renamed
 from .fields import GROUND, Quat, Vec3
-from .force import BETWEEN, Force, OnJoint, Wrench
+from .force import Between, Force, OnJoint, Torsion, Wrench
 from .parameters import LONGEST, Formula, at, negated, ordered, probed
 from .scenario import Scenario
 
-PAIR = ("body", "other")
 Names = Mapping[str, str]  # of the copied bodies: old name -> that of the copy
 
 
@@ -124,12 +124,7 @@ class _Copy:
         """The copy of a constraint, contact or force, its name as it was; None where none is."""
         if self.names.keys().isdisjoint(part.touches):
             return None
-        renamed: dict[str, Any] = {
-            key: self.names.get(getattr(part, key), getattr(part, key)) for key in PAIR
-        }
-        if isinstance(part, Velocity):
-            coefficients = {self.names.get(k, k): x for k, x in part.coefficients.items()}
-            renamed["coefficients"] = coefficients
+        copy = renamed(part, self.names)
         if self.mirror is not None:
             change = self.reflected(part)
             if change is None:
@@ -137,8 +132,8 @@ class _Copy:
                     f"{part.word()} '{part.name}' was not copied: it has no mirror image here"
                 )
                 return None
-            renamed |= change
-        return part.model_copy(update=renamed)
+            copy = copy.model_copy(update=change)
+        return copy
 
     def formula(self, f: Formula, parts: Sequence[Any], called: Names) -> Formula | None:
         """That of the copy's cell, with the sign that the reflection gives it; None: a number."""
@@ -190,11 +185,11 @@ class _Copy:
             key: self.mirror.point(x)
             for key in ("point", "other_point") if (x := getattr(part, key, None)) is not None
         }  # fmt: skip
-        if part.body == self.root.parent and part.point is None and _takes_point(part):
+        if part.body == self.root.parent and _takes_point(part) and "point" not in change:
             change["point"] = self.mirror.point(self.known[part.body].tip_point)
         for key in ("axis", "other_axis"):
             if (axis := getattr(part, key, None)) is not None:
-                turns = part.kind == "torsion"
+                turns = isinstance(part, Torsion)
                 change[key] = self.mirror.axial(axis) if turns else self.mirror.point(axis)
         return change
 
@@ -205,8 +200,7 @@ class _Copy:
             return False
         if part.pair[1] in own:
             return True
-        between = isinstance(part, Force) and part.kind in BETWEEN
-        return not between and not any(
+        return not isinstance(part, Between) and not any(
             getattr(part, f, None) for f in ("other_point", "other_axis")
         )
 

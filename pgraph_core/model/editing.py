@@ -17,7 +17,7 @@ from .fields import Described, OfKinds, fields_of, listed
 from .force import Force, OnJoint
 from .scenario import Scenario
 
-PAIR = ("body", "other")
+NAMING = ("parent", "body", "other")  # fields that name bodies
 T = TypeVar("T", bound=Described)
 
 JOINT_FIELDS = ("axes", "motions", "q", "v", "limits", *PER_MOTION)
@@ -166,10 +166,13 @@ def _set(body: Body, field: str) -> bool:
     )
 
 
-def renamed(part: T, names: Mapping[str, str], fields: tuple[str, ...]) -> T:
+def renamed(part: T, names: Mapping[str, str]) -> T:
     """The part with new names of bodies in the fields that hold names of bodies."""
-    old = {field: getattr(part, field) for field in fields}
-    update = {field: names[name] for field, name in old.items() if name in names}
+    known = type(part).model_fields
+    old = {field: getattr(part, field) for field in NAMING if field in known}
+    update: dict[str, Any] = {field: names[name] for field, name in old.items() if name in names}
+    if isinstance(part, Velocity):
+        update["coefficients"] = {names.get(k, k): x for k, x in part.coefficients.items()}
     return part.model_copy(update=update) if update else part
 
 
@@ -179,25 +182,13 @@ def renamed_all(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) ->
     def swapped(named: Mapping[str, Any]) -> dict[str, Any]:
         return {names.get(key, key): value for key, value in named.items()}
 
-    def constraint(c: Constraint) -> Constraint:
-        c = renamed(c, names, PAIR)
-        return (
-            c
-            if not isinstance(c, Velocity)
-            else c.model_copy(update={"coefficients": swapped(c.coefficients)})
-        )
-
     def scenario(s: Scenario) -> Scenario:
-        forces = tuple(renamed(f, names, PAIR) for f in s.forces)
+        forces = tuple(renamed(f, names) for f in s.forces)
         return s.model_copy(update={"q": swapped(s.q), "v": swapped(s.v), "forces": forces})
 
-    return {
-        "bodies": tuple(renamed(b, names, ("parent",)) for b in parts["bodies"]),
-        "constraints": tuple(map(constraint, parts["constraints"])),
-        "contacts": tuple(renamed(c, names, PAIR) for c in parts["contacts"]),
-        "forces": tuple(renamed(f, names, PAIR) for f in parts["forces"]),
-        "scenarios": tuple(map(scenario, parts["scenarios"])),
-    }
+    named = ("bodies", "constraints", "contacts", "forces")
+    found: dict[str, Any] = {key: tuple(renamed(x, names) for x in parts[key]) for key in named}
+    return found | {"scenarios": tuple(map(scenario, parts["scenarios"]))}
 
 
 def fitted(

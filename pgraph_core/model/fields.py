@@ -8,6 +8,7 @@ checker, what may be given for it: lists, NumPy arrays, dictionaries.
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from numbers import Integral
@@ -45,6 +46,7 @@ Given = TypeVar("Given")
 Held = TypeVar("Held")
 GROUND = "ground"
 EVERY = "*"  # in a contact: every body that has a shape
+PAIR = ("body", "other")  # the fields of a part that name bodies
 
 
 # -- declaring fields ------------------------------------------------------------------------------
@@ -364,6 +366,15 @@ def refuse(problems: Sequence[tuple[str, str]]) -> None:
         raise PydanticCustomError("problems", "refused", {"problems": list(problems)})
 
 
+def refuse_no_direction(**axes: Vec3 | None) -> None:
+    """Refuse directions of no usable length, by the names of their fields."""
+    refuse([
+        (name, f"a direction must not be zero; given {shown(axis)}")
+        for name, axis in axes.items()
+        if axis is not None and not 1e-9 < math.hypot(*axis) < 1e9
+    ])  # fmt: skip
+
+
 class Described(Frozen):
     """A part with a name of its own: refused with every problem found, as sentences."""
 
@@ -400,7 +411,7 @@ class OfKinds(Described):
     """
 
     KINDS: ClassVar[dict[str, type[OfKinds]]] = {}  # of each class that names a part
-    # field -> what it holds where it says nothing: older files may give it to every kind
+    # field -> its value in files where it has no meaning: older ones give it to every kind
     NOTHING: ClassVar[Mapping[str, Any]] = {}
     ABOUT: ClassVar[str] = ""  # of a kind: one line for who chooses
 
@@ -410,17 +421,15 @@ class OfKinds(Described):
         if kind := cls.own_kind():
             cls.KINDS[kind] = cls
 
-    def __getattr__(self, name: str) -> Any:
-        """A field that only other kinds have reads as what says nothing: None, 'ground', 0."""
-        cls = type(self)
-        if name not in cls.model_fields and name in cls.fields_of_kinds():
-            return cls.NOTHING.get(name)
-        return super().__getattr__(name)  # type: ignore[misc]
+    if not TYPE_CHECKING:
 
-    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """A copy with other fields, not validated; fields of other kinds do not count."""
-        own = {k: x for k, x in (update or {}).items() if k in type(self).model_fields}
-        return super().model_copy(update=own, deep=deep)
+        def __getattr__(self, name: str) -> Any:
+            """Says which fields the kind has. Raises AttributeError."""
+            cls = type(self)
+            if name not in cls.fields_of_kinds():
+                return super().__getattr__(name)
+            text = f"a {cls.__name__} has no field '{name}'; its fields: "
+            raise AttributeError(text + ", ".join(cls.model_fields), name=name, obj=self)
 
     @classmethod
     def model_validate(cls, data: Any) -> Self:
@@ -430,7 +439,9 @@ class OfKinds(Described):
     @property
     def pair(self) -> tuple[str, str]:
         """The names of `body` and `other`; 'ground' for a kind without the second."""
-        return getattr(self, "body", GROUND), getattr(self, "other", GROUND)
+        own = type(self).model_fields
+        body, other = (getattr(self, name) if name in own else GROUND for name in PAIR)
+        return body, other
 
     @property
     def touches(self) -> tuple[str, ...]:

@@ -6,18 +6,15 @@ docs/description.md.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any, ClassVar, Literal, Self
 
 import numpy.typing as npt
 from pydantic import model_validator
 
-from ..errors import shown
 from .curves import Table, VectorTable
-from .fields import GROUND, Number, OfKinds, Vec3, field, maybe_vector, refuse
+from .fields import GROUND, Number, OfKinds, Vec3, field, maybe_vector, refuse_no_direction
 
-BETWEEN = ("spring", "torsion")  # passive: they act in every question, the others in runs only
 KIND = "one of motor, servo, wrench, spring, torsion"
 
 
@@ -111,7 +108,17 @@ class Servo(OnJoint):
     )  # fmt: skip
 
 
-class Wrench(Force):
+class OnBody(Force):
+    """Acts on `body` itself."""
+
+
+class Between(OnBody):
+    """Acts between `body` and `other`. Passive: it acts in every question, others in runs only."""
+
+    other: str = field("the name of a body, or 'ground'", default=GROUND, label="Other")
+
+
+class Wrench(OnBody):
     """`torque` and `force` on `body` at `point`."""
 
     ABOUT: ClassVar[str] = "a force and a torque on a body"
@@ -136,13 +143,12 @@ class Wrench(Force):
     )  # fmt: skip
 
 
-class Spring(Force):
+class Spring(Between):
     """stiffness (length - rest) + damping x its rate pull `point` and `other_point` together."""
 
     ABOUT: ClassVar[str] = "pulls two points together, with damper"
 
     kind: Literal["spring"] = field(KIND, default="spring")
-    other: str = field("the name of a body, or 'ground'", default=GROUND, label="Other")
     point: Vec3 | None = field(
         "three finite numbers in the axes of `body` [m]; left out: its tip",
         converter=maybe_vector, default=None, unit="length",
@@ -161,13 +167,12 @@ class Spring(Force):
     )  # fmt: skip
 
 
-class Torsion(Force):
+class Torsion(Between):
     """-stiffness (angle - rest) - damping x its rate turn `body` about `axis` against `other`."""
 
     ABOUT: ClassVar[str] = "turns two bodies back to an angle, with damper"
 
     kind: Literal["torsion"] = field(KIND, default="torsion")
-    other: str = field("the name of a body, or 'ground'", default=GROUND, label="Other")
     axis: Vec3 | None = field(
         "a direction [x, y, z] that is not zero, in the axes of `body`; left out: z",
         converter=maybe_vector, default=None, help="direction in the axes of the body; empty: z",
@@ -180,6 +185,5 @@ class Torsion(Force):
 
     @model_validator(mode="after")
     def _axis_points_somewhere(self) -> Self:
-        if self.axis is not None and not 1e-9 < math.hypot(*self.axis) < 1e9:
-            refuse([("axis", f"a direction must not be zero; given {shown(self.axis)}")])
+        refuse_no_direction(axis=self.axis)
         return self

@@ -15,7 +15,7 @@ from . import files
 from .assets import gathered, located
 from .body import Body
 from .checks import PARTS, model_problems, problems
-from .constraint import Constraint
+from .constraint import AtPoints, Constraint, Rolling, Skate
 from .contact import Contact
 from .copies import Mirror, branch, copied, names_of_copies, other_side
 from .editing import (
@@ -200,10 +200,9 @@ class Model(World):
         That is the body's tip, and the middle of its shape where it rolls.
         """
         body = self.body(constraint.body)
-        point = getattr(constraint, "point", None)
-        if point is not None:
-            return point
-        if constraint.kind == "rolling" and body.shape is not None:
+        if isinstance(constraint, (AtPoints, Skate)) and constraint.point is not None:
+            return constraint.point
+        if isinstance(constraint, Rolling) and body.shape is not None:
             return body.shape.position
         return body.tip_point
 

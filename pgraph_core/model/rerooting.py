@@ -18,10 +18,10 @@ from ..errors import ModelError, Problem, choices
 from ..joints import PER_MOTION, JointKind
 from ..rotation import Array, matrix, multiply, rodrigues, rotate, unit_vector
 from .body import Body
-from .constraint import Constraint
-from .editing import CUT, free_name
+from .constraint import AlongAxes, AtPoints, Constraint, InJoints, Revolute, Rolling, Skate
+from .editing import CUT, free_name, renamed
 from .fields import GROUND
-from .force import Force
+from .force import Force, OnJoint, Spring, Wrench
 from .scenario import Scenario
 
 TURNED: tuple[JointKind, ...] = ("weld", "revolute", "prismatic", "cylindrical", "spherical")
@@ -75,13 +75,15 @@ def _path(bodies: Mapping[str, Body], name: str) -> list[str]:
 
 def _loop(
     constraints: Sequence[Constraint], bodies: Mapping[str, Body], name: str, loop: str | None
-) -> tuple[Constraint, list[Body]]:
+) -> tuple[AtPoints, list[Body]]:
     """The constraint of the loop through a body, and the bodies from its end to that one."""
-    found: dict[str, tuple[Constraint, list[Body]]] = {}
+    found: dict[str, tuple[AtPoints, list[Body]]] = {}
     for c in constraints:
-        for end, far in ((c.body, c.other), (c.other, c.body)):
+        for end, far in (c.pair, c.pair[::-1]):
             own, rest = _path(bodies, end), set(_path(bodies, far))
-            if c.kind in JOINT_OF and name in own and name not in rest:
+            if not (isinstance(c, AtPoints) and c.kind in JOINT_OF):
+                continue
+            if name in own and name not in rest:
                 found[c.name] = (c, [bodies[k] for k in own[: own.index(name) + 1]])
     if loop is not None and loop in found:
         return found[loop]
@@ -98,13 +100,16 @@ def _loop(
     return next(iter(found.values()))
 
 
-def _swapped(c: Constraint) -> Constraint:
+def _swapped(c: AtPoints) -> AtPoints:
     """The same tie, seen from its other body."""
-    ends = {"body": c.other, "other": c.body, "point": c.other_point, "other_point": c.point}
-    return c.model_copy(update={**ends, "axis": c.other_axis, "other_axis": c.axis})
+    ends: dict[str, Any] = {"body": c.other, "other": c.body}
+    ends |= {"point": c.other_point, "other_point": c.point}
+    if isinstance(c, AlongAxes):
+        ends |= {"axis": c.other_axis, "other_axis": c.axis}
+    return c.model_copy(update=ends)
 
 
-def _check(parts: Parts, c: Constraint, chain: list[Body]) -> None:
+def _check(parts: Parts, c: AtPoints, chain: list[Body]) -> None:
     """What keeps a loop from being cut elsewhere, in a sentence."""
     last = chain[-1]
     where = f"body '{last.name}'"
@@ -119,11 +124,11 @@ def _check(parts: Parts, c: Constraint, chain: list[Body]) -> None:
     every = (*parts["forces"], *(f for s in parts["scenarios"] for f in s.forces))
     balls = {body.name for body in chain if body.joint == "spherical"} | {last.name}
     for f in every:
-        if f.kind in ("motor", "servo") and f.body in balls:
+        if isinstance(f, OnJoint) and f.body in balls:
             text = f"force '{f.name}' acts on the joint of '{f.body}'; cut at another body"
             raise ModelError(Problem(where, "", text))
     for x in parts["constraints"]:
-        if x.kind in ("gear", "motion", "velocity") and not balls.isdisjoint(x.touches):
+        if isinstance(x, InJoints) and not balls.isdisjoint(x.touches):
             text = f"constraint '{x.name}' acts on a joint that would go; cut at another body"
             raise ModelError(Problem(where, "", text))
     for s in parts["scenarios"]:
@@ -136,29 +141,29 @@ def _check(parts: Parts, c: Constraint, chain: list[Body]) -> None:
         raise ModelError(Problem(where, "", text))
 
 
-def _complete(c: Constraint, bodies: Mapping[str, Body], at_home: Mapping[str, Pose]) -> Constraint:
+def _complete(c: AtPoints, bodies: Mapping[str, Body], at_home: Mapping[str, Pose]) -> AtPoints:
     """Points and axes of both ends; refused where they do not meet in the initial state."""
     a, b = at_home[c.body], at_home[c.other]
     point, other_point = c.point or bodies[c.body].tip_point, c.other_point
     if other_point is None:
         other_point = _tuple(b.rotation.T @ (a.place(point) - b.position))
-    axis, other = c.axis, c.other_axis
-    if axis is None:
-        axis = (0.0, 0.0, 1.0) if other is None else _tuple(a.rotation.T @ b.rotation @ other)
-    if other is None:
-        other = _tuple(b.rotation.T @ a.rotation @ axis)
-    turned = a.rotation @ unit_vector(axis), b.rotation @ unit_vector(other)
-    axis, other = _tuple(unit_vector(axis)), _tuple(unit_vector(other))
-    apart = a.place(point) - b.place(other_point)
-    if c.kind in ("prismatic", "cylindrical"):
-        apart = apart - (apart @ turned[0]) * turned[0]
-    gap = float(np.abs(apart).max())
-    if c.kind in ("revolute", "prismatic", "cylindrical"):
-        gap = max(gap, float(np.linalg.norm(np.cross(*turned))))
+    apart, askew = a.place(point) - b.place(other_point), 0.0
+    update: dict[str, Any] = {"point": point, "other_point": other_point}
+    if isinstance(c, AlongAxes):
+        axis, other = c.axis, c.other_axis
+        if axis is None:
+            axis = (0.0, 0.0, 1.0) if other is None else _tuple(a.rotation.T @ b.rotation @ other)
+        if other is None:
+            other = _tuple(b.rotation.T @ a.rotation @ axis)
+        update |= {"axis": _tuple(unit_vector(axis)), "other_axis": _tuple(unit_vector(other))}
+        along = a.rotation @ unit_vector(axis)
+        askew = float(np.linalg.norm(np.cross(along, b.rotation @ unit_vector(other))))
+        if not isinstance(c, Revolute):
+            apart = apart - (apart @ along) * along
+    gap = max(float(np.abs(apart).max()), askew)
     if gap > OPEN:
         text = f"does not close in the initial state, by {gap:.3g}; give the bodies the q of an "
         raise ModelError(Problem(f"constraint '{c.name}'", "", f"{text}assembled state first"))
-    update = {"point": point, "other_point": other_point, "axis": axis, "other_axis": other}
     return c.model_copy(update=update)
 
 
@@ -167,13 +172,13 @@ def _tuple(x: Any) -> tuple[float, float, float]:
     return (a, b, c)
 
 
-def _shifts(c: Constraint, chain: list[Body]) -> dict[str, Array]:
+def _shifts(c: AtPoints, chain: list[Body]) -> dict[str, Array]:
     """How far the origin of each body goes, in its axes: to the joint that it gets."""
     places = [c.point or NONE, *(body.link for body in chain)]
     return {body.name: np.array(place) for body, place in zip(chain, places)}
 
 
-def _new_cut(last: Body, c: Constraint, taken: Sequence[str]) -> Constraint:
+def _new_cut(last: Body, c: AtPoints, taken: Sequence[str]) -> Constraint:
     """What is left of the joint at which the loop is cut; its point is still in the old frame."""
     taken = [name for name in taken if name != c.name]
     given: dict[str, Any] = {"point": NONE, "other_point": last.link}
@@ -188,20 +193,16 @@ class _Turned:
 
     def __init__(
         self,
-        c: Constraint,
+        c: AtPoints,
         chain: list[Body],
         shifts: Mapping[str, Array],
         bodies: Mapping[str, Body],
         at_home: Mapping[str, Pose],
         cut: Constraint,
     ):
-        self.c, self.chain, self.shifts, self.bodies, self.at_home = (
-            c,
-            chain,
-            shifts,
-            bodies,
-            at_home,
-        )
+        self.c, self.chain, self.shifts = c, chain, shifts
+        self.bodies, self.at_home = bodies, at_home
+        self.axis = c.axis or NONE if isinstance(c, AlongAxes) else NONE
         self.joint: JointKind = JOINT_OF[c.kind]
         names = [body.name for body in chain]
         self.below = dict(zip(names[1:], chain))  # whose joint a body gets
@@ -242,7 +243,7 @@ class _Turned:
         fields["rotation"] = _quaternion(b.rotation.T @ a.rotation)
         if count := len(joints.DEFAULT[self.joint]):
             if self.joint != "spherical":
-                fields["axes"] = (self.c.axis,) * count
+                fields["axes"] = (self.axis,) * count
             fields["q"], fields["v"] = self._coordinates({}, {})
         return fields
 
@@ -252,7 +253,7 @@ class _Turned:
         a, b = now[self.c.body], now[self.c.other]
         home = self.at_home[self.c.other].rotation.T @ self.at_home[self.c.body].rotation
         point, other = np.array(self.c.point), np.array(self.c.other_point)
-        return coordinate(self.joint, a, b, home, np.array(self.c.axis), point, other)
+        return coordinate(self.joint, a, b, home, np.array(self.axis), point, other)
 
     def _turned(self, below: Body) -> dict[str, Any]:
         """The joint of the body that was carried, from its other side."""
@@ -283,15 +284,14 @@ class _Turned:
 
     def constraint(self, c: Constraint) -> Constraint:
         """With points in the new frames, and joints where they are now."""
-        if c.kind in ("gear", "motion", "velocity"):
-            update: dict[str, Any] = {"body": self._joint(c.body), "other": self._joint(c.other)}
-            if c.coefficients is not None:
-                update["coefficients"] = {self._joint(k): x for k, x in c.coefficients.items()}
-            return c.model_copy(update=update)
-        other = c.other_point
-        if c.kind == "rolling" and other is None and c.other in self.shifts:
-            other = NONE
-        update = {"point": self.moved(c.body, c.point), "other_point": self.moved(c.other, other)}
+        if isinstance(c, InJoints):
+            return renamed(c, self.carrier)
+        update: dict[str, Any] = {}
+        if isinstance(c, (AtPoints, Skate)):
+            update["point"] = self.moved(c.body, c.point)
+        if isinstance(c, AtPoints):
+            at_middle = isinstance(c, Rolling) and c.other_point is None and c.other in self.shifts
+            update["other_point"] = self.moved(c.other, NONE if at_middle else c.other_point)
         return c.model_copy(update=update)
 
     def contact(self, c: Any) -> Any:
@@ -300,12 +300,12 @@ class _Turned:
 
     def force(self, f: Force) -> Force:
         """With points in the new frames, and on the joint that it acted on."""
-        if f.kind in ("motor", "servo"):
-            return f.model_copy(update={"body": self._joint(f.body)})
+        if isinstance(f, OnJoint):
+            return renamed(f, self.carrier)
         update: dict[str, Any] = {}
-        if f.kind == "wrench" and f.body in self.shifts:
+        if isinstance(f, Wrench) and f.body in self.shifts:
             update["point"] = self.moved(f.body, f.point or NONE)
-        if f.kind == "spring":
+        if isinstance(f, Spring):
             update["point"] = self.moved(f.body, f.point)
             if f.other in self.shifts:
                 update["other_point"] = self.moved(f.other, f.other_point or NONE)

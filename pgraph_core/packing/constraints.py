@@ -8,13 +8,36 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import accumulate
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..engine import layout as at
 from ..errors import ModelError, Problem
-from ..model import Constraint, Model, Polynomial, Sine, Table
+from ..model import (
+    Constraint,
+    Cylindrical,
+    Distance,
+    Gear,
+    Line,
+    Model,
+    Motion,
+    Orientation,
+    Plane,
+    Point,
+    Polynomial,
+    Prismatic,
+    Revolute,
+    Rolling,
+    Sine,
+    Skate,
+    Table,
+    Universal,
+    Velocity,
+    Weld,
+)
+from ..model.constraint import AlongAxes, AtPoints
+from ..model.fields import OfKinds
 from ..rotation import normals_of, unit_vector
 from ..topology import Topology
 from .system import Array, Ints, System, joint_coordinates, point_in_row
@@ -47,7 +70,7 @@ class Endpoints:
     ):
         self.c, self.model, self.packed, self.size = c, model, packed, size
         self.topology = topology
-        self.a, self.b = topology.number(c.body), topology.number(c.other)
+        self.a, self.b = map(topology.number, c.pair)
         self.position_a, self.rotation_a = _pose(home, self.a)
         self.position_b, self.rotation_b = _pose(home, self.b)
         self.turn = self.rotation_b.T @ self.rotation_a  # from the axes of a to those of b
@@ -55,16 +78,16 @@ class Endpoints:
         self.other_point = self._other_point()
 
     def _other_point(self) -> Array:
-        if self.c.other_point is not None:
+        if isinstance(self.c, AtPoints) and self.c.other_point is not None:
             return np.array(self.c.other_point)
-        if self.c.kind == "rolling":
+        if isinstance(self.c, Rolling):
             return np.zeros(3)
         world = self.position_a + self.rotation_a @ self.point
         return self.rotation_b.T @ (world - self.position_b)
 
-    def directions(self) -> tuple[Array, Array]:
+    def directions(self, c: AlongAxes) -> tuple[Array, Array]:
         """(axis, other_axis), unit vectors in their bodies; one left out is the other at home."""
-        axis, other = self.c.axis, self.c.other_axis
+        axis, other = c.axis, c.other_axis
         if axis is not None and other is not None:
             return unit_vector(axis), unit_vector(other)
         if axis is None and other is not None:
@@ -105,9 +128,9 @@ class Endpoints:
         dirs = [self.size * normal for normal in normals]
         return Block(at.T_ALIGN, len(dirs), self.values(dirs=dirs, aims=[axis for _ in normals]))
 
-    def coordinate(self, name: str, k: int | None, factor: float) -> tuple[int, int, float]:
+    def coordinate(self, name: str, k: int, factor: float) -> tuple[int, int, float]:
         """A term of a block: (index in v, index in q, factor) of a joint's coordinate."""
-        at_v, at_q = joint_coordinates(self.packed, self.topology.number(name))[k or 0]
+        at_v, at_q = joint_coordinates(self.packed, self.topology.number(name))[k]
         return at_v, at_q, factor
 
     def refuse(self, field: str, text: str) -> ModelError:
@@ -124,13 +147,13 @@ def _pose(home: tuple[Array, Array], number: int) -> tuple[Array, Array]:
 # -- kinds: each a short list of blocks -------------------------------------------------------
 
 
-def _revolute(e: Endpoints) -> list[Block]:
-    axis, other = e.directions()
+def _revolute(e: Endpoints, c: Revolute) -> list[Block]:
+    axis, other = e.directions(c)
     return [e.held(), e.aligned(axis, normals_of(other))]
 
 
-def _prismatic(e: Endpoints) -> list[Block]:
-    axis, other = e.directions()
+def _prismatic(e: Endpoints, c: Prismatic) -> list[Block]:
+    axis, other = e.directions(c)
     apart = float(np.arccos(np.clip(abs(other @ e.turn @ axis), 0.0, 1.0)))
     if apart > APART:
         text = (
@@ -141,67 +164,66 @@ def _prismatic(e: Endpoints) -> list[Block]:
     return [e.turned_as_at_home(), e.held(normals_of(other))]
 
 
-def _cylindrical(e: Endpoints) -> list[Block]:
-    axis, other = e.directions()
+def _cylindrical(e: Endpoints, c: Cylindrical) -> list[Block]:
+    axis, other = e.directions(c)
     normals = normals_of(other)
     return [e.aligned(axis, normals), e.held(normals)]
 
 
-def _universal(e: Endpoints) -> list[Block]:
-    if e.c.axis is None:  # as the joint of this name: about x of `other`, then about y of `body`
+def _universal(e: Endpoints, c: Universal) -> list[Block]:
+    if c.axis is None:  # as the joint of this name: about x of `other`, then about y of `body`
         axis, other = np.eye(3)[1], e.turn @ np.eye(3)[0]
     else:
-        axis, other = e.directions()
+        axis, other = e.directions(c)
     return [e.held(), e.aligned(axis, [other])]
 
 
-def _distance(e: Endpoints) -> list[Block]:
+def _distance(e: Endpoints, c: Distance) -> list[Block]:
     apart = e.position_a + e.rotation_a @ e.point - (e.position_b + e.rotation_b @ e.other_point)
-    length = float(np.linalg.norm(apart)) if e.c.length is None else e.c.length
+    length = float(np.linalg.norm(apart)) if c.length is None else c.length
     if length <= 1e-12 * e.size:
         text = "the two points coincide in the initial state; give a length > 0 [m]"
         raise e.refuse("length", f"{text}, or use kind 'point'")
     return [Block(at.T_DISTANCE, 1, e.values(length))]
 
 
-def _line(e: Endpoints) -> list[Block]:
-    return [e.held(normals_of(e.directions()[1]))]
+def _line(e: Endpoints, c: Line) -> list[Block]:
+    return [e.held(normals_of(e.directions(c)[1]))]
 
 
-def _plane(e: Endpoints) -> list[Block]:
-    return [e.held([e.directions()[1]])]
+def _plane(e: Endpoints, c: Plane) -> list[Block]:
+    return [e.held([e.directions(c)[1]])]
 
 
-def _rolling(e: Endpoints) -> list[Block]:
-    if e.c.other_axis is not None:
-        normal = unit_vector(e.c.other_axis)
+def _rolling(e: Endpoints, c: Rolling) -> list[Block]:
+    if c.other_axis is not None:
+        normal = unit_vector(c.other_axis)
     else:
         normal = np.array(e.model.ground_normal if e.b == 0 else (0.0, 0.0, 1.0))
-    shape = e.model.body(e.c.body).shape
-    radius = e.c.radius if e.c.radius is not None else shape.radius if shape else None
+    shape = e.model.body(c.body).shape
+    radius = c.radius if c.radius is not None else shape.radius if shape else None
     dirs = [normal, *normals_of(normal)]
-    if e.c.axis is None:
+    if c.axis is None:
         return [Block(at.T_SPHERE, 3, e.values(radius or 0.0, dirs))]
-    return [Block(at.T_DISC, 3, e.values(radius or 0.0, dirs, [unit_vector(e.c.axis)]))]
+    return [Block(at.T_DISC, 3, e.values(radius or 0.0, dirs, [unit_vector(c.axis)]))]
 
 
-def _skate(e: Endpoints) -> list[Block]:
-    return [Block(at.T_BLADE, 1, e.values(aims=[e.directions()[0]]))]
+def _skate(e: Endpoints, c: Skate) -> list[Block]:
+    return [Block(at.T_BLADE, 1, e.values(aims=[unit_vector(c.axis)]))]
 
 
-def _gear(e: Endpoints) -> list[Block]:
-    own = e.coordinate(e.c.body, e.c.coordinate, 1.0)
-    other = e.coordinate(e.c.other, e.c.other_coordinate, -(e.c.ratio or 1.0))
-    return [Block(at.T_COORD, 1, e.values(e.c.offset or 0.0), (own, other))]
+def _gear(e: Endpoints, c: Gear) -> list[Block]:
+    own = e.coordinate(c.body, c.coordinate, 1.0)
+    other = e.coordinate(c.other, c.other_coordinate, -c.ratio)
+    return [Block(at.T_COORD, 1, e.values(c.offset), (own, other))]
 
 
-def _motion(e: Endpoints) -> list[Block]:
-    own, q_of_t = e.coordinate(e.c.body, e.c.coordinate, 1.0), e.c.q_of_t
-    sine = isinstance(q_of_t, Sine)
-    return [Block(at.T_COORD, 1, e.values(), (own,), curve(q_of_t), sine)]
+def _motion(e: Endpoints, c: Motion) -> list[Block]:
+    own, sine = e.coordinate(c.body, c.coordinate, 1.0), isinstance(c.q_of_t, Sine)
+    return [Block(at.T_COORD, 1, e.values(), (own,), curve(c.q_of_t), sine)]
 
 
-def curve(q_of_t: Table | Sine | Polynomial | None) -> tuple[tuple[float, ...], ...]:
+def curve(q_of_t: Table | Sine | Polynomial) -> tuple[tuple[float, ...], ...]:
     """The rows of `curves`; a table becomes a cubic spline that is at rest at both ends."""
     match q_of_t:
         case Sine(mean=mean, amplitude=amplitude, frequency=frequency, phase=phase):
@@ -216,35 +238,34 @@ def curve(q_of_t: Table | Sine | Polynomial | None) -> tuple[tuple[float, ...], 
 
             pieces = CubicSpline(t, value, bc_type="clamped").c[::-1].T
             return (*((x, *map(float, piece)) for x, piece in zip(t, pieces)), last)
-    return ()
 
 
-def _velocity(e: Endpoints) -> list[Block]:
+def _velocity(e: Endpoints, c: Velocity) -> list[Block]:
     terms = [
         (at_v, -1, factor)
-        for name, factors in (e.c.coefficients or {}).items()
+        for name, factors in c.coefficients.items()
         for (at_v, _), factor in zip(joint_coordinates(e.packed, e.topology.number(name)), factors)
         if factor
     ]
-    return [Block(at.T_VELOCITY, 1, e.values(e.c.value or 0.0), tuple(terms))]
+    return [Block(at.T_VELOCITY, 1, e.values(c.value), tuple(terms))]
 
 
-_KINDS: dict[str, Callable[[Endpoints], list[Block]]] = {
-    "point": lambda e: [e.held()],
-    "weld": lambda e: [e.held(), e.turned_as_at_home()],
-    "revolute": _revolute,
-    "prismatic": _prismatic,
-    "cylindrical": _cylindrical,
-    "universal": _universal,
-    "distance": _distance,
-    "line": _line,
-    "plane": _plane,
-    "orientation": lambda e: [e.turned_as_at_home()],
-    "gear": _gear,
-    "motion": _motion,
-    "rolling": _rolling,
-    "skate": _skate,
-    "velocity": _velocity,
+BLOCKS: dict[type[OfKinds], Callable[[Endpoints, Any], list[Block]]] = {
+    Point: lambda e, _: [e.held()],
+    Weld: lambda e, _: [e.held(), e.turned_as_at_home()],
+    Revolute: _revolute,
+    Prismatic: _prismatic,
+    Cylindrical: _cylindrical,
+    Universal: _universal,
+    Distance: _distance,
+    Line: _line,
+    Plane: _plane,
+    Orientation: lambda e, _: [e.turned_as_at_home()],
+    Gear: _gear,
+    Motion: _motion,
+    Rolling: _rolling,
+    Skate: _skate,
+    Velocity: _velocity,
 }
 
 
@@ -265,7 +286,7 @@ class Blocks(NamedTuple):
 
 def blocks_of(ends: Endpoints) -> list[Block]:
     """The blocks of the constraint's kind. Raises ModelError."""
-    return _KINDS[ends.c.kind](ends)
+    return BLOCKS[type(ends.c)](ends, ends.c)
 
 
 def blocks(model: Model, topology: Topology, packed: System, home: tuple[Array, Array]) -> Blocks:
@@ -313,7 +334,7 @@ def _starts(counts: Sequence[int]) -> list[int]:
 
 def _rows(c: Constraint, block: Block, topology: Topology, packed: System) -> tuple[int, int]:
     """Rows of the two bodies; of a block of coordinates the row that has the first of them."""
-    a, b = (int(packed.bodies_i[topology.number(name), at.ROW]) for name in (c.body, c.other))
+    a, b = (int(packed.bodies_i[topology.number(name), at.ROW]) for name in c.pair)
     if block.terms:
         a = int(np.searchsorted(packed.rows[1:, at.VI], block.terms[0][0], side="right"))
     return a, b

@@ -6,21 +6,28 @@ between two: wrenches, springs, torsion springs.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from .. import joints
 from ..engine import layout as at
 from ..engine.records import APPLIED_FORCE, JOINT_FORCE, SPRING, TORSION, WRENCH, rows_of, table
-from ..model import Body, Force, Model, Table, VectorTable
+from ..model import Body, Force, Model, Motor, Servo, Spring, Table, Torsion, VectorTable, Wrench
+from ..model.force import OnBody
 from ..rotation import normals_of, unit_vector
 from ..topology import Topology
 from .system import Array, Drives, Loads, System, joint_coordinates, point_in_row
 
 NO_LOADS = Loads(table(APPLIED_FORCE, 0), np.zeros((0, 7)))
 ORIGIN = (0.0, 0.0, 0.0)
+
+
+def on_bodies(forces: Sequence[Force]) -> list[OnBody]:
+    """Those that act on bodies; the others act in joints."""
+    return [f for f in forces if isinstance(f, OnBody)]
 
 
 def loads(
@@ -31,45 +38,56 @@ def loads(
     home: tuple[Array, Array],
 ) -> Loads:
     """The wrenches and springs in `forces`; `home`: the bodies' poses in the initial state."""
-    ours = [f for f in forces if f.kind in TYPES]
+    ours = on_bodies(forces)
     found = table(APPLIED_FORCE, len(ours))
-    knots: list[Array] = []
+    knots = [np.zeros((0, 7))]
     for one, f in zip(found, ours):
-        a, b = topology.number(f.body), topology.number(f.other)
-        own = _knots(f) if f.kind == "wrench" else np.zeros((0, 7))
-        first = sum(map(len, knots))
-        rows = (int(packed.bodies_i[n, at.ROW]) for n in (a, b))
-        one["kind"], one["in_body"] = TYPES[f.kind], f.frame == "body"
-        one["row_a"], one["row_b"] = rows
-        one["first_knot"], one["knots"] = first, len(own)
-        _set_numbers(one, f, model, packed, a, b, home)
-        knots.append(_in_row(own, packed, a) if f.frame == "body" else own)
-    return Loads(
-        found,
-        np.concatenate((np.zeros((0, 7)), *knots)),
-    )
+        ends = tuple(topology.number(name) for name in f.pair)
+        one["kind"] = TYPES[type(f)]
+        one["row_a"], one["row_b"] = (int(packed.bodies_i[n, at.ROW]) for n in ends)
+        one["first_knot"] = sum(map(len, knots))
+        match f:
+            case Wrench():
+                knots.append(_set_wrench(one, f, packed, ends[0]))
+            case Spring():
+                _set_spring(one, f, model, packed, ends, home)
+            case Torsion():
+                _set_torsion(one, f, packed, ends)
+    return Loads(found, np.concatenate(knots))
 
 
-TYPES = {"wrench": WRENCH, "spring": SPRING, "torsion": TORSION}
+TYPES: dict[type[OnBody], int] = {Wrench: WRENCH, Spring: SPRING, Torsion: TORSION}
 
 
-def _set_numbers(
-    one: Any, f: Force, model: Model, packed: System, a: int, b: int, home: tuple[Array, Array]
-) -> None:
-    """Points, axis, stiffness, damping and rest of an applied force."""
-    tip = model.body(f.body).tip_point if f.kind == "spring" else ORIGIN
-    point, other = f.point or tip, f.other_point or ORIGIN
-    axis = unit_vector(f.axis or (0.0, 0.0, 1.0))
-    turned = _home(packed, a) @ axis
-    across = normals_of(turned)[0]
-    rest = f.rest or 0.0
-    if f.kind == "spring" and f.rest is None:
-        rest = float(np.linalg.norm(_place(home, a, point) - _place(home, b, other)))
-    one["point_a"] = point_in_row(packed, a, point)
-    one["point_b"] = point_in_row(packed, b, other)
-    one["axis"] = turned
-    one["reference_a"] = one["reference_b"] = across  # at q = 0 all rows have the world's axes
-    one["stiffness"], one["damping"], one["rest"] = f.stiffness or 0.0, f.damping or 0.0, rest
+def _set_wrench(one: Any, f: Wrench, packed: System, a: int) -> Array:
+    """Its point; returns the knots (n, 7) of its torque and force over time."""
+    one["point_a"] = point_in_row(packed, a, f.point or ORIGIN)
+    own = _knots(f)
+    one["knots"] = len(own)
+    one["in_body"] = f.frame == "body"
+    return _in_row(own, packed, a) if f.frame == "body" else own
+
+
+def _set_spring(
+    one: Any, f: Spring, model: Model, packed: System, ends: tuple[int, ...],
+    home: tuple[Array, Array],
+) -> None:  # fmt: skip
+    """Its points, stiffness, damping and length at rest."""
+    a, b = ends
+    point, other = f.point or model.body(f.body).tip_point, f.other_point or ORIGIN
+    one["point_a"], one["point_b"] = point_in_row(packed, a, point), point_in_row(packed, b, other)
+    one["stiffness"], one["damping"] = f.stiffness, f.damping
+    apart = _place(home, a, point) - _place(home, b, other)
+    one["rest"] = np.linalg.norm(apart) if f.rest is None else f.rest
+
+
+def _set_torsion(one: Any, f: Torsion, packed: System, ends: tuple[int, ...]) -> None:
+    """Its axis, stiffness, damping and angle at rest."""
+    axis = _home(packed, ends[0]) @ unit_vector(f.axis or (0.0, 0.0, 1.0))
+    one["axis"] = axis
+    # at q = 0 all rows have the world's axes
+    one["reference_a"] = one["reference_b"] = normals_of(axis)[0]
+    one["stiffness"], one["damping"], one["rest"] = f.stiffness, f.damping, f.rest
 
 
 def _home(packed: System, number: int) -> Array:
@@ -89,7 +107,7 @@ def _in_row(knots: Array, packed: System, number: int) -> Array:
     return np.hstack((knots[:, :1], knots[:, 1:4] @ turn.T, knots[:, 4:] @ turn.T))
 
 
-def _knots(f: Force) -> Array:
+def _knots(f: Wrench) -> Array:
     """(n, 7) time, torque, force of a wrench, at the times of both tables together."""
     parts = [f.torque, f.force]
     times = {t for part in parts if isinstance(part, VectorTable) for t in part.t}
@@ -118,14 +136,19 @@ def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force
             rows += _springs(body, joint_coordinates(packed, number), knots)
     passive = len(rows)
     for force in forces:
-        if force.kind not in ("motor", "servo"):
-            continue
+        match force:
+            case Motor():
+                kp, kd, target = 0.0, 0.0, 0.0
+            case Servo():
+                kp, kd, target = force.kp, force.kd, force.target
+            case OnBody():
+                continue
+            case _:
+                raise TypeError(f"a force of kind '{force.kind}' has no row in any table")
         at_v, at_q = joint_coordinates(packed, topology.number(force.body))[force.coordinate]
-        given = cast("float | Table", force.torque)  # of a motor or servo
-        target, torque = _table_knots(force.target, knots), _table_knots(given, knots)
+        spans = *_table_knots(target, knots), *_table_knots(force.torque, knots)
         limit = np.inf if force.torque_limit is None else force.torque_limit
-        position = at_q if force.kind == "servo" and force.kp else -1
-        rows.append((at_v, position, force.kp, force.kd, limit, 0.0, *target, *torque))
+        rows.append((at_v, at_q if kp else -1, kp, kd, limit, 0.0, *spans))
     return Drives(rows_of(JOINT_FORCE, rows), np.array(knots).reshape(-1, 3), passive)
 
 

@@ -13,10 +13,10 @@ from ..engine import layout as at
 from ..engine.tree import bodies
 from ..errors import Problem
 from ..model import Force, Model
-from ..model.force import BETWEEN
+from ..model.force import Between
 from ..topology import Topology
 from .constraints import Blocks, blocks
-from .forces import NO_LOADS, TYPES, bends, drives, loads
+from .forces import NO_LOADS, bends, drives, loads, on_bodies
 from .system import Array, Drives, Ints, Loads, System, pack_columns, system
 
 NOWHERE = np.zeros((0, 3)), np.zeros((0, 3, 3))
@@ -158,11 +158,11 @@ class Packed:
 
     def loads(self, forces: tuple[Force, ...]) -> Loads:
         """The given wrenches and springs between bodies."""
-        if not any(force.kind in TYPES for force in forces):
+        if not on_bodies(forces):
             return NO_LOADS
         return loads(self.model, self.topology, self.system, forces, self.home_poses)
 
     @cached_property
     def passive_loads(self) -> Loads:
         """Springs and torsion springs between bodies."""
-        return self.loads(tuple(f for f in self.model.forces if f.kind in BETWEEN))
+        return self.loads(tuple(f for f in self.model.forces if isinstance(f, Between)))

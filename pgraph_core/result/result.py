@@ -22,6 +22,7 @@ from ..equality import EqualByFields
 from ..errors import FileError, InputError, Problem, choices
 from ..model import Force, Model
 from ..model.assets import gathered
+from ..model.constraint import InJoints
 from ..model.files import write_atomic
 from ..packing.system import Array
 from ..plan import Plan
@@ -362,9 +363,6 @@ ARRAYS = (
 SCALARS = ("message", "counters", "timing", "error_estimate", "header", "notices")
 
 
-INTERNAL = ("gear", "motion", "velocity")  # act in joints, as motors do
-
-
 def body_motion(run: Result) -> BodyMotion:
     """Body motion and joint forces of all frames from (q, v, v') and the forces on bodies."""
     mech = run.mechanism
@@ -409,13 +407,13 @@ def _add_constraint_wrenches(run: Result, motion: BodyMotion, out: Array) -> Non
     """Constraint forces as wrenches on the bodies, world axes at their origins (eq. (22))."""
     mech, position = run.mechanism, motion.pose[..., :3]
     for c in mech.model.constraints:
-        if c.name not in run.constraint_force or c.kind in INTERNAL:
+        if c.name not in run.constraint_force or isinstance(c, InJoints):
             continue
         wrench = run.constraint_force[c.name]
         point = mech.model.point_of(c)
         b = mech.topology.number(c.body) - 1
         place = position[:, b] + turned(motion.pose[:, b, 3:], np.asarray(point))
-        for body, signed in ((c.body, wrench), (c.other, -wrench)):
+        for body, signed in zip(c.pair, (wrench, -wrench)):
             b = mech.topology.number(body) - 1
             if b >= 0:
                 arm = place - position[:, b]

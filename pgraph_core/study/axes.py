@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import InputError
 from ..joints import SIZE
 from ..mechanism import Mechanism
-from ..model import Body, Force, Model
+from ..model import Body, Force, Model, Spring, Torsion
 from ..model.fields import GROUND
 from ..topology import Topology
 from .rescaling import changed, rescaled
@@ -58,14 +58,16 @@ def stiffness(model: Model, value: float) -> Model:
     A spring of a joint keeps its initial force: the joint starts closer to the spring's rest, so
     that the motion tends to that of a rigid part.
     """
-    springs = [f for f in model.forces if f.kind in ("spring", "torsion") and f.stiffness]
+    springs = [f for f in model.forces if isinstance(f, (Spring, Torsion)) and f.stiffness]
     found = [x for body in model.bodies for x in body.stiffness]
-    stiffest = max((*found, *(f.stiffness or 0.0 for f in springs)), default=0.0)
+    stiffest = max((*found, *(f.stiffness for f in springs)), default=0.0)
     if stiffest == 0.0:
         raise lacking("stiffness", "springs of joints and between bodies")
     by = value / stiffest
     forces = tuple(
-        f.model_copy(update={"stiffness": f.stiffness * by}) if f in springs and f.stiffness else f
+        f.model_copy(update={"stiffness": f.stiffness * by})
+        if isinstance(f, (Spring, Torsion))
+        else f
         for f in model.forces
     )
     bodies = tuple(_stiffened(b, by) if any(b.stiffness) else b for b in model.bodies)
@@ -87,7 +89,7 @@ def damping_ratio(model: Model, value: float) -> Model:
     That is the joint's own entry of the mass matrix in the initial state, and between bodies the
     mass of the lighter.
     """
-    springs = [f for f in model.forces if f.kind in ("spring", "torsion") and f.stiffness]
+    springs = any(isinstance(f, (Spring, Torsion)) and f.stiffness for f in model.forces)
     if not springs and not any(any(b.stiffness) for b in model.bodies):
         raise lacking("damping_ratio", "the dampers of springs")
     mech = Mechanism(model)
@@ -100,14 +102,17 @@ def damping_ratio(model: Model, value: float) -> Model:
             for k, c, m in zip(body.stiffness, body.damping, own)
         )
         bodies.append(changed(body, damping=found) if any(body.stiffness) else body)
-    forces = tuple(_damped(model, f, value) if f in springs else f for f in model.forces)
+    forces = tuple(_damped(model, f, value) for f in model.forces)
     return model.replace(bodies=tuple(bodies), forces=forces)
 
 
 def _damped(model: Model, force: Force, value: float) -> Force:
-    joined = [model.body(name) for name in (force.body, force.other) if name in model.row]
-    mass = min(b.mass if force.kind == "spring" else max(max(r) for r in b.inertia) for b in joined)
-    damping = 2 * value * math.sqrt((force.stiffness or 0.0) * mass)
+    if not isinstance(force, (Spring, Torsion)) or not force.stiffness:
+        return force
+    turns = isinstance(force, Torsion)
+    joined = [model.body(name) for name in force.touches]
+    mass = min(max(max(r) for r in b.inertia) if turns else b.mass for b in joined)
+    damping = 2 * value * math.sqrt(force.stiffness * mass)
     return force.model_copy(update={"damping": damping})
 
 

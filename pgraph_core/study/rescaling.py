@@ -6,8 +6,22 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from ..joints import Motion
-from ..model import Body, Constraint, Contact, Force, Ground, Model, Table, VectorTable
-from ..model.constraint import IN_JOINTS
+from ..model import (
+    Body,
+    Constraint,
+    Contact,
+    Force,
+    Ground,
+    Model,
+    Motor,
+    Servo,
+    Spring,
+    Table,
+    Torsion,
+    VectorTable,
+    Wrench,
+)
+from ..model.constraint import InJoints
 from ..model.fields import fields_of
 from .settings import refusal
 
@@ -49,7 +63,7 @@ def rescaled(model: Model, *, length: float = 1.0, mass: float = 1.0, time: floa
     Scenarios are dropped. Raises InputError for constraints whose numbers have their own units.
     """
     s = Scale(float(length), float(mass), float(time))
-    fixed = [c.name for c in model.constraints if c.kind in IN_JOINTS]
+    fixed = [c.name for c in model.constraints if isinstance(c, InJoints)]
     if fixed:
         text = f"constraint '{fixed[0]}' acts on coordinates, whose numbers are not rescaled; "
         raise refusal("stability_map", "axis", f"{text}choose another axis")
@@ -104,7 +118,7 @@ def _coordinates(
 
 
 def _constraint(c: Constraint, s: Scale) -> Constraint:
-    named = ("point", "other_point", "length", "radius")
+    named = {"point", "other_point", "length", "radius"} & type(c).model_fields.keys()
     return c.model_copy(update={x: _times(getattr(c, x), s.length) for x in named})
 
 
@@ -125,21 +139,36 @@ def _contact(c: Contact, s: Scale) -> Contact:
 
 def _force(f: Force, model: Model, s: Scale) -> Force:
     """A motor's torque, a servo's and its gains have the dimension of the coordinate."""
-    slides = f.kind in ("motor", "servo") and _slides(model.body(f.body), f.coordinate)
-    acts, per = (s.of(*FORCE), s.length) if slides else (s.of(*TORQUE), 1.0)
-    rigid = (TORQUE, (2, 1, -1), (0, 0, 0)) if f.kind == "torsion" else (SPRING, DAMPER, (1, 0, 0))
-    found = {
-        "torque": _curve(f.torque, acts, s),
-        "force": _curve(f.force, s.of(*FORCE), s),
-        "torque_limit": _times(f.torque_limit, acts),
-        "target": _curve(f.target, per, s),
-        "kp": f.kp * acts / per,
-        "kd": f.kd * acts / per * s.time,
-        "point": _times(f.point, s.length),
-        "other_point": _times(f.other_point, s.length),
-    }
-    for name, exponents in zip(("stiffness", "damping", "rest"), rigid):
-        found[name] = _times(getattr(f, name), s.of(*exponents))
+    force, torque = s.of(*FORCE), s.of(*TORQUE)
+    match f:
+        case Motor() | Servo():
+            slides = _slides(model.body(f.body), f.coordinate)
+            acts, per = (force, s.length) if slides else (torque, 1.0)
+            found = {
+                "torque": _curve(f.torque, acts, s),
+                "torque_limit": _times(f.torque_limit, acts),
+            }
+            if isinstance(f, Servo):
+                found["target"] = _curve(f.target, per, s)
+                found |= {"kp": f.kp * acts / per, "kd": f.kd * acts / per * s.time}
+        case Wrench():
+            found = {
+                "torque": _curve(f.torque, torque, s),
+                "force": _curve(f.force, force, s),
+                "point": _times(f.point, s.length),
+            }
+        case Spring():
+            found = {
+                "point": _times(f.point, s.length),
+                "other_point": _times(f.other_point, s.length),
+                "stiffness": f.stiffness * s.of(*SPRING),
+                "damping": f.damping * s.of(*DAMPER),
+                "rest": _times(f.rest, s.length),
+            }
+        case Torsion():
+            found = {"stiffness": f.stiffness * torque, "damping": f.damping * torque * s.time}
+        case _:
+            raise TypeError(f"no units are known for a force of kind '{f.kind}'")
     return f.model_copy(update=found)
 
 

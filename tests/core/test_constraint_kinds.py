@@ -117,7 +117,7 @@ def end(s, packed, number, values, column, q):
 
 def residual_of(s, c, packed, block, values, tables, q, t=0.0):
     """Position-level residual of a block, read off its columns; 0 for velocity rows."""
-    a, b = s.topology.number(c.body), s.topology.number(c.other)
+    a, b = map(s.topology.number, c.pair)
     x_a, R_a = end(s, packed, a, values, at.PA, q)
     x_b, R_b = end(s, packed, b, values, at.PB, q)
     size, kind = block[at.B_SIZE], block[at.B_TYPE]

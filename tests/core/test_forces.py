@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_core.engine.layout import B_SIZE
+from pgraph_core.study.rescaling import rescaled
 
 UP_DOWN = pg.Table(t=(0.0, 0.5, 1.0), value=(0.0, 2.0, -1.0))
 GUST = pg.VectorTable(t=(0.0, 0.5, 1.0), value=((0, 0, 0), (2, 1, 3), (-4, 0, 1)))
@@ -74,6 +76,27 @@ def test_the_ledger_closes_with_a_servo_at_its_limit():
     )
     assert run.energy_drift < 1e-6
     assert abs(run.work[-1]) > 1e-2
+
+
+@pytest.mark.parametrize("kind", pg.Force.KINDS)
+def test_every_kind_of_force_is_packed_and_has_units(kind):
+    """A kind that was left out of a table would not act, or would not scale."""
+    model = chain().replace(forces=(pg.Force(name="f", kind=kind, body="2"),))
+    packed = pg.Mechanism(model).packed
+    assert len(packed.drives(model.forces).table) + len(packed.loads(model.forces).table) == 1
+    assert rescaled(model, time=2.0).forces[0].kind == kind
+
+
+@pytest.mark.parametrize("kind", pg.Constraint.KINDS)
+def test_every_kind_of_constraint_has_blocks_of_as_many_rows_as_it_says(kind):
+    fields = {"coefficients": {"2": 1.0}} if kind == "velocity" else {"body": "2"}
+    own = pg.Constraint.KINDS[kind].model_fields
+    needed = {"other": "1", "other_point": (0, 0, 9), "q_of_t": pg.Sine(), "other_axis": (0, 0, 1)}
+    needed |= {"radius": 0.1} | ({"axis": (0, 0, 1)} if kind in ("skate", "universal") else {})
+    fields |= {key: value for key, value in needed.items() if key in own}
+    c = pg.Constraint(name="c", kind=kind, **fields)
+    blocks = pg.Mechanism(chain().replace(constraints=(c,))).packed.blocks
+    assert blocks.blocks_i[:, B_SIZE].sum() == c.ROWS
 
 
 # -- prescribed motion -----------------------------------------------------------------------------

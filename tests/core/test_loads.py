@@ -76,7 +76,7 @@ def test_tables_say_what_the_description_says(seed):
         ], turn
 
     for f, x in zip(given, table):
-        a, b = s.topology.number(f.body), s.topology.number(f.other)
+        a, b = map(s.topology.number, f.pair)
         assert x["row_a"] == packed.bodies_i[a, at.ROW]
         assert x["row_b"] == packed.bodies_i[b, at.ROW]
         (o_a, R_a), (o_b, R_b) = pose(a), pose(b)

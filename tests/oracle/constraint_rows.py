@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -72,10 +72,11 @@ def radius_of_gyration(bodies: Sequence[Body]) -> float:
 
 def points_of(op: Bodies, c: Constraint) -> tuple[Array, Array]:
     """The two points in their bodies' frames; one left out is where the other is at home."""
-    body, other = op.topology.number(c.body), op.topology.number(c.other)
+    body, other = map(op.topology.number, c.pair)
     point = np.array(op.model.point_of(c))
-    if c.other_point is not None or c.kind == "rolling":
-        return point, np.array(c.other_point or (0.0, 0.0, 0.0))
+    given = getattr(c, "other_point", None)
+    if given is not None or c.kind == "rolling":
+        return point, np.array(given or (0.0, 0.0, 0.0))
     position, rotation = op.home
     at = position[body - 1] + rotation[body - 1] @ point
     return point, rotation[other - 1].T @ (at - position[other - 1]) if other else at
@@ -97,9 +98,9 @@ class _End:
 class _Pair:
     """`body` at its point, and `other` both at its own point and at the place of the first."""
 
-    def __init__(self, op: Bodies, c: Constraint, length: float, t: float):
+    def __init__(self, op: Bodies, c: Any, length: float, t: float):
         self.op, self.c, self.length, self.t = op, c, length, t
-        self.a, self.b = op.topology.number(c.body), op.topology.number(c.other)
+        self.a, self.b = map(op.topology.number, c.pair)
         self.point, self.other_point = points_of(op, c)
         self.R_a, self.R_b = _rotation(op.rotation, self.a), _rotation(op.rotation, self.b)
         home = op.home[1]
@@ -125,11 +126,12 @@ class _Pair:
     def axes(self) -> tuple[Array, Array]:
         """(axis, other_axis) in their bodies' axes."""
         c = self.c
+        other = getattr(c, "other_axis", None)  # a skate has none
         if c.axis is not None:
             axis = unit_vector(c.axis)
-            return axis, self.home @ axis if c.other_axis is None else unit_vector(c.other_axis)
-        if c.other_axis is not None:
-            return self.home.T @ unit_vector(c.other_axis), unit_vector(c.other_axis)
+            return axis, self.home @ axis if other is None else unit_vector(other)
+        if other is not None:
+            return self.home.T @ unit_vector(other), unit_vector(other)
         if c.kind == "universal":
             return np.array([0.0, 1.0, 0.0]), self.home @ [1.0, 0.0, 0.0]
         return np.array([0.0, 0.0, 1.0]), self.home @ [0.0, 0.0, 1.0]

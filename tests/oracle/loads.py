@@ -27,7 +27,7 @@ def load_of(op: Operators, f: Force, t: float = 0.0) -> Load:
     return {"wrench": _wrench, "spring": _spring, "torsion": _torsion}[f.kind](op, f, t)
 
 
-def _wrench(op: Operators, f: Force, t: float) -> Load:
+def _wrench(op: Operators, f: Any, t: float) -> Load:
     number = op.topology.number(f.body)
     wrench = np.concatenate((_at(f.torque, t), _at(f.force, t)))
     if f.frame == "body":
@@ -43,7 +43,7 @@ def _at(value: Any, t: float) -> Array:
     return np.array(value)
 
 
-def _spring(op: Operators, f: Force, _: float) -> Load:
+def _spring(op: Operators, f: Any, _: float) -> Load:
     tip = op.bodies[op.topology.number(f.body) - 1].tip_point
     ends = ((f.body, f.point or tip), (f.other, f.other_point or (0.0, 0.0, 0.0)))
     (x_a, J_a), (x_b, J_b) = (_end(op, name, np.array(point)) for name, point in ends)
@@ -70,7 +70,7 @@ def _end(op: Operators, name: str, point: Array) -> tuple[Array, Array]:
     return op.point_position(number, point), op.point_jacobian(number, point)
 
 
-def _torsion(op: Operators, f: Force, _: float) -> Load:
+def _torsion(op: Operators, f: Any, _: float) -> Load:
     """The angle about `axis` from r as it would be fixed in `other` to r as it is in `body`.
 
     r is normal to the axis; at q = 0 the angle is zero. Its slope is the axis as long as both
@@ -86,7 +86,7 @@ def _torsion(op: Operators, f: Force, _: float) -> Load:
     third = np.cross(h, mine)
     x, y, z = other @ mine, other @ third, other @ h
     slope = h - z * (x * mine + y * third) / (x * x + y * y)
-    angle = np.arctan2(-y, x) - (f.rest or 0.0)
+    angle = np.arctan2(-y, x) - (f.rest)
     angle = float((angle + np.pi) % (2 * np.pi) - np.pi)
     J = _end(op, f.body, origin)[1][:3] - _end(op, f.other, origin)[1][:3]
     return _law(f, angle, slope @ J, op.speeds)
@@ -102,7 +102,7 @@ def _turn_since_zero(op: Operators, number: int) -> Array:
     return op.rotation[number - 1] @ _turn_at_zero(op, number).T if number else np.eye(3)
 
 
-def _law(f: Force, stretch: float, slope: Array, v: Array) -> Load:
+def _law(f: Any, stretch: float, slope: Array, v: Array) -> Load:
     """A linear spring and damper on one coordinate whose rate is slope · v."""
-    k, d, rate = f.stiffness or 0.0, f.damping or 0.0, float(slope @ v)
+    k, d, rate = f.stiffness, f.damping, float(slope @ v)
     return Load(-(k * stretch + d * rate) * slope, k * stretch**2 / 2, 0.0, d * rate**2)
