@@ -10,7 +10,8 @@ import pgraph_core as pg
 import pgraph_models
 
 from .constraints.mobility import Reports
-from .core.bridge import Bridge, open_server, quiet, token_for
+from .core.bridge import Bridge, open_server, quiet
+from .core.door import token_for
 from .core.events import Event, from_page
 from .core.state import initial
 from .core.store import Store
@@ -28,13 +29,19 @@ class Server:
     """A page on which people edit and simulate one shared model."""
 
     def __init__(
-        self, model: pg.Model, host: str, port: int, given: str = "", keep: Path | None = None
+        self,
+        model: pg.Model,
+        host: str,
+        port: int,
+        given: str = "",
+        keep: Path | None = None,
+        token: str = "auto",
     ):
-        token = token_for(host)
-        viser = open_server(host, port, token)
+        secret = token_for(host, token)
+        viser = open_server(host, port, secret)
         self.viser = viser
         self.port = viser.get_port()
-        query = f"?token={token}" if token else ""
+        query = f"?token={secret}" if secret else ""
         self.url = f"http://{host}:{self.port}/{query}"
         state = initial(model, built_in())
         if keep is not None:
@@ -45,7 +52,8 @@ class Server:
         self._autosave = Autosave(keep, host, self.port, given, self.send) if keep else None
         workers = (Simulator, LiveRunner, Analyst, Files, Reports, Errands)
         work = [worker(self.send) for worker in workers]
-        self.store.start((*page.views, *work, *filter(None, [self._autosave])))
+        keeps = filter(None, [self._autosave])  # first: what a page is told to be done is on disk
+        self.store.start((*keeps, *page.views, *work))
         self._compiler = Compiler(self.send)
 
     def send(self, event: Event) -> None:
@@ -75,14 +83,16 @@ def serve(
     open_browser: bool = True,
     given: str = "",
     keep: Path | None = None,
+    token: str = "auto",
 ) -> Server:
     """Serve `model` at `http://host:port`, or on the next free port where that one is taken.
 
-    Hosts other than this machine's own get an address with a secret token in it. Edits are kept in
+    With `token` "on" the address has a secret in it, and other requests are refused; "auto" is "on"
+    for hosts other than this machine's own, which any of its users can reach. Edits are kept in
     the folder `keep`; `given` is what the model was asked for by, and what was edited there when
     the last server so started was killed comes back.
     """
-    server = Server(model, host, port, given, keep)
+    server = Server(model, host, port, given, keep, token)
     if port and server.port != port:
         print(f"Port {port} is taken; using {server.port}.")
     print(f"Pgraph is at {server.url}", flush=True)

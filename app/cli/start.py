@@ -22,6 +22,13 @@ def arguments(parser: ArgumentParser) -> None:
     )
     parser.add_argument("--host", default="127.0.0.1", help="default: 127.0.0.1, this machine only")
     parser.add_argument("--port", type=port, default=8080, help="default: 8080")
+    parser.add_argument(
+        "--token",
+        choices=("auto", "on", "off"),
+        default="auto",
+        help="whether only the printed address opens the page (default: auto, on unless --host is "
+        "this machine's own)",
+    )
     parser.add_argument("--no-browser", action="store_true", help="do not open the browser")
 
 
@@ -36,7 +43,7 @@ def start(args: Namespace) -> None:
     signal.signal(signal.SIGINT, lambda *_: stopped.set())
     server = serve(
         model, host=args.host, port=args.port, open_browser=not args.no_browser,
-        given=args.model, keep=state_folder(),
+        given=args.model, keep=state_folder(), token=args.token,
     )  # fmt: skip
     server.wait(stopped)
 

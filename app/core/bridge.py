@@ -1,46 +1,36 @@
-"""Both directions between Python and our script in the page, and who may connect.
+"""Both directions between Python and our script in the page.
 
-The one file that knows names viser 1.1.1 does not document: `RunJavascriptMessage`, a client's
-own connection, a handle's uuid, `window.__viserMutable.sendMessage` (in bridge.js) and the
-`websockets.asyncio.server.serve` it calls. `tests/app/test_bridge.py` has a test for each.
+This file and `door.py` alone know names that viser 1.1.1 does not document: `RunJavascriptMessage`,
+a client's own connection, a handle's uuid, `window.__viserMutable.sendMessage` (in bridge.js), the
+`websockets.asyncio.server.serve` it calls and the kinds of its messages. `tests/app/test_bridge.py`
+and `test_door.py` have a test for each.
 """
 
 from __future__ import annotations
 
 import contextlib
-import http
 import io
 import json
-import secrets
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
 
 import viser
-import websockets.asyncio.server
 from viser._messages import RunJavascriptMessage
-from websockets.http11 import Response
+
+from .door import guarded
 
 APP = Path(__file__).parent.parent
 CORE_SCRIPTS = ("bridge", "lists", "cells", "forms", "shortcuts")  # of this folder, in order
 CORE_STYLES = ("page", "cells", "forms", "shortcuts")
-LARGEST_MESSAGE = 16 * 1024 * 1024  # [bytes] from a page; viser's own limit is 50 MB
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
-COOKIE = "pgraph_token"
 
 Receive = Callable[[int, str], None]
 
 
 def open_server(host: str, port: int, token: str | None) -> viser.ViserServer:
     """A viser server that refuses other sites' pages; on a taken port, the next free one."""
-    with _guarded(token), quiet():
+    with guarded(host, token), quiet():
         return viser.ViserServer(host=host, port=port, label="Pgraph", verbose=False)
-
-
-def token_for(host: str) -> str | None:
-    """Nothing where only this machine can connect, else a secret the address must carry."""
-    return None if host in LOOPBACK else secrets.token_urlsafe(16)
 
 
 class Bridge:
@@ -103,47 +93,3 @@ def quiet() -> Iterator[None]:
     """viser's own banners are not printed: the app says where it is itself."""
     with contextlib.redirect_stdout(io.StringIO()):
         yield
-
-
-@contextlib.contextmanager
-def _guarded(token: str | None) -> Iterator[None]:
-    """While a viser server is made: its `serve` checks each request and limits messages."""
-    module = websockets.asyncio.server
-    plain = module.serve
-
-    def serve(handler: Any, host: str, port: int, **options: Any) -> Any:
-        page = options.pop("process_request")
-
-        def process_request(connection: Any, request: Any) -> Response | None:
-            refusal = _refusal(request.headers, request.path, token)
-            if refusal is not None:
-                return connection.respond(http.HTTPStatus.FORBIDDEN, refusal + "\n")
-            response = page(connection, request)
-            if response is not None and token is not None:
-                response.headers["Set-Cookie"] = f"{COOKIE}={token}; HttpOnly; SameSite=Strict"
-            return response
-
-        options["max_size"] = LARGEST_MESSAGE
-        return plain(handler, host, port, process_request=process_request, **options)
-
-    module.serve = serve  # type: ignore[assignment]
-    try:
-        yield
-    finally:
-        module.serve = plain
-
-
-def _refusal(headers: Any, path: str, token: str | None) -> str | None:
-    """Why a request is not for us: another site's page, a foreign name, a missing token."""
-    host, origin = headers.get("Host", ""), headers.get("Origin")
-    if token is None and urlsplit(f"//{host}").hostname not in LOOPBACK:
-        return f"This server answers on 127.0.0.1 and localhost, not as {host!r}."
-    if origin is not None and urlsplit(origin).netloc != host:
-        return f"Pages of {origin} may not connect."
-    if token is None:
-        return None
-    given = parse_qs(urlsplit(path).query).get("token", [""])[0]
-    cookie = f"{COOKIE}={token}" in headers.get("Cookie", "").split("; ")
-    if cookie or secrets.compare_digest(given.encode(), token.encode()):
-        return None
-    return "Open the address that the server printed: it carries a token."

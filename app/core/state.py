@@ -101,6 +101,7 @@ class State:
     walking: Walking = field(default_factory=Walking)
     saving: Saving | None = None
     kept: Mapping[str, Kept] = field(default_factory=dict)  # by what it is called in a list
+    not_kept: str = ""  # why edits are not kept on disk
     greeting: Notice | None = None  # to pages that open, until the model is changed
     shown: frozenset[str] = SHOWN_AT_FIRST
     errands: tuple[Errand, ...] = ()  # under way, in order

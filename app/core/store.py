@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
-import queue
+import math
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from ..core.events import Event, update
+from ..core.events import Event, FromPage, update
 from ..playback.update import Tick
 from .state import State
 
 FRAME = 1 / 60  # [s] between ticks while playing
+MOST_WAITING = 1000  # events of one page
 log = logging.getLogger(__name__)
 
 
@@ -23,13 +26,61 @@ class View(Protocol):
     def render(self, old: State, new: State) -> None: ...
 
 
+class Closed(Exception):
+    """The queue was closed, and its last event taken."""
+
+
+class Queue:
+    """Events of many senders, taken in turn: one that floods delays the others by one event each.
+
+    The events of one sender stay in their order; the server itself is one of the senders.
+    """
+
+    def __init__(self) -> None:
+        self._waiting: dict[int | None, deque[Event]] = {}  # in the order of their turns
+        self._changed = threading.Condition()
+        self._closed = False
+
+    def put(self, event: Event) -> None:
+        """Append an event; a page of which too many are waiting is not heard."""
+        sender = event.client if isinstance(event, FromPage) else None
+        with self._changed:
+            waiting = self._waiting.setdefault(sender, deque())
+            if sender is not None and len(waiting) >= MOST_WAITING:
+                return
+            waiting.append(event)
+            self._changed.notify()
+
+    def close(self) -> None:
+        """No more events: after those that wait now, `get` raises Closed."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify()
+
+    def get(self, seconds: float) -> Event | None:
+        """The next event; None if none comes within that time. Raises Closed."""
+        with self._changed:
+            timeout = None if seconds == math.inf else seconds
+            self._changed.wait_for(lambda: self._waiting or self._closed, timeout)
+            if not self._waiting:
+                if self._closed:
+                    raise Closed
+                return None
+            sender = next(iter(self._waiting))
+            waiting = self._waiting.pop(sender)
+            event = waiting.popleft()
+            if waiting:
+                self._waiting[sender] = waiting  # its next turn comes last
+            return event
+
+
 class Store:
     """`send(event)` from any thread; everything else happens in the store's own."""
 
     def __init__(self, state: State, update: Callable[[State, Event], State] = update):
         self.state = state
         self._update = update
-        self._events: queue.SimpleQueue[Event | None] = queue.SimpleQueue()
+        self._events = Queue()
         self._thread = threading.Thread(target=self._loop, name="pgraph-store", daemon=True)
         self._views: Sequence[View] = ()
 
@@ -45,25 +96,24 @@ class Store:
 
     def stop(self) -> None:
         """Finish the events queued so far and end the thread."""
-        self._events.put(None)
+        self._events.close()
         self._thread.join(timeout=5.0)
 
     def _loop(self) -> None:
-        ticked = time.perf_counter()
-        while True:
-            playing = self.state.playback.playing
-            due = ticked + FRAME
-            try:
-                wait = max(due - time.perf_counter(), 0.0) if playing else None
-                event = self._events.get(timeout=wait)
-            except queue.Empty:
+        with contextlib.suppress(Closed):
+            ticked, event = time.perf_counter(), None
+            while True:
+                playing = self.state.playback.playing
+                left = ticked + FRAME - time.perf_counter() if playing else math.inf
+                if left <= 0 and not isinstance(event, Tick):
+                    event = None  # events that rush in do not hold up what plays
+                else:
+                    event = self._events.get(max(left, 0.0))
                 now = time.perf_counter()
-                event, ticked = Tick(now - ticked), now
-            if event is None:
-                return
-            if not playing:
-                ticked = time.perf_counter()
-            self._apply(event)
+                event = event or Tick(now - ticked)
+                if isinstance(event, Tick) or not playing:
+                    ticked = now
+                self._apply(event)
 
     def _apply(self, event: Event) -> None:
         """One event; a fault in it or in a view is logged and the page goes on."""

@@ -48,17 +48,22 @@
   function saveQuestion(close) {
     const download = button("primary download", "Download as a file", "JSON; with mesh files a zip of that and them", () => { send("Download"); close(); });
     const path = `${pgraph.latest.toolbar.name.replace(/[^\w-]+/g, "_")}.json`;
-    const save = (serial, typedPath) => send("Save", { serial, path: typedPath });
-    return [make("div", { className: "ask" }, download), ...typed("or on this computer as", path, "Save", close, save)];
+    const save = (serial, typedPath, replace = false) => send("Save", { serial, path: typedPath, replace });
+    const anyway = (typedPath) => (serial) => save(serial, typedPath, true);
+    return [make("div", { className: "ask" }, download), ...typed("or on this computer as", path, "Save", close, save, anyway)];
   }
 
-  // A question with one typed answer, given by Enter or the button; a refused one stays.
-  function typed(question, suggestion, verb, close, act) {
+  // A question with one typed answer, given by Enter or the button; a refused one stays, with what
+  // Python offers to do with it.
+  function typed(question, suggestion, verb, close, act, offered) {
     const cell = cells.input(act, { label: question, leaving: false });
     cell.dataset.shown = "";
     cell.value = suggestion;
     cell.style.minWidth = `${Math.min(suggestion.length, 26) + 2}ch`;
     cell.onaccept = close;
+    cell.onrefuse = (offer, note) => {
+      if (offer && note) note.append(" ", button("small offer", offer, "", () => cells.await(cell, offered(cell.value))));
+    };
     const go = button("primary go", verb, "", () => cells.commit(cell, act));
     return [make("div", { className: "ask" }, make("span", { textContent: question }), cell, go)];
   }

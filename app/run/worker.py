@@ -110,24 +110,43 @@ class Compiler:
 
 
 class Files:
-    """Writes the model where a page asked for it."""
+    """Writes the model where a page asked for it; asks before it replaces what is not ours."""
 
     def __init__(self, send: Send):
         self._send = send
+        self._written: dict[Path, bytes] = {}  # what this session wrote last
 
     def render(self, old: State, new: State) -> None:
         saving = new.saving
         if saving is None or saving is old.saving:
             return
-        path = Path(saving.path).expanduser().absolute()
-        problem = ""
+        given = Path(saving.path).expanduser().absolute()
+        path, problem, offer = given, "", ""
         try:
-            if path.suffix != ".json":
-                problem = f"The name of a model file ends in .json; given {path.name!r}."
-            else:
+            path = given.resolve()
+            problem, offer = self._refused(path, saving.replace)
+            if not problem:
                 saving.model.save(path)
+                self._written[path] = path.read_bytes()
         except pg.PgraphError as error:
             problem = str(error)
-        except OSError as error:
-            problem = f"{path} could not be written: {error.strerror or error}."
-        self._send(Saved(saving.client, saving.serial, str(path), problem))
+        except (OSError, RuntimeError) as error:  # RuntimeError: links in a circle
+            problem = f"{path} could not be written: {getattr(error, 'strerror', None) or error}."
+        shown = str(path) if path == given else f"{path}, where {given} points to"
+        self._send(Saved(saving.client, saving.serial, shown, problem, offer))
+
+    def _refused(self, path: Path, replace: bool) -> tuple[str, str]:
+        """Why a model is not written to a path, and what would do; "" where it is."""
+        if path.suffix != ".json":
+            return f"The name of a model file ends in .json; given {path.name!r}.", ""
+        if not path.exists():
+            return "", ""
+        if not path.is_file():
+            return f"{path} is not an ordinary file; give the name of a new one.", ""
+        content = path.read_bytes()
+        if replace or content == self._written.get(path):
+            return "", ""
+        changed = time.strftime("%H:%M on %d %B %Y", time.localtime(path.stat().st_mtime))
+        whose = "has changed since" if path in self._written else "exists and is not from"
+        said = f"{path} {whose} this session (last written at {changed})."
+        return said.replace("since this session", "since it was saved here"), "Replace it"

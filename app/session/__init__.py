@@ -27,3 +27,4 @@ class Saving:
     serial: int
     path: str
     model: pg.Model
+    replace: bool  # also a file that this session did not write

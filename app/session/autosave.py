@@ -1,6 +1,8 @@
-"""The model on disk a moment after each edit, so that a server that is killed loses nothing.
+"""The model on disk before an edit is acknowledged, so that a server that is killed loses nothing.
 
-One file a session, named by its address: whoever serves there now is not who left it.
+One file a session, named by its address: whoever serves there now is not who left it. The store
+draws this view first. A thread flushes the file to the disk a moment later, and writes again
+where it could not be written.
 """
 
 from __future__ import annotations
@@ -11,20 +13,18 @@ import logging
 import os
 import socket
 import threading
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import pgraph_core as pg
-from pgraph_core.model.files import write_atomic
 
 from ..core.events import Event
 from ..core.state import Kept, State
 from ..model.archive import own
 from ..session.update import NotKept
 
-DELAY, LONGEST = 0.4, 2.0  # [s] after the last edit, and after the first one not yet written
+DELAY, RETRY = 0.4, 1.0  # [s] before a file is flushed, and before it is tried again
 MOST = 20  # sessions that are offered
 log = logging.getLogger(__name__)
 
@@ -75,7 +75,7 @@ def _served(address: str) -> bool:
 
 
 class Autosave:
-    """Writes the model of this session, in a thread of its own."""
+    """Writes the model of this session at each edit."""
 
     def __init__(
         self, folder: Path, host: str, port: int, given: str, send: Callable[[Event], None]
@@ -83,8 +83,9 @@ class Autosave:
         self._path = folder / _name(host, port)
         self._given, self._send = given, send
         self._first: pg.Model | None = None  # as it was opened: nothing to keep
-        self._due: pg.Model | None = None  # not yet written
+        self._model: pg.Model | None = None  # the last one; None: no edit yet
         self._changed = threading.Condition()
+        self._settled = True  # on the disk, not only handed to the system
         self._stopped = False
         self._failed = ""
         self._thread = threading.Thread(target=self._loop, name="pgraph-autosave", daemon=True)
@@ -98,11 +99,12 @@ class Autosave:
                 old.kept[label].path.unlink(missing_ok=True)
         if new.model is not old.model or (old is new and new.undo):
             with self._changed:
-                self._due = new.model
+                self._model, self._settled = new.model, False
+                self._write(ended=False)
                 self._changed.notify()
 
     def stop(self) -> None:
-        """Write what is due; the session has ended in order."""
+        """The session has ended in order."""
         with self._changed:
             self._stopped = True
             self._changed.notify()
@@ -110,34 +112,34 @@ class Autosave:
             self._thread.join(timeout=5.0)
 
     def _loop(self) -> None:
-        last: pg.Model | None = None
-        while True:
+        stopped = False
+        while not stopped:
             with self._changed:
-                self._changed.wait_for(lambda: self._due is not None or self._stopped)
-                end = time.monotonic() + LONGEST
-                while not self._stopped and time.monotonic() < end and self._changed.wait(DELAY):
-                    pass  # once more DELAY after another edit
-                due, self._due, stopped = self._due or last, None, self._stopped
-            if due is not None:
-                last = due
-                self._write(due, stopped)
-            if stopped:
-                return
+                self._changed.wait_for(lambda: self._stopped or not self._settled)
+                self._changed.wait_for(lambda: self._stopped, RETRY if self._failed else DELAY)
+                stopped = self._stopped
+                if self._failed or stopped:
+                    self._write(ended=stopped)
+                self._settled = not self._failed
+            with contextlib.suppress(OSError), self._path.open("rb") as file:
+                os.fsync(file.fileno())  # a loss of power keeps what was flushed
 
-    def _write(self, model: pg.Model, ended: bool) -> None:
+    def _write(self, *, ended: bool) -> None:
+        """Replace the file. It is handed to the system only: that outlives any death of ours."""
         problem = ""
         try:
-            if model is self._first:
+            if self._model is self._first:
                 self._path.unlink(missing_ok=True)
-            else:
+            elif self._model is not None:
                 self._path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-                session = {"given": self._given, "text": model.to_json(), "ended": ended}
-                write_atomic(self._path, json.dumps(session))
-        except pg.PgraphError as error:
-            problem = str(error)
+                text = self._model.model_dump_json(exclude_none=True)
+                session = {"given": self._given, "text": text, "ended": ended}
+                new = self._path.with_suffix(".new")
+                new.write_text(json.dumps(session), "utf-8")
+                new.replace(self._path)
         except OSError as error:
             problem = f"{self._path} cannot be written: {error.strerror or error}."
-        if problem and problem != self._failed:
-            log.warning("the model is not kept: %s", problem)
+        if problem != self._failed:
+            log.warning("the model is %s", f"not kept: {problem}" if problem else "kept again")
             self._send(NotKept(problem))
         self._failed = problem

@@ -24,7 +24,7 @@ class Connected(OfServer):
 
 @on(Connected)
 def connected(state: State, event: Connected) -> State:
-    page = Client(notice=state.greeting)
+    page = Client(notice=unkept(state.not_kept) or state.greeting)
     return replace(state, clients={**state.clients, event.client: page})
 
 
@@ -160,11 +160,13 @@ class Save(FromPage):
 
     serial: int
     path: Text
+    replace: bool = False  # also a file that this session did not write
 
 
 @on(Save)
 def save(state: State, event: Save) -> State:
-    return replace(state, saving=Saving(event.client, event.serial, event.path, state.model))
+    saving = Saving(event.client, event.serial, event.path, state.model, event.replace)
+    return replace(state, saving=saving)
 
 
 @dataclass(frozen=True)
@@ -175,11 +177,12 @@ class Saved(Event):
     serial: int
     path: str
     problem: str
+    offer: str = ""
 
 
 @on(Saved)
 def saved(state: State, event: Saved) -> State:
-    state = replied(state, event.client, event.serial, event.problem)
+    state = replied(state, event.client, event.serial, event.problem, event.offer)
     if event.problem:
         return state
     meshes = any(shape.file for b in state.model.bodies for shape in b.shapes)
@@ -189,14 +192,19 @@ def saved(state: State, event: Saved) -> State:
 
 @dataclass(frozen=True)
 class NotKept(Event):
-    """Autosave failed."""
+    """Autosave failed, or works again where there is no problem."""
 
     problem: str
 
 
 @on(NotKept)
 def not_kept(state: State, event: NotKept) -> State:
-    text = f"{event.problem} Save the model yourself."
-    notice = Notice("Autosave does not work", text, bad=True)
+    notice = unkept(event.problem) or Notice("Autosave works again")
     pages = {key: replace(page, notice=notice) for key, page in state.clients.items()}
-    return replace(state, clients=pages)
+    return replace(state, clients=pages, not_kept=event.problem)
+
+
+def unkept(problem: str) -> Notice | None:
+    """What every page is told while edits are not kept, those that open then as well."""
+    text = f"{problem} Save the model yourself; it is tried again."
+    return Notice("Autosave does not work", text, bad=True) if problem else None

@@ -17,7 +17,7 @@ from pgraph_app.core.state import State, initial
 from pgraph_app.features import update
 from pgraph_app.model.update import Edit, OpenKept, Undo, recovered
 from pgraph_app.session.autosave import Autosave, left_behind, state_folder
-from pgraph_app.session.update import Connected
+from pgraph_app.session.update import Connected, NotKept
 
 from .conftest import until
 
@@ -49,6 +49,38 @@ def test_the_last_of_many_edits_is_written_and_offered(tmp_path, state):
     assert pg.Model.from_json(kept.text) == now.model
     assert (kept.given, kept.ended) == ("serial", True)
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["127.0.0.1 1.json"]
+
+
+def test_an_edit_is_on_disk_when_the_next_view_draws(tmp_path, state):
+    """Views draw in turn, this one first: what acknowledges an edit comes after it."""
+    keeper, now = saver(tmp_path), state
+    keeper.render(state, state)
+    for k in range(20):
+        old, now = now, edited(now, str(k + 2))
+        keeper.render(old, now)
+        (kept,) = left_behind(tmp_path, HOST, PORT)
+        assert pg.Model.from_json(kept.text) == now.model
+    keeper.stop()
+
+
+def test_what_could_not_be_written_is_tried_again_and_every_page_is_told(tmp_path, state):
+    blocked = tmp_path / "folder"
+    blocked.write_text("a file where the folder is to be")
+    sent: list[Event] = []
+    keeper, now = saver(blocked, sent), edited(state, "2")
+    keeper.render(state, state)
+    keeper.render(state, now)
+    assert isinstance(sent[0], NotKept)
+    failing = update(update(now, sent[0]), Connected(7))
+    assert failing.clients[7].notice is not None  # a page that opens later
+    assert failing.clients[7].notice.bad
+    blocked.unlink()
+    until(lambda: left_behind(blocked, HOST, PORT), "the file", seconds=10)
+    until(lambda: len(sent) == 2, "the word that it works", seconds=10)
+    keeper.stop()
+    works = update(failing, sent[1])
+    assert not works.clients[7].notice.bad
+    assert update(works, Connected(8)).clients[8].notice is None
 
 
 def test_nothing_is_written_without_an_edit_or_after_undo(tmp_path, state):

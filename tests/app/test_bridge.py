@@ -1,30 +1,17 @@
-"""One test for each name of viser's that it does not document, and for who may connect."""
+"""One test for each name of viser's that it does not document."""
 
 from __future__ import annotations
 
-import http.client
 import json
 from typing import Any
 
-import pytest
 import viser
-import websockets.asyncio.server
-import websockets.exceptions
-from websockets.sync.client import connect
 
 from pgraph_app.core import bridge
 from pgraph_app.model.update import Edit
-from pgraph_app.server import Server
 from pgraph_app.session.update import Select
 
 from .conftest import NOBODY, ON_PURPOSE, until
-
-
-def answer(server: Server, **headers: str) -> tuple[int, str]:
-    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
-    connection.request("GET", "/", headers=headers)
-    response = connection.getresponse()
-    return response.status, response.read(300).decode("utf-8", "replace")
 
 
 def test_viser_is_the_version_whose_names_these_are():
@@ -74,60 +61,6 @@ def test_topics_that_come_before_the_script_wait_in_the_inbox(page):
       window.pgraph = known; known.drain();
     }""")
     assert page.evaluate("pgraph.latest.early") == 7
-
-
-def test_our_own_pages_may_connect(served):
-    own = f"127.0.0.1:{served.port}"
-    assert answer(served, Host=own)[0] == 200
-    assert answer(served, Host=f"localhost:{served.port}")[0] == 200
-    assert answer(served, Host=own, Origin=f"http://{own}")[0] == 200
-
-
-@pytest.mark.parametrize(
-    ("headers", "said"),
-    [
-        ({"Host": "evil.example:80"}, "evil.example"),
-        ({"Origin": "http://evil.example"}, "http://evil.example may not connect"),
-        ({"Origin": "null"}, "may not connect"),
-    ],
-)
-def test_another_site_s_page_may_not(served, headers, said):
-    status, text = answer(served, **headers)
-    assert status == 403
-    assert said in text
-
-
-def test_nor_open_a_websocket(served):
-    with pytest.raises(websockets.exceptions.InvalidStatus) as refused:
-        connect(f"ws://127.0.0.1:{served.port}", origin="http://evil.example")  # type: ignore[arg-type]
-    assert refused.value.response.status_code == 403
-
-
-def test_on_other_hosts_the_address_carries_a_token():
-    headers = {"Host": "192.0.2.1:8080"}
-    assert bridge.token_for("127.0.0.1") is None
-    token = bridge.token_for("0.0.0.0")
-    assert token is not None
-    assert bridge._refusal(headers, "/", token) is not None
-    assert bridge._refusal(headers, "/?token=wrong", token) is not None
-    assert bridge._refusal(headers, f"/?token={token}", token) is None
-    assert bridge._refusal({**headers, "Cookie": f"pgraph_token={token}"}, "/", token) is None
-    foreign = {**headers, "Origin": "http://evil.example", "Cookie": f"pgraph_token={token}"}
-    assert bridge._refusal(foreign, "/", token) is not None
-
-
-def test_serve_is_wrapped_only_while_a_server_is_made():
-    plain = websockets.asyncio.server.serve
-    with bridge._guarded(None):
-        assert websockets.asyncio.server.serve is not plain
-    assert websockets.asyncio.server.serve is plain
-
-
-def test_a_message_above_the_limit_closes_the_connection(served):
-    with connect(f"ws://127.0.0.1:{served.port}", subprotocols=["viser-v1.1.1"]) as socket:  # type: ignore[list-item]
-        socket.send(b"x" * (bridge.LARGEST_MESSAGE + 1))
-        with pytest.raises(websockets.exceptions.ConnectionClosedError):
-            list(iter(socket.recv, None))
 
 
 def test_messages_are_ascii_so_that_names_cannot_leave_their_string():

@@ -1,0 +1,185 @@
+"""Who may connect, what a page may send, and how much of it: the threat model is docs/security.md.
+
+viser takes any of its own messages from any page: it would open a public tunnel, keep uploads and
+set any attribute of a handle. Only the kinds that our page sends pass, with plain, short values.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import http
+import logging
+import math
+import secrets
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import msgspec
+import websockets.asyncio.server
+from websockets.http11 import Response
+
+LARGEST_MESSAGE = 16 * 1024 * 1024  # [bytes] from a page; viser's own limit is 50 MB
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+COOKIE = "pgraph_token"
+PASS = (  # what the page sends; the rest is dropped
+    "GuiUpdateMessage",
+    "ViewerCameraMessage",
+    "ScenePointerMessage",
+    "SceneNodeClickMessage",
+    "SceneNodeDragMessage",
+    "TransformControlsUpdateMessage",
+    "TransformControlsDragStartMessage",
+    "TransformControlsDragEndMessage",
+)
+MESSAGES = (300.0, 600.0)  # a second for one page, and at once
+BYTES = (32e6, 64e6)  # the same in bytes
+LONGEST_TEXT = 500  # of a value that is not typed by a person
+MOST_NUMBERS = 64  # in a list of a message
+HEADERS = {
+    "Content-Security-Policy": (  # viser's page runs its own inline scripts and ours by Function
+        "default-src 'self' data: blob:; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: "
+        "data:; style-src 'self' 'unsafe-inline'; connect-src 'self' ws: wss: data: blob:; "
+        "worker-src 'self' blob: data:; object-src 'none'; base-uri 'self'; frame-ancestors 'none'"
+    ),
+    "X-Frame-Options": "DENY",
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+}
+log = logging.getLogger(__name__)
+
+
+def token_for(host: str, wanted: str = "auto") -> str | None:
+    """The secret that the address must carry; "auto": none where only this machine can connect."""
+    on = wanted == "on" or (wanted == "auto" and host not in LOOPBACK)
+    return secrets.token_urlsafe(16) if on else None
+
+
+@contextlib.contextmanager
+def guarded(host: str, token: str | None) -> Iterator[None]:
+    """While a viser server is made: the `serve` it calls checks requests and messages."""
+    module = websockets.asyncio.server
+    plain = module.serve
+
+    def serve(handler: Callable[[Any], Any], at: str, port: int, **options: Any) -> Any:
+        page = options.pop("process_request")
+
+        def process_request(connection: Any, request: Any) -> Response | None:
+            refused = refusal(request.headers, request.path, host, token)
+            if refused is not None:
+                return connection.respond(http.HTTPStatus.FORBIDDEN, refused + "\n")
+            response = page(connection, request)
+            if response is not None:
+                for name, value in HEADERS.items():
+                    response.headers[name] = value
+                if token is not None:
+                    response.headers["Set-Cookie"] = f"{COOKIE}={token}; HttpOnly; SameSite=Strict"
+            return response
+
+        options["max_size"] = LARGEST_MESSAGE
+        inside = lambda connection: handler(_Filtered(connection))  # noqa: E731
+        return plain(inside, at, port, process_request=process_request, **options)
+
+    module.serve = serve  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        module.serve = plain
+
+
+def refusal(headers: Any, path: str, host: str, token: str | None) -> str | None:
+    """Why a request is not for us: another site's page, a foreign name, a missing token."""
+    try:
+        named, origin = headers.get("Host", ""), headers.get("Origin")
+        if host in LOOPBACK and urlsplit(f"//{named}").hostname not in LOOPBACK:
+            return f"This server answers on 127.0.0.1 and localhost, not as {named!r}."
+        if origin is not None and urlsplit(origin).netloc != named:
+            return f"Pages of {origin} may not connect."
+    except (ValueError, LookupError):  # LookupError: two Host headers
+        return "The request names no host that can be read."
+    if token is None:
+        return None
+    cookies = (cookie.partition("=") for cookie in headers.get("Cookie", "").split("; "))
+    given = [value for name, _, value in cookies if name == COOKIE]
+    given += parse_qs(urlsplit(path).query).get("token", [])
+    if any(secrets.compare_digest(one.encode(), token.encode()) for one in given):
+        return None
+    return "Open the address that the server printed: it carries a token."
+
+
+class _Filtered:
+    """A connection whose `recv` gives only messages that may pass, at the pace of its budget."""
+
+    def __init__(self, connection: Any):
+        self._connection = connection
+        self._budgets = Budget(*MESSAGES), Budget(*BYTES)
+        self._dropped = 0
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._connection, name)
+
+    async def recv(self) -> bytes:
+        messages, size = self._budgets
+        while True:
+            raw = await self._connection.recv()
+            wait = max(messages.spend(1.0), size.spend(float(len(raw))))
+            if wait > 0:  # not read meanwhile: TCP slows the page down, others feel nothing
+                await asyncio.sleep(wait)
+            reason = faults(raw)
+            if reason is None:
+                return raw
+            self._dropped += 1
+            if self._dropped == 1:  # one line a connection: a flood must not fill the log
+                log.warning("a page sent what no page of ours sends (%s): dropped", reason)
+
+
+class Budget:
+    """So much a second, and `most` at once."""
+
+    def __init__(self, rate: float, most: float):
+        self._rate, self._most = rate, most
+        self._left, self._at = most, time.monotonic()
+
+    def spend(self, amount: float) -> float:
+        """Seconds to wait until `amount` more is within the budget."""
+        now = time.monotonic()
+        self._left = min(self._most, self._left + (now - self._at) * self._rate) - amount
+        self._at = now
+        return max(-self._left / self._rate, 0.0)
+
+
+def faults(raw: bytes | str) -> str | None:
+    """Why a message may not pass; None if it may."""
+    if isinstance(raw, str):
+        return "text"
+    try:
+        message = msgspec.msgpack.decode(raw)
+    except (msgspec.DecodeError, ValueError, RecursionError):
+        return "no message"
+    if not isinstance(message, dict) or message.get("type") not in PASS:
+        kind = message.get("type") if isinstance(message, dict) else type(message)
+        return f"a {str(kind)[:60]}"
+    if message["type"] == "GuiUpdateMessage":
+        updates = message.get("updates")
+        if not isinstance(updates, dict) or list(updates) != ["value"]:
+            return "a change of what is no value"
+        message["updates"] = None if isinstance(updates["value"], str) else updates["value"]
+    plain = all(_plain(value, 3) for value in message.values())
+    return None if plain else f"a {message['type']} with values that are not plain"
+
+
+def _plain(value: Any, depth: int) -> bool:
+    """Whether it is a finite number, a short text, or a short list of these."""
+    if isinstance(value, (list, tuple)):
+        return (
+            depth > 0
+            and len(value) <= MOST_NUMBERS
+            and all(_plain(one, depth - 1) for one in value)
+        )
+    if isinstance(value, str):
+        return len(value) <= LONGEST_TEXT
+    if isinstance(value, (int, float)):
+        return math.isfinite(value)
+    return value is None
