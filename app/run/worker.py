@@ -20,6 +20,7 @@ from ..run.update import Compiled, Compiling, Failed, Progress, Simulated
 from ..session.update import Saved
 from . import FREE_RUN
 
+COMPILE = ("-m", "pgraph_core.engine", "--with-parent")
 REPORT = 0.05  # [s] between progress events
 
 Send = Callable[[Event], None]
@@ -83,7 +84,7 @@ def simulated(job: Job, progress: Callable[[float], bool]) -> object:
 class Compiler:
     """Compiles the kernels in a process of its own and tells how far it is."""
 
-    def __init__(self, send: Send, command: tuple[str, ...] = ("-m", "pgraph_core.engine")):
+    def __init__(self, send: Send, command: tuple[str, ...] = COMPILE):
         self._send = send
         self._command = (sys.executable, *command)
         self._process: subprocess.Popen[str] | None = None
@@ -96,7 +97,11 @@ class Compiler:
     def _watch(self) -> None:
         said = ""
         with subprocess.Popen(
-            self._command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+            self._command,
+            stdin=subprocess.PIPE,  # closed by our death, of whatever kind
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
         ) as process:
             self._process = process
             assert process.stdout is not None

@@ -1,5 +1,6 @@
 """What is compiled, and when: once, for one signature, and never again."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -62,6 +63,21 @@ def test_warmed_up_kernels_are_all_that_a_session_needs():
     subprocess.run([sys.executable, "-m", "pgraph_core.engine"], check=True, capture_output=True)
     done = subprocess.run([sys.executable, "-c", USE], check=True, capture_output=True, text=True)
     assert done.stdout.strip() == "{} {}"
+
+
+def test_the_compiling_process_ends_when_its_parent_is_gone(tmp_path):
+    """A killed parent closes the pipe; the cold cache would take much longer than the wait."""
+    command = [sys.executable, "-m", "pgraph_core.engine", "--with-parent"]
+    environment = {**os.environ, "PGRAPH_CACHE": str(tmp_path)}
+    child = subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment
+    )
+    assert child.stdout is not None
+    assert child.stdin is not None
+    child.stdout.readline()  # it compiles
+    child.stdin.close()
+    assert child.wait(timeout=10) == 1
+    child.stdout.close()
 
 
 def test_every_kernel_states_its_signature():
