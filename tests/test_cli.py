@@ -6,6 +6,7 @@ import json
 import signal
 import subprocess
 import sys
+import urllib.error
 import urllib.request
 from pathlib import Path
 
@@ -16,6 +17,8 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_app.cli import main
 from pgraph_app.cli.terminal import aligned, to_json
+
+from .app.conftest import until
 
 
 def said(capsys, *words: str, code: int = 0) -> tuple[str, str]:
@@ -258,9 +261,9 @@ def test_progress_is_shown_on_a_terminal_only(capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("words", "name", "expected"),
     [
-        ((), "quadruped", ("127.0.0.1", 8080, True)),
-        (("pendulum", "--port", "0", "--no-browser"), "pendulum", ("127.0.0.1", 0, False)),
-        (("--host", "0.0.0.0"), "quadruped", ("0.0.0.0", 8080, True)),
+        ((), "quadruped", ("127.0.0.1", 8080, True, "auto")),
+        (("pendulum", "--port", "0", "--no-browser"), "pendulum", ("127.0.0.1", 0, False, "auto")),
+        (("--host", "0.0.0.0", "--token", "off"), "quadruped", ("0.0.0.0", 8080, True, "off")),
     ],
 )
 def test_the_page_is_served_as_asked(capsys, monkeypatch, words, name, expected):
@@ -273,10 +276,10 @@ def test_the_page_is_served_as_asked(capsys, monkeypatch, words, name, expected)
             assert not until.is_set()
             served.append("waited")
 
-    def serve(model, *, host, port, open_browser, given, keep):
+    def serve(model, *, host, port, open_browser, given, keep, token):
         assert given in ("quadruped", "pendulum")
         assert keep.name == "pgraph"
-        served.append((model.name, (host, port, open_browser)))
+        served.append((model.name, (host, port, open_browser, token)))
         return Fake()
 
     monkeypatch.setattr(pgraph_app.server, "serve", serve)
@@ -291,9 +294,16 @@ def test_hosts_that_this_machine_has_not(capsys, host: str):
     assert err.endswith("; use 127.0.0.1, or 0.0.0.0 for all networks\n")
 
 
+def test_a_log_that_cannot_be_written(capsys, tmp_path):
+    _, err = said(capsys, "--log", str(tmp_path / "none" / "page.log"), "--no-browser", code=1)
+    assert str(tmp_path / "none") in err
+
+
 def test_the_page_answers_and_ctrl_c_ends_it(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    log = tmp_path / "page.log"
     words = [sys.executable, "-m", "app", "pendulum", "--port", "0", "--no-browser"]
+    words += ["--log", str(log), "--token", "on"]
     page = subprocess.Popen(
         words,
         stdout=subprocess.PIPE,
@@ -307,6 +317,9 @@ def test_the_page_answers_and_ctrl_c_ends_it(tmp_path, monkeypatch):
         url = page.stdout.readline().split()[-1]
         with urllib.request.urlopen(url, timeout=30) as answer:
             assert answer.status == 200
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(url.partition("?")[0], timeout=30)
+        until(lambda: " INFO Compiling of server: " in log.read_text(), "a line of the log")
         page.send_signal(signal.SIGINT)
         assert page.wait(timeout=30) == 0
         assert "Traceback" not in page.stderr.read()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 import socket
 import threading
@@ -29,6 +30,7 @@ def arguments(parser: ArgumentParser) -> None:
         help="whether only the printed address opens the page (default: auto, on unless --host is "
         "this machine's own)",
     )
+    parser.add_argument("--log", metavar="FILE", help="append a line for each event on the page")
     parser.add_argument("--no-browser", action="store_true", help="do not open the browser")
 
 
@@ -36,6 +38,8 @@ def start(args: Namespace) -> None:
     """Serve the page until Ctrl+C."""
     model = open_model(args.model)
     _bind(args.host)
+    if args.log is not None:
+        _log_to(args.log)
     from ..server import serve  # here: no other command needs viser
     from ..session.autosave import state_folder
 
@@ -46,6 +50,19 @@ def start(args: Namespace) -> None:
         given=args.model, keep=state_folder(), token=args.token,
     )  # fmt: skip
     server.wait(stopped)
+
+
+def _log_to(path: str) -> None:
+    """What the page does, with times, in a file. Raises InputError if it cannot be written."""
+    try:
+        handler = logging.FileHandler(path, encoding="utf-8")
+    except OSError as error:
+        text = f"cannot be written: {error.strerror or error}; give a file in a folder of yours"
+        raise InputError(Problem(f"--log {path}", "", text)) from None
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+    ours = logging.getLogger(__name__.partition(".")[0])
+    ours.addHandler(handler)
+    ours.setLevel(logging.INFO)
 
 
 def _bind(host: str) -> None:

@@ -17,6 +17,7 @@ from .state import State
 
 FRAME = 1 / 60  # [s] between ticks while playing
 MOST_WAITING = 1000  # events of one page
+SLOW = 1.0  # [s] for one event: said in the log, with the view that took longest
 log = logging.getLogger(__name__)
 
 
@@ -117,17 +118,34 @@ class Store:
 
     def _apply(self, event: Event) -> None:
         """One event; a fault in it or in a view is logged and the page goes on."""
+        began = time.perf_counter()
+        name = type(event).__name__
         try:
             old, self.state = self.state, self._update(self.state, event)
         except Exception:
-            log.exception("the event %s failed; the state stays as it was", type(event).__name__)
+            log.exception("the event %s failed; the state stays as it was", name)
             return
+        spent = {"update": time.perf_counter() - began}
         if self.state is not old:
-            self._draw(old, self.state)
+            spent |= self._draw(old, self.state)
+        whole = sum(spent.values())
+        slowest = max(spent, key=spent.__getitem__)
+        level = logging.WARNING if whole > SLOW else logging.INFO
+        if log.isEnabledFor(level):
+            sender = f"page {event.client}" if isinstance(event, FromPage) else "server"
+            log.log(
+                level, "%s of %s: %.1f ms, of which %s %.1f ms",
+                name, sender, 1e3 * whole, slowest, 1e3 * spent[slowest],
+            )  # fmt: skip
 
-    def _draw(self, old: State, new: State) -> None:
+    def _draw(self, old: State, new: State) -> dict[str, float]:
+        """Seconds spent by each view."""
+        spent = {}
         for view in self._views:
+            began = time.perf_counter()
             try:
                 view.render(old, new)
             except Exception:
                 log.exception("%s could not draw", type(view).__name__)
+            spent[type(view).__name__] = time.perf_counter() - began
+        return spent
