@@ -102,7 +102,8 @@ def _body(body: Body, s: Scale) -> Body:
     found["limits"] = tuple(_times(pair, f) for pair, f in zip(body.limits, sizes))
     shapes = []
     for shape in body.shapes:
-        named = ("size", "radius", "radii", "length", "heights", "scale", "position")
+        lengths = {"size", "radius", "radii", "length", "heights", "scale", "position"}
+        named = lengths & type(shape).model_fields.keys()
         sizes = {x: _times(getattr(shape, x), s.length) for x in named}
         shapes.append(shape.model_copy(update=sizes))
     found |= {"shape": shapes[0] if shapes else None, "shapes": tuple(shapes)}
