@@ -21,6 +21,9 @@ WorldField = Literal[
 ]  # fmt: skip
 
 
+STEP = ("low", "low", "high", "high", "height")  # what the numbers of a ground step are
+
+
 @dataclass(frozen=True)
 class EditWorld(FromPage):
     """A cell of the model was typed into."""
@@ -87,11 +90,11 @@ def _steps(
         far = max((s["high"][0] for s in steps), default=0.0)
         return (*steps, {"low": (far, -1.0), "high": (far + 1.0, 1.0), "height": 0.1})
     i, *rest = index
-    if i >= len(steps):
-        raise Refusal("has no such step any more")
+    if i >= len(steps) or (rest and rest[0] >= len(STEP)):
+        raise Refusal("has no such step or number any more")
     if not rest:
         return (*steps[:i], *steps[i + 1 :])
-    key = ("low", "low", "high", "high", "height")[rest[0]]
+    key = STEP[rest[0]]
     value = cells.quantity(text, "length", display)
     old = steps[i][key]
     new = value if key == "height" else cells.replaced(old, (rest[0] % 2,), value)

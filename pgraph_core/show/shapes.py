@@ -23,6 +23,7 @@ from .extras import needed
 Color = tuple[int, int, int]
 TRUNK_HUE = 0.63  # bodies that carry several tips
 TIP_HUES = (0.56, 0.09, 0.40, 0.99, 0.80, 0.14, 0.48, 0.90, 0.30, 0.70)  # one a branch
+LARGEST = 1e150  # of a length that is drawn [m]: its square is still a number
 SLENDER, THINNEST = 0.13, 0.004  # radius of a link over its length; least radius [m]
 
 
@@ -175,8 +176,9 @@ def reach(
         points += [p + R @ np.asarray(body.tip_point), p + R @ np.asarray(body.com)]
     if not points:
         return np.zeros(3), 1.0
-    low, high = np.min(points, axis=0), np.max(points, axis=0)
-    return (low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, 0.05)
+    halves = np.clip(np.nan_to_num(points), -LARGEST, LARGEST) / 2
+    low, high = np.min(halves, axis=0), np.max(halves, axis=0)
+    return low + high, max(math.hypot(*(high - low)), 0.05)
 
 
 def branch_colors(parent: Sequence[int]) -> tuple[Color, ...]:
