@@ -29,6 +29,8 @@ EditField = Literal[
     "tip", "q", "v", "stiffness", "damping", "rest", "friction", "armature",
 ]  # fmt: skip
 
+LONG = 500_000  # characters of a model that are read at once
+
 
 @dataclass(frozen=True)
 class Edit(FromPage):
@@ -136,7 +138,15 @@ class OpenText(FromPage):
 
 @on(OpenText)
 def text_opened(state: State, event: OpenText) -> State:
-    return opened(state, event.client, event.name, event.content)
+    """The model in it; a long text is read as an errand, so that no other page waits for it."""
+    name, content = event.name, event.content
+    if len(content) <= LONG:
+        return opened(state, event.client, name, content)
+
+    def work(_: pg.Model) -> Found:
+        return Found(opened=_read(name, content))
+
+    return sent(state, event.client, "open", work, file=name)
 
 
 @dataclass(frozen=True)
@@ -160,14 +170,18 @@ def archive_opened(state: State, event: OpenArchive) -> State:
 def opened(state: State, client: int, name: str, content: str) -> State:
     """The model in a file's text, or the reason why it cannot be opened."""
     try:
-        data = files.parse(content, name)
-        bodies = data.get("bodies")
-        if isinstance(bodies, list) and len(bodies) > MOST_BODIES:
-            return shown_model(state, client, name, None, _too_many(len(bodies)))
-        model = pg.Model(**assets.located(data, mesh_folder()))
-        return shown_model(state, client, name, model)
-    except pg.PgraphError as error:
+        return shown_model(state, client, name, _read(name, content))
+    except (pg.PgraphError, Refusal) as error:
         return shown_model(state, client, name, None, str(error))
+
+
+def _read(name: str, content: str) -> pg.Model:
+    """The model in a text. Raises PgraphError, Refusal."""
+    data = files.parse(content, name)
+    bodies = data.get("bodies")
+    if isinstance(bodies, list) and len(bodies) > MOST_BODIES:
+        raise Refusal(_too_many(len(bodies)))
+    return pg.Model(**assets.located(data, mesh_folder()))
 
 
 def _too_many(count: int) -> str:

@@ -484,3 +484,19 @@ def test_a_model_opened_again_starts_anew(ran):
     assert again.model.to_json() == ran.model.to_json()
     assert again.run is None
     assert len(again.undo) == len(ran.undo) + 1
+
+
+def test_a_long_file_is_read_as_an_errand_and_a_bad_one_is_refused_there(state):
+    """So that other pages do not wait; small files open within the event."""
+    from pgraph_app.model.update import LONG, OpenText
+    from pgraph_app.model.worker import answer
+
+    good = pg.Model.serial(3).to_json()
+    for text, opens in ((good, True), (good.replace('"1"', "1"), False)):
+        sent = after(state, OpenText(ME, "long", text + " " * LONG))
+        (errand,) = sent.errands
+        now = after(sent, answer(errand))
+        assert (len(now.model.bodies) == 3) is opens
+        notice = now.clients[ME].notice
+        assert notice is not None
+        assert notice.bad is not opens
