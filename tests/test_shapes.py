@@ -42,7 +42,7 @@ def test_a_file_is_of_schema_1_unless_it_needs_more():
     assert not {"shapes", "density", "derived", "role"} & set(plain.to_json().split('"'))
     for fields in (
         {"shapes": [BOX, BALL]}, {"shape": {**BOX, "colour": "#ff8000"}},
-        {"shape": {**BOX, "role": "visual"}}, {"density": 7800.0},
+        {"shape": {**BOX, "role": "visual"}}, {"shape": BOX, "density": 9.0, "derived": ["mass"]},
         {"shape": BOX, "derived": ["tip"]},
     ):  # fmt: skip
         model = pg.Model(bodies=[body(**fields)])
@@ -129,6 +129,15 @@ def test_several_shapes_have_the_mass_of_those_that_touch():
         ({"shape": {**BOX, "colour": "red"}}, ["body 'arm', shape", "colour", "#rrggbb", "'red'"]),
         ({"shape": {**BOX, "colour": (2, 0, 0)}}, ["body 'arm', shape", "colour", "from 0 to 1"]),
         ({"density": -1}, ["body 'arm', density", "> 0", "-1"]),
+        ({"density": 900.0}, ["body 'arm', density", "`derived`", "'mass'"]),
+        ({"shape": BOX, "density": 900.0, "derived": ["tip"]}, ["body 'arm', density", "'mass'"]),
+        ({"shape": BALL, "shapes": [BOX]}, ["body 'arm', shape", "first of `shapes`"]),
+        ({"shape": {**BOX, "radius": 1.0}}, ["body 'arm', shape", "box", "radius", "size"]),
+        ({"shape": {**BALL, "length": 1.0}}, ["body 'arm', shape", "sphere", "length", "radius"]),
+        (
+            {"mass": 3.0, "shape": BOX, "density": 900.0, "derived": ["mass"]},
+            ["body 'arm', mass", "follows", "36", "given 3", "`derived`"],
+        ),
     ],
 )
 def test_wrong_shapes_are_sentences(fields, facts):

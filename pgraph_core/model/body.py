@@ -198,9 +198,13 @@ class Body(Described):
     def _physical(self) -> Self:
         if "checked" in vars(self):  # as a part of another model
             return self
-        vars(self)["shapes"] = self._all_shapes()
+        found = name_problems(self.name)
+        if self.shape is not None and self.shapes and self.shape != self.shapes[0]:
+            found.append(("shape", "differs from the first of `shapes`; give one of the two"))
+        elif self.shape is not None:
+            vars(self)["shapes"] = self.shapes or (self.shape,)
         vars(self)["shape"] = self.shapes[0] if self.shapes else None
-        found = name_problems(self.name) + self._derive()
+        found += self._derive()
         found += joint_problems(self.joint, self.sequence, self.q, self.v, self.limits)
         if not 0.5 < math.hypot(*self.rotation) < 2:
             text = f"must be a unit quaternion [w, x, y, z]; given {shown(self.rotation)}"
@@ -212,20 +216,19 @@ class Body(Described):
         _ = self.records  # from numbers that are at hand and right
         return self
 
-    def _all_shapes(self) -> tuple[Shape, ...]:
-        """`shape` is the first one, whatever `shapes` has in its place."""
-        if self.shape is None:
-            return self.shapes
-        return (self.shape, *self.shapes[1:])
-
     def _derive(self) -> list[tuple[str, str]]:
         """Set the fields that follow from the shapes; or say why they do not."""
+        if self.density is not None and "mass" not in self.derived:
+            text = "is used only where `derived` names 'mass'"
+            do = "give derived=('mass', 'com', 'inertia'), or leave the density out"
+            return [("density", f"{text}; {do}")]
         if not self.derived:
             return []
         if not self.shapes:
             text = f"{', '.join(self.derived)} cannot follow from shapes: the body has none"
             return [("derived", f"{text}; give a shape, or derived=()")]
         fields = vars(self)
+        given = {name: fields[name] for name in self.derived if name in self.model_fields_set}
         try:
             if set(self.derived) != {"tip"}:
                 if "mass" in self.derived and self.density is None:
@@ -242,7 +245,13 @@ class Body(Described):
                 fields["tip"] = tip_of(self.shapes)
         except PgraphError as error:
             return [("derived", str(problem)) for problem in error.problems]
-        return []
+        if any(shape.kind == "mesh" for shape in self.shapes):
+            return []  # a file that has changed since
+        return [
+            (name, f"follows from the shapes as {shown(fields[name])}; given {shown(value)}; "
+                   f"leave it out, or take '{name}' out of `derived`")
+            for name, value in given.items() if not _alike(value, fields[name])
+        ]  # fmt: skip
 
     @property
     def drawn(self) -> tuple[Shape, ...]:
@@ -303,6 +312,13 @@ class Body(Described):
         return {"shapes": () if shape is None else (shape, *self.shapes[1:])}
 
 
+def _alike(a: Any, b: Any) -> bool:
+    """Whether two derived values agree but for rounding."""
+    size = np.abs(b).max(initial=0.0)
+    return a is None or bool(np.abs(np.subtract(a, b)).max(initial=0.0) <= SAME * size)
+
+
+SAME = 1e-6  # of its largest number: a value in a file that follows from the shapes
 NAMING = {"name", "parent"}
 KIND_CODE: dict[MotionKind, float] = {"rotate": 0.0, "translate": 1.0, "ball": 2.0, "free": 3.0}
 

@@ -83,13 +83,13 @@ class Shape(Frozen):
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        needed = {"box": ("size",), "sphere": ("radius",), "mesh": ("file",)}
-        missing = [
-            name
-            for name in needed.get(self.kind, ("radius", "length"))
-            if getattr(self, name) is None
-        ]
+        own = DIMENSIONS[self.kind]
+        missing = [name for name in own if getattr(self, name) is None]
         problems = [("shape", f"a {self.kind} needs {name}") for name in missing]
+        for name in sorted(set().union(*DIMENSIONS.values()) - set(own)):
+            if getattr(self, name) is not None:
+                text = f"a {self.kind} has no {name}: its size is given by {' and '.join(own)}"
+                problems.append(("shape", f"{text}; given {shown(getattr(self, name))}"))
         if self.size is not None and min(self.size) <= 0:
             problems.append(("shape", f"a box's edges must be > 0 [m]; given {shown(self.size)}"))
         if not 0.5 < math.hypot(*self.rotation) < 2:
@@ -100,6 +100,15 @@ class Shape(Frozen):
             problems.append(("shape", f"colour must be from 0 to 1; given {given}"))
         refuse(problems)
         return self
+
+
+DIMENSIONS: dict[str, tuple[str, ...]] = {  # kind -> the fields that say how large it is
+    "box": ("size",),
+    "sphere": ("radius",),
+    "cylinder": ("radius", "length"),
+    "capsule": ("radius", "length"),
+    "mesh": ("file",),
+}
 
 
 class MassProperties(NamedTuple):
