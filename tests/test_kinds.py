@@ -6,6 +6,7 @@ import copy
 import inspect
 import json
 import pickle
+import pydoc
 
 import numpy as np
 import pytest
@@ -43,6 +44,35 @@ def test_a_signature_lists_the_fields_of_the_kind():
         "axis: Vec3 | None = None, stiffness: Number = 0.0, damping: Number = 0.0, "
         "rest: Number = 0.0)"
     )
+
+
+def test_help_and_completion_show_the_fields_and_not_pydantic():
+    text = pydoc.render_doc(pg.Spring, renderer=pydoc.plaintext)
+    assert len(text.splitlines()) < 80
+    assert "stiffness: a number >= 0 [N/m]" in text
+    spring = pg.Spring(name="s", body="a")
+    for shown in (dir(pg.Spring), dir(spring)):
+        assert set(pg.Spring.model_fields) <= set(shown)
+        assert not any(name.startswith(("_", "model_")) for name in shown)
+
+
+def test_a_default_that_hardly_fits_is_told():
+    arm = pg.Body(name="arm", mass=1200, axes=(0, 1, 0), tip=(0, 0, -1))
+    model = pg.Model(bodies=[arm, pg.Body(name="fore", parent="arm", com=(0, 0, -0.2))])
+    heavy, hung = model.doubts
+    assert all(fact in heavy for fact in ("'arm'", "1200 kg", "0.01", "inertia"))
+    assert all(fact in hung for fact in ("'fore'", "link", "'arm'", "[0.0, 0.0, -1.0]"))
+    assert pg.simulate(model, t_end=0.01).notices[:2] == model.doubts
+    mended = model.edit("arm", inertia=np.eye(3) * 100).edit("fore", link=(0, 0, -1))
+    assert mended.doubts == ()
+    assert not any(pg.Model.load(pgraph_models.path(n)).doubts for n in pgraph_models.names())
+
+
+def test_equal_parts_and_models_have_equal_hashes(model):
+    again = pg.Model.from_json(model.to_json())
+    assert len({model, again, model.edit("arm", mass=7.0)}) == 2
+    assert len({pg.Spring(name="s", body="a"), pg.Spring(name="s", body="a", rest=None)}) == 1
+    assert len({pg.Scenario(name="s", q={"a": 1.0}), pg.Scenario(name="s", q={"a": 2.0})}) == 2
 
 
 def test_what_is_given_may_be_lists_arrays_and_dictionaries():

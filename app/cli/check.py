@@ -21,7 +21,9 @@ def answer(args: Namespace) -> Answer:
     model = open_model(args.model)
     if found := mesh_problems(model):
         raise ModelError(found)
-    return Answer({"problems": []}, f"{model.name}: no problem found")
+    lines = [f"{model.name}: no problem found", *(f"note: {text}" for text in model.doubts)]
+    notes = {"notes": model.doubts} if model.doubts else {}
+    return Answer({"problems": [], **notes}, "\n".join(lines))
 
 
 def mesh_problems(model: pg.Model) -> list[Problem]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -330,6 +331,29 @@ def model_problems(parts: Mapping[str, Sequence[Any]], ground: Ground) -> list[P
         *friction_problems(parts["contacts"], ground),
     ]
 
+
+def doubts(bodies: Sequence[Body]) -> list[str]:
+    """Defaults that hardly fit the rest of a valid model, a sentence each."""
+    found, by_name = [], {body.name: body for body in bodies}
+    hung = Counter(body.parent for body in bodies)
+    for body in bodies:
+        turns = any(m.kind != "translate" for m in body.sequence)
+        if turns and body.inertia == DEFAULT_INERTIA and not 0.1 <= body.mass <= 10:
+            found.append(
+                f"body '{body.name}': with {body.mass:g} kg it has the default inertia, 0.01 kg m² "
+                "about each axis; give its inertia, or a shape and derived=('inertia',)"
+            )
+        parent = by_name.get(body.parent)
+        tip = None if parent is None or hung[parent.name] > 1 else parent.tip
+        if body.sequence and not any(body.link) and tip is not None and any(tip):
+            found.append(
+                f"body '{body.name}': its link is (0, 0, 0), so its joint is at the origin of "
+                f"'{body.parent}', not at its tip; give link={shown(tip)} if that is meant"
+            )
+    return found
+
+
+DEFAULT_INERTIA = Body.model_fields["inertia"].default
 
 PARTS: dict[str, type[Described]] = {
     "bodies": Body,

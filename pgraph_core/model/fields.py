@@ -312,6 +312,14 @@ else:
                 where = cls.__name__.lower()
                 raise ModelError(all_problems(cls, data, error, where, {})) from None
 
+        def __dir__(cls):
+            """Fields and what our own classes define: without the inside of pydantic."""
+            ours = [vars(c) for c in cls.__mro__ if not c.__module__.startswith(FOREIGN)]
+            named = {name for each in ours for name in each if not name.startswith(("_", "model_"))}
+            return sorted({name for name in named if not name.isupper()} | cls.model_fields.keys())
+
+    FOREIGN = ("pydantic", "builtins", "abc")
+
     class _Base(Portable, BaseModel, metaclass=_Sentences):
         pass
 
@@ -335,6 +343,14 @@ class Frozen(_Base):
         mine, others = vars(self), vars(other)
         return all(mine[name] == others[name] for name in type(self).model_fields)
 
+    def __hash__(self) -> int:
+        mine = vars(self)
+        return hash((type(self), *(_hashed(mine[name]) for name in type(self).model_fields)))
+
+    def __dir__(self) -> list[str]:
+        """Fields and methods of ours, for completion."""
+        return dir(type(self))
+
     @classmethod
     def __pydantic_init_subclass__(cls, **kwargs: Any) -> None:
         """A readable signature: annotations as they are written."""
@@ -352,6 +368,16 @@ class Frozen(_Base):
             for name, info in cls.model_fields.items()
         ]
         cls.__signature__ = inspect.Signature(parameters)
+        lines = (f"    {name}: {info.description}" for name, info in cls.model_fields.items())
+        own = inspect.cleandoc(vars(cls).get("__doc__") or "")
+        cls.__doc__ = "\n".join((own, "", "Fields:", *lines))
+
+
+def _hashed(value: Any) -> Any:
+    """A value, or what stands for it where it holds dictionaries."""
+    if isinstance(value, dict):
+        return frozenset((key, _hashed(x)) for key, x in value.items())
+    return tuple(map(_hashed, value)) if isinstance(value, tuple) else value
 
 
 class _Written(str):

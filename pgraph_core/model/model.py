@@ -14,7 +14,7 @@ from ..errors import ModelError, Problem, choices, nearest_first, shown
 from . import files
 from .assets import gathered, located
 from .body import Body
-from .checks import PARTS, model_problems, problems
+from .checks import PARTS, doubts, model_problems, problems
 from .constraint import AtPoints, Constraint, Rolling, Skate
 from .contact import Contact
 from .copies import Mirror, branch, copied, names_of_copies, other_side
@@ -137,6 +137,11 @@ class Model(World):
     def notices(self) -> tuple[str, ...]:
         """What the edit that made this model changed besides what was asked."""
         return ()
+
+    @cached_property
+    def doubts(self) -> tuple[str, ...]:
+        """Defaults that hardly fit the rest of the model, a sentence each; a run repeats them."""
+        return tuple(doubts(self.bodies))
 
     def body(self, name: str) -> Body:
         """The body called `name`. Raises ModelError naming the ones there are."""

@@ -199,7 +199,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
         "stabilise": o.stabilise,
         "forces": [(*span, f.model_dump(mode="json", exclude_none=True)) for f in extra],
     }
-    notices = (*_stiff(plan, rate), *_bent(plan), *_hard(plan))
+    notices = (*mech.model.doubts, *_stiff(plan, rate), *_bent(plan), *_hard(plan))
     start = initial_state(mech, given, None, None, tau) if q is None or v is None else start
     plan = replace(plan, header=header, notices=notices, start=start)
     return plan, rate.known and rate.found is not None
