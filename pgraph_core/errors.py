@@ -84,3 +84,8 @@ def _lists(value: Any) -> Any:
 
 def numbers(n: int) -> str:
     return f"{n} number" if n == 1 else f"{n} numbers"
+
+
+def refusal(call: str, field: str, text: str) -> InputError:
+    """The error for an argument of a function that does not fit."""
+    return InputError(Problem(call, field, text))

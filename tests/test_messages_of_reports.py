@@ -58,7 +58,7 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"longest": "long"}, "work_precision, longest: must be a finite number > 0 [s]; given 'long'"),
     (
         {"peers": "drake"},
-        "work_precision, peers: no peer is called 'drake'; choose from mujoco, pinocchio, exudyn",
+        "work_precision, peers: no peer is called 'drake'; choose from exudyn, mujoco, pinocchio",
     ),
     (
         {"reference": 3.0},

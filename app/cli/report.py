@@ -98,7 +98,7 @@ def _case(name: str) -> tuple[pg.Mechanism, dict[str, Any]]:
 
 
 def _study(mech: pg.Mechanism, args: Namespace, options: dict[str, Any], bar: Bar) -> pg.Study:
-    from pgraph_core.study.engines import ENGINES
+    from pgraph_core.study.engines import installed_peers
 
     asked = ("t_end", "methods", "steps", "tolerances", "target", "longest")
     options |= {name: getattr(args, name) for name in asked if getattr(args, name) is not None}
@@ -108,7 +108,7 @@ def _study(mech: pg.Mechanism, args: Namespace, options: dict[str, Any], bar: Ba
             fixed=args.fixed,
             rounds=args.rounds,
             clock=args.clock,
-            peers=ENGINES if args.peers else (),
+            peers=tuple(installed_peers()) if args.peers else (),
             progress=lambda fraction: bar("measuring", fraction),
             **options,
         )

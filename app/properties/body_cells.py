@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.model.shape import DIMENSIONS
 from pgraph_core.rotation import matrix, unit
 
 from ..core.cells import Display, Quantity, Refusal, content, replaced
@@ -24,7 +25,7 @@ PER_MOTION = ("stiffness", "damping", "rest", "friction", "armature", "limit_res
 LENGTHS = {
     "link", "com", "tip", "shape_size", "shape_radius", "shape_length", "shape_position",
 }  # fmt: skip
-SHAPES = ("box", "sphere", "cylinder", "capsule", "mesh")
+SHAPES = tuple(DIMENSIONS)
 MOTIONS = ("rotate", "translate", "ball")
 NO_SHAPE = "none"
 SLENDER = 0.1  # radius of a new shape over its length
@@ -236,22 +237,17 @@ def _shape(body: pg.Body, kind: str) -> dict[str, Any] | None:
         return None
     if kind not in SHAPES:
         raise Refusal(f"must be one of {', '.join((NO_SHAPE, *SHAPES))}")
-    if kind == "mesh":
-        raise Refusal("a mesh comes from a file: use 'Mesh file ...'")
     old = body.shape
     length, radius, position, rotation = extent(body)
     where = {"position": position, "rotation": rotation}
     if old is not None:
         where = {"position": old.position, "rotation": old.rotation}
-    match kind:
-        case "box":
-            return {"kind": kind, "size": (2 * radius, 2 * radius, length), **where}
-        case "sphere":
-            return {"kind": kind, "radius": radius, **where}
-        case "capsule":
-            bare = max(length - 2 * radius, radius)
-            return {"kind": kind, "radius": radius, "length": bare, **where}
-    return {"kind": kind, "radius": radius, "length": length, **where}
+    sizes = {"size": (2 * radius, 2 * radius, length), "radius": radius, "length": length}
+    if kind == "capsule":
+        sizes["length"] = max(length - 2 * radius, radius)
+    if not set(DIMENSIONS[kind]) <= sizes.keys():
+        raise Refusal(f"a {kind} comes from a file: use 'Mesh file ...'")
+    return {"kind": kind, **{name: sizes[name] for name in DIMENSIONS[kind]}, **where}
 
 
 def extent(

@@ -5,17 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from pgraph_core.study.axes import AXES
+
 from ..core import cells
 from ..core.cells import Refusal
 from ..core.events import Event, FromPage, Text, on
 from ..core.state import State, replied, with_client
 from . import Analysis, Report, ReportRequest
 
-AXES = (
-    "stiffness", "damping_ratio", "contact_stiffness", "mass_ratio", "inertia", "chain_length",
-    "speed", "friction", "joint_friction", "redundancy", "singularity", "length_scale",
-    "mass_scale", "time_scale", "step",
-)  # fmt: skip
 LONGEST = 60.0  # [s] of the motion that is measured: it is run some hundred times
 
 

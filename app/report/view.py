@@ -7,11 +7,12 @@ from typing import Any
 
 import viser
 
+from pgraph_core.study.axes import AXES
+
 from ..core.bridge import Bridge
 from ..core.places import Place
 from ..core.state import Report, State
 from ..core.views import Payload, audience
-from .update import AXES
 
 PARTS = ("analysis", "report", "reporting", "analysis_problem", "derived")
 

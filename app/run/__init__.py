@@ -14,17 +14,6 @@ from ..scene import SHOWN_AT_FIRST
 
 FREE_RUN = ""  # the scenario of a run that has none
 
-METHODS = (
-    "auto",
-    "rk4",
-    "semi_implicit_euler",
-    "dopri5",
-    "dop853",
-    "ros2",
-    "radau5",
-    "moreau_jean",
-)
-
 
 @dataclass(frozen=True)
 class Request:
@@ -105,5 +94,4 @@ def first_request(model: pg.Model) -> Request:
     if not model.scenarios:
         return Request()
     s = model.scenarios[0]
-    method = s.method if s.method in METHODS else "auto"
-    return Request(s.name, s.t_end, s.step, method)
+    return Request(s.name, s.t_end, s.step, s.method)

@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import pgraph_core as pg
+from pgraph_core.model.scenario import METHOD_NAMES
 
 from ..core import cells
 from ..core.cells import Refusal
 from ..core.events import Event, FromPage, Text, on
 from ..core.state import State, replied
 from ..gait.footfalls import changes
-from . import FREE_RUN, METHODS, Exporting, Job, Kernels, Live, Request, Run
+from . import FREE_RUN, Exporting, Job, Kernels, Live, Request, Run
 
 LONGEST_RUN = 3600.0  # [s]
 LEAST_RTOL, LARGEST_RTOL = 1e-15, 0.1
@@ -34,8 +35,8 @@ def scenario_chosen(state: State, event: SetScenario) -> State:
     name = event.scenario
     scenario = next((s for s in state.model.scenarios if s.name == name), None)
     if scenario is not None:
-        method = scenario.method if scenario.method in METHODS else "auto"
-        state = replace(state, request=Request(name, scenario.t_end, scenario.step, method))
+        asked = Request(name, scenario.t_end, scenario.step, scenario.method)
+        state = replace(state, request=asked)
     elif name == FREE_RUN:
         state = replace(state, request=Request())
     return replied(state, event.client, event.serial)
@@ -61,8 +62,8 @@ def request_edited(state: State, event: SetRun) -> State:
 
 def _value(field: str, text: str) -> float | str | None:
     if field == "method":
-        if text not in METHODS:
-            raise Refusal(f"The method must be one of {', '.join(METHODS)}.")
+        if text not in METHOD_NAMES:
+            raise Refusal(f"The method must be one of {', '.join(METHOD_NAMES)}.")
         return text
     if field != "t_end" and not text.strip():
         return None

@@ -13,6 +13,7 @@ import numpy as np
 import viser
 
 from pgraph_core import show
+from pgraph_core.model.scenario import METHOD_NAMES
 from pgraph_core.show.animation import Extra
 
 from ..core.bridge import Bridge
@@ -23,19 +24,9 @@ from ..gait.footfalls import prints
 from ..gait.view import MOST, FootprintsView
 from ..model.archive import zipped
 from ..scene.overlays import Overlays
-from . import FREE_RUN, METHODS
+from . import FREE_RUN
 
 POOR = 1e-2  # above it an accuracy is shown as a warning
-METHOD_NAMES = {
-    "auto": "automatic",
-    "rk4": "Runge-Kutta 4",
-    "semi_implicit_euler": "semi-implicit Euler",
-    "dopri5": "Dormand-Prince 5",
-    "dop853": "Dormand-Prince 8",
-    "ros2": "Rosenbrock 2 (stiff)",
-    "radau5": "Radau 5 (stiff)",
-    "moreau_jean": "Moreau-Jean (impacts)",
-}
 PARTS = ("derived", "request", "last_run", "job", "live", "ghost", "run_problem", "kernels")
 
 
@@ -58,7 +49,7 @@ def run(state: State) -> Payload:
     request = state.request
     return {
         "scenarios": [*scenarios, [FREE_RUN, "free run"]],
-        "methods": [[name, METHOD_NAMES[name]] for name in METHODS],
+        "methods": list(METHOD_NAMES.items()),
         "request": {
             "scenario": request.scenario,
             "t_end": request.t_end,

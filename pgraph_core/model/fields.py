@@ -281,6 +281,7 @@ if TYPE_CHECKING:  # a type checker reads the parameters of a part from its conv
     @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(field, Field))
     class _Base(Portable):
         model_fields: ClassVar[dict[str, FieldInfo]]
+        model_fields_set: set[str]
         model_config: ClassVar[ConfigDict]
 
         def model_copy(

@@ -75,13 +75,13 @@ class Scenario(Described):
 
 
 AUTO = "auto"  # chosen for the scene
-METHOD_NAMES = (
-    AUTO,
-    "semi_implicit_euler",
-    "rk4",
-    "dopri5",
-    "dop853",
-    "ros2",
-    "radau5",
-    "moreau_jean",
-)
+METHOD_NAMES = {  # as in calls and files -> as a person chooses them
+    AUTO: "automatic",
+    "rk4": "Runge-Kutta 4",
+    "semi_implicit_euler": "semi-implicit Euler",
+    "dopri5": "Dormand-Prince 5",
+    "dop853": "Dormand-Prince 8",
+    "ros2": "Rosenbrock 2 (stiff)",
+    "radau5": "Radau 5 (stiff)",
+    "moreau_jean": "Moreau-Jean (impacts)",
+}

@@ -12,14 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError
+from ..errors import InputError, refusal
 from ..joints import SIZE
-from ..mechanism import Mechanism
 from ..model import Body, Force, Model, Spring, Torsion
 from ..model.fields import GROUND
 from ..topology import Topology
 from .rescaling import changed, rescaled
-from .settings import refusal
 
 ONE_COORDINATE = ("rotate", "translate")
 SCALES = (1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9)
@@ -92,6 +90,8 @@ def damping_ratio(model: Model, value: float) -> Model:
     springs = any(isinstance(f, (Spring, Torsion)) and f.stiffness for f in model.forces)
     if not springs and not any(any(b.stiffness) for b in model.bodies):
         raise lacking("damping_ratio", "the dampers of springs")
+    from ..mechanism import Mechanism  # compiled code, which the names of axes do without
+
     mech = Mechanism(model)
     moved = np.diag(mech.mass_matrix(mech.home()[0]))
     bodies = []

@@ -10,11 +10,10 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from ..errors import choices
-from .settings import Ladder, Setting, refusal
+from ..errors import choices, refusal
+from .settings import Ladder, Setting
 from .task import Outcome, Participant, Progress, Stopped, Task
 
-ENGINES = ("mujoco", "pinocchio", "exudyn")
 GROUP = "pgraph.peers"  # of the entry points
 
 Once = Callable[[float, Callable[[], bool]], Any]  # (step or tolerance, going) -> run or None
@@ -23,9 +22,10 @@ Once = Callable[[float, Callable[[], bool]], Any]  # (step or tolerance, going) 
 def engines_of(given: Sequence[str] | str) -> tuple[str, ...]:
     """The engines asked for. Raises InputError naming the choices."""
     names = (given,) if isinstance(given, str) else tuple(given)
+    known = installed_peers() if names else {}
     for name in names:
-        if name not in ENGINES:
-            text = f"no peer is called {name!r}; choose from {choices(ENGINES)}"
+        if known and name not in known:
+            text = f"no peer is called {name!r}; choose from {choices(known)}"
             raise refusal("work_precision", "peers", text)
     return names
 

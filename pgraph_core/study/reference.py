@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..dynamics.states import length_of
-from ..errors import InputError, PgraphError
+from ..errors import InputError, PgraphError, refusal
 from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..packing.system import Array
 from ..result import Result
 from ..verification import Case, States
 from .errors import differences, joint_errors, observer, reach, rms
-from .settings import Setting, refusal
+from .settings import Setting
 from .task import Progress, Task
 
 GIVEN, MADE = 3.0, 10.0  # errors below so many times the reference's own are not resolved

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+from ..errors import refusal
 from ..joints import Motion
 from ..model import (
     Body,
@@ -23,7 +24,6 @@ from ..model import (
 )
 from ..model.constraint import InJoints
 from ..model.fields import fields_of
-from .settings import refusal
 
 
 def changed(body: Body, **fields: object) -> Body:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, Problem, choices
+from ..errors import choices, refusal
 from ..integrators import METHODS, Method, method_of
 from ..simulation.options import LEAST_RTOL
 
@@ -106,11 +106,6 @@ def methods_of(call: str, given: Any, *, impulses: bool, suited: bool) -> tuple[
 
 
 # -- checks ----------------------------------------------------------------------------------------
-
-
-def refusal(call: str, field: str, text: str) -> InputError:
-    """The error for an argument that does not fit."""
-    return InputError(Problem(call, field, text))
 
 
 def is_number(value: Any) -> bool:

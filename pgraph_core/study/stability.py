@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..dynamics.arguments import finite, position
-from ..errors import PgraphError, choices
+from ..errors import PgraphError, choices, refusal
 from ..joints import nq, nv
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
@@ -22,7 +22,7 @@ from ..simulation import simulate
 from .axes import AXES, Axis, changed
 from .map import StabilityMap
 from .reference import KnownMotion, known_motion, merged, per_step
-from .settings import Setting, finite_numbers, methods_of, positive, refusal
+from .settings import Setting, finite_numbers, methods_of, positive
 from .task import Task
 from .verdicts import Cell, Verdict, judged, step_limit
 

@@ -11,13 +11,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import FileError, InputError, Problem
+from ..errors import FileError, InputError, Problem, refusal
 from ..model.files import write_atomic
 from ..portable import Portable
 from . import figure
 from .errors import Errors
 from .page import Section, aligned, duration, escape, page, table
-from .settings import Setting, refusal
+from .settings import Setting
 from .task import Outcome, Participant
 from .timing import Spread
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import choices
+from ..errors import choices, refusal
 from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
@@ -17,7 +17,7 @@ from . import reference as references
 from .engines import engine_participants, engines_of
 from .errors import Errors, levelled, observed_order, rms, step_counts
 from .reference import Reference
-from .settings import Ladder, Setting, methods_of, positive, refusal, whole
+from .settings import Ladder, Setting, methods_of, positive, whole
 from .study import Row, Study
 from .task import (
     Outcome,

@@ -14,11 +14,11 @@ import pgraph_core as pg
 from pgraph_app.core.state import Kernels, State, initial
 from pgraph_app.features import update
 from pgraph_app.model.update import Edit
-from pgraph_app.report.update import AXES, Analyse, CancelAnalysis, Measuring, SetReport
+from pgraph_app.report.update import Analyse, CancelAnalysis, Measuring, SetReport
 from pgraph_app.report.view import page, reports
 from pgraph_app.report.worker import Analyst
 from pgraph_app.session.update import Connected
-from pgraph_core.study.axes import AXES as KNOWN_AXES
+from pgraph_core.study.axes import AXES
 
 ME = 1
 
@@ -46,10 +46,6 @@ def measured(state: State, kind: Any) -> State:
     for event in heard:
         state = update(state, event)
     return state
-
-
-def test_the_axes_of_the_page_are_those_of_the_map():
-    assert set(AXES) == set(KNOWN_AXES)
 
 
 def test_error_against_run_time(state):
