@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from argparse import ArgumentParser, Namespace
 from typing import Any
@@ -72,6 +71,7 @@ def facts(result: pg.Result) -> dict[str, Any]:
         "t": result.t[-1],
         "frames": len(result.t),
         "error_estimate": result.error_estimate,
+        "accuracy": result.accuracy,
         "energy": [result.energy[0], result.energy[-1]],
         "energy_drift": result.energy_drift,
         "constraint_drift": result.constraint_drift.max(axis=0),
@@ -95,7 +95,7 @@ def _lines(data: dict[str, Any], plan: pg.Plan) -> list[str]:
     return [
         f"{data['model']}{scenario}: {data['message']}",
         f"method             {data['method']}, {_steps(data)}, t = {data['t']:.6g} s",
-        f"error estimate     {_estimate(data)}",
+        f"error estimate     {data['accuracy']}",
         f"energy             {first:.6g} J at the start, {last:.6g} J at the end",
         f"energy drift       {data['energy_drift']:.3g} of its range",
         f"constraint drift   {position:.3g} m, {velocity:.3g} m/s",
@@ -112,12 +112,3 @@ def _steps(data: dict[str, Any]) -> str:
     if data["step"] is None:
         return f"steps to a tolerance of {data['header']['rtol']:g}"
     return f"step {data['step']:.6g} s"
-
-
-def _estimate(data: dict[str, Any]) -> str:
-    error = data["error_estimate"]
-    if math.isnan(error):
-        ended = data["status"] == "DONE"
-        why = "a function gives the torques" if ended else "the run did not reach its end"
-        return f"none: {why}"
-    return f"{error:.3g} rad or m"

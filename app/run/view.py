@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import tempfile
 import threading
@@ -102,9 +103,10 @@ def summary(run: Run) -> list[tuple[str, str, bool]]:
     """Lines (what, value, good): how it ended, how accurate it is, what it cost."""
     result = run.result
     drift, estimate = float(result.energy_drift), float(result.error_estimate)
+    estimated = not math.isnan(estimate)
     lines = [
         ("Status", result.message or result.status.value, result.status.ok),
-        ("Error estimate", f"{estimate:.2g} rad, m in q", estimate < POOR),
+        ("Error estimate", result.accuracy if estimated else "", estimate < POOR),
         ("Energy drift", f"{drift:.2g} of its range", drift < POOR),
     ]
     if run.model.constraints and len(result.constraint_drift):

@@ -1,4 +1,4 @@
-"""A state carried to another topology, and the size of a mechanism."""
+"""A state carried to another topology, the distance of two states, the size of a mechanism."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from ..engine import layout as at
 from ..packing.packed import Packed
-from ..packing.system import Array
+from ..packing.system import Array, Ints
 
 
 class Carried(NamedTuple):
@@ -31,6 +31,34 @@ def carried(new: Packed, old: Packed, q: Array, v: Array) -> Carried:
         new_q[joint.q] = q[before.q]
         new_v[joint.v] = v[before.v]
     return Carried(new_q, new_v, tuple(reset))
+
+
+def angles(p: Array, q: Array) -> Array:
+    """Angles between unit quaternions [rad], |p - q| = 2 sin(a/4): exact for small ones too.
+
+    p and -p are the same rotation.
+    """
+    apart = np.minimum(np.linalg.norm(p - q, axis=-1), np.linalg.norm(p + q, axis=-1))
+    return 4.0 * np.arcsin(np.clip(apart / 2.0, 0.0, 1.0))
+
+
+def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
+    """((n,) largest rotation [rad], (n,) largest translation [m]) from motion q to `other`.
+
+    Motions are (n, nq), `rows` those of the mechanism's joints. Attitudes differ by an angle.
+    """
+    turned, moved = np.zeros(len(q)), np.zeros(len(q))
+    for kind, i in rows[1:, [at.KIND, at.QI]].tolist():
+        if kind == at.ROTATE:
+            turned = np.maximum(turned, np.abs(q[:, i] - other[:, i]))
+        elif kind == at.TRANSLATE:
+            moved = np.maximum(moved, np.abs(q[:, i] - other[:, i]))
+        else:
+            if kind == at.FREE:
+                place = np.abs(q[:, i : i + 3] - other[:, i : i + 3]).max(axis=1)
+                moved, i = np.maximum(moved, place), i + 3
+            turned = np.maximum(turned, angles(q[:, i : i + 4], other[:, i : i + 4]))
+    return turned, moved
 
 
 def length_of(packed: Packed) -> float:

@@ -20,12 +20,17 @@ GAIN = 16.0  # smooth: the error over one frame is 1/64 of that over two; a fact
 
 
 def states_at(
-    rows: Ints, t: Array, q: Array, v: Array, vdot: Array, estimate: float, asked: Any
+    rows: Ints,
+    frames: tuple[Array, Array, Array, Array],
+    known: tuple[float, float, float],
+    asked: Any,
 ) -> tuple[Array, Array, Any]:
-    """(q, v, error) at the times `asked`, a number or an array, from frames at `t`.
+    """(q, v, error) at the times `asked`, a number or an array, from frames (t, q, v, v').
 
-    `rows` are the joint rows of the mechanism. Raises InputError outside of the run.
+    `rows` are the joint rows of the mechanism. `known` is the estimated error of the run, the time
+    until which it is finite, and the error until then. Raises InputError outside of the run.
     """
+    t, q, v, vdot = frames
     times = _inside(asked, t)
     x = np.atleast_1d(times)
     i = np.clip(np.searchsorted(t, x, side="right") - 1, 0, max(len(t) - 2, 0))
@@ -33,17 +38,18 @@ def states_at(
         found, speeds, missed = q[i].copy(), v[i].copy(), np.zeros(len(x))
     else:
         rate, bend = _derivatives(rows, q, v, vdot)
-        frames = (t, q, rate, bend)
-        found = _quintic(frames, i, i + 1, x)
-        speeds = _velocities(rows, found, _quintic_rate(frames, i, i + 1, x), v.shape[1])
+        curve = (t, q, rate, bend)
+        found = _quintic(curve, i, i + 1, x)
+        speeds = _velocities(rows, found, _quintic_rate(curve, i, i + 1, x), v.shape[1])
         for first, size in _quaternions(rows):
             part = found[:, first : first + size]
             part /= np.linalg.norm(part, axis=1, keepdims=True)
-        missed = _missed(frames, i, x)
+        missed = _missed(curve, i, x)
         for k in (i, i + 1):  # recorded states are returned as they are
             same = x == t[k]
             found[same], speeds[same], missed[same] = q[k[same]], v[k[same]], 0.0
-    error = estimate + missed
+    estimate, until, before = known
+    error = np.where(x <= until, estimate if np.isfinite(estimate) else before, estimate) + missed
     if np.ndim(times) == 0:
         return found[0], speeds[0], float(error[0])
     return found, speeds, error

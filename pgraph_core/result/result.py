@@ -78,7 +78,10 @@ class Result(EqualByFields, Portable):
         compare=False
     )  # steps, evaluations, projections, solver iterations, ...
     timing: Mapping[str, float] = field(compare=False)  # seconds a phase
-    error_estimate: float  # largest |change of q| at the end against twice the step [rad, m]
+    error_estimate: float
+    """Estimated largest error of q at the recorded times [rad, m], attitudes as angles, from
+    coarser runs; inf where it is not known to the end, which a notice explains; nan where no
+    estimate was made."""
     header: Mapping[str, Any]  # version, model hash, method, step, ...
     notices: tuple[str, ...] = field(default=())  # sentences on how the run went
 
@@ -94,12 +97,24 @@ class Result(EqualByFields, Portable):
     def __repr__(self) -> str:
         span = f"{self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no time"
         method = self.header.get("method", "?")
-        known = not np.isnan(self.error_estimate)
-        error = f"error {self.error_estimate:.1e}" if known else "error not estimated"
+        error = f"error {self.error_estimate:.1e}"
+        if not np.isfinite(self.error_estimate):
+            error = f"error {self.accuracy}"
         text = f"<Result: {len(self.t)} frames over {span} by {method}, {error}"
         if self.notices:
             text += f", {len(self.notices)} notice{'s'[: len(self.notices) > 1]}"
         return f"{text}>" if self.status.ok else f"{text};\n {self.message}>"
+
+    @property
+    def accuracy(self) -> str:
+        """The error estimate in words: "3e-06 rad or m", "known until ...", "not estimated"."""
+        error = self.error_estimate
+        if np.isfinite(error):
+            return f"{error:.2g} rad or m"
+        until, before = self.header.get("error_known", (np.inf, np.nan))
+        if np.isnan(error) or np.isinf(until):
+            return "not estimated"
+        return f"known until t = {until:.4g} s only: {before:.2g} rad or m"
 
     def __getitem__(self, name: str) -> Array:
         """Coordinates of a joint over time: (n,), or (n, k) for k > 1; InputError if unknown."""
@@ -126,10 +141,13 @@ class Result(EqualByFields, Portable):
 
         q (nq,) and v (nv,), or (n, nq) and (n, nv); `error` is the estimated largest error of q
         [rad, m]: that of the run (`error_estimate`) and of interpolation. It is nan if the run
-        made no estimate. Raises InputError for times outside of the run.
+        made no estimate, and inf after the time until which the error is known. Raises InputError
+        for times outside of the run.
         """
-        rows = self.mechanism.packed.rows
-        return states_at(rows, self.t, self.q, self.v, self.vdot, self.error_estimate, t)
+        frames = (self.t, self.q, self.v, self.vdot)
+        until, before = self.header.get("error_known", (np.inf, np.nan))
+        known = (self.error_estimate, until, before)
+        return states_at(self.mechanism.packed.rows, frames, known, t)
 
     def to_pandas(self) -> Any:
         """A pandas DataFrame: one row a frame, time [s] as index, the columns of `to_csv`."""

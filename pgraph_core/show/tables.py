@@ -38,11 +38,11 @@ def mechanism_html(mech: Any) -> str:
 
 def run_html(run: Any) -> str:
     """How a `pg.Result` ended, its accuracy and its cost, and its notices."""
-    header, model, error = run.header, run.mechanism.model, run.error_estimate
+    header, model = run.header, run.mechanism.model
     facts: list[tuple[object, ...]] = [
         ("method", header["method"]),
         ("time", f"{run.t[0]:g} to {run.t[-1]:g} s, {len(run.t)} frames"),
-        ("error estimate", f"{error:.2g} rad or m" if error == error else "none"),
+        ("error estimate", run.accuracy),
         ("energy drift", f"{run.energy_drift:.2g}, relative"),
     ]
     notices = "".join(f"<p>{escape(text)}</p>" for text in run.notices)

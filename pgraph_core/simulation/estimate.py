@@ -1,56 +1,263 @@
-"""The error of a run, from a second, coarser one."""
+"""The error of a run, from coarser runs of the same motion.
+
+The error of a method of order p at steps h is C h^p where it is small ([Hairer, Norsett, Wanner
+1993, II.4]): two runs tell C, a third one whether the law holds. Where it does not, the smaller
+divisor that was seen is taken; where runs have parted altogether, the error is not known, and
+that is said. Adding up the errors of steps would miss how unstable motion makes them grow.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
+from numba.core.dispatcher import Dispatcher
 
-from ..packing.system import Array, Ints
-from .plan import Plan
+from ..dynamics.states import differences
+from ..packing.system import Array
+from .options import LEAST_RTOL
+from .plan import STIFF, Plan
 from .recording import Progress, Recording
 
-LOOSER = 32.0  # tolerance of the run that the error estimate compares with
-EQUAL = 1e-9  # relative difference of widths of steps that are the same
-UNKNOWN = (
-    "its error is not estimated, because a function gives its torques; compare it with a second "
-    "run at half the step, or at a tighter rtol"
-)
+LOOSER = 32.0  # ratio of the tolerances of two runs
 COMPARED = 65  # frames at most, where frames cost time of their own
+PARTED = 0.3  # rad, or of the motion's length: beyond it, errors no longer add up
+LEAST_DIVISOR = 0.4  # of the difference: runs whose errors do not shrink at all
+NARROWER = 0.7  # of the steps: a run that takes more of them is the same run
+DOUBTED = 0.25  # of the ratio that the order promises
+VISIBLE = 1e-3  # rad, or of the motion's length: an error that a person sees
+FEW = 100  # steps: twice as many cost little more, and tell the error itself
+ONE_EACH = 1.5  # steps a frame: fewer are those that frames ask for
+CHAOTIC = 4.0  # e-folds in the second half of the time: more than powers of time make
+FITTED = 8  # points of a rate
+EPS = float(np.finfo(float).eps)
+BECAUSE = "its error is not estimated, because"
+UNKNOWN = (
+    f"{BECAUSE} a function gives its torques: give estimate=True to call it again for a second "
+    "run, if it remembers nothing, or compare with a run at half the step, or at a tighter rtol"
+)
+FAILS = f"{BECAUSE} the same run at wider or narrower steps, to compare with, fails"
 
 
-def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) -> float:
-    """Largest error of q over the run [rad, m], from a second, coarser one.
+class Estimate(NamedTuple):
+    """Of the error of q at the recorded times."""
 
-    The difference of the two runs over the factor by which their errors differ: twice the step,
-    or LOOSER times the tolerance. (Adding up the errors of steps would miss how unstable motion
-    makes them grow.) nan if torques come from a function, which is not called a second time, or
-    if the second run fails. Where tables bend inside fixed steps, the error depends on where in
-    the step they do: the estimate adds the difference to a run whose steps end there.
+    largest: float = np.nan  # [rad, m]; inf: not known to the end; nan: not estimated
+    until: float = np.inf  # time to which it is known [s]
+    before: float = np.nan  # the largest one until then [rad, m]
+    notices: tuple[str, ...] = ()
+    why: str = ""  # there is none
+
+
+class _Apart(NamedTuple):
+    """How far two runs are apart at n times, the largest so far."""
+
+    t: Array  # (n,) [s]
+    largest: Array  # (n,) [rad, m]
+    share: Array  # (n,) of what is too far for errors to add up
+
+
+def estimable(tau: object) -> bool:
+    """Whether torques can be asked for a second time: no function, a compiled one, or a gait."""
+    return not callable(tau) or hasattr(tau, "acting") or isinstance(tau, Dispatcher)
+
+
+def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) -> Estimate:
+    """The largest error of q over the recorded times, from coarser runs.
+
+    Where tables bend inside fixed steps, the error depends on where in the step they do: the
+    estimate adds the difference to a run whose steps end there.
     """
-    if record.user is not None:
-        return float("nan")
     if len(record.plan.kinks) == 0:
-        return _by_coarser(record, q, v, progress)
+        return _located(record, q, v, progress)
     bent = _again(record, _onto_corners(record.plan), q, v, progress)
     if not bent.ended.ok:
-        return float("nan")
-    theirs = bent.out.q[np.searchsorted(bent.plan.times, record.plan.times)]
-    return float(np.max(np.abs(record.out.q - theirs))) + _by_coarser(bent, q, v, progress)
+        return Estimate(why=FAILS)
+    found = _located(bent, q, v, progress)
+    corners = float(_apart(bent, record, record.plan.times).largest[-1])
+    return found._replace(largest=found.largest + corners, before=found.before + corners)
 
 
-def _by_coarser(record: Recording, q: Array, v: Array, progress: Progress) -> float:
-    """Largest error of q, from the same run at wider steps."""
-    found = _coarser(record.plan)
-    if found is None:
-        return float("nan")
-    coarser, ratio = found
-    coarse = _again(record, coarser, q, v, progress)
-    if not coarse.ended.ok:
-        return float("nan")
-    mine = record.out.q[np.searchsorted(record.plan.times, coarser.times)]
-    return float(np.max(np.abs(coarse.out.q - mine), initial=0.0)) / (ratio - 1.0)
+def _located(record: Recording, q: Array, v: Array, progress: Progress) -> Estimate:
+    """The estimate; where runs part and frames are few, from runs that show where they do."""
+    found = _compared(record, q, v, progress)
+    few = len(record.plan.times) < COMPARED // 2
+    if not (few and np.isinf(found.largest)):
+        return found
+    shown = _again(record, _with_frames(record.plan), q, v, progress)
+    return _compared(shown, q, v, progress) if shown.ended.ok else found
+
+
+def _compared(record: Recording, q: Array, v: Array, progress: Progress) -> Estimate:
+    """The estimate from two coarser runs; where they do not tell, from a finer one."""
+    plan, steps = record.plan, record.steps.counters["steps"]
+    if not (_dense(plan) or plan.step) and steps < ONE_EACH * len(plan.times):
+        return _by_finer(record, None, q, v, progress)
+    coarse = _wider(record, 2, q, v, progress)
+    if coarse is not None and not coarse.ended.ok:
+        if plan.contact_points or STIFF in "".join(plan.notices):
+            return Estimate(why=FAILS)
+        coarse = None
+    if coarse is None or not _wide(coarse, record):
+        return _by_finer(record, None, q, v, progress)
+    near, ratio = _apart(record, coarse, coarse.plan.times), _ratio(record, coarse)
+    if steps < FEW:
+        return _by_finer(record, (near, ratio), q, v, progress)
+    uneven = len(plan.kinks) > 0 or len(plan.contact_points) > 0  # no two steps are alike
+    wide = None if uneven else _wider(record, 4, q, v, progress)
+    far, promised, held = None, np.nan, 1.0
+    if wide is not None and wide.ended.ok and _wide(wide, coarse):
+        far = _apart(coarse, wide, np.intersect1d(coarse.plan.times, wide.plan.times))
+        promised = (_ratio(record, wide) - ratio) / (ratio - 1.0)
+        held = _seen(near, far) / promised
+    part = max((ratio - 1.0) * min(held, 1.0), LEAST_DIVISOR)
+    errors = near.largest / part + _rounding(record)
+    parted = _parted(near, far, promised)
+    if parted == len(errors):
+        if held > DOUBTED or near.share[-1] * PARTED < VISIBLE:
+            return Estimate(float(errors[-1]), before=float(errors[-1]))
+        return _by_finer(record, (near, ratio), q, v, progress)
+    last, rate = max(parted - 1, 0), _growth(near, parted)
+    within = rate * (near.t[-1] - near.t[last]) < np.log(ratio) + 1.0
+    if within and not plan.contact_points:
+        return _by_finer(record, (near, ratio), q, v, progress)
+    return _known_until(near, errors, last, rate)
+
+
+def _by_finer(
+    record: Recording,
+    coarser: tuple[_Apart, float] | None,
+    q: Array,
+    v: Array,
+    progress: Progress,
+) -> Estimate:
+    """The estimate from a run at narrower steps: dearer, and right where errors are large too.
+
+    `coarser` is how far a coarser run is apart, and the ratio of errors that its steps promise.
+    """
+    plan = record.plan
+    finer = _again(record, _narrowed(plan), q, v, progress)
+    if not finer.ended.ok:
+        return Estimate(why=FAILS)
+    apart = _apart(finer, record, plan.times)
+    ratio = _ratio(finer, record)
+    if ratio <= 1.0:
+        return Estimate(why=FAILS)
+    held, seen, promised = 1.0, ratio, ratio
+    if coarser is not None and apart.largest[-1] > 0.0 and coarser[0].share[-1] < 1.0:
+        promised = (coarser[1] - 1.0) / (1.0 - 1.0 / ratio)
+        seen = float(coarser[0].largest[-1]) / float(apart.largest[-1])
+        held = min(seen / promised, 1.0)
+    errors = apart.largest / max(1.0 - 1.0 / (ratio * held), LEAST_DIVISOR) + _rounding(record)
+    parted = int(np.searchsorted(apart.share, 1.0))
+    if parted < len(errors):
+        return _known_until(apart, errors, max(parted - 1, 0), _growth(apart, parted))
+    largest, notices = float(errors[-1]), ()
+    if held < DOUBTED and apart.share[-1] * PARTED > VISIBLE:
+        text = f"the error estimate of {largest:.2g} rad or m is rough: narrower steps made the "
+        text += f"error {seen:.2g} times smaller, where {plan.method.name} promises {promised:.3g}"
+        notices = (text,)
+    return Estimate(largest, before=largest, notices=notices)
+
+
+# -- comparing runs ------------------------------------------------------------------------------
+
+
+def _apart(one: Recording, other: Recording, times: Array) -> _Apart:
+    """How far apart two runs are at times that both record."""
+    a, b = (r.out.q[np.searchsorted(r.plan.times, times)] for r in (one, other))
+    rows = one.mech.packed.rows
+    turned, moved = differences(rows, a, b)
+    _, slid = differences(rows, np.broadcast_to(a[:1], a.shape), a)
+    size = max(one.plan.length, float(slid.max(initial=0.0))) or 1.0
+    largest = np.maximum.accumulate(np.maximum(turned, moved))
+    share = np.maximum.accumulate(np.maximum(turned, moved / size)) / PARTED
+    return _Apart(times, largest, share)
+
+
+def _ratio(fine: Recording, coarse: Recording) -> float:
+    """How many times larger the errors of the coarser run should be."""
+    given, looser = fine.plan.tolerance, coarse.plan.tolerance
+    if given is not None and looser is not None and not given.fixed:
+        return looser.rtol / given.rtol
+    return (_width(coarse.plan) / _width(fine.plan)) ** fine.plan.method.order
+
+
+def _width(plan: Plan) -> float:
+    """Mean width of fixed steps [s]; those without dense output end at frames."""
+    span = float(plan.times[-1] - plan.times[0])
+    given = plan.tolerance
+    if given is None:
+        return span / int(plan.substeps.sum())
+    if _dense(plan):
+        return min(given.widest, span)
+    return span / float(np.ceil(np.diff(plan.times) / given.widest - 1e-9).sum())
+
+
+def _dense(plan: Plan) -> bool:
+    """Whether frames lie within steps."""
+    return len(plan.method.tableau.dense) > 0
+
+
+def _seen(near: _Apart, far: _Apart) -> float:
+    """How many times farther the coarser pair is apart, where its errors still add up."""
+    among = np.searchsorted(near.t, far.t)
+    usable = np.flatnonzero((far.share < 1.0) & (near.largest[among] > 0.0))
+    if len(usable) == 0:
+        return np.nan
+    last = usable[-1]
+    return float(far.largest[last] / near.largest[among[last]])
+
+
+def _parted(near: _Apart, far: _Apart | None, promised: float) -> int:
+    """The first time, by number, at which the runs have parted; their count if they have not.
+
+    Large differences may still add up, as in a wheel that spins at the wrong speed: then both
+    pairs of runs differ in the ratio that the order promises, all the way.
+    """
+    parted = int(np.searchsorted(near.share, 1.0))
+    if parted == len(near.t) or far is None:
+        return parted
+    among = np.searchsorted(near.t, far.t)
+    counted = near.share[among] > 0.1
+    ratio = far.largest[counted] / near.largest[among][counted] / promised
+    slack = min(3.0, np.sqrt(promised + 1.0))
+    if len(ratio) > 2 and np.all((ratio > 1.0 / slack) & (ratio < slack)):
+        return len(near.t)
+    return parted
+
+
+def _growth(apart: _Apart, parted: int) -> float:
+    """The rate at which two runs part [1/s]; 0 where that is no faster than powers of time."""
+    last = min(parted, len(apart.t) - 1)
+    half = apart.t[0] + 0.5 * (apart.t[last] - apart.t[0])
+    some = np.flatnonzero((apart.t[: last + 1] >= half) & (apart.largest[: last + 1] > 0.0))
+    if len(some) < FITTED:
+        return 0.0
+    rate = float(np.polyfit(apart.t[some], np.log(apart.largest[some]), 1)[0])
+    return rate if rate * (apart.t[last] - half) > CHAOTIC else 0.0
+
+
+def _known_until(apart: _Apart, errors: Array, last: int, rate: float) -> Estimate:
+    """The estimate of a run whose error is known up to a time, by number."""
+    until, before = float(apart.t[last]), float(errors[last])
+    text = f"the error is not known beyond t = {until:.4g} s"
+    if rate > 0.0:
+        text += f" (chaotic: errors grow e-fold every {1.0 / rate:.3g} s)"
+    text += f"; until then it is about {before:.2g} rad or m"
+    return Estimate(np.inf, until, before, (text,))
+
+
+def _rounding(record: Recording) -> float:
+    """Least error of q that rounding makes: of positions, and of times at these velocities."""
+    q, v, t = record.out.q, record.out.v, record.plan.times
+    size = np.abs(q).max(initial=0.0) + np.abs(t).max() * np.abs(v).max(initial=0.0)
+    return EPS * float(size)
+
+
+# -- the runs ------------------------------------------------------------------------------------
 
 
 def _again(record: Recording, plan: Plan, q: Array, v: Array, progress: Progress) -> Recording:
@@ -60,46 +267,94 @@ def _again(record: Recording, plan: Plan, q: Array, v: Array, progress: Progress
     return again
 
 
-@lru_cache(maxsize=16)
-def _coarser(plan: Plan) -> tuple[Plan, float] | None:
-    """The same run, cheaper, and how many times larger its error is; None for a single step."""
-    if plan.tolerance is None and int(plan.substeps.sum()) < 2:
-        return None
-    power = plan.method.order
+def _wider(
+    record: Recording, factor: int, q: Array, v: Array, progress: Progress
+) -> Recording | None:
+    """The run at `factor` times wider steps; None where there are too few."""
+    plan = _coarser(record.plan, factor)
+    return plan and _again(record, plan, q, v, progress)
+
+
+def _wide(coarse: Recording, fine: Recording) -> bool:
+    """Whether a run is notably coarser than another."""
+    if coarse.plan.tolerance is None or coarse.plan.tolerance.fixed:
+        return _width(fine.plan) < NARROWER * _width(coarse.plan)
+    return coarse.steps.counters["steps"] < NARROWER * fine.steps.counters["steps"]
+
+
+@lru_cache(maxsize=32)
+def _coarser(plan: Plan, factor: int) -> Plan | None:
+    """The same run at 2 or 4 times wider steps, or looser tolerances; None for too few steps."""
+    count, given = len(plan.times), plan.tolerance
     cuts = np.searchsorted(plan.times, [*(change.t for change in plan.changes), *plan.kinks])
-    few = np.linspace(0, len(plan.times) - 1, COMPARED).astype(int)
-    some = plan.times[np.union1d(few, cuts)]
-    if plan.tolerance is not None:
-        given = plan.tolerance
-        if given.fixed:
-            twice = given._replace(widest=2 * given.widest)
-            return replace(plan, times=some, tolerance=twice), 2.0**power
-        loose = given._replace(rtol=LOOSER * given.rtol, atol=LOOSER * given.atol)
-        return replace(plan, times=some, tolerance=loose), LOOSER
-    if int(plan.substeps.max()) == 1:  # every second frame, so that kinks of tables stay steps
-        keep = np.union1d(np.arange(0, len(plan.times), 2), [*cuts, len(plan.times) - 1])
-        times, count = plan.times[keep], np.ones(len(keep) - 1, dtype=np.int64)
+    if given is None:
+        if int(plan.substeps.sum()) < factor:
+            return None
+        return _joined(plan, factor, cuts)
+    some = COMPARED
+    if given.fixed:
+        span = plan.times[-1] - plan.times[0]
+        some = int(min(some, span / (factor * given.widest) * (1 + 1e-9) + 1))
+        if some < 2:
+            return None
+        changed = given._replace(widest=factor * given.widest)
     else:
-        times, count = plan.times, -(-plan.substeps // 2)
-    width = np.diff(times) / count
-    ratio = float(width.max() / plan.width.max())
-    times, count, width = _thinned(times, count, width, plan.times[cuts])
-    return replace(plan, times=times, substeps=count, width=width), ratio**power
+        times = LOOSER if factor == 2 else LOOSER**2
+        changed = given._replace(rtol=times * given.rtol, atol=times * given.atol)
+        if given.widest < plan.times[-1] - plan.times[0]:
+            changed = changed._replace(widest=factor * given.widest)
+    few = np.linspace(0, count - 1, min(some, count)).astype(int)
+    return replace(plan, times=plan.times[np.union1d(few, cuts)], tolerance=changed)
 
 
-def _thinned(times: Array, count: Ints, width: Array, kept: Array) -> tuple[Array, Ints, Array]:
-    """The same steps with about COMPARED frames, those at the times `kept` among them.
+def _joined(plan: Plan, factor: int, cuts: Array) -> Plan:
+    """Fixed steps of `factor` times the width, frames at about COMPARED of the plan's times.
 
-    Frames are joined only where the steps between them are equally wide.
+    Times at `cuts` are kept. Frames are joined until they hold whole wide steps.
     """
-    group = len(count) // (COMPARED - 1)
-    if group < 2 or np.ptp(width) > EQUAL * width[0]:
-        return times, count, width
-    firsts = np.union1d(np.arange(0, len(count), group), np.searchsorted(times[:-1], kept))
-    firsts = firsts[firsts < len(count)]
-    some = times[np.append(firsts, len(count))]
-    steps = np.add.reduceat(count, firsts)
-    return some, steps, np.diff(some) / steps
+    count = len(plan.substeps)
+    group = -(-factor // int(plan.substeps.max()))
+    while count // (2 * group) >= COMPARED - 1:
+        group *= 2
+    keep = np.union1d(np.arange(0, count, group), cuts)
+    keep = keep[keep < count]
+    steps = np.add.reduceat(plan.substeps, keep)
+    times = plan.times[np.append(keep, count)]
+    substeps = -(-steps // factor)
+    return replace(plan, times=times, substeps=substeps, width=np.diff(times) / substeps)
+
+
+def _narrowed(plan: Plan) -> Plan:
+    """The same run at half the step, or at a tighter tolerance."""
+    given = plan.tolerance
+    if given is None:
+        return replace(plan, substeps=2 * plan.substeps, width=0.5 * plan.width)
+    if given.fixed:
+        return replace(plan, tolerance=given._replace(widest=0.5 * given.widest))
+    rtol = max(given.rtol / LOOSER, LEAST_RTOL)
+    tighter = given._replace(rtol=rtol, atol=given.atol * rtol / given.rtol)
+    if not _dense(plan):  # or frames would make the same steps
+        spacing = float(np.diff(plan.times).max())
+        tighter = tighter._replace(widest=min(given.widest, 0.5 * spacing))
+    return replace(plan, tolerance=tighter)
+
+
+def _with_frames(plan: Plan) -> Plan:
+    """The same steps with at least COMPARED frames, where there are so many steps."""
+    parts = -(-(COMPARED - 1) // max(len(plan.times) - 1, 1))
+    given = plan.tolerance
+    if given is not None:
+        if given.fixed:
+            parts = max(1, min(parts, int(np.diff(plan.times).min() / given.widest * (1 + 1e-9))))
+        each = np.linspace(plan.times[:-1], plan.times[1:], parts, endpoint=False, axis=1)
+        return replace(plan, times=np.append(each.ravel(), plan.times[-1]))
+    times, substeps = [], []
+    for t, steps, width in zip(plan.times, plan.substeps, plan.width):
+        firsts = np.unique(np.linspace(0, steps, min(parts, steps) + 1).astype(int))
+        times.append(t + firsts[:-1] * width)
+        substeps.append(np.diff(firsts))
+    times, substeps = np.append(np.concatenate(times), plan.times[-1]), np.concatenate(substeps)
+    return replace(plan, times=times, substeps=substeps, width=np.diff(times) / substeps)
 
 
 def _onto_corners(plan: Plan) -> Plan:

@@ -51,6 +51,7 @@ KINKED = 2  # order that is left where tables bend inside steps
 MANY = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
 SHORT = 20  # steps: looking for the fastest rate would cost more than a shorter run
 AT_END = 1e-6  # of a step: a corner this near its end is there
+STIFF = "stiff:"  # how the notice of too wide explicit steps begins
 NO_TIMES = np.zeros(0)
 NO_SUBSTEPS = np.zeros(0, dtype=np.int64)
 NO_GAINS = np.zeros(2)
@@ -429,7 +430,7 @@ def _stiff(plan: Plan, rate: _Rate) -> list[str]:
     if rate() * step <= limit:
         return []
     x = rate() * step
-    return [f"stiff: lambda*dt = {x:.3g}, explicit limit dt < {limit / rate():.3g} s, try radau5"]
+    return [f"{STIFF} lambda*dt = {x:.3g}, explicit limit dt < {limit / rate():.3g} s, try radau5"]
 
 
 def _hard(plan: Plan) -> list[str]:

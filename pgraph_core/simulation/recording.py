@@ -30,6 +30,7 @@ from .switches import Change, closed, hold_here
 
 if TYPE_CHECKING:
     from .contact_events import ContactEvents
+    from .estimate import Estimate
 
 CHUNK = 0.02  # s of computation between two calls of `progress`
 Progress = Callable[[float], Any] | None
@@ -274,7 +275,7 @@ class Recording:
 
     # -- the result ------------------------------------------------------------------------------
 
-    def result(self, estimate: float, timing: dict[str, float]) -> Result:
+    def result(self, estimate: Estimate, timing: dict[str, float]) -> Result:
         """The frames that were asked for, as a Result."""
         self._note_singular()
         rows, steps = self._rows(), self.steps
@@ -310,9 +311,9 @@ class Recording:
             contacts=contacts,
             counters=counters,
             timing=timing,
-            error_estimate=estimate,
-            header=dict(self.plan.header),
-            notices=self._notices(),
+            error_estimate=estimate.largest,
+            header={**self.plan.header, "error_known": (estimate.until, estimate.before)},
+            notices=(*self._notices(), *estimate.notices),
         )
 
     def _contacts(self, frames: tuple[Array, Array, Array]) -> ContactRecord:

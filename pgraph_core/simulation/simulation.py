@@ -6,13 +6,11 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
-
 from ..errors import InputError, Problem
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..result import Result
-from .estimate import UNKNOWN, error_estimate
+from .estimate import UNKNOWN, Estimate, error_estimate, estimable
 from .options import MOST_CHOSEN, Options
 from .plan import plan_of, with_state
 from .recording import Recording
@@ -38,7 +36,7 @@ def simulate(
     stabilise: str | None = "project",
     switches: Any = None,
     progress: Callable[[float], Any] | None = None,
-    estimate: bool = True,
+    estimate: bool | None = None,
 ) -> Result:
     """Simulate a mechanism, or a model, from `t_start` to `t_end` [s].
 
@@ -65,9 +63,11 @@ def simulate(
     "auto" without `rtol`, or from event to event by "dop853" and "dopri5", its choices with
     `rtol`, and by "rk4" and "semi_implicit_euler". Event-driven runs always project.
 
-    `progress(fraction)` is called now and then; the run stops if it returns False. `estimate=False`
-    leaves out the second run that estimates the error; the estimate is then nan. It is
-    nan too where a function gives the torques, and the run's `message` says what would do.
+    `progress(fraction)` is called now and then; the run stops if it returns False.
+
+    The error is estimated from coarser runs of the same motion; `estimate=False` leaves them out.
+    A Python function `tau` is called again for them with `estimate=True` only, since it may
+    remember; without, the estimate is nan and the run's `message` says so.
 
     Returns a Result. Raises InputError for arguments that do not fit; a numerical failure is a
     `Status` of the result.
@@ -88,10 +88,13 @@ def simulate(
     built, busy = time.perf_counter(), time.thread_time()
     record.run(progress)
     stepped, busy = time.perf_counter(), time.thread_time() - busy
-    wanted = estimate and record.ended.ok
-    error = error_estimate(record, *state, progress) if wanted else np.nan
-    if wanted and record.user is not None:
-        record.ended.message += f"; {UNKNOWN}"
+    error = Estimate()
+    if record.ended.ok and (estimate or (estimate is None and estimable(tau))):
+        error = error_estimate(record, *state, progress)
+    elif record.ended.ok and estimate is None:
+        error = Estimate(why=UNKNOWN)
+    if error.why:
+        record.ended.message += f"; {error.why}"
     timing = {
         "build": built - began,
         "step": stepped - built,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..dynamics.bodies import bodies_over, turned
-from ..dynamics.states import length_of
+from ..dynamics.states import angles, length_of
 from ..engine import layout as at
 from ..mechanism import Mechanism
 from ..packing.system import Array
@@ -39,15 +39,6 @@ class Errors(NamedTuple):
 def rms(e: Array) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(e * e)))
-
-
-def angles(p: Array, q: Array) -> Array:
-    """Angles between unit quaternions [rad], |p - q| = 2 sin(a/4): exact for small ones too.
-
-    p and -p are the same rotation.
-    """
-    apart = np.minimum(np.linalg.norm(p - q, axis=-1), np.linalg.norm(p + q, axis=-1))
-    return 4.0 * np.arcsin(np.clip(apart / 2.0, 0.0, 1.0))
 
 
 # -- of bodies: for error against run time, where engines have other coordinates -------------------

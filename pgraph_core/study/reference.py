@@ -91,7 +91,7 @@ def given(task: Task, reference: Any) -> Reference:
         return reference
     if isinstance(reference, Result):
         method = reference.header.get("method", "unknown method")
-        accuracy = float(np.nan_to_num(reference.error_estimate, nan=0.0))
+        accuracy = float(np.nan_to_num(reference.error_estimate, nan=0.0, posinf=np.inf))
         return Reference.of_states(task, reference.t, reference.q, accuracy, f"given run, {method}")
     try:
         t, q = (np.array(part, dtype=float) for part in reference)

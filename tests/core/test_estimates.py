@@ -1,0 +1,128 @@
+"""What a run says of its own error: right within a factor of ten, or that it is not known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numba import njit
+
+import pgraph_core as pg
+import pgraph_models
+from pgraph_core.dynamics.states import differences
+
+from .trees import random_case
+
+
+def model(name):
+    return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
+
+
+def true_error(mech, run, q=None, v=None):
+    """(n,) of q at the frames of a run, from a far finer run; nan where that is too dear."""
+    span = {"t_start": run.t[0], "t_end": run.t[-1], "t_eval": run.t, "max_steps": 50_000}
+    fine = pg.simulate(mech, q, v, **span, method="dop853", rtol=1e-14, estimate=False)
+    if not fine.status.ok:
+        return np.full(len(run.t), np.nan)
+    return np.maximum(*differences(mech.packed.rows, run.q, fine.q))
+
+
+def told(run):
+    return [text for text in run.notices if "not known beyond" in text]
+
+
+@pytest.mark.parametrize("options", [{"rtol": 1e-8}, {"rtol": 1e-12}, {"rtol": 1e-8, "frames": 2}])
+def test_a_chaotic_run_says_until_when_its_error_is_known(options):
+    """A double pendulum over 60 s: off by 90 rad at any tolerance, known for a part of it."""
+    mech = model("double_pendulum")
+    run = pg.simulate(mech, t_end=60.0, **options)
+    assert run.error_estimate == np.inf
+    assert len(told(run)) == 1
+    assert "chaotic: errors grow e-fold every" in told(run)[0]
+    until, before = run.header["error_known"]
+    early = pg.simulate(mech, t_end=until, **{**options, "frames": 101})
+    assert 10.0 < until < 40.0
+    assert true_error(mech, early).max() < 10 * before
+    if "frames" not in options:
+        assert run.at(0.9 * until)[2] < 0.3
+        assert run.at(59.0)[2] == np.inf
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_errors_of_chaotic_runs_are_known_or_said_not_to_be(seed):
+    """Double pendulums from any start: no estimate is more than ten times too small."""
+    rng = np.random.default_rng(seed)
+    mech, q, v = model("double_pendulum"), rng.uniform(-3, 3, 2), rng.uniform(-6, 6, 2)
+    run = pg.simulate(mech, q, v, t_end=8.0, rtol=1e-5, frames=101)
+    assert run.error_estimate > 0.1 * true_error(mech, run, q, v).max()
+    assert np.isinf(run.error_estimate) == bool(told(run))
+
+
+def test_errors_of_attitudes_are_angles():
+    """A body that turns fast is the wrong way round at the end, and says so."""
+    body = pg.Body(name="b", joint="spherical", mass=1.0, inertia=np.diag([1.0, 2.0, 2.5]))
+    mech = pg.Mechanism(pg.Model(bodies=(body,), gravity=(0, 0, 0)))
+    v = np.array([1.0, 200.0, 1.0])
+    run = pg.simulate(mech, v=v, t_end=30.0, method="dopri5", rtol=1e-5)
+    true = true_error(mech, run, v=v).max()
+    assert true > 0.2  # the largest difference of quaternion entries over 31 is 0.06
+    assert run.error_estimate > true / 3
+
+
+@pytest.mark.parametrize("method", ["ros2", "radau5", "rk4", "semi_implicit_euler"])
+@pytest.mark.parametrize("step", [0.5, 0.2, 0.1, 0.05])
+def test_wide_steps_are_not_compared_with_themselves(method, step):
+    """Also where each step ends at a frame, and where there are few of them."""
+    mech, q = model("pendulum"), np.array([2.5])
+    run = pg.simulate(mech, q, t_end=2.0, method=method, step=step)
+    true = true_error(mech, run, q).max()
+    assert run.error_estimate > 0.2 * true
+    assert np.isinf(run.error_estimate) or run.error_estimate < 10 * true
+
+
+@pytest.mark.parametrize("t_start", [0.0, 1e9, 1e12])
+def test_rounding_is_in_the_estimate(t_start):
+    """Of times, which are known to 1e-16 of themselves: the motion does not depend on them."""
+    mech = model("pendulum")
+    early = pg.simulate(mech, t_end=1.0, frames=11, rtol=1e-13)
+    late = pg.simulate(mech, t_start=t_start, t_end=t_start + 1, frames=11, rtol=1e-13)
+    true = np.abs(late.q - early.q).max()
+    assert late.error_estimate > true / 5
+    assert late.error_estimate < 1e3 * true + 1e-11
+
+
+def test_smooth_runs_are_estimated_within_a_factor_of_ten():
+    """Random trees by all methods, loose and tight: nineteen of twenty are, none is far off."""
+    choices = [
+        {"rtol": 1e-4}, {}, {"rtol": 1e-10}, {"method": "rk4", "step": 2e-3},
+        {"method": "dopri5", "rtol": 1e-6}, {"method": "radau5", "rtol": 1e-6},
+        {"method": "ros2", "rtol": 1e-4}, {"method": "semi_implicit_euler", "step": 1e-3},
+    ]  # fmt: skip
+    found = []
+    for seed in range(40):
+        case = random_case(700 + seed, most=6)
+        mech = pg.Mechanism(case.model)
+        run = pg.simulate(mech, case.q, case.v, t_end=0.5, frames=101, **choices[seed % 8])
+        true = true_error(mech, run, case.q, case.v).max()
+        if true > 1e-13 and not np.isinf(run.error_estimate):
+            found.append(run.error_estimate / true)
+    assert len(found) > 30
+    assert np.mean((np.array(found) > 0.2) & (np.array(found) < 10)) >= 0.95
+    assert min(found) > 0.01
+
+
+@njit
+def swinging(t, q, v):
+    return np.array([0.5 * np.sin(3.0 * t)])
+
+
+def test_a_compiled_torque_has_an_estimate_and_a_python_one_on_request():
+    mech = model("pendulum")
+    fast = pg.simulate(mech, t_end=1.0, tau=swinging, rtol=1e-6)
+    slow = pg.simulate(mech, t_end=1.0, tau=swinging.py_func, rtol=1e-6, estimate=True)
+    assert fast.error_estimate == slow.error_estimate
+    tight = pg.simulate(mech, t_end=1.0, tau=swinging, rtol=1e-13)
+    true = np.abs(tight.q - fast.q).max()
+    assert true / 10 < fast.error_estimate < 10 * true
+    silent = pg.simulate(mech, t_end=1.0, tau=swinging.py_func, rtol=1e-6)
+    assert np.isnan(silent.error_estimate)
+    assert "estimate=True" in silent.message
