@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numba.core.dispatcher import Dispatcher
+from numpy.typing import NDArray
 
 from ..dynamics.states import differences
 from ..packing.system import Array
@@ -307,7 +308,7 @@ def _coarser(plan: Plan, factor: int) -> Plan | None:
     return replace(plan, times=plan.times[np.union1d(few, cuts)], tolerance=changed)
 
 
-def _joined(plan: Plan, factor: int, cuts: Array) -> Plan:
+def _joined(plan: Plan, factor: int, cuts: NDArray[np.intp]) -> Plan:
     """Fixed steps of `factor` times the width, frames at about COMPARED of the plan's times.
 
     Times at `cuts` are kept. Frames are joined until they hold whole wide steps.
