@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from .errors import ModelError as ModelError
     from .errors import PgraphError as PgraphError
     from .errors import Problem as Problem
+    from .formats.report import Report as Report
+    from .formats.urdf import read_urdf as read_urdf
+    from .formats.urdf_out import write_urdf as write_urdf
     from .gait.controller import Controller as Controller
     from .gait.footprints import Footprint as Footprint
     from .gait.footprints import footprints as footprints
@@ -91,6 +94,9 @@ _MODULES = {
     "analysis.assembly": "Assembly",
     "analysis.mobility": "Mobility",
     "errors": "FileError InputError ModelError PgraphError Problem",
+    "formats.report": "Report",
+    "formats.urdf": "read_urdf",
+    "formats.urdf_out": "write_urdf",
     "gait.controller": "Controller",
     "gait.footprints": "Footprint footprints footprints_csv",
     "gait.ground": "underfoot",

@@ -5,29 +5,32 @@ from __future__ import annotations
 import io
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from .collada import triangles
 from .errors import FileError, ModelError, Problem, choices
 
-FORMATS = ("glb", "obj", "off", "ply", "stl")
+FORMATS = ("glb", "obj", "off", "ply", "stl", "dae")
 LARGEST = 200_000_000  # [bytes] of a mesh file
 FARTHEST = 1e12  # a coordinate beyond this has no volume in float64
+Scale: TypeAlias = "float | tuple[float, float, float]"
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}  # [m]
 
 
-def load_mesh(file: str | Path, scale: float = 1.0, unit: str = "m") -> Any:
+def load_mesh(file: str | Path, scale: Scale = 1.0, unit: str = "m") -> Any:
     """A mesh file as a trimesh.Trimesh in metres, its parts joined.
 
-    `unit` is that of the file; `scale` comes on top. Raises FileError, ModelError.
+    `unit` is that of the file; `scale` comes on top, one factor or one an axis.
+    Raises FileError, ModelError.
     """
     if unit not in UNITS:
         text = f"must be one of {choices(UNITS)}; given {unit!r}"
         raise ModelError(Problem(f"mesh {file}", "unit", text))
     mesh = parsed_mesh(file)
     try:
-        mesh.apply_scale(scale * UNITS[unit])
+        mesh.apply_scale(np.array(scale) * UNITS[unit])  # one that mirrors turns the faces too
         mesh.merge_vertices(merge_tex=True, merge_norm=True)
     except Exception as error:  # damaged faces may be found only here
         raise FileError(_unreadable(file, error)) from error
@@ -55,7 +58,10 @@ def parsed_mesh(file: str | Path) -> Any:
         text = f"cannot be read as {suffix}: its content is no {suffix.upper()} mesh"
         raise FileError(Problem(where, "", text))
     try:
-        mesh = trimesh.load_mesh(io.BytesIO(content), file_type=suffix, resolver=None)
+        if suffix == "dae":
+            mesh = trimesh.Trimesh(*triangles(content, Path(file).name), process=False)
+        else:
+            mesh = trimesh.load_mesh(io.BytesIO(content), file_type=suffix, resolver=None)
         vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     except Exception as error:  # whatever a reader of a damaged file raises
         raise FileError(_unreadable(file, error)) from error
@@ -73,6 +79,8 @@ def parsed_mesh(file: str | Path) -> Any:
 def _looks_like(suffix: str, content: bytes) -> bool:
     """Whether a file begins as its format does, so that no other file is parsed as a mesh."""
     match suffix:
+        case "dae":
+            return b"<COLLADA" in content[:10_000]
         case "glb":
             return content[:4] == b"glTF"
         case "ply":

@@ -71,3 +71,16 @@ def normals_of(axis: Array) -> tuple[Array, Array]:
     least = np.eye(3)[np.argmin(np.abs(axis))]
     first = unit_vector(np.cross(least, axis).astype(float))
     return first, np.cross(axis, first)
+
+
+def quaternion_of(R: Array) -> Quaternion:
+    """The quaternion of a rotation matrix (3, 3); its largest number is positive."""
+    a, b, c = R[0, 0], R[1, 1], R[2, 2]
+    squares = np.array([1 + a + b + c, 1 + a - b - c, 1 - a + b - c, 1 - a - b + c])  # 4 x its own
+    products = np.array([
+        [squares[0], R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]],
+        [R[2, 1] - R[1, 2], squares[1], R[0, 1] + R[1, 0], R[0, 2] + R[2, 0]],
+        [R[0, 2] - R[2, 0], R[0, 1] + R[1, 0], squares[2], R[1, 2] + R[2, 1]],
+        [R[1, 0] - R[0, 1], R[0, 2] + R[2, 0], R[1, 2] + R[2, 1], squares[3]],
+    ])  # fmt: skip
+    return unit(products[int(np.argmax(squares))].tolist())

@@ -11,7 +11,7 @@ from types import ModuleType
 
 from pgraph_core.errors import PgraphError
 
-from . import bench, check, info, models, new, report, run, stability, start, verify
+from . import bench, check, convert, info, models, new, report, run, stability, start, verify
 from .terminal import print_answer, print_problems
 
 COMMANDS: dict[str, ModuleType] = {
@@ -19,6 +19,7 @@ COMMANDS: dict[str, ModuleType] = {
     "models": models,
     "info": info,
     "check": check,
+    "convert": convert,
     "run": run,
     "report": report,
     "verify": verify,

@@ -169,6 +169,10 @@ class Body(Described):
         converter=_derived_in, default=(),
     )  # fmt: skip
 
+    any_inertia: bool = field(
+        "true or false: keep an inertia that no rigid body has", default=False
+    )
+
     if TYPE_CHECKING:  # also an argument, in place of `joint`
         dof: int = field("a whole number from 0 to 6", default=0)
 
@@ -211,7 +215,7 @@ class Body(Described):
             found.append(("rotation", text))
         for name in PER_MOTION:
             found += physics_problems(name, getattr(self, name), self.sequence)
-        refuse([*found, *inertia_problems(self.inertia)])
+        refuse([*found, *([] if self.any_inertia else inertia_problems(self.inertia))])
         vars(self)["checked"] = True  # not a field: a copy is checked again
         _ = self.records  # from numbers that are at hand and right
         return self

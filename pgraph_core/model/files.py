@@ -8,6 +8,7 @@ import os
 import re
 import tempfile
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +21,18 @@ from .world import Ground
 SCHEMA_VERSION = 2  # 1: without parameters, formulas, several shapes, density and derived
 SCHEMA = "pgraph-model"
 
+FOREIGN = {".urdf": "urdf"}  # suffixes of other formats, and what readers and writers are called
+
 LARGEST = 64_000_000  # characters of a file
 MOST_VALUES = 5_000_000
 DEEPEST = 100  # levels of brackets
 STRINGS = re.compile(r'"[^"\\]*(?:\\.[^"\\]*)*"?', re.DOTALL)  # also one that does not end: linear
 BRACKETS = re.compile(r"[\[\]{}]")
+
+
+def formats() -> Any:
+    """The readers of other formats, which know the description: imported when first used."""
+    return import_module("pgraph_core.formats.any")
 
 
 def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
@@ -82,7 +90,7 @@ def _concise(body: dict[str, Any]) -> dict[str, Any]:
         if not any(body[field]):
             implied.add(field)
     implied |= {"shapes"} if _plain(body["shapes"]) else {"shape"}
-    implied |= set() if body["derived"] else {"derived"}
+    implied |= {key for key in ("derived", "any_inertia") if not body[key]}
     kept = {key: value for key, value in body.items() if key not in implied}
     for key, shapes in (("shape", [kept.get("shape")]), ("shapes", kept.get("shapes", ()))):
         new = [{k: x for k, x in s.items() if (k, x) != ("role", "both")} for s in shapes if s]
@@ -91,7 +99,12 @@ def _concise(body: dict[str, Any]) -> dict[str, Any]:
     return kept
 
 
-NEW_IN_2 = {"shapes", "density", "derived"}  # fields of a body that schema 1 does not have
+NEW_IN_2 = {
+    "shapes",
+    "density",
+    "derived",
+    "any_inertia",
+}  # fields of a body that schema 1 does not have
 FRICTIONS = {"static_friction", "rolling_friction", "spinning_friction"}  # nor of these a contact
 
 
@@ -99,7 +112,10 @@ def _plain(shapes: Sequence[Mapping[str, Any]]) -> bool:
     """Whether the shapes are at most one, as schema 1 has it."""
     if len(shapes) > 1:
         return False
-    return all(shape["role"] == "both" and "colour" not in shape for shape in shapes)
+    return all(
+        shape["role"] == "both" and "colour" not in shape and not isinstance(shape["scale"], list)
+        for shape in shapes
+    )
 
 
 # the order in which files have the fields of forces and constraints

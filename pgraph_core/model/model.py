@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self, overload
 
 from pydantic import ValidationError
 
-from ..errors import ModelError, Problem, choices, nearest_first, shown
+from ..errors import FileError, ModelError, Problem, choices, nearest_first, shown
 from . import files
 from .assets import gathered, located
 from .body import Body
@@ -568,9 +568,14 @@ class Model(World):
     def load(cls, path: str | Path, /, *, roots: Iterable[str | Path] = ()) -> Self:
         """The model in a file; its mesh files are found from the file's folder on.
 
-        Meshes outside of that folder are refused unless they lie in one of `roots`.
-        Raises FileError or ModelError.
+        Meshes outside of that folder are refused unless they lie in one of `roots`. A file of
+        another format, .urdf, is converted; `notices` names what is left out or doubtful, and
+        `pg.read_urdf` gives the whole report. Raises FileError or ModelError.
         """
+        if Path(path).suffix.lower() in files.FOREIGN:
+            model, report = files.formats().read_model(path, roots)
+            doubtful = (str(e) for e in report.entries if e.acts or e.kind == "warning")
+            return model._made(doubtful)
         folder = Path(path).parent
         return cls.from_json(files.read(path), source=str(path), folder=folder, roots=roots)
 
@@ -578,8 +583,12 @@ class Model(World):
         """Write the description; a file that is there is replaced whole or not at all.
 
         The geometry of meshes that are not in its folder is written to `meshes` next to it, so that
-        the folder opens on another machine. Raises FileError.
+        the folder opens on another machine. Raises FileError, also for the suffixes of other
+        formats, whose writers tell what they leave out: `pg.write_urdf`.
         """
+        if Path(path).suffix.lower() in files.FOREIGN:
+            text = f"is no file of Pgraph; use pg.write_{files.FOREIGN[Path(path).suffix.lower()]}"
+            raise FileError(Problem(str(path), "", text))
         folder, model = Path(path).parent, self
         if folder.is_dir():
             model = self.model_copy(update={"bodies": gathered(self.bodies, folder)})

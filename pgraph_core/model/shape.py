@@ -46,6 +46,11 @@ def _colour_in(value: npt.ArrayLike | None) -> Colour | None:
     return _colour(value)
 
 
+def _scale_in(value: npt.ArrayLike) -> Number | Vec3:
+    """A number, or three."""
+    return listed(value)
+
+
 class Shape(Frozen):
     """A solid in the body's frame [m]: drawn, touching others, or both."""
 
@@ -61,7 +66,10 @@ class Shape(Frozen):
         default=None, gt=0, unit="length",
     )  # fmt: skip
     file: str | None = field("the name of a mesh file", default=None)
-    scale: Number = field("a factor > 0 on the mesh", default=1.0, gt=0)
+    scale: Number | Vec3 = field(
+        "a factor > 0 on the mesh, or three, one an axis, that are not zero",
+        converter=_scale_in, default=1.0,
+    )  # fmt: skip
     hull: Literal["convex"] | None = field(
         "'convex': a mesh that is not closed touches by its convex hull", default=None
     )
@@ -92,6 +100,9 @@ class Shape(Frozen):
                 problems.append(("shape", f"{text}; given {shown(getattr(self, name))}"))
         if self.size is not None and min(self.size) <= 0:
             problems.append(("shape", f"a box's edges must be > 0 [m]; given {shown(self.size)}"))
+        if not self._scales():
+            text = f"scale must be > 0, or three factors that are not 0; given {shown(self.scale)}"
+            problems.append(("shape", text))
         if not 0.5 < math.hypot(*self.rotation) < 2:
             given = shown(self.rotation)
             problems.append(("shape", f"rotation must be a unit quaternion; given {given}"))
@@ -100,6 +111,10 @@ class Shape(Frozen):
             problems.append(("shape", f"colour must be from 0 to 1; given {given}"))
         refuse(problems)
         return self
+
+    def _scales(self) -> bool:
+        """Whether `scale` leaves a mesh that has a volume."""
+        return all(self.scale) if isinstance(self.scale, tuple) else self.scale > 0
 
 
 DIMENSIONS: dict[str, tuple[str, ...]] = {  # kind -> the fields that say how large it is

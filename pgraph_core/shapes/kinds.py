@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import ModelError, Problem
-from ..mesh_files import load_mesh
+from ..mesh_files import Scale, load_mesh
 from ..model import Shape
 from ..model.shape import MassProperties as MassProperties
 from ..model.shape import leak as _leak
@@ -38,7 +38,7 @@ def balls_on_ground(shape: Shape) -> tuple[Array, float] | None:
 
 
 def convex_hull(
-    file: str | Path, scale: float = 1.0, unit: str = "m", *, closed: bool = False
+    file: str | Path, scale: Scale = 1.0, unit: str = "m", *, closed: bool = False
 ) -> Solid:
     """The convex hull of a mesh file, as it touches other bodies.
 

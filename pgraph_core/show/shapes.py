@@ -78,7 +78,8 @@ def _own(shape: Any) -> Piece:
         d, caps = 2 * shape.radius, 2 * shape.radius if shape.kind == "capsule" else 0.0
         size = (d, d, (shape.length or 0.0) + caps if shape.kind != "sphere" else d)
     if shape.kind == "mesh":
-        size = (shape.scale, shape.scale, shape.scale)
+        x, y, z = shape.scale if isinstance(shape.scale, tuple) else (shape.scale,) * 3
+        size = (x, y, z)
     rotation = to_matrix(np.asarray(shape.rotation))
     color = None
     if shape.colour is not None:

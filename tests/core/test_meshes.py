@@ -187,3 +187,41 @@ def test_trimesh_is_imported_for_files_only():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+COLLADA = """<?xml version="1.0"?>
+<COLLADA><asset><unit meter="0.01"/><up_axis>Y_UP</up_axis></asset>
+<library_geometries><geometry id="g"><mesh>
+<source id="p"><float_array id="a" count="15">0 0 0 1 0 0 1 1 0 0 1 0 0.5 0.5 1</float_array>
+<technique_common><accessor source="#a" stride="3"/></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<polylist count="1"><input semantic="VERTEX" source="#v" offset="0"/>
+<vcount>4</vcount><p>3 2 1 0</p></polylist>
+<triangles count="4"><input semantic="VERTEX" source="#v" offset="1"/>
+<input semantic="NORMAL" source="#n" offset="0"/>
+<p>9 0 9 1 9 4 9 1 9 2 9 4 9 2 9 3 9 4 9 3 9 0 9 4</p></triangles>
+</mesh></geometry></library_geometries><library_visual_scenes><visual_scene id="s">
+<node><translate>0 0 100</translate><scale>2 1 1</scale><node><rotate>0 0 1 90</rotate>
+<instance_geometry url="#g"/></node></node></visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
+NODE = '<instance_node url="#n"/><node id="n"><instance_node url="#n"/><rotate>'
+
+
+def test_collada_has_the_scene_in_metres(tmp_path):
+    (tmp_path / "pyramid.dae").write_text(COLLADA)
+    mesh = load_mesh(tmp_path / "pyramid.dae")
+    assert mesh.is_watertight
+    np.testing.assert_allclose(mesh.volume, 2 / 3 * 1e-6, rtol=1e-12)
+    np.testing.assert_allclose(mesh.bounds, [[-0.02, 0, 1], [0, 0.01, 1.01]], atol=1e-15)
+    mirrored = load_mesh(tmp_path / "pyramid.dae", scale=(1, -1, 1))
+    np.testing.assert_allclose(mirrored.volume, mesh.volume)  # still turned outside
+    for old, new, text in (
+        ("3 2 1 0", "3 2 1 7", "vertices that are not there"),
+        ("<vcount>4", "<vcount>9", "more corners"),
+        ("0 0 100", "0 0", "must hold 3 numbers"),
+        ("<node><rotate>", NODE, "circle"),
+        ("<COLLADA>", "<!DOCTYPE a><COLLADA>", "document type"),
+    ):  # fmt: skip
+        (tmp_path / "bad.dae").write_text(COLLADA.replace(old, new, 1))
+        with pytest.raises(pg.FileError, match=text):
+            load_mesh(tmp_path / "bad.dae")

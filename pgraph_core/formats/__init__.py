@@ -1,0 +1,1 @@
+"""Model files of other programs: URDF and MJCF, in and out, with a report of each."""

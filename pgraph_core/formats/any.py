@@ -1,0 +1,36 @@
+"""Model files by their suffix: JSON of our own, URDF."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from ..errors import FileError, Problem
+from ..model import Model
+from .report import Report
+from .urdf import read_urdf
+from .urdf_out import write_urdf
+
+READERS = {".urdf": read_urdf}
+WRITERS = {".urdf": write_urdf}
+
+
+def read_model(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model, Report]:
+    """(model, report) of a file, by its suffix. Raises FileError or ModelError."""
+    suffix = Path(path).suffix.lower()
+    if reader := READERS.get(suffix):
+        return reader(path, roots)
+    return Model.load(path, roots=roots), Report(Path(path).name)
+
+
+def write_model(model: Model, path: str | Path) -> Report:
+    """Write a model in the format of the suffix. Raises FileError or ModelError."""
+    suffix = Path(path).suffix.lower()
+    if writer := WRITERS.get(suffix):
+        return writer(model, path)
+    if suffix != ".json":
+        known = ", ".join((".json", *WRITERS))
+        text = f"no model is written to {suffix or 'files without a suffix'}; give one of {known}"
+        raise FileError(Problem(str(path), "", text))
+    model.save(path)
+    return Report(Path(path).name)

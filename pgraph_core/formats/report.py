@@ -1,0 +1,192 @@
+"""What became of a file: what was read, converted, approximated and left out, and where it was."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from ..errors import InputError, Problem, choices, shown
+from ..model import Model
+from ..model.body import inertia_problems
+
+Kind = Literal["read", "converted", "approximated", "left out", "warning"]
+KINDS: tuple[Kind, ...] = ("warning", "left out", "approximated", "converted", "read")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One line of a report."""
+
+    kind: Kind
+    where: str  # "robot.urdf, line 12, joint 'knee'"
+    text: str
+    acts: bool = False  # of what is left out: whether it would act on the motion
+    part: str = ""  # name of the body or other part of the model that it is about
+
+    def __str__(self) -> str:
+        return f"{self.kind}: {self.where}: {self.text}" if self.where else self.text
+
+
+@dataclass
+class Report:
+    """What a reader or writer did with a file; `str` of it is a list of sentences."""
+
+    file: str
+    entries: list[Entry] = field(default_factory=list[Entry])
+    repairs: dict[str, tuple[tuple[float, ...], ...]] = field(
+        default_factory=dict[str, tuple[tuple[float, ...], ...]]
+    )  # body -> the nearest inertia (3, 3) that a rigid body can have [kg m^2]
+
+    def add(self, kind: Kind, where: str, text: str, *, acts: bool = False, part: str = "") -> None:
+        """One more line."""
+        self.entries.append(Entry(kind, where, text, acts, part))
+
+    def of(self, kind: Kind) -> Iterator[Entry]:
+        """The lines of one kind."""
+        return (entry for entry in self.entries if entry.kind == kind)
+
+    @property
+    def loaded(self) -> bool:
+        """Whether nothing that acts is left out."""
+        return not any(entry.acts for entry in self.of("left out"))
+
+    def repaired(self, model: Model, *names: str) -> Model:
+        """The model with the inertias in `repairs`: of these bodies, or of all.
+
+        Raises InputError for a body that needs no repair.
+        """
+        for name in names:
+            if name not in self.repairs:
+                known = choices(self.repairs) or "none"
+                text = f"has no inertia to repair; those that have: {known}"
+                raise InputError(Problem(f"body {shown(name)}", "", text))
+        for name in names or self.repairs:
+            model = model.edit(name, inertia=self.repairs[name], any_inertia=False)
+        return model
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fields by name, for JSON."""
+        entries = [
+            {"kind": e.kind, "where": e.where, "text": e.text, "acts": e.acts, "part": e.part}
+            for e in self.entries
+        ]
+        return {
+            "file": self.file,
+            "loaded": self.loaded,
+            "entries": entries,
+            "repairs": {name: [list(row) for row in x] for name, x in self.repairs.items()},
+        }
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{n} {kind}" for kind in KINDS if (n := len([*self.of(kind)])))
+        word = "loaded" if self.loaded else "not all that acts is loaded"
+        return f"<Report {shown(self.file)}: {word}; {counts}>"
+
+    def __str__(self) -> str:
+        first = f"{self.file}: " + (
+            "nothing that acts is left out" if self.loaded else "some of what acts is left out"
+        )
+        return "\n".join([first, *(f"  {e}" for kind in KINDS for e in self.of(kind))])
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><td>{e.kind}</td><td>{html.escape(e.where)}</td><td>{html.escape(e.text)}</td></tr>"
+            for kind in KINDS
+            for e in self.of(kind)
+        )
+        head = "<tr><th>what</th><th>where</th><th></th></tr>"
+        return f"<p>{html.escape(repr(self))}</p><table>{head}{rows}</table>"
+
+
+# -- inertias --------------------------------------------------------------------------------------
+
+
+def why_unphysical(inertia: np.ndarray) -> str:
+    """Why no rigid body has this inertia; "" where one has."""
+    rows = tuple(tuple(row) for row in inertia.tolist())
+    return "; ".join(text for _, text in inertia_problems(rows))
+
+
+def nearest_inertia(inertia: np.ndarray) -> tuple[tuple[float, ...], ...]:
+    """The inertia of a rigid body nearest to a symmetric matrix, in the Frobenius norm.
+
+    A body has the second moments S = tr(I)/2 - I, which must be positive semidefinite; the
+    nearest such in the eigenvectors of I is a projection of its three eigenvalues [Wensing, Kim
+    and Slotine 2018 for the condition].
+    """
+    moments, axes = np.linalg.eigh((inertia + inertia.T) / 2)
+    best = _nearest_moments(moments)
+    fixed = axes @ np.diag(best) @ axes.T
+    fixed = (fixed + fixed.T) / 2
+    return tuple(tuple(float(x) for x in row) for row in fixed)
+
+
+def _nearest_moments(moments: np.ndarray) -> np.ndarray:
+    """The moments that meet the triangle inequalities, nearest to these (Dykstra's projections)."""
+    faces = np.array([[-1, 1, 1], [1, -1, 1], [1, 1, -1]]) / np.sqrt(3)
+    x, kept = moments.copy(), np.zeros((3, 3))
+    for _ in range(200):
+        for k, face in enumerate(faces):
+            before = x + kept[k]
+            x = before - min(face @ before, 0.0) * face
+            kept[k] = before - x
+    slack = 1e-12 * float(np.abs(x).max(initial=0.0))
+    return x + slack
+
+
+def unphysical(
+    report: Report, where: str, name: str, mass: float, inertia: np.ndarray
+) -> dict[str, Any]:
+    """Fields of a body that keep an inertia which no rigid body has; it is told, with a repair."""
+    why = why_unphysical(inertia)
+    if not why:
+        return {}
+    report.repairs[name] = nearest_inertia(inertia)
+    text = f"{why}; kept as given. `report.repaired(model)` takes the nearest that is possible"
+    report.add("warning", where, f"the inertia {text}", part=name)
+    return {"any_inertia": True}
+
+
+# -- units -----------------------------------------------------------------------------------------
+
+TALL = 100.0  # m between two bodies
+HEAVY = 1e5  # kg of one body
+SPREAD = 5.0  # radius of gyration over the size of the model
+TURNS = 4 * np.pi  # rad: limits beyond are rather degrees
+
+
+def suspect_units(report: Report, model: Model, reach: float) -> None:
+    """Warn of numbers that look like millimetres, grams or degrees; `reach` of the model [m]."""
+    if reach > TALL:
+        text = f"bodies are up to {reach:.4g} m apart: are the lengths in millimetres?"
+        report.add("warning", report.file, text)
+    heaviest = max(model.bodies, key=lambda b: b.mass, default=None)
+    if heaviest is not None and heaviest.mass > HEAVY:
+        text = f"body '{heaviest.name}' has {heaviest.mass:.4g} kg: is its mass in grams?"
+        report.add("warning", report.file, text, part=heaviest.name)
+    for body in model.bodies:
+        moment = abs(np.trace(np.array(body.inertia))) / 2
+        spread = np.sqrt(moment / body.mass) if body.mass > 0 else 0.0
+        if body.mass > 1e-6 and spread > SPREAD * max(reach, 0.05):
+            text = (
+                f"the inertia of '{body.name}' is that of {body.mass:.3g} kg {spread:.3g} m away "
+                "from its centre: is it in g mm^2 or kg mm^2?"
+            )
+            report.add("warning", report.file, text, part=body.name)
+        wide = [x for pair in body.limits if pair for x in pair if x and abs(x) > TURNS]
+        turning = [m for m in body.motions if m[0] == "rotate"]
+        if turning and wide and max(map(abs, wide)) < 1e4:
+            text = (
+                f"the limit {wide[0]:.5g} rad of '{body.name}' is {wide[0] / 6.2831853:.3g} turns: "
+            )
+            report.add("warning", report.file, f"{text}is it in degrees?", part=body.name)
+
+
+def reach_of(bodies: Mapping[str, tuple[float, float, float]]) -> float:
+    """Largest extent of a set of points [m]."""
+    points = np.array([*bodies.values()]) if bodies else np.zeros((1, 3))
+    return float(np.max(points.max(axis=0) - points.min(axis=0), initial=0.0))

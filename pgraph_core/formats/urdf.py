@@ -1,0 +1,540 @@
+"""URDF in: links and joints as bodies, their shapes, limits, motors, mimics and loops.
+
+A link is a body whose frame is that of its joint, so nothing has to be moved. The root link is
+welded to the ground, or free.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from ..errors import InputError, ModelError, Problem, choices, shown
+from ..markup import Element, Source, read_markup
+from ..mesh_files import FORMATS
+from ..model import Body, Constraint, Force, Gear, Model, Motion, Motor
+from ..model.fields import GROUND, name_problem
+from ..rotation import Quaternion, matrix, multiply, normals_of
+from .folders import Folders
+from .report import Report, reach_of, suspect_units, unphysical
+
+ZERO = (0.0, 0.0, 0.0)
+X = (1.0, 0.0, 0.0)
+JOINTS = {
+    "revolute": "revolute",
+    "continuous": "revolute",
+    "prismatic": "prismatic",
+    "fixed": "weld",
+    "floating": "free",
+    "planar": "planar",
+}
+LOOPS = {  # types of <loop_joint> -> kinds of constraints
+    "revolute": "revolute",
+    "continuous": "revolute",
+    "prismatic": "prismatic",
+    "cylindrical": "cylindrical",
+    "universal": "universal",
+    "fixed": "weld",
+    "spherical": "point",
+    "ball": "point",
+}
+WORLD = "world"  # a root link of this name without content is the ground
+KNOWN = {"link", "joint", "material", "loop_joint"}  # of what stands in <robot>
+OF_LINK = {"inertial", "visual", "collision"}
+OF_JOINT = {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}
+
+
+def read_urdf(
+    path: str | Path,
+    roots: Iterable[str | Path] = (),
+    *,
+    base: Literal["fixed", "free"] = "fixed",
+) -> tuple[Model, Report]:
+    """(model, report) of a URDF file.
+
+    `roots` are folders in which `package://` and other mesh files may lie, beside the nearest
+    folder above the file with a package.xml, or its own. `base`: whether the root link is welded
+    to the ground or floats. Raises FileError or ModelError, naming line and element.
+    """
+    if base not in ("fixed", "free"):
+        text = f"must be 'fixed' or 'free'; given {shown(base)}"
+        raise InputError(Problem("read_urdf", "base", text))
+    path = Path(path)
+    return _Reader(path, read_markup(path), Folders(path, roots), base).result()
+
+
+class _Joint(NamedTuple):
+    element: Element
+    name: str
+    parent: str
+    child: str
+
+
+class _Reader:
+    def __init__(self, path: Path, robot: Element, folders: Folders, base: str):
+        self.source, self.robot, self.folders, self.base = Source(path.name), robot, folders, base
+        self.report = Report(path.name)
+        if robot.tag != "robot":
+            text = f"holds <{robot.tag}>, not the <robot> of a URDF file"
+            do = "; give it to read_mjcf" if robot.tag == "mujoco" else ""
+            raise self.source.wrong(robot, "", text + do)
+        self.links = self._named("link")
+        if not self.links:
+            raise self.source.wrong(robot, "", "has no link; a robot needs at least one")
+        self.joints = self._joints()
+        self.colours = {
+            m.get("name"): rgba for m in robot.all("material") if (rgba := self._rgba(m))
+        }
+
+    def result(self) -> tuple[Model, Report]:
+        """The model and the report."""
+        order = self._order()
+        place = {link: k for k, link in enumerate(order)}
+        self.joints.sort(key=lambda joint: place[joint.child])
+        bodies = [self._body(link) for link in order if not self._is_ground(link)]
+        fields: dict[str, Any] = {
+            "name": self.robot.get("name") or Path(self.source.name).stem,
+            "bodies": bodies,
+            "constraints": [*self._mimics(), *self._loops()],
+            "forces": self._motors(),
+        }
+        self._left_out()
+        try:
+            model = Model(**fields)
+        except ModelError as error:
+            raise ModelError(
+                [Problem(f"{self.source.name}: {p.where}", p.field, p.text) for p in error.problems]
+            ) from None
+        suspect_units(self.report, model, reach_of(self._places(model)))
+        moving = sum(body.joint != "weld" for body in model.bodies)
+        text = f"{len(bodies)} links, {moving} joints that move, {len(model.forces)} motors"
+        self.report.add("read", self.source.name, text)
+        return model, self.report
+
+    # -- the tree --------------------------------------------------------------------------------
+
+    def _named(self, tag: str) -> dict[str, Element]:
+        found: dict[str, Element] = {}
+        for element in self.robot.all(tag):
+            name = element.get("name")
+            if problem := name_problem(name):
+                raise self.source.wrong(element, "name", problem, tag)
+            if name in found:
+                text = f"a {tag} of this name stands in line {found[name].line} already"
+                raise self.source.wrong(element, "name", text, f"{tag} {shown(name)}")
+            found[name] = element
+        return found
+
+    def _joints(self) -> list[_Joint]:
+        joints: list[_Joint] = []
+        parent_of: dict[str, _Joint] = {}
+        for name, element in self._named("joint").items():
+            what = f"joint {shown(name)}"
+            ends: list[str] = []
+            for side in ("parent", "child"):
+                end = element.first(side)
+                link = end.get("link") if end is not None else ""
+                if link not in self.links:
+                    text = f"must name a link; given {shown(link)}"
+                    raise self.source.wrong(end or element, side, text, what)
+                ends.append(link)
+            if element.get("type") not in JOINTS:
+                text = f"must be one of {', '.join(JOINTS)}; given {shown(element.get('type'))}"
+                raise self.source.wrong(element, "type", text, what)
+            joint = _Joint(element, name, *ends)
+            if (other := parent_of.get(joint.child)) is not None:
+                text = (
+                    f"link {shown(joint.child)} is the child of joint {shown(other.name)} in line "
+                    f"{other.element.line} too; close the loop by a <loop_joint> instead"
+                )
+                raise self.source.wrong(element, "child", text, what)
+            parent_of[joint.child] = joint
+            joints.append(joint)
+        return joints
+
+    def _order(self) -> list[str]:
+        """Links from the root on, depth-first. Raises FileError for two roots and for cycles."""
+        self.joint_of = {joint.child: joint for joint in self.joints}
+        roots = [name for name in self.links if name not in self.joint_of]
+        if len(roots) > 1:
+            named = choices(f"{name!r} (line {self.links[name].line})" for name in roots)
+            text = f"has {len(roots)} root links, {named}; join them by a joint"
+            raise self.source.wrong(self.robot, "", text)
+        children: dict[str, list[str]] = {}
+        for joint in self.joints:
+            children.setdefault(joint.parent, []).append(joint.child)
+        order: list[str] = []
+        waiting = roots
+        while waiting:
+            link = waiting.pop()
+            order.append(link)
+            waiting += reversed(children.get(link, ()))
+        if len(order) < len(self.links):
+            left = next(joint for joint in self.joints if joint.child not in set(order))
+            text = "its links hang on each other in a circle; one of them needs another parent"
+            raise self.source.wrong(left.element, "", text, f"joint {shown(left.name)}")
+        return order
+
+    def _is_ground(self, link: str) -> bool:
+        element = self.links[link]
+        return link == WORLD and link not in self.joint_of and not element.children
+
+    def _body_name(self, link: str) -> str:
+        """The name of a link's body: 'ground' and '*' mean other things here."""
+        if self._is_ground(link):
+            return GROUND
+        return link if link not in (GROUND, "*") else f"{link} link"
+
+    def _places(self, model: Model) -> dict[str, tuple[float, float, float]]:
+        """Where the bodies' frames are at q = 0, in the root's axes [m]."""
+        frames: dict[str, tuple[np.ndarray, np.ndarray]] = {GROUND: (np.zeros(3), np.eye(3))}
+        for body in model.bodies:
+            place, turn = frames[body.parent]
+            frames[body.name] = (place + turn @ body.link, turn @ matrix(body.rotation))
+        return {name: tuple(place.tolist()) for name, (place, _) in frames.items()}
+
+    # -- one link with its joint -----------------------------------------------------------------
+
+    def _body(self, link: str) -> Body:
+        element, joint = self.links[link], self.joint_of.get(link)
+        what = f"link {shown(link)}"
+        name = self._body_name(link)
+        where = self.source.at(element, what)
+        fields: dict[str, Any] = {"name": name, "tip": None}
+        if joint is not None:
+            fields |= self._joint_fields(joint)
+        elif self.base == "free":
+            fields["joint"] = "free"
+            self.report.add("converted", where, "the root link floats, as asked", part=name)
+        else:
+            fields["joint"] = "weld"
+            text = "the root link is welded to the ground; base='free' lets it float"
+            self.report.add("converted", where, text, part=name)
+        if name != link:
+            text = f"is called {name!r} here: {link!r} means something else"
+            self.report.add("converted", where, text, part=name)
+        fields |= self._inertial(element, what, name, fields["joint"] == "weld")
+        fields["shapes"] = self._shapes(element, what, name)
+        try:
+            return Body(**fields)
+        except ModelError as error:
+            raise ModelError([Problem(where, p.field, p.text) for p in error.problems]) from None
+
+    def _pose(self, element: Element, what: str) -> tuple[tuple[float, ...], Quaternion]:
+        """(xyz, quaternion) of <origin>."""
+        origin = element.first("origin")
+        xyz = self.source.numbers(origin, "xyz", ZERO, what)
+        if origin is not None and "quat_xyzw" in origin.attributes:  # URDF 1.2
+            x, y, z, w = self.source.numbers(origin, "quat_xyzw", (0.0, 0.0, 0.0, 1.0), what)
+            return xyz, upright((w, x, y, z))
+        rpy = self.source.numbers(origin, "rpy", ZERO, what)
+        if origin is not None and max(map(abs, rpy)) > 4 * math.pi:
+            text = f"rpy {shown(rpy)} is many turns: is it in degrees? URDF has radians"
+            self.report.add("warning", self.source.at(origin, what), text)
+        return xyz, quaternion_of_rpy(rpy)
+
+    def _joint_fields(self, joint: _Joint) -> dict[str, Any]:
+        element, what = joint.element, f"joint {shown(joint.name)}"
+        kind = element.get("type")
+        link, rotation = self._pose(element, what)
+        fields: dict[str, Any] = {
+            "parent": self._body_name(joint.parent),
+            "joint": JOINTS[kind],
+            "link": link,
+            "rotation": rotation,
+        }
+        if kind in ("fixed", "floating"):
+            return fields
+        axis = self.source.numbers(element.first("axis"), "xyz", X, what)
+        if not 1e-9 < math.hypot(*axis) < 1e9:
+            text = f"must not be zero; given {shown(axis)}"
+            raise self.source.wrong(element.first("axis") or element, "axis", text, what)
+        if abs(math.hypot(*axis) - 1.0) > 1e-6:
+            text = f"the axis {shown(axis)} is taken at length one"
+            self.report.add("converted", self.source.at(element, what), text)
+        if kind == "planar":
+            normal = np.array(axis) / math.hypot(*axis)
+            first, second = normals_of(normal)
+            slides = [("translate", tuple(x.tolist())) for x in (first, second)]
+            return fields | {"motions": [*slides, ("rotate", axis)]}
+        fields["axes"] = [axis]
+        dynamics = element.first("dynamics")
+        for name in ("damping", "friction"):
+            value = self.source.number(dynamics, name, 0.0, what)
+            if value < 0:
+                text = f"must be >= 0; given {shown(value)}"
+                raise self.source.wrong(dynamics or element, name, text, what)
+            fields[name] = value
+        return fields | self._limits(joint, kind, what)
+
+    def _limits(self, joint: _Joint, kind: str, what: str) -> dict[str, Any]:
+        limit = joint.element.first("limit")
+        if kind == "continuous":
+            return {}
+        where = self.source.at(limit or joint.element, what)
+        if limit is None or not {"lower", "upper"} & limit.attributes.keys():
+            text = f"a {kind} joint should have limits; it has none and turns freely here"
+            self.report.add("warning", where, text, part=joint.child)
+            return {}
+        low = self.source.number(limit, "lower", 0.0, what)
+        high = self.source.number(limit, "upper", 0.0, what)
+        if low == high == 0.0:
+            text = "the limits 0 and 0 would hold the joint; it is taken to have none"
+            self.report.add("converted", where, text, part=joint.child)
+            return {}
+        if low >= high:
+            text = f"lower must be less than upper; given {shown(low)} and {shown(high)}"
+            self.report.add("warning", where, f"{text}; the limits are left out", part=joint.child)
+            self.report.add("left out", where, "limits", acts=True, part=joint.child)
+            return {}
+        start = min(max(0.0, low), high)
+        if start != 0.0:
+            text = f"0 lies outside of the limits {shown((low, high))}; it starts at {start:.6g}"
+            self.report.add("warning", where, text, part=joint.child)
+        return {"limits": (low, high), "q": (start,)}
+
+    def _inertial(self, element: Element, what: str, name: str, still: bool) -> dict[str, Any]:
+        inertial = element.first("inertial")
+        none = {"mass": 0.0, "com": ZERO, "inertia": np.zeros((3, 3))}
+        if inertial is None:
+            if not still:
+                text = "moves and has no <inertial>: it has no mass here either"
+                self.report.add("warning", self.source.at(element, what), text, part=name)
+            return none
+        com, turn = self._pose(inertial, what)
+        mass = self.source.number(inertial.first("mass"), "value", 0.0, what)
+        if mass < 0:
+            text = f"must be >= 0 [kg]; given {shown(mass)}"
+            raise self.source.wrong(inertial.first("mass") or inertial, "mass", text, what)
+        given = inertial.first("inertia")
+        names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+        xx, xy, xz, yy, yz, zz = (self.source.number(given, n, 0.0, what) for n in names)
+        R = matrix(turn)
+        inertia = R @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ R.T
+        inertia = (inertia + inertia.T) / 2
+        fields = {"mass": mass, "com": com, "inertia": inertia}
+        where = self.source.at(given or inertial, what)
+        return fields | unphysical(self.report, where, name, mass, inertia)
+
+    # -- shapes ----------------------------------------------------------------------------------
+
+    def _shapes(self, link: Element, what: str, name: str) -> list[dict[str, Any]]:
+        """The shapes of a link; one that is drawn and touches alike is one of both roles."""
+        shapes: list[dict[str, Any]] = []
+        for role in ("visual", "collision"):
+            for element in link.all(role):
+                shape = self._shape(element, what, name, role)
+                if shape is None:
+                    continue
+                twin = next((s for s in shapes if self._same(s, shape)), None)
+                if role == "collision" and twin is not None:
+                    twin["role"] = "both"
+                else:
+                    shapes.append({**shape, "role": role})
+        return shapes
+
+    def _same(self, a: dict[str, Any], b: dict[str, Any]) -> bool:
+        keys = (a.keys() | b.keys()) - {"role", "colour"}
+        return a["role"] == "visual" and all(a.get(k) == b.get(k) for k in keys)
+
+    def _shape(self, element: Element, what: str, name: str, role: str) -> dict[str, Any] | None:
+        geometry = element.first("geometry")
+        solid = next(iter(geometry.children), None) if geometry is not None else None
+        where, acts = self.source.at(element, what), role == "collision"
+        if solid is None:
+            self.report.add("left out", where, f"a {role} without geometry", part=name)
+            return None
+        position, rotation = self._pose(element, what)
+        shape: dict[str, Any] = {"position": position, "rotation": rotation}
+        if role == "visual" and (colour := self._colour(element)):
+            shape["colour"] = colour[:3]
+            if colour[3] < 1:
+                text = f"a colour that is {1 - colour[3]:.0%} transparent is opaque here"
+                self.report.add("approximated", where, text, part=name)
+        match solid.tag:
+            case "box":
+                shape |= {"kind": "box", "size": self._sizes(solid, what)}
+            case "sphere":
+                shape |= {"kind": "sphere", "radius": self._length(solid, "radius", what)}
+            case "cylinder" | "capsule":
+                lengths = {n: self._length(solid, n, what) for n in ("radius", "length")}
+                shape |= {"kind": solid.tag, **lengths}
+            case "mesh":
+                found = self._mesh(solid, what, name, acts)
+                return shape | found if found else None
+            case other:
+                text = f"a {role} of kind <{other}>, which URDF does not have"
+                self.report.add("left out", where, text, acts=acts, part=name)
+                return None
+        return shape
+
+    def _sizes(self, solid: Element, what: str) -> tuple[float, ...]:
+        size = self.source.numbers(solid, "size", ZERO, what)
+        if min(size) <= 0:
+            text = f"must be three numbers > 0 [m]; given {shown(solid.get('size'))}"
+            raise self.source.wrong(solid, "size", text, what)
+        return size
+
+    def _length(self, solid: Element, field: str, what: str) -> float:
+        value = self.source.number(solid, field, 0.0, what)
+        if value <= 0:
+            text = f"must be a number > 0 [m]; given {shown(solid.get(field))}"
+            raise self.source.wrong(solid, field, text, what)
+        return value
+
+    def _mesh(self, solid: Element, what: str, name: str, acts: bool) -> dict[str, Any] | None:
+        given, where = solid.get("filename"), self.source.at(solid, what)
+        path, why = self.folders.find(given)
+        if path is None:
+            self.report.add("left out", where, f"mesh {shown(given)}: {why}", acts=acts, part=name)
+            return None
+        if path.suffix.lower().lstrip(".") not in FORMATS:
+            text = f"mesh {shown(given)}: {path.suffix} files are not read; give {choices(FORMATS)}"
+            self.report.add("left out", where, text, acts=acts, part=name)
+            return None
+        scale = self.source.numbers(solid, "scale", (1.0, 1.0, 1.0), what)
+        if not all(1e-9 < abs(x) < 1e9 for x in scale):
+            text = f"must be three numbers that are not zero; given {shown(scale)}"
+            raise self.source.wrong(solid, "scale", text, what)
+        mesh: dict[str, Any] = {"kind": "mesh", "file": str(path)}
+        if scale != (1.0, 1.0, 1.0):
+            mesh["scale"] = scale[0] if len(set(scale)) == 1 and scale[0] > 0 else scale
+        if acts:
+            mesh["hull"] = "convex"
+            self.hulls = getattr(self, "hulls", 0) + 1
+        return mesh
+
+    def _rgba(self, material: Element) -> tuple[float, ...] | None:
+        colour = material.first("color")
+        if colour is None:
+            return None
+        rgba = self.source.numbers(colour, "rgba", (1.0, 1.0, 1.0, 1.0), "material")
+        return tuple(min(max(x, 0.0), 1.0) for x in rgba)
+
+    def _colour(self, visual: Element) -> tuple[float, ...] | None:
+        material = visual.first("material")
+        if material is None:
+            return None
+        return self._rgba(material) or self.colours.get(material.get("name"))
+
+    # -- what acts between links -----------------------------------------------------------------
+
+    def _mimics(self) -> list[Constraint]:
+        by_name = {joint.name: joint for joint in self.joints}
+        found: list[Constraint] = []
+        for joint in self.joints:
+            mimic = joint.element.first("mimic")
+            if mimic is None:
+                continue
+            what = f"joint {shown(joint.name)}"
+            where, leader = self.source.at(mimic, what), by_name.get(mimic.get("joint"))
+            if leader is None or leader is joint:
+                text = f"<mimic> names {shown(mimic.get('joint'))}, which is no other joint"
+                self.report.add("left out", where, text, acts=True, part=joint.child)
+                continue
+            ratio = self.source.number(mimic, "multiplier", 1.0, what)
+            offset = self.source.number(mimic, "offset", 0.0, what)
+            single = ("revolute", "continuous", "prismatic")
+            kinds = [each.element.get("type") for each in (joint, leader)]
+            if kinds[0] not in single or (kinds[1] not in single and ratio):
+                held = kinds[0] == "fixed"
+                text = f"a {kinds[0]} joint that follows a {kinds[1]} one"
+                self.report.add("left out", where, text, acts=not held, part=joint.child)
+                continue
+            name, body = joint.name, self._body_name(joint.child)
+            if ratio:
+                other = self._body_name(leader.child)
+                found.append(Gear(name=name, body=body, other=other, ratio=ratio, offset=offset))
+            else:
+                curve = {"kind": "polynomial", "coefficients": [offset]}
+                found.append(Motion(name=name, body=body, q_of_t=curve))
+            self.report.add("converted", where, f"<mimic> is the constraint '{name}'", part=name)
+        return found
+
+    def _loops(self) -> list[Constraint]:
+        """<loop_joint>s: a joint of the type holds the poses on <link1> and <link2> together."""
+        found: list[Constraint] = []
+        for name, element in self._named("loop_joint").items():
+            what, kind = f"loop_joint {shown(name)}", LOOPS.get(element.get("type"))
+            if kind is None:
+                text = f"must be one of {', '.join(LOOPS)}; given {shown(element.get('type'))}"
+                raise self.source.wrong(element, "type", text, what)
+            ends: list[tuple[str, tuple[float, ...], Quaternion]] = []
+            for side in ("link1", "link2"):
+                end = element.first(side)
+                link = end.get("link") if end is not None else ""
+                if end is None or link not in self.links:
+                    raise self.source.wrong(element, side, "must name a link", what)
+                xyz = self.source.numbers(end, "xyz", ZERO, what)
+                rpy = quaternion_of_rpy(self.source.numbers(end, "rpy", ZERO, what))
+                ends.append((self._body_name(link), xyz, rpy))
+            axis = self.source.numbers(element.first("axis"), "xyz", X, what)
+            (body, point, turn), (other, other_point, other_turn) = ends
+            fields = {"name": name, "kind": kind, "body": body, "other": other}
+            fields |= {"point": point, "other_point": other_point}
+            if kind in ("revolute", "prismatic", "cylindrical", "universal"):
+                fields["axis"] = tuple((matrix(turn) @ axis).tolist())
+                fields["other_axis"] = tuple((matrix(other_turn) @ axis).tolist())
+            found.append(Constraint(**fields))
+        return found
+
+    def _motors(self) -> list[Force]:
+        """A motor without torque for each joint that has an effort limit: what may drive it."""
+        found: list[Force] = []
+        speeds = 0
+        for joint in self.joints:
+            limit = joint.element.first("limit")
+            kind = joint.element.get("type")
+            if limit is None or kind not in ("revolute", "continuous", "prismatic"):
+                continue
+            what = f"joint {shown(joint.name)}"
+            effort = self.source.number(limit, "effort", 0.0, what)
+            speeds += self.source.number(limit, "velocity", 0.0, what) > 0
+            if effort > 0 and joint.element.first("mimic") is None:
+                body = self._body_name(joint.child)
+                found.append(Motor(name=joint.name, body=body, torque=0.0, torque_limit=effort))
+        if speeds:
+            text = f"the velocity limits of {speeds} joints: nothing here bounds a velocity"
+            self.report.add("left out", self.source.name, text)
+        return found
+
+    def _left_out(self) -> None:
+        """One line for each kind of element that means nothing here, with its first place."""
+        seen: Counter[str] = Counter()
+        first: dict[str, int] = {}
+        inside = [(self.robot, KNOWN)]
+        inside += [(link, OF_LINK) for link in self.links.values()]
+        inside += [(joint.element, OF_JOINT) for joint in self.joints]
+        for parent, known in inside:
+            for child in parent.children:
+                if child.tag not in known:
+                    seen[child.tag] += 1
+                    first.setdefault(child.tag, child.line)
+        for tag, count in seen.items():
+            many = f"{count} elements <{tag}>, the first here" if count > 1 else f"<{tag}>"
+            self.report.add("left out", self.source.at(first[tag]), many)
+        if count := getattr(self, "hulls", 0):
+            text = f"{count} collision meshes touch by their convex hulls"
+            self.report.add("approximated", self.source.name, text)
+
+
+def quaternion_of_rpy(rpy: Iterable[float]) -> Quaternion:
+    """Of fixed-axis roll, pitch, yaw [rad]: Rz(yaw) Ry(pitch) Rx(roll)."""
+    roll, pitch, yaw = (x / 2 for x in rpy)
+    x = (math.cos(roll), math.sin(roll), 0.0, 0.0)
+    y = (math.cos(pitch), 0.0, math.sin(pitch), 0.0)
+    z = (math.cos(yaw), 0.0, 0.0, math.sin(yaw))
+    return upright(multiply(z, multiply(y, x)))
+
+
+def upright(q: Sequence[float]) -> Quaternion:
+    """Of the two quaternions of a rotation, the one whose largest number is positive."""
+    most = max(map(abs, q))
+    sign = next(math.copysign(1.0, x) for x in q if abs(x) > most - 1e-9)
+    w, x, y, z = (sign * x + 0.0 for x in q)
+    return (w, x, y, z)

@@ -1,0 +1,341 @@
+"""URDF out: the tree as links and joints, gears as mimics, loops as <loop_joint>s."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from ..dynamics import Dynamics
+from ..errors import FileError, ModelError, Problem
+from ..model import Body, Constraint, Gear, Model, Motor, Shape
+from ..model.assets import gathered
+from ..model.fields import GROUND
+from ..model.files import write_atomic
+from ..rotation import quaternion_of, rotate, unit
+from .report import Report
+from .urdf import LOOPS, WORLD
+
+TYPES = {"rotate": "revolute", "translate": "prismatic"}
+TYPE_OF_LOOP = {kind: type_ for type_, kind in reversed(LOOPS.items())}
+NO_LIMIT = 1e9  # effort and velocity of joints that bound neither: URDF asks for numbers
+
+
+def write_urdf(model: Model, path: str | Path) -> Report:
+    """Write the model as a URDF file; the report says what the format cannot hold.
+
+    Meshes from elsewhere are written to `meshes` beside it. Raises ModelError for ball joints,
+    which URDF does not have, and FileError; then nothing is written.
+    """
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise FileError(Problem(str(path), "", f"there is no folder {path.parent}"))
+    writer = _Writer(model, path)
+    writer.refuse_balls()
+    bodies = gathered(model.bodies, path.parent)
+    write_atomic(path, writer.text(bodies))
+    return writer.report
+
+
+class _Tag:
+    """An element under construction."""
+
+    def __init__(self, tag: str, /, **attributes: Any):
+        self.tag, self.children = tag, list[_Tag]()
+        self.attributes = {key.rstrip("_"): _text(value) for key, value in attributes.items()}
+
+    def add(self, *children: _Tag | None) -> _Tag:
+        self.children += [child for child in children if child is not None]
+        return self
+
+    def lines(self, depth: int = 0) -> list[str]:
+        space = "  " * depth
+        head = "".join(f" {key}={quoteattr(value)}" for key, value in self.attributes.items())
+        if not self.children:
+            return [f"{space}<{self.tag}{head}/>"]
+        inside = [line for child in self.children for line in child.lines(depth + 1)]
+        return [f"{space}<{self.tag}{head}>", *inside, f"{space}</{self.tag}>"]
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    if isinstance(value, (int, float)):
+        return repr(float(value))
+    return " ".join(repr(float(x)) for x in value)
+
+
+class _Writer:
+    def __init__(self, model: Model, path: Path):
+        self.model, self.report = model, Report(path.name)
+        self.motors = {f.body: f for f in model.forces if isinstance(f, Motor) and _plain(f)}
+        self.gears: dict[str, Gear] = {}
+        for c in model.constraints:
+            if isinstance(c, Gear) and c.active and self._single(c.body) and self._single(c.other):
+                self.gears.setdefault(c.body, c)
+        self.joint_names = self._names()
+
+    def refuse_balls(self) -> None:
+        """Raise ModelError for joints that URDF does not have."""
+        found = [
+            Problem(f"body '{b.name}'", "joint", "is a ball joint, which URDF does not have")
+            for b in self.model.bodies
+            if any(kind == "ball" for kind, _ in b.motions)
+        ]
+        if found:
+            raise ModelError(found)
+
+    def _single(self, name: str) -> bool:
+        return name in self.model.row and len(self.model.body(name).motions) == 1
+
+    def _names(self) -> dict[str, str]:
+        """Names of the joints: of their motor or gear, else of the body."""
+        found: dict[str, str] = {}
+        for body in self.model.bodies:
+            part = self.motors.get(body.name) or self.gears.get(body.name)
+            name = part.name if part else f"{body.name} joint"
+            while name in found.values():
+                name += "'"
+            found[body.name] = name
+        return found
+
+    def text(self, bodies: Sequence[Body]) -> str:
+        """The file."""
+        robot = _Tag("robot", name=self.model.name)
+        roots = [b for b in bodies if b.parent == GROUND]
+        plain_root = len(roots) == 1 and roots[0].joint == "weld" and _at_origin(roots[0])
+        if not plain_root:
+            robot.add(_Tag("link", name=WORLD))
+        for body in bodies:
+            robot.add(*self._chain(body, plain_root and body is roots[0]))
+        for c in self.model.constraints:
+            robot.add(self._loop(c))
+        self._left_out()
+        self.report.add("read", "", f"{len(bodies)} links written")
+        return "\n".join(['<?xml version="1.0"?>', *robot.lines(), ""])
+
+    # -- links and joints ------------------------------------------------------------------------
+
+    def _chain(self, body: Body, root: bool) -> list[_Tag]:
+        """The body's link, its joint, and links without mass between several motions."""
+        link = _Tag("link", name=body.name)
+        if body.mass or any(map(any, body.inertia)):
+            (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.inertia
+            moments = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
+            inertial = _Tag("inertial").add(_Tag("origin", xyz=body.com))
+            link.add(inertial.add(_Tag("mass", value=body.mass), _Tag("inertia", **moments)))
+        for shape in body.shapes:
+            for tag in ("visual", "collision"):
+                if shape.role in (tag, "both"):
+                    link.add(*self._solids(tag, shape, body.name))
+        if root:
+            return [link]
+        parent = WORLD if body.parent == GROUND else body.parent
+        motions = body.motions or ((None, None),)
+        tags: list[_Tag] = []
+        for k, (kind, axis) in enumerate(motions):
+            last = k == len(motions) - 1
+            child = body.name if last else f"{body.name}/{k + 1}"
+            name = self.joint_names[body.name]
+            joint = _Tag("joint", name=name if last else f"{name}/{k + 1}", type=_type(body, k))
+            if k == 0:
+                joint.add(_Tag("origin", xyz=body.link, rpy=rpy_of(body.rotation)))
+            joint.add(_Tag("parent", link=parent), _Tag("child", link=child))
+            if kind in TYPES:
+                joint.add(_Tag("axis", xyz=axis), *self._physics(body, k, last))
+            if not last:
+                tags.append(_Tag("link", name=child))
+            tags.append(joint)
+            parent = child
+        if len(motions) > 1:
+            text = f"its {len(motions)} motions are joints with links without mass between them"
+            self.report.add("converted", f"body '{body.name}'", text, part=body.name)
+        return [*tags, link]
+
+    def _physics(self, body: Body, k: int, last: bool) -> list[_Tag]:
+        found: list[_Tag] = []
+        pair = body.limits[k] if body.limits else None
+        motor = self.motors.get(body.name) if last else None
+        effort = motor.torque_limit if motor else None
+        low, high = pair or (None, None)
+        if pair and (low is None or high is None):
+            where = f"body '{body.name}'"
+            self.report.add("approximated", where, "an open end of the limits is 1e9 away")
+        if pair or effort or _type(body, k) == "prismatic":
+            ends = {} if not pair else {
+                "lower": -NO_LIMIT if low is None else low,
+                "upper": NO_LIMIT if high is None else high,
+            }  # fmt: skip
+            found.append(_Tag("limit", **ends, effort=effort or 0.0, velocity=NO_LIMIT))
+        if body.damping[k] or body.friction[k]:
+            found.append(_Tag("dynamics", damping=body.damping[k], friction=body.friction[k]))
+        gear = self.gears.get(body.name)
+        if gear is not None and last:
+            leader = self.joint_names[gear.other]
+            found.append(_Tag("mimic", joint=leader, multiplier=gear.ratio, offset=gear.offset))
+        return found
+
+    def _solids(self, tag: str, shape: Shape, name: str) -> list[_Tag]:
+        """One <visual> or <collision>; of a capsule a cylinder and two spheres."""
+        parts: list[tuple[_Tag, float]] = []
+        r, h = shape.radius or 0.0, shape.length or 0.0
+        match shape.kind:
+            case "box":
+                parts = [(_Tag("box", size=shape.size), 0.0)]
+            case "sphere":
+                parts = [(_Tag("sphere", radius=r), 0.0)]
+            case "cylinder":
+                parts = [(_Tag("cylinder", radius=r, length=h), 0.0)]
+            case "capsule":
+                parts = [(_Tag("cylinder", radius=r, length=h), 0.0)]
+                parts += [(_Tag("sphere", radius=r), z) for z in (-h / 2, h / 2)]
+            case "mesh":
+                scale = shape.scale if isinstance(shape.scale, tuple) else (shape.scale,) * 3
+                parts = [(_Tag("mesh", filename=shape.file, scale=scale), 0.0)]
+            case kind:
+                where, acts = f"body '{name}'", tag == "collision"
+                text = f"a {kind}, which URDF does not have"
+                self.report.add("left out", where, text, acts=acts, part=name)
+        tags: list[_Tag] = []
+        for solid, z in parts:
+            place = np.array(shape.position) + rotate(shape.rotation, (0.0, 0.0, z))
+            one = _Tag(tag).add(_Tag("origin", xyz=place, rpy=rpy_of(shape.rotation)))
+            one.add(_Tag("geometry").add(solid))
+            if tag == "visual" and shape.colour is not None:
+                rgba = _Tag("color", rgba=(*shape.colour, 1.0))
+                one.add(_Tag("material", name=f"colour {_text(shape.colour)}").add(rgba))
+            tags.append(one)
+        return tags
+
+    # -- loops -----------------------------------------------------------------------------------
+
+    def _loop(self, c: Constraint) -> _Tag | None:
+        if self.gears.get(c.body) is c:
+            return None
+        where, other = f"constraint '{c.name}'", getattr(c, "other", GROUND)
+        if c.kind not in TYPE_OF_LOOP or not c.active or other == GROUND:
+            text = f"a {c.kind} constraint" + ("" if c.active else " that is not active")
+            to_ground = " to the ground" if c.kind in TYPE_OF_LOOP and other == GROUND else ""
+            text = f"{text}{to_ground}, which URDF does not have"
+            self.report.add("left out", where, text, acts=c.active, part=c.name)
+            return None
+        ends = placed(self.model, c)
+        turn, other_turn = np.eye(3), np.eye(3)
+        if ends.axis is not None and ends.other_axis is not None:
+            turn, other_turn = _x_to(ends.axis), _x_to(ends.other_axis)
+        one = _Tag("loop_joint", name=c.name, type=TYPE_OF_LOOP[c.kind])
+        for side, link, point, R in (
+            ("link1", c.body, ends.point, turn),
+            ("link2", other, ends.other_point, other_turn),
+        ):
+            one.add(_Tag(side, link=link, xyz=point, rpy=rpy_of(quaternion_of(R))))
+        self.report.add("converted", where, "is a <loop_joint>, which few programs read")
+        return one.add(_Tag("axis", xyz=(1.0, 0.0, 0.0)))
+
+    def _left_out(self) -> None:
+        """What acts in the model and has no place in the file."""
+        model, out = self.model, self.report
+        for body in model.bodies:
+            for field in ("stiffness", "armature"):
+                if any(getattr(body, field)):
+                    where = f"body '{body.name}'"
+                    text = f"the joint's {field}, which URDF does not have"
+                    out.add("left out", where, text, acts=True, part=body.name)
+        for force in model.forces:
+            if self.motors.get(force.body) is not force:
+                where, text = f"force '{force.name}'", f"a {force.kind}, which URDF does not have"
+                out.add("left out", where, text, acts=True, part=force.name)
+        for contact in model.contacts:
+            out.add("left out", f"contact '{contact.name}'", "URDF has no contacts", acts=True)
+        if model.gravity != (0.0, 0.0, -9.81):
+            text = f"gravity {model.gravity}; readers of URDF take (0, 0, -9.81)"
+            out.add("left out", "model", text, acts=True)
+        if model.scenarios:
+            out.add("left out", "model", f"{len(model.scenarios)} scenarios")
+
+
+# -- what a constraint means in numbers ------------------------------------------------------------
+
+
+class Placed:
+    """Points and axes of a constraint, what it leaves out taken from the initial state."""
+
+    def __init__(self, model: Model, c: Any):
+        place, turn = Dynamics(model).packed.home_poses
+        number = {name: k for k, name in enumerate(Dynamics(model).names)}
+
+        def frame(name: str) -> tuple[np.ndarray, np.ndarray]:
+            if name == GROUND:
+                return np.zeros(3), np.eye(3)
+            return place[number[name]], turn[number[name]]
+
+        (x, R), (y, S) = frame(c.body), frame(c.other)
+        self.point = np.array(model.point_of(c))
+        given = getattr(c, "other_point", None)
+        here = S.T @ (x + R @ self.point - y)
+        self.other_point = np.array(given) if given is not None else here
+        self.axis = self.other_axis = None
+        self.turn = S.T @ R  # of the body against the other
+        if hasattr(c, "axis") and hasattr(c, "other_axis"):
+            axis, other = c.axis, c.other_axis
+            if axis is None and other is None:
+                axis = (0.0, 0.0, 1.0)
+            self.axis = np.array(axis) if axis is not None else R.T @ S @ np.array(other)
+            self.other_axis = np.array(other) if other is not None else self.turn @ self.axis
+
+
+def placed(model: Model, c: Constraint) -> Placed:
+    """Points and axes of a constraint between bodies."""
+    return Placed(model, c)
+
+
+# -- numbers ---------------------------------------------------------------------------------------
+
+
+def _plain(motor: Motor) -> bool:
+    """Whether a motor only says how large its torque may be."""
+    return motor.torque == 0.0 and motor.coordinate == 0
+
+
+def _at_origin(body: Body) -> bool:
+    return not any(body.link) and abs(unit(body.rotation)[0]) == 1.0
+
+
+def _type(body: Body, k: int) -> str:
+    kind = body.motions[k][0] if body.motions else None
+    if kind is None:
+        return "fixed"
+    if kind == "free":
+        return "floating"
+    bounded = body.limits and body.limits[k]
+    return "continuous" if kind == "rotate" and not bounded else TYPES[kind]
+
+
+def rpy_of(rotation: Sequence[float]) -> tuple[float, float, float]:
+    """Roll, pitch, yaw [rad] of a quaternion, good to rounding also at a pitch of a quarter turn.
+
+    [Bernardes and Viollet 2022]
+    """
+    w, x, y, z = unit(rotation)
+    a, b, c, d = w - y, x + z, y + w, z - x
+    pitch = 2 * math.atan2(math.hypot(c, d), math.hypot(a, b)) - math.pi / 2
+    plus, minus = math.atan2(b, a), math.atan2(d, c)
+    return _turned(plus - minus), pitch, _turned(plus + minus)
+
+
+def _turned(angle: float) -> float:
+    """The angle within half a turn."""
+    return math.remainder(angle, 2 * math.pi)
+
+
+def _x_to(axis: np.ndarray) -> np.ndarray:
+    """(3, 3) a rotation that takes x to this direction."""
+    x = axis / np.linalg.norm(axis)
+    least = np.eye(3)[int(np.argmin(np.abs(x)))]
+    y = np.cross(least, x)
+    y /= np.linalg.norm(y)
+    return np.stack((x, y, np.cross(x, y)), axis=1)

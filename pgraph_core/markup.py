@@ -1,0 +1,148 @@
+"""XML of others, read with its line numbers and within bounds; no entities, nothing from outside.
+
+Expat of the standard library parses; a document type, which is where entity bombs and files of the
+machine come in, is refused before it is read.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from xml.parsers import expat
+
+from .errors import FileError, Problem, shown
+
+LARGEST = 64_000_000  # bytes of a file
+MOST = 1_000_000  # elements
+DEEPEST = 200  # elements inside elements
+LONGEST = 1_000_000  # characters of one attribute
+
+
+class Element:
+    """An element with its attributes, children and line."""
+
+    __slots__ = ("attributes", "children", "line", "tag", "text")
+
+    def __init__(self, tag: str, attributes: dict[str, str], line: int):
+        self.tag, self.attributes, self.line = tag, attributes, line
+        self.children: list[Element] = []
+        self.text = ""
+
+    def all(self, *tags: str) -> Iterator[Element]:
+        """The children with one of these tags."""
+        return (child for child in self.children if child.tag in tags)
+
+    def first(self, tag: str) -> Element | None:
+        """The first child with this tag."""
+        return next(self.all(tag), None)
+
+    def inside(self) -> Iterator[Element]:
+        """This element and all below it, in the order of the file."""
+        waiting: list[Element] = [self]
+        while waiting:
+            element = waiting.pop()
+            yield element
+            waiting += reversed(element.children)
+
+    def get(self, name: str, default: str = "") -> str:
+        """An attribute as text."""
+        return self.attributes.get(name, default)
+
+
+class Source:
+    """A file that is being read: its name, for sentences that say where."""
+
+    def __init__(self, name: str):
+        self.name = name
+
+    def at(self, element: Element | int, what: str = "") -> str:
+        """'robot.urdf, line 12, joint 'knee''."""
+        line = element if isinstance(element, int) else element.line
+        return f"{self.name}, line {line}" + (f", {what}" if what else "")
+
+    def wrong(self, element: Element | int, field: str, text: str, what: str = "") -> FileError:
+        """The error for what stands at a line."""
+        return FileError(Problem(self.at(element, what), field, text))
+
+    def numbers(
+        self, element: Element | None, name: str, default: tuple[float, ...], what: str = ""
+    ) -> tuple[float, ...]:
+        """As many finite numbers as `default` has, from an attribute. Raises FileError."""
+        if element is None or name not in element.attributes:
+            return default
+        given = element.attributes[name]
+        try:
+            found = tuple(float(x) for x in given.replace(",", " ").split())
+        except ValueError:
+            found = ()
+        if len(found) != len(default) or not all(map(math.isfinite, found)):
+            count = f"{len(default)} finite numbers" if len(default) > 1 else "a finite number"
+            raise self.wrong(element, name, f"must be {count}; given {shown(given)}", what)
+        return found
+
+    def number(
+        self, element: Element | None, name: str, default: float = 0.0, what: str = ""
+    ) -> float:
+        """One finite number from an attribute. Raises FileError."""
+        return self.numbers(element, name, (default,), what)[0]
+
+
+def read_markup(path: Path) -> Element:
+    """The root element of an XML file. Raises FileError, also for files beyond the bounds above."""
+    try:
+        if not path.is_file():  # nor a pipe, which may never end
+            raise FileError(Problem(str(path), "", "there is no such file"))
+        if path.stat().st_size > LARGEST:
+            size = f"has {path.stat().st_size / 1e6:.0f} MB; {LARGEST / 1e6:.0f} MB at most"
+            raise FileError(Problem(str(path), "", size))
+        content = path.read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        reason = (error.strerror if isinstance(error, OSError) else None) or str(error)
+        raise FileError(Problem(str(path), "", f"cannot be read: {reason}")) from None
+    return parse_markup(content, path.name)
+
+
+def parse_markup(content: bytes, name: str) -> Element:
+    """The root element of XML text. Raises FileError."""
+    source, open_elements, roots = Source(name), list[Element](), list[Element]()
+    parser = expat.ParserCreate()
+    count = 0
+
+    def refuse(text: str) -> FileError:
+        return source.wrong(parser.CurrentLineNumber, "", text)
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal count
+        count += 1
+        if count > MOST:
+            raise refuse(f"has more than {MOST} elements")
+        if len(open_elements) >= DEEPEST:
+            raise refuse(f"nests more than {DEEPEST} elements")
+        if any(len(x) > LONGEST for x in attributes.values()):
+            raise refuse(f"has an attribute of more than {LONGEST} characters")
+        element = Element(tag, attributes, parser.CurrentLineNumber)
+        (open_elements[-1].children if open_elements else roots).append(element)
+        open_elements.append(element)
+
+    def end(_: str) -> None:
+        open_elements.pop()
+
+    def text(characters: str) -> None:
+        if open_elements:
+            open_elements[-1].text += characters
+
+    def doctype(*_: object) -> None:
+        raise refuse("has a document type (<!DOCTYPE>); remove it: models need no entities")
+
+    parser.buffer_text = True
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.CharacterDataHandler = text
+    parser.StartDoctypeDeclHandler = doctype
+    try:
+        parser.Parse(content, True)
+    except expat.ExpatError as error:
+        reason = expat.ErrorString(error.code)
+        raise source.wrong(error.lineno, "", f"not XML: {reason}") from None
+    return roots[0]

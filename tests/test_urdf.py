@@ -1,0 +1,336 @@
+"""URDF in and out: what each element becomes, what is said of it, and files that mean harm."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from pgraph_app.cli.main import main
+from pgraph_core.formats.report import nearest_inertia
+from pgraph_core.rotation import matrix
+
+INERTIAL = (
+    '<inertial><origin xyz="0.1 0 0" rpy="0 0 1.5707963267948966"/><mass value="2"/>'
+    '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.2" iyz="0" izz="0.25"/></inertial>'
+)
+
+
+def link(name: str, inside: str = INERTIAL) -> str:
+    return f'<link name="{name}">{inside}</link>\n'
+
+
+def joint(name: str, parent: str, child: str, inside: str = "", kind: str = "revolute") -> str:
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}{inside}</joint>\n'
+
+
+def robot(*parts: str) -> str:
+    return f'<?xml version="1.0"?>\n<robot name="arm">\n{"".join(parts)}</robot>\n'
+
+
+def read(tmp_path: Path, *parts: str, **options) -> tuple[pg.Model, pg.Report]:
+    path = tmp_path / "arm.urdf"
+    path.write_text(robot(*parts))
+    return pg.read_urdf(path, **options)
+
+
+TWO = (
+    link("base"),
+    link("upper"),
+    link("lower"),
+    joint("shoulder", "base", "upper", '<origin xyz="0 0 1" rpy="0.3 0.2 0.1"/><axis xyz="0 2 0"/>'
+          '<limit lower="-1" upper="2" effort="30" velocity="4"/>'
+          '<dynamics damping="0.5" friction="0.25"/>'),
+    joint("slide", "upper", "lower", '<axis xyz="0 0 1"/>', "prismatic"),
+)  # fmt: skip
+
+
+def test_links_joints_limits_motors(tmp_path):
+    model, report = read(tmp_path, *TWO)
+    assert [b.name for b in model.bodies] == ["base", "upper", "lower"]
+    base, upper, lower = model.bodies
+    assert (base.joint, upper.joint, lower.joint) == ("weld", "revolute", "prismatic")
+    np.testing.assert_allclose(upper.link, (0, 0, 1))
+    c, s = np.cos([0.3, 0.2, 0.1]), np.sin([0.3, 0.2, 0.1])
+    about_x = np.array([[1, 0, 0], [0, c[0], -s[0]], [0, s[0], c[0]]])
+    about_y = np.array([[c[1], 0, s[1]], [0, 1, 0], [-s[1], 0, c[1]]])
+    about_z = np.array([[c[2], -s[2], 0], [s[2], c[2], 0], [0, 0, 1]])
+    np.testing.assert_allclose(matrix(upper.rotation), about_z @ about_y @ about_x, atol=1e-15)
+    np.testing.assert_allclose(np.diag(upper.inertia), (0.2, 0.1, 0.25), atol=1e-15)
+    assert upper.limits == ((-1.0, 2.0),)
+    assert (upper.damping, upper.friction) == ((0.5,), (0.25,))
+    assert [(f.name, f.body, f.torque_limit) for f in model.forces] == [("shoulder", "upper", 30.0)]
+    assert report.loaded
+    assert any("velocity limit" in e.text for e in report.of("left out"))
+    places = [e.where for e in report.entries if e.part == "lower"]
+    assert places == ["arm.urdf, line 7, joint 'slide'"]  # it has no limits
+
+
+def test_the_root_is_welded_floats_or_is_the_world(tmp_path):
+    free, _ = read(tmp_path, *TWO, base="free")
+    assert free.bodies[0].joint == "free"
+    model, _ = read(
+        tmp_path, '<link name="world"/>', joint("fix", "world", "base", kind="fixed"), *TWO
+    )
+    assert [b.parent for b in model.bodies] == ["ground", "base", "upper"]
+    with pytest.raises(pg.InputError, match="'fixed' or 'free'"):
+        read(tmp_path, *TWO, base="floating")
+
+
+def test_mimics_are_gears(tmp_path):
+    parts = list(TWO)
+    parts[4] = joint("slide", "upper", "lower", '<axis xyz="0 0 1"/>'
+        '<mimic joint="shoulder" multiplier="-0.5" offset="0.1"/>', "prismatic")  # fmt: skip
+    model, report = read(tmp_path, *parts)
+    gear = model.constraints[0]
+    assert isinstance(gear, pg.Gear)
+    assert (gear.body, gear.other, gear.ratio, gear.offset) == ("lower", "upper", -0.5, 0.1)
+    assert report.loaded
+    broken = parts[4].replace('joint="shoulder" m', 'joint="elbow" m')
+    model, report = read(tmp_path, *parts[:4], broken)
+    assert not report.loaded
+    assert [e.where for e in report.of("left out") if e.acts] == ["arm.urdf, line 7, joint 'slide'"]
+
+
+def test_shapes_have_roles_colours_and_meshes_of_the_package(tmp_path):
+    folder = tmp_path / "my_robot"
+    for name in ("meshes", "urdf"):
+        (folder / name).mkdir(parents=True)
+    (folder / "package.xml").write_text("<package/>")
+    tetrahedron = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    (folder / "meshes" / "part.obj").write_text(tetrahedron)
+    box = '<geometry><box size="1 2 3"/></geometry>'
+    red = '<material name="red"><color rgba="1 0 0 0.5"/></material>'
+
+    def mesh(name: str) -> str:
+        return f'<geometry><mesh filename="{name}" scale="0.001 -0.001 0.002"/></geometry>'
+
+    inside = (
+        f"<visual>{box}{red}</visual><collision>{box}</collision>"
+        f'<visual>{mesh("package://my_robot/meshes/part.obj")}<material name="red"/></visual>'
+        f"<collision>{mesh('../meshes/part.obj')}</collision>"
+        f"<visual>{mesh('package://my_robot/meshes/none.obj')}</visual>"
+    )
+    path = folder / "urdf" / "a.urdf"
+    path.write_text(robot(red, link("base", inside)))
+    model, report = pg.read_urdf(path)
+    box, drawn, touching = model.bodies[0].shapes
+    assert (box.kind, box.role, box.colour) == ("box", "both", (1, 0, 0))
+    assert (drawn.role, drawn.scale, drawn.colour) == ("visual", (0.001, -0.001, 0.002), (1, 0, 0))
+    assert (touching.role, touching.hull) == ("collision", "convex")
+    assert drawn.file == touching.file == str(folder / "meshes" / "part.obj")
+    assert report.loaded  # what is missing is only drawn
+    assert any(
+        "none.obj" in e.text and e.where.endswith("link 'base'") for e in report.of("left out")
+    )
+
+
+@pytest.mark.parametrize(
+    "name", ["../../secret.stl", "/etc/passwd", "file:///etc/passwd", "link.stl",
+             "package://my_robot/../../secret.stl", "http://example.com/a.stl", "a\0b.stl"],
+)  # fmt: skip
+def test_meshes_outside_of_the_package_are_not_opened(tmp_path, name):
+    folder = tmp_path / "my_robot"
+    folder.mkdir()
+    (folder / "package.xml").write_text("<package/>")
+    (tmp_path / "secret.stl").write_bytes(b"\0" * 200)
+    (tmp_path.parent / "secret.stl").write_bytes(b"\0" * 200)
+    (folder / "link.stl").symlink_to(tmp_path / "secret.stl")
+    path = folder / "a.urdf"
+    name = name.replace("\0", "&#0;") if "\0" in name else name
+    mesh = f'<collision><geometry><mesh filename="{name}"/></geometry></collision>'
+    path.write_text(robot(link("base", mesh)))
+    if "&#0;" in name:
+        with pytest.raises(pg.FileError, match="line 3"):
+            pg.read_urdf(path)
+        return
+    model, report = pg.read_urdf(path)
+    assert model.bodies[0].shapes == ()
+    assert not report.loaded
+    if "example" not in name:
+        assert any("outside" in e.text or "no such" in e.text for e in report.of("left out"))
+    if name == "link.stl":
+        allowed, _ = pg.read_urdf(path, roots=[tmp_path])
+        assert len(allowed.bodies[0].shapes) == 1
+
+
+def test_an_inertia_that_no_body_has_is_kept_and_its_repair_offered(tmp_path):
+    wrong = INERTIAL.replace('izz="0.25"', 'izz="0.5"')
+    parts = (link("base"), link("upper", wrong), joint("j", "base", "upper", kind="continuous"))
+    model, report = read(tmp_path, *parts)
+    np.testing.assert_allclose(np.linalg.eigvalsh(model.body("upper").inertia), (0.1, 0.2, 0.5))
+    warning = next(e for e in report.of("warning") if e.part == "upper")
+    assert warning.where == "arm.urdf, line 4, link 'upper'"
+    assert report.loaded
+    repaired = report.repaired(model, "upper").body("upper")
+    assert not repaired.any_inertia
+    moments = np.linalg.eigvalsh(repaired.inertia)
+    np.testing.assert_allclose(moments[0] + moments[1], moments[2], rtol=1e-9)
+    with pytest.raises(pg.ModelError, match="triangle"):
+        model.edit("upper", any_inertia=False)
+    with pytest.raises(pg.InputError, match="upper"):
+        report.repaired(model, "base")
+    saved = pg.Model.from_json(model.to_json())
+    assert saved == model
+
+
+def test_nearest_inertia_is_physical_and_not_farther_than_others():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        given = rng.normal(size=(3, 3))
+        given = given + given.T
+        found = np.array(nearest_inertia(given))
+        moments = np.linalg.eigvalsh(found)
+        assert moments[0] >= -1e-12
+        assert moments[0] + moments[1] >= moments[2] - 1e-12
+        S = rng.normal(size=(3, 3))
+        S = S @ S.T * rng.uniform(0, 2)
+        other = np.trace(S) * np.eye(3) - S  # of a body with these second moments
+        near, far = np.linalg.norm(found - given), np.linalg.norm(other - given)
+        assert near <= far + 1e-9
+        closer = np.linalg.norm((0.99 * found + 0.01 * other) - given)
+        assert near <= closer + 1e-9
+
+
+def test_units_that_look_wrong_are_said(tmp_path):
+    far = '<origin xyz="0 0 500" rpy="0 0 90"/><limit lower="-180" upper="180"/>'
+    heavy = INERTIAL.replace('mass value="2"', 'mass value="2e6"')
+    _, report = read(tmp_path, link("a", heavy), link("b"), joint("j", "a", "b", far))
+    text = "\n".join(e.text for e in report.of("warning"))
+    for unit in ("millimetres", "grams", "degrees"):
+        assert unit in text
+
+
+TREE = [link("a"), link("b"), joint("j", "a", "b", kind="fixed")]
+HOSTILE = {
+    "<robot": "line 1",
+    "<!DOCTYPE r [<!ENTITY a 'aa'><!ENTITY b '&a;&a;'>]><robot/>": "document type",
+    "<!DOCTYPE r SYSTEM 'file:///etc/passwd'><robot/>": "document type",
+    "<mujoco/>": "read_mjcf",
+    "<robot/>": "has no link",
+    "<a>" * 300: "nests more than",
+    robot(*TREE, link("c")): r"2 root links, 'a' \(line 3\), 'c' \(line 6\)",
+    robot(*TREE, joint("k", "b", "a", kind="fixed")): "has 0 root|circle",
+    robot(*TREE, link("c"), link("d"), joint("k", "c", "d"), joint("l", "d", "c")): "circle",
+    robot(*TREE, link("c"), joint("k", "c", "b"), joint("l", "a", "c")): "line 7, joint 'k'.*'j'",
+    robot(*TREE, link("a")): "line 6, link 'a'.*line 3",
+    robot(link("a"), joint("j", "a", "z")): "line 4, joint 'j', child.*'z'",
+    robot(*TREE[:2], joint("j", "a", "b", kind="screw")): "line 5, joint 'j', type.*'screw'",
+    robot(*TREE[:2], joint("j", "a", "b", '<axis xyz="0 0 0"/>')): "line 5, joint 'j', axis",
+    robot(*TREE[:2], joint("j", "a", "b", '<axis xyz="0 0 nan"/>')): "finite numbers.*nan",
+    robot(*TREE[:2], joint("j", "a", "b", '<origin xyz="1 2"/>')): "3 finite numbers",
+    robot(link("a", INERTIAL.replace('"2"', '"-2"'))): "line 3, link 'a', mass",
+    robot(link("a", INERTIAL.replace('"2"', '"1e999"'))): "finite number; given '1e999'",
+    robot(link("a b\n")): "line 3|start or end",
+    robot('<link name=""/>'): "line 3, link, name",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
+def test_what_is_wrong_is_told_with_its_place(tmp_path, text):
+    path = tmp_path / "bad.urdf"
+    path.write_text(text)
+    with pytest.raises(pg.PgraphError, match=f"bad.urdf.*({HOSTILE[text]})"):
+        pg.read_urdf(path)
+
+
+def test_files_that_are_too_large_or_none_at_all_are_refused(tmp_path):
+    large = tmp_path / "large.urdf"
+    with large.open("wb") as file:
+        file.truncate(1_000_000_000)
+    for path, text in (
+        (large, "1000 MB"),
+        (tmp_path / "none.urdf", "no such file"),
+        (tmp_path, "no such file"),
+    ):
+        with pytest.raises(pg.FileError, match=text):
+            pg.read_urdf(path)
+    wide = tmp_path / "wide.urdf"
+    wide.write_text(f'<robot name="{"x" * 2_000_000}"/>')
+    with pytest.raises(pg.FileError, match="attribute"):
+        pg.read_urdf(wide)
+
+
+def equal(a, b) -> bool:
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(equal(a[k], b[k]) for k in a)
+    if isinstance(a, (list, tuple)):
+        return len(a) == len(b) and all(map(equal, a, b))
+    return math.isclose(a, b, rel_tol=1e-13, abs_tol=1e-14) if isinstance(a, float) else a == b
+
+
+def test_out_and_in_again_is_the_same_model(tmp_path):
+    loop = (
+        '<loop_joint name="closed" type="continuous"><link1 link="lower" xyz="0 0 1"/>'
+        '<link2 link="base" xyz="1 0 0" rpy="0 0 0.5"/><axis xyz="0 1 0"/></loop_joint>'
+    )
+    place = '<origin xyz="0 1 0" rpy="1 1.5707963267948966 1"/>'
+    shape = f'<visual>{place}<geometry><sphere radius="0.2"/></geometry></visual>'
+    follow = '<mimic joint="shoulder" multiplier="2"/>'
+    hand = link("hand", INERTIAL + shape)
+    parts = (*TWO, loop, hand, joint("wrist", "lower", "hand", follow, "continuous"))
+    model, _ = read(tmp_path, *parts)
+    report = pg.write_urdf(model, tmp_path / "again.urdf")
+    again, _ = pg.read_urdf(tmp_path / "again.urdf")
+    assert equal(again.model_dump(), model.model_dump())
+    assert report.loaded
+    assert [c.kind for c in model.constraints] == ["gear", "revolute"]
+
+
+def test_joints_of_several_motions_are_chains_with_the_same_motion(tmp_path):
+    two = {"parent": "a", "link": (0, 1, 0), "rotation": (0.8, 0, 0.6, 0), "mass": 2.0}
+    bodies = [
+        pg.Body(name="a", joint="free", mass=1.0, inertia=np.eye(3)),
+        pg.Body(name="b", joint="universal", **two),
+        pg.Body(name="c", joint="cylindrical", **{**two, "parent": "b", "com": (0.1, 0, 0)}),
+    ]
+    model = pg.Model(bodies=bodies)
+    pg.write_urdf(model, tmp_path / "chain.urdf")
+    again, _ = pg.read_urdf(tmp_path / "chain.urdf")
+    rng = np.random.default_rng(0)
+    mech, other = pg.Mechanism(model), pg.Mechanism(again)
+    q, v = mech.home()[0], rng.normal(size=mech.nv)
+    q[7:] = rng.normal(size=4)
+    assert (mech.nq, mech.nv) == (other.nq, other.nv)
+    np.testing.assert_allclose(other.mass_matrix(q), mech.mass_matrix(q), atol=1e-13)
+    np.testing.assert_allclose(other.bias_force(q, v), mech.bias_force(q, v), atol=1e-12)
+
+
+def test_what_urdf_does_not_have_is_told_or_refused(tmp_path):
+    capsule = {"kind": "capsule", "radius": 0.1, "length": 1}
+    arm = pg.Model(
+        bodies=[pg.Body(name="a", stiffness=3.0, shape=capsule)],
+        contacts=[pg.Contact(name="floor", body="a")],
+        forces=[pg.Wrench(name="push", body="a", force=(1, 0, 0))],
+        gravity=(0, 0, -1.6),
+    )  # fmt: skip
+    report = pg.write_urdf(arm, tmp_path / "a.urdf")
+    assert not report.loaded
+    told = "\n".join(str(e) for e in report.of("left out"))
+    for part in ("body 'a'", "stiffness", "force 'push'", "contact 'floor'", "gravity"):
+        assert part in told
+    assert [s.kind for s in pg.Model.load(tmp_path / "a.urdf").bodies[0].shapes] == [
+        "cylinder", "sphere", "sphere",
+    ]  # fmt: skip
+    ball = pg.Model(bodies=[pg.Body(name="b", joint="spherical")])
+    with pytest.raises(pg.ModelError, match="body 'b', joint"):
+        pg.write_urdf(ball, tmp_path / "b.urdf")
+    assert not (tmp_path / "b.urdf").exists()
+    with pytest.raises(pg.FileError, match="write_urdf"):
+        arm.save(tmp_path / "c.urdf")
+
+
+def test_load_says_what_is_left_out_and_convert_reports(tmp_path, capsys):
+    path = tmp_path / "arm.urdf"
+    path.write_text(robot(*TWO, link("tail"), joint("t", "lower", "tail", kind="continuous")))
+    model = pg.Model.load(path)
+    assert any("slide" in notice for notice in model.notices)
+    assert main(["convert", str(path), str(tmp_path / "arm.json")]) == 0
+    assert "joint 'slide'" in capsys.readouterr().out
+    assert pg.Model.load(tmp_path / "arm.json").bodies == model.bodies
+    assert main(["convert", str(path), str(tmp_path / "arm.step")]) == 1
+    assert ".urdf" in capsys.readouterr().err
