@@ -73,6 +73,7 @@ if TYPE_CHECKING:
     from .simulation import simulate as simulate
     from .simulation.batches import BatchResult as BatchResult
     from .simulation.batches import simulate_batch as simulate_batch
+    from .simulation.stepper import Stepper as Stepper
     from .simulation.walk import Walk as Walk
     from .study.map import StabilityMap as StabilityMap
     from .study.reference import Reference as Reference
@@ -116,6 +117,7 @@ _MODULES = {
     "result.result": "joined",
     "simulation": "simulate",
     "simulation.batches": "BatchResult simulate_batch",
+    "simulation.stepper": "Stepper",
     "simulation.walk": "Walk",
     "study.map": "StabilityMap",
     "study.reference": "Reference",

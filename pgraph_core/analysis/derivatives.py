@@ -10,9 +10,9 @@ import numpy as np
 
 from ..dynamics import Dynamics
 from ..engine import layout as at
+from ..engine import motion
 from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.records import CREEP
-from ..engine.stepping import run
 from ..engine.tree import slopes as kernels
 from ..packing.system import Array
 
@@ -81,5 +81,5 @@ def _slope(mech: Dynamics, q: Array, v: Array, e: Array) -> Array:
 
 def _moved(mech: Dynamics, q: Array, v: Array, e: Array, distance: float) -> Array:
     moved = q.copy()
-    run.move(mech.packed.rows, moved, e, distance)
+    motion.move(mech.packed.rows, moved, e, distance)
     return mech._load_torque(moved, v)

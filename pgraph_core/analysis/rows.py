@@ -14,7 +14,6 @@ from ..dynamics import Dynamics
 from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine import motion
-from ..engine.stepping import run
 from ..engine.tree import dynamics
 from ..model import Constraint
 from ..model.constraint import AtPoints
@@ -125,7 +124,7 @@ class Rows:
     def advanced(self, step: Array) -> Array:
         """q after a finite move along velocities: balls and free joints turn by it."""
         q = self.q.copy()
-        run.move(self.mech.packed.rows, q, np.ascontiguousarray(step), 1.0)
+        motion.move(self.mech.packed.rows, q, np.ascontiguousarray(step), 1.0)
         return q
 
     # -- rows ------------------------------------------------------------------------------------

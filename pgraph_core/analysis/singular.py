@@ -18,7 +18,6 @@ from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import FACTORED
-from ..engine.stepping import run
 from ..packing.system import Array, Ints
 from .rows import Rows
 
@@ -137,7 +136,7 @@ class _Look:
     def eigen(self, tau: float) -> tuple[Array, Array]:
         """(values over the mean diagonal, vectors) of Ω a time tau on, constraints met."""
         q, v = self.q.copy(), self.v.copy()
-        run.move(self.scene.packed.rows, q, v, tau)
+        motion.move(self.scene.packed.rows, q, v, tau)
         for _ in range(2):  # onto the constraints, and Ω there
             self.scene.space.vectors[FACTORED, 2] = 0.0
             motion.projection(self.scene.held, self.t + tau, q, v, 1)

@@ -45,6 +45,11 @@ class UserTorque(Unportable):
             self._called = _Address(self._call)
             self.address = address_of_function(self._called)
 
+    @property
+    def memory(self) -> list[Array]:
+        """Arrays that calls read before they write them."""
+        return []
+
     def join(self, packed: Packed, work: Array) -> None:
         """A run begins whose kernels keep what they know of bodies in `work`: no use here."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -167,6 +167,9 @@ class ContactSpace(Unportable):
             self.changes,
         )
         self.shapes, self.found = contacts.geometry.shapes, self._kept.found
+        kept = self._kept
+        # what steps and records read before they write it
+        self.memory = [kept.found, kept.kept, kept.wrenches, kept.pairs, tally, kept.limit_tau]
         self._buffer = buffer()
         kernels.save_contacts(self._buffer, unnamed(self._kept))
         self.links = Links(
@@ -176,6 +179,15 @@ class ContactSpace(Unportable):
             record=address_of(kernels.record_contacts),
             settle=address_of(kernels.settle_contacts) if steps else 0,
         )
+
+    def begin_log(self, t: float) -> Any:
+        """Count and log from here on; the phases now, as changes at t."""
+        for name in ("fallbacks", "calmed", "overflows", "logged", "residual", "depth"):
+            self.tally[name] = 0
+        phases = self._kept.pairs["phase"][: len(self._kept.laws)]
+        now = table(PHASE_CHANGE, len(phases))
+        now["time"], now["pair"], now["phase"] = t, np.arange(len(phases)), phases
+        return now[phases >= 0]
 
 
 MOST_DIPS = 8  # of pivots of constraints that are kept for a closer look

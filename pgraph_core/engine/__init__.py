@@ -9,7 +9,6 @@ MODULES = (
     "tree.bodies",
     "motion",
     "stepping.run",
-    "stepping.adaptive",
     "stepping.stiffness",
 )
 

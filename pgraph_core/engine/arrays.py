@@ -20,6 +20,7 @@ from .records import (
     CELL,
     CONTACT,
     CONTACT_TALLY,
+    COUNTERS,
     DIP,
     EDGE,
     FACE,
@@ -30,6 +31,7 @@ from .records import (
     KEPT,
     LEG,
     MEMBER,
+    METHOD,
     PAIR,
     PAIR_LAW,
     PATCH,
@@ -40,6 +42,7 @@ from .records import (
     POSE,
     SHAPE,
     SHAPE_PAIR,
+    STEP_CONTROL,
     WATCH,
     array_of,
 )
@@ -47,6 +50,7 @@ from .records import (
 F1 = types.float64[::1]
 F2 = types.float64[:, ::1]
 F3 = types.float64[:, :, ::1]
+C2 = types.complex128[:, ::1]
 I1 = types.int64[::1]
 I2 = types.int64[:, ::1]
 i8, f8 = types.int64, types.float64
@@ -271,6 +275,51 @@ class Walk(NamedTuple):
     theirs: Any  # work of the run that asks, after `outboard`; empty where none does
 
 
+class RunLinks(NamedTuple):
+    """Addresses of the kernels of a run; 0: none."""
+
+    accelerate: Any
+    project: Any
+    record: Any
+    step: Any
+    look_back: Any = 0  # for events within the last step
+    events: Any = 0  # values of a user's events
+
+
+class Tableau(NamedTuple):
+    """Coefficients of a Runge-Kutta method; see `integrators.tableaus`."""
+
+    a: Any
+    b: Any
+    c: Any
+    error: Any
+    dense: Any
+
+
+class Run(NamedTuple):
+    """A run under way: its scene, its method, its times, its state, its frames."""
+
+    scene: Any  # address
+    links: Any
+    tableau: Any
+    method: Any  # one METHOD
+    times: Any  # (n,) of frames [s]
+    substeps: Any  # (n - 1,) given steps between them, where they are given
+    width: Any  # (n - 1,) of these [s]
+    corners: Any  # (nk,) times at which tables bend: chosen steps end there [s]
+    stages: Any  # (STAGE + stages, nq + nv + 2); its rows are named in `layout`
+    real: Any  # workspace of implicit methods
+    pair: Any  # the same, complex
+    control: Any  # one STEP_CONTROL
+    counters: Any  # one COUNTERS
+    flow: Any  # (3,) power put in and dissipated [W], iterations
+    watched: Any  # (4, k) what ends a phase or makes an event, where it falls below zero
+    signs: Any  # (ne,) of a user's events; 0: not known yet
+    wanted: Any  # (ne,) direction in which they count; 0: both
+    values: Any  # (ne,)
+    out: Any  # frames
+
+
 def named(kind: Any, *members: Any) -> Any:
     """The numba type of a named tuple."""
     return types.BaseTuple.from_types(members, kind)
@@ -312,4 +361,10 @@ WALK = named(
     *[F1] * 5, I2, F1, F2,
 )  # fmt: skip
 
+RUN = named(
+    Run, i8, named(RunLinks, *[i8] * 6), named(Tableau, F2, F1, F1, F2, F2), array_of(METHOD), F1,
+    I1, F1, F1, F2, F2, C2, array_of(STEP_CONTROL), array_of(COUNTERS), F1, F2, I1, I1, F1, OUT,
+)  # fmt: skip
+
 save, opened = stored(SCENE)
+save_run_tuple, opened_run = stored(RUN)

@@ -125,13 +125,10 @@ WORK_DONE, DISSIPATED = 0, 1
 DONE, NOT_FINITE, NOT_CONVERGED, RUNNING = 0, 1, 2, 3
 TOO_SMALL, TOO_MANY, NOT_SOLVED, EVENT = 4, 5, 6, 7
 
-# -- adaptive runs --------------------------------------------------------------------------------
-# y = q, v, work done, dissipation [rad, m, 1; rad/s, m/s; J]: a row of `stages`
-Y, Y_OLD, SLOPE, CANDIDATE = 0, 1, 2, 3  # state, the one before the last step, y' at Y, the next
-ERROR, WEIGHT, TRIAL, TORQUE = (
-    4,
-    5,
-    6,
-    7,
-)  # of CANDIDATE; one over the tolerance; scratch; joint forces
-STAGE = 8  # the stages of the method from here on
+# -- runs -----------------------------------------------------------------------------------------
+# y = q, v, work done, dissipation [rad, m, 1; rad/s, m/s; J]: a row of `Run.stages`
+Y, Y_OLD, END = 0, 1, 2  # the state; before the last step; Y while that step is taken again
+SLOPE, CANDIDATE = 3, 4  # v' and power at Y; the state that a step proposes
+FROM, ERROR, WEIGHT = 5, 6, 7  # what stages are added to; of CANDIDATE; one over the tolerance
+TRIAL, TORQUE = 8, 9  # a state that is looked at; joint forces
+STAGE = 10  # the stages of the method from here on

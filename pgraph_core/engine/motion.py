@@ -18,6 +18,7 @@ from .records import PAIR, array_of
 from .rows import carrier_of, offset_of, origin_of, rotation_of
 from .tree.articulated import inboard, joint_acceleration, singular_row
 from .tree.kinematics import kinetic_and_potential, outboard, positions
+from .tree.moving import advance
 from .vec import accumulate, add, add_cross, finite, mul, scale, sub
 
 # a user's function takes time and the addresses of q, v and τ; another answer than 0 is a failure
@@ -28,6 +29,7 @@ PROJECTION = types.int64(types.int64, types.float64, F1, F1, types.int64)
 RECORD = types.int64(types.int64, types.int64, types.float64, F1, F1, F1, F1, types.int64, OUT)
 # of contacts, compiled only for a scene that has some (`touch`): forces, and what is recorded
 CONTACT_FORCES = types.int64(types.int64, F1, F1, F1)
+SETTLE = types.int64(types.int64, types.float64, F1, F1)  # scene, t, q, v: after a step
 CONTACT_RECORD = types.int64(types.int64, F2, array_of(PAIR))
 # of constraints, compiled only for a scene that has some
 CONSTRAIN = types.int64(types.int64, types.float64, F1, F1, F1, F1)
@@ -37,6 +39,7 @@ call_contact_forces = caller(CONTACT_FORCES)
 call_contact_record = caller(CONTACT_RECORD)
 call_projection = caller(PROJECTION)
 call_record = caller(RECORD)
+call_settle = caller(SETTLE)
 
 
 @kernel(types.void(I1, plain(SCENE)))
@@ -214,3 +217,9 @@ def load_torque(scene, q, v, tau):
     positions(rows, work)
     velocities(rows, const, work, v, space.linear)
     torque_of_loads(rows, const, loads, work, space.linear, tau)
+
+
+@kernel("void(i8[:,::1],f8[::1],f8[::1],f8)")
+def move(rows, q, v, h):
+    """q moved along v for the time h."""
+    advance(rows, q, v, h)

@@ -68,7 +68,22 @@ DIP = record(
 
 # -- runs -----------------------------------------------------------------------------------------
 
+CHOSEN, WIDEST, GIVEN = 0, 1, 2  # widths of steps: by their error, all the widest, as listed
+
+METHOD = record(
+    order=INTEGER,
+    starts=INTEGER,  # 1: a step starts from v' at Y
+    ends=INTEGER,  # 1: its last stage is the slope at its end
+    safety=REAL,  # of the width that the error allows
+    by_error=REAL,  # exponent of the error in the next width
+    by_last=REAL,  # exponent of the error before that
+    least=REAL,  # smallest and largest change of the width
+    most=REAL,
+)
+
 STEP_CONTROL = record(
+    nq=INTEGER,
+    nv=INTEGER,
     time=REAL,  # of the state [s]
     width=REAL,  # the step to try next [s]
     old_time=REAL,  # of the state before the last step [s]
@@ -85,14 +100,24 @@ STEP_CONTROL = record(
     jacobian_rate=REAL,  # of Newton's method; of ROS2, steps with this Jacobian; large: none
     jacobian_time=REAL,  # time of the Jacobian [s]
     factored=REAL,  # width for which the matrices are factored [s]
-    fixed=INTEGER,  # 1: steps are as wide as `widest`, whatever their error
+    widths=INTEGER,  # CHOSEN, WIDEST or GIVEN
+    project=INTEGER,  # 1: steps end on the constraints
+    most=INTEGER,  # steps allowed
+    frame=INTEGER,  # the next frame
+    last=INTEGER,  # frames until which the run goes on
     fresh=INTEGER,  # 1: SLOPE belongs to Y
     filled=INTEGER,  # 1: the further stages of dense output are known
     fired=INTEGER,  # 1: an event waits to be reported
     rejected=INTEGER,  # 1: the last step was rejected
     broken=INTEGER,  # why: 1 not finite, 2 not solved
     corner=INTEGER,  # the next corner of a table
-    most=INTEGER,  # steps allowed
+    origin=REAL,  # from which given steps are counted [s]
+    taken=INTEGER,  # given steps since then
+    left=INTEGER,  # given steps to the next frame
+    done=REAL,  # how much of the given step under way is done [s]
+    turning=REAL,  # time in which friction may turn slow slip around [s]
+    failed=REAL,  # where the run failed [s]
+    fastest=INTEGER,  # row that moved fastest there
 )
 
 COUNTERS = record(
@@ -104,17 +129,6 @@ COUNTERS = record(
     jacobians=INTEGER,
     factorisations=INTEGER,
     newton_iterations=INTEGER,
-)
-
-CURSOR = record(
-    frame=INTEGER,  # the next frame
-    taken=INTEGER,  # steps taken towards it
-    fresh=INTEGER,  # 1: the last frame left v' of the state for the next step
-)
-
-CLOCK = record(
-    done=REAL,  # how much of the step under way is done [s]
-    event=REAL,  # time of the last event [s]
 )
 
 # -- forces ----------------------------------------------------------------------------------------

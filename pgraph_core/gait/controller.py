@@ -152,6 +152,11 @@ class GaitTorque(UserTorque):
         )  # fmt: skip
         _store(self.exchange, self._kept)
 
+    @property
+    def memory(self) -> list[Array]:
+        """Its settings, and whether it fell."""
+        return [self.settings, self.fallen]
+
     def join(self, packed: Packed, work: Array) -> None:
         """Take frames, velocities and inertias from a run of the same bodies."""
         mine = self._kept.rows, self._kept.const

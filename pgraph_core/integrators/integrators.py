@@ -2,43 +2,46 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from importlib import import_module
 from typing import Any, NamedTuple
 
-from ..engine.stepping import explicit, implicit, run
+from ..engine import stepping
 from ..errors import InputError, Problem, choices
 from . import tableaus
 from .tableaus import Tableau
 
+STEPPING = stepping.__name__
+
 
 class Method(NamedTuple):
-    """A method: its coefficients, the kernels of its step, and its use."""
+    """A method: its coefficients, the kernel of its step, and its use."""
 
     name: str
     order: int
     tableau: Tableau
     use: str  # in a few words
-    fixed_step: Callable[[], Any] | None = None  # gives `step`; None: it chooses its steps
-    attempt: Any = None  # the kernel that tries a step and estimates its error
+    step: str  # module and name of its kernel, loaded when it is first asked for
+    adaptive: bool = False  # whether it can choose its steps by their error
     # safety, exponents of this error and the last one, least and largest change of the width
     controller: tuple[float, float, float, float, float] = (0.9, 0.0, 0.0, 0.2, 6.0)
     limit: float = 0.0  # largest rate x step of an oscillation that is stable; 0: any
     implicit: bool = False  # whether it solves equations, with a Jacobian
 
     @property
-    def step(self) -> Any:
-        """The kernel of a fixed step, loaded when first asked for; None: adaptive only."""
-        return self.fixed_step and self.fixed_step()
+    def kernel(self) -> Any:
+        """The kernel of a step."""
+        module, name = self.step.split(".")
+        return getattr(import_module(f"{STEPPING}.{module}"), name)
 
     @property
-    def adaptive(self) -> bool:
-        """Whether it can choose its steps by their error."""
-        return self.attempt is not None
+    def starts(self) -> bool:
+        """Whether a step starts from v' at its start."""
+        return self.name != "moreau_jean"
 
     @property
     def eventful(self) -> bool:
         """Whether it can go from event to event: events are located in a step of it."""
-        return self.name != "moreau_jean" and (self.fixed_step is not None or not self.implicit)
+        return self.starts and not self.implicit
 
     @property
     def evaluations(self) -> int:
@@ -51,18 +54,12 @@ def _pi(order: int, last: float, most: float) -> tuple[float, float, float, floa
     return 0.9, 1.0 / order - 0.75 * last, last, 0.2, most
 
 
-def _moreau_jean() -> Any:
-    from ..engine.stepping import moreau  # and with it the kernels of contacts
-
-    return moreau.moreau_jean
-
-
 RK4 = Method(
     "rk4",
     4,
     tableaus.rk4(),
     "smooth motion at a fixed step",
-    fixed_step=lambda: run.runge_kutta,
+    "explicit.runge_kutta",
     limit=2.83,
 )
 SEMI_IMPLICIT_EULER = Method(
@@ -70,7 +67,7 @@ SEMI_IMPLICIT_EULER = Method(
     1,
     tableaus.euler(),
     "playback and long runs without drift of energy, at low accuracy",
-    fixed_step=lambda: run.semi_implicit,
+    "explicit.semi_implicit",
     limit=2.0,
 )
 DOPRI5 = Method(
@@ -78,7 +75,8 @@ DOPRI5 = Method(
     5,
     tableaus.dopri5(),
     "smooth motion to three to six digits, tables with many corners",
-    attempt=explicit.attempt_runge_kutta,
+    "explicit.runge_kutta",
+    adaptive=True,
     controller=_pi(5, 0.04, 10.0),
     limit=1.0,
 )
@@ -87,7 +85,8 @@ DOP853 = Method(
     8,
     tableaus.dop853(),
     "smooth motion to six digits and more",
-    attempt=explicit.attempt_runge_kutta,
+    "explicit.runge_kutta",
+    adaptive=True,
     controller=_pi(8, 0.04, 6.0),
     limit=4.5,
 )
@@ -96,7 +95,8 @@ RADAU5 = Method(
     5,
     tableaus.radau5(),
     "stiff springs, dampers and friction, at steps that do not resolve them",
-    attempt=implicit.attempt_radau,
+    "implicit.radau",
+    adaptive=True,
     controller=_pi(4, 0.04, 8.0),
     implicit=True,
 )
@@ -105,7 +105,8 @@ ROS2 = Method(
     2,
     tableaus.ros2(),
     "stiff motion for playback: one factorisation a step",
-    attempt=implicit.attempt_ros2,
+    "implicit.ros2",
+    adaptive=True,
     controller=_pi(2, 0.0, 6.0),
     implicit=True,
 )
@@ -114,7 +115,7 @@ MOREAU_JEAN = Method(
     1,
     tableaus.euler(),
     "rigid contacts, joint limits and impacts, many at once",
-    fixed_step=_moreau_jean,
+    "moreau.moreau_jean",
     limit=2.0,
 )
 METHODS = {

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..dynamics.batch import Batch, some
+from ..engine import layout as at
 from ..engine.compiler.address import unnamed
 from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.stepping import batch as kernels
@@ -62,14 +63,14 @@ def simulate_batch(
     out = tuple(np.empty((*shape, n, LANE_WIDTH)) for n in (mech.nq, mech.nv))
     tableau = chosen.tableau[:3]
     forces = mech.model.forces
-    rows = 3 + 2 * chosen.evaluations
+    rows = at.STAGE + chosen.evaluations
     acts = (unnamed(mech.packed.drives(forces)), some(mech.packed.loads(forces)))
     system = (mech.packed.system.rows, batch.const, *acts, tableau, times, substeps, width)
     reached = 0
     for first, last in _chunks(substeps, len(times)):
 
         def work(begin: int, end: int, space: Array, span: Any = (first, last)) -> None:
-            stages = np.zeros((rows, max(mech.nq, mech.nv), LANE_WIDTH))
+            stages = np.zeros((rows, mech.nq + mech.nv, LANE_WIDTH))
             kernels.run(*system, *state, given, space, stages, out, *span, begin, end)
 
         batch.spread(work)
@@ -83,7 +84,7 @@ def simulate_batch(
 def _given_steps(name: str) -> Method:
     """The method called `name`, one that takes fixed steps. Raises InputError."""
     chosen = method_of("rk4" if name == "auto" else name)
-    if chosen.fixed_step is None:
+    if chosen.adaptive or not chosen.starts:
         text = f"a batch takes rk4 or semi_implicit_euler; given {name!r}"
         raise InputError(Problem("simulate_batch", "method", text))
     return chosen

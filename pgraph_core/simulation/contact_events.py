@@ -26,7 +26,7 @@ from ..packing.system import Array, Ints
 from ..result import Status
 from ..result.contact_record import FREE, PHASES, STOP, ContactRecord, Event
 from .event_scene import EventScene
-from .loop import AdaptiveSteps, FixedSteps, Outcome
+from .loop import Outcome, Steps
 from .plan import Plan
 
 TOUCHING = 1e-9  # relative to the size of the coordinates: a gap that is none at the start
@@ -48,7 +48,7 @@ class ContactEvents:
         mech: Mechanism,
         plan: Plan,
         scene: EventScene,
-        steps: FixedSteps | AdaptiveSteps,
+        steps: Steps,
         ended: Outcome,
     ):
         """All contact points are in swing."""
@@ -110,17 +110,18 @@ class ContactEvents:
             self._observe(t)
         self._note_changes(t, before)
 
-    def advance(self, budget: int, out: tuple[Array, ...]) -> int:
+    def advance(self, budget: int) -> int:
         """Take at most `budget` steps and frames; the kernel's status code, EVENT if it stopped."""
         steps = self.steps
         last = int(steps.counters["steps"]) + budget
         while budget > 0:
-            code = steps.advance(self.scene.address, budget, out)
+            code = steps.advance(budget)
             if code != at.EVENT:
                 return code
             began = time.perf_counter()
-            self._observe(steps.event)  # frames may have been looked at since
-            self._event(steps.event)
+            t = float(steps.control["time"])
+            self._observe(t)  # frames may have been looked at since
+            self._event(t)
             steps.go_on()
             self.seconds += time.perf_counter() - began
             if not self.ended.ok:
@@ -189,7 +190,7 @@ class ContactEvents:
         self._ends.clear()
         scene.arrange()
         self._observe(t)
-        point_kernels.begin(scene.address, self.steps.turning)
+        point_kernels.begin(scene.address, float(self.steps.control["turning"]))
 
     def _log(self, t: float, s: int, before: int, cause: str) -> None:
         point = self.scene.contact_points[s]

@@ -1,4 +1,4 @@
-"""The stepping loop: fixed steps, and adaptive steps chosen by their error."""
+"""The stepping loop of a run: its state, its steps, given or chosen, and how it ended."""
 
 from __future__ import annotations
 
@@ -9,9 +9,12 @@ import numpy as np
 
 from ..engine import layout as at
 from ..engine import motion
-from ..engine.compiler.address import address_of
-from ..engine.records import CLOCK, COUNTERS, CURSOR, STEP_CONTROL, table
-from ..engine.stepping import adaptive, implicit, run
+from ..engine.arrays import Run, RunLinks
+from ..engine.arrays import Tableau as Coefficients
+from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
+from ..engine.records import CHOSEN, COUNTERS, GIVEN, METHOD, STEP_CONTROL, WIDEST, rows_of, table
+from ..engine.stepping import run, state
+from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..packing.system import Array, Ints
 from ..result import Status
@@ -19,171 +22,125 @@ from ..result.contact_record import Event
 from .plan import Plan
 
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
+NO_CORNERS = np.zeros(0)
+NO_EVENTS = np.zeros(0, dtype=np.int64)
+MANY = 2**62  # steps to the next frame where none is recorded
 PART = 0.25  # of a step that could not be solved: the first width that is tried
 TURNED = 0.03  # of √rtol: slow slip is turned no faster than explicit steps can follow
 
 
-def steps_of(mech: Mechanism, plan: Plan, q: Array, v: Array) -> FixedSteps | AdaptiveSteps:
-    """The stepping loop of a plan, at the state (q, v)."""
-    return (FixedSteps if plan.tolerance is None else AdaptiveSteps)(mech, plan, q, v)
+class Steps:
+    """The state of a run under way; `advance` takes it on."""
 
-
-class FixedSteps:
-    """Fixed steps between frames. With events, a step that ends a phase is repeated, shorter."""
-
-    blurred = 0.0  # part of the velocities that errors of a step may be
-    turning = 0.0  # [s] in which friction may turn slow slip around; 0: the width of the step
-
-    def __init__(self, mech: Mechanism, plan: Plan, q: Array, v: Array):
-        """Nothing is computed yet."""
-        self.plan = plan
-        self.q, self.v = q.copy(), v.copy()
-        self.times = plan.times.copy()  # if a run fails, its last frame gets another time
-        self.stop = len(plan.times)  # number of frames until which it goes on
-        self.stages = np.zeros((5 + 2 * plan.method.evaluations, max(mech.nq, mech.nv)))
-        self.flow, self.ledger, self.failure = np.zeros(3), np.zeros(2), np.zeros(2)
-        self._cursor, self._counters, self._clock = (
-            table(kind, 1) for kind in (CURSOR, COUNTERS, CLOCK)
-        )
-        self.cursor, self.counters = self._cursor[0], self._counters[0]
-        self.links = links_of(plan.method.step, motion.projection, bool(plan.contact_points))
-
-    def advance(self, scene: int, budget: int, out: tuple[Array, ...]) -> int:
-        """Take at most `budget` steps and frames; the kernel's status code."""
-        plan, last = self.plan, self.stop - 1
-        schedule = (self.times[: self.stop], plan.substeps[:last], plan.width[:last])
-        given = (
-            scene, self.links, plan.method.tableau[:3], schedule, self._cursor, budget,
-            plan.project, self.q, self.v, self.stages, self.flow, self.ledger, self._counters,
-            self.failure, out,
-        )  # fmt: skip
-        if not plan.contact_points:
-            return run.run(*given)
-        from ..engine.stepping import phase_events
-
-        return phase_events.run_events(*given, self._clock)
-
-    @property
-    def event(self) -> float:
-        """Time of the last event [s]."""
-        return float(self._clock["event"][0])
-
-    def go_on(self) -> None:
-        """Continue from the state after an event."""
-
-    def scale(self, time: float) -> None:
-        """Take note of the motion's own time [s]."""
-
-    def restart(self) -> None:
-        """Continue with a changed state or changed equations; the last frame is recorded again."""
-        self.cursor["frame"] -= 1
-        self.cursor["taken"] = self.plan.substeps[self.cursor["frame"] - 1]
-
-    def fraction(self) -> float:
-        """Fraction of the run that is done, 0 to 1."""
-        frame, taken = int(self.cursor["frame"]), int(self.cursor["taken"])
-        last = len(self.times) - 1
-        part = taken / self.plan.substeps[frame - 1] if 0 < frame <= last else 0.0
-        return float(min(1.0, max(0.0, frame - 1 + part) / max(last, 1)))
-
-    def notices(self) -> list[str]:
-        """Nothing: every step is as wide as asked for."""
-        return []
-
-
-class AdaptiveSteps:
-    """Steps chosen by their error, frames and events on dense output."""
-
-    def __init__(self, mech: Mechanism, plan: Plan, q: Array, v: Array):
-        """Nothing is computed yet."""
-        assert plan.tolerance is not None
+    def __init__(self, mech: Mechanism, plan: Plan, q: Array, v: Array, frames: tuple[Array, ...]):
+        """At (q, v); states are recorded in `frames`."""
+        method, nq, nv = plan.method, mech.nq, mech.nv
         self.plan, self.tolerance = plan, plan.tolerance
-        method, self.size = plan.method, (mech.nq, mech.nv)
-        count = max(len(method.tableau.c), len(method.tableau.dense))
-        self.stages = np.zeros((at.STAGE + count, mech.nq + mech.nv + 2))
-        self.q = self.stages[at.Y, : mech.nq]
-        self.v = self.stages[at.Y, mech.nq : mech.nq + mech.nv]
-        self.ledger = self.stages[at.Y, mech.nq + mech.nv :]
-        self.q[:], self.v[:], self.times = q, v, plan.times.copy()
-        self.stop = len(plan.times)
-        self.flow, self.failure = np.zeros(3), np.zeros(2)
-        self._cursor, self._counters, self._control = (
-            table(kind, 1) for kind in (CURSOR, COUNTERS, STEP_CONTROL)
-        )
-        self.cursor, self.counters = self._cursor[0], self._counters[0]
-        self.control = self._control[0]
-        self._set_control()
-        self.matrices = _matrices(mech.nv) if method.implicit else NO_MATRICES
-        self.events: Any = _no_events()
-        project, event_driven = motion.projection, bool(plan.contact_points)
-        if event_driven:
-            from ..engine.stepping import phase_dense
-
-            project = phase_dense.event_projection
-            look = address_of(phase_dense.look_for_phases)
-            self.events = (look, 0, np.zeros(1), *self.events[3:])
-        self.links = links_of(method.attempt, project, event_driven)
-        self.blurred = 0.0 if self.tolerance.fixed else self.tolerance.rtol
+        self.times = plan.times.copy()  # if a run fails, its last frame gets another time
+        count = max(len(method.tableau.c), len(method.tableau.dense), 1)
+        self.stages = np.zeros((at.STAGE + count, nq + nv + 2))
+        y = self.stages[at.Y]
+        self.q, self.v, self.ledger = y[:nq], y[nq : nq + nv], y[nq + nv :]
+        self.q[:], self.v[:] = q, v
+        self.control_table, self.counters_table = table(STEP_CONTROL, 1), table(COUNTERS, 1)
+        self.control, self.counters = self.control_table[0], self.counters_table[0]
+        self._begin(nq, nv)
+        self.frames = frames
         self.divided = 0  # steps of fixed width that were taken in parts
+        self._buffer = buffer()
+        self.address = address_of_array(self._buffer)
 
-    def _set_control(self) -> None:
-        control, given = self.control, self.tolerance
-        control["rtol"], control["atol"] = given.rtol, given.atol
-        control["widest"], control["span"] = given.widest, self.times[-1] - self.times[0]
-        control["time"] = self.times[0]
-        control["length"], control["last_error"] = self.plan.length, 1e-4
+    def _begin(self, nq: int, nv: int) -> None:
+        control, plan, given = self.control, self.plan, self.tolerance
+        control["nq"], control["nv"] = nq, nv
+        control["time"] = control["origin"] = self.times[0]
+        control["last"], control["project"] = len(self.times), plan.project
+        control["length"], control["last_error"] = plan.length, 1e-4
         control["jacobian_rate"], control["jacobian_time"] = np.inf, np.nan
-        control["width"] = given.widest if given.fixed else 0.0
-        control["most"], control["fixed"] = given.most, given.fixed
+        control["span"] = self.times[-1] - self.times[0]
+        if given is None:
+            control["widths"], control["most"] = GIVEN, np.iinfo(np.int64).max
+            control["turning"] = plan.width.max(initial=0.0)
+            return
+        control["widths"] = WIDEST if given.fixed else CHOSEN
+        control["rtol"], control["atol"] = given.rtol, given.atol
+        control["widest"], control["most"] = given.widest, given.most
 
-    def advance(self, scene: int, budget: int, out: tuple[Array, ...]) -> int:
-        """Make at most `budget` attempts and frames; the kernel's status code."""
-        code = self._attempts(scene, budget, out)
-        if code == at.NOT_SOLVED and self.tolerance.fixed:
-            return self._in_parts(scene, out)
+    def join(self, scene: int, links: RunLinks, watched: Array, wanted: Ints = NO_EVENTS) -> None:
+        """Step the scene at this address.
+
+        `watched` (4, 3 points + user events) are the monitors of events, `wanted` the directions
+        in which a user's events count: -1 falling, 1 rising, 0 both.
+        """
+        plan, method = self.plan, self.plan.method
+        matrices = _matrices(len(self.v)) if method.implicit else NO_MATRICES
+        corners = NO_CORNERS if self.tolerance is None else self.tolerance.corners
+        self._kept = Run(
+            scene, links, Coefficients(*method.tableau), _method(method.name), self.times,
+            plan.substeps, plan.width, corners, self.stages, *matrices, self.control_table,
+            self.counters_table, np.zeros(3), watched, np.zeros_like(wanted), wanted,
+            np.zeros(len(wanted)), self.frames,
+        )  # fmt: skip
+        state.save_run(self._buffer, unnamed(self._kept))
+
+    def extend(self, plan: Plan, frames: tuple[Array, ...]) -> None:
+        """Go on from here by the given steps of another plan, recorded in `frames`."""
+        self.plan, self.times = plan, plan.times.copy()
+        self.control["frame"], self.control["last"] = 0, len(plan.times)
+        self.counters_table[:] = 0
+        self.ledger[:] = 0.0
+        self._span(self.times, plan.substeps, plan.width, frames)
+
+    def open_ended(self, width: float) -> None:
+        """Go on from here by steps of this width, without frames."""
+        control = self.control
+        if control["widest"] != width:
+            control["widest"], control["origin"], control["taken"] = width, control["time"], 0
+        control["frame"], control["last"], control["left"], control["fresh"] = 1, 2, MANY, 0
+        times = np.array([control["time"], np.inf])
+        self._span(times, np.array([MANY]), np.array([width]), self._kept.out)
+
+    def _span(self, times: Array, substeps: Ints, width: Array, frames: Any) -> None:
+        self._kept = self._kept._replace(times=times, substeps=substeps, width=width, out=frames)
+        state.save_run(self._buffer, unnamed(self._kept))
+
+    def advance(self, budget: int) -> int:
+        """Make at most `budget` attempts at steps and frames; the kernel's status code."""
+        code = run.advance_run(self.address, budget)
+        if code == at.NOT_SOLVED and self.control["widths"] == WIDEST:
+            return self._in_parts()
         return code
 
-    def _in_parts(self, scene: int, out: tuple[Array, ...]) -> int:
+    def _in_parts(self) -> int:
         """Divide a fixed step that could not be solved into steps of the method's own choice."""
         self._take_back()
         self.divided += 1
-        end = self.control["time"] + self.tolerance.widest * (1 - 1e-9)
-        self.control["fixed"], self.control["width"] = 0, PART * self.tolerance.widest
+        control, widest = self.control, self.control["widest"]
+        end = control["time"] + widest * (1 - 1e-9)
+        control["widths"], control["width"] = CHOSEN, PART * widest
         code = at.RUNNING
-        while code == at.RUNNING and self.control["time"] < end:
-            code = self._attempts(scene, 1, out)
-        self.control["fixed"] = 1
+        while code == at.RUNNING and control["time"] < end:
+            code = run.advance_run(self.address, 1)
+        control["widths"] = WIDEST
         return code
 
     def _take_back(self) -> None:
         """Remove the frame of a failure."""
         moved = np.flatnonzero(self.times != self.plan.times)
         if len(moved):
-            self.cursor["frame"] = moved[0]
+            self.control["frame"] = moved[0]
             self.times[moved] = self.plan.times[moved]
 
-    def _attempts(self, scene: int, budget: int, out: tuple[Array, ...]) -> int:
-        plan, method = self.plan, self.plan.method
-        return adaptive.run_adaptive(
-            scene, self.links, tuple(method.tableau), method.controller, method.order, self.size,
-            self.times[: self.stop], self.tolerance.corners, self._cursor, budget, plan.project,
-            self.stages, (self._control, self._counters), self.matrices, self.flow,
-            self.failure, self.events, out,
-        )  # fmt: skip
-
     @property
-    def event(self) -> float:
-        """Time of the last event [s]."""
-        return float(self.control["time"])
-
-    @property
-    def turning(self) -> float:
-        """Time in which friction may turn slow slip around [s]."""
-        return float(self.events[2][0])
+    def blurred(self) -> float:
+        """Part of the velocities that errors of a step may be."""
+        chosen = self.tolerance is not None and not self.tolerance.fixed
+        return self.tolerance.rtol if chosen and self.tolerance else 0.0
 
     def scale(self, time: float) -> None:
-        """Let friction turn negligible slip within a part of the motion's own time [s]."""
-        self.events[2][0] = TURNED * np.sqrt(self.tolerance.rtol) * time
+        """Let chosen steps turn negligible slip within a part of the motion's own time [s]."""
+        if self.tolerance is not None:
+            self.control["turning"] = TURNED * np.sqrt(self.tolerance.rtol) * time
 
     def go_on(self) -> None:
         """Continue from the state after an event, at the width found before it."""
@@ -192,7 +149,7 @@ class AdaptiveSteps:
 
     def restart(self) -> None:
         """Continue with a changed state or changed equations; the last frame is recorded again."""
-        self.cursor["frame"] -= 1
+        self.control["frame"] -= 1
         self.control["fresh"] = self.control["filled"] = 0
         self.control["jacobian_rate"] = 2.0
 
@@ -202,7 +159,7 @@ class AdaptiveSteps:
 
     def notices(self) -> list[str]:
         """A notice of the fixed steps that were divided."""
-        if self.divided == 0:
+        if self.divided == 0 or self.tolerance is None:
             return []
         of = "1 step" if self.divided == 1 else f"{self.divided} steps"
         return [
@@ -226,21 +183,31 @@ class Outcome:
 
 
 @cache
-def links_of(step: Any, project: Any, event_driven: bool) -> tuple[int, ...]:
-    """Addresses of the kernels that a step calls: acceleration, projection, record, step."""
-    accelerate, record = motion.acceleration, motion.record
-    if event_driven:
-        from ..engine.contact.phases import event_acceleration as accelerate
-        from ..engine.contact.points import event_record as record
-    return tuple(address_of(kernel) for kernel in (accelerate, project, record, step))
+def links_of(name: str, event_driven: bool) -> RunLinks:
+    """Addresses of the kernels that a run by this method calls."""
+    method = METHODS[name]
+    if not event_driven:
+        kernels = (motion.acceleration, motion.projection, motion.record, method.kernel)
+        return RunLinks(*map(address_of, kernels))
+    from ..engine.contact.phases import event_acceleration
+    from ..engine.contact.points import event_record
+    from ..engine.stepping.events import event_projection, look_back
+
+    kernels = (event_acceleration, event_projection, event_record, method.kernel, look_back)
+    return RunLinks(*map(address_of, kernels))
 
 
-def _no_events() -> tuple[int, int, Array, Ints, Ints, Ints]:
-    none = np.zeros(0, dtype=np.int64)
-    return 0, 0, np.zeros(0), none, none, np.zeros(1, dtype=np.int64)
+@cache
+def _method(name: str) -> Any:
+    """What the stepping loop is told of a method."""
+    method = METHODS[name]
+    ends = method.tableau.dense.size > 0
+    return rows_of(METHOD, [(method.order, method.starts, ends, *method.controller)])
 
 
 def _matrices(nv: int) -> tuple[Array, Any]:
     """Workspace of implicit methods."""
+    from ..engine.stepping import implicit
+
     real = np.zeros((3 * nv + implicit.ROWS, max(2 * nv, implicit.LEAST)))
     return real, np.zeros((nv + 2, max(2 * nv, 1)), dtype=np.complex128)

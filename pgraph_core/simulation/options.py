@@ -19,6 +19,7 @@ LEAST_RTOL = 1e-15  # the error of a step is rounding below it
 MOST_CHOSEN = 10_000_000  # default limit on the steps of an adaptive run
 MOST_STEPS = 1_000_000_000  # a day of computing
 FRAMES = 1000  # recorded by default
+SAME = 1e-9  # of a step: times this near are the same
 FIXED_RTOL = 1e-9  # to which implicit methods solve their equations at fixed steps
 STABILISE = ("project", "baumgarte", None)
 ADAPTIVE = tuple(method.name for method in METHODS.values() if method.adaptive)
@@ -38,19 +39,19 @@ class Tolerance(NamedTuple):
 class Options(NamedTuple):
     """The arguments of `simulate` that do not depend on the state; None where left open."""
 
-    scenario: str | None
-    t_start: Any
-    t_end: Any
-    method: str | None
-    step: Any
-    rtol: Any
-    atol: Any
-    max_steps: Any
-    frames: Any
-    t_eval: Any
-    stabilise: Any
-    forces: Sequence[Force]
-    switches: Any
+    scenario: str | None = None
+    t_start: Any = 0.0
+    t_end: Any = None
+    method: str | None = None
+    step: Any = None
+    rtol: Any = None
+    atol: Any = 0.0
+    max_steps: Any = MOST_CHOSEN
+    frames: Any = None
+    t_eval: Any = None
+    stabilise: Any = "project"
+    forces: Sequence[Force] = ()
+    switches: Any = None
 
     def check(self) -> None:
         """Raise InputError where options exclude each other or are not among their choices."""
@@ -146,25 +147,42 @@ def _number(value: Any) -> float:
 
 
 def fixed_step_times(t_start: float, t_end: float, step: float, frames: Any, t_eval: Any) -> Array:
-    """Recorded times of a run at fixed steps, at most FRAMES + 1 by default.
+    """Recorded times of a run at fixed steps, by default after equally many steps each.
 
-    The first is `t_start`. Raises InputError.
+    The first is `t_start`. By default there are about FRAMES + 1 at most. Raises InputError.
     """
     span = t_end - t_start
     if span / step > MOST_STEPS:
         text = f"{step:g} s makes {span / step:.3g} steps; give {span / MOST_STEPS:g} s or more"
         raise InputError(Problem("simulate", "step", text))
-    if frames is None:
-        steps = max(int(np.ceil(span / step - 1e-9)), 1)
-        frames = steps // -(-steps // FRAMES) + 1 if t_eval is None else None
-    return frame_times(t_start, t_end, frames, t_eval)
+    if frames is not None or t_eval is not None:
+        return frame_times(t_start, t_end, frames, t_eval)
+    steps = max(int(np.ceil(span / step - 1e-9)), 1)
+    apart = _steps_apart(steps)
+    width = step if abs(steps * step - span) <= SAME * step else span / steps
+    times: Array = t_start + width * np.arange(0.0, steps + apart, apart)
+    times = times[: -(-steps // apart) + 1]
+    times[-1] = t_end
+    return times
+
+
+def _steps_apart(steps: int) -> int:
+    """How many steps lie between recorded states: a divisor of all, if one is near."""
+    least = -(-steps // FRAMES)
+    return next((n for n in range(least, 4 * least) if steps % n == 0), least)
 
 
 def steps_between(times: Array, step: float) -> tuple[Ints, Array]:
-    """(substeps, width): the number and width [s] of the fixed steps between recorded times."""
+    """(substeps, width): the number and width [s] of the fixed steps between recorded times.
+
+    Where all recorded times are whole steps from the first, every step has the width asked for.
+    """
     apart = times[1:] - times[:-1]
     substeps = np.maximum(np.ceil(apart / step - 1e-9), 1.0)
-    return substeps.astype(np.int64), apart / substeps
+    off = np.abs(times[1:] - times[0] - step * np.cumsum(substeps)).max(initial=0.0)
+    whole = off <= SAME * step + 4 * np.finfo(float).eps * np.abs(times).max()
+    width = np.full(len(apart), step) if whole else apart / substeps
+    return substeps.astype(np.int64), width
 
 
 def frame_times(t_start: float, t_end: float, frames: Any, t_eval: Any) -> Array:

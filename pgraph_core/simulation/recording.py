@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,7 +25,7 @@ from ..mechanism import Mechanism
 from ..packing.system import Array, Ints
 from ..result import Result, Status
 from ..result.contact_record import NOTHING, ContactRecord
-from .loop import Outcome, steps_of
+from .loop import Outcome, Steps, links_of
 from .plan import Plan
 from .switches import Change, closed, hold_here
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from .estimate import Estimate
 
 CHUNK = 0.02  # s of computation between two calls of `progress`
+NO_MONITORS = np.zeros((4, 0))
 Progress = Callable[[float], Any] | None
 
 STATUS = {
@@ -50,19 +52,29 @@ class Recording:
     def __init__(self, mech: Mechanism, plan: Plan, q: Array, v: Array, tau: Any):
         """Nothing is computed yet. Raises InputError if `tau` does not fit."""
         self.mech, self.plan, self.tau = mech, plan, tau
-        self.steps = steps_of(mech, plan, q, v)
-        self.q, self.v = self.steps.q, self.steps.v
         self.user = None if tau is None else acting(tau, mech.nq, mech.nv)
         self.ended = Outcome()
-        self.scene, self.events = self._scene()
+        self.scene = self._scene()
         if tau is not None and self.user is None:
             self.scene.given[:] = finite("tau", tau, mech.nv)
         self._ahead = deque(plan.changes)
-        if plan.changes:
+        self.out = self._empty_frames(len(plan.times))
+        self.steps = Steps(mech, plan, q, v, tuple(self.out))
+        self.q, self.v = self.steps.q, self.steps.v
+        self.events = self._contact_events()
+        if len(plan.ever) > len(plan.active):
             self.scene.switch(plan.active)
+        if plan.changes:
             self._stop_at_next()
-        n, nb = len(plan.times), mech.nb if plan.contacts else 0
-        self.out = Frames(
+        self._changes = [table(PHASE_CHANGE, 0)]  # of contact phases, as logged by the kernels
+        self._unlogged = 0  # changes that there was no room for
+        self._first: Instant | None = None  # the state in which constraints are met
+        self._redundant = False  # whether constraints are redundant there
+
+    def _empty_frames(self, n: int) -> Frames:
+        mech, plan = self.mech, self.plan
+        nb = mech.nb if plan.contacts else 0
+        return Frames(
             q=np.zeros((n, mech.nq)),
             v=np.zeros((n, mech.nv)),
             vdot=np.zeros((n, mech.nv)),
@@ -72,36 +84,46 @@ class Recording:
             pushes=np.zeros((n if nb else 0, nb, 6)),
             pairs=table(PAIR, n if nb else 0, plan.touches),
         )
-        self._frames = tuple(self.out)  # as kernels take them
-        self._changes = [table(PHASE_CHANGE, 0)]  # of contact phases, as logged by the kernels
-        self._unlogged = 0  # changes that there was no room for
-        self._first: Instant | None = None  # the state in which constraints are met
-        self._redundant = False  # whether constraints are redundant there
 
-    def _scene(self) -> tuple[Scene, ContactEvents | None]:
+    def _scene(self) -> Scene:
         mech, plan = self.mech, self.plan
         acts: Any = {"contacts": plan.contacts, "user": self.user}
         if plan.contact_points:
-            from .contact_events import ContactEvents
             from .event_scene import EventScene
 
             frames = len(plan.times)
-            scene = EventScene(
+            return EventScene(
                 mech, plan.drives, plan.loads, plan.ever, plan.contact_points, frames, **acts
             )
-            return scene, ContactEvents(mech, plan, scene, self.steps, self.ended)
         own = mech.packed.blocks
-        if plan.changes:  # which may hold places that are known only then
+        if len(own.blocks_f):  # which may hold places that are known where they are switched on
             own = own._replace(blocks_f=own.blocks_f.copy())
         acts |= {"gains": plan.gains, "blocks": own}
-        return Scene(mech.packed, plan.drives, plan.loads, plan.ever, **acts), None
+        return Scene(mech.packed, plan.drives, plan.loads, plan.ever, **acts)
+
+    def _contact_events(self) -> ContactEvents | None:
+        """What decides at events of contact points; the steps begin to step the scene."""
+        plan, points = self.plan, bool(self.plan.contact_points)
+        links = links_of(plan.method.name, points)
+        if not points:
+            self.steps.join(self.scene.address, links, NO_MONITORS)
+            return None
+        from .contact_events import ContactEvents
+        from .event_scene import EventScene
+
+        assert isinstance(self.scene, EventScene)
+        self.steps.join(self.scene.address, links, self.scene.watched)
+        return ContactEvents(self.mech, plan, self.scene, self.steps, self.ended)
 
     # -- the run ---------------------------------------------------------------------------------
 
     def run(self, progress: Progress = None) -> None:
         """Record all frames, or until the run fails or is cancelled."""
-        if not self._begin():
-            return
+        if self.begin():
+            self.advance_to_end(progress)
+
+    def advance_to_end(self, progress: Progress) -> None:
+        """Record all frames from here."""
         budget = 1 if progress is not None or self.user is not None else 64
         while True:
             began = time.perf_counter()
@@ -111,9 +133,7 @@ class Recording:
                     return
                 continue
             if code != at.RUNNING:
-                self._raise_user_error()
-                if self.ended.ok:
-                    self.ended.stop(*self._failure(code))
+                self.fail(code)
                 return
             faster = CHUNK / (time.perf_counter() - began)
             budget = max(1, int(budget * min(4.0, faster)))
@@ -123,7 +143,13 @@ class Recording:
                 self.ended.stop(Status.CANCELLED, text)
                 return
 
-    def _begin(self) -> bool:
+    def fail(self, code: int) -> None:
+        """End the run for a kernel's status code. Raises what a user's function raised."""
+        self._raise_user_error()
+        if self.ended.ok:
+            self.ended.stop(*self._failure(code))
+
+    def begin(self) -> bool:
         """Whether the run can start: no joint without inertia, constraints that can be met."""
         mech, plan = self.mech, self.plan
         if len(plan.active) and plan.project:
@@ -162,10 +188,7 @@ class Recording:
 
     def _advance(self, budget: int) -> int:
         """Take at most `budget` steps and frames; the kernel's status code."""
-        if self.events is None:
-            code = self.steps.advance(self.scene.address, budget, self._frames)
-        else:
-            code = self.events.advance(budget, self._frames)
+        code = (self.events or self.steps).advance(budget)
         touching = self.scene.touching
         if touching is not None:  # keep the logged changes of phases, make room for more
             count = int(touching.tally["logged"])
@@ -186,7 +209,7 @@ class Recording:
     @property
     def done(self) -> int:
         """Number of frames recorded."""
-        return int(self.steps.cursor["frame"])
+        return int(self.steps.control["frame"])
 
     # -- switches of constraints -----------------------------------------------------------------
 
@@ -194,7 +217,7 @@ class Recording:
         """Continue to the next change, or to the end."""
         times = self.plan.times
         to = times[-1] if not self._ahead else self._ahead[0].t
-        self.steps.stop = int(np.searchsorted(times, to)) + 1
+        self.steps.control["last"] = int(np.searchsorted(times, to)) + 1
 
     def _switch(self, change: Change) -> bool:
         """Apply a change, between two steps; whether the run continues."""
@@ -226,6 +249,34 @@ class Recording:
     def _energy(self) -> float:
         return float(sum(motion.energy(self.scene.address, self.q, self.v)))
 
+    # -- for a stepper ---------------------------------------------------------------------------
+
+    def extend(self, times: Array, substeps: Ints, width: Array) -> None:
+        """Record further frames, from the state on, by these fixed steps; frame 0 is the state."""
+        header = {**self.plan.header, "t_start": float(times[0]), "t_end": float(times[-1])}
+        self.plan = replace(self.plan, times=times, substeps=substeps, width=width, header=header)
+        self.out = self._empty_frames(len(times))
+        self.steps.extend(self.plan, tuple(self.out))
+        self.ended.log, self._first, self._unlogged = [], None, 0
+        if (touching := self.scene.touching) is not None:
+            self._changes = [touching.begin_log(float(times[0]))]
+
+    def look(self) -> None:
+        """Record the state as frame 0."""
+        steps = self.steps
+        motion.record(
+            self.scene.address, address_of(motion.acceleration), float(steps.control["time"]),
+            self.q, self.v, np.zeros(3), steps.ledger, 0, tuple(self.out),
+        )  # fmt: skip
+        self._raise_user_error()
+
+    def switch_now(self, change: Change) -> None:
+        """Apply a change at the state. Raises InputError where it cannot be met."""
+        hold_here(self.scene, change, self.q)
+        self.scene.switch(change.active)
+        closed(self.scene, change, self.q, self.v)
+        self.steps.control["fresh"] = 0
+
     # -- how it ended ----------------------------------------------------------------------------
 
     def _cannot_close(self, refused: InputError) -> None:
@@ -233,7 +284,7 @@ class Recording:
 
     def _failure(self, code: int) -> tuple[Status, str]:
         """(status, message) of a kernel's status code: where it failed, and what to try."""
-        t, row = self.steps.failure[0], int(self.steps.failure[1])
+        t, row = self.steps.control["failed"], int(self.steps.control["fastest"])
         status = STATUS[code]
         where = f"at t = {t:.6g} s; body '{self.mech.packed.body_of(row)}' moved fastest"
         return status, f"{status.value} {where}; {self._advice(status)}"
@@ -313,7 +364,7 @@ class Recording:
             timing=timing,
             error_estimate=estimate.largest,
             header={**self.plan.header, "error_known": (estimate.until, estimate.before)},
-            notices=(*self._notices(), *estimate.notices),
+            notices=(*self.notices(), *estimate.notices),
         )
 
     def _contacts(self, frames: tuple[Array, Array, Array]) -> ContactRecord:
@@ -324,7 +375,8 @@ class Recording:
         changes = np.concatenate(self._changes)
         return contacts_of(self.mech, self.plan, frames, changes, self.ended.log)
 
-    def _notices(self) -> tuple[str, ...]:
+    def notices(self) -> tuple[str, ...]:
+        """Sentences on how the run went so far."""
         user = self.user.notices() if self.user is not None else []
         contacts: list[str] = []
         if self.scene.touching is not None:

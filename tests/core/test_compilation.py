@@ -84,7 +84,7 @@ def test_every_kernel_states_its_signature():
     import pgraph_core.engine.stepping.run  # noqa: F401 (registers its kernels)
 
     assert JIT
-    assert {"run", "constrained_dynamics"} <= set(KERNELS)
+    assert {"advance_run", "constrained_dynamics"} <= set(KERNELS)
 
 
 def test_an_edit_compiles_the_kernels_that_import_it_and_no_others(tmp_path):

@@ -14,6 +14,7 @@ from pgraph_core.engine.compiler.jit import kernel
 from pgraph_core.engine.stepping.events import EVENT, look_back
 from pgraph_core.integrators import tableaus
 from pgraph_core.packing.forces import NO_LOADS
+from pgraph_core.simulation.loop import links_of
 from pgraph_core.simulation.options import Tolerance, frame_times
 from pgraph_core.simulation.plan import Plan
 from pgraph_core.simulation.recording import Recording
@@ -345,9 +346,9 @@ def watched(mech, q, rtol, wanted=0):
         method, times, drives, NO_LOADS, none, tolerance=tolerance, length=length_of(mech.packed)
     )
     record = Recording(mech, plan, q, np.zeros(mech.nv), None)
-    signs, direction = np.zeros(1, dtype=np.int64), np.array([wanted])
-    addresses = (address_of(look_back), address_of(passes_bottom))
-    record.steps.events = (*addresses, np.zeros(1), signs, direction, np.zeros(1, dtype=np.int64))
+    links = links_of(method.name, False)
+    links = links._replace(look_back=address_of(look_back), events=address_of(passes_bottom))
+    record.steps.join(record.scene.address, links, np.zeros((4, 1)), np.array([wanted]))
     return record
 
 
@@ -359,7 +360,7 @@ def test_events_are_located_to_rounding_of_time(wanted):
     mech = pg.Mechanism(pg.Model(bodies=(mass("a"),), **DOWN))
     record, found = watched(mech, np.array([np.pi / 2]), 1e-12, wanted), []
     for _ in range(1000):
-        code = record.steps.advance(record.scene.address, 50, tuple(record.out))
+        code = record.steps.advance(50)
         if code == at.DONE:
             break
         if code == at.EVENT:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.engine.stepping import run
+from pgraph_core.engine import motion as kernels
 from pgraph_core.paper import Operators
 from tests.core.trees import random_case, random_model, random_state, scaled_error
 
@@ -23,7 +23,7 @@ def test_power_of_the_joint_torques_is_the_change_of_energy(seed):
     energies = []
     for sign in (-1.0, 1.0):
         q = c.q.copy()
-        run.move(mech.packed.system.rows, q, c.v + 0.5 * sign * h * vdot, sign * h)
+        kernels.move(mech.packed.system.rows, q, c.v + 0.5 * sign * h * vdot, sign * h)
         energies.append(sum(mech.energy(q, c.v + sign * h * vdot)))
     power = (energies[1] - energies[0]) / (2 * h)
     scale = max(1.0, abs(power), float(np.abs(c.tau * c.v).sum()))

@@ -10,9 +10,8 @@ from ..compiler.address import caller, plain, stored
 from ..compiler.jit import kernel, part, sweep
 from ..constraints.blocks import point_velocity, velocities
 from ..forces import apply
-from ..motion import CONTACT_FORCES, CONTACT_RECORD
+from ..motion import CONTACT_FORCES, CONTACT_RECORD, SETTLE
 from ..records import ACCEPTANCE, CREEP, PENALTY, RIGID, SLIP, SOFT, STANCE, SWING
-from ..stepping.run import SETTLE
 from ..tree.kinematics import outboard, positions
 from ..vec import (
     add,

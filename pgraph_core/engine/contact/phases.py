@@ -62,7 +62,7 @@ def tangential(points, s, u):
 
 @part
 def slip_direction(points, s, u):
-    """Direction of slip: of u, of S_WAY where u is zero, and beyond the end of a slide.
+    """Direction of slip: of u, of `slip_direction` where u is zero, and beyond the end of a slide.
 
     Friction turns slow slip across its way at the rate μ N w / |u|, too fast for an explicit step:
     there the way of the step's start weighs as much as keeps the step stable.

@@ -174,7 +174,7 @@ def event_record(scene, accelerate, t, q, v, flow, ledger, i, out):
 
 @kernel("void(i8,f8,f8[::1],f8[::1],f8[::1],f8[::1])", later=True)
 def point_accelerations(scene, t, q, v, vdot, flow):
-    """Normal and tangential acceleration of every point, open ones too, into S_ACC_N, S_ACC_T."""
+    """Normal and tangential accelerations of every point, open ones too."""
     phased = opened_events(scene)
     data, contact = phased.scene, phased.contact
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
@@ -381,7 +381,7 @@ def next_try(watched, bracket, n):
 
 @sweep
 def narrowed(watched, bracket, w, ended):
-    """The bracket after a look at w, which W_NOW is of."""
+    """The bracket after a look at w, which row NOW is of."""
     lo, hi, low, high, last = bracket
     if ended:
         copy_row(watched, NOW, HIGH)

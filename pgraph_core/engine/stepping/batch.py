@@ -4,14 +4,18 @@ Instances stand in blocks of W lanes; arrays are (blocks, ..., W). `const` is (n
 instances that share their parameters, or (blocks, n + 1, columns, W).
 """
 
+import math
+
 from .. import layout as at
 from ..arrays import Loads
-from ..compiler.jit import kernel
+from ..compiler.jit import kernel, sweep
 from ..compiler.lane import constants, lanes
 from ..forces import drive, torque_of_loads
 from ..tree.dynamics import newton_euler
 from ..tree.kinematics import outboard
-from .run import derivative, explicit_step, moving, semi_implicit_step
+from ..tree.moving import normalise_all
+from .explicit import derivative, moving, runge_kutta_step, semi_implicit_step, slope
+from .state import copied
 
 
 @kernel(None, nogil=True)
@@ -57,24 +61,41 @@ def run(
     qs, vs = out
     w = lanes(work)
     s = lanes(stages)
+    nq, nv = q.shape[1], v.shape[1]
     for block in range(begin, end):
         c = constants(const, block)
         x = lanes(q[block])
         y = lanes(v[block])
-        g = lanes(given[block])
-        trees = (rows, c, drives, loads, w, g)
+        trees = (rows, c, drives, loads, w, lanes(given[block]))
         frames_q = lanes(qs[block])
         frames_v = lanes(vs[block])
+        for j in range(nq):
+            s[at.Y, j] = x[j]
+        for j in range(nv):
+            s[at.Y, nq + j] = y[j]
         for i in range(first, last):
             if i > 0:
                 h = width[i - 1]
                 for n in range(substeps[i - 1]):
-                    t = times[i - 1] + n * h
-                    if tableau[1].shape[0] == 0:
-                        semi_implicit_step(None, trees, rows, t, h, x, y, s)
-                    else:
-                        explicit_step(None, trees, rows, tableau, t, h, x, y, s)
-            for j in range(x.shape[0]):
-                frames_q[i, j] = x[j]
-            for j in range(y.shape[0]):
-                frames_v[i, j] = y[j]
+                    step(trees, tableau, (nq, nv), times[i - 1] + n * h, h, s)
+            for j in range(nq):
+                frames_q[i, j] = s[at.Y, j]
+            for j in range(nv):
+                frames_v[i, j] = s[at.Y, nq + j]
+        for j in range(nq):
+            x[j] = s[at.Y, j]
+        for j in range(nv):
+            y[j] = s[at.Y, nq + j]
+
+
+@sweep
+def step(trees, tableau, size, t, h, stages):
+    """One step of all lanes of a block."""
+    rows = trees[0]
+    slope(None, trees, size, t, at.Y, at.SLOPE, stages)
+    if tableau[1].shape[0] == 0:
+        semi_implicit_step(rows, size, h, stages)
+    else:
+        runge_kutta_step(None, trees, rows, tableau, size, t, h, math.inf, stages, False)
+    copied(stages, at.CANDIDATE, at.Y, stages.shape[1])
+    normalise_all(rows, stages[at.Y, : size[0]])

@@ -1,133 +1,231 @@
-"""Where events happen within a step: roots of functions of the state on dense output.
+"""Where within the last step a phase of a contact point ends, or a user's event happens.
 
-Compiled where a run has events. Their functions are called by address, as EVENT says.
+A step is taken as if nothing happened in it. Then monitors, which fall below zero at an event, are
+looked at along the step: on dense output, or where a method has none, by taking the step again,
+narrower. The first event is closed in on by secants and bisection, and the step ends there.
 """
 
 from numba import types
 
 from .. import layout as at
+from ..arrays import F1, opened_run
 from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
-from ..motion import F1
-from .adaptive import LOOK_BACK
-from .attempt import EPS, copied
-from .explicit import within
+from ..contact.phases import opened_events
+from ..contact.points import (
+    NOTHING,
+    NOW,
+    START,
+    TRIALS,
+    WIDTH,
+    accepted,
+    bracket_of,
+    call_observe,
+    lowest,
+    narrowed,
+    next_try,
+    over,
+    start,
+    watch,
+)
+from ..motion import PROJECTION, call_projection, opened
+from ..tree.moving import normalise_all
+from .explicit import dense_output
+from .run import LOOK_BACK
+from .state import call_step, copied, onto_constraints, size_of_state
 
 # scene, t, q, v; one number an event, which happens where it changes sign
 EVENT = types.void(types.int64, types.float64, F1, F1, F1)
 call_event = caller(EVENT)
 
-LOOKS = 4  # at events, in one step
-BISECTIONS = 100
+BELOW = 1e-300  # what a value of zero counts as
+PARTS = 4  # of a step with dense output that are looked at for themselves
 
 
-@part
-def look(scene, address, size, stages, row, t, values):
-    """Values of all events at the state in `row`."""
-    nq, nv = size
-    call_event(address, (scene, t, stages[row, :nq], stages[row, nq : nq + nv], values))
+@kernel(PROJECTION, nogil=True, later=True)
+def event_projection(scene, t, q, v, rounds):
+    """As `projection`, onto held constraints; rounds taken, -1 where it fails."""
+    links = opened_events(scene).contact.links
+    return call_projection(links.project, (links.held, t, q, v, rounds))
 
 
-@part
-def crosses(value, before, wanted):
-    """Whether an event of this sign before has happened by now."""
-    fell = before > 0 and value <= 0.0
-    rose = before < 0 and value >= 0.0
-    return (fell and wanted <= 0) or (rose and wanted >= 0)
+# -- the state within the last step ---------------------------------------------------------------
 
 
 @sweep
-def locate_event(scene, accelerate, tableau, size, stages, control, flow, events, i, low, high):
-    """Share of the step, just past the root of event i between `low` and `high`.
+def state_within(run, w):
+    """The state a time w after the start of the last step into TRIAL."""
+    data = opened_run(run)
+    control, stages = data.control[0], data.stages
+    h = control.old_width
+    if w >= h:
+        copied(stages, at.Y, at.TRIAL, stages.shape[1])
+    elif data.tableau.dense.shape[0] > 0:
+        dense_output(run, w / h)
+    else:
+        step_again(run, w)
 
-    Interpolation, truncation, projection ([Oliveira, Takahashi 2020]), which never takes notably
-    more rounds than bisection; to rounding of time.
-    """
-    _, address, values, _, _, _ = events
-    settings = control[0]
-    t, h = settings.old_time, settings.old_width
-    within(scene, accelerate, tableau, size, stages, control, flow, low)
-    look(scene, address, size, stages, at.TRIAL, t + low * h, values)
-    y_low = values[i]
-    within(scene, accelerate, tableau, size, stages, control, flow, high)
-    look(scene, address, size, stages, at.TRIAL, t + high * h, values)
-    y_high = values[i]
-    tolerance = max(EPS * (t + h) / h, EPS)
-    reach = high - low
-    for _ in range(BISECTIONS):
-        if high - low <= 2.0 * tolerance or y_high == 0.0:
+
+@sweep
+def step_again(run, w):
+    """The last step again, of width w, from Y_OLD into TRIAL; SLOPE is still that at Y_OLD."""
+    data = opened_run(run)
+    control, stages = data.control[0], data.stages
+    nq, nv = size_of_state(run)
+    n = stages.shape[1]
+    time = control.time
+    copied(stages, at.Y, at.END, n)
+    copied(stages, at.Y_OLD, at.Y, n)
+    control.time = control.old_time
+    call_step(data.links.step, (run, w))
+    control.time = time
+    copied(stages, at.END, at.Y, n)
+    copied(stages, at.CANDIDATE, at.TRIAL, n)
+    if nq > nv:
+        normalise_all(opened(data.scene).rows, stages[at.TRIAL, :nq])
+    onto_constraints(run, control.old_time + w, at.TRIAL)
+
+
+# -- monitors -------------------------------------------------------------------------------------
+
+
+@part
+def phases_watched(run):
+    """Whether contact points are watched."""
+    data = opened_run(run)
+    return data.watched.shape[1] > data.signs.shape[0]
+
+
+@sweep
+def look(run, low, w):
+    """Look at the state a time low + w after the last step's start: monitors into row NOW."""
+    data = opened_run(run)
+    control, counters, stages = data.control[0], data.counters[0], data.stages
+    state_within(run, low + w)
+    nq, nv = size_of_state(run)
+    q = stages[at.TRIAL, :nq]
+    v = stages[at.TRIAL, nq : nq + nv]
+    t = control.old_time + low + w
+    if phases_watched(run):
+        contact = opened_events(data.scene).contact
+        vdot = stages[at.ERROR, nq : nq + nv]
+        call_observe(contact.links.observe, (data.scene, t, q, v, vdot, data.flow))
+        counters.evaluations += 1
+        watch(contact, NOW, w)
+    if data.links.events != 0:
+        call_event(data.links.events, (data.scene, t, q, v, data.values))
+        watch_events(run)
+
+
+@sweep
+def watch_events(run):
+    """Monitors of a user's events: above zero as long as their values keep their sign."""
+    data = opened_run(run)
+    signs, wanted, values, watched = data.signs, data.wanted, data.values, data.watched
+    first = watched.shape[1] - signs.shape[0]
+    for i in range(signs.shape[0]):
+        monitor = NOTHING
+        if signs[i] != 0 and signs[i] * wanted[i] <= 0:
+            monitor = signs[i] * values[i]
+            if monitor == 0.0:
+                monitor = -BELOW
+        watched[NOW, first + i] = monitor
+
+
+@sweep
+def begin_part(run):
+    """What was last looked at is what the next part of the step starts from."""
+    data = opened_run(run)
+    signs, values, watched = data.signs, data.values, data.watched
+    if phases_watched(run):
+        start(opened_events(data.scene).contact, data.control[0].turning)
+    first = watched.shape[1] - signs.shape[0]
+    for i in range(signs.shape[0]):
+        if values[i] != 0.0:
+            signs[i] = 1 if values[i] > 0.0 else -1
+        watched[START, first + i] = abs(values[i])
+
+
+@sweep
+def begin_events(run):
+    """Signs of a user's events where a run starts."""
+    data = opened_run(run)
+    stages, signs, watched = data.stages, data.signs, data.watched
+    nq, nv = size_of_state(run)
+    state = (stages[at.Y_OLD, :nq], stages[at.Y_OLD, nq : nq + nv])
+    call_event(data.links.events, (data.scene, data.control[0].old_time, *state, data.values))
+    first = watched.shape[1] - signs.shape[0]
+    for i in range(signs.shape[0]):
+        if signs[i] == 0 and data.values[i] != 0.0:
+            signs[i] = 1 if data.values[i] > 0.0 else -1
+            watched[START, first + i] = abs(data.values[i])
+
+
+# -- location -------------------------------------------------------------------------------------
+
+
+@sweep
+def happened(run, low, width):
+    """Width at which an event has happened in the part of the step from `low`; 0 where none has."""
+    data = opened_run(run)
+    look(run, low, width)
+    if over(data.watched, NOW):
+        return width
+    if phases_watched(run):
+        dip = lowest(opened_events(data.scene).contact, width)
+        if dip < width:
+            look(run, low, dip)
+            if over(data.watched, NOW):
+                return dip
+            look(run, low, width)
+    return 0.0
+
+
+@sweep
+def locate(run, low, end):
+    """The first width from `low` at which an event happens, its state in TRIAL; NOW tells which."""
+    data = opened_run(run)
+    watched, h = data.watched, data.control[0].old_width
+    bracket = bracket_of(watched, end)
+    ended = True
+    for n in range(TRIALS):
+        width = bracket[1] - bracket[0]
+        if width <= WIDTH or width <= 1e-15 * h:
             break
-        middle = 0.5 * (low + high)
-        chord = middle
-        if y_low != y_high:
-            chord = (y_high * low - y_low * high) / (y_high - y_low)
-        step = 0.2 * (high - low) * (high - low) / reach
-        towards = 1.0 if middle > chord else -1.0
-        x = chord + towards * step if step < abs(middle - chord) else middle
-        slack = max(reach - 0.5 * (high - low), 0.0)
-        if abs(x - middle) > slack:
-            x = middle - towards * slack
-        reach *= 0.5
-        x = min(max(x, low + tolerance), high - tolerance)
-        within(scene, accelerate, tableau, size, stages, control, flow, x)
-        look(scene, address, size, stages, at.TRIAL, t + x * h, values)
-        if (values[i] > 0.0) == (y_high > 0.0) or values[i] == 0.0:
-            high = x
-            y_high = values[i]
-        else:
-            low = x
-            y_low = values[i]
-    return high
-
-
-@sweep
-def first_event(scene, accelerate, tableau, size, stages, control, flow, events):
-    """Share of the last step at which the first event happens, and which; 2 where none does."""
-    _, address, values, signs, wanted, _ = events
-    settings = control[0]
-    before = 0.0
-    for n in range(1, LOOKS + 1):
-        share = n / LOOKS
-        t = settings.old_time + share * settings.old_width
-        row = at.TRIAL
-        if n == LOOKS:
-            row = at.Y
-        else:
-            within(scene, accelerate, tableau, size, stages, control, flow, share)
-        look(scene, address, size, stages, row, t, values)
-        first = 2.0
-        which = -1
-        for i in range(signs.shape[0]):
-            look(scene, address, size, stages, row, t, values)
-            if crosses(values[i], signs[i], wanted[i]):
-                found = locate_event(
-                    scene, accelerate, tableau, size, stages, control, flow, events, i, before,
-                    share,
-                )  # fmt: skip
-                if found < first:
-                    first = found
-                    which = i
-                if n < LOOKS:
-                    within(scene, accelerate, tableau, size, stages, control, flow, share)
-            elif values[i] != 0.0:
-                signs[i] = 1 if values[i] > 0.0 else -1
-        if which >= 0:
-            return first, which
-        before = share
-    return 2.0, -1
+        w = next_try(watched, bracket, n)
+        look(run, low, w)
+        ended = over(watched, NOW)
+        bracket = narrowed(watched, bracket, w, ended)
+    if not ended:
+        look(run, low, bracket[1])
+    return bracket[1]
 
 
 @kernel(LOOK_BACK, nogil=True, later=True)
-def look_back(scene, accelerate, tableau, size, stages, control, flow, events):
+def look_back(run):
     """Go back to the first event within the last step, if there is one."""
-    settings, _ = control
-    share, which = first_event(scene, accelerate, tableau, size, stages, control, flow, events)
-    if which < 0:
-        return
-    within(scene, accelerate, tableau, size, stages, control, flow, share)
-    copied(stages, at.TRIAL, at.Y, stages.shape[1])
-    settings.time = settings.old_time + share * settings.old_width
-    settings.fresh = 0
-    settings.fired = 1
-    events[3][which] = -events[3][which]
-    events[5][0] = which
+    data = opened_run(run)
+    control, stages, signs = data.control[0], data.stages, data.signs
+    h = control.old_width
+    parts = PARTS if data.tableau.dense.shape[0] > 0 else 1
+    first = data.watched.shape[1] - signs.shape[0]
+    if data.links.events != 0 and data.counters[0].steps == 1:
+        begin_events(run)
+    for n in range(parts):
+        low = h * n / parts
+        width = h * (n + 1) / parts - low
+        end = happened(run, low, width)
+        if end > 0.0:
+            w = locate(run, low, end)
+            copied(stages, at.TRIAL, at.Y, stages.shape[1])
+            control.time = control.old_time + low + w
+            control.fresh = 0
+            control.fired = 1
+            for i in range(signs.shape[0]):
+                if data.watched[NOW, first + i] < 0.0:
+                    signs[i] = -signs[i]
+                data.watched[START, first + i] = abs(data.values[i])
+            return
+        if phases_watched(run):
+            accepted(opened_events(data.scene).contact)
+        begin_part(run)

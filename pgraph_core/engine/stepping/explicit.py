@@ -1,42 +1,149 @@
-"""Explicit Runge-Kutta methods: attempts, and dense output within the last step."""
+"""Explicit steps, of one instance or of lanes, and dense output within the last step.
+
+A step takes y from row Y, and v' there from row SLOPE, to row CANDIDATE. Either `run` is the
+address of a run, or `trees` are trees in lanes; the other one is None.
+"""
 
 import math
 
 from .. import layout as at
+from ..arrays import Loads, opened_run
 from ..compiler.jit import kernel, sweep
+from ..constraints.blocks import velocities
+from ..forces import apply_loads, drive
 from ..motion import opened
-from ..tree.moving import normalise_all
+from ..tree.articulated import articulated, inboard, joint_acceleration
+from ..tree.kinematics import outboard, positions
+from ..tree.moving import advance, normalise_all
 from ..vec import add_scaled, cross, dot, finite, store3
-from .attempt import ATTEMPT, copied, slope
 from .scales import size_of, weigh
+from .state import STEP, acceleration_of, copied, rate_of, size_of_state
 
 KNOWN = 0.01  # of the scales: larger errors of a step, as in a wall, follow no order of the method
 
 
+# -- slopes ---------------------------------------------------------------------------------------
+
+
 @sweep
-def combine(stages, base, weights, count, h, out):
-    """Row `out` = row `base` (-1: zero) + h Σ weights k over the first `count` stages."""
+def derivative(rows, const, drives, loads, work, t, q, v, given, tau, vdot):
+    """v' of driven trees in lanes; `loads` is None if there are none."""
+    drive(drives, t, q, v, given, tau)
+    if loads is None:
+        articulated(rows, const, q, v, tau, work, vdot)
+    else:
+        outboard(rows, const, work, q, v)
+        linear = work[:, at.VELOCITY : at.VELOCITY + 3]
+        moving(rows, const, work, v, linear)
+        apply_loads(Loads(loads[0], loads[1]), work, linear, t)
+        inboard(rows, const, work, tau)
+        joint_acceleration(rows, const, work, vdot)
+
+
+@sweep
+def moving(rows, const, work, v, linear):
+    """Places of all origins into X, their velocities into `linear`: U, until `inboard` fills it."""
+    positions(rows, work)
+    velocities(rows, const, work, v, linear)
+
+
+@sweep
+def slope(run, trees, size, t, row, out, stages):
+    """v' at the state in `row`, and of a run its power, into row `out`."""
+    if run is not None:
+        acceleration_of(run, t, row, out)
+    if trees is not None:
+        rows, const, drives, loads, work, given = trees
+        nq, nv = size
+        q = stages[row, :nq]
+        v = stages[row, nq : nq + nv]
+        vdot = stages[out, nq : nq + nv]
+        derivative(rows, const, drives, loads, work, t, q, v, given, stages[at.TORQUE, :nv], vdot)
+
+
+# -- steps ----------------------------------------------------------------------------------------
+
+
+@sweep
+def semi_implicit_step(rows, size, h, stages):
+    """v += h v', then q moved along the new v; order 1, symplectic for conservative trees."""
+    nq, nv = size
+    for i in range(nq):
+        stages[at.CANDIDATE, i] = stages[at.Y, i]
+    for j in range(nq, stages.shape[1]):
+        stages[at.CANDIDATE, j] = stages[at.Y, j] + h * stages[at.SLOPE, j]
+    q = stages[at.CANDIDATE, :nq]
+    v = stages[at.CANDIDATE, nq : nq + nv]
+    advance(rows, q, v, h)
+
+
+@sweep
+def runge_kutta_step(run, trees, rows, tableau, size, t, h, clip, stages, in_body):
+    """y + h Σ b_r k_r, k_r = f(t + c_r h, y + h Σ a_rs k_s); no stage is taken after `clip` [s].
+
+    `in_body`: the spins of bodies are added up in their own axes.
+    """
+    a, b, c = tableau
+    rate_of(rows, size, stages, at.Y, at.SLOPE)
+    copied(stages, at.SLOPE, at.STAGE, stages.shape[1])
+    if in_body:
+        turn_spins(rows, size, stages, at.Y, at.STAGE, False)
+    base(rows, size, stages, at.Y, in_body)
+    for r in range(1, b.shape[0]):
+        x = min(t + c[r] * h, clip)
+        stage(run, trees, rows, size, x, h, a[r], r, stages, in_body)
+    combine(stages, b, b.shape[0], h, at.CANDIDATE)
+    if in_body:
+        turn_spins(rows, size, stages, at.CANDIDATE, at.CANDIDATE, True)
+
+
+@sweep
+def base(rows, size, stages, row, in_body):
+    """The state in `row` into FROM."""
+    copied(stages, row, at.FROM, stages.shape[1])
+    if in_body:
+        turn_spins(rows, size, stages, row, at.FROM, False)
+
+
+@sweep
+def stage(run, trees, rows, size, t, h, weights, r, stages, in_body):
+    """Stage r from FROM and the stages before."""
+    combine(stages, weights, r, h, at.TRIAL)
+    if in_body:
+        turn_spins(rows, size, stages, at.TRIAL, at.TRIAL, True)
+    rate_of(rows, size, stages, at.TRIAL, at.STAGE + r)
+    slope(run, trees, size, t, at.TRIAL, at.STAGE + r, stages)
+    if in_body:
+        turn_spins(rows, size, stages, at.TRIAL, at.STAGE + r, False)
+
+
+@sweep
+def add_stages(stages, weights, count, out):
+    """Row `out` = Σ weights k over the first `count` stages."""
     n = stages.shape[1]
     for i in range(n):
         stages[out, i] = 0.0
     for r in range(count):
-        x = weights[r]
-        if x != 0.0:
+        weight = weights[r]
+        if weight != 0.0:
             for i in range(n):
-                stages[out, i] += x * stages[at.STAGE + r, i]
-    for i in range(n):
-        stages[out, i] *= h
-    if base >= 0:
-        for i in range(n):
-            stages[out, i] += stages[base, i]
+                stages[out, i] += weight * stages[at.STAGE + r, i]
+
+
+@sweep
+def combine(stages, weights, count, h, out):
+    """Row `out` = FROM + h Σ weights k over the first `count` stages."""
+    add_stages(stages, weights, count, out)
+    for i in range(stages.shape[1]):
+        stages[out, i] = stages[at.FROM, i] + h * stages[out, i]
 
 
 @sweep
 def turn_spins(rows, size, stages, by, row, back):
     """ω of balls and free bodies in `row`, or its rate, into the body's axes, or `back`.
 
-    The body is turned as in row `by`. Stages are added up in its axes: there an error of the
-    attitude is no error of ω, which a rotation that is not stable would make grow.
+    The body is turned as in row `by`. In its axes an error of the attitude is no error of ω, which
+    a rotation that is not stable would make grow; in the world's, steady torques give no error.
     """
     nq, nv = size
     if nq == nv:
@@ -56,31 +163,35 @@ def turn_spins(rows, size, stages, by, row, back):
             store3(stages[row], j, add_scaled(x, 2.0 * share, cross(u, across)))
 
 
-@kernel(ATTEMPT, nogil=True)
-def attempt_runge_kutta(scene, accelerate, tableau, size, h, stages, control, matrices, flow):
-    """One step of an explicit method from Y into CANDIDATE; its error over the tolerance."""
-    a, b, c, error, _ = tableau
-    settings, counters = control
-    t = settings.time
-    clip = settings.clip
-    n = stages.shape[1]
-    s = b.shape[0]
-    rows = opened(scene).rows
-    copied(stages, at.SLOPE, at.STAGE, n)
-    turn_spins(rows, size, stages, at.Y, at.STAGE, False)
-    base(rows, size, stages, at.Y)
-    for r in range(1, s):
-        x = min(t + c[r] * h, clip)
-        stage(scene, accelerate, rows, x, size, h, a[r], r, stages, flow, counters)
-    combine(stages, at.ERROR, b, s, h, at.CANDIDATE)
-    turn_spins(rows, size, stages, at.CANDIDATE, at.CANDIDATE, True)
+@kernel(STEP, nogil=True)
+def semi_implicit(run, h):
+    """One step of semi-implicit Euler."""
+    data = opened_run(run)
+    stages = data.stages
+    semi_implicit_step(opened(data.scene).rows, size_of_state(run), h, stages)
+    return 0.0 if finite(stages[at.CANDIDATE]) else math.inf
+
+
+@kernel(STEP, nogil=True)
+def runge_kutta(run, h):
+    """One step of an explicit Runge-Kutta method; its error over the tolerance, if it has one."""
+    data = opened_run(run)
+    control, stages, error = data.control[0], data.stages, data.tableau.error
+    a, b, c = data.tableau.a, data.tableau.b, data.tableau.c
+    t, clip = control.time, control.clip
+    size = size_of_state(run)
+    rows = opened(data.scene).rows
+    estimated = error.shape[0] > 0
+    runge_kutta_step(run, None, rows, (a, b, c), size, t, h, clip, stages, estimated)
     if not finite(stages[at.CANDIDATE]):
         return math.inf
-    if error.shape[1] > s:
-        last_stage(scene, accelerate, rows, min(t + h, clip), size, s, stages, flow, counters)
-    weigh(rows, size, stages, settings)
+    if not estimated:
+        return 0.0
+    if error.shape[1] > b.shape[0]:
+        last_stage(run, min(t + h, clip))
+    weigh(rows, size, stages, control)
     found = estimate(rows, size, error[0], h, stages)
-    known = found * settings.rtol < KNOWN or found <= 1.0
+    known = found * control.rtol < KNOWN or found <= 1.0
     if error.shape[0] > 1 and found > 0.0 and known:  # [Hairer, Norsett, Wanner 1993, II.10]
         other = 0.1 * estimate(rows, size, error[1], h, stages)
         found = found * found / math.sqrt(found * found + other * other)
@@ -88,32 +199,22 @@ def attempt_runge_kutta(scene, accelerate, tableau, size, h, stages, control, ma
 
 
 @sweep
-def base(rows, size, stages, row):
-    """The state in `row` into ERROR, spins in the bodies' axes."""
-    copied(stages, row, at.ERROR, stages.shape[1])
-    turn_spins(rows, size, stages, row, at.ERROR, False)
-
-
-@sweep
-def stage(scene, accelerate, rows, t, size, h, weights, r, stages, flow, counters):
-    """Stage r from `base` and those before."""
-    combine(stages, at.ERROR, weights, r, h, at.TRIAL)
-    turn_spins(rows, size, stages, at.TRIAL, at.TRIAL, True)
-    slope(scene, accelerate, t, size, stages, at.TRIAL, at.STAGE + r, flow, counters)
-    turn_spins(rows, size, stages, at.TRIAL, at.STAGE + r, False)
-
-
-@sweep
-def last_stage(scene, accelerate, rows, t, size, s, stages, flow, counters):
+def last_stage(run, t):
     """The stage at CANDIDATE, which is the first one of the next step."""
-    slope(scene, accelerate, t, size, stages, at.CANDIDATE, at.STAGE + s, flow, counters)
+    data = opened_run(run)
+    stages, s = data.stages, data.tableau.b.shape[0]
+    rows, size = opened(data.scene).rows, size_of_state(run)
+    rate_of(rows, size, stages, at.CANDIDATE, at.STAGE + s)
+    acceleration_of(run, t, at.CANDIDATE, at.STAGE + s)
     turn_spins(rows, size, stages, at.CANDIDATE, at.STAGE + s, False)
 
 
 @sweep
 def estimate(rows, size, weights, h, stages):
     """h Σ weights k over its tolerance."""
-    combine(stages, -1, weights, weights.shape[0], h, at.ERROR)
+    add_stages(stages, weights, weights.shape[0], at.ERROR)
+    for i in range(stages.shape[1]):
+        stages[at.ERROR, i] *= h
     return size_of(rows, size, stages, at.ERROR)
 
 
@@ -121,26 +222,28 @@ def estimate(rows, size, weights, h, stages):
 
 
 @sweep
-def fill(scene, accelerate, tableau, size, stages, control, flow):
+def fill(run):
     """The further stages that dense output takes, once a step."""
-    a, b, c, _, _ = tableau
-    settings, counters = control
-    h = settings.old_width
-    rows = opened(scene).rows
-    base(rows, size, stages, at.Y_OLD)
+    data = opened_run(run)
+    control, stages = data.control[0], data.stages
+    a, b, c = data.tableau.a, data.tableau.b, data.tableau.c
+    h = control.old_width
+    rows, size = opened(data.scene).rows, size_of_state(run)
+    base(rows, size, stages, at.Y_OLD, True)
     for r in range(b.shape[0] + 1, a.shape[0]):
-        x = min(settings.old_time + c[r] * h, settings.clip)
-        stage(scene, accelerate, rows, x, size, h, a[r], r, stages, flow, counters)
-    settings.filled = 1
+        x = min(control.old_time + c[r] * h, control.clip)
+        stage(run, None, rows, size, x, h, a[r], r, stages, True)
+    control.filled = 1
 
 
 @sweep
-def within(scene, accelerate, tableau, size, stages, control, flow, share):
+def dense_output(run, share):
     """y at this share of the last step into TRIAL, quaternions at length one."""
-    settings, _ = control
-    dense = tableau[4]
-    if settings.filled == 0:
-        fill(scene, accelerate, tableau, size, stages, control, flow)
+    data = opened_run(run)
+    control, stages, dense = data.control[0], data.stages, data.tableau.dense
+    if control.filled == 0:
+        fill(run)
+    rows, size = opened(data.scene).rows, size_of_state(run)
     n = stages.shape[1]
     for i in range(n):
         stages[at.TRIAL, i] = 0.0
@@ -151,9 +254,8 @@ def within(scene, accelerate, tableau, size, stages, control, flow, share):
         if x != 0.0:
             for i in range(n):
                 stages[at.TRIAL, i] += x * stages[at.STAGE + r, i]
-    rows = opened(scene).rows
-    base(rows, size, stages, at.Y_OLD)
+    base(rows, size, stages, at.Y_OLD, True)
     for i in range(n):
-        stages[at.TRIAL, i] = stages[at.ERROR, i] + settings.old_width * stages[at.TRIAL, i]
+        stages[at.TRIAL, i] = stages[at.FROM, i] + control.old_width * stages[at.TRIAL, i]
     turn_spins(rows, size, stages, at.TRIAL, at.TRIAL, True)
     normalise_all(rows, stages[at.TRIAL, : size[0]])

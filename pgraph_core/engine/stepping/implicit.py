@@ -12,13 +12,15 @@ A and B are central differences; W = ½ ω×. See [Hairer, Wanner 1996, IV.8] an
 import math
 
 from .. import layout as at
+from ..arrays import opened_run
 from ..compiler.jit import kernel, part, sweep
 from ..linear import factor, row_times, substitute
 from ..motion import call_acceleration, opened
+from ..records import CHOSEN, WIDEST
 from ..tree.moving import advance, local_rate
 from ..vec import finite
-from .attempt import ATTEMPT, EPS, NOT_SOLVED
 from .scales import larger, weigh
+from .state import EPS, NOT_SOLVED, STEP, copied, size_of_state
 
 # rows of the real matrices, from 3 nv on: 2 nv wide
 PIVOTS, PIVOTS_C = 0, 1
@@ -36,10 +38,12 @@ GAMMA = 1.0 - math.sqrt(0.5)  # of ROS2: L-stable
 
 
 @sweep
-def local_slope(scene, accelerate, t, size, stages, z, out, flow, counters):
+def local_slope(run, t, z, out):
     """z' at local coordinates z."""
-    nq, nv = size
-    rows = opened(scene).rows
+    data = opened_run(run)
+    stages, flow, counters = data.stages, data.flow, data.counters[0]
+    nq, nv = size_of_state(run)
+    rows = opened(data.scene).rows
     q = stages[at.TRIAL, :nq]
     v = stages[at.TRIAL, nq : nq + nv]
     for i in range(nq):
@@ -49,7 +53,8 @@ def local_slope(scene, accelerate, t, size, stages, z, out, flow, counters):
     advance(rows, q, z[:nv], 1.0)
     local_rate(rows, z, v, out)
     tau = stages[at.TORQUE, :nv]
-    call_acceleration(accelerate, (scene, t, q, v, tau, out[nv : 2 * nv], flow))
+    vdot = out[nv : 2 * nv]
+    call_acceleration(data.links.accelerate, (data.scene, t, q, v, tau, vdot, flow))
     counters.evaluations += 1
     counters.solver_iterations += int(flow[2])
 
@@ -87,12 +92,13 @@ def half_turn(rows, v, sign, x, out):
 
 
 @sweep
-def jacobian(scene, accelerate, size, stages, control, real, flow):
+def jacobian(run):
     """A - B W and B + W at Y into the first rows of `real`, by central differences."""
-    settings, counters = control
-    nq, nv = size
-    rows = opened(scene).rows
-    t = min(settings.time, settings.clip)
+    data = opened_run(run)
+    control, stages, real = data.control[0], data.stages, data.real
+    nq, nv = size_of_state(run)
+    rows = opened(data.scene).rows
+    t = min(control.time, control.clip)
     z = real[3 * nv + SCRATCH]
     plus = real[3 * nv + F]
     minus = real[3 * nv + F + 1]
@@ -102,11 +108,11 @@ def jacobian(scene, accelerate, size, stages, control, real, flow):
     for j in range(2 * nv):
         move = TURN
         if weights[j] > 0.0:
-            move = TURN / (weights[j] * (settings.rtol + settings.atol))
+            move = TURN / (weights[j] * (control.rtol + control.atol))
         z[j] = move
-        local_slope(scene, accelerate, t, size, stages, z, plus, flow, counters)
+        local_slope(run, t, z, plus)
         z[j] = -move
-        local_slope(scene, accelerate, t, size, stages, z, minus, flow, counters)
+        local_slope(run, t, z, minus)
         z[j] = 0.0
         first = 0 if j < nv else nv
         for i in range(nv):
@@ -117,9 +123,9 @@ def jacobian(scene, accelerate, size, stages, control, real, flow):
     for k in range(1, rows.shape[0]):
         if rows[k, at.KIND] >= at.BALL:
             add_half_turn(real, nv, rows[k, at.VI], speeds)
-    counters.jacobians += 1
-    settings.jacobian_time = settings.time
-    settings.factored = 0.0
+    data.counters[0].jacobians += 1
+    control.jacobian_time = control.time
+    control.factored = 0.0
 
 
 @part
@@ -173,22 +179,23 @@ def size_of_local(z, weights, n):
 
 
 @sweep
-def prepare(scene, size, stages, settings, real):
+def prepare(run):
     """Weights of a step from Y."""
-    nv = size[1]
-    for i in range(stages.shape[1]):
-        stages[at.CANDIDATE, i] = stages[at.Y, i]
-    rows = opened(scene).rows
-    weigh(rows, size, stages, settings)
-    local_weights(rows, size, stages, real[3 * nv + WEIGHTS])
+    data = opened_run(run)
+    stages, rows, size = data.stages, opened(data.scene).rows, size_of_state(run)
+    copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
+    weigh(rows, size, stages, data.control[0])
+    local_weights(rows, size, stages, data.real[3 * size[1] + WEIGHTS])
 
 
 @sweep
-def finish_local(scene, size, stages, z, power, loss):
+def finish_local(run, z, power, loss):
     """CANDIDATE from Y, local coordinates and the change of the ledger."""
-    nq, nv = size
+    data = opened_run(run)
+    stages = data.stages
+    nq, nv = size_of_state(run)
     q = stages[at.CANDIDATE, :nq]
-    advance(opened(scene).rows, q, z[:nv], 1.0)
+    advance(opened(data.scene).rows, q, z[:nv], 1.0)
     for j in range(nv):
         stages[at.CANDIDATE, nq + j] += z[nv + j]
     stages[at.CANDIDATE, nq + nv] += power
@@ -199,24 +206,28 @@ def finish_local(scene, size, stages, z, power, loss):
 
 
 @sweep
-def factor_radau(tableau, h, nv, settings, matrices, counters):
+def factor_radau(run, h):
     """Both matrices of a step of width h, factored; whether they can be."""
-    real, pair = matrices
-    mu = tableau[0][6]
+    data = opened_run(run)
+    real, pair = data.real, data.pair
+    nv = data.control[0].nv
+    mu = data.tableau.a[6]
     assemble(mu[0] / h, real, nv, real[2 * nv : 3 * nv])
     assemble(complex(mu[1], mu[2]) / h, real, nv, pair[:nv])
-    settings.factored = h
-    counters.factorisations += 1
+    data.control[0].factored = h
+    data.counters[0].factorisations += 1
     done = factor(real[2 * nv : 3 * nv], nv, real[3 * nv + PIVOTS])
     return factor(pair[:nv], nv, real[3 * nv + PIVOTS_C]) and done
 
 
 @sweep
-def correct_stages(rows, tableau, h, nv, matrices):
+def correct_stages(run, h):
     """One iteration of Newton's method: W and Z; the size of the correction over its tolerance."""
-    real, pair = matrices
+    data = opened_run(run)
+    real, pair, rows = data.real, data.pair, opened(data.scene).rows
+    nv = data.control[0].nv
     base = 3 * nv
-    t, inverse, mu = tableau[0][:3], tableau[0][3:6], tableau[0][6]
+    t, inverse, mu = data.tableau.a[:3], data.tableau.a[3:6], data.tableau.a[6]
     right = real[base + RIGHT]
     right_c = pair[nv]
     shift = mu[0] / h
@@ -249,39 +260,38 @@ def correct_stages(rows, tableau, h, nv, matrices):
 
 
 @sweep
-def newton(scene, accelerate, tableau, size, h, stages, control, matrices, flow):
+def newton(run, h):
     """The stages Z of a step; whether they were found. Its rate goes into `control`.
 
     A correction by rounding alone counts as none; rounding grows with the stiffness.
     """
-    settings, counters = control
-    real = matrices[0]
-    nv = size[1]
+    data = opened_run(run)
+    control, counters, flow, real = data.control[0], data.counters[0], data.flow, data.real
+    nv = control.nv
     base = 3 * nv
-    rows = opened(scene).rows
     for row in range(3):
         for j in range(2 * nv):
             real[base + Z + row, j] = 0.0
             real[base + W + row, j] = 0.0
-    rtol = settings.rtol
+    rtol = control.rtol
     enough = max(10.0 * EPS / rtol, min(0.03, math.sqrt(rtol)))
     last = 0.0
     for n in range(ITERATIONS):
         for i in range(3):
-            t = min(settings.time + tableau[2][i] * h, settings.clip)
+            t = min(control.time + data.tableau.c[i] * h, control.clip)
             out = real[base + F + i]
-            local_slope(scene, accelerate, t, size, stages, real[base + Z + i], out, flow, counters)
+            local_slope(run, t, real[base + Z + i], out)
             real[base + POWERS, 2 * i] = flow[0]
             real[base + POWERS, 2 * i + 1] = flow[1]
             if not finite(out[: 2 * nv]):
                 return False
         counters.newton_iterations += 1
-        change = correct_stages(rows, tableau, h, nv, matrices)
+        change = correct_stages(run, h)
         if not change < math.inf:
             return False
         if n > 0:
             rate = change / last if last > 0.0 else 0.0
-            settings.jacobian_rate = rate
+            control.jacobian_rate = rate
             if rate >= 1.0:
                 return change * rtol < 100.0 * ROUNDING
             if rate / (1.0 - rate) * change < enough:
@@ -293,28 +303,27 @@ def newton(scene, accelerate, tableau, size, h, stages, control, matrices, flow)
 
 
 @sweep
-def radau_error(scene, accelerate, tableau, size, h, stages, control, matrices, flow):
+def radau_error(run, h):
     """Error of a step over its tolerance, without its stiff part."""
-    settings, counters = control
-    real = matrices[0]
-    nq, nv = size
+    data = opened_run(run)
+    control, stages, real = data.control[0], data.stages, data.real
+    nq, nv = size_of_state(run)
     base = 3 * nv
-    rows = opened(scene).rows
-    shift = tableau[0][6, 0] / h
+    rows = opened(data.scene).rows
+    shift = data.tableau.a[6, 0] / h
     right = real[base + RIGHT]
     weights = real[base + WEIGHTS]
     scratch = real[base + SCRATCH]
     factors, pivots = real[2 * nv : base], real[base + PIVOTS]
-    weighted_stages(tableau[3][0], h, real, base, nv)
+    weighted_stages(data.tableau.error[0], h, real, base, nv)
     for j in range(nv):
         right[j] = real[base + W, j] + stages[at.Y, nq + j]
         right[nv + j] = real[base + W, nv + j] + stages[at.SLOPE, nq + j]
     solve(rows, shift, real, nv, factors, pivots, right, scratch)
     error = size_of_local(right, weights, 2 * nv)
-    if error > 1.0 and (settings.rejected == 1 or counters.steps == 0):
+    if error > 1.0 and (control.rejected == 1 or data.counters[0].steps == 0):
         out = real[base + F]
-        t = min(settings.time, settings.clip)
-        local_slope(scene, accelerate, t, size, stages, right, out, flow, counters)
+        local_slope(run, min(control.time, control.clip), right, out)
         for j in range(2 * nv):
             right[j] = real[base + W, j] + out[j]
         solve(rows, shift, real, nv, factors, pivots, right, scratch)
@@ -332,67 +341,64 @@ def weighted_stages(error, h, real, base, nv):
         real[base + W, j] = x / h
 
 
-@kernel(ATTEMPT, nogil=True, later=True)
-def attempt_radau(scene, accelerate, tableau, size, h, stages, control, matrices, flow):
-    """One step of Radau IIA from Y into CANDIDATE; its error over the tolerance."""
-    settings, counters = control
-    real = matrices[0]
-    nv = size[1]
-    base = 3 * nv
-    prepare(scene, size, stages, settings, real)
+@kernel(STEP, nogil=True, later=True)
+def radau(run, h):
+    """One step of Radau IIA; its error over the tolerance."""
+    data = opened_run(run)
+    control, stages, real = data.control[0], data.stages, data.real
+    base = 3 * control.nv
+    prepare(run)
     solved = False
     while not solved:
-        if not settings.jacobian_rate < KEEP and settings.jacobian_time != settings.time:
-            jacobian(scene, accelerate, size, stages, control, real, flow)
-        if settings.factored != h and not factor_radau(
-            tableau, h, nv, settings, matrices, counters
-        ):
+        if not control.jacobian_rate < KEEP and control.jacobian_time != control.time:
+            jacobian(run)
+        if control.factored != h and not factor_radau(run, h):
             return NOT_SOLVED
-        solved = newton(scene, accelerate, tableau, size, h, stages, control, matrices, flow)
+        solved = newton(run, h)
         if not solved:
-            if settings.jacobian_time == settings.time:
+            if control.jacobian_time == control.time:
                 return NOT_SOLVED
-            settings.jacobian_rate = 2.0
+            control.jacobian_rate = 2.0
     error = 0.0
-    if settings.fixed == 0:
-        error = radau_error(scene, accelerate, tableau, size, h, stages, control, matrices, flow)
+    if control.widths == CHOSEN:
+        error = radau_error(run, h)
     power = 0.0
     loss = 0.0
     for i in range(3):
-        power += h * tableau[1][i] * real[base + POWERS, 2 * i]
-        loss += h * tableau[1][i] * real[base + POWERS, 2 * i + 1]
-    finish_local(scene, size, stages, real[base + Z + 2], power, loss)
+        power += h * data.tableau.b[i] * real[base + POWERS, 2 * i]
+        loss += h * data.tableau.b[i] * real[base + POWERS, 2 * i + 1]
+    finish_local(run, real[base + Z + 2], power, loss)
     return error if finite(stages[at.CANDIDATE]) else math.inf
 
 
 # -- ROS2 -----------------------------------------------------------------------------------------
 
 
-@kernel(ATTEMPT, nogil=True, later=True)
-def attempt_ros2(scene, accelerate, tableau, size, h, stages, control, matrices, flow):
-    """One step of ROS2 from Y into CANDIDATE; its error over the tolerance, of order 1.
+@kernel(STEP, nogil=True, later=True)
+def ros2(run, h):
+    """One step of ROS2; its error over the tolerance, of order 1.
 
     (1 - γ h J) k₁ = f(z₀), (1 - γ h J) k₂ = f(z₀ + h k₁) - 2 k₁, z₁ = z₀ + 3/2 h k₁ + 1/2 h k₂.
     Its order holds for any J: an old one serves several steps of their own choice where J costs
     more than they do.
     """
-    settings, counters = control
-    real = matrices[0]
-    nq, nv = size
+    data = opened_run(run)
+    control, stages, flow, real = data.control[0], data.stages, data.flow, data.real
+    nq, nv = size_of_state(run)
     base = 3 * nv
-    rows = opened(scene).rows
-    prepare(scene, size, stages, settings, real)
-    settings.jacobian_rate += 1.0  # steps with it, here
-    old = settings.jacobian_rate > SHARE * nv or settings.rejected == 1
-    if settings.jacobian_time != settings.time and (old or settings.fixed == 1):
-        jacobian(scene, accelerate, size, stages, control, real, flow)
-        settings.jacobian_rate = 0.0
+    rows = opened(data.scene).rows
+    prepare(run)
+    control.jacobian_rate += 1.0  # steps with it, here
+    old = control.jacobian_rate > SHARE * nv or control.rejected == 1
+    if control.jacobian_time != control.time and (old or control.widths == WIDEST):
+        jacobian(run)
+        control.jacobian_rate = 0.0
     shift = 1.0 / (GAMMA * h)
     factors, pivots = real[2 * nv : base], real[base + PIVOTS]
-    if settings.factored != h:
+    if control.factored != h:
         assemble(shift, real, nv, factors)
-        settings.factored = h
-        counters.factorisations += 1
+        control.factored = h
+        data.counters[0].factorisations += 1
         if not factor(factors, nv, pivots):
             return NOT_SOLVED
     scratch = real[base + SCRATCH]
@@ -403,8 +409,7 @@ def attempt_ros2(scene, accelerate, tableau, size, h, stages, control, matrices,
     solve(rows, shift, real, nv, factors, pivots, first, scratch)
     for j in range(2 * nv):
         z[j] = h * first[j]
-    t = min(settings.time + h, settings.clip)
-    local_slope(scene, accelerate, t, size, stages, z, second, flow, counters)
+    local_slope(run, min(control.time + h, control.clip), z, second)
     for j in range(2 * nv):
         second[j] = shift * (second[j] - 2.0 * first[j])
     solve(rows, shift, real, nv, factors, pivots, second, scratch)
@@ -413,7 +418,7 @@ def attempt_ros2(scene, accelerate, tableau, size, h, stages, control, matrices,
         first[j] = 0.5 * h * (first[j] + second[j])
     power = 0.5 * h * (stages[at.SLOPE, nq + nv] + flow[0])
     loss = 0.5 * h * (stages[at.SLOPE, nq + nv + 1] + flow[1])
-    finish_local(scene, size, stages, z, power, loss)
+    finish_local(run, z, power, loss)
     if not finite(stages[at.CANDIDATE]):
         return math.inf
     return size_of_local(first, real[base + WEIGHTS], 2 * nv)

@@ -21,6 +21,7 @@ from ..arrays import (
     RHS,
     STEP,
     STIFFNESS,
+    opened_run,
 )
 from ..compiler.jit import kernel, part, sweep
 from ..constraints.blocks import locate, residual_velocity, total, velocities
@@ -33,8 +34,9 @@ from ..motion import call_acceleration, opened
 from ..records import RIGID
 from ..tree.kinematics import base_axes, positions
 from ..tree.moving import advance
-from ..vec import add, add_scaled, load, mul, store
-from .run import STEP as STEP_SIGNATURE
+from ..vec import add, add_scaled, finite, load, mul, store
+from .state import STEP as STEP_SIGNATURE
+from .state import copied, size_of_state
 
 NEAR = 1e-9  # relative to the extent of the mechanism: a gap that counts as closed
 DEPTH = 1e-5  # relative to the extent of the mechanism: penetration that is tolerated
@@ -45,40 +47,48 @@ ENOUGH = 1e-3  # of the penetration to remove: a sweep that moves less is the la
 
 
 @kernel(STEP_SIGNATURE, nogil=True)
-def moreau_jean(scene, accelerate, tableau, t, h, q, v, fresh, stages, flow, ledger):
-    """One step; the solver's sweeps."""
+def moreau_jean(run, h):
+    """One step from Y into CANDIDATE."""
+    this = opened_run(run)
+    scene, t, flow, stages = this.scene, this.control[0].time, this.flow, this.stages
+    nq, nv = size_of_state(run)
+    copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
+    q = stages[at.CANDIDATE, :nq]
+    v = stages[at.CANDIDATE, nq : nq + nv]
+    ledger = stages[at.CANDIDATE, nq + nv :]
+    before = stages[at.Y, nq : nq + nv]
+    tau = stages[at.TORQUE, :nv]
+    vdot = stages[at.SLOPE, nq : nq + nv]
+    damping = stages[at.ERROR, :nv]
     data = opened(scene)
     rows, const, drives, blocks = data.rows, data.const, data.drives, data.blocks
     work, space, given = data.work, data.space, data.given
     contacts = contacts_at(data.links.contacts)
     active = blocks.active
     bilateral = active[0]
-    nv = v.shape[0]
-    for j in range(nv):
-        stages[1, j] = v[j]
     contacts.tally[0].frozen = 0
     active[0] = 0  # constraints come in with the impulses
     advance(rows, q, v, 0.5 * h)
     stiffen(scene, t + 0.5 * h, h, q, v)
-    call_acceleration(accelerate, (scene, t + 0.5 * h, q, v, stages[2, :nv], stages[3, :nv], flow))
+    call_acceleration(this.links.accelerate, (scene, t + 0.5 * h, q, v, tau, vdot, flow))
+    this.counters[0].evaluations += 1
     ledger[at.WORK_DONE] += h * flow[0]
     ledger[at.DISSIPATED] += h * flow[1]
     relax(rows, const, space.vectors, given)
     for j in range(nv):
-        stages[4, j] = space.vectors[DAMPING, j]
+        damping[j] = space.vectors[DAMPING, j]
     positions(rows, work)
     active[0] = bilateral
     first = bilateral + 1
     size = extent(work)
     add_unilateral(scene, q, size)
-    taken = 0
     if active[0] > 0:
         m = number_rows(blocks, space.slots)
-        set_velocities(scene, t, h, v, stages[3, :nv])
+        set_velocities(scene, t, h, v, vdot)
         space.vectors[FACTORED, 2] = 0.0  # Y is no longer that of the last factors
         unit_responses(rows, const, blocks, work, space)
         warm_start(scene, first, m)
-        taken = solve(scene, m, first, ledger)
+        this.counters[0].solver_iterations += solve(scene, m, first, ledger)
     else:
         space.vectors[STEP, :nv] = 0.0
     clear(opened(scene).links.contacts)
@@ -86,17 +96,17 @@ def moreau_jean(scene, accelerate, tableau, t, h, q, v, fresh, stages, flow, led
     if active[0] > 0:
         spread(rows, const, work, space.vectors[STEP])
     for j in range(nv):
-        v[j] += h * stages[3, j] + space.vectors[STEP, j]
-    book_drives(rows, drives, stages, stages[4], h, v, ledger)
+        v[j] += h * vdot[j] + space.vectors[STEP, j]
+    book_drives(rows, drives, tau, before, damping, h, v, ledger)
     if bilateral > 0:  # impulses times the mean speed over the step
-        work_done = driven_power(blocks, space, stages[1]) + driven_power(blocks, space, v)
+        work_done = driven_power(blocks, space, before) + driven_power(blocks, space, v)
         ledger[at.WORK_DONE] += 0.5 * work_done
     advance(rows, q, v, 0.5 * h)
     if active[0] >= first:
         push_out(scene, first, q, size)
     active[0] = bilateral
     contacts.tally[0].frozen = 1
-    return taken
+    return 0.0 if finite(stages[at.CANDIDATE]) else math.inf
 
 
 @sweep
@@ -139,15 +149,15 @@ def relax(rows, const, vectors, given):
 
 
 @part
-def book_drives(rows, drives, stages, extra, h, v, ledger):
+def book_drives(rows, drives, tau, before, extra, h, v, ledger):
     """Correct the work of the joints' torques by their change over the step."""
     more = 0.0
     for k in range(1, rows.shape[0]):
         if rows[k, at.KIND] <= at.TRANSLATE:
             j = rows[k, at.VI]
-            change = v[j] - stages[1, j]
-            mean = 0.5 * (v[j] + stages[1, j])
-            more += (h * stages[2, j] - extra[j] * change) * mean - h * stages[2, j] * stages[1, j]
+            change = v[j] - before[j]
+            mean = 0.5 * (v[j] + before[j])
+            more += (h * tau[j] - extra[j] * change) * mean - h * tau[j] * before[j]
     if drives.table.shape[0] > drives.passive:
         ledger[at.WORK_DONE] += more
     else:

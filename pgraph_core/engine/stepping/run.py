@@ -1,240 +1,194 @@
-"""Runs at fixed steps: frames, and the steps between them.
+"""The stepping loop of all runs: steps whose widths are given or chosen by their error, and frames.
 
-Between two frames lie `substeps[i]` steps of `width[i]`. The step of a method and the equations of
-motion are called by address; `links` are the addresses of acceleration, projection, record, step.
-The explicit steps serve single instances (a scene) and lanes of a batch (trees).
+The step of a method is called by address. Accepting it, the next width, corners of tables,
+projection, frames and events are the same for all methods.
 """
+
+import math
 
 from numba import types
 
 from .. import layout as at
-from ..arrays import Loads
+from ..arrays import opened_run
 from ..compiler.address import caller
-from ..compiler.jit import kernel, part, sweep
-from ..constraints.blocks import velocities
-from ..forces import apply_loads, drive
-from ..motion import F1, F2, I1, OUT, call_acceleration, call_projection, call_record, opened
-from ..records import COUNTERS, CURSOR, array_of
-from ..tree.articulated import articulated, inboard, joint_acceleration
-from ..tree.kinematics import outboard, positions
-from ..tree.moving import advance, normalise_all, rate
+from ..compiler.jit import kernel, sweep
+from ..motion import call_record, call_settle, opened
+from ..records import CHOSEN, GIVEN
+from ..tree.moving import normalise_all
 from ..vec import finite
+from .explicit import dense_output, last_stage, turn_spins
+from .state import acceleration_of, call_step, copied, onto_constraints, size_of_state
+from .widths import (
+    first_width,
+    given_start,
+    next_interval,
+    next_width,
+    refuse,
+    step_taken,
+    widen,
+)
 
-STEP_ROUNDS = 10  # of projection a step: one is the rule
+LOOK_BACK = types.void(types.int64)
+call_look_back = caller(LOOK_BACK)
 
-LINKS = types.UniTuple(types.int64, 4)
-TABLEAU = types.Tuple((F2, F1, F1))
-f8, i8 = types.float64, types.int64
-# scene, accelerate, tableau, t, h, q, v, fresh, stages, flow, ledger; solver iterations.
-# fresh: v' of this state is in row VDOT of `stages` already, and its power in `flow`
-STEP = i8(i8, i8, TABLEAU, f8, f8, F1, F1, i8, F2, F1, F1)
-call_step = caller(STEP)
-SETTLE = i8(i8, f8, F1, F1)  # scene, t, q, v: after a step of a scene with contacts
-call_settle = caller(SETTLE)
-
-# rows of `stages`: q and v before the step, τ, then q' and v' of each stage in turn
-Q0, V0, TAU, QDOT, VDOT = 0, 1, 2, 3, 4
-
-
-@sweep
-def derivative(rows, const, drives, loads, work, t, q, v, given, tau, vdot):
-    """v' of driven trees in lanes; `loads` is None if there are none."""
-    drive(drives, t, q, v, given, tau)
-    if loads is None:
-        articulated(rows, const, q, v, tau, work, vdot)
-    else:
-        outboard(rows, const, work, q, v)
-        linear = work[:, at.VELOCITY : at.VELOCITY + 3]
-        moving(rows, const, work, v, linear)
-        apply_loads(Loads(loads[0], loads[1]), work, linear, t)
-        inboard(rows, const, work, tau)
-        joint_acceleration(rows, const, work, vdot)
+KEPT = 1.2  # a change of width below it is not worth factoring the matrices again
 
 
-@sweep
-def moving(rows, const, work, v, linear):
-    """Places of all origins into X, their velocities into `linear`: U, until `inboard` fills it."""
-    positions(rows, work)
-    velocities(rows, const, work, v, linear)
+@kernel(types.int64(types.int64, types.int64), nogil=True)
+def advance_run(run, budget):
+    """At most `budget` attempts at steps and frames; a status code, RUNNING if not over.
 
-
-@sweep
-def explicit_step(scene, trees, rows, tableau, t, h, q, v, stages):
-    """One explicit Runge-Kutta step of (q, v), of a scene or of lanes; solver iterations."""
-    a, b, c = tableau
-    nq = q.shape[0]
-    nv = v.shape[0]
-    for i in range(nq):
-        stages[Q0, i] = q[i]
-    for j in range(nv):
-        stages[V0, j] = v[j]
-    total = 0
-    for n in range(b.shape[0]):
-        for r in range(n):
-            if a[n, r] != 0.0:
-                for i in range(nq):
-                    q[i] += h * a[n, r] * stages[QDOT + 2 * r, i]
-                for j in range(nv):
-                    v[j] += h * a[n, r] * stages[VDOT + 2 * r, j]
-        rate(rows, q, v, stages[QDOT + 2 * n, :nq])
-        vdot = stages[VDOT + 2 * n, :nv]
-        tau = stages[TAU, :nv]
-        total += slope(scene, trees, n, t + c[n] * h, h * b[n], q, v, tau, vdot)
-        for i in range(nq):
-            q[i] = stages[Q0, i]
-        for j in range(nv):
-            v[j] = stages[V0, j]
-    for n in range(b.shape[0]):
-        for i in range(nq):
-            q[i] += h * b[n] * stages[QDOT + 2 * n, i]
-        for j in range(nv):
-            v[j] += h * b[n] * stages[VDOT + 2 * n, j]
-    normalise_all(rows, q)
-    return total
-
-
-@sweep
-def semi_implicit_step(scene, trees, rows, t, h, q, v, stages):
-    """v += h v', then q moved along the new v; order 1, symplectic for conservative trees."""
-    nv = v.shape[0]
-    vdot = stages[VDOT, :nv]
-    taken = slope(scene, trees, 0, t, h, q, v, stages[TAU, :nv], vdot)
-    for j in range(nv):
-        v[j] += h * vdot[j]
-    advance(rows, q, v, h)
-    return taken
-
-
-@sweep
-def slope(scene, trees, stage, t, weight, q, v, tau, vdot):
-    """v' of a scene, its work and dissipation into the ledger, or of trees in lanes.
-
-    The other one is None; `weight` [s] turns power into work. Solver iterations.
+    Frame 0 is the state as given. EVENT is returned once for each event, with Y there: the caller
+    may change Y, `fresh` and the scene, and continue; a frame of that time follows. Where a run
+    fails, its last good state becomes the last frame.
     """
-    iterations = 0
-    if trees is not None:
-        rows, const, drives, loads, work, given = trees
-        derivative(rows, const, drives, loads, work, t, q, v, given, tau, vdot)
-    if scene is not None:
-        address, accelerate, fresh, flow, ledger = scene
-        if stage > 0 or fresh == 0:
-            call_acceleration(accelerate, (address, t, q, v, tau, vdot, flow))
-        ledger[at.WORK_DONE] += weight * flow[0]
-        ledger[at.DISSIPATED] += weight * flow[1]
-        iterations = int(flow[2])
-    return iterations
+    data = opened_run(run)
+    control, counters, times = data.control[0], data.counters[0], data.times
+    for _ in range(budget):
+        i = control.frame
+        if i == control.last:
+            return at.DONE
+        t = control.time
+        code = at.DONE
+        if times[i] < t or (times[i] == t and control.fired == 0):
+            if frame(run, i):
+                control.frame = i + 1
+            else:
+                code = at.NOT_FINITE
+        elif control.fired == 1:
+            control.fired = 0
+            return at.EVENT
+        elif counters.steps + counters.rejected_steps >= control.most:
+            code = at.TOO_MANY
+        else:
+            code = step_once(run)
+        if code != at.DONE:
+            give_up(run, t)
+            return code
+    return at.DONE if control.frame == control.last else at.RUNNING
 
 
-@kernel(STEP, nogil=True)
-def runge_kutta(scene, accelerate, tableau, t, h, q, v, fresh, stages, flow, ledger):
-    """One explicit Runge-Kutta step of (q, v), and of the ledger; solver iterations."""
-    system = (scene, accelerate, fresh, flow, ledger)
-    rows = opened(scene).rows
-    return explicit_step(system, None, rows, tableau, t, h, q, v, stages)
+@sweep
+def step_once(run):
+    """One attempt at a step, accepted or not; a status code."""
+    data = opened_run(run)
+    control, method, links = data.control[0], data.method[0], data.links
+    if control.widths == GIVEN:
+        control.time = given_start(control)
+    if method.starts == 1 and control.fresh == 0:
+        acceleration_of(run, control.time, at.Y, at.SLOPE)
+        control.fresh = 1
+        if not finite(data.stages[at.SLOPE, control.nq :]):
+            return at.NOT_FINITE
+    if control.widths == CHOSEN and control.width == 0.0:
+        control.width = first_width(run)
+    h, end, corner = next_width(run)
+    error = call_step(links.step, (run, h))
+    good = error >= 0.0 and error < math.inf
+    if not good or (error > 1.0 and control.widths == CHOSEN):
+        return refuse(run, error, h)
+    if control.widths == CHOSEN:
+        widen(control, method, min(error, 1.0), h)
+        if data.tableau.dense.shape[0] == 0 and h < control.width < KEPT * h:
+            control.width = h
+    code = accept(run, h, end, corner)
+    if code == at.DONE and links.look_back != 0:
+        call_look_back(links.look_back, (run,))
+        if control.fired == 1:
+            onto_constraints(run, control.time, at.Y)
+    if control.widths == GIVEN:
+        step_taken(run)
+    return code
 
 
-@kernel(STEP, nogil=True)
-def semi_implicit(scene, accelerate, tableau, t, h, q, v, fresh, stages, flow, ledger):
-    """One step of semi-implicit Euler, and of the ledger; solver iterations."""
-    system = (scene, accelerate, fresh, flow, ledger)
-    return semi_implicit_step(system, None, opened(scene).rows, t, h, q, v, stages)
-
-
-@part
-def finish(scene, project, stabilised, t, q, v, counters):
-    """Finish a step: check it and project it onto the constraints; a status code."""
-    if not finite(v):
-        return at.NOT_FINITE
+@sweep
+def accept(run, h, end, corner):
+    """CANDIDATE becomes Y, on the constraints; the slope there where it is known; a status code."""
+    data = opened_run(run)
+    control, stages, scene = data.control[0], data.stages, data.scene
+    ends = data.method[0].ends == 1
+    s = data.tableau.b.shape[0]
+    rows, size = opened(scene).rows, size_of_state(run)
+    nq, nv = size
+    if ends and data.tableau.error.shape[1] == s:
+        last_stage(run, min(control.time + h, control.clip))
+    for i in range(stages.shape[1]):
+        stages[at.Y_OLD, i] = stages[at.Y, i]
+        stages[at.Y, i] = stages[at.CANDIDATE, i]
+    control.old_time = control.time
+    control.old_width = h
+    control.time = end
+    control.filled = 0
+    control.rejected = 0
+    data.counters[0].steps += 1
+    q = stages[at.Y, :nq]
+    v = stages[at.Y, nq : nq + nv]
+    if nq > nv:
+        normalise_all(rows, q)
     settle = opened(scene).links.settle
     if settle != 0:
-        call_settle(settle, (scene, t, q, v))
-    if stabilised and opened(scene).blocks.active[0] > 0:
-        rounds = call_projection(project, (scene, t, q, v, STEP_ROUNDS))
-        counters.projections += abs(rounds)
-        if not finite(v):
-            return at.NOT_FINITE
-        if rounds < 0:
-            return at.NOT_CONVERGED
-    return at.DONE
+        call_settle(settle, (scene, end, q, v))
+    moved = control.project == 1 and opened(scene).blocks.active[0] > 0
+    control.fresh = 1 if ends and not moved and not corner else 0
+    if control.fresh == 1:
+        copied(stages, at.STAGE + s, at.SLOPE, stages.shape[1])
+        turn_spins(rows, size, stages, at.Y, at.SLOPE, True)
+    return onto_constraints(run, end, at.Y)
 
 
-@kernel(
-    i8(i8, LINKS, TABLEAU, types.Tuple((F1, I1, F1)), array_of(CURSOR), i8, types.boolean, F1,
-       F1, F2, F1, F1, array_of(COUNTERS), F1, OUT),
-    nogil=True,
-)  # fmt: skip
-def run(
-    scene, links, tableau, schedule, cursor, budget, stabilised, q, v, stages, flow, ledger,
-    counters, failure, out,
-):  # fmt: skip
-    """At most `budget` steps and frames on from `cursor`; a status code, RUNNING if not over.
+@sweep
+def frame(run, i):
+    """Frame i, at the end of the last step or within it; whether all of it is finite.
 
-    Frame 0 is the state as given. Where a step fails, the state before it becomes the last
-    frame, and `failure` gets its time and the row that moved fastest.
+    What it finds of v' serves the next step, if that starts there.
     """
-    accelerate, project, record, step = links
-    cursor, counters = cursor[0], counters[0]
-    times, substeps, width = schedule
-    before = stages.shape[0] - 2
-    for _ in range(budget):
-        i = cursor.frame
-        if i == times.shape[0]:
-            return at.DONE
-        taken = cursor.taken
-        if i == 0 or taken == substeps[i - 1]:
-            if not call_record(record, (scene, accelerate, times[i], q, v, flow, ledger, i, out)):
-                fail(scene, times[i], v, failure)
-                return at.NOT_FINITE
-            cursor.frame = i + 1
-            cursor.taken = 0
-            cursor.fresh = 1  # the first stage of the next step is known
-            for j in range(v.shape[0]):
-                stages[VDOT, j] = out[2][i, j]
-            continue
-        h = width[i - 1]
-        t = times[i - 1] + taken * h
-        keep(q, v, stages, before)
-        state = (q, v, cursor.fresh, stages, flow, ledger)
-        iterations = call_step(step, (scene, accelerate, tableau, t, h, *state))
-        cursor.fresh = 0
-        counters.evaluations += max(tableau[1].shape[0], 1)
-        counters.steps += 1
-        counters.solver_iterations += iterations
-        code = finish(scene, project, stabilised, t + h, q, v, counters)
-        if code != at.DONE:
-            restore(q, v, stages, before)
-            fail(scene, t, v, failure)
-            if taken > 0:
-                times[i] = t
-                frame = (scene, accelerate, t, q, v, flow, ledger, i, out)
-                cursor.frame = i + call_record(record, frame)
-            return code
-        cursor.taken = taken + 1
-    return at.DONE if cursor.frame == times.shape[0] else at.RUNNING
+    data = opened_run(run)
+    control, stages, flow = data.control[0], data.stages, data.flow
+    t = data.times[i]
+    nq, nv = size_of_state(run)
+    row = at.Y
+    if t != control.time:
+        dense_output(run, (t - control.old_time) / control.old_width)
+        row = at.TRIAL
+        onto_constraints(run, t, row)
+    q = stages[row, :nq]
+    v = stages[row, nq : nq + nv]
+    ledger = stages[row, nq + nv :]
+    accelerate = data.links.accelerate
+    good = call_record(
+        data.links.record, (data.scene, accelerate, t, q, v, flow, ledger, i, data.out)
+    )
+    data.counters[0].evaluations += 1
+    start = t
+    if control.widths == GIVEN:
+        next_interval(run, i)
+        start = given_start(control)
+    if row == at.Y and t == start and control.fresh == 0:
+        vdot = data.out[2]
+        for j in range(nv):
+            stages[at.SLOPE, nq + j] = vdot[i, j]
+        stages[at.SLOPE, nq + nv] = flow[0]
+        stages[at.SLOPE, nq + nv + 1] = flow[1]
+        control.fresh = 1
+    return good == 1
 
 
-@part
-def keep(q, v, stages, row):
-    """The state before a step, for the case that it fails."""
-    for i in range(q.shape[0]):
-        stages[row, i] = q[i]
-    for j in range(v.shape[0]):
-        stages[row + 1, j] = v[j]
-
-
-@part
-def restore(q, v, stages, row):
-    """Back to the state before the step."""
-    for i in range(q.shape[0]):
-        q[i] = stages[row, i]
-    for j in range(v.shape[0]):
-        v[j] = stages[row + 1, j]
-
-
-@part
-def fail(scene, t, v, failure):
-    failure[0] = t
-    failure[1] = fastest_row(opened(scene).rows, v)
+@sweep
+def give_up(run, t):
+    """The last good state, at t, becomes the last frame, if it is later than the one before."""
+    data = opened_run(run)
+    control, stages, times = data.control[0], data.stages, data.times
+    nq, nv = size_of_state(run)
+    i = control.frame
+    if control.time > t:
+        copied(stages, at.Y_OLD, at.Y, stages.shape[1])
+        control.time = t
+    control.failed = t
+    control.fastest = fastest_row(opened(data.scene).rows, stages[at.Y, nq : nq + nv])
+    if i > 0 and i < times.shape[0] and times[i - 1] < t:
+        times[i] = t
+        if frame(run, i):
+            control.frame = i + 1
 
 
 @sweep
@@ -247,9 +201,3 @@ def fastest_row(rows, v):
             best = abs(v[rows[k, at.VI]])
             row = k
     return row
-
-
-@kernel("void(i8[:,::1],f8[::1],f8[::1],f8)")
-def move(rows, q, v, h):
-    """q moved along v for the time h."""
-    advance(rows, q, v, h)

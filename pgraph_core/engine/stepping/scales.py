@@ -7,7 +7,7 @@ import math
 
 from .. import layout as at
 from ..compiler.jit import part, sweep
-from .attempt import EPS
+from .state import EPS
 
 
 @sweep
@@ -33,20 +33,20 @@ def extremes(rows, size, stages, row, spin, speed, length):
 
 
 @sweep
-def weigh(rows, size, stages, settings):
+def weigh(rows, size, stages, control):
     """One over the tolerance of every number of y into WEIGHT; the ledger has none.
 
     The scales are one radian, the mechanism's length, and the fastest of all joints so far, at
     least one scale per run.
     """
     nq, nv = size
-    found = extremes(rows, size, stages, at.Y, settings.spin, settings.speed, settings.length)
-    settings.spin, settings.speed, settings.length = found
+    found = extremes(rows, size, stages, at.Y, control.spin, control.speed, control.length)
+    control.spin, control.speed, control.length = found
     spin, speed, length = extremes(rows, size, stages, at.CANDIDATE, found[0], found[1], found[2])
-    spin = max(spin, 1.0 / settings.span)
-    speed = max(speed, length / settings.span)
-    rtol = settings.rtol
-    atol = settings.atol
+    spin = max(spin, 1.0 / control.span)
+    speed = max(speed, length / control.span)
+    rtol = control.rtol
+    atol = control.atol
     stages[at.WEIGHT, nq + nv] = 0.0
     stages[at.WEIGHT, nq + nv + 1] = 0.0
     for k in range(1, rows.shape[0]):

@@ -3,33 +3,37 @@
 import math
 
 from .. import layout as at
+from ..arrays import opened_run
 from ..compiler.elementary import power
 from ..compiler.jit import part, sweep
 from ..motion import opened
+from ..records import CHOSEN, GIVEN
 from ..vec import finite
-from .attempt import EPS, NOT_SOLVED, copied, slope
 from .scales import size_of, weigh
+from .state import EPS, NOT_SOLVED, acceleration_of, copied, rate_of, size_of_state
 
 
 @sweep
-def first_width(scene, accelerate, size, order, stages, control, flow):
+def first_width(run):
     """A width for the first step, from how fast y and y' change, without a unit."""
-    settings, counters = control
-    rows = opened(scene).rows
+    data = opened_run(run)
+    control, stages, order = data.control[0], data.stages, data.method[0].order
+    rows, size = opened(data.scene).rows, size_of_state(run)
     n = stages.shape[1]
+    rate_of(rows, size, stages, at.Y, at.SLOPE)
     copied(stages, at.Y, at.CANDIDATE, n)
-    weigh(rows, size, stages, settings)
-    rtol = settings.rtol
+    weigh(rows, size, stages, control)
+    rtol = control.rtol
     shrink = power(0.01 * rtol, 1.0 / (order + 1))
-    fastest = max(size_of(rows, size, stages, at.SLOPE) * rtol, 1.0 / settings.span)
+    fastest = max(size_of(rows, size, stages, at.SLOPE) * rtol, 1.0 / control.span)
     h = 0.01 / fastest
     for i in range(n):
         stages[at.CANDIDATE, i] = stages[at.Y, i] + h * stages[at.SLOPE, i]
-    t = settings.time
-    slope(scene, accelerate, t + h, size, stages, at.CANDIDATE, at.ERROR, flow, counters)
+    rate_of(rows, size, stages, at.CANDIDATE, at.ERROR)
+    acceleration_of(run, control.time + h, at.CANDIDATE, at.ERROR)
     if not finite(stages[at.ERROR]):
         return 0.1 * shrink * h
-    weigh(rows, size, stages, settings)
+    weigh(rows, size, stages, control)
     for i in range(n):
         stages[at.ERROR, i] = (stages[at.ERROR, i] - stages[at.SLOPE, i]) / h
     bend = math.sqrt(size_of(rows, size, stages, at.ERROR) * rtol)
@@ -37,58 +41,104 @@ def first_width(scene, accelerate, size, order, stages, control, flow):
 
 
 @sweep
-def next_width(settings, corners, stop):
-    """(width of the next step, whether it ends at `stop` or a corner of a table, at a corner)."""
-    t = settings.time
-    k = settings.corner
+def next_width(run):
+    """(width of the next step, its end [s], whether that is a corner of a table)."""
+    data = opened_run(run)
+    control, times = data.control[0], data.times
+    control.clip = math.inf
+    if control.widths == GIVEN:
+        width = control.widest
+        end = control.origin + (control.taken + 1) * width
+        return width - control.done, times[control.frame] if control.left == 1 else end, False
+    corners, t = data.corners, control.time
+    dense = data.tableau.dense.shape[0] > 0
+    stop = times[control.last - 1] if dense else times[control.frame]
+    k = control.corner
     while k < corners.shape[0] and corners[k] <= t:
         k += 1
-    settings.corner = k
+    control.corner = k
     corner = k < corners.shape[0] and corners[k] <= stop
     end = corners[k] if corner else stop
     left = end - t
-    h = settings.widest if settings.fixed == 1 else min(settings.width, settings.widest)
-    settings.clip = math.inf
+    h = control.widest
+    if control.widths == CHOSEN:
+        h = min(control.width, h)
     if h * (1.0 + 1e-9) >= left:
         if corner:
-            settings.clip = end - 2.0 * EPS * abs(end)
-        return left, True, corner
-    if settings.fixed == 0 and 2.0 * h > left:
+            control.clip = end - 2.0 * EPS * abs(end)
+        return left, end, corner
+    if control.widths == CHOSEN and 2.0 * h > left:
         h = 0.5 * left  # no sliver before the end
-    return h, False, False
+    return h, t + h, False
 
 
 @part
-def widen(settings, controller, error, h):
-    """The width to try after a step of width h with this error: PI control."""
-    safety, by_error, by_last, least, most = controller
-    error = max(error, 1e-10)
-    if error > 1.0:
-        settings.width = h * max(least, safety * power(error, -by_error))
-        return
-    factor = safety * power(error, -by_error) * power(settings.last_error, by_last)
-    most = max(most, settings.width / h)  # where the step was cut short
-    factor = max(least, min(factor, most))
-    if settings.rejected == 1:
-        factor = min(factor, 1.0)
-    settings.width = h * factor
-    settings.last_error = max(error, 1e-4)
+def given_start(control):
+    """Where the next given step starts, or goes on after an event [s]."""
+    return control.origin + control.taken * control.widest + control.done
 
 
 @sweep
-def refuse(settings, counters, controller, error, h):
+def next_interval(run, i):
+    """Begin with the given steps after frame i; they are counted from where they last changed."""
+    data = opened_run(run)
+    control, substeps, width = data.control[0], data.substeps, data.width
+    if i < substeps.shape[0]:
+        control.left = substeps[i]
+        if width[i] != control.widest:
+            control.widest = width[i]
+            control.origin = data.times[i]
+            control.taken = 0
+
+
+@sweep
+def step_taken(run):
+    """Count a given step, or note how much of it is done where an event has ended it early."""
+    control = opened_run(run).control[0]
+    done = control.done + (control.time - control.old_time)
+    if control.fired == 1 and control.widest - done > 1e-12 * control.widest:
+        control.done = done
+        return
+    control.done = 0.0
+    control.taken += 1
+    control.left -= 1
+    if control.left == 0:
+        control.time = opened_run(run).times[control.frame]
+
+
+@part
+def widen(control, method, error, h):
+    """The width to try after a step of width h with this error: PI control."""
+    error = max(error, 1e-10)
+    if error > 1.0:
+        control.width = h * max(method.least, method.safety * power(error, -method.by_error))
+        return
+    factor = method.safety * power(error, -method.by_error)
+    factor *= power(control.last_error, method.by_last)
+    most = max(method.most, control.width / h)  # where the step was cut short
+    factor = max(method.least, min(factor, most))
+    if control.rejected == 1:
+        factor = min(factor, 1.0)
+    control.width = h * factor
+    control.last_error = max(error, 1e-4)
+
+
+@sweep
+def refuse(run, error, h):
     """A step that is too wide: a narrower one, or why there is none; a status code."""
+    data = opened_run(run)
+    control, counters = data.control[0], data.counters[0]
     counters.rejected_steps += 1
-    settings.rejected = 1
+    control.rejected = 1
     if error >= 0.0 and error < math.inf:
-        settings.broken = 0
-        widen(settings, controller, error, h)
+        control.broken = 0
+        widen(control, data.method[0], error, h)
     else:
-        settings.broken = 2 if error == NOT_SOLVED else 1
-        settings.width = 0.25 * h
-    floor = max(16.0 * EPS * settings.time, 1e-18 * settings.span)
-    if settings.fixed == 0 and settings.width > floor:
+        control.broken = 2 if error == NOT_SOLVED else 1
+        control.width = 0.25 * h
+    floor = max(16.0 * EPS * control.time, 1e-18 * control.span)
+    if control.widths == CHOSEN and control.width > floor:
         return at.DONE
-    if settings.broken == 1:
+    if control.broken == 1:
         return at.NOT_FINITE
-    return at.NOT_SOLVED if settings.broken == 2 else at.TOO_SMALL
+    return at.NOT_SOLVED if control.broken == 2 else at.TOO_SMALL

@@ -1,0 +1,85 @@
+"""The state of a run and its slope, for all methods.
+
+A state y = (q, v, work done, dissipation) is a row of `stages`; `layout` names the rows. Kernels
+take the address of a run, which `opened_run` gives back with its names.
+"""
+
+from numba import types
+
+from .. import layout as at
+from ..arrays import I1, RUN, opened_run, save_run_tuple
+from ..compiler.address import caller, plain
+from ..compiler.jit import kernel, part, sweep
+from ..motion import call_acceleration, call_projection, opened
+from ..tree.moving import rate
+from ..vec import finite
+
+# run, h: a step of width h from Y into CANDIDATE; its error over the tolerance, 0 without one,
+# infinite where the state is not finite, NOT_SOLVED where equations were not solved
+STEP = types.float64(types.int64, types.float64)
+call_step = caller(STEP)
+
+EPS = 2.220446049250313e-16
+NOT_SOLVED = -1.0
+STEP_ROUNDS = 10  # of projection a step: one is the rule
+
+
+@kernel(types.void(I1, plain(RUN)))
+def save_run(buffer, run):
+    """Keep a run's tuple where `opened_run` finds it."""
+    save_run_tuple(buffer, run)
+
+
+@sweep
+def copied(stages, a, b, n):
+    """Row b becomes row a."""
+    for i in range(n):
+        stages[b, i] = stages[a, i]
+
+
+@part
+def size_of_state(run):
+    """(nq, nv)."""
+    control = opened_run(run).control[0]
+    return control.nq, control.nv
+
+
+@sweep
+def acceleration_of(run, t, row, out):
+    """v' and the power at the state in `row` into row `out`."""
+    data = opened_run(run)
+    stages, flow, counters = data.stages, data.flow, data.counters[0]
+    nq, nv = size_of_state(run)
+    q = stages[row, :nq]
+    v = stages[row, nq : nq + nv]
+    vdot = stages[out, nq : nq + nv]
+    tau = stages[at.TORQUE, :nv]
+    call_acceleration(data.links.accelerate, (data.scene, t, q, v, tau, vdot, flow))
+    stages[out, nq + nv] = flow[0]
+    stages[out, nq + nv + 1] = flow[1]
+    counters.evaluations += 1
+    counters.solver_iterations += int(flow[2])
+
+
+@sweep
+def rate_of(rows, size, stages, row, out):
+    """q' at the state in `row` into row `out`."""
+    nq, nv = size
+    rate(rows, stages[row, :nq], stages[row, nq : nq + nv], stages[out, :nq])
+
+
+@sweep
+def onto_constraints(run, t, row):
+    """The state in `row` projected onto the active constraints; a status code."""
+    data = opened_run(run)
+    control, counters, stages = data.control[0], data.counters[0], data.stages
+    if control.project == 0 or opened(data.scene).blocks.active[0] == 0:
+        return at.DONE
+    nq, nv = size_of_state(run)
+    q = stages[row, :nq]
+    v = stages[row, nq : nq + nv]
+    rounds = call_projection(data.links.project, (data.scene, t, q, v, STEP_ROUNDS))
+    counters.projections += abs(rounds)
+    if not finite(v):
+        return at.NOT_FINITE
+    return at.NOT_CONVERGED if rounds < 0 else at.DONE

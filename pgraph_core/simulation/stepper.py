@@ -1,0 +1,385 @@
+"""Stepper: a mechanism that is stepped from outside, everything built once."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from hashlib import sha256
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+
+from ..dynamics.arguments import finite
+from ..engine import layout as at
+from ..errors import InputError, Problem, choices
+from ..integrators import METHODS
+from ..mechanism import Mechanism, mechanism_of
+from ..model import Force, Model, Motor, Servo
+from ..packing.system import Array, Drives
+from ..portable import Portable, installed
+from ..result import Result, Status
+from .estimate import Estimate
+from .loop import Outcome
+from .options import SAME, Options, positive
+from .plan import plan_of, touching_contacts, with_state
+from .recording import Recording
+from .switches import Change
+
+GIVEN_STEPS = tuple(m.name for m in METHODS.values() if not m.adaptive)
+AUTO = "auto"
+CHUNK = 100_000  # steps between two looks at whether the user wants to stop
+SNAPSHOT = b"pgraph snapshot"
+
+
+class Stepper(Portable):
+    """A mechanism that is stepped from outside: nothing is built between steps.
+
+        st = pg.Stepper(mech, step=1e-3)
+        while st.t < 2.0:
+            st.step(tau=-5 * st.q - 0.1 * st.v)
+
+    The states are those of `simulate` with the same method and step, bit for bit. `method` is one
+    of the fixed-step methods; "auto" is moreau_jean where contacts or joint limits are declared,
+    else rk4. `tau` is an array (nv,) or a function f(t, q, v), as of `simulate`, and acts in every
+    step. `scenario`, `forces` and `stabilise` are those of `simulate`; constraints are switched
+    by `switch`.
+
+    Raises InputError for arguments that do not fit, and for an initial state in which the
+    constraints cannot be met.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism | Model,
+        *,
+        step: float = 1e-3,
+        method: str = AUTO,
+        scenario: str | None = None,
+        tau: Any = None,
+        forces: Sequence[Force] = (),
+        stabilise: str | None = "project",
+        q: Any = None,
+        v: Any = None,
+        t_start: float = 0.0,
+    ):
+        """At (q, v), by default at the initial state of the scenario, or of the model."""
+        mech = mechanism_of(mechanism, "Stepper")
+        given = mech.model.scenario(scenario) if scenario is not None else None
+        touching = bool(touching_contacts(mech, given)) or any(
+            any(body.limits) for body in mech.model.bodies
+        )
+        if method == AUTO:
+            method = "moreau_jean" if touching else "rk4"
+        if method not in GIVEN_STEPS:
+            text = f"must be one of {choices((AUTO, *GIVEN_STEPS))}; given {method!r:.60}"
+            raise InputError(Problem("Stepper", "method", text))
+        self.mech, self.method, self._width = mech, method, positive("step", step)
+        self._options = Options(
+            scenario=scenario,
+            method=method,
+            step=self._width,
+            frames=2,
+            stabilise=stabilise,
+            forces=tuple(forces),
+        )
+        self._tau = tau
+        self._started = float(t_start)
+        self.reset(q, v)
+
+    # -- the state -------------------------------------------------------------------------------
+
+    @property
+    def t(self) -> float:
+        """Time [s]."""
+        return float(self._steps.control["time"])
+
+    @property
+    def q(self) -> Array:
+        """(nq,) configuration; a view that follows the steps, not to be written."""
+        return self._q
+
+    @property
+    def v(self) -> Array:
+        """(nv,) velocity; a view that follows the steps, not to be written."""
+        return self._v
+
+    @property
+    def vdot(self) -> Array:
+        """(nv,) acceleration at the state."""
+        return self._seen().out.vdot[0]
+
+    @property
+    def energy(self) -> tuple[float, float]:
+        """(kinetic, potential) energy, springs included [J]."""
+        kinetic, potential = self._seen().out.energies[0, :2].tolist()
+        return kinetic, potential
+
+    @property
+    def contact_force(self) -> Mapping[str, Array]:
+        """{contact pair: (6,) [torque, force]} on the body at its origin [N m, N], world axes."""
+        return self._touches(lambda pair: np.concatenate((pair["torque"], pair["force"])))
+
+    @property
+    def contact_gap(self) -> Mapping[str, float]:
+        """{contact pair: smallest gap} [m], negative where they penetrate."""
+        return self._touches(lambda pair: float(pair["gap"]))
+
+    @property
+    def constraint_force(self) -> Mapping[str, Array]:
+        """{constraint: (6,) [torque, force]} on `body` at `point` [N m, N], world axes."""
+        record = self._seen()
+        return record.scene.forces(record.out.wrenches[0])
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """Sentences on how the steps went."""
+        return self._record.notices()
+
+    def __repr__(self) -> str:
+        name, width = self.mech.model.name, self._width
+        return f"<Stepper of '{name}': t = {self.t:g} s, {self.method}, steps of {width:g} s>"
+
+    # -- steps -----------------------------------------------------------------------------------
+
+    def reset(self, q: Any = None, v: Any = None) -> None:
+        """Start again at t_start, from (q, v) or the initial state where they are None.
+
+        Raises InputError where the state does not fit, or the constraints cannot be met from it.
+        """
+        self._begin(self._started, q, v)
+
+    def step(self, tau: Any = None, n: int = 1) -> Status:
+        """Take n steps; `tau` (nv,) acts in them, in place of the array given at the start.
+
+        A step that fails is not taken: the state stays, `status` and `message` say why, and
+        further steps raise InputError until `reset` or `restore`.
+        """
+        if type(n) is not int or n < 1:
+            n = _whole(n)
+        if not self.status.ok:
+            text = f"the last step failed: {self.message}; call reset or restore"
+            raise InputError(Problem("Stepper.step", "", text))
+        self._record.scene.given[:] = self._own if tau is None else finite("tau", tau, self.mech.nv)
+        if self._recording:
+            self._open()
+        self._looked = False
+        code = at.RUNNING
+        while n > 0 and code == at.RUNNING:
+            code = self._steps.advance(min(n, CHUNK))
+            n -= CHUNK
+        if code != at.RUNNING:
+            self._open()
+            self._record.fail(code)
+            self.status, self.message = self._record.ended.status, self._record.ended.message
+        return self.status
+
+    def record(self, n: int, frames: int | None = None) -> Result:
+        """Take n steps and record `frames` states evenly, by default all, as a Result.
+
+        Its counters, work and dissipation are those of these steps.
+        """
+        return self._recorded(_whole(n), self._width, frames)
+
+    def record_over(self, dt: float, frames: int | None = None) -> Result:
+        """As `record`, over a time `dt` [s]: in narrower steps if that is no whole number."""
+        n = max(1, math.ceil(dt / self._width - SAME))
+        whole = abs(n * self._width - dt) <= SAME * self._width
+        return self._recorded(n, self._width if whole else dt / n, frames)
+
+    def _recorded(self, n: int, width: float, frames: int | None) -> Result:
+        before = time.perf_counter()
+        k = np.arange(n + 1)
+        if frames is not None and _whole(frames, "frames", 2) <= n:
+            k = np.unique(np.round(np.linspace(0, n, frames)).astype(np.int64))
+        control = self._steps.control
+        times = control["time"] + k * width
+        if width == self._width:  # the same times as without recording
+            times = control["origin"] + (control["taken"] + k) * width
+        times[0] = control["time"]
+        self._record.scene.given[:] = self._own
+        self._record.extend(times, np.diff(k), np.full(len(k) - 1, width))
+        self._recording, self._looked = True, False
+        built = time.perf_counter()
+        self._record.advance_to_end(None)
+        stepped = time.perf_counter()
+        self.status, self.message = self._record.ended.status, self._record.ended.message
+        timing = {"build": built - before, "step": stepped - built}
+        return self._record.result(Estimate(), timing)
+
+    # -- changes between steps -------------------------------------------------------------------
+
+    def switch(self, constraint: str, active: bool) -> None:
+        """Switch a constraint on or off; one that is on is met at once, by an impulse.
+
+        Raises InputError for a name that is not there, and where the constraint cannot be met.
+        """
+        names = [c.name for c in self.mech.model.constraints]
+        if constraint not in names:
+            text = f"no constraint is called {constraint!r:.60}; choose one of {choices(names)}"
+            raise InputError(Problem("Stepper.switch", "constraint", text))
+        number = names.index(constraint)
+        if (number in self._active) == bool(active):
+            return
+        now = self._active | {number} if active else self._active - {number}
+        one = np.array([number])
+        none = one[:0]
+        acting = np.array(sorted(now), dtype=np.int64)
+        on, off = (one, none) if active else (none, one)
+        before = self.save()
+        try:
+            self._record.switch_now(Change(self.t, acting, on, off))
+        except InputError:
+            self.restore(before)
+            raise
+        self._active, self._looked = now, False
+
+    def target(self, servo: str, value: float) -> None:
+        """Give a servo another target [rad, m], constant from now on. Raises InputError."""
+        if servo not in self._servos:
+            names = choices(tuple(self._servos))
+            text = f"no servo with a constant target is called {servo!r:.60}; choose one of {names}"
+            raise InputError(Problem("Stepper.target", "servo", text))
+        knot = self._servos[servo]
+        self._record.plan.drives.knots[knot, 1] = finite("value", [value], 1)[0]
+        self._steps.control["fresh"], self._looked = 0, False
+
+    # -- snapshots -------------------------------------------------------------------------------
+
+    def save(self) -> bytes:
+        """All that the next steps depend on: `restore` continues with the same bits."""
+        if self._recording:
+            self._open()
+        head = f"{installed()}\n{self._key}\n{','.join(map(str, sorted(self._active)))}\n"
+        start = SNAPSHOT + len(head).to_bytes(4, "little") + head.encode()
+        return start + b"".join(array.tobytes() for array in self._memory())
+
+    def restore(self, snapshot: bytes) -> None:
+        """Go back to a snapshot of this mechanism, method and step. Raises InputError."""
+        head, body = _read(snapshot)
+        if head[0] != installed():
+            text = f"was saved by Pgraph {head[0]}, and Pgraph {installed()} is running"
+            raise InputError(Problem("Stepper.restore", "snapshot", text))
+        if head[1] != self._key:
+            text = "is of another mechanism, method, step or scenario than this stepper's"
+            raise InputError(Problem("Stepper.restore", "snapshot", text))
+        self._active = {int(i) for i in head[2].split(",") if i}
+        self._record.scene.activate(np.array(sorted(self._active), dtype=np.int64))
+        memory = self._memory()
+        if len(body) != sum(array.nbytes for array in memory):
+            raise InputError(
+                Problem("Stepper.restore", "snapshot", "is damaged: its length differs")
+            )
+        place = 0
+        for array in memory:
+            view = array.reshape(-1).view(np.uint8)
+            view[:] = np.frombuffer(body, np.uint8, array.nbytes, place)
+            place += array.nbytes
+        self._record.ended = Outcome()
+        self.status, self.message = Status.DONE, Status.DONE.value
+        self._open()
+
+    def __getstate__(self) -> dict[str, Any]:
+        own = {
+            name: self.__dict__[name] for name in ("mech", "method", "_width", "_options", "_tau")
+        }
+        return own | {"_started": self._started, "snapshot": self.save()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        snapshot = state.pop("snapshot")
+        self.__dict__.update(state)
+        self.reset()
+        self.restore(snapshot)
+
+    # -- inside ----------------------------------------------------------------------------------
+
+    def _begin(self, t: float, q: Any, v: Any) -> None:
+        mech, tau, name = self.mech, self._tau, self._options.scenario
+        given = mech.model.scenario(name) if name is not None else None
+        options = self._options._replace(t_start=t, t_end=t + self._width)
+        plan = plan_of(mech, options, tau, q, v)
+        state = with_state(mech, plan.start, q, v)
+        drives = plan.drives._replace(knots=plan.drives.knots.copy())
+        whole = np.arange(len(mech.model.constraints))
+        plan = replace(plan, drives=drives, ever=whole)
+        tau = plan.tau if tau is None else tau
+        self._record = Recording(mech, plan, *state, tau)
+        self._steps = self._record.steps
+        self._active = set(plan.active.tolist())
+        if not self._record.begin():
+            raise InputError(Problem("Stepper.reset", "q", self._record.ended.message))
+        self._own = self._record.scene.given.copy()
+        self._q, self._v = self._steps.q.view(), self._steps.v.view()
+        self._q.flags.writeable = self._v.flags.writeable = False
+        forces = (*mech.model.forces, *(given.forces if given else ()), *self._options.forces)
+        self._servos = _servos(forces, drives)
+        words = (mech.model.hash, *map(repr, (self.method, self._width, self._options.scenario)))
+        self._key = sha256("\n".join(words).encode()).hexdigest()[:16]
+        self.status, self.message = Status.DONE, Status.DONE.value
+        self._open()
+
+    def _open(self) -> None:
+        """From now on no frame is due."""
+        self._steps.open_ended(self._width)
+        self._recording, self._looked = False, False
+
+    def _seen(self) -> Recording:
+        """The recording, its only frame that of the state."""
+        if self._recording:
+            self._open()
+        if not self._looked:
+            self._record.look()
+            self._looked = True
+        return self._record
+
+    def _touches(self, value: Any) -> dict[str, Any]:
+        plan = self._record.plan
+        if plan.contacts is None:
+            return {}
+        pairs = self._seen().out.pairs[0]
+        return {touch.name: value(pair) for touch, pair in zip(plan.contacts.touches, pairs)}
+
+    def _memory(self) -> list[Array]:
+        """The arrays that steps read before they write them."""
+        scene, steps = self._record.scene, self._steps
+        found = [steps.control_table, steps.counters_table, steps.stages, scene.given]
+        found += [scene.active, scene.blocks.blocks_f, self._record.plan.drives.knots, *scene.space]
+        if scene.touching is not None:
+            found += scene.touching.memory
+        if self._record.user is not None:
+            found += self._record.user.memory
+        return found
+
+
+def _servos(forces: Sequence[Force], drives: Drives) -> dict[str, int]:
+    """{name: knot of its constant target} of the servos."""
+    driving = [f for f in forces if isinstance(f, (Motor, Servo))]
+    rows = drives.table[drives.passive :]
+    return {
+        f.name: int(row["first_target"])
+        for f, row in zip(driving, rows)
+        if isinstance(f, Servo) and row["targets"] == 1
+    }
+
+
+def _whole(n: Any, name: str = "n", least: int = 1) -> int:
+    """A number of steps or frames. Raises InputError."""
+    if not isinstance(n, Integral) or isinstance(n, bool) or n < least:
+        text = f"must be a whole number >= {least}; given {n!r:.60}"
+        raise InputError(Problem("Stepper", name, text))
+    return int(n)
+
+
+def _read(snapshot: Any) -> tuple[list[str], bytes]:
+    """(version, key and active constraints; the rest) of a snapshot. Raises InputError."""
+    start = len(SNAPSHOT)
+    if not isinstance(snapshot, (bytes, bytearray)) or bytes(snapshot[:start]) != SNAPSHOT:
+        text = f"must be bytes of Stepper.save; given {snapshot!r:.60}"
+        raise InputError(Problem("Stepper.restore", "snapshot", text))
+    size = int.from_bytes(snapshot[start : start + 4], "little")
+    head = bytes(snapshot[start + 4 : start + 4 + size]).decode(errors="replace").split("\n")
+    if len(head) != 4:
+        raise InputError(Problem("Stepper.restore", "snapshot", "is damaged: its start is cut"))
+    return head, bytes(snapshot[start + 4 + size :])
