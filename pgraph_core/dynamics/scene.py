@@ -16,6 +16,7 @@ from ..engine.records import (
     CONTACT_TALLY,
     DIP,
     KEPT,
+    MEETING,
     PAIR,
     PHASE_CHANGE,
     POSE,
@@ -28,6 +29,7 @@ from ..packing.forces import on_bodies
 from ..packing.packed import Packed
 from ..packing.system import Array, Drives, Ints, Loads
 from ..portable import Unportable
+from .states import length_of
 
 if TYPE_CHECKING:
     from ..contact.tables import Tables
@@ -147,6 +149,8 @@ class ContactSpace(Unportable):
         self.tally = tally[0]
         self.tally["first_limit"], self.tally["limits"] = first, limits
         self.tally["first_contact"] = first + limits
+        self.tally["length"] = length_of(packed)
+        self.tally["pull"] = np.linalg.norm(packed.model.gravity)
         self.changes = table(PHASE_CHANGE, max(MOST_CHANGES, 2 * n))
         pairs = table(PAIR, n + limits)
         pairs["phase"] = -1
@@ -159,6 +163,8 @@ class ContactSpace(Unportable):
             table(CONTACT, count),
             contacts.laws,
             table(KEPT, count),
+            table(KEPT, count if contacts.remembers else 0),
+            table(MEETING, count + limits + MOST_MEETINGS),
             table(BODY_WRENCH, packed.nb + 1),
             pairs,
             tally,
@@ -191,6 +197,7 @@ class ContactSpace(Unportable):
 
 
 MOST_DIPS = 8  # of pivots of constraints that are kept for a closer look
+MOST_MEETINGS = 64  # of things that may meet in a step, beside as many as there are contacts
 MOST_CHANGES = 4096  # of phases between two looks at them
 DENSE = 150  # rows of unilateral blocks, above which no Ω is held; as `impulse.DENSE`
 

@@ -30,6 +30,7 @@ from .records import (
     JOINT_FORCE,
     KEPT,
     LEG,
+    MEETING,
     MEMBER,
     METHOD,
     PAIR,
@@ -212,7 +213,9 @@ class Contacts(NamedTuple):
     search: Any
     found: Any  # contact points, of CONTACT
     laws: Any  # of PAIR_LAW, one a contact pair
-    kept: Any  # of KEPT
+    kept: Any  # of KEPT, impulses of the last step
+    anchors: Any  # of KEPT, of penalty friction
+    meetings: Any  # of MEETING
     wrenches: Any  # of BODY_WRENCH, one a body, what contacts do
     pairs: Any  # of PAIR: contact pairs, then limits
     tally: Any  # one CONTACT_TALLY
@@ -342,7 +345,7 @@ POSES, FOUND = array_of(POSE), array_of(CONTACT)
 SEARCH = named(Search, *map(array_of, (CANDIDATE, BOUNDS, CELL)), I1)
 CONTACTS = named(
     Contacts, GEOMETRY, GROUND, CANDIDATES, POSES, SEARCH, FOUND,
-    *map(array_of, (PAIR_LAW, KEPT, BODY_WRENCH, PAIR, CONTACT_TALLY)), I2, F2, F1,
+    *map(array_of, (PAIR_LAW, KEPT, KEPT, MEETING, BODY_WRENCH, PAIR, CONTACT_TALLY)), I2, F2, F1,
     array_of(PHASE_CHANGE),
 )  # fmt: skip
 EVENT_CONTACTS = named(

@@ -272,10 +272,17 @@ PAIR = record(  # what a contact pair does, world axes
 )
 
 KEPT = record(  # what a contact point keeps until the next step
-    value=(REAL, 3),  # impulse [N s], or the anchor of its friction [m]
+    value=(REAL, 3),  # impulse [N s]; of penalty friction its anchor [m]
     shape_a=INTEGER,
     shape_b=INTEGER,
     feature=INTEGER,
+)
+
+MEETING = record(  # two things that may meet within a step; -1: a limit, or the ground
+    shape_a=INTEGER,
+    shape_b=INTEGER,
+    vertex=INTEGER,  # part of A that may touch the ground, or the limit's block
+    pair=INTEGER,  # contact pair
 )
 
 BODY_WRENCH = record(torque=(REAL, 3), force=(REAL, 3))  # about the origin of the body's row
@@ -284,17 +291,22 @@ PHASE_CHANGE = record(time=REAL, pair=INTEGER, phase=INTEGER)
 
 CONTACT_TALLY = record(
     found=INTEGER,  # contact points
-    kept=INTEGER,
+    kept=INTEGER,  # impulses
+    anchored=INTEGER,  # anchors of penalty friction
     first_limit=INTEGER,  # blocks
     limits=INTEGER,
     first_contact=INTEGER,
-    frozen=INTEGER,  # 1: the forces of the last step act, rigid contacts are known by impulses only
+    frozen=INTEGER,  # 1: the forces of the last step act; 2: those of its parts are added up
     fallbacks=INTEGER,  # steps solved by ADMM
     calmed=INTEGER,  # steps whose bounce was left out
     overflows=INTEGER,  # steps with more contact points than there is room for
     logged=INTEGER,  # changes of phases that wait in `changes`
     residual=REAL,  # largest law missed, relative to the velocities
     depth=REAL,  # deepest penetration [m]
+    cuts=INTEGER,  # steps that were cut short where things meet
+    length=REAL,  # of the mechanism [m], the size of what has none of its own
+    pull=REAL,  # of gravity [m/s²]
+    share=REAL,  # of a step that a part is, while forces are added up
 )
 
 # -- contact points and joint limits of event-driven runs ------------------------------------------

@@ -34,6 +34,7 @@ from .shapes import place
 _save, contacts_at = stored(CONTACTS)
 
 STILL = 1e-5  # m/s: slip of a rigid contact that is the solver's rounding
+FROZEN, ADDING = 1, 2  # states of a tally
 CREEPING = 2.0 * CREEP  # m/s: slip that a regularised contact needs to hold
 
 
@@ -117,13 +118,11 @@ def set_block(contacts, blocks, n, i):
 
 
 @part
-def kept_place(contacts, n, start):
-    """Where the last step's entry of contact point n is, looked for from `start` on; -1: nowhere.
+def kept_place(point, kept, count, start):
+    """Where the last step's entry of a contact point is, looked for from `start` on; -1: nowhere.
 
     Points come in the same order step after step, so that the search is short.
     """
-    point, kept = contacts.found[n], contacts.kept
-    count = contacts.tally[0].kept
     for m in range(min(count, 64)):
         k = start + m
         if k >= count:
@@ -199,7 +198,7 @@ def contact_forces(scene, v, tau, flow):
     contacts = contacts_at(data.links.contacts)
     laws, wrenches = contacts.laws, contacts.wrenches
     bodies_i, limit_tau = contacts.bodies_i, contacts.limit_tau
-    if contacts.tally[0].frozen == 1:
+    if contacts.tally[0].frozen == FROZEN:
         positions(rows, work)
         for j in range(limit_tau.shape[0]):
             tau[j] += limit_tau[j]
@@ -215,7 +214,10 @@ def contact_forces(scene, v, tau, flow):
         return 0
     positions(rows, work)
     velocities(rows, const, work, v, space.linear)
-    clear(opened(scene).links.contacts)
+    share = contacts.tally[0].share
+    if contacts.tally[0].frozen != ADDING:
+        clear(opened(scene).links.contacts)
+        share = 1.0
     for n in range(touching(scene, 0.0)):
         a, b, _, _, pair = endpoints(contacts, n)
         if laws[pair].law != RIGID:
@@ -226,7 +228,7 @@ def contact_forces(scene, v, tau, flow):
             force, slip = compliant_force(contacts, n, laws[pair], u)
             apply(work, a, p, (0.0, 0.0, 0.0), force)
             apply(work, b, p, (0.0, 0.0, 0.0), scale(-1.0, force))
-            note(opened(scene).links.contacts, work, n, force, slip)
+            note(opened(scene).links.contacts, work, n, scale(share, force), slip)
             flow[1] -= dot(force, u)
     return 0
 
@@ -249,9 +251,9 @@ def compliant_force(contacts, n, law, u):
         return add_scaled(scale(size, normal), -drag, slide), slip
     size = max(k * depth + c * speed, 0.0) if depth > 0.0 else 0.0
     stretch = (0.0, 0.0, 0.0)
-    at_k = kept_place(contacts, n, n)
+    at_k = kept_place(point, contacts.anchors, contacts.tally[0].anchored, n)
     if at_k >= 0:
-        stretch = sub(middle(point), xyz(contacts.kept[at_k].value))
+        stretch = sub(middle(point), xyz(contacts.anchors[at_k].value))
         stretch = add_scaled(stretch, -dot(stretch, normal), normal)
     pull = add_scaled(scale(-k, stretch), -c, slide)
     total = math.sqrt(dot(pull, pull))
@@ -309,17 +311,18 @@ def keep_anchors(scene, q, v):
     outboard(rows, const, work, q, v)
     positions(rows, work)
     velocities(rows, const, work, v, space.linear)
-    laws, kept, found = contacts.laws, contacts.kept, contacts.found
+    laws, anchors, found = contacts.laws, contacts.anchors, contacts.found
+    tally = contacts.tally[0]
     count = touching(scene, 0.0)
     for n in range(count):  # new anchors wait in `point_b`
         a, b, _, _, pair = endpoints(contacts, n)
         law = laws[pair]
         p = middle(found[n])
         anchor = p
-        at_k = kept_place(contacts, n, n)
+        at_k = kept_place(found[n], anchors, tally.anchored, n)
         if at_k >= 0 and law.law == PENALTY:
             normal = xyz(found[n].normal)
-            stretch = sub(p, xyz(kept[at_k].value))
+            stretch = sub(p, xyz(anchors[at_k].value))
             stretch = add_scaled(stretch, -dot(stretch, normal), normal)
             u = sub(
                 point_velocity(work, space.linear, a, p), point_velocity(work, space.linear, b, p)
@@ -332,8 +335,8 @@ def keep_anchors(scene, q, v):
             anchor = sub(p, stretch)
         set_xyz(found[n].point_b, anchor)
     for n in range(count):
-        keep_point(kept[n], found[n], xyz(found[n].point_b))
-    contacts.tally[0].kept = count
+        keep_point(anchors[n], found[n], xyz(found[n].point_b))
+    tally.anchored = count
 
 
 @kernel(CONTACT_RECORD, nogil=True)

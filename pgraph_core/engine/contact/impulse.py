@@ -201,8 +201,11 @@ def contact(own, i, u, old, back, mu):
     if not own[i, 0] > 0.0:
         return (0.0, 0.0, 0.0)
     hold = stuck(own, i, free_n, free_x, free_y)
+    slide = sliding(own, i, free_n, free_x, free_y, mu)
     if hold[0] > 0.0 and math.sqrt(hold[1] ** 2 + hold[2] ** 2) <= mu * hold[0]:
-        return hold
+        return slide if 0.0 < slide[0] < hold[0] else hold
+    if slide[0] > 0.0:
+        return slide
     for _ in range(INNER):
         last = n
         n = max(0.0, -(free_n + own[i, 1] * t[0] + own[i, 2] * t[1]) / own[i, 0])
@@ -233,6 +236,38 @@ def stuck(own, i, free_n, free_x, free_y):
     d = 1.0 / det
     t = (d * (b * y - c * x), d * (b * x - a * y))
     return (-w * (free_n + own[i, 1] * t[0] + own[i, 2] * t[1]), t[0], t[1])
+
+
+@part
+def sliding(own, i, free_n, free_x, free_y, mu):
+    """λ with which a contact slides on; none where it would stop.
+
+    Where a body leans into its slip and friction is large, finding the normal and the friction
+    impulse in turn goes round in a cycle, and the contact might also be stopped at once: the
+    smaller of two impulses is the regular one.
+    """
+    x, y = free_x, free_y
+    size = math.sqrt(x * x + y * y)
+    if not (size > 0.0 and free_n < 0.0):
+        return (0.0, 0.0, 0.0)
+    start_x, start_y = x / size, y / size
+    way_x, way_y = start_x, start_y
+    for _ in range(INNER):
+        pull = own[i, 0] - mu * (own[i, 1] * way_x + own[i, 2] * way_y)
+        if not pull > 0.0:
+            return (0.0, 0.0, 0.0)
+        n = -free_n / pull
+        drag = mu * n
+        x = free_x + own[i, 3] * n - drag * (own[i, 4] * way_x + own[i, 5] * way_y)
+        y = free_y + own[i, 6] * n - drag * (own[i, 7] * way_x + own[i, 8] * way_y)
+        size = math.sqrt(x * x + y * y)
+        if not x * start_x + y * start_y > 0.0:
+            return (0.0, 0.0, 0.0)
+        turned = abs(x / size - way_x) + abs(y / size - way_y)
+        way_x, way_y = x / size, y / size
+        if turned <= 1e-14:
+            return (n, -drag * way_x, -drag * way_y)
+    return (0.0, 0.0, 0.0)
 
 
 @part

@@ -4,6 +4,9 @@ q_m = q + h/2 v; v⁺ = v + h v'(q_m, v) + M⁻¹ Jᵀ λ with all that touches 
 ([Moreau 1988], [Jean 1999]). Impacts need no events, many at once cost no more than one. Dampers
 and servos of hinges and sliders are taken at the end of the step, which is stable however stiff
 they are: h d + h²/2 k counts as inertia there.
+
+A step in which things hit each other is taken in parts, which end where they meet: an impact is a
+part without length. What is soft, or slow, is found where the middle of a part finds it.
 """
 
 import math
@@ -27,36 +30,93 @@ from ..compiler.jit import kernel, part, sweep
 from ..constraints.blocks import locate, residual_velocity, total, velocities
 from ..constraints.constraints import driven_power, number_rows, unit_responses
 from ..constraints.paths import spread
-from ..contact.contacts import clear, contacts_at, keep_point, kept_place, note, set_block, touching
+from ..contact.contacts import (
+    ADDING,
+    FROZEN,
+    clear,
+    contacts_at,
+    keep_point,
+    kept_place,
+    note,
+    set_block,
+    touching,
+)
 from ..contact.impulse import gained, gather, solve_impulses
+from ..contact.meeting import (
+    CLOSED,
+    DEPTH,
+    closed_gap,
+    first_meeting,
+    limit_meets,
+    look_ahead,
+    point_meets,
+    smaller_size,
+)
+from ..contact.shapes import place
 from ..forces import lookup
-from ..motion import call_acceleration, opened
+from ..motion import call_acceleration, call_contact_forces, opened
 from ..records import RIGID
 from ..tree.kinematics import base_axes, positions
 from ..tree.moving import advance
-from ..vec import add, add_scaled, finite, load, mul, store
+from ..vec import add, add_scaled, finite, load, mul, store, xyz
 from .state import STEP as STEP_SIGNATURE
 from .state import copied, size_of_state
 
-NEAR = 1e-9  # relative to the extent of the mechanism: a gap that counts as closed
-DEPTH = 1e-5  # relative to the extent of the mechanism: penetration that is tolerated
 RECOVER = 0.2  # part of deeper penetration that a step removes
 GAIN = 1e-6  # relative to the energy of the impulses: a larger gain is no rounding
 PUSH_SWEEPS = 30
 ENOUGH = 1e-3  # of the penetration to remove: a sweep that moves less is the last
+MOST_PARTS = 60  # of a step, by impacts that are located
+WEIGHT = 0.1  # of what weight moves in a step: depth that is tolerated, however small things are
 
 
 @kernel(STEP_SIGNATURE, nogil=True)
 def moreau_jean(run, h):
-    """One step from Y into CANDIDATE."""
+    """One step from Y into CANDIDATE, in parts where things hit within it."""
     this = opened_run(run)
-    scene, t, flow, stages = this.scene, this.control[0].time, this.flow, this.stages
+    scene, stages = this.scene, this.stages
+    space = opened(scene).space
+    tally = contacts_at(opened(scene).links.contacts).tally[0]
     nq, nv = size_of_state(run)
     copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
     q = stages[at.CANDIDATE, :nq]
     v = stages[at.CANDIDATE, nq : nq + nv]
+    vdot = stages[at.SLOPE, nq : nq + nv]
+    clear(opened(scene).links.contacts)
+    tally.frozen = ADDING
+    done = 0.0
+    parts = 0
+    while True:
+        left = h - done
+        if not part_of_step(run, done, h, left, parts < MOST_PARTS):
+            break
+        parts += 1
+        w = first_meeting(scene, h, left, q, v, stages[at.TRIAL], vdot, space.vectors[STEP, :nv])
+        part_of_step(run, done, h, w, False)
+        if w == left:
+            break
+        tally.cuts += 1
+        done += w
+    tally.frozen = FROZEN
+    return 0.0 if finite(stages[at.CANDIDATE]) else math.inf
+
+
+@sweep
+def part_of_step(run, done, h, w, look):
+    """A part of width w, from `done` on, of a step of width h: CANDIDATE goes on.
+
+    With `look`, whether something may hit within it; CANDIDATE is then as before. A part without
+    width is an impact of all that touches. The state before is in TRIAL.
+    """
+    this = opened_run(run)
+    scene, flow, stages = this.scene, this.flow, this.stages
+    t = this.control[0].time + done
+    nq, nv = size_of_state(run)
+    copied(stages, at.CANDIDATE, at.TRIAL, stages.shape[1])
+    q = stages[at.CANDIDATE, :nq]
+    v = stages[at.CANDIDATE, nq : nq + nv]
     ledger = stages[at.CANDIDATE, nq + nv :]
-    before = stages[at.Y, nq : nq + nv]
+    before = stages[at.TRIAL, nq : nq + nv]
     tau = stages[at.TORQUE, :nv]
     vdot = stages[at.SLOPE, nq : nq + nv]
     damping = stages[at.ERROR, :nv]
@@ -64,49 +124,53 @@ def moreau_jean(run, h):
     rows, const, drives, blocks = data.rows, data.const, data.drives, data.blocks
     work, space, given = data.work, data.space, data.given
     contacts = contacts_at(data.links.contacts)
-    active = blocks.active
+    active, tally = blocks.active, contacts.tally[0]
     bilateral = active[0]
-    contacts.tally[0].frozen = 0
     active[0] = 0  # constraints come in with the impulses
-    advance(rows, q, v, 0.5 * h)
-    stiffen(scene, t + 0.5 * h, h, q, v)
-    call_acceleration(this.links.accelerate, (scene, t + 0.5 * h, q, v, tau, vdot, flow))
+    advance(rows, q, v, 0.5 * w)
+    stiffen(scene, t + 0.5 * w, w, q, v)
+    tally.share = w / h
+    call_acceleration(this.links.accelerate, (scene, t + 0.5 * w, q, v, tau, vdot, flow))
     this.counters[0].evaluations += 1
-    ledger[at.WORK_DONE] += h * flow[0]
-    ledger[at.DISSIPATED] += h * flow[1]
     relax(rows, const, space.vectors, given)
     for j in range(nv):
         damping[j] = space.vectors[DAMPING, j]
     positions(rows, work)
     active[0] = bilateral
     first = bilateral + 1
-    size = extent(work)
-    add_unilateral(scene, q, size)
+    if add_unilateral(scene, h, w, look, q, v, vdot):
+        if contacts.laws.shape[0] > 0:  # take back the forces that were added up
+            tally.share = -w / h
+            call_contact_forces(data.links.forces, (scene, v, tau, flow))
+        active[0] = bilateral
+        for i in range(nq):
+            q[i] = stages[at.TRIAL, i]
+        return True
+    ledger[at.WORK_DONE] += w * flow[0]
+    ledger[at.DISSIPATED] += w * flow[1]
     if active[0] > 0:
         m = number_rows(blocks, space.slots)
-        set_velocities(scene, t, h, v, vdot)
+        set_velocities(scene, t, w, v, vdot)
         space.vectors[FACTORED, 2] = 0.0  # Y is no longer that of the last factors
         unit_responses(rows, const, blocks, work, space)
         warm_start(scene, first, m)
         this.counters[0].solver_iterations += solve(scene, m, first, ledger)
     else:
         space.vectors[STEP, :nv] = 0.0
-    clear(opened(scene).links.contacts)
     book(scene, first, h)
     if active[0] > 0:
         spread(rows, const, work, space.vectors[STEP])
     for j in range(nv):
-        v[j] += h * vdot[j] + space.vectors[STEP, j]
-    book_drives(rows, drives, tau, before, damping, h, v, ledger)
-    if bilateral > 0:  # impulses times the mean speed over the step
+        v[j] += w * vdot[j] + space.vectors[STEP, j]
+    book_drives(rows, drives, tau, before, damping, w, v, ledger)
+    if bilateral > 0:  # impulses times the mean speed over the part
         work_done = driven_power(blocks, space, before) + driven_power(blocks, space, v)
         ledger[at.WORK_DONE] += 0.5 * work_done
-    advance(rows, q, v, 0.5 * h)
-    if active[0] >= first:
-        push_out(scene, first, q, size)
+    advance(rows, q, v, 0.5 * w)
+    if active[0] >= first and w > 0.0:
+        push_out(scene, first, h, q)
     active[0] = bilateral
-    contacts.tally[0].frozen = 1
-    return 0.0 if finite(stages[at.CANDIDATE]) else math.inf
+    return False
 
 
 @sweep
@@ -180,8 +244,11 @@ def saturated(table, knots, n, t, q, v):
 
 
 @sweep
-def add_unilateral(scene, q, size):
-    """Append limits and rigid contacts that touch to the active blocks; `size` is the extent."""
+def add_unilateral(scene, h, w, look, q, v, vdot):
+    """Append limits and rigid contacts that touch to the active blocks.
+
+    With `look`, whether something may hit within this part, of width w, of a step of width h.
+    """
     data = opened(scene)
     blocks = data.blocks
     contacts = contacts_at(data.links.contacts)
@@ -190,31 +257,30 @@ def add_unilateral(scene, q, size):
     laws, tally = contacts.laws, contacts.tally[0]
     first = tally.first_limit
     for i in range(first, first + tally.limits):
+        if look and limit_meets(blocks, i, h, w, q, v, vdot):
+            return True
         gap = total(blocks_i, terms_i, terms_f, i, 1, q) - blocks_f[i, at.VALUE]
-        if gap <= 0.0:
+        if gap <= 2.0 * CLOSED:
             active[0] += 1
             active[active[0]] = i
     if laws.shape[0] == 0:
-        return
-    near = NEAR * size
+        return False
+    velocities(data.rows, data.const, data.work, v, data.space.linear)
+    place(contacts.geometry.shapes, data.work, contacts.poses)
+    closed, margin, fast = look_ahead(scene, w)
+    if look and fast:
+        return True
     first = tally.first_contact
-    for n in range(touching(scene, near)):
+    for n in range(touching(scene, max(closed, margin) if look else closed)):
         point = contacts.found[n]
+        if look and point_meets(scene, n, h, w):
+            return True
+        near = 4.0 * closed_gap(contacts, point.shape_a, point.shape_b, xyz(point.point_a))
         if laws[point.pair].law == RIGID and point.gap <= near:
             set_block(contacts, blocks, n, first + n)
             active[0] += 1
             active[active[0]] = first + n
-
-
-@part
-def extent(work):
-    """Length of the longest link, displacements included [m], the scale of small gaps."""
-    x, y, z = 0.0, 0.0, 0.0
-    for k in range(1, work.shape[0]):
-        x = max(x, abs(work[k, at.L]))
-        y = max(y, abs(work[k, at.L + 1]))
-        z = max(z, abs(work[k, at.L + 2]))
-    return max(x, max(y, z))
+    return False
 
 
 @sweep
@@ -247,7 +313,7 @@ def warm_start(scene, first, m):
     for j in range(first, active[0] + 1):
         n = active[j] - begin
         if n >= 0:
-            k = kept_place(contacts, n, n)
+            k = kept_place(contacts.found[n], contacts.kept, contacts.tally[0].kept, n)
             if k >= 0:
                 r = slots[active[j], at.FIRST]
                 for c in range(3):
@@ -311,7 +377,7 @@ def book(scene, first, h):
             term = blocks.blocks_i[active[j], at.B_TERM]
             torque = blocks.terms_f[term] * lam[r] / h
             limit_tau[blocks.terms_i[term, 0]] += torque
-            pairs[pairs.shape[0] + n].force[0] = torque
+            pairs[pairs.shape[0] + n].force[0] += torque
             continue
         force = (0.0, 0.0, 0.0)
         for c in range(3):
@@ -326,8 +392,15 @@ def book(scene, first, h):
     tally.kept = count
 
 
+@part
+def tolerated(contacts, n, h):
+    """Depth of contact point n that is left as it is [m]."""
+    size = smaller_size(contacts, contacts.found[n].shape_a, contacts.found[n].shape_b)
+    return max(DEPTH * size, WEIGHT * contacts.tally[0].pull * h * h)
+
+
 @sweep
-def push_out(scene, first, q, size):
+def push_out(scene, first, h, q):
     """Move q out of deeper penetration along the normals, in the mass metric."""
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
@@ -340,12 +413,14 @@ def push_out(scene, first, q, size):
     found, tally = contacts.found, contacts.tally[0]
     begin = tally.first_contact
     deepest = 0.0
+    deep = False
     for j in range(first, active[0] + 1):
         n = active[j] - begin
         if n >= 0:
             deepest = max(deepest, -found[n].gap)
+            deep = deep or -found[n].gap > tolerated(contacts, n, h)
     tally.depth = max(tally.depth, deepest)
-    if not deepest > DEPTH * size:
+    if not deep:
         return
     for k in range(z.shape[0]):
         z[k] = 0.0
@@ -359,7 +434,7 @@ def push_out(scene, first, q, size):
             if n < 0 or not own[i, 0] > 0.0:
                 continue
             r = slots[i, at.FIRST]
-            gap = RECOVER * (found[n].gap + 0.5 * DEPTH * size)
+            gap = RECOVER * (found[n].gap + 0.5 * tolerated(contacts, n, h))
             for s in range(slots[i, at.SLOTS]):
                 gap += y[i, 3 * s] * z[slots[i, at.SLOT + s]]
             new = max(lam[r] - gap / own[i, 0], 0.0)
