@@ -134,6 +134,11 @@ class Stepper(Portable):
         return record.scene.forces(record.out.wrenches[0])
 
     @property
+    def tau(self) -> Any:
+        """The torques that were given at the start: an array, a function, or None."""
+        return self._tau
+
+    @property
     def notices(self) -> tuple[str, ...]:
         """Sentences on how the steps went."""
         return self._record.notices()
@@ -250,8 +255,7 @@ class Stepper(Portable):
 
     def save(self) -> bytes:
         """All that the next steps depend on: `restore` continues with the same bits."""
-        if self._recording:
-            self._open()
+        self._open()
         head = f"{installed()}\n{self._key}\n{','.join(map(str, sorted(self._active)))}\n"
         start = SNAPSHOT + len(head).to_bytes(4, "little") + head.encode()
         return start + b"".join(array.tobytes() for array in self._memory())
@@ -300,6 +304,12 @@ class Stepper(Portable):
         given = mech.model.scenario(name) if name is not None else None
         options = self._options._replace(t_start=t, t_end=t + self._width)
         plan = plan_of(mech, options, tau, q, v)
+        if plan.contact_points:
+            text = (
+                f"{self.method} goes from event to event of rigid contacts and limits, which steps "
+            )
+            text += "from outside cannot; choose 'moreau_jean', or use simulate"
+            raise InputError(Problem("Stepper", "method", text))
         state = with_state(mech, plan.start, q, v)
         drives = plan.drives._replace(knots=plan.drives.knots.copy())
         whole = np.arange(len(mech.model.constraints))

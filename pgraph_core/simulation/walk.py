@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from ..errors import InputError, Problem
 from ..gait.controller import Controller
 from ..mechanism import Mechanism, mechanism_of
@@ -12,7 +14,10 @@ from ..model import Force, Gait, Model, VectorTable
 from ..packing.system import Array
 from ..portable import Portable
 from ..result import Result
+from .options import Options, positive
+from .plan import plan_of
 from .simulation import simulate
+from .stepper import Stepper
 
 EDGE = 1e-6  # s in which a push comes and goes
 
@@ -57,8 +62,10 @@ class Walk(Portable):
         self.t = 0.0
         self.q, self.v = start[0] if q is None else q, start[1] if v is None else v
         self.fell = False
-        self._options = {"step": step, "method": method}
+        self._options: dict[str, Any] = {"step": step, "method": method}
         self._pushes: list[tuple[float, Force]] = []  # when each is over
+        self._stepper: Stepper | None = None
+        self._built = False  # whether the stepper is that of the next piece
 
     @property
     def gait(self) -> Gait:
@@ -66,9 +73,54 @@ class Walk(Portable):
         return self.controller.gait
 
     def step(self, dt: float, *, frames: int | None = None) -> Result:
-        """The next `dt` seconds."""
-        self._pushes = [push for push in self._pushes if push[0] > self.t]
-        run = simulate(
+        """The next `dt` seconds; by default every step is recorded."""
+        dt = positive("dt", dt)
+        if any(end <= self.t for end, _ in self._pushes):
+            self._pushes = [push for push in self._pushes if push[0] > self.t]
+            self._built = False
+        if not self._built or not self._follows():
+            self._stepper, self._built = self._new_stepper(dt), True
+        stepper = self._stepper
+        run = self._run(dt, frames) if stepper is None else stepper.record_over(dt, frames)
+        if len(run.t):
+            self.t, self.q, self.v = float(run.t[-1]), run.q[-1], run.v[-1]
+        self.fell = self.fell or any("fell" in text for text in run.notices)
+        return run
+
+    def _follows(self) -> bool:
+        """Whether the stepper is where the walk is, which a caller may have moved."""
+        stepper = self._stepper
+        if stepper is None:
+            return True
+        same = self.t == stepper.t and self.controller is stepper.tau
+        return same and np.array_equal(self.q, stepper.q) and np.array_equal(self.v, stepper.v)
+
+    def _new_stepper(self, dt: float) -> Stepper | None:
+        """The stepper of the next pieces; None for a method that needs runs of their own."""
+        options = Options(scenario=self.scenario, t_end=dt, forces=self._forces, **self._options)
+        plan = plan_of(self.mech, options, self.controller, self.q, self.v)
+        if plan.tolerance is not None or plan.contact_points:
+            return None
+        given = self.mech.model.scenario(self.scenario)
+        return Stepper(
+            self.mech,
+            step=self._options["step"] or given.step,
+            method=plan.method.name,
+            scenario=self.scenario,
+            tau=self.controller,
+            forces=self._forces,
+            q=self.q,
+            v=self.v,
+            t_start=self.t,
+        )
+
+    @property
+    def _forces(self) -> tuple[Force, ...]:
+        return tuple(force for _, force in self._pushes)
+
+    def _run(self, dt: float, frames: int | None) -> Result:
+        """A piece as a run of its own."""
+        return simulate(
             self.mech,
             self.q,
             self.v,
@@ -76,19 +128,16 @@ class Walk(Portable):
             t_end=self.t + dt,
             scenario=self.scenario,
             tau=self.controller,
-            forces=tuple(force for _, force in self._pushes),
+            forces=self._forces,
             frames=frames,
             estimate=False,
-            **self._options,  # type: ignore[arg-type]
+            **self._options,
         )
-        if len(run.t):
-            self.t, self.q, self.v = float(run.t[-1]), run.q[-1], run.v[-1]
-        self.fell = self.fell or any("fell" in text for text in run.notices)
-        return run
 
     def change(self, **fields: Any) -> None:
         """Other fields of the gait from now on. Raises ModelError, InputError; then all stays."""
         self.controller = self.controller.changed(self.t, **fields)
+        self._built = False
 
     def push(
         self, force: Sequence[float], seconds: float = 0.1, *, body: str | None = None
@@ -103,9 +152,10 @@ class Walk(Portable):
         name, whose = f"push at {t:.6g} s", body or self.mech.names[0]
         wrench = Force(name=name, kind="wrench", body=whose, force=table, point=(0.0, 0.0, 0.0))
         self._pushes.append((end + EDGE, wrench))
+        self._built = False
 
     def follow(self, model: Model) -> None:
         """Go on with another model of the same joints; the controller knows nothing of it."""
         mech = Mechanism(model)
         self.q, self.v, _ = mech.state_from(self.mech, self.q, self.v)
-        self.mech = mech
+        self.mech, self._built = mech, False

@@ -1,0 +1,237 @@
+"""The stepper: the states of `simulate` bit for bit, however it is driven, saved and restored."""
+
+from __future__ import annotations
+
+import copy
+import gc
+import pickle
+import tracemalloc
+from functools import cache
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+import pgraph_models
+
+
+@cache
+def built_in(name: str) -> pg.Mechanism:
+    return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
+
+
+def chain(joint: str = "revolute", **fields: object) -> pg.Mechanism:
+    """Two bodies; the first hangs on the given joint."""
+    part = {
+        "mass": 1.0,
+        "tip": (0, -1, 0),
+        "com": (0, -0.5, 0),
+        "inertia": np.diag([0.1, 0.2, 0.3]),
+    }
+    bodies = [
+        pg.Body(name="upper", joint=joint, **part, **fields),
+        pg.Body(name="lower", parent="upper", link=(0, -1, 0), **part),
+    ]
+    return pg.Mechanism(pg.Model(bodies=bodies, gravity=(0, -9.81, 0)))
+
+
+def pushed(mech: pg.Mechanism) -> tuple[np.ndarray, np.ndarray]:
+    q, v = mech.home()
+    return q, v + 0.3 * np.arange(1, mech.nv + 1)
+
+
+CASES = [
+    ("revolute", "rk4"), ("spherical", "rk4"), ("free", "semi_implicit_euler"),
+    ("four_bar", "rk4"), ("bricard", "rk4"), ("rolling_disc", "rk4"),
+    ("falling_rod", "moreau_jean"), ("quadruped_hips", "moreau_jean"),
+]  # fmt: skip
+
+
+def case(name: str) -> tuple[pg.Mechanism, dict[str, object]]:
+    if name in ("revolute", "spherical", "free"):
+        mech = chain(name)
+        return mech, dict(zip("qv", pushed(mech)))
+    return built_in(name), {"scenario": "trot"} if name == "quadruped_hips" else {}
+
+
+@pytest.mark.parametrize(("name", "method"), CASES)
+def test_same_bits_as_a_run(name: str, method: str):
+    """One by one, many at once, looked at in between, and recorded."""
+    mech, given = case(name)
+    run = pg.simulate(mech, t_end=0.25, step=1e-3, method=method, estimate=False, **given)
+    single, many, parts = (pg.Stepper(mech, step=1e-3, method=method, **given) for _ in range(3))
+    for k in range(250):
+        single.step()
+        if k % 11 == 0:
+            assert np.isfinite(single.vdot).all()
+            assert all(np.isfinite(f).all() for f in single.contact_force.values())
+    many.step(n=250)
+    pieces = [parts.record(100), parts.record(50, frames=6)]
+    parts.step(n=50)
+    last = parts.record(50)
+    for stepper in (single, many, parts):
+        assert np.array_equal(stepper.q, run.q[-1])
+        assert np.array_equal(stepper.v, run.v[-1])
+        assert stepper.t == pytest.approx(run.t[-1], abs=1e-15)
+    assert np.array_equal(pieces[0].q, run.q[:101])
+    assert np.array_equal(pieces[1].q, run.q[100:151:10])
+    assert np.array_equal(last.q, run.q[200:])
+
+
+@pytest.mark.parametrize(("name", "method"), CASES)
+def test_a_snapshot_continues_with_the_same_bits(name: str, method: str):
+    mech, given = case(name)
+    stepper = pg.Stepper(mech, step=1e-3, method=method, **given)
+    stepper.step(n=70)
+    snapshot = stepper.save()
+    copies = [pickle.loads(pickle.dumps(stepper)), copy.deepcopy(stepper)]
+    stepper.step(n=70)
+    q, v, t = stepper.q.copy(), stepper.v.copy(), stepper.t
+    stepper.step(n=33)
+    stepper.restore(snapshot)
+    for one in (stepper, *copies):
+        one.step(n=70)
+        assert one.t == t
+        assert np.array_equal(one.q, q)
+        assert np.array_equal(one.v, v)
+
+
+def test_torques_act_in_the_steps_they_are_given_for():
+    """A rotor of inertia 2: v = Σ τ h / 2."""
+    rotor = pg.Body(name="rotor", mass=1.0, inertia=2 * np.eye(3))
+    stepper = pg.Stepper(pg.Model(bodies=[rotor]), step=0.01)
+    stepper.step(tau=[4.0], n=10)
+    assert stepper.v[0] == pytest.approx(0.2, rel=1e-12)
+    stepper.step(n=10)
+    assert stepper.v[0] == pytest.approx(0.2, rel=1e-12)
+    stepper.record(3)
+    stepper.step(tau=np.array([-4.0]), n=10)
+    assert stepper.v[0] == pytest.approx(0.0, abs=1e-15)
+    assert stepper.vdot[0] == pytest.approx(-2.0)
+
+
+def test_a_torque_function_is_that_of_simulate():
+    mech = chain()
+    tau = lambda t, q, v: -3.0 * q - v * np.cos(t)  # noqa: E731
+    q = np.array([0.4, -0.2])
+    run = pg.simulate(mech, q, t_end=0.1, step=1e-3, method="rk4", tau=tau)
+    stepper = pg.Stepper(mech, q=q, tau=tau)
+    stepper.step(n=100)
+    assert np.array_equal(stepper.q, run.q[-1])
+
+
+def test_a_servo_follows_its_target():
+    model = chain().model.add(pg.Servo(name="knee", body="lower", kp=400.0, kd=40.0, target=0.0))
+    stepper = pg.Stepper(model, step=1e-3)
+    stepper.target("knee", 0.5)
+    stepper.step(n=3000)
+    tilt = stepper.q[1]
+    assert abs(tilt - 0.5) < 0.05
+    assert pg.Stepper(model).mech.model == model
+    with pytest.raises(pg.InputError, match=r"no servo.*'elbow'"):
+        stepper.target("elbow", 0.1)
+
+
+def test_constraints_are_switched_between_steps():
+    """As the switches of `simulate` at the same time."""
+    model = built_in("four_bar").model
+    name = model.constraints[0].name
+    run = pg.simulate(
+        model, t_end=0.3, step=1e-3, method="rk4", switches=[(0.1, name, False)], estimate=False
+    )
+    stepper = pg.Stepper(model, step=1e-3)
+    assert set(stepper.constraint_force) == {c.name for c in model.constraints}
+    stepper.step(n=100)
+    stepper.switch(name, False)
+    stepper.step(n=200)
+    assert stepper.q == pytest.approx(run.q[-1], abs=1e-12)
+    before, q = stepper.save(), stepper.q.copy()
+    with pytest.raises(pg.InputError):  # it has swung far open
+        stepper.switch(name, True)
+    assert np.array_equal(stepper.q, q)
+    assert stepper.save() == before
+
+
+def test_reset_starts_again():
+    stepper = pg.Stepper(built_in("falling_rod"), step=1e-3)
+    assert stepper.method == "moreau_jean"
+    q = stepper.q.copy()
+    stepper.step(n=400)
+    first = stepper.q.copy()
+    stepper.reset()
+    assert (stepper.t, stepper.q.tolist()) == (0.0, q.tolist())
+    stepper.step(n=400)
+    assert np.array_equal(stepper.q, first)
+    assert pg.Stepper(chain()).method == "rk4"
+
+
+def test_a_step_that_fails_is_not_taken():
+    stepper = pg.Stepper(chain(), step=1e-3)
+    stepper.step(n=5)
+    q, t = stepper.q.copy(), stepper.t
+    snapshot = stepper.save()
+    status = stepper.step(tau=np.full(2, 1e308), n=10)
+    assert status is pg.Status.NOT_FINITE
+    assert not stepper.status.ok
+    assert "t = " in stepper.message
+    assert np.isfinite(stepper.q).all()
+    with pytest.raises(pg.InputError, match="reset or restore"):
+        stepper.step()
+    stepper.restore(snapshot)
+    assert (stepper.t, stepper.q.tolist()) == (t, q.tolist())
+    assert stepper.step().ok
+
+
+def test_what_does_not_fit_is_refused_in_a_sentence():
+    mech = chain()
+    stepper = pg.Stepper(mech)
+    for wrong, words in [
+        (lambda: pg.Stepper(mech, step=0.0), "step"),
+        (lambda: pg.Stepper(mech, method="dop853"), "rk4"),
+        (lambda: pg.Stepper(built_in("falling_rod"), method="rk4"), "moreau_jean"),
+        (lambda: pg.Stepper("model"), "Mechanism"),
+        (lambda: stepper.step(tau=np.zeros(3)), "tau"),
+        (lambda: stepper.step(tau=[np.nan, 0.0]), "tau"),
+        (lambda: stepper.step(n=0), "whole number"),
+        (lambda: stepper.step(n=2.5), "whole number"),
+        (lambda: stepper.reset(q=np.zeros(5)), "q"),
+        (lambda: stepper.record(10, frames=1), "frames"),
+        (lambda: stepper.switch("loop", True), "loop"),
+        (lambda: stepper.restore(b"something"), "Stepper.save"),
+        (lambda: stepper.restore(stepper.save()[:-8]), "damaged"),
+        (lambda: stepper.restore(pg.Stepper(chain("spherical")).save()), "another mechanism"),
+        (lambda: stepper.restore(pg.Stepper(mech, step=2e-3).save()), "another mechanism"),
+    ]:
+        with pytest.raises(pg.InputError) as refused:
+            wrong()
+        assert words in str(refused.value)
+    with pytest.raises(ValueError, match="read-only"):
+        stepper.q[0] = 1.0
+    assert stepper.step().ok
+
+
+def test_a_snapshot_of_another_version_says_so(monkeypatch):
+    stepper = pg.Stepper(chain())
+    snapshot = stepper.save()
+    monkeypatch.setattr("pgraph_core.simulation.stepper.installed", lambda: "9.9")
+    with pytest.raises(pg.InputError, match=r"was saved by Pgraph .* 9.9 is running"):
+        stepper.restore(snapshot)
+
+
+def test_memory_does_not_grow():
+    """A thousand parts of a run, looked at each time, keep no more than the first ones."""
+    stepper = pg.Stepper(built_in("falling_rod"), step=1e-3)
+
+    def parts(n: int) -> int:
+        for _ in range(n):
+            stepper.step(n=3)
+            assert stepper.contact_force
+            stepper.record(2)
+        gc.collect()
+        return tracemalloc.get_traced_memory()[0]
+
+    tracemalloc.start()
+    before = parts(50)
+    after = parts(500)
+    tracemalloc.stop()
+    assert after - before < 50_000
