@@ -17,8 +17,8 @@ test: check kernels ## set up everything that the tests need, and run them
 	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -m "not (browser or timed or nightly)"
 	@$(BIN)/python -m pytest -m "(browser or timed) and not nightly"
 
-quick: $(VENV)/installed-for-tests ## the quick tests, without a browser: under two minutes
-	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -m fast
+quick: $(VENV)/installed-for-tests ## the quick tests, without a browser: under a minute
+	@$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile -m "fast and not nightly"
 
 nightly: check kernels ## every test, the long ones too, with new random cases
 	@PGRAPH_EXPLORE=1 $(BIN)/python -m pytest -m "nightly or not nightly"

@@ -389,8 +389,8 @@ MODELS: list[tuple[dict[str, Any], list[str]]] = [
         {"bodies": [{"name": "arm"}], "scenarios": [{"name": "s", "method": "rk5"}]},
         [
             (
-                "scenario 's', method: no method is called 'rk5'; choose one of auto, "
-                "semi_implicit_euler, rk4, dopri5, dop853, ros2, radau5, moreau_jean"
+                "scenario 's', method: no method is called 'rk5'; choose one of auto, rk4, "
+                "semi_implicit_euler, dopri5, dop853, ros2, radau5, moreau_jean"
             )
         ],
     ),

@@ -324,7 +324,7 @@ class Result(EqualByFields, Portable):
     def columns(self) -> dict[str, Any]:
         """Columns (n,) of a table of the run, by names with units."""
         columns = {"t [s]": self.t, "kinetic energy [J]": self.kinetic_energy}
-        columns["potential energy [J]"] = self.potential_energy
+        columns |= {"potential energy [J]": self.potential_energy, "total energy [J]": self.energy}
         positions, speeds = coordinates(self.mechanism)
         columns |= {f"q {place} [{unit}]": x for (place, unit), x in zip(positions, self.q.T)}
         for name, per, array in (("v", "/s", self.v), ("vdot", "/s^2", self.vdot)):

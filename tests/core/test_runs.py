@@ -268,6 +268,6 @@ def test_csv_names_every_column_with_its_unit():
     assert names[:2] == ["t [s]", "kinetic energy [J]"]
     assert {"q trunk 0 [m]", "q trunk 3 [1]", "q slide 0 [m]", "v trunk 0 [rad/s]"} <= set(names)
     assert {"v trunk 3 [m/s]", "vdot slide 0 [m/s^2]"} <= set(names)
-    assert len(names) == 3 + 8 + 7 + 7
+    assert len(names) == 4 + 8 + 7 + 7
     assert len(rows) == len(run.t)
     assert float(rows[-1].split(",")[names.index("q slide 0 [m]")]) == run.q[-1, 7]
