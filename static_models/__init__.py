@@ -38,6 +38,14 @@ def path(name: str) -> Path:
 
 
 @cache
+def about() -> dict[str, str]:
+    """A sentence for each built-in model, by name."""
+    from .build import BUILDERS
+
+    return {name: (BUILDERS[name].__doc__ or "").split("\n")[0] for name in names()}
+
+
+@cache
 def _case_files() -> dict[str, Path]:
     """Name of a case -> its file."""
     found: dict[str, Path] = {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
 
 import pgraph_core as pg
@@ -17,6 +18,7 @@ from .classics import (
     spherical_pendulum,
     tennis_racket,
 )
+from .looks import STEEL, hub, machine
 from .loops import andrews, bricard, four_bar, rolling_disc, slider_crank
 from .quadruped import quadruped, quadruped_hips
 from .shapes import Vector, bar
@@ -25,7 +27,8 @@ BUILDERS: dict[str, Callable[[], pg.Model]] = {}
 
 
 def built(builder: Callable[[], pg.Model]) -> Callable[[], pg.Model]:
-    BUILDERS[builder.__name__] = builder
+    """A builder of a model that is drawn as a machine."""
+    BUILDERS[builder.__name__] = wraps(builder)(lambda: machine(builder()))
     return builder
 
 
@@ -49,7 +52,11 @@ def stiff_pendulum() -> pg.Model:
         inertia=((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
         stiffness=(0.0, stiffness),
         q=(angle, 9.81 * math.cos(angle) / stiffness),
-        shape=pg.Shape(kind="sphere", radius=0.08, position=(0, 0, -1)),
+        shapes=(
+            pg.Shape(kind="sphere", radius=0.08, position=(0, 0, -1)),
+            hub((0, 0, 1), radius=0.012, length=1.0, colour=STEEL, at=(0, 0, -0.5)),
+            hub((0, 1, 0), radius=0.03, length=0.1),
+        ),
     )
     swing = pg.Scenario(
         name="swing", description="two seconds at steps far wider than the spring's period",
@@ -90,17 +97,9 @@ def chain_10() -> pg.Model:
 
 for _walker in (quadruped, quadruped_hips):
     BUILDERS[_walker.__name__] = _walker
-for _loop in (four_bar, slider_crank, bricard, andrews, rolling_disc):
-    BUILDERS[_loop.__name__] = _loop
-for _classic in (
-    heavy_top,
-    tennis_racket,
-    spherical_pendulum,
-    skate,
-    falling_rod,
-    four_bar_windows,
-):
-    BUILDERS[_classic.__name__] = _classic
+for _machine in (four_bar, slider_crank, bricard, andrews, rolling_disc, heavy_top, tennis_racket,
+                 spherical_pendulum, skate, falling_rod, four_bar_windows):  # fmt: skip
+    built(_machine)
 
 
 def _hanging_rod(name: str, parent: str, link: Vector, q: float) -> pg.Body:

@@ -6,6 +6,7 @@ import math
 
 import pgraph_core as pg
 
+from .looks import DARK, STEEL, chain, hub, racket, spots
 from .loops import rod
 from .shapes import Vector, bar, rounded
 
@@ -28,6 +29,8 @@ def heavy_top(height: float = 1.2) -> pg.Model:
             rotation=(0.707106781, -0.707106781, 0, 0),
         ),
     )
+    axle = hub((0, 1, 0), 0.025, 1.08, STEEL, at=(0, 0.54, 0))
+    top = top.model_copy(update={"shapes": (*top.shapes, axle, *spots((0, 1, 0), 0.17, 0.104))})
     return pg.Model(
         name="heavy top",
         bodies=(top,),
@@ -43,8 +46,11 @@ def tennis_racket() -> pg.Model:
         joint="free",
         inertia=diagonal(1.0, 2.0, 3.0),
         v=(0.01, 5.0, 0.01, 0.0, 0.0, 0.0),
-        shape=pg.Shape(kind="box", size=_vector(0.2 * max(side, 0.1) for side in sides)),
+        shape=pg.Shape(
+            kind="box", size=_vector(0.2 * max(side, 0.1) for side in sides), role="collision"
+        ),
     )
+    body = body.model_copy(update={"shapes": (*body.shapes, *racket())})
     return pg.Model(
         name="tennis racket",
         gravity=(0, 0, 0),
@@ -82,8 +88,10 @@ def skate() -> pg.Model:
         joint="planar",
         inertia=diagonal(0.1, 0.1, 0.1),
         v=(0.0, 0.0, 2.0),
-        shape=pg.Shape(kind="box", size=(0.4, 0.02, 0.1)),
+        shape=pg.Shape(kind="box", size=(0.4, 0.02, 0.1), colour=STEEL),
     )
+    boot = chain(DARK, ((-0.1, 0, 0.22), 0.055), ((-0.12, 0, 0.1), 0.05), ((0.12, 0, 0.085), 0.036))
+    body = body.model_copy(update={"shapes": (*body.shapes, *boot)})
     blade = pg.Constraint(name="blade", kind="skate", body="skate", point=(0, 0, 0), axis=(0, 1, 0))
     return pg.Model(
         name="skate on a slope",

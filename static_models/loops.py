@@ -8,6 +8,7 @@ import numpy as np
 
 import pgraph_core as pg
 
+from .looks import spots
 from .shapes import Vector, bar, rounded
 
 PLANAR = "y"  # planar mechanisms stand in the xy plane
@@ -223,7 +224,10 @@ def rolling_disc() -> pg.Model:
         q=(*(rounded(x, 15) for x in r * up), math.cos(theta / 2), math.sin(theta / 2), 0, 0),
         v=tuple(rounded(x, 15) for x in (*w, *np.cross(w, r * up))),
         tip=(0, 0, 0),
-        shape=pg.Shape(kind="cylinder", radius=r, length=0.02),
+        shapes=(
+            pg.Shape(kind="cylinder", radius=r, length=0.02),
+            *spots((0, 0, 1), 0.68 * r, 0.022),
+        ),
     )
     rolls = pg.Constraint(
         name="rolls", kind="rolling", body="disc", point=(0, 0, 0), axis=(0, 0, 1), radius=r

@@ -7,6 +7,7 @@ import csv
 import pgraph_core as pg
 
 from . import FOLDER
+from .looks import animal
 from .shapes import Vector, block, limb, rounded
 from .stance import FEET, holding_torques, push
 
@@ -28,11 +29,12 @@ def quadruped() -> pg.Model:
         rows = list(csv.DictReader(file))
     names = ["ground", *(row["name"] for row in rows)]
     bodies = [_body(row, names[int(row["parent"])]) for row in rows]
+    drawn = animal(bodies)
     feet = {body.name: _foot(body) for body in bodies if body.name in FEET}
     return pg.Model(
         name="quadruped",
         up="y",
-        bodies=tuple(_with_shape(body, bodies) for body in bodies),
+        bodies=tuple(_with_shapes(body, bodies, drawn[body.name]) for body in bodies),
         constraints=[feet[name] for name in FEET],
         contacts=_soles(bodies),
         scenarios=(_stance(bodies), _stand(bodies), _walk("bound", 10.0)),
@@ -94,11 +96,14 @@ def _vector(row: dict[str, str], name: str) -> Vector:
     return float(row[f"{name}_x"]), float(row[f"{name}_y"]), float(row[f"{name}_z"])
 
 
-def _with_shape(body: pg.Body, bodies: list[pg.Body]) -> pg.Body:
+def _with_shapes(body: pg.Body, bodies: list[pg.Body], drawn: tuple[pg.Shape, ...]) -> pg.Body:
+    """One simple solid that touches, and the parts of an animal that are drawn."""
     if body.name in TRUNK:
-        return body.model_copy(update={"shape": block(body)})
-    child = next((b.link for b in bodies if b.parent == body.name), body.tip_point)
-    return body.model_copy(update={"shape": limb(body, child)})
+        solid = block(body)
+    else:
+        solid = limb(body, next((b.link for b in bodies if b.parent == body.name), body.tip_point))
+    solid = solid.model_copy(update={"role": "collision"})
+    return body.model_copy(update={"shapes": (solid, *drawn)})
 
 
 def _foot(body: pg.Body) -> pg.Constraint:

@@ -24,7 +24,7 @@ def bar(end: Sequence[float], radius: float) -> pg.Shape:
         radius=radius,
         length=rounded(length - radius),
         position=(rounded(x * middle), rounded(y * middle), rounded(z * middle)),
-        rotation=_from_z(x, y, z),
+        rotation=turn_from_z(x, y, z),
     )
 
 
@@ -47,7 +47,7 @@ def rounded(x: float, digits: int = 6) -> float:
     return round(float(x), digits) + 0.0
 
 
-def _from_z(x: float, y: float, z: float) -> Quaternion:
+def turn_from_z(x: float, y: float, z: float) -> Quaternion:
     """The shortest turn from z to a unit direction, as a quaternion [w, x, y, z]."""
     if z < -1 + 1e-12:
         return (0.0, 1.0, 0.0, 0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import subprocess
 import sys
@@ -13,7 +14,8 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core import show
-from pgraph_core.show import animation, bodies, plots, tables
+from pgraph_core.show import animation, bodies, camera, ground, plots, tables
+from pgraph_core.show.ground import GRID
 
 pytestmark = pytest.mark.fast
 
@@ -240,3 +242,33 @@ def test_a_page_in_a_notebook_is_a_frame_of_its_own():
     html = animation.Embedded('<p class="a">text</p>', 300)._repr_html_()
     assert html.startswith('<iframe srcdoc="&lt;p class=&quot;a&quot;')
     assert 'height="300"' in html
+
+
+def test_the_camera_is_as_near_as_it_can_be_and_sees_every_point():
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        points = rng.normal(size=(30, 3)) * rng.uniform(0.01, 20, 3) + rng.normal(size=3)
+        up, which = rng.choice(["x", "y", "z"]), rng.choice(["front", "side", "top", "isometric"])
+        axis, aspect = np.array(GRID[up][1]), rng.uniform(0.4, 2.5)
+        way = camera.towards(up, which)
+        at = camera.fitted(points, axis, way, aspect)
+        np.testing.assert_allclose(np.cross(at.position - at.target, way), 0, atol=1e-9)
+        assert camera.in_picture(points, axis, at, aspect)
+        right, above = camera.frame(axis, way)
+        deep = (at.position - points) @ way
+        half = math.tan(camera.FIELD_OF_VIEW / 2)
+        x = np.abs((points - at.position) @ right) / (deep * half * aspect * camera.MARGIN)
+        y = (points - at.position) @ above / (deep * half)
+        y = np.where(y > 0, y / camera.MARGIN, -y / camera.LOWER)
+        fills = max(x.max(), y.max())
+        assert fills == pytest.approx(1, abs=1e-9) or np.linalg.norm(at.position - at.target) < 0.03
+
+
+def test_the_floor_is_below_what_hangs_and_at_the_plane_where_something_may_touch_it():
+    hanging = pg.Model.serial(4)
+    top = pg.Topology.of(hanging)
+    positions, _ = pg.home_poses(hanging)
+    low = ground.depth(hanging, hanging.bodies, top.parent.tolist(), positions, 0.4)
+    assert low == pytest.approx(sum(np.linalg.norm(b.tip_point) for b in hanging.bodies), abs=0.2)
+    touching = hanging.add(pg.Contact(name="c", body="4", points=((0, 0, 0),)))
+    assert ground.depth(touching, hanging.bodies, top.parent.tolist(), positions, 0.4) == 0

@@ -40,6 +40,7 @@ def start(args: Namespace) -> None:
     _bind(args.host)
     if args.log is not None:
         _log_to(args.log)
+    from ..run.update import Simulate
     from ..server import serve  # here: no other command needs viser
     from ..session.autosave import state_folder
 
@@ -49,6 +50,8 @@ def start(args: Namespace) -> None:
         model, host=args.host, port=args.port, open_browser=not args.no_browser,
         given=args.model, keep=state_folder(), token=args.token,
     )  # fmt: skip
+    if model.scenarios and not server.store.state.undo:
+        server.send(Simulate(0))  # ready to play when the page is seen
     server.wait(stopped)
 
 

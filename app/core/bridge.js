@@ -94,6 +94,24 @@ window.pgraph = (() => {
     },
   };
 
+  // What the page does with viser's camera. Our axes differ from three.js's by the root's rotation.
+  pgraph.viser = {
+    controls: () => window.__viserMutable?.cameraControl,
+    turned([x, y, z]) {
+      const [w, a, b, c] = window.__viserSceneTree?.getState()[""]?.wxyz ?? [1, 0, 0, 0];
+      const [u, v, t] = [2 * (b * z - c * y), 2 * (c * x - a * z), 2 * (a * y - b * x)];
+      return [x + w * u + b * t - c * v, y + w * v + c * u - a * t, z + w * t + a * v - b * u];
+    },
+    // The camera and what it looks at, moved by as much [m].
+    shift(way) {
+      const controls = pgraph.viser.controls(), [x, y, z] = pgraph.viser.turned(way);
+      const { position, target } = { position: controls.camera.position.clone(), target: controls.camera.position.clone() };
+      controls.getPosition(position, true);
+      controls.getTarget(target, true);
+      controls.setLookAt(position.x + x, position.y + y, position.z + z, target.x + x, target.y + y, target.z + z, false);
+    },
+  };
+
   // Little pictures for buttons, drawn here because fonts lack them.
   const ICONS = {
     play: "M4 2l10 6-10 6z", pause: "M3 2h4v12H3zM9 2h4v12H9z", start: "M2 2h2v12H2zM14 2v12L5 8z",
@@ -130,11 +148,26 @@ window.pgraph = (() => {
   // A sentence in passing, for what has no cell any more.
   pgraph.toast = (text, good = false) => {
     const note = pgraph.make("div", { className: `pgraph pgraph-toast${good ? " good" : ""}`, role: good ? "status" : "alert", textContent: text });
-    let notes = document.querySelector(".pgraph-toasts");
-    if (!notes) document.body.append(notes = pgraph.make("div", { className: "pgraph-toasts" }));
-    notes.append(note);
+    toasts().append(note);
     setTimeout(() => note.remove(), 8000);
   };
+
+  // What the server tells this page in passing: a title, and three lines of text until it is clicked.
+  listeners.notice = ({ title, text, bad }) => {
+    const make = pgraph.make, said = make("div", { className: "said", textContent: text.length > 400 ? `${text.slice(0, 400)} …` : text });
+    const note = make("div", { className: `pgraph pgraph-toast notice${bad ? "" : " good"}`, role: bad ? "alert" : "status", title: text },
+      make("button", { className: "close", textContent: "×", "aria-label": "close", onclick: () => note.remove() }),
+      make("strong", { textContent: title }), ...(text ? [said] : []));
+    said.onclick = () => note.classList.toggle("whole");
+    toasts().append(note);
+    while (toasts().childElementCount > 3) toasts().firstElementChild.remove();
+    setTimeout(() => { if (!note.classList.contains("whole")) note.remove(); }, bad ? 12000 : 5000);
+  };
+  function toasts() {
+    let notes = document.querySelector(".pgraph-toasts");
+    if (!notes) document.body.append(notes = pgraph.make("div", { className: "pgraph-toasts" }));
+    return notes;
+  }
 
   function redraw(view) {
     for (const topic of Object.keys(views[view])) if (topic !== "build") pgraph.draw(view, topic);
@@ -193,7 +226,7 @@ window.pgraph = (() => {
     else if (event.key === "Escape") pgraph.send("Select", { body: null });
     else if (event.key === " " && !event.target.closest?.("button")) {
       event.preventDefault();
-      pgraph.send(latest.playback?.playing ? "Pause" : "Play");
+      pgraph.play();
     }
   }
   window.addEventListener("keydown", shortcut, true);

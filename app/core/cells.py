@@ -11,14 +11,17 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import pgraph_core as pg
+from pgraph_core.model.parameters import evaluated
 
-Quantity = Literal["angle", "length", "number"]
+Quantity = Literal["angle", "length", "mass", "number"]
+ARITHMETIC = re.compile(r"[\d\s.+\-*/^()eE]*(pi[\d\s.+\-*/^()eE]*)*")
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 LONGEST_NAME = 100
 FAR = 1e15  # [m]; beyond, pictures have no numbers
 UNITS: dict[Quantity, dict[str, tuple[float, float]]] = {  # typed unit -> (times, divided by)
     "length": {"mm": (1, 1000), "cm": (1, 100), "m": (1, 1)},
     "angle": {"rad": (1, 1), "deg": (math.pi, 180), "°": (math.pi, 180)},
+    "mass": {"kg": (1, 1), "g": (1, 1000), "t": (1000, 1)},
     "number": {},
 }
 
@@ -34,7 +37,7 @@ class Display:
 
     def unit(self, quantity: Quantity) -> str:
         """The name of the unit a quantity is shown in."""
-        return {"angle": self.angle, "length": self.length, "number": ""}[quantity]
+        return {"angle": self.angle, "length": self.length}.get(quantity, "")
 
     def shown(self, value: float, quantity: Quantity) -> float:
         """An SI value in the page's unit: of the nearest numbers the one with fewest digits."""
@@ -64,8 +67,10 @@ class Refusal(ValueError):
 
 
 def number(text: str) -> float:
-    """The number typed, exactly: 1e-6 is 1e-6. Raises Refusal with what would do."""
+    """The number typed, exactly: 1e-6 is 1e-6, 0.2/2 is 0.1. Raises Refusal with what would do."""
     typed = text.strip()
+    if not NUMBER.fullmatch(typed) and typed and ARITHMETIC.fullmatch(typed):
+        return _calculated(typed)
     if not NUMBER.fullmatch(typed):
         hint = "; write the decimal point as '.'" if "," in typed else " such as 0.25 or 1e-6"
         raise Refusal(f"must be a number{hint}; given {quoted(typed)}")
@@ -73,6 +78,16 @@ def number(text: str) -> float:
     if not math.isfinite(value):
         raise Refusal(f"{quoted(typed)} is too large for a number; use less than 1.8e308")
     return value
+
+
+def _calculated(typed: str) -> float:
+    """What + - * / ^ and parentheses give. Raises Refusal."""
+    try:
+        return evaluated(typed.replace("^", "**"), {})
+    except ValueError as problem:
+        asked, do = "is no formula; write it as =thigh/2", "cannot be calculated; write it as 0.2/2"
+        text = str(problem).replace(asked, do)
+        raise Refusal(text) from None
 
 
 def quantity(text: str, of: Quantity, display: Display) -> float:
@@ -91,10 +106,11 @@ def quantity(text: str, of: Quantity, display: Display) -> float:
 def _quantity(text: str, of: Quantity, display: Display) -> float:
     typed = text.strip()
     unit = next((u for u in UNITS[of] if typed.endswith(u) and len(u) < len(typed)), None)
-    if unit is None or not NUMBER.fullmatch(typed.removesuffix(unit).strip()):
+    bare = typed if unit is None else typed.removesuffix(unit).strip()
+    if unit is None or not (NUMBER.fullmatch(bare) or ARITHMETIC.fullmatch(bare)):
         return display.si(number(text), of)
     times, by = UNITS[of][unit]
-    return number(typed.removesuffix(unit)) * times / by
+    return number(bare) * times / by
 
 
 def content(text: str, of: Quantity, display: Display) -> float | str:

@@ -45,7 +45,8 @@ def attempted(state: State, client: int, make: Callable[[], pg.Model], label: st
 
 def _noticed(state: State, client: int, model: pg.Model) -> State:
     """Tells the page what else the edit changed."""
-    text = "; ".join(model.notices)
+    first, *more = model.notices or ("",)
+    text = f"{first}; and {len(more)} more" if len(more) > 1 else "; ".join((first, *more))
     return told(state, client, Notice("Also changed", text)) if text else state
 
 

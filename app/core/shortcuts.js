@@ -3,7 +3,17 @@ pgraph.shortcuts = (() => {
   const { make } = pgraph;
   const SHEET = [
     ["Anywhere", [
-      ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Space", "play or pause"], ["Esc", "clear the selection"], ["?", "this sheet"],
+      ["Ctrl K", "find a command"], ["Ctrl S", "save"], ["Ctrl O", "open"], ["Ctrl F", "find a body"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Space", "play or pause"], ["Esc", "clear the selection"], ["?", "this sheet"],
+    ]],
+    ["In the 3D view", [
+      ["F", "frame what is selected, or all"], ["1", "from the front, 2 from the side, 3 from the top"], ["0", "isometric"],
+      ["drag", "turn the view; with the right button move it"], ["wheel", "nearer or farther"], ["click", "select a body"], ["Ctrl drag", "pull on a body while Live runs"],
+    ]],
+    ["In the digraph", [
+      ["drag", "a node onto its new parent"], ["Shift drag", "onto a second parent: closes a loop"], ["↑ ↓ ← →", "along the tree, Enter selects"],
+    ]],
+    ["In cells", [
+      ["0.2/2", "arithmetic: + - * / ^ ( ), pi"], ["50 mm", "a unit with the number: mm, cm, m, deg, rad, g, kg, t"],
     ]],
     ["In the table", [
       ["↑ ↓ ← →", "next cell"], ["Tab", "next cell, Shift Tab the one before"], ["Home End", "first or last cell of the row"],

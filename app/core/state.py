@@ -62,7 +62,9 @@ class Client:
     plots: tuple[tuple[str, str], ...] = ()  # (quantity, of what), in their order
     walk: str = ""  # what it steps through: "pgraph" (Fig. 4), "frames" (Fig. 8) or nothing
     posing: bool = False  # whether it has the sliders of the joints in view
+    gallery: int = 0  # how often it asked for the pictures of the models
     follow: bool = False  # whether its camera goes along
+    view: tuple[int, str] = (0, "")  # how often a view was asked for, and which
     gizmo: str = ""  # what of the selected body it moves in 3D: "link", "com" or nothing
     grip: Grip | None = None  # while it does
     inspected: Inspected | None = None  # the operator it looks at

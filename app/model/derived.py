@@ -11,6 +11,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.show.digraph import Layout, layout
+from pgraph_core.show.ground import depth
 from pgraph_core.show.shapes import Color, branch_colors, children_of, reach, to_wxyz
 from pgraph_core.topology import Loop, loops_of
 
@@ -38,6 +39,7 @@ class Derived:
     wxyz: np.ndarray  # (nb, 4) orientations at home
     center: np.ndarray  # (3,) what the camera looks at [m]
     size: float  # how far the model reaches from there [m]
+    low: float  # how far under its plane the ground is drawn [m]
 
     @property
     def grain(self) -> float:
@@ -87,6 +89,7 @@ def _derived(model: pg.Model) -> Derived:
         wxyz=to_wxyz(np.asarray(rotations, dtype=float)),
         center=center,
         size=size,
+        low=depth(model, bodies, parent, positions, size),
     )  # fmt: skip
 
 

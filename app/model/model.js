@@ -28,6 +28,27 @@
     }
   }
 
+  // Keys: save where it was saved last, or ask where; open; the palette of commands runs these too.
+  const press = (which) => document.querySelector(`.pgraph button.${which}`)?.click();
+  pgraph.commands = {
+    new: () => press("new"), open: () => press("open"), save: () => press("save"), keys: () => pgraph.shortcuts.open(),
+    theme: () => press("theme"), simulate: () => press("simulate"), live: () => press("action.live"), undo: () => send("Undo"), redo: () => send("Redo"),
+    play: () => pgraph.play(), find: () => { const box = document.querySelector(".pgraph .search"); box?.focus(); box?.select(); },
+    add: () => press("add"), download: () => send("Download"), tour: () => pgraph.tour?.start(),
+  };
+  pgraph.on("command", ({ run }) => {
+    const [kind, what] = run.split(":");
+    if (kind === "tab") pgraph.front(what);
+    else if (kind === "view") pgraph.camera.look(what);
+    else pgraph.commands[kind]?.();
+  });
+  window.addEventListener("keydown", (event) => {
+    const which = { s: "save", o: "open", f: "find" }[event.key.toLowerCase()];
+    if (!which || !(event.ctrlKey || event.metaKey) || event.shiftKey || event.altKey) return;
+    event.preventDefault(); // the browser's own save, open and find
+    pgraph.commands[which]();
+  }, true);
+
   // -- one question at a time, below the buttons -----------------------------------------------
   function ask(host, question) {
     const box = host.querySelector(".asked"), again = box.dataset.asked === question.name;
@@ -42,7 +63,8 @@
   }
 
   function newQuestion(close) {
-    return typed("How many bodies?", "4", "Create", close, (serial, bodies) => send("NewModel", { serial, bodies }));
+    return [...typed("How many bodies?", "4", "Create", close, (serial, bodies) => send("NewModel", { serial, bodies })),
+      make("div", { className: "muted", textContent: "or start from one of these" }), gallery(close, [])];
   }
 
   function saveQuestion(close) {
@@ -71,13 +93,25 @@
   function openQuestion(close) {
     const file = make("input", { type: "file", accept: ".json,.zip,application/json,application/zip", hidden: true });
     file.onchange = () => { pgraph.files.read(file.files[0]); close(); };
-    const item = (event) => ([name, what]) => make("button", {
-      className: "item", "data-model": name, onclick: () => { send(event, { name }); close(); },
-    }, make("strong", { textContent: name }), make("span", { className: "muted", textContent: what }));
     const kept = pgraph.latest.toolbar.kept.map((name) => [name, "from an earlier session"]);
-    return [make("div", { className: "gallery" }, ...kept.map(item("OpenKept")), ...pgraph.latest.toolbar.gallery.map(item("OpenBuiltIn"))),
-      make("div", { className: "ask" }, button("file", "Open a file …", "A model saved as JSON, or as zip with its meshes; it can also be dropped on the page", () => file.click()), file)];
+    return [make("div", { className: "ask" }, button("file", "Open a file …", "A model saved as JSON, or as zip with its meshes; it can also be dropped on the page", () => file.click()), file),
+      gallery(close, kept)];
   }
+
+  // Cards with a picture and a sentence each; the pictures come a moment later.
+  function gallery(close, kept) {
+    const card = (event) => ([name, what]) => make("button", {
+      className: "item", "data-model": name, title: what, onclick: () => { send(event, { name }); close(); },
+    }, make("span", { className: "picture" }), make("strong", { textContent: name.replaceAll("_", " ") }), make("span", { className: "muted", textContent: what }));
+    send("ShowGallery");
+    const box = make("div", { className: "gallery" }, ...kept.map(card("OpenKept")), ...pgraph.latest.toolbar.gallery.map(card("OpenBuiltIn")));
+    if (pgraph.latest.pictures) pictures(box, pgraph.latest.pictures);
+    return box;
+  }
+  function pictures(box, drawn) {
+    for (const item of box.querySelectorAll(".item")) item.querySelector(".picture").innerHTML = drawn[item.dataset.model] ?? "";
+  }
+  pgraph.on("pictures", (drawn) => document.querySelectorAll(".pgraph .gallery").forEach((box) => pictures(box, drawn)));
 
   pgraph.view("toolbar", { build, toolbar: draw });
 })();

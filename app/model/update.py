@@ -101,6 +101,17 @@ def new_model(state: State, event: NewModel) -> State:
 
 
 @dataclass(frozen=True)
+class ShowGallery(FromPage):
+    """The page wants pictures of the models it can open."""
+
+
+@on(ShowGallery)
+def gallery_shown(state: State, event: ShowGallery) -> State:
+    page = state.clients.get(event.client)
+    return state if page is None else with_client(state, event.client, gallery=page.gallery + 1)
+
+
+@dataclass(frozen=True)
 class OpenBuiltIn(FromPage):
     name: Text
 

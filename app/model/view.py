@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-import json
+import pgraph_core as pg
+import pgraph_models
+from pgraph_core.show.picture import picture
 
 from ..core.bridge import Bridge
 from ..core.places import Place
@@ -39,14 +41,35 @@ def toolbar(state: State) -> Payload:
 
 
 def gallery(state: State) -> list[tuple[str, str]]:
-    """The built-in models, with how many bodies each has."""
-    found = []
-    for name, text in state.gallery.items():
-        data = json.loads(text)
-        n = len(data.get("bodies", ()))
-        said = data.get("description") or f"{n} {'body' if n == 1 else 'bodies'}"
-        found.append((name, said))
-    return found
+    """The built-in models, with a sentence each."""
+    said = pgraph_models.about()
+    return [(name, said.get(name, "")) for name in state.gallery]
 
 
-VIEWS = (Place(lambda desk: ToolbarView(desk.bridge), 30),)
+class GalleryView:
+    """Pictures of the models that can be opened, to the pages that look at them."""
+
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+        self._pictures: dict[str, str] = {}
+
+    def render(self, old: State, new: State) -> None:
+        for client, page in new.clients.items():
+            if page.gallery == old.clients.get(client, page).gallery:
+                continue
+            for name, text in new.gallery.items():
+                if name not in self._pictures:
+                    self._pictures[name] = drawn(pg.Model.from_json(text))
+            self._bridge.send(client, "pictures", self._pictures)
+
+
+def drawn(model: pg.Model) -> str:
+    """A picture of a model at home, as SVG text."""
+    top, (positions, R) = pg.Topology.of(model), pg.home_poses(model)
+    return picture(model, tuple(top.parent.tolist()), tuple(top.names), positions, R)
+
+
+VIEWS = (
+    Place(lambda desk: ToolbarView(desk.bridge), 30),
+    Place(lambda desk: GalleryView(desk.bridge), 31),
+)

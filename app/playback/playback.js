@@ -2,6 +2,11 @@
 (() => {
   const { make, send } = pgraph;
   let dragging = false;
+  // Play simulates first where nothing has been computed; what is simulated plays.
+  pgraph.play = () => {
+    const { playing, nothing } = pgraph.latest.playback ?? {};
+    send(nothing ? "Simulate" : playing ? "Pause" : "Play");
+  };
 
   function build(host) {
     const button = (className, icon, title, onclick) =>
@@ -14,7 +19,7 @@
     host.replaceChildren(make("div", { className: "transport" },
       button("back", "start", "to the start", () => send("Scrub", { time: Number(slider.min) })),
       button("less", "less", "one frame back", () => send("StepFrames", { frames: -1 })),
-      button("primary play", "play", "play (space)", () => send(pgraph.latest.playback.playing ? "Pause" : "Play")),
+      button("primary play", "play", "play (space)", pgraph.play),
       button("more", "more", "one frame on", () => send("StepFrames", { frames: 1 })),
       slider, make("output", { className: "time" }), speed,
       button("loop", "loop", "repeat", () => send("Loop", { loop: !pgraph.latest.playback.loop }))),
@@ -25,6 +30,7 @@
     const $ = (selector) => host.querySelector(selector);
     const none = data.moment[2] <= data.moment[1];
     for (const control of host.querySelectorAll("button, input, select")) control.disabled = none;
+    $(".play").disabled = false; // it simulates where there is nothing yet
     $(".none").hidden = !none;
     $(".none").textContent = data.hint;
     $(".transport").classList.toggle("off", none);

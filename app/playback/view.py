@@ -41,7 +41,7 @@ def moment(state: State) -> tuple[float, float, float]:
 def playback(state: State) -> Payload:
     """Everything the bar shows."""
     p, live = state.playback, state.live
-    hint = "" if state.run else "Nothing to play yet: press Simulate, or Live."
+    hint = "" if state.run or state.job else "Play simulates first: nothing has been computed yet."
     return {
         "moment": moment(state),
         "playing": p.playing if live is None else live.running,
@@ -49,6 +49,7 @@ def playback(state: State) -> Payload:
         "loop": p.loop,
         "speeds": SPEEDS,
         "live": live is not None,
+        "nothing": live is None and state.t_end <= state.t_start,
         "hint": "The live run starts ..." if live and not live.parts else hint,
     }
 

@@ -36,6 +36,8 @@ def quantity_of(body: pg.Body, field: str, index: tuple[int, ...]) -> Quantity:
     """What a cell measures: which of the page's units it is shown in."""
     if field in LENGTHS:
         return "length"
+    if field == "mass":
+        return "mass"
     if field == "rotation_euler" or (field == "rotation_axis" and index == (3,)):
         return "angle"
     if field in ("q", "v", "limits", "rest") and index:

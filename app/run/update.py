@@ -93,7 +93,7 @@ class Simulate(FromPage):
 
 @on(Simulate)
 def simulate(state: State, event: Simulate) -> State:
-    return _asked(state, None) if idle(state) else state
+    return asked(state, None) if idle(state) else state
 
 
 @dataclass(frozen=True)
@@ -103,10 +103,10 @@ class Continue(FromPage):
 
 @on(Continue)
 def go_on(state: State, event: Continue) -> State:
-    return _asked(state, state.run.result) if idle(state) and state.run is not None else state
+    return asked(state, state.run.result) if idle(state) and state.run is not None else state
 
 
-def _asked(state: State, before: Any) -> State:
+def asked(state: State, before: Any) -> State:
     """A simulation under way; from the end of `before` if given."""
     job = Job(state.jobs + 1, state.model, state.request, before=before)
     paused = replace(state.playback, playing=False)
@@ -159,7 +159,8 @@ def heard(state: State, event: Progress | Simulated | Failed) -> State:
             return replace(state, job=None, run_problem=f"There is no run to show: {why}.")
         case Simulated(_, result):
             start = 0.0 if job.before is None else float(job.before.t[-1])
-            playback = replace(state.playback, time=start, playing=False)
+            plays = job.model is state.model and len(result.t) > 1
+            playback = replace(state.playback, time=start, playing=plays)
             stale = "The model was changed during the simulation; undo shows that run."
             problem = "" if job.model is state.model else stale
             run = Run(job.model, job.request, result)

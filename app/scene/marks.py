@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.model.fields import GROUND
 from pgraph_core.show import shapes
 
 from ..core.state import State
@@ -43,6 +44,12 @@ def showable(state: State) -> tuple[tuple[str, str], ...]:
     held = bool(model.constraints) or touching or any(s.forces for s in model.scenarios)
     found = [
         ("shapes", "shapes", True),
+        ("joining", "springs, rods, loads", _joined(model)),
+        (
+            "branches",
+            "colours of the branches",
+            any(s.colour for b in model.bodies for s in b.drawn),
+        ),
         ("axes", "joint axes", state.derived.dof > 0),
         ("links", "link vectors", True),
         ("coms", "centres of mass", True),
@@ -60,6 +67,13 @@ def showable(state: State) -> tuple[tuple[str, str], ...]:
         ("follow", "camera follows", any(body.joint == "free" for body in model.bodies)),
     ]
     return tuple((what, label) for what, label, there in found if there and model.bodies)
+
+
+def _joined(model: pg.Model) -> bool:
+    kinds = {f.kind for s in (model, *model.scenarios) for f in s.forces}
+    return bool(kinds & {"spring", "wrench"}) or any(
+        c.kind == "distance" for c in model.constraints
+    )
 
 
 def axes(state: State) -> Local:
@@ -88,6 +102,16 @@ def links(state: State) -> Local:
         for k, below in enumerate(d.children)
         if below
     }
+
+
+def spine(state: State) -> Local:
+    """`links`, and a line to the tip of each body without children: a large model from afar."""
+    d, found = state.derived, links(state)
+    found.pop(0, None)
+    for k, below in enumerate(d.children):
+        if k and not below:
+            found[k] = np.array([(np.zeros(3), state.model.body(d.names[k - 1]).tip_point)])
+    return found
 
 
 def coms(state: State) -> Local:
@@ -146,6 +170,98 @@ def placed(solids: Placed, positions: np.ndarray, wxyz: np.ndarray) -> tuple[np.
     R = shapes.to_matrix(wxyz)[k]
     at = positions[k] + np.einsum("nij,nj->ni", R, solids.position)
     return at, shapes.times(wxyz[k], solids.wxyz)
+
+
+# -- what joins bodies -------------------------------------------------------------------------
+
+
+class Joining(NamedTuple):
+    """Springs and rods between two points, as unit solids along z from one to the other."""
+
+    ends: np.ndarray  # (n, 2, 3) world [m]
+    at: np.ndarray  # (n, 3) their middles, world [m]
+    wxyz: np.ndarray  # (n, 4)
+    size: np.ndarray  # (n, 3) [m]
+
+
+def forces_of(state: State) -> tuple[pg.Force, ...]:
+    """Those that act: of the model and of the scenario that is chosen."""
+    wanted = state.request.scenario if state.run is None else state.run.request.scenario
+    chosen = (s.forces for s in state.model.scenarios if s.name == wanted)
+    return (*state.model.forces, *(force for some in chosen for force in some))
+
+
+def joinings(state: State, positions: np.ndarray, R: np.ndarray) -> tuple[Joining, Joining]:
+    """Springs, and rods: constraints that keep a distance."""
+    model = state.model
+    pairs = [
+        (f, f.point or model.body(f.body).tip_point)
+        for f in forces_of(state)
+        if isinstance(f, pg.Spring)
+    ]
+    rods = [(c, model.point_of(c)) for c in model.constraints if c.kind == "distance" and c.active]
+    grain = state.derived.grain
+    return (
+        _between(state, pairs, positions, R, 0.07 * grain),
+        _between(state, rods, positions, R, 0.025 * grain),
+    )
+
+
+def _between(
+    state: State, parts: list[tuple[Any, Any]], positions: np.ndarray, R: np.ndarray, wide: float
+) -> Joining:
+    number, ends = state.derived.number, []
+    for part, point in parts:
+        if part.body in number and (part.other == GROUND or part.other in number):
+            other = part.other_point or (0.0, 0.0, 0.0)
+            ends.append((_at(number[part.body], point, positions, R),
+                         _at(number.get(part.other, 0), other, positions, R)))  # fmt: skip
+    between = np.array(ends).reshape(-1, 2, 3)
+    a, b = between.transpose(1, 0, 2)
+    length = np.maximum(np.linalg.norm(b - a, axis=1), 1e-9)
+    turns = [shapes.z_to(way) if long > 1e-9 else np.eye(3)
+             for way, long in zip((b - a) / length[:, None], length)]  # fmt: skip
+    size = np.stack((np.full(len(a), wide), np.full(len(a), wide), length), axis=1)
+    return Joining(between, (a + b) / 2, shapes.to_wxyz(np.array(turns).reshape(-1, 3, 3)), size)
+
+
+def _at(number: int, point: Any, positions: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """A point of a body, or of the ground, in world axes."""
+    if number == 0:
+        return np.asarray(point, float)
+    return positions[number - 1] + R[number - 1] @ np.asarray(point)
+
+
+def loads(state: State, positions: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """(n, 2, 3) arrows of the forces applied to bodies, the largest half the model long."""
+    found = []
+    for f in forces_of(state):
+        if not isinstance(f, pg.Wrench) or f.body not in state.derived.number:
+            continue
+        k = state.derived.number[f.body]
+        force = _now(f.force, state.playback.time)
+        turned = R[k - 1] @ force if f.frame == "body" else force
+        at = _at(k, f.point or (0.0, 0.0, 0.0), positions, R)
+        found.append((at, turned))
+    wrenches = [f for f in forces_of(state) if isinstance(f, pg.Wrench)]
+    largest = max((_largest(f.force) for f in wrenches), default=0.0)
+    if largest == 0.0:
+        return np.zeros((0, 2, 3))
+    metres = LONGEST * state.derived.size / largest
+    return np.array([(at - metres * force, at) for at, force in found]).reshape(-1, 2, 3)
+
+
+def _now(value: Any, time: float) -> np.ndarray:
+    """A vector, or a table of vectors at a time."""
+    if not hasattr(value, "t"):
+        return np.asarray(value, float)
+    table = np.asarray(value.value, float)
+    return np.array([np.interp(time, value.t, column) for column in table.T])
+
+
+def _largest(value: Any) -> float:
+    table = np.asarray(value.value if hasattr(value, "t") else value, float)
+    return float(np.linalg.norm(np.atleast_2d(table), axis=1).max())
 
 
 # -- forces ------------------------------------------------------------------------------------

@@ -16,7 +16,11 @@ from . import marks
 STAY = {"axes", "links"}  # lines of one look, whatever the model
 AXIS, LINK, COM, FORCE = (224, 120, 20), (96, 106, 120), (200, 40, 150), (30, 160, 90)
 INERTIA, POINT, CONE, PULL = (110, 80, 200), (220, 50, 40), (30, 160, 90), (230, 90, 20)
+METAL, LOAD = (150, 158, 168), (214, 92, 40)
 NOWHERE = np.zeros(3)
+NOTHING = (
+    marks.Joining(np.zeros((0, 2, 3)), np.zeros((0, 3)), np.zeros((0, 4)), np.zeros((0, 3))),
+) * 2
 TRIAD = ((205, 45, 45), (45, 155, 60), (50, 90, 220))  # x, y, z
 
 
@@ -43,12 +47,14 @@ class Overlays:
         self, state: State, positions: np.ndarray, wxyz: np.ndarray, gone: np.ndarray = NOWHERE
     ) -> None:
         """Draw what `state.shown` asks for, bodies at these poses, all moved back by `gone`."""
+        large = "shapes" in state.shown and len(state.derived.names) > SEPARATE
         for kind in LOCAL:
-            if kind in state.shown:
+            if kind in state.shown or (kind == "spine" and large):
                 self._local(kind, state, positions - gone, wxyz)
             else:
                 self._remove(kind)
         self._inertias(state, positions - gone, wxyz)
+        self._joining(state, positions, wxyz, gone)
         self._forces(state, positions, wxyz, gone)
 
     def pull(self, state: State, positions: np.ndarray, wxyz: np.ndarray) -> None:
@@ -68,15 +74,7 @@ class Overlays:
         found = marks.pushes(state, positions, shapes.to_matrix(wxyz)) if wanted else []
         metres = marks.scale(state) if found else 0.0
         arrows = marks.arrows(found if "forces" in wanted else [], metres) - gone
-        arrows = arrows.astype(np.float32)
-        drawn = self._nodes.get("forces")
-        if drawn and drawn[0].points.shape == arrows.shape:
-            drawn[0].points = arrows
-        else:
-            self._remove("forces")
-            self._nodes["forces"] = _arrows(
-                self._scene, "/forces", arrows, state.derived.size, FORCE
-            )
+        self._arrows("forces", arrows.astype(np.float32), state.derived.size, FORCE)
         normal = np.asarray(state.model.ground_normal)
         at, size = marks.cones(found if "cones" in wanted else [], metres, normal)
         turned = shapes.to_wxyz(shapes.z_to(normal)[None])
@@ -95,9 +93,34 @@ class Overlays:
         size = self._solids.size
         self._batch("inertias", lambda: shapes.unit("sphere"), at, turned, size, INERTIA, 0.55)
 
-    def _batch(
-        self, kind: str, solid: Any, at: Any, wxyz: Any, size: Any, color: Any, opacity: Any
+    def _joining(
+        self, state: State, positions: np.ndarray, wxyz: np.ndarray, gone: np.ndarray
     ) -> None:
+        """Springs and rods, and arrows of what loads the bodies."""
+        on, R = "joining" in state.shown, shapes.to_matrix(wxyz)
+        springs, rods = marks.joinings(state, positions, R) if on else NOTHING
+        for kind, solid, found in (
+            ("springs", shapes.coil, springs), ("rods", lambda: shapes.unit("cylinder"), rods),
+        ):  # fmt: skip
+            self._batch(
+                kind, solid, found.at - gone, found.wxyz, found.size, METAL, None, shadow=True
+            )
+        arrows = marks.loads(state, positions, R) if on else np.zeros((0, 2, 3))
+        self._arrows("loads", (arrows - gone).astype(np.float32), state.derived.size, LOAD)
+
+    def _arrows(self, kind: str, arrows: np.ndarray, size: float, color: shapes.Color) -> None:
+        """Arrows of one kind, moved where they are drawn already."""
+        drawn = self._nodes.get(kind)
+        if drawn and drawn[0].points.shape == arrows.shape:
+            drawn[0].points = arrows
+            return
+        self._remove(kind)
+        self._nodes[kind] = _arrows(self._scene, f"/{kind}", arrows, size, color)
+
+    def _batch(
+        self, kind: str, solid: Any, at: Any, wxyz: Any, size: Any, color: Any, opacity: Any,
+        shadow: bool = False,
+    ) -> None:  # fmt: skip
         """Solids of one kind, moved where they are drawn already."""
         drawn = self._nodes.get(kind)
         if drawn and drawn[0].batched_positions.shape == at.shape:
@@ -113,7 +136,7 @@ class Overlays:
             self._scene.add_batched_meshes_simple(
                 f"/{kind}", unit.vertices, unit.faces, batched_wxyzs=wxyz, batched_positions=at,
                 batched_scales=size, batched_colors=color, opacity=opacity, lod="off",
-                cast_shadow=False, receive_shadow=False,
+                cast_shadow=shadow, receive_shadow=shadow,
             )
         ]  # fmt: skip
 
@@ -170,6 +193,16 @@ def _triads(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, 
     )
 
 
+def _spine(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, k: int) -> Any:
+    """Lines in the bodies' colours: what is thinner than a pixel is still seen."""
+    owners = [n for n, lines in marks.spine(state).items() for _ in lines]
+    colors = (0.7 * np.array([state.derived.colors[n - 1] for n in owners])).astype(np.uint8)
+    return scene.add_line_segments(
+        name, points, colors=np.repeat(colors[:, None], 2, axis=1), thickness=4.0,
+        thickness_units="screen",
+    )  # fmt: skip
+
+
 def _points(color: shapes.Color) -> Any:
     def add(scene: viser.SceneApi, name: str, points: np.ndarray, state: State, k: int) -> Any:
         return scene.add_point_cloud(
@@ -199,9 +232,9 @@ def _arrows(
 
 LOCAL = {
     "axes": marks.axes, "links": marks.links, "coms": marks.coms, "names": marks.coms,
-    "frames": marks.frames, "points": marks.points,
+    "frames": marks.frames, "points": marks.points, "spine": marks.spine,
 }  # fmt: skip
 ADD = {
     "axes": _lines(AXIS, 4.0), "links": _lines(LINK, 2.5), "coms": _points(COM), "names": _name,
-    "frames": _triads, "points": _points(POINT),
+    "frames": _triads, "points": _points(POINT), "spine": _spine,
 }  # fmt: skip

@@ -12,7 +12,7 @@ from ..core.state import Notice, State, told, with_client
 
 Showable = Literal[
     "shapes", "axes", "links", "coms", "inertias", "frames", "names", "points", "forces",
-    "cones", "footprints", "follow",
+    "joining", "branches", "cones", "footprints", "follow",
 ]  # fmt: skip
 
 
@@ -30,6 +30,20 @@ def show(state: State, event: Show) -> State:
         return with_client(state, event.client, follow=event.on)
     shown = state.shown | {event.what} if event.on else state.shown - {event.what}
     return replace(state, shown=shown)
+
+
+@dataclass(frozen=True)
+class View(FromPage):
+    """A page's camera on what is selected, or all ("fit"), or on all from a named direction."""
+
+    which: Literal["fit", "front", "side", "top", "isometric"]
+
+
+@on(View)
+def viewed(state: State, event: View) -> State:
+    page = state.clients.get(event.client)
+    count = page.view[0] + 1 if page is not None else 0
+    return with_client(state, event.client, view=(count, event.which))
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,17 @@
-"""The 3D view: bodies at their poses, the ground, the camera, and each page's selection."""
+"""The 3D view: the stage, bodies at their poses, the ground, and each page's selection."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import viser
 
-from pgraph_core.show import animation, bodies, shapes
+from pgraph_core.show import shapes, stage
 from pgraph_core.show.animation import between
 from pgraph_core.show.bodies import SEPARATE, BatchedBodies, Bodies, Look, SeparateBodies, at_rest
-from pgraph_core.show.ground import GRID, grid, steps
+from pgraph_core.show.ground import grid, steps
 
 from ..core.bridge import Bridge
 from ..core.events import Event
@@ -23,10 +23,10 @@ from ..pose.view import Gizmos
 from ..scene.update import Unreadable
 from ..session.update import Select
 from . import marks
+from .camera import CameraView, looks
+from .camera import viewpoint as viewpoint
 from .overlays import Overlays
 
-FIELD_OF_VIEW = 0.85  # [rad]
-TYPICAL_ASPECT = 0.6  # of the view between the docks at 1280 x 800
 INSIDE = {"links", "coms", "inertias", "frames", "points"}  # is seen only through the bodies
 OUTLINE = (255, 170, 20)
 
@@ -42,8 +42,6 @@ class SceneView:
         self._outlined: dict[int, Any] = {}  # what these were made from
         self._gizmos = Gizmos(server, send)
         self._ground_view = GroundView(server)
-        self._framed = -1
-        self._up = ""
         self._boxes: tuple[str, ...] = ()  # what was said of meshes that cannot be read
         self._send = send
         self._state: State | None = None
@@ -53,19 +51,12 @@ class SceneView:
         self._state = new
         if self._bodies is None and not any(page.aspect for page in new.clients.values()):
             return  # the first page gets its table first: drawing in 3D may be slow there
-        rebuilt = self._bodies is None or new.derived is not old.derived
+        recolored = {"branches"} & (new.shown ^ old.shown)
+        rebuilt = self._bodies is None or new.derived is not old.derived or bool(recolored)
         with self._server.atomic():
-            another = new.framed != self._framed or new.model.up != self._up
-            if another:
-                self._framed, self._up = new.framed, new.model.up
-                self._start(new)
             self._ground_view.render(new)
             if rebuilt:
                 self._rebuild(new)
-            for client, now in new.clients.items():
-                before = old.clients.get(client)
-                if another or (now.aspect and (before is None or before.aspect is None)):
-                    self._look(client, new)
             self._select(old, new, rebuilt)
             moved = any((
                 new.playback.time != old.playback.time,
@@ -84,7 +75,7 @@ class SceneView:
         if rebuilt or new.shown != old.shown:
             assert self._bodies is not None
             self._bodies.fade(0.35 if new.shown & INSIDE else None, "shapes" in new.shown)
-        if rebuilt or moved or new.shown != old.shown:
+        if rebuilt or moved or new.shown != old.shown or new.request is not old.request:
             self._overlays.render(new, *at)
         if rebuilt or moved or new.pull is not old.pull:
             self._overlays.pull(new, *at)
@@ -180,37 +171,6 @@ class SceneView:
             )
         return at_rest(frame)
 
-    def _start(self, state: State) -> None:
-        """Another model: which way is up, and where new pages look from."""
-        up, size = GRID[state.model.up][1], state.derived.size
-        self._server.scene.set_up_direction(up)
-        start = self._server.initial_camera
-        # viser returns to this after a change of `up`, so it has to suit the pages that are open
-        known = (page.aspect for page in state.clients.values() if page.aspect is not None)
-        start.position, start.look_at = viewpoint(state, min(known, default=TYPICAL_ASPECT))
-        start.up, start.fov, start.near, start.far = up, FIELD_OF_VIEW, size / 100, 1000 * size
-
-    def _look(self, client: int, state: State) -> None:
-        """Set one page's camera on the model."""
-        handle = self._server.get_clients().get(client)
-        aspect = state.clients[client].aspect
-        if handle is not None and aspect is not None:
-            camera = handle.camera
-            camera.up_direction = np.array(GRID[state.model.up][1])
-            camera.position, camera.look_at = viewpoint(state, aspect)
-
-
-def viewpoint(state: State, aspect: float) -> tuple[np.ndarray, np.ndarray]:
-    """Positions of the camera and of its target, so that the model fills the view."""
-    return animation.viewpoint(state.derived.center, state.derived.size, state.model.up, aspect)
-
-
-def looks(state: State, before: Sequence[Look] = ()) -> list[Look]:
-    """How each body is drawn, by number."""
-    d = state.derived
-    drawn = [state.model.body(name) for name in d.names]
-    return bodies.looks(drawn, d.children, d.colors, before)
-
 
 COLOR, OPACITY = (120, 128, 140), 0.28
 
@@ -254,6 +214,33 @@ class GhostView:
                 node.position, node.wxyz = place, turn
 
 
+class StageView:
+    """Light, sky and floor of each page, in its theme."""
+
+    def __init__(self, server: viser.ViserServer):
+        self._server = server
+        self._lit: dict[int, tuple[bool, str]] = {}  # by client: dark, which way is up
+        self._floors: dict[int, object] = {}  # what each is made from
+
+    def render(self, old: State, new: State) -> None:
+        for gone in self._lit.keys() - new.clients.keys():
+            del self._lit[gone]
+            self._floors.pop(gone, None)
+        model, handles = new.model, None
+        for client, page in new.clients.items():
+            lit = page.dark, model.up
+            floor = lit, model.ground_normal, new.framed, new.derived.low
+            if self._lit.get(client) == lit and self._floors.get(client) == floor:
+                continue
+            handles = self._server.get_clients() if handles is None else handles
+            if page.aspect is None or (handle := handles.get(client)) is None:
+                continue
+            if self._lit.get(client) != lit:
+                stage.light(handle.scene, page.dark, model.up)
+            stage.floor(handle.scene, model, new.derived.size, page.dark, new.derived.low)
+            self._lit[client], self._floors[client] = lit, floor
+
+
 class GroundView:
     """The ground of the model that is shown."""
 
@@ -264,61 +251,14 @@ class GroundView:
 
     def render(self, state: State) -> None:
         model = state.model
-        wanted = (model.ground, model.up, state.framed)
+        wanted = (model.ground, model.up, state.framed, state.derived.low)
         if wanted == self._drawn:
             return
         self._drawn = wanted
         if self._steps is not None:
             self._steps.remove()
-        grid(self._scene, model, state.derived.size)
+        grid(self._scene, model, state.derived.size, state.derived.low)
         self._steps = steps(self._scene, model)
-
-
-LEAST = 1e-3  # [m] below which a camera stays
-
-
-class FollowView:
-    """The way from the eye to what it looks at is the page's own, also while it is turned."""
-
-    def __init__(self, server: viser.ViserServer):
-        self._server = server
-        self._ahead: dict[int, np.ndarray] = {}  # of what each page looks at, from the body [m]
-
-    def render(self, old: State, new: State) -> None:
-        for client in self._ahead.keys() - new.clients.keys():
-            del self._ahead[client]
-        leaves = any(body.joint == "free" for body in new.model.bodies)
-        following = [key for key, page in new.clients.items() if page.follow and leaves]
-        for client in self._ahead.keys() - set(following):
-            del self._ahead[client]
-        if not following:
-            return
-        at = level(new)
-        another = new.framed != old.framed or not old.derived.names
-        handles = self._server.get_clients()
-        for client in following:
-            if client not in handles or new.clients[client].aspect is None:
-                continue
-            camera = handles[client].camera
-            if client not in self._ahead or another:
-                was = at if another else level(old)
-                self._ahead[client] = np.asarray(camera.look_at) - was
-            move(camera, at + self._ahead[client])
-
-
-def level(state: State) -> np.ndarray:
-    """(3,) where the first body is, its height left out."""
-    up = np.array(GRID[state.model.up][1])
-    at = np.asarray(poses(state)[0][0])
-    return at - (at @ up) * up
-
-
-def move(camera: viser.CameraHandle, target: np.ndarray) -> None:
-    """Look at `target` from where the page looks from."""
-    way = np.asarray(camera.position) - np.asarray(camera.look_at)
-    if np.linalg.norm(target - np.asarray(camera.look_at)) > LEAST:
-        camera.position = target + way
-        camera.look_at = target
 
 
 class ShowView:
@@ -355,7 +295,8 @@ def switches(state: State, page: Client) -> Payload:
 
 VIEWS = (
     Place(lambda desk: ShowView(desk.bridge), 42, "properties", "Show", viser.Icon.EYE),
+    Place(lambda desk: CameraView(desk.bridge), 68),
+    Place(lambda desk: StageView(desk.bridge.server), 69),
     Place(lambda desk: SceneView(desk.bridge.server, desk.send), 70),
     Place(lambda desk: GhostView(desk.bridge.server), 71),
-    Place(lambda desk: FollowView(desk.bridge.server), 73),
 )

@@ -9,6 +9,7 @@ from ..core.places import Place
 from ..core.state import Client, Notice, State
 from ..core.views import Payload, audience
 from ..model.archive import packed
+from .palette import PaletteView
 
 ACCENT = (47, 111, 208)
 PEOPLE = ("#d9730d", "#2f9e6b", "#a33fb5", "#c2255c", "#0c8599")
@@ -57,12 +58,8 @@ class SessionView:
                 self._notify(client, Notice("Not saved", str(error), bad=True))
 
     def _notify(self, client: int, notice: Notice) -> None:
-        handle = self._bridge.server.get_clients().get(client)
-        if handle is None:
-            return
-        color = (200, 60, 50) if notice.bad else ACCENT
-        seconds = 12.0 if notice.bad else 5.0
-        handle.add_notification(notice.title, notice.text, auto_close_seconds=seconds, color=color)
+        said = {"title": notice.title, "text": notice.text, "bad": notice.bad}
+        self._bridge.send(client, "notice", said)
 
     def _theme(self, client: int, dark: bool) -> None:
         handle = self._bridge.server.get_clients().get(client)
@@ -83,4 +80,7 @@ def others(state: State, client: int) -> Payload:
     return found
 
 
-VIEWS = (Place(lambda desk: SessionView(desk.bridge), 100),)
+VIEWS = (
+    Place(lambda desk: PaletteView(desk.bridge), 99),
+    Place(lambda desk: SessionView(desk.bridge), 100),
+)

@@ -321,11 +321,12 @@ class Mirror:
         })  # fmt: skip
 
     def shape(self, shape: Shape) -> Shape:
-        """At the reflected place; its solid is symmetric about its own planes, but for a mesh."""
-        moved = {
-            "position": self.point(shape.position),
-            "rotation": self.quaternion(shape.rotation),
-        }
+        """At the reflected place; its solid is symmetric about its own planes, but for a mesh
+        and for one that tapers along z."""
+        w, x, y, z = self.quaternion(shape.rotation)
+        if shape.end_radius is not None and self.sign[2] < 0:
+            w, x, y, z = -x, w, z, -y  # half a turn about its own x
+        moved = {"position": self.point(shape.position), "rotation": (w, x, y, z)}
         return shape.model_copy(update=moved)
 
     def value(self, x: Any, reflect: Callable[[Sequence[float]], Vec3]) -> Any:

@@ -65,6 +65,10 @@ class Shape(Frozen):
         "a length > 0 along z [m], a capsule's without its caps",
         default=None, gt=0, unit="length",
     )  # fmt: skip
+    end_radius: Number | None = field(
+        "a radius > 0 [m] at the far end (+z) of a capsule or cylinder that is only drawn",
+        default=None, gt=0, unit="length",
+    )  # fmt: skip
     file: str | None = field("the name of a mesh file", default=None)
     scale: Number | Vec3 = field(
         "a factor > 0 on the mesh, or three, one an axis, that are not zero",
@@ -103,6 +107,8 @@ class Shape(Frozen):
         if not self._scales():
             text = f"scale must be > 0, or three factors that are not 0; given {shown(self.scale)}"
             problems.append(("shape", text))
+        if self.end_radius is not None:
+            problems += self._tapered()
         if not 0.5 < math.hypot(*self.rotation) < 2:
             given = shown(self.rotation)
             problems.append(("shape", f"rotation must be a unit quaternion; given {given}"))
@@ -115,6 +121,20 @@ class Shape(Frozen):
     def _scales(self) -> bool:
         """Whether `scale` leaves a mesh that has a volume."""
         return all(self.scale) if isinstance(self.scale, tuple) else self.scale > 0
+
+    def _tapered(self) -> list[tuple[str, str]]:
+        """What is wrong with a shape that tapers."""
+        given = f"given end_radius {self.end_radius:g}"
+        if self.kind not in ("capsule", "cylinder"):
+            return [("shape", f"only a capsule or a cylinder has an end_radius; {given}")]
+        if self.role != "visual":
+            return [("shape", f"a shape that tapers is only drawn; give role 'visual'; {given}")]
+        if self.kind == "capsule" and self.radius is not None and self.length is not None:
+            gap = abs((self.end_radius or 0.0) - self.radius)
+            if gap >= self.length:
+                text = f"a capsule's length must be above the difference of its radii, {gap:g} m"
+                return [("shape", f"{text}; given {self.length:g}")]
+        return []
 
 
 DIMENSIONS: dict[str, tuple[str, ...]] = {  # kind -> the fields that say how large it is
@@ -154,6 +174,8 @@ def _volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
     if shape.kind == "mesh":
         return _mesh_volume(shape, unit)
     r, h = shape.radius or 0.0, shape.length or 0.0
+    if shape.end_radius is not None:
+        return _turned(shape)
     if shape.kind == "box":
         x, y, z = shape.size or (0.0, 0.0, 0.0)
         volume = x * y * z
@@ -171,6 +193,42 @@ def _volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
         across += caps * (0.4 * r * r + h * h / 4 + 3 * h * r / 8)
         moments = np.array((across, across, about))
     return volume, np.zeros(3), np.diag(moments)
+
+
+def profile(shape: Shape) -> list[tuple[float, float, float, float, float]]:
+    """A capsule or cylinder along z as pieces (from, to, a, b, c) where r^2 = a + b z + c z^2."""
+    r, h = shape.radius or 0.0, shape.length or 0.0
+    end = r if shape.end_radius is None else shape.end_radius
+    low, high, pieces = -h / 2, h / 2, []
+    caps = shape.kind == "capsule"
+    # the cone touches both balls along circles: its sine is the difference of the radii over h
+    sine = (r - end) / h if caps else 0.0
+    cosine = math.sqrt(1 - sine * sine)
+    first, last = low + r * sine * caps, high + end * sine * caps
+    slope = (end - r) * cosine / (last - first)
+    start = r * cosine - slope * first
+    if caps:
+        pieces.append((low - r, first, r * r - low * low, 2 * low, -1.0))
+        pieces.append((last, high + end, end * end - high * high, 2 * high, -1.0))
+    pieces.append((first, last, start * start, 2 * start * slope, slope * slope))
+    return pieces
+
+
+def _turned(shape: Shape) -> tuple[float, Array, Array]:
+    """`_volume` of a tapered shape: discs along z, whose moments Gauss's rule sums exactly."""
+    nodes, weights = np.polynomial.legendre.leggauss(3)
+    z, dz, square = [], [], []
+    for low, high, a, b, c in profile(shape):
+        at = (low + high) / 2 + (high - low) / 2 * nodes
+        z.append(at)
+        dz.append((high - low) / 2 * weights)
+        square.append(a + b * at + c * at * at)
+    z, area = np.concatenate(z), math.pi * np.concatenate(dz) * np.concatenate(square)
+    volume = float(area.sum())
+    middle = float(area @ z) / volume
+    disc = area * np.concatenate(square) / 4  # of each disc about a diameter
+    across = float(disc.sum() + area @ (z - middle) ** 2)
+    return volume, np.array((0.0, 0.0, middle)), np.diag((across, across, 2 * float(disc.sum())))
 
 
 def _mesh_volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
@@ -232,7 +290,8 @@ def _corners(shape: Shape) -> Array:
     if shape.kind == "mesh":
         points = np.asarray(load_mesh(shape.file or "", shape.scale).vertices)
     else:
-        r, caps = shape.radius or 0.0, (shape.radius or 0.0) * (shape.kind != "cylinder")
+        r = max(shape.radius or 0.0, shape.end_radius or 0.0)
+        caps = r * (shape.kind != "cylinder")
         half = np.array(shape.size or (2 * r, 2 * r, (shape.length or 0.0) + 2 * caps)) / 2
         signs = np.array([(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
         points = half * signs

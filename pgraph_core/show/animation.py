@@ -14,10 +14,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies, looks
+from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies, extent, looks
+from .camera import FIELD_OF_VIEW, fitted, towards
 from .extras import needed
-from .ground import GRID, grid, steps
+from .ground import GRID, depth, grid, steps
 from .shapes import branch_colors, children_of, reach, to_matrix
+from .stage import floor, light
 
 if TYPE_CHECKING:
     import viser
@@ -25,8 +27,6 @@ if TYPE_CHECKING:
 PICTURES = 30  # a second
 MOST_PICTURES = 3000
 ASPECT = 1.6  # of the window for which the camera is placed
-TOWARDS_CAMERA = {"x": (0.42, 0.8, -1.0), "y": (0.55, 0.4, 1.0), "z": (0.55, -1.0, 0.4)}
-DISTANCE = 2.9  # of the camera, in sizes of the model
 
 # Draws more into a picture: (time [s], positions, quaternions, shift of the picture [m])
 Extra = Callable[[float, np.ndarray, np.ndarray, np.ndarray], None]
@@ -57,16 +57,26 @@ def draw(
     bodies, parent = [model.body(name) for name in names], run.mechanism.topology.parent.tolist()
     t, pose = np.asarray(run.t), np.asarray(run.body_pose)
     children = children_of(parent)
-    middle, size = reach(bodies, children, pose[0, :, :3], to_matrix(pose[0, :, 3:]))
+    _, size = reach(bodies, children, pose[0, :, :3], to_matrix(pose[0, :, 3:]))
     up = np.array(GRID[model.up][1])
     scene, camera = server.scene, server.initial_camera
     scene.set_up_direction(up)
-    ground = [node for node in (grid(scene, model, size), steps(scene, model)) if node is not None]
-    camera.position, camera.look_at = viewpoint(middle, size, model.up, ASPECT)
-    camera.up = up
+    low = depth(model, bodies, parent, pose[0, :, :3], size)
+    planes = (grid(scene, model, size, low), floor(scene, model, size, False, low))
+    under = [node for node in (*planes, steps(scene, model)) if node is not None]
+    ground = [(node, node.position) for node in under]
+    found = looks(bodies, children, branch_colors(parent))
+    camera.position, camera.look_at = fitted(
+        extent(found, pose[0, :, :3], to_matrix(pose[0, :, 3:])),
+        up,
+        towards(model.up, "start"),
+        ASPECT,
+    )
+    camera.up, camera.fov = up, FIELD_OF_VIEW
+    light(scene, False, model.up)
     kind = SeparateBodies if len(names) <= SEPARATE else BatchedBodies
     drawn: Bodies = kind(server, lambda *_: None, lambda *_: None)
-    drawn.show(looks(bodies, children, branch_colors(parent)))
+    drawn.show(found)
     count = int(np.clip((t[-1] - t[0]) * PICTURES, 2, MOST_PICTURES))
     times = np.linspace(t[0], t[-1], count)
     leaves = np.linalg.norm(level(pose[:, 0, :3] - pose[0, 0, :3], up), axis=-1).max() > size
@@ -76,19 +86,9 @@ def draw(
         drawn.place(positions - gone, wxyz)
         if extra is not None:
             extra(float(time), positions, wxyz, gone)
-        for node in ground:
-            node.position = -gone
+        for node, at in ground:
+            node.position = at - gone
         wait(float(times[1] - times[0]))
-
-
-def viewpoint(
-    middle: np.ndarray, size: float, up: str, aspect: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Positions of the camera and of its target, so that the model fills the view."""
-    away = np.array(TOWARDS_CAMERA[up])
-    distance = size * DISTANCE / min(aspect, 1.0) ** 0.8
-    target = middle - 0.15 * size * np.array(GRID[up][1])  # the player covers the bottom
-    return target + distance * away / np.linalg.norm(away), target
 
 
 def between(t: np.ndarray, pose: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -27,6 +29,7 @@ class Look(NamedTuple):
     links: tuple[tuple[float, float, float], ...]  # where its children hang on it at q = 0 [m]
     pieces: tuple[shapes.Piece, ...]
     color: shapes.Color
+    plain: bool = False  # in one colour
 
     def alike(self, other: Look) -> bool:
         """Whether both are drawn the same."""
@@ -35,23 +38,45 @@ class Look(NamedTuple):
 
 
 def _drawn(pieces: Sequence[shapes.Piece]) -> list[Any]:
-    return [(p.kind, p.file, p.size, p.position, p.rotation.tobytes(), p.color) for p in pieces]
+    return [
+        (p.kind, p.file, p.size, p.position, p.rotation.tobytes(), p.color, p.taper) for p in pieces
+    ]
 
 
 def looks(
     bodies: Sequence[Any], children: Sequence[Sequence[int]], colors: Sequence[shapes.Color],
-    before: Sequence[Look] = (),
+    before: Sequence[Look] = (), plain: bool = False,
 ) -> list[Look]:  # fmt: skip
-    """The looks of bodies by number; those of `before` are reused if nothing changed."""
+    """The looks of bodies by number; those of `before` are reused if nothing changed.
+
+    `plain`: in the bodies' colours, without those of their shapes.
+    """
     found: list[Look] = []
     for k, (body, color) in enumerate(zip(bodies, colors)):
         links = tuple(bodies[child - 1].link for child in children[k + 1])
         known = before[k] if k < len(before) else None
-        if known is not None and known.body is body and known.links == links:
+        same = known is not None and known.body is body and known.links == links
+        if known is not None and same and known.plain == plain:
             found.append(known._replace(color=color))
-        else:
-            found.append(Look(body, links, shapes.pieces(body, links), color))
+            continue
+        pieces = shapes.pieces(body, links)
+        if plain:
+            pieces = tuple(replace(piece, color=None) for piece in pieces)
+        found.append(Look(body, links, pieces, color, plain))
     return found
+
+
+def corners(pieces: Sequence[shapes.Piece]) -> np.ndarray:
+    """(n, 3) corners of boxes around pieces, in body axes [m]; of a mesh, of a box of 1 m."""
+    unit = np.array([*itertools.product((-0.5, 0.5), repeat=3)])
+    found = [p.position + (unit * p.size) @ p.rotation.T for p in pieces]
+    return np.concatenate(found) if found else np.zeros((1, 3))
+
+
+def extent(looks: Sequence[Look], positions: np.ndarray, R: np.ndarray) -> np.ndarray:
+    """(n, 3) corners of what is drawn of bodies at these poses [m]."""
+    found = [p + corners(look.pieces) @ r.T for look, p, r in zip(looks, positions, R)]
+    return np.concatenate(found) if found else np.zeros((1, 3))
 
 
 class Bodies(Protocol):
@@ -163,13 +188,14 @@ class BatchedBodies:
         if self._batches and same:
             return
         self.remove()
-        found: dict[tuple[str, str], list[tuple[int, shapes.Piece]]] = defaultdict(list)
+        found: dict[tuple[str, str, float], list[tuple[int, shapes.Piece]]] = defaultdict(list)
         for k, look in enumerate(looks, 1):
             for piece in look.pieces:
-                found[piece.kind, piece.file].append((k, piece))
-        for i, ((kind, file), parts) in enumerate(found.items()):
-            name = f"/bodies/{kind} {i}" if file else f"/bodies/{kind}"
-            self._batches.append(self._batch(name, shapes.unit(kind, file), parts))
+                found[piece.kind, piece.file, round(piece.taper, 2)].append((k, piece))
+        for i, ((kind, file, taper), parts) in enumerate(found.items()):
+            plain = not file and taper == 1.0
+            name = f"/bodies/{kind}" if plain else f"/bodies/{kind} {i}"
+            self._batches.append(self._batch(name, shapes.unit(kind, file, taper), parts))
 
     def _batch(self, name: str, solid: Any, parts: list[tuple[int, shapes.Piece]]) -> Any:
         owner = np.array([k for k, _ in parts])

@@ -37,6 +37,7 @@ class Piece:
     rotation: np.ndarray  # (3, 3)
     file: str = ""
     color: Color | None = None  # of its own; else its body's
+    taper: float = 1.0  # of a capsule or cylinder: its radius at the far end over that at the near
 
 
 def children_of(parent: Sequence[int]) -> tuple[tuple[int, ...], ...]:
@@ -73,10 +74,13 @@ def _rod(end: np.ndarray, radius: float) -> Piece:
 
 def _own(shape: Any) -> Piece:
     x, y, z = shape.size or (1.0, 1.0, 1.0)
-    size = (x, y, z)
+    size, taper, offset = (x, y, z), 1.0, 0.0
     if shape.radius is not None:
-        d, caps = 2 * shape.radius, 2 * shape.radius if shape.kind == "capsule" else 0.0
+        end = shape.radius if shape.end_radius is None else shape.end_radius
+        d, caps = 2 * shape.radius, shape.radius + end if shape.kind == "capsule" else 0.0
         size = (d, d, (shape.length or 0.0) + caps if shape.kind != "sphere" else d)
+        taper = end / shape.radius
+        offset = (end - shape.radius) / 2 if shape.kind == "capsule" else 0.0
     if shape.kind == "mesh":
         x, y, z = shape.scale if isinstance(shape.scale, tuple) else (shape.scale,) * 3
         size = (x, y, z)
@@ -85,7 +89,8 @@ def _own(shape: Any) -> Piece:
     if shape.colour is not None:
         r, g, b = (round(255 * c) for c in shape.colour)
         color = (r, g, b)
-    return Piece(shape.kind, size, shape.position, rotation, shape.file or "", color)
+    x, y, z = (np.asarray(shape.position) + offset * rotation[:, 2]).tolist()
+    return Piece(shape.kind, size, (x, y, z), rotation, shape.file or "", color, taper)
 
 
 def mesh(parts: Sequence[Piece]) -> Any:
@@ -94,13 +99,14 @@ def mesh(parts: Sequence[Piece]) -> Any:
     return needed("trimesh", "page").util.concatenate(solids)
 
 
-def unit(kind: str, file: str = "") -> Any:
+def unit(kind: str, file: str = "", taper: float = 1.0) -> Any:
     """A trimesh whose bounding box is the unit cube, from which batched bodies are scaled.
 
     A mesh keeps its own size: one scale makes it a body's.
     """
     tall = (1.0, 1.0, 2.0) if kind == "capsule" else (1.0, 1.0, 1.0)
-    solid = _solid(Piece(kind, tall, (0.0,) * 3, np.eye(3), file))  # type: ignore[arg-type]
+    piece = Piece(kind, tall, (0.0,) * 3, np.eye(3), file, None, taper)  # type: ignore[arg-type]
+    solid = _solid(piece)
     solid.apply_scale([1.0, 1.0, 1.0 / tall[2]])
     return solid
 
@@ -113,6 +119,8 @@ def _solid(part: Piece) -> Any:
             solid = trimesh.creation.box(extents=part.size)
         case "sphere":
             solid = trimesh.creation.icosphere(subdivisions=3, radius=x / 2)
+        case "cylinder" | "capsule" if part.taper != 1.0:
+            solid = _tapered(x / 2, x / 2 * part.taper, z, part.kind == "capsule")
         case "cylinder":
             solid = trimesh.creation.cylinder(radius=x / 2, height=z, sections=24)
         case "capsule":
@@ -125,6 +133,41 @@ def _solid(part: Piece) -> Any:
     placed[:3, :3], placed[:3, 3] = part.rotation, part.position
     solid.apply_transform(placed)
     return solid
+
+
+def _tapered(near: float, far: float, tall: float, caps: bool) -> Any:
+    """A frustum, or the hull of two balls, along z, `tall` in all, its middle in the origin."""
+    if caps:
+        length = max(tall - near - far, abs(near - far) + 1e-9)
+        touch = math.asin((near - far) / length)  # where the cone leaves the balls
+        below, above = np.linspace(-np.pi / 2, touch, 9), np.linspace(touch, np.pi / 2, 9)
+        radii = np.concatenate((near * np.cos(below), far * np.cos(above)))
+        z = np.concatenate((near * np.sin(below), length + far * np.sin(above)))
+        z -= (length + far - near) / 2
+    else:
+        radii, z = np.array((0.0, near, far, 0.0)), np.array((-1.0, -1.0, 1.0, 1.0)) * tall / 2
+    radii[[0, -1]] = 0.0
+    return needed("trimesh", "page").creation.revolve(np.column_stack((radii, z)), sections=28)
+
+
+def coil(turns: int = 9, wire: float = 0.07) -> Any:
+    """A trimesh of a helical spring along z within the unit cube; stretched, it stays one."""
+    around, along = 8, 14 * turns
+    t = np.linspace(0.0, 1.0, along)
+    ends = np.clip(np.minimum(t, 1 - t) / 0.06, 0.0, 1.0)  # it starts and ends on its axis
+    r, angle = (0.5 - wire) * ends, 2 * np.pi * turns * t
+    middle = np.column_stack((r * np.cos(angle), r * np.sin(angle), t - 0.5))
+    out = np.column_stack((np.cos(angle), np.sin(angle), 0 * t))
+    phi = np.linspace(0, 2 * np.pi, around, endpoint=False)
+    ring = out[:, None] * np.cos(phi)[:, None] + np.array((0, 0, 1 / turns)) * np.sin(phi)[:, None]
+    vertices = (middle[:, None] + wire * ring).reshape(-1, 3)
+    k, j = np.meshgrid(np.arange(along - 1), np.arange(around), indexing="ij")
+    a, b = k * around + j, k * around + (j + 1) % around
+    faces = np.concatenate([
+        np.stack((a, b, a + around), -1).reshape(-1, 3),
+        np.stack((b, b + around, a + around), -1).reshape(-1, 3),
+    ])  # fmt: skip
+    return needed("trimesh", "page").Trimesh(vertices, faces, process=False)
 
 
 def cone() -> Any:

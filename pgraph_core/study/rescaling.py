@@ -102,7 +102,16 @@ def _body(body: Body, s: Scale) -> Body:
     found["limits"] = tuple(_times(pair, f) for pair, f in zip(body.limits, sizes))
     shapes = []
     for shape in body.shapes:
-        lengths = {"size", "radius", "radii", "length", "heights", "scale", "position"}
+        lengths = {
+            "size",
+            "radius",
+            "radii",
+            "length",
+            "end_radius",
+            "heights",
+            "scale",
+            "position",
+        }
         named = lengths & type(shape).model_fields.keys()
         sizes = {x: _times(getattr(shape, x), s.length) for x in named}
         shapes.append(shape.model_copy(update=sizes))

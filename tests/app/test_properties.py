@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import pgraph_core as pg
+from pgraph_app.core import cells
 from pgraph_app.core.cells import Display
 from pgraph_app.core.state import initial
 from pgraph_app.features import update
@@ -424,3 +425,23 @@ def test_a_length_that_no_picture_can_hold_is_refused(state):
     after = edit(state, "link", ((0,), "1e308"))
     assert "link vector: is too long to be drawn; use at most 1e+15 m" in told(after)
     assert edit(state, "link", ((0,), "1e12")).model.body("2").link[0] == 1e12
+
+
+@pytest.mark.parametrize(
+    ("text", "of", "value"),
+    [("0.2/2", "length", 0.1), ("2*(1 + 0.5)", "number", 3.0), ("2 t", "mass", 2000.0),
+     ("250 g", "mass", 0.25), ("15 deg", "angle", math.radians(15)), ("100/4 mm", "length", 0.025),
+     ("pi/2", "angle", math.pi / 2), ("2^3", "number", 8.0), ("-(1e-3)", "number", -1e-3)],
+)  # fmt: skip
+def test_arithmetic_and_units_in_a_cell(text, of, value):
+    assert cells.quantity(text, of, Display()) == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [("1/0", "divides by zero"), ("2*", "cannot be calculated"), ("9^9^9^9", "too large"),
+     ("1,5", "'.'"), ("", "must be a number"), ("x+1", "must be a number")],
+)  # fmt: skip
+def test_what_cannot_be_calculated_is_refused_in_a_sentence(text, word):
+    with pytest.raises(cells.Refusal, match=word):
+        cells.quantity(text, "length", Display())

@@ -7,12 +7,16 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 import pgraph_core as pg
 from pgraph_app.digraph.update import StepThrough
 from pgraph_app.model.update import Edit, OpenText, Undo
+from pgraph_app.playback.update import Pause, Scrub
 from pgraph_app.pose.update import HomePose, MoveJoint
+from pgraph_app.run.update import SetRun, Simulate
+from pgraph_app.scene.update import Show
 from pgraph_app.table.update import DeleteBodies
 
 from .conftest import NOBODY, until
@@ -285,3 +289,69 @@ def test_a_refused_coordinate_leaves_the_others_in_their_rows(page, served):
     cells.first.press("Escape")
     served.send(HomePose(NOBODY))
     page.evaluate("() => pgraph.front('Properties')")
+
+
+def offset(page: Any) -> list[float]:
+    """From what the page's own camera looks at to the camera, in three.js's axes."""
+    return page.evaluate(
+        """() => { const c = window.__viserMutable.cameraControl, a = c.camera.position.clone();
+           const b = a.clone(); c.getPosition(a, true); c.getTarget(b, true);
+           return [a.x - b.x, a.y - b.y, a.z - b.z, b.x, b.y, b.z]; }"""
+    )
+
+
+def test_named_views_by_button_and_by_key_look_along_the_axes(page, served):
+    def along() -> np.ndarray:
+        way = np.asarray(offset(page)[:3])
+        return way / np.linalg.norm(way)
+
+    for name, key, way in (
+        ("View from front", "1", (1, 0, 0)), ("View from the side", "2", (0, 0, 1)),
+        ("View from the top", "3", (0, 1, 0)), ("Isometric view", "0", np.ones(3) / 3**0.5),
+    ):  # fmt: skip
+        way = page.evaluate("(way) => pgraph.viser.turned(way)", list(way))  # in three.js's axes
+        page.get_by_role("button", name=name).click()
+        until(lambda way=way: np.allclose(along(), way, atol=0.01), name)
+        page.keyboard.press("0" if key != "0" else "1")
+        until(lambda way=way: not np.allclose(along(), way, atol=0.01), "another view")
+        page.keyboard.press(key)
+        until(lambda way=way: np.allclose(along(), way, atol=0.01), f"{name} by key {key}")
+    far = np.linalg.norm(offset(page)[:3])
+    row(page, "left_hind_paw").locator("td.number").click()
+    page.evaluate("document.activeElement?.blur()")
+    page.keyboard.press("f")
+    until(lambda: np.linalg.norm(offset(page)[:3]) < far / 2, "the paw alone")
+    page.keyboard.press("Escape")
+    page.get_by_role("button", name="Fit view").click()
+    until(lambda: np.linalg.norm(offset(page)[:3]) > 0.8 * far, "the whole animal")
+
+
+def test_a_camera_that_follows_keeps_its_offset_and_finds_what_has_left(page, served):
+    """A body that flies along x at 5 m/s for 4 s."""
+    body = pg.Body(name="pelvis", joint="free", v=(0, 0, 0, 5, 0, 0), tip=(1, 0, 0))
+    flight = pg.Model(bodies=(body,), gravity=(0, 0, 0), up="y")
+    client = max(served.viser.get_clients())
+    served.send(OpenText(NOBODY, "flight", flight.to_json()))
+    served.send(SetRun(client, 0, "t_end", "4"))
+    until(lambda: served.store.state.kernels.ready, "compiled kernels", seconds=300)
+    served.send(Simulate(client))
+    until(lambda: served.store.state.run, "the flight")
+    served.send(Pause(client))
+    served.send(Scrub(client, 0.0))
+    served.send(Show(client, "follow", True))
+    until(lambda: page.evaluate("pgraph.latest.follow") == [0, 0, 0], "where it goes along to")
+    page.wait_for_timeout(300)  # the camera's last move arrives
+    before = offset(page)
+    for k in range(1, 41):
+        served.send(Scrub(client, 0.05 * k))
+    until(lambda: abs(page.evaluate("pgraph.latest.follow[0]") - 10) < 1e-5, "the last place")
+    after = offset(page)
+    np.testing.assert_allclose(after[:3], before[:3], rtol=0.01, atol=1e-4)
+    assert np.linalg.norm(np.subtract(after, before)[3:]) == pytest.approx(10, rel=0.01)
+    served.send(Show(client, "follow", False))
+    served.send(Scrub(client, 4.0))
+    until(lambda: page.evaluate("pgraph.latest.follow.length") == 0, "a camera that stays")
+    served.send(Show(client, "follow", True))
+    found = lambda: np.linalg.norm(np.subtract(offset(page), before)[3:])  # noqa: E731
+    until(lambda: abs(found() - 20) < 2, "the camera where the body is")
+    served.send(Show(client, "follow", False))

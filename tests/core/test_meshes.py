@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 import pgraph_core as pg
 from pgraph_core.mesh_files import load_mesh
 from pgraph_core.shapes import kinds, solids
+from pgraph_core.show import shapes as show_shapes
 
 from .convex import signed_distance
 
@@ -225,3 +226,40 @@ def test_collada_has_the_scene_in_metres(tmp_path):
         (tmp_path / "bad.dae").write_text(COLLADA.replace(old, new, 1))
         with pytest.raises(pg.FileError, match=text):
             load_mesh(tmp_path / "bad.dae")
+
+
+@pytest.mark.parametrize(
+    ("kind", "radius", "end", "length"),
+    [("capsule", 0.05, 0.03, 0.2), ("capsule", 0.02, 0.06, 0.1), ("cylinder", 0.05, 0.01, 0.2)],
+)
+def test_a_tapered_solid_weighs_what_its_profile_encloses(kind, radius, end, length):
+    """Against the surface that is drawn, whose polygons lose less than 3 % of it."""
+    shape = pg.Shape(
+        kind=kind, radius=radius, end_radius=end, length=length, role="visual",
+        position=(0.1, 0.2, 0.3), rotation=(0.6, 0.8, 0, 0),
+    )  # fmt: skip
+    found = kinds.mass_properties(shape, 1000.0)
+    (drawn,) = show_shapes.pieces(pg.Body(name="a", shape=shape), ())
+    solid = show_shapes.mesh([drawn])
+    solid.density = 1000.0
+    assert solid.is_watertight
+    assert found.mass == pytest.approx(solid.mass, rel=0.03)
+    np.testing.assert_allclose(found.com, solid.center_mass, atol=0.003 * length)
+    np.testing.assert_allclose(found.inertia, solid.moment_inertia, atol=0.03 * found.inertia.max())
+
+
+def test_a_taper_of_equal_radii_weighs_what_the_plain_solid_weighs():
+    for kind in ("capsule", "cylinder"):
+        plain = pg.Shape(kind=kind, radius=0.05, length=0.2)
+        tapered = plain.model_copy(update={"end_radius": 0.05, "role": "visual"})
+        for a, b in zip(kinds.mass_properties(plain, 800), kinds.mass_properties(tapered, 800)):
+            np.testing.assert_allclose(a, b, rtol=1e-14, atol=1e-18)
+
+
+@pytest.mark.parametrize("given", [
+    {"kind": "box", "size": (1, 1, 1), "role": "visual"}, {"kind": "capsule", "role": "both"},
+    {"kind": "capsule", "role": "visual", "end_radius": 0.5},
+])  # fmt: skip
+def test_a_taper_that_cannot_be_is_refused_with_its_number(given):
+    with pytest.raises(pg.ModelError, match=r"0\.(05|48)"):
+        pg.Shape(**{"radius": 0.02, "length": 0.2, "end_radius": 0.05, **given})

@@ -1,0 +1,134 @@
+"""The camera of each page: it sees a new model whole, takes named views, and follows an animal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import viser
+
+from pgraph_core.show import bodies, camera, shapes
+from pgraph_core.show.bodies import Look
+from pgraph_core.show.camera import FIELD_OF_VIEW, Viewpoint, in_picture
+from pgraph_core.show.ground import GRID
+
+from ..core.bridge import Bridge
+from ..core.state import Client, State, poses
+from . import marks
+
+TYPICAL_ASPECT = 0.6  # of the view between the docks at 1280 x 800
+
+
+class CameraView:
+    """Sets a camera only where a person asks, or where the model would be out of the picture."""
+
+    def __init__(self, bridge: Bridge):
+        self._server, self._bridge = bridge.server, bridge
+        self._framed = -1
+        self._up = ""
+        self._followed: dict[int, list[float]] = {}  # where each page was told that the animal is
+
+    def render(self, old: State, new: State) -> None:
+        another = new.framed != self._framed or new.model.up != self._up
+        grown = len(new.derived.names) > len(old.derived.names) or (
+            new.derived is not old.derived and new.derived.size > 1.05 * old.derived.size
+        )
+        handles = self._server.get_clients()
+        if another and (self._framed < 0 or any(page.aspect for page in new.clients.values())):
+            self._framed, self._up = new.framed, new.model.up
+            self._start(new)
+        for client, page in new.clients.items():
+            handle, before = handles.get(client), old.clients.get(client, Client())
+            if handle is None or page.aspect is None:
+                continue
+            if another or before.aspect is None:
+                look(handle, new, "start", page.aspect)
+            elif page.view != before.view:
+                look(handle, new, page.view[1], page.aspect, page.selected)
+            elif (grown or (page.follow and not before.follow)) and not sees(handle, new, page):
+                look(handle, new, "fit", page.aspect)
+            self._follow(client, new, page.follow)
+        for gone in self._followed.keys() - new.clients.keys():
+            del self._followed[gone]
+
+    def _follow(self, client: int, state: State, follows: bool) -> None:
+        """Tell a page where its camera goes along to; it keeps its own way of looking."""
+        follows = follows and any(body.joint == "free" for body in state.model.bodies)
+        at = [round(float(x), 6) for x in level(state)] if follows else []
+        if at != self._followed.get(client, []):
+            self._followed[client] = at
+            self._bridge.send(client, "follow", at)
+
+    def _start(self, state: State) -> None:
+        """Another model: which way is up, and where new pages look from."""
+        up, size = GRID[state.model.up][1], state.derived.size
+        self._server.scene.set_up_direction(up)
+        start = self._server.initial_camera
+        # viser returns to this after a change of `up`, so it has to suit the pages that are open
+        known = (page.aspect for page in state.clients.values() if page.aspect is not None)
+        start.position, start.look_at = viewpoint(state, min(known, default=TYPICAL_ASPECT))
+        start.up, start.fov, start.near, start.far = up, FIELD_OF_VIEW, size / 100, 1000 * size
+
+
+def look(
+    handle: viser.ClientHandle, state: State, which: str, aspect: float,
+    selected: tuple[str, ...] = (),
+) -> None:  # fmt: skip
+    """Set one page's camera on the model, or on what is selected where `which` is "fit"."""
+    at, size = handle.camera, state.derived.size
+    up = np.array(GRID[state.model.up][1])
+    if which == "fit":
+        way = np.asarray(at.position) - np.asarray(at.look_at)
+        way = way / np.linalg.norm(way)
+        if np.linalg.norm(np.cross(up, way)) < camera.STEEP / 2:
+            way = camera.towards(state.model.up, "top")
+    else:
+        way = camera.towards(state.model.up, which)  # type: ignore[arg-type]
+    seen = camera.fitted(extent(state, selected if which == "fit" else ()), up, way, aspect)
+    at.near, at.far = size / 100, 1000 * size
+    at.up_direction = up
+    at.position, at.look_at = seen
+
+
+def sees(handle: viser.ClientHandle, state: State, page: Client) -> bool:
+    """Whether a page has the whole model in its picture."""
+    at = Viewpoint(np.asarray(handle.camera.position), np.asarray(handle.camera.look_at))
+    up = np.array(GRID[state.model.up][1])
+    way = (at.position - at.target) / np.linalg.norm(at.position - at.target)
+    if page.aspect is None or np.linalg.norm(np.cross(up, way)) < camera.STEEP / 2:
+        return False
+    return in_picture(poses(state)[0], up, at, page.aspect)
+
+
+def looks(state: State, before: Sequence[Look] = ()) -> list[Look]:
+    """How each body is drawn, by number."""
+    d = state.derived
+    drawn = [state.model.body(name) for name in d.names]
+    return bodies.looks(drawn, d.children, d.colors, before, "branches" in state.shown)
+
+
+def viewpoint(state: State, aspect: float) -> Viewpoint:
+    """Positions of the camera and of its target, so that the model fills the view."""
+    way = camera.towards(state.model.up, "start")
+    return camera.fitted(extent(state), np.array(GRID[state.model.up][1]), way, aspect)
+
+
+def extent(state: State, names: tuple[str, ...] = ()) -> np.ndarray:
+    """(n, 3) corners of what is drawn of these bodies, or of all and of what joins them [m]."""
+    d = state.derived
+    positions, wxyz = poses(state)
+    k = [d.number[name] - 1 for name in names if name in d.number] or list(range(len(d.names)))
+    found = looks(state)
+    R = shapes.to_matrix(wxyz)
+    corners = bodies.extent([found[i] for i in k], positions[k], R[k])
+    if names:
+        return corners
+    joining = [found.ends.reshape(-1, 3) for found in marks.joinings(state, positions, R)]
+    return np.concatenate([corners, *joining])
+
+
+def level(state: State) -> np.ndarray:
+    """(3,) where the first body is, its height left out."""
+    up = np.array(GRID[state.model.up][1])
+    at = np.asarray(poses(state)[0][0])
+    return at - (at @ up) * up
