@@ -11,7 +11,7 @@ from types import ModuleType
 
 from pgraph_core.errors import PgraphError
 
-from . import bench, check, convert, info, models, new, report, run, stability, start, verify
+from . import bench, check, convert, info, models, new, report, run, stability, start, sweep, verify
 from .terminal import print_answer, print_problems
 
 COMMANDS: dict[str, ModuleType] = {
@@ -22,6 +22,7 @@ COMMANDS: dict[str, ModuleType] = {
     "convert": convert,
     "run": run,
     "report": report,
+    "sweep": sweep,
     "verify": verify,
     "stability": stability,
     "bench": bench,

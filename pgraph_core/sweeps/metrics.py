@@ -1,0 +1,98 @@
+"""What a sweep measures in each run: a function, or words such as "max knee"."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, Problem, nearest, shown
+from ..result import Result
+
+Array = np.ndarray
+WAYS: dict[str, Callable[[Array], float]] = {
+    "final": lambda x: x[-1],
+    "max": np.max,
+    "min": np.min,
+    "mean": np.mean,
+    "rms": lambda x: np.sqrt(np.mean(np.square(x))),
+    "peak": lambda x: np.max(np.abs(x)),
+    "range": np.ptp,
+}
+OF_RUN: dict[str, Callable[[Result], float]] = {
+    "energy_drift": lambda run: run.energy_drift,
+    "error_estimate": lambda run: run.error_estimate,
+    "t_end": lambda run: run.t[-1],
+    "steps": lambda run: run.counters["steps"],
+}
+Metric = Callable[[Result], Any]
+
+
+def metrics_of(given: Any) -> dict[str, Metric | str]:
+    """Metrics by name, from a name, a function, or several of them. Raises InputError."""
+    if isinstance(given, Mapping):
+        found = dict(given)
+    elif isinstance(given, str) or callable(given):
+        found = {given if isinstance(given, str) else getattr(given, "__name__", "metric"): given}
+    elif isinstance(given, (list, tuple)):
+        found = {k: v for one in given for k, v in metrics_of(one).items()}
+    else:
+        found = {}
+    if not found:
+        text = f"must be a name such as 'max knee', or a function of a run; given {shown(given)}"
+        raise _refused(text)
+    for name, one in found.items():
+        if isinstance(one, str):
+            _words(one)
+        elif not callable(one):
+            raise _refused(f"{name!r} must be a function of a run; given {shown(one)}")
+    return found
+
+
+def measured(run: Result, metric: Metric | str) -> float:
+    """One number of a run. Raises InputError if it is none."""
+    if not isinstance(metric, str):
+        value = metric(run)
+        try:
+            return float(value)
+        except (TypeError, ValueError):
+            text = f"must return one number; {_name(metric)} returned {shown(value)}"
+            raise _refused(text) from None
+    if metric in OF_RUN:
+        return float(OF_RUN[metric](run))
+    way, what = _words(metric)
+    return float(WAYS[way](_column(run, what)))
+
+
+def _name(metric: Any) -> str:
+    return getattr(metric, "__name__", "the metric")
+
+
+def _words(metric: str) -> tuple[str, str]:
+    """How, and of what; nothing of what for a metric of the whole run."""
+    if metric in OF_RUN:
+        return "", metric
+    way, _, what = metric.partition(" ")
+    if way not in WAYS or not what:
+        known = [*OF_RUN, *(f"{way} COLUMN" for way in WAYS)]
+        raise _refused(f"{metric!r} is unknown; {nearest(metric, known)}")
+    return way, what
+
+
+def _column(run: Result, what: str) -> Array:
+    """A column of `Result.columns`, by its name with or without the unit, or a joint."""
+    columns = run.columns()
+    named = {name.partition(" [")[0]: column for name, column in columns.items()}
+    joints = run.mechanism.joints
+    if what in joints and len(run[what].shape) == 1:
+        return np.asarray(run[what])
+    found = columns.get(what, named.get(what))
+    if found is None:
+        known = [*(j for j in joints if len(run[j].shape) == 1), *named]
+        raise _refused(f"a run has no column {what!r}; {nearest(what, known)}")
+    return np.asarray(found)
+
+
+def _refused(text: str) -> InputError:
+    return InputError(Problem("sweep", "metric", text))

@@ -1,0 +1,279 @@
+"""A sweep: its points, what was measured at each, and the file that survives an interruption."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path as FilePath
+from typing import Any
+
+import numpy as np
+
+from ..errors import FileError, InputError, Problem, shown
+from ..mechanism import Mechanism
+from ..model import Model
+from ..model.files import write_atomic
+from ..portable import installed
+from .metrics import metrics_of
+from .paths import Path, points_of
+from .tasks import Row, Task, rows_of
+
+Array = np.ndarray
+FORMATS = (".csv", ".parquet")
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """Points and what was measured there, in the order of the design.
+
+    `points` (n, k) are the values of `paths`; `values` has one array (n,) a metric, nan where the
+    run failed; `status` and `reason` (n,) say why.
+    """
+
+    paths: tuple[str, ...]
+    points: Array
+    values: Mapping[str, Array]
+    status: tuple[str, ...]
+    reason: tuple[str, ...]
+
+    @property
+    def failed(self) -> Array:
+        """Numbers of the points without values."""
+        return np.flatnonzero(
+            [any(np.isnan(x[i]) for x in self.values.values()) for i in range(len(self))]
+        )
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __repr__(self) -> str:
+        over = ", ".join(self.paths)
+        missing = f", {len(self.failed)} failed" if len(self.failed) else ""
+        return f"<Sweep of {len(self)} points over {over}: {', '.join(self.values)}{missing}>"
+
+    def columns(self) -> dict[str, Any]:
+        """Paths, metrics, status and reason, each with an entry for every point."""
+        points = {path: self.points[:, i] for i, path in enumerate(self.paths)}
+        return {**points, **self.values, "status": list(self.status), "reason": list(self.reason)}
+
+    def to_pandas(self) -> Any:
+        """A pandas DataFrame with a row for each point."""
+        from ..show.extras import needed
+
+        return needed("pandas", "pandas").DataFrame(self.columns())
+
+    def to_csv(self) -> str:
+        """CSV text; numbers are written so that they are read back bit for bit."""
+        columns, out = self.columns(), io.StringIO()
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(columns)
+        for row in zip(*columns.values()):
+            writer.writerow([repr(float(x)) if isinstance(x, float) else x for x in row])
+        return out.getvalue()
+
+    def save(self, path: str | FilePath, /) -> None:
+        """Write the table as .csv or .parquet. Raises FileError."""
+        suffix = _format(path)
+        if suffix == ".csv":
+            write_atomic(path, self.to_csv())
+            return
+        buffer = io.BytesIO()
+        try:
+            self.to_pandas().to_parquet(buffer, index=False)
+        except ImportError:
+            text = "needs the package pyarrow for .parquet: pip install pyarrow; or give a .csv"
+            raise FileError(Problem(str(path), "", text)) from None
+        write_atomic(path, buffer.getvalue())
+
+    def plot(self, metric: str | None = None) -> Any:
+        """A matplotlib figure: a curve over one path, a map over two, else one panel a path."""
+        from ..show.extras import needed
+
+        name = metric or next(iter(self.values))
+        if name not in self.values:
+            text = f"{name!r} was not measured; choose from {', '.join(self.values)}"
+            raise InputError(Problem("sweep", "metric", text))
+        pyplot, value = needed("matplotlib.pyplot", "plot"), self.values[name]
+        if len(self.paths) == 2:
+            figure, axes = pyplot.subplots()
+            drawn = (
+                axes.tripcolor(*self.points.T, value)
+                if len(self) > 3
+                else axes.scatter(*self.points.T, c=value)
+            )
+            axes.set(xlabel=self.paths[0], ylabel=self.paths[1])
+            figure.colorbar(drawn, label=name)
+            return figure
+        figure, panels = pyplot.subplots(1, len(self.paths), squeeze=False, sharey=True)
+        for i, axes in enumerate(panels[0]):
+            order = np.argsort(self.points[:, i])
+            axes.plot(
+                self.points[order, i], value[order], "-o" if len(self.paths) == 1 else "o", ms=3
+            )
+            axes.set(xlabel=self.paths[i])
+        panels[0, 0].set(ylabel=name)
+        return figure
+
+
+def sweep(
+    model: Model | Mechanism,
+    set: Mapping[Any, Any],
+    metric: Any,
+    scenario: str | None = None,
+    *,
+    samples: str = "grid",
+    n: int | None = None,
+    seed: int = 0,
+    workers: int | None = None,
+    scheduler: Any = None,
+    out: str | FilePath | None = None,
+    resume: bool = False,
+    progress: Callable[[float], Any] | None = None,
+    **options: Any,
+) -> Sweep:
+    """Run a model at many values of its fields, and measure each run.
+
+    `set` maps paths to values: "bodies.shin.mass", ("bodies", "shin", "mass"), "bodies.shin.link.0"
+    or a parameter's name. Each point is `Model.edit` of these numbers: nothing else follows.
+    `samples` "grid" combines all values; "latin", "sobol" and "random" take `n` points, each path
+    given as (low, high) or as a frozen distribution of `scipy.stats`.
+
+    `metric` is a name such as "max knee" (final, max, min, mean, rms, peak or range of a column of
+    `Result.columns`, or energy_drift, error_estimate, t_end, steps), a function of a run that
+    returns a number, or several in a list or dict. `options` go to `simulate`; the error is not
+    estimated unless `estimate=True`.
+
+    A sweep that takes longer than a moment runs in `workers` processes, all cores by default, or on
+    a Dask cluster at the address `scheduler`. The table does not depend on where it is computed.
+    `out` (.csv, .parquet) is written at the end; until then `out` with ".part" after it has the
+    points so far, and `resume=True` goes on from there. A point that fails keeps its reason. If
+    `progress(fraction)` returns False, the sweep stops with the points so far.
+
+    Raises InputError, FileError.
+    """
+    base = model.model if isinstance(model, Mechanism) else model
+    if not isinstance(base, Model):
+        raise InputError(Problem("sweep", "model", f"must be a Model; given {shown(model)}"))
+    if not isinstance(set, Mapping) or not set:
+        text = f"must map paths to values, as {{'bodies.shin.mass': [1, 2]}}; given {shown(set)}"
+        raise InputError(Problem("sweep", "set", text))
+    paths = [Path(base, given) for given in set]
+    names = tuple(path.text for path in paths)
+    metrics = metrics_of(metric)
+    points = points_of(dict(zip(names, set.values())), samples, n, seed)
+    given = tuple(x if isinstance(x, str) else tuple(x) for x in set)
+    settings = {"scenario": scenario, **options}
+    task = Task(base, given, metrics, settings, installed())
+    _tried(base, paths, points)
+    kept = Kept(out, resume, _fingerprint(task, points)) if out is not None else None
+    rows: dict[int, Row] = {row.point: row for row in kept.rows} if kept else {}
+    todo = [(i, tuple(map(float, p))) for i, p in enumerate(points) if i not in rows]
+    for found in rows_of(task, todo, workers, scheduler):
+        rows.update({row.point: row for row in found})
+        if kept:
+            kept.append(found)
+        if progress is not None and progress(len(rows) / len(points)) is False:
+            break
+    table = _table(names, points, tuple(metrics), rows)
+    if kept and len(rows) == len(points):
+        table.save(kept.path)
+        kept.remove()
+    return table
+
+
+def _tried(model: Model, paths: list[Path], points: Array) -> None:
+    """Refuse at once what no point could do: the first point is a model."""
+    for path, value in zip(paths, points[0]):
+        model = path.set(model, float(value))
+
+
+def _table(
+    names: tuple[str, ...], points: Array, metrics: tuple[str, ...], rows: Mapping[int, Row]
+) -> Sweep:
+    absent = Row(-1, (), "NOT_RUN", "the sweep was stopped before")
+    each = [rows.get(i, absent) for i in range(len(points))]
+    values = {
+        name: np.array([row.values[k] if row.values else np.nan for row in each])
+        for k, name in enumerate(metrics)
+    }
+    status, reason = tuple(row.status for row in each), tuple(row.reason for row in each)
+    return Sweep(names, points, values, status, reason)
+
+
+# -- what survives an interruption -----------------------------------------------------------------
+
+
+class Kept:
+    """The points so far, in a file: a header that names the sweep, then a line for each point.
+
+    A line that was cut short is left out. Raises InputError for the file of another sweep.
+    """
+
+    def __init__(self, out: str | FilePath, resume: bool, fingerprint: str):
+        self.path = FilePath(out)
+        _format(out)
+        self._part = self.path.with_name(self.path.name + ".part")
+        self.rows: list[Row] = []
+        header = json.dumps({"sweep": fingerprint}) + "\n"
+        try:
+            if resume and self._part.exists():
+                self.rows, whole = self._read(fingerprint)
+                os.truncate(self._part, whole)
+            else:
+                self._part.write_text(header, "utf-8")
+        except OSError as error:
+            reason = error.strerror or error
+            text = f"cannot be written: {reason}; give a file in a folder of yours"
+            raise FileError(Problem(str(self._part), "", text)) from None
+
+    def _read(self, fingerprint: str) -> tuple[list[Row], int]:
+        """Rows, and how many bytes hold whole lines."""
+        lines = self._part.read_bytes().splitlines(keepends=True)
+        try:
+            header = json.loads(lines[0])["sweep"]
+        except (IndexError, ValueError, KeyError, TypeError):
+            header = None
+        if header != fingerprint:
+            what = "another model, other values, metrics or options"
+            text = f"is of another sweep ({what}); remove it, or give another file"
+            raise InputError(Problem(str(self._part), "", text))
+        rows, whole = [], len(lines[0])
+        for line in lines[1:]:
+            if not line.endswith(b"\n"):
+                break
+            fields = json.loads(line)
+            rows.append(Row(**{**fields, "values": tuple(fields["values"])}))
+            whole += len(line)
+        return rows, whole
+
+    def append(self, rows: list[Row]) -> None:
+        """Write finished points, all in one go."""
+        with self._part.open("ab") as file:
+            file.write("".join(json.dumps(asdict(row)) + "\n" for row in rows).encode())
+
+    def remove(self) -> None:
+        """The table is written: the points so far are no longer needed."""
+        self._part.unlink(missing_ok=True)
+
+
+def _fingerprint(task: Task, points: Array) -> str:
+    """Names a sweep: its model, paths, points, metrics, options and version."""
+    metrics = {name: x if isinstance(x, str) else name for name, x in task.metrics.items()}
+    options = {name: repr(value) for name, value in task.options.items()}
+    said = json.dumps(
+        [task.model.to_json(), task.paths, metrics, options, task.version], sort_keys=True
+    )
+    return hashlib.sha256(said.encode() + np.ascontiguousarray(points).tobytes()).hexdigest()[:24]
+
+
+def _format(path: str | FilePath) -> str:
+    suffix = FilePath(path).suffix.lower()
+    if suffix not in FORMATS:
+        text = f"must end in {' or '.join(FORMATS)}"
+        raise FileError(Problem(str(path), "", text))
+    return suffix

@@ -1,0 +1,149 @@
+"""Points of a sweep run in this process, in processes of this machine, or by Dask's workers."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from ..errors import InputError, PgraphError, Problem
+from ..mechanism import Mechanism
+from ..model import Model
+from ..portable import installed
+from ..simulation import simulate
+from .metrics import Metric, measured
+from .paths import Path
+
+CHUNK = 0.25  # [s] of work handed out at once
+PATIENCE = 1.5  # [s]: a sweep that takes no longer starts no processes
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of one point; no values where it failed, and the reason."""
+
+    point: int
+    values: tuple[float, ...]
+    status: str
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Task:
+    """All that a worker needs to know, sent to each worker once."""
+
+    model: Model
+    paths: tuple[Any, ...]
+    metrics: Mapping[str, Metric | str]
+    options: Mapping[str, Any]
+    version: str
+
+
+@lru_cache(maxsize=4)
+def _located(model: Model, paths: tuple[Any, ...]) -> tuple[Path, ...]:
+    return tuple(Path(model, path) for path in paths)
+
+
+def run_points(task: Task, points: Sequence[tuple[int, tuple[float, ...]]]) -> list[Row]:
+    """The rows of some points. Raises InputError if this worker is of another version."""
+    if task.version != installed():
+        text = f"runs version {installed()}; the sweep is of {task.version}: install the same"
+        raise InputError(Problem("sweep", "worker", text))
+    paths = _located(task.model, task.paths)
+    return [_row(task, paths, number, values) for number, values in points]
+
+
+def _row(task: Task, paths: Sequence[Path], number: int, values: Sequence[float]) -> Row:
+    model = task.model
+    try:
+        for path, value in zip(paths, values):
+            model = path.set(model, value)
+        run = simulate(Mechanism(model), **{"estimate": False, **task.options})
+        if not run.status.ok:
+            return Row(number, (), run.status.name, run.message)
+        found = tuple(measured(run, metric) for metric in task.metrics.values())
+    except PgraphError as error:
+        return Row(number, (), "REFUSED", str(error))
+    except Exception as error:  # a user's metric: one point must not end a night of others
+        return Row(number, (), "FAILED", f"{type(error).__name__}: {error}")
+    bad = [name for name, value in zip(task.metrics, found) if value != value]
+    if bad:
+        return Row(number, (), "FAILED", f"the metric {bad[0]!r} is not a number")
+    return Row(number, found, run.status.name)
+
+
+def rows_of(
+    task: Task, points: Sequence[tuple[int, tuple[float, ...]]], workers: int | None, scheduler: Any
+) -> Iterator[list[Row]]:
+    """Rows as they are ready, in any order. The rows do not depend on where they are computed."""
+    if scheduler is not None:
+        yield from _by_dask(task, points, scheduler)
+        return
+    began = time.perf_counter()
+    done = 0
+    while done < len(points):  # alone, until it is known to take longer
+        yield run_points(task, points[done : done + 1])
+        done += 1
+        spent = time.perf_counter() - began
+        left = spent / done * (len(points) - done)
+        if workers != 1 and done >= 2 and spent > 0.1 and left > PATIENCE:
+            yield from _by_processes(task, points[done:], spent / done, workers)
+            return
+
+
+def _chunks(points: Sequence[Any], each: float) -> list[Sequence[Any]]:
+    size = max(1, int(CHUNK / max(each, 1e-6)))
+    return [points[i : i + size] for i in range(0, len(points), size)]
+
+
+def _by_processes(
+    task: Task, points: Sequence[Any], each: float, workers: int | None
+) -> Iterator[list[Row]]:
+    import multiprocessing
+    import pickle
+    from concurrent.futures import ProcessPoolExecutor, as_completed
+
+    try:
+        pickle.dumps(task)
+    except Exception:  # a lambda or a nested function: it cannot leave this process
+        for part in _chunks(points, each):
+            yield run_points(task, part)
+        return
+    context = multiprocessing.get_context("spawn")  # forks of a process with threads may hang
+    with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=context) as pool:
+        futures = [pool.submit(run_points, task, part) for part in _chunks(points, each)]
+        try:
+            for future in as_completed(futures):
+                yield future.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _by_dask(task: Task, points: Sequence[Any], scheduler: Any) -> Iterator[list[Row]]:
+    """By the workers of a Dask cluster: an address, or a `distributed.Client`."""
+    try:
+        from distributed import Client, as_completed
+    except ImportError:
+        text = "needs the package distributed: pip install pgraph-dynamics[cluster]"
+        raise InputError(Problem("sweep", "scheduler", text)) from None
+    client = scheduler
+    if isinstance(scheduler, str):
+        try:
+            client = Client(scheduler, timeout=10)
+        except (OSError, ValueError, TimeoutError) as error:
+            text = f"{scheduler!r} does not answer: {error}; start one with `dask scheduler`"
+            raise InputError(Problem("sweep", "scheduler", text)) from None
+    try:
+        shared = client.scatter(task, broadcast=True)
+        parts = _chunks(points, CHUNK / 50)
+        futures = client.map(
+            lambda part, task: run_points(task, part), parts, task=shared, pure=False
+        )
+        for future in as_completed(futures):
+            yield future.result()
+    finally:
+        if client is not scheduler:
+            client.close()

@@ -1,0 +1,352 @@
+"""Sweeps: paths into a model, designs, metrics, processes, a cluster, interruptions."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import pgraph_core as pg
+import pgraph_models
+from pgraph_app.cli import main
+from pgraph_core.sweeps.paths import Path, points_of
+
+SHORT = {"t_end": 0.1, "step": 1e-3}
+
+
+@pytest.fixture(scope="module")
+def pendulum() -> pg.Model:
+    """A mass one metre below its hinge; a parameter that nothing uses."""
+    bob = pg.Body(
+        name="my.bob", mass=1.0, inertia=0.01 * np.eye(3), axes=(0, 1, 0), com=(0, 0, -1),
+        tip=(0, 0, -1), q=0.1,
+    )  # fmt: skip
+    return pg.Model(bodies=[bob], parameters={"heavy": 2.0})
+
+
+# -- paths -----------------------------------------------------------------------------------------
+
+
+def test_a_point_is_the_edit_of_its_numbers(pendulum):
+    """`Model.edit` is the oracle, and simulate on what it gives."""
+    table = pg.sweep(pendulum, {"bodies.my.bob.mass": [1.0, 2.0, 5.0]}, "final my.bob", **SHORT)
+    for mass, value in zip([1.0, 2.0, 5.0], table.values["final my.bob"], strict=True):
+        run = pg.simulate(pendulum.edit("my.bob", mass=mass), **SHORT)
+        assert run["my.bob"][-1] == value
+
+
+def test_the_period_follows_the_length_as_its_closed_form(pendulum):
+    """Small swings of a mass at l with its own inertia: T = 2 pi sqrt((m l^2 + J) / (m g l))."""
+
+    def period(run: pg.Result) -> float:
+        """Twice the time between the first two passages through zero."""
+        q, t = run["my.bob"], run.t
+        at = np.flatnonzero(q[:-1] * q[1:] < 0)[:2]
+        zeros = t[at] - q[at] * (t[at + 1] - t[at]) / (q[at + 1] - q[at])
+        return 2 * (zeros[1] - zeros[0])
+
+    lengths = [-0.3, -0.7, -1.2]
+    small = pendulum.edit("my.bob", q=1e-3)
+    table = pg.sweep(small, {("bodies", "my.bob", "com", 2): lengths}, period, t_end=4.0)
+    inertia = 0.01
+    assert small.bodies[0].inertia[1][1] == inertia
+    expected = [2 * math.pi * math.sqrt((x**2 + inertia) / (9.81 * -x)) for x in lengths]
+    assert table.values["period"] == pytest.approx(expected, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "read"),
+    [
+        ("bodies.my.bob.mass", 3.0, lambda m: m.body("my.bob").mass),
+        (("bodies", "my.bob", "com", "2"), -2.0, lambda m: m.body("my.bob").com[2]),
+        ("bodies.my.bob.com.0", 0.5, lambda m: m.body("my.bob").com[0]),
+        ("heavy", 7.0, lambda m: m.parameters["heavy"]),
+    ],
+)
+def test_paths_name_one_number(pendulum, path, value, read):
+    assert read(Path(pendulum, path).set(pendulum, value)) == value
+
+
+@pytest.mark.parametrize(
+    ("path", "facts"),
+    [
+        ("bodies.my.bob.weight", ["weight", "mass"]),
+        ("bodies.nobody.mass", ["nobody", "my.bob"]),
+        ("bodys.my.bob.mass", ["bodies.NAME.FIELD"]),
+        ("bodies.my.bob", ["my.bob"]),
+        ("bodies.nobody", ["bodies.NAME.FIELD"]),
+        ("bodies.my.bob.com", ["bodies.my.bob.com.0"]),
+        ("bodies.my.bob.com.3", ["no number 3"]),
+        ("bodies.my.bob.parent", ["parent"]),
+        ("bodies.my.bob.com.x", ["com", "x"]),
+        ("light", ["light", "heavy"]),
+        ("", ["NAME"]),
+        (3, ["NAME"]),
+    ],
+)
+def test_paths_that_lead_nowhere(pendulum, path, facts):
+    with pytest.raises(pg.InputError) as refused:
+        pg.sweep(pendulum, {path: [1.0]}, "t_end", **SHORT)
+    for fact in facts:
+        assert fact in str(refused.value)
+
+
+# -- designs ---------------------------------------------------------------------------------------
+
+
+def test_a_grid_has_every_combination_once():
+    points = points_of({"a": [1, 2, 3], "b": [10, 20]}, "grid", None, 0)
+    assert sorted(map(tuple, points)) == [(a, b) for a in (1, 2, 3) for b in (10, 20)]
+
+
+@pytest.mark.parametrize("samples", ["latin", "sobol", "random"])
+def test_samples_fill_their_ranges_and_are_the_same_again(samples):
+    values = {"a": (2.0, 4.0), "b": stats.norm(1.0, 0.1)}
+    points = points_of(values, samples, 512, 5)
+    assert points.shape == (512, 2)
+    assert ((points[:, 0] > 2.0) & (points[:, 0] < 4.0)).all()
+    assert points.mean(axis=0) == pytest.approx([3.0, 1.0], abs=0.1)
+    assert points[:, 1].std() == pytest.approx(0.1, rel=0.1)
+    assert (points_of(values, samples, 512, 5) == points).all()
+    assert (points_of(values, samples, 512, 6) != points).any()
+
+
+def test_a_latin_hypercube_has_one_point_in_each_stratum():
+    points = points_of({"a": (0.0, 1.0), "b": (0.0, 1.0)}, "latin", 50, 1)
+    for column in points.T:
+        assert sorted((column * 50).astype(int)) == list(range(50))
+
+
+@pytest.mark.parametrize(
+    ("values", "options", "fact"),
+    [
+        ([], {}, "not empty"),
+        ("abc", {}, "numbers"),
+        ([1.0, math.nan], {}, "finite"),
+        ([[1.0]], {}, "list of numbers"),
+        ((1.0, 2.0), {"samples": "halton"}, "latin"),
+        ((1.0, 2.0), {"samples": "latin"}, "number of points"),
+        ((1.0, 2.0), {"samples": "latin", "n": 0}, "number of points"),
+        ((2.0, 1.0), {"samples": "random", "n": 3}, "low, high"),
+        (np.ones(20_000_000), {}, "points"),
+    ],
+)
+def test_designs_that_are_refused(pendulum, values, options, fact):
+    with pytest.raises(pg.InputError, match=fact):
+        pg.sweep(pendulum, {"bodies.my.bob.mass": values}, "t_end", **options, **SHORT)
+
+
+# -- metrics ---------------------------------------------------------------------------------------
+
+
+def test_metrics_by_name_are_those_of_the_run(pendulum):
+    names = [
+        "max my.bob",
+        "min q my.bob 0",
+        "peak v my.bob 0",
+        "final kinetic energy",
+        "energy_drift",
+    ]
+    table = pg.sweep(pendulum, {"heavy": [1.0]}, names, **SHORT)
+    run = pg.simulate(pendulum, **SHORT)
+    assert [float(x[0]) for x in table.values.values()] == [
+        run["my.bob"].max(), run.q[:, 0].min(), abs(run.v[:, 0]).max(), run.kinetic_energy[-1],
+        run.energy_drift,
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("metric", ["highest my.bob", "max", 3, [], {"a": 1}])
+def test_metrics_that_are_none(pendulum, metric):
+    with pytest.raises(pg.InputError, match="metric"):
+        pg.sweep(pendulum, {"heavy": [1.0]}, metric, **SHORT)
+
+
+def test_a_column_that_no_run_has(pendulum):
+    table = pg.sweep(pendulum, {"heavy": [1.0]}, "max nobody", **SHORT)
+    assert table.status == ("REFUSED",)
+    assert "nobody" in table.reason[0]
+
+
+def test_a_point_that_fails_keeps_its_reason_and_the_others_their_values(pendulum):
+    def moody(run: pg.Result) -> float:
+        mass = run.mechanism.model.body("my.bob").mass
+        if mass == 2.0:
+            raise KeyError("no")
+        return math.nan if mass == 3.0 else mass
+
+    table = pg.sweep(pendulum, {"bodies.my.bob.mass": [1.0, -1.0, 2.0, 3.0, 4.0]}, moody, **SHORT)
+    assert table.status == ("DONE", "REFUSED", "FAILED", "FAILED", "DONE")
+    assert list(table.failed) == [1, 2, 3]
+    assert "mass" in table.reason[1]
+    assert "KeyError" in table.reason[2]
+    assert "moody" in table.reason[3]
+    assert table.values["moody"][[0, 4]].tolist() == [1.0, 4.0]
+
+
+# -- where it is computed --------------------------------------------------------------------------
+
+MASSES = {"bodies.2.mass": np.linspace(0.5, 2.0, 40), "bodies.1.mass": [1.0, 3.0]}
+
+
+@pytest.fixture(scope="module")
+def alone() -> pg.Sweep:
+    return pg.sweep(pg.Model.serial(3), MASSES, ["final 2", "energy_drift"], workers=1, t_end=1.0)
+
+
+def test_processes_give_the_same_bits(alone, monkeypatch):
+    from pgraph_core.sweeps import tasks
+
+    monkeypatch.setattr(tasks, "PATIENCE", 0.0)
+    table = pg.sweep(pg.Model.serial(3), MASSES, ["final 2", "energy_drift"], workers=2, t_end=1.0)
+    assert table.to_csv() == alone.to_csv()
+
+
+@pytest.mark.nightly
+def test_a_cluster_gives_the_same_bits_though_a_worker_dies(alone):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=4, threads_per_worker=1, dashboard_address=None
+    ) as cluster:
+        client = distributed.Client(cluster)
+        killed = []
+
+        def progress(fraction: float) -> bool:
+            if fraction > 0.3 and not killed:
+                killed.append(next(iter(cluster.workers.values())).pid)
+                os.kill(killed[0], signal.SIGKILL)
+            return True
+
+        table = pg.sweep(
+            pg.Model.serial(3), MASSES, ["final 2", "energy_drift"], scheduler=client,
+            progress=progress, t_end=1.0,
+        )  # fmt: skip
+        client.close()
+    assert killed
+    assert table.to_csv() == alone.to_csv()
+
+
+def test_a_scheduler_that_is_not_there(pendulum):
+    pytest.importorskip("distributed")
+    with pytest.raises(pg.InputError, match=r"tcp://127\.0\.0\.1:1"):
+        pg.sweep(pendulum, {"heavy": [1.0]}, "t_end", scheduler="tcp://127.0.0.1:1", **SHORT)
+
+
+def test_a_worker_of_another_version_is_refused(pendulum):
+    from pgraph_core.sweeps.tasks import Task, run_points
+
+    task = Task(pendulum, ("heavy",), {"t_end": "t_end"}, SHORT, "0.0.1")
+    with pytest.raises(pg.InputError, match=r"0\.0\.1"):
+        run_points(task, [(0, (1.0,))])
+
+
+# -- files -----------------------------------------------------------------------------------------
+
+
+def test_a_csv_is_read_back_bit_for_bit(alone, tmp_path):
+    import pandas
+
+    alone.save(tmp_path / "table.csv")
+    read = pandas.read_csv(tmp_path / "table.csv")
+    for name, column in {**alone.values, "bodies.2.mass": alone.points[:, 0]}.items():
+        assert (read[name].to_numpy() == column).all()
+
+
+def test_a_sweep_that_was_stopped_goes_on_without_computing_a_point_twice(tmp_path, alone):
+    out, computed = tmp_path / "table.csv", []
+
+    def metric(run: pg.Result) -> float:
+        computed.append(run.mechanism.model.body("2").mass)
+        return float(run["2"][-1])
+
+    chain, masses = pg.Model.serial(3), {"bodies.2.mass": np.linspace(0.5, 2.0, 10)}
+    ask = {"workers": 1, "out": out, "t_end": 0.2}
+    first = pg.sweep(chain, masses, metric, progress=lambda fraction: fraction < 0.35, **ask)
+    assert "NOT_RUN" in first.status
+    assert not out.exists()
+    part = tmp_path / "table.csv.part"
+    part.write_bytes(part.read_bytes() + b'{"point": 9, "val')  # cut short by a kill
+    whole = pg.sweep(chain, masses, metric, resume=True, **ask)
+    assert sorted(computed) == pytest.approx(list(masses["bodies.2.mass"]))
+    assert out.read_text() == whole.to_csv()
+    assert not part.exists()
+    assert whole.to_csv() == pg.sweep(chain, masses, metric, workers=1, t_end=0.2).to_csv()
+
+
+def test_the_points_of_another_sweep_are_refused(tmp_path):
+    out = tmp_path / "table.csv"
+    ask = {"metric": "final 2", "out": out, "workers": 1, **SHORT}
+    pg.sweep(pg.Model.serial(3), {"bodies.2.mass": [1.0, 2.0]}, progress=lambda f: False, **ask)
+    for other in ([1.0, 3.0], [1.0]):
+        with pytest.raises(pg.InputError, match="another sweep"):
+            pg.sweep(pg.Model.serial(3), {"bodies.2.mass": other}, resume=True, **ask)
+    (tmp_path / "table.csv.part").write_text("my thesis")
+    with pytest.raises(pg.InputError, match="another sweep"):
+        pg.sweep(pg.Model.serial(3), {"bodies.2.mass": [1.0, 2.0]}, resume=True, **ask)
+
+
+@pytest.mark.parametrize("name", ["table.txt", "none/table.csv"])
+def test_files_that_cannot_be_written(tmp_path, name):
+    with pytest.raises(pg.FileError, match="table"):
+        pg.sweep(
+            pg.Model.serial(2), {"bodies.2.mass": [1.0]}, "t_end", out=tmp_path / name, **SHORT
+        )
+
+
+def test_kill_9_and_resume(tmp_path):
+    """The command line, killed on the way: what is written is whole, and the table is the same."""
+    out = tmp_path / "table.csv"
+    words = ["sweep", "chain_10", "--set", "bodies.2.mass=0.5:2:60", "--metric", "final 2"]
+    words += ["--t-end", "0.5", "--workers", "1"]
+    child = subprocess.Popen(
+        [sys.executable, "-m", "app", *words, "-o", str(out)], stdout=subprocess.DEVNULL
+    )
+    part, end = tmp_path / "table.csv.part", time.monotonic() + 60
+    while time.monotonic() < end and (not part.exists() or part.read_bytes().count(b"\n") < 4):
+        time.sleep(0.005)
+    child.kill()
+    child.wait()
+    if not out.exists():  # a fast machine may have finished
+        assert main([*words, "-o", str(out), "--resume"]) == 0
+    again = tmp_path / "again.csv"
+    assert main([*words, "-o", str(again)]) == 0
+    assert out.read_text() == again.read_text()
+
+
+# -- the command line ------------------------------------------------------------------------------
+
+
+def test_the_command_prints_and_writes_a_table(capsys, tmp_path):
+    words = [
+        "sweep",
+        "pendulum",
+        "--set",
+        "bodies.rod.mass=1:2:3",
+        "--metric",
+        "t_end",
+        "--t-end",
+        "0.1",
+    ]
+    name = pg.Model.load(pgraph_models.path("pendulum")).bodies[0].name
+    words[3] = words[3].replace("rod", name)
+    assert main([*words, "--json", "-o", str(tmp_path / "t.parquet")]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert said["points"] == 3
+    assert said["table"][f"bodies.{name}.mass"] == [1.0, 1.5, 2.0]
+    import pandas
+
+    assert len(pandas.read_parquet(tmp_path / "t.parquet")) == 3
+
+
+@pytest.mark.parametrize("given", ["bodies.a.mass", "bodies.a.mass=", "x=1:2:0", "x=1:2:3:4", "=1"])
+def test_values_that_cannot_be_read(capsys, given):
+    with pytest.raises(SystemExit):
+        main(["sweep", "pendulum", "--set", given, "--metric", "t_end"])
+    assert given in capsys.readouterr().err
