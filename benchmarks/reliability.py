@@ -186,13 +186,14 @@ def flood(seconds: float) -> str:
 
             thread = threading.Thread(target=shout, daemon=True)
             thread.start()
-            beside = delays(honest, 10**6, seconds)
+            meanwhile = delays(honest, 10**6, seconds)
             stop.set()
             hostile.socket.close()
     return (
-        f"| one page floods | edits of another page, {len(alone)} alone, {len(beside)} meanwhile | "
+        f"| one page floods | edits of another page: {len(alone)} alone, "
+        f"{len(meanwhile)} meanwhile | "
         f"median {1e3 * statistics.median(alone):.0f} ms alone, "
-        f"{1e3 * statistics.median(beside):.0f} ms meanwhile |"
+        f"{1e3 * statistics.median(meanwhile):.0f} ms meanwhile |"
     )
 
 
