@@ -1,0 +1,151 @@
+"""A hunt for runs that are wrong and do not say so.
+
+Random scenes (`scenes`), each run by default and by two other settings, and compared with what is
+known of them. A run is *wrong and silent* if its error is more than ten times what it says of
+itself, and neither its status nor a notice says anything.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..dynamics.states import differences, length_of
+from ..errors import PgraphError
+from ..mechanism import Mechanism
+from ..packing.system import Array
+from ..result import Result
+from ..simulation import simulate
+from .scenes import Scene, scenes
+
+FRAMES = 101
+HONEST = 10.0  # times the error estimate: an error within it was said
+FLOOR = 1e-11  # of the motion: rounding of closed forms, and of ours
+FINEST = {"method": "dop853", "rtol": 1e-13, "max_steps": 300_000, "estimate": False}
+
+
+class Find(NamedTuple):
+    """One run of the hunt."""
+
+    scene: Scene
+    setting: dict[str, Any]
+    verdict: str  # "right", "told", "silent", "refused", "unjudged"
+    error: float  # true largest error of q over the motion's size
+    estimate: float  # what the run says, over the same size
+    says: str  # the last notice, or the message
+
+
+def hunt(count: int, seed: int = 0, progress: Callable[[int], Any] | None = None) -> Iterator[Find]:
+    """Every run of `count` scenes, three of each."""
+    for k, scene in enumerate(scenes(count, seed)):
+        if progress is not None:
+            progress(k)
+        yield from judged(scene, np.random.default_rng([seed, k, 1]))
+
+
+def judged(scene: Scene, rng: np.random.Generator) -> Iterator[Find]:
+    """The runs of one scene: the default, and two of the other settings."""
+    others = rng.choice(len(scene.others), size=min(2, len(scene.others)), replace=False)
+    mech = Mechanism(scene.model)
+    known = scene.known or finest(mech, scene)
+    for setting in ({}, *(scene.others[i] for i in others)):
+        yield _run(mech, scene, dict(setting), known)
+
+
+def finest(mech: Mechanism, scene: Scene) -> Callable[[Array], Array]:
+    """A far finer run as the motion; nan where there is none."""
+
+    def known(t: Array) -> Array:
+        options: dict[str, Any] = {"t_end": scene.t_end, "t_eval": t, **FINEST}
+        run = simulate(mech, **options)
+        if not run.status.ok:
+            return np.full((len(t), mech.nq), np.nan)
+        return run.q
+
+    return known
+
+
+def _run(
+    mech: Mechanism, scene: Scene, setting: dict[str, Any], known: Callable[[Array], Array]
+) -> Find:
+    given = dict(setting)
+    if "parts" in given:
+        given["step"] = scene.t_end / given.pop("parts")
+    try:
+        run = simulate(mech, t_end=scene.t_end, frames=FRAMES, **dict(scene.options), **given)
+    except PgraphError as refused:
+        return Find(scene, setting, "refused", np.nan, np.nan, str(refused))
+    if not run.status.ok:
+        return Find(scene, setting, "told", np.inf, np.nan, run.message)
+    truth = known(run.t)
+    error, size = off(mech, run, truth)
+    estimate = run.error_estimate / size
+    says = run.notices[-1] if run.notices else run.message if np.isnan(estimate) else ""
+    if np.isnan(error):
+        return Find(scene, setting, "unjudged", error, estimate, says)
+    if error <= HONEST * np.nan_to_num(estimate, nan=0.0, posinf=np.inf) + FLOOR:
+        return Find(scene, setting, "right", error, estimate, says)
+    return Find(scene, setting, "told" if says else "silent", error, estimate, says)
+
+
+def off(mech: Mechanism, run: Result, truth: Array) -> tuple[float, float]:
+    """(largest error of a run over the motion's size, that size [rad, m])."""
+    rows = mech.packed.rows
+    turned, moved = differences(rows, run.q, truth)
+    if np.isnan(turned).any() or np.isnan(moved).any():
+        return np.nan, 1.0
+    around, slid = (
+        float(x.max()) for x in differences(rows, truth, np.broadcast_to(truth[:1], truth.shape))
+    )
+    length = length_of(mech.packed)
+    if slid == 0.0:
+        return float(turned.max()), max(1.0, around) and 1.0
+    size = max(slid, length)
+    by_turn = float(turned.max(initial=0.0)) / max(around, 1.0)
+    return max(by_turn, float(moved.max()) / size), size if moved.max() / size > by_turn else 1.0
+
+
+def told(finds: list[Find], seconds: float) -> str:
+    """What was wrong and silent, one line each, and the sums."""
+    lines = []
+    for find in finds:
+        if find.verdict == "silent":
+            lines.append(
+                f"SILENT {find.scene.family} ({find.scene.what}), t_end={find.scene.t_end:.4g}, "
+                f"{find.setting or 'default'}: off by {find.error:.2g}, says {find.estimate:.2g}"
+            )
+    count = {
+        verdict: sum(find.verdict == verdict for find in finds)
+        for verdict in ("right", "told", "refused", "unjudged", "silent")
+    }
+    lines.append(
+        f"{len(finds)} runs in {seconds:.0f} s: "
+        + ", ".join(f"{number} {verdict}" for verdict, number in count.items())
+    )
+    ratio = np.array(
+        [
+            find.estimate / find.error
+            for find in finds
+            if find.verdict in ("right", "silent")
+            and find.error > FLOOR
+            and np.isfinite(find.estimate)
+        ]
+    )
+    if len(ratio):
+        share = np.mean((ratio > 0.2) & (ratio < 10.0))
+        lines.append(
+            f"estimate over error: within 0.2 to 10 in {100 * share:.1f} % of {len(ratio)}"
+        )
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    import sys
+
+    began = time.perf_counter()
+    number, start = int(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 0
+    every = list(hunt(number, start))
+    print(told(every, time.perf_counter() - began))
