@@ -29,6 +29,7 @@ from ..plan import Plan
 from ..portable import Portable
 from .contact_record import KINDS, ContactRecord, Event
 from .dense import states_at
+from .user_event import UserEvent, event_arrays, events_of_arrays
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -38,6 +39,7 @@ class Status(Enum):
     """How a run ended."""
 
     DONE = "the run reached its end"
+    STOPPED = "an event stopped the run"
     NOT_FINITE = "the motion stopped being finite"
     SINGULAR = "singular mass matrix: no inertia about the axis of a joint"
     CANNOT_CLOSE = "the constraints cannot all be met"
@@ -49,8 +51,8 @@ class Status(Enum):
 
     @property
     def ok(self) -> bool:
-        """Whether the run reached its end."""
-        return self is Status.DONE
+        """Whether the run reached its end, or a terminal event of the user."""
+        return self in (Status.DONE, Status.STOPPED)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +86,8 @@ class Result(EqualByFields, Portable):
     estimate was made."""
     header: Mapping[str, Any]  # version, model hash, method, step, ...
     notices: tuple[str, ...] = field(default=())  # sentences on how the run went
+    user_events: tuple[UserEvent, ...] = field(default=())
+    """Where functions given as `events` crossed zero, in order of time."""
 
     def __eq__(self, other: object) -> bool:
         """Whether the models and the numbers are equal, nan to nan."""
@@ -269,7 +273,7 @@ class Result(EqualByFields, Portable):
             model = model.model_copy(update={"bodies": gathered(model.bodies, folder)})
         arrays = {name: getattr(self, name) for name in ARRAYS}
         arrays |= {f"force:{name}": value for name, value in self.constraint_force.items()}
-        arrays |= self.contacts.arrays()
+        arrays |= self.contacts.arrays() | event_arrays(self.user_events)
         header = {
             "status": self.status.name,
             **{name: getattr(self, name) for name in SCALARS},
@@ -299,7 +303,7 @@ class Result(EqualByFields, Portable):
             given |= {name: arrays[name] for name in ARRAYS}
             prefix = "force:"
             forces = {k.removeprefix(prefix): a for k, a in arrays.items() if k.startswith(prefix)}
-            contacts = ContactRecord.of_arrays(arrays)
+            contacts, happened = ContactRecord.of_arrays(arrays), events_of_arrays(arrays)
             mech = Mechanism(model)
             fits = given["q"].shape[1:] == (mech.nq,) and given["v"].shape[1:] == (mech.nv,)
             whole = fits and len({len(given[name]) for name in ARRAYS}) == 1
@@ -310,7 +314,8 @@ class Result(EqualByFields, Portable):
             raise FileError(Problem(str(path), "", text)) from None
         if not whole:
             raise FileError(Problem(str(path), "", text))
-        return cls(mech, status, constraint_force=forces, contacts=contacts, **given)
+        loaded = {"constraint_force": forces, "contacts": contacts, "user_events": happened}
+        return cls(mech, status, **loaded, **given)
 
     def to_csv(self) -> str:
         """Time, q, v, energies and constraint forces as CSV, units in the first line."""
@@ -477,6 +482,7 @@ def joined(runs: Sequence[Result], /) -> Result:
             "forces": [force for r in runs for force in r.header.get("forces", ())],
         },
         notices=tuple(dict.fromkeys(text for r in runs for text in r.notices)),
+        user_events=tuple(event for r in runs for event in r.user_events),
     )
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,6 @@ from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import FACTORED
 from ..engine.contact import points as point_kernels
-from ..engine.contact.points import NOW
 from ..engine.records import ACCEPTANCE, SLIP, STANCE, SWING
 from ..mechanism import Mechanism
 from ..packing.system import Array, Ints
@@ -58,6 +58,7 @@ class ContactEvents:
         self._ends: dict[int, float] = {}  # when the bounces of a point that comes to rest are over
         self.tally = {"phase_switches": 0, "impacts": 0, "bounces_left_out": 0}
         self.seconds = 0.0  # spent on events
+        self.noted: Callable[[float], None] | None = None  # told of each, for a user's events
         self._times: deque[float] = deque(maxlen=MANY)
         self._resting = np.zeros(
             len(plan.contact_points), dtype=bool
@@ -121,10 +122,12 @@ class ContactEvents:
             began = time.perf_counter()
             t = float(steps.control["time"])
             self._observe(t)  # frames may have been looked at since
+            if self.noted is not None:
+                self.noted(t)
             self._event(t)
             steps.go_on()
             self.seconds += time.perf_counter() - began
-            if not self.ended.ok:
+            if self.ended.over:
                 return at.EVENT
             budget = last - int(steps.counters["steps"])
         return at.RUNNING
@@ -146,7 +149,7 @@ class ContactEvents:
         self._guard(t)
         before = scene.phase.copy()
         self._resting[:] = before != SWING
-        over = scene.watched[NOW].reshape(-1, 3) < 0
+        over = scene.over()
         hits = []
         for s in np.flatnonzero(over.any(axis=1)).tolist():
             if before[s] == SWING:
@@ -176,8 +179,7 @@ class ContactEvents:
             self.ended.stop(Status.CHATTER, f"{Status.CHATTER.value} {text}")
 
     def _over(self) -> list[int]:
-        over = self.scene.watched[NOW].reshape(-1, 3) < 0
-        return np.flatnonzero(over.any(axis=1)).tolist()
+        return np.flatnonzero(self.scene.over().any(axis=1)).tolist()
 
     def _note_changes(self, t: float, before: Ints) -> None:
         """Log the changes of phases and watch the new ones."""

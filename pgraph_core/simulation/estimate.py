@@ -39,6 +39,7 @@ UNKNOWN = (
     f"{BECAUSE} a function gives its torques: give estimate=True to call it again for a second "
     "run, if it remembers nothing, or compare with a run at half the step, or at a tighter rtol"
 )
+SHORT = f"{BECAUSE} it ended before its second frame"
 FAILS = f"{BECAUSE} the same run at wider or narrower steps, to compare with, fails"
 
 
@@ -71,6 +72,10 @@ def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) ->
     Where tables bend inside fixed steps, the error depends on where in the step they do: the
     estimate adds the difference to a run whose steps end there.
     """
+    if record.ended.over:
+        record.plan = _until(record.plan, float(record.steps.control["time"]))
+        if len(record.plan.times) < 2:
+            return Estimate(why=SHORT)
     if len(record.plan.kinks) == 0:
         return _located(record, q, v, progress)
     bent = _again(record, _onto_corners(record.plan), q, v, progress)
@@ -274,6 +279,16 @@ def _wider(
     """The run at `factor` times wider steps; None where there are too few."""
     plan = _coarser(record.plan, factor)
     return plan and _again(record, plan, q, v, progress)
+
+
+def _until(plan: Plan, end: float) -> Plan:
+    """The part of a plan before a time."""
+    count = int(np.searchsorted(plan.times, end))
+    return replace(
+        plan, times=plan.times[:count], substeps=plan.substeps[: max(count - 1, 0)],
+        width=plan.width[: max(count - 1, 0)], kinks=plan.kinks[plan.kinks < end],
+        changes=tuple(change for change in plan.changes if change.t < end),
+    )  # fmt: skip
 
 
 def _wide(coarse: Recording, fine: Recording) -> bool:

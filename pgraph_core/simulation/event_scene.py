@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..contact.points import ContactPoint, with_points
 from ..contact.tables import Tables
@@ -37,8 +38,12 @@ class EventScene(Scene):
         *,
         contacts: Tables | None = None,
         user: UserTorque | None = None,
+        watched: int = 0,
     ):
-        """All points are in swing. `frames` is how many are to be recorded."""
+        """All points are in swing. `frames` is how many are to be recorded.
+
+        `watched` is the number of further events, a user's.
+        """
         packed = mech.packed
         given = (mech.model, mech.topology, packed.system)
         extended, points = with_points(packed.blocks, contact_points, *given)
@@ -52,7 +57,7 @@ class EventScene(Scene):
         self.bilateral = int(self.active[0])
         self.contact_points, self.points = tuple(contact_points), points
         self.every = np.concatenate(([count], self.points["slide_block"]))
-        self.watched = np.zeros((4, 3 * count))
+        self.watched = np.zeros((4, 3 * count + watched))
         self.frames = table(POINT_FRAME, frames, count)
         self._held = np.zeros_like(self.active)
         self._link()
@@ -91,6 +96,11 @@ class EventScene(Scene):
         self._buffer = buffer()
         phases.save_events(self._buffer, unnamed(EventData(self._kept, parts)))
         self.address, self._held_address = address_of_array(self._buffer), links.held
+
+    def over(self) -> NDArray[np.bool_]:
+        """(points, 3) whether a monitor of a contact point has fallen below zero."""
+        count = 3 * len(self.contact_points)
+        return self.watched[point_kernels.NOW, :count].reshape(-1, 3) < 0
 
     @property
     def held(self) -> int:

@@ -66,11 +66,14 @@ class Steps:
         control["rtol"], control["atol"] = given.rtol, given.atol
         control["widest"], control["most"] = given.widest, given.most
 
-    def join(self, scene: int, links: RunLinks, watched: Array, wanted: Ints = NO_EVENTS) -> None:
+    def join(
+        self, scene: int, links: RunLinks, watched: Array, wanted: Ints = NO_EVENTS, user: int = 0
+    ) -> None:
         """Step the scene at this address.
 
         `watched` (4, 3 points + user events) are the monitors of events, `wanted` the directions
-        in which a user's events count: -1 falling, 1 rising, 0 both.
+        in which a user's events count: -1 falling, 1 rising, 0 both; `user` is the address of the
+        function that gives their values.
         """
         plan, method = self.plan, self.plan.method
         matrices = _matrices(len(self.v)) if method.implicit else NO_MATRICES
@@ -79,7 +82,7 @@ class Steps:
             scene, links, Coefficients(*method.tableau), _method(method.name), self.times,
             plan.substeps, plan.width, corners, self.stages, *matrices, self.control_table,
             self.counters_table, np.zeros(3), watched, np.zeros_like(wanted), wanted,
-            np.zeros(len(wanted)), self.frames,
+            np.append(np.zeros(len(wanted)), float(user)), self.frames,
         )  # fmt: skip
         state.save_run(self._buffer, unnamed(self._kept))
 
@@ -177,15 +180,25 @@ class Outcome:
         self.notices: list[str] = []
         self.log: list[Event] = []
 
+    @property
+    def over(self) -> bool:
+        """Whether something has ended the run before its end."""
+        return self.status is not Status.DONE
+
     def stop(self, status: Status, message: str) -> None:
         """End the run."""
         self.status, self.message, self.ok = status, message, status.ok
 
 
 @cache
-def links_of(name: str, event_driven: bool) -> RunLinks:
+def links_of(name: str, event_driven: bool, watched: bool = False) -> RunLinks:
     """Addresses of the kernels that a run by this method calls."""
     method = METHODS[name]
+    if watched:
+        from ..engine.stepping.events import look_back, user_events
+
+        events = {"look_back": address_of(look_back), "events": address_of(user_events)}
+        return links_of(name, event_driven)._replace(**events)
     if not event_driven:
         kernels = (motion.acceleration, motion.projection, motion.record, method.kernel)
         return RunLinks(*map(address_of, kernels))

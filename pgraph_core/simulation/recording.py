@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -26,12 +26,14 @@ from ..packing.system import Array, Ints
 from ..result import Result, Status
 from ..result.contact_record import NOTHING, ContactRecord
 from .loop import Outcome, Steps, links_of
+from .options import MOST_STEPS
 from .plan import Plan
 from .switches import Change, closed, hold_here
 
 if TYPE_CHECKING:
     from .contact_events import ContactEvents
     from .estimate import Estimate
+    from .user_events import Monitor, Watch
 
 CHUNK = 0.02  # s of computation between two calls of `progress`
 NO_MONITORS = np.zeros((4, 0))
@@ -49,9 +51,13 @@ STATUS = {
 class Recording:
     """A plan under way: stepping loop, scene and the arrays of frames, each run its own."""
 
-    def __init__(self, mech: Mechanism, plan: Plan, q: Array, v: Array, tau: Any):
+    def __init__(
+        self, mech: Mechanism, plan: Plan, q: Array, v: Array, tau: Any,
+        monitors: Sequence[Monitor] = (),
+    ):  # fmt: skip
         """Nothing is computed yet. Raises InputError if `tau` does not fit."""
         self.mech, self.plan, self.tau = mech, plan, tau
+        self.watch = self._watching(monitors)
         self.user = None if tau is None else acting(tau, mech.nq, mech.nv)
         self.ended = Outcome()
         self.scene = self._scene()
@@ -92,6 +98,7 @@ class Recording:
             from .event_scene import EventScene
 
             frames = len(plan.times)
+            acts["watched"] = len(self.watch.monitors) if self.watch else 0
             return EventScene(
                 mech, plan.drives, plan.loads, plan.ever, plan.contact_points, frames, **acts
             )
@@ -103,17 +110,31 @@ class Recording:
 
     def _contact_events(self) -> ContactEvents | None:
         """What decides at events of contact points; the steps begin to step the scene."""
-        plan, points = self.plan, bool(self.plan.contact_points)
-        links = links_of(plan.method.name, points)
+        plan, points, watch = self.plan, bool(self.plan.contact_points), self.watch
+        links = links_of(plan.method.name, points, watch is not None)
+        wanted: Any = () if watch is None else (watch.wanted, watch.address)
         if not points:
-            self.steps.join(self.scene.address, links, NO_MONITORS)
+            watched = NO_MONITORS if watch is None else np.zeros((4, len(watch.monitors)))
+            self._watched = watched
+            self.steps.join(self.scene.address, links, watched, *wanted)
             return None
         from .contact_events import ContactEvents
         from .event_scene import EventScene
 
         assert isinstance(self.scene, EventScene)
-        self.steps.join(self.scene.address, links, self.scene.watched)
-        return ContactEvents(self.mech, plan, self.scene, self.steps, self.ended)
+        self._watched = self.scene.watched
+        self.steps.join(self.scene.address, links, self.scene.watched, *wanted)
+        found = ContactEvents(self.mech, plan, self.scene, self.steps, self.ended)
+        found.noted = None if watch is None else self._user_event
+        return found
+
+    def _watching(self, monitors: Sequence[Monitor]) -> Watch | None:
+        """What watches a user's events; None where there are none."""
+        if not monitors:
+            return None
+        from .user_events import Watch
+
+        return Watch(monitors, self.mech.nq, self.mech.nv)
 
     # -- the run ---------------------------------------------------------------------------------
 
@@ -128,6 +149,11 @@ class Recording:
         while True:
             began = time.perf_counter()
             code = self._advance(budget)
+            if self.watch is not None and self.watch.error is not None:
+                raise self.watch.error
+            if self.ended.status is Status.STOPPED:
+                self._last_frame()
+                return
             if code == at.DONE:
                 if not self._ahead or not self._switch(self._ahead.popleft()):
                     return
@@ -136,7 +162,7 @@ class Recording:
                 self.fail(code)
                 return
             faster = CHUNK / (time.perf_counter() - began)
-            budget = max(1, int(budget * min(4.0, faster)))
+            budget = max(1, min(MOST_STEPS, int(budget * min(4.0, faster))))
             if progress is not None and _stops(progress(self.steps.fraction())):
                 t = self.steps.times[self.done - 1]
                 text = f"{Status.CANCELLED.value}; kept up to t = {t:.6g} s"
@@ -176,6 +202,8 @@ class Recording:
                 self.ended.notices.append(notice)
         if self.events is not None and self.ended.ok:
             self.events.begin(self.start)
+        if self.watch is not None and self.ended.ok:
+            self.watch.begin(self.start, self.q, self.v)
         return self.ended.ok
 
     def _first_evaluation(self) -> int:
@@ -189,6 +217,10 @@ class Recording:
     def _advance(self, budget: int) -> int:
         """Take at most `budget` steps and frames; the kernel's status code."""
         code = (self.events or self.steps).advance(budget)
+        if code == at.EVENT and self.events is None:
+            self._user_event(float(self.steps.control["time"]))
+            self.steps.go_on()
+            code = at.RUNNING
         touching = self.scene.touching
         if touching is not None:  # keep the logged changes of phases, make room for more
             count = int(touching.tally["logged"])
@@ -196,6 +228,24 @@ class Recording:
             self._unlogged += max(count - len(touching.changes), 0)
             touching.tally["logged"] = 0
         return code
+
+    def _user_event(self, t: float) -> None:
+        """Log a user's events at t, and end the run where one is terminal."""
+        watch = self.watch
+        assert watch is not None
+        fired = watch.fired(self._watched)
+        name = watch.note(t, fired, self.q, self.v) if fired else ""
+        if name:
+            self.ended.stop(Status.STOPPED, f"{Status.STOPPED.value} at t = {t:.9g} s: {name}")
+
+    def _last_frame(self) -> None:
+        """Record the state here as the last frame."""
+        control, t = self.steps.control, float(self.steps.control["time"])
+        i = int(control["frame"])
+        if i and self.steps.times[i - 1] == t:
+            return
+        self.steps.times[i], control["last"], control["fired"] = t, i + 1, 0
+        self.steps.advance(1)
 
     def _raise_user_error(self) -> None:
         if self.user is not None and self.user.error is not None:
@@ -365,6 +415,7 @@ class Recording:
             error_estimate=estimate.largest,
             header={**self.plan.header, "error_known": (estimate.until, estimate.before)},
             notices=(*self.notices(), *estimate.notices),
+            user_events=tuple(self.watch.log) if self.watch else (),
         )
 
     def _contacts(self, frames: tuple[Array, Array, Array]) -> ContactRecord:
@@ -391,7 +442,7 @@ class Recording:
         if self.plan.shown is None:
             return slice(0, self.done)
         some = self.plan.shown[: self.done].copy()
-        some[-1:] |= not self.ended.ok
+        some[-1:] |= self.ended.over
         return slice(0, self.done) if some.all() else np.flatnonzero(some)
 
 

@@ -14,6 +14,7 @@ from .estimate import UNKNOWN, Estimate, error_estimate, estimable
 from .options import MOST_CHOSEN, Options
 from .plan import plan_of, with_state
 from .recording import Recording
+from .user_events import monitors_of
 
 
 def simulate(
@@ -35,6 +36,7 @@ def simulate(
     forces: Sequence[Force] = (),
     stabilise: str | None = "project",
     switches: Any = None,
+    events: Any = (),
     progress: Callable[[float], Any] | None = None,
     estimate: bool | None = None,
 ) -> Result:
@@ -58,6 +60,10 @@ def simulate(
     Constraints: `stabilise` keeps them by "project", "baumgarte" or not at all (None). `switches`
     are (t, name of a constraint, True or False): the constraint is switched on or off at t,
     between two steps; a frame at t shows the state after it.
+
+    `events` are functions f(t, q, v) whose zeros are located within steps, to rounding: see
+    `run.user_events`. With an attribute `direction` of 1 or -1 only rising or falling ones count;
+    one with `terminal = True` ends the run there with `Status.STOPPED`.
 
     Rigid contacts and joint limits are handled by time stepping ("moreau_jean"), the choice of
     "auto" without `rtol`, or from event to event by "dop853" and "dopri5", its choices with
@@ -84,7 +90,7 @@ def simulate(
     plan = plan_of(mech, options, tau, q, v)
     state = with_state(mech, plan.start, q, v)
     tau = plan.tau if tau is None else tau
-    record = Recording(mech, plan, *state, tau)
+    record = Recording(mech, plan, *state, tau, monitors_of(events))
     built, busy = time.perf_counter(), time.thread_time()
     record.run(progress)
     stepped, busy = time.perf_counter(), time.thread_time() - busy

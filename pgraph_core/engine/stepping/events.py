@@ -38,6 +38,9 @@ from .state import call_step, copied, onto_constraints, size_of_state
 EVENT = types.void(types.int64, types.float64, F1, F1, F1)
 call_event = caller(EVENT)
 
+# of a user's functions: time, and the addresses of q, v and their values
+_call_user = caller(types.void(types.float64, types.uint64, types.uint64, types.uint64))
+
 BELOW = 1e-300  # what a value of zero counts as
 PARTS = 4  # of a step with dense output that are looked at for themselves
 
@@ -47,6 +50,13 @@ def event_projection(scene, t, q, v, rounds):
     """As `projection`, onto held constraints; rounds taken, -1 where it fails."""
     links = opened_events(scene).contact.links
     return call_projection(links.project, (links.held, t, q, v, rounds))
+
+
+@kernel(EVENT, nogil=True, later=True)
+def user_events(scene, t, q, v, values):
+    """Values of a user's functions; the last entry of `values` is the address that gives them."""
+    address = types.int64(values[values.shape[0] - 1])
+    _call_user(address, (t, q.ctypes.data, v.ctypes.data, values.ctypes.data))
 
 
 # -- the state within the last step ---------------------------------------------------------------
