@@ -298,14 +298,14 @@ def tree(rng: Rng) -> Scene:
         kind = str(rng.choice(list(JOINTS)))
         turns, slides = JOINTS[kind]
         mass = m * _scale(rng, 0.1, 10.0)
-        given: dict[str, Any] = {}
+        given: dict[str, Any] = {"joint": kind}
         if kind not in ("spherical", "universal"):
             given["axes"] = (tuple(rng.normal(size=3).tolist()),) * (turns + slides)
         if kind == "revolute":
             given["damping"] = (m * size**2 * float(rng.choice([0.0, 0.0, 0.3])),)
         v = (*rng.normal(0, 1, turns).tolist(), *(size * rng.normal(0, 1, slides)).tolist())
         body = Body(
-            name=f"b{i}", parent="ground" if i == 0 else f"b{rng.integers(i)}", joint=kind,
+            name=f"b{i}", parent="ground" if i == 0 else f"b{rng.integers(i)}",
             link=tuple((size * rng.normal(0, 0.5, 3)).tolist()), mass=mass,
             com=tuple((size * rng.normal(0, 0.3, 3)).tolist()),
             inertia=np.diag(mass * size**2 * rng.uniform(0.1, 0.17, 3)), v=v, **given,
