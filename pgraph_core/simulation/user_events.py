@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from ..engine.compiler.address import address_of_function
-from ..engine.contact.points import NOW
 from ..errors import InputError, Problem
 from ..packing.system import Array, Ints
 from ..result.user_event import UserEvent
@@ -108,6 +107,8 @@ class Watch:
 
     def fired(self, watched: Array) -> list[int]:
         """The monitors that have crossed zero, by number."""
+        from ..engine.contact.points import NOW
+
         count = len(self.monitors)
         return np.flatnonzero(watched[NOW, watched.shape[1] - count :] < 0.0).tolist()
 
@@ -133,10 +134,3 @@ def _array(address: int, count: int) -> Array:
 
 def _refused(where: str, text: str) -> InputError:
     return InputError(Problem("simulate", where, text))
-
-
-class Pending(NamedTuple):
-    """A switch that waits for a condition of the state."""
-
-    constraint: int
-    active: bool
