@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .errors import ModelError as ModelError
     from .errors import PgraphError as PgraphError
     from .errors import Problem as Problem
+    from .formats.mjcf import read_mjcf as read_mjcf
     from .formats.report import Report as Report
     from .formats.urdf import read_urdf as read_urdf
     from .formats.urdf_out import write_urdf as write_urdf
@@ -97,6 +98,7 @@ _MODULES = {
     "analysis.assembly": "Assembly",
     "analysis.mobility": "Mobility",
     "errors": "FileError InputError ModelError PgraphError Problem",
+    "formats.mjcf": "read_mjcf",
     "formats.report": "Report",
     "formats.urdf": "read_urdf",
     "formats.urdf_out": "write_urdf",

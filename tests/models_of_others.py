@@ -51,7 +51,7 @@ def files(package: str, ending: str) -> list[Path]:
     return sorted(place.rglob(f"*{ending}")) if place else []
 
 
-def largest_error(found: np.ndarray, expected: np.ndarray) -> float:
-    """Largest difference, relative to the largest number."""
-    size = float(np.abs(expected).max(initial=0.0)) or 1.0
+def largest_error(found: np.ndarray, expected: np.ndarray, least: float = 0.0) -> float:
+    """Largest difference, relative to the largest number, or to `least` where that is larger."""
+    size = max(float(np.abs(expected).max(initial=0.0)), least) or 1.0
     return float(np.abs(found - expected).max(initial=0.0)) / size

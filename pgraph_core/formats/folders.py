@@ -30,6 +30,13 @@ class Folders:
                 return folder
         return None
 
+    def holds(self, path: Path) -> bool:
+        """Whether a path, its links followed, lies in one of the folders."""
+        try:
+            return self._inside(path.resolve())
+        except (OSError, RuntimeError, ValueError):
+            return False
+
     def find(self, name: str) -> tuple[Path | None, str]:
         """(path, "") of a file that a model names, or (None, why not)."""
         if "\0" in name or not name:

@@ -1,0 +1,417 @@
+"""MJCF in: MuJoCo reads and compiles, what it compiled becomes a model.
+
+So defaults, includes, orientations, degrees, inertias from geoms are MuJoCo's own work. A body's
+origin is put at the anchor of its hinges; hinges of one body at several places become bodies
+without mass in between. Coordinates count from the file's own initial pose.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from itertools import groupby
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..errors import FileError, ModelError, Problem, shown
+from ..markup import Element, read_markup
+from ..model import Contact, Force, Model, Shape
+from ..model.fields import GROUND, name_problem
+from ..rotation import matrix, multiply, unit
+from ..show.extras import needed
+from .folders import Folders
+from .mjcf_parts import Parts
+from .report import Report, reach_of, suspect_units, unphysical
+
+Array = np.ndarray
+FREE, BALL, SLIDE, HINGE = range(4)
+PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH = range(8)
+MOST_INCLUDES = 200
+DIRECTORIES = ("meshdir", "texturedir", "assetdir")
+WORLD = "world"
+
+
+def read_mjcf(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model, Report]:
+    """(model, report) of an MJCF file, read by MuJoCo.
+
+    `roots` are folders that included files and meshes may lie in, beside the nearest folder above
+    the file with a package.xml, or its own. Raises FileError or ModelError, and MissingPackage
+    without MuJoCo.
+    """
+    path = Path(path)
+    files = _Files(path, Folders(path, roots))
+    mujoco = needed("mujoco", "mjcf")
+    try:
+        compiled = mujoco.MjSpec.from_file(str(path.absolute())).compile()
+    except Exception as error:  # whatever MuJoCo raises of a file that it refuses
+        text = " ".join(str(error).split())
+        raise FileError(Problem(path.name, "", f"MuJoCo refuses it: {text}")) from None
+    return _Reader(compiled, path, files).result()
+
+
+class _Files:
+    """The file and what it includes, looked through before MuJoCo opens anything."""
+
+    def __init__(self, path: Path, folders: Folders):
+        self.folders, self.lines = folders, dict[tuple[str, str], str]()
+        self.meshes: dict[str, Path] = {}
+        root = read_markup(path)
+        if root.tag != "mujoco":
+            do = "; give it to read_urdf" if root.tag == "robot" else ""
+            text = f"holds <{root.tag}>, not the <mujoco> of an MJCF file{do}"
+            raise FileError(Problem(f"{path.name}, line {root.line}", "", text))
+        self.roots = [(path, root)]
+        self._include(path, root)
+        self.directories = [path.parent.absolute()]
+        for file, top in self.roots:
+            for compiler in top.all("compiler"):
+                for name in DIRECTORIES:
+                    if given := compiler.get(name):
+                        self._directory(file, compiler, name, given)
+        for file, top in self.roots:
+            for element in top.inside():
+                self._look(file, element)
+
+    def _include(self, file: Path, top: Element) -> None:
+        for element in top.inside():
+            if element.tag != "include":
+                continue
+            path, why = self.folders.find(element.get("file"))
+            if path is None:
+                where = f"{file.name}, line {element.line}, include"
+                raise FileError(Problem(where, "file", f"{shown(element.get('file'))}: {why}"))
+            if len(self.roots) > MOST_INCLUDES or any(path == known for known, _ in self.roots):
+                text = f"{path.name} is included twice, or more than {MOST_INCLUDES} files are"
+                raise FileError(Problem(f"{file.name}, line {element.line}, include", "", text))
+            inside = read_markup(path)
+            self.roots.append((path, inside))
+            self._include(path, inside)
+
+    def _directory(self, file: Path, compiler: Element, name: str, given: str) -> None:
+        path = self.directories[0] / given
+        if not self.folders.holds(path):
+            where = f"{file.name}, line {compiler.line}, compiler"
+            text = f"{shown(given)} lies outside of the model's folder; allow it: roots=[...]"
+            raise FileError(Problem(where, name, text))
+        self.directories.append(path)
+
+    def _look(self, file: Path, element: Element) -> None:
+        """Note where an element stands, and refuse files that lie outside."""
+        if name := element.get("name"):
+            self.lines.setdefault((element.tag, name), f"{file.name}, line {element.line}")
+        for key, given in element.attributes.items():
+            if not key.startswith("file") or element.tag == "include" or not given:
+                continue
+            paths = [folder / given for folder in self.directories]
+            there = [path for path in paths if path.exists() or path.is_symlink()]
+            if any(not self.folders.holds(path) for path in there or paths[:1]):
+                where = f"{file.name}, line {element.line}, {element.tag}"
+                text = f"{shown(given)} lies outside of the model's folder; allow it: roots=[...]"
+                raise FileError(Problem(where, key, text))
+            if element.tag == "mesh" and there:
+                self.meshes[name or Path(given).stem] = there[0].resolve()
+
+
+class _Group(NamedTuple):
+    """Joints of one body about one place: a body of ours."""
+
+    name: str
+    joints: tuple[int, ...]
+    pivot: Array  # in the body's axes
+    last: bool  # whether the body's mass and shapes are here
+
+
+class _Reader:
+    def __init__(self, m: Any, path: Path, files: _Files):
+        self.m, self.files, self.path = m, files, path
+        self.report = Report(path.name)
+        self.names = self._body_names()
+        self.pivot = np.zeros((m.nbody, 3))
+        self.groups = [self._grouped(b) for b in range(m.nbody)]
+        self.place_of_joint = {
+            j: (group.name, k)
+            for groups in self.groups
+            for group in groups
+            for k, j in enumerate(group.joints)
+        }
+
+    def where(self, tag: str, name: str) -> str:
+        """'robot.xml, line 12, joint 'knee''."""
+        line = self.files.lines.get((tag, name), self.path.name)
+        return f"{line}, {tag} {shown(name)}" if name else f"{line}, {tag}"
+
+    def left_out(self, tag: str, name: str, text: str, *, acts: bool = True) -> None:
+        """What has no place in a model."""
+        self.report.add("left out", self.where(tag, name), text, acts=acts)
+
+    def result(self) -> tuple[Model, Report]:
+        """The model and the report."""
+        m, mujoco = self.m, needed("mujoco", "mjcf")
+        parts = Parts(self)
+        bodies = [fields for b in range(1, m.nbody) for fields in self._bodies(b)]
+        bodies += parts.world()
+        gravity = tuple(float(x) for x in m.opt.gravity)
+        if m.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
+            gravity = (0.0, 0.0, 0.0)
+        fields: dict[str, Any] = {
+            "name": self._name_of_model(),
+            "up": "z",
+            "gravity": gravity,
+            "bodies": bodies,
+            "constraints": parts.constraints(),
+            "contacts": list[Contact](parts.contacts(bodies)),
+            "forces": list[Force](parts.forces()),
+            "scenarios": parts.keyframes(),
+        }
+        parts.rest()
+        try:
+            model = Model(**fields)
+        except ModelError as error:
+            found = [
+                Problem(f"{self.path.name}: {p.where}", p.field, p.text) for p in error.problems
+            ]
+            raise ModelError(found) from None
+        data = mujoco.MjData(m)
+        mujoco.mj_kinematics(m, data)
+        places = {self.names[b]: tuple(data.xpos[b].tolist()) for b in range(1, m.nbody)}
+        suspect_units(self.report, model, reach_of(places))
+        text = f"{m.nbody - 1} bodies, {m.njnt} joints, {m.ngeom} geoms, {m.nu} actuators"
+        self.report.add("read", self.path.name, text)
+        return model, self.report
+
+    def _name_of_model(self) -> str:
+        name = self.m.names[: self.m.names.index(b"\0")].decode(errors="replace")
+        return name if name.isprintable() and name.strip() == name and name else self.path.stem
+
+    def _body_names(self) -> list[str]:
+        found = [GROUND]
+        for b in range(1, self.m.nbody):
+            name = self.m.body(b).name
+            if name_problem(name) or name in (*found, "*", WORLD):
+                name = f"{name.strip()} {b}" if name.strip().isprintable() and name else f"body {b}"
+            while name in found:
+                name += "'"
+            found.append(name)
+        return found
+
+    # -- bodies ----------------------------------------------------------------------------------
+
+    def _grouped(self, b: int) -> list[_Group]:
+        """The joints of a body, those about one place together."""
+        m = self.m
+        joints = range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b])
+        anchored: list[tuple[int, tuple[float, ...]]] = []
+        anchor = next((tuple(m.jnt_pos[j]) for j in joints if self._anchored(j)), (0.0,) * 3)
+        for j in joints:
+            anchor = tuple(m.jnt_pos[j]) if self._anchored(j) else anchor
+            anchored.append((j, anchor))
+        runs = [(pivot, [j for j, _ in run]) for pivot, run in groupby(anchored, lambda x: x[1])]
+        runs = runs or [((0.0,) * 3, list[int]())]
+        name = self.names[b]
+        if len(runs) > 1:
+            text = f"hinges at {len(runs)} places are bodies without mass in between"
+            self.report.add("converted", self.where("body", m.body(b).name), text, part=name)
+        self.pivot[b] = runs[-1][0]
+        return [
+            _Group(name if k == len(runs) - 1 else f"{name}/{k + 1}", tuple(js), np.array(pivot),
+                   k == len(runs) - 1)
+            for k, (pivot, js) in enumerate(runs)
+        ]  # fmt: skip
+
+    def _anchored(self, j: int) -> bool:
+        return self.m.jnt_type[j] in (BALL, HINGE)
+
+    def _bodies(self, b: int) -> Iterator[dict[str, Any]]:
+        m, parent = self.m, int(self.m.body_parentid[b])
+        before, base = self.names[parent], -self.pivot[parent]
+        turn = tuple(float(x) for x in unit(m.body_quat[b].tolist()))
+        for group in self.groups[b]:
+            first = group is self.groups[b][0]
+            free = [int(m.jnt_type[j]) for j in group.joints] == [FREE]
+            link = (
+                m.body_pos[b] + matrix(turn) @ group.pivot + base if first else group.pivot - base
+            )
+            fields: dict[str, Any] = {
+                "name": group.name,
+                "parent": before,
+                "link": (0.0, 0.0, 0.0) if free else tuple(link.tolist()),
+                "rotation": (1.0, 0.0, 0.0, 0.0) if free or not first else turn,
+                **self._joint(group, free, b),
+                **(self._mass(b) if group.last else NO_MASS),
+            }
+            yield fields
+            before, base = group.name, group.pivot
+
+    def _joint(self, group: _Group, free: bool, b: int) -> dict[str, Any]:
+        m = self.m
+        if not group.joints:
+            return {"joint": "weld"}
+        if free:
+            j = group.joints[0]
+            at, dof = int(m.jnt_qposadr[j]), int(m.jnt_dofadr[j])
+            fields: dict[str, Any] = {"joint": "free", "q": tuple(m.qpos0[at : at + 7].tolist())}
+            return fields | {"damping": (float(m.dof_damping[dof]),)} | self._odd(j, dof)
+        kinds = {BALL: "ball", SLIDE: "translate", HINGE: "rotate"}
+        motions = [(kinds[int(m.jnt_type[j])], tuple(m.jnt_axis[j].tolist())) for j in group.joints]
+        numbers: dict[str, list[float]] = {
+            key: [] for key in ("stiffness", "damping", "rest", "friction", "armature")
+        }
+        limits: list[tuple[float, float] | None] = []
+        q: list[float] = []
+        for j in group.joints:
+            at, dof = int(m.jnt_qposadr[j]), int(m.jnt_dofadr[j])
+            single = m.jnt_type[j] != BALL
+            start = float(m.qpos0[at]) if single else 0.0
+            numbers["damping"].append(float(m.dof_damping[dof]))
+            numbers["stiffness"].append(float(m.jnt_stiffness[j]) if single else 0.0)
+            rest = float(m.qpos_spring[at]) - start if single and m.jnt_stiffness[j] else 0.0
+            numbers["rest"].append(rest)
+            numbers["friction"].append(float(m.dof_frictionloss[dof]) if single else 0.0)
+            numbers["armature"].append(float(m.dof_armature[dof]) if single else 0.0)
+            if not single:
+                self._odd(j, dof)
+            limits.append(self._limit(j, start) if single else self._cone(j))
+            low, high = limits[-1] or (-math.inf, math.inf)
+            begin = min(max(0.0, low), high)
+            if begin:
+                text = f"it starts at {begin:.6g}, at its limit: the file's start lies beyond"
+                self.report.add("warning", self.where("joint", m.joint(j).name), text)
+            q += [begin] if single else [1.0, 0.0, 0.0, 0.0]
+            self._polynomials(j, dof)
+        fields = {"joint": "compound", "motions": motions, "q": q, **numbers}
+        kinds_of = [kind for kind, _ in motions]
+        short = {"rotate": "revolute", "translate": "prismatic", "ball": "spherical"}
+        if len(kinds_of) == 1:
+            fields["joint"] = short[kinds_of[0]]
+        return fields | ({"limits": limits} if any(limits) else {})
+
+    def _limit(self, j: int, start: float) -> tuple[float, float] | None:
+        m = self.m
+        if not m.jnt_limited[j]:
+            return None
+        low, high = (float(x) - start for x in m.jnt_range[j])
+        return (low, high) if low < high else None
+
+    def _cone(self, j: int) -> None:
+        if self.m.jnt_limited[j]:
+            self.left_out("joint", self.m.joint(j).name, "the limit of a ball joint")
+
+    def _odd(self, j: int, dof: int) -> dict[str, Any]:
+        """What ball and free joints cannot have here."""
+        m = self.m
+        for values, what in (
+            (m.jnt_stiffness[j], "stiffness"),
+            (m.dof_armature[dof], "armature"),
+            (m.dof_frictionloss[dof], "friction"),
+        ):
+            if values:
+                self.left_out("joint", m.joint(j).name, f"{what} of a ball or free joint")
+        return {}
+
+    def _polynomials(self, j: int, dof: int) -> None:
+        m = self.m
+        for table, k in (("jnt_stiffnesspoly", j), ("dof_dampingpoly", dof)):
+            found = getattr(m, table, None)
+            if found is not None and np.any(found[k]):
+                text = "stiffness or damping that is not linear"
+                self.left_out("joint", m.joint(j).name, text)
+
+    def _mass(self, b: int) -> dict[str, Any]:
+        m = self.m
+        about = matrix(m.body_iquat[b].tolist())
+        inertia = about @ np.diag(m.body_inertia[b]) @ about.T
+        inertia = (inertia + inertia.T) / 2
+        where, name = self.where("body", m.body(b).name), self.names[b]
+        mass = float(m.body_mass[b])
+        return {
+            "mass": mass,
+            "com": tuple((m.body_ipos[b] - self.pivot[b]).tolist()),
+            "inertia": tuple(tuple(row) for row in inertia.tolist()),
+            "shapes": [*self.shapes(b)],
+            **unphysical(self.report, where, name, mass, inertia),
+        }
+
+    # -- shapes ----------------------------------------------------------------------------------
+
+    def shapes(self, b: int) -> Iterator[dict[str, Any]]:
+        """The geoms of a body as shapes."""
+        m = self.m
+        for g in range(m.body_geomadr[b], m.body_geomadr[b] + m.body_geomnum[b]):
+            found = self.solid(g, b)
+            if found:
+                yield found
+
+    def touches(self, g: int) -> bool:
+        """Whether a geom may touch anything by the masks."""
+        return bool(self.m.geom_contype[g] or self.m.geom_conaffinity[g])
+
+    def solid(self, g: int, b: int) -> dict[str, Any] | None:
+        m = self.m
+        x, y, z = (float(s) for s in m.geom_size[g])
+        kind, acts = int(m.geom_type[g]), self.touches(g)
+        turn = unit(m.geom_quat[g].tolist())
+        place = m.geom_pos[g] - self.pivot[b]
+        red, green, blue, opaque = (float(c) for c in self._rgba(g))
+        shape: dict[str, Any] = {
+            "role": "visual" if not acts else "collision" if m.geom_group[g] > 2 else "both",
+            "colour": (red, green, blue),
+        }
+        match kind:
+            case 2:
+                shape |= {"kind": "sphere", "radius": x}
+            case 3:
+                shape |= {"kind": "capsule", "radius": x, "length": 2 * y}
+            case 5:
+                shape |= {"kind": "cylinder", "radius": x, "length": 2 * y}
+            case 4:
+                if "radii" not in Shape.model_fields:
+                    self.left_out("geom", m.geom(g).name, "an ellipsoid", acts=acts)
+                    return None
+                shape |= {"kind": "ellipsoid", "radii": (x, y, z)}
+            case 6:
+                shape |= {"kind": "box", "size": (2 * x, 2 * y, 2 * z)}
+            case 7:
+                found = self._mesh(g, acts)
+                if found is None:
+                    return None
+                mesh, shift, own = found
+                turn = multiply(turn, own)
+                place = place - matrix(turn) @ shift
+                shape |= mesh
+            case _:
+                name = {0: "plane", 1: "heightfield"}.get(kind, f"geom of type {kind}")
+                text = f"a {name} on a body that is not flat ground"
+                self.left_out("geom", m.geom(g).name, text, acts=acts)
+                return None
+        return shape | {"position": tuple(place.tolist()), "rotation": unit(turn)}
+
+    def _rgba(self, g: int) -> Array:
+        m = self.m
+        material = int(m.geom_matid[g])
+        own = m.geom_rgba[g]
+        if material >= 0 and np.allclose(own, 0.5):
+            own = m.mat_rgba[material]
+        return np.clip(own, 0.0, 1.0)
+
+    def _mesh(self, g: int, acts: bool) -> tuple[dict[str, Any], Array, tuple[float, ...]] | None:
+        """(shape, shift, turn): compiled vertices are turnᵀ (vertices of the file - shift)."""
+        m = self.m
+        k = int(m.geom_dataid[g])
+        name = m.mesh(k).name
+        file = self.files.meshes.get(name)
+        if file is None or file.suffix.lower() not in (".stl", ".obj", ".ply", ".off", ".glb"):
+            kept = file.name if file is not None else "its numbers stand in the file itself"
+            self.left_out("mesh", name, f"of a format that is not read: {kept}", acts=acts)
+            return None
+        sizes = tuple(float(x) for x in m.mesh_scale[k])
+        scale = sizes[0] if len(set(sizes)) == 1 and sizes[0] > 0 else sizes
+        shape: dict[str, Any] = {"kind": "mesh", "file": str(file), "scale": scale}
+        if acts:
+            shape["hull"] = "convex"
+        w, i, j, l_ = unit(m.mesh_quat[k].tolist())
+        return shape, m.mesh_pos[k].copy(), (w, -i, -j, -l_)
+
+
+NO_MASS = {"mass": 0.0, "inertia": ((0.0,) * 3,) * 3}

@@ -1,0 +1,465 @@
+"""What acts in an MJCF file besides its bodies: equalities, actuators, contacts, keyframes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from ..model import Constraint, Contact, Force, Gear, Motion, Motor, Scenario, Servo, Wrench
+from ..model.fields import EVERY, GROUND
+from ..rotation import matrix, multiply, unit
+
+if TYPE_CHECKING:
+    from .mjcf import _Reader
+
+Array = np.ndarray
+CONNECT, WELD, JOINT = 0, 1, 2  # mjtEq
+ON_JOINT = (0, 1)  # mjtTrn: joint, joint in parent
+THICK = 1.0  # m: of the box that stands for a plane that is no ground
+WIDE = 50.0  # m: half the edge of one without bounds
+FLAT = 1e-9
+
+
+class Law(NamedTuple):
+    """Friction of a pair: sliding, spinning, rolling."""
+
+    sliding: float
+    spinning: float
+    rolling: float
+
+
+class Parts:
+    """The parts of a model beside its bodies."""
+
+    def __init__(self, reader: _Reader):
+        self.reader, self.m, self.report = reader, reader.m, reader.report
+        self.obey_flags()
+        self.floors, self.walls = self._planes()
+
+    def obey_flags(self) -> None:
+        """Take out what the file switches off as a whole."""
+        m = self.m
+        flags = {
+            "LIMIT": ("jnt_limited", "tendon_limited"),
+            "FRICTIONLOSS": ("dof_frictionloss", "tendon_frictionloss"),
+            "SPRING": ("jnt_stiffness", "tendon_stiffness"),
+            "DAMPER": ("dof_damping", "tendon_damping"),
+            "EQUALITY": ("eq_active0",),
+            "CONTACT": ("geom_contype", "geom_conaffinity"),
+        }
+        from mujoco import mjtDisableBit as bits  # the reader has it
+
+        everything = bool(m.opt.disableflags & bits.mjDSBL_CONSTRAINT)
+        for name, arrays in flags.items():
+            of_constraints = name in ("LIMIT", "FRICTIONLOSS", "EQUALITY", "CONTACT")
+            bit = int(getattr(bits, f"mjDSBL_{name}", 0))
+            if m.opt.disableflags & bit or (everything and of_constraints):
+                for array in arrays:
+                    getattr(m, array)[:] = 0
+                text = f"the file switches off: {name.lower()}"
+                self.report.add("converted", self.reader.path.name, text)
+        self.filters = not m.opt.disableflags & int(bits.mjDSBL_FILTERPARENT)
+        self.driven = not m.opt.disableflags & int(bits.mjDSBL_ACTUATION)
+
+    # -- equalities ------------------------------------------------------------------------------
+
+    def constraints(self) -> list[Constraint]:
+        """Connects, welds, and joints that follow others."""
+        found: list[Constraint] = []
+        taken: set[str] = set()
+        for e in range(self.m.neq):
+            name = self.m.equality(e).name or f"equality {e + 1}"
+            while name in taken:
+                name += "'"
+            taken.add(name)
+            kind = int(self.m.eq_type[e])
+            one = None
+            if kind == JOINT:
+                one = self._follows(e, name)
+            elif kind in (CONNECT, WELD):
+                one = self._tied(e, name, kind)
+            else:
+                text = "an equality of tendons, flexible bodies or distances"
+                self.reader.left_out("equality", name, text, acts=bool(self.m.eq_active0[e]))
+            if one is not None:
+                found.append(one)
+        return found
+
+    def _follows(self, e: int, name: str) -> Constraint | None:
+        m, data = self.m, self.m.eq_data[e]
+        follower, leader = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
+        body, coordinate = self.reader.place_of_joint[follower]
+        active = bool(m.eq_active0[e])
+        if np.any(data[2:5]) and leader >= 0:
+            text = "a joint that follows another by a curve, not by a line"
+            self.reader.left_out("joint", name, text, acts=active)
+            return None
+        if leader < 0 or data[1] == 0:
+            held = {"kind": "polynomial", "coefficients": [float(data[0])]}
+            return Motion(name=name, body=body, coordinate=coordinate, q_of_t=held, active=active)
+        other, k = self.reader.place_of_joint[leader]
+        return Gear(
+            name=name, body=body, coordinate=coordinate, other=other, other_coordinate=k,
+            ratio=float(data[1]), offset=float(data[0]), active=active,
+        )  # fmt: skip
+
+    def _tied(self, e: int, name: str, kind: int) -> Constraint | None:
+        m, data, site = self.m, self.m.eq_data[e], self.m.eq_objtype[e] == 6  # mjOBJ_SITE
+        one, two = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
+        turn = (1.0, 0.0, 0.0, 0.0)
+        if site:
+            first, second = m.site_pos[one], m.site_pos[two]
+            turn = _relative(m.site_quat[one], m.site_quat[two])
+            one, two = int(m.site_bodyid[one]), int(m.site_bodyid[two])
+        elif kind == CONNECT:
+            first, second = data[0:3], data[3:6]
+        else:
+            turn = unit(data[6:10].tolist())
+            second = data[0:3]
+            first = data[3:6] + matrix(turn) @ second
+        pivot, names = self.reader.pivot, self.reader.names
+        ends = [(names[one], first - pivot[one]), (names[two], second - pivot[two])]
+        if ends[0][0] == GROUND:
+            ends.reverse()
+        (body, point), (other, other_point) = ends
+        if kind == WELD and not self._as_at_first(one, two, turn):
+            text = "a weld at another orientation than at first: it holds the one at first here"
+            where = self.reader.where("weld", name)
+            self.report.add("approximated", where, text, part=name)
+        return Constraint(
+            name=name, kind="weld" if kind == WELD else "point", body=body, other=other,
+            point=tuple(point.tolist()), other_point=tuple(other_point.tolist()),
+            active=bool(m.eq_active0[e]),
+        )  # fmt: skip
+
+    def _as_at_first(self, one: int, two: int, turn: Any) -> bool:
+        import mujoco
+
+        data = mujoco.MjData(self.m)
+        data.qpos[:] = self.m.qpos0
+        mujoco.mj_kinematics(self.m, data)
+        R = data.xmat.reshape(-1, 3, 3)
+        return bool(np.abs(R[one].T @ R[two] - matrix(turn)).max() < 1e-6)
+
+    # -- actuators -------------------------------------------------------------------------------
+
+    def forces(self) -> Iterator[Force]:
+        """Actuators at rest, as motors and servos; compensation of gravity as wrenches."""
+        taken: set[str] = set()
+        for a in range(self.m.nu if self.driven else 0):
+            name = self.m.actuator(a).name or f"actuator {a + 1}"
+            while name in taken:
+                name += "'"
+            taken.add(name)
+            if (one := self._actuator(a, name)) is not None:
+                yield one
+        for b in np.flatnonzero(self.m.body_gravcomp):
+            m, name = self.m, self.reader.names[b]
+            lift = -m.opt.gravity * m.body_mass[b] * m.body_gravcomp[b]
+            if not np.any(lift):
+                continue
+            point = m.body_ipos[b] - self.reader.pivot[b]
+            yield Wrench(
+                name=f"gravcomp of {name}", body=name, force=tuple(lift.tolist()),
+                point=tuple(point.tolist()),
+            )  # fmt: skip
+
+    def _actuator(self, a: int, name: str) -> Force | None:
+        m = self.m
+        if why := self._strange(a):
+            self.reader.left_out("actuator", name, why)
+            return None
+        j, gear = int(m.actuator_trnid[a, 0]), float(m.actuator_gear[a, 0])
+        body, coordinate = self.reader.place_of_joint[j]
+        gain = float(m.actuator_gainprm[a, 0])
+        affine = m.actuator_biastype[a] == 1
+        b0, b1, b2 = (float(x) if affine else 0.0 for x in m.actuator_biasprm[a, :3])
+        start = float(m.qpos0[m.jnt_qposadr[j]])
+        low, high = (float(x) for x in m.actuator_ctrlrange[a])
+        limited = bool(m.actuator_ctrllimited[a])
+        u = min(max(0.0, low), high) if limited else 0.0
+        torque = gear * (gain * u + b0 + b1 * gear * start)
+        most = self._most(a, j, gear, name)
+        fields = {"name": name, "body": body, "coordinate": coordinate}
+        if b1 == 0 and b2 == 0:
+            if most is None and limited and gain:
+                most = abs(gear * gain) * max(abs(low), abs(high)) or None
+            return Motor(torque=torque, torque_limit=most, **fields)
+        kp, kd = -b1 * gear**2, -b2 * gear**2
+        if kp < 0 or kd < 0:
+            self.reader.left_out("actuator", name, "a bias that drives the joint away")
+            return None
+        if kp:  # the position at which it rests is its target
+            return Servo(kp=kp, kd=kd, target=torque / kp, torque_limit=most, **fields)
+        return Servo(kp=kp, kd=kd, torque=torque, torque_limit=most, **fields)
+
+    def _strange(self, a: int) -> str:
+        """Why an actuator has no place here; "" where it has."""
+        m = self.m
+        if m.actuator_trntype[a] not in ON_JOINT:
+            return "an actuator that does not act on a joint (on a tendon, site or body)"
+        if m.jnt_type[m.actuator_trnid[a, 0]] < 2:
+            return "an actuator on a ball or free joint"
+        if m.actuator_dyntype[a] != 0:
+            return "an actuator with a state of its own (filter, integrator, muscle)"
+        if m.actuator_gaintype[a] != 0 or m.actuator_biastype[a] not in (0, 1):
+            return "an actuator whose gain depends on the state"
+        for key in ("actuator_armature", "actuator_damping", "actuator_dampingpoly"):
+            found = getattr(m, key, None)
+            if found is not None and np.any(found[a]):
+                return "an actuator with armature or damping of its own"
+        return ""
+
+    def _most(self, a: int, j: int, gear: float, name: str) -> float | None:
+        """The largest torque, or None."""
+        m = self.m
+        bounds: list[Array] = []
+        if m.actuator_forcelimited[a]:
+            bounds.append(gear * m.actuator_forcerange[a])
+        if m.jnt_actfrclimited[j]:
+            bounds.append(m.jnt_actfrcrange[j])
+        if not bounds:
+            return None
+        if any(abs(low + high) > 1e-9 * abs(high - low) for low, high in bounds):
+            text = "different limits of torque up and down: the larger one holds both ways here"
+            where = self.reader.where("actuator", name)
+            self.report.add("approximated", where, text, part=name)
+        return min(float(np.abs(pair).max()) for pair in bounds) or None
+
+    # -- what touches ----------------------------------------------------------------------------
+
+    def _planes(self) -> tuple[list[int], list[int]]:
+        """Planes of the world that are the ground, and others."""
+        m = self.m
+        floors: list[int] = []
+        walls: list[int] = []
+        for g in range(m.ngeom):
+            if m.geom_type[g] != 0 or m.geom_bodyid[g] != 0:
+                continue
+            normal = matrix(m.geom_quat[g].tolist())[:, 2]
+            flat = normal[2] > 1 - FLAT and abs(m.geom_pos[g, 2]) < FLAT
+            if flat or not self.reader.touches(g):
+                floors.append(g)
+            else:
+                walls.append(g)
+        return floors, walls
+
+    def world(self) -> list[dict[str, Any]]:
+        """A body on the ground with the solids of the world, if there are any."""
+        shapes = [self._wall(g) for g in self.walls]
+        for shape in self._solids_of_the_world():
+            shapes.append(shape)
+        if not shapes:
+            return []
+        none = {"mass": 0.0, "inertia": ((0.0,) * 3,) * 3, "joint": "weld"}
+        return [{"name": "world", "shapes": shapes, **none}]
+
+    def _solids_of_the_world(self) -> Iterator[dict[str, Any]]:
+        planes = {*self.floors, *self.walls}
+        for g in range(self.m.body_geomadr[0], self.m.body_geomadr[0] + self.m.body_geomnum[0]):
+            if g not in planes and (shape := self.reader.solid(g, 0)):
+                yield shape
+
+    def _wall(self, g: int) -> dict[str, Any]:
+        """A box whose face is a plane."""
+        m = self.m
+        x, y, _ = (float(s) or WIDE for s in m.geom_size[g])
+        normal = matrix(m.geom_quat[g].tolist())[:, 2]
+        where = self.reader.where("geom", m.geom(g).name)
+        text = f"a plane that is not z = 0 is a box {THICK} m thick"
+        self.report.add("approximated", where, text)
+        return {
+            "kind": "box",
+            "size": (2 * x, 2 * y, THICK),
+            "position": tuple((m.geom_pos[g] - THICK / 2 * normal).tolist()),
+            "rotation": unit(m.geom_quat[g].tolist()),
+        }
+
+    def contacts(self, bodies: list[dict[str, Any]]) -> Iterator[Contact]:
+        """What may touch what, by MuJoCo's rules; all pairs of one law as one contact of '*'."""
+        solid = {
+            b["name"] for b in bodies if any(s.get("role") != "visual" for s in b.get("shapes", ()))
+        }
+        laws = self._laws()
+        floor = {
+            body: law for (body, other), law in laws.items() if other == GROUND and body in solid
+        }
+        moving = {n for b, n in enumerate(self.reader.names) if b and self.m.body_weldid[b] != 0}
+        if floor and set(floor) == solid & moving == solid and len(set(floor.values())) == 1:
+            yield _contact("floor", EVERY, GROUND, next(iter(floor.values())))
+        else:
+            yield from (_contact(f"{b} floor", b, GROUND, law) for b, law in floor.items())
+        pairs = {
+            pair: law for pair, law in laws.items() if GROUND not in pair and set(pair) <= solid
+        }
+        if pairs and len(set(pairs.values())) == 1 and set(pairs) == self._all_pairs(solid):
+            yield _contact("bodies", EVERY, EVERY, next(iter(pairs.values())))
+            return
+        for (body, other), law in pairs.items():
+            yield _contact(f"{body}, {other}", body, other, law)
+
+    def _all_pairs(self, solid: set[str]) -> set[tuple[str, str]]:
+        """The pairs that '*' and '*' mean: all but what a joint or a weld ties."""
+        m, names = self.m, self.reader.names
+        found: set[tuple[str, str]] = set()
+        for b in range(1, m.nbody):
+            for a in range(1, b):
+                tied = m.body_parentid[b] == a or m.body_weldid[a] == m.body_weldid[b]
+                if not tied and names[a] in solid and names[b] in solid:
+                    found.add((names[a], names[b]))
+        return found
+
+    def _laws(self) -> dict[tuple[str, str], Law]:
+        """(body, other) -> friction, of all pairs that may touch; the ground's planes are one."""
+        m, names = self.m, self.reader.names
+        excluded = {(int(s) >> 16, int(s) & 0xFFFF) for s in m.exclude_signature}
+        excluded |= {(b, a) for a, b in excluded}
+        able = [g for g in range(m.ngeom) if self.reader.touches(g)]
+        found: dict[tuple[str, str], set[Law]] = {}
+        for n, g in enumerate(able):
+            for h in able[:n]:
+                a, b = sorted((int(m.geom_bodyid[h]), int(m.geom_bodyid[g])))
+                masks = (m.geom_contype[g] & m.geom_conaffinity[h]) | (
+                    m.geom_contype[h] & m.geom_conaffinity[g]
+                )
+                if not masks or (a, b) in excluded or self._related(a, b):
+                    continue
+                pair = self._pair(names, g, h, a, b)
+                if pair is not None:
+                    found.setdefault(pair, set()).add(self._friction(g, h))
+        for p in range(m.npair):
+            g, h = int(m.pair_geom1[p]), int(m.pair_geom2[p])
+            a, b = sorted((int(m.geom_bodyid[g]), int(m.geom_bodyid[h])))
+            pair = self._pair(names, g, h, a, b)
+            if pair is not None and m.body_weldid[a] != m.body_weldid[b]:
+                one, _, spin, roll, _ = (float(x) for x in m.pair_friction[p])
+                found[pair] = {_law(int(m.pair_dim[p]), one, spin, roll)}
+        mixed = [pair for pair, laws in found.items() if len(laws) > 1]
+        if mixed:
+            text = f"{len(mixed)} pairs of bodies whose geoms differ in friction have the largest"
+            self.report.add("approximated", self.reader.path.name, text)
+        if found:
+            text = "contacts are rigid: MuJoCo's solref and solimp make them soft"
+            self.report.add("approximated", self.reader.path.name, text)
+        return {pair: max(laws) for pair, laws in found.items()}
+
+    def _pair(self, names: list[str], g: int, h: int, a: int, b: int) -> tuple[str, str] | None:
+        """(body, other); None where nothing of it can move."""
+        if self.m.body_weldid[a] == self.m.body_weldid[b]:
+            return None
+        if {g, h} & {*self.floors}:
+            return names[b], GROUND
+        return ("world" if a == 0 else names[a]), names[b]
+
+    def _related(self, a: int, b: int) -> bool:
+        """Whether MuJoCo takes a pair for neighbours: welded, or parent and child but the world."""
+        m = self.m
+        one, two = int(m.body_weldid[a]), int(m.body_weldid[b])
+        if one == two:
+            return True
+        above = [int(m.body_weldid[m.body_parentid[x]]) for x in (one, two)]
+        parent = (one == above[1] and one != 0) or (two == above[0] and two != 0)
+        return parent and self.filters
+
+    def _friction(self, g: int, h: int) -> Law:
+        m = self.m
+        one, two = int(m.geom_priority[g]), int(m.geom_priority[h])
+        if one != two:
+            x = m.geom_friction[g if one > two else h]
+            dim = int(m.geom_condim[g if one > two else h])
+        else:
+            x = np.maximum(m.geom_friction[g], m.geom_friction[h])
+            dim = max(int(m.geom_condim[g]), int(m.geom_condim[h]))
+        return _law(dim, *(float(c) for c in x))
+
+    # -- keyframes and the rest ------------------------------------------------------------------
+
+    def keyframes(self) -> list[Scenario]:
+        """Each keyframe as a scenario with its initial state."""
+        found: list[Scenario] = []
+        for k in range(self.m.nkey):
+            name = self.m.key(k).name or f"key {k + 1}"
+            while name in {s.name for s in found}:
+                name += "'"
+            q, v, beyond = self._state(self.m.key_qpos[k], self.m.key_qvel[k])
+            if beyond:
+                text = f"starts beyond the limits of {', '.join(beyond)}"
+                self.reader.left_out("key", name, text, acts=False)
+                continue
+            found.append(Scenario(name=name, q=q, v=v))
+        return found
+
+    def _state(self, qpos: Array, qvel: Array) -> tuple[Any, Any, list[str]]:
+        """(q, v) by body of a state of MuJoCo's, and the joints that it puts beyond limits."""
+        m, q, v = self.m, dict[str, list[float]](), dict[str, list[float]]()
+        beyond: list[str] = []
+        for j in range(m.njnt):
+            body, _ = self.reader.place_of_joint[j]
+            at, dof = int(m.jnt_qposadr[j]), int(m.jnt_dofadr[j])
+            kind, b = int(m.jnt_type[j]), int(m.jnt_bodyid[j])
+            here, there = q.setdefault(body, []), v.setdefault(body, [])
+            if kind == 0:
+                turn = unit(qpos[at + 3 : at + 7].tolist())
+                here += [*qpos[at : at + 3].tolist(), *turn]
+                there += (matrix(turn) @ qvel[dof + 3 : dof + 6]).tolist()
+                there += qvel[dof : dof + 3].tolist()
+            elif kind == 1:
+                w, x, y, z = home = unit(m.body_quat[b].tolist())
+                turn = multiply(home, multiply(unit(qpos[at : at + 4].tolist()), (w, -x, -y, -z)))
+                here += turn
+                there += (matrix(turn) @ matrix(home) @ qvel[dof : dof + 3]).tolist()
+            else:
+                here.append(float(qpos[at] - m.qpos0[at]))
+                there.append(float(qvel[dof]))
+                low, high = m.jnt_range[j]
+                if m.jnt_limited[j] and not low <= qpos[at] <= high:
+                    beyond.append(m.joint(j).name or body)
+        return q, v, beyond
+
+    def rest(self) -> None:
+        """What is left out as a whole."""
+        m, reader = self.m, self.reader
+        for t in range(m.ntendon):
+            acts = bool(
+                m.tendon_limited[t] or np.any(m.tendon_stiffness[t]) or np.any(m.tendon_damping[t])
+                or m.tendon_frictionloss[t] or m.tendon_armature[t]
+            )  # fmt: skip
+            reader.left_out("tendon", m.tendon(t).name, "a tendon", acts=acts)
+        if m.opt.density or m.opt.viscosity:
+            reader.left_out("option", "", "the fluid around the bodies")
+        for count, what, acts in (
+            (m.nflex, "flexible bodies", True),
+            (m.nplugin, "plugins", True),
+            (m.nsensor, "sensors", False),
+            (m.nsite, "sites", False),
+            (m.ncam, "cameras", False),
+            (m.nlight, "lights", False),
+        ):
+            if count:
+                reader.report.add("left out", reader.path.name, f"{count} {what}", acts=acts)
+        for b in np.flatnonzero(m.body_mocapid >= 0):
+            name = reader.names[b]
+            text = "a body that MuJoCo's user moves stays where it is"
+            where = reader.where("body", m.body(int(b)).name)
+            reader.report.add("converted", where, text, part=name)
+
+
+def _law(dim: int, sliding: float, spinning: float, rolling: float) -> Law:
+    return Law(
+        sliding if dim > 1 else 0.0, spinning if dim > 3 else 0.0, rolling if dim > 4 else 0.0
+    )
+
+
+def _contact(name: str, body: str, other: str, law: Law) -> Contact:
+    return Contact(
+        name=name, body=body, other=other, friction=law.sliding,
+        spinning_friction=law.spinning or None, rolling_friction=law.rolling or None,
+    )  # fmt: skip
+
+
+def _relative(a: Array, b: Array) -> Any:
+    """The rotation b as seen from a."""
+    w, x, y, z = unit(a.tolist())
+    return multiply((w, -x, -y, -z), unit(b.tolist()))

@@ -1,0 +1,124 @@
+"""MJCF files of gymnasium, dm_control, gymnasium_robotics and robosuite, beside MuJoCo: nightly."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from pgraph_core.dynamics.scene import NO_CONSTRAINTS, Scene
+from pgraph_core.engine import motion
+from pgraph_core.rotation import matrix
+from tests.models_of_others import files, folder, largest_error
+
+mujoco = pytest.importorskip("mujoco")
+PACKAGES = ("gymnasium", "dm-control", "gymnasium-robotics", "robosuite")
+SAME = 1e-9  # relative
+NOT_SMOOTH = ("ellipsoid", "format that is not read", "plane", "heightfield")  # contacts only
+
+
+def loaded_by_mujoco(path: Path):
+    if "<mujoco" not in path.read_text(errors="replace"):
+        return None
+    try:
+        m = mujoco.MjModel.from_xml_path(str(path))
+    except ValueError:
+        return None
+    return m if m.nbody > 1 else None
+
+
+def start_of(mech: pg.Mechanism, m, rng):
+    """(q, v, qpos, qvel, T) a random state in both programs' coordinates: qvel = T v, by place."""
+    qpos, T = m.qpos0.copy(), np.zeros((m.nv, mech.nv))
+    q, v = mech.home()[0], rng.normal(0, 1, mech.nv)
+    names = [mech.model.bodies[k].name for k in range(len(mech.model.bodies))]
+    pieces = iter([n for n in names if mech.model.body(n).dof])
+    name, used, used_q = "", 0, 0
+    for j in range(m.njnt):
+        at, dof = int(m.jnt_qposadr[j]), int(m.jnt_dofadr[j])
+        if not name or used == mech.model.body(name).dof:
+            name, used, used_q = next(pieces), 0, 0
+        joint, kind = mech.joints[name], int(m.jnt_type[j])
+        iq, iv = joint.q.start + used_q, joint.v.start + used
+        turn = rng.normal(size=4)
+        turn /= np.linalg.norm(turn)
+        if kind == 0:
+            place = rng.normal(size=3)
+            qpos[at : at + 7] = q[iq : iq + 7] = [*place, *turn]
+            T[dof : dof + 3, iv + 3 : iv + 6] = np.eye(3)
+            T[dof + 3 : dof + 6, iv : iv + 3] = matrix(turn).T
+            used, used_q = used + 6, used_q + 7
+        elif kind == 1:
+            from pgraph_core.rotation import multiply
+
+            w, x, y, z = home = m.body_quat[m.jnt_bodyid[j]]
+            qpos[at : at + 4] = turn
+            q[iq : iq + 4] = multiply(home, multiply(turn, (w, -x, -y, -z)))
+            T[dof : dof + 3, iv : iv + 3] = (matrix(home) @ matrix(turn)).T
+            used, used_q = used + 3, used_q + 4
+        else:
+            x = rng.uniform(-1, 1)
+            q[iq], qpos[at] = x, m.qpos0[at] + x
+            T[dof, iv] = 1.0
+            used, used_q = used + 1, used_q + 1
+    return q, v, qpos, T @ v, T
+
+
+def errors_of(model: pg.Model, m, rng) -> dict[str, float]:
+    """Largest relative errors of M, bias and, with all that acts at rest, smooth acceleration."""
+    still = {b.name: {"friction": (0.0,)} for b in model.bodies if any(b.friction)}
+    mech = pg.Mechanism(model.edit_all(still) if still else model)
+    q, v, qpos, qvel, T = start_of(mech, m, rng)
+    data = mujoco.MjData(m)
+    data.qpos[:], data.qvel[:] = qpos, qvel
+    mujoco.mj_forward(m, data)
+    M = np.zeros((m.nv, m.nv))
+    mujoco.mj_fullM(m, data, M)
+    errors = {
+        "M": largest_error(mech.mass_matrix(q), T.T @ M @ T),
+        "bias": largest_error(
+            mech.bias_force(q, v), T.T @ data.qfrc_bias, np.abs(M).max(initial=0.0)
+        ),
+    }
+    forces = mech.model.forces
+    packed = mech.packed
+    scene = Scene(packed, packed.drives(forces), packed.loads(forces), NO_CONSTRAINTS)
+    tau, vdot, flow = np.zeros(mech.nv), np.zeros(mech.nv), np.zeros(3)
+    motion.acceleration(scene.address, 0.0, q, v, tau, vdot, flow)
+    if m.nv and np.linalg.cond(M) < 1e10:
+        errors["vdot"] = largest_error(vdot, T.T @ data.qacc_smooth)
+    return errors
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("package", PACKAGES)
+def test_models_are_loaded_and_equal_mujoco(package):
+    if folder(package) is None:
+        pytest.skip(f"{package} cannot be downloaded here")
+    rng, refused, count, whole, compared = np.random.default_rng(0), [], 0, 0, 0
+    for path in files(package, ".xml"):
+        m = loaded_by_mujoco(path)
+        if m is None:
+            continue
+        count += 1
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                model, report = pg.read_mjcf(path, roots=[folder(package)])
+        except pg.PgraphError as error:
+            refused.append(str(error))
+            continue
+        whole += report.loaded
+        acting = [e for e in report.of("left out") if e.acts]
+        assert all(path.name in e.where or "line" in e.where for e in acting)
+        if any(all(word not in e.text for word in NOT_SMOOTH) for e in acting):
+            continue
+        errors = errors_of(model, m, rng)
+        assert max(errors.values()) < SAME, (path.name, errors)
+        compared += 1
+    print(f"{package}: {count} files, {len(refused)} refused, {whole} whole, {compared} compared")
+    assert count
+    assert not refused
