@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from .errors import PgraphError as PgraphError
     from .errors import Problem as Problem
     from .formats.mjcf import read_mjcf as read_mjcf
+    from .formats.mjcf_out import write_mjcf as write_mjcf
     from .formats.report import Report as Report
     from .formats.urdf import read_urdf as read_urdf
     from .formats.urdf_out import write_urdf as write_urdf
@@ -99,6 +100,7 @@ _MODULES = {
     "analysis.mobility": "Mobility",
     "errors": "FileError InputError ModelError PgraphError Problem",
     "formats.mjcf": "read_mjcf",
+    "formats.mjcf_out": "write_mjcf",
     "formats.report": "Report",
     "formats.urdf": "read_urdf",
     "formats.urdf_out": "write_urdf",

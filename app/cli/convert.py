@@ -8,7 +8,7 @@ from pgraph_core.formats.any import read_model, write_model
 
 from .terminal import Answer, model_path
 
-HELP = "a model from one format to another: .json, .urdf"
+HELP = "a model from one format to another: .json, .urdf, .xml (MJCF)"
 
 
 def arguments(parser: ArgumentParser) -> None:

@@ -1,4 +1,4 @@
-"""Model files by their suffix: JSON of our own, URDF."""
+"""Model files by their suffix: JSON of our own, URDF, MJCF."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from pathlib import Path
 
 from ..errors import FileError, Problem
 from ..model import Model
+from .mjcf import read_mjcf
+from .mjcf_out import write_mjcf
 from .report import Report
 from .urdf import read_urdf
 from .urdf_out import write_urdf
 
-READERS = {".urdf": read_urdf}
-WRITERS = {".urdf": write_urdf}
+READERS = {".urdf": read_urdf, ".xml": read_mjcf, ".mjcf": read_mjcf}
+WRITERS = {".urdf": write_urdf, ".xml": write_mjcf, ".mjcf": write_mjcf}
 
 
 def read_model(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model, Report]:

@@ -31,6 +31,7 @@ PLANE, HFIELD, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX, MESH = range(8)
 MOST_INCLUDES = 200
 DIRECTORIES = ("meshdir", "texturedir", "assetdir")
 WORLD = "world"
+INITIAL = "initial state"  # a keyframe of this name is that
 
 
 def read_mjcf(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model, Report]:
@@ -165,6 +166,7 @@ class _Reader:
             "forces": list[Force](parts.forces()),
             "scenarios": parts.keyframes(),
         }
+        self._start(fields)
         parts.rest()
         try:
             model = Model(**fields)
@@ -180,6 +182,17 @@ class _Reader:
         text = f"{m.nbody - 1} bodies, {m.njnt} joints, {m.ngeom} geoms, {m.nu} actuators"
         self.report.add("read", self.path.name, text)
         return model, self.report
+
+    def _start(self, fields: dict[str, Any]) -> None:
+        """A keyframe of this name is how the model starts."""
+        start = next((s for s in fields["scenarios"] if s.name == INITIAL), None)
+        if start is None:
+            return
+        fields["scenarios"].remove(start)
+        for body in fields["bodies"]:
+            for key, values in (("q", start.q), ("v", start.v)):
+                if body["name"] in values:
+                    body[key] = values[body["name"]]
 
     def _name_of_model(self) -> str:
         name = self.m.names[: self.m.names.index(b"\0")].decode(errors="replace")
@@ -327,7 +340,7 @@ class _Reader:
         mass = float(m.body_mass[b])
         return {
             "mass": mass,
-            "com": tuple((m.body_ipos[b] - self.pivot[b]).tolist()),
+            "com": tuple((m.body_ipos[b] - self.pivot[b]).tolist()) if mass else (0.0, 0.0, 0.0),
             "inertia": tuple(tuple(row) for row in inertia.tolist()),
             "shapes": [*self.shapes(b)],
             **unphysical(self.report, where, name, mass, inertia),
@@ -353,10 +366,9 @@ class _Reader:
         kind, acts = int(m.geom_type[g]), self.touches(g)
         turn = unit(m.geom_quat[g].tolist())
         place = m.geom_pos[g] - self.pivot[b]
-        red, green, blue, opaque = (float(c) for c in self._rgba(g))
         shape: dict[str, Any] = {
             "role": "visual" if not acts else "collision" if m.geom_group[g] > 2 else "both",
-            "colour": (red, green, blue),
+            **self._colour(g),
         }
         match kind:
             case 2:
@@ -387,13 +399,16 @@ class _Reader:
                 return None
         return shape | {"position": tuple(place.tolist()), "rotation": unit(turn)}
 
-    def _rgba(self, g: int) -> Array:
+    def _colour(self, g: int) -> dict[str, Any]:
+        """The colour of a geom or of its material; none where it has MuJoCo's own grey."""
         m = self.m
-        material = int(m.geom_matid[g])
-        own = m.geom_rgba[g]
-        if material >= 0 and np.allclose(own, 0.5):
+        material, own = int(m.geom_matid[g]), m.geom_rgba[g]
+        if np.allclose(own, GREY):
+            if material < 0:
+                return {}
             own = m.mat_rgba[material]
-        return np.clip(own, 0.0, 1.0)
+        red, green, blue = (float(x) for x in np.clip(own[:3], 0.0, 1.0))
+        return {"colour": (red, green, blue)}
 
     def _mesh(self, g: int, acts: bool) -> tuple[dict[str, Any], Array, tuple[float, ...]] | None:
         """(shape, shift, turn): compiled vertices are turnᵀ (vertices of the file - shift)."""
@@ -414,4 +429,5 @@ class _Reader:
         return shape, m.mesh_pos[k].copy(), (w, -i, -j, -l_)
 
 
+GREY = (0.5, 0.5, 0.5, 1.0)
 NO_MASS = {"mass": 0.0, "inertia": ((0.0,) * 3,) * 3}

@@ -10,6 +10,7 @@ import numpy as np
 from ..model import Constraint, Contact, Force, Gear, Motion, Motor, Scenario, Servo, Wrench
 from ..model.fields import EVERY, GROUND
 from ..rotation import matrix, multiply, unit
+from ..show.extras import needed
 
 if TYPE_CHECKING:
     from .mjcf import _Reader
@@ -49,8 +50,7 @@ class Parts:
             "EQUALITY": ("eq_active0",),
             "CONTACT": ("geom_contype", "geom_conaffinity"),
         }
-        from mujoco import mjtDisableBit as bits  # the reader has it
-
+        bits = needed("mujoco", "mjcf").mjtDisableBit
         everything = bool(m.opt.disableflags & bits.mjDSBL_CONSTRAINT)
         for name, arrays in flags.items():
             of_constraints = name in ("LIMIT", "FRICTIONLOSS", "EQUALITY", "CONTACT")
@@ -135,8 +135,7 @@ class Parts:
         )  # fmt: skip
 
     def _as_at_first(self, one: int, two: int, turn: Any) -> bool:
-        import mujoco
-
+        mujoco = needed("mujoco", "mjcf")
         data = mujoco.MjData(self.m)
         data.qpos[:] = self.m.qpos0
         mujoco.mj_kinematics(self.m, data)
@@ -406,7 +405,8 @@ class Parts:
                 there += (matrix(turn) @ qvel[dof + 3 : dof + 6]).tolist()
                 there += qvel[dof : dof + 3].tolist()
             elif kind == 1:
-                w, x, y, z = home = unit(m.body_quat[b].tolist())
+                first = self.reader.groups[b][0].name == body
+                w, x, y, z = home = unit(m.body_quat[b].tolist()) if first else (1.0, 0.0, 0.0, 0.0)
                 turn = multiply(home, multiply(unit(qpos[at : at + 4].tolist()), (w, -x, -y, -z)))
                 here += turn
                 there += (matrix(turn) @ matrix(home) @ qvel[dof : dof + 3]).tolist()
@@ -460,6 +460,6 @@ def _contact(name: str, body: str, other: str, law: Law) -> Contact:
 
 
 def _relative(a: Array, b: Array) -> Any:
-    """The rotation b as seen from a."""
-    w, x, y, z = unit(a.tolist())
-    return multiply((w, -x, -y, -z), unit(b.tolist()))
+    """How the body of site b is turned against that of site a, where the sites agree."""
+    w, x, y, z = unit(b.tolist())
+    return multiply(unit(a.tolist()), (w, -x, -y, -z))

@@ -41,18 +41,25 @@ def write_urdf(model: Model, path: str | Path) -> Report:
     return writer.report
 
 
-class _Tag:
+class Tag:
     """An element under construction."""
 
     def __init__(self, tag: str, /, **attributes: Any):
-        self.tag, self.children = tag, list[_Tag]()
+        self.tag, self.children = tag, list[Tag]()
         self.attributes = {key.rstrip("_"): _text(value) for key, value in attributes.items()}
 
-    def add(self, *children: _Tag | None) -> _Tag:
+    def set(self, **attributes: Any) -> Tag:
+        """With more attributes."""
+        self.attributes |= {key: _text(value) for key, value in attributes.items()}
+        return self
+
+    def add(self, *children: Tag | None) -> Tag:
+        """With more children."""
         self.children += [child for child in children if child is not None]
         return self
 
     def lines(self, depth: int = 0) -> list[str]:
+        """The element as lines of text."""
         space = "  " * depth
         head = "".join(f" {key}={quoteattr(value)}" for key, value in self.attributes.items())
         if not self.children:
@@ -105,11 +112,11 @@ class _Writer:
 
     def text(self, bodies: Sequence[Body]) -> str:
         """The file."""
-        robot = _Tag("robot", name=self.model.name)
+        robot = Tag("robot", name=self.model.name)
         roots = [b for b in bodies if b.parent == GROUND]
         plain_root = len(roots) == 1 and roots[0].joint == "weld" and _at_origin(roots[0])
         if not plain_root:
-            robot.add(_Tag("link", name=WORLD))
+            robot.add(Tag("link", name=WORLD))
         for body in bodies:
             robot.add(*self._chain(body, plain_root and body is roots[0]))
         for c in self.model.constraints:
@@ -120,14 +127,14 @@ class _Writer:
 
     # -- links and joints ------------------------------------------------------------------------
 
-    def _chain(self, body: Body, root: bool) -> list[_Tag]:
+    def _chain(self, body: Body, root: bool) -> list[Tag]:
         """The body's link, its joint, and links without mass between several motions."""
-        link = _Tag("link", name=body.name)
+        link = Tag("link", name=body.name)
         if body.mass or any(map(any, body.inertia)):
             (xx, xy, xz), (_, yy, yz), (_, _, zz) = body.inertia
             moments = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
-            inertial = _Tag("inertial").add(_Tag("origin", xyz=body.com))
-            link.add(inertial.add(_Tag("mass", value=body.mass), _Tag("inertia", **moments)))
+            inertial = Tag("inertial").add(Tag("origin", xyz=body.com))
+            link.add(inertial.add(Tag("mass", value=body.mass), Tag("inertia", **moments)))
         for shape in body.shapes:
             for tag in ("visual", "collision"):
                 if shape.role in (tag, "both"):
@@ -136,19 +143,19 @@ class _Writer:
             return [link]
         parent = WORLD if body.parent == GROUND else body.parent
         motions = body.motions or ((None, None),)
-        tags: list[_Tag] = []
+        tags: list[Tag] = []
         for k, (kind, axis) in enumerate(motions):
             last = k == len(motions) - 1
             child = body.name if last else f"{body.name}/{k + 1}"
             name = self.joint_names[body.name]
-            joint = _Tag("joint", name=name if last else f"{name}/{k + 1}", type=_type(body, k))
+            joint = Tag("joint", name=name if last else f"{name}/{k + 1}", type=_type(body, k))
             if k == 0:
-                joint.add(_Tag("origin", xyz=body.link, rpy=rpy_of(body.rotation)))
-            joint.add(_Tag("parent", link=parent), _Tag("child", link=child))
+                joint.add(Tag("origin", xyz=body.link, rpy=rpy_of(body.rotation)))
+            joint.add(Tag("parent", link=parent), Tag("child", link=child))
             if kind in TYPES:
-                joint.add(_Tag("axis", xyz=axis), *self._physics(body, k, last))
+                joint.add(Tag("axis", xyz=axis), *self._physics(body, k, last))
             if not last:
-                tags.append(_Tag("link", name=child))
+                tags.append(Tag("link", name=child))
             tags.append(joint)
             parent = child
         if len(motions) > 1:
@@ -156,8 +163,8 @@ class _Writer:
             self.report.add("converted", f"body '{body.name}'", text, part=body.name)
         return [*tags, link]
 
-    def _physics(self, body: Body, k: int, last: bool) -> list[_Tag]:
-        found: list[_Tag] = []
+    def _physics(self, body: Body, k: int, last: bool) -> list[Tag]:
+        found: list[Tag] = []
         pair = body.limits[k] if body.limits else None
         motor = self.motors.get(body.name) if last else None
         effort = motor.torque_limit if motor else None
@@ -170,50 +177,50 @@ class _Writer:
                 "lower": -NO_LIMIT if low is None else low,
                 "upper": NO_LIMIT if high is None else high,
             }  # fmt: skip
-            found.append(_Tag("limit", **ends, effort=effort or 0.0, velocity=NO_LIMIT))
+            found.append(Tag("limit", **ends, effort=effort or 0.0, velocity=NO_LIMIT))
         if body.damping[k] or body.friction[k]:
-            found.append(_Tag("dynamics", damping=body.damping[k], friction=body.friction[k]))
+            found.append(Tag("dynamics", damping=body.damping[k], friction=body.friction[k]))
         gear = self.gears.get(body.name)
         if gear is not None and last:
             leader = self.joint_names[gear.other]
-            found.append(_Tag("mimic", joint=leader, multiplier=gear.ratio, offset=gear.offset))
+            found.append(Tag("mimic", joint=leader, multiplier=gear.ratio, offset=gear.offset))
         return found
 
-    def _solids(self, tag: str, shape: Shape, name: str) -> list[_Tag]:
+    def _solids(self, tag: str, shape: Shape, name: str) -> list[Tag]:
         """One <visual> or <collision>; of a capsule a cylinder and two spheres."""
-        parts: list[tuple[_Tag, float]] = []
+        parts: list[tuple[Tag, float]] = []
         r, h = shape.radius or 0.0, shape.length or 0.0
         match shape.kind:
             case "box":
-                parts = [(_Tag("box", size=shape.size), 0.0)]
+                parts = [(Tag("box", size=shape.size), 0.0)]
             case "sphere":
-                parts = [(_Tag("sphere", radius=r), 0.0)]
+                parts = [(Tag("sphere", radius=r), 0.0)]
             case "cylinder":
-                parts = [(_Tag("cylinder", radius=r, length=h), 0.0)]
+                parts = [(Tag("cylinder", radius=r, length=h), 0.0)]
             case "capsule":
-                parts = [(_Tag("cylinder", radius=r, length=h), 0.0)]
-                parts += [(_Tag("sphere", radius=r), z) for z in (-h / 2, h / 2)]
+                parts = [(Tag("cylinder", radius=r, length=h), 0.0)]
+                parts += [(Tag("sphere", radius=r), z) for z in (-h / 2, h / 2)]
             case "mesh":
                 scale = shape.scale if isinstance(shape.scale, tuple) else (shape.scale,) * 3
-                parts = [(_Tag("mesh", filename=shape.file, scale=scale), 0.0)]
+                parts = [(Tag("mesh", filename=shape.file, scale=scale), 0.0)]
             case kind:
                 where, acts = f"body '{name}'", tag == "collision"
                 text = f"a {kind}, which URDF does not have"
                 self.report.add("left out", where, text, acts=acts, part=name)
-        tags: list[_Tag] = []
+        tags: list[Tag] = []
         for solid, z in parts:
             place = np.array(shape.position) + rotate(shape.rotation, (0.0, 0.0, z))
-            one = _Tag(tag).add(_Tag("origin", xyz=place, rpy=rpy_of(shape.rotation)))
-            one.add(_Tag("geometry").add(solid))
+            one = Tag(tag).add(Tag("origin", xyz=place, rpy=rpy_of(shape.rotation)))
+            one.add(Tag("geometry").add(solid))
             if tag == "visual" and shape.colour is not None:
-                rgba = _Tag("color", rgba=(*shape.colour, 1.0))
-                one.add(_Tag("material", name=f"colour {_text(shape.colour)}").add(rgba))
+                rgba = Tag("color", rgba=(*shape.colour, 1.0))
+                one.add(Tag("material", name=f"colour {_text(shape.colour)}").add(rgba))
             tags.append(one)
         return tags
 
     # -- loops -----------------------------------------------------------------------------------
 
-    def _loop(self, c: Constraint) -> _Tag | None:
+    def _loop(self, c: Constraint) -> Tag | None:
         if self.gears.get(c.body) is c:
             return None
         where, other = f"constraint '{c.name}'", getattr(c, "other", GROUND)
@@ -227,14 +234,14 @@ class _Writer:
         turn, other_turn = np.eye(3), np.eye(3)
         if ends.axis is not None and ends.other_axis is not None:
             turn, other_turn = _x_to(ends.axis), _x_to(ends.other_axis)
-        one = _Tag("loop_joint", name=c.name, type=TYPE_OF_LOOP[c.kind])
+        one = Tag("loop_joint", name=c.name, type=TYPE_OF_LOOP[c.kind])
         for side, link, point, R in (
             ("link1", c.body, ends.point, turn),
             ("link2", other, ends.other_point, other_turn),
         ):
-            one.add(_Tag(side, link=link, xyz=point, rpy=rpy_of(quaternion_of(R))))
+            one.add(Tag(side, link=link, xyz=point, rpy=rpy_of(quaternion_of(R))))
         self.report.add("converted", where, "is a <loop_joint>, which few programs read")
-        return one.add(_Tag("axis", xyz=(1.0, 0.0, 0.0)))
+        return one.add(Tag("axis", xyz=(1.0, 0.0, 0.0)))
 
     def _left_out(self) -> None:
         """What acts in the model and has no place in the file."""

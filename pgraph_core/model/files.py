@@ -21,7 +21,7 @@ from .world import Ground
 SCHEMA_VERSION = 2  # 1: without parameters, formulas, several shapes, density and derived
 SCHEMA = "pgraph-model"
 
-FOREIGN = {".urdf": "urdf"}  # suffixes of other formats, and what readers and writers are called
+FOREIGN = {".urdf": "urdf", ".xml": "mjcf", ".mjcf": "mjcf"}  # suffixes of other formats
 
 LARGEST = 64_000_000  # characters of a file
 MOST_VALUES = 5_000_000

@@ -569,8 +569,9 @@ class Model(World):
         """The model in a file; its mesh files are found from the file's folder on.
 
         Meshes outside of that folder are refused unless they lie in one of `roots`. A file of
-        another format, .urdf, is converted; `notices` names what is left out or doubtful, and
-        `pg.read_urdf` gives the whole report. Raises FileError or ModelError.
+        another format (.urdf; .xml or .mjcf) is converted; `notices` names what is left out or
+        doubtful; `pg.read_urdf` and `pg.read_mjcf` give the whole report.
+        Raises FileError or ModelError.
         """
         if Path(path).suffix.lower() in files.FOREIGN:
             model, report = files.formats().read_model(path, roots)

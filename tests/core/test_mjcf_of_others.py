@@ -11,7 +11,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_core.dynamics.scene import NO_CONSTRAINTS, Scene
 from pgraph_core.engine import motion
-from pgraph_core.rotation import matrix
+from pgraph_core.rotation import matrix, multiply, unit
 from tests.models_of_others import files, folder, largest_error
 
 mujoco = pytest.importorskip("mujoco")
@@ -52,9 +52,7 @@ def start_of(mech: pg.Mechanism, m, rng):
             T[dof + 3 : dof + 6, iv : iv + 3] = matrix(turn).T
             used, used_q = used + 6, used_q + 7
         elif kind == 1:
-            from pgraph_core.rotation import multiply
-
-            w, x, y, z = home = m.body_quat[m.jnt_bodyid[j]]
+            w, x, y, z = home = unit(mech.model.body(name).rotation)
             qpos[at : at + 4] = turn
             q[iq : iq + 4] = multiply(home, multiply(turn, (w, -x, -y, -z)))
             T[dof : dof + 3, iv : iv + 3] = (matrix(home) @ matrix(turn)).T

@@ -1,0 +1,506 @@
+"""MJCF out: the tree, simple loops as equalities of sites, contacts, motors and servos."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..dynamics import Dynamics
+from ..errors import FileError, ModelError, Problem
+from ..model import (
+    Body,
+    Contact,
+    Gear,
+    Model,
+    Motion,
+    Motor,
+    Polynomial,
+    Scenario,
+    Servo,
+    Spring,
+    Wrench,
+)
+from ..model.assets import gathered
+from ..model.fields import EVERY, GROUND
+from ..model.files import write_atomic
+from ..rotation import matrix, multiply, quaternion_of, unit
+from .mjcf import INITIAL
+from .report import Report
+from .urdf_out import Placed, Tag
+
+KINDS = {"rotate": "hinge", "translate": "slide", "ball": "ball", "free": "free"}
+MESHES = (".stl", ".obj")
+THIN = 1e-12  # relative: a moment of inertia that MuJoCo takes for none
+NOTHING = (1.0, 0.0, 0.0, 0.0)
+WORLD = "world"
+
+
+def write_mjcf(model: Model, path: str | Path) -> Report:
+    """Write the model as an MJCF file; the report says what the format cannot hold.
+
+    Trees, loops of kinds point, weld, revolute, gear and motion, contacts, motors, servos and
+    springs. Meshes from elsewhere are written to `meshes` beside it. Raises ModelError for free
+    joints within the tree, which MJCF does not have, and FileError; then nothing is written.
+    """
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise FileError(Problem(str(path), "", f"there is no folder {path.parent}"))
+    inside = [b for b in model.bodies if b.joint == "free" and b.parent != GROUND]
+    if inside:
+        text = "is free below another body; MJCF has free joints at the ground only"
+        raise ModelError([Problem(f"body '{b.name}'", "joint", text) for b in inside])
+    writer = _Writer(model, path)
+    bodies = gathered(model.bodies, path.parent)
+    write_atomic(path, writer.text(bodies))
+    return writer.report
+
+
+class _Writer:
+    def __init__(self, model: Model, path: Path):
+        self.model, self.report = model, Report(path.name)
+        self.home = Dynamics(model).packed.home_poses
+        self.number = {name: k for k, name in enumerate(Dynamics(model).names)}
+        self.sites: dict[str, list[Tag]] = {}
+        self.assets: dict[str, Tag] = {}
+        self.equalities, self.tendons = list[Tag](), list[Tag]()
+        self.floor = {c.body: c for c in model.contacts if c.active and c.other == GROUND}
+        self.touch = [c for c in model.contacts if c.active and c.other != GROUND]
+        self.lifted = dict(self._lifted())
+        self.of_ground = self._ground_law()
+
+    def text(self, bodies: Sequence[Body]) -> str:
+        """The file."""
+        m = self.model
+        root = Tag("mujoco", model=m.name)
+        fixed = {"inertiafromgeom": "false", "angle": "radian", "autolimits": "true"}
+        root.add(Tag("compiler", **fixed), Tag("option", gravity=m.gravity))
+        for c in m.constraints:
+            self._constraint(c)
+        for f in m.forces:
+            if isinstance(f, Spring):
+                self._spring(f)
+        self.children: dict[str, list[Body]] = {}
+        for body in bodies:
+            self.children.setdefault(body.parent, []).append(body)
+        world = Tag("worldbody")
+        if self.floor:
+            turn = quaternion_of(_z_to(np.array(m.ground_normal)))
+            plane = Tag("geom", name="ground", type="plane", size=(0.0, 0.0, 1.0), quat=turn)
+            law = self.of_ground or (0.0, 0.0, 0.0)
+            world.add(plane.set(friction=law, condim=_condim(law)))
+            if m.ground.steps:
+                self.out("ground", "its steps", acts=True)
+        world.add(*self.sites.get(GROUND, ()))
+        for body in self.children.get(GROUND, ()):
+            world.add(*self._body(body))
+        assets = Tag("asset").add(*self.assets.values())
+        contact = Tag("contact").add(*self._excluded(bodies))
+        parts = (assets, world, contact, Tag("equality").add(*self.equalities),
+                 Tag("tendon").add(*self.tendons), Tag("actuator").add(*self._actuators()),
+                 Tag("keyframe").add(*self._keys()))  # fmt: skip
+        root.add(*(part for part in parts if part.children))
+        self.report.add("read", "", f"{len(bodies)} bodies written")
+        return "\n".join([*root.lines(), ""])
+
+    def out(self, where: str, text: str, *, acts: bool = True) -> None:
+        self.report.add("left out", where, f"{text}, which is not written to MJCF", acts=acts)
+
+    # -- bodies ----------------------------------------------------------------------------------
+
+    def _body(self, body: Body) -> Iterator[Tag]:
+        """The element of a body with all below it; several joints in a row may be one body."""
+        if body.name == WORLD and body.parent == GROUND and body.joint == "weld":
+            yield from self._geoms(body)  # the world's own solids
+            for child in self.children.get(body.name, ()):
+                yield from self._body(child)
+            return
+        chain = [body]
+        while (next_ := self._carried(chain[-1])) is not None:
+            chain.append(next_)
+        last = chain[-1]
+        place, turn = np.array(body.link), tuple(unit(body.rotation))
+        if body.joint == "free":
+            k = self.number[body.name]
+            place, turn = self.home[0][k], quaternion_of(self.home[1][k])
+        shift = sum((np.array(b.link) for b in chain[1:]), np.zeros(3))
+        own = Tag("body", name=last.name, pos=place + matrix(turn) @ shift, quat=turn)
+        if last.name in self.lifted:
+            own.set(gravcomp=self.lifted[last.name])
+        for b in chain:
+            if b is not body:
+                shift = shift - np.array(b.link)
+            own.add(*self._joints(b, -shift))
+        if last.mass or any(map(any, last.inertia)):
+            (xx, xy, xz), (_, yy, yz), (_, _, zz) = self._positive(last).tolist()
+            full = (xx, yy, zz, xy, xz, yz)
+            own.add(Tag("inertial", pos=last.com, mass=last.mass, fullinertia=full))
+        elif last.joint != "weld":
+            text = "it moves and has no mass, so MuJoCo may refuse it"
+            self.report.add("warning", f"body '{last.name}'", text, part=last.name)
+        if last.any_inertia:
+            text = "MuJoCo refuses inertias that no rigid body has"
+            self.report.add("warning", f"body '{last.name}'", text, part=last.name)
+        own.add(*self._geoms(last), *self.sites.get(last.name, ()))
+        for child in self.children.get(last.name, ()):
+            own.add(*self._body(child))
+        yield own
+
+    def _positive(self, body: Body) -> np.ndarray:
+        """(3, 3) the inertia; MuJoCo refuses rods without thickness."""
+        inertia = np.array(body.inertia)
+        moments, axes = np.linalg.eigh(inertia)
+        least = THIN * float(np.abs(moments).max(initial=1e-6))
+        if moments[0] > least or body.any_inertia:
+            return inertia
+        text = f"a moment of inertia of zero is {least:.3g} kg m^2, since MuJoCo wants one"
+        self.report.add("approximated", f"body '{body.name}'", text, part=body.name)
+        return axes @ np.diag(np.maximum(moments, least)) @ axes.T
+
+    def _carried(self, body: Body) -> Body | None:
+        """The one child of a body without mass or content: both are one body in MJCF."""
+        children = self.children.get(body.name, ())
+        empty = not (body.mass or any(map(any, body.inertia)) or body.shapes)
+        if (
+            not empty
+            or len(children) != 1
+            or body.joint in ("weld", "free")
+            or body.name in self.sites
+        ):
+            return None
+        child = children[0]
+        same = abs(unit(child.rotation)[0]) == 1.0
+        return child if same and child.joint not in ("weld", "free") else None
+
+    def _joints(self, body: Body, pivot: np.ndarray) -> Iterator[Tag]:
+        for k, (kind, axis) in enumerate(body.motions):
+            joint = Tag("joint", name=joint_name(body, k), type=KINDS[kind])
+            if kind == "rotate" or kind == "ball":
+                joint.set(pos=pivot)
+            if kind in ("rotate", "translate"):
+                joint.set(axis=axis)
+            for name, value in (
+                ("damping", body.damping[k]), ("armature", body.armature[k]),
+                ("frictionloss", body.friction[k]), ("stiffness", body.stiffness[k]),
+            ):  # fmt: skip
+                if value:
+                    joint.set(**{name: value})
+            if body.stiffness[k] and body.rest[k]:
+                joint.set(springref=body.rest[k])
+            pair = body.limits[k] if body.limits else None
+            if pair is not None:
+                low, high = (
+                    -1e9 if pair[0] is None else pair[0],
+                    1e9 if pair[1] is None else pair[1],
+                )
+                joint.set(range=(low, high))
+            yield joint
+
+    # -- shapes ----------------------------------------------------------------------------------
+
+    def _geoms(self, body: Body) -> Iterator[Tag]:
+        law = self._law(body.name)
+        for shape in body.shapes:
+            geom = Tag("geom", pos=shape.position, quat=unit(shape.rotation))
+            r, h = shape.radius or 0.0, (shape.length or 0.0) / 2
+            match shape.kind:
+                case "box":
+                    size = tuple(x / 2 for x in shape.size or ())
+                    geom.set(type="box", size=size)
+                case "sphere":
+                    geom.set(type="sphere", size=(r,))
+                case "capsule" | "cylinder":
+                    geom.set(type=shape.kind, size=(r, h))
+                case "ellipsoid":
+                    geom.set(type="ellipsoid", size=getattr(shape, "radii"))  # noqa: B009
+                case "mesh" if Path(shape.file or "").suffix.lower() in MESHES:
+                    geom.set(type="mesh", mesh=self._asset(shape))
+                case kind:
+                    what = f"a {kind} of {Path(shape.file).suffix}" if shape.file else f"a {kind}"
+                    self.out(f"body '{body.name}'", what, acts=shape.role != "visual")
+                    continue
+            if shape.role == "visual":
+                geom.set(contype="0", conaffinity="0", group="2")
+            elif shape.role == "collision":
+                geom.set(group="3")
+            if shape.role != "visual":
+                geom.set(friction=law, condim=_condim(law))
+            if shape.colour is not None:
+                geom.set(rgba=(*shape.colour, 1.0))
+            yield geom
+
+    def _asset(self, shape: Any) -> str:
+        scale = shape.scale if isinstance(shape.scale, tuple) else (shape.scale,) * 3
+        key = (
+            f"{Path(shape.file).stem} {scale}"
+            if scale != (1.0, 1.0, 1.0)
+            else Path(shape.file).stem
+        )
+        name, k = key, 2
+        while name in self.assets and self.assets[name].attributes["file"] != shape.file:
+            name, k = f"{key} {k}", k + 1
+        self.assets[name] = Tag("mesh", name=name, file=shape.file, scale=scale)
+        return name
+
+    def _law(self, name: str) -> tuple[float, float, float]:
+        """Friction of a body's geoms: of two that touch MuJoCo takes the larger one."""
+        mine = [self._friction(c) for c in self.touch if {name, EVERY} & {*c.touches}]
+        if self.of_ground is None:
+            mine += [self._friction(c) for n, c in self.floor.items() if n in (name, EVERY)]
+        return min(mine, default=(0.0, 0.0, 0.0))
+
+    def _ground_law(self) -> tuple[float, float, float] | None:
+        """Friction of the ground's plane, where all contacts with it have one, the largest."""
+        laws = {self._friction(c) for c in self.floor.values()}
+        others = [self._friction(c) for c in self.touch]
+        if len(laws) != 1:
+            return None
+        law = next(iter(laws))
+        return law if all(x <= y for other in others for x, y in zip(other, law)) else None
+
+    def _still(self, name: str) -> bool:
+        """Whether a body cannot move."""
+        while name != GROUND:
+            body = self.model.body(name)
+            if body.joint != "weld":
+                return False
+            name = body.parent
+        return True
+
+    def _friction(self, c: Contact) -> tuple[float, float, float]:
+        mu = self.model.ground.friction if c.friction is None else c.friction
+        return mu, c.spinning_friction or 0.0, c.rolling_friction or 0.0
+
+    def _excluded(self, bodies: Sequence[Body]) -> Iterator[Tag]:
+        """Pairs of bodies that would touch in MuJoCo and do not here."""
+        solid = [b.name for b in bodies if b.touching]
+        frictions = {self._friction(c) for c in self.touch}
+        if self.of_ground is None:
+            frictions |= {self._friction(c) for c in self.floor.values()}
+        if len(frictions) > 1:
+            text = "frictions of pairs become those of bodies: the larger one of two holds"
+            self.report.add("approximated", "contacts", text)
+        for c in (*self.floor.values(), *self.touch):
+            if c.points:
+                self.out(f"contact '{c.name}'", "its points")
+            if c.law != "complementarity":
+                text = f"law {c.law} is MuJoCo's own soft contact"
+                self.report.add("approximated", f"contact '{c.name}'", text)
+        for k, name in enumerate(solid):
+            if self.floor and not ({name, EVERY} & self.floor.keys()) and name != WORLD:
+                yield Tag("exclude", body1=WORLD, body2=name)
+            for other in solid[:k]:
+                parent = {name: self.model.body(name).parent, other: self.model.body(other).parent}
+                tied = (parent[name] == other and not self._still(other)) or (
+                    parent[other] == name and not self._still(name)
+                )
+                if self._still(name) and self._still(other):
+                    continue
+                meets = any(
+                    (c.body in (name, EVERY) and c.other in (other, EVERY))
+                    or (c.body in (other, EVERY) and c.other in (name, EVERY))
+                    for c in self.touch
+                )
+                named = any({c.body, c.other} == {name, other} for c in self.touch)
+                if tied and named:
+                    self.out(f"contact of '{name}' and '{other}'", "of neighbours")
+                elif not tied and not meets:
+                    yield Tag("exclude", body1=other, body2=name)
+
+    # -- loops -----------------------------------------------------------------------------------
+
+    def _site(self, body: str, name: str, place: Any, turn: Any = NOTHING) -> str:
+        self.sites.setdefault(body, []).append(
+            Tag("site", name=name, pos=tuple(place), quat=tuple(turn))
+        )
+        return name
+
+    def _constraint(self, c: Any) -> None:
+        name, where = c.name, f"constraint '{c.name}'"
+        active = {} if c.active else {"active": "false"}
+        match c:
+            case Gear():
+                mine = joint_name(self.model.body(c.body), c.coordinate)
+                other = joint_name(self.model.body(c.other), c.other_coordinate)
+                curve = (c.offset, c.ratio, 0.0, 0.0, 0.0)
+                tag = Tag("joint", name=name, joint1=mine, joint2=other, polycoef=curve, **active)
+                self.equalities.append(tag)
+                return
+            case Motion(q_of_t=Polynomial(coefficients=held)) if len(held) == 1:
+                mine = joint_name(self.model.body(c.body), c.coordinate)
+                curve = (*held, 0.0, 0.0, 0.0, 0.0)
+                self.equalities.append(
+                    Tag("joint", name=name, joint1=mine, polycoef=curve, **active)
+                )
+                return
+        if c.kind not in ("point", "weld", "revolute"):
+            self.out(where, f"a {c.kind} constraint", acts=c.active)
+            return
+        ends = Placed(self.model, c)
+        pairs = [(ends.point, ends.other_point)]
+        if c.kind == "revolute" and ends.axis is not None and ends.other_axis is not None:
+            size = float(np.abs(self.home[0]).max(initial=0.1))
+            a, b = (size * x / np.linalg.norm(x) for x in (ends.axis, ends.other_axis))
+            pairs.append((ends.point + a, ends.other_point + b))
+            self.report.add("converted", where, "is two connected points on the axis")
+        turn = quaternion_of(ends.turn) if c.kind == "weld" else NOTHING
+        tag = "weld" if c.kind == "weld" else "connect"
+        for k, (point, other_point) in enumerate(pairs):
+            own = name if k == 0 else f"{name} {k + 1}"
+            one = self._site(c.body, f"{own} of {c.body}", point)
+            two = self._site(c.other, f"{own} of {c.other} ", other_point, turn)
+            self.equalities.append(Tag(tag, name=own, site1=one, site2=two, **active))
+
+    def _spring(self, f: Spring) -> None:
+        point = self.model.body(f.body).tip_point if f.point is None else f.point
+        other = f.other_point or (0.0, 0.0, 0.0)
+        names = [
+            self._site(f.body, f"{f.name} at {f.body}", point),
+            self._site(f.other, f"{f.name} at {f.other} ", other),
+        ]
+        rest = f.rest
+        if rest is None:
+            places = [self._world(f.body, point), self._world(f.other, other)]
+            rest = float(np.linalg.norm(places[0] - places[1]))
+        tendon = Tag(
+            "spatial", name=f.name, stiffness=f.stiffness, damping=f.damping, springlength=rest
+        )
+        self.tendons.append(tendon.add(*(Tag("site", site=name) for name in names)))
+
+    def _world(self, body: str, point: Any) -> np.ndarray:
+        if body == GROUND:
+            return np.array(point)
+        k = self.number[body]
+        return self.home[0][k] + self.home[1][k] @ np.array(point)
+
+    # -- forces ----------------------------------------------------------------------------------
+
+    def _actuators(self) -> Iterator[Tag]:
+        for f in self.model.forces:
+            where = f"force '{f.name}'"
+            if isinstance(f, (Spring, Wrench)):
+                if isinstance(f, Wrench) and self.lifted.get(f.body) is None:
+                    self.out(where, "a wrench")
+                continue
+            if not isinstance(f, (Motor, Servo)) or not isinstance(f.torque, float):
+                self.out(where, f"a {f.kind}" + ("" if f.kind == "torsion" else " over time"))
+                continue
+            body = self.model.body(f.body)
+            if len(body.motions) <= f.coordinate or body.motions[f.coordinate][0] in (
+                "ball",
+                "free",
+            ):
+                self.out(where, "a force on a ball or free joint")
+                continue
+            yield from self._actuator(f, body, where)
+
+    def _actuator(self, f: Motor | Servo, body: Body, where: str) -> Iterator[Tag]:
+        one = Tag("general", name=f.name, joint=joint_name(body, f.coordinate))
+        most, torque = f.torque_limit, float(np.array(f.torque))
+        if isinstance(f, Servo):
+            if not isinstance(f.target, float):
+                self.out(where, "a target over time")
+                return
+            bias = (torque + f.kp * f.target, -f.kp, -f.kd)
+            one.set(gainprm=(f.kp or 1.0,), biastype="affine", biasprm=bias)
+        else:
+            one.set(gainprm=(1.0,), biastype="affine", biasprm=(torque, 0.0, 0.0))
+        if most is not None:
+            one.set(forcerange=(-most, most))
+        yield one
+
+    def _lifted(self) -> Iterator[tuple[str, float]]:
+        """Bodies whose weight a wrench takes, and how much of it."""
+        g = np.array(self.model.gravity)
+        for f in self.model.forces:
+            if not isinstance(f, Wrench) or f.frame != "world" or not g.any():
+                continue
+            body = self.model.body(f.body)
+            if (
+                isinstance(f.force, tuple)
+                and body.mass
+                and f.point == body.com
+                and f.torque == (0.0, 0.0, 0.0)
+            ):
+                part = -float(np.dot(f.force, g)) / float(g @ g) / body.mass
+                if np.allclose(f.force, -part * body.mass * g):
+                    yield f.body, part
+
+    # -- initial states --------------------------------------------------------------------------
+
+    def _keys(self) -> Iterator[Tag]:
+        """Keyframes: the initial state where it is not that of q = 0, and those of scenarios."""
+        start = Scenario(name=INITIAL)
+        moved = any(b.joint != "free" and any(_away(b.q, b)) for b in self.model.bodies)
+        taken: set[str] = set()
+        for s in ((start,) if moved else ()) + tuple(self.model.scenarios):
+            if s is not start and not (s.q or s.v):
+                continue
+            qpos, qvel = list[float](), list[float]()
+            for body in self._in_order():
+                self._state(
+                    body, s.q.get(body.name, body.q), s.v.get(body.name, body.v), qpos, qvel
+                )
+            name = s.name
+            while name in taken:
+                name += "'"
+            taken.add(name)
+            yield Tag("key", name=name, qpos=qpos, qvel=qvel)
+
+    def _in_order(self) -> Iterator[Body]:
+        waiting = [*reversed(self.children.get(GROUND, ()))]
+        while waiting:
+            body = waiting.pop()
+            yield body
+            waiting += reversed(self.children.get(body.name, ()))
+
+    def _state(self, body: Body, q: Any, v: Any, qpos: list[float], qvel: list[float]) -> None:
+        """A joint's coordinates as MuJoCo counts them."""
+        i = j = 0
+        for kind, _ in body.motions:
+            if kind in ("rotate", "translate"):
+                qpos.append(q[i])
+                qvel.append(v[j])
+                i, j = i + 1, j + 1
+                continue
+            if kind == "free":
+                qpos += (np.array(q[:3]) + np.array(body.link)).tolist()
+                qvel += v[3:6]
+                i += 3
+            turn, home = unit(q[i : i + 4]), unit(body.rotation)
+            w, x, y, z = home
+            qpos += multiply(turn, home) if kind == "free" else multiply(
+                (w, -x, -y, -z), multiply(turn, home)
+            )  # fmt: skip
+            own = matrix(turn) @ matrix(home)
+            qvel += (own.T @ np.array(v[j : j + 3])).tolist()
+            i, j = i + 4, j + (6 if kind == "free" else 3)
+
+
+def joint_name(body: Body, k: int) -> str:
+    """The name of motion k of a body's joint."""
+    return body.name if len(body.motions) == 1 else f"{body.name} {k + 1}"
+
+
+def _away(q: Sequence[float], body: Body) -> Iterator[bool]:
+    """Whether coordinates differ from those of q = 0."""
+    i = 0
+    for kind, _ in body.motions:
+        size = {"ball": 4, "free": 7}.get(kind, 1)
+        yield any(q[i : i + size]) if size == 1 else abs(q[i + size - 4]) != 1.0
+        i += size
+
+
+def _condim(law: tuple[float, float, float]) -> str:
+    sliding, spinning, rolling = law
+    return "6" if rolling else "4" if spinning else "3" if sliding else "1"
+
+
+def _z_to(normal: np.ndarray) -> np.ndarray:
+    """(3, 3) a rotation that takes z to this direction."""
+    least = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    x = np.cross(least, normal)
+    x /= np.linalg.norm(x)
+    return np.stack((x, np.cross(normal, x), normal), axis=1)

@@ -1,0 +1,204 @@
+"""MJCF in and out: what each element becomes, what MuJoCo says of it, and files that mean harm."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+import pgraph_models
+from pgraph_app.cli.main import main
+from tests.core.test_mjcf_of_others import errors_of
+
+mujoco = pytest.importorskip("mujoco")
+
+ARM = """<mujoco model="arm">
+<compiler angle="degree"/><option gravity="0 0 -1.6"/>
+<default><geom friction="0.7 0.01 0.001"/><joint damping="0.3"/></default>
+<worldbody>
+  <geom name="floor" type="plane" size="1 1 1"/><camera name="eye"/>
+  <body name="trunk" pos="0 0 1"><freejoint/><geom type="box" size=".1 .2 .3" rgba="1 0 0 1"/>
+    <site name="tip" pos="0 0 .3"/>
+    <body name="upper" pos="0 0 -.3" euler="0 0 30">
+      <joint name="shoulder" type="hinge" axis="0 1 0" pos="0 0 .1" range="-30 60" armature=".2"
+             stiffness="4" springref="15" frictionloss=".1"/>
+      <geom type="capsule" size=".05 .2" mass="2"/>
+      <body name="lower" pos="0 0 -.4">
+        <joint name="a" axis="1 0 0"/><joint name="b" type="slide" axis="0 0 1"/>
+        <geom type="cylinder" size=".05 .1" contype="0" conaffinity="0"/>
+        <geom type="sphere" size=".06" pos="0 0 -.2" group="3"/>
+      </body>
+    </body>
+    <body name="tail" pos="0 -.3 0"><joint name="t" axis="1 0 0"/><geom size=".1"/></body>
+  </body>
+</worldbody>
+<contact><exclude body1="lower" body2="tail"/></contact>
+<equality><joint joint1="t" joint2="shoulder" polycoef="0.1 2 0 0 0"/></equality>
+<actuator><motor name="m" joint="a" gear="3" ctrlrange="-2 2"/>
+  <position name="p" joint="shoulder" kp="50" kv="2" forcerange="-9 9"/></actuator>
+<keyframe><key name="bent" qpos="0 0 2 1 0 0 0 .5 .1 .2 .3"/></keyframe>
+</mujoco>
+"""  # fmt: skip
+
+
+def read(tmp_path, text=ARM, **options):
+    path = tmp_path / "arm.xml"
+    path.write_text(text)
+    return pg.read_mjcf(path, **options)
+
+
+def test_bodies_joints_and_what_acts(tmp_path):
+    model, report = read(tmp_path)
+    trunk, upper, lower, tail = model.bodies
+    assert (model.name, model.gravity) == ("arm", (0.0, 0.0, -1.6))
+    assert (trunk.joint, upper.joint, lower.joint) == ("free", "revolute", "compound")
+    assert trunk.q == (0, 0, 1, 1, 0, 0, 0)
+    np.testing.assert_allclose(upper.link, (0, 0, -0.2), atol=1e-15)  # at the hinge's anchor
+    np.testing.assert_allclose(upper.com, (0, 0, -0.1), atol=1e-15)
+    np.testing.assert_allclose(lower.link, (0, 0, -0.5), atol=1e-15)
+    np.testing.assert_allclose(upper.limits, [np.radians((-30, 60))])
+    assert (upper.armature, upper.stiffness, upper.friction) == ((0.2,), (4.0,), (0.1,))
+    np.testing.assert_allclose(upper.rest, np.radians(15))
+    assert [kind for kind, _ in lower.motions] == ["rotate", "translate"]
+    assert [s.role for s in lower.shapes] == ["visual", "collision"]
+    assert trunk.shapes[0].colour == (1, 0, 0)
+    gear = model.constraints[0]
+    assert (gear.body, gear.other, gear.ratio, gear.offset) == ("tail", "upper", 2.0, 0.1)
+    motor, servo = model.forces
+    assert (motor.body, motor.coordinate, motor.torque_limit) == ("lower", 0, 6.0)
+    assert (servo.kp, servo.kd, servo.target, servo.torque_limit) == (50.0, 2.0, 0.0, 9.0)
+    assert model.scenarios[0].q["tail"] == (0.3,)
+    floor, *pairs = model.contacts
+    assert (floor.body, floor.other, floor.friction) == ("*", "ground", 0.7)
+    assert {(c.body, c.other) for c in pairs} == {("trunk", "lower"), ("upper", "tail")}
+    assert report.loaded
+    assert {"1 cameras", "1 sites"} <= {e.text for e in report.of("left out")}
+    assert any("softer" in e.text or "solref" in e.text for e in report.of("approximated"))
+
+
+def test_motion_is_that_of_mujoco(tmp_path):
+    model, _ = read(tmp_path)
+    m = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        assert max(errors_of(model, m, rng).values()) < 1e-12
+
+
+def test_hinges_at_several_places_are_bodies_in_between(tmp_path):
+    text = """<mujoco><worldbody><body name="b" pos="1 0 0" quat="1 1 0 0">
+    <joint axis="0 0 1"/><joint type="slide" axis="1 0 0"/><joint axis="0 1 0" pos="0 0 1"/>
+    <joint type="ball" pos="0.3 0 0"/>
+    <geom type="box" size="1 2 3"/></body></worldbody></mujoco>"""
+    model, report = read(tmp_path, text)
+    assert [b.name for b in model.bodies] == ["b/1", "b/2", "b"]
+    assert report.loaded
+    m = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    assert max(errors_of(model, m, np.random.default_rng(1)).values()) < 1e-12
+    pg.write_mjcf(model, tmp_path / "again.xml")  # one body again
+    m = mujoco.MjModel.from_xml_path(str(tmp_path / "again.xml"))
+    assert m.nbody == 2
+    assert max(errors_of(model, m, np.random.default_rng(1)).values()) < 1e-12
+
+
+def test_out_and_in_again_is_the_same_model(tmp_path):
+    model, _ = read(tmp_path)
+    report = pg.write_mjcf(model, tmp_path / "again.xml")
+    assert report.loaded
+    again, _ = pg.read_mjcf(tmp_path / "again.xml")
+    for one, two in zip(model.bodies, again.bodies):
+        for field in ("link", "com", "inertia", "q", "rest", "mass"):
+            np.testing.assert_allclose(getattr(one, field), getattr(two, field), atol=1e-12)
+        for field in ("name", "parent", "joint", "limits", "friction", "armature"):
+            assert getattr(one, field) == getattr(two, field)
+        assert [s.role for s in one.shapes] == [s.role for s in two.shapes]
+    assert [c.pair for c in again.contacts] == [c.pair for c in model.contacts]
+    assert {c.friction for c in again.contacts} == {0.7}
+    assert [f.name for f in again.forces] == ["m", "p"]
+    assert again.scenarios == model.scenarios
+
+
+def test_loops_hold_in_mujoco_as_here(tmp_path):
+    model = pg.Model.load(pgraph_models.path("four_bar"))
+    model = model.replace(gravity=(2.0, -5.0, -9.81))
+    report = pg.write_mjcf(model, tmp_path / "loop.xml")
+    m = mujoco.MjModel.from_xml_path(str(tmp_path / "loop.xml"))
+    assert m.neq == 1
+    data, mech = mujoco.MjData(m), pg.Mechanism(model)
+    mujoco.mj_resetDataKeyframe(m, data, 0)
+    mujoco.mj_forward(m, data)
+    assert np.abs(data.efc_pos).max() < 1e-12  # the loop is closed
+    m.eq_solref[:], m.eq_solimp[:] = (-1e9, -1e5), (0.9999, 0.9999, 1, 0.5, 1)
+    mujoco.mj_forward(m, data)
+    expected, _ = mech.constrained_dynamics(*mech.home())
+    np.testing.assert_allclose(data.qacc, expected, rtol=1e-3, atol=1e-3 * np.abs(expected).max())
+    assert report.loaded
+
+
+def test_what_mjcf_does_not_have_is_told_or_refused(tmp_path):
+    rod = pg.Body(name="rod", tip=(1, 0, 0), mass=1.0)
+    model = pg.Model(bodies=[rod], constraints=[pg.Line(name="rail", body="rod", axis=(0, 1, 0))],
+                     forces=[pg.Torsion(name="twist", body="rod", stiffness=1.0)])  # fmt: skip
+    report = pg.write_mjcf(model, tmp_path / "a.xml")
+    assert {e.where for e in report.of("left out")} == {"constraint 'rail'", "force 'twist'"}
+    assert not report.loaded
+    free = model.add(pg.Body(name="loose", parent="rod", joint="free"))
+    with pytest.raises(pg.ModelError, match="'loose', joint"):
+        pg.write_mjcf(free, tmp_path / "b.xml")
+    assert not (tmp_path / "b.xml").exists()
+
+
+HOSTILE = {
+    "<robot/>": "read_urdf",
+    "<!DOCTYPE a [<!ENTITY b 'c'>]><mujoco/>": "document type",
+    '<mujoco><include file="/etc/passwd"/></mujoco>': "line 1, include, file.*outside",
+    '<mujoco><include file="arm.xml"/></mujoco>': "line 1, include.*twice",
+    '<mujoco><include file="../../x.xml"/></mujoco>': "line 1, include, file",
+    '<mujoco><asset><mesh file="/etc/passwd"/></asset></mujoco>': "line 1, mesh, file.*outside",
+    '<mujoco><compiler meshdir="/etc"/></mujoco>': "line 1, compiler, meshdir.*outside",
+    '<mujoco><asset><hfield file="../../../etc/x.png"/></asset></mujoco>': "hfield, file.*outside",
+    "<mujoco><worldbody><bod/></worldbody></mujoco>": "MuJoCo refuses it.*bod",
+    "<mujoco><worldbody><body><joint/></body></worldbody></mujoco>": "MuJoCo refuses it.*mass",
+}
+
+
+@pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
+def test_what_is_wrong_is_told_with_its_place(tmp_path, text):
+    with pytest.raises(pg.FileError, match=f"arm.xml.*({HOSTILE[text]})"):
+        read(tmp_path, text)
+
+
+def test_meshes_keep_their_place(tmp_path):
+    import trimesh
+
+    box = trimesh.creation.box((0.2, 0.4, 0.6))
+    box.apply_translation((1.0, 2.0, 3.0))
+    box.apply_transform(trimesh.transformations.rotation_matrix(0.5, (1, 2, 3)))
+    box.export(tmp_path / "part.stl")
+    text = """<mujoco><asset><mesh name="p" file="part.stl" scale="1 2 1"/></asset><worldbody>
+    <body pos="0 0 1"><joint pos="0 1 0"/>
+    <geom type="mesh" mesh="p" pos=".1 .2 .3" euler="10 20 30"/></body></worldbody></mujoco>"""
+    model, report = read(tmp_path, text)
+    assert report.loaded
+    m = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    data = mujoco.MjData(m)
+    mujoco.mj_forward(m, data)
+    theirs = data.geom_xpos[0] + m.mesh_vert @ data.geom_xmat[0].reshape(3, 3).T
+    from pgraph_core.mesh_files import load_mesh
+    from pgraph_core.rotation import matrix
+
+    shape = model.bodies[0].shapes[0]
+    place, turn = pg.Mechanism(model).pose(pg.Mechanism(model).home()[0], model.bodies[0].name)
+    own = load_mesh(shape.file, shape.scale).vertices @ matrix(shape.rotation).T
+    ours = place + (own + np.array(shape.position)) @ turn.T
+    for points in (theirs, ours):
+        points[:] = points[np.lexsort(np.round(points, 5).T)]
+    np.testing.assert_allclose(ours, theirs, atol=1e-6)  # STL has single precision
+
+
+def test_convert_goes_both_ways(tmp_path):
+    (tmp_path / "arm.xml").write_text(ARM)
+    assert main(["convert", str(tmp_path / "arm.xml"), str(tmp_path / "arm.json")]) == 0
+    model = pg.Model.load(tmp_path / "arm.json")
+    assert model.bodies == pg.Model.load(tmp_path / "arm.xml").bodies
+    assert main(["convert", str(tmp_path / "arm.json"), str(tmp_path / "back.xml")]) == 0
+    assert pg.Model.load(tmp_path / "back.xml").bodies[0].name == "trunk"
