@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from .core.events import update as update
 
 if TYPE_CHECKING:
-    from .core.places import Place
+    from .core.views import Place
 
 APP = Path(__file__).parent
 FEATURES = tuple(sorted(path.parent.name for path in APP.glob("*/update.py")))

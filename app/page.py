@@ -8,7 +8,7 @@ import viser
 
 from .core.bridge import Bridge
 from .core.events import Event
-from .core.places import Desk, PanelName, made
+from .core.views import Desk, PanelName, made
 from .features import places
 from .session.update import Connected, Disconnected
 from .session.view import ACCENT

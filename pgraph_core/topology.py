@@ -13,12 +13,11 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .equality import EqualByFields
 from .errors import InputError, Problem, choices, shown
 from .model import Model
 from .model.constraint import InJoints
 from .model.fields import GROUND
-from .portable import Portable
+from .portable import EqualByFields, Portable
 
 Ints: TypeAlias = "NDArray[np.int64]"
 

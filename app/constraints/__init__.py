@@ -1,4 +1,8 @@
-"""Constraints, contacts, forces, loops and joint limits, and their tab."""
+"""Constraints, contacts, forces, loops and joint limits, and their tab: kinds, cells, picking.
+
+Labels, units and help of fields come from the fields of the classes; here are the few cells of a
+form that stand for a part of a field.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,8 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import pgraph_core as pg
+from pgraph_core.model import fields
+from pgraph_core.model.fields import About
 
 Part = Literal["constraints", "contacts", "forces"]
 Slot = Literal["body", "other"]
@@ -29,3 +35,65 @@ class MobilityReport:
     model: pg.Model
     found: Any = None  # pg.Mobility
     problem: str = ""
+
+
+KINDS: dict[str, dict[str, str]] = {  # one line each, for who chooses
+    "constraints": {kind: each.ABOUT for kind, each in pg.Constraint.KINDS.items()},
+    "contacts": dict(pg.Contact.ABOUT),
+    "forces": {kind: each.ABOUT for kind, each in pg.Force.KINDS.items()},
+    "loops": {
+        "revolute": "a hinge closes the loop",
+        "spherical": "a ball closes the loop",
+        "universal": "a universal joint closes the loop",
+        "prismatic": "a slider closes the loop",
+        "cylindrical": "a sliding hinge closes the loop",
+        "weld": "the loop is closed rigidly",
+    },
+    "limits": {"limits": "least and greatest position of a joint (unilateral)"},
+}
+TITLES = {
+    "constraints": "Constraint",
+    "loops": "Close a loop (cut joint)",
+    "contacts": "Contact (unilateral)",
+    "limits": "Joint limit (unilateral)",
+    "forces": "Force, motor, spring",
+}
+WORD = {"constraints": "constraint", "contacts": "contact", "forces": "force", "loops": "loop"}
+
+CELLS = {  # cells of a form that are a part of a field, or choose how it is given
+    "curve": About("Follows", "", "how the position depends on time"),
+    "sine": About("Sine", "", "mean + amplitude sin(frequency t + phase)"),
+    "polynomial": About("Polynomial", "", "c0 + c1 t + c2 t² + c3 t³"),
+    "table": About("Table", "", "t q; t q; ... a smooth curve through these"),
+    "torque_over": About("Torque is", "", "constant, or straight lines between times"),
+    "force_over": About("Force is", "", "constant, or straight lines between times"),
+}
+SOFT = {"stiffness": "N/m^1.5", "damping": "s/m"}  # units of a soft contact
+
+
+def about(item: Any, field: str) -> About:
+    """What a form shows of a field of a constraint, contact or force, or of one of its cells."""
+    known = type(item).model_fields
+    found = fields.about(known[field], field) if field in known else CELLS.get(field, About(field))
+    if getattr(item, "law", "") == "soft" and field in SOFT:
+        return found._replace(unit=SOFT[field])
+    return found
+
+
+def own_fields(item: Any) -> tuple[str, ...]:
+    """The fields that matter to it, in the order a person sets them."""
+    names = [name for name in type(item).model_fields if name not in ("name", "active")]
+    if isinstance(item, pg.Contact):
+        rigid = item.law == "complementarity"
+        first = ("law", "body", "other")
+        left = [n for n in names if not (rigid and n in ("stiffness", "damping"))]
+        return (*first, *(name for name in left if name not in first))
+    return tuple(n for n in names if n != "body" or not isinstance(item, pg.Velocity))
+
+
+def takes_other(part: str, kind: str) -> bool:
+    """Whether a second body is asked for where a part of that kind is made."""
+    kinds = {"constraints": pg.Constraint.KINDS, "forces": pg.Force.KINDS}.get(part)
+    if kinds is None:
+        return part in ("contacts", "loops")
+    return "other" in kinds[kind].model_fields and kind != "skate"

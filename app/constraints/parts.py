@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.model.editing import free_name
 from pgraph_core.rotation import matrix
 
-from ..constraints import Part
 from ..core.cells import LONGEST_NAME, Display, Quantity, Refusal, content, number, replaced, whole
-from .kinds import KINDS, WORD, about, own_fields, takes_other
+from . import KINDS, WORD, Part, about, own_fields, takes_other
 
 GROUND, EVERY = "ground", "*"
 Item = Any  # pg.Constraint | pg.Contact | pg.Force
@@ -44,12 +44,6 @@ def quantity_of(item: Item, field: str) -> Quantity:
 
 
 # -- making ------------------------------------------------------------------------------------
-
-
-def free_name(name: str, taken: Sequence[str]) -> str:
-    """`name`, or its next number where that is taken: point, point 2."""
-    numbered = (f"{name} {k}" for k in range(2, len(taken) + 3))
-    return next(free for free in (name, *numbered) if free not in taken)
 
 
 def added(model: pg.Model, part: str, kind: str, body: str, other: str) -> tuple[pg.Model, str]:

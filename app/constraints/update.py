@@ -13,8 +13,7 @@ from ..core.events import Entries, Event, FromPage, Text, on
 from ..core.state import Notice, State, told, with_client
 from ..model import Found
 from ..model.update import sent
-from . import MobilityReport, Part, Picking, Slot, parts
-from .kinds import KINDS, WORD, about, takes_other
+from . import KINDS, WORD, MobilityReport, Part, Picking, Slot, about, parts, takes_other
 
 # -- editing -----------------------------------------------------------------------------------
 

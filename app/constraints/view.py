@@ -9,15 +9,12 @@ import viser
 
 import pgraph_core as pg
 
-from ..constraints import Part, Picking
 from ..core.bridge import Bridge
 from ..core.cells import Display, Quantity
-from ..core.places import Place
 from ..core.state import Client, State
-from ..core.views import Payload, audience
+from ..core.views import Payload, Place, audience
 from ..properties.forms import button, cell, choice, field, group, shown
-from . import parts
-from .kinds import CELLS, KINDS, TITLES, WORD, about, own_fields
+from . import CELLS, KINDS, TITLES, WORD, Part, Picking, about, own_fields, parts
 from .mobility import BY_ITSELF, mobility_report
 from .update import allowed
 

@@ -11,9 +11,8 @@ import viser
 import pgraph_core as pg
 
 from ..core.bridge import Bridge
-from ..core.places import Place
 from ..core.state import State
-from ..core.views import Payload, audience, css
+from ..core.views import Payload, Place, audience, css
 from ..pose.solving import home, shown_q
 
 SAMPLE = 0.3  # [rad, m] that joints move in a frame update where nothing has moved yet

@@ -13,9 +13,8 @@ from pgraph_core.result.contact_record import PHASES
 from pgraph_core.show import shapes
 
 from ..core.bridge import Bridge
-from ..core.places import Place
 from ..core.state import State
-from ..core.views import Payload, audience
+from ..core.views import Payload, Place, audience
 from . import (
     LAWS,
     friction,

@@ -7,9 +7,8 @@ import pgraph_models
 from pgraph_core.show.picture import picture
 
 from ..core.bridge import Bridge
-from ..core.places import Place
 from ..core.state import State
-from ..core.views import Payload, audience, count
+from ..core.views import Payload, Place, audience, count
 
 
 class ToolbarView:

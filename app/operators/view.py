@@ -9,9 +9,8 @@ import viser
 import pgraph_core as pg
 
 from ..core.bridge import Bridge
-from ..core.places import Place
 from ..core.state import Client, Inspected, State
-from ..core.views import Payload, count, plural
+from ..core.views import Payload, Place, count, plural
 from . import matrices
 
 PACE = 0.2  # [s] between pictures while a run plays

@@ -7,9 +7,8 @@ from dataclasses import replace
 import viser
 
 from ..core.bridge import Bridge
-from ..core.places import Place
 from ..core.state import SPEEDS, State
-from ..core.views import Payload, audience
+from ..core.views import Payload, Place, audience
 
 
 class PlaybackView:

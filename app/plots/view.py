@@ -9,9 +9,8 @@ import numpy as np
 import viser
 
 from ..core.bridge import Bridge
-from ..core.places import Place
 from ..core.state import Client, Run, State
-from ..core.views import Payload
+from ..core.views import Payload, Place
 from . import KINDS, Curve, Signal, curves, of_body, of_scene, thinned, title, unit
 
 LIVE_EVERY = 0.3  # [s] between two pictures of a live run

@@ -13,9 +13,8 @@ from pgraph_core.show.bodies import at_rest
 
 from ..core.bridge import Bridge
 from ..core.events import Event
-from ..core.places import Place
 from ..core.state import Client, State
-from ..core.views import Payload, css
+from ..core.views import Payload, Place, css
 from .solving import coordinates
 from .update import Gripped
 

@@ -12,9 +12,8 @@ from pgraph_core.model.fields import About
 
 from ..core.bridge import Bridge
 from ..core.cells import Display
-from ..core.places import Place
 from ..core.state import Client, State
-from ..core.views import Payload, audience, css
+from ..core.views import Payload, Place, audience, css
 from ..world.form import world
 from .body_cells import MOTIONS, NO_SHAPE, SHAPES, held, moments, quantity_of
 from .forms import WXYZ, XYZ, button, cell, choice, field, group, merged, shown

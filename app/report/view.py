@@ -10,9 +10,8 @@ import viser
 from pgraph_core.study.axes import AXES
 
 from ..core.bridge import Bridge
-from ..core.places import Place
 from ..core.state import Report, State
-from ..core.views import Payload, audience
+from ..core.views import Payload, Place, audience
 
 PARTS = ("analysis", "report", "reporting", "analysis_problem", "derived")
 

@@ -18,9 +18,8 @@ from pgraph_core.model.scenario import METHOD_NAMES
 from pgraph_core.show.animation import Extra
 
 from ..core.bridge import Bridge
-from ..core.places import Place
 from ..core.state import SHOWN_AT_FIRST, Exporting, Playback, Run, State
-from ..core.views import Payload, audience
+from ..core.views import Payload, Place, audience
 from ..gait.footfalls import prints
 from ..gait.view import MOST, FootprintsView
 from ..model.archive import zipped

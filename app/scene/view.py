@@ -15,9 +15,8 @@ from pgraph_core.show.ground import grid, steps
 
 from ..core.bridge import Bridge
 from ..core.events import Event
-from ..core.places import Place
 from ..core.state import Client, Run, State, poses
-from ..core.views import Payload, audience
+from ..core.views import Payload, Place, audience
 from ..pose.update import Pull
 from ..pose.view import Gizmos
 from ..scene.update import Unreadable

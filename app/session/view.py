@@ -5,9 +5,8 @@ from __future__ import annotations
 import pgraph_core as pg
 
 from ..core.bridge import Bridge
-from ..core.places import Place
 from ..core.state import Client, Notice, State
-from ..core.views import Payload, audience
+from ..core.views import Payload, Place, audience
 from ..model.archive import packed
 from .palette import PaletteView
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import viser
 
 from ..core.bridge import Bridge
-from ..core.places import Place
 from ..core.state import State
-from ..core.views import Payload, audience, count, css
+from ..core.views import Payload, Place, audience, count, css
 
 
 class TableView:

@@ -9,9 +9,9 @@ import numpy as np
 
 from ..engine import layout as at
 from ..engine.tree import bodies as kernels
-from ..equality import same
 from ..model import Body
 from ..packing.system import Array, System
+from ..portable import same
 
 
 class BodyMotion(NamedTuple):

@@ -1,7 +1,12 @@
-"""What a walking controller needs to know of a model: legs, spine, mass. Refused in sentences."""
+"""What a walking controller needs to know of a model: legs, spine, mass, and how it stands.
+
+Vectors in a leg's plane are complex numbers x + i y, and a turn by an angle is exp(i angle).
+"""
 
 from __future__ import annotations
 
+import cmath
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +17,7 @@ from ..errors import InputError, Problem, choices
 from ..mechanism import Mechanism
 from ..model import Contact, Footfall, Gait, Model
 from ..packing.system import Array, Ints
+from .ground import height_under
 
 Z, X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
 FLAT = 1e-9  # m: what counts as no distance to the side
@@ -154,3 +160,43 @@ def whole(mech: Mechanism, q: Array) -> tuple[float, Array, Array]:
     arm = np.array([block[5, 1], block[3, 2], block[4, 0]]) / -mass
     about = block[:3, :3] - mass * ((arm @ arm) * np.eye(3) - np.outer(arm, arm))
     return mass, mech.poses(q)[0][0] + arm, np.diag(about).copy()
+
+
+# -- standing --------------------------------------------------------------------------------------
+
+ROUNDS = 6  # bent legs move the centre of mass: a sixth of the way a round
+
+
+def standing(mech: Mechanism, gait: Gait, a: Anatomy) -> tuple[Array, Array]:
+    """(q, v) at rest, every foot under its hip on the ground of the model."""
+    q, v = np.zeros(mech.nq), np.zeros(mech.nv)
+    q[3] = 1.0
+    wanted = height_under(mech.model, a.centre[0], a.centre[2]) + gait.height
+    high = a.centre[1]
+    for _ in range(ROUNDS):
+        q[1] += wanted - high
+        _bend(mech, gait, a, q)
+        high = whole(mech, q)[1][1]
+    return q, v
+
+
+def _bend(mech: Mechanism, gait: Gait, a: Anatomy, q: Array) -> None:
+    """The legs' joints into q, so that the feet are on the ground."""
+    for hip, f in zip(a.hips, a.legs):
+        spreads = f["v_spread"] >= 0
+        x, z = f["ahead"], f["side"] * gait.width * spreads
+        y = height_under(mech.model, hip[0] + x, hip[2] + z) - hip[1] - q[1]
+        bend, knee = leg(f, complex(x, -math.hypot(y, z)))
+        q[f["q_flex"] : f["q_flex"] + 3] = bend, knee, -knee
+        if spreads:
+            q[f["q_spread"]] = math.atan2(-z, -y)
+
+
+def leg(f: Any, foot: complex) -> tuple[float, float]:
+    """(hip's angle, knee's) that bring a foot to its place from the hip, as `engine.gait.legs`."""
+    a, b = complex(*f["long"]), complex(*f["shank"])
+    cosine = (abs(foot) ** 2 - abs(a) ** 2 - abs(b) ** 2) / (2 * abs(a) * abs(b))
+    side = cmath.phase(b / a)
+    bend = math.copysign(math.acos(min(max(cosine, -1.0), 1.0)), side)
+    knee = bend - side
+    return cmath.phase(foot / (a + b * cmath.exp(1j * knee))), knee

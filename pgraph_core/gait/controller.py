@@ -21,8 +21,7 @@ from ..model import Gait, Model
 from ..packing.packed import Packed
 from ..packing.system import Array
 from ..portable import Portable
-from .anatomy import Anatomy, anatomy
-from .pose import standing
+from .anatomy import Anatomy, anatomy, standing
 
 SAMPLES = 400  # of a stride, to plan its waves
 G = 9.81

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -82,14 +82,6 @@ def _outside(file: str, folder: Path) -> str:
         f"the mesh file {shown(file, 200)} lies outside of the model's folder {folder}; copy it "
         f"into that folder, or allow its own: roots=[...] or the environment variable {ALLOWED}"
     )
-
-
-def mesh_files(bodies: Iterable[Body]) -> Iterator[tuple[str, str]]:
-    """(name of the body, path) of each mesh."""
-    for body in bodies:
-        for shape in body.shapes:
-            if shape.file:
-                yield body.name, shape.file
 
 
 # -- saving ----------------------------------------------------------------------------------------

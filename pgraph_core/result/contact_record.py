@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..equality import EqualByFields
 from ..packing.system import Array
+from ..portable import EqualByFields
 
 SWING, ACCEPTANCE, SLIP, STANCE = "swing", "weight acceptance", "slip", "stance"
 PHASES = (SWING, ACCEPTANCE, SLIP, STANCE)  # by number, as kernels know them

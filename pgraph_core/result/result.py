@@ -18,7 +18,6 @@ import numpy as np
 
 from ..dynamics.bodies import BodyMotion, bodies_over, turned
 from ..dynamics.scene import load_wrenches
-from ..equality import EqualByFields
 from ..errors import FileError, InputError, Problem, choices
 from ..model import Force, Model
 from ..model.assets import gathered
@@ -26,7 +25,7 @@ from ..model.constraint import InJoints
 from ..model.files import write_atomic
 from ..packing.system import Array
 from ..plan import Plan
-from ..portable import Portable
+from ..portable import EqualByFields, Portable
 from .contact_record import KINDS, ContactRecord, Event
 from .dense import states_at
 from .user_event import UserEvent, event_arrays, events_of_arrays

@@ -7,7 +7,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app.constraints.kinds import KINDS
+from pgraph_app.constraints import KINDS
 from pgraph_app.constraints.mobility import report, wanted
 from pgraph_app.constraints.parts import knots, table_of
 from pgraph_app.constraints.update import (
