@@ -185,6 +185,12 @@ class Columns(Portable):
         return sum(isinstance(f, Between) for f in self._model.forces) if self._model else 0
 
     @cached_property
+    def _derived(self) -> frozenset[int]:
+        """Rows of bodies with numbers that follow from their shapes."""
+        bodies = self._model.bodies if self._model else ()
+        return frozenset(row for row, body in enumerate(bodies, start=1) if body.derived)
+
+    @cached_property
     def _names(self) -> tuple[str, ...]:
         if self._given is not None:
             return self._given
@@ -230,8 +236,8 @@ class Columns(Portable):
         when the new table is numbered.
         """
         rows, (parent, body, motion, start) = self._root._row, self.numbers
-        row, model = rows.get(name), self._root._model
-        if not row or (model is not None and model.bodies[row - 1].derived):
+        row = rows.get(name)
+        if not row or row in self._root._derived:
             return None
         for field, value in changes.items():
             if field == "parent":

@@ -43,21 +43,25 @@ class Dynamics(Portable):
 
     def __init__(self, model: Model | Columns, /):
         """Number and pack a valid model, or a table in columns. Raises InputError for others."""
-        if not isinstance(model, (Model, Columns)):
-            raise wrong_type(type(self).__name__, "model", "a pg.Model", model)
-        packed = Packed(model if isinstance(model, Columns) else Columns.of(model))
-        self._take(packed)
+        if not isinstance(model, Columns):  # first: pydantic's answer for its classes takes longer
+            if not isinstance(model, Model):
+                raise wrong_type(type(self).__name__, "model", "a pg.Model", model)
+            model = Columns.of(model)
+        self._take(Packed(model))
         ready(FORWARD)
 
     def _take(self, packed: Packed, like: Dynamics | None = None) -> None:
         """Keep the arrays; on the workspace of a mechanism of the same size, where one is given."""
         self.packed = packed  # the arrays of the kernels
         self._rows, self._const, self._springs = packed.rows, packed.const, packed.springs
-        self.nb, self.nq, self.nv = packed.nb, packed.nq, packed.nv
-        self._nq, self._nv = (packed.nq,), (packed.nv,)
         if like is not None:
+            self.nb, self.nq, self.nv, self._nq, self._nv = (
+                like.nb, like.nq, like.nv, like._nq, like._nv,
+            )  # fmt: skip
             self._rest, self._work, self._lock = like._rest, like._work, like._lock
             return
+        self.nb, self.nq, self.nv = packed.nb, packed.nq, packed.nv
+        self._nq, self._nv = (packed.nq,), (packed.nv,)
         self._rest = np.zeros(packed.nv)  # v = 0
         self._work = np.zeros((len(packed.rows), at.WORK))  # of kernels, empty between calls
         self._lock = threading.Lock()  # of `_work` and of the scene's workspace
@@ -99,7 +103,7 @@ class Dynamics(Portable):
         if columns is None:
             return type(self)(self.model.edit(name, **changes))
         new = NEW(type(self))
-        new._take(Packed(columns), self)
+        new._take(Packed(columns, self.packed), self)
         return new
 
     # -- the digraph -----------------------------------------------------------------------------

@@ -99,16 +99,18 @@ def about(info: FieldInfo, name: str) -> About:
     return About(label, str(extra.get("unit", "")), str(extra.get("help", "")))
 
 
+PLAIN = frozenset((float, int, str))  # most of what a description holds
+
+
 def listed(value: Any) -> Any:
     """Lists and NumPy arrays as tuples, NumPy scalars as numbers; other values unchanged."""
-    kind = type(value)
-    if kind is float or kind is int or kind is str:  # most of what a description holds
+    if type(value) in PLAIN:
         return value
     if hasattr(value, "tolist"):
         value = value.tolist()
     if not isinstance(value, (list, tuple)):
         return value
-    return tuple([x if type(x) is float else listed(x) for x in value])
+    return tuple([x if type(x) in PLAIN else listed(x) for x in value])
 
 
 def _per_motion(value: Any) -> Any:
@@ -479,10 +481,7 @@ class OfKinds(Described):
     @classmethod
     def own_kind(cls) -> str:
         """The kind that this class is; "" for a class of several."""
-        if "kind" not in cls.model_fields:
-            return ""
-        default = cls.model_fields["kind"].default
-        return default if isinstance(default, str) else ""
+        return _own_kind(cls)
 
     @classmethod
     def class_for(cls, data: Any) -> type[OfKinds]:
@@ -508,14 +507,17 @@ class OfKinds(Described):
     @classmethod
     def _own_fields(cls, data: Any) -> Any:
         """Without null, and without fields of other kinds that say nothing."""
-        if not isinstance(data, dict) or not cls.own_kind():
+        own = cls.own_kind()
+        if not isinstance(data, dict) or not own:
             return data
         data = {key: value for key, value in data.items() if value is not None or key == "name"}
-        kind, known = data.get("kind", cls.own_kind()), cls.fields_of_kinds()
-        if kind != cls.own_kind():
+        if (kind := data.get("kind", own)) != own:
             refuse([("kind", cls._other_kind(kind))])
-        foreign = [key for key in data if key not in cls.model_fields and key in known]
-        refuse([(k, cls._foreign(k, data[k])) for k in foreign if not cls._empty(k, data[k])])
+        foreign = data.keys() & (cls.fields_of_kinds() - _fields_of((cls,)))
+        if not foreign:
+            return data
+        meant = [key for key in data if key in foreign and not cls._empty(key, data[key])]
+        refuse([(key, cls._foreign(key, data[key])) for key in meant])
         return {key: value for key, value in data.items() if key not in foreign}
 
     @classmethod
@@ -545,6 +547,12 @@ class OfKinds(Described):
     @classmethod
     def followers(cls) -> Mapping[str, tuple[str, ...]]:
         return {"kind": tuple(cls.fields_of_kinds() - {"name", "kind", "body", "active"})}
+
+
+@cache
+def _own_kind(kind: type[OfKinds]) -> str:
+    default = kind.model_fields["kind"].default if "kind" in kind.model_fields else None
+    return default if isinstance(default, str) else ""
 
 
 @cache

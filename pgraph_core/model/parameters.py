@@ -232,9 +232,27 @@ def _name(item: Any) -> str:
 
 def _inline(kind: PartKind, items: Any) -> Iterator[Formula]:
     for item in items if isinstance(items, (list, tuple)) else ():
-        if isinstance(item, Mapping):
+        if isinstance(item, Mapping) and holds_formula(item):
             for path, text in formulas_in(item):
                 yield Formula(part=kind, name=_name(item), path=path, text=text)
+
+
+def holds_formula(value: Any) -> bool:
+    """Whether a cell of a dictionary holds a formula; most hold none."""
+    kind = type(value)
+    if kind is float or kind is int:
+        return False
+    if kind is str:
+        return is_formula(value)
+    if isinstance(value, Mapping):
+        for key, x in value.items():
+            if key not in TEXT and holds_formula(x):
+                return True
+    elif isinstance(value, (list, tuple)):
+        for x in value:
+            if type(x) is not float and holds_formula(x):
+                return True
+    return False
 
 
 def formulas_in(value: Any, path: Path = ()) -> Iterator[tuple[Path, str]]:

@@ -39,12 +39,15 @@ class Packed:
     # forces last asked for, packed, and when their tables bend
     _driven: tuple[tuple[Force, ...], Drives, Array] | None = None
 
-    def __init__(self, columns: Columns):
-        """Raises ModelError where parents close a cycle."""
+    def __init__(self, columns: Columns, like: Packed | None = None):
+        """`like` has the same sizes. Raises ModelError where parents close a cycle."""
         self.columns = columns
         self._arrays, springs = pack_columns(columns)
         self.rows, self.const, bodies_i, _, home = self._arrays
         self.springs = springs + columns.springs_between  # how many act in joints or between bodies
+        if like is not None:
+            self.nb, self.nq, self.nv = like.nb, like.nq, like.nv
+            return
         self.nb, self.nq = len(bodies_i) - 1, columns.nq
         self.nv = len(home) - self.nq
 
