@@ -40,10 +40,13 @@ class UserTorque(Unportable):
         self._tau = self.exchange[2, :nv]
         if JIT and isinstance(function, Dispatcher):
             self._called: Any = _compiled(function, nq, nv)
+            self.interpreted = False
             self.address = int(self._called.address)
         else:
             self._called = _Address(self._call)
             self.address = address_of_function(self._called)
+
+    interpreted = True  # by Python, not compiled
 
     @property
     def memory(self) -> list[Array]:

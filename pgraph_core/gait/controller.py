@@ -129,6 +129,8 @@ class Controller(Portable):
 class GaitTorque(UserTorque):
     """A controller at work in one run; `settings` may be changed between its chunks."""
 
+    interpreted = False
+
     def __init__(self, controller: Controller):
         """Compiles the controller at the first call of the process."""
         mech = controller.mech

@@ -33,6 +33,7 @@ CAUSES = {
     (STANCE, SLIP): "friction did not hold it",
 }
 LIFTED = "the ground cannot pull"
+NAMES = np.array(PHASES)
 
 
 def contacts_of(
@@ -137,12 +138,15 @@ def phases_over(
     """
     phases, events = {}, []
     for k, pair in enumerate(touches):
-        own = _without_grazes(changes[changes["pair"] == k], graze)
-        if not len(own):
+        own = changes[changes["pair"] == k]
+        if len(own) < 2:
+            if len(own):
+                phases[pair.name] = np.full(len(t), NAMES[own["phase"][0]])
             continue
+        own = _without_grazes(own, graze)
         codes = own["phase"]
         now = np.searchsorted(own["time"][1:], t, side="right")
-        phases[pair.name] = np.array(PHASES)[codes[now]]
+        phases[pair.name] = NAMES[codes[now]]
         events += [
             _event(float(time), pair, before, after)
             for time, before, after in zip(own["time"][1:], codes, codes[1:])

@@ -80,19 +80,27 @@ class Steps:
         corners = NO_CORNERS if self.tolerance is None else self.tolerance.corners
         self._kept = Run(
             scene, links, Coefficients(*method.tableau), _method(method.name), self.times,
-            plan.substeps, plan.width, corners, self.stages, *matrices, self.control_table,
-            self.counters_table, np.zeros(3), watched, np.zeros_like(wanted), wanted,
-            np.append(np.zeros(len(wanted)), float(user)), self.frames,
+            plan.substeps.copy(), plan.width.copy(), corners, self.stages, *matrices,
+            self.control_table, self.counters_table, np.zeros(3), watched, np.zeros_like(wanted),
+            wanted, np.append(np.zeros(len(wanted)), float(user)), self.frames,
         )  # fmt: skip
         state.save_run(self._buffer, unnamed(self._kept))
 
     def extend(self, plan: Plan, frames: tuple[Array, ...]) -> None:
         """Go on from here by the given steps of another plan, recorded in `frames`."""
-        self.plan, self.times = plan, plan.times.copy()
-        self.control["frame"], self.control["last"] = 0, len(plan.times)
+        self.plan, n = plan, len(plan.times)
+        self.control["frame"], self.control["last"] = 0, n
         self.counters_table[:] = 0
         self.ledger[:] = 0.0
-        self._span(self.times, plan.substeps, plan.width, frames)
+        kept = self._kept
+        if n > len(kept.times) or frames is not kept.out:
+            times, substeps, width = plan.times.copy(), plan.substeps.copy(), plan.width.copy()
+            self._kept = kept._replace(times=times, substeps=substeps, width=width, out=frames)
+            self.times = times
+            state.save_run(self._buffer, unnamed(self._kept))
+        else:  # saving a run costs as much as a few steps
+            kept.times[:n], kept.substeps[: n - 1] = plan.times, plan.substeps
+            kept.width[: n - 1] = plan.width
 
     def open_ended(self, width: float) -> None:
         """Go on from here by steps of this width, without frames."""
@@ -100,12 +108,8 @@ class Steps:
         if control["widest"] != width:
             control["widest"], control["origin"], control["taken"] = width, control["time"], 0
         control["frame"], control["last"], control["left"], control["fresh"] = 1, 2, MANY, 0
-        times = np.array([control["time"], np.inf])
-        self._span(times, np.array([MANY]), np.array([width]), self._kept.out)
-
-    def _span(self, times: Array, substeps: Ints, width: Array, frames: Any) -> None:
-        self._kept = self._kept._replace(times=times, substeps=substeps, width=width, out=frames)
-        state.save_run(self._buffer, unnamed(self._kept))
+        kept = self._kept
+        kept.times[:2], kept.substeps[0], kept.width[0] = (control["time"], np.inf), MANY, width
 
     def advance(self, budget: int) -> int:
         """Make at most `budget` attempts at steps and frames; the kernel's status code."""

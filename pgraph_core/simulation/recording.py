@@ -65,7 +65,9 @@ class Recording:
             self.scene.given[:] = finite("tau", tau, mech.nv)
         self._ahead = deque(plan.changes)
         self.out = self._empty_frames(len(plan.times))
-        self.steps = Steps(mech, plan, q, v, tuple(self.out))
+        self._arrays = tuple(self.out)  # as kernels take them
+        self._reused = False  # whether other frames may come into these arrays
+        self.steps = Steps(mech, plan, q, v, self._arrays)
         self.q, self.v = self.steps.q, self.steps.v
         self.events = self._contact_events()
         if len(plan.ever) > len(plan.active):
@@ -145,7 +147,8 @@ class Recording:
 
     def advance_to_end(self, progress: Progress) -> None:
         """Record all frames from here."""
-        budget = 1 if progress is not None or self.user is not None else 64
+        slow = self.user is not None and self.user.interpreted
+        budget = 1 if progress is not None or slow else 64
         while True:
             began = time.perf_counter()
             code = self._advance(budget)
@@ -305,8 +308,11 @@ class Recording:
         """Record further frames, from the state on, by these fixed steps; frame 0 is the state."""
         header = {**self.plan.header, "t_start": float(times[0]), "t_end": float(times[-1])}
         self.plan = replace(self.plan, times=times, substeps=substeps, width=width, header=header)
-        self.out = self._empty_frames(len(times))
-        self.steps.extend(self.plan, tuple(self.out))
+        if len(times) > len(self.out.q):
+            self.out = self._empty_frames(len(times))
+            self._arrays = tuple(self.out)
+        self._reused = True
+        self.steps.extend(self.plan, self._arrays)
         self.ended.log, self._first, self._unlogged = [], None, 0
         if (touching := self.scene.touching) is not None:
             self._changes = [touching.begin_log(float(times[0]))]
@@ -316,7 +322,7 @@ class Recording:
         steps = self.steps
         motion.record(
             self.scene.address, address_of(motion.acceleration), float(steps.control["time"]),
-            self.q, self.v, np.zeros(3), steps.ledger, 0, tuple(self.out),
+            self.q, self.v, np.zeros(3), steps.ledger, 0, self._arrays,
         )  # fmt: skip
         self._raise_user_error()
 
@@ -381,9 +387,13 @@ class Recording:
         self._note_singular()
         rows, steps = self._rows(), self.steps
         q, v, vdot, wrenches, energy, drift, pushes, touches = (
-            a[rows] if len(a) else a for a in self.out
+            a[rows] if len(a) else a for a in self._arrays
         )
         t = steps.times[rows]
+        if self._reused:
+            q, v, vdot, energy, drift, pushes, touches, t = (
+                a.copy() for a in (q, v, vdot, energy, drift, pushes, touches, t)
+            )
         forces = self.scene.forces(wrenches.swapaxes(0, 1).copy(), self.plan.ever)
         counters = by_name(steps.counters)
         contacts = self._contacts((t, pushes, touches))

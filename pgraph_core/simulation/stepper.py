@@ -109,7 +109,7 @@ class Stepper(Portable):
     @property
     def vdot(self) -> Array:
         """(nv,) acceleration at the state."""
-        return self._seen().out.vdot[0]
+        return self._seen().out.vdot[0].copy()
 
     @property
     def energy(self) -> tuple[float, float]:
@@ -131,7 +131,7 @@ class Stepper(Portable):
     def constraint_force(self) -> Mapping[str, Array]:
         """{constraint: (6,) [torque, force]} on `body` at `point` [N m, N], world axes."""
         record = self._seen()
-        return record.scene.forces(record.out.wrenches[0])
+        return record.scene.forces(record.out.wrenches[0].copy())
 
     @property
     def tau(self) -> Any:

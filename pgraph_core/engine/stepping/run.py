@@ -185,7 +185,7 @@ def give_up(run, t):
         control.time = t
     control.failed = t
     control.fastest = fastest_row(opened(data.scene).rows, stages[at.Y, nq : nq + nv])
-    if i > 0 and i < times.shape[0] and times[i - 1] < t:
+    if 0 < i < control.last and times[i - 1] < t:
         times[i] = t
         if frame(run, i):
             control.frame = i + 1

@@ -83,7 +83,7 @@ def next_interval(run, i):
     """Begin with the given steps after frame i; they are counted from where they last changed."""
     data = opened_run(run)
     control, substeps, width = data.control[0], data.substeps, data.width
-    if i < substeps.shape[0]:
+    if i + 1 < control.last:
         control.left = substeps[i]
         if width[i] != control.widest:
             control.widest = width[i]
