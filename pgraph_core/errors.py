@@ -24,7 +24,7 @@ class Problem:
 
 
 class PgraphError(Exception):
-    """Bad input. Its text is one sentence a problem; `problems` holds them one by one."""
+    """Bad input. Its text has one sentence per problem; `problems` holds them one by one."""
 
     def __init__(self, problems: Iterable[Problem] | Problem):
         self.problems = (problems,) if isinstance(problems, Problem) else tuple(problems)

@@ -74,7 +74,7 @@ class Batch(Portable):
         return self.rows(out)
 
     def inverse_dynamics(self, q: Any, v: Any, vdot: Any) -> Array:
-        """τ (m, nv) that gives v' (m, nv), eq. (24), beside springs and dampers of joints."""
+        """τ (m, nv) that gives v' (m, nv), eq. (24), in addition to joint springs and dampers."""
         mech, packed = self.mech, self.mech.packed
         state = (self.lanes("q", q, mech.nq), self.lanes("v", v, mech.nv))
         rates, loads = self.lanes("vdot", vdot, mech.nv), some(packed.passive_loads)

@@ -31,7 +31,7 @@ REACH = 0.98  # of the longest leg that a step may use
 
 
 class Controller(Portable):
-    """Torques (nv,) of a gait from (t, q, v): no memory, no look ahead, limits kept.
+    """Torques (nv,) of a gait from (t, q, v), within limits, without memory or look-ahead.
 
     It is given to `simulate` as `tau`, or made there of a scenario's gait. Its numbers for the
     mechanism are those of the model it is made for: to see what a wrong mass does, give a

@@ -17,7 +17,7 @@ from ..result.contact_record import SWING
 
 
 class Footprint(NamedTuple):
-    """One time on the ground."""
+    """One stance of a foot: where it stood, and when."""
 
     foot: str  # the contact
     start: float  # [s] of its first recorded frame on the ground
@@ -30,9 +30,9 @@ class Footprint(NamedTuple):
 
 
 def footprints(run: Result) -> tuple[Footprint, ...]:
-    """Every time on the ground of every contact that is one point, in the order of time.
+    """The footprints of all contacts that are single points, in order of time.
 
-    Raises InputError for what is no run.
+    Raises InputError if it is given no run.
     """
     if not isinstance(run, Result):
         raise wrong_type("footprints", "run", "a pg.Result, which pg.simulate returns", run)

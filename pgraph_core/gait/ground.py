@@ -35,10 +35,10 @@ def underfoot(
     slope: float | None = None,
     steps: Sequence[Step] | None = None,
 ) -> Model:
-    """The model on other ground: what is given changes, for all contacts with the ground.
+    """The model on different ground: the given properties change for all contacts with the ground.
 
-    A law comes with the stiffness and damping of a paw's sole, with which explicit methods take
-    steps of 0.25 ms (penalty) where Hunt and Crossley's needs an implicit one, "ros2".
+    A law comes with the stiffness and damping of a paw's sole: with "penalty" explicit methods can
+    take steps of 0.25 ms, while "soft" needs an implicit method, "ros2".
     """
     changes: dict[str, object] = {} if friction is None else {"friction": friction}
     if law is not None:

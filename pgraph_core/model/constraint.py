@@ -255,7 +255,7 @@ class Gear(InJoints):
 
 
 class Motion(InJoints):
-    """q of the joint of `body` is a function of time: it takes whatever force that needs."""
+    """The joint of `body` follows a function of time, with whatever force that takes."""
 
     ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "a joint follows a function of time, whatever it takes"
@@ -310,7 +310,7 @@ class Skate(ToOther):
 
 
 class Velocity(InJoints):
-    """A sum of joint velocities has a value: the sum of coefficients x v is `value`."""
+    """A weighted sum of joint velocities is constant: the sum of coefficients x v is `value`."""
 
     ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "a sum of joint velocities has a value (nonholonomic)"

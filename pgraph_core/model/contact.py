@@ -21,7 +21,7 @@ class Frictions(NamedTuple):
 
 
 class Contact(Described):
-    """`body` touches `other`; nothing pulls.
+    """`body` may touch `other`: contact forces only push.
 
     soft: Hunt and Crossley's k d^1.5 (1 + c d') at a depth d with regularised friction; penalty:
     k d + c d' with Coulomb friction that sticks by a spring; complementarity: no depth, impulses

@@ -57,8 +57,8 @@ class Gains(Frozen):
 
 
 class Gait(Described):
-    """How a quadruped walks. Waves are (a1, b1, a2, b2, ...): Σ a cos 2πk p + b sin 2πk p of the
-    part p of a stride that is done.
+    """How a quadruped walks. Waves are (a1, b1, a2, b2, ...): Σ a cos 2πk p + b sin 2πk p at the
+    fraction p of a stride.
     """
 
     name: str = Field(description="text that is not empty")

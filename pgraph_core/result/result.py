@@ -58,7 +58,7 @@ class Status(Enum):
 class Result(EqualByFields, Portable):
     """A run. Arrays have one row a recorded frame; a run that failed keeps what it computed.
 
-    Runs are equal where their models and all numbers are; what they cost does not count.
+    Two runs are equal if their models and all their numbers are; their costs are not compared.
     """
 
     mechanism: Mechanism = field(compare=False)  # its model is compared
@@ -189,22 +189,22 @@ class Result(EqualByFields, Portable):
 
     @property
     def contact_force(self) -> Mapping[str, Array]:
-        """{touch: (n, 6)} [torque, force] on its body about its origin, world axes."""
+        """{contact pair: (n, 6)} [torque, force] on its body about its origin, world axes."""
         return self.contacts.force
 
     @property
     def contact_gap(self) -> Mapping[str, Array]:
-        """{touch: (n,)} smallest gap [m]."""
+        """{contact pair: (n,)} smallest gap [m]."""
         return self.contacts.gap
 
     @property
     def contact_slip(self) -> Mapping[str, Array]:
-        """{touch: (n,)} fastest slip [m/s]."""
+        """{contact pair: (n,)} fastest slip [m/s]."""
         return self.contacts.slip
 
     @property
     def contact_normal(self) -> Mapping[str, Array]:
-        """{touch: (n,)} part of the force off the ground [N], in event-driven runs."""
+        """{contact pair: (n,)} normal force [N], in event-driven runs."""
         return self.contacts.normal
 
     @property
@@ -449,14 +449,14 @@ LEDGER = ("work", "dissipation")  # start from zero in each run
 
 
 def joined(runs: Sequence[Result], /) -> Result:
-    """Runs that begin where the one before ended, as one run on the mechanism of the last.
+    """One run from several that each begin where the one before ended, on the last one's mechanism.
 
     The frame at which two runs meet is kept once, as the later one has it: a body that was changed
     in between, or an impact, shows there. Work and dissipation go on adding up; counters and
     times add up; the error estimate is the sum of theirs, which holds where the motion does not
     amplify errors.
 
-    Raises InputError where there is no run, or where two do not meet in time or in their sizes.
+    Raises InputError if there is no run, or if two do not meet in time or differ in size.
     """
     if not runs:
         raise InputError(Problem("joined", "runs", "needs one run at least; given none"))

@@ -48,8 +48,8 @@ def simulate_batch(
     """Run m instances from q (m, nq), v (m, nv) under constant tau (m, nv).
 
     Springs, dampers and all forces of the model act. Constraints, contacts and joint limits do
-    not, and `constraints="ignore"` must say so where the model has some. Other arguments as of
-    `simulate` and `Batch`. Raises InputError for arguments that do not fit.
+    not, and `constraints="ignore"` must say so where the model has some. Other arguments are those
+    of `simulate` and `Batch`. Raises InputError for arguments that do not fit.
     """
     mech = mechanism_of(mech, "simulate_batch")
     size = None if models else len(q)

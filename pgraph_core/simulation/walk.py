@@ -135,7 +135,10 @@ class Walk(Portable):
         )
 
     def change(self, **fields: Any) -> None:
-        """Other fields of the gait from now on. Raises ModelError, InputError; then all stays."""
+        """Other fields of the gait from now on.
+
+        Raises ModelError or InputError; then nothing changes.
+        """
         self.controller = self.controller.changed(self.t, **fields)
         self._built = False
 
@@ -155,7 +158,7 @@ class Walk(Portable):
         self._built = False
 
     def follow(self, model: Model) -> None:
-        """Go on with another model of the same joints; the controller knows nothing of it."""
+        """Continue with another model with the same joints; the controller is not told."""
         mech = Mechanism(model)
         self.q, self.v, _ = mech.state_from(self.mech, self.q, self.v)
         self.mech, self._built = mech, False

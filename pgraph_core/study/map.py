@@ -30,7 +30,7 @@ HEADER = ("value", "method", "step [s]", "verdict", "error", "order", "evaluatio
 
 @dataclass(frozen=True)
 class StabilityMap(Portable):
-    """A verdict on each value of the axis, method and step; `print` shows it as a text."""
+    """A verdict on each value of the axis, method and step; `print` shows it as text."""
 
     model: str  # name
     axis: str
@@ -76,7 +76,7 @@ class StabilityMap(Portable):
         return lines if self.complete else [*lines, "cancelled: only the finished cells are here"]
 
     def findings(self) -> list[str]:
-        """For each method and verdict but OK the first cell, in words, and their number."""
+        """For each method and verdict other than OK: the first cell in words, and their number."""
         groups: dict[tuple[str, Verdict], list[Cell]] = {}
         for cell in self.cells:
             if cell.status is not Verdict.OK:

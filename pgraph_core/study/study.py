@@ -225,7 +225,7 @@ class Study(Portable):
         return {name: seconds for name, seconds in found.items() if np.isfinite(seconds)}
 
     def against_peers(self) -> list[dict[str, Any]]:
-        """A row an error and peer: our seconds, theirs, and the ratio theirs / ours."""
+        """One row per error and peer: our seconds, theirs, and the ratio theirs / ours."""
         peers = {row.method for row in self.rows if row.peer}
         found = []
         for level in LEVELS:

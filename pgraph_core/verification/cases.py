@@ -103,7 +103,7 @@ class Verdict:
 
 
 def verify(case: Case, *, progress: Callable[[float], Any] | None = None) -> Verdict:
-    """Run a case and compare it with its reference. Raises InputError for what is no case."""
+    """Run a case and compare it with its reference. Raises InputError if it is given no case."""
     if not isinstance(case, Case):
         raise wrong_type("verify", "case", "a pg.Case, one of those of pg.load_cases(path)", case)
     motion = case.motion(progress=progress, estimate=False)  # the error itself is measured
