@@ -8,7 +8,7 @@ import numpy as np
 
 from ..engine import arrays, motion
 from ..engine import layout as at
-from ..engine.arrays import FACTORED, LEAST, VECTORS, Contacts, Links, User, Workspace
+from ..engine.arrays import FACTORED, LEAST, VECTORS, Contacts, Islands, Links, User, Workspace
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
 from ..engine.records import (
     BODY_WRENCH,
@@ -171,6 +171,7 @@ class ContactSpace(Unportable):
             *packed.system[2:4],
             np.zeros(packed.nv),
             self.changes,
+            islands(packed.rows, packed.nv, first + limits + count),
         )
         self.shapes, self.found = contacts.geometry.shapes, self._kept.found
         kept = self._kept
@@ -196,10 +197,44 @@ class ContactSpace(Unportable):
         return now[phases >= 0]
 
 
+ENVELOPE = 150  # entries a freedom of the contact solver's matrix: wider islands are swept
+
+
+def islands(rows: Ints, nv: int, blocks: int) -> Islands:
+    """Scratch of the contact solver for as many blocks."""
+    n, room = len(rows), min(nv * (nv + 1) // 2, ENVELOPE * nv)
+    by_row = [np.zeros(n, dtype=np.int64) for _ in range(8)]
+    root, head, below, chief, number, edge, seen, queue = by_row
+    tree, freedoms, last = (np.zeros(nv, dtype=np.int64) for _ in range(3))
+    return Islands(
+        tree,
+        root,
+        head,
+        below,
+        chief,
+        number,
+        edge,
+        np.zeros((4 * blocks, 2), dtype=np.int64),
+        np.zeros(blocks, dtype=np.int64),
+        np.zeros(blocks + 2, dtype=np.int64),
+        seen,
+        queue,
+        np.zeros(1, dtype=np.int64),
+        freedoms,
+        np.full(nv, -1),
+        np.zeros(nv + 1, dtype=np.int64),
+        last,
+        np.zeros(room),
+        np.zeros(room),
+        np.zeros((blocks, 3)),
+        np.zeros((blocks, 9)),
+        np.zeros(blocks),
+    )
+
+
 MOST_DIPS = 8  # of pivots of constraints that are kept for a closer look
 MOST_MEETINGS = 64  # of things that may meet in a step, beside as many as there are contacts
 MOST_CHANGES = 4096  # of phases between two looks at them
-DENSE = 150  # rows of unilateral blocks, above which no Ω is held; as `impulse.DENSE`
 
 
 def contact_tables(packed: Packed, active: tuple[Contact, ...]) -> Tables | None:
@@ -247,7 +282,6 @@ def workspace(
     m = most = int(blocks.blocks_i[chosen, at.B_SIZE].sum())
     if contacts is not None:
         most = m + len(contacts.limits) + 3 * contacts.room
-        m = max(m, min(most, DENSE))
     m = -(-m // 3) * 3  # whole blocks of three
     width = path_width(rows, nv, blocks) if count else 0
     return Workspace(

@@ -65,10 +65,12 @@ TAU = 7  # joint forces
 PLACED, FACTORED = 8, 9  # q of the last factors; their μ, null directions, whether there are any
 LEAST = 10  # the smallest inverse pivots so far
 BEFORE = 11  # velocities of rows before an impulse
-DUAL, SPLIT, REPORT = 12, 13, 14  # of ADMM: dual, copy; sweeps, rounds and law missed
+FREE, TARGET = 12, 13  # speeds of joints without impulses, of rows without joints' speeds
+REPORT = 14  # how impulses were found: see `solve_impulses`
 DAMPING, STIFFNESS = 15, 16  # of drives in a step, as inertia; as torque
 ARMATURE, GIVEN = 17, 18  # as they are without that
-VECTORS = 19
+TRIAL, RESIDUAL, BEST = 19, 20, 21  # of Newton's method: speeds, what is left; best λ so far
+VECTORS = 22
 
 
 class Drives(NamedTuple):
@@ -203,6 +205,33 @@ class Search(NamedTuple):
     buckets: Any  # (a power of two,) first member of every bucket
 
 
+class Islands(NamedTuple):
+    """Scratch of the contact solver: islands, the order of one of them, its Newton matrix."""
+
+    tree: Any  # (nv,) the tree of every freedom, by its first row
+    root: Any  # (n + 1,) the tree of every row
+    head: Any  # (n + 1,) the last row of every tree, -1: none
+    below: Any  # (n + 1,) the row before in the same tree, -1: none
+    chief: Any  # (n + 1,) a tree of the same island; itself: it stands for the island
+    number: Any  # (n + 1,) the island of such a tree
+    edge: Any  # (n + 1,) the first edge of every tree, -1: none
+    edges: Any  # (ne, 2) the next edge of the same tree, -1: none; the tree at its other end
+    blocks: Any  # (nb,) active blocks, island after island
+    first: Any  # (nb + 2,) where the blocks of an island begin
+    seen: Any  # (n + 1,) marks of a search
+    queue: Any  # (n + 1,) trees in the order of a search
+    size: Any  # (1,) freedoms of the island at hand
+    freedoms: Any  # (nv,) in the order of elimination
+    place: Any  # (nv,) where a freedom stands in that order, -1: nowhere
+    start: Any  # (nv + 1,) where rows of the envelope begin
+    last: Any  # (nv,) their last columns
+    upper: Any  # the matrix, then its factor
+    lower: Any
+    pushed: Any  # (nb, 3) impulses of the last balance
+    slope: Any  # (nb, 9) how they change
+    weight: Any  # (nb,) ρ [kg]
+
+
 class Contacts(NamedTuple):
     """The contacts of a scene, with what they remember from step to step."""
 
@@ -223,6 +252,7 @@ class Contacts(NamedTuple):
     bodies_f: Any
     limit_tau: Any  # (nv,) torques of joint limits in the last step
     changes: Any  # of PHASE_CHANGE; whoever reads them sets `logged` to 0
+    islands: Any
 
 
 class EventLinks(NamedTuple):
@@ -343,10 +373,11 @@ GROUND = named(Ground, array_of(PLANE), array_of(PATCH))
 CANDIDATES = named(Candidates, *map(array_of, (GROUND_PAIR, SHAPE_PAIR, MEMBER, APART)))
 POSES, FOUND = array_of(POSE), array_of(CONTACT)
 SEARCH = named(Search, *map(array_of, (CANDIDATE, BOUNDS, CELL)), I1)
+ISLANDS = named(Islands, *[I1] * 7, I2, *[I1] * 9, F1, F1, F2, F2, F1)
 CONTACTS = named(
     Contacts, GEOMETRY, GROUND, CANDIDATES, POSES, SEARCH, FOUND,
     *map(array_of, (PAIR_LAW, KEPT, KEPT, MEETING, BODY_WRENCH, PAIR, CONTACT_TALLY)), I2, F2, F1,
-    array_of(PHASE_CHANGE),
+    array_of(PHASE_CHANGE), ISLANDS,
 )  # fmt: skip
 EVENT_CONTACTS = named(
     EventContacts,

@@ -2,79 +2,244 @@
 
 With u = Ω λ + b of the rows, b their velocities without impulses, a limit asks 0 ≤ λ ⊥ u ≥ 0,
 and a contact (normal first, then two tangents) u_n + e u_n⁻ ⊥ λ_n on Signorini's side and λ_t in
-Coulomb's disc of radius μ λ_n against the slip ([Moreau 1988], [Jean 1999]). Solved block by block
-in the joints (block Gauss-Seidel on Y), which needs no Ω; where that stalls, or loops are to be
-kept with it, by ADMM with one factor of Ω + ρI ([Carpentier et al. 2024]).
+Coulomb's disc of radius μ λ_n against the slip ([Moreau 1988], [Jean 1999]). Each island is solved
+alone (`islands`). Where every contact is the only one of its two bodies, sweeps from block to block
+come first (Gauss-Seidel on Y, which needs no Ω): heaps of balls and feet of walkers take a few.
+Where impulses are redundant, and where sweeps stall, Newton's method takes over (`newton`).
 """
 
 import math
 
 from .. import layout as at
-from ..arrays import BEFORE, CHANGE, DINV, DUAL, LAMBDA, REPORT, RHS, SPLIT, STEP, opened
+from ..arrays import BEFORE, BEST, DINV, FREE, LAMBDA, REPORT, RHS, STEP, TARGET, opened
 from ..compiler.jit import part, sweep
-from ..compiler.lane import load_triple, numbers, store_triple, triple
-from ..constraints.constraints import couplings
-from ..constraints.proximal import (
-    eliminate,
-    load_factor3,
-    solve_factor,
-    store_factor3,
-    whole_blocks,
-)
-from ..linear import factor3
+from ..compiler.lane import load_triple, store_triple, triple
+from ..constraints.blocks import first_of, joint_of, joints_of, size_of, type_of
 from ..vec import add_scaled, dot, load
+from .contacts import contacts_at
+from .islands import find_islands, forget_order, order_island, several_points
+from .newton import (
+    EXACT,
+    SETTLED,
+    copy_impulses,
+    gather,
+    missed,
+    newton,
+    respond,
+    rows_of,
+    solve_convex,
+    take,
+    velocity,
+    weigh,
+)
 
-TOLERANCE = 1e-10  # of the largest velocity among the rows
-CROWD = 1e-6  # where there is no fallback: a heap's forces wander more than that anyhow
-SWEEPS = 200  # of Gauss-Seidel where there is no fallback
-FEW_SWEEPS = 40  # where there is one
+TOLERANCE = 1e-10  # of the largest velocity among an island's rows
+CROWD = 1e-6  # of a heap, whose forces wander more than that
+SWEEPS = 200  # where sweeps are all there is
+FEW_SWEEPS = 40  # before Newton's method
+FEW = 50  # contacts: a larger island of single ones is a heap, and swept
+SWEPT = 1e3  # of a factor's work a block: where its steps cost more than sweeps
+WORK = 1e8  # of all factors of an island in one instant
 SOLID = 1e-10  # relative, squared: what moves less across a contact is taken as fixed
 INNER = 8  # rounds between normal and friction of one contact
-ROUNDS = 20000  # of ADMM; a stack of four at 1 : 10 each takes thousands in its first steps
-DENSE = 150  # rows, above which there is no Ω to fall back on
+GAIN = 1e-6  # relative to the energy of the impulses: a larger gain is no rounding
 
 
 @sweep
 def solve_impulses(scene, m, first):
     """λ of all active rows into LAMBDA, from b in RHS; λ given there is where it starts.
 
-    What they do to the joints goes into STEP; into REPORT sweeps and rounds taken, and the largest
-    velocity by which a law is missed, relative to the largest in b. Active blocks from the `first`
-    on are unilateral.
+    What they do to the joints goes into STEP; into REPORT sweeps and Newton's steps taken, the
+    largest velocity by which a law is missed relative to the largest of its island, the kinetic
+    energy that unilateral impulses add [J], islands that were hard, and islands whose bounce was
+    left out because it would have gained energy. Active blocks from the `first` on are unilateral.
     """
     data = opened(scene)
     blocks, space = data.blocks, data.space
-    active = blocks.active
-    y, slots, own, report = space.y, space.slots, space.own, space.vectors[REPORT]
+    islands = contacts_at(data.links.contacts).islands
+    active, vectors, report = blocks.active, space.vectors, space.vectors[REPORT]
+    for c in range(6):
+        report[c] = 0.0
     for j in range(1, active[0] + 1):
-        own_block(y, slots, space.vectors[DINV], active[j], own)
-    size = largest_velocity(space.vectors, m)
-    report[0] = 0.0
-    report[1] = 0.0
-    report[2] = 0.0
-    if size == 0.0:
-        for r in range(m):
-            space.vectors[LAMBDA, r] = 0.0
-        responses(scene)
-        return
-    few = m <= DENSE
-    whole = few and first > 1
-    if not whole:
-        sweeps, tolerance = (FEW_SWEEPS, TOLERANCE) if few else (SWEEPS, CROWD)
-        report[2] = gauss_seidel(scene, first, size, sweeps, tolerance)
-    if whole or (few and report[2] > TOLERANCE):
-        couplings(blocks, space)
-        report[2] = alternate(scene, m, first, size)
-        responses(scene)
+        i = active[j]
+        own_block(space.y, space.slots, vectors[DINV], i, space.own)
+        if joints_of(space.slots, i) == 0:
+            for c in range(size_of(blocks.blocks_i, i)):
+                vectors[LAMBDA, first_of(space.slots, i) + c] = 0.0
+    for k in range(islands.place.shape[0]):
+        vectors[STEP, k] = 0.0
+        vectors[FREE, k] = 0.0
+    aim(scene)
+    count = find_islands(scene)
+    for n in range(count):
+        solve_island(scene, n)
+        gain, size = gained(scene, n)
+        if gain > GAIN * size and bounces(scene, n):
+            report[5] += 1.0
+            for j in range(islands.first[n], islands.first[n + 1]):
+                blocks.blocks_f[islands.blocks[j], at.BOUNCE] = 0.0
+            aim(scene)
+            solve_island(scene, n)
+            gain, size = gained(scene, n)
+        report[3] += gain
+    for k in range(islands.place.shape[0]):
+        vectors[STEP, k] -= vectors[FREE, k]
 
 
 @sweep
-def largest_velocity(vectors, m):
-    """Largest magnitude in b, and in the velocities before."""
+def aim(scene):
+    """g of every active row into TARGET: its velocity without joint speeds, and what it bounces."""
+    data = opened(scene)
+    blocks, space = data.blocks, data.space
+    vectors = space.vectors
+    for j in range(1, blocks.active[0] + 1):
+        i = blocks.active[j]
+        r = first_of(space.slots, i)
+        for c in range(size_of(blocks.blocks_i, i)):
+            vectors[TARGET, r + c] = vectors[RHS, r + c]
+        kind = type_of(blocks.blocks_i, i)
+        if kind == at.T_CONTACT or kind == at.T_LIMIT:
+            vectors[TARGET, r] += blocks.blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)
+
+
+@sweep
+def solve_island(scene, n):
+    """λ of one island, and the speeds w with it in STEP."""
+    report = opened(scene).space.vectors[REPORT]
+    size, mobility = largest_velocity(scene, n)
+    if size == 0.0:
+        rest(scene, n)
+        return
+    islands = contacts_at(opened(scene).links.contacts).islands
+    count = islands.first[n + 1] - islands.first[n]
+    left = math.inf
+    single = not several_points(scene, n)
+    if single:
+        few = count <= FEW
+        tolerance = TOLERANCE if few else CROWD
+        left = gauss_seidel(scene, n, size, FEW_SWEEPS if few else SWEEPS, tolerance)
+        if left <= tolerance or not few:
+            report[2] = max(report[2], left)
+            return
+    work, room = order_island(scene, n)
+    if room and not (single and work > SWEPT * count):
+        steps = int(min(max(WORK / work, 10.0), 300.0))
+        left = solve_exact(scene, n, size, size / math.sqrt(mobility), steps)
+    else:
+        left = gauss_seidel(scene, n, size, SWEEPS, CROWD)
+    forget_order(islands)
+    report[2] = max(report[2], left)
+
+
+@sweep
+def rest(scene, n):
+    """No impulses: nothing moves."""
+    data = opened(scene)
+    islands = contacts_at(data.links.contacts).islands
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        for c in range(size_of(data.blocks.blocks_i, i)):
+            data.space.vectors[LAMBDA, first_of(data.space.slots, i) + c] = 0.0
+    respond(scene, n)
+
+
+@sweep
+def largest_velocity(scene, n):
+    """(largest velocity of island n's rows, without impulses or before; largest own mobility)."""
+    data = opened(scene)
+    islands = contacts_at(data.links.contacts).islands
+    vectors, own = data.space.vectors, data.space.own
     size = 0.0
-    for r in range(m):
-        size = max(size, abs(vectors[RHS, r]), abs(vectors[BEFORE, r]))
-    return size
+    mobility = 0.0
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        r = first_of(data.space.slots, i)
+        for c in range(size_of(data.blocks.blocks_i, i)):
+            size = max(size, abs(vectors[RHS, r + c]), abs(vectors[BEFORE, r + c]))
+            mobility = max(mobility, own[i, 4 * c])
+    return size, mobility
+
+
+# -- Newton's method on the laws themselves -------------------------------------------------------
+
+WARM_WEIGHT = 1e4  # ρ where the last impulses are close
+WARM_ROUNDS = 4  # more say that they are not
+START, LIGHTEST, HEAVIEST = 1e3, 10.0, 1e5  # ρ from the convex form on
+HEAVIER, LIGHTER = 3.0, 0.25  # after a round that came closer, and after one that did not
+POLISH = 20  # sweeps where Newton's method leads away
+
+
+@sweep
+def solve_exact(scene, n, size, unit, most):
+    """λ of the exact laws; what is missed over `size`.
+
+    From the last impulses, else from the convex form on; about `most` steps of Newton in all.
+    """
+    report = opened(scene).space.vectors[REPORT]
+    respond(scene, n)
+    best = missed(scene, n, EXACT) / size
+    copy_impulses(scene, n, LAMBDA, BEST)
+    weigh(scene, n, WARM_WEIGHT)
+    for _ in range(WARM_ROUNDS):
+        steps, balanced = newton(scene, n, EXACT, SETTLED * TOLERANCE * unit)
+        report[1] += steps
+        take(scene, n)
+        respond(scene, n)
+        left = missed(scene, n, EXACT) / size
+        if left < best:
+            best = left
+            copy_impulses(scene, n, LAMBDA, BEST)
+        if left <= TOLERANCE:
+            return left
+        if not balanced:
+            break
+    report[4] += 1.0
+    copy_impulses(scene, n, BEST, LAMBDA)
+    taken = solve_convex(scene, n, size, unit, most)
+    report[1] += taken
+    return from_convex(scene, n, size, unit, max(most - taken, most // 2))
+
+
+@sweep
+def from_convex(scene, n, size, unit, most):
+    """λ of the exact laws from that of the convex form; what is missed over `size`.
+
+    The weight ρ grows as long as that helps. Where Newton's method leads away, sweeps from the best
+    impulses so far find out what sticks and slides.
+    """
+    report = opened(scene).space.vectors[REPORT]
+    best = missed(scene, n, EXACT) / size
+    copy_impulses(scene, n, LAMBDA, BEST)
+    weight = START
+    spent = 0
+    while spent < most and best > TOLERANCE:
+        weigh(scene, n, weight)
+        steps, balanced = newton(scene, n, EXACT, max(SETTLED * TOLERANCE, 0.01 * best) * unit)
+        spent += steps
+        take(scene, n)
+        respond(scene, n)
+        left = missed(scene, n, EXACT) / size
+        if left < best:
+            best = left
+            copy_impulses(scene, n, LAMBDA, BEST)
+            if balanced:
+                weight = min(HEAVIER * weight, HEAVIEST)
+            continue
+        copy_impulses(scene, n, BEST, LAMBDA)
+        gauss_seidel(scene, n, size, POLISH, TOLERANCE)
+        respond(scene, n)
+        left = missed(scene, n, EXACT) / size
+        if left < best:
+            best = left
+            copy_impulses(scene, n, LAMBDA, BEST)
+        weight = max(LIGHTER * weight, LIGHTEST)
+    report[1] += spent
+    copy_impulses(scene, n, BEST, LAMBDA)
+    respond(scene, n)
+    return best
+
+
+# -- sweeps ---------------------------------------------------------------------------------------
 
 
 @part
@@ -82,8 +247,8 @@ def own_block(y, slots, dinv, i, own):
     """The block's part of Ω, nine numbers, from its rows of Y."""
     u = triple(0.0, 0.0, 0.0)
     v, w = u, u
-    for s in range(slots[i, at.SLOTS]):
-        z = dinv[slots[i, at.SLOT + s]] * load_triple(y, i, 3 * s)
+    for s in range(joints_of(slots, i)):
+        z = dinv[joint_of(slots, i, s)] * load_triple(y, i, 3 * s)
         u = u + y[i, 3 * s] * z
         v = v + y[i, 3 * s + 1] * z
         w = w + y[i, 3 * s + 2] * z
@@ -92,87 +257,46 @@ def own_block(y, slots, dinv, i, own):
     store_triple(own, i, 6, w)
 
 
-@part
-def gather(y, slots, i, z):
-    """Y z of a block: what joints' responses z give its rows."""
-    u = triple(0.0, 0.0, 0.0)
-    for s in range(slots[i, at.SLOTS]):
-        u = u + z[slots[i, at.SLOT + s]] * load_triple(y, i, 3 * s)
-    return numbers(u)
-
-
-@part
-def scatter(y, slots, dinv, i, change, z):
-    """z += diag(1/d) Yᵀ of a block's change in λ."""
-    for s in range(slots[i, at.SLOTS]):
-        k = slots[i, at.SLOT + s]
-        z[k] += dinv[k] * dot(load(y, i, 3 * s), change)
-
-
-@part
-def rows_of(x, r, size):
-    """Up to three entries of x from r on, zero where a block has fewer."""
-    return (x[r], x[r + 1] if size > 1 else 0.0, x[r + 2] if size > 2 else 0.0)
-
-
 @sweep
-def responses(scene):
-    """STEP = diag(1/d) Yᵀ λ of the active blocks."""
+def gauss_seidel(scene, n, size, sweeps, tolerance):
+    """Sweeps over an island until no velocity changes; the last change over `size`."""
     data = opened(scene)
-    blocks, space = data.blocks, data.space
-    blocks_i, active = blocks.blocks_i, blocks.active
-    y, slots, vectors = space.y, space.slots, space.vectors
-    z = vectors[STEP]
-    for k in range(z.shape[0]):
-        z[k] = 0.0
-    for j in range(1, active[0] + 1):
-        i = active[j]
-        lam = rows_of(vectors[LAMBDA], slots[i, at.FIRST], blocks_i[i, at.B_SIZE])
-        scatter(y, slots, vectors[DINV], i, lam, z)
-
-
-@sweep
-def gauss_seidel(scene, first, size, sweeps, tolerance):
-    """Sweeps over the blocks until no velocity changes; the last change over `size`."""
-    data = opened(scene)
-    blocks, space = data.blocks, data.space
-    blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active
+    blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
+    islands = contacts_at(data.links.contacts).islands
     y, slots, vectors, own = space.y, space.slots, space.vectors, space.own
-    rhs = vectors[RHS]
-    lam = vectors[LAMBDA]
-    dinv = vectors[DINV]
-    z = vectors[STEP]
-    responses(scene)
+    lam, dinv, w = vectors[LAMBDA], vectors[DINV], vectors[STEP]
+    respond(scene, n)
     change = 0.0
-    for taken in range(1, sweeps + 1):
+    for _ in range(sweeps):
         change = 0.0
-        for j in range(1, active[0] + 1):
-            i = active[j]
-            r = slots[i, at.FIRST]
-            n = blocks_i[i, at.B_SIZE]
-            u = add_scaled(gather(y, slots, i, z), 1.0, rows_of(rhs, r, n))
-            old = rows_of(lam, r, n)
-            new = answer(blocks_i, blocks_f, i, own, u, old, vectors[BEFORE, r], j < first)
+        for j in range(islands.first[n], islands.first[n + 1]):
+            i = islands.blocks[j]
+            r = first_of(slots, i)
+            rows = size_of(blocks_i, i)
+            old = rows_of(lam, r, rows)
+            u = velocity(data, i, w)
+            new = answer(type_of(blocks_i, i), rows, blocks_f[i, at.FRICTION], i, own, u, old)
             step = add_scaled(new, -1.0, old)
-            scatter(y, slots, dinv, i, step, z)
-            for c in range(n):
+            for s in range(joints_of(slots, i)):
+                k = joint_of(slots, i, s)
+                w[k] += dinv[k] * dot(load(y, i, 3 * s), step)
+            for c in range(rows):
                 lam[r + c] = new[c]
                 change = max(change, abs(step[c]) * own[i, 4 * c])
-        vectors[REPORT, 0] = taken
+        vectors[REPORT, 0] += 1.0
         if not change > tolerance * size:
             break
     return change / size
 
 
 @part
-def answer(blocks_i, blocks_f, i, own, u, old, before, bilateral):
+def answer(kind, rows, mu, i, own, u, old):
     """λ of one block that fits its law while the others stay; u is the velocity with `old`."""
-    if bilateral:
+    if kind != at.T_CONTACT and kind != at.T_LIMIT:
         return held(own, i, u, old)
-    back = blocks_f[i, at.BOUNCE] * min(before, 0.0)
-    if blocks_i[i, at.B_SIZE] == 1:
-        return (pushed(own[i, 0], u[0] + back, old[0]), 0.0, 0.0)
-    return contact(own, i, u, old, back, blocks_f[i, at.FRICTION])
+    if rows == 1:
+        return (pushed(own[i, 0], u[0], old[0]), 0.0, 0.0)
+    return contact(own, i, u, old, mu)
 
 
 @part
@@ -191,11 +315,11 @@ def held(own, i, u, old):
 
 
 @part
-def contact(own, i, u, old, back, mu):
+def contact(own, i, u, old, mu):
     """λ of one contact: what holds it, or normal and friction in turn, each exactly."""
     n = old[0]
     t = (old[1], old[2])
-    free_n = u[0] + back - own[i, 0] * n - own[i, 1] * t[0] - own[i, 2] * t[1]
+    free_n = u[0] - own[i, 0] * n - own[i, 1] * t[0] - own[i, 2] * t[1]
     free_x = u[1] - own[i, 3] * n - own[i, 4] * t[0] - own[i, 5] * t[1]
     free_y = u[2] - own[i, 6] * n - own[i, 7] * t[0] - own[i, 8] * t[1]
     if not own[i, 0] > 0.0:
@@ -305,137 +429,44 @@ def in_disc(a, b, c, x, y, radius):
     return (tx * fit, ty * fit)
 
 
-@sweep
-def alternate(scene, m, first, size):
-    """ADMM on Ω, all rows at once; what is left of the laws over `size`."""
-    space = opened(scene).space
-    omega, vectors = space.omega, space.vectors
-    x = vectors[LAMBDA]
-    y = vectors[DUAL]
-    z = vectors[SPLIT]
-    trace = 0.0
-    for r in range(m):
-        trace += omega[r, r]
-        z[r] = x[r]
-        y[r] = vectors[RHS, r]
-        for c in range(m):
-            y[r] += omega[r, c] * x[c]
-    rho = 0.1 * trace / m
-    eta = 1e-9 * trace / m
-    shifted_factor(omega, space.factor, rho + eta, m)
-    left = math.inf
-    look = 8
-    for taken in range(1, ROUNDS + 1):
-        target(scene, first, m)
-        for r in range(m):
-            vectors[CHANGE, r] = eta * x[r] + rho * z[r] + y[r] - vectors[CHANGE, r]
-        for r in range(m, whole_blocks(m)):
-            vectors[CHANGE, r] = 0.0
-        solve_factor(space.factor, vectors[CHANGE], m)
-        for r in range(m):
-            x[r] = vectors[CHANGE, r]
-            vectors[STEP, r] = z[r]
-            z[r] = x[r] - y[r] / rho
-        onto_cones(scene, first)
-        primal = 0.0
-        dual = 0.0
-        for r in range(m):
-            y[r] -= rho * (x[r] - z[r])
-            primal = max(primal, abs(x[r] - z[r]) * omega[r, r])
-            dual = max(dual, rho * abs(z[r] - vectors[STEP, r]))
-        left = max(primal, dual) / size
-        vectors[REPORT, 1] = taken
-        if left <= TOLERANCE:
-            break
-        if taken == look:  # ever more seldom, or ρ may swing for ever
-            look = taken + taken // 2
-            factor = math.sqrt((primal + 1e-300) / (dual + 1e-300))
-            if factor > 5.0 or factor < 0.2:
-                rho *= min(max(factor, 0.05), 20.0)
-                shifted_factor(omega, space.factor, rho + eta, m)
-    for r in range(m):
-        x[r] = z[r]
-    return left
+# -- energy ---------------------------------------------------------------------------------------
 
 
 @sweep
-def target(scene, first, m):
-    """b with the bounce of normals, and with μ |u_t| that makes Coulomb's cone its own dual's."""
+def gained(scene, n):
+    """(energy that island n's unilateral impulses add [J], the sum of what they turn over)."""
     data = opened(scene)
-    blocks, space = data.blocks, data.space
-    blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active
+    blocks_i, space = data.blocks.blocks_i, data.space
+    islands = contacts_at(data.links.contacts).islands
     slots, vectors = space.slots, space.vectors
-    out = vectors[CHANGE]
-    for r in range(m):
-        out[r] = vectors[RHS, r]
-    for j in range(first, active[0] + 1):
-        i = active[j]
-        r = slots[i, at.FIRST]
-        out[r] += blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)
-        if blocks_i[i, at.B_SIZE] == 3:
-            slip = math.sqrt(vectors[DUAL, r + 1] ** 2 + vectors[DUAL, r + 2] ** 2)
-            out[r] += blocks_f[i, at.FRICTION] * slip
-
-
-@sweep
-def onto_cones(scene, first):
-    """Nearest SPLIT that every unilateral law admits."""
-    data = opened(scene)
-    blocks, space = data.blocks, data.space
-    blocks_i, blocks_f, active = blocks.blocks_i, blocks.blocks_f, blocks.active
-    slots, z = space.slots, space.vectors[SPLIT]
-    for j in range(first, active[0] + 1):
-        i = active[j]
-        r = slots[i, at.FIRST]
-        if blocks_i[i, at.B_SIZE] == 1:
-            z[r] = max(z[r], 0.0)
-            continue
-        mu = blocks_f[i, at.FRICTION]
-        n = z[r]
-        t = math.sqrt(z[r + 1] ** 2 + z[r + 2] ** 2)
-        if t <= mu * n:
-            continue
-        n = max((n + mu * t) / (1.0 + mu * mu), 0.0)
-        shrink = mu * n / t if t > 0.0 else 0.0
-        z[r] = n
-        z[r + 1] *= shrink
-        z[r + 2] *= shrink
-
-
-@sweep
-def shifted_factor(omega, factor, shift, m):
-    """The factor of Ω + shift I as `solve_factor` takes it."""
-    end = whole_blocks(m)
-    for r in range(end):
-        for c in range(end):
-            factor[r, c] = omega[r, c] if r < m and c < m else 0.0
-        factor[r, r] += shift if r < m else 1.0
-    for i in range(0, end, 3):
-        f = factor3(load_factor3(factor, i))
-        store_factor3(factor, i, f)
-        for j in range(i + 3, end, 3):
-            eliminate(factor, f, i, j, end)
-
-
-@sweep
-def gained(scene, first):
-    """(kinetic energy that the unilateral impulses add [J], the sum of what they turn over).
-
-    After `responses`.
-    """
-    data = opened(scene)
-    blocks, space = data.blocks, data.space
-    blocks_i, active = blocks.blocks_i, blocks.active
-    y, slots, vectors = space.y, space.slots, space.vectors
     gain = 0.0
     size = 0.0
-    for j in range(first, active[0] + 1):
-        i = active[j]
-        r = slots[i, at.FIRST]
-        after = gather(y, slots, i, vectors[STEP])
-        for c in range(blocks_i[i, at.B_SIZE]):
-            mean = 0.5 * (vectors[BEFORE, r + c] + vectors[RHS, r + c] + after[c])
-            lam = vectors[LAMBDA, r + c]
-            gain += lam * mean
-            size += abs(lam) * max(abs(vectors[RHS, r + c]), abs(vectors[BEFORE, r + c]))
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        kind = type_of(blocks_i, i)
+        if kind == at.T_CONTACT or kind == at.T_LIMIT:
+            r = first_of(slots, i)
+            after = gather(space.y, slots, i, vectors[STEP])
+            for c in range(size_of(blocks_i, i)):
+                mean = 0.5 * (vectors[BEFORE, r + c] + vectors[RHS, r + c] + after[c])
+                lam = vectors[LAMBDA, r + c]
+                gain += lam * mean
+                size += abs(lam) * max(abs(vectors[RHS, r + c]), abs(vectors[BEFORE, r + c]))
     return gain, size
+
+
+@part
+def bounces(scene, n):
+    """Whether a contact of island n bounces: not if only the step's own forces press on it."""
+    data = opened(scene)
+    blocks, space = data.blocks, data.space
+    islands = contacts_at(data.links.contacts).islands
+    vectors = space.vectors
+    found = False
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        r = first_of(space.slots, i)
+        pressed = abs(vectors[RHS, r] - vectors[BEFORE, r])
+        bouncing = blocks.blocks_f[i, at.BOUNCE] > 0.0
+        found = found or (bouncing and -vectors[BEFORE, r] > 4.0 * pressed)
+    return found

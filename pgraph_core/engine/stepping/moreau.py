@@ -41,7 +41,7 @@ from ..contact.contacts import (
     set_block,
     touching,
 )
-from ..contact.impulse import gained, gather, solve_impulses
+from ..contact.impulse import solve_impulses
 from ..contact.meeting import (
     CLOSED,
     DEPTH,
@@ -52,6 +52,7 @@ from ..contact.meeting import (
     point_meets,
     smaller_size,
 )
+from ..contact.newton import gather
 from ..contact.shapes import place
 from ..forces import lookup
 from ..motion import call_acceleration, call_contact_forces, opened
@@ -63,7 +64,6 @@ from .state import STEP as STEP_SIGNATURE
 from .state import copied, size_of_state
 
 RECOVER = 0.2  # part of deeper penetration that a step removes
-GAIN = 1e-6  # relative to the energy of the impulses: a larger gain is no rounding
 PUSH_SWEEPS = 30
 ENOUGH = 1e-3  # of the penetration to remove: a sweep that moves less is the last
 MOST_PARTS = 60  # of a step, by impacts that are located
@@ -322,40 +322,18 @@ def warm_start(scene, first, m):
 
 @sweep
 def solve(scene, m, first, ledger):
-    """Impulses, without bounce where it would gain energy; their loss goes into the ledger."""
+    """Impulses; what they take goes into the ledger, how they were found into the tally."""
     data = opened(scene)
-    blocks, space = data.blocks, data.space
-    contacts = contacts_at(data.links.contacts)
-    tally = contacts.tally[0]
-    answer = space.vectors[REPORT]
+    tally = contacts_at(data.links.contacts).tally[0]
     solve_impulses(scene, m, first)
-    gain, size = gained(scene, first)
-    if gain > GAIN * size and bounces(scene, first):
-        tally.calmed += 1
-        for j in range(first, blocks.active[0] + 1):
-            blocks.blocks_f[blocks.active[j], at.BOUNCE] = 0.0
-        solve_impulses(scene, m, first)
-        gain, size = gained(scene, first)
-    ledger[at.DISSIPATED] -= gain
-    if answer[1] > 0.0:
+    report = data.space.vectors[REPORT]
+    ledger[at.DISSIPATED] -= report[3]
+    tally.residual = max(tally.residual, report[2])
+    if report[4] > 0.0:
         tally.fallbacks += 1
-    tally.residual = max(tally.residual, answer[2])
-    return int(answer[0] + answer[1])
-
-
-@part
-def bounces(scene, first):
-    """Whether a contact bounces: not if only the step's own forces press on it."""
-    data = opened(scene)
-    blocks, space = data.blocks, data.space
-    slots, vectors = space.slots, space.vectors
-    found = False
-    for j in range(first, blocks.active[0] + 1):
-        i = blocks.active[j]
-        before = vectors[BEFORE, slots[i, at.FIRST]]
-        pressed = abs(vectors[RHS, slots[i, at.FIRST]] - before)
-        found = found or (blocks.blocks_f[i, at.BOUNCE] > 0.0 and -before > 4.0 * pressed)
-    return found
+    if report[5] > 0.0:
+        tally.calmed += 1
+    return int(report[0] + report[1])
 
 
 @sweep

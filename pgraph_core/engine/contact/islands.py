@@ -1,0 +1,218 @@
+"""Islands: what blocks of one instant couple, found anew at every instant.
+
+Two blocks belong together where trees that they act on are the same, or are tied by further
+blocks. Islands share no freedom, so that each is solved alone, at its own size and accuracy.
+Within one, trees follow each other breadth first from a far end of the graph of their contacts:
+the matrix of Newton's method then keeps to a narrow envelope [George 1971].
+"""
+
+from .. import layout as at
+from ..arrays import opened
+from ..compiler.jit import part, sweep
+from ..constraints.blocks import joint_of, joints_of
+from ..rows import FREE, kind_of, nv_of, parent_of, v_of
+from .contacts import contacts_at
+
+NOWHERE = -1
+
+
+@sweep
+def find_islands(scene):
+    """How many islands the active blocks make; their blocks stand in `blocks`, from `first` on.
+
+    Blocks that move nothing are in none.
+    """
+    data = opened(scene)
+    blocks, slots = data.blocks, data.space.slots
+    islands = contacts_at(data.links.contacts).islands
+    active, tree, chief = blocks.active, islands.tree, islands.chief
+    number, order, first = islands.number, islands.blocks, islands.first
+    plant(data.rows, islands)
+    edges = 0
+    before, beyond = NOWHERE, NOWHERE
+    for j in range(1, active[0] + 1):
+        i = active[j]
+        one = NOWHERE
+        for s in range(joints_of(slots, i)):
+            other = tree[joint_of(slots, i, s)]
+            if one != NOWHERE and other != one:
+                unite(chief, one, other)
+                if (one != before or other != beyond) and edges + 2 <= islands.edges.shape[0]:
+                    edges = connect(islands, edges, one, other)
+                    edges = connect(islands, edges, other, one)
+                    before, beyond = one, other
+            one = other
+    count = 0
+    for j in range(1, active[0] + 1):  # islands in the order of their first blocks
+        i = active[j]
+        if joints_of(slots, i) > 0:
+            k = chief_of(chief, tree[joint_of(slots, i, 0)])
+            if number[k] == NOWHERE:
+                number[k] = count
+                first[count] = 0
+                count += 1
+            first[number[k]] += 1
+    total = 0
+    for n in range(count):
+        size = first[n]
+        first[n] = total
+        total += size
+    for j in range(1, active[0] + 1):
+        i = active[j]
+        if joints_of(slots, i) > 0:
+            n = number[chief_of(chief, tree[joint_of(slots, i, 0)])]
+            order[first[n]] = i
+            first[n] += 1
+    for n in range(count, 0, -1):
+        first[n] = first[n - 1]
+    first[0] = 0
+    return count
+
+
+@part
+def plant(rows, islands):
+    """The tree of every freedom, and each tree's rows, the last first."""
+    tree, chief = islands.tree, islands.chief
+    head, below, root = islands.head, islands.below, islands.root
+    for k in range(rows.shape[0]):
+        chief[k] = k
+        head[k] = NOWHERE
+        islands.number[k] = NOWHERE
+        islands.edge[k] = NOWHERE
+        p = parent_of(rows, k)
+        root[k] = k if p == 0 or kind_of(rows, k) == FREE else root[p]
+        if k > 0:
+            below[k] = head[root[k]]
+            head[root[k]] = k
+            for c in range(nv_of(kind_of(rows, k))):
+                tree[v_of(rows, k) + c] = root[k]
+
+
+@part
+def chief_of(chief, k):
+    """The tree that stands for all that are united with tree k."""
+    while chief[k] != k:
+        chief[k] = chief[chief[k]]
+        k = chief[k]
+    return k
+
+
+@part
+def unite(chief, a, b):
+    x = chief_of(chief, a)
+    y = chief_of(chief, b)
+    chief[max(x, y)] = min(x, y)
+
+
+@part
+def connect(islands, edges, a, b):
+    """Note that tree b is next to tree a."""
+    islands.edges[edges, 0] = islands.edge[a]
+    islands.edges[edges, 1] = b
+    islands.edge[a] = edges
+    return edges + 1
+
+
+@sweep
+def order_island(scene, n):
+    """Order of elimination of island n, and its envelope; (work of a factor, whether it has room).
+
+    `place` is where a freedom stands; row p of the envelope goes on to column `last[p]`.
+    """
+    data = opened(scene)
+    slots = data.space.slots
+    islands = contacts_at(data.links.contacts).islands
+    order, first, place = islands.blocks, islands.first, islands.place
+    last, start = islands.last, islands.start
+    for j in range(first[n], first[n + 1]):
+        for s in range(joints_of(slots, order[j])):
+            place[joint_of(slots, order[j], s)] = 0
+    trees = far_end_first(islands, islands.tree[joint_of(slots, order[first[n]], 0)])
+    count = 0
+    for t in range(trees):
+        k = islands.head[islands.queue[t]]
+        while k != NOWHERE:
+            for c in range(nv_of(kind_of(data.rows, k))):
+                i = v_of(data.rows, k) + c
+                if place[i] != NOWHERE:
+                    place[i] = count
+                    islands.freedoms[count] = i
+                    last[count] = count
+                    count += 1
+            k = islands.below[k]
+    for j in range(first[n], first[n + 1]):
+        i = order[j]
+        end = 0
+        for s in range(joints_of(slots, i)):
+            end = max(end, place[joint_of(slots, i, s)])
+        for s in range(joints_of(slots, i)):
+            p = place[joint_of(slots, i, s)]
+            last[p] = max(last[p], end)
+    start[0] = 0
+    for p in range(count):
+        if p > 0:
+            last[p] = max(last[p], last[p - 1])
+        start[p + 1] = start[p] + last[p] - p + 1
+    islands.size[0] = count
+    work = 0.0
+    for p in range(count):
+        work += float(last[p] - p) ** 2
+    return work, start[count] <= islands.upper.shape[0]
+
+
+@part
+def far_end_first(islands, begin):
+    """Trees of an island into `queue`, breadth first from one that is far from `begin`."""
+    found = breadth_first(islands, begin, 1)
+    return breadth_first(islands, islands.queue[found - 1], 2)
+
+
+@part
+def breadth_first(islands, begin, mark):
+    """Trees that `begin` is connected with, into `queue`; `number` keeps the mark of this turn."""
+    queue, seen, edges = islands.queue, islands.seen, islands.edges
+    queue[0] = begin
+    seen[begin] = mark
+    found = 1
+    at_tree = 0
+    while at_tree < found:
+        e = islands.edge[queue[at_tree]]
+        while e != NOWHERE:
+            other = edges[e, 1]
+            if seen[other] != mark:
+                seen[other] = mark
+                queue[found] = other
+                found += 1
+            e = edges[e, 0]
+        at_tree += 1
+    return found
+
+
+@part
+def forget_order(islands):
+    """Make room for the next island's order."""
+    for p in range(islands.size[0]):
+        islands.place[islands.freedoms[p]] = NOWHERE
+        islands.seen[islands.tree[islands.freedoms[p]]] = 0
+
+
+@part
+def several_points(scene, n):
+    """Whether two blocks of island n act between the same bodies, or one of them ties any.
+
+    Only then are there many impulses with one effect.
+    """
+    data = opened(scene)
+    blocks_i = data.blocks.blocks_i
+    islands = contacts_at(data.links.contacts).islands
+    order, first = islands.blocks, islands.first
+    found = False
+    for j in range(first[n], first[n + 1]):
+        i = order[j]
+        kind = blocks_i[i, at.B_TYPE]
+        found = found or (kind != at.T_CONTACT and kind != at.T_LIMIT)
+        if j > first[n] and kind == at.T_CONTACT:
+            b = order[j - 1]
+            same = blocks_i[i, at.B_A] == blocks_i[b, at.B_A]
+            found = found or (same and blocks_i[i, at.B_B] == blocks_i[b, at.B_B])
+    return found
