@@ -57,6 +57,7 @@ window.pgraph = (() => {
       if (topic === "uplink") { connected(data); return; }
       if (topic === "reply" && data.serial === resuming) { resumed(); return; }
       latest[topic] = data;
+      remember(topic, data);
       if (resuming !== null && topic !== "reply") { late.add(topic); return; }
       safely(() => listeners[topic]?.(data));
       for (const view of Object.keys(views)) pgraph.draw(view, topic);
@@ -152,6 +153,35 @@ window.pgraph = (() => {
     setTimeout(() => note.remove(), 8000);
   };
 
+  // A button that lays a view over the 3D view, at a size to read, and back again.
+  pgraph.enlargeable = (host, what) => {
+    const toggle = pgraph.make("button", { className: "action enlarge", textContent: "⤢", onclick: () => {
+      const large = host.classList.toggle("large");
+      toggle.textContent = large ? "×" : "⤢";
+      told(large);
+    } });
+    const told = (large) => {
+      toggle.title = large ? `${what} back into its tab (Esc)` : `Enlarge ${what}`;
+      toggle.setAttribute("aria-label", large ? `close large ${what}` : `enlarge ${what}`);
+      toggle.setAttribute("aria-pressed", large);
+    };
+    told(false);
+    host.addEventListener("keydown", (event) => { if (event.key === "Escape" && host.classList.contains("large")) { event.stopPropagation(); toggle.click(); } });
+    host.prepend(toggle);
+  };
+
+  // What a person chose for this page is there again after a reload; what the system prefers holds at first.
+  const CHOICES = "pgraph choices";
+  pgraph.choices = {
+    get() { try { return JSON.parse(localStorage.getItem(CHOICES)) ?? {}; } catch { return {}; } },
+    set(changed) { try { localStorage.setItem(CHOICES, JSON.stringify({ ...pgraph.choices.get(), ...changed })); } catch { /* a private window keeps nothing */ } },
+  };
+  function chosen() {
+    const kept = pgraph.choices.get();
+    const dark = kept.dark ?? matchMedia("(prefers-color-scheme: dark)").matches;
+    return { dark, display: kept.display ?? ["rad", "m", "quaternion", "com"], body: kept.body ?? null, plots: kept.plots ?? [] };
+  }
+
   // What the server tells this page in passing: a title, and three lines of text until it is clicked.
   listeners.notice = ({ title, text, bad }) => {
     const make = pgraph.make, said = make("div", { className: "said", textContent: text.length > 400 ? `${text.slice(0, 400)} …` : text });
@@ -169,6 +199,14 @@ window.pgraph = (() => {
     return notes;
   }
 
+  function remember(topic, data) {
+    const { get, set } = pgraph.choices;
+    if (topic === "selection") set({ body: data });
+    else if (topic === "plots") set({ plots: data.charts.map(({ kind, of }) => [kind, of]) });
+    else if (topic === "properties") { const { angle, length, turn, about } = data.display; set({ display: [angle, length, turn, about] }); }
+    else if (topic === "theme" && data.dark !== chosen().dark) set({ dark: data.dark });
+  }
+
   function redraw(view) {
     for (const topic of Object.keys(views[view])) if (topic !== "build") pgraph.draw(view, topic);
   }
@@ -176,11 +214,14 @@ window.pgraph = (() => {
   // A reconnected page is a new client to viser. It says who it was, and draws nothing until it is
   // that again: a form of something else would take the place of what is half typed.
   function connected(uuid) {
-    const again = uplink !== null, { angle = "rad", length = "m", turn = "quaternion", about = "com" } = latest.properties?.display ?? {};
+    const again = uplink !== null, kept = chosen();
+    const { angle, length, turn, about } = latest.properties?.display ?? {};
     uplink = uuid;
     const hello = ++serial;
     if (again) resuming = hello;
-    pgraph.send("Hello", { serial: hello, page: ME, body: latest.selection ?? null, bodies: latest.selected ?? [], dark: Boolean(latest.theme?.dark), display: [angle, length, turn, about] });
+    const display = again && angle ? [angle, length, turn, about] : kept.display;
+    pgraph.send("Hello", { serial: hello, page: ME, body: latest.selection ?? (again ? null : kept.body), bodies: latest.selected ?? [],
+      dark: again ? Boolean(latest.theme?.dark) : kept.dark, display, plots: again ? null : kept.plots });
   }
   function resumed() {
     resuming = null;

@@ -9,7 +9,7 @@ import pgraph_core as pg
 
 from ..gait import Walking
 from ..model import Step
-from ..run import FREE_RUN, Live, first_request
+from ..run import FREE_RUN, Live, Run, first_request
 from .cells import Refusal
 from .renames import found, remembered
 from .state import Client, Notice, State, replied, told
@@ -60,8 +60,12 @@ def with_model(state: State, model: pg.Model, label: str) -> State:
 
 def replaced(state: State, model: pg.Model, label: str) -> State:
     """A different model, as one undo step: with its own run settings, and in view."""
+    after = with_model(state, model, label)
+    at_start = replace(after.playback, time=0.0, playing=False)
     return replace(
-        with_model(state, model, label),
+        after,
+        last_run=state.last_run,  # not of this model, also where it is the same once more
+        playback=after.playback if after.live else at_start,
         renames=state.renames,  # the bodies of its rows are others, not renamed ones
         request=first_request(model),
         framed=state.framed + 1,
@@ -101,13 +105,52 @@ def _showing(state: State, model: pg.Model) -> State:
     live = state.live and _live_on(state.live, state.model, model)
     return replace(
         state,
+        last_run=state.last_run and _run_on(state.last_run, state.model, model),
         live=live,
         model=model,
         renames=remembered(state.renames, state.model, model),
         clients=clients,
         request=request,
-        playback=state.playback if live else replace(state.playback, time=0.0, playing=False),
+        playback=state.playback
+        if live or (state.run is not None and _same_motion(state.model, model))
+        else replace(state.playback, time=0.0, playing=False),
     )
+
+
+def _run_on(run: Run, old: pg.Model, new: pg.Model) -> Run:
+    """A run of the old model as one of the new, if an edit changed names or looks only."""
+    if run.model is not old or not _same_motion(old, new):
+        return run
+    result = run.result
+    if hasattr(result, "mechanism"):
+        result = replace(result, mechanism=pg.Mechanism(new))
+    return replace(run, model=new, result=result)
+
+
+def _same_motion(old: pg.Model, new: pg.Model) -> bool:
+    """Whether two models move alike: names of bodies, and what is only drawn, are left out."""
+    if old is new:
+        return True
+    if len(old.bodies) != len(new.bodies):
+        return False
+    alike = old
+    for a, b in zip(old.bodies, new.bodies):
+        if a is not b and a.name != b.name:
+            if b.name in alike.row:
+                return False
+            alike = alike.edit(a.name, name=b.name)
+    others = [field for field in pg.Model.model_fields if field not in ("bodies", "name")]
+    return all(getattr(alike, field) == getattr(new, field) for field in others) and all(
+        a is b or _bare(a) == _bare(b) for a, b in zip(alike.bodies, new.bodies)
+    )
+
+
+def _bare(body: pg.Body) -> pg.Body:
+    """A body without what is only drawn."""
+    touching = tuple(
+        s.model_copy(update={"role": "collision", "colour": None}) for s in body.touching
+    )
+    return body.model_copy(update={"shapes": touching})
 
 
 def _live_on(live: Live, old: pg.Model, new: pg.Model) -> Live:

@@ -18,7 +18,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, ClassVar, TypeVar
 
 from pydantic import ConfigDict, Field, TypeAdapter
 
@@ -34,6 +34,8 @@ Entries = Annotated[tuple[tuple[Index, Text], ...], Field(min_length=1, max_leng
 
 class Event:
     """Something that happened, on a page or in the server."""
+
+    collapses: ClassVar[bool] = False  # several in a row are drawn once, as the last leaves them
 
 
 @dataclass(frozen=True)

@@ -88,6 +88,7 @@ class State:
     redo: tuple[Step, ...] = ()
     renames: tuple[Rename, ...] = ()  # of late
     last_run: Run | None = None
+    run_framed: int = 0  # `framed` when it was made
     job: Job | None = None
     jobs: int = 0  # how many were asked for; the last one's id
     live: Live | None = None
@@ -142,6 +143,18 @@ class State:
             return None if part is None else Run(self.model, live.request, part)
         run = self.last_run
         return run if run is not None and run.model is self.model else None
+
+    @property
+    def earlier(self) -> Run | None:
+        """The last run, where the model was edited since; none of a model that was closed."""
+        last = self.last_run
+        gone = last is None or self.live is not None or self.run is not None
+        return None if gone or self.run_framed != self.framed else last
+
+    @property
+    def plotted(self) -> Run | None:
+        """The run whose numbers are shown: the one to play, else that of an earlier model."""
+        return self.run or self.earlier
 
     @property
     def falls(self) -> tuple[Change, ...]:

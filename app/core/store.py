@@ -74,6 +74,18 @@ class Queue:
                 self._waiting[sender] = waiting  # its next turn comes last
             return event
 
+    def more(self, event: Event) -> list[Event]:
+        """The events of the same kind and sender that wait next, if such collapse; taken."""
+        found: list[Event] = []
+        sender = event.client if isinstance(event, FromPage) else None
+        with self._changed:
+            waiting = self._waiting.get(sender)
+            while event.collapses and waiting and type(waiting[0]) is type(event):
+                found.append(waiting.popleft())
+            if waiting is not None and not waiting:
+                del self._waiting[sender]
+        return found
+
 
 class Store:
     """`send(event)` from any thread; everything else happens in the store's own."""
@@ -117,11 +129,14 @@ class Store:
                 self._apply(event)
 
     def _apply(self, event: Event) -> None:
-        """One event; a fault in it or in a view is logged and the page goes on."""
+        """One event, or several that are drawn as one; a fault in it or in a view is logged and
+        the page goes on."""
         began = time.perf_counter()
         name = type(event).__name__
+        old = self.state
         try:
-            old, self.state = self.state, self._update(self.state, event)
+            for one in (event, *self._events.more(event)):
+                self.state = self._update(self.state, one)
         except Exception:
             log.exception("the event %s failed; the state stays as it was", name)
             return

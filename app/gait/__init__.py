@@ -29,6 +29,8 @@ class Walking:
     changes: Mapping[str, float] = field(default_factory=dict)  # fields of the gait
     pushes: int = 0  # how many there were
     push: str = ""  # where the last one went: one of SIDES
+    strength: float = 0.25  # of a push, over the weight
+    pushed: str = ""  # the body that is pushed; "": the trunk
 
 
 class Offer(NamedTuple):

@@ -9,7 +9,7 @@
     const gait = cells.choice(() => pgraph.latest.gait.gaits ?? [], (serial, value) => send("SetGait", { serial, gait: value }), { label: "gait" });
     const law = cells.choice(() => pgraph.latest.gait.laws ?? [], ground("law"), { label: "contact law" });
     const number = (send_, label) => cells.input(send_, { label, numeric: true });
-    const c = { gait, law, speed: number(walk("speed"), "walking speed"), turn: number(walk("turn"), "turning"),
+    const c = { gait, law, speed: number(walk("speed"), "walking speed"), turn: number(walk("turn"), "turning"), strength: number((serial, text) => send("SetPush", { serial, text }), "strength of a push"),
       friction: number(ground("friction"), "friction of the ground"), slope: number(ground("slope"), "slope"), steps: number(ground("steps"), "height of steps") };
     const speed = slider(c.speed, walk("speed"), "speed slider"), turn = slider(c.turn, walk("turn"), "turning slider");
     host.pgraphGait = { ...c, speedSlider: speed, turnSlider: turn };
@@ -25,8 +25,9 @@
         make("fieldset", {}, make("legend", { textContent: "Steer" }),
           field("Speed", "m/s", c.speed, "Forward; the speed follows as fast as the gait allows", speed),
           field("Turning", "rad/s", c.turn, "To the left where positive", turn),
+          field("Strength", "× weight", c.strength, "Of a push, over the weight; it lasts 0.15 s and acts on the selected body, or on the trunk"),
           make("div", { className: "pushes" }, text("span", "muted", "Push"), ...["left", "right", "ahead", "back"].map((side) =>
-            button("push", side, `A quarter of the weight ${side} for 0.15 s`, () => send("Push", { side }))))),
+            button("push", side, `Push ${side} for 0.15 s: the selected body, or the trunk`, () => send("Push", { side }))))),
         make("fieldset", {}, make("legend", { textContent: "Ground" }), make("div", { className: "settings" },
           field("Friction", "", c.friction, "Coulomb's coefficient under the feet"),
           field("Slope", "°", c.slope, "How steeply it rises ahead; set before a walk"),
@@ -57,7 +58,7 @@
     if (data.why) return;
     cells.choose(c.gait, data.gait);
     cells.choose(c.law, data.law);
-    for (const name of ["speed", "turn", "friction", "slope", "steps"]) cells.set(c[name], data[name]);
+    for (const name of ["speed", "turn", "strength", "friction", "slope", "steps"]) cells.set(c[name], data[name]);
     slide(c.speedSlider, 0, data.fastest, data.speed);
     slide(c.turnSlider, -data.turning, data.turning, data.turn);
     c.turnSlider.disabled = c.turn.disabled = !data.turns;

@@ -16,6 +16,7 @@ from ..run import Request
 from ..run.update import GoLive, go_live, idle
 from . import LAWS, Offer, Walking, checked, chosen, grounded, law, offered, offers
 
+STRONGEST = 20.0  # push over the weight
 SHOWN = frozenset({"forces", "cones", "footprints"})  # once somebody walks
 NAMES = {"speed": "The speed", "turn": "The turning", "friction": "The friction",
          "slope": "The slope", "steps": "The height of the steps"}  # fmt: skip
@@ -142,7 +143,7 @@ def ground_set(state: State, event: SetGround) -> State:
 
 @dataclass(frozen=True)
 class Push(FromPage):
-    """Push the trunk."""
+    """Push the trunk, or the body that is selected."""
 
     side: Literal["left", "right", "back", "ahead"]
 
@@ -151,5 +152,29 @@ class Push(FromPage):
 def push(state: State, event: Push) -> State:
     if state.live is None:
         return state
-    pushes = state.walking.pushes + 1
-    return replace(state, walking=replace(state.walking, pushes=pushes, push=event.side))
+    page = state.clients.get(event.client)
+    body = (page.selection if page is not None else None) or ""
+    walking = replace(state.walking, pushes=state.walking.pushes + 1, push=event.side, pushed=body)
+    return replace(state, walking=walking)
+
+
+@dataclass(frozen=True)
+class SetPush(FromPage):
+    """How strong pushes are, over the weight."""
+
+    serial: int
+    text: Text
+
+
+@on(SetPush)
+def push_set(state: State, event: SetPush) -> State:
+    try:
+        strength = cells.named_number("The strength", event.text)
+        if not 0 < strength <= STRONGEST:
+            raise Refusal(
+                f"The strength is above 0 and at most {STRONGEST:g} weights; given {strength:g}"
+            )
+    except Refusal as refusal:
+        return replied(state, event.client, event.serial, str(refusal))
+    state = replace(state, walking=replace(state.walking, strength=strength))
+    return replied(state, event.client, event.serial)

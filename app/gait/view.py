@@ -74,6 +74,7 @@ def gait(state: State) -> Payload:
         "gait": now.name,
         "about": now.description,
         "speed": now.speed,
+        "strength": state.walking.strength,
         "fastest": max(FASTEST, math.ceil(3 * found[now.name].gait.speed) / 2),
         "turn": now.turn,
         "turning": TURNING,

@@ -36,7 +36,9 @@ class Walker:
             walk.change(**offer.gait.model_dump())
         if walking.pushes != self._pushes:
             self._pushes = walking.pushes
-            walk.push(pushed(mech.model, walk.q, walking.push), LASTS)
+            force = pushed(mech.model, walk.q, walking.push, walking.strength)
+            body = walking.pushed if walking.pushed in mech.names else None
+            walk.push(force, LASTS, **({} if body is None else {"body": body}))
         if self._pull is not None:
             force, body = self._pull
             walk.push(force, span, body=body)
@@ -84,10 +86,12 @@ def gait_of(model: pg.Model, live: Live, walking: Walking) -> Offer | None:
     return offer if fits else Offer(scenario.gait, scenario.name, True)
 
 
-def pushed(model: pg.Model, q: np.ndarray, side: str) -> tuple[float, float, float]:
-    """A push of a part of the weight to a side of the trunk, level [N]."""
+def pushed(
+    model: pg.Model, q: np.ndarray, side: str, strength: float = PUSH
+) -> tuple[float, float, float]:
+    """A push of `strength` times the weight to a side of the trunk, level [N]."""
     along, right = SIDES[side]
     R = to_matrix(np.asarray(q[3:7]))
     x, _, z = along * R[:, 0] + right * R[:, 2]
-    size = PUSH * 9.81 * sum(body.mass for body in model.bodies) / float(np.hypot(x, z))
+    size = strength * 9.81 * sum(body.mass for body in model.bodies) / float(np.hypot(x, z))
     return size * float(x), 0.0, size * float(z)

@@ -2,13 +2,15 @@
 (() => {
   const { make, send } = pgraph;
   const SERIES = 8; // colours, which the style has as --s0 and so on
-  const LEFT = 52, RIGHT = 8, TOP = 6, BOTTOM = 18, HEIGHT = 132;
+  const LEFT = 52, RIGHT = 8, TOP = 6, BOTTOM = 28;
+  const heightOf = (canvas) => canvas.clientHeight || 142;
   let zoom = null, charts = [], cursor = 0;
 
   function build(host) {
     host.replaceChildren(
       make("div", { className: "chips of-body" }), make("div", { className: "chips of-scene" }),
       make("div", { className: "muted hint" }), make("div", { className: "charts" }));
+    pgraph.enlargeable(host, "plots");
     new ResizeObserver(() => paintAll(host)).observe(host.querySelector(".charts"));
   }
 
@@ -47,7 +49,8 @@
     const legend = make("span", { className: "legend" });
     const chart = { data, canvas, legend, hover: null };
     chart.box = make("figure", { className: "plot" },
-      make("figcaption", {}, make("strong", { textContent: data.title }), make("span", { className: "muted", textContent: ` ${data.unit}` }), legend,
+      make("figcaption", {}, make("strong", { textContent: data.title }), make("span", { className: "muted", textContent: ` [${data.unit}]` }), legend,
+        make("button", { className: "remove", textContent: "↓", title: `Save ${data.title} as a picture`, "aria-label": `save a picture of ${data.title}`, onclick: () => save(chart) }),
         make("button", { className: "remove", textContent: "×", title: `Remove ${data.title}`, "aria-label": `take away ${data.title}`,
           onclick: () => send("Plot", { kind: data.kind, of: data.of, on: false }) })),
       canvas);
@@ -63,6 +66,14 @@
     });
     canvas.addEventListener("dblclick", () => { zoom = null; paintAll(host); });
     return chart;
+  }
+
+  function save({ canvas, data }) {
+    const picture = make("canvas", { width: canvas.width, height: canvas.height }), g = picture.getContext("2d");
+    g.fillStyle = getComputedStyle(canvas).getPropertyValue("--paper");
+    g.fillRect(0, 0, picture.width, picture.height);
+    g.drawImage(canvas, 0, 0);
+    make("a", { href: picture.toDataURL("image/png"), download: `${data.title.replace(/[^\w-]+/g, "_")}.png` }).click();
   }
 
   function extent(chart) {
@@ -103,7 +114,7 @@
   function paintAll(host) { for (const chart of charts) paint(chart); }
 
   function paint(chart) {
-    const { canvas } = chart, width = canvas.clientWidth, ratio = window.devicePixelRatio || 1;
+    const { canvas } = chart, width = canvas.clientWidth, HEIGHT = heightOf(canvas), ratio = window.devicePixelRatio || 1;
     if (!width) return;
     canvas.width = width * ratio;
     canvas.height = HEIGHT * ratio;
@@ -113,10 +124,10 @@
     g.scale(ratio, ratio);
     g.font = "10.5px system-ui, sans-serif";
     const view = (chart.extent = extent(chart));
-    if (!view) { g.fillStyle = soft; g.fillText("no run yet", LEFT, HEIGHT / 2); legend(chart, []); return; }
+    if (!view) { g.fillStyle = soft; g.fillText(chart.data.none || "no run yet", LEFT, HEIGHT / 2, width - LEFT); legend(chart, []); return; }
     const x = (t) => LEFT + ((t - view.t0) / (view.t1 - view.t0)) * (width - LEFT - RIGHT);
     const y = (v) => TOP + ((view.y1 - v) / (view.y1 - view.y0)) * (HEIGHT - TOP - BOTTOM);
-    axes(g, view, x, y, width, { soft, line });
+    axes(g, view, x, y, width, HEIGHT, { soft, line });
     g.save();
     g.beginPath(); g.rect(LEFT, TOP, width - LEFT - RIGHT, HEIGHT - TOP - BOTTOM); g.clip();
     chart.data.ghost.forEach((c, i) => curve(g, c, x, y, color(i), true));
@@ -130,8 +141,8 @@
     legend(chart, chart.data.curves.map((c, i) => [alone ? "" : c.label, color(i), valueAt(c, time)]));
   }
 
-  function axes(g, view, x, y, width, { soft, line }) {
-    const across = ticks(view.t0, view.t1, Math.max(2, width / 80)), up = ticks(view.y0, view.y1, 4);
+  function axes(g, view, x, y, width, HEIGHT, { soft, line }) {
+    const across = ticks(view.t0, view.t1, Math.max(2, width / 80)), up = ticks(view.y0, view.y1, Math.max(3, HEIGHT / 45));
     g.strokeStyle = line; g.fillStyle = soft; g.lineWidth = 1;
     g.textAlign = "right"; g.textBaseline = "middle";
     for (const v of up.at) {
@@ -140,6 +151,8 @@
     }
     g.textAlign = "center"; g.textBaseline = "top";
     for (const t of across.at) g.fillText(label(t, across.step), Math.min(x(t), width - 14), HEIGHT - BOTTOM + 4);
+    g.textAlign = "right"; g.textBaseline = "bottom";
+    g.fillText("time [s]", width - RIGHT, HEIGHT);
   }
 
   function curve(g, { t, y: values }, x, y, color, ghost) {

@@ -11,7 +11,7 @@ import viser
 from ..core.bridge import Bridge
 from ..core.state import Client, Run, State
 from ..core.views import Payload, Place
-from . import KINDS, Curve, Signal, curves, of_body, of_scene, thinned, title, unit
+from . import KINDS, OF_BODIES, Curve, Signal, curves, of_body, of_scene, thinned, title, unit
 
 LIVE_EVERY = 0.3  # [s] between two pictures of a live run
 LIVE_PARTS = 900  # of a live run that are plotted
@@ -48,19 +48,19 @@ def fresh(old: State, new: State) -> bool:
         return True
     if new.live is not None and old.live is not None:
         return bool(new.live.parts) != bool(old.live.parts)
-    return new.run is not old.run or new.derived is not old.derived
+    return new.plotted is not old.plotted or new.derived is not old.derived
 
 
 def signals(state: State, client: Client) -> Payload:
     """What can be plotted: of the selected body, and of the run."""
     name = client.selection
     of = [] if name is None or name not in state.derived.number else of_body(state.model, name)
-    scene = of_scene(state.run.result) if state.run is not None else []
+    scene = of_scene(state.plotted.result) if state.plotted is not None else []
     return {
         "body": name,
         "of_body": [[s.kind, s.of, KINDS[s.kind].label] for s in of],
         "of_scene": [[s.kind, s.of, title(s)] for s in scene],
-        "hint": "" if state.run else "Nothing to plot yet: press Simulate, or Live.",
+        "hint": "" if state.plotted else "Nothing to plot yet: press Simulate, or Live.",
     }
 
 
@@ -76,18 +76,30 @@ def chart(state: State, signal: Signal) -> Payload:
         "kind": signal.kind,
         "of": signal.of,
         "title": title(signal),
-        "unit": unit(state.run.model if state.run else state.model, signal),
+        "none": missing(state, signal),
+        "unit": unit(state.plotted.model if state.plotted else state.model, signal),
         "curves": [curve._asdict() for curve in of_state(state, signal)],
         "ghost": [c._asdict() for c in curves(ghost.result, signal)] if ghost else [],
     }
 
 
+def missing(state: State, signal: Signal) -> str:
+    """Why a chart is empty; nothing where it may have curves."""
+    if state.plotted is None:
+        return "no run yet"
+    known = of_scene(state.plotted.result)
+    if signal in known or signal.kind in OF_BODIES:
+        return ""
+    called = [title(s) for s in known if s.kind.split("_")[-1] == signal.kind.split("_")[-1]]
+    return "not in this run; it has " + ", ".join(called[:3]) if called else "not in this run"
+
+
 def of_state(state: State, signal: Signal) -> list[Curve]:
     """The curves of the run that is played; of a live one, the last stretch."""
-    if state.run is None:
+    if state.plotted is None:
         return []
     if state.live is None:
-        return curves(state.run.result, signal)
+        return curves(state.plotted.result, signal)
     parts: list[Any] = [curves(part, signal) for part in state.live.parts[-LIVE_PARTS:]]
     found = []
     for pieces in zip(*parts):

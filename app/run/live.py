@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -29,6 +30,7 @@ PICTURES = 60  # a second
 LONGEST_PART = 0.1  # [s] of motion: a slow model shows at least what it computed meanwhile
 PATIENCE = 0.2  # [s] behind the clock before it is set back
 USUAL_STEP = 1e-3  # [s]
+MOST_WAITING = 30  # parts that the store has not taken yet: then the run waits for it
 
 
 class LiveRunner:
@@ -55,9 +57,14 @@ class LiveRunner:
         return state, state.live
 
     def _run(self, id: int) -> None:
-        motion, clock = Motion(), Clock()
+        motion, clock, ends = Motion(), Clock(), deque[float]()
         while (wanted := self._wanted(id)) is not None:
             state, live = wanted
+            while ends and live.parts and ends[0] <= live.parts[-1].t[-1]:
+                ends.popleft()
+            if len(ends) >= MOST_WAITING:
+                time.sleep(1 / PICTURES)
+                continue
             if not live.running or not state.kernels.ready:
                 clock = Clock()
                 time.sleep(1 / PICTURES)
@@ -75,6 +82,7 @@ class LiveRunner:
                 self._send(Stuck(id, f"The live run stopped: {said}"))
                 return
             if len(part.t) > 1:
+                ends.append(float(part.t[-1]))
                 self._send(Advanced(id, part, clock.pace))
             if (over := motion.over(part)) is not None:
                 self._send(Stuck(id, over))

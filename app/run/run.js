@@ -84,6 +84,7 @@
     const $ = (selector) => host.querySelector(selector);
     const summary = $(".summary");
     summary.hidden = $(".after").hidden = data.summary === null;
+    for (const which of ["continue", "pose", "ghost"]) $(`.${which}`).hidden = data.earlier && !data.ghost;
     const key = JSON.stringify(data.summary), same = summary.dataset.key === key;
     summary.dataset.key = key;
     if (!same) summary.replaceChildren(...(data.summary ?? []).flatMap(([what, value, good]) => [

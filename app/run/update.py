@@ -108,7 +108,7 @@ def go_on(state: State, event: Continue) -> State:
 
 def asked(state: State, before: Any) -> State:
     """A simulation under way; from the end of `before` if given."""
-    job = Job(state.jobs + 1, state.model, state.request, before=before)
+    job = Job(state.jobs + 1, state.model, state.request, before=before, framed=state.framed)
     paused = replace(state.playback, playing=False)
     return replace(state, job=job, jobs=job.id, run_problem="", playback=paused)
 
@@ -127,6 +127,7 @@ def cancel(state: State, event: Cancel) -> State:
 
 @dataclass(frozen=True)
 class Progress(Event):
+    collapses = True
     job: int
     fraction: float
 
@@ -164,7 +165,10 @@ def heard(state: State, event: Progress | Simulated | Failed) -> State:
             stale = "The model was changed during the simulation; undo shows that run."
             problem = "" if job.model is state.model else stale
             run = Run(job.model, job.request, result)
-            return replace(state, job=None, last_run=run, playback=playback, run_problem=problem)
+            return replace(
+                state, job=None, last_run=run, run_framed=job.framed, playback=playback,
+                run_problem=problem,
+            )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -188,9 +192,10 @@ class Export(FromPage):
 
 @on(Export)
 def export(state: State, event: Export) -> State:
-    if state.run is None or state.live is not None:
+    if state.plotted is None or state.live is not None:
         return state
-    return replace(state, exporting=Exporting(event.client, event.what, state.run, state.shown))
+    asked = Exporting(event.client, event.what, state.plotted, state.shown)
+    return replace(state, exporting=asked)
 
 
 @dataclass(frozen=True)
@@ -236,6 +241,7 @@ def go_live(state: State) -> State:
 class Advanced(Event):
     """The live run advanced by a part; `pace` is its speed over the speed asked for."""
 
+    collapses = True
     live: int
     part: Any
     pace: float
@@ -296,4 +302,4 @@ def stopped(state: State) -> State:
         return replace(state, live=None)
     run = Run(state.model, live.request, pg.joined(live.parts))
     playback = replace(state.playback, time=float(run.result.t[0]))
-    return replace(state, live=None, last_run=run, playback=playback)
+    return replace(state, live=None, last_run=run, run_framed=state.framed, playback=playback)

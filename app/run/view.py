@@ -60,7 +60,8 @@ def run(state: State) -> Payload:
         "job": job(state),
         "live": live(state),
         "problem": state.run_problem,
-        "summary": summary(state.run) if state.live is None and state.run else None,
+        "summary": outcome(state),
+        "earlier": state.earlier is not None,
         "ghost": state.ghost is not None,
     }
 
@@ -96,6 +97,16 @@ def live(state: State) -> Payload | None:
     pace = "running" if state.live.running else "paused"
     slow = "" if state.live.pace > 0.95 else f", {state.live.pace:.2g} of the speed asked for"
     return {"text": f"{pace} at {state.t_end:.1f} s{slow}", "running": state.live.running}
+
+
+def outcome(state: State) -> list[tuple[str, str, bool]] | None:
+    """What the last run was worth; of an edited model, that it is of an earlier one."""
+    if state.live is not None or state.plotted is None:
+        return None
+    if state.earlier is None:
+        return summary(state.plotted)
+    text = "of the model before your last edits; Simulate again, or undo"
+    return [("This run is", text, False), *summary(state.plotted)]
 
 
 def summary(run: Run) -> list[tuple[str, str, bool]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -9,8 +10,10 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_app.core import edit
 from pgraph_app.core.events import Event, Misread, from_page
 from pgraph_app.core.state import Request, State, initial, poses
+from pgraph_app.core.store import Store
 from pgraph_app.features import update
 from pgraph_app.model.derived import derive
 from pgraph_app.model.update import Download, Edit, NewModel, OpenBuiltIn, OpenText, Redo, Undo
@@ -500,3 +503,48 @@ def test_a_long_file_is_read_as_an_errand_and_a_bad_one_is_refused_there(state):
         notice = now.clients[ME].notice
         assert notice is not None
         assert notice.bad is not opens
+
+
+def test_a_rename_and_a_colour_keep_the_run_and_where_it_plays(ran):
+    moved = after(ran, Scrub(ME, 0.4))
+    renamed = after(moved, typed("3", "name", "knee"))
+    assert renamed.run is not None
+    assert renamed.playback.time == 0.4
+    assert after(renamed, Undo(ME)).run is not None
+    drawn = pg.Shape(kind="sphere", radius=0.1, role="visual", colour="#ff0000")
+    looks = edit.with_model(moved, moved.model.edit("3", shape=drawn), "look")
+    assert looks.run is not None
+    touching = pg.Shape(kind="sphere", radius=0.1)
+    assert edit.with_model(moved, moved.model.edit("3", shape=touching), "shape").run is None
+
+
+def test_a_run_of_an_earlier_model_is_kept_and_said_until_another_model_is_opened(ran):
+    edited = after(ran, typed("3", "mass", "2"))
+    assert edited.earlier is ran.last_run
+    assert edited.plotted is ran.last_run
+    assert after(edited, Undo(ME)).earlier is None
+    assert after(edited, OpenBuiltIn(ME, "serial")).plotted is None
+
+
+def test_news_of_the_server_that_waits_is_drawn_once_and_what_a_person_does_comes_between(state):
+    drawn, gate = [], threading.Event()
+
+    class Watch:
+        def render(self, old, new):
+            drawn.append((new.jobs, new.framed))
+
+    def slowly(state, event):
+        gate.wait()
+        part = "framed" if isinstance(event, Select) else "jobs"
+        return replace(state, **{part: getattr(state, part) + 1})
+
+    store = Store(state, slowly)
+    store.start([Watch()])
+    for _ in range(200):
+        store.send(Progress(1, 0.5))
+    store.send(Select(ME, None))
+    gate.set()
+    store.stop()
+    assert (store.state.jobs, store.state.framed) == (200, 1)
+    assert len(drawn) <= 4  # at first, what was under way, what waited, the person's
+    assert drawn.index(next(x for x in drawn if x[1])) <= 3
