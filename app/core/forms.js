@@ -107,6 +107,7 @@ pgraph.forms = (() => {
     cell.placeholder = "density";
     cell.dataset.shown = "";
     const send = (serial, text) => box.pgraphAsk.density(serial, text);
+    cell.onaccept = () => { cell.dataset.full = cell.value; };
     cell.addEventListener("keydown", (event) => { // taken by Enter; it is no cell of the model
       if (event.key !== "Enter") return;
       event.stopImmediatePropagation();

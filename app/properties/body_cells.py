@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.model.shape import DIMENSIONS
+from pgraph_core.model.shape import DIMENSIONS, mass_properties_of
 from pgraph_core.rotation import matrix, unit
 
 from ..core.cells import Display, Quantity, Refusal, content, replaced
@@ -23,8 +23,10 @@ Content = Any  # nested tuples of numbers, formulas and None
 
 PER_MOTION = ("stiffness", "damping", "rest", "friction", "armature", "limit_restitution")
 LENGTHS = {
-    "link", "com", "tip", "shape_size", "shape_radius", "shape_length", "shape_position",
+    "link", "com", "tip", "shape_size", "shape_radius", "shape_length", "shape_end_radius",
+    "shape_position",
 }  # fmt: skip
+DERIVED = ("mass", "com", "inertia", "tip")
 SHAPES = tuple(DIMENSIONS)
 MOTIONS = ("rotate", "translate", "ball")
 NO_SHAPE = "none"
@@ -32,13 +34,22 @@ SLENDER = 0.1  # radius of a new shape over its length
 LEAST = 0.05  # of a new shape's length [m]
 
 
+def of_shape(field: str) -> tuple[int, str]:
+    """(0, "size") of "shape_size", (2, "size") of "shape_2_size"."""
+    _, at, *name = field.split("_")
+    return (int(at), "_".join(name)) if at.isdigit() else (0, "_".join((at, *name)))
+
+
 def quantity_of(body: pg.Body, field: str, index: tuple[int, ...]) -> Quantity:
     """What a cell measures: which of the page's units it is shown in."""
+    if field.startswith("shape_"):
+        field = "shape_" + of_shape(field)[1]
     if field in LENGTHS:
         return "length"
     if field == "mass":
         return "mass"
-    if field == "rotation_euler" or (field == "rotation_axis" and index == (3,)):
+    bare = field.removeprefix("shape_")
+    if bare == "rotation_euler" or (bare == "rotation_axis" and index == (3,)):
         return "angle"
     if field in ("q", "v", "limits", "rest") and index:
         kinds = _of_coordinates(body, field)
@@ -73,12 +84,19 @@ def held(model: pg.Model, body: pg.Body, field: str, display: Display) -> Conten
         case "limits":
             bounds = model.cells(body)["limits"] or (None,) * len(body.sequence)
             return tuple((None, None) if pair is None else pair for pair in bounds)
-        case "shape_kind":
-            return NO_SHAPE if body.shape is None else body.shape.kind
         case _ if field.startswith("shape_"):
-            shape = model.cells(body)["shape"]
-            name = field.removeprefix("shape_")
-            return shape.get(name) if isinstance(shape, dict) else getattr(shape, name, None)
+            at, name = of_shape(field)
+            if at >= len(body.shapes):
+                return NO_SHAPE if name == "kind" else None
+            shape = _kept_shape(model, body, at)
+            match name:
+                case "rotation_euler":
+                    return euler_of(body.shapes[at].rotation)
+                case "rotation_axis":
+                    return axis_of(body.shapes[at].rotation)
+                case "colour":
+                    return hexadecimal(body.shapes[at].colour)
+            return shape.get(name)
     value = model.cells(body)[field]
     if field in PER_MOTION and not isinstance(value, (tuple, list)):
         return (value,) * len(body.sequence)  # one formula for all
@@ -89,8 +107,18 @@ def edit_of(
     model: pg.Model, body: pg.Body, field: str, entries: Sequence[Entry], display: Display
 ) -> dict[str, Any]:
     """The arguments of `model.edit` that put typed text into cells of a field. Raises Refusal."""
-    if field == "shape_kind":
-        return {"shape": _shape(body, entries[0][1])}
+    if field.startswith("shape_"):
+        at, name = of_shape(field)
+        if at > len(body.shapes) or (at == len(body.shapes) and name != "kind"):
+            raise Refusal("has no such shape any more")
+        if name == "kind":
+            return _with_kind(body, at, entries[0][1])
+        if name in ("role", "colour"):
+            return _with_shape(model, body, at, {name: entries[0][1].strip() or None})
+        if name == "end_radius" and not entries[0][1].strip():
+            return _with_shape(model, body, at, {name: None})
+    if field == "derived":
+        return following(body, entries[0][1])
     if field == "motions":
         return {"motions": _motions(body, entries)}
     if field == "joint":
@@ -122,13 +150,66 @@ def kept(
             _numbers([x for row in value for x in row], "the inertia about the origin")
             return {"inertia": shifted(value, body.mass, body.com, -1.0)}
         case _ if field.startswith("shape_"):
-            shape = model.cells(body)["shape"]
-            if shape is None:
-                raise Refusal("has no shape; choose its kind first")
-            data = dict(shape) if isinstance(shape, dict) else shape.model_dump()
-            first = data | {field.removeprefix("shape_"): value}
-            return {"shapes": (first, *body.shapes[1:])} if body.shapes[1:] else {"shape": first}
+            at, name = of_shape(field)
+            if name == "rotation_euler":
+                name, value = "rotation", from_euler(_numbers(value, "an angle"))
+            elif name == "rotation_axis":
+                name, value = "rotation", from_axis(_numbers(value, "an axis"))
+            return _with_shape(model, body, at, {name: value})
     return {field: value}
+
+
+def _kept_shape(model: pg.Model, body: pg.Body, at: int) -> dict[str, Any]:
+    """The fields of a shape; of the first, with its formulas."""
+    shape = model.cells(body)["shape"] if at == 0 else body.shapes[at]
+    return dict(shape) if isinstance(shape, dict) else shape.model_dump()
+
+
+def _with_shape(model: pg.Model, body: pg.Body, at: int, change: dict[str, Any]) -> dict[str, Any]:
+    if not body.shapes:
+        raise Refusal("has no shape; choose its kind first")
+    return _with_shapes(body, at, _kept_shape(model, body, at) | change)
+
+
+def _with_shapes(body: pg.Body, at: int, shape: Any) -> dict[str, Any]:
+    """The shapes with one in place of another, or without it (None)."""
+    if at == 0 and len(body.shapes) < 2:
+        return {"shape": shape}
+    new = () if shape is None else (shape,)
+    return {"shapes": (*body.shapes[:at], *new, *body.shapes[at + 1 :])}
+
+
+def _with_kind(body: pg.Body, at: int, kind: str) -> dict[str, Any]:
+    """Another kind of a shape, one more, or one less."""
+    one = body.model_copy(update={"shape": body.shapes[at] if at < len(body.shapes) else None})
+    shape = _shape(one, kind)
+    if shape is not None and at < len(body.shapes):
+        old = body.shapes[at]
+        shape |= {"role": old.role, "colour": old.colour}
+    change = _with_shapes(body, at, shape)
+    return change if shape is not None or body.shapes[1:] else change | {"derived": ()}
+
+
+def hexadecimal(colour: Sequence[float] | None) -> str:
+    """'#rrggbb'; nothing where a shape has the colour of its body."""
+    return "" if colour is None else "#" + "".join(f"{round(255 * c):02x}" for c in colour)
+
+
+def following(body: pg.Body, what: str) -> dict[str, Any]:
+    """Makes a field follow from the shapes; a body without any gets a rod along its length.
+
+    A mass that follows keeps its value at first: the density is chosen so.
+    """
+    if what not in DERIVED:
+        raise Refusal(f"must be one of {', '.join(DERIVED)}")
+    change: dict[str, Any] = {"derived": (*body.derived, *({what} - {*body.derived}))}
+    shapes = body.shapes or (pg.Shape(**(_shape(body, "capsule") or {})),)
+    if not body.shapes:
+        change["shape"] = shapes[0]
+    if what == "mass":
+        full = mass_properties_of(shapes, 1.0).mass
+        change["density"] = body.density or (body.mass / full if body.mass > 0 else 1000.0)
+    return change
 
 
 def _numbers(value: Sequence[Any], what: str) -> list[float]:

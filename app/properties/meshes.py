@@ -15,7 +15,6 @@ from pgraph_core.model.shape import mass_properties, mass_properties_of
 from ..core.cells import Refusal
 from ..model import Found
 from ..model.archive import mesh_folder
-from . import body_cells
 
 LARGEST_MESH = 10_000_000  # [bytes]
 LARGE = 5.0  # [m] a mesh beyond this is likely not in metres
@@ -55,12 +54,15 @@ def shaped(bodies: tuple[str, ...], file: str, content: bytes) -> Found:
 
 
 def mass_of(bodies: list[pg.Body], density: float) -> dict[str, dict[str, Any]]:
-    """Mass, centre of mass and inertia of bodies that fill their shapes. Raises PgraphError."""
+    """What makes mass, centre of mass and inertia of bodies follow from shapes that they fill.
+
+    Raises PgraphError, Refusal.
+    """
     found = {}
     for body in bodies:
-        mass, com, inertia = mass_properties_of(body.shapes, density)
+        mass = mass_properties_of(body.shapes, density).mass
         if not (math.isfinite(mass) and mass >= 0):
             raise Refusal(f"gives '{body.name}' a mass of {mass}")
-        even = body_cells.possible(inertia)  # symmetric to the last digit
-        found[body.name] = {"mass": float(mass), "com": tuple(map(float, com)), "inertia": even}
+        derived = tuple(dict.fromkeys((*body.derived, "mass", "com", "inertia")))
+        found[body.name] = {"density": density, "derived": derived}
     return found

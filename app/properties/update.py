@@ -28,8 +28,10 @@ BodyField = Literal[
     "name", "joint", "motions", "axes", "link", "rotation", "rotation_euler", "rotation_axis",
     "mass", "com", "inertia", "tip", "q", "v", "stiffness", "damping", "rest", "friction",
     "armature", "limits", "limit_restitution", "shape_kind", "shape_size", "shape_radius",
-    "shape_length", "shape_scale", "shape_position", "shape_rotation",
+    "shape_length", "shape_end_radius", "shape_scale", "shape_position", "shape_rotation",
+    "shape_rotation_euler", "shape_rotation_axis", "shape_role", "shape_colour", "derived",
 ]  # fmt: skip
+FurtherShape = Annotated[str, Field(pattern=r"^shape_[1-9]\d?_[a-z_]{4,20}$")]  # the second is 1
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class Typed(FromPage):
 
     serial: int
     bodies: Bodies
-    field: BodyField
+    field: BodyField | FurtherShape
     entries: Entries
 
 
@@ -97,6 +99,7 @@ def repaired(state: State, event: Mend) -> State:
 
 def _label(event: Typed) -> str:
     field = event.field.removeprefix("shape_") if event.field != "shape_kind" else "shape"
+    field = {"derived": "what follows from the shapes"}.get(field, field)
     several = f"{len(event.bodies)} bodies"
     of = event.bodies[0] if len(event.bodies) == 1 else several
     return f"{LABELS.get(event.field, field)} of {of}"
@@ -172,7 +175,7 @@ def filled(state: State, event: FillFromShape) -> State:
     except (Refusal, pg.PgraphError) as problem:
         sentence = f"The density {problem}" if isinstance(problem, Refusal) else str(problem)
         return replied(state, event.client, event.serial, sentence)
-    if any(b.shape is not None and b.shape.kind == "mesh" for b in bodies):
+    if any(shape.kind == "mesh" for b in bodies for shape in b.shapes):
         state = replied(state, event.client, event.serial)
         work = partial(_filled, bodies=event.bodies, density=density)
         return sent(state, event.client, "mass from shape", work)

@@ -21,6 +21,7 @@ from .forms import WXYZ, XYZ, button, cell, choice, field, group, merged, shown
 JOINTS = get_args(pg.Body.model_fields["joint"].annotation)
 Q_NAMES = {"free": (*XYZ, *WXYZ), "spherical": WXYZ}
 V_NAMES = {"free": ("ωx", "ωy", "ωz", *XYZ), "spherical": ("ωx", "ωy", "ωz")}
+MOST_SHAPES = 12  # that have a form
 DENSITIES = (
     ("1000", "water, 1000"), ("7850", "steel, 7850"), ("2700", "aluminium, 2700"),
     ("700", "wood, 700"),
@@ -115,6 +116,7 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
         form.vector(turn, names, label="Orientation"),
     ]
     mass = [form.vector("mass"), form.vector("com"), form.inertia(), form.tip()]
+    mass = [form.follows(one) for one in mass]
     state = [
         form.vector("q", Q_NAMES.get(body.joint, ())),
         form.vector("v", V_NAMES.get(body.joint, ())),
@@ -125,7 +127,11 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
     found = [
         group("", joint),
         group("Mass", mass),
-        group("Shape", form.shape(), body.shape is not None),
+        group("Shape", form.shape(0), body.shape is not None),
+        *(
+            group(f"Shape {k + 1}", form.shape(k), False)
+            for k in range(1, min(len(body.shapes), MOST_SHAPES))
+        ),
         group("Initial state and limits", [*state, *bouncing]),
         group("Spring, damper, drive", drive, any(body.stiffness + body.damping + body.friction)),
     ]
@@ -231,30 +237,81 @@ class _Form:
         return field("limits", "Limits", cells, unit=self.unit("limits"),
                      help=ABOUT["limits"].help, columns=2)  # fmt: skip
 
-    def shape(self) -> list[Payload]:
+    def follows(self, row: Payload) -> Payload:
+        """A row of the mass with a badge where it follows from the shapes, else a way to that."""
+        name = row["field"]
+        if name in self.body.derived:
+            note = "; ".join(filter(None, (row["note"], "follows from the shapes until you type")))
+            return {**row, "note": note}
+        title = "let it follow from the shapes" if self.body.shapes else (
+            "let it follow from a rod along the body, which becomes its shape"
+        )  # fmt: skip
+        derive = button("derive", "", title, field="derived", index=[], text=name)
+        return {**row, "buttons": [*row["buttons"], derive]}
+
+    def shape(self, at: int) -> list[Payload]:
         """The kind, the sizes that it has, where it is, and what follows from it."""
-        shape = self.body.shape
+        shapes, prefix = self.body.shapes, f"shape_{at}_" if at else "shape_"
+        shape = shapes[at] if at < len(shapes) else None
         kind = NO_SHAPE if shape is None else shape.kind
         kinds = [k for k in (NO_SHAPE, *SHAPES) if k != "mesh" or kind == "mesh"]
         upload = {"upload": True, "help": "what is drawn, and what touches in contacts"}
-        found = [choice("shape_kind", "Shape", kind, kinds, **upload)]
+        found = [choice(prefix + "kind", "Shape", kind, kinds, **({} if at else upload))]
         if shape is None:
             return found
         labels = {"size": "Edges", "radius": "Radius", "length": "Length"}
         if kind == "mesh":
             name = (shape.file or "").replace("\\", "/").rsplit("/", 1)[-1]
             found[0]["note"] = name
-            found.append(self.vector("shape_scale", label="Scale"))
+            found.append(self.vector(prefix + "scale", label="Scale"))
         found += [
-            self.vector(f"shape_{f}", label=label)
+            self.vector(prefix + f, label=label)
             for f, label in labels.items() if getattr(shape, f) is not None
         ]  # fmt: skip
-        found.append(self.vector("shape_position", label="Position"))
-        found.append(self.vector("shape_rotation", WXYZ, label="Orientation"))
-        fill = field("density", "Mass from it", [cell((), "")], unit="kg/m³", kind="density",
-                     options=DENSITIES, help="mass, centre of mass and inertia of a body that "
-                     "fills its shape evenly")  # fmt: skip
+        if kind in ("capsule", "cylinder") and shape.role == "visual":
+            end = self.vector(prefix + "end_radius", label="End radius")
+            found.append({**end, "help": "at the far end, where it tapers; empty: the same"})
+        found.append(self.vector(prefix + "position", label="Position"))
+        turn, names = ROTATIONS[self.display.turn]
+        found.append(self.vector(prefix + turn, names, label="Orientation"))
+        roles = [
+            ("both", "drawn and touches"),
+            ("visual", "only drawn"),
+            ("collision", "only touches"),
+        ]
+        found.append(choice(prefix + "role", "Role", shape.role, roles, help="what it is for"))
+        colour = [cell((), held(self.model, self.body, prefix + "colour", self.display))]
+        found.append(field(prefix + "colour", "Colour", colour, kind="text",
+                           help="#rrggbb; empty: the colour of its branch"))  # fmt: skip
+        if at == len(shapes) - 1 < MOST_SHAPES - 1:
+            more = button("+ shape", "", "one more shape", field=f"shape_{at + 1}_kind",
+                          index=[], text="sphere")  # fmt: skip
+            found[-1] = {**found[-1], "buttons": [more]}
+        if at:
+            return found
+        value = "" if self.body.density is None else self.body.density
+        help = (
+            "mass, centre of mass and inertia of a body that fills its shapes evenly; they follow "
+            "until you type other values"
+        )
+        fill = field("density", "Mass from it", [cell((), value)], unit="kg/m³", kind="density",
+                     options=DENSITIES, help=help)  # fmt: skip
         return [*found, fill]
+
+
+SLIM, WIDE = 0.02, 1.5  # radius of gyration over the body's length: beyond, it is doubted
+
+
+def implausible(body: pg.Body) -> str:
+    """What is wrong with a radius of gyration for a body as long as this one."""
+    ends = [body.tip_point, body.com, *(s.position for s in body.shapes)]
+    sizes = [s.size or ((s.length or 0.0) + 2 * (s.radius or 0.0),) for s in body.shapes]
+    length = max([math.hypot(*end) for end in ends] + [math.hypot(*size) for size in sizes])
+    gyration = math.sqrt(moments(body.inertia)[2] / body.mass) if body.mass > 0 else 0.0
+    if length <= 0 or gyration == 0 or SLIM <= gyration / length <= WIDE:
+        return ""
+    size = "small" if gyration < length else "large"
+    return f"; far too {size} for a body of {length:.3g} m: is the mass or the inertia meant?"
 
 
 def physical(body: pg.Body) -> str:
@@ -265,7 +322,7 @@ def physical(body: pg.Body) -> str:
     if a + b - c <= 1e-9 * c:
         return f"principal {a:.4g}, {b:.4g}, {c:.4g}: just possible (all mass in one plane)"
     gyration = f", radius of gyration {math.sqrt(c / body.mass):.3g} m" if body.mass > 0 else ""
-    return f"principal {a:.4g}, {b:.4g}, {c:.4g}: possible{gyration}"
+    return f"principal {a:.4g}, {b:.4g}, {c:.4g}: possible{gyration}{implausible(body)}"
 
 
 VIEWS = (

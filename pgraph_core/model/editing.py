@@ -43,7 +43,8 @@ def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
         changes = {**changes, "derived": tuple(x for x in old.derived if x not in changes)}
         if "mass" in old.derived and "mass" in changes:
             changes = {"density": None, **changes}
-    data = {key: value for key, value in data.items() if key not in old.derived or key in changes}
+    follows = {*old.derived, *changes["derived"]}
+    data = {key: value for key, value in data.items() if key not in follows or key in changes}
     kind, dof = changes.get("joint", old.joint), changes.get("dof", old.dof)
     new_joint = kind != old.joint or dof != old.dof or _moves_otherwise(old, changes)
     if new_joint:

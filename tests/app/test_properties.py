@@ -27,12 +27,13 @@ from pgraph_app.properties.body_cells import (
     from_axis,
     from_euler,
     held,
+    moments,
     possible,
     shifted,
 )
 from pgraph_app.properties.meshes import shaped
 from pgraph_app.properties.update import Check, EditBodies, FillFromShape, Mend, UploadMesh
-from pgraph_app.properties.view import properties
+from pgraph_app.properties.view import physical, properties
 from pgraph_app.session.update import Connected, SetDisplay
 from pgraph_app.world.update import DeleteParameter, EditParameter, EditWorld, RenameParameter
 from pgraph_core.rotation import matrix
@@ -445,3 +446,65 @@ def test_arithmetic_and_units_in_a_cell(text, of, value):
 def test_what_cannot_be_calculated_is_refused_in_a_sentence(text, word):
     with pytest.raises(cells.Refusal, match=word):
         cells.quantity(text, "length", Display())
+
+
+def test_what_follows_from_the_shapes_goes_on_following_until_it_is_typed(state):
+    shaped = edit(state, "shape_kind", ((), "box"))
+    filled = update(shaped, FillFromShape(ME, 1, ("2",), "1000"))
+    body = filled.model.body("2")
+    assert body.derived == ("mass", "com", "inertia")
+    longer = edit(filled, "shape_size", ((2,), "0.5"))
+    ratio = 0.5 / body.shape.size[2]
+    now = longer.model.body("2")
+    assert now.mass == pytest.approx(ratio * body.mass)
+    assert moments(now.inertia)[2] > moments(body.inertia)[2] * ratio
+    heavy = edit(longer, "mass", ((), "2 t")).model.body("2")
+    assert heavy.mass == 2000
+    assert heavy.derived == ("com", "inertia")
+    np.testing.assert_allclose(
+        np.array(heavy.inertia), np.array(now.inertia) * 2000 / now.mass, rtol=1e-12
+    )
+    again = edit(edit(longer, "mass", ((), "2 t")), "derived", ((), "mass")).model.body("2")
+    assert again.mass == pytest.approx(2000)
+    assert set(again.derived) == {"mass", "com", "inertia"}
+
+
+def test_a_body_without_a_shape_gets_a_rod_that_its_inertia_follows(state):
+    after = edit(state, "derived", ((), "inertia")).model.body("2")
+    assert after.shape.kind == "capsule"
+    assert after.derived == ("inertia",)
+    m, (a, b, c) = after.mass, moments(after.inertia)
+    length = after.shape.length + 2 * after.shape.radius
+    assert m * length**2 / 14 < c < m * length**2 / 11  # a rod with round ends
+    assert b == pytest.approx(c)
+    assert a < 0.1 * c
+
+
+def test_every_shape_of_a_body_has_a_form(state):
+    state = edit(state, "shape_kind", ((), "box"))
+    state = edit(state, "shape_1_kind", ((), "sphere"))
+    state = edit(state, "shape_1_radius", ((), "0.2/2"))
+    state = edit(state, "shape_1_role", ((), "visual"))
+    state = edit(state, "shape_1_colour", ((), "#ff8000"))
+    state = edit(state, "shape_1_position", ((1,), "30 mm"))
+    box, ball = state.model.body("2").shapes
+    assert (box.kind, box.role) == ("box", "both")
+    assert (ball.kind, ball.radius, ball.role, ball.position[1]) == ("sphere", 0.1, "visual", 0.03)
+    assert ball.colour == pytest.approx((1, 128 / 255, 0))
+    titles = [g["title"] for g in properties(state, ("2",))["groups"]]
+    assert "Shape 2" in titles
+    turned = replace(state, clients={ME: replace(state.clients[ME], display=Display(turn="euler"))})
+    angles = (((0,), "90 deg"), ((1,), "0"), ((2,), "0"))
+    turned = edit(turned, "shape_rotation_euler", *angles).model.body("2").shape
+    assert turned.rotation == pytest.approx((math.sqrt(0.5), math.sqrt(0.5), 0, 0))
+    assert len(edit(state, "shape_1_kind", ((), "none")).model.body("2").shapes) == 1
+    refused = update(state, EditBodies(ME, 9, ("2",), "shape_4_radius", (((), "1"),)))
+    assert "no such shape" in refused.clients[ME].reply.text
+
+
+def test_an_inertia_far_too_small_for_its_body_is_doubted(state):
+    heavy = edit(state, "mass", ((), "1200"))
+    (note,) = (f["note"] for g in properties(heavy, ("2",))["groups"] for f in g["fields"]
+               if f["field"] == "inertia")  # fmt: skip
+    assert "too small" in note
+    assert "too" not in physical(state.model.body("2"))
