@@ -61,7 +61,7 @@ def with_model(state: State, model: pg.Model, label: str) -> State:
 def replaced(state: State, model: pg.Model, label: str) -> State:
     """A different model, as one undo step: with its own run settings, and in view."""
     after = with_model(state, model, label)
-    at_start = replace(after.playback, time=0.0, playing=False)
+    at_start = replace(after.playback, time=0.0, playing=False, preview=False)
     return replace(
         after,
         last_run=state.last_run,  # not of this model, also where it is the same once more
@@ -113,7 +113,7 @@ def _showing(state: State, model: pg.Model) -> State:
         request=request,
         playback=state.playback
         if live or (state.run is not None and _same_motion(state.model, model))
-        else replace(state.playback, time=0.0, playing=False),
+        else replace(state.playback, time=0.0, playing=False, preview=False),
     )
 
 

@@ -116,7 +116,7 @@ class Store:
         with contextlib.suppress(Closed):
             ticked, event = time.perf_counter(), None
             while True:
-                playing = self.state.playback.playing
+                playing = self.state.playback.moves
                 left = ticked + FRAME - time.perf_counter() if playing else math.inf
                 if left <= 0 and not isinstance(event, Tick):
                     event = None  # events that rush in do not hold up what plays

@@ -24,7 +24,7 @@ class OperatorsView:
 
     def render(self, old: State, new: State) -> None:
         moved = new.playback.time != old.playback.time or new.pose is not old.pose
-        late = not new.playback.playing or time.monotonic() - self._sent > PACE
+        late = not new.playback.moves or time.monotonic() - self._sent > PACE
         changed = new.derived is not old.derived or (moved and late)
         for client, page in new.clients.items():
             before = old.clients.get(client, Client())

@@ -11,5 +11,11 @@ SPEEDS = (0.05, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # of playback
 class Playback:
     time: float = 0.0  # [s]
     playing: bool = False
+    preview: bool = False  # what has just been computed is shown once, until somebody takes over
     speed: float = 1.0
     loop: bool = True
+
+    @property
+    def moves(self) -> bool:
+        """Whether time goes on."""
+        return self.playing or self.preview

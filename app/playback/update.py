@@ -37,7 +37,7 @@ class Pause(FromPage):
 def pause(state: State, event: Pause) -> State:
     if state.live is not None:
         return replace(state, live=replace(state.live, running=False))
-    return _at(state, state.playback.time, False) if state.playback.playing else state
+    return _at(state, state.playback.time, False) if state.playback.moves else state
 
 
 @dataclass(frozen=True)
@@ -112,9 +112,12 @@ class Tick(Event):
 @on(Tick)
 def tick(state: State, event: Tick) -> State:
     playback, end = state.playback, state.t_end
-    if not playback.playing or end <= state.t_start:
+    if not playback.moves or end <= state.t_start:
         return state
     time = playback.time + event.dt * playback.speed
+    if playback.preview:
+        shown = replace(playback, time=min(time, end), preview=time < end)
+        return replace(state, playback=shown)
     if time < end:
         return _at(state, time, True)
     span = end - state.t_start
@@ -122,7 +125,8 @@ def tick(state: State, event: Tick) -> State:
 
 
 def _at(state: State, time: float, playing: bool) -> State:
-    return replace(state, playback=replace(state.playback, time=time, playing=playing))
+    playback = replace(state.playback, time=time, playing=playing, preview=False)
+    return replace(state, playback=playback)
 
 
 def _held(state: State) -> State:

@@ -29,7 +29,8 @@ def settings(state: State) -> tuple[object, ...]:
     """What changes seldom: everything but the time, and the end of a run that grows."""
     live = state.live
     span = (live.id, live.running, not live.parts) if live else (state.t_start, state.t_end)
-    return replace(state.playback, time=0.0), span
+    waits = state.job is None, state.earlier is None
+    return replace(state.playback, time=0.0), span, waits
 
 
 def moment(state: State) -> tuple[float, float, float]:
@@ -40,7 +41,11 @@ def moment(state: State) -> tuple[float, float, float]:
 def playback(state: State) -> Payload:
     """Everything the bar shows."""
     p, live = state.playback, state.live
-    hint = "" if state.run or state.job else "Play simulates first: nothing has been computed yet."
+    hint = "Play simulates first: nothing has been computed yet."
+    if state.earlier is not None:
+        hint = "The model was edited since its run: press Simulate, or undo."
+    if state.run or state.job:
+        hint = ""
     return {
         "moment": moment(state),
         "playing": p.playing if live is None else live.running,
@@ -49,6 +54,7 @@ def playback(state: State) -> Payload:
         "speeds": SPEEDS,
         "live": live is not None,
         "nothing": live is None and state.t_end <= state.t_start,
+        "earlier": state.earlier is not None,
         "hint": "The live run starts ..." if live and not live.parts else hint,
     }
 

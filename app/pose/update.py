@@ -43,7 +43,9 @@ def joint_moved(state: State, event: MoveJoint) -> State:
         state.model.body(event.body)
         value = cells.number(event.text)
         pose = solving.posed(state, event.body, event.index, value)
-        state = replace(state, posed=pose, playback=replace(state.playback, playing=False))
+        state = replace(
+            state, posed=pose, playback=replace(state.playback, playing=False, preview=False)
+        )
     except Refusal as refusal:
         problem = f"body '{event.body}', q: {refusal}"
     except pg.PgraphError as error:

@@ -32,7 +32,7 @@ class JointsView:
             new.derived is not old.derived,
             new.posed is not old.posed,
             new.pose_problem != old.pose_problem,
-            moved and not new.playback.playing,
+            moved and not new.playback.moves,
         ))  # fmt: skip
         for client, page in new.clients.items():
             before = old.clients.get(client, Client())

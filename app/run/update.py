@@ -109,7 +109,7 @@ def go_on(state: State, event: Continue) -> State:
 def asked(state: State, before: Any) -> State:
     """A simulation under way; from the end of `before` if given."""
     job = Job(state.jobs + 1, state.model, state.request, before=before, framed=state.framed)
-    paused = replace(state.playback, playing=False)
+    paused = replace(state.playback, playing=False, preview=False)
     return replace(state, job=job, jobs=job.id, run_problem="", playback=paused)
 
 
@@ -161,7 +161,7 @@ def heard(state: State, event: Progress | Simulated | Failed) -> State:
         case Simulated(_, result):
             start = 0.0 if job.before is None else float(job.before.t[-1])
             plays = job.model is state.model and len(result.t) > 1
-            playback = replace(state.playback, time=start, playing=plays)
+            playback = replace(state.playback, time=start, playing=False, preview=plays)
             stale = "The model was changed during the simulation; undo shows that run."
             problem = "" if job.model is state.model else stale
             run = Run(job.model, job.request, result)
