@@ -6,8 +6,10 @@ form that stand for a part of a field.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Literal
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import pgraph_core as pg
 from pgraph_core.model import fields
@@ -78,6 +80,33 @@ def about(item: Any, field: str) -> About:
     if getattr(item, "law", "") == "soft" and field in SOFT:
         return found._replace(unit=SOFT[field])
     return found
+
+
+def typed_as(item: Any, field: str) -> tuple[str, tuple[Any, ...]]:
+    """How a field is typed: ("vector", ()), ("whole", (least, greatest)), ("choice", options).
+
+    Everything else is ("number", ()); so are cells that are no field.
+    """
+    info = type(item).model_fields.get(field)
+    for kind in _types(info.annotation) if info else ():
+        if kind == fields.Row3:
+            return "vector", ()
+        if kind is int:
+            bounds = [getattr(x, side, None) for side in ("ge", "le") for x in info.metadata]
+            return "whole", tuple(x for x in bounds if x is not None)
+        if get_origin(kind) is Literal:
+            return "choice", get_args(kind)
+    return "number", ()
+
+
+def _types(annotation: Any) -> Iterator[Any]:
+    """The types that an annotation allows."""
+    if get_origin(annotation) in (Annotated, Union, UnionType):
+        parts = get_args(annotation)
+        for part in parts[:1] if get_origin(annotation) is Annotated else parts:
+            yield from _types(part)
+    else:
+        yield annotation
 
 
 def own_fields(item: Any) -> tuple[str, ...]:

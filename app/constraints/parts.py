@@ -10,16 +10,16 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.model.editing import free_name
+from pgraph_core.model.fields import PAIR
 from pgraph_core.rotation import matrix
 
 from ..core.cells import LONGEST_NAME, Display, Quantity, Refusal, content, number, replaced, whole
-from . import KINDS, WORD, Part, about, own_fields, takes_other
+from . import KINDS, WORD, Part, about, own_fields, takes_other, typed_as
 
 GROUND, EVERY = "ground", "*"
 Item = Any  # pg.Constraint | pg.Contact | pg.Force
 Places = Mapping[str, tuple[np.ndarray, np.ndarray]]  # body name -> position, rotation at home
 
-VECTORS = {"point", "other_point", "axis", "other_axis"}
 CURVES = ("polynomial", "sine", "table")
 KIND_FIELD = {"constraints": "kind", "contacts": "law", "forces": "kind"}
 
@@ -188,7 +188,7 @@ def changed(
         return renamed(model, part, name, entries[0][1].strip())
     if field in ("kind", "law"):
         return _put(model, part, name, rekinded(model, part, item, entries[0][1]))
-    if field in ("body", "other", "frame"):
+    if field in PAIR or typed_as(item, field)[0] == "choice":
         data = {**data, field: entries[0][1]}
         if field == "body" and data.get("coefficients"):
             data["coefficients"] = {entries[0][1]: next(iter(data["coefficients"].values()))}
@@ -209,9 +209,10 @@ def _typed(
     at: Places,
 ) -> dict[str, Any]:
     of = quantity_of(item, field)
+    form, bounds = typed_as(item, field)
     match field:
-        case "coordinate" | "other_coordinate":
-            return {**data, field: whole(text, 0, 5)}
+        case _ if form == "whole":
+            return {**data, field: whole(text, *bounds)}
         case "curve":
             return {**data, "q_of_t": _curve(item.q_of_t, text)}
         case "table":

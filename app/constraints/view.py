@@ -14,7 +14,7 @@ from ..core.cells import Display, Quantity
 from ..core.state import Client, State
 from ..core.views import Payload, Place, audience
 from ..properties.forms import button, cell, choice, field, group, shown
-from . import CELLS, KINDS, TITLES, WORD, Part, Picking, about, own_fields, parts
+from . import CELLS, KINDS, TITLES, WORD, Part, Picking, about, own_fields, parts, typed_as
 from .mobility import BY_ITSELF, mobility_report
 from .update import allowed
 
@@ -169,8 +169,6 @@ def _field(
                            note=KINDS[part][kind])]  # fmt: skip
         case "body" | "other":
             return [_name_field(part, item, name)]
-        case "frame":
-            return [choice(name, about(item, name).label, item.frame, ("world", "body"))]
         case "q_of_t":
             return _curve(item)
         case "coefficients":
@@ -183,6 +181,9 @@ def _field(
                           unit=shows.unit, help=shows.help, kind="text")]  # fmt: skip
         case "torque" | "force":
             return _over_time(item, name, cells)
+    form, options = typed_as(item, name)
+    if form == "choice":
+        return [choice(name, about(item, name).label, getattr(item, name), options)]
     return [_plain(model, item, name, cells, display, at)]
 
 
@@ -206,7 +207,7 @@ def _plain(model: pg.Model, item: Any, name: str, cells: Any, display: Display, 
     if value is None:
         value, implied = parts.implied(model, item, name, at), True
     unit = display.unit(of) if shows.unit in ("length", "angle") else shows.unit
-    if name in parts.VECTORS:
+    if typed_as(item, name)[0] == "vector":
         found = value if value is not None else (None, None, None)
         row = [cell((i,), shown(x, of, display), implied=implied) for i, x in enumerate(found)]
         return field(name, shows.label, row, unit=unit, help=shows.help)
