@@ -174,6 +174,7 @@ class ContactSpace(Unportable):
             islands(packed.rows, packed.nv, first + limits + count),
         )
         self.shapes, self.found = contacts.geometry.shapes, self._kept.found
+        self.pairs = pairs  # what each did in the last step
         kept = self._kept
         # what steps and records read before they write it
         self.memory = [kept.found, kept.kept, kept.wrenches, kept.pairs, tally, kept.limit_tau]

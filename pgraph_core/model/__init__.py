@@ -35,5 +35,6 @@ from .gait import Gait as Gait
 from .model import Model as Model
 from .scenario import Scenario as Scenario
 from .scenario import Switch as Switch
+from .scenario import When as When
 from .world import Ground as Ground
 from .world import Step as Step

@@ -268,7 +268,7 @@ def switch_problems(switches: Sequence[Switch], constraints: Sequence[str]) -> l
     for i, s in enumerate(switches):
         if s.constraint not in constraints:
             found.append(f"no constraint is named '{s.constraint}'; {do}")
-        elif any((s.t, s.constraint) == (o.t, o.constraint) for o in switches[:i]):
+        elif s.t is not None and (s.t, s.constraint) in [(o.t, o.constraint) for o in switches[:i]]:
             found.append(f"'{s.constraint}' is switched twice at t = {s.t:g} s; leave one out")
     return found
 

@@ -12,13 +12,72 @@ from .fields import Described, Number, PerMotion, by_name, field, names_or_none,
 from .force import Force
 from .gait import Gait
 
+SUBJECTS = ("coordinate", "gap", "force", "constraint")
+
+
+class When(Described):
+    """A condition of the state: one of coordinate, gap, force, constraint, and its bound."""
+
+    coordinate: str | None = field(
+        "the name of a body, with a number if it has several: 'a 1'", default=None
+    )
+    gap: str | None = field("the name of a contact, whose smallest gap counts [m]", default=None)
+    force: str | None = field(
+        "the name of a contact or constraint, whose force counts [N]", default=None
+    )
+    constraint: str | None = field("the name of a constraint", default=None)
+    above: Number | None = field("a number", default=None)
+    below: Number | None = field("a number", default=None)
+    active: bool | None = field("true or false, with constraint", default=None)
+
+    @property
+    def subject(self) -> tuple[str, str]:
+        """(what it watches, its name)."""
+        return next((what, getattr(self, what)) for what in SUBJECTS if getattr(self, what))
+
+    def __str__(self) -> str:
+        what, name = self.subject
+        if self.active is not None:
+            return f"constraint {name} {'active' if self.active else 'inactive'}"
+        bound = f"above {self.above:g}" if self.above is not None else f"below {self.below:g}"
+        return f"{what} of {name} {bound}"
+
+    @model_validator(mode="after")
+    def _one_of_each(self) -> Self:
+        given = [what for what in SUBJECTS if getattr(self, what) is not None]
+        bounds = [b for b in ("above", "below", "active") if getattr(self, b) is not None]
+        if len(given) != 1:
+            text = f"name one of {choices(SUBJECTS)}; given {' and '.join(given) or 'none'}"
+            refuse([("when", text)])
+        wanted = ("active",) if given == ["constraint"] else ("above", "below")
+        if len(bounds) != 1 or bounds[0] not in wanted:
+            text = f"a {given[0]} needs {' or '.join(wanted)}; given "
+            refuse([("when", text + (" and ".join(bounds) or "neither"))])
+        return self
+
+
+def _when_in(value: When | Mapping[str, Any] | None) -> When | None:
+    """A condition or its fields."""
+    return value  # type: ignore[return-value]
+
 
 class Switch(Described):
-    """A constraint that is switched on or off during a run."""
+    """A constraint that is switched on or off during a run, at a time or by a condition."""
 
-    t: Annotated[Number, Field(ge=0)] = Field(description="a time >= 0 [s]")
+    t: Annotated[Number, Field(ge=0)] | None = Field(default=None, description="a time >= 0 [s]")
     constraint: str = Field(description="the name of a constraint")
     active: bool = Field(description="true or false")
+    when: When | None = field(
+        "in place of t a condition: {'coordinate', 'gap', 'force' or 'constraint': name, 'above', "
+        "'below': value or 'active': bool}",
+        converter=_when_in, default=None,
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _time_or_condition(self) -> Self:
+        if (self.t is None) == (self.when is None):
+            refuse([("t", f"give t or when, {'not both' if self.when else 'one of them'}")])
+        return self
 
 
 def _forces_in(value: Sequence[Force | Mapping[str, Any]]) -> tuple[Force, ...]:
@@ -51,7 +110,7 @@ class Scenario(Described):
         converter=names_or_none, default=None,
     )  # fmt: skip
     switches: tuple[Switch, ...] = field(
-        "constraints switched on or off during the run, {t, constraint, active}",
+        "constraints switched on or off during the run, {t or when, constraint, active}",
         converter=_switches_in, default=(),
     )  # fmt: skip
     contacts: tuple[str, ...] | None = field(

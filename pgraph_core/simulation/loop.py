@@ -78,6 +78,7 @@ class Steps:
         plan, method = self.plan, self.plan.method
         matrices = _matrices(len(self.v)) if method.implicit else NO_MATRICES
         corners = NO_CORNERS if self.tolerance is None else self.tolerance.corners
+        self.links = links
         self._kept = Run(
             scene, links, Coefficients(*method.tableau), _method(method.name), self.times,
             plan.substeps.copy(), plan.width.copy(), corners, self.stages, *matrices,

@@ -28,6 +28,7 @@ from ..mechanism import Mechanism
 from ..model import Contact, Scenario
 from ..packing.forces import NO_LOADS
 from ..packing.system import Array, Drives, Ints, Loads
+from .conditions import ConditionOf, conditions_of
 from .options import (
     FRAMES,
     Options,
@@ -37,7 +38,7 @@ from .options import (
     positive,
     steps_between,
 )
-from .switches import Change, ever, switch_changes, with_instants
+from .switches import Change, ever, switch_changes, switches_of, with_instants
 
 if TYPE_CHECKING:
     from ..contact.points import ContactPoint
@@ -77,6 +78,7 @@ class Plan:
         ContactPoint, ...
     ] = ()  # contact points and limits of an event-driven run
     changes: tuple[Change, ...] = ()  # of constraints that go on and off
+    conditions: tuple[ConditionOf, ...] = ()  # under which they do
     ever: Ints = field(default_factory=lambda: NO_SUBSTEPS)  # active constraints of all times
     length: float = 1.0  # of the mechanism, a scale of errors [m]
     kinks: Array = field(default_factory=lambda: NO_TIMES)  # corners of tables inside steps [s]
@@ -142,6 +144,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
     drives, loads = mech.packed.drives(forces), mech.packed.loads(forces)
     contacts = contact_tables(mech.packed, touching_contacts(mech, given))
     active, changes = switch_changes(mech, given, o.switches, active_constraints(mech, given), span)
+    waiting = conditions_of(mech, switches_of(mech, given, o.switches, span), contacts)
     tau = controller_of(mech, given) if tau is None else tau
     start = initial_state(mech, given, q, v, tau)
     plan = Plan(
@@ -163,7 +166,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
     if changes:
         times, changes = with_instants(times, changes)
     substeps, widths = steps_between(times, width) if width else (NO_SUBSTEPS, NO_TIMES)
-    bends = corners(mech, drives, loads, whole := ever(active, changes), *span)
+    bends = corners(mech, drives, loads, whole := ever(active, changes, waiting), *span)
     kinks = NO_TIMES
     if tolerance is not None:
         ticks = tau.ticks(*span) if _is_controller(tau) else NO_TIMES
@@ -182,6 +185,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
         tolerance=tolerance,
         contact_points=points,
         changes=changes,
+        conditions=waiting,
         ever=whole,
         length=length_of(mech.packed),
         kinks=kinks,

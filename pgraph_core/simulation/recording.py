@@ -25,10 +25,11 @@ from ..mechanism import Mechanism
 from ..packing.system import Array, Ints
 from ..result import Result, Status
 from ..result.contact_record import NOTHING, ContactRecord
+from .conditions import Condition
 from .loop import Outcome, Steps, links_of
 from .options import MOST_STEPS
 from .plan import Plan
-from .switches import Change, closed, hold_here
+from .switches import Change, closed, hold_here, switched_by
 
 if TYPE_CHECKING:
     from .contact_events import ContactEvents
@@ -63,6 +64,7 @@ class Recording:
         self.scene = self._scene()
         if tau is not None and self.user is None:
             self.scene.given[:] = finite("tau", tau, mech.nv)
+        self.held = set(plan.active.tolist())  # constraints that are active now
         self._ahead = deque(plan.changes)
         self.out = self._empty_frames(len(plan.times))
         self._arrays = tuple(self.out)  # as kernels take them
@@ -131,12 +133,13 @@ class Recording:
         return found
 
     def _watching(self, monitors: Sequence[Monitor]) -> Watch | None:
-        """What watches a user's events; None where there are none."""
-        if not monitors:
+        """What watches conditions of switches, then a user's events; None where there are none."""
+        if not monitors and not self.plan.conditions:
             return None
         from .user_events import Watch
 
-        return Watch(monitors, self.mech.nq, self.mech.nv)
+        waiting = [Condition(given, self) for given in self.plan.conditions]
+        return Watch((*waiting, *monitors), len(waiting), self.mech.nq, self.mech.nv)
 
     # -- the run ---------------------------------------------------------------------------------
 
@@ -206,8 +209,18 @@ class Recording:
         if self.events is not None and self.ended.ok:
             self.events.begin(self.start)
         if self.watch is not None and self.ended.ok:
-            self.watch.begin(self.start, self.q, self.v)
+            self._begin_watching(self.watch)
         return self.ended.ok
+
+    def _begin_watching(self, watch: Watch) -> None:
+        """Check events at the start, and switch where a condition is true already."""
+        values = watch.begin(self.start, self.q, self.v)
+        already = [i for i in range(watch.waiting) if values[i] > 0.0]
+        for i in already:
+            name = self.mech.model.constraints[self.plan.conditions[i].constraint].name
+            text = f"'{name}' is switched at the start: {watch.monitors[i].name} is true already"
+            self.ended.notices.append(text)
+        self._switch_where_true(self.start, already)
 
     def _first_evaluation(self) -> int:
         """0, or -1 if v' is not finite at the start, or the first row without inertia."""
@@ -237,9 +250,28 @@ class Recording:
         watch = self.watch
         assert watch is not None
         fired = watch.fired(self._watched)
-        name = watch.note(t, fired, self.q, self.v) if fired else ""
+        if fired and fired[0] < watch.waiting:
+            self._switch_where_true(t, [i for i in fired if i < watch.waiting])
+        name = watch.note(t, fired, self.q, self.v)
         if name:
             self.ended.stop(Status.STOPPED, f"{Status.STOPPED.value} at t = {t:.9g} s: {name}")
+
+    def _switch_where_true(self, t: float, numbers: Sequence[int]) -> None:
+        """Switch constraints whose conditions have become true, and those that wait for them."""
+        waiting = self.plan.conditions
+        left = list(numbers)
+        while left and not self.ended.over:
+            given = waiting[left.pop(0)]
+            if (given.constraint in self.held) == given.active:
+                continue
+            on, off = ([given.constraint], []) if given.active else ([], [given.constraint])
+            if not self._switch(switched_by(self.held, on, off, t), frame=False):
+                return
+            left += [
+                i for i, other in enumerate(waiting)
+                if other.when.constraint is not None and other.place == given.constraint
+                and other.when.active == given.active
+            ]  # fmt: skip
 
     def _last_frame(self) -> None:
         """Record the state here as the last frame."""
@@ -272,8 +304,12 @@ class Recording:
         to = times[-1] if not self._ahead else self._ahead[0].t
         self.steps.control["last"] = int(np.searchsorted(times, to)) + 1
 
-    def _switch(self, change: Change) -> bool:
-        """Apply a change, between two steps; whether the run continues."""
+    def _switch(self, change: Change, *, frame: bool = True) -> bool:
+        """Apply a change, between two steps; whether the run continues.
+
+        `frame`: the last frame is of this time, and recorded again.
+        """
+        change = switched_by(self.held, change.on.tolist(), change.off.tolist(), change.t)
         self._note_singular()
         before = self._energy()
         try:
@@ -294,8 +330,13 @@ class Recording:
         if moved > NOTABLE:
             text = f"joints were moved by up to {moved:.3g} to meet the constraints switched on"
             self.ended.notices.append(f"at t = {change.t:g} s {text}")
-        self.steps.restart()
-        self._stop_at_next()
+        self.held = set(change.active.tolist())
+        if frame:
+            self.steps.restart()
+            self._stop_at_next()
+        else:
+            self.steps.go_on()
+            self.steps.control["jacobian_rate"] = 2.0
         self._first = change.t, self.q.copy(), self.v.copy()
         return self.ended.ok
 

@@ -14,10 +14,11 @@ from ..engine import motion
 from ..engine.arrays import RHS
 from ..errors import InputError, ModelError, Problem
 from ..mechanism import Mechanism
-from ..model import Scenario, Switch
+from ..model import Scenario, Switch, When
 from ..model.checks import switch_problems
 from ..packing.constraints import values_of
 from ..packing.system import Array, Ints
+from .conditions import ConditionOf
 
 SAME = 1e-12  # of the run: times this near are one
 FAR = 0.1  # rad, m: a jump of the joints that is no correction
@@ -40,20 +41,43 @@ def switch_changes(
 
     Switches that are `asked` for replace those of the scenario. Raises InputError.
     """
-    switches = _read(mech, asked, span) if asked is not None else given.switches if given else ()
+    every = switches_of(mech, given, asked, span)
+    switches = [s for s in every if s.t is not None]
     if not switches:
         return active, ()
+    waits = len(switches) < len(every)  # others wait for conditions: what is active is not known
     numbers = {c.name: i for i, c in enumerate(mech.model.constraints)}
     now, found = set(active.tolist()), []
-    for t, group in groupby(sorted(switches, key=lambda s: s.t), key=lambda s: s.t):
-        before = set(now)
+    for t, together in groupby(sorted(switches, key=_time), key=_time):
+        before, group = set(now), list(together)
         for s in group:
             (now.add if s.active else now.discard)(numbers[s.constraint])
         if t <= span[0]:
             active = _ints(now)
-        elif t < span[1] and now != before:
-            found.append(Change(t, _ints(now), _ints(now - before), _ints(before - now)))
+        elif t < span[1] and (waits or now != before):
+            on, off = now - before, before - now
+            if waits:
+                on = {numbers[s.constraint] for s in group if s.active}
+                off = {numbers[s.constraint] for s in group if not s.active}
+            found.append(Change(t, _ints(now), _ints(on), _ints(off)))
     return active, tuple(found)
+
+
+def switches_of(
+    mech: Mechanism, given: Scenario | None, asked: Any, span: tuple[float, float]
+) -> Sequence[Switch]:
+    """The switches of a run: those asked for, else the scenario's. Raises InputError."""
+    return _read(mech, asked, span) if asked is not None else given.switches if given else ()
+
+
+def _time(s: Switch) -> float:
+    return float(s.t or 0.0)
+
+
+def switched_by(active: set[int], on: Sequence[int], off: Sequence[int], t: float) -> Change:
+    """The change at t of the constraints that are active now."""
+    after = (active | set(on)) - set(off)
+    return Change(t, _ints(after), _ints(after - active), _ints(active - after))
 
 
 def _ints(numbers: set[int]) -> Ints:
@@ -68,8 +92,9 @@ def _read(mech: Mechanism, asked: Any, span: tuple[float, float]) -> list[Switch
         if not isinstance(item, Switch):
             if not isinstance(item, (list, tuple)) or len(item) != 3:
                 raise _refused(f"must hold (t, name of a constraint, True or False); given {item}")
+            first = "when" if isinstance(item[0], (dict, When)) else "t"
             try:
-                item = Switch(**dict(zip(("t", "constraint", "active"), item)))
+                item = Switch(**dict(zip((first, "constraint", "active"), item)))
             except ModelError as error:
                 p = error.problems[0]
                 raise _refused(f"of {item}, {p.field} {p.text}") from None
@@ -77,7 +102,7 @@ def _read(mech: Mechanism, asked: Any, span: tuple[float, float]) -> list[Switch
     for text in switch_problems(found, [c.name for c in mech.model.constraints]):
         raise _refused(text)
     for s in found:
-        if not span[0] <= s.t < span[1]:
+        if s.t is not None and not span[0] <= s.t < span[1]:
             text = f"'{s.constraint}' is switched at t = {s.t:g} s, outside the run: give a time "
             raise _refused(f"{text}from {span[0]:g} s to before {span[1]:g} s")
     return found
@@ -98,11 +123,13 @@ def with_instants(times: Array, found: Sequence[Change]) -> tuple[Array, tuple[C
     return np.union1d(times, [change.t for change in moved]), tuple(moved)
 
 
-def ever(active: Ints, found: Sequence[Change]) -> Ints:
-    """All constraints that are active at some time."""
-    if not found:
+def ever(active: Ints, found: Sequence[Change], waiting: Sequence[ConditionOf] = ()) -> Ints:
+    """All constraints that are active at some time, or may be."""
+    if not found and not waiting:
         return active
-    return np.unique(np.concatenate([active, *(change.on for change in found)])).astype(np.int64)
+    later = [c.constraint for c in waiting if c.active]
+    parts = [active, *(change.on for change in found), np.array(later, dtype=np.int64)]
+    return np.unique(np.concatenate(parts)).astype(np.int64)
 
 
 # -- in a run ------------------------------------------------------------------------------------

@@ -77,22 +77,27 @@ def monitors_of(events: Any) -> tuple[FunctionMonitor, ...]:
 class Watch:
     """The monitors of one run, as its steps call them."""
 
-    def __init__(self, monitors: Sequence[Monitor], nq: int, nv: int):
-        """Nothing is called yet."""
-        self.monitors, self.size = tuple(monitors), (nq, nv)
-        self.error: InputError | None = None
+    def __init__(self, monitors: Sequence[Monitor], waiting: int, nq: int, nv: int):
+        """Nothing is called yet. The first `waiting` monitors are conditions of switches."""
+        self.monitors, self.waiting, self.size = tuple(monitors), waiting, (nq, nv)
+        self.error: Exception | None = None
         self.log: list[UserEvent] = []
         self._called = _Address(self._call)
         self.address = address_of_function(self._called)
         self.wanted: Ints = np.array([m.direction for m in self.monitors], dtype=np.int64)
 
-    def begin(self, t: float, q: Array, v: Array) -> None:
-        """Raises InputError where a monitor fails, or would end the run before it begins."""
-        for monitor in self.monitors:
-            if monitor(t, q, v) == 0.0 and monitor.terminal:
+    def begin(self, t: float, q: Array, v: Array) -> list[float]:
+        """The values at the start.
+
+        Raises InputError where a monitor fails, or would end the run before it begins.
+        """
+        values = [monitor(t, q, v) for monitor in self.monitors]
+        for monitor, value in zip(self.monitors, values):
+            if value == 0.0 and monitor.terminal:
                 text = f"{monitor.name} is zero at the start already, so that the run would end "
                 text += "there; start beside it, or leave out terminal"
                 raise _refused("events", text)
+        return values
 
     def _call(self, t: float, q: int, v: int, values: int) -> None:
         nq, nv = self.size
@@ -101,7 +106,7 @@ class Watch:
         try:
             for i, monitor in enumerate(self.monitors):
                 found[i] = monitor(t, *state)
-        except InputError as error:
+        except Exception as error:  # none may pass through compiled steps
             self.error = self.error or error
             found[:] = 1.0
 
@@ -116,8 +121,10 @@ class Watch:
         """Log events of the given monitors; the name of one that ends the run, or ""."""
         ends = ""
         for i in numbers:
-            monitor = self.monitors[i]
-            self.log.append(UserEvent(t, monitor.name, i, q.copy(), v.copy()))
+            if i < self.waiting:
+                continue
+            monitor, number = self.monitors[i], i - self.waiting
+            self.log.append(UserEvent(t, monitor.name, number, q.copy(), v.copy()))
             ends = monitor.name if monitor.terminal else ends
         if len(self.log) > MOST:
             raise _refused("events", f"{MOST} of them by t = {t:.6g} s: a function may be noise")

@@ -1,0 +1,128 @@
+"""Switches that wait for a condition of the state, against closed forms."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+
+SETTINGS = [{}, {"method": "rk4", "step": 1e-2}, {"method": "radau5", "rtol": 1e-9}]
+
+
+def slider(*, forces=(), gravity=(0, 0, 0), contacts=(), active=False, q=0.0, v=0.0):
+    """One along x that a constraint called latch can hold, and another called second."""
+    body = pg.Body(name="b", joint="prismatic", axes=((1, 0, 0),), mass=2.0, q=(q,), v=(v,))
+    latches = tuple(pg.Constraint(name=n, kind="point", body="b", active=active and n == "latch")
+                    for n in ("latch", "second"))  # fmt: skip
+    return pg.Mechanism(
+        pg.Model(
+            bodies=(body,), constraints=latches, forces=forces, gravity=gravity, contacts=contacts
+        )
+    )
+
+
+@pytest.mark.parametrize("options", SETTINGS)
+def test_a_coordinate_locks_the_slider_where_it_is(options):
+    """Thrown at 3 m/s, caught at 1.234 m."""
+    switch = pg.Switch(constraint="latch", active=True, when={"coordinate": "b", "above": 1.234})
+    run = pg.simulate(slider(v=3.0), t_end=1.0, switches=[switch], **options)
+    assert run.status.ok
+    np.testing.assert_allclose(run.q[-1, 0], 1.234, rtol=0, atol=1e-9)
+    assert abs(run.v[-1, 0]) < 1e-9
+    (event,) = run.events
+    np.testing.assert_allclose(event.t, 1.234 / 3.0, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("options", SETTINGS)
+def test_a_latch_breaks_at_a_force(options):
+    """Under 10 N/s it breaks at 4 N, 0.4 s; then a = 5 t."""
+    ramp = pg.Motor(name="pull", body="b", torque=pg.Table(t=(0.0, 1.0), value=(0.0, 10.0)))
+    mech = slider(forces=(ramp,), active=True)
+    switch = pg.Switch(constraint="latch", active=False, when={"force": "latch", "above": 4.0})
+    run = pg.simulate(mech, t_end=1.0, switches=[switch], **options)
+    a = 0.4
+    exact = 5 / 6 * (1 - a**3) - 5 / 2 * a**2 * (1 - a)
+    np.testing.assert_allclose(run.q[-1, 0], exact, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(run.events[0].t, a, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("law", ["complementarity", "soft"])
+@pytest.mark.parametrize("options", [{}, {"rtol": 1e-8}])
+def test_a_gap_locks_a_falling_ball(law, options):
+    """0.25 m above the ground."""
+    ball = pg.Body(
+        name="ball", joint="prismatic", axes=((0, 0, 1),), mass=1.0, q=(1.1,),
+        shape={"kind": "sphere", "radius": 0.1},
+    )  # fmt: skip
+    model = pg.Model(
+        bodies=(ball,),
+        contacts=(pg.Contact(name="floor", body="ball", law=law),),
+        constraints=(pg.Constraint(name="latch", kind="point", body="ball", active=False),),
+    )
+    switch = pg.Switch(constraint="latch", active=True, when={"gap": "floor", "below": 0.25})
+    run = pg.simulate(pg.Mechanism(model), t_end=1.0, switches=[switch], **options)
+    np.testing.assert_allclose(run.q[-1, 0], 0.35, rtol=0, atol=1e-6)
+
+
+def test_a_constraint_waits_for_another():
+    """The second goes on where the latch does, and a time switches the latch off."""
+    when = {"constraint": "latch", "active": True}
+    switches = [
+        pg.Switch(constraint="latch", active=True, when={"coordinate": "b", "above": 0.5}),
+        pg.Switch(constraint="second", active=True, when=when),
+        pg.Switch(constraint="latch", active=False, t=0.8),
+    ]
+    run = pg.simulate(slider(v=1.0), t_end=1.0, switches=switches)
+    assert abs(run.q[-1, 0] - 0.5) < 1e-9
+    assert [event.contact for event in run.events] == ["latch", "second", "latch"]
+
+
+def test_a_condition_that_is_true_already_is_said():
+    switch = pg.Switch(constraint="latch", active=True, when={"coordinate": "b", "above": 0.5})
+    run = pg.simulate(slider(q=0.7, v=1.0), t_end=1.0, switches=[switch])
+    assert abs(run.q[-1, 0] - 0.7) < 1e-9
+    assert any("'latch' is switched at the start" in text for text in run.notices)
+
+
+def test_scenarios_hold_conditions_and_files_do(tmp_path):
+    switch = {"constraint": "latch", "active": True, "when": {"coordinate": "b", "above": 0.5}}
+    model = slider(v=1.0).model.add(pg.Scenario(name="s", switches=[switch]))
+    model.save(tmp_path / "m.json")
+    again = pg.Model.load(tmp_path / "m.json")
+    assert again == model
+    run = pg.simulate(again, scenario="s")
+    assert abs(run.q[-1, 0] - 0.5) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("fields", "says"),
+    [
+        ({"t": 0.1, "when": {"coordinate": "b", "above": 1}}, "give t or when, not both"),
+        ({}, "give t or when"),
+        ({"when": {"coordinate": "b"}}, "a coordinate needs above or below; given neither"),
+        ({"when": {"coordinate": "b", "above": 1, "below": 2}}, "given above and below"),
+        ({"when": {"coordinate": "b", "gap": "c", "above": 1}}, "name one of"),
+        ({"when": {"above": 1}}, "name one of"),
+        ({"when": {"constraint": "latch", "above": 1}}, "a constraint needs active"),
+        (
+            {"when": {"coordinate": "b", "above": float("nan")}},
+            "above: must be a number; given nan",
+        ),
+    ],
+)
+def test_conditions_that_mean_nothing_are_refused(fields, says):
+    with pytest.raises(pg.ModelError, match=says):
+        pg.Switch(constraint="latch", active=True, **fields)
+
+
+@pytest.mark.parametrize(
+    "when",
+    [
+        {"coordinate": "a", "above": 1}, {"gap": "floor", "below": 1}, {"force": "no", "above": 1},
+        {"constraint": "no", "active": True},
+    ],
+)  # fmt: skip
+def test_conditions_on_what_is_not_there_are_refused(when):
+    with pytest.raises(pg.InputError, match=r"no (coordinate|gap|force|constraint) is called"):
+        pg.simulate(slider(), switches=[pg.Switch(constraint="latch", active=True, when=when)])
