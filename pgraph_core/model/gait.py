@@ -85,20 +85,18 @@ class Gait(Described):
     )
     loading: Annotated[Number, Field(gt=0, le=0.5)] = Field(
         default=0.1,
-        description="above 0, at most 0.5: the part of a stance in which its load comes",
+        description="above 0, at most 0.5: the fraction of a stance in which its load builds up",
     )
-    push: Positive = Field(
-        default=1.0, description="a number > 0: loads beforehand, of those that carry the weight"
-    )
-    rise: Number = Field(default=0.0, description="a number: of the rise that these loads make")
-    nod: Number = Field(default=0.0, description="a number: of the pitching that these loads make")
+    push: Positive = Field(default=1.0, description="a number > 0: a factor on the planned loads")
+    rise: Number = Field(default=0.0, description="a number: share of the rise that they cause")
+    nod: Number = Field(default=0.0, description="a number: share of the pitching that they cause")
     sway: Numbers = Field(default=(), description="a wave of up to 8 numbers, to the side [m]")
     surge: Numbers = Field(default=(), description="a wave of up to 8 numbers, forward [m]")
     flexion: Numbers = Field(
         default=(), description="a wave of up to 8 numbers, of the spine [rad]"
     )
     grip: Positive = Field(
-        default=0.55, description="a number > 0: friction that forces may ask for"
+        default=0.55, description="a number > 0: friction coefficient that planned forces may use"
     )
     least: AtLeast0 = Field(default=5.0, description="a number >= 0: the least load of a foot [N]")
     leg_torque: Positive = Field(
