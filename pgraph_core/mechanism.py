@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .analysis.assembly import Assembly, assemble
 from .analysis.mobility import Mobility, mobility
@@ -12,6 +12,9 @@ from .dynamics.arguments import finite, position, wrong_type
 from .model import Model
 from .packing.system import Array
 from .plan import Plan
+
+if TYPE_CHECKING:
+    from .analysis.linear import Linearisation
 
 OF_TOPOLOGY = {"adjacency", "parent", "separation_bodies", "tips"}  # names that it has too
 
@@ -89,6 +92,47 @@ class Mechanism(Dynamics):
         q, v = position(self.packed, q), finite("v", v, self.nv)
         given = self._rest if tau is None else finite("tau", tau, self.nv)
         return forward_derivatives(self, q, v, given)
+
+    def linearise(
+        self, q: Array | None = None, v: Array | None = None, scenario: str | None = None
+    ) -> Linearisation:
+        """x' = A x + B δτ about (q, v) in independent coordinates, with eigenvalues and modes.
+
+        About the initial state (of the scenario) unless q is given, at rest unless v is given;
+        with all forces and active constraints of a run at t = 0. Rows that bind velocities alone
+        reduce the velocities only. Conservative mechanisms at rest have eigenvalues ±iω from two
+        symmetric problems, good to 1e-12 on a chain of 1000. Raises InputError where the
+        constraints cannot be met.
+        """
+        from .analysis.linear import linearise  # compiled for lanes
+
+        return linearise(self, q, v, scenario)
+
+    def equilibrium(self, q: Array | None = None, scenario: str | None = None) -> Array:
+        """q (nq,) near q, the initial state by default, at which the mechanism stays at rest.
+
+        With all forces of a run at t = 0 and the active constraints, without contacts; downhill
+        where there is an energy, so that it is stable unless the start is an equilibrium already.
+        Raises InputError where none is found, naming the joint that moves on.
+        """
+        from .analysis.linear import equilibrium  # compiled for lanes
+
+        return equilibrium(self, q, scenario)
+
+    def inverse_kinematics(
+        self, targets: Mapping[str, Any], q: Array | None = None, *, scenario: str | None = None
+    ) -> Array:
+        """q (nq,) near q, the initial state by default, at which the bodies are at their targets.
+
+        A target is a place (3,) of the body's origin in the world [m], a pair of a place and a
+        rotation, (3, 3) or a quaternion [w, x, y, z], or {"place": ..., "rotation": ..., "point":
+        ...} with what is wanted; `point` is the body's point that goes to the place, in its axes.
+        Joint limits and active constraints hold. Raises InputError naming the targets that are
+        missed, and by how much.
+        """
+        from .analysis.targets import inverse_kinematics
+
+        return inverse_kinematics(self, targets, q, scenario)
 
     def batch(self, size: int | None = None, **options: Any) -> Any:
         """`Batch(self, size, models=..., threads=...)`: many instances at once."""

@@ -1,0 +1,439 @@
+"""Small motions about a state, in independent coordinates: linearised dynamics and modes.
+
+With constraints the equations are M a + C - τ = Jᵀλ, J a + γ = 0. Their variation along δq, δv
+uses the slopes of inverse dynamics at fixed v' and of Jᵀλ at fixed λ; δλ drops out on the null
+space of J.
+What constraints and springs between bodies add are differences of sixth order, good to about 1e-11.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..dynamics import Dynamics
+from ..dynamics.arguments import finite, position
+from ..dynamics.scene import NO_CONSTRAINTS, Scene
+from ..engine import arrays, motion
+from ..errors import InputError, Problem
+from ..model import Force
+from ..packing.system import Array, Ints
+from ..rotation import skew
+from .assembly import assemble
+from .derivatives import differences, drive_slopes, torque_slopes
+from .mobility import judged
+from .rows import Rows
+from .vibrations import flexibility, squares
+
+SYMMETRIC = 1e-8  # relative: a stiffness that comes from an energy
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """x' = A x + B δτ of small changes x = (δy, δu) about a state.
+
+    y are independent coordinates of positions (moves along velocities, a rotation vector in a
+    ball's axes), u independent velocities. δτ (nv,) are torques in all coordinates.
+    """
+
+    A: Array  # (n, n)
+    B: Array  # (n, nv)
+    coordinates: tuple[str, ...]  # of y: the body whose joint it is, with its number if several
+    velocities: tuple[str, ...]  # of u: the same, or fewer where rows bind velocities alone
+    eigenvalues: Array  # (n,) complex [1/s], by size
+    modes: Array  # (nv, n) the moves of all coordinates that belong to them
+    moves: Array  # (nv, len(coordinates)) δq = moves δy
+    q: Array  # (nq,) the state
+    v: Array  # (nv,)
+    conservative: bool  # whether the eigenvalues come from two symmetric problems
+
+    @property
+    def frequencies(self) -> Array:
+        """Of what swings, ascending [rad/s]."""
+        found = self.eigenvalues.imag
+        return np.sort(found[found > 0])
+
+    def state_space(self) -> tuple[Array, Array, Array, Array]:
+        """(A, B, C, D) with all tree coordinates as outputs.
+
+        For `scipy.signal.StateSpace(*...)` and `control.ss(*...)`.
+        """
+        n = len(self.moves)
+        C = np.hstack((self.moves, np.zeros((n, len(self.velocities)))))
+        return self.A, self.B, C, np.zeros((n, self.B.shape[1]))
+
+
+class Balance:
+    """The equations of motion of a scene at one state, and their slopes."""
+
+    def __init__(self, mech: Dynamics, q: Array, v: Array, scenario: str | None = None):
+        """At rest in a scene of its own, so that forces that act in runs act here, at t = 0."""
+        self.mech, self.q, self.v = mech, q, v
+        self.forces, self.active = acting(mech, scenario)
+        packed = mech.packed
+        self.drives, self.loads = packed.drives(self.forces), packed.loads(self.forces)
+        self.scene = Scene(packed, self.drives, self.loads, NO_CONSTRAINTS)
+        self.held = Scene(packed, self.drives, self.loads, self.active)
+
+    def at(self, q: Array, v: Array) -> Balance:
+        """The same scene at another state."""
+        other = object.__new__(Balance)
+        for name in ("mech", "forces", "active", "drives", "loads", "scene", "held"):
+            setattr(other, name, getattr(self, name))
+        other.q, other.v = q, v
+        return other
+
+    # -- at the state ----------------------------------------------------------------------------
+
+    @cached_property
+    def rows(self) -> Rows:
+        return Rows.of(self.mech, self.active, self.q, self.v)
+
+    @cached_property
+    def M(self) -> Array:
+        return self.mech.mass_matrix(self.q)
+
+    @cached_property
+    def free(self) -> Array:
+        """(nv, n) moves that all rows allow, orthonormal in the mass metric."""
+        return self.rows.step(_complement(judged(self.rows)[0], self.mech.nv))
+
+    @cached_property
+    def free_places(self) -> Array:
+        """As `free`, for the rows that positions obey."""
+        if all(group.holonomic for group in self.rows.groups):
+            return self.free
+        return self.rows.step(_complement(judged(self.rows, holonomic=True)[0], self.mech.nv))
+
+    def torque(self, q: Array, v: Array) -> Array:
+        """τ (nv,) of all drives and loads at t = 0."""
+        tau = np.zeros(self.mech.nv)
+        motion.drive_torque(self.scene.address, q, v, tau)
+        return tau + self.load_torque(q, v)
+
+    def load_torque(self, q: Array, v: Array) -> Array:
+        """τ (nv,) of springs between bodies and wrenches at t = 0."""
+        tau = np.zeros(self.mech.nv)
+        if len(self.loads.table):
+            motion.load_torque(self.scene.address, q, v, tau)
+        return tau
+
+    @cached_property
+    def pull(self) -> Array:
+        """C - τ (nv,): what is left of the equations without v' and λ."""
+        return self.mech.bias_force(self.q, self.v) - self.torque(self.q, self.v)
+
+    def gamma(self, q: Array, v: Array) -> Array:
+        """γ (m,): what J v' + γ = 0 of the active rows, from the kernel that imposes them."""
+        mech, scene = self.mech, self.held
+        tau, vdot, flow = np.zeros(mech.nv), np.zeros(mech.nv), np.zeros(3)
+        motion.acceleration(self.scene.address, 0.0, q, v, tau, vdot, flow)
+        without = vdot.copy()
+        motion.acceleration(scene.address, 0.0, q, v, tau, vdot, flow)
+        J = Rows(mech, self.rows.scene, self.rows.held, q, v).J
+        return -scene.space.vectors[arrays.RHS, : len(J)] - J @ without
+
+    @cached_property
+    def vdot(self) -> Array:
+        """v' (nv,) with the constraints imposed."""
+        still: Any = np.zeros(self.mech.nv)
+        if len(self.rows.J):
+            gamma = self.gamma(self.q, self.v)
+            still = -np.linalg.lstsq(self.rows.J, gamma, rcond=1e-10)[0]
+        return still - self.free @ (self.free.T @ (self.pull + self.M @ still))
+
+    @cached_property
+    def multipliers(self) -> Array:
+        """λ (m,) of least norm."""
+        J: Any = self.rows.J
+        return np.linalg.lstsq(J.T, self.M @ self.vdot + self.pull, rcond=1e-10)[0]
+
+    # -- slopes ----------------------------------------------------------------------------------
+
+    @cached_property
+    def force_slopes(self) -> tuple[Array, Array]:
+        """∂/∂q and ∂/∂v (nv, nv) of M v' + C - τ at fixed v'."""
+        mech, q, v = self.mech, self.q, self.v
+        by_q, by_v = torque_slopes(mech, q, v, self.vdot)
+        spring, damper = drive_slopes(self.drives, q, v)
+        by_q, by_v = by_q - np.diag(spring), by_v - np.diag(damper)
+        if len(self.loads.table):
+            axes = np.eye(mech.nv)
+            by_q = by_q - differences(mech, q, lambda x: self.load_torque(x, v))
+            swing = [self.load_torque(q, v + e) - self.load_torque(q, v - e) for e in axes]
+            by_v = by_v - np.array(swing).T / 2
+        return by_q, by_v
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """∂/∂q (nv, nv) of M v' + C - τ - Jᵀλ at fixed v' and λ."""
+        by_q, _ = self.force_slopes
+        if not len(self.rows.J):
+            return by_q
+        return by_q - self._row_slopes(lambda J, _: J.T @ self.multipliers)
+
+    def _row_slopes(self, of: Callable[[Array, Array], Array]) -> Array:
+        """Slopes in q of a function of (J, q)."""
+        rows = self.rows
+
+        def value(q: Array) -> Array:
+            return of(Rows(self.mech, rows.scene, rows.held, q, rows.v).J, q)
+
+        return differences(self.mech, self.q, value)
+
+    @cached_property
+    def row_slopes(self) -> tuple[Array, Array, Array]:
+        """∂/∂q, ∂/∂v of J v' + γ at fixed v', and ∂/∂q of J v: (m, nv) each."""
+        rows, v, vdot = self.rows, self.v, self.vdot
+        moving = bool(np.any(v))
+        if not moving:
+            none = np.zeros((len(rows.J), self.mech.nv))
+            return self._row_slopes(lambda J, _: J @ vdot), none, none
+        by_q = self._row_slopes(lambda J, q: J @ vdot + self.gamma(q, v))
+        axes = np.eye(self.mech.nv)
+        swing = [self.gamma(self.q, v + e) - self.gamma(self.q, v - e) for e in axes]
+        return by_q, np.array(swing).T / 2, self._row_slopes(lambda J, _: J @ v)
+
+
+def acting(mech: Dynamics, scenario: str | None) -> tuple[tuple[Force, ...], Ints]:
+    """(forces, indices of the active constraints) of a run of the scenario."""
+    model, forces, active = mech.model, mech.model.forces, mech.packed.active
+    if scenario is None:
+        return forces, active
+    chosen = model.scenario(scenario)
+    if chosen.constraints is not None:
+        names = [c.name for c in model.constraints]
+        active = np.array(sorted(names.index(n) for n in chosen.constraints), dtype=np.int64)
+    return (*forces, *chosen.forces), active
+
+
+def state_of(
+    mech: Dynamics, q: Array | None, v: Array | None, scenario: str | None
+) -> tuple[Array, Array]:
+    """(q, v) of a call: the initial state of the scenario, and rest, unless given; assembled."""
+    start = mech.home()[0]
+    if scenario is not None:
+        for name, values in mech.model.scenario(scenario).q.items():
+            start[mech.joints[name].q] = values
+    at = start if q is None else position(mech.packed, q)
+    speed = np.zeros(mech.nv) if v is None else finite("v", v, mech.nv)
+    names = [mech.model.constraints[i].name for i in acting(mech, scenario)[1]]
+    if not names:
+        return at, speed
+    at, speed, _ = assemble(mech, at, speed, names)
+    return at, speed
+
+
+def linearise(
+    mech: Dynamics, q: Array | None, v: Array | None, scenario: str | None
+) -> Linearisation:
+    """The linearised dynamics at (q, v); see `Mechanism.linearise`."""
+    q, v = state_of(mech, q, v, scenario)
+    here = Balance(mech, q, v, scenario)
+    n = mech.nv
+    chosen_v = _independent(here.free)
+    chosen_q = chosen_v
+    if here.free_places is not here.free:
+        chosen_q = _independent(here.free_places, first=chosen_v)
+    by_place, by_speed = _from(here.free_places, chosen_q), _from(here.free, chosen_v)
+    force_q, force_v = here.stiffness, here.force_slopes[1]
+    along = np.zeros((n, len(chosen_q)))  # δv that δy brings where rows turn
+    right = np.zeros((len(here.rows.J), len(chosen_q) + len(chosen_v)))
+    if len(here.rows.J):
+        row_q, row_v, turned = here.row_slopes
+        known = np.vstack((here.rows.J, np.eye(n)[chosen_v]))
+        wanted = np.vstack((-turned @ by_place, np.zeros((len(chosen_v), len(chosen_q)))))
+        along = np.linalg.lstsq(known, wanted, rcond=1e-10)[0]
+        right = -np.hstack((row_q @ by_place + row_v @ along, row_v @ by_speed))
+    still = np.linalg.lstsq(here.rows.J, right, rcond=1e-10)[0] if len(right) else np.zeros(
+        (n, right.shape[1])
+    )  # fmt: skip
+    pushed = -np.hstack((force_q @ by_place + force_v @ along, force_v @ by_speed))
+    change = still + _answered(here, pushed - here.M @ still)
+    respond = _answered(here, np.eye(n))
+    speed_of_place = along + _spun(mech, v) @ by_place
+    A = np.vstack((np.hstack((speed_of_place, by_speed))[chosen_q], change[chosen_v]))
+    B = np.vstack((np.zeros((len(chosen_q), n)), respond[chosen_v]))
+    conservative = _conservative(here, by_place, force_q, force_v)
+    if conservative:
+        values, shapes = _swinging(here, by_place, force_q)
+    else:
+        values, vectors = _eigenvectors(A)
+        shapes = by_place @ vectors[: len(chosen_q)]
+    order = np.lexsort(
+        (
+            -values.imag,
+            np.round(np.abs(values), 12),
+        )
+    )
+    names = _names(mech)
+    return Linearisation(
+        A, B, tuple(names[i] for i in chosen_q), tuple(names[i] for i in chosen_v),
+        values[order], shapes[:, order], by_place, q, v, conservative,
+    )  # fmt: skip
+
+
+def _eigenvectors(A: Any) -> tuple[Any, Any]:
+    return np.linalg.eig(A)
+
+
+def _answered(here: Balance, force: Any) -> Any:
+    """v' that forces (nv, k) add where no row may move; from articulated bodies without rows."""
+    if len(here.rows.J):
+        return here.free @ (here.free.T @ force)
+    return np.linalg.solve(here.M, force)
+
+
+def _conservative(here: Balance, by_place: Array, force_q: Array, force_v: Array) -> bool:
+    """Whether nothing dissipates, follows time or binds velocities alone, about a state of rest."""
+    if np.any(here.v) or np.any(force_v) or by_place.shape[1] != here.free.shape[1]:
+        return False
+    K = by_place.T @ force_q @ by_place
+    return bool(np.abs(K - K.T).max(initial=0.0) <= SYMMETRIC * np.abs(K).max(initial=0.0))
+
+
+def _swinging(here: Balance, by_place: Array, force_q: Array) -> tuple[Any, Any]:
+    """Eigenvalues ±iω, or ±s where it moves away, and their moves, from symmetric problems."""
+    K, M = by_place.T @ force_q @ by_place, by_place.T @ here.M @ by_place
+    inverse: Any = np.linalg.inv(M) if len(here.rows.J) else flexibility(here.mech, here.q)
+    found, shapes = squares(M, K, inverse)
+    root = np.sqrt(found.astype(complex))
+    values = np.concatenate((1j * root, -1j * root))
+    return values, by_place @ np.hstack((shapes, shapes))
+
+
+def _complement(basis: Array, n: int) -> Array:
+    if not len(basis):
+        return np.eye(n)
+    return np.linalg.qr(basis.T, mode="complete")[0][:, len(basis) :]
+
+
+def _independent(free: Array, first: Ints | None = None) -> Ints:
+    """Coordinates that say everything about the moves `free` (nv, n), ascending."""
+    from scipy.linalg import qr
+
+    n = free.shape[1]
+    pivoted: Any = qr
+    if n == len(free):
+        return np.arange(n, dtype=np.int64)
+    if first is None or not len(first):
+        order = pivoted(free.T, pivoting=True, mode="r")
+        return np.sort(order[-1][:n]).astype(np.int64)
+    known = np.linalg.svd(free[first])[2]
+    left = free @ known[len(first) :].T
+    left[first] = 0.0
+    order = pivoted(left.T, pivoting=True, mode="r")
+    return np.sort(np.concatenate((first, order[-1][: n - len(first)]))).astype(np.int64)
+
+
+def _from(free: Array, chosen: Ints) -> Array:
+    """(nv, n) the moves that the chosen coordinates bring."""
+    if free.shape[1] == len(free):
+        return np.eye(len(free))
+    moves: Any = np.linalg.solve(free[chosen].T, free.T).T
+    moves[chosen] = np.eye(len(chosen))
+    return moves
+
+
+def _spun(mech: Dynamics, v: Array) -> Array:
+    """(nv, nv) what the rotation vectors of balls gain by turning on: δθ' = δω + ω × δθ."""
+    found = np.zeros((mech.nv, mech.nv))
+    for k in mech.packed.quaternion_rows:
+        j = int(mech.packed.rows[k, -1])
+        found[j : j + 3, j : j + 3] = skew(v[j : j + 3])
+    return found
+
+
+def _names(mech: Dynamics) -> list[str]:
+    names: list[str] = []
+    for body, joint in mech.joints.items():
+        count = joint.v.stop - joint.v.start
+        names += [body] if count == 1 else [f"{body}[{k}]" for k in range(count)]
+    return names
+
+
+# -- equilibrium -----------------------------------------------------------------------------------
+
+ROUNDS = 200
+LONGEST = 0.3  # rad, or of the mechanism's size: one step
+STILL = 1e-12  # relative to the forces at hand: balanced
+SOFT = 1e-6  # of the largest stiffness: below it a direction counts as this stiff
+
+
+def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Array:
+    """q (nq,) at rest near q; see `Mechanism.equilibrium`."""
+    q, rest = state_of(mech, q, None, scenario)
+    here = Balance(mech, q, np.zeros(mech.nv), scenario)
+    size = _force_size(here)
+    best = np.inf
+    for _ in range(ROUNDS):
+        slope = here.free.T @ here.pull
+        left = float(np.linalg.norm(slope))
+        size = max(size, _force_size(here))
+        if left <= STILL * size or (left <= 1e-9 * size and left >= 0.5 * best):
+            return here.q
+        best = min(best, left)
+        step = _downhill(here, slope)
+        length = float(np.max(np.abs(step) / _reach(here), initial=0.0)) / LONGEST
+        new = _lower(here, step / max(length, 1.0), slope)
+        if new is None:
+            break
+        here = new
+    if best <= 1e-9 * size:
+        return here.q
+    push = here.M @ here.free @ (here.free.T @ here.pull)
+    joint = max(mech.joints, key=lambda name: float(np.abs(push[mech.joints[name].v]).max()))
+    text = f"no equilibrium was found near q: {np.abs(push).max():.3g} (N m or N) are left, most in the joint of '{joint}'; give it a spring, or another start q"
+    raise InputError(Problem("equilibrium", "q", text))
+
+
+def _force_size(here: Balance) -> float:
+    """Of the forces before they cancel, in the mass metric."""
+    parts = (here.mech.bias_force(here.q, here.v), here.torque(here.q, here.v))
+    return sum(float(np.linalg.norm(np.linalg.solve(here.rows.root, x))) for x in parts) or 1.0
+
+
+def _reach(here: Balance) -> Array:
+    return np.where(here.rows.turns, 1.0, here.rows.size)
+
+
+def _downhill(here: Balance, slope: Array) -> Array:
+    """(nv,) Newton's step in the moves that are free, turned downhill where it would climb."""
+    K = here.free.T @ here.stiffness @ here.free
+    if np.abs(K - K.T).max(initial=0.0) > SYMMETRIC * np.abs(K).max(initial=0.0):
+        return -here.free @ np.linalg.lstsq(K, slope, rcond=SOFT)[0]
+    values, vectors = np.linalg.eigh((K + K.T) / 2)
+    least = SOFT * max(float(np.abs(values).max(initial=0.0)), float(np.linalg.norm(slope)))
+    stiff = np.maximum(np.abs(values), max(least, 1e-300))
+    return -here.free @ (vectors @ ((vectors.T @ slope) / stiff))
+
+
+def _lower(here: Balance, step: Array, slope: Array) -> Balance | None:
+    """The state after as much of a step as lowers what is left, or the energy."""
+    left, energy = float(np.linalg.norm(slope)), _energy(here)
+    names = [here.mech.model.constraints[i].name for i in here.active]
+    for halving in range(30):
+        q = here.rows.advanced(step / 2**halving)
+        if names:
+            q, _, _ = assemble(here.mech, q, np.zeros(here.mech.nv), names)
+        new = here.at(q, here.v)
+        new_energy = _energy(new)
+        fallen = (
+            energy is not None
+            and new_energy is not None
+            and new_energy < energy - 1e-14 * abs(energy)
+        )
+        if fallen or np.linalg.norm(new.free.T @ new.pull) < (1 - 1e-4) * left:
+            return new
+    return None
+
+
+def _energy(here: Balance) -> float | None:
+    """Potential energy [J]; None where motors or servos act, which have none."""
+    if here.drives.passive < len(here.drives.table) or any(f.kind == "wrench" for f in here.forces):
+        return None
+    return motion.energy(here.scene.address, here.q, here.v)[1]

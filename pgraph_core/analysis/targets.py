@@ -1,0 +1,206 @@
+"""Inverse kinematics: positions that bring bodies to targets, within limits and with loops closed.
+
+Damped Gauss-Newton steps, each a least-squares problem with bounds; from several starts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from ..dynamics import Dynamics
+from ..dynamics.arguments import finite
+from ..engine import layout as at
+from ..errors import InputError, Problem, choices, shown
+from ..packing.system import Array
+from ..rotation import matrix
+from .linear import acting, state_of
+from .rows import Rows
+
+WHERE = "inverse_kinematics"
+ROUNDS = 100
+STARTS = 8  # where the first ends beside the targets
+REACHED = 1e-11  # relative to the mechanism's size
+MISSED = 1e-8  # ... where it goes no further
+LONGEST = 0.5  # rad, or of the mechanism's size: one step
+
+
+class Target(NamedTuple):
+    """Where a point of a body is to be, and how it is to be turned."""
+
+    name: str
+    point: Array  # (3,) in the body's axes
+    place: Array | None  # (3,) in the world
+    turn: Array | None  # (3, 3)
+
+
+def inverse_kinematics(
+    mech: Dynamics, targets: Mapping[str, Any], q: Array | None, scenario: str | None
+) -> Array:
+    """q (nq,) near q; see `Mechanism.inverse_kinematics`."""
+    wanted = [_target(mech, name, value) for name, value in targets.items()]
+    if not wanted:
+        raise InputError(Problem(WHERE, "targets", "name at least one body and its target"))
+    q, _ = state_of(mech, q, None, scenario)
+    rows = Rows.of(mech, acting(mech, scenario)[1], q)
+    low, high = _bounds(mech)
+    random = np.random.default_rng(0)
+    best, least = q, np.inf
+    for start in range(STARTS):
+        end, left = _descended(rows.at(best if start == 0 else _around(rows, q, random, low, high)),
+                               wanted, low, high)  # fmt: skip
+        if left < least:
+            best, least = end, left
+        if least <= MISSED * rows.size:
+            return best
+    raise InputError(
+        [_missed(mech, best, target, rows) for target in _off(mech, best, wanted, rows)]
+    )
+
+
+def _target(mech: Dynamics, name: str, value: Any) -> Target:
+    mech.topology.number(name)  # raises InputError for a name that is none
+    point: Any = (0.0, 0.0, 0.0)
+    place: Any = None
+    turn: Any = None
+    if isinstance(value, Mapping):
+        if unknown := value.keys() - {"place", "rotation", "point"}:
+            text = f"has place, rotation and point; given {choices(sorted(map(str, unknown)))}"
+            raise InputError(Problem(WHERE, name, f"a target {text}"))
+        point = value.get("point", point)
+        place, turn = value.get("place"), value.get("rotation")
+    elif isinstance(value, (tuple, list)) and len(value) == 2:
+        place, turn = value
+    else:
+        place = value
+    if place is None and turn is None:
+        raise InputError(Problem(WHERE, name, "give a place, a rotation, or both"))
+    place = None if place is None else finite(f"target of '{name}'", place, 3)
+    return Target(
+        name, finite("point", point, 3), place, None if turn is None else _turn(name, turn)
+    )
+
+
+def _turn(name: str, given: Any) -> Array:
+    turn = np.asarray(given, dtype=float)
+    if turn.shape == (4,) and 0.5 < np.linalg.norm(turn) < 2:
+        return matrix(turn.tolist())
+    if turn.shape == (3, 3) and np.abs(turn @ turn.T - np.eye(3)).max() < 1e-6:
+        return turn
+    text = f"must be a unit quaternion [w, x, y, z] or a rotation (3, 3); given {shown(given)}"
+    raise InputError(Problem(WHERE, f"rotation of '{name}'", text))
+
+
+def _bounds(mech: Dynamics) -> tuple[Array, Array]:
+    """(nv,) least and greatest coordinate of each degree of freedom; balls have none."""
+    low, high = np.full(mech.nv, -np.inf), np.full(mech.nv, np.inf)
+    for name, joint in mech.joints.items():
+        body, j = mech.model.body(name), joint.v.start
+        for (kind, _), pair in zip(body.motions, body.limits):
+            if pair is not None:
+                low[j] = -np.inf if pair[0] is None else pair[0]
+                high[j] = np.inf if pair[1] is None else pair[1]
+            j += {"ball": 3, "free": 6}.get(kind, 1)
+    return low, high
+
+
+def _room(rows: Rows, low: Array, high: Array) -> tuple[Array, Array]:
+    """(nv,) how far each degree of freedom may move, in one step."""
+    here = _single(rows)
+    longest = np.where(rows.turns, LONGEST, LONGEST * rows.size)
+    down, up = np.maximum(low - here, -longest), np.minimum(high - here, longest)
+    return np.minimum(down, -1e-15), np.maximum(up, 1e-15)
+
+
+def _around(rows: Rows, q: Array, random: np.random.Generator, low: Array, high: Array) -> Array:
+    """Another start: a random move, and a random place between limits."""
+    start = rows.at(q)
+    here = _single(start)
+    step = random.normal(size=rows.nv) * np.where(rows.turns, 1.5, 0.5 * rows.size)
+    both = np.isfinite(low) & np.isfinite(high)
+    inside = random.uniform(np.where(both, low, 0.0), np.where(both, high, 0.0))
+    return start.advanced(np.where(both, inside, np.clip(here + step, low, high)) - here)
+
+
+def _single(rows: Rows) -> Array:
+    """(nv,) the coordinates of rotations and translations, 0 for balls."""
+    here = np.zeros(rows.nv)
+    for _, kind, i, j in rows.mech.packed.rows[1:].tolist():
+        if kind <= at.TRANSLATE:
+            here[j] = rows.q[i]
+    return here
+
+
+def _descended(rows: Rows, wanted: list[Target], low: Array, high: Array) -> tuple[Array, float]:
+    """(q, what is left [m]) from a start; turns count by the mechanism's radius of gyration."""
+    damping, left = 1e-3, np.inf
+    error, J = _errors(rows, wanted)
+    left = float(np.linalg.norm(error))
+    for _ in range(ROUNDS):
+        if left <= REACHED * rows.size:
+            break
+        weight = np.sqrt(damping) * min(left / rows.size, 1.0)
+        weights = np.where(rows.turns, rows.length, 1.0) * weight
+        down, up = _room(rows, low, high)
+        system = np.vstack((J, np.diag(weights)))
+        step = lsq_linear(system, np.concatenate((-error, np.zeros(rows.nv))), (down, up)).x
+        trial = rows.at(rows.advanced(step))
+        new, slope = _errors(trial, wanted)
+        size = float(np.linalg.norm(new))
+        if size < left:
+            gained = 1 - size / left
+            rows, error, J, left = trial, new, slope, size
+            damping = max(damping / 5, 1e-12)
+            if gained < 1e-9:
+                break
+        else:
+            damping *= 10
+            if damping > 1e9:
+                break
+    return rows.q, left
+
+
+def _errors(rows: Rows, wanted: list[Target]) -> tuple[Array, Array]:
+    """(m,) what is left of targets and loops [m], and its slopes (m, nv)."""
+    errors, slopes = [rows.gap[rows.holonomic]], [rows.J[rows.holonomic]]
+    place, turn = rows.poses
+    for target in wanted:
+        k = rows.mech.topology.number(target.name) - 1
+        J = rows.mech.jacobian(rows.q, target.name, tuple(target.point))
+        if target.place is not None:
+            errors.append(place[k] + turn[k] @ target.point - target.place)
+            slopes.append(J[3:])
+        if target.turn is not None:
+            errors.append(rows.length * _angle(turn[k] @ target.turn.T))
+            slopes.append(rows.length * J[:3])
+    return np.concatenate(errors), np.vstack(slopes)
+
+
+def _angle(R: Array) -> Array:
+    """(3,) the rotation vector of a rotation."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_matrix(R).as_rotvec()
+
+
+def _off(mech: Dynamics, q: Array, wanted: list[Target], rows: Rows) -> list[Target]:
+    """The targets that are missed; all where only loops are."""
+    here = rows.at(q)
+    loops = len(here.holonomic)
+    found = [t for t in wanted if np.linalg.norm(_errors(here, [t])[0][loops:]) > MISSED]
+    return found or wanted
+
+
+def _missed(mech: Dynamics, q: Array, target: Target, rows: Rows) -> Problem:
+    place, turn = mech.pose(q, target.name)
+    parts: list[str] = []
+    if target.place is not None:
+        parts.append(f"{np.linalg.norm(place + turn @ target.point - target.place):.3g} m")
+    if target.turn is not None:
+        parts.append(f"{np.linalg.norm(_angle(turn @ target.turn.T)):.3g} rad")
+    text = f"misses its target by {' and '.join(parts)} at best, within the limits and with its"
+    text = f"{text} constraints met; move the target, or start nearer to it with q=..."
+    return Problem(WHERE, f"target of '{target.name}'", text)

@@ -1,0 +1,227 @@
+"""Linearised dynamics, equilibria, inverse kinematics: closed forms and finite differences."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.polynomial.laguerre import lagroots
+from scipy.linalg import expm
+
+import pgraph_core as pg
+import pgraph_models
+from pgraph_core.analysis.rows import Rows, apart
+
+LOOPS = ["four_bar", "slider_crank", "andrews", "quadruped"]
+
+
+def load(name: str) -> pg.Mechanism:
+    return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
+
+
+def test_a_pendulum_with_spring_and_damper():
+    m, r, k, c = 2.0, 0.5, 3.0, 0.4
+    body = pg.Body(name="p", axes=(0, 1, 0), com=(0, 0, -r), mass=m, inertia=np.zeros((3, 3)),
+                   stiffness=k, damping=c)  # fmt: skip
+    found = pg.Mechanism(pg.Model(bodies=[body])).linearise()
+    inertia = m * r * r
+    np.testing.assert_allclose(found.A, [[0, 1], [-(k + m * 9.81 * r) / inertia, -c / inertia]])
+    np.testing.assert_allclose(found.B, [[0], [1 / inertia]])
+    assert found.coordinates == found.velocities == ("p",)
+    expected = np.roots((1, c / inertia, (k + m * 9.81 * r) / inertia))
+    np.testing.assert_allclose(np.sort_complex(found.eigenvalues), np.sort_complex(expected))
+    assert not found.conservative
+
+
+@pytest.mark.parametrize("n", [10, 100, pytest.param(1000, marks=pytest.mark.nightly)])
+def test_frequencies_of_a_hanging_chain(n):
+    """Point masses on rods without mass: the zeros of Laguerre polynomials."""
+    point = {"axes": (0, 1, 0), "com": (0, 0, -1.0), "mass": 1.0, "inertia": np.zeros((3, 3))}
+    bodies = [
+        pg.Body(name=f"{k}", parent=f"{k - 1}" if k else "ground",
+                link=(0, 0, -1.0) if k else (0, 0, 0), **point)
+        for k in range(n)
+    ]  # fmt: skip
+    found = pg.Mechanism(pg.Model(bodies=bodies)).linearise()
+    assert found.conservative
+    assert len(found.frequencies) == n
+    if n == 10:
+        np.testing.assert_allclose(found.frequencies**2 / 9.81, lagroots([0] * n + [1]), rtol=1e-9)
+    mech = pg.Mechanism(pg.Model(bodies=bodies))
+    M = mech.mass_matrix(np.zeros(n))
+    weights = np.arange(n, 0, -1) * 9.81  # the weight below each rod: K is diagonal
+    upright = np.tril(np.ones((n, n)))  # angles against the vertical
+    x = found.modes[:, 0].real
+    pull = upright.T @ (weights * (upright @ x))
+    np.testing.assert_allclose(
+        pull, found.frequencies[0] ** 2 * (M @ x), atol=1e-9 * np.abs(pull).max()
+    )
+    assert found.modes.shape == (n, 2 * n)
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_with_loops_it_equals_differences_of_the_motion(name):
+    """Along trajectories that start a little aside, which the constraints hold."""
+    mech = load(name)
+    q, _, _ = mech.assemble()
+    rng = np.random.default_rng(3)
+    q, v, _ = mech.assemble(q, 0.5 * rng.normal(size=mech.nv))
+    if name == "quadruped":
+        v = np.zeros(mech.nv)
+    forces = mech.model.forces
+    bare = pg.Mechanism(mech.model.replace(forces=tuple(f for f in forces if f.kind == "spring")))
+    found = bare.linearise(q, v)
+    index = [bare_index(bare, c) for c in found.coordinates]
+    speed = [bare_index(bare, c) for c in found.velocities]
+    n, h = len(index), 1e-5
+
+    def rate(x: np.ndarray) -> np.ndarray:
+        rows = Rows.of(bare, bare.packed.active, q, v)
+        moved = rows.advanced(found.moves @ x[:n])
+        at, _, _ = bare.assemble(moved, np.zeros(bare.nv))
+        here = rows.at(at)
+        # the constraints' position with exactly these independent coordinates
+        for _ in range(4):
+            off = np.concatenate((here.gap, (apart(bare, q, at)[index] - x[:n])))
+            J = np.vstack((here.J, np.eye(bare.nv)[index]))
+            at = here.advanced(-np.linalg.lstsq(J, off, rcond=1e-10)[0])
+            here = rows.at(at)
+        J = np.vstack((here.J, np.eye(bare.nv)[speed]))
+        wanted = np.concatenate((np.zeros(len(here.J)), v[speed] + x[n:]))
+        u = np.linalg.lstsq(J, wanted, rcond=1e-10)[0]
+        vdot, _ = bare.constrained_dynamics(at, u)
+        return np.concatenate((u[index], vdot[speed]))
+
+    by_difference = np.array([(rate(h * e) - rate(-h * e)) / (2 * h) for e in np.eye(2 * n)]).T
+    scale = np.abs(by_difference).max()
+    np.testing.assert_allclose(found.A, by_difference, atol=1e-7 * scale)
+
+
+def bare_index(mech, name: str) -> int:
+    body, _, k = name.partition("[")
+    return mech.joints[body].v.start + (int(k[:-1]) if k else 0)
+
+
+def test_a_four_bar_swings_with_the_frequency_of_its_energy():
+    """One freedom: ω² is V'' over the reduced mass at rest, from values of the energy alone."""
+    mech = load("four_bar")
+    mech = pg.Mechanism(mech.model.replace(gravity=(3.0, -5.0, -2.0)))
+    q = mech.equilibrium()
+    found = mech.linearise(q)
+    assert found.conservative
+    assert len(found.frequencies) == 1
+    body = found.coordinates[0]
+    at = mech.joints[body].q.start
+    rest = np.zeros(mech.nv)
+
+    def energy(angle: float) -> float:
+        moved = q.copy()
+        moved[at] = angle
+        hold = pg.Motion(name="hold", body=body, q_of_t={"t": [0.0], "value": [angle]})
+        placed, _, _ = pg.Mechanism(mech.model.add(hold)).assemble(moved)
+        return mech.energy(placed, rest)[1]
+
+    h = 0.01
+    V = [energy(q[at] + k * h) for k in (-3, -2, -1, 0, 1, 2, 3)]
+    curvature = np.dot((2, -27, 270, -490, 270, -27, 2), V) / (180 * h * h)
+    mass = found.moves[:, 0] @ mech.mass_matrix(q) @ found.moves[:, 0]
+    np.testing.assert_allclose(found.frequencies[0] ** 2, curvature / mass, rtol=1e-6)
+
+
+def test_rolling_reduces_velocities_only():
+    mech = load("rolling_disc")
+    found = mech.linearise()
+    assert len(found.velocities) == mech.mobility().dof
+    assert len(found.coordinates) == mech.mobility().positions
+    assert set(found.velocities) <= set(found.coordinates)
+    assert found.A.shape == (len(found.coordinates) + len(found.velocities),) * 2
+
+
+def test_servos_are_springs_and_scenarios_choose():
+    rod = pg.Body(name="p", axes=(0, 0, 1), com=(0.5, 0, 0), mass=1.0)
+    servo = pg.Servo(name="s", body="p", kp=7.0, kd=0.3, target=0.2)
+    model = pg.Model(bodies=[rod], scenarios=[pg.Scenario(name="held", forces=[servo])])
+    mech = pg.Mechanism(model)
+    inertia = mech.mass_matrix(np.zeros(1))[0, 0]
+    np.testing.assert_allclose(mech.linearise().A, [[0, 1], [0, 0]], atol=1e-12)
+    np.testing.assert_allclose(
+        mech.linearise(scenario="held").A, [[0, 1], [-7 / inertia, -0.3 / inertia]], atol=1e-12
+    )
+    np.testing.assert_allclose(mech.equilibrium(scenario="held"), [0.2], atol=1e-10)
+    limited = servo.model_copy(update={"torque_limit": 0.1})
+    held = pg.Mechanism(model.replace(forces=[limited], scenarios=[]))
+    np.testing.assert_allclose(held.linearise().A, [[0, 1], [0, 0]], atol=1e-12)  # at its limit
+
+
+def test_a_spinning_top_turns_its_axes_along():
+    """A free body that spins: A, with the turning of the rotation vector, against a run."""
+    body = pg.Body(name="b", joint="spherical", mass=0.0, inertia=np.diag((1.0, 2.0, 2.5)))
+    mech = pg.Mechanism(pg.Model(bodies=[body], gravity=(0, 0, 0)))
+    q, v = mech.home()[0], np.array([0.3, 1.0, -0.5])
+    A = mech.linearise(q, v).A
+    rows, h, t = Rows.of(mech, mech.packed.active, q), 1e-6, 1e-3
+
+    def ends(x):
+        model = mech.model.edit("b", q=tuple(rows.advanced(x[:3])), v=tuple(v + x[3:]))
+        run = pg.simulate(model, t_end=t, method="rk4", step=t / 4, estimate=False, frames=2)
+        return run.q[-1], run.v[-1]
+
+    middle = ends(np.zeros(6))
+    moved = [ends(h * e) for e in np.eye(6)]
+    flow = np.array([[*apart(mech, middle[0], a), *(b - middle[1])] for a, b in moved]).T / h
+    np.testing.assert_allclose(flow, expm(A * t), atol=3e-6)
+
+
+def test_a_chain_settles_where_its_energy_is_least():
+    model = pg.Model.serial(5)
+    mech = pg.Mechanism(model)
+    q = mech.equilibrium()
+    np.testing.assert_allclose(np.sin(q[0]), 1.0, atol=1e-9)  # straight down
+    np.testing.assert_allclose(np.abs(np.sin(q[1:])), 0.0, atol=1e-9)
+    assert mech.linearise(q).conservative
+    assert len(mech.linearise(q).frequencies) == 5
+    loop = load("slider_crank")
+    loop = pg.Mechanism(loop.model.replace(gravity=(1.0, -9.0, 2.0), forces=()))
+    q = loop.equilibrium()
+    rest = np.zeros(loop.nv)
+    vdot, _ = loop.constrained_dynamics(q, rest)
+    assert np.abs(vdot).max() < 1e-8
+    falls = pg.Mechanism(pg.Model(bodies=[pg.Body(name="stone", joint="free")]))
+    with pytest.raises(pg.InputError, match="'stone'"):
+        falls.equilibrium()
+
+
+def test_inverse_kinematics_meets_several_targets_within_limits():
+    model = pg.Model.serial(6)
+    axes = [(0, 1, 0), (0, 0, 1), (0, 1, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+    model = model.edit_all({
+        f"{k + 1}": {"axes": axis, "limits": (-2.0, 2.0)} for k, axis in enumerate(axes)
+    })  # fmt: skip
+    mech = pg.Mechanism(model)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        aim = rng.uniform(-1.2, 1.2, 6)
+        place, turn = mech.pose(aim, "6")
+        q = mech.inverse_kinematics({"6": (place, turn)})
+        found = mech.pose(q, "6")
+        np.testing.assert_allclose(found[0], place, atol=1e-8)
+        np.testing.assert_allclose(found[1], turn, atol=1e-7)
+        assert (np.abs(q) <= 2.0 + 1e-12).all()
+    elbow = mech.pose(aim, "3")[0]
+    tip = mech.pose(aim, "6")[0] + mech.pose(aim, "6")[1] @ (0.2, 0, 0)
+    q = mech.inverse_kinematics({"3": elbow, "6": {"place": tip, "point": (0.2, 0, 0)}})
+    np.testing.assert_allclose(mech.pose(q, "3")[0], elbow, atol=1e-8)
+    with pytest.raises(pg.InputError, match=r"target of '6': misses its target by .* m"):
+        mech.inverse_kinematics({"6": (5.0, 0.0, 0.0)})
+    with pytest.raises(pg.InputError, match="quaternion"):
+        mech.inverse_kinematics({"6": ((0, 0, 0), np.ones((3, 3)))})
+    with pytest.raises(pg.PgraphError, match="'7'"):
+        mech.inverse_kinematics({"7": (0, 0, 0)})
+
+
+def test_inverse_kinematics_keeps_loops_closed():
+    mech = load("four_bar")
+    q, _, _ = mech.assemble()
+    target = mech.pose(mech.assemble(q + np.array([0.3, 0, 0]))[0], mech.names[1])[0]
+    found = mech.inverse_kinematics({mech.names[1]: target})
+    np.testing.assert_allclose(mech.pose(found, mech.names[1])[0], target, atol=1e-8)
+    assert mech.assemble(found)[2].moved < 1e-8
