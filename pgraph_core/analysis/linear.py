@@ -387,7 +387,8 @@ def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Array:
         return here.q
     push = here.M @ here.free @ (here.free.T @ here.pull)
     joint = max(mech.joints, key=lambda name: float(np.abs(push[mech.joints[name].v]).max()))
-    text = f"no equilibrium was found near q: {np.abs(push).max():.3g} (N m or N) are left, most in the joint of '{joint}'; give it a spring, or another start q"
+    left = f"{np.abs(push).max():.3g} (N m or N) are left, most in the joint of '{joint}'"
+    text = f"no equilibrium was found near q: {left}; give it a spring, or another start q"
     raise InputError(Problem("equilibrium", "q", text))
 
 
