@@ -77,9 +77,10 @@ def ladders() -> list[str]:
     lines = [
         "## Event-driven and time stepping",
         "",
-        "1.5 s of each. Touchdowns and the trunk's place are compared with the finest event-driven",
-        "run (rk4): both come closer as the step does. The ledger misses O(h) in time stepping,",
-        "and O(h⁴), as rk4 does, from event to event.",
+        "1.5 s of each. Touchdown times and the position of the trunk are compared with the finest",
+        "event-driven run (rk4); both differences shrink with the step. The energy "
+        "balance is off by",
+        "O(h) in time stepping, and by O(h⁴), the order of rk4, in event-driven runs.",
         "",
     ]
     for name, gait in (("quadruped_hips", "trot"), ("quadruped", "bound")):
@@ -105,7 +106,7 @@ def tolerances() -> list[str]:
         "## To a tolerance",
         "",
         f"From event to event with dop853 at rtol {RTOL:g}: steps and events of the whole run,",
-        "and what the ledger misses of its range.",
+        "and the error of the energy balance relative to its range.",
         "",
         "| gait | model | time [s] | steps | changes of phase | impacts | ledger |",
         "|---|---|---|---|---|---|---|",
@@ -116,20 +117,24 @@ def tolerances() -> list[str]:
             for (model, gait, seconds), run in zip(TO_RTOL, found)
         ),
         "",
-        "The paper's planar hinges are not among them: two feet side by side cannot move aside",
-        "against each other, so that the bound's hind feet stick and slip by turns, a hundred",
-        "times a millisecond and more, from about 1.87 s on; time stepping passes over that.",
+        "The model with the paper's planar hinges is not in the table. Its two hind feet "
+        "cannot move",
+        "sideways relative to each other, so in the bound they alternate between stick "
+        "and slip more",
+        "than a hundred times a millisecond from about 1.87 s on; time stepping passes over that.",
         "",
     ]
 
 
 def laws() -> list[str]:
     lines = [
-        "## The ledger under soft and penalty laws",
+        "## The energy balance under soft and penalty laws",
         "",
-        "1.5 s of the trot. The friction of `soft` is regularised at 1 mm/s, and stiff: at 0.1 ms",
-        "rk4's ledger says that it does not resolve it, though the walk is",
-        "the same; a tolerance does.",
+        "1.5 s of the trot. The friction of `soft` is regularised at 1 mm/s and "
+        "therefore stiff. At",
+        "0.1 ms rk4 does not resolve it, as its energy balance shows, although the walk "
+        "is the same;",
+        "a method with a tolerance does.",
         "",
         "| law | method | setting | steps | ledger |",
         "|---|---|---|---|---|",
@@ -153,7 +158,7 @@ def beside_mujoco() -> list[str]:
     return [
         "## Speed",
         "",
-        "The trot, one thread, 1 ms, the least of many interleaved rounds of half a stride:",
+        "The trot, one thread, 1 ms, minimum of many interleaved rounds of half a stride:",
         f"{1e6 * ours:.1f} us a step with the controller, {1e-3 / ours:.0f} times real time.",
         "MuJoCo's step with its own contacts and the recorded torques of the same controller: "
         f"{1e6 * theirs:.1f} us;",
@@ -164,9 +169,11 @@ def beside_mujoco() -> list[str]:
 
 def robustness() -> list[str]:
     return [
-        f"On their feet after {SECONDS:g} s: the hardest of what was tried, in unbroken order.",
-        f"Pushes last {PUSH_FOR:g} s, on the pelvis; the controller knows of none of it: masses,",
-        "slopes and steps are what it feels through its feet.",
+        "The largest disturbance with which, and with all smaller ones, the model was on its feet "
+        f"after {SECONDS:g} s.",
+        f"Pushes act on the pelvis for {PUSH_FOR:g} s. The controller is told nothing: it "
+        "feels masses, slopes",
+        "and steps only through the feet.",
         "",
         *table(),
     ]
