@@ -8,6 +8,7 @@ import viser
 
 from .core.bridge import Bridge
 from .core.events import Event
+from .core.state import State
 from .core.views import Desk, PanelName, made
 from .features import places
 from .session.update import Connected, Disconnected
@@ -26,7 +27,8 @@ class Page:
         gui.configure_theme(show_logo=False, show_share_button=False, brand_color=ACCENT)
         names: tuple[PanelName, ...] = ("bodies", "graph", "properties", "playback")
         panels: dict[PanelName, viser.PanelHandle] = {name: gui.add_panel() for name in names}
-        self.views = made(places(), Desk(bridge, send, panels))
+        docks = Docks(bridge, panels["bodies"], gui.main_panel)
+        self.views = (*made(places(), Desk(bridge, send, panels)), docks)
         panels["bodies"].dock_left()
         panels["bodies"].set_width(LEFT)
         panels["graph"].dock_below(panels["bodies"])
@@ -43,3 +45,29 @@ class Page:
         @server.on_client_disconnect
         async def _(client: viser.ClientHandle) -> None:
             send(Disconnected(client.client_id))
+
+
+class Docks:
+    """Docks that leave the 3D view its share of a small window."""
+
+    def __init__(self, bridge: Bridge, left: viser.PanelHandle, right: viser.PanelHandle):
+        self._bridge, self._left, self._right = bridge, left, right
+        self._widths: dict[int, tuple[float, float]] = {}
+
+    def render(self, old: State, new: State) -> None:
+        for client, page in new.clients.items():
+            if page.window is None:
+                continue
+            wanted = widths(page.window)
+            if wanted != self._widths.get(client, (LEFT, RIGHT)):
+                self._widths[client] = wanted
+                for panel, width in zip((self._left, self._right), wanted):
+                    self._bridge.set_width(client, panel, width)
+        for gone in self._widths.keys() - new.clients.keys():
+            del self._widths[gone]
+
+
+def widths(window: float) -> tuple[float, float]:
+    """Of the left and the right dock in a window as wide as this [px]."""
+    left, right = min(LEFT, max(0.36 * window, 200)), min(RIGHT, max(0.29 * window, 190))
+    return round(left), round(right)

@@ -241,7 +241,7 @@ window.pgraph = (() => {
     if (!canvas) { setTimeout(watchView, 100); return; }
     watched?.disconnect();
     let settling = null;
-    const tell = () => pgraph.send("Viewport", { aspect: canvas.clientWidth / Math.max(canvas.clientHeight, 1) });
+    const tell = () => pgraph.send("Viewport", { aspect: canvas.clientWidth / Math.max(canvas.clientHeight, 1), window: innerWidth });
     watched = new ResizeObserver(() => { place(canvas); clearTimeout(settling); settling = setTimeout(tell, 250); });
     watched.observe(canvas);
   }

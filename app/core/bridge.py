@@ -1,7 +1,8 @@
 """Both directions between Python and our script in the page.
 
 This file and `door.py` alone know names that viser 1.1.1 does not document: `RunJavascriptMessage`,
-a client's own connection, a handle's uuid, `window.__viserMutable.sendMessage` (in bridge.js), the
+a client's own connection, a handle's uuid and a panel's, the count of layouts,
+`window.__viserMutable` and `__viserSceneTree` (in bridge.js), the
 `websockets.asyncio.server.serve` it calls and the kinds of its messages. `tests/app/test_bridge.py`
 and `test_door.py` have a test for each.
 """
@@ -16,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import viser
-from viser._messages import RunJavascriptMessage
+from viser._messages import GuiSetPanelWidthMessage, RunJavascriptMessage
 
 from .door import guarded
 
@@ -61,6 +62,16 @@ class Bridge:
                 self._receive(event.client.client_id, uplink.value)
 
         self._push(client, "uplink", uplink._impl.uuid)
+
+    def set_width(self, client_id: int, panel: viser.PanelHandle, width: float) -> None:
+        """The width [px] of a docked panel on one page alone."""
+        client = self.server.get_clients().get(client_id)
+        if client is None:
+            return
+        gui = self.server.gui
+        counter, run = gui._next_layout_counter(), gui._layout_run_id
+        message = GuiSetPanelWidthMessage(panel._placement_uuid, width, counter, run)
+        client._websock_connection.queue_message(message)
 
     def send(self, client_id: int, topic: str, data: Any) -> None:
         """`data` to the views that listen to `topic` on one page; gone pages are ignored."""

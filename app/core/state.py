@@ -55,6 +55,7 @@ class Client:
     selected: tuple[str, ...] = ()  # all selected bodies, in the table's order; it among them
     dark: bool = False
     aspect: float | None = None  # width over height of its 3D view, once known
+    window: float | None = None  # width of the whole page [px]
     reply: Reply | None = None
     notice: Notice | None = None
     downloads: int = 0  # how often the model was asked for as a file

@@ -50,7 +50,7 @@
     const chart = { data, canvas, legend, hover: null };
     chart.box = make("figure", { className: "plot" },
       make("figcaption", {}, make("strong", { textContent: data.title }), make("span", { className: "muted", textContent: ` [${data.unit}]` }), legend,
-        make("button", { className: "remove", textContent: "↓", title: `Save ${data.title} as a picture`, "aria-label": `save a picture of ${data.title}`, onclick: () => save(chart) }),
+        make("button", { className: "picture", textContent: "↓", title: `Save ${data.title} as a picture`, "aria-label": `save a picture of ${data.title}`, onclick: () => save(chart) }),
         make("button", { className: "remove", textContent: "×", title: `Remove ${data.title}`, "aria-label": `take away ${data.title}`,
           onclick: () => send("Plot", { kind: data.kind, of: data.of, on: false }) })),
       canvas);

@@ -51,11 +51,12 @@ class Viewport(FromPage):
     """The page's 3D view has this width over height."""
 
     aspect: Annotated[float, Field(gt=0.05, lt=20)]
+    window: Annotated[float, Field(gt=0, lt=100_000)] | None = None  # its width [px]
 
 
 @on(Viewport)
 def viewport(state: State, event: Viewport) -> State:
-    return with_client(state, event.client, aspect=event.aspect)
+    return with_client(state, event.client, aspect=event.aspect, window=event.window)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -44,6 +46,8 @@ class SceneView:
         self._boxes: tuple[str, ...] = ()  # what was said of meshes that cannot be read
         self._send = send
         self._state: State | None = None
+        # it takes long to import, and every body is drawn with it: ready when the first page is
+        threading.Thread(target=import_module, args=("trimesh",), daemon=True).start()
         self._grips: dict[int, tuple[float, float, float]] = {}  # by client, in the body's axes
 
     def render(self, old: State, new: State) -> None:

@@ -59,7 +59,7 @@ def greeted(state: State, event: Hello) -> State:
     )
     page = replace(
         old, page=event.page, dark=event.dark, display=Display(*event.display), grip=None,
-        aspect=fresh.aspect, notice=fresh.notice, downloads=fresh.downloads,
+        aspect=fresh.aspect, window=fresh.window, notice=fresh.notice, downloads=fresh.downloads,
         reports=fresh.reports, exported=fresh.exported, selection=None, selected=(),
     )  # fmt: skip
     if event.plots is not None and not page.plots:
