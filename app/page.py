@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import viser
 
@@ -50,7 +51,7 @@ class Page:
 class Docks:
     """Docks that leave the 3D view its share of a small window."""
 
-    def __init__(self, bridge: Bridge, left: viser.PanelHandle, right: viser.PanelHandle):
+    def __init__(self, bridge: Bridge, left: viser.PanelHandle, right: Any):
         self._bridge, self._left, self._right = bridge, left, right
         self._widths: dict[int, tuple[float, float]] = {}
 
@@ -69,5 +70,5 @@ class Docks:
 
 def widths(window: float) -> tuple[float, float]:
     """Of the left and the right dock in a window as wide as this [px]."""
-    left, right = min(LEFT, max(0.36 * window, 200)), min(RIGHT, max(0.29 * window, 190))
+    left, right = min(LEFT, max(0.4 * window, 200)), min(RIGHT, max(0.28 * window, 180))
     return round(left), round(right)

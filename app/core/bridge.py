@@ -63,7 +63,7 @@ class Bridge:
 
         self._push(client, "uplink", uplink._impl.uuid)
 
-    def set_width(self, client_id: int, panel: viser.PanelHandle, width: float) -> None:
+    def set_width(self, client_id: int, panel: Any, width: float) -> None:
         """The width [px] of a docked panel on one page alone."""
         client = self.server.get_clients().get(client_id)
         if client is None:

@@ -62,10 +62,11 @@ pgraph.rows = (() => {
   function mirror(host) {
     const body = pgraph.latest.selection, row = table().row(body);
     if (!row) return;
+    const bodies = pgraph.latest.selected?.length ? [...pgraph.latest.selected] : [body];
     const of = row.parent === "ground" ? "the world" : row.parent;
-    const planes = ["x", "y", "z"].map((plane) => answer(host, plane, "MirrorBranch", { body, plane }, `plane-${plane}`));
+    const planes = ["x", "y", "z"].map((plane) => answer(host, plane, "MirrorBranch", { body, plane, bodies }, `plane-${plane}`));
     for (const made of planes) made.title = `The plane through the origin of ${of}, normal to its ${made.textContent} axis`;
-    ask(host, `Mirror ${body} along`, ...planes);
+    ask(host, `Mirror ${some(bodies)} along`, ...planes);
   }
 
   // Bodies with children: re-attach them, or delete them too?

@@ -59,16 +59,33 @@ def duplicate(state: State, event: Duplicate) -> State:
 
 @dataclass(frozen=True)
 class MirrorBranch(FromPage):
-    """The branch of a body reflected about the plane normal to an axis of its parent."""
+    """The branches of bodies, each reflected about the plane normal to an axis of its parent."""
 
     body: Text
     plane: Literal["x", "y", "z"]
+    bodies: Bodies | None = None  # all that are selected; left out: `body` alone
 
 
 @on(MirrorBranch)
 def mirror(state: State, event: MirrorBranch) -> State:
-    make = lambda: state.model.mirror(event.body, event.plane)  # noqa: E731
-    return grown(state, event.client, make, f"mirror {event.body}")
+    chosen = event.bodies or (event.body,)
+
+    def make() -> pg.Model:
+        model = state.model
+        for name in chosen:
+            if not any(inboard in chosen for inboard in _inboard(model, name)):
+                model = model.mirror(name, event.plane)
+        return model
+
+    return grown(state, event.client, make, f"mirror {_label(chosen)}")
+
+
+def _inboard(model: pg.Model, name: str) -> list[str]:
+    """The bodies on the way from a body to the ground."""
+    found = []
+    while (name := model.body(name).parent) in model.row:
+        found.append(name)
+    return found
 
 
 @dataclass(frozen=True)

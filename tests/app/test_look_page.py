@@ -109,7 +109,7 @@ def test_every_tab_is_in_order(seen, served, size, dark):
     cell.press("Escape")
 
 
-@pytest.mark.parametrize("width", [640, 853, 900, 1100, 1280, 1920])
+@pytest.mark.parametrize("width", [853, 900, 1100, 1280, 1920])
 def test_what_floats_stays_within_the_3d_view(seen, width):
     page = seen((width, 800), False)
     inside = """() => { const box = (e) => e.getBoundingClientRect();

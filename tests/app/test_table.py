@@ -8,7 +8,7 @@ import pgraph_core as pg
 from pgraph_app.core.events import Event
 from pgraph_app.core.state import State, initial
 from pgraph_app.features import update
-from pgraph_app.model.update import Edit, NewModel, Undo
+from pgraph_app.model.update import Edit, NewModel, OpenText, Undo
 from pgraph_app.session.update import Connected, Select, SelectBodies
 from pgraph_app.table.update import (
     AddBody,
@@ -228,3 +228,20 @@ def test_the_first_body_of_an_empty_table_is_free_and_can_be_saved(state):
         model = after(empty, event).model
         assert model.bodies[0].joint == "free"
         assert pg.Model.from_json(model.to_json()) == model
+
+
+def test_several_branches_are_mirrored_as_one_step_each_once(state):
+    limbs = pg.Model(bodies=(
+        pg.Body(name="trunk", tip=(1, 0, 0)),
+        pg.Body(name="left_arm", parent="trunk", link=(1, 1, 0)),
+        pg.Body(name="left_hand", parent="left_arm", link=(0, 1, 0)),
+        pg.Body(name="left_leg", parent="trunk", link=(0, 1, 0)),
+    ))  # fmt: skip
+    before = after(state, OpenText(ME, "limbs", limbs.to_json()))
+    chosen = ("left_arm", "left_hand", "left_leg")
+    done = after(before, MirrorBranch(ME, "left_leg", "y", chosen))
+    names = [body.name for body in done.model.bodies]
+    assert sorted(names) == sorted(
+        [*(b.name for b in limbs.bodies), "right_arm", "right_hand", "right_leg"]
+    )
+    assert len(done.undo) == len(before.undo) + 1
