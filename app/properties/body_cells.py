@@ -24,10 +24,11 @@ Content = Any  # nested tuples of numbers, formulas and None
 PER_MOTION = ("stiffness", "damping", "rest", "friction", "armature", "limit_restitution")
 LENGTHS = {
     "link", "com", "tip", "shape_size", "shape_radius", "shape_length", "shape_end_radius",
-    "shape_position",
+    "shape_radii", "shape_position",
 }  # fmt: skip
 DERIVED = ("mass", "com", "inertia", "tip")
 SHAPES = tuple(DIMENSIONS)
+OF_FILES = ("mesh", "heightfield")
 MOTIONS = ("rotate", "translate", "ball")
 NO_SHAPE = "none"
 SLENDER = 0.1  # radius of a new shape over its length
@@ -320,12 +321,15 @@ def _shape(body: pg.Body, kind: str) -> dict[str, Any] | None:
         return None
     if kind not in SHAPES:
         raise Refusal(f"must be one of {', '.join((NO_SHAPE, *SHAPES))}")
+    if kind == "heightfield":
+        raise Refusal("a heightfield comes with a model file, or from Python")
     old = body.shape
     length, radius, position, rotation = extent(body)
     where = {"position": position, "rotation": rotation}
     if old is not None:
         where = {"position": old.position, "rotation": old.rotation}
     sizes = {"size": (2 * radius, 2 * radius, length), "radius": radius, "length": length}
+    sizes["radii"] = (radius, radius, length / 2)
     if kind == "capsule":
         sizes["length"] = max(length - 2 * radius, radius)
     if not set(DIMENSIONS[kind]) <= sizes.keys():
@@ -338,6 +342,8 @@ def extent(
 ) -> tuple[float, float, tuple[float, ...], tuple[float, ...]]:
     """(length along z, radius, middle, quaternion) of a rod that stands for a body."""
     shape = body.shape
+    if shape is not None and shape.radii is not None:
+        return 2 * shape.radii[2], min(shape.radii[:2]), shape.position, shape.rotation
     if shape is not None:
         radius = shape.radius or (min(shape.size) / 2 if shape.size else LEAST * SLENDER)
         caps = 2 * radius if shape.kind == "capsule" else 0.0

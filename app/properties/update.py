@@ -28,7 +28,8 @@ BodyField = Literal[
     "name", "joint", "motions", "axes", "link", "rotation", "rotation_euler", "rotation_axis",
     "mass", "com", "inertia", "tip", "q", "v", "stiffness", "damping", "rest", "friction",
     "armature", "limits", "limit_restitution", "shape_kind", "shape_size", "shape_radius",
-    "shape_length", "shape_end_radius", "shape_scale", "shape_position", "shape_rotation",
+    "shape_radii", "shape_length", "shape_end_radius", "shape_scale", "shape_position",
+    "shape_rotation",
     "shape_rotation_euler", "shape_rotation_axis", "shape_role", "shape_colour", "derived",
 ]  # fmt: skip
 FurtherShape = Annotated[str, Field(pattern=r"^shape_[1-9]\d?_[a-z_]{4,20}$")]  # the second is 1

@@ -15,7 +15,7 @@ from ..core.cells import Display
 from ..core.state import Client, State
 from ..core.views import Payload, Place, audience, css
 from ..world.form import world
-from .body_cells import MOTIONS, NO_SHAPE, SHAPES, held, moments, quantity_of
+from .body_cells import MOTIONS, NO_SHAPE, OF_FILES, SHAPES, held, moments, quantity_of
 from .forms import WXYZ, XYZ, button, cell, choice, field, group, merged, shown
 
 JOINTS = get_args(pg.Body.model_fields["joint"].annotation)
@@ -254,12 +254,12 @@ class _Form:
         shapes, prefix = self.body.shapes, f"shape_{at}_" if at else "shape_"
         shape = shapes[at] if at < len(shapes) else None
         kind = NO_SHAPE if shape is None else shape.kind
-        kinds = [k for k in (NO_SHAPE, *SHAPES) if k != "mesh" or kind == "mesh"]
+        kinds = [k for k in (NO_SHAPE, *SHAPES) if k not in OF_FILES or kind == k]
         upload = {"upload": True, "help": "what is drawn, and what touches in contacts"}
         found = [choice(prefix + "kind", "Shape", kind, kinds, **({} if at else upload))]
         if shape is None:
             return found
-        labels = {"size": "Edges", "radius": "Radius", "length": "Length"}
+        labels = {"size": "Edges", "radius": "Radius", "radii": "Half axes", "length": "Length"}
         if kind == "mesh":
             name = (shape.file or "").replace("\\", "/").rsplit("/", 1)[-1]
             found[0]["note"] = name

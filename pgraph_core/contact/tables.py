@@ -15,6 +15,7 @@ from ..engine.records import (
     CAPSULE,
     CREEP,
     GROUND_PAIR,
+    HEIGHTFIELD,
     MEMBER,
     PAIR_LAW,
     PENALTY,
@@ -34,12 +35,14 @@ from ..rotation import matrix
 from ..shapes import solids
 from ..shapes.solids import Placed, Solid
 from ..topology import Topology
+from .steps import terrain_of
 
 if TYPE_CHECKING:
     from ..packing.packed import Packed
 
 LAWS = {"complementarity": RIGID, "soft": SOFT, "penalty": PENALTY}
 ROOM = {SPHERE: 1, CAPSULE: 2}  # contact points of a shape, 8 of others
+ON_FIELD = 64  # of a shape on a heightfield
 SINKS = 1e-4  # of the bodies' size: how deep its weight presses what touches, if nothing is given
 SPEED = 1.0  # m/s: where a soft contact that gives no damping has its restitution
 
@@ -90,9 +93,11 @@ class _Shapes:
     def __init__(self, mech: Packed):
         self.mech, self.model = mech, mech.model
         self.parts = mech.model, mech.topology, mech.system
+        self.terrain = terrain_of(mech.model)
+        self.boxes: list[int] = []  # numbers of the boxes of the ground's steps, once they touch
         self.apart = joined(mech.topology, mech.system)
         self.placed: list[Placed] = []
-        self.number: dict[tuple[str, tuple[Any, ...] | int], int] = {}
+        self.number: dict[tuple[str, tuple[Any, ...] | int], range] = {}
         self.touches: list[ContactPair] = []
         self.on_ground: list[tuple[int, int]] = []
         self.pairs: list[tuple[int, int, int]] = []
@@ -108,15 +113,31 @@ class _Shapes:
             name = c.name if EVERY not in (c.body, c.other) else f"{c.name}[{_one(c, body, other)}]"
             if other == GROUND:
                 slot = self._slot(name, c, body, other)
-                self.on_ground += [(i, slot) for i in self._shapes(self.model.body(body), c)]
+                mine = self._shapes(self.model.body(body), c)
+                self._refuse_field(c, mine, "touches other shapes, not the ground")
+                self.on_ground += [(i, slot) for i in mine]
+                self.pairs += [(i, step, slot) for i in mine for step in self._steps()]
                 continue
             mine = self._shapes(self.model.body(body), c)
             others = self._shapes(self.model.body(other), c, points=False)
             if self.placed[mine[0]].row == self.placed[others[0]].row:
                 text = f"'{body}' and '{other}' are welded together and cannot touch"
                 raise ModelError(Problem(f"contact '{c.name}'", "other", text))
+            if any(self.placed[b].solid.kind == HEIGHTFIELD for b in others):
+                self._refuse_field(c, mine, "does not touch another heightfield")
             slot = self._slot(name, c, body, other)
             self.pairs += [(a, b, slot) for a in mine for b in others]
+
+    def _steps(self) -> list[int]:
+        """Numbers of the boxes that the steps of the ground are."""
+        if not self.boxes:
+            self.boxes = [*range(len(self.placed), len(self.placed) + len(self.terrain.boxes))]
+            self.placed += self.terrain.boxes
+        return self.boxes
+
+    def _refuse_field(self, c: Contact, shapes: list[int], text: str) -> None:
+        if any(self.placed[i].solid.kind == HEIGHTFIELD for i in shapes):
+            raise ModelError(Problem(f"contact '{c.name}'", "body", f"a heightfield {text}"))
 
     def _ends(self, c: Contact) -> Iterator[tuple[str, str]]:
         shaped = [b.name for b in self._shaped()]
@@ -149,38 +170,38 @@ class _Shapes:
         for k, shape in enumerate(shapes):
             key = (body.name, own or k)
             if key not in self.number:
-                self.number[key] = len(self.placed)
-                self.placed.append(self._place(body, own, shape, c))
-            found.append(self.number[key])
+                placed = self._place(body, own, shape, c)
+                self.number[key] = range(len(self.placed), len(self.placed) + len(placed))
+                self.placed += placed
+            found += self.number[key]
         return found
 
-    def _place(self, body: Body, own: tuple[Any, ...], shape: Shape | None, c: Contact) -> Placed:
+    def _place(
+        self, body: Body, own: tuple[Any, ...], shape: Shape | None, c: Contact
+    ) -> list[Placed]:
         number = self.mech.topology.number(body.name)
         packed = self.mech.system
         home = packed.bodies_f[number, at.HOME : at.HOME + 9].reshape(3, 3)
         offset = packed.bodies_f[number, at.OFFSET : at.OFFSET + 3]
         row = int(packed.bodies_i[number, at.ROW])
         if shape is None:
-            return Placed(solids.points(own), row, number, offset.tolist(), home)
-        position = offset + home @ np.array(shape.position)
-        return Placed(
-            _solid(c.name, body.name, shape),
-            row,
-            number,
-            position.tolist(),
-            home @ matrix(shape.rotation),
-        )
+            return [Placed(solids.points(own), row, number, offset.tolist(), home)]
+        position = (offset + home @ np.array(shape.position)).tolist()
+        rotation = home @ matrix(shape.rotation)
+        parts = _solids(c.name, body.name, shape)
+        return [Placed(solid, row, number, position, rotation) for solid in parts]
 
     def tables(self, limits: tuple[str, ...], blocks: tuple[Ints, Array, Ints, Array]) -> Tables:
         geometry = solids.packed(self.placed)
         room = sum(self._points(i) for i, _ in self.on_ground)
-        room += sum(8 * max(len(self.placed[a].solid.vertices[:1]), 1) for a, _, _ in self.pairs)
+        room += sum(self._room(a, b) for a, b, _ in self.pairs if b not in self.boxes)
+        room += sum(8 * min(len(self.boxes), 4) for _ in self.on_ground)
         room += sum(8 for _ in self.members)
         return Tables(
             tuple(self.touches),
             limits,
             geometry,
-            ground_of(self.model),
+            self.terrain.ground,
             Candidates(
                 rows_of(GROUND_PAIR, self.on_ground),
                 rows_of(SHAPE_PAIR, self.pairs),
@@ -194,6 +215,11 @@ class _Shapes:
             max((contact_rate(t.contact, *self.parts) for t in self.touches), default=0.0),
         )
 
+    def _room(self, a: int, b: int) -> int:
+        """For the contact points of two shapes."""
+        field = HEIGHTFIELD in (self.placed[a].solid.kind, self.placed[b].solid.kind)
+        return ON_FIELD if field else 8
+
     def _points(self, i: int) -> int:
         solid = self.placed[i].solid
         return len(solid.vertices) if solid.kind == POINTS else ROOM.get(solid.kind, 8)
@@ -202,17 +228,6 @@ class _Shapes:
 def _one(c: Contact, body: str, other: str) -> str:
     """What tells a touch of a contact of many from the others."""
     return body if c.other != EVERY else other if c.body != EVERY else f"{body}, {other}"
-
-
-def ground_of(model: Model) -> Ground:
-    """The plane, and the steps on it in its own axes (`solids.ground_axes`)."""
-    patches = []
-    for step in model.ground.steps:
-        spans = list(zip(step.low, step.high))
-        if model.up == "y":  # x, z in the description; z, x in the plane's own axes
-            spans.reverse()
-        patches.append((*spans[0], *spans[1], step.height))
-    return solids.ground(model.ground_normal, patches)
 
 
 def joined(topology: Topology, packed: System) -> set[tuple[int, int]]:
@@ -287,12 +302,12 @@ def _masses(c: Contact, topology: Topology, packed: System) -> list[float]:
     return [total[root[k]] for k in numbers if total[root[k]] > 0]
 
 
-def _solid(contact: str, body: str, shape: Shape) -> Solid:
+def _solids(contact: str, body: str, shape: Shape) -> tuple[Solid, ...]:
     """A body's shape as the kernels see it. Raises ModelError naming contact and body."""
-    from ..shapes.kinds import solid_of  # trimesh is imported by scenes with meshes alone
+    from ..shapes.kinds import solids_of  # trimesh is imported by scenes with meshes alone
 
     try:
-        return solid_of(shape)
+        return solids_of(shape)
     except PgraphError as error:
         where = f"contact '{contact}'"
         problems = [Problem(where, "", f"the shape of '{body}': {p}") for p in error.problems]

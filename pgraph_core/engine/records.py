@@ -170,9 +170,11 @@ APPLIED_FORCE = record(  # points and directions in the home axes of their rows
 # -- shapes ----------------------------------------------------------------------------------------
 
 SPHERE, CAPSULE, BOX, CYLINDER, HULL, POINTS = 0, 1, 2, 3, 4, 5  # kinds of shape
+ELLIPSOID, HEIGHTFIELD = 6, 7
 
-# A ball of `radius` about one vertex is a sphere, about two a capsule. A cylinder's faces are those
-# of a prism, which only other bodies see: the ground sees the cylinder.
+# A ball of `radius` about one vertex is a sphere, about two a capsule. Cylinders and ellipsoids
+# have no vertices: their box says all. A heightfield has a vertex a height, row by row, and the
+# faces and edges of one prism, of which each of its triangles is the top.
 SHAPE = record(  # its frame in the home axes of its row
     kind=INTEGER,
     row=INTEGER,  # that carries it; 0: fixed to the ground
@@ -183,6 +185,7 @@ SHAPE = record(  # its frame in the home axes of its row
     faces=INTEGER,
     first_edge=INTEGER,
     edges=INTEGER,
+    columns=INTEGER,  # heights in a row of a heightfield
     position=(REAL, 3),  # from the row's origin [m]
     rotation=(REAL, 9),  # row-major
     radius=REAL,  # of a sphere, capsule or cylinder; 0 of what has corners [m]
@@ -215,6 +218,7 @@ PATCH = record(  # of the ground at another height; the last one that a point is
     y_low=REAL,
     y_high=REAL,
     height=REAL,
+    box=INTEGER,  # 1: what touches there is a box, not the plane
 )
 
 # -- search for contact points ---------------------------------------------------------------------

@@ -15,6 +15,7 @@ from ..errors import ModelError, Problem, shown
 from ..mesh_files import load_mesh
 from ..rotation import matrix
 from .fields import (
+    Finite,
     Frozen,
     Number,
     Quat,
@@ -51,16 +52,35 @@ def _scale_in(value: npt.ArrayLike) -> Number | Vec3:
     return listed(value)
 
 
+Heights = Annotated[tuple[tuple[Finite, ...], ...], BeforeValidator(listed)]
+
+
+def _heights_in(value: npt.ArrayLike | None) -> Heights | None:
+    """(n, m) numbers or None."""
+    return listed(value)
+
+
 class Shape(Frozen):
     """A solid in the body's frame [m]: drawn, touching others, or both."""
 
-    kind: Literal["box", "sphere", "cylinder", "capsule", "mesh"] = field(
-        "one of box, sphere, cylinder, capsule, mesh"
+    kind: Literal["box", "sphere", "ellipsoid", "cylinder", "capsule", "mesh", "heightfield"] = (
+        field("one of box, sphere, ellipsoid, cylinder, capsule, mesh, heightfield")
     )
     size: Vec3 | None = field(
-        "the three edge lengths of a box [m]", converter=maybe_vector, default=None, unit="length"
-    )
+        "the three edge lengths of a box [m]; of a heightfield along x and y, and how far its "
+        "solid reaches below its lowest height",
+        converter=maybe_vector, default=None, unit="length",
+    )  # fmt: skip
     radius: Number | None = field("a radius > 0 [m]", default=None, gt=0, unit="length")
+    radii: Vec3 | None = field(
+        "the three half axes of an ellipsoid [m]",
+        converter=maybe_vector, default=None, unit="length",
+    )  # fmt: skip
+    heights: Heights | None = field(
+        "rows of heights of a heightfield [m], finite numbers, all rows equally long: "
+        "heights[i][j] is at place i along x and j along y",
+        converter=_heights_in, default=None, unit="length",
+    )  # fmt: skip
     length: Number | None = field(
         "a length > 0 along z [m], a capsule's without its caps",
         default=None, gt=0, unit="length",
@@ -74,9 +94,11 @@ class Shape(Frozen):
         "a factor > 0 on the mesh, or three, one an axis, that are not zero",
         converter=_scale_in, default=1.0,
     )  # fmt: skip
-    hull: Literal["convex"] | None = field(
-        "'convex': a mesh that is not closed touches by its convex hull", default=None
-    )
+    hull: Literal["convex", "parts"] | None = field(
+        "'convex': a mesh touches by its convex hull, closed or not; 'parts': by several convex "
+        "parts that together are about the mesh",
+        default=None,
+    )  # fmt: skip
     position: Vec3 = field(
         "three finite numbers [x, y, z] [m]",
         converter=vector, default=(0.0, 0.0, 0.0), unit="length",
@@ -96,14 +118,26 @@ class Shape(Frozen):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         own = DIMENSIONS[self.kind]
+        one = ("an " if self.kind == "ellipsoid" else "a ") + self.kind
         missing = [name for name in own if getattr(self, name) is None]
-        problems = [("shape", f"a {self.kind} needs {name}") for name in missing]
+        problems = [("shape", f"{one} needs {name}") for name in missing]
         for name in sorted(set().union(*DIMENSIONS.values()) - set(own)):
             if getattr(self, name) is not None:
-                text = f"a {self.kind} has no {name}: its size is given by {' and '.join(own)}"
+                text = f"{one} has no {name}: its size is given by {' and '.join(own)}"
                 problems.append(("shape", f"{text}; given {shown(getattr(self, name))}"))
         if self.size is not None and min(self.size) <= 0:
-            problems.append(("shape", f"a box's edges must be > 0 [m]; given {shown(self.size)}"))
+            text = f"a {self.kind}'s edges must be > 0 [m]; given {shown(self.size)}"
+            problems.append(("shape", text))
+        if self.radii is not None and min(self.radii) <= 0:
+            text = f"the radii of an ellipsoid must be > 0 [m]; given {shown(self.radii)}"
+            problems.append(("shape", text))
+        if self.heights is not None:
+            lengths = {len(row) for row in self.heights}
+            if len(lengths) != 1 or len(self.heights) < 2 or min(lengths) < 2:
+                found = " and ".join(map(str, sorted(lengths)[:3])) or "0"
+                text = "heights must be at least two rows of at least two numbers, equally long"
+                given = f"{len(self.heights)} rows of {found}"
+                problems.append(("shape", f"{text}, without holes; given {given}"))
         if not self._scales():
             text = f"scale must be > 0, or three factors that are not 0; given {shown(self.scale)}"
             problems.append(("shape", text))
@@ -136,13 +170,41 @@ class Shape(Frozen):
                 return [("shape", f"{text}; given {self.length:g}")]
         return []
 
+    def surface(self) -> tuple[Array, Array]:
+        """(vertices (n, 3), triangles (m, 3)) of the closed surface of a heightfield [m].
+
+        The first vertices are those of the top, row by row; triangles of a cell share the diagonal
+        from its least x and y to its greatest.
+        """
+        heights = np.array(self.heights)
+        nx, ny = heights.shape
+        x, y, depth = self.size or (1.0, 1.0, 1.0)
+        places = np.meshgrid(
+            np.linspace(-x / 2, x / 2, nx), np.linspace(-y / 2, y / 2, ny), indexing="ij"
+        )
+        top = np.stack((*places, heights), axis=-1).reshape(-1, 3)
+        floor = top.copy()
+        floor[:, 2] = heights.min() - depth
+        number = np.arange(nx * ny).reshape(nx, ny)
+        a, b, c, d = number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]
+        faces = [np.stack((a, b, c), -1).reshape(-1, 3), np.stack((a, c, d), -1).reshape(-1, 3)]
+        below = nx * ny
+        faces += [below + face[:, ::-1] for face in faces]
+        rim = np.concatenate((number[:, 0], number[-1, 1:], number[-2::-1, -1], number[0, -2:0:-1]))
+        after = np.roll(rim, -1)
+        faces += [np.stack((rim, below + rim, below + after), -1)]
+        faces += [np.stack((rim, below + after, after), -1)]
+        return np.concatenate((top, floor)), np.concatenate(faces)
+
 
 DIMENSIONS: dict[str, tuple[str, ...]] = {  # kind -> the fields that say how large it is
     "box": ("size",),
     "sphere": ("radius",),
+    "ellipsoid": ("radii",),
     "cylinder": ("radius", "length"),
     "capsule": ("radius", "length"),
     "mesh": ("file",),
+    "heightfield": ("size", "heights"),
 }
 
 
@@ -173,10 +235,16 @@ def _volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
     """Volume, its centre, and its inertia about that at density 1, in the shape's frame."""
     if shape.kind == "mesh":
         return _mesh_volume(shape, unit)
+    if shape.kind == "heightfield":
+        return _enclosed(*shape.surface())
     r, h = shape.radius or 0.0, shape.length or 0.0
     if shape.end_radius is not None:
         return _turned(shape)
-    if shape.kind == "box":
+    if shape.kind == "ellipsoid":
+        x, y, z = shape.radii or (0.0, 0.0, 0.0)
+        volume = 4 / 3 * math.pi * x * y * z
+        moments = volume / 5 * np.array((y * y + z * z, x * x + z * z, x * x + y * y))
+    elif shape.kind == "box":
         x, y, z = shape.size or (0.0, 0.0, 0.0)
         volume = x * y * z
         moments = volume / 12 * np.array((y * y + z * z, x * x + z * z, x * x + y * y))
@@ -229,6 +297,18 @@ def _turned(shape: Shape) -> tuple[float, Array, Array]:
     disc = area * np.concatenate(square) / 4  # of each disc about a diameter
     across = float(disc.sum() + area @ (z - middle) ** 2)
     return volume, np.array((0.0, 0.0, middle)), np.diag((across, across, 2 * float(disc.sum())))
+
+
+def _enclosed(vertices: Array, faces: Array) -> tuple[float, Array, Array]:
+    """As `_volume`, of what a closed surface encloses: tetrahedra from the origin [Tonon 2004]."""
+    p = vertices[faces]
+    volumes = np.linalg.det(p) / 6
+    volume = volumes.sum()
+    middle = volumes @ p.sum(axis=1) / (4 * volume)
+    sums = p.sum(axis=1)
+    each = np.einsum("kai,kaj->kij", p, p) + np.einsum("ki,kj->kij", sums, sums)
+    second = np.einsum("k,kij->ij", volumes, each) / 20 - volume * np.outer(middle, middle)
+    return float(volume), middle, np.trace(second) * np.eye(3) - second
 
 
 def _mesh_volume(shape: Shape, unit: str) -> tuple[float, Array, Array]:
@@ -289,10 +369,13 @@ def _corners(shape: Shape) -> Array:
     """(n, 3) points whose box is that of the shape, or holds it closely, in body axes."""
     if shape.kind == "mesh":
         points = np.asarray(load_mesh(shape.file or "", shape.scale).vertices)
+    elif shape.kind == "heightfield":
+        points = shape.surface()[0]
     else:
         r = max(shape.radius or 0.0, shape.end_radius or 0.0)
         caps = r * (shape.kind != "cylinder")
-        half = np.array(shape.size or (2 * r, 2 * r, (shape.length or 0.0) + 2 * caps)) / 2
+        edges = shape.size or (shape.radii and tuple(2 * x for x in shape.radii))
+        half = np.array(edges or (2 * r, 2 * r, (shape.length or 0.0) + 2 * caps)) / 2
         signs = np.array([(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
         points = half * signs
     return np.array(shape.position) + points @ matrix(shape.rotation).T

@@ -6,6 +6,7 @@ trimesh is imported only where a mesh file is opened.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from itertools import product
 from pathlib import Path
 from typing import NamedTuple
@@ -18,14 +19,25 @@ from ..model import Shape
 from ..model.shape import MassProperties as MassProperties
 from ..model.shape import leak as _leak
 from ..model.shape import mass_properties as mass_properties
+from ..show.extras import needed
 from . import solids
 from .solids import Solid
 
 Array = np.ndarray
 
 
+def solids_of(shape: Shape) -> tuple[Solid, ...]:
+    """A shape as it touches others, in its own frame: one solid, or the parts of a mesh.
+
+    Raises FileError, ModelError, MissingPackage.
+    """
+    if shape.kind == "mesh" and shape.hull == "parts":
+        return convex_parts(shape.file or "", shape.scale)
+    return (solid_of(shape),)
+
+
 def solid_of(shape: Shape, unit: str = "m") -> Solid:
-    """A shape as it touches others, in its own frame. Raises FileError, ModelError."""
+    """A shape that is one solid, in its own frame. Raises FileError, ModelError."""
     if shape.kind == "mesh":
         return convex_hull(shape.file or "", shape.scale, unit, closed=shape.hull is None)
     return KINDS[shape.kind].solid(shape)
@@ -56,6 +68,37 @@ def convex_hull(
     return solids.hull(vertices)
 
 
+MOST_PARTS = 64
+CORNERS = 32  # of a part at most
+
+
+def convex_parts(file: str | Path, scale: Scale = 1.0) -> tuple[Solid, ...]:
+    """Convex solids that together are about a closed mesh, by CoACD [Wei et al. 2022].
+
+    Kept as long as the file stays as it is. Raises FileError, MissingPackage, and ModelError for
+    a mesh that is not closed or has more than 64 parts.
+    """
+    changed = Path(file).stat().st_mtime_ns if Path(file).is_file() else 0
+    return _convex_parts(str(file), scale, changed)
+
+
+@lru_cache(maxsize=64)
+def _convex_parts(file: str, scale: Scale, changed: int) -> tuple[Solid, ...]:
+    mesh = load_mesh(file, scale)
+    if not mesh.is_watertight:
+        do = "give a closed mesh, or hull 'convex' to let its convex hull touch"
+        raise ModelError(Problem(f"mesh {file}", "", f"{_leak(mesh)}; {do}"))
+    coacd = needed("coacd", "meshes")
+    coacd.set_log_level("error")
+    given = coacd.Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    parts = coacd.run_coacd(given, seed=0, decimate=True, max_ch_vertex=CORNERS)
+    if len(parts) > MOST_PARTS:
+        text = f"splits into {len(parts)} convex parts, more than {MOST_PARTS}"
+        do = "simplify the mesh, give the body simple shapes, or use hull 'convex'"
+        raise ModelError(Problem(f"mesh {file}", "", f"{text}; {do}"))
+    return tuple(solids.hull(np.unique(vertices, axis=0)) for vertices, _ in parts)
+
+
 class Kind(NamedTuple):
     """How a kind of shape touches.
 
@@ -80,6 +123,8 @@ KINDS = {
         lambda s: solids.sphere(s.radius or 0.0),
         lambda s: (np.zeros((1, 3)), s.radius or 0.0),
     ),
+    "ellipsoid": Kind(lambda s: solids.ellipsoid(s.radii or ())),
+    "heightfield": Kind(lambda s: solids.heightfield(s.size or (), s.heights or ())),
     "cylinder": Kind(lambda s: solids.cylinder(s.radius or 0.0, s.length or 0.0)),
     "capsule": Kind(
         lambda s: solids.capsule(s.radius or 0.0, s.length or 0.0),

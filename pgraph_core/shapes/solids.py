@@ -1,7 +1,6 @@
 """Shapes as the kernels see them: what bounds each, and the packed arrays of many.
 
-Tables are those of `engine/records.py`. A cylinder's own surface is what the ground
-sees; other bodies see a prism of `SIDES` sides inside it, 0.5 % of the radius off at most.
+Tables are those of `engine/records.py`.
 """
 
 from __future__ import annotations
@@ -13,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..engine.arrays import Geometry, Ground, Search
+from ..engine.contact.curved import HULL_ROOM, RIM
 from ..engine.contact.manifold import MOST
 from ..engine.records import (
     BOUNDS,
@@ -22,7 +22,9 @@ from ..engine.records import (
     CELL,
     CYLINDER,
     EDGE,
+    ELLIPSOID,
     FACE,
+    HEIGHTFIELD,
     HULL,
     PATCH,
     PLANE,
@@ -34,13 +36,15 @@ from ..engine.records import (
 )
 
 Array = np.ndarray
-SIDES = 32
 FLAT = 1e-12  # 1 - cosine of the angle below which two facets of a hull are one face
 
 
 @dataclass(frozen=True)
 class Solid:
-    """A shape in its own frame: a ball of `radius` about its vertices, or a convex polytope."""
+    """A shape in its own frame: a ball of `radius` about its vertices, or a convex polytope.
+
+    Cylinders and ellipsoids have no vertices but `radii`: half the edges of their box.
+    """
 
     kind: int
     vertices: Array  # (n, 3) [m]
@@ -48,16 +52,19 @@ class Solid:
     edges: Array | None = None  # (m, 4); left out: found from the rings
     radius: float = 0.0
     half: float = 0.0
+    radii: tuple[float, float, float] | None = None
+    columns: int = 0  # of a heightfield, whose vertices are its heights, row by row
+    depth: float = 0.0  # of its solid below the lowest of them
 
     @property
     def box(self) -> tuple[Array, Array]:
         """(half extents, centre) of the bounding box [m]."""
+        if self.radii is not None:
+            return np.array(self.radii), np.zeros(3)
         low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
         if self.kind in (SPHERE, CAPSULE):
             low, high = low - self.radius, high + self.radius
-        if self.kind == CYLINDER:
-            high = np.array((self.radius, self.radius, self.half))
-            low = -high
+        low = low - (0.0, 0.0, self.depth)
         return (high - low) / 2, (high + low) / 2
 
     @property
@@ -65,6 +72,11 @@ class Solid:
         """Distance of the farthest point from the shape's origin [m]."""
         if self.kind == CYLINDER:
             return float(np.hypot(self.radius, self.half))
+        if self.radii is not None:
+            return max(self.radii)
+        if self.kind == HEIGHTFIELD:
+            half, middle = self.box
+            return float(np.linalg.norm(half + abs(middle)))
         return float(np.linalg.norm(self.vertices, axis=1).max() + self.radius)
 
 
@@ -87,14 +99,27 @@ def box(size: Sequence[float]) -> Solid:
 
 
 def cylinder(radius: float, length: float) -> Solid:
-    """Along z, with its prism."""
-    angle = 2 * np.pi * np.arange(SIDES) / SIDES
-    rim = np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=1)
-    vertices = np.array([(*p, z) for z in (-length / 2, length / 2) for p in rim])
-    after = [*range(1, SIDES), 0]
-    rings = [(k, after[k], SIDES + after[k], SIDES + k) for k in range(SIDES)]
-    rings += [tuple(reversed(range(SIDES))), tuple(range(SIDES, 2 * SIDES))]
-    return Solid(CYLINDER, vertices, tuple(rings), radius=radius, half=length / 2)
+    """Along z."""
+    radii = (radius, radius, length / 2)
+    return Solid(CYLINDER, np.zeros((0, 3)), radius=radius, half=length / 2, radii=radii)
+
+
+def ellipsoid(radii: Sequence[float]) -> Solid:
+    """Half axes along x, y, z."""
+    x, y, z = radii
+    return Solid(ELLIPSOID, np.zeros((0, 3)), radii=(x, y, z))
+
+
+def heightfield(size: Sequence[float], heights: Any) -> Solid:
+    """Over a rectangle about the origin; heights[i][j] at place i along x and j along y."""
+    heights = np.asarray(heights, float)
+    places = [np.linspace(-w / 2, w / 2, n) for w, n in zip(size, heights.shape)]
+    grid = np.meshgrid(*places, indexing="ij")
+    nodes = np.stack((*grid, heights), axis=-1).reshape(-1, 3)
+    sides = [(k, 3 + k, 3 + (k + 1) % 3, (k + 1) % 3) for k in range(3)]
+    rings = ((0, 1, 2), *sides, (5, 4, 3))
+    columns, depth = heights.shape[1], float(size[2])
+    return Solid(HEIGHTFIELD, nodes, rings, _PRISM_EDGES, columns=columns, depth=depth)
 
 
 def points(places: Any) -> Solid:
@@ -137,6 +162,8 @@ def _around(places: Array, ring: Array, n: Array) -> Array:
 def normals_of(solid: Solid) -> Array:
     """(nface, 3) outward unit normals, by Newell's method."""
     found = np.zeros((len(solid.rings), 3))
+    if solid.kind == HEIGHTFIELD:  # each of its prisms has its own
+        return found
     for f, ring in enumerate(solid.rings):
         p = solid.vertices[list(ring)] - solid.vertices[ring[0]]
         found[f] = np.cross(p, np.roll(p, -1, axis=0)).sum(axis=0)
@@ -154,6 +181,14 @@ def edges_of(solid: Solid) -> Array:
             left[u, v] = f
     found = [(u, v, left[v, u], f) for (u, v), f in left.items() if u < v]
     return np.array(found, np.int64).reshape(-1, 4)
+
+
+# as from `edges_of`, those around the top first
+_PRISM_EDGES = np.array(
+    [(k, (k + 1) % 3, 1 + k, 0) for k in range(3)]
+    + [(3 + k, 3 + (k + 1) % 3, 4, 1 + k) for k in range(3)]
+    + [(k, 3 + k, (k + 2) % 3 + 1, 1 + k) for k in range(3)]
+)
 
 
 class Placed(NamedTuple):
@@ -180,7 +215,7 @@ def packed(shapes: Iterable[Placed]) -> Geometry:
         half, middle = s.box
         rotation = np.asarray(shape.rotation, float).ravel()
         place = (shape.position, rotation, s.radius, s.half, half, middle, s.reach)
-        found[i] = (s.kind, shape.row, shape.body, *ranges, *place)
+        found[i] = (s.kind, shape.row, shape.body, *ranges, s.columns, *place)
         first += counts
     rings = [ring for s in solids for ring in s.rings]
     lengths = np.array([len(ring) for ring in rings], np.int64)
@@ -197,9 +232,10 @@ def packed(shapes: Iterable[Placed]) -> Geometry:
 
 
 def ground(normal: Sequence[float], patches: Iterable[Sequence[float]] = ()) -> Ground:
-    """The `ground` of the kernels: the plane, and patches (x0, x1, y0, y1, height) of it.
+    """The `ground` of the kernels: the plane, and patches (x0, x1, y0, y1, height, box) of it.
 
-    x and y of a patch are along `ground_axes`, its height is along the normal [m].
+    `box` is 1 where a box touches in place of the plane, else 0 or left out. x and y of a patch
+    are along `ground_axes`, its height is along the normal [m].
     """
     n = np.asarray(normal, float) / np.linalg.norm(normal)
     plane = table(PLANE, 1)
@@ -222,10 +258,12 @@ def ground_axes(normal: Array) -> tuple[Array, Array]:
 def search_space(geometry: Geometry, members: int) -> Search:
     """Scratch of the search for contact points, for as many members."""
     shapes = geometry.shapes
-    corners = int(shapes["vertices"].max(initial=0))
+    single = shapes[shapes["kind"] != HEIGHTFIELD]
+    corners = max(int(single["vertices"].max(initial=0)), 6)  # 6: of a prism
     sides = int(shapes["faces"].max(initial=0))
     ring = int(geometry.faces["corners"].max(initial=0))
-    rows = 2 * (corners + sides) + 2 * (2 * ring + corners) + MOST
+    ring = max(ring, RIM)
+    rows = 2 * (corners + sides) + HULL_ROOM + 6 * (ring + corners) + MOST
     buckets = 1 << max(2 * members - 1, 1).bit_length()
     return Search(
         table(CANDIDATE, rows),

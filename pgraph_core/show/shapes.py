@@ -31,11 +31,11 @@ SLENDER, THINNEST = 0.13, 0.004  # radius of a link over its length; least radiu
 class Piece:
     """A solid in body axes; `size` are the edges of its bounding box, along its own axes."""
 
-    kind: Literal["box", "sphere", "cylinder", "capsule", "mesh"]
+    kind: Literal["box", "sphere", "cylinder", "capsule", "mesh", "heightfield"]
     size: tuple[float, float, float]  # [m]
     position: tuple[float, float, float]  # its middle [m]
     rotation: np.ndarray  # (3, 3)
-    file: str = ""
+    file: Any = ""  # of a mesh; of a heightfield its shape
     color: Color | None = None  # of its own; else its body's
     taper: float = 1.0  # of a capsule or cylinder: its radius at the far end over that at the near
 
@@ -81,16 +81,21 @@ def _own(shape: Any) -> Piece:
         size = (d, d, (shape.length or 0.0) + caps if shape.kind != "sphere" else d)
         taper = end / shape.radius
         offset = (end - shape.radius) / 2 if shape.kind == "capsule" else 0.0
-    if shape.kind == "mesh":
+    kind, file = shape.kind, shape.file or ""
+    if kind == "mesh":
         x, y, z = shape.scale if isinstance(shape.scale, tuple) else (shape.scale,) * 3
         size = (x, y, z)
+    elif kind == "ellipsoid":
+        kind, size = "sphere", tuple(2 * x for x in shape.radii)
+    elif kind == "heightfield":
+        size, file = (1.0, 1.0, 1.0), shape
     rotation = to_matrix(np.asarray(shape.rotation))
     color = None
     if shape.colour is not None:
         r, g, b = (round(255 * c) for c in shape.colour)
         color = (r, g, b)
     x, y, z = (np.asarray(shape.position) + offset * rotation[:, 2]).tolist()
-    return Piece(shape.kind, size, (x, y, z), rotation, shape.file or "", color, taper)
+    return Piece(kind, size, (x, y, z), rotation, file, color, taper)
 
 
 def mesh(parts: Sequence[Piece]) -> Any:
@@ -118,7 +123,8 @@ def _solid(part: Piece) -> Any:
         case "box":
             solid = trimesh.creation.box(extents=part.size)
         case "sphere":
-            solid = trimesh.creation.icosphere(subdivisions=3, radius=x / 2)
+            solid = trimesh.creation.icosphere(subdivisions=3, radius=0.5)
+            solid.apply_scale(part.size)
         case "cylinder" | "capsule" if part.taper != 1.0:
             solid = _tapered(x / 2, x / 2 * part.taper, z, part.kind == "capsule")
         case "cylinder":
@@ -126,6 +132,9 @@ def _solid(part: Piece) -> Any:
         case "capsule":
             solid = trimesh.creation.capsule(radius=x / 2, height=max(z - x, 0.0), count=(16, 24))
             solid.apply_translation(-solid.bounds.mean(axis=0))
+        case "heightfield":
+            vertices, faces = part.file.surface()
+            solid = trimesh.Trimesh(vertices, faces, process=False)
         case "mesh":
             solid = _file(part.file)
             solid.apply_scale(x)

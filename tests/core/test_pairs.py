@@ -13,9 +13,10 @@ from scipy.spatial.transform import Rotation
 from pgraph_core.shapes import solids
 
 from .convex import signed_distance
-from .touching import KINDS, Scene, Touch, moved, pose, random_pose, random_solid, rounded
+from .touching import CURVED, KINDS, Scene, Touch, moved, pose, random_pose, random_solid, rounded
 
 PAIRS = list(itertools.product(KINDS, KINDS))
+ALL = list(itertools.product((*KINDS, *CURVED), (*KINDS, *CURVED)))
 SPREADS = (0.05, 0.3, 1.0)  # deep, touching, apart
 ROUNDING = 1e-12  # of shapes about 1 m large
 PREFERRED = 3e-9  # a face is taken where two edges overlap less by this: numerics of `solids`
@@ -86,7 +87,7 @@ def test_contact_points_lie_in_the_shapes(kinds, square):
             check(scene, scene.pair())
 
 
-@given(seeds, st.sampled_from(PAIRS), st.booleans())
+@given(seeds, st.sampled_from(ALL), st.booleans())
 def test_exchange_turns_the_normal(seed, kinds, square):
     scene = scene_of(seed, kinds, square=square)
     there, back = scene.gap(0, 1), scene.gap(1, 0)
@@ -98,7 +99,7 @@ def test_exchange_turns_the_normal(seed, kinds, square):
         np.testing.assert_allclose(first.a, second.b, atol=1e-8)
 
 
-@given(seeds, st.sampled_from(PAIRS), st.sampled_from((0.0, 1.0, 1e4)))
+@given(seeds, st.sampled_from(ALL), st.sampled_from((0.0, 1.0, 1e4)))
 def test_a_common_motion_changes_nothing(seed, kinds, far):
     scene = scene_of(seed, kinds)
     before = scene.pair()
@@ -112,7 +113,7 @@ def test_a_common_motion_changes_nothing(seed, kinds, far):
         np.testing.assert_allclose(turn.apply(before.normal), after.normal, atol=1e4 * slack)
 
 
-@given(seeds, st.sampled_from(PAIRS))
+@given(seeds, st.sampled_from(ALL))
 def test_the_gap_changes_no_faster_than_the_shapes_move(seed, kinds):
     """It is continuous: no jump where the feature changes, or from apart to penetrating."""
     scene = scene_of(seed, kinds)
@@ -120,7 +121,7 @@ def test_the_gap_changes_no_faster_than_the_shapes_move(seed, kinds):
     away = scene.poses[0, :3] - scene.poses[1, :3]
     axis = rng.normal(size=3)
     start = scene.poses.copy()
-    reach = max(np.linalg.norm(scene.placed(0) - start[0, :3], axis=1).max(), 0.0)
+    reach = scene.shapes[0].reach
     steps, size = 60, 0.05
     last = scene.gap()
     for k in range(1, steps):

@@ -28,7 +28,8 @@ from pgraph_core.shapes.solids import Placed, Solid
 FLAT = solids.ground((0, 0, 1))
 NO_PAIRS, NOBODY = rows_of(SHAPE_PAIR, ()), rows_of(MEMBER, ())
 NO_GROUND, NOT_APART = rows_of(GROUND_PAIR, ()), rows_of(APART, ())
-KINDS = ("sphere", "capsule", "box", "cylinder", "hull")
+KINDS = ("sphere", "capsule", "box", "hull")  # balls about vertices, and solids with corners
+CURVED = ("cylinder", "ellipsoid")
 
 
 class Touch(NamedTuple):
@@ -122,6 +123,8 @@ def random_solid(rng: np.random.Generator, kind: str, size: float = 1.0) -> Soli
             return solids.box(2 * x)
         case "cylinder":
             return solids.cylinder(x[0], 2 * x[1])
+        case "ellipsoid":
+            return solids.ellipsoid(x.tolist())
         case "points":
             return solids.points(rng.normal(size=(3, 3)) * x)
         case _:

@@ -13,7 +13,7 @@ import math
 from typing import Any, NamedTuple
 
 from ..compiler.jit import part, sweep
-from ..records import POINTS
+from ..records import HEIGHTFIELD, POINTS
 from ..vec import add, add_scaled, cross, dot, load, matrix, mul, scale, set_xyz, sub, xyz
 from .manifold import CROSSING, clip_polygon, swap, thin
 from .segments import segment_segment
@@ -35,6 +35,7 @@ class Side(NamedTuple):
     faces: Any
     edge: Any  # its first edge, in the tables
     edges: Any
+    ridges: Any  # its first edges, which may be nearest: all, but for a prism of a heightfield
 
 
 PARALLEL = 1e-20  # squared sine: edges closer to parallel span no face that the others do not
@@ -44,8 +45,10 @@ PARALLEL = 1e-20  # squared sine: edges closer to parallel span no face that the
 def lay_out(geometry, poses, i, only, origin, room, row):
     """Vertices and normals of shape i into `room`; the side, and the next free row.
 
-    Of a list of points only point `only` counts.
+    Of a list of points only point `only` counts, of a heightfield the prism under a triangle.
     """
+    if geometry.shapes[i].kind == HEIGHTFIELD:
+        return lay_out_prism(geometry, poses, i, only, origin, room, row)
     shapes, vertices, normals = geometry.shapes, geometry.vertices, geometry.normals
     r = matrix(poses[i].rotation)
     shift = sub(xyz(poses[i].position), origin)
@@ -61,8 +64,66 @@ def lay_out(geometry, poses, i, only, origin, room, row):
     for k in range(faces):
         set_xyz(room[row + count + k].place, mul(r, load(normals, face + k, 0)))
     edge = shapes[i].first_edge
-    side = Side(row, count, row + count, face, faces, edge, shapes[i].edges)
-    return side, row + count + faces
+    edges = shapes[i].edges
+    return Side(row, count, row + count, face, faces, edge, edges, edges), row + count + faces
+
+
+@part
+def node(geometry, i, x, y):
+    """A height of a heightfield as a point in its frame."""
+    shape = geometry.shapes[i]
+    return load(geometry.vertices, shape.first_vertex + x * shape.columns + y, 0)
+
+
+@part
+def triangle_nodes(geometry, i, triangle):
+    """(three nodes (x, y) around, how many of the sides after them are sides of the heightfield).
+
+    Those come first. A cell has two triangles, which share its diagonal.
+    """
+    columns = geometry.shapes[i].columns
+    rows = geometry.shapes[i].vertices // columns
+    cell, half = triangle // 2, triangle % 2
+    x, y = cell // (columns - 1), cell % (columns - 1)
+    a, b, c, d = (x, y), (x + 1, y), (x + 1, y + 1), (x, y + 1)
+    if half == 0:
+        first, second = y == 0, x == rows - 2
+        u, v, w = (a, b, c) if first or not second else (b, c, a)
+    else:
+        first, second = y == columns - 2, x == 0
+        u, v, w = (c, d, a) if first or not second else (d, a, c)
+    return u, v, w, (1 if first else 0) + (1 if second else 0)
+
+
+@sweep
+def lay_out_prism(geometry, poses, i, triangle, origin, room, row):
+    """As `lay_out`: faces are the top, three sides, the bottom; only the outer sides count."""
+    shape = geometry.shapes[i]
+    r = matrix(poses[i].rotation)
+    shift = sub(xyz(poses[i].position), origin)
+    u, v, w, borders = triangle_nodes(geometry, i, triangle)
+    floor = shape.middle[2] - shape.half_extents[2]
+    up = mul(r, (0.0, 0.0, 1.0))
+    for k in range(3):
+        x, y = (u, v, w)[k]
+        p = node(geometry, i, x, y)
+        set_xyz(room[row + k].place, add(shift, mul(r, p)))
+        set_xyz(room[row + 3 + k].place, add(shift, mul(r, (p[0], p[1], floor))))
+    first = row + 6
+    a, b, c = xyz(room[row].place), xyz(room[row + 1].place), xyz(room[row + 2].place)
+    set_unit(room, first, cross(sub(b, a), sub(c, a)))
+    set_unit(room, first + 1, cross(sub(b, a), up))
+    set_unit(room, first + 2, cross(sub(c, b), up))
+    set_unit(room, first + 3, cross(sub(a, c), up))
+    set_unit(room, first + 4, scale(-1.0, up))
+    ridges = 9 if borders == 2 else 3
+    face, edge = shape.first_face, shape.first_edge
+    return Side(row, 6, first, face, 1 + borders, edge, 9, ridges), first + 5
+
+
+@part
+def set_unit(room, row, x):
+    set_xyz(room[row].place, scale(1.0 / math.sqrt(dot(x, x)), x))
 
 
 @part
@@ -139,9 +200,9 @@ def edge_separation(geometry, room, a, b, least):
     found_a = -1
     found_b = -1
     way = (0.0, 0.0, 0.0)
-    for i in range(a.edges):
+    for i in range(a.ridges):
         p, da = edge_line(geometry, room, a, i)
-        for j in range(b.edges):
+        for j in range(b.ridges):
             q, db = edge_line(geometry, room, b, j)
             if a.faces == 0:  # the one edge of a capsule: its normals are a whole circle
                 h, k = edge_normals(geometry, room, b, j)
@@ -336,7 +397,7 @@ def vertex_to_edge(geometry, room, a, b, way, base, best):
         if below >= best:
             continue
         x = xyz(room[a.first + k].place)
-        for e in range(b.edges):
+        for e in range(b.ridges):
             h0 = room[b.first + edges[b.edge + e].start].height
             h1 = room[b.first + edges[b.edge + e].end].height
             further = min(way * (h0 - base), way * (h1 - base))
@@ -368,6 +429,30 @@ def edge_at(geometry, room, b, v, d):
                 best = x
                 found = e
     return found
+
+
+@sweep
+def edge_number(geometry, room, b, v, n):
+    """The edge at vertex v that is nearest to a right angle with n."""
+    edges = geometry.edges
+    best = 2.0
+    found = 0
+    for e in range(b.edges):
+        if edges[b.edge + e].start == v or edges[b.edge + e].end == v:
+            _, way = edge_line(geometry, room, b, e)
+            c = dot(way, n) ** 2 / dot(way, way)
+            if c < best:
+                best = c
+                found = e
+    return found
+
+
+@part
+def edge_at_right_angle(geometry, room, b, v, n):
+    """The unit direction of that edge, and the cosine between the two."""
+    _, way = edge_line(geometry, room, b, edge_number(geometry, room, b, v, n))
+    way = scale(1.0 / math.sqrt(dot(way, way)), way)
+    return way, abs(dot(way, n))
 
 
 @sweep

@@ -1,15 +1,15 @@
 """Shapes against the ground: exact points and gaps.
 
-The ground is a plane through the world's origin, and rectangles of it at another height. The
-height under a point is the only thing that a patch changes: it has no side faces, so a point that
-crosses its border meets the new height at once. A step that can be bumped into is a box on row 0.
+The ground is a plane through the world's origin, and rectangles of it at another height. What
+stands out, and the rims of pits, touch as boxes on row 0 (`contact/steps.py`); there the plane
+does not. The floor of a pit is the plane, lower.
 """
 
 import math
 
 from ..compiler.jit import part, sweep
-from ..records import CYLINDER, HULL
-from ..vec import add_scaled, cross, dot, matrix, scale, set_xyz, xyz
+from ..records import CYLINDER, ELLIPSOID, HULL
+from ..vec import add_scaled, cross, dot, matrix, mul, mul_t, scale, set_xyz, xyz
 from .manifold import thin
 from .shapes import put, vertex
 
@@ -33,6 +33,19 @@ def height(ground, p):
         if patch.x_low <= x <= patch.x_high and patch.y_low <= y <= patch.y_high:
             found = patch.height
     return found
+
+
+@part
+def is_box(ground, p):
+    """Whether a box touches under a point, and not the plane."""
+    x = dot(p, xyz(ground.plane[0].x))
+    y = dot(p, xyz(ground.plane[0].y))
+    found = 0
+    for k in range(ground.patches.shape[0]):
+        patch = ground.patches[k]
+        if patch.x_low <= x <= patch.x_high and patch.y_low <= y <= patch.y_high:
+            found = patch.box
+    return found == 1
 
 
 @sweep
@@ -80,13 +93,21 @@ def candidate(geometry, ground, poses, i, k):
     if geometry.shapes[i].kind == CYLINDER:
         p, feature = rim_point(geometry, ground, poses, i, k)
         return p, 0.0, feature
+    if geometry.shapes[i].kind == ELLIPSOID:
+        r, half = matrix(poses[i].rotation), xyz(geometry.shapes[i].half_extents)
+        g = mul_t(r, normal_of(ground))
+        q = (half[0] ** 2 * g[0], half[1] ** 2 * g[1], half[2] ** 2 * g[2])
+        lowest = add_scaled(xyz(poses[i].position), -1.0 / math.sqrt(dot(g, q)), mul(r, q))
+        return lowest, 0.0, 0
     return vertex(geometry, poses, i, k), geometry.shapes[i].radius, k
 
 
 @part
 def candidates(shapes, i):
     """How many there are."""
-    return 5 if shapes[i].kind == CYLINDER else shapes[i].vertices
+    if shapes[i].kind == CYLINDER:
+        return 5
+    return 1 if shapes[i].kind == ELLIPSOID else shapes[i].vertices
 
 
 @sweep
@@ -95,7 +116,8 @@ def ground_gap(geometry, ground, poses, i):
     gap = math.inf
     for k in range(candidates(geometry.shapes, i)):
         p, radius, _ = candidate(geometry, ground, poses, i, k)
-        gap = min(gap, above(ground, p) - radius)
+        if not is_box(ground, p):
+            gap = min(gap, above(ground, p) - radius)
     return gap
 
 
@@ -103,9 +125,10 @@ def ground_gap(geometry, ground, poses, i):
 def ground_contacts(geometry, ground, poses, i, margin, room, out, n):
     """Append where shape i is within `margin` of the ground; the new number of contact points.
 
-    Sphere 1 point, capsule 2, box its vertices, cylinder up to 5 (the lowest of both rims and a
-    square on the lower one), hull its vertices thinned to 8, points all. Feature: the vertex; of a
-    cylinder 0 and 1 the lowest points of its ends, 2-4 and 5-7 the rest of their squares.
+    Sphere and ellipsoid 1 point, capsule 2, box its vertices, cylinder up to 5 (the lowest of both
+    rims and a square on the lower one), hull its vertices thinned to 8, points all. Feature: the
+    vertex; of a cylinder 0 and 1 the lowest points of its ends, 2-4 and 5-7 the rest of their
+    squares.
     """
     shapes = geometry.shapes
     normal = normal_of(ground)
@@ -114,7 +137,7 @@ def ground_contacts(geometry, ground, poses, i, margin, room, out, n):
     for k in range(candidates(shapes, i)):
         p, radius, feature = candidate(geometry, ground, poses, i, k)
         gap = above(ground, p) - radius
-        if gap > margin:
+        if gap > margin or is_box(ground, p):
             continue
         if kind == HULL:
             set_xyz(room[found].place, p)

@@ -1,24 +1,39 @@
 """Two shapes of any kinds: the routine that fits them.
 
 `single_pair` is the table of kinds: spheres, points and capsules, and a ball with a box, have
-routines of their own (`segments`); everything else is a convex solid with corners (`convex`).
+routines of their own (`segments`); cylinders and ellipsoids have one for all partners (`curved`);
+everything else is a convex solid with corners (`convex`).
 """
 
 import math
 
 from ..compiler.jit import inlined, part, sweep
-from ..records import BOX, CAPSULE, POINTS, SPHERE
-from ..vec import sub
-from .convex import solid_solid
+from ..records import BOX, CAPSULE, CYLINDER, ELLIPSOID, HEIGHTFIELD, POINTS, SPHERE
+from ..vec import dot, matrix, mul_t, scale, set_xyz, sub, xyz
+from .convex import node, solid_solid, triangle_nodes
+from .curved import curved_pair
+from .manifold import MOST, thin
 from .segments import ball_ball, ball_box, ball_segment, segment_segment
 from .shapes import label, vertex
 
 POINT = 1 << 51  # features of point k of a list of points start at k times this
 
 
+ON_EDGE = 1e-9  # of the width of a cell: nearer to an edge is on it
+CROWD = 48  # points on a heightfield, above which they are thinned on the way
+SAME_NORMAL = 1.0 - 1e-9  # cosine
+NEW, DROPPED, KEPT = 0, 1, 2
+FAR = 100.0  # of the size of a heightfield: beyond it, gaps are endless
+
+
 @part
 def is_ball(kind):
     return kind in (SPHERE, POINTS)
+
+
+@part
+def is_curved(kind):
+    return kind in (CYLINDER, ELLIPSOID)
 
 
 @part
@@ -36,6 +51,8 @@ def single_pair(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
     kind_b = shapes[j].kind
     radius_a = shapes[i].radius
     radius_b = shapes[j].radius
+    if is_curved(kind_a) or is_curved(kind_b):
+        return curved_pair(geometry, poses, i, only_a, j, only_b, margin, room, out, n)
     if is_ball(kind_a):
         centre = vertex(geometry, poses, i, only_a)
         if is_ball(kind_b):
@@ -68,10 +85,150 @@ def points(shapes, i):
     return shapes[i].vertices if shapes[i].kind == POINTS else 1
 
 
+@part
+def cell_range(x, width, count):
+    """(first, last) of so many cells from 0 on that the places x[0] to x[1] are in; may be none."""
+    low = max(x[0] / width, 0.0)
+    high = min(x[1] / width, count - 1.0)
+    return int(low), int(high) if high >= 0.0 else -1
+
+
+@sweep
+def field_contacts(geometry, poses, i, j, margin, room, out, n):
+    """Append where shape i is within `margin` of heightfield j.
+
+    A contact that leans on an edge which a neighbour's surface covers is left out: the neighbour
+    has the true one.
+    """
+    first = n
+    field = geometry.shapes[j]
+    r = matrix(poses[j].rotation)
+    centre = mul_t(r, sub(xyz(poses[i].position), xyz(poses[j].position)))
+    far = geometry.shapes[i].reach + margin
+    columns = field.columns
+    rows = field.vertices // columns
+    half = xyz(field.half_extents)
+    x_width, y_width = 2.0 * half[0] / (rows - 1), 2.0 * half[1] / (columns - 1)
+    x_place, y_place = centre[0] + half[0], centre[1] + half[1]
+    x_first, x_last = cell_range((x_place - far, x_place + far), x_width, rows - 1)
+    y_first, y_last = cell_range((y_place - far, y_place + far), y_width, columns - 1)
+    for x in range(x_first, x_last + 1):
+        for y in range(y_first, y_last + 1):
+            peak = max(
+                max(node(geometry, j, x, y)[2], node(geometry, j, x + 1, y)[2]),
+                max(node(geometry, j, x, y + 1)[2], node(geometry, j, x + 1, y + 1)[2]),
+            )
+            if centre[2] - far > peak:
+                continue
+            for half_cell in range(2):
+                triangle = 2 * (x * (columns - 1) + y) + half_cell
+                for k in range(points(geometry.shapes, i)):
+                    start = n
+                    n = single_pair(geometry, poses, i, k, j, triangle, margin, room, out, n)
+                    n = without_covered(geometry, poses, j, triangle, out, start, n)
+                    for c in range(start, min(n, out.shape[0])):
+                        out[c].feature += POINT * (k + triangle)
+                    if n - first > CROWD:
+                        n = fewer(out, first, n, room)
+    return fewer(out, first, n, room)
+
+
+@sweep
+def fewer(out, first, n, room):
+    """Thin the points from `first` to n that share a normal; n."""
+    if n > out.shape[0] or n - first <= MOST:
+        return n
+    for c in range(first, n):
+        out[c].pair = NEW
+    for start in range(first, n):
+        if out[start].pair != NEW:
+            continue
+        normal = xyz(out[start].normal)
+        count = 0
+        for c in range(start, n):
+            if out[c].pair == NEW and dot(normal, xyz(out[c].normal)) > SAME_NORMAL:
+                set_xyz(room[count].place, xyz(out[c].point_b))
+                room[count].height = out[c].gap
+                room[count].tag = c
+                out[c].pair = DROPPED
+                count += 1
+        for k in range(thin(room, 0, count, normal)):
+            out[int(room[k].tag)].pair = KEPT
+    end = first
+    for c in range(first, n):
+        if out[c].pair == KEPT:
+            if end < c:
+                out[end] = out[c]
+            end += 1
+    return end
+
+
+@sweep
+def without_covered(geometry, poses, j, triangle, out, start, n):
+    """Take out the points from `start` on over which a neighbour of their triangle rises; n."""
+    if n > out.shape[0]:
+        return n
+    r = matrix(poses[j].rotation)
+    origin = xyz(poses[j].position)
+    kept = start
+    for c in range(start, n):
+        p = mul_t(r, sub(xyz(out[c].point_b), origin))
+        if not is_covered(geometry, j, triangle, p, mul_t(r, xyz(out[c].normal))):
+            if kept < c:
+                out[kept] = out[c]
+            kept += 1
+    return kept
+
+
+@part
+def is_covered(geometry, j, triangle, p, normal):
+    """Whether p is beside its triangle, or on an edge over which the neighbour's surface rises."""
+    u, v, w, borders = triangle_nodes(geometry, j, triangle)
+    field = geometry.shapes[j]
+    columns = field.columns
+    rows = field.vertices // columns
+    size = field.half_extents[0] / rows + field.half_extents[1] / columns
+    for k in range(borders, 3):
+        one, two, three = ((u, v, w), (v, w, u), (w, u, v))[k]
+        a, b = node(geometry, j, one[0], one[1]), node(geometry, j, two[0], two[1])
+        away = (b[1] - a[1], a[0] - b[0])
+        beside = away[0] * (p[0] - a[0]) + away[1] * (p[1] - a[1])
+        if beside > ON_EDGE * size * size:
+            return True
+        if beside < -ON_EDGE * size * size:
+            continue
+        # the triangle on the other side of the edge: its third corner mirrors ours
+        x, y = one[0] + two[0] - three[0], one[1] + two[1] - three[1]
+        if 0 <= x < rows and 0 <= y < columns:
+            q = node(geometry, j, x, y)
+            if dot(normal, sub(q, p)) > ON_EDGE * size:
+                return True
+    return False
+
+
+@sweep
+def turn(out, first, n):
+    """Points from `first` to n as the second shape sees them."""
+    for c in range(first, min(n, out.shape[0])):
+        p = xyz(out[c].point_a)
+        set_xyz(out[c].point_a, xyz(out[c].point_b))
+        set_xyz(out[c].point_b, p)
+        set_xyz(out[c].normal, scale(-1.0, xyz(out[c].normal)))
+
+
 @sweep
 def pair_contacts(geometry, poses, i, j, contact, margin, room, out, n):
     """Append the contact points of shapes i and j within `margin`; the new number."""
     first = n
+    if geometry.shapes[j].kind == HEIGHTFIELD:
+        n = field_contacts(geometry, poses, i, j, margin, room, out, n)
+        label(out, first, n, i, j, contact)
+        return n
+    if geometry.shapes[i].kind == HEIGHTFIELD:
+        n = field_contacts(geometry, poses, j, i, margin, room, out, n)
+        turn(out, first, n)
+        label(out, first, n, i, j, contact)
+        return n
     for k in range(points(geometry.shapes, i)):
         for m in range(points(geometry.shapes, j)):
             start = n
@@ -86,6 +243,16 @@ def pair_contacts(geometry, poses, i, j, contact, margin, room, out, n):
 def pair_gap(geometry, poses, i, j, room, probe):
     """Signed distance of two shapes [m]; `probe` is scratch for the points of one touch."""
     gap = math.inf
+    if geometry.shapes[i].kind == HEIGHTFIELD:
+        i, j = j, i
+    if geometry.shapes[j].kind == HEIGHTFIELD:
+        near = geometry.shapes[i].reach
+        while gap == math.inf and near < FAR * geometry.shapes[j].reach:
+            n = field_contacts(geometry, poses, i, j, near, room, probe, 0)
+            for c in range(min(n, probe.shape[0])):
+                gap = min(gap, probe[c].gap)
+            near *= 2.0
+        return gap
     for k in range(points(geometry.shapes, i)):
         for m in range(points(geometry.shapes, j)):
             n = single_pair(geometry, poses, i, k, j, m, math.inf, room, probe, 0)

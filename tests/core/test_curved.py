@@ -1,0 +1,141 @@
+"""Cylinders and ellipsoids against everything convex: separations, normals, contact points."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pgraph_core.engine.records import CYLINDER, ELLIPSOID
+from pgraph_core.shapes import solids
+from pgraph_core.shapes.solids import Solid
+
+from .touching import CURVED, KINDS, Scene, pose, random_pose, random_solid, rounded
+
+OTHERS = (*KINDS, *CURVED)
+PAIRS = list(product(CURVED, OTHERS))
+
+
+def reach(solid: Solid, place: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """How far a solid reaches along directions (k, 3): the greatest n · x."""
+    local = n @ place[3:].reshape(3, 3)
+    if solid.kind == ELLIPSOID:
+        far = np.linalg.norm(local * np.array(solid.radii), axis=1)
+    elif solid.kind == CYLINDER:
+        far = solid.radius * np.hypot(local[:, 0], local[:, 1]) + solid.half * abs(local[:, 2])
+    else:
+        far = (local @ solid.vertices.T).max(axis=1) + rounded(solid)
+    return far + n @ place[:3]
+
+
+def separation(shapes, poses, n: np.ndarray) -> np.ndarray:
+    """Between two solids along directions from the second to the first."""
+    return -reach(shapes[0], poses[0], -n) - reach(shapes[1], poses[1], n)
+
+
+@pytest.mark.parametrize("kinds", PAIRS, ids=" ".join)
+def test_the_distance_is_the_largest_separation(kinds):
+    """No direction near the normal separates more, and none anywhere that was tried."""
+    rng = np.random.default_rng([CURVED.index(kinds[0]), OTHERS.index(kinds[1])])
+    everywhere = rng.normal(size=(4000, 3))
+    everywhere /= np.linalg.norm(everywhere, axis=1)[:, None]
+    for trial in range(30):
+        shapes = [random_solid(rng, kind) for kind in kinds]
+        spread = rng.choice([0.05, 0.3, 1.0])
+        poses = [random_pose(rng, spread, square=trial % 3 == 0) for _ in range(2)]
+        touch = Scene(shapes, poses).pair()
+        k = int(np.argmin(touch.gap))
+        n, gap = touch.normal[k], touch.gap[k]
+        assert separation(shapes, poses, n[None])[0] == pytest.approx(gap, abs=1e-12)
+        assert separation(shapes, poses, everywhere).max() <= gap + 1e-12
+        for width in (1e-2, 1e-4, 1e-6):
+            near = n + width * rng.normal(size=(100, 3))
+            near /= np.linalg.norm(near, axis=1)[:, None]
+            assert separation(shapes, poses, near).max() <= gap + 1e-12
+        assert np.allclose((touch.a - touch.b) @ n, touch.gap, atol=1e-12)
+        assert len(set(touch.whose[:, 2])) == len(touch.gap) <= 8
+        for side, points in enumerate((touch.a, touch.b)):
+            if gap > -0.02:  # where one lies deep in the other a point may leave it
+                for p in points:
+                    assert (
+                        everywhere @ p <= reach(shapes[side], poses[side], everywhere) + 1e-9
+                    ).all()
+
+
+@pytest.mark.parametrize("kinds", PAIRS, ids=" ".join)
+def test_shapes_at_one_place_penetrate_by_a_finite_depth(kinds):
+    rng = np.random.default_rng(3)
+    scene = Scene([random_solid(rng, kind) for kind in kinds])
+    touch = scene.pair()
+    assert np.isfinite(touch.a).all()
+    assert np.isfinite(touch.b).all()
+    assert touch.gap.min() < 0
+
+
+def test_ellipsoids_on_their_axes():
+    """Exact at every depth, as spheres are."""
+    a = solids.ellipsoid((0.1, 0.2, 0.3))
+    for gap in (0.5, 1e-3, 0.0, -1e-12, -1e-3, -0.05):
+        scene = Scene([a, solids.ellipsoid((0.4, 0.5, 0.2))], [pose((0, 0, 0.5 + gap)), pose()])
+        touch = scene.pair()
+        assert touch.gap == pytest.approx([gap], abs=1e-15)
+        assert touch.normal[0] == pytest.approx((0, 0, 1), abs=1e-12)
+
+
+def test_a_round_ellipsoid_is_a_sphere():
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        other, at = random_solid(rng, "box"), random_pose(rng, 0.4)
+        radius, place = rng.uniform(0.1, 0.4), random_pose(rng, 0.4)
+        ball = Scene([solids.sphere(radius), other], [place, at])
+        round_one = Scene([solids.ellipsoid((radius,) * 3), other], [place, at])
+        assert round_one.gap() == pytest.approx(ball.gap(), abs=1e-12)
+
+
+def test_cylinders_touch_as_circles_and_not_as_prisms():
+    """Side by side at any turn about their axes the gap is that of two discs."""
+    for turn in np.linspace(0, 1, 7):
+        turned = Rotation.from_euler("z", turn)
+        shapes = [solids.cylinder(0.3, 1), solids.cylinder(0.2, 0.6)]
+        touch = Scene(shapes, [pose((0.5 + 1e-3, 0, 0), turned), pose()]).pair()
+        assert touch.gap == pytest.approx([1e-3, 1e-3], abs=1e-15)
+        assert sorted(touch.a[:, 2]) == pytest.approx([-0.3, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("below", "count", "wide"),
+    [
+        (solids.box((3, 3, 1)), 8, 0.5),
+        (solids.box((0.2, 0.2, 1)), 4, 0.1 * np.sqrt(2)),
+        (solids.cylinder(0.3, 1), 8, 0.3),
+        (solids.cylinder(2, 1), 8, 0.5),
+    ],
+)
+def test_a_cylinder_stands_on_points_all_round(below, count, wide):
+    touch = Scene([solids.cylinder(0.5, 1), below], [pose((0, 0, 1 - 1e-9)), pose()]).pair()
+    assert touch.gap == pytest.approx([-1e-9] * len(touch.gap), abs=1e-12)
+    assert np.allclose(touch.normal, (0, 0, 1))
+    assert len(touch.gap) >= min(count, 4)
+    around = np.hypot(touch.a[:, 0], touch.a[:, 1])
+    assert around.max() == pytest.approx(wide, rel=0.05)
+    assert abs(touch.a[:, :2].mean(axis=0)).max() < 0.1 * wide
+
+
+def test_a_tilted_cylinder_touches_at_its_lowest_point_alone():
+    turn = Rotation.from_euler("y", 0.3)
+    height = 0.5 * np.cos(0.3) + 0.5 * np.sin(0.3)
+    shapes = [solids.cylinder(0.5, 1), solids.box((5, 5, 1))]
+    touch = Scene(shapes, [pose((0, 0, height + 0.5), turn), pose()]).pair(margin=1e-3)
+    assert touch.gap == pytest.approx([0], abs=1e-15)
+
+
+def test_features_stay_while_a_cylinder_slides():
+    """The same points have the same numbers, so that impulses are found again."""
+    numbers = set()
+    for x in np.linspace(0, 0.1, 5):
+        shapes = [solids.cylinder(0.5, 1), solids.box((3, 3, 1))]
+        touch = Scene(shapes, [pose((x, 0, 1 - 1e-6)), pose()]).pair(margin=0.0)
+        numbers.add(tuple(sorted(touch.whose[:, 2])))
+    assert len(numbers) == 1

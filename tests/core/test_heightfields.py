@@ -1,0 +1,193 @@
+"""Heightfields, steps with side faces, meshes by convex parts: what moves over them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from pgraph_core.contact.steps import terrain_of
+from pgraph_core.shapes import solids
+from pgraph_core.shapes.kinds import mass_properties
+
+from .touching import Scene, pose, random_pose, random_solid
+
+STEP = {"low": (-1, -1), "high": (1, 1)}
+
+
+def body(shape: dict[str, Any], place, velocity=(0.0,) * 6) -> pg.Body:
+    inertia = mass_properties(pg.Shape(**shape), 1000.0)
+    return pg.Body(
+        name="b", joint="free", mass=inertia.mass, inertia=inertia.inertia, shape=shape,
+        q=(*place, 1, 0, 0, 0), v=velocity,
+    )  # fmt: skip
+
+
+def field(heights, size=(4, 4, 0.5)) -> pg.Body:
+    shape = {"kind": "heightfield", "size": size, "heights": heights}
+    return pg.Body(name="field", joint="weld", mass=1, inertia=np.eye(3), shape=shape)
+
+
+def run(*bodies: pg.Body, ground: Any = None, other="ground", t_end=1.0, friction=0.5) -> pg.Result:
+    contact = pg.Contact(name="c", body="b", other=other, friction=friction)
+    model = pg.Model(bodies=bodies, contacts=[contact], ground=ground or pg.Ground())
+    return pg.simulate(model, t_end=t_end, method="moreau_jean", step=1e-3)
+
+
+SOLIDS = [
+    {"kind": "sphere", "radius": 0.1},
+    {"kind": "box", "size": (0.3, 0.2, 0.2)},
+    {"kind": "cylinder", "radius": 0.1, "length": 0.2},
+    {"kind": "ellipsoid", "radii": (0.2, 0.15, 0.1)},
+]
+
+
+@pytest.mark.parametrize("shape", SOLIDS, ids=lambda s: s["kind"])
+def test_what_falls_on_a_flat_heightfield_rests_as_on_the_plane(shape):
+    result = run(body(shape, (0.013, 0.02, 0.15)), field(np.zeros((21, 21))), other="field")
+    assert result.q[-1, :3] == pytest.approx((0.013, 0.02, 0.1), abs=3e-6)
+    assert abs(result.v[-1]).max() < 1e-9
+
+
+def test_a_ball_rolls_over_the_edges_of_a_flat_heightfield_as_over_none():
+    """No edge inside a surface is felt: the ball keeps its height and velocity to the bit."""
+    ball = body(SOLIDS[0], (-1.5, 0.013, 0.1), (0, 10, 0, 1, 0, 0))
+    result = run(ball, field(np.zeros((41, 37))), other="field", t_end=2.0)
+    assert np.ptp(result.q[:, 2]) < 1e-12
+    assert result.v[-1] == pytest.approx((0, 10, 0, 1, 0, 0), abs=1e-12)
+
+
+def test_a_block_slides_down_a_slope_of_heights_as_down_an_incline():
+    """a = g (sin - mu cos) on a plane that is not level, in the middle of its triangles."""
+    slope, mu = 0.3, 0.2
+    x = np.linspace(-2, 2, 21)
+    heights = np.repeat(-np.tan(slope) * x[:, None], 21, axis=1)
+    shape = {"kind": "box", "size": (0.3, 0.2, 0.2)}
+    turn = (np.cos(slope / 2), 0, np.sin(slope / 2), 0)
+    up = 0.1 * np.array((np.sin(slope), 0, np.cos(slope)))
+    start = np.array((-1.0, 0.013, np.tan(slope))) + up
+    block = body(shape, start).model_copy(update={"q": (*start, *turn)})
+    result = run(block, field(heights), other="field", t_end=0.5, friction=mu)
+    down = 9.81 * (np.sin(slope) - mu * np.cos(slope))
+    path = np.linalg.norm(result.q[-1, :3] - start)
+    assert path == pytest.approx(0.5 * down * 0.5**2, rel=3e-3)
+    assert abs(result.v[-1, :3]).max() < 1e-3
+
+
+@pytest.mark.parametrize("kind", ["sphere", "capsule", "box", "hull", "cylinder"])
+def test_distances_to_a_heightfield_are_those_to_its_prisms(kind):
+    """Above a hill the gap is the least of the gaps to the two hulls of every cell."""
+    rng = np.random.default_rng(4)
+    heights = rng.uniform(0, 0.3, (4, 5))
+    hill = solids.heightfield((2.0, 2.0, 0.5), heights)
+    nodes = hill.vertices.reshape(4, 5, 3)
+    for _ in range(10):
+        shape, place = random_solid(rng, kind, 0.3), random_pose(rng, 0.3)
+        place[2] = rng.uniform(0.5, 1.0)
+        gap = Scene([shape, hill], [place, pose()]).gap()
+        least = np.inf
+        for i, j in np.ndindex(3, 4):
+            a, b, c, d = nodes[i, j], nodes[i + 1, j], nodes[i + 1, j + 1], nodes[i, j + 1]
+            for corners in ((a, b, c), (a, c, d)):
+                top = np.array(corners)
+                prism = solids.hull(np.concatenate((top, top * (1, 1, 0) - (0, 0, 0.5))))
+                least = min(least, Scene([shape, prism], [place, pose()]).gap())
+        assert gap == pytest.approx(least, abs=1e-12)
+
+
+@pytest.mark.parametrize("order", [("b", "field"), ("field", "b")])
+def test_the_ground_carries_what_lies_on_it_whoever_is_named_first(order):
+    bodies = [body(SOLIDS[0], (0.3, 0.2, 0.1)), field(np.zeros((9, 9)))]
+    contact = pg.Contact(name="c", body=order[0], other=order[1])
+    result = pg.simulate(pg.Model(bodies=bodies, contacts=[contact]), t_end=0.1, step=1e-3)
+    weight = 9.81 * bodies[0].mass
+    force = result.contact_force["c"][-1, 5]
+    assert force == pytest.approx(weight if order[0] == "b" else -weight, rel=1e-6)
+
+
+# -- steps of the ground ---------------------------------------------------------------------------
+
+
+def test_a_ball_runs_against_the_side_of_a_step():
+    ground = pg.Ground(steps=[pg.Step(**STEP, height=0.2)])
+    ball = body(SOLIDS[0], (-2, 0, 0.1), (0, 0, 0, 3, 0, 0))
+    result = run(ball, ground=ground)
+    assert result.q[:, 0].max() < -1.1 + 2e-3
+    assert result.q[-1, 2] == pytest.approx(0.1, abs=1e-4)
+
+
+def test_a_ball_stays_in_a_pit_and_outside_of_what_is_beside_it():
+    ground = pg.Ground(steps=[pg.Step(**STEP, height=-0.2)])
+    result = run(body(SOLIDS[0], (0, 0, -0.1), (0, 0, 0, 3, 0, 0)), ground=ground)
+    assert result.q[:, 0].max() < 0.9 + 2e-3
+    assert result.q[-1, 2] == pytest.approx(-0.1, abs=1e-4)
+
+
+@pytest.mark.parametrize(("x", "z"), [(-3.0, 0.1), (-1.2, 0.1), (-0.5, -0.1), (0.5, 0.4)])
+def test_a_box_rests_at_the_height_of_each_part_of_the_ground(x, z):
+    """The plane, the rim of a pit, its floor, a step in the pit."""
+    pit = pg.Step(**STEP, height=-0.2)
+    inside = pg.Step(low=(0, -1), high=(1, 1), height=0.3)
+    shape = {"kind": "box", "size": (0.2, 0.2, 0.2)}
+    result = run(body(shape, (x, 0, z + 0.05)), ground=pg.Ground(steps=[pit, inside]))
+    assert result.q[-1, :3] == pytest.approx((x, 0, z), abs=5e-5)
+
+
+def test_steps_that_overlap_become_rectangles_that_do_not():
+    """The last step counts, as everywhere; area by area."""
+    rng = np.random.default_rng(7)
+    low = rng.uniform(-1, 0.5, (6, 2))
+    high = low + rng.uniform(0.2, 1, (6, 2))
+    heights = rng.choice([-0.1, 0.0, 0.1, 0.2], 6)
+    steps = [pg.Step(low=a, high=b, height=h) for a, b, h in zip(low, high, heights)]
+    patches = terrain_of(pg.Model(ground=pg.Ground(steps=steps))).ground.patches
+    for x, y in rng.uniform(-1.5, 1.5, (300, 2)):
+        wanted = 0.0
+        for a, b, h in zip(low, high, heights):
+            wanted = h if (a <= (x, y)).all() and ((x, y) <= b).all() else wanted
+        inside = (patches["x_low"] < x) & (x < patches["x_high"])
+        inside &= (patches["y_low"] < y) & (y < patches["y_high"])
+        assert inside.sum() <= 1
+        assert (patches["height"][inside].tolist() or [0.0]) == [wanted]
+
+
+# -- meshes by convex parts ------------------------------------------------------------------------
+
+
+L = np.array(((0, 0), (1, 0), (1, 0.2), (0.2, 0.2), (0.2, 1), (0, 1)))
+
+
+def an_l(path) -> str:
+    """A mesh file: an L of two arms, each 1 m long and 0.2 m wide."""
+    corners = np.concatenate([np.column_stack((L, np.full(6, z))) for z in (-0.3, 0.3)])
+    faces = [(0, k + 1, k) for k in range(1, 5)] + [(6, 6 + k, 7 + k) for k in range(1, 5)]
+    for k in range(6):
+        m = (k + 1) % 6
+        faces += [(k, m, 6 + m), (k, 6 + m, 6 + k)]
+    rows = [f"v {x} {y} {z}" for x, y, z in corners]
+    rows += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces]
+    path.write_text("\n".join(rows))
+    return str(path)
+
+
+def test_a_ball_lies_in_the_corner_of_a_mesh_by_its_parts(tmp_path):
+    """Inside of the mesh's convex hull."""
+    pytest.importorskip("coacd")
+    shape = {"kind": "mesh", "file": an_l(tmp_path / "l.obj"), "hull": "parts"}
+    corner = pg.Body(name="l", joint="weld", mass=1, inertia=np.eye(3), shape=shape)
+    ball = body({"kind": "sphere", "radius": 0.1}, (0.5, 0.31, 0))
+    contact = pg.Contact(name="c", body="b", other="l")
+    model = pg.Model(up="y", bodies=[ball, corner], contacts=[contact])
+    result = pg.simulate(model, t_end=0.5, method="moreau_jean", step=1e-3)
+    assert result.q[-1, :2] == pytest.approx((0.5, 0.3), abs=0.01)
+
+
+def test_a_mesh_with_too_many_parts_says_so(tmp_path, monkeypatch):
+    pytest.importorskip("coacd")
+    from pgraph_core.shapes import kinds
+
+    monkeypatch.setattr(kinds, "MOST_PARTS", 1)
+    with pytest.raises(pg.ModelError, match="splits into 2 convex parts, more than 1; simplify"):
+        kinds.convex_parts(an_l(tmp_path / "l.obj"))
