@@ -65,7 +65,7 @@ def test_links_joints_limits_motors(tmp_path):
     assert (upper.damping, upper.friction) == ((0.5,), (0.25,))
     assert [(f.name, f.body, f.torque_limit) for f in model.forces] == [("shoulder", "upper", 30.0)]
     assert report.loaded
-    assert any("velocity limit" in e.text for e in report.of("left out"))
+    assert any("limits of velocity" in e.text for e in report.of("left out"))
     places = [e.where for e in report.entries if e.part == "lower"]
     assert places == ["arm.urdf, line 7, joint 'slide'"]  # it has no limits
 

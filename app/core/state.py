@@ -59,6 +59,8 @@ class Client:
     reply: Reply | None = None
     notice: Notice | None = None
     downloads: int = 0  # how often the model was asked for as a file
+    download: str = ".json"  # its suffix
+    conversion: Any = None  # the report of the last file of another format that it opened
     reports: int = 0  # how often the report was asked for as a file
     plots: tuple[tuple[str, str], ...] = ()  # (quantity, of what), in their order
     walk: str = ""  # what it steps through: "pgraph" (Fig. 4), "frames" (Fig. 8) or nothing

@@ -24,6 +24,7 @@ class Found:
     text: str = ""
     changes: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # body -> fields
     opened: pg.Model | None = None
+    report: pg.Report | None = None  # of a file of another format
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,11 @@ import re
 import tempfile
 import zipfile
 import zlib
+from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
 import pgraph_core as pg
+from pgraph_core.formats.any import READERS, read_model, write_model
 from pgraph_core.mesh_files import FORMATS
 from pgraph_core.model.assets import FOLDER
 
@@ -34,13 +36,22 @@ def packed(model: pg.Model) -> tuple[str, bytes]:
 
     Raises FileError.
     """
+    return converted(model, ".json")[:2]
+
+
+def converted(model: pg.Model, suffix: str) -> tuple[str, bytes, pg.Report]:
+    """(name, content, report) of a download in the format of this suffix.
+
+    One file, or with meshes a zip of it and them. Raises FileError, ModelError.
+    """
     stem = re.sub(r"[^\w-]+", "_", model.name) or "model"
-    if not any(shape.file for body in model.bodies for shape in body.shapes):
-        return f"{stem}.json", model.to_json().encode()
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        model.save(folder / f"{stem}.json")
-        return f"{stem}.zip", zipped(folder)
+        file = folder / f"{stem}{suffix}"
+        report = write_model(model, file)
+        if any(shape.file for body in model.bodies for shape in body.shapes):
+            return f"{stem}.zip", zipped(folder), report
+        return file.name, file.read_bytes(), report
 
 
 def zipped(folder: Path) -> bytes:
@@ -58,10 +69,22 @@ def own(text: str) -> pg.Model:
     return pg.Model.from_json(text, roots=[Path.cwd().anchor])
 
 
-def unpacked(content: bytes, keep: Path) -> pg.Model:
-    """The model in a zip; its meshes go to a folder of `keep`, once all of it could be read.
+def read_text(name: str, content: str) -> tuple[pg.Model, pg.Report]:
+    """The model in the text of a file of another format, without the files that it names.
 
-    Raises Refusal, PgraphError, OSError.
+    Raises PgraphError.
+    """
+    with tempfile.TemporaryDirectory() as place:
+        file = Path(place) / Path(name).name
+        file.write_text(content, encoding="utf-8")
+        return read_model(file)
+
+
+def unpacked(content: bytes, keep: Path) -> tuple[pg.Model, pg.Report]:
+    """The model in a zip; its files go to a folder of `keep`, once all of it could be read.
+
+    A model of Pgraph stands at the top with its meshes in `meshes`; one of another format, with
+    the files that it names, in any folder. Raises Refusal, PgraphError, OSError.
     """
     try:
         size, held = _contents(content)
@@ -70,15 +93,16 @@ def unpacked(content: bytes, keep: Path) -> pg.Model:
     if size > LARGEST_WITHIN:
         said = f"{size / 1e6:.0f} MB unpacked"
         raise Refusal(f"it has {said}; {LARGEST_WITHIN / 1e6:.0f} MB at most")
-    models = [name for name in held if _is_model(name)]
+    models = [name for name in held if _is_model(name)] or _of_others(held)
     if len(models) != 1:
-        raise Refusal(f"it holds {len(models)} model files (.json), not one")
+        known = ", ".join((".json", *READERS))
+        raise Refusal(f"it holds {len(models)} model files ({known}), not one")
     folder = keep / hashlib.sha256(content).hexdigest()[:16]
     for name, data in held.items():
         to = folder / name
         to.parent.mkdir(parents=True, exist_ok=True)
         to.write_bytes(data)
-    return pg.Model.load(folder / models[0])
+    return read_model(folder / models[0], roots=[folder])
 
 
 def _contents(content: bytes) -> tuple[int, dict[PurePosixPath, bytes]]:
@@ -88,8 +112,27 @@ def _contents(content: bytes) -> tuple[int, dict[PurePosixPath, bytes]]:
         size = sum(item.file_size for item in files.values())
         if size > LARGEST_WITHIN:
             return size, {}
-        wanted = {name: item for name, item in files.items() if _is_model(name) or _is_mesh(name)}
+        foreign = not any(_is_model(name) for name in files)
+        wanted = {
+            name: item
+            for name, item in files.items()
+            if _is_model(name) or _is_mesh(name) or (foreign and _goes_along(name))
+        }
         return size, {name: archive.read(item) for name, item in wanted.items()}
+
+
+def _of_others(held: Iterable[PurePosixPath]) -> list[PurePosixPath]:
+    """Models of other formats: a URDF file, else the MJCF files nearest to the top."""
+    urdf = [name for name in held if name.suffix.lower() == ".urdf"]
+    others = [n for n in held if n.suffix.lower() in READERS and n.name != "package.xml"]
+    top = min((len(name.parts) for name in others), default=0)
+    return urdf or [name for name in others if len(name.parts) == top]
+
+
+def _goes_along(name: PurePosixPath) -> bool:
+    """Whether it is a file that a model of another format may name, and lies below the top."""
+    inside = not name.is_absolute() and ".." not in name.parts
+    return inside and name.suffix.lower().lstrip(".") in (*FORMATS, "urdf", "xml", "mjcf", "png")
 
 
 def _is_model(name: PurePosixPath) -> bool:

@@ -72,7 +72,9 @@
     const path = `${pgraph.latest.toolbar.name.replace(/[^\w-]+/g, "_")}.json`;
     const save = (serial, typedPath, replace = false) => send("Save", { serial, path: typedPath, replace });
     const anyway = (typedPath) => (serial) => save(serial, typedPath, true);
-    return [make("div", { className: "ask" }, download), ...typed("or on this computer as", path, "Save", close, save, anyway)];
+    const others = [[".urdf", "URDF"], [".xml", "MJCF"]].map(([suffix, name]) =>
+      button(`download${suffix.replace(".", "-")}`, name, `Download as ${name}; with mesh files a zip of that and them`, () => { send("Download", { suffix }); close(); }));
+    return [make("div", { className: "ask" }, download, ...others), ...typed("or on this computer as", path, "Save", close, save, anyway)];
   }
 
   // A question with one typed answer, given by Enter or the button; a refused one stays, with what
@@ -91,10 +93,10 @@
   }
 
   function openQuestion(close) {
-    const file = make("input", { type: "file", accept: ".json,.zip,application/json,application/zip", hidden: true });
+    const file = make("input", { type: "file", accept: ".json,.zip,.urdf,.xml,.mjcf,application/json,application/zip", hidden: true });
     file.onchange = () => { pgraph.files.read(file.files[0]); close(); };
     const kept = pgraph.latest.toolbar.kept.map((name) => [name, "from an earlier session"]);
-    return [make("div", { className: "ask" }, button("file", "Open a file …", "A model saved as JSON, or as zip with its meshes; it can also be dropped on the page", () => file.click()), file),
+    return [make("div", { className: "ask" }, button("file", "Open a file …", "A model saved as JSON, a URDF or MJCF file, or a zip of one with its meshes; it can also be dropped on the page", () => file.click()), file),
       gallery(close, kept)];
   }
 

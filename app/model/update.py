@@ -8,11 +8,13 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 import pgraph_core as pg
+from pgraph_core.formats.any import READERS
 from pgraph_core.model import assets, files
 
 from ..core import cells, edit
@@ -22,7 +24,7 @@ from ..core.events import Event, FromPage, Text, on
 from ..core.state import Notice, State, replied, told, with_client
 from ..session import Kept
 from . import Errand, Found
-from .archive import mesh_folder, own, unpacked
+from .archive import mesh_folder, own, read_text, unpacked
 
 EditField = Literal[
     "name", "parent", "dof", "joint", "axes", "link", "rotation", "mass", "com", "inertia",
@@ -151,10 +153,13 @@ class OpenText(FromPage):
 def text_opened(state: State, event: OpenText) -> State:
     """The model in it; a long text is read as an errand, so that no other page waits for it."""
     name, content = event.name, event.content
-    if len(content) <= LONG:
+    foreign = Path(name).suffix.lower() in READERS
+    if len(content) <= LONG and not foreign:
         return opened(state, event.client, name, content)
 
     def work(_: pg.Model) -> Found:
+        if foreign:
+            return Found("", {}, *read_text(name, content))
         return Found(opened=_read(name, content))
 
     return sent(state, event.client, "open", work, file=name)
@@ -173,7 +178,7 @@ def archive_opened(state: State, event: OpenArchive) -> State:
     """An errand that keeps the meshes and opens the model."""
 
     def work(content: bytes, _: pg.Model) -> Found:
-        return Found(opened=unpacked(content, mesh_folder()))
+        return Found("", {}, *unpacked(content, mesh_folder()))
 
     return sent_file(state, event.client, event.content, "open", work, event.name)
 
@@ -244,12 +249,14 @@ def _at(kept: Kept) -> str:
 class Download(FromPage):
     """The model as a file, with its meshes."""
 
+    suffix: Literal[".json", ".urdf", ".xml"] = ".json"
+
 
 @on(Download)
 def downloaded(state: State, event: Download) -> State:
     page = state.clients.get(event.client)
     return state if page is None else with_client(
-        state, event.client, downloads=page.downloads + 1
+        state, event.client, downloads=page.downloads + 1, download=event.suffix
     )  # fmt: skip
 
 
@@ -274,7 +281,10 @@ def errand_done(state: State, event: ErrandDone) -> State:
     state = replace(state, errands=tuple(e for e in state.errands if e.id != event.id))
     client, label, found = errand.client, errand.label, event.found
     if errand.file:
-        return shown_model(state, client, errand.file, found.opened, event.problem)
+        state = shown_model(state, client, errand.file, found.opened, event.problem)
+        if found.report is None or not found.report.entries or client not in state.clients:
+            return state
+        return with_client(state, client, conversion=found.report)
     if event.problem:
         return told(state, client, Notice(f"Not done: {label}", event.problem, bad=True))
     if errand.model is not state.model:

@@ -7,7 +7,7 @@ import pgraph_core as pg
 from ..core.bridge import Bridge
 from ..core.state import Client, Notice, State
 from ..core.views import Payload, Place, audience
-from ..model.archive import packed
+from ..model.archive import converted
 from .palette import PaletteView
 
 ACCENT = (47, 111, 208)
@@ -49,10 +49,15 @@ class SessionView:
             self._bridge.send(client, "reply", reply)
         if now.notice is not None and now.notice is not before.notice:
             self._notify(client, now.notice)
+        if now.conversion is not None and now.conversion is not before.conversion:
+            self._bridge.send(client, "conversion", now.conversion.to_dict())
         handle = self._bridge.server.get_clients().get(client)
         if now.downloads != before.downloads and handle is not None:
             try:
-                handle.send_file_download(*packed(state.model), save_immediately=True)
+                name, content, report = converted(state.model, now.download)
+                handle.send_file_download(name, content, save_immediately=True)
+                if report.entries:
+                    self._bridge.send(client, "conversion", report.to_dict())
             except pg.PgraphError as error:
                 self._notify(client, Notice("Not saved", str(error), bad=True))
 

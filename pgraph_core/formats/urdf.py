@@ -278,7 +278,7 @@ class _Reader:
             return {}
         where = self.source.at(limit or joint.element, what)
         if limit is None or not {"lower", "upper"} & limit.attributes.keys():
-            text = f"a {kind} joint should have limits; it has none and turns freely here"
+            text = f"a {kind} joint should have limits; it has none and moves freely here"
             self.report.add("warning", where, text, part=joint.child)
             return {}
         low = self.source.number(limit, "lower", 0.0, what)
@@ -499,7 +499,7 @@ class _Reader:
                 body = self._body_name(joint.child)
                 found.append(Motor(name=joint.name, body=body, torque=0.0, torque_limit=effort))
         if speeds:
-            text = f"the velocity limits of {speeds} joints: nothing here bounds a velocity"
+            text = f"{speeds} limits of velocity: nothing here bounds a velocity"
             self.report.add("left out", self.source.name, text)
         return found
 

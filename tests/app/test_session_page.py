@@ -10,6 +10,7 @@ import pytest
 from pgraph_app.model.update import Edit, Undo
 from pgraph_app.session.update import Select
 from pgraph_app.table.view import table
+from tests.test_urdf import TWO, robot
 
 from .conftest import NOBODY, until
 from .test_page import field, row
@@ -199,3 +200,22 @@ def test_1_1_a_question_answered_by_nothing_is_refused_too(page, served):
         page.get_by_text(f"must be a whole number from 1 to 1000; given {given}").wait_for()
     cell.press("Escape")
     until(lambda: cell.count() == 0, "the question gone")
+
+
+def test_a_dropped_urdf_opens_with_a_report_whose_lines_lead_to_bodies(page, served):
+    """Its lines are buttons; the model and the list stand beside each other."""
+    before = served.store.state.model
+    try:
+        drop(page, "arm.urdf", f"[{robot(*TWO)!r}]")
+        sheet = page.get_by_role("dialog", name="report of the file")
+        sheet.wait_for(timeout=60_000)
+        assert [b.name for b in served.store.state.model.bodies] == ["base", "upper", "lower"]
+        line = sheet.get_by_role("button").filter(has_text="joint 'slide'")
+        line.click()
+        clients = lambda: served.store.state.clients.values()  # noqa: E731
+        until(lambda: any(c.selection == "lower" for c in clients()), "the body is selected")
+        sheet.get_by_role("button", name="Close").click()
+        assert not sheet.count()
+    finally:
+        served.store.send(Undo(NOBODY))
+        until(lambda: served.store.state.model == before, "the model is back")
