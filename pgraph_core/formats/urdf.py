@@ -57,7 +57,7 @@ def read_urdf(
 ) -> tuple[Model, Report]:
     """(model, report) of a URDF file.
 
-    `roots` are folders in which `package://` and other mesh files may lie, beside the nearest
+    `roots` are folders in which `package://` and other mesh files may lie, besides the nearest
     folder above the file with a package.xml, or its own. `base`: whether the root link is welded
     to the ground or floats. Raises FileError or ModelError, naming line and element.
     """
