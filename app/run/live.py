@@ -121,6 +121,8 @@ class Motion:
         self._seam = Seam()
         self._touches = False  # whether there are contacts
         self._walker: Walker | None = None
+        self._stepper: pg.Stepper | None = None  # of the next part, where its steps are given
+        self._stepped: tuple[Any, ...] = ()  # what it was made for
 
     def step(self, live: Live) -> float:
         """Width of a step [s], or of a picture where the method chooses its steps."""
@@ -168,9 +170,13 @@ class Motion:
         return f"It fell at t = {fell:.3g} s; the run is kept."
 
     def _simulated(self, live: Live, step: float, span: float, pull: Pull | None) -> pg.Result:
-        request = live.request
+        request, tau = live.request, self._torque(pull)
+        frames = 1 + max(1, round(span * PICTURES))
+        if self._stepper is not None and self._stepped == (self._mech, request):
+            return self._stepper.record_over(span, frames, tau=tau)
         known = {s.name for s in self._mech.model.scenarios}
-        return pg.simulate(
+        scenario = request.scenario if request.scenario in known else None
+        part = pg.simulate(
             self._mech,
             *self._state,
             t_start=self.time,
@@ -178,15 +184,31 @@ class Motion:
             method=request.method,
             step=None if request.step is None and request.rtol is not None else step,
             rtol=request.rtol,
-            frames=1 + max(1, round(span * PICTURES)),
-            scenario=None
-            if request.scenario == FREE_RUN
-            else request.scenario
-            if request.scenario in known
-            else None,
-            tau=self._torque(pull),
+            frames=frames,
+            scenario=None if request.scenario == FREE_RUN else scenario,
+            tau=tau,
             estimate=False,
         )
+        if part.status.ok:
+            self._stepper = self._stepper_after(part, step)
+            self._stepped = self._mech, request
+        return part
+
+    def _stepper_after(self, part: pg.Result, step: float) -> pg.Stepper | None:
+        """What takes the next parts after this one; None where its method needs whole runs."""
+        header = part.header
+        try:
+            return pg.Stepper(
+                self._mech,
+                step=step,
+                method=header["method"],
+                scenario=header["scenario"],
+                q=part.q[-1],
+                v=part.v[-1],
+                t_start=float(part.t[-1]),
+            )
+        except pg.InputError:  # a method that chooses its steps, or goes from event to event
+            return None
 
     def _torque(self, pull: Pull | None) -> np.ndarray | None:
         """(nv,) what the mouse does in the joints, Jᵀ F of eq. (24); None: it does not pull."""

@@ -44,8 +44,8 @@ class Stepper(Portable):
     The states are those of `simulate` with the same method and step, bit for bit. `method` is one
     of the fixed-step methods; "auto" is moreau_jean where contacts or joint limits are declared,
     else rk4. `tau` is an array (nv,) or a function f(t, q, v), as of `simulate`, and acts in every
-    step. `scenario`, `forces` and `stabilise` are those of `simulate`; constraints are switched
-    by `switch`.
+    step. `scenario`, `forces` and `stabilise` are those of `simulate`. Constraints are switched by
+    `switch`: for a scenario that switches some later on, say so by `switches=()`.
 
     Raises InputError for arguments that do not fit, and for an initial state in which the
     constraints cannot be met.
@@ -61,6 +61,7 @@ class Stepper(Portable):
         tau: Any = None,
         forces: Sequence[Force] = (),
         stabilise: str | None = "project",
+        switches: Sequence[Any] | None = None,
         q: Any = None,
         v: Any = None,
         t_start: float = 0.0,
@@ -76,6 +77,13 @@ class Stepper(Portable):
         if method not in GIVEN_STEPS:
             text = f"must be one of {choices((AUTO, *GIVEN_STEPS))}; given {method!r:.60}"
             raise InputError(Problem("Stepper", "method", text))
+        for s in given.switches if given is not None and switches is None else ():
+            if s.t > t_start:
+                text = (
+                    f"scenario '{scenario}' switches '{s.constraint}' at t = {s.t:g} s, which no "
+                )
+                text += "step does by itself; give switches=() and call `switch` there"
+                raise InputError(Problem("Stepper", "scenario", text))
         self.mech, self.method, self._width = mech, method, positive("step", step)
         self._options = Options(
             scenario=scenario,
@@ -84,6 +92,7 @@ class Stepper(Portable):
             frames=2,
             stabilise=stabilise,
             forces=tuple(forces),
+            switches=None if switches is None else tuple(switches),
         )
         self._tau = tau
         self._started = float(t_start)
@@ -167,7 +176,7 @@ class Stepper(Portable):
         if not self.status.ok:
             text = f"the last step failed: {self.message}; call reset or restore"
             raise InputError(Problem("Stepper.step", "", text))
-        self._record.scene.given[:] = self._own if tau is None else finite("tau", tau, self.mech.nv)
+        self._give(tau)
         if self._recording:
             self._open()
         self._looked = False
@@ -181,20 +190,20 @@ class Stepper(Portable):
             self.status, self.message = self._record.ended.status, self._record.ended.message
         return self.status
 
-    def record(self, n: int, frames: int | None = None) -> Result:
+    def record(self, n: int, frames: int | None = None, tau: Any = None) -> Result:
         """Take n steps and record `frames` states evenly, by default all, as a Result.
 
-        Its counters, work and dissipation are those of these steps.
+        `tau` as of `step`. Counters, work and dissipation are those of these steps.
         """
-        return self._recorded(_whole(n), self._width, frames)
+        return self._recorded(_whole(n), self._width, frames, tau)
 
-    def record_over(self, dt: float, frames: int | None = None) -> Result:
+    def record_over(self, dt: float, frames: int | None = None, tau: Any = None) -> Result:
         """As `record`, over a time `dt` [s]: in narrower steps if that is no whole number."""
         n = max(1, math.ceil(dt / self._width - SAME))
         whole = abs(n * self._width - dt) <= SAME * self._width
-        return self._recorded(n, self._width if whole else dt / n, frames)
+        return self._recorded(n, self._width if whole else dt / n, frames, tau)
 
-    def _recorded(self, n: int, width: float, frames: int | None) -> Result:
+    def _recorded(self, n: int, width: float, frames: int | None, tau: Any) -> Result:
         before = time.perf_counter()
         k = np.arange(n + 1)
         if frames is not None and _whole(frames, "frames", 2) <= n:
@@ -204,7 +213,7 @@ class Stepper(Portable):
         if width == self._width:  # the same times as without recording
             times = control["origin"] + (control["taken"] + k) * width
         times[0] = control["time"]
-        self._record.scene.given[:] = self._own
+        self._give(tau)
         self._record.extend(times, np.diff(k), np.full(len(k) - 1, width))
         self._recording, self._looked = True, False
         built = time.perf_counter()
@@ -329,6 +338,11 @@ class Stepper(Portable):
         self._key = sha256("\n".join(words).encode()).hexdigest()[:16]
         self.status, self.message = Status.DONE, Status.DONE.value
         self._open()
+
+    def _give(self, tau: Any) -> None:
+        """Torques of the next steps. Raises InputError."""
+        self._record.scene.given[:] = self._own if tau is None else finite("tau", tau, self.mech.nv)
+        self._steps.control["fresh"] = 0
 
     def _open(self) -> None:
         """From now on no frame is due."""

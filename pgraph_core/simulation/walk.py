@@ -99,9 +99,9 @@ class Walk(Portable):
         """The stepper of the next pieces; None for a method that needs runs of their own."""
         options = Options(scenario=self.scenario, t_end=dt, forces=self._forces, **self._options)
         plan = plan_of(self.mech, options, self.controller, self.q, self.v)
-        if plan.tolerance is not None or plan.contact_points:
-            return None
         given = self.mech.model.scenario(self.scenario)
+        if plan.tolerance is not None or plan.contact_points or given.switches:
+            return None
         return Stepper(
             self.mech,
             step=self._options["step"] or given.step,

@@ -152,6 +152,19 @@ def test_constraints_are_switched_between_steps():
     assert stepper.save() == before
 
 
+def test_a_scenario_that_switches_later_is_refused():
+    """Its switch would not happen: nothing is wrong and silent."""
+    model = built_in("four_bar").model
+    off = pg.Switch(t=0.1, constraint=model.constraints[0].name, active=False)
+    model = model.add(pg.Scenario(name="opens", switches=(off,)))
+    with pytest.raises(pg.InputError, match=r"at t = 0.1 s.*switches=\(\)"):
+        pg.Stepper(model, scenario="opens")
+    pg.Stepper(model, scenario="opens", switches=()).step()
+    late = pg.Stepper(model, scenario="opens", t_start=0.2)
+    late.step(n=50)
+    assert np.abs(late.vdot).max() > 0.0
+
+
 def test_reset_starts_again():
     stepper = pg.Stepper(built_in("falling_rod"), step=1e-3)
     assert stepper.method == "moreau_jean"
