@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 import pgraph_core as pg
+import pgraph_models
 from pgraph_peers import exudyn as in_exudyn
 from pgraph_peers import mujoco as in_mujoco
 
@@ -17,6 +18,7 @@ from .timing import Case
 
 GOAL_STEP, GOAL_BATCH = 2.5, 12.0
 GOAL_CALL, GOAL_ESTIMATE = 2.0, 1.3  # of whole calls, without and with our error estimate
+PIECE = 20  # steps
 CALLS = 40  # of forward_dynamics, which one step by `simulate` may cost
 METHOD = "semi_implicit_euler"
 METHODS = {"semi_implicit_euler": "semi-implicit Euler step", "rk4": "RK4 step"}
@@ -146,3 +148,24 @@ def one_step() -> Case:
         "pgraph": lambda: pg.simulate(mech, q, v, **options),
     }
     return Case(f"one step by simulate, {place.name}", sides, at_most={"pgraph": 1.0})
+
+
+def walking() -> Case:
+    """20 steps of a walk one by one, and as a piece of a walk, compared with 20 steps at once."""
+    model = pg.Model.load(pgraph_models.path("quadruped_hips"))
+    mech = pg.Mechanism(model)
+    stepper = pg.Stepper(mech, scenario="trot")
+    walk = pg.Walk(mech, "trot")
+    stepper.step(n=1000)
+    walk.step(1.0)
+
+    def one_by_one() -> None:
+        for _ in range(PIECE):
+            stepper.step()
+
+    sides: dict[str, Callable[[], object]] = {
+        "20 steps at once": lambda: stepper.step(n=PIECE),
+        "pgraph, one by one": one_by_one,
+        "pgraph, Walk.step": lambda: walk.step(PIECE * STEP),
+    }
+    return Case("20 steps of 1 ms of a walk", sides, at_most={"pgraph, one by one": 1.5})

@@ -62,6 +62,7 @@ def cases(*, quick: bool) -> Iterator[Case]:
     yield runs.whole_call(estimate=False)
     yield runs.whole_call(estimate=True)
     yield runs.one_step()
+    yield runs.walking()
     for threads in (1, 2):
         yield runs.batch(slow, threads, 256, 400)
     yield dynamics.stance_run()

@@ -314,6 +314,7 @@ SMALL = {  # each kind of case of the suite, on small models
     "whole call": lambda: runs.whole_call(estimate=False, number=5),
     "whole call, estimate": lambda: runs.whole_call(estimate=True, number=5),
     "one step": lambda: runs.one_step(),
+    "walking": lambda: runs.walking(),
     "balls": lambda: touching.balls(27, 0.98),
     "columns": lambda: building.from_columns(dynamics.quadruped_tree(), goal=1.0, small=True),
     "construction": lambda: building.construction(dynamics.quadruped_tree(), goal=1.0, small=True),

@@ -177,7 +177,8 @@ class ContactSpace(Unportable):
         self.pairs = pairs  # what each did in the last step
         kept = self._kept
         # what steps and records read before they write it
-        self.memory = [kept.found, kept.kept, kept.wrenches, kept.pairs, tally, kept.limit_tau]
+        self.memory = [kept.found, kept.kept, kept.anchors, kept.meetings, kept.wrenches]
+        self.memory += [kept.pairs, tally, kept.limit_tau]
         self._buffer = buffer()
         kernels.save_contacts(self._buffer, unnamed(self._kept))
         self.links = Links(
@@ -190,7 +191,7 @@ class ContactSpace(Unportable):
 
     def begin_log(self, t: float) -> Any:
         """Count and log from here on; the phases now, as changes at t."""
-        for name in ("fallbacks", "calmed", "overflows", "logged", "residual", "depth"):
+        for name in ("fallbacks", "calmed", "overflows", "logged", "cuts", "residual", "depth"):
             self.tally[name] = 0
         phases = self._kept.pairs["phase"][: len(self._kept.laws)]
         now = table(PHASE_CHANGE, len(phases))
