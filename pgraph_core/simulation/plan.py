@@ -74,9 +74,7 @@ class Plan:
     gains: Array = field(default_factory=lambda: NO_GAINS)  # (2,) of Baumgarte
     project: bool = False
     tolerance: Tolerance | None = None  # None: fixed steps
-    contact_points: tuple[
-        ContactPoint, ...
-    ] = ()  # contact points and limits of an event-driven run
+    contact_points: tuple[ContactPoint, ...] = ()  # and limits, of an event-driven run
     changes: tuple[Change, ...] = ()  # of constraints that go on and off
     conditions: tuple[ConditionOf, ...] = ()  # under which they do
     ever: Ints = field(default_factory=lambda: NO_SUBSTEPS)  # active constraints of all times
