@@ -78,11 +78,10 @@ class Stepper(Portable):
             text = f"must be one of {choices((AUTO, *GIVEN_STEPS))}; given {method!r:.60}"
             raise InputError(Problem("Stepper", "method", text))
         for s in given.switches if given is not None and switches is None else ():
-            if s.t > t_start:
-                text = (
-                    f"scenario '{scenario}' switches '{s.constraint}' at t = {s.t:g} s, which no "
-                )
-                text += "step does by itself; give switches=() and call `switch` there"
+            if s.t is None or s.t > t_start:
+                then = f"when {s.when}" if s.t is None else f"at t = {s.t:g} s"
+                text = f"scenario '{scenario}' switches '{s.constraint}' {then}, which no step "
+                text += "does by itself; give switches=() and call `switch` there"
                 raise InputError(Problem("Stepper", "scenario", text))
         self.mech, self.method, self._width = mech, method, positive("step", step)
         self._options = Options(
