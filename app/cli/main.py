@@ -11,7 +11,21 @@ from types import ModuleType
 
 from pgraph_core.errors import PgraphError
 
-from . import bench, check, convert, info, models, new, report, run, stability, start, sweep, verify
+from . import (
+    bench,
+    check,
+    convert,
+    hunt,
+    info,
+    models,
+    new,
+    report,
+    run,
+    stability,
+    start,
+    sweep,
+    verify,
+)
 from .terminal import print_answer, print_problems
 
 COMMANDS: dict[str, ModuleType] = {
@@ -24,6 +38,7 @@ COMMANDS: dict[str, ModuleType] = {
     "report": report,
     "sweep": sweep,
     "verify": verify,
+    "hunt": hunt,
     "stability": stability,
     "bench": bench,
 }

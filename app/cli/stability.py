@@ -27,7 +27,9 @@ def arguments(parser: ArgumentParser) -> None:
     from pgraph_core.study.axes import AXES
 
     model_argument(parser)
-    parser.add_argument("--axis", choices=tuple(AXES), default="stiffness", help="what to vary")
+    parser.add_argument(
+        "--axis", choices=tuple(AXES), help="what to vary (default: the first that the model has)"
+    )
     parser.add_argument("--all", action="store_true", help="every axis that fits the model")
     parser.add_argument("--values", type=numbers, metavar="X,X", help="default: those of the axis")
     parser.add_argument("--methods", type=names, metavar="M,M", help="default: all that fit")
@@ -69,7 +71,10 @@ def _maps(
         try:
             found.append(
                 pg.stability_map(
-                    model, axis=axis, progress=lambda x, axis=axis: bar(axis[:9], x), **options
+                    model,
+                    axis=axis,
+                    progress=lambda x, axis=axis: bar((axis or "map")[:9], x),
+                    **options,
                 )
             )
         except InputError as refused:

@@ -16,7 +16,7 @@ class ReportRequest:
 
     target: float = 1e-6  # the error that is wanted
     t_end: float | None = None  # [s]; None: as the run, but not for long
-    axis: str = "stiffness"  # of the stability map
+    axis: str = ""  # of the stability map; "": the first that the model has
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Any
 
 import viser
 
-from pgraph_core.study.axes import AXES
+from pgraph_core.study.axes import AXES, first_axis
 
 from ..core.bridge import Bridge
 from ..core.state import Report, State
@@ -64,7 +64,7 @@ def reports(state: State) -> Payload:
     return {
         "target": asked.target,
         "t_end": asked.t_end,
-        "axis": asked.axis,
+        "axis": asked.axis or first_axis(state.model),
         "axes": [[name, name.replace("_", " ")] for name in AXES],
         "job": None if now is None else {"kind": now.kind, "fraction": now.fraction},
         "problem": state.analysis_problem,
@@ -95,6 +95,8 @@ def precision(study: Any) -> Payload:
         advice = (
             f"Take {row.method} at {row.setting}: error {row.error:.1e} in {1e3 * row.time:.3g} ms."
         )
+        if study.target is not None and row.error > study.target:
+            advice = f"No method reached {study.target:g}. {advice}"
     known = study.reference
     source = f"Reference: {known['source']}, good to {known['accuracy']:.0e}."
     return {
@@ -113,10 +115,9 @@ def stability(found: Any) -> Payload:
         for cell in found.cells
         if cell.status != "OK"
     ]
-    fine = sum(cell.status == "OK" for cell in found.cells)
     return {
         "title": f"Stability over {found.axis.replace('_', ' ')}, {found.t_end:g} s",
-        "advice": f"{fine} of {len(found.cells)} settings are as accurate as asked for.",
+        "advice": found.advice,
         "head": ["method", found.axis.replace("_", " "), "step", "verdict", ""],
         "rows": rows[:200],
         "notes": list(dict.fromkeys(found.references)),

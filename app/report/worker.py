@@ -75,7 +75,8 @@ def precision(now: Analysis, progress: Callable[[float], bool]) -> object:
 
 def stability(now: Analysis, progress: Callable[[float], bool]) -> object:
     """Which methods hold where."""
-    return pg.stability_map(now.model, axis=now.reporting.axis, progress=progress, **settings(now))
+    axis = now.reporting.axis or None
+    return pg.stability_map(now.model, axis=axis, progress=progress, **settings(now))
 
 
 MEASURES = {"precision": precision, "stability": stability}

@@ -299,3 +299,16 @@ TABLE = (
 )
 # fmt: on
 AXES: dict[str, Axis] = {axis.name: axis for axis in TABLE}
+
+
+def first_axis(model: Model) -> str:
+    """The first axis that the model has: what a map varies where nothing is asked for."""
+    for name, axis in AXES.items():
+        if axis.of_steps:
+            continue
+        try:
+            axis.applied(model, axis.values[0])
+        except InputError:
+            continue
+        return name
+    return "step"

@@ -56,7 +56,35 @@ class StabilityMap(Portable):
                 own = (c for c in self.cells if (c.value, c.method) == (value, name))
                 line += f"  {''.join(LOOK[c.status][0] for c in own):{max(per, len(name))}}"
             lines.append(line.rstrip())
-        return "\n".join([*lines, "", *self._legend(), "", *self.findings()]).rstrip()
+        text = [*lines, "", *self._legend(), "", self.advice, "", *self.findings()]
+        return "\n".join(text).rstrip()
+
+    @property
+    def advice(self) -> str:
+        """The method and step to take, in a sentence: right at most values, and the cheapest."""
+        right: dict[tuple[str, float], list[Cell]] = {}
+        for cell in self.cells:
+            if cell.status is Verdict.OK:
+                width = self.steps[self._column(cell)] if self.steps else cell.step
+                right.setdefault((cell.method, width), []).append(cell)
+        if not right:
+            return "No method at no step is as accurate as asked for: give smaller steps."
+        count = max(len(cells) for cells in right.values())
+        (method, step), cells = min(
+            (item for item in right.items() if len(item[1]) == count),
+            key=lambda item: sum(cell.evaluations for cell in item[1]),
+        )
+        if not self.steps:
+            return f"Take {method} at a step of {step:g} s."
+        where = (
+            "all values" if count == len(self.values) else f"{count} of {len(self.values)} values"
+        )
+        values = [cell.value for cell in cells]
+        span = f", {min(values):g} to {max(values):g}" if count < len(self.values) else ""
+        return (
+            f"Take {method} at a step of {step:g} s: as accurate as asked for at {where} of "
+            f"{self.axis.replace('_', ' ')}{span}."
+        )
 
     @property
     def title(self) -> str:
@@ -111,7 +139,8 @@ class StabilityMap(Portable):
     def sections(self) -> list[Section]:
         """The parts of a page: figure and findings, then every cell in words."""
         lines = "".join(f"<li>{escape(line)}</li>" for line in self.findings())
-        first = f"<p>{escape(self.title)}</p>{self.figure()}<ul>{lines}</ul>"
+        head = f"<p>{escape(self.title)}</p><p>{escape(self.advice)}</p>"
+        first = f"{head}{self.figure()}<ul>{lines}</ul>"
         known = "".join(
             f"<li>{value:g}: {escape(text)}</li>"
             for value, text in zip(self.values, self.references)

@@ -19,7 +19,7 @@ from ..model import Model
 from ..packing.system import Array
 from ..result import Result, Status
 from ..simulation import simulate
-from .axes import AXES, Axis, changed
+from .axes import AXES, Axis, changed, first_axis
 from .map import StabilityMap
 from .reference import KnownMotion, known_motion, merged, per_step
 from .settings import Setting, finite_numbers, methods_of, positive
@@ -71,7 +71,7 @@ def stability_map(
     q: Any = None,
     v: Any = None,
     *,
-    axis: str = "stiffness",
+    axis: str | None = None,
     values: Iterable[float] | None = None,
     methods: Iterable[str] | str | None = None,
     steps: Iterable[float] | None = None,
@@ -85,6 +85,7 @@ def stability_map(
 ) -> StabilityMap:
     """A verdict on every value of `axis`, method and step, from runs of `t_end` [s].
 
+    Without `axis` it is the first that the model has: stiffness, damping, ..., mass, ...
     Each cell runs at its step and at half of it and is compared with a reference, two far finer
     runs by different methods: OK means that its error is at most `target` [rad, or of the
     mechanism's length]. (q, v) is the initial state, by default that of `scenario` or the model.
@@ -97,7 +98,15 @@ def stability_map(
     model, duration = in_scenario(given, scenario)
     model = started(model, q, v)
     sweep = _checked(
-        model, axis, values, methods, steps, t_end or duration, target, budget, stabilise
+        model,
+        axis or first_axis(model),
+        values,
+        methods,
+        steps,
+        t_end or duration,
+        target,
+        budget,
+        stabilise,
     )
     lines, cells, complete = _computed(sweep, progress, threads)
     return StabilityMap(

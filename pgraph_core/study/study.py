@@ -29,6 +29,8 @@ HEADER = (
 WORDS = (0, 1, len(HEADER) - 1)  # columns that are aligned to the left
 SHOWN = (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 14, 15)  # on a terminal
 
+USUAL_TARGET = 1e-6  # where none is given
+
 
 @dataclass(frozen=True)
 class Row:
@@ -270,16 +272,28 @@ class Study(Portable):
             *(["CANCELLED: rows that were not measured are missing"] if self.cancelled else []),
         )
 
-    def _advice(self) -> str:
-        """The cheapest setting for the target, in words; "" without a target."""
-        if self.target is None:
-            return ""
+    def advised(self) -> Row | None:
+        """The cheapest of our runs for the target, or for 1e-6, else the most accurate one.
+
+        None where no run reached the end.
+        """
         try:
-            row = self.recommend()
-        except InputError as unmet:
-            return unmet.problems[0].text
+            return self.recommend(USUAL_TARGET if self.target is None else self.target)
+        except InputError:
+            ours = [row for row in self.rows if not row.peer and row.error and row.seconds]
+            return min(ours, key=lambda row: row.error or np.inf, default=None)
+
+    def _advice(self) -> str:
+        """The setting to take, in words; "" where no run reached the end."""
+        row, wanted = self.advised(), USUAL_TARGET if self.target is None else self.target
+        if row is None:
+            return ""
         took = duration(row.time or 0.0)
-        return f"{row.method}, {row.setting}: error {row.error:.1e} in {took} for {self.target:g}"
+        text = f"{row.method}, {row.setting}: error {row.error:.1e} in {took}"
+        if (row.error or np.inf) <= wanted:
+            return f"{text} for {wanted:g}"
+        ours = [each for each in self.rows if not each.peer and each.error and each.seconds]
+        return f"{text}; {self._unmet(wanted, ours)}"
 
     def peer_table(self) -> list[list[str]]:
         """A header and rows of times at equal error, ours and each peer's; [] without peers."""
@@ -339,10 +353,8 @@ class Study(Portable):
         return data | {"against_peers": self.against_peers(), "recommended": self._recommended()}
 
     def _recommended(self) -> int | None:
-        try:
-            return self.rows.index(self.recommend())
-        except InputError:
-            return None
+        row = self.advised()
+        return None if row is None else self.rows.index(row)
 
     def to_json(self) -> str:
         """One JSON object with the names of this class; numbers that are not finite are null."""

@@ -18,7 +18,7 @@ from .engines import engine_participants, engines_of
 from .errors import Errors, levelled, observed_order, rms, step_counts
 from .reference import Reference
 from .settings import Ladder, Setting, methods_of, positive, whole
-from .study import Row, Study
+from .study import USUAL_TARGET, Row, Study
 from .task import (
     Outcome,
     Participant,
@@ -35,7 +35,6 @@ LONGEST = 1.0  # s that a run may take
 CLOCKS = ("wall", "processor")
 PATIENCE = 10.0  # times longer than others a run of a reference may take
 MOST_GROWTH = 4.0  # of the time from one tolerance to the next: more is the machine
-USUAL_TARGET = 1e-6  # for the baseline, if no target is given
 ENOUGH = 0.2  # s that the last run of a method may take, of those for its order
 SHARE = {"reference": 0.1, "first": 0.4, "rounds": 1.0}  # of the progress, at each part's end
 

@@ -7,8 +7,7 @@ itself, and neither its status nor a notice says anything.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,6 +23,7 @@ from .scenes import Scene, scenes
 FRAMES = 101
 HONEST = 10.0  # times the error estimate: an error within it was said
 FLOOR = 1e-11  # of the motion: rounding of closed forms, and of ours
+SOLVED = 1e-8  # of the motion: to which impulses are solved
 FINEST = {"method": "dop853", "rtol": 1e-13, "max_steps": 300_000, "estimate": False}
 
 
@@ -75,7 +75,7 @@ def _run(
     if "parts" in given:
         given["step"] = scene.t_end / given.pop("parts")
     try:
-        run = simulate(mech, t_end=scene.t_end, frames=FRAMES, **dict(scene.options), **given)
+        run = simulate(mech, t_end=scene.t_end, frames=FRAMES, **given)
     except PgraphError as refused:
         return Find(scene, setting, "refused", np.nan, np.nan, str(refused))
     if not run.status.ok:
@@ -86,7 +86,8 @@ def _run(
     says = run.notices[-1] if run.notices else run.message if np.isnan(estimate) else ""
     if np.isnan(error):
         return Find(scene, setting, "unjudged", error, estimate, says)
-    if error <= HONEST * np.nan_to_num(estimate, nan=0.0, posinf=np.inf) + FLOOR:
+    floor = SOLVED if scene.model.contacts or scene.family == "limits" else FLOOR
+    if error <= HONEST * np.nan_to_num(estimate, nan=0.0, posinf=np.inf) + floor:
         return Find(scene, setting, "right", error, estimate, says)
     return Find(scene, setting, "told" if says else "silent", error, estimate, says)
 
@@ -102,13 +103,13 @@ def off(mech: Mechanism, run: Result, truth: Array) -> tuple[float, float]:
     )
     length = length_of(mech.packed)
     if slid == 0.0:
-        return float(turned.max()), max(1.0, around) and 1.0
+        return float(turned.max(initial=0.0)), 1.0
     size = max(slid, length)
     by_turn = float(turned.max(initial=0.0)) / max(around, 1.0)
     return max(by_turn, float(moved.max()) / size), size if moved.max() / size > by_turn else 1.0
 
 
-def told(finds: list[Find], seconds: float) -> str:
+def told(finds: Sequence[Find], seconds: float) -> str:
     """What was wrong and silent, one line each, and the sums."""
     lines = []
     for find in finds:
@@ -140,12 +141,3 @@ def told(finds: list[Find], seconds: float) -> str:
             f"estimate over error: within 0.2 to 10 in {100 * share:.1f} % of {len(ratio)}"
         )
     return "\n".join(lines)
-
-
-if __name__ == "__main__":
-    import sys
-
-    began = time.perf_counter()
-    number, start = int(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 0
-    every = list(hunt(number, start))
-    print(told(every, time.perf_counter() - began))

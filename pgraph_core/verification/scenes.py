@@ -40,7 +40,6 @@ class Scene(NamedTuple):
     t_end: float
     known: Callable[[Array], Array] | None  # q (n, nq) at times (n,); None: a finer run knows
     others: tuple[dict[str, Any], ...] = SMOOTH  # settings besides the default
-    options: tuple[tuple[str, Any], ...] = ()  # of every run
 
 
 def scenes(count: int, seed: int) -> Iterator[Scene]:
@@ -168,10 +167,9 @@ def bounce(rng: Rng) -> Scene:
     span = fall * float(rng.uniform(0.5, 6.0))
 
     def known(t: Array) -> Array:
-        x, start, v = np.empty(len(t)), 0.0, 0.0
+        x, v = np.zeros(len(t)), 0.0
         place, begin = h, 0.0
         ends = fall
-        x[:] = 0.0
         for _ in range(2000):
             now = (t >= begin) & (t < ends)
             x[now] = place + v * (t[now] - begin) - 0.5 * g * (t[now] - begin) ** 2
@@ -180,8 +178,7 @@ def bounce(rng: Rng) -> Scene:
             ends = begin + 2 * v / g
             if begin > t[-1] or v < 1e-12 * np.sqrt(g * h):
                 break
-            start = begin
-        return (r + x)[:, None] + 0.0 * start
+        return (r + x)[:, None]
 
     return Scene("bounce", _numbers(r=r, m=m, g=g, h=h, e=e), model, span, known, TOUCHING)
 

@@ -315,6 +315,19 @@ def test_the_cheapest_run_that_meets_the_target_is_recommended(study: pg.Study):
     assert study.recommend(1e-2).error <= 1e-2
 
 
+def test_there_is_advice_without_a_target_and_where_it_is_out_of_reach(study: pg.Study):
+    """The cheapest run for 1e-6, else the most accurate one, and that the target is missed."""
+    usual = replace(study, target=None).advised()
+    assert usual is not None
+    assert usual.error <= 1e-6
+    hard = replace(study, target=1e-30)
+    best = hard.advised()
+    assert best is not None
+    assert best.error == min(row.error for row in study.rows if row.error and row.seconds)
+    assert "no method reaches 1e-30" in str(hard)
+    assert "recommended" in str(replace(study, target=None))
+
+
 def test_times_at_equal_error_lie_between_the_points(study: pg.Study):
     row = study.rows[3]
     rows = tuple(replace(row, error=e, seconds=(s, s, s)) for e, s in ((1e-2, 1.0), (1e-4, 4.0)))

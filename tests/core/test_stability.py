@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import itertools
 import json
+import re
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import pgraph_core as pg
+import pgraph_models
 from pgraph_core.study.axes import AXES
 from pgraph_core.study.verdicts import Verdict
 
@@ -319,3 +321,25 @@ def test_bad_input(options, sentence):
     with pytest.raises(pg.InputError) as refused:
         pg.stability_map(mech, q, **options)
     assert str(refused.value).startswith(sentence)
+
+
+def test_a_map_without_an_axis_takes_one_that_the_model_has_and_says_what_to_take():
+    """A double pendulum has no spring: its mass is varied; what is advised is right at the most."""
+    model = pg.Model.load(pgraph_models.path("double_pendulum"))
+    found = pg.stability_map(model, methods=["rk4", "dopri5"], steps=[1e-2, 1e-3], t_end=0.2)
+    assert found.axis == "mass_ratio"
+    method, step = re.match(r"Take (\w+) at a step of (\S+) s", found.advice).groups()
+    right = [c for c in found.cells if c.status == "OK"]
+    count = sum((c.method, c.step) == (method, float(step)) for c in right)
+    others = {(c.method, c.step) for c in right}
+    assert all(sum((c.method, c.step) == other for c in right) <= count for other in others)
+    assert found.advice in str(found)
+
+
+def test_a_map_of_speeds_ends():
+    """A run that fails at once, again and again, made the number of steps overflow."""
+    model = pg.Model.load(pgraph_models.path("heavy_top"))
+    found = pg.stability_map(
+        model, axis="speed", values=[1e4], methods=["dopri5", "radau5"], steps=[1e-2], t_end=0.1
+    )
+    assert found.complete
