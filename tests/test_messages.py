@@ -21,7 +21,7 @@ pytestmark = pytest.mark.fast
 FIELDS = (
     "name, parent, joint, axes, motions, link, rotation, mass, com, inertia, tip, q, v, "
     "stiffness, damping, rest, friction, armature, limits, limit_restitution, shape, "
-    "shapes, density, derived"
+    "shapes, density, derived, any_inertia"
 )
 KINDS = "weld, revolute, prismatic, cylindrical, universal, spherical, planar, free, compound"
 CONSTRAINTS = (
@@ -158,7 +158,8 @@ BODIES: list[tuple[dict[str, Any], str]] = [
     ),
     (
         {"name": "a", "shape": {"kind": "ball"}},
-        "body 'a', shape: kind must be one of box, sphere, cylinder, capsule, mesh; given 'ball'",
+        "body 'a', shape: kind must be one of box, sphere, ellipsoid, cylinder, capsule, mesh, "
+        "heightfield; given 'ball'",
     ),
     ({"name": "a", "shape": {"kind": "sphere"}}, "body 'a', shape: a sphere needs radius"),
     (
