@@ -29,7 +29,7 @@ from .camera import viewpoint as viewpoint
 from .overlays import Overlays
 
 INSIDE = {"links", "coms", "inertias", "frames", "points"}  # is seen only through the bodies
-OUTLINE = (255, 170, 20)
+OUTLINE = (20, 105, 255)
 
 
 class SceneView:
@@ -161,7 +161,7 @@ class SceneView:
             axes_radius=0.006 * size,
             origin_radius=0.01 * size,
         )
-        for part, grown, opacity in (("outline", 0.016, None), ("tint", 0.002, 0.3)):
+        for part, grown, opacity in (("outline", 0.02, None), ("tint", 0.002, 0.4)):
             client.scene.add_mesh_simple(
                 f"/selected/{part}",
                 solid.vertices + grown * size * solid.vertex_normals,

@@ -108,7 +108,6 @@ def main() -> None:
     given = parser.parse_args()
     names = given.only or (list(SCENES) if given.all else list(IN_THE_DOCUMENTS))
     server = serve(pg.Model.load(pgraph_models.path("quadruped")), port=18090, open_browser=False)
-    server.viser.scene.configure_default_lights(cast_shadow=False)  # software GL is slow
     with sync_playwright() as playwright:
         path = shutil.which("chromium") or sys.exit("needs chromium")
         browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
