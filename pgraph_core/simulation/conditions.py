@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from ..packing.system import Array
 
 if TYPE_CHECKING:
     from ..contact.tables import Tables
-    from .recording import Recording
 
 FAR = 1e9  # m: gaps beyond it count as this
 
@@ -78,12 +77,23 @@ def _known(mech: Mechanism, contacts: Tables | None) -> dict[str, dict[str, Any]
     }
 
 
+class UnderWay(Protocol):
+    """What a condition asks of the run that it is watched in: a `Recording`."""
+
+    mech: Mechanism
+    plan: Any
+    scene: Any
+    steps: Any
+    events: Any
+    held: set[int]  # constraints that are active now
+
+
 class Condition:
     """A monitor that rises through zero where its condition becomes true."""
 
     direction, terminal = 1, False
 
-    def __init__(self, given: ConditionOf, record: Recording):
+    def __init__(self, given: ConditionOf, record: UnderWay):
         """Nothing is computed yet."""
         self.given, self.record = given, record
         self.name = str(given.when)
