@@ -134,6 +134,21 @@ def test_loops_hold_in_mujoco_as_here(tmp_path):
     assert report.loaded
 
 
+def test_a_spring_is_a_tendon_with_the_same_pull(tmp_path):
+    rod = pg.Body(name="rod", joint="spherical", mass=1.0, tip=(0, 0, 1), com=(0, 0, 0.5))
+    spring = pg.Spring(name="s", body="rod", other_point=(1, 0.5, 0.3), stiffness=30.0, damping=0.7)
+    model = pg.Model(bodies=[rod], forces=[spring])
+    pg.write_mjcf(model, tmp_path / "s.xml")
+    again, report = pg.read_mjcf(tmp_path / "s.xml")
+    assert report.loaded
+    rest = np.linalg.norm((1, 0.5, -0.7))
+    found = again.forces[0]
+    assert (found.name, found.body, found.other, found.stiffness) == ("s", "rod", "ground", 30.0)
+    np.testing.assert_allclose(found.rest, rest)
+    m = mujoco.MjModel.from_xml_path(str(tmp_path / "s.xml"))
+    assert max(errors_of(again, m, np.random.default_rng(2)).values()) < 1e-12
+
+
 def test_what_mjcf_does_not_have_is_told_or_refused(tmp_path):
     rod = pg.Body(name="rod", tip=(1, 0, 0), mass=1.0)
     model = pg.Model(bodies=[rod], constraints=[pg.Line(name="rail", body="rod", axis=(0, 1, 0))],

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..errors import FileError, ModelError, Problem, shown
 from ..markup import Element, read_markup
-from ..model import Contact, Force, Model, Shape
+from ..model import Contact, Force, Model
 from ..model.fields import GROUND, name_problem
 from ..rotation import matrix, multiply, unit
 from ..show.extras import needed
@@ -378,9 +378,6 @@ class _Reader:
             case 5:
                 shape |= {"kind": "cylinder", "radius": x, "length": 2 * y}
             case 4:
-                if "radii" not in Shape.model_fields:
-                    self.left_out("geom", m.geom(g).name, "an ellipsoid", acts=acts)
-                    return None
                 shape |= {"kind": "ellipsoid", "radii": (x, y, z)}
             case 6:
                 shape |= {"kind": "box", "size": (2 * x, 2 * y, 2 * z)}

@@ -214,7 +214,7 @@ class _Writer:
                 case "capsule" | "cylinder":
                     geom.set(type=shape.kind, size=(r, h))
                 case "ellipsoid":
-                    geom.set(type="ellipsoid", size=getattr(shape, "radii"))  # noqa: B009
+                    geom.set(type="ellipsoid", size=shape.radii)
                 case "mesh" if Path(shape.file or "").suffix.lower() in MESHES:
                     geom.set(type="mesh", mesh=self._asset(shape))
                 case kind:

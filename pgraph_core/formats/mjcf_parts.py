@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..model import Constraint, Contact, Force, Gear, Motion, Motor, Scenario, Servo, Wrench
+from ..model import Constraint, Contact, Force, Gear, Motion, Motor, Scenario, Servo, Spring, Wrench
 from ..model.fields import EVERY, GROUND
 from ..rotation import matrix, multiply, unit
 from ..show.extras import needed
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 Array = np.ndarray
 CONNECT, WELD, JOINT = 0, 1, 2  # mjtEq
+SITE = 3  # mjtWrap
 ON_JOINT = (0, 1)  # mjtTrn: joint, joint in parent
 THICK = 1.0  # m: of the box that stands for a plane that is no ground
 WIDE = 50.0  # m: half the edge of one without bounds
@@ -154,6 +155,7 @@ class Parts:
             taken.add(name)
             if (one := self._actuator(a, name)) is not None:
                 yield one
+        yield from self._springs()
         for b in np.flatnonzero(self.m.body_gravcomp):
             m, name = self.m, self.reader.names[b]
             lift = -m.opt.gravity * m.body_mass[b] * m.body_gravcomp[b]
@@ -163,6 +165,35 @@ class Parts:
             yield Wrench(
                 name=f"gravcomp of {name}", body=name, force=tuple(lift.tolist()),
                 point=tuple(point.tolist()),
+            )  # fmt: skip
+
+    def _springs(self) -> Iterator[Force]:
+        """Tendons straight from one site to another, with a spring or a damper."""
+        m = self.m
+        self.springs: set[int] = set()
+        for t in range(m.ntendon):
+            first = int(m.tendon_adr[t])
+            straight = m.tendon_num[t] == 2 and all(m.wrap_type[first : first + 2] == SITE)
+            shortest, longest = (float(x) for x in m.tendon_lengthspring[t])
+            odd = m.tendon_limited[t] or m.tendon_frictionloss[t] or m.tendon_armature[t]
+            poly = any(np.any(getattr(m, f"tendon_{x}poly", 0)) for x in ("stiffness", "damping"))
+            if not straight or odd or poly or shortest != longest:
+                continue
+            ends: list[tuple[str, tuple[float, ...]]] = []
+            for site in m.wrap_objid[first : first + 2]:
+                b = int(m.site_bodyid[site])
+                place = m.site_pos[site] - self.reader.pivot[b]
+                ends.append((self.reader.names[b], tuple(place.tolist())))
+            if ends[0][0] == GROUND:
+                ends.reverse()
+            (body, point), (other, other_point) = ends
+            if body == GROUND:
+                continue
+            self.springs.add(t)
+            yield Spring(
+                name=m.tendon(t).name or f"tendon {t + 1}", body=body, other=other, point=point,
+                other_point=other_point, stiffness=float(m.tendon_stiffness[t]),
+                damping=float(m.tendon_damping[t]), rest=shortest,
             )  # fmt: skip
 
     def _actuator(self, a: int, name: str) -> Force | None:
@@ -421,7 +452,7 @@ class Parts:
     def rest(self) -> None:
         """What is left out as a whole."""
         m, reader = self.m, self.reader
-        for t in range(m.ntendon):
+        for t in sorted({*range(m.ntendon)} - self.springs):
             acts = bool(
                 m.tendon_limited[t] or np.any(m.tendon_stiffness[t]) or np.any(m.tendon_damping[t])
                 or m.tendon_frictionloss[t] or m.tendon_armature[t]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+import pgraph_models
 from pgraph_core.markup import read_markup
 from tests.models_of_others import files, largest_error
 
@@ -50,6 +51,17 @@ def by_pinocchio(path: Path, mech: pg.Mechanism, rng) -> dict[str, float]:
 def without_friction(model: pg.Model) -> pg.Model:
     bodies = {b.name: {"damping": (0.0,), "friction": (0.0,)} for b in model.bodies if b.dof}
     return model.edit_all(bodies) if bodies else model
+
+
+@pytest.mark.parametrize("name", ["chain_10", "double_pendulum", "fig1_tree"])
+def test_models_of_ours_are_the_same_in_pinocchio(tmp_path, name):
+    model = without_friction(pg.Model.load(pgraph_models.path(name)))
+    model = model.replace(up="z", gravity=(0.0, 0.0, -9.81))
+    if any(len(body.motions) > 1 for body in model.bodies):
+        pytest.skip("its joints of several motions have other names there")
+    pg.write_urdf(model, tmp_path / "ours.urdf")
+    errors = by_pinocchio(tmp_path / "ours.urdf", pg.Mechanism(model), np.random.default_rng(0))
+    assert max(errors.values()) < 1e-11
 
 
 @pytest.mark.nightly
