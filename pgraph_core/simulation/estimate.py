@@ -20,7 +20,7 @@ from ..dynamics.states import differences
 from ..packing.system import Array
 from .options import LEAST_RTOL
 from .plan import STIFF, Plan
-from .recording import Progress, Recording
+from .recording import Estimate, Progress, Recording
 
 LOOSER = 32.0  # ratio of the tolerances of two runs
 COMPARED = 65  # frames at most, where frames cost time of their own
@@ -41,16 +41,6 @@ UNKNOWN = (
 )
 SHORT = f"{BECAUSE} it ended before its second frame"
 FAILS = f"{BECAUSE} the same run at wider or narrower steps, to compare with, fails"
-
-
-class Estimate(NamedTuple):
-    """Of the error of q at the recorded times."""
-
-    largest: float = np.nan  # [rad, m]; inf: not known to the end; nan: not estimated
-    until: float = np.inf  # time to which it is known [s]
-    before: float = np.nan  # the largest one until then [rad, m]
-    notices: tuple[str, ...] = ()
-    why: str = ""  # there is none
 
 
 class _Apart(NamedTuple):

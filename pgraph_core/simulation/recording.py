@@ -6,7 +6,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -33,7 +33,6 @@ from .switches import Change, closed, hold_here, switched_by
 
 if TYPE_CHECKING:
     from .contact_events import ContactEvents
-    from .estimate import Estimate
     from .user_events import Monitor, Watch
 
 CHUNK = 0.02  # s of computation between two calls of `progress`
@@ -47,6 +46,16 @@ STATUS = {
     at.TOO_MANY: Status.TOO_MANY_STEPS,
     at.NOT_SOLVED: Status.NOT_SOLVED,
 }
+
+
+class Estimate(NamedTuple):
+    """Of the error of q at the recorded times."""
+
+    largest: float = np.nan  # [rad, m]; inf: not known to the end; nan: not estimated
+    until: float = np.inf  # time to which it is known [s]
+    before: float = np.nan  # the largest one until then [rad, m]
+    notices: tuple[str, ...] = ()
+    why: str = ""  # there is none
 
 
 class Recording:

@@ -10,10 +10,10 @@ from ..errors import InputError, Problem
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..result import Result
-from .estimate import UNKNOWN, Estimate, error_estimate, estimable
+from .estimate import UNKNOWN, error_estimate, estimable
 from .options import MOST_CHOSEN, Options
 from .plan import plan_of, with_state
-from .recording import Recording
+from .recording import Estimate, Recording
 from .user_events import monitors_of
 
 

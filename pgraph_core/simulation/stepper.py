@@ -21,11 +21,10 @@ from ..model import Force, Model, Motor, Servo
 from ..packing.system import Array, Drives
 from ..portable import Portable, installed
 from ..result import Result, Status
-from .estimate import Estimate
 from .loop import Outcome
 from .options import SAME, Options, positive
 from .plan import plan_of, touching_contacts, with_state
-from .recording import Recording
+from .recording import Estimate, Recording
 from .switches import Change
 
 GIVEN_STEPS = tuple(m.name for m in METHODS.values() if not m.adaptive)
