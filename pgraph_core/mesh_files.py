@@ -12,7 +12,7 @@ import numpy as np
 from .collada import triangles
 from .errors import FileError, ModelError, Problem, choices
 
-FORMATS = ("glb", "obj", "off", "ply", "stl", "dae")
+FORMATS = ("glb", "obj", "off", "ply", "stl", "dae", "msh")
 LARGEST = 200_000_000  # [bytes] of a mesh file
 FARTHEST = 1e12  # a coordinate beyond this has no volume in float64
 Scale: TypeAlias = "float | tuple[float, float, float]"
@@ -58,7 +58,9 @@ def parsed_mesh(file: str | Path) -> Any:
         text = f"cannot be read as {suffix}: its content is no {suffix.upper()} mesh"
         raise FileError(Problem(where, "", text))
     try:
-        if suffix == "dae":
+        if suffix == "msh":
+            mesh = trimesh.Trimesh(*_msh(content), process=False)
+        elif suffix == "dae":
             mesh = trimesh.Trimesh(*triangles(content, Path(file).name), process=False)
         else:
             mesh = trimesh.load_mesh(io.BytesIO(content), file_type=suffix, resolver=None)
@@ -81,6 +83,8 @@ def _looks_like(suffix: str, content: bytes) -> bool:
     match suffix:
         case "dae":
             return b"<COLLADA" in content[:10_000]
+        case "msh":
+            return _sizes_of_msh(content) is not None
         case "glb":
             return content[:4] == b"glTF"
         case "ply":
@@ -92,6 +96,24 @@ def _looks_like(suffix: str, content: bytes) -> bool:
             ascii_text = content.lstrip()[:5].lower() == b"solid" and b"facet" in content
             return ascii_text or (len(content) >= 84 and len(content) >= 84 + 50 * triangles > 84)
     return bool(re.search(rb"^\s*v\s", content, re.M) and re.search(rb"^\s*f\s", content, re.M))
+
+
+def _sizes_of_msh(content: bytes) -> tuple[int, int, int, int] | None:
+    """Numbers of vertices, normals, texture places, faces of a mesh of MuJoCo; None: no such."""
+    if len(content) < 16:
+        return None
+    points, normals, places, faces = np.frombuffer(content, "<i4", 4).tolist()
+    size = 16 + 12 * points + 12 * normals + 8 * places + 12 * faces
+    fits = size == len(content) and points > 0 and min(normals, places, faces) >= 0
+    return (points, normals, places, faces) if fits else None
+
+
+def _msh(content: bytes) -> tuple[Any, Any]:
+    """(vertices, faces) of a binary mesh of MuJoCo."""
+    points, normals, places, faces = _sizes_of_msh(content) or (0, 0, 0, 0)
+    vertices = np.frombuffer(content, "<f4", 3 * points, 16).reshape(-1, 3)
+    after = 16 + 12 * points + 12 * normals + 8 * places
+    return vertices.astype(float), np.frombuffer(content, "<i4", 3 * faces, after).reshape(-1, 3)
 
 
 def _unreadable(file: str | Path, error: Exception) -> Problem:

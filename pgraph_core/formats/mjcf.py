@@ -17,6 +17,7 @@ import numpy as np
 
 from ..errors import FileError, ModelError, Problem, shown
 from ..markup import Element, read_markup
+from ..mesh_files import FORMATS
 from ..model import Contact, Force, Model
 from ..model.fields import GROUND, name_problem
 from ..rotation import matrix, multiply, unit
@@ -413,7 +414,7 @@ class _Reader:
         k = int(m.geom_dataid[g])
         name = m.mesh(k).name
         file = self.files.meshes.get(name)
-        if file is None or file.suffix.lower() not in (".stl", ".obj", ".ply", ".off", ".glb"):
+        if file is None or file.suffix.lower().lstrip(".") not in FORMATS:
             kept = file.name if file is not None else "its numbers stand in the file itself"
             self.left_out("mesh", name, f"of a format that is not read: {kept}", acts=acts)
             return None

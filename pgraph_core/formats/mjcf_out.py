@@ -32,7 +32,7 @@ from .report import Report
 from .urdf_out import Placed, Tag
 
 KINDS = {"rotate": "hinge", "translate": "slide", "ball": "ball", "free": "free"}
-MESHES = (".stl", ".obj")
+MESHES = (".stl", ".obj", ".msh")
 THIN = 1e-12  # relative: a moment of inertia that MuJoCo takes for none
 NOTHING = (1.0, 0.0, 0.0, 0.0)
 WORLD = "world"
