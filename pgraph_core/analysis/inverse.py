@@ -230,7 +230,7 @@ def _points(mech: Dynamics, q: Array, names: Sequence[str]) -> list[CarryingPoin
 def _carried(
     points: list[CarryingPoint], free: Array, leverage: Array, wanted: Array, size: float
 ) -> Array:
-    """(n,) what contact forces within their cones do, where the torques beside them are least.
+    """(n,) what contact forces within their cones do, where the other torques are least.
 
     Cones by pyramids inside them, refined in the directions that are used: each is a non-negative
     least-squares problem, and the torques fall from one to the next.

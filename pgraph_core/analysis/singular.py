@@ -145,7 +145,7 @@ class _Look:
         return values * self.rows / (np.trace(omega) or 1.0), vectors
 
     def only_there(self, tau: float, usual: Array) -> Passed | None:
-        """The position a time tau on, if rows are null there beside the `usual` combinations."""
+        """The position a time tau on, if rows are null there besides the `usual` combinations."""
         values, vectors = self.eigen(tau)
         count = int((values < TOUCHES).sum())
         if count <= usual.shape[1]:

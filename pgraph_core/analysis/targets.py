@@ -22,7 +22,7 @@ from .rows import Rows
 
 WHERE = "inverse_kinematics"
 ROUNDS = 100
-STARTS = 8  # where the first ends beside the targets
+STARTS = 8  # if the first one misses the targets
 REACHED = 1e-11  # relative to the mechanism's size
 MISSED = 1e-8  # ... where it goes no further
 LONGEST = 0.5  # rad, or of the mechanism's size: one step

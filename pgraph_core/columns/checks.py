@@ -1,4 +1,4 @@
-"""Columns as the kernel takes them, and what is said of those that it refuses."""
+"""Columns as the kernel takes them, and the messages for those that it refuses."""
 
 from __future__ import annotations
 

@@ -43,7 +43,7 @@ NO_USER = User(0, np.zeros((0, 0)), np.zeros(0, dtype=np.int64))
 class Scene(Unportable):
     """What kernels take of a run behind one `address`; it belongs to one thread at a time.
 
-    `active` may be changed between calls, and `given` (nv,), the torques beside all others.
+    `active` may be changed between calls, and `given` (nv,), torques in addition to all others.
     """
 
     once = True  # each step is taken once: what happened in it is so
@@ -235,7 +235,9 @@ def islands(rows: Ints, nv: int, blocks: int) -> Islands:
 
 
 MOST_DIPS = 8  # of pivots of constraints that are kept for a closer look
-MOST_MEETINGS = 64  # of things that may meet in a step, beside as many as there are contacts
+MOST_MEETINGS = (
+    64  # of things that may meet in a step, in addition to as many as there are contacts
+)
 MOST_CHANGES = 4096  # of phases between two looks at them
 
 

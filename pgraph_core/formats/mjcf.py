@@ -38,7 +38,7 @@ INITIAL = "initial state"  # a keyframe of this name is that
 def read_mjcf(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model, Report]:
     """(model, report) of an MJCF file, read by MuJoCo.
 
-    `roots` are folders that included files and meshes may lie in, beside the nearest folder above
+    `roots` are folders that included files and meshes may lie in, besides the nearest folder above
     the file with a package.xml, or its own. Raises FileError or ModelError, and MissingPackage
     without MuJoCo.
     """

@@ -42,7 +42,7 @@ def write_mjcf(model: Model, path: str | Path) -> Report:
     """Write the model as an MJCF file; the report says what the format cannot hold.
 
     Trees, loops of kinds point, weld, revolute, gear and motion, contacts, motors, servos and
-    springs. Meshes from elsewhere are written to `meshes` beside it. Raises ModelError for free
+    springs. Meshes from elsewhere are written to `meshes` next to it. Raises ModelError for free
     joints within the tree, which MJCF does not have, and FileError; then nothing is written.
     """
     path = Path(path)

@@ -33,7 +33,7 @@ class Law(NamedTuple):
 
 
 class Parts:
-    """The parts of a model beside its bodies."""
+    """The parts of a model other than its bodies."""
 
     def __init__(self, reader: _Reader):
         self.reader, self.m, self.report = reader, reader.m, reader.report

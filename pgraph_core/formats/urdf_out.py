@@ -28,7 +28,7 @@ NO_LIMIT = 1e9  # effort and velocity of joints that bound neither: URDF asks fo
 def write_urdf(model: Model, path: str | Path) -> Report:
     """Write the model as a URDF file; the report says what the format cannot hold.
 
-    Meshes from elsewhere are written to `meshes` beside it. Raises ModelError for ball joints,
+    Meshes from elsewhere are written to `meshes` next to it. Raises ModelError for ball joints,
     which URDF does not have, and FileError; then nothing is written.
     """
     path = Path(path)

@@ -89,12 +89,12 @@ class AlongAxes(AtPoints):
     axis: Vec3 | None = field(
         "a direction [x, y, z] that is not zero, in the axes of `body`",
         converter=maybe_vector, default=None,
-        help="direction in the axes of the body; empty: as at first",
+        help="direction in the axes of the body; empty: as in the initial state",
     )  # fmt: skip
     other_axis: Vec3 | None = field(
         "a direction [x, y, z] that is not zero, in the axes of `other`",
         converter=maybe_vector, default=None,
-        help="direction in the axes of the other; empty: as at first",
+        help="direction in the axes of the other; empty: as in the initial state",
     )  # fmt: skip
 
     @model_validator(mode="after")
@@ -170,7 +170,7 @@ class Distance(AtPoints):
     )  # fmt: skip
     length: Number | None = field(
         "a length > 0 [m]; left out: as in the initial state",
-        default=None, gt=0, unit="length", help="of the rod; empty: as at first",
+        default=None, gt=0, unit="length", help="of the rod; empty: as in the initial state",
     )  # fmt: skip
 
 

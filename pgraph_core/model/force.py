@@ -163,7 +163,7 @@ class Spring(Between):
     damping: Number = field("a number >= 0 [N s/m]", default=0.0, ge=0, unit="N s/m")
     rest: Number | None = field(
         "a length >= 0 without force [m]; left out: as in the initial state",
-        default=None, ge=0, unit="length", help="without force; empty: as at first",
+        default=None, ge=0, unit="length", help="without force; empty: as in the initial state",
     )  # fmt: skip
 
 

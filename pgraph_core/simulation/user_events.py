@@ -95,7 +95,7 @@ class Watch:
         for monitor, value in zip(self.monitors, values):
             if value == 0.0 and monitor.terminal:
                 text = f"{monitor.name} is zero at the start already, so that the run would end "
-                text += "there; start beside it, or leave out terminal"
+                text += "there; start next to it, or leave out terminal"
                 raise _refused("events", text)
         return values
 
