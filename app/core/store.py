@@ -17,6 +17,7 @@ from .state import State
 
 FRAME = 1 / 60  # [s] between ticks while playing
 MOST_WAITING = 1000  # events of one page
+MOST_PICTURES = 40  # that wait; beyond, those that wait are drawn as one (a live run waits before)
 SLOW = 1.0  # [s] for one event: said in the log, with the view that took longest
 log = logging.getLogger(__name__)
 
@@ -75,11 +76,14 @@ class Queue:
             return event
 
     def more(self, event: Event) -> list[Event]:
-        """The events of the same kind and sender that wait next, if such collapse; taken."""
+        """The events of the same kind and sender that wait next, if such collapse and too many
+        wait; taken."""
         found: list[Event] = []
         sender = event.client if isinstance(event, FromPage) else None
         with self._changed:
             waiting = self._waiting.get(sender)
+            if waiting is not None and len(waiting) <= MOST_PICTURES:
+                return found
             while event.collapses and waiting and type(waiting[0]) is type(event):
                 found.append(waiting.popleft())
             if waiting is not None and not waiting:
