@@ -14,7 +14,7 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core import show
-from pgraph_core.show import animation, bodies, camera, ground, plots, tables
+from pgraph_core.show import animation, bodies, camera, ground, plots, shapes, tables
 from pgraph_core.show.ground import GRID
 
 pytestmark = pytest.mark.fast
@@ -272,3 +272,13 @@ def test_the_floor_is_below_what_hangs_and_at_the_plane_where_something_may_touc
     assert low == pytest.approx(sum(np.linalg.norm(b.tip_point) for b in hanging.bodies), abs=0.2)
     touching = hanging.add(pg.Contact(name="c", body="4", points=((0, 0, 0),)))
     assert ground.depth(touching, hanging.bodies, top.parent.tolist(), positions, 0.4) == 0
+
+
+def test_the_box_of_a_mesh_is_that_of_its_file_in_its_scales(tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.box((0.2, 0.4, 0.6)).export(tmp_path / "box.stl")
+    shape = pg.Shape(kind="mesh", file=str(tmp_path / "box.stl"), scale=(1, 2, 0.5))
+    (piece,) = shapes.pieces(pg.Body(name="a", shape=shape), ())
+    corners = bodies.corners([piece])
+    np.testing.assert_allclose(np.ptp(corners, axis=0), (0.2, 0.8, 0.3))
+    np.testing.assert_allclose(shapes.mesh([piece]).extents, (0.2, 0.8, 0.3))

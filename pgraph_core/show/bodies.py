@@ -67,9 +67,9 @@ def looks(
 
 
 def corners(pieces: Sequence[shapes.Piece]) -> np.ndarray:
-    """(n, 3) corners of boxes around pieces, in body axes [m]; of a mesh, of a box of 1 m."""
-    unit = np.array([*itertools.product((-0.5, 0.5), repeat=3)])
-    found = [p.position + (unit * p.size) @ p.rotation.T for p in pieces]
+    """(n, 3) corners of boxes around pieces, in body axes [m]."""
+    which = np.array([*itertools.product((0, 1), repeat=3)])
+    found = [p.position + shapes.bounds(p)[which, range(3)] @ p.rotation.T for p in pieces]
     return np.concatenate(found) if found else np.zeros((1, 3))
 
 

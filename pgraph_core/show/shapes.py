@@ -137,7 +137,7 @@ def _solid(part: Piece) -> Any:
             solid = trimesh.Trimesh(vertices, faces, process=False)
         case "mesh":
             solid = _file(part.file)
-            solid.apply_scale(x)
+            solid.apply_scale(part.size)
     placed = np.eye(4)
     placed[:3, :3], placed[:3, 3] = part.rotation, part.position
     solid.apply_transform(placed)
@@ -193,6 +193,14 @@ def _file(name: str) -> Any:
     if isinstance(found, str):
         return needed("trimesh", "page").creation.box(extents=(0.1, 0.1, 0.1))
     return found.copy()
+
+
+def bounds(part: Piece) -> np.ndarray:
+    """(2, 3) least and greatest corner of a piece along its own axes [m]."""
+    size = np.asarray(part.size)
+    if part.kind == "mesh":
+        return np.sort(np.asarray(_file(part.file).bounds) * size, axis=0)
+    return np.stack((-size / 2, size / 2))
 
 
 def unreadable(bodies: Sequence[Any]) -> tuple[str, ...]:
