@@ -185,7 +185,7 @@ window.pgraph = (() => {
   // What the server tells this page in passing: a title, and three lines of text until it is clicked.
   listeners.notice = ({ title, text, bad }) => {
     const make = pgraph.make, said = make("div", { className: "said", textContent: text.length > 400 ? `${text.slice(0, 400)} …` : text });
-    const note = make("div", { className: `pgraph pgraph-toast notice${bad ? "" : " good"}`, role: bad ? "alert" : "status", title: text },
+    const note = make("div", { className: `pgraph pgraph-notice${bad ? "" : " good"}`, role: bad ? "alert" : "status", title: text },
       make("button", { className: "close", textContent: "×", "aria-label": "close", onclick: () => note.remove() }),
       make("strong", { textContent: title }), ...(text ? [said] : []));
     said.onclick = () => note.classList.toggle("whole");
