@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterable, Iterator
 from itertools import groupby
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from ..model.fields import GROUND, name_problem
 from ..rotation import matrix, multiply, unit
 from ..show.extras import needed
 from .folders import Folders
-from .mjcf_parts import Parts
+from .mjcf_parts import Group, Parts
 from .report import Report, reach_of, suspect_units, unphysical
 
 Array = np.ndarray
@@ -116,15 +116,6 @@ class _Files:
                 self.meshes[name or Path(given).stem] = there[0].resolve()
 
 
-class _Group(NamedTuple):
-    """Joints of one body about one place: a body of ours."""
-
-    name: str
-    joints: tuple[int, ...]
-    pivot: Array  # in the body's axes
-    last: bool  # whether the body's mass and shapes are here
-
-
 class _Reader:
     def __init__(self, m: Any, path: Path, files: _Files):
         self.m, self.files, self.path = m, files, path
@@ -212,7 +203,7 @@ class _Reader:
 
     # -- bodies ----------------------------------------------------------------------------------
 
-    def _grouped(self, b: int) -> list[_Group]:
+    def _grouped(self, b: int) -> list[Group]:
         """The joints of a body, those about one place together."""
         m = self.m
         joints = range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b])
@@ -229,7 +220,7 @@ class _Reader:
             self.report.add("converted", self.where("body", m.body(b).name), text, part=name)
         self.pivot[b] = runs[-1][0]
         return [
-            _Group(name if k == len(runs) - 1 else f"{name}/{k + 1}", tuple(js), np.array(pivot),
+            Group(name if k == len(runs) - 1 else f"{name}/{k + 1}", tuple(js), np.array(pivot),
                    k == len(runs) - 1)
             for k, (pivot, js) in enumerate(runs)
         ]  # fmt: skip
@@ -258,7 +249,7 @@ class _Reader:
             yield fields
             before, base = group.name, group.pivot
 
-    def _joint(self, group: _Group, free: bool, b: int) -> dict[str, Any]:
+    def _joint(self, group: Group, free: bool, b: int) -> dict[str, Any]:
         m = self.m
         if not group.joints:
             return {"joint": "weld"}

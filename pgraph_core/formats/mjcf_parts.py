@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -11,9 +12,7 @@ from ..model import Constraint, Contact, Force, Gear, Motion, Motor, Scenario, S
 from ..model.fields import EVERY, GROUND
 from ..rotation import matrix, multiply, unit
 from ..show.extras import needed
-
-if TYPE_CHECKING:
-    from .mjcf import _Reader
+from .report import Report
 
 Array = np.ndarray
 CONNECT, WELD, JOINT = 0, 1, 2  # mjtEq
@@ -22,6 +21,43 @@ ON_JOINT = (0, 1)  # mjtTrn: joint, joint in parent
 THICK = 1.0  # m: of the box that stands for a plane that is no ground
 WIDE = 50.0  # m: half the edge of one without bounds
 FLAT = 1e-9
+
+
+class Group(NamedTuple):
+    """Joints of one body about one place: a body of ours."""
+
+    name: str
+    joints: tuple[int, ...]
+    pivot: Array  # in the body's axes
+    last: bool  # whether the body's mass and shapes are here
+
+
+class Reading(Protocol):
+    """What the reader of the bodies knows."""
+
+    m: Any  # MuJoCo's compiled model
+    path: Path
+    report: Report
+    names: list[str]  # of bodies, by MuJoCo's numbers
+    pivot: Array  # (nbody, 3) our origins in their axes
+    groups: list[list[Group]]
+    place_of_joint: dict[int, tuple[str, int]]  # body and motion
+
+    def where(self, tag: str, name: str) -> str:
+        """Where an element stands in its file."""
+        ...
+
+    def left_out(self, tag: str, name: str, text: str, *, acts: bool = True) -> None:
+        """Say that an element has no place."""
+        ...
+
+    def touches(self, g: int) -> bool:
+        """Whether a geom may touch anything."""
+        ...
+
+    def solid(self, g: int, b: int) -> dict[str, Any] | None:
+        """A geom as a shape of body b."""
+        ...
 
 
 class Law(NamedTuple):
@@ -35,7 +71,7 @@ class Law(NamedTuple):
 class Parts:
     """The parts of a model other than its bodies."""
 
-    def __init__(self, reader: _Reader):
+    def __init__(self, reader: Reading):
         self.reader, self.m, self.report = reader, reader.m, reader.report
         self.obey_flags()
         self.floors, self.walls = self._planes()
