@@ -18,6 +18,7 @@ from ..packing.system import Array, Ints
 LEAST_RTOL = 1e-15  # the error of a step is rounding below it
 MOST_CHOSEN = 10_000_000  # default limit on the steps of an adaptive run
 MOST_STEPS = 1_000_000_000  # a day of computing
+MOST_FRAMES = 100_000_000
 FRAMES = 1000  # recorded by default
 SAME = 1e-9  # of a step: times this near are the same
 FIXED_RTOL = 1e-9  # to which implicit methods solve their equations at fixed steps
@@ -191,6 +192,9 @@ def frame_times(t_start: float, t_end: float, frames: Any, t_eval: Any) -> Array
         return _grid(t_eval, t_start, t_end)
     if not isinstance(frames, Integral) or isinstance(frames, bool) or frames < 2:
         text = f"must be a whole number >= 2; given {frames!r}"
+        raise InputError(Problem("simulate", "frames", text))
+    if frames > MOST_FRAMES:
+        text = f"must be at most {MOST_FRAMES}, which already takes gigabytes; given {frames}"
         raise InputError(Problem("simulate", "frames", text))
     return np.linspace(t_start, t_end, int(frames))
 

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from ..gait.controller import Controller
 
 VERSION = version("pgraph-dynamics")
+LARGEST = 1e75  # kg, m, kg m²: energies are products of four such numbers
 KEPT_PLANS = 8  # by a mechanism
 RESOLVED = 0.25  # steps times the rate of penalty contacts where no step is given
 KINKED = 2  # order that is left where tables bend inside steps
@@ -137,6 +138,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
     given = mech.model.scenario(o.scenario) if o.scenario is not None else None
     extra = o.checked_forces(mech)
     o.check()
+    _check_sizes(mech)
     span, name = o.span(given), o.method_name(given)
     forces = (*mech.model.forces, *(given.forces if given else ()), *extra)
     drives, loads = mech.packed.drives(forces), mech.packed.loads(forces)
@@ -206,6 +208,19 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
     start = initial_state(mech, given, None, None, tau) if q is None or v is None else start
     plan = replace(plan, header=header, notices=notices, start=start)
     return plan, rate.known and rate.found is not None
+
+
+def _check_sizes(mech: Mechanism) -> None:
+    """Raise InputError for a body whose products of mass and length would overflow."""
+    for name in mech.names:
+        body = mech.model.body(name)
+        numbers = np.concatenate(
+            [np.ravel(x) for x in (body.mass, body.com, body.link, body.tip_point, body.inertia)]
+        )
+        if np.abs(numbers).max(initial=0.0) > LARGEST:
+            text = f"has a mass, length or inertia of {np.abs(numbers).max():.3g}, whose products "
+            text += f"overflow; keep them below {LARGEST:g}, in other units"
+            raise InputError(Problem(f"body '{name}'", "", text))
 
 
 # -- forces, contacts, constraints and state ----------------------------------------------------

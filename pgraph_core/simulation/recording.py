@@ -156,6 +156,37 @@ class Recording:
         """Record all frames, or until the run fails or is cancelled."""
         if self.begin():
             self.advance_to_end(progress)
+        if not self.done:
+            self._keep_start()
+        elif self.ended.status is Status.DONE:
+            self._note_rest()
+
+    def _keep_start(self) -> None:
+        """The initial state as the only frame of a run that fails at once; v' is not known."""
+        out = self.out
+        out.q[0], out.v[0], out.vdot[0] = self.q, self.v, np.nan
+        out.energies[0, :2] = motion.energy(self.scene.address, self.q, self.v)
+        self.steps.control["frame"] = 1
+
+    def _note_rest(self) -> None:
+        """Append a notice where gravity acts and no joint can follow it, at no position."""
+        mech, model = self.mech, self.mech.model
+        out, held = self.out, len(self.plan.ever) or self.plan.contacts is not None
+        last = self.done - 1
+        at_rest = not (out.v[: last + 1].any() or out.vdot[: last + 1].any())
+        acted = self.tau is not None or len(model.forces) or self.plan.header["forces"]
+        if held or acted or not at_rest or not mech.nv or not any(model.gravity):
+            return
+        rng = np.random.default_rng(0)
+        still, q = np.zeros(mech.nv), self.q.copy()
+        for joint in mech.joints.values():
+            if joint.q.stop - joint.q.start == joint.v.stop - joint.v.start:
+                q[joint.q] += rng.uniform(0.5, 2.5, joint.q.stop - joint.q.start)
+        if not mech.bias_force(q, still).any():
+            self.ended.notices.append(
+                "nothing moves: gravity turns or shifts no joint at any position, as with hinges "
+                "about the vertical; see the axes of the joints"
+            )
 
     def advance_to_end(self, progress: Progress) -> None:
         """Record all frames from here."""

@@ -15,6 +15,7 @@ from ..model import Body, Contact, Model, Motor, Table
 from ..packing.system import Array
 
 Rng = np.random.Generator
+NONE = np.zeros((3, 3))  # inertia of a point mass
 SMOOTH: tuple[dict[str, Any], ...] = (
     {"method": "dopri5", "rtol": 1e-6}, {"method": "dop853", "rtol": 1e-10},
     {"method": "dop853", "rtol": 1e-4}, {"method": "radau5", "rtol": 1e-6},
@@ -68,7 +69,7 @@ def oscillator(rng: Rng) -> Scene:
     hinge = bool(rng.random() < 0.5)
     size = min(size, 1.0) if hinge else size
     joint: dict[str, Any] = {"joint": "revolute" if hinge else "prismatic"}
-    joint |= {"inertia": np.eye(3) * m} if hinge else {}
+    joint["inertia"] = np.eye(3) * m if hinge else NONE
     body = Body(
         name="b", mass=m, stiffness=m * w * w, damping=2 * zeta * m * w, q=(size,),
         axes=((0, 0, 1),), **joint,
@@ -93,7 +94,7 @@ def pendulum(rng: Rng) -> Scene:
 
     length, m, g = _scale(rng, 1e-6, 1e6), _scale(rng, 1e-9, 1e9), _scale(rng, 1e-3, 1e3)
     angle = float(rng.uniform(0.01, 3.1))
-    body = Body(name="b", mass=m, com=(0, 0, -length), axes=((0, 1, 0),), q=(angle,))
+    body = Body(name="b", mass=m, com=(0, 0, -length), inertia=NONE, axes=((0, 1, 0),), q=(angle,))
     w, k = np.sqrt(g / length), np.sin(angle / 2)
 
     def known(t: Array) -> Array:
@@ -112,7 +113,7 @@ def pulse(rng: Rng) -> Scene:
     knots = total * np.array([0.0, at, at + rise, at + rise + wide, at + 2 * rise + wide, 1.0])
     torque = push * m / (wide * total) / total
     table = Table(t=tuple(knots.tolist()), value=(0.0, 0.0, torque, torque, 0.0, 0.0))
-    body = Body(name="b", joint="prismatic", mass=m, axes=((1, 0, 0),))
+    body = Body(name="b", joint="prismatic", mass=m, inertia=NONE, axes=((1, 0, 0),))
     model = Model(
         bodies=(body,), gravity=(0, 0, 0), forces=(Motor(name="f", body="b", torque=table),)
     )
@@ -158,7 +159,7 @@ def bounce(rng: Rng) -> Scene:
     r, m, g = _scale(rng, 1e-4, 1e2), _scale(rng, 1e-6, 1e6), _scale(rng, 1e-1, 1e2)
     h, e = r * _scale(rng, 0.1, 1e2), float(rng.choice([0.0, 0.3, 0.5, 0.8, 0.95, 1.0]))
     body = Body(
-        name="b", joint="prismatic", axes=((0, 0, 1),), mass=m, q=(r + h,),
+        name="b", joint="prismatic", axes=((0, 0, 1),), mass=m, q=(r + h,), inertia=NONE,
         shape={"kind": "sphere", "radius": r},
     )  # fmt: skip
     floor = Contact(name="c", body="b", law="complementarity", restitution=e, friction=0.0)
@@ -198,7 +199,7 @@ def slide(rng: Rng) -> Scene:
         )  # fmt: skip
     else:
         body = Body(
-            name="b", joint="compound", mass=m, v=(v0, 0.0),
+            name="b", joint="compound", mass=m, v=(v0, 0.0), inertia=NONE,
             motions=(("translate", (1, 0, 0)), ("translate", (0, 0, 1))),
         )  # fmt: skip
         floor = floor.model_copy(update={"points": ((0.0, 0.0, 0.0),)})
@@ -255,7 +256,12 @@ def head_on(rng: Rng) -> Scene:
     r, v0, e = _scale(rng, 1e-3, 1.0), _scale(rng, 1e-2, 1e3), float(rng.uniform(0, 1))
     gap = r * _scale(rng, 0.5, 50.0)
     shape = {"kind": "sphere", "radius": r}
-    line: dict[str, Any] = {"joint": "prismatic", "axes": ((1, 0, 0),), "shape": shape}
+    line: dict[str, Any] = {
+        "joint": "prismatic",
+        "axes": ((1, 0, 0),),
+        "shape": shape,
+        "inertia": NONE,
+    }
     one = Body(name="a", mass=m1, v=(v0,), **line)
     two = Body(name="b", mass=m2, link=(2 * r + gap, 0, 0), **line)
     pair = Contact(name="c", body="a", other="b", law="complementarity", restitution=e)
@@ -315,7 +321,7 @@ def tree(rng: Rng) -> Scene:
 def chaos(rng: Rng) -> Scene:
     """A double pendulum from anywhere, for long."""
     bodies = tuple(
-        Body(name=f"b{i}", parent="ground" if i == 0 else "b0", axes=((0, 1, 0),), mass=1.0,
+        Body(name=f"b{i}", parent="ground" if i == 0 else "b0", axes=((0, 1, 0),), mass=1.0, inertia=NONE,
              com=(0, 0, -1), link=(0, 0, -i), q=(float(rng.uniform(-3, 3)),))
         for i in range(2)
     )  # fmt: skip
