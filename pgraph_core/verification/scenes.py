@@ -321,8 +321,8 @@ def tree(rng: Rng) -> Scene:
 def chaos(rng: Rng) -> Scene:
     """A double pendulum from anywhere, for long."""
     bodies = tuple(
-        Body(name=f"b{i}", parent="ground" if i == 0 else "b0", axes=((0, 1, 0),), mass=1.0, inertia=NONE,
-             com=(0, 0, -1), link=(0, 0, -i), q=(float(rng.uniform(-3, 3)),))
+        Body(name=f"b{i}", parent="ground" if i == 0 else "b0", axes=((0, 1, 0),), mass=1.0,
+             inertia=NONE, com=(0, 0, -1), link=(0, 0, -i), q=(float(rng.uniform(-3, 3)),))
         for i in range(2)
     )  # fmt: skip
     return Scene("chaos", "", Model(bodies=bodies), float(rng.uniform(2, 30)), None)
