@@ -33,6 +33,7 @@ FEW = 100  # steps: twice as many cost little more, and tell the error itself
 ONE_EACH = 1.5  # steps a frame: fewer are those that frames ask for
 CHAOTIC = 4.0  # e-folds in the second half of the time: more than powers of time make
 FITTED = 8  # points of a rate
+UNSOLVED = 0.1  # of the tolerance of the equations of implicit steps
 EPS = float(np.finfo(float).eps)
 BECAUSE = "its error is not estimated, because"
 UNKNOWN = (
@@ -247,10 +248,15 @@ def _known_until(apart: _Apart, errors: Array, last: int, rate: float) -> Estima
 
 
 def _rounding(record: Recording) -> float:
-    """Least error of q that rounding makes: of positions, and of times at these velocities."""
+    """Least error of q: of rounded positions, of rounded times at these velocities, and of the
+    equations of implicit steps, which are solved to a tolerance of their own.
+    """
     q, v, t = record.out.q, record.out.v, record.plan.times
     size = np.abs(q).max(initial=0.0) + np.abs(t).max() * np.abs(v).max(initial=0.0)
-    return EPS * float(size)
+    given = record.plan.tolerance
+    if given is None or not (given.fixed and record.plan.method.implicit):
+        return EPS * float(size)
+    return EPS * float(size) + UNSOLVED * given.rtol * float(np.ptp(q, axis=0).max(initial=0.0))
 
 
 # -- the runs ------------------------------------------------------------------------------------

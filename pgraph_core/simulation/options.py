@@ -193,7 +193,7 @@ def frame_times(t_start: float, t_end: float, frames: Any, t_eval: Any) -> Array
     if not isinstance(frames, Integral) or isinstance(frames, bool) or frames < 2:
         text = f"must be a whole number >= 2; given {frames!r}"
         raise InputError(Problem("simulate", "frames", text))
-    if frames > MOST_FRAMES:
+    if int(frames) > MOST_FRAMES:
         text = f"must be at most {MOST_FRAMES}, which already takes gigabytes; given {frames}"
         raise InputError(Problem("simulate", "frames", text))
     return np.linspace(t_start, t_end, int(frames))
