@@ -67,6 +67,8 @@ def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) ->
         record.plan = _until(record.plan, float(record.steps.control["time"]))
         if len(record.plan.times) < 2:
             return Estimate(why=SHORT)
+    if len(record.plan.times) < 2:
+        return Estimate(0.0, before=0.0)  # the initial state alone
     if len(record.plan.kinks) == 0:
         return _located(record, q, v, progress)
     bent = _again(record, _onto_corners(record.plan), q, v, progress)

@@ -126,3 +126,9 @@ def test_a_compiled_torque_has_an_estimate_and_a_python_one_on_request():
     silent = pg.simulate(mech, t_end=1.0, tau=swinging.py_func, rtol=1e-6)
     assert np.isnan(silent.error_estimate)
     assert "estimate=True" in silent.message
+
+
+@pytest.mark.parametrize("options", [{}, {"method": "rk4", "step": 1e-3}])
+def test_the_initial_state_alone_has_no_error(options):
+    run = pg.simulate(model("pendulum"), t_end=0.5, t_eval=[0.0], **options)
+    assert (len(run.t), run.error_estimate) == (1, 0.0)
