@@ -82,8 +82,8 @@ if TYPE_CHECKING:
     from .study.stability import stability_map as stability_map
     from .study.study import Study as Study
     from .study.work_precision import work_precision as work_precision
-    from .sweeps import Sweep as Sweep
-    from .sweeps import sweep as sweep
+    from .sweeps.sweep import Sweep as Sweep
+    from .sweeps.sweep import sweep as sweep
     from .topology import Topology as Topology
     from .topology import jdof_of as jdof_of
     from .topology import parent_of as parent_of
@@ -130,7 +130,7 @@ _MODULES = {
     "study.stability": "stability_map",
     "study.study": "Study",
     "study.work_precision": "work_precision",
-    "sweeps": "Sweep sweep",
+    "sweeps.sweep": "Sweep sweep",
     "topology": "Topology jdof_of parent_of pgraph_of",
     "verification": "Case Verdict load_cases verify",
 }

@@ -9,6 +9,7 @@ import sys
 import urllib.error
 import urllib.request
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -272,6 +273,11 @@ def test_the_page_is_served_as_asked(capsys, monkeypatch, words, name, expected)
     served = []
 
     class Fake:
+        store = SimpleNamespace(state=SimpleNamespace(undo=()))  # nothing was recovered
+
+        def send(self, event) -> None:
+            served.append(type(event).__name__)
+
         def wait(self, until) -> None:
             assert not until.is_set()
             served.append("waited")
@@ -284,7 +290,7 @@ def test_the_page_is_served_as_asked(capsys, monkeypatch, words, name, expected)
 
     monkeypatch.setattr(pgraph_app.server, "serve", serve)
     said(capsys, *words)
-    assert served == [(name, expected), "waited"]
+    assert served == [(name, expected), "Simulate", "waited"]
 
 
 @pytest.mark.parametrize("host", ["300.1.1.1", "192.0.2.1", "no such host", "x" * 300])

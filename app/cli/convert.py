@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 
-from pgraph_core.formats.any import read_model, write_model
-
 from .terminal import Answer, model_path
 
 HELP = "a model from one format to another: .json, .urdf, .xml (MJCF)"
@@ -24,6 +22,8 @@ def arguments(parser: ArgumentParser) -> None:
 
 def answer(args: Namespace) -> Answer:
     """Raises PgraphError."""
+    from pgraph_core.formats.any import read_model, write_model  # other commands need no kernels
+
     model, read = read_model(model_path(args.model), args.roots)
     if args.repair:
         model = read.repaired(model)

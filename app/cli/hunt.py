@@ -5,12 +5,14 @@ from __future__ import annotations
 import sys
 import time
 from argparse import ArgumentParser, Namespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pgraph_core as pg
-from pgraph_core.verification.hunt import Find, hunt, told
 
 from .terminal import Answer
+
+if TYPE_CHECKING:
+    from pgraph_core.verification.hunt import Find
 
 HELP = "run random scenes; print the runs that are wrong and do not say so; exit code 1 if any"
 
@@ -22,6 +24,8 @@ def arguments(parser: ArgumentParser) -> None:
 
 def answer(args: Namespace) -> Answer:
     """Raises InputError for a number of scenes below 1."""
+    from pgraph_core.verification.hunt import hunt, told  # other commands need no kernels
+
     if args.scenes < 1 or args.seed < 0:
         text = f"needs a number >= 1, and a seed >= 0; given {args.scenes} and {args.seed}"
         raise pg.InputError(pg.errors.Problem("pgraph hunt", "--scenes", text))

@@ -70,5 +70,5 @@ def drawn(model: pg.Model) -> str:
 
 VIEWS = (
     Place(lambda desk: ToolbarView(desk.bridge), 30),
-    Place(lambda desk: GalleryView(desk.bridge), 31),
+    Place(lambda desk: GalleryView(desk.bridge), 32),
 )

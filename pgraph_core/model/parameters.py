@@ -274,6 +274,9 @@ def _filled(item: Any, values: Mapping[Path, float]) -> Any:
     if not new:
         return item
     data = item if isinstance(item, Mapping) else fields_of(item)
+    if data.get("shape") is not None and data.get("shapes"):  # `shape` is the first of `shapes`
+        data = {key: value for key, value in data.items() if key != "shape"}
+        new = {("shapes", 0, *p[1:]) if p[0] == "shape" else p: x for p, x in new.items()}
     for path, x in new.items():
         data = put(data, path, x)
     return data if isinstance(item, Mapping) else type(item)(**data)

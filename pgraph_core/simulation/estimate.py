@@ -63,6 +63,8 @@ def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) ->
     Where tables bend inside fixed steps, the error depends on where in the step they do: the
     estimate adds the difference to a run whose steps end there.
     """
+    if record.plan.times[-1] == record.plan.times[0]:  # no step was made
+        return Estimate(0.0, before=0.0)
     if record.ended.over:
         record.plan = _until(record.plan, float(record.steps.control["time"]))
         if len(record.plan.times) < 2:

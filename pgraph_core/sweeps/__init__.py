@@ -2,7 +2,3 @@
 
 `paths` says what is varied, `metrics` what is measured, `tasks` runs points, `sweep` keeps them.
 """
-
-from .sweep import Sweep, sweep
-
-__all__ = ["Sweep", "sweep"]
