@@ -47,18 +47,18 @@ def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
 
     Motions are (n, nq), `rows` those of the mechanism's joints. Attitudes differ by an angle.
     """
-    turned, moved = np.zeros(len(q)), np.zeros(len(q))
-    for kind, i in rows[1:, [at.KIND, at.QI]].tolist():
-        if kind == at.ROTATE:
-            turned = np.maximum(turned, np.abs(q[:, i] - other[:, i]))
-        elif kind == at.TRANSLATE:
-            moved = np.maximum(moved, np.abs(q[:, i] - other[:, i]))
-        else:
-            if kind == at.FREE:
-                place = np.abs(q[:, i : i + 3] - other[:, i : i + 3]).max(axis=1)
-                moved, i = np.maximum(moved, place), i + 3
-            turned = np.maximum(turned, angles(q[:, i : i + 4], other[:, i : i + 4]))
-    return turned, moved
+    kinds, places = rows[1:, at.KIND], rows[1:, at.QI]
+    free = places[kinds == at.FREE]
+    slides = np.concatenate([places[kinds == at.TRANSLATE], free, free + 1, free + 2])
+    balls = places[~np.isin(kinds, (at.ROTATE, at.TRANSLATE, at.FREE))]
+    turned = _largest(q, other, places[kinds == at.ROTATE])
+    for i in (*balls.tolist(), *(free + 3).tolist()):
+        turned = np.maximum(turned, angles(q[:, i : i + 4], other[:, i : i + 4]))
+    return turned, _largest(q, other, slides)
+
+
+def _largest(q: Array, other: Array, columns: Ints) -> Array:
+    return np.abs(q[:, columns] - other[:, columns]).max(axis=1, initial=0.0)
 
 
 def length_of(packed: Packed) -> float:
