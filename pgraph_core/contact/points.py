@@ -63,7 +63,11 @@ def _points(model: Model, pair: ContactPair) -> Iterator[ContactPoint]:
         raise _refused(contact, "other", "events are located between a body and the ground")
     if ground.steps:
         raise _refused(contact, "other", "events are located on a ground without steps")
-    friction = contact.frictions(ground).kinetic
+    all_kinds = contact.frictions(ground)
+    friction = all_kinds.kinetic
+    if all_kinds.static != friction or all_kinds.rolling or all_kinds.spinning:
+        text = "events are located with one coefficient of friction, without rolling or spinning"
+        raise _refused(contact, "friction", text)
     bounce = ground.restitution if contact.restitution is None else contact.restitution
     places = _places(model.body(pair.body), contact)
     for k, (point, radius) in enumerate(places):

@@ -74,6 +74,11 @@ class Tables(NamedTuple):
         return bool(self.touches or self.limits)
 
     @property
+    def turns(self) -> bool:
+        """Whether a contact resists rolling or spinning."""
+        return bool((self.laws["rolling"] > 0).any() or (self.laws["spinning"] > 0).any())
+
+    @property
     def rigid(self) -> bool:
         """Whether anything here needs impulses: a rigid contact, or a limit."""
         return bool(self.limits) or any(t.contact.law == "complementarity" for t in self.touches)
@@ -240,15 +245,16 @@ def joined(topology: Topology, packed: System) -> set[tuple[int, int]]:
 
 
 def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[float, ...]:
-    """(5,) law, friction, restitution, stiffness, damping, with what is left out filled in.
+    """(8,) as in PAIR_LAW, with what is left out filled in.
 
     Without a stiffness, the weight of the lightest tree that touches presses it in by 1e-4 of the
     bodies' size; a damping gives the restitution, of a soft contact at 1 m/s.
     """
     friction = c.frictions(model.ground)
-    if friction.static != friction.kinetic or friction.rolling or friction.spinning:
-        text = "static, rolling and spinning friction act in no law yet"
-        raise ModelError(Problem(f"contact '{c.name}'", "law", text))
+    further = friction.static != friction.kinetic or friction.rolling or friction.spinning
+    if further and c.law != "complementarity":
+        text = "static, rolling and spinning friction need the law 'complementarity'"
+        raise ModelError(Problem(f"contact '{c.name}'", "law", f"{text}; given '{c.law}'"))
     restitution = model.ground.restitution if c.restitution is None else c.restitution
     mass, weight = _lightest(c, model, topology, packed)
     depth = SINKS * radius_of_gyration(packed)
@@ -260,12 +266,13 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
         damping = 1.5 * (1 - restitution) / SPEED
     else:
         damping = 2 * damping_ratio(restitution) * np.sqrt(stiffness * mass)
-    return float(LAWS[c.law]), friction.kinetic, restitution, stiffness, damping
+    values = float(LAWS[c.law]), friction.kinetic, restitution, stiffness, damping
+    return (*values, friction.static, friction.rolling, friction.spinning)
 
 
 def contact_rate(c: Contact, model: Model, topology: Topology, packed: System) -> float:
     """Rate [1/s] of what lies on a soft or penalty contact: its spring, damper and friction."""
-    kind, friction, _, stiffness, damping = law(c, model, topology, packed)
+    kind, friction, _, stiffness, damping = law(c, model, topology, packed)[:5]
     mass, weight = _lightest(c, model, topology, packed)
     if kind == SOFT:
         depth = (weight / stiffness) ** (2 / 3)
@@ -358,11 +365,10 @@ def extended(blocks: Blocks, contacts: Tables) -> Blocks:
     ints, floats, terms_i, terms_f = contacts.limit_blocks
     ints = ints.copy()
     ints[:, at.B_TERM] += len(blocks.terms_i)
+    room = contacts.room * (2 if contacts.turns else 1)  # a second block that resists turning
     return blocks._replace(
-        blocks_i=np.vstack(
-            (blocks.blocks_i, ints, np.zeros((contacts.room, at.BLOCK_I), np.int64))
-        ),
-        blocks_f=np.vstack((blocks.blocks_f, floats, np.zeros((contacts.room, at.BLOCK_F)))),
+        blocks_i=np.vstack((blocks.blocks_i, ints, np.zeros((room, at.BLOCK_I), np.int64))),
+        blocks_f=np.vstack((blocks.blocks_f, floats, np.zeros((room, at.BLOCK_F)))),
         terms_i=np.vstack((blocks.terms_i, terms_i)),
         terms_f=np.concatenate((blocks.terms_f, terms_f)),
     )

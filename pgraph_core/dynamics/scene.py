@@ -149,6 +149,7 @@ class ContactSpace(Unportable):
         self.tally = tally[0]
         self.tally["first_limit"], self.tally["limits"] = first, limits
         self.tally["first_contact"] = first + limits
+        self.tally["first_turn"] = first + limits + count if contacts.turns else -1
         self.tally["length"] = length_of(packed)
         self.tally["pull"] = np.linalg.norm(packed.model.gravity)
         self.changes = table(PHASE_CHANGE, max(MOST_CHANGES, 2 * n))
@@ -171,7 +172,7 @@ class ContactSpace(Unportable):
             *packed.system[2:4],
             np.zeros(packed.nv),
             self.changes,
-            islands(packed.rows, packed.nv, first + limits + count),
+            islands(packed.rows, packed.nv, first + limits + count * (2 if contacts.turns else 1)),
         )
         self.shapes, self.found = contacts.geometry.shapes, self._kept.found
         self.pairs = pairs  # what each did in the last step
@@ -285,7 +286,7 @@ def workspace(
     chosen = [b for i in active.tolist() for b in range(blocks.first[i], blocks.first[i + 1])]
     m = most = int(blocks.blocks_i[chosen, at.B_SIZE].sum())
     if contacts is not None:
-        most = m + len(contacts.limits) + 3 * contacts.room
+        most = m + len(contacts.limits) + 3 * contacts.room * (2 if contacts.turns else 1)
     m = -(-m // 3) * 3  # whole blocks of three
     width = path_width(rows, nv, blocks) if count else 0
     return Workspace(

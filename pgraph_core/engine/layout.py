@@ -101,6 +101,9 @@ T_CONTACT = (
     9  # a contact point: PA in the world, DIR in the world: normal, two tangents; unilateral
 )
 
+T_TURN = 10  # resistance to turning at a contact point: torques along DIR, within bounds: about the
+# normal within FRICTION [N m s], across it within VALUE [N m s]
+
 # terms_i: int64 (nt, 2): index into v, index into q or -1; terms_f: float64 (nt,): coefficients
 
 # curves: float64 (nk, 5): time of a knot [s], then c0, c1, c2, c3 of c0 + c1 s + c2 s² + c3 s³ from

@@ -265,6 +265,9 @@ PAIR_LAW = record(
     restitution=REAL,
     stiffness=REAL,  # [N/m, N/m^1.5]
     damping=REAL,  # [N s/m, s/m]
+    static_friction=REAL,
+    rolling=REAL,  # torque against rolling over normal force [m]
+    spinning=REAL,  # torque about the normal over normal force [m]
 )
 
 PAIR = record(  # what a contact pair does, world axes
@@ -277,6 +280,8 @@ PAIR = record(  # what a contact pair does, world axes
 
 KEPT = record(  # what a contact point keeps until the next step
     value=(REAL, 3),  # impulse [N s]; of penalty friction its anchor [m]
+    turn=(REAL, 3),  # impulse about the normal and two tangents [N m s]
+    slides=INTEGER,  # 1: it slid in the last step
     shape_a=INTEGER,
     shape_b=INTEGER,
     feature=INTEGER,
@@ -300,6 +305,7 @@ CONTACT_TALLY = record(
     first_limit=INTEGER,  # blocks
     limits=INTEGER,
     first_contact=INTEGER,
+    first_turn=INTEGER,  # of the blocks that resist turning, one a contact point; -1: none
     frozen=INTEGER,  # 1: the forces of the last step act; 2: those of its parts are added up
     fallbacks=INTEGER,  # steps whose last impulses were no good start
     calmed=INTEGER,  # steps whose bounce was left out

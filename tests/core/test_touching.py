@@ -126,8 +126,8 @@ def test_what_a_law_leaves_out_follows_from_masses_and_restitution():
     k = 2 * 9.81 / (1e-4 * size)
     zeta = damping_ratio(0.4)
     assert np.exp(-np.pi * zeta / np.sqrt(1 - zeta**2)) == pytest.approx(0.4)
-    assert t.laws[0].item() == pytest.approx((PENALTY, 0.9, 0.4, k, 2 * zeta * np.sqrt(2 * k)))
-    assert t.laws[1].item() == pytest.approx((SOFT, 0.1, 0.2, 7.0, 1.2))
+    assert t.laws[0].item()[:5] == pytest.approx((PENALTY, 0.9, 0.4, k, 2 * zeta * np.sqrt(2 * k)))
+    assert t.laws[1].item()[:5] == pytest.approx((SOFT, 0.1, 0.2, 7.0, 1.2))
     assert t.laws[2].item()[:3] == pytest.approx((RIGID, 0.9, 0.2))
 
 

@@ -27,6 +27,7 @@ from ..layout import (
     T_LIMIT,
     T_POINT,
     T_SPHERE,
+    T_TURN,
     T_VELOCITY,
 )
 from ..rows import acceleration_of, origin_of, parent_of, rotation_of, spin_of
@@ -188,7 +189,7 @@ def locate(blocks, work, place):
         kind = type_of(blocks_i, i)
         if along_coordinates(kind):
             continue
-        if kind == T_CONTACT:
+        if kind == T_CONTACT or kind == T_TURN:
             p = load(blocks_f, i, at.PA)
             set_place(place, i, p, p)
             for r in range(3):
@@ -338,7 +339,7 @@ def residual_velocity(blocks, work, space, t, v, out):
             out[at_r] = total(blocks_i, terms_i, terms_f, i, 0, v)
             out[at_r] -= followed(blocks_i, blocks_f, curves, i, t, order)
             continue
-        if kind == T_ALIGN:
+        if kind == T_ALIGN or kind == T_TURN:
             u = sub(spin_of(work, a), spin_of(work, b))
         else:
             u = slip(blocks_i, i, work, linear, place)

@@ -7,7 +7,7 @@ matrix ([Featherstone 2008, ch. 8], [Wensing et al. 2012]). Only joints on the p
 from .. import layout as at
 from ..compiler.jit import part
 from ..compiler.lane import numbers, store_triple, triple
-from ..layout import T_ALIGN
+from ..layout import T_ALIGN, T_TURN
 from ..linear import backward3, backward6, forward3, forward_free, pivots6, solve3
 from ..rows import (
     BALL,
@@ -77,7 +77,7 @@ def unit_wrenches(blocks_i, i, work, place, k, sign):
     b = scale(sign, along(place, i, 1)) if size > 1 else none
     c = scale(sign, along(place, i, 2)) if size > 2 else none
     d = (triple(a[0], b[0], c[0]), triple(a[1], b[1], c[1]), triple(a[2], b[2], c[2]))
-    if type_of(blocks_i, i) == T_ALIGN:
+    if type_of(blocks_i, i) == T_ALIGN or type_of(blocks_i, i) == T_TURN:
         return d, no_triples()
     return cross(arm, d), d
 

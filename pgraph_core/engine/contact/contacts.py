@@ -98,8 +98,8 @@ def tangents(n):
 
 
 @part
-def set_block(contacts, blocks, n, i):
-    """Contact point n as block i."""
+def set_block(contacts, blocks, n, i, slides):
+    """Contact point n as block i; static friction where it does not slide."""
     blocks_i, blocks_f = blocks.blocks_i, blocks.blocks_f
     point = contacts.found[n]
     a, b, _, _, pair = endpoints(contacts, n)
@@ -113,8 +113,39 @@ def set_block(contacts, blocks, n, i):
     store(blocks_f, i, at.DIR, normal)
     store(blocks_f, i, at.DIR + 3, t)
     store(blocks_f, i, at.DIR + 6, s)
-    blocks_f[i, at.FRICTION] = contacts.laws[pair].friction
-    blocks_f[i, at.BOUNCE] = contacts.laws[pair].restitution
+    law = contacts.laws[pair]
+    blocks_f[i, at.FRICTION] = law.friction if slides else law.static_friction
+    blocks_f[i, at.BOUNCE] = law.restitution
+
+
+@part
+def set_turn(contacts, blocks, n, i, force):
+    """What resists turning at contact point n as block i; `force` is its normal impulse."""
+    law = contacts.laws[contacts.found[n].pair]
+    set_block(contacts, blocks, n, i, True)
+    blocks.blocks_i[i, at.B_TYPE] = at.T_TURN
+    blocks.blocks_f[i, at.FRICTION] = law.spinning * force
+    blocks.blocks_f[i, at.VALUE] = law.rolling * force
+    blocks.blocks_f[i, at.BOUNCE] = 0.0
+
+
+@part
+def resists_turning(law):
+    return law.rolling > 0.0 or law.spinning > 0.0
+
+
+@part
+def slides_now(contacts, work, linear, n):
+    """Whether contact point n slid in the last step; of a new one, whether it does now."""
+    point = contacts.found[n]
+    k = kept_place(point, contacts.kept, contacts.tally[0].kept, n)
+    if k >= 0:
+        return contacts.kept[k].slides == 1
+    a, b, _, _, _ = endpoints(contacts, n)
+    p = middle(point)
+    u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, p))
+    across = add_scaled(u, -dot(u, xyz(point.normal)), xyz(point.normal))
+    return dot(across, across) > STILL * STILL
 
 
 @part
@@ -143,6 +174,8 @@ def keep_point(kept, point, value):
     kept.shape_a = point.shape_a
     kept.shape_b = point.shape_b
     kept.feature = point.feature
+    set_xyz(kept.turn, (0.0, 0.0, 0.0))
+    kept.slides = 0
 
 
 @sweep
@@ -184,6 +217,17 @@ def note(address, work, n, force, slip):
     add_xyz(pair.torque, cross(sub(arm, offset), force))
     pair.gap = min(pair.gap, point.gap)
     pair.slip = max(pair.slip, slip)
+
+
+@sweep
+def note_turn(address, n, torque):
+    """Add a torque on A at contact point n to its bodies, and to its pair."""
+    contacts = contacts_at(address)
+    _, _, body_a, body_b, k = endpoints(contacts, n)
+    add_xyz(contacts.wrenches[body_a].torque, torque)
+    if body_b > 0:
+        add_xyz(contacts.wrenches[body_b].torque, scale(-1.0, torque))
+    add_xyz(contacts.pairs[k].torque, torque)
 
 
 @kernel(CONTACT_FORCES, nogil=True)

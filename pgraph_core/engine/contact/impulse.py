@@ -21,6 +21,7 @@ from .islands import find_islands, forget_order, order_island, several_points
 from .newton import (
     EXACT,
     SETTLED,
+    bounds_of,
     copy_impulses,
     gather,
     missed,
@@ -275,7 +276,7 @@ def gauss_seidel(scene, n, size, sweeps, tolerance):
             rows = size_of(blocks_i, i)
             old = rows_of(lam, r, rows)
             u = velocity(data, i, w)
-            new = answer(type_of(blocks_i, i), rows, blocks_f[i, at.FRICTION], i, own, u, old)
+            new = answer(type_of(blocks_i, i), rows, bounds_of(blocks_f, i), i, own, u, old)
             step = add_scaled(new, -1.0, old)
             for s in range(joints_of(slots, i)):
                 k = joint_of(slots, i, s)
@@ -290,13 +291,27 @@ def gauss_seidel(scene, n, size, sweeps, tolerance):
 
 
 @part
-def answer(kind, rows, mu, i, own, u, old):
+def answer(kind, rows, bounds, i, own, u, old):
     """λ of one block that fits its law while the others stay; u is the velocity with `old`."""
+    if kind == at.T_TURN:
+        return turned(own, i, u, old, bounds)
     if kind != at.T_CONTACT and kind != at.T_LIMIT:
         return held(own, i, u, old)
     if rows == 1:
         return (pushed(own[i, 0], u[0], old[0]), 0.0, 0.0)
-    return contact(own, i, u, old, mu)
+    return contact(own, i, u, old, bounds[0])
+
+
+@part
+def turned(own, i, u, old, bounds):
+    """λ of torques within bounds: about the normal, then across it."""
+    if not (own[i, 0] > 0.0 and own[i, 4] + own[i, 8] > 0.0):
+        return (0.0, 0.0, 0.0)
+    spin = min(max(old[0] - u[0] / own[i, 0], -bounds[0]), bounds[0])
+    x = u[1] + own[i, 3] * (spin - old[0]) - own[i, 4] * old[1] - own[i, 5] * old[2]
+    y = u[2] + own[i, 6] * (spin - old[0]) - own[i, 5] * old[1] - own[i, 8] * old[2]
+    roll = in_disc(own[i, 4], own[i, 5], own[i, 8], x, y, bounds[1])
+    return (spin, roll[0], roll[1])
 
 
 @part
@@ -444,7 +459,7 @@ def gained(scene, n):
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         kind = type_of(blocks_i, i)
-        if kind == at.T_CONTACT or kind == at.T_LIMIT:
+        if kind == at.T_CONTACT or kind == at.T_LIMIT or kind == at.T_TURN:
             r = first_of(slots, i)
             after = gather(space.y, slots, i, vectors[STEP])
             for c in range(size_of(blocks_i, i)):

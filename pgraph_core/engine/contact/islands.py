@@ -210,7 +210,7 @@ def several_points(scene, n):
     for j in range(first[n], first[n + 1]):
         i = order[j]
         kind = blocks_i[i, at.B_TYPE]
-        found = found or (kind != at.T_CONTACT and kind != at.T_LIMIT)
+        found = found or (kind != at.T_CONTACT and kind != at.T_LIMIT and kind != at.T_TURN)
         if j > first[n] and kind == at.T_CONTACT:
             b = order[j - 1]
             same = blocks_i[i, at.B_A] == blocks_i[b, at.B_A]

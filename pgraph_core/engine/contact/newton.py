@@ -67,8 +67,19 @@ def velocity(data, i, w):
 
 
 @part
-def admitted(exact, kind, size, z, mu):
-    """(the nearest impulse to z that the law admits, its derivative row by row)."""
+def bounds_of(blocks_f, i):
+    return blocks_f[i, at.FRICTION], blocks_f[i, at.VALUE]
+
+
+@part
+def admitted(exact, kind, size, z, mu, most):
+    """(the nearest impulse to z that the law admits, its derivative row by row).
+
+    `mu` and `most` are a block's FRICTION and VALUE: the bounds of a torque about the normal and
+    across it.
+    """
+    if kind == at.T_TURN:
+        return turning(z, mu, most)
     if kind != at.T_CONTACT and kind != at.T_LIMIT:
         return z, diagonal(1.0, 1.0 if size > 1 else 0.0, 1.0 if size > 2 else 0.0)
     if size == 1:
@@ -103,6 +114,19 @@ def admitted(exact, kind, size, z, mu):
 
 
 @part
+def turning(z, spinning, rolling):
+    """`admitted` of torques: a segment about the normal, a disc across it."""
+    spin = min(max(z[0], -spinning), spinning)
+    free = 1.0 if spin == z[0] else 0.0
+    pull = math.sqrt(z[1] * z[1] + z[2] * z[2])
+    if pull <= rolling:
+        return (spin, z[1], z[2]), diagonal(free, 1.0, 1.0)
+    x, y, a = z[1] / pull, z[2] / pull, rolling / pull
+    slope = (free, 0.0, 0.0, 0.0, a * y * y, -a * x * y, 0.0, -a * x * y, a * x * x)
+    return (spin, rolling * x, rolling * y), slope
+
+
+@part
 def diagonal(a, b, c):
     return (a, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0, c)
 
@@ -131,14 +155,14 @@ def balance(scene, n, exact, row):
         rho = islands.weight[i]
         before = rows_of(vectors[LAMBDA], first_of(slots, i), size)
         z = add_scaled(before, -rho, velocity(data, i, w))
-        p, slope = admitted(exact, kind, size, z, blocks_f[i, at.FRICTION])
+        p, slope = admitted(exact, kind, size, z, blocks_f[i, at.FRICTION], blocks_f[i, at.VALUE])
         for c in range(3):
             islands.pushed[i, c] = p[c]
         for c in range(9):
             islands.slope[i, c] = slope[c]
         if p[0] != 0.0 or p[1] != 0.0 or p[2] != 0.0:
             scatter(space.y, slots, i, (-p[0], -p[1], -p[2]), left)
-            energy += 0.5 * dot(p, p) / rho
+            energy += (dot(p, z) - 0.5 * dot(p, p)) / rho
     norm = 0.0
     for p in range(count):
         k = islands.freedoms[p]
@@ -164,7 +188,7 @@ def tangent(scene, n, symmetric):
         upper[start[p]] = 1.0 / space.vectors[DINV, islands.freedoms[p]]
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
-        if slope[i, 0] == 0.0:
+        if slope[i, 0] == 0.0 and slope[i, 4] == 0.0 and slope[i, 8] == 0.0:
             continue
         rho = islands.weight[i]
         first, second, third = load(slope, i, 0), load(slope, i, 3), load(slope, i, 6)
@@ -364,7 +388,7 @@ def missed(scene, n, exact):
         lam = rows_of(vectors[LAMBDA], first_of(slots, i), size)
         mobility = max(own[i, 0], max(own[i, 4], own[i, 8]))
         z = add_scaled(lam, -1.0 / mobility, velocity(data, i, vectors[STEP]))
-        p, _ = admitted(exact, kind, size, z, blocks_f[i, at.FRICTION])
+        p, _ = admitted(exact, kind, size, z, blocks_f[i, at.FRICTION], blocks_f[i, at.VALUE])
         for c in range(size):
             most = max(most, mobility * abs(lam[c] - p[c]))
     return most

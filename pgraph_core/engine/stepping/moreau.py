@@ -33,12 +33,17 @@ from ..constraints.paths import spread
 from ..contact.contacts import (
     ADDING,
     FROZEN,
+    STILL,
     clear,
     contacts_at,
     keep_point,
     kept_place,
     note,
+    note_turn,
+    resists_turning,
     set_block,
+    set_turn,
+    slides_now,
     touching,
 )
 from ..contact.impulse import solve_impulses
@@ -59,12 +64,14 @@ from ..motion import call_acceleration, call_contact_forces, opened
 from ..records import RIGID
 from ..tree.kinematics import base_axes, positions
 from ..tree.moving import advance
-from ..vec import add, add_scaled, finite, load, mul, store, xyz
+from ..vec import add, add_scaled, finite, load, mul, set_xyz, store, xyz
 from .state import STEP as STEP_SIGNATURE
 from .state import copied, size_of_state
 
 RECOVER = 0.2  # part of deeper penetration that a step removes
 PUSH_SWEEPS = 30
+BOUND_ROUNDS = 5  # in which torques against turning find the normal impulses that bound them
+SAME_BOUND = 1e-9  # relative: a bound that changed by less is the same
 ENOUGH = 1e-3  # of the penetration to remove: a sweep that moves less is the last
 MOST_PARTS = 60  # of a step, by impacts that are located
 WEIGHT = 0.1  # of what weight moves in a step: depth that is tolerated, however small things are
@@ -277,9 +284,18 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
             return True
         near = 4.0 * closed_gap(contacts, point.shape_a, point.shape_b, xyz(point.point_a))
         if laws[point.pair].law == RIGID and point.gap <= near:
-            set_block(contacts, blocks, n, first + n)
+            law = laws[point.pair]
+            slides = law.static_friction == law.friction
+            slides = slides or slides_now(contacts, data.work, data.space.linear, n)
+            set_block(contacts, blocks, n, first + n, slides)
             active[0] += 1
             active[active[0]] = first + n
+            if resists_turning(law):
+                k = kept_place(point, contacts.kept, tally.kept, n)
+                push = contacts.kept[k].value[0] if k >= 0 else 0.0
+                set_turn(contacts, blocks, n, tally.first_turn + n, push)
+                active[0] += 1
+                active[active[0]] = tally.first_turn + n
     return False
 
 
@@ -309,15 +325,18 @@ def warm_start(scene, first, m):
     lam = space.vectors[LAMBDA]
     for r in range(m):
         lam[r] = 0.0
-    begin = contacts.tally[0].first_contact
+    begin, room = contacts.tally[0].first_contact, contacts.found.shape[0]
     for j in range(first, active[0] + 1):
         n = active[j] - begin
         if n >= 0:
+            turns = n >= room
+            n -= room if turns else 0
             k = kept_place(contacts.found[n], contacts.kept, contacts.tally[0].kept, n)
             if k >= 0:
                 r = slots[active[j], at.FIRST]
+                kept = xyz(contacts.kept[k].turn) if turns else xyz(contacts.kept[k].value)
                 for c in range(3):
-                    lam[r + c] = contacts.kept[k].value[c]
+                    lam[r + c] = kept[c]
 
 
 @sweep
@@ -326,6 +345,10 @@ def solve(scene, m, first, ledger):
     data = opened(scene)
     tally = contacts_at(data.links.contacts).tally[0]
     solve_impulses(scene, m, first)
+    for _ in range(BOUND_ROUNDS):
+        if not bounded_anew(scene, first):
+            break
+        solve_impulses(scene, m, first)
     report = data.space.vectors[REPORT]
     ledger[at.DISSIPATED] -= report[3]
     tally.residual = max(tally.residual, report[2])
@@ -334,6 +357,30 @@ def solve(scene, m, first, ledger):
     if report[5] > 0.0:
         tally.calmed += 1
     return int(report[0] + report[1])
+
+
+@sweep
+def bounded_anew(scene, first):
+    """Bound what resists turning by the normal impulses found; whether a bound has changed."""
+    data = opened(scene)
+    blocks, slots, lam = data.blocks, data.space.slots, data.space.vectors[LAMBDA]
+    contacts = contacts_at(data.links.contacts)
+    tally = contacts.tally[0]
+    changed = False
+    for j in range(first, blocks.active[0] + 1):
+        i = blocks.active[j]
+        n = i - tally.first_turn
+        if tally.first_turn < 0 or n < 0:
+            continue
+        law = contacts.laws[contacts.found[n].pair]
+        push = max(lam[slots[tally.first_contact + n, at.FIRST]], 0.0)
+        before = blocks.blocks_f[i, at.FRICTION] + blocks.blocks_f[i, at.VALUE]
+        now = (law.spinning + law.rolling) * push
+        if abs(now - before) > SAME_BOUND * now:
+            changed = True
+            blocks.blocks_f[i, at.FRICTION] = law.spinning * push
+            blocks.blocks_f[i, at.VALUE] = law.rolling * push
+    return changed
 
 
 @sweep
@@ -361,11 +408,16 @@ def book(scene, first, h):
         for c in range(3):
             d = load(blocks.blocks_f, active[j], at.DIR + 3 * c)
             force = add_scaled(force, lam[r + c] / h, d)
+        if n >= found.shape[0]:  # of the contact point before
+            set_xyz(kept[count - 1].turn, (lam[r], lam[r + 1], lam[r + 2]))
+            note_turn(opened(scene).links.contacts, n - found.shape[0], force)
+            continue
         keep_point(kept[count], found[n], (lam[r], lam[r + 1], lam[r + 2]))
         count += 1
         u = gather(space.y, slots, active[j], space.vectors[STEP])
         x, z = space.vectors[RHS, r + 1] + u[1], space.vectors[RHS, r + 2] + u[2]
         slip = math.sqrt(x * x + z * z)
+        kept[count - 1].slides = 1 if slip > STILL else 0
         note(opened(scene).links.contacts, work, n, force, slip)
     tally.kept = count
 
@@ -389,12 +441,12 @@ def push_out(scene, first, h, q):
     dinv = vectors[DINV]
     z = vectors[STEP]
     found, tally = contacts.found, contacts.tally[0]
-    begin = tally.first_contact
+    begin, room = tally.first_contact, contacts.found.shape[0]
     deepest = 0.0
     deep = False
     for j in range(first, active[0] + 1):
         n = active[j] - begin
-        if n >= 0:
+        if 0 <= n < room:
             deepest = max(deepest, -found[n].gap)
             deep = deep or -found[n].gap > tolerated(contacts, n, h)
     tally.depth = max(tally.depth, deepest)
@@ -409,7 +461,7 @@ def push_out(scene, first, h, q):
         for j in range(first, active[0] + 1):
             i = active[j]
             n = i - begin
-            if n < 0 or not own[i, 0] > 0.0:
+            if n < 0 or n >= room or not own[i, 0] > 0.0:
                 continue
             r = slots[i, at.FIRST]
             gap = RECOVER * (found[n].gap + 0.5 * tolerated(contacts, n, h))

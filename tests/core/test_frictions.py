@@ -1,0 +1,127 @@
+"""Static, rolling and spinning friction in time stepping, against closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+
+G, R = 9.81, 0.1
+
+
+def ball(**more) -> pg.Body:
+    inertia = np.eye(3) * 0.4 * R * R
+    shape = {"kind": "sphere", "radius": R}
+    return pg.Body(name="b", joint="free", mass=1, inertia=inertia, shape=shape, **more)
+
+
+def run(body: pg.Body, t_end: float, step: float = 1e-3, up="z", slope=0.0, **contact) -> pg.Result:
+    model = pg.Model(
+        up=up, bodies=[body], contacts=[pg.Contact(name="c", body="b", **contact)],
+        ground=pg.Ground(slope=slope),
+    )  # fmt: skip
+    return pg.simulate(model, t_end=t_end, method="moreau_jean", step=step)
+
+
+@pytest.mark.parametrize("up", ["x", "y", "z"])
+def test_a_ball_that_rolls_slows_down_as_rolling_friction_asks(up):
+    """v' = -5/7 g ρ/r of a ball that does not slide, until it stands."""
+    rho, speed = 1e-3, 1.0
+    k = "xyz".index(up)
+    place, turn, go = np.zeros(3), np.zeros(3), np.zeros(3)
+    place[k], go[(k + 1) % 3], turn[(k + 2) % 3] = R, speed, speed / R
+    start = ball(q=(*place, 1, 0, 0, 0), v=(*turn, *go))
+    slowing = 5 / 7 * G * rho / R
+    result = run(start, 2.0, up=up, rolling_friction=rho)
+    assert result.v[-1, 3 + (k + 1) % 3] == pytest.approx(speed - 2 * slowing, rel=1e-9)
+    slow = start.model_copy(update={"v": tuple(0.1 * x for x in start.v)})
+    result = run(slow, 2.0, up=up, rolling_friction=rho)
+    assert result.q[-1, (k + 1) % 3] == pytest.approx(0.01 / 2 / slowing, rel=1e-3)
+    assert abs(result.v[-1]).max() < 1e-12
+
+
+def test_a_ball_that_spins_slows_down_as_spinning_friction_asks():
+    """ω' = -σ m g / I about the normal; nothing else moves."""
+    sigma = 1e-3
+    result = run(ball(q=(0, 0, R, 1, 0, 0, 0), v=(0, 0, 10, 0, 0, 0)), 1.0, spinning_friction=sigma)
+    assert result.v[-1, 2] == pytest.approx(10 - sigma * G / (0.4 * R * R), rel=1e-9)
+    assert abs(result.v[-1, [0, 1, 3, 4, 5]]).max() < 1e-12
+    torque = result.contact_force["c"][-1, 2]
+    assert torque == pytest.approx(-sigma * G, rel=1e-9)
+
+
+@pytest.mark.parametrize(("part", "rolls"), [(0.99, False), (1.01, True)])
+def test_a_ball_stays_on_a_slope_below_the_angle_of_rolling_friction(part, rolls):
+    """tan slope = ρ / r is where it begins to roll."""
+    rho = 0.01
+    slope = math.atan(part * rho / R)
+    normal = np.array((-math.sin(slope), 0, math.cos(slope)))
+    result = run(ball(q=(*(R * normal), 1, 0, 0, 0)), 1.0, slope=slope, rolling_friction=rho)
+    assert (abs(result.v[-1, 3]) > 1e-4) == rolls
+
+
+@pytest.mark.parametrize(("part", "slides"), [(0.99, False), (1.01, True)])
+def test_a_block_holds_by_static_friction_and_slides_by_kinetic(part, slides):
+    static, kinetic = 0.6, 0.4
+    slope = math.atan(part * static)
+    turn = (math.cos(slope / 2), 0, -math.sin(slope / 2), 0)
+    normal = np.array((-math.sin(slope), 0, math.cos(slope)))
+    block = pg.Body(
+        name="b", joint="free", mass=1, inertia=np.eye(3) * 0.01, q=(*(0.05 * normal), *turn),
+        shape={"kind": "box", "size": (0.4, 0.4, 0.1)},
+    )  # fmt: skip
+    result = run(block, 1.0, slope=slope, friction=kinetic, static_friction=static)
+    down = G * (math.sin(slope) - kinetic * math.cos(slope)) if slides else 0.0
+    assert np.linalg.norm(result.v[-1, 3:]) == pytest.approx(down, rel=3e-3, abs=1e-9)
+
+
+def test_a_block_that_is_pulled_by_a_spring_sticks_and_slips():
+    """Period and amplitude of the stretch with two coefficients, u'' = -ω² u where it slips."""
+    mass, stiffness, pull, static, kinetic = 1.0, 100.0, 0.1, 0.6, 0.4
+    rate = math.sqrt(stiffness / mass)
+    half = (static - kinetic) * mass * G / stiffness  # of the stretch, about that of sliding
+    period = 2 * half / pull + 2 * (math.pi - math.atan(half * rate / pull)) / rate
+    block = pg.Body(
+        name="b", joint="free", mass=mass, inertia=np.eye(3) * 0.01, q=(0, 0, 0.05, 1, 0, 0, 0),
+        shape={"kind": "box", "size": (0.4, 0.4, 0.1)},
+    )  # fmt: skip
+    start = kinetic * mass * G / stiffness
+    cart = pg.Body(
+        name="cart", joint="prismatic", axes=((1, 0, 0),), mass=1e9, inertia=np.eye(3),
+        q=(1 + start,), v=(pull,), rotation=(1, 0, 0, 0), link=(0, 0, 0.05),
+    )  # fmt: skip
+    model = pg.Model(
+        bodies=[block, cart],
+        contacts=[pg.Contact(name="c", body="b", friction=kinetic, static_friction=static)],
+        forces=[pg.Spring(name="s", body="b", other="cart", stiffness=stiffness, rest=1.0)],
+    )
+    times = np.linspace(0, 6, 6001)
+    result = pg.simulate(model, t_end=6, method="moreau_jean", step=2.5e-4, frames=6001)
+    slips = result.v[:, 3] > 1e-6
+    starts = times[1:][slips[1:] & ~slips[:-1]]
+    assert len(starts) >= 6
+    assert np.diff(starts)[1:] == pytest.approx(period, rel=5e-3)
+    stretch = result.q[:, 7] - result.q[:, 0] - 1 - start
+    late = times > period
+    assert stretch[late].max() == pytest.approx(math.hypot(half, pull / rate), rel=5e-3)
+    assert stretch[late].min() == pytest.approx(-math.hypot(half, pull / rate), rel=5e-3)
+
+
+@pytest.mark.parametrize("law", ["soft", "penalty"])
+def test_other_laws_say_that_they_lack_them(law):
+    model = pg.Model(
+        bodies=[ball()], contacts=[pg.Contact(name="c", body="b", law=law, rolling_friction=1e-3)]
+    )
+    with pytest.raises(pg.ModelError, match="rolling and spinning friction need the law"):
+        pg.simulate(model, t_end=0.1)
+
+
+def test_event_driven_runs_say_that_they_lack_them():
+    model = pg.Model(
+        bodies=[ball()], contacts=[pg.Contact(name="c", body="b", static_friction=0.9)]
+    )
+    with pytest.raises(pg.InputError, match="one coefficient of friction, without rolling"):
+        pg.simulate(model, t_end=0.1, method="dopri5")
