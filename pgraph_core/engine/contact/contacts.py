@@ -33,6 +33,7 @@ from .shapes import place
 
 _save, contacts_at = stored(CONTACTS)
 
+SLIDING = 1e-7  # m/s: slip from which on friction is kinetic; slower is the solver's rounding
 STILL = 1e-5  # m/s: slip of a rigid contact that is the solver's rounding
 FROZEN, ADDING = 1, 2  # states of a tally
 CREEPING = 2.0 * CREEP  # m/s: slip that a regularised contact needs to hold
@@ -145,7 +146,7 @@ def slides_now(contacts, work, linear, n):
     p = middle(point)
     u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, p))
     across = add_scaled(u, -dot(u, xyz(point.normal)), xyz(point.normal))
-    return dot(across, across) > STILL * STILL
+    return dot(across, across) > SLIDING * SLIDING
 
 
 @part

@@ -33,7 +33,7 @@ from ..constraints.paths import spread
 from ..contact.contacts import (
     ADDING,
     FROZEN,
-    STILL,
+    SLIDING,
     clear,
     contacts_at,
     keep_point,
@@ -417,7 +417,7 @@ def book(scene, first, h):
         u = gather(space.y, slots, active[j], space.vectors[STEP])
         x, z = space.vectors[RHS, r + 1] + u[1], space.vectors[RHS, r + 2] + u[2]
         slip = math.sqrt(x * x + z * z)
-        kept[count - 1].slides = 1 if slip > STILL else 0
+        kept[count - 1].slides = 1 if slip > SLIDING else 0
         note(opened(scene).links.contacts, work, n, force, slip)
     tally.kept = count
 
