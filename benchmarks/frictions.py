@@ -1,4 +1,4 @@
-"""Contact against closed forms, ours beside MuJoCo's: `python -m benchmarks.frictions`.
+"""Contact against closed forms, ours next to MuJoCo's: `python -m benchmarks.frictions`.
 
 Incline at (1 ± 0.001) tan, a sliding ball that begins to roll, decay of rolling and of spinning, a
 tippe top's Jellett constant, an ellipsoid (celt) that reverses its spin. Steps of 1 ms for both;
