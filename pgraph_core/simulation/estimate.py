@@ -25,6 +25,7 @@ from .recording import Estimate, Progress, Recording
 LOOSER = 32.0  # ratio of the tolerances of two runs
 COMPARED = 65  # frames at most, where frames cost time of their own
 PARTED = 0.3  # rad, or of the motion's length: beyond it, errors no longer add up
+CLOSE = 0.3  # of that: where a coarser run has parted already
 LEAST_DIVISOR = 0.4  # of the difference: runs whose errors do not shrink at all
 NARROWER = 0.7  # of the steps: a run that takes more of them is the same run
 DOUBTED = 0.25  # of the ratio that the order promises
@@ -113,11 +114,16 @@ def _compared(record: Recording, q: Array, v: Array, progress: Progress) -> Esti
         far = _apart(coarse, wide, np.intersect1d(coarse.plan.times, wide.plan.times))
         promised = (_ratio(record, wide) - ratio) / (ratio - 1.0)
         held = _seen(near, far) / promised
-    part = max((ratio - 1.0) * min(held, 1.0), LEAST_DIVISOR)
+    shrunk = min(held, 1.0) if plan.step else min(held, 1.0) / np.sqrt(np.clip(held, 1.0, 10.0))
+    part = max((ratio - 1.0) * shrunk, LEAST_DIVISOR)
     errors = near.largest / part + _rounding(record)
     parted = _parted(near, far, promised)
     if parted == len(errors):
-        if held > DOUBTED or near.share[-1] * PARTED < VISIBLE:
+        # where motion is chaotic, chance decides how much larger the error of a coarser run is
+        chosen = not (plan.step or plan.contact_points)
+        far_off = far is None or far.share[-1] >= 1.0
+        erratic = chosen and (far_off or _growth(near, parted) > 0.0)
+        if not erratic and (held > DOUBTED or near.share[-1] * PARTED < VISIBLE):
             return Estimate(float(errors[-1]), before=float(errors[-1]))
         return _by_finer(record, (near, ratio), q, v, progress)
     last, rate = max(parted - 1, 0), _growth(near, parted)
@@ -152,7 +158,8 @@ def _by_finer(
         seen = float(coarser[0].largest[-1]) / float(apart.largest[-1])
         held = min(seen / promised, 1.0)
     errors = apart.largest / max(1.0 - 1.0 / (ratio * held), LEAST_DIVISOR) + _rounding(record)
-    parted = int(np.searchsorted(apart.share, 1.0))
+    beyond = coarser is not None and coarser[0].share[-1] >= 1.0  # the finer run may be off too
+    parted = int(np.searchsorted(apart.share, CLOSE if beyond else 1.0))
     if parted < len(errors):
         return _known_until(apart, errors, max(parted - 1, 0), _growth(apart, parted))
     largest, notices = float(errors[-1]), ()

@@ -95,18 +95,12 @@ def _run(
 def off(mech: Mechanism, run: Result, truth: Array) -> tuple[float, float]:
     """(largest error of a run over the motion's size, that size [rad, m])."""
     rows = mech.packed.rows
-    turned, moved = differences(rows, run.q, truth)
-    if np.isnan(turned).any() or np.isnan(moved).any():
-        return np.nan, 1.0
+    turned, moved = (float(x.max()) for x in differences(rows, run.q, truth))
     around, slid = (
         float(x.max()) for x in differences(rows, truth, np.broadcast_to(truth[:1], truth.shape))
     )
-    length = length_of(mech.packed)
-    if slid == 0.0:
-        return float(turned.max(initial=0.0)), 1.0
-    size = max(slid, length)
-    by_turn = float(turned.max(initial=0.0)) / max(around, 1.0)
-    return max(by_turn, float(moved.max()) / size), size if moved.max() / size > by_turn else 1.0
+    size = max(around, 1.0) if turned >= moved else max(slid, length_of(mech.packed))
+    return max(turned, moved) / (size or 1.0), size or 1.0
 
 
 def told(finds: Sequence[Find], seconds: float) -> str:

@@ -1,0 +1,62 @@
+"""The hunt for runs that are wrong and silent: its judge, and a small slice of it."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+
+from pgraph_core.verification.hunt import hunt, judged, told
+from pgraph_core.verification.scenes import FAMILIES, scenes
+
+SMOOTH = ("oscillator", "pendulum", "pulse", "flight", "chaos", "tree")
+EXPLORE = "PGRAPH_EXPLORE" in os.environ
+
+
+def silent(finds):
+    return [find for find in finds if find.verdict == "silent"]
+
+
+KNOWN = pytest.mark.xfail(reason="steps pass over short soft contacts", strict=False)
+
+
+@pytest.mark.parametrize(
+    "family",
+    [pytest.param(f, marks=KNOWN) if f == "soft meeting" else f for f in FAMILIES],
+)
+def test_a_slice_of_the_hunt_finds_nothing_wrong_and_silent(family):
+    finds = []
+    for number in range(3):
+        scene = FAMILIES[family](np.random.default_rng([number, 77]))
+        finds += judged(scene, np.random.default_rng([number, 78]))
+    assert not silent(finds), told(silent(finds), 0.0)
+    assert any(find.verdict == "right" for find in finds)
+
+
+def test_scenes_depend_on_seed_and_number_only():
+    one, two = list(scenes(12, 5)), list(scenes(20, 5))
+    assert [scene.what for scene in one] == [scene.what for scene in two[:12]]
+
+
+def test_the_judge_sees_what_is_wrong():
+    """A closed form that is off by a thousandth makes every run of it wrong."""
+    scene = FAMILIES["pendulum"](np.random.default_rng(3))
+    known = scene.known
+    assert known is not None
+    wrong = scene._replace(known=lambda t: 1.001 * known(t))
+    default = next(judged(wrong, np.random.default_rng(0)))
+    assert default.verdict == "silent"
+    assert "SILENT pendulum" in told([default], 0.0)
+
+
+@pytest.mark.nightly
+def test_the_whole_hunt():
+    """2000 scenes, three runs each; new ones every night."""
+    seed = int(np.random.SeedSequence().generate_state(1)[0]) if EXPLORE else 0
+    finds = list(hunt(2000, seed))
+    print(told(finds, 0.0))
+    assert not silent(finds), f"seed {seed}: {told(silent(finds), 0.0)}"
+    smooth = [f for f in finds if f.scene.family in SMOOTH and f.error > 1e-11]
+    ratio = np.array([f.estimate / f.error for f in smooth if np.isfinite(f.estimate)])
+    assert np.mean((ratio > 0.2) & (ratio < 10.0)) >= 0.95
