@@ -153,7 +153,7 @@ class ContactSpace(Unportable):
         self.tally["length"] = length_of(packed)
         self.tally["pull"] = np.linalg.norm(packed.model.gravity)
         self.changes = table(PHASE_CHANGE, max(MOST_CHANGES, 2 * n))
-        pairs = table(PAIR, n + limits)
+        self.pairs = pairs = table(PAIR, n + limits)
         pairs["phase"] = -1
         self._kept = Contacts(
             contacts.geometry,

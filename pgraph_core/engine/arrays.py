@@ -18,6 +18,7 @@ from .records import (
     BOUNDS,
     CANDIDATE,
     CELL,
+    CLEARANCE,
     CONTACT,
     CONTACT_TALLY,
     COUNTERS,
@@ -30,6 +31,7 @@ from .records import (
     JOINT_FORCE,
     KEPT,
     LEG,
+    LIMIT,
     MEETING,
     MEMBER,
     METHOD,
@@ -255,6 +257,21 @@ class Contacts(NamedTuple):
     islands: Any
 
 
+class Guard(NamedTuple):
+    """What may touch in a run that leaves contacts and limits out as long as nothing is near."""
+
+    geometry: Any
+    ground: Any
+    candidates: Any
+    poses: Any  # of POSE, one a shape
+    search: Any
+    found: Any  # of CONTACT
+    limits: Any  # of LIMIT
+    state: Any  # one CLEARANCE
+    reach: Any  # (n + 1,) of the shapes that a row carries, from its origin [m]
+    gaps: Any  # (pairs,) scratch
+
+
 class EventLinks(NamedTuple):
     """Addresses of the kernels and scenes that a scene with points is made of."""
 
@@ -378,6 +395,10 @@ CONTACTS = named(
     Contacts, GEOMETRY, GROUND, CANDIDATES, POSES, SEARCH, FOUND,
     *map(array_of, (PAIR_LAW, KEPT, KEPT, MEETING, BODY_WRENCH, PAIR, CONTACT_TALLY)), I2, F2, F1,
     array_of(PHASE_CHANGE), ISLANDS,
+)  # fmt: skip
+GUARD = named(
+    Guard, GEOMETRY, GROUND, CANDIDATES, POSES, SEARCH, FOUND, array_of(LIMIT), array_of(CLEARANCE),
+    F1, F1,
 )  # fmt: skip
 EVENT_CONTACTS = named(
     EventContacts,

@@ -118,6 +118,8 @@ STEP_CONTROL = record(
     turning=REAL,  # time in which friction may turn slow slip around [s]
     failed=REAL,  # where the run failed [s]
     fastest=INTEGER,  # row that moved fastest there
+    bound=REAL,  # the next step may not be wider, or things could pass through each other [s]
+    guard=INTEGER,  # address of a GUARD; 0: none
 )
 
 COUNTERS = record(
@@ -292,6 +294,19 @@ MEETING = record(  # two things that may meet within a step; -1: a limit, or the
     shape_b=INTEGER,
     vertex=INTEGER,  # part of A that may touch the ground, or the limit's block
     pair=INTEGER,  # contact pair
+)
+
+CLEARANCE = record(
+    free=REAL,  # how far things may move yet before anything can touch [m]
+    free_turn=REAL,  # how far coordinates may move yet before one can reach a limit [rad, m]
+    ahead=REAL,  # how far the next search looks [m]
+)
+
+LIMIT = record(  # sign q - value >= 0
+    coordinate=INTEGER,  # index into q
+    velocity=INTEGER,  # index into v
+    sign=REAL,
+    value=REAL,  # [rad, m]
 )
 
 BODY_WRENCH = record(torque=(REAL, 3), force=(REAL, 3))  # about the origin of the body's row

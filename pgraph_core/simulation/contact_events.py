@@ -111,6 +111,14 @@ class ContactEvents:
             self._observe(t)
         self._note_changes(t, before)
 
+    def look_at(self, q: Array, v: Array, times: Array) -> None:
+        """Record gaps and places of points at states before the events began."""
+        for i, t in enumerate(times.tolist()):
+            state = (q[i].copy(), v[i].copy())
+            point_kernels.observe(self.scene.address, t, *state, self._vdot, self._flow)
+            for name in ("gap", "position"):
+                self.scene.frames[name][i] = self.scene.points[name]
+
     def advance(self, budget: int) -> int:
         """Take at most `budget` steps and frames; the kernel's status code, EVENT if it stopped."""
         steps = self.steps

@@ -19,6 +19,7 @@ from ..mechanism import Mechanism
 from ..model.fields import GROUND
 from ..packing.system import Array
 from ..result.contact_record import NOTHING, PHASES, ContactRecord, Event
+from .clearance import gaps_of
 from .plan import Plan
 from .switches import Change
 
@@ -40,10 +41,14 @@ def contacts_of(
     mech: Mechanism,
     plan: Plan,
     frames: tuple[Array, Array, Any],
+    q: Array,
     changes: Any,
     log: Sequence[Event],
 ) -> ContactRecord:
-    """Contacts and limits over the frames (times, pushes, touches), and the events in between."""
+    """Contacts and limits over the frames (times, pushes, touches), and the events in between.
+
+    The frames are at the states q.
+    """
     if not plan.contacts:
         return replace(NOTHING, events=tuple(log))
     up = np.array(mech.model.ground_normal)
@@ -51,7 +56,8 @@ def contacts_of(
     graze = GRAZE * float(np.max(plan.width, initial=0.0)) if impulses else 0.0
     found = stepped_record(plan.contacts, up, *frames, changes, graze)
     events = sorted((*found.events, *log), key=lambda event: event.t)
-    return replace(found, events=tuple(events))
+    gaps = gaps_of(mech, plan.contacts, q, found.gap)
+    return replace(found, gap=gaps, events=tuple(events))
 
 
 def switched(mech: Mechanism, change: Change, gain: float) -> list[Event]:

@@ -56,6 +56,7 @@ class Steps:
         control["time"] = control["origin"] = self.times[0]
         control["last"], control["project"] = len(self.times), plan.project
         control["length"], control["last_error"] = plan.length, 1e-4
+        control["bound"] = np.inf
         control["jacobian_rate"], control["jacobian_time"] = np.inf, np.nan
         control["span"] = self.times[-1] - self.times[0]
         if given is None:
@@ -160,6 +161,22 @@ class Steps:
         self.control["frame"] -= 1
         self.control["fresh"] = self.control["filled"] = 0
         self.control["jacobian_rate"] = 2.0
+
+    def take_over(self, before: Steps, frame: int, t: float) -> None:
+        """Continue at time t what another loop has recorded the frames before `frame` of."""
+        control, plan, theirs = self.control, self.plan, before.control
+        control["time"] = control["origin"] = t
+        control["frame"] = frame
+        self.ledger[:] = before.ledger
+        for name in self._counters.dtype.names or ():
+            self.counters[name] = before.counters[name]
+        if self.tolerance is None and before.tolerance is None:
+            for name in ("origin", "taken", "left", "widest", "done"):
+                control[name] = theirs[name]
+        elif self.tolerance is None:
+            left = float(self.times[frame] - t)
+            count = max(int(np.ceil(left / plan.width.max() - 1e-9)), 1)
+            control["left"], control["widest"] = count, left / count
 
     def fraction(self) -> float:
         """Fraction of the run that is done, 0 to 1."""

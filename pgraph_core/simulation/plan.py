@@ -23,7 +23,7 @@ from ..engine.compiler.address import address_of
 from ..engine.records import JOINT_FORCE, table
 from ..engine.stepping import stiffness
 from ..errors import InputError, Problem
-from ..integrators import DOP853, DOPRI5, RADAU5, RK4, Method, method_of
+from ..integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
 from ..model import Contact, Scenario
 from ..packing.forces import NO_LOADS
@@ -84,6 +84,11 @@ class Plan:
     shown: NDArray[np.bool_] | None = None  # frames that were asked for; None: all
     start: tuple[Array, Array] = (NO_TIMES, NO_TIMES)  # q, v where the call gives none
     tau: Any = None  # the controller of the scenario's gait
+    near: Plan | None = None  # the plan from where something comes near that may touch
+    declared: Tables | None = None  # contacts and limits that are left out until then
+    refused: InputError | None = (
+        None  # why the method asked for takes no contacts: another one does
+    )
     notices: tuple[str, ...] = ()
     header: Mapping[str, Any] = field(default_factory=dict)  # of the result
 
@@ -103,6 +108,15 @@ class Plan:
     def touches(self) -> int:
         """Number of contact pairs and limits that are recorded."""
         return len(self.contacts.touches) + len(self.contacts.limits) if self.contacts else 0
+
+    def onward(self, before: Plan) -> Plan:
+        """This plan for a run that another one began, with its frames."""
+        notices = tuple(dict.fromkeys((*before.notices, *self.notices)))
+        onward = replace(self, times=before.times, shown=before.shown, notices=notices)
+        if self.tolerance is not None:
+            return onward
+        substeps, width = steps_between(before.times, float(self.width.max(initial=0.0)))
+        return replace(onward, substeps=substeps, width=width)
 
 
 def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> Plan:
@@ -128,13 +142,39 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> Plan
     return plan
 
 
+def with_contacts(plan: Plan) -> Plan:
+    """The plan with contacts and limits in force from the start of a run. Raises InputError."""
+    near = plan.near or plan
+    if near.refused is not None:
+        raise near.refused
+    return near
+
+
 def _bytes(q: Any, v: Any) -> tuple[Any, Any]:
     q, v = (None if x is None else np.asarray(x, dtype=float).tobytes() for x in (q, v))
     return q, v
 
 
 def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Plan, bool]:
-    """(the plan, whether its method was chosen for the state). Raises InputError."""
+    """(the plan, whether its method was chosen for the state). Raises InputError.
+
+    Contacts and limits are left out as long as nothing comes near: the run is planned without them,
+    and its plan holds the one with them.
+    """
+    given = mech.model.scenario(o.scenario) if o.scenario is not None else None
+    tables = contact_tables(mech.packed, touching_contacts(mech, given))
+    name = o.method_name(given)
+    near, rated = _plan_with(mech, o, tau, q, v, tables)
+    if not tables or near.method.name == name == "moreau_jean" or near.tau or near.changes:
+        return near, rated
+    plan, also = _plan_with(mech, o, tau, q, v, None)
+    return replace(plan, near=near, declared=tables), rated or also
+
+
+def _plan_with(
+    mech: Mechanism, o: Options, tau: Any, q: Any, v: Any, contacts: Tables | None
+) -> tuple[Plan, bool]:
+    """The plan with these contacts and limits in force, and whether it is for the state."""
     given = mech.model.scenario(o.scenario) if o.scenario is not None else None
     extra = o.checked_forces(mech)
     o.check()
@@ -142,7 +182,6 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
     span, name = o.span(given), o.method_name(given)
     forces = (*mech.model.forces, *(given.forces if given else ()), *extra)
     drives, loads = mech.packed.drives(forces), mech.packed.loads(forces)
-    contacts = contact_tables(mech.packed, touching_contacts(mech, given))
     active, changes = switch_changes(mech, given, o.switches, active_constraints(mech, given), span)
     waiting = conditions_of(mech, switches_of(mech, given, o.switches, span), contacts)
     tau = controller_of(mech, given) if tau is None else tau
@@ -154,11 +193,19 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
     step = _given_step(plan, given, o)
     o = o._replace(step=step)
     rate = _Rate(mech, plan, span[1] - span[0], known=not callable(tau))
-    method, why = _method(rate, plan, name, o, step or (given.step if given else None))
+    usual_step = step or (given.step if given else None)
     points: tuple[ContactPoint, ...] = ()
-    if contacts and plan.impulses and method.name != "moreau_jean":
-        contacts, points = _event_driven(mech, contacts)
-        why = f"{why}, from event to event of contacts and limits"
+    refused = None
+    try:
+        method, why = _method(rate, plan, name, o, usual_step)
+        if contacts and plan.impulses and method.name != "moreau_jean":
+            contacts, points = _event_driven(mech, contacts)
+            why = f"{why}, from event to event of contacts and limits"
+    except InputError as problem:
+        if not plan.impulses or name not in ("auto", *METHODS):
+            raise
+        refused, o = problem, o._replace(rtol=None, method="moreau_jean")
+        method, why = _method(rate, plan, "moreau_jean", o, usual_step)
     usual = given.step if given else 1e-3
     tolerance = o.tolerance(method, span[1] - span[0])
     width, times = _times(o, tolerance, span, usual)
@@ -206,7 +253,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
     }
     notices = (*mech.model.doubts, *_stiff(plan, rate), *_bent(plan), *_hard(plan))
     start = initial_state(mech, given, None, None, tau) if q is None or v is None else start
-    plan = replace(plan, header=header, notices=notices, start=start)
+    plan = replace(plan, header=header, notices=notices, start=start, refused=refused)
     return plan, rate.known and rate.found is not None
 
 

@@ -19,7 +19,7 @@ from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import Frames
 from ..engine.compiler.address import address_of
-from ..engine.records import PAIR, PHASE_CHANGE, by_name, table
+from ..engine.records import PAIR, PHASE_CHANGE, SWING, by_name, table
 from ..errors import InputError
 from ..mechanism import Mechanism
 from ..packing.system import Array, Ints
@@ -28,7 +28,7 @@ from ..result.contact_record import NOTHING, ContactRecord
 from .conditions import Condition
 from .loop import Outcome, Steps, links_of
 from .options import MOST_STEPS
-from .plan import Plan
+from .plan import Plan, with_contacts
 from .switches import Change, closed, hold_here, switched_by
 
 if TYPE_CHECKING:
@@ -66,21 +66,16 @@ class Recording:
         monitors: Sequence[Monitor] = (),
     ):  # fmt: skip
         """Nothing is computed yet. Raises InputError if `tau` does not fit."""
+        if monitors or plan.conditions:  # which look at contacts from the start
+            plan = with_contacts(plan)
         self.mech, self.plan, self.tau = mech, plan, tau
         self.watch = self._watching(monitors)
         self.user = None if tau is None else acting(tau, mech.nq, mech.nv)
         self.ended = Outcome()
-        self.scene = self._scene()
-        if tau is not None and self.user is None:
-            self.scene.given[:] = finite("tau", tau, mech.nv)
         self.held = set(plan.active.tolist())  # constraints that are active now
         self._ahead = deque(plan.changes)
-        self.out = self._empty_frames(len(plan.times))
-        self._arrays = tuple(self.out)  # as kernels take them
-        self._reused = False  # whether other frames may come into these arrays
-        self.steps = Steps(mech, plan, q, v, self._arrays)
-        self.q, self.v = self.steps.q, self.steps.v
-        self.events = self._contact_events()
+        self.met: str = ""  # how the run went until something came near
+        self._prepare(q, v)
         if len(plan.ever) > len(plan.active):
             self.scene.switch(plan.active)
         if plan.changes:
@@ -89,6 +84,19 @@ class Recording:
         self._unlogged = 0  # changes that there was no room for
         self._first: Instant | None = None  # the state in which constraints are met
         self._redundant = False  # whether constraints are redundant there
+
+    def _prepare(self, q: Array, v: Array) -> None:
+        """Scene, frames and stepping loop of the plan, at (q, v)."""
+        mech, plan = self.mech, self.plan
+        self.scene = self._scene()
+        if self.tau is not None and self.user is None:
+            self.scene.given[:] = finite("tau", self.tau, mech.nv)
+        self.out = self._empty_frames(len(plan.times))
+        self._arrays = tuple(self.out)  # as kernels take them
+        self._reused = False  # whether other frames may come into these arrays
+        self.steps = Steps(mech, plan, q, v, self._arrays)
+        self.q, self.v = self.steps.q, self.steps.v
+        self.events = self._contact_events()
 
     def _empty_frames(self, n: int) -> Frames:
         mech, plan = self.mech, self.plan
@@ -126,6 +134,12 @@ class Recording:
         plan, points, watch = self.plan, bool(self.plan.contact_points), self.watch
         links = links_of(plan.method.name, points, watch is not None)
         wanted: Any = () if watch is None else (watch.wanted, watch.address)
+        if plan.declared is not None:
+            from .clearance import Clearance
+
+            self._clearance = Clearance(self.mech, plan.declared)
+            self.steps.control["guard"] = self._clearance.address
+            links = links._replace(look_back=self._clearance.look_back)
         if not points:
             watched = NO_MONITORS if watch is None else np.zeros((4, len(watch.monitors)))
             self._watched = watched
@@ -204,6 +218,10 @@ class Recording:
                 if not self._ahead or not self._switch(self._ahead.popleft()):
                     return
                 continue
+            if code == at.EVENT and self.plan.near is not None:
+                if not self._come_near():
+                    return
+                continue
             if code != at.RUNNING:
                 self.fail(code)
                 return
@@ -273,7 +291,7 @@ class Recording:
     def _advance(self, budget: int) -> int:
         """Take at most `budget` steps and frames; the kernel's status code."""
         code = (self.events or self.steps).advance(budget)
-        if code == at.EVENT and self.events is None:
+        if code == at.EVENT and self.events is None and self.plan.near is None:
             self._user_event(float(self.steps.control["time"]))
             self.steps.go_on()
             code = at.RUNNING
@@ -335,6 +353,47 @@ class Recording:
     def done(self) -> int:
         """Number of frames recorded."""
         return int(self.steps.control["frame"])
+
+    # -- where something comes near ---------------------------------------------------------------
+
+    def _come_near(self) -> bool:
+        """Go on with what may touch; whether the run continues. Raises InputError."""
+        near, t = self.plan.near, float(self.steps.control["time"])
+        assert near is not None
+        if t == self.start:
+            if near.refused is not None:
+                raise near.refused
+            self.plan, self.ended = near, Outcome()
+            self._prepare(self.q.copy(), self.v.copy())
+            return self.begin()
+        if near.refused is not None:
+            text = f"t = {t:.6g} s: something comes near, from there on by '{near.method.name}': "
+            self.ended.notices.append(text + str(near.refused))
+        self.met = f"{self.plan.method.name} until something came near at t = {t:.6g} s; then "
+        before, old = self.steps, self.out
+        self.plan = near.onward(self.plan)
+        self._prepare(self.q.copy(), self.v.copy())
+        done = int(before.control["frame"])
+        for name, kept in zip(Frames._fields, old):
+            rows = getattr(self.out, name)
+            if name == "wrenches":  # of constraints; blocks of contacts follow them
+                rows[:done, : kept.shape[1]] = kept[:done]
+            elif len(kept):
+                rows[:done] = kept[:done]
+        self.steps.take_over(before, done, t)
+        if self.scene.touching is not None:
+            self._in_swing()
+        if self.events is not None:
+            self.events.look_at(old.q[:done], old.v[:done], self.plan.times[:done])
+            self.events.begin(t)
+        return self.ended.ok
+
+    def _in_swing(self) -> None:
+        """Nothing has touched so far."""
+        space = self.scene.touching
+        assert space is not None
+        space.pairs["phase"] = SWING
+        self._changes = [space.begin_log(self.start)]
 
     # -- switches of constraints -----------------------------------------------------------------
 
@@ -477,7 +536,7 @@ class Recording:
             )
         forces = self.scene.forces(wrenches.swapaxes(0, 1).copy(), self.plan.ever)
         counters = by_name(steps.counters)
-        contacts = self._contacts((t, pushes, touches))
+        contacts = self._contacts((t, pushes, touches), q)
         if self.scene.touching is not None:
             from .contact_log import contact_counters
 
@@ -504,18 +563,27 @@ class Recording:
             counters=counters,
             timing=timing,
             error_estimate=estimate.largest,
-            header={**self.plan.header, "error_known": (estimate.until, estimate.before)},
+            header={**self._header(), "error_known": (estimate.until, estimate.before)},
             notices=(*self.notices(), *estimate.notices),
             user_events=tuple(self.watch.log) if self.watch else (),
         )
 
-    def _contacts(self, frames: tuple[Array, Array, Array]) -> ContactRecord:
+    def _header(self) -> dict[str, Any]:
+        return {**self.plan.header, "why": self.met + self.plan.header["why"]}
+
+    def _contacts(self, frames: tuple[Array, Array, Array], q: Array) -> ContactRecord:
+        if self.plan.declared is not None:
+            from .clearance import untouched
+
+            return replace(
+                untouched(self.mech, self.plan.declared, q), events=tuple(self.ended.log)
+            )
         if not self.plan.contacts and not self.ended.log:
             return NOTHING
         from .contact_log import contacts_of
 
         changes = np.concatenate(self._changes)
-        return contacts_of(self.mech, self.plan, frames, changes, self.ended.log)
+        return contacts_of(self.mech, self.plan, frames, q, changes, self.ended.log)
 
     def notices(self) -> tuple[str, ...]:
         """Sentences on how the run went so far."""

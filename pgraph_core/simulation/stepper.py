@@ -23,7 +23,7 @@ from ..portable import Portable, installed
 from ..result import Result, Status
 from .loop import Outcome
 from .options import SAME, Options, positive
-from .plan import plan_of, touching_contacts, with_state
+from .plan import plan_of, touching_contacts, with_contacts, with_state
 from .recording import Estimate, Recording
 from .switches import Change
 
@@ -310,7 +310,7 @@ class Stepper(Portable):
         mech, tau, name = self.mech, self._tau, self._options.scenario
         given = mech.model.scenario(name) if name is not None else None
         options = self._options._replace(t_start=t, t_end=t + self._width)
-        plan = plan_of(mech, options, tau, q, v)
+        plan = with_contacts(plan_of(mech, options, tau, q, v))
         if plan.contact_points:
             text = (
                 f"{self.method} goes from event to event of rigid contacts and limits, which steps "

@@ -48,6 +48,8 @@ def next_width(run):
     control.clip = math.inf
     if control.widths == GIVEN:
         width = control.widest
+        if width - control.done > control.bound:
+            return control.bound, control.time + control.bound, False
         end = control.origin + (control.taken + 1) * width
         return width - control.done, times[control.frame] if control.left == 1 else end, False
     corners, t = data.corners, control.time
@@ -60,7 +62,7 @@ def next_width(run):
     corner = k < corners.shape[0] and corners[k] <= stop
     end = corners[k] if corner else stop
     left = end - t
-    h = control.widest
+    h = min(control.widest, control.bound)
     if control.widths == CHOSEN:
         h = min(control.width, h)
     if h * (1.0 + 1e-9) >= left:
@@ -93,10 +95,10 @@ def next_interval(run, i):
 
 @sweep
 def step_taken(run):
-    """Count a given step, or note how much of it is done where an event has ended it early."""
+    """Count a given step, or note how much of it is done where it was cut short."""
     control = opened_run(run).control[0]
     done = control.done + (control.time - control.old_time)
-    if control.fired == 1 and control.widest - done > 1e-12 * control.widest:
+    if control.widest - done > 1e-12 * control.widest:
         control.done = done
         return
     control.done = 0.0

@@ -1,0 +1,207 @@
+"""How much is free between what may touch, and whether a step can have used it up.
+
+Runs leave contacts and limits out until something comes near: `watch_clearance` looks back at every
+step. A step that moves everything by less than what is free cannot have touched anything, and costs
+a sum over the joints. Else what is free is found again: at the end of the step, then along it, by
+conservative advancement on dense output ([Mirtich 1996]).
+"""
+
+import math
+
+from numba import types
+
+from .. import layout as at
+from ..arrays import GUARD, I1, opened_run
+from ..compiler.address import plain, stored
+from ..compiler.jit import kernel, part, sweep
+from ..motion import F2, opened
+from ..rows import BALL, FREE, TRANSLATE, kind_of, origin_of, parent_of, q_of, v_of
+from ..stepping.explicit import dense_output
+from ..stepping.run import LOOK_BACK
+from ..stepping.state import copied, size_of_state
+from ..tree.kinematics import outboard, positions
+from ..vec import dot, sub, xyz
+from .search import find_contacts, find_gaps
+from .shapes import place
+
+_save, guard_at = stored(GUARD)
+
+AHEAD = 32.0  # steps' motion: how far a search looks
+FARTHER = 4.0  # times as far each time that it finds nothing
+FARTHEST = 1e6  # steps' motion
+PATH = 1.25  # length of a path over what its ends say
+CLOSE = 0.02  # of a step's motion: what is nearer is near
+LOOKS = 24  # along one step
+
+
+@kernel(types.void(I1, plain(GUARD)), later=True)
+def save_guard(buffer, guard):
+    """Keep a guard where `guard_at` finds it."""
+    _save(buffer, guard)
+
+
+@part
+def turned(stages, j, count):
+    """Length of `count` entries of v from j on, the larger one at both ends of the last step."""
+    before, now = 0.0, 0.0
+    for n in range(j, j + count):
+        before += stages[at.Y_OLD, n] ** 2
+        now += stages[at.Y, n] ** 2
+    return math.sqrt(max(before, now))
+
+
+@sweep
+def path_lengths(run, reach):
+    """Bounds of how far any shape [m] and any coordinate [rad, m] moved over the last step.
+
+    `reach` is of each row.
+    """
+    data = opened_run(run)
+    stages, h = data.stages, data.control[0].old_width
+    rows = opened(data.scene).rows
+    nq, _ = size_of_state(run)
+    moved = 0.0
+    turn = 0.0
+    for k in range(1, rows.shape[0]):
+        i, j, kind = q_of(rows, k), nq + v_of(rows, k), kind_of(rows, k)
+        if kind <= TRANSLATE:
+            change = abs(stages[at.Y, i] - stages[at.Y_OLD, i])
+            path = max(change, h * turned(stages, j, 1))
+            turn = max(turn, path)
+            arm = reach[k] if kind != TRANSLATE else 1.0 if reach[k] > 0.0 else 0.0
+            moved += path * arm
+        elif kind >= BALL and reach[k] > 0.0:
+            moved += h * turned(stages, j, 3) * reach[k]
+            if kind == FREE:
+                moved += h * turned(stages, j + 3, 3)
+    return PATH * moved, PATH * turn
+
+
+@sweep
+def limits_near(run, guard):
+    """Whether a coordinate may have reached a limit within the last step; what is free, if not."""
+    data = opened_run(run)
+    stages, h, limits = data.stages, data.control[0].old_width, guard.limits
+    nq, _ = size_of_state(run)
+    free = math.inf
+    for n in range(limits.shape[0]):
+        i, sign = limits[n].coordinate, limits[n].sign
+        before, now = stages[at.Y_OLD, i], stages[at.Y, i]
+        path = PATH * max(abs(now - before), h * turned(stages, nq + limits[n].velocity, 1))
+        gap = sign * now - limits[n].value
+        if gap <= 0.0 or min(gap, sign * before - limits[n].value) <= path - abs(now - before):
+            return True
+        free = min(free, gap)
+    guard.state[0].free_turn = free
+    return False
+
+
+@sweep
+def clearance(run, guard, row, ahead):
+    """How far everything may move from the state in `row` without a touch, `ahead` at most [m]."""
+    data = opened_run(run)
+    scene = opened(data.scene)
+    rows, const, work, stages = scene.rows, scene.const, scene.work, data.stages
+    nq, nv = size_of_state(run)
+    outboard(rows, const, work, stages[row, :nq], stages[row, nq : nq + nv])
+    positions(rows, work)
+    place(guard.geometry.shapes, work, guard.poses)
+    may, found = guard.candidates, guard.found
+    n = find_contacts(guard.geometry, guard.ground, may, guard.poses, guard.search, ahead, found)
+    between = may.pairs.shape[0] + may.members.shape[0] > 0
+    free = 0.5 * ahead if between else ahead
+    for c in range(min(n, found.shape[0])):
+        free = min(free, found[c].gap if found[c].shape_b < 0 else 0.5 * found[c].gap)
+    return free if n <= found.shape[0] else 0.0
+
+
+@sweep
+def find_reach(run, guard, free):
+    """How far from each row's origin shapes that it carries reach, after `clearance` [m]."""
+    scene = opened(opened_run(run).scene)
+    rows, work, reach = scene.rows, scene.work, guard.reach
+    shapes, poses = guard.geometry.shapes, guard.poses
+    for k in range(rows.shape[0]):
+        reach[k] = 0.0
+    for i in range(shapes.shape[0]):
+        k = shapes[i].row
+        while k > 0:
+            arm = sub(xyz(poses[i].position), origin_of(work, k))
+            reach[k] = max(reach[k], math.sqrt(dot(arm, arm)) + shapes[i].reach + free)
+            k = parent_of(rows, k)
+
+
+@sweep
+def may_touch(run, guard, moved):
+    """Whether something may have touched over the last step; what is free now, if not."""
+    data = opened_run(run)
+    state = guard.state[0]
+    ahead = max(AHEAD * moved, min(state.ahead, FARTHEST * moved))
+    free = clearance(run, guard, at.Y, ahead)
+    if free > moved or moved == 0.0:
+        state.ahead = FARTHER * ahead
+        find_reach(run, guard, free)
+        state.free = free
+        return not free > 0.0
+    if data.tableau.dense.shape[0] == 0:
+        return True
+    share = 0.0
+    free = clearance(run, guard, at.Y_OLD, AHEAD * moved)
+    for _ in range(LOOKS):
+        if not free > CLOSE * moved:
+            return True
+        share += 0.9 * free / moved
+        if share >= 1.0:
+            free = clearance(run, guard, at.Y, AHEAD * moved)
+            find_reach(run, guard, free)
+            state.free = free
+            return not free > CLOSE * moved
+        dense_output(run, share)
+        free = clearance(run, guard, at.TRIAL, AHEAD * moved)
+    return True
+
+
+@kernel(LOOK_BACK, nogil=True, later=True)
+def watch_clearance(run):
+    """Go back to the start of the last step, and stop there, if something may touch in it."""
+    data = opened_run(run)
+    control, stages = data.control[0], data.stages
+    guard = guard_at(control.guard)
+    state = guard.state[0]
+    shaped = guard.geometry.shapes.shape[0] > 0
+    if shaped and state.free == 0.0:  # the first step
+        clearance(run, guard, at.Y, 0.0)
+        find_reach(run, guard, 0.0)
+    moved, turn = path_lengths(run, guard.reach)
+    state.free -= moved
+    state.free_turn -= turn
+    near = not state.free_turn > 0.0 and limits_near(run, guard)
+    if not near and shaped and not state.free > 0.0:
+        near = may_touch(run, guard, moved)
+    if near:
+        copied(stages, at.Y_OLD, at.Y, stages.shape[1])
+        control.time = control.old_time
+        control.fresh = 0
+        control.fired = 1
+
+
+@kernel(types.void(types.int64, types.int64, F2, F2), later=True)
+def frame_gaps(scene, address, q, gaps):
+    """Smallest gap (n, contact pairs) of every contact pair at the states q (n, nq) [m].
+
+    Not of members of one contact of every body with every other: theirs stay as they are.
+    """
+    data, guard = opened(scene), guard_at(address)
+    rows, const, work = data.rows, data.const, data.work
+    may, count = guard.candidates, guard.candidates.on_ground.shape[0]
+    for f in range(q.shape[0]):
+        outboard(rows, const, work, q[f], data.given)
+        positions(rows, work)
+        place(guard.geometry.shapes, work, guard.poses)
+        found = guard.gaps
+        find_gaps(
+            guard.geometry, guard.ground, may, guard.poses, guard.search.room, guard.found, found
+        )
+        for n in range(count + may.pairs.shape[0]):
+            pair = may.on_ground[n].pair if n < count else may.pairs[n - count].pair
+            gaps[f, pair] = min(gaps[f, pair], found[n])
