@@ -44,7 +44,9 @@ LAWS = {"complementarity": RIGID, "soft": SOFT, "penalty": PENALTY}
 ROOM = {SPHERE: 1, CAPSULE: 2}  # contact points of a shape, 8 of others
 ON_FIELD = 64  # of a shape on a heightfield
 SINKS = 1e-4  # of the bodies' size: how deep its weight presses what touches, if nothing is given
-SPEED = 1.0  # m/s: where a soft contact that gives no damping has its restitution
+SPEED = 1.0  # m/s: where a soft contact that gives no damping has its restitution, or faster
+LEAST = 0.05  # the least restitution that soft and penalty contacts give: less would take ever more
+DEEPEST = 0.1  # of the thinner shape: how deep the speed at the start leads, if nothing is given
 
 
 class ContactPair(NamedTuple):
@@ -77,6 +79,11 @@ class Tables(NamedTuple):
     def turns(self) -> bool:
         """Whether a contact resists rolling or spinning."""
         return bool((self.laws["rolling"] > 0).any() or (self.laws["spinning"] > 0).any())
+
+    @property
+    def compliant(self) -> bool:
+        """Whether anything here is soft, or springs back."""
+        return any(t.contact.law != "complementarity" for t in self.touches)
 
     @property
     def rigid(self) -> bool:
@@ -202,6 +209,7 @@ class _Shapes:
         room += sum(self._room(a, b) for a, b, _ in self.pairs if b not in self.boxes)
         room += sum(8 * min(len(self.boxes), 4) for _ in self.on_ground)
         room += sum(8 for _ in self.members)
+        laws = rows_of(PAIR_LAW, [law(t.contact, *self.parts) for t in self.touches])
         return Tables(
             tuple(self.touches),
             limits,
@@ -213,11 +221,11 @@ class _Shapes:
                 rows_of(MEMBER, self.members),
                 rows_of(APART, sorted(self.apart) if self.members else []),
             ),
-            rows_of(PAIR_LAW, [law(t.contact, *self.parts) for t in self.touches]),
+            laws,
             blocks,
             room,
             any(t.contact.law == "penalty" for t in self.touches),
-            max((contact_rate(t.contact, *self.parts) for t in self.touches), default=0.0),
+            max((rate_of(row, _pull(self.model)) for row in laws), default=0.0),
         )
 
     def _room(self, a: int, b: int) -> int:
@@ -245,7 +253,7 @@ def joined(topology: Topology, packed: System) -> set[tuple[int, int]]:
 
 
 def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[float, ...]:
-    """(8,) as in PAIR_LAW, with what is left out filled in.
+    """(9,) as in PAIR_LAW, with what is left out filled in.
 
     Without a stiffness, the weight of the lightest tree that touches presses it in by 1e-4 of the
     bodies' size; a damping gives the restitution, of a soft contact at 1 m/s.
@@ -262,38 +270,118 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
     stiffness = weight / depth ** (1.5 if soft else 1.0) if c.stiffness is None else c.stiffness
     if c.damping is not None:
         damping = c.damping
-    elif soft:  # e = 1 - 2/3 c v
-        damping = 1.5 * (1 - restitution) / SPEED
+    elif soft:
+        damping = loss_at_speed(restitution) / SPEED
     else:
-        damping = 2 * damping_ratio(restitution) * np.sqrt(stiffness * mass)
+        damping = 2 * damping_ratio(restitution) * np.sqrt(stiffness * _moved(c, topology, packed))
     values = float(LAWS[c.law]), friction.kinetic, restitution, stiffness, damping
-    return (*values, friction.static, friction.rolling, friction.spinning)
+    return (*values, friction.static, friction.rolling, friction.spinning, mass)
 
 
-def contact_rate(c: Contact, model: Model, topology: Topology, packed: System) -> float:
+def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
+    """The tables for a run whose bodies (nb,) move at most this fast at the start [m/s].
+
+    Of soft and penalty contacts that leave out their stiffness, that speed leads no deeper than a
+    tenth of the thinner shape; of those that leave out their damping, it has the restitution.
+    """
+    laws = found.laws.copy()
+    for row, (_, body, other, c) in zip(laws, found.touches):
+        if c.law == "complementarity":
+            continue
+        names = [n for n in (body, other) if n != GROUND]
+        among = speeds if EVERY in names else [speeds[mech.topology.number(n) - 1] for n in names]
+        thin = min((t for n in names for t in _thicknesses(mech.model, n)), default=0.0)
+        speed, mass = float(np.sum(np.sort(among)[-2:])), _moved(c, mech.topology, mech.system)
+        soft, stiffness = c.law == "soft", float(row["stiffness"])
+        if c.stiffness is None and thin > 0.0:
+            deep = DEEPEST * thin
+            energy = mass * speed**2  # = k d², or 4/5 k d^2.5
+            needed = 1.25 * energy / deep**2.5 if soft else energy / deep**2
+            stiffness = max(stiffness, needed)
+        if c.damping is None and soft:
+            row["damping"] = loss_at_speed(float(row["restitution"])) / max(speed, SPEED)
+        elif c.damping is None:
+            row["damping"] *= np.sqrt(stiffness / row["stiffness"])
+        row["stiffness"] = stiffness
+    pull = _pull(mech.model)
+    return found._replace(laws=laws, rate=max((rate_of(row, pull) for row in laws), default=0.0))
+
+
+def _thicknesses(model: Model, name: str) -> list[float]:
+    """Least half extents of a body's shapes, or of all bodies' [m]."""
+    from ..shapes.kinds import solid_of
+
+    bodies = model.bodies if name == EVERY else (model.body(name),)
+    return [float(solid_of(shape).box[0].min()) for b in bodies for shape in b.touching]
+
+
+def rate_of(row: Any, pull: float) -> float:
     """Rate [1/s] of what lies on a soft or penalty contact: its spring, damper and friction."""
-    kind, friction, _, stiffness, damping = law(c, model, topology, packed)[:5]
-    mass, weight = _lightest(c, model, topology, packed)
-    if kind == SOFT:
-        depth = (weight / stiffness) ** (2 / 3)
-        return float(np.sqrt(1.5 * weight / depth / mass) + friction * weight / mass / CREEP)
-    if kind == PENALTY:
-        return float(np.sqrt(stiffness / mass) + damping / mass)
+    mass, stiffness = float(row["mass"]), float(row["stiffness"])
+    if row["law"] == SOFT:
+        depth = (mass * pull / stiffness) ** (2 / 3)
+        return float(np.sqrt(1.5 * pull / depth) + row["friction"] * pull / CREEP)
+    if row["law"] == PENALTY:
+        return float(np.sqrt(stiffness / mass) + row["damping"] / mass)
     return 0.0
+
+
+def _moved(c: Contact, topology: Topology, packed: System) -> float:
+    """Mass that an impact between the two things moves [kg]: of two trees 1 / (1/m + 1/M)."""
+    masses = _masses(c, topology, packed)
+    if EVERY in (c.body, c.other):
+        return min(masses, default=1.0)
+    return 1.0 / sum(1.0 / m for m in masses) if masses else 1.0
 
 
 def _lightest(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[float, float]:
     """(mass [kg], weight [N]) of the lightest tree that a contact names."""
     mass = min(_masses(c, topology, packed), default=1.0)
-    return mass, mass * (float(np.linalg.norm(model.gravity)) or 9.81)
+    return mass, mass * _pull(model)
+
+
+def _pull(model: Model) -> float:
+    """Of gravity, or of the earth's where there is none [m/s²]."""
+    return float(np.linalg.norm(model.gravity)) or 9.81
 
 
 def damping_ratio(restitution: float) -> float:
-    """Of a linear spring and damper that gives this restitution; 1 where nothing comes back."""
-    if restitution <= 0:
-        return 1.0
-    rate = -np.log(restitution)
-    return float(rate / np.hypot(np.pi, rate))
+    """Of a linear spring and damper that never pulls and gives this restitution, LEAST at least.
+
+    They part where the force ends, before the spring is relaxed ([Schwager & Pöschel 2007]).
+    """
+    from scipy.optimize import brentq
+
+    wanted = min(max(restitution, LEAST), 1.0)
+    if wanted == 1.0:
+        return 0.0
+
+    def excess(ratio: float) -> float:
+        root = np.sqrt(abs(1.0 - ratio**2)) or 1e-12
+        turn = 2.0 * np.log(ratio + root)
+        if ratio < 1.0:
+            turn = np.arctan2(2.0 * ratio * root, 2.0 * ratio**2 - 1.0)
+        return float(np.exp(-ratio * turn / root) - wanted)
+
+    return float(brentq(excess, 0.0, 10.0, xtol=1e-14))  # pyright: ignore
+
+
+def loss_at_speed(restitution: float) -> float:
+    """c v of Hunt and Crossley's k d^1.5 (1 + c d') that gives this restitution, LEAST at least.
+
+    From the energy over an impact at v: (1 + e) c v = ln((1 + c v) / (1 - e c v)).
+    """
+    from scipy.optimize import brentq
+
+    e = min(max(restitution, LEAST), 1.0)
+    if e > 1.0 - 1e-6:
+        return 1.5 * (1.0 - e)
+
+    def excess(x: float) -> float:
+        return float((1.0 + e) * x - np.log((1.0 + x) / (1.0 - e * x)))
+
+    low = 0.75 * (1.0 - e)  # its double is right for e near 1
+    return float(brentq(excess, low, (1.0 - 1e-15) / e, xtol=1e-14))  # pyright: ignore
 
 
 def _masses(c: Contact, topology: Topology, packed: System) -> list[float]:

@@ -120,6 +120,7 @@ STEP_CONTROL = record(
     fastest=INTEGER,  # row that moved fastest there
     bound=REAL,  # the next step may not be wider, or things could pass through each other [s]
     guard=INTEGER,  # address of a GUARD; 0: none
+    approach=INTEGER,  # address of the kernel that finds `bound`; 0: none
 )
 
 COUNTERS = record(
@@ -270,6 +271,7 @@ PAIR_LAW = record(
     static_friction=REAL,
     rolling=REAL,  # torque against rolling over normal force [m]
     spinning=REAL,  # torque about the normal over normal force [m]
+    mass=REAL,  # of the lightest tree that touches [kg]
 )
 
 PAIR = record(  # what a contact pair does, world axes

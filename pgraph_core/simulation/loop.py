@@ -168,7 +168,7 @@ class Steps:
         control["time"] = control["origin"] = t
         control["frame"] = frame
         self.ledger[:] = before.ledger
-        for name in self._counters.dtype.names or ():
+        for name in before.counters.dtype.names or ():
             self.counters[name] = before.counters[name]
         if self.tolerance is None and before.tolerance is None:
             for name in ("origin", "taken", "left", "widest", "done"):

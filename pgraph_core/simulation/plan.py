@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..dynamics.arguments import finite, position
+from ..dynamics.bodies import bodies_over
 from ..dynamics.scene import Scene, contact_tables
 from ..dynamics.states import length_of
 from ..engine import layout as at
@@ -165,7 +166,13 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
     tables = contact_tables(mech.packed, touching_contacts(mech, given))
     name = o.method_name(given)
     near, rated = _plan_with(mech, o, tau, q, v, tables)
-    if not tables or near.method.name == name == "moreau_jean" or near.tau or near.changes:
+    if (
+        not tables
+        or near.method.name == name == "moreau_jean"
+        or near.tau
+        or near.changes
+        or near.conditions
+    ):
         return near, rated
     plan, also = _plan_with(mech, o, tau, q, v, None)
     return replace(plan, near=near, declared=tables), rated or also
@@ -190,6 +197,10 @@ def _plan_with(
         RK4, NO_TIMES, drives, loads, active, contacts=contacts, changes=changes, start=start,
         tau=tau if _is_controller(tau) else None,
     )  # fmt: skip
+    rated = False
+    if contacts and (open_laws := _left_open(contacts)):
+        contacts, rated = at_start_speed(mech, contacts, start), open_laws
+        plan = replace(plan, contacts=contacts)
     step = _given_step(plan, given, o)
     o = o._replace(step=step)
     rate = _Rate(mech, plan, span[1] - span[0], known=not callable(tau))
@@ -254,7 +265,7 @@ def _plan_with(
     notices = (*mech.model.doubts, *_stiff(plan, rate), *_bent(plan), *_hard(plan))
     start = initial_state(mech, given, None, None, tau) if q is None or v is None else start
     plan = replace(plan, header=header, notices=notices, start=start, refused=refused)
-    return plan, rate.known and rate.found is not None
+    return plan, rated or (rate.known and rate.found is not None)
 
 
 def _check_sizes(mech: Mechanism) -> None:
@@ -325,6 +336,27 @@ def with_state(mech: Mechanism, start: tuple[Array, Array], q: Any, v: Any) -> t
     """Copies of the given q and v, or of those in `start` where they are None."""
     q = start[0] if q is None else position(mech.packed, q)
     return q.copy(), (start[1] if v is None else finite("v", v, mech.nv)).copy()
+
+
+def _left_open(contacts: Tables) -> bool:
+    """Whether a soft or penalty contact leaves out its stiffness or its damping."""
+    laws = (t.contact for t in contacts.touches if t.contact.law != "complementarity")
+    return any(c.stiffness is None or c.damping is None for c in laws)
+
+
+def at_start_speed(mech: Mechanism, contacts: Tables, start: tuple[Array, Array]) -> Tables:
+    """The tables for a run from this state: what laws leave out fits how fast it starts."""
+    from ..contact.tables import at_speed
+
+    if not np.any(start[1]):
+        return contacts
+    one, still = (x[None] for x in start), np.zeros((1, mech.nv))
+    motion = bodies_over(mech.packed.system, *one, still, np.zeros((1, mech.nb, 6)))
+    spin, velocity = motion.velocity[0, :, :3], motion.velocity[0, :, 3:]
+    reach, shapes = np.zeros(mech.nb), contacts.geometry.shapes
+    np.maximum.at(reach, shapes["body"] - 1, shapes["reach"])
+    speeds = np.linalg.norm(velocity, axis=1) + np.linalg.norm(spin, axis=1) * reach
+    return at_speed(contacts, mech.packed, speeds)
 
 
 def _event_driven(

@@ -140,6 +140,10 @@ class Recording:
             self._clearance = Clearance(self.mech, plan.declared)
             self.steps.control["guard"] = self._clearance.address
             links = links._replace(look_back=self._clearance.look_back)
+        if points or (plan.contacts and plan.contacts.compliant):
+            from ..engine.contact.approach import bound_step
+
+            self.steps.control["approach"] = address_of(bound_step)
         if not points:
             watched = NO_MONITORS if watch is None else np.zeros((4, len(watch.monitors)))
             self._watched = watched
@@ -268,6 +272,7 @@ class Recording:
             self.events.begin(self.start)
         if self.watch is not None and self.ended.ok:
             self._begin_watching(self.watch)
+        self._bound()
         return self.ended.ok
 
     def _begin_watching(self, watch: Watch) -> None:
@@ -386,7 +391,15 @@ class Recording:
         if self.events is not None:
             self.events.look_at(old.q[:done], old.v[:done], self.plan.times[:done])
             self.events.begin(t)
+        self._bound()
         return self.ended.ok
+
+    def _bound(self) -> None:
+        """Bound the first step, where steps are bounded by what comes near."""
+        if self.steps.control["approach"]:
+            from ..engine.contact.approach import bound_step
+
+            bound_step(self.steps.address)
 
     def _in_swing(self) -> None:
         """Nothing has touched so far."""

@@ -98,6 +98,8 @@ def step_once(run):
             onto_constraints(run, control.time, at.Y)
     if control.widths == GIVEN:
         step_taken(run)
+    if control.approach != 0 and code == at.DONE:
+        call_look_back(control.approach, (run,))
     return code
 
 

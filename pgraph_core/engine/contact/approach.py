@@ -1,0 +1,176 @@
+"""How wide the next step may be, so that nothing passes through anything within it.
+
+Soft and penalty contacts push only where they are looked at: a step that leaps over the place
+where two shapes overlap never sees a force. It is bounded by the gap over the closing speed, by a
+part of the thinner shape's size, and inside a hard contact by what its stiffness allows. Points
+that may dip under the ground and rise again within a step bound it by how far their body turns.
+"""
+
+import math
+
+from .. import layout as at
+from ..arrays import opened_run
+from ..compiler.elementary import power
+from ..compiler.jit import kernel, part, sweep
+from ..constraints.blocks import velocities
+from ..motion import opened
+from ..records import GIVEN, PENALTY, POINTS, RIGID, SWING
+from ..stepping.run import LOOK_BACK
+from ..stepping.state import size_of_state
+from ..tree.kinematics import outboard, positions
+from ..vec import dot, load, sub, xyz
+from .contacts import contacts_at
+from .ground import candidates, normal_of, top
+from .meeting import closing_bound, ground_point, nearest, shape_speed, thickness
+from .phases import opened_events
+from .search import are_apart
+from .shapes import place
+
+PART = 0.2  # of the thinner shape: how far a step may lead into it
+TURN = 0.5  # rad: how far a body may turn in a step with points in the air
+WITHIN = 0.05  # of a contact's own time: given steps inside a hard one
+LEAD = 0.03  # of how deep an impact leads: given steps into it
+HARD = 10.0  # times the weight: a contact that is not at rest
+
+
+@kernel(LOOK_BACK, nogil=True, later=True)
+def bound_step(run):
+    """The widest step from the state in Y into `bound`."""
+    data = opened_run(run)
+    control, stages = data.control[0], data.stages
+    nq, nv = size_of_state(run)
+    q, v = stages[at.Y, :nq], stages[at.Y, nq : nq + nv]
+    scene = opened(data.scene)
+    outboard(scene.rows, scene.const, scene.work, q, v)
+    positions(scene.rows, scene.work)
+    velocities(scene.rows, scene.const, scene.work, v, scene.space.linear)
+    control.bound = math.inf
+    if data.watched.shape[1] > data.signs.shape[0]:
+        control.bound = turn_bound(opened_events(data.scene), scene.work)
+    if scene.links.contacts != 0:
+        width = control.widest if control.widest > 0.0 else control.span
+        if control.widths != GIVEN and control.width > 0.0:
+            width = min(width, control.width)
+        control.bound = min(
+            control.bound, contact_bound(data.scene, width, control.widths == GIVEN)
+        )
+
+
+@sweep
+def turn_bound(phased, work):
+    """Time in which no body with a point in the air turns by more than TURN [s]."""
+    points, blocks = phased.contact.points, phased.scene.blocks
+    fastest = 0.0
+    for s in range(points.shape[0]):
+        i = points[s].slide_block
+        if points[s].phase == SWING and points[s].limit == 0:
+            arm = load(blocks.blocks_f, i, at.PA)
+            turn = load(work, blocks.blocks_i[i, at.B_A], at.W)
+            if dot(arm, arm) > 0.0:
+                fastest = max(fastest, math.sqrt(dot(turn, turn)))
+    return TURN / fastest if fastest > 0.0 else math.inf
+
+
+@sweep
+def contact_bound(scene, width, given):
+    """Time in which no soft or penalty contact is leapt over [s], in steps of `width`.
+
+    `given`: steps do not follow forces, so that they are bounded inside contacts too.
+    """
+    data = opened(scene)
+    contacts = contacts_at(data.links.contacts)
+    shapes, poses, may = contacts.geometry.shapes, contacts.poses, contacts.candidates
+    place(shapes, data.work, poses)
+    bound = math.inf
+    fastest = 0.0
+    for i in range(shapes.shape[0]):
+        fastest = max(fastest, shape_speed(data.work, data.space.linear, shapes[i], poses[i]))
+    for k in range(may.on_ground.shape[0]):
+        i, pair = may.on_ground[k].shape, may.on_ground[k].pair
+        altitude = dot(xyz(poses[i].position), normal_of(contacts.ground)) - shapes[i].reach
+        if contacts.laws[pair].law != RIGID and altitude <= top(contacts.ground) + fastest * width:
+            bound = min(bound, ground_bound(scene, i, pair, width, given))
+    for k in range(may.pairs.shape[0]):
+        i, j = may.pairs[k].shape_a, may.pairs[k].shape_b
+        bound = min(bound, pair_bound(scene, i, j, may.pairs[k].pair, width, given))
+    members = may.members
+    for m in range(members.shape[0]):
+        i = members[m].shape
+        if contacts.laws[members[m].pair].law == RIGID or fastest * width <= PART * thickness(
+            shapes[i]
+        ):
+            continue
+        for k in range(members.shape[0]):
+            j = members[k].shape
+            same = members[m].pair != members[k].pair or shapes[i].row == shapes[j].row
+            if not same and not are_apart(may.apart, shapes[i].body, shapes[j].body):
+                one = pair_bound(scene, min(i, j), max(i, j), members[m].pair, width, given)
+                bound = min(bound, one)
+    return bound
+
+
+@sweep
+def ground_bound(scene, i, pair, width, given):
+    """As `contact_bound`, of one shape over the ground."""
+    data = opened(scene)
+    contacts = contacts_at(data.links.contacts)
+    shapes = contacts.geometry.shapes
+    normal = normal_of(contacts.ground)
+    size = shapes[i].reach if shapes[i].reach > 0.0 else contacts.tally[0].length
+    bound = math.inf
+    for c in range(candidates(shapes, i)):
+        gap, _ = ground_point(contacts, i, c)
+        rate = closing_bound(scene, i, -1, normal, 0.0)
+        bound = min(bound, one_bound(contacts, pair, gap, rate, size, width, given))
+    return bound
+
+
+@sweep
+def pair_bound(scene, i, j, pair, width, given):
+    """As `contact_bound`, of two shapes."""
+    data = opened(scene)
+    contacts = contacts_at(data.links.contacts)
+    shapes, poses = contacts.geometry.shapes, contacts.poses
+    if contacts.laws[pair].law == RIGID:
+        return math.inf
+    moved = width * shape_speed(data.work, data.space.linear, shapes[i], poses[i])
+    moved += width * shape_speed(data.work, data.space.linear, shapes[j], poses[j])
+    thin = thickness(shapes[j])
+    if shapes[i].kind != POINTS:
+        thin = min(thin, thickness(shapes[i]))
+    apart = sub(xyz(poses[i].position), xyz(poses[j].position))
+    reach = shapes[i].reach + shapes[j].reach + moved
+    if not dot(apart, apart) <= reach * reach:
+        return math.inf
+    gap, _, normal = nearest(contacts, i, j, pair)
+    rate = closing_bound(scene, i, j, normal, 0.0)
+    return one_bound(contacts, pair, gap, rate, thin, width, given)
+
+
+@part
+def one_bound(contacts, pair, gap, rate, thin, width, given):
+    """Time in which a gap that closes at most at `rate` leads a part of `thin` into a shape [s]."""
+    law = contacts.laws[pair]
+    bound = math.inf
+    lead = PART * thin
+    if given and rate > 0.0:
+        energy = law.mass * rate * rate
+        deep = math.sqrt(energy / law.stiffness)
+        if law.law != PENALTY:
+            deep = power(1.25 * energy / law.stiffness, 0.4)
+        lead = min(lead, LEAD * deep)
+    if rate * width > PART * thin:
+        bound = (max(gap, 0.0) + lead) / rate
+    if given and gap < 0.0:
+        depth = -gap
+        push = law.stiffness * depth
+        slope = law.stiffness
+        loss = law.damping
+        if law.law != PENALTY:
+            push *= math.sqrt(depth)
+            slope *= 1.5 * math.sqrt(depth)
+            loss *= push
+        if push > HARD * law.mass * contacts.tally[0].pull or rate * width > PART * depth:
+            own = math.sqrt(slope / law.mass) + loss / law.mass
+            bound = min(bound, WITHIN / own)
+    return bound
