@@ -285,15 +285,18 @@ def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
     tenth of the thinner shape; of those that leave out their damping, it has the restitution.
     """
     laws = found.laws.copy()
+    shapes = found.geometry.shapes[found.geometry.shapes["kind"] != POINTS]
     for row, (_, body, other, c) in zip(laws, found.touches):
         if c.law == "complementarity":
             continue
         names = [n for n in (body, other) if n != GROUND]
         among = speeds if EVERY in names else [speeds[mech.topology.number(n) - 1] for n in names]
-        thin = min((t for n in names for t in _thicknesses(mech.model, n)), default=0.0)
+        own = [mech.topology.number(n) for n in names if n != EVERY]
+        chosen = shapes if EVERY in names else shapes[np.isin(shapes["body"], own)]
+        thin = float(chosen["half_extents"].min(axis=1).min(initial=np.inf))
         speed, mass = float(np.sum(np.sort(among)[-2:])), _moved(c, mech.topology, mech.system)
         soft, stiffness = c.law == "soft", float(row["stiffness"])
-        if c.stiffness is None and thin > 0.0:
+        if c.stiffness is None and 0.0 < thin < np.inf:
             deep = DEEPEST * thin
             energy = mass * speed**2  # = k d², or 4/5 k d^2.5
             needed = 1.25 * energy / deep**2.5 if soft else energy / deep**2
@@ -305,14 +308,6 @@ def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
         row["stiffness"] = stiffness
     pull = _pull(mech.model)
     return found._replace(laws=laws, rate=max((rate_of(row, pull) for row in laws), default=0.0))
-
-
-def _thicknesses(model: Model, name: str) -> list[float]:
-    """Least half extents of a body's shapes, or of all bodies' [m]."""
-    from ..shapes.kinds import solid_of
-
-    bodies = model.bodies if name == EVERY else (model.body(name),)
-    return [float(solid_of(shape).box[0].min()) for b in bodies for shape in b.touching]
 
 
 def rate_of(row: Any, pull: float) -> float:

@@ -353,9 +353,9 @@ def at_start_speed(mech: Mechanism, contacts: Tables, start: tuple[Array, Array]
     one, still = (x[None] for x in start), np.zeros((1, mech.nv))
     motion = bodies_over(mech.packed.system, *one, still, np.zeros((1, mech.nb, 6)))
     spin, velocity = motion.velocity[0, :, :3], motion.velocity[0, :, 3:]
-    reach, shapes = np.zeros(mech.nb), contacts.geometry.shapes
-    np.maximum.at(reach, shapes["body"] - 1, shapes["reach"])
-    speeds = np.linalg.norm(velocity, axis=1) + np.linalg.norm(spin, axis=1) * reach
+    reach, shapes = np.zeros(mech.nb + 1), contacts.geometry.shapes
+    np.maximum.at(reach, shapes["body"], shapes["reach"])
+    speeds = np.linalg.norm(velocity, axis=1) + np.linalg.norm(spin, axis=1) * reach[1:]
     return at_speed(contacts, mech.packed, speeds)
 
 
