@@ -374,7 +374,7 @@ class Recording:
         if near.refused is not None:
             text = f"t = {t:.6g} s: something comes near, from there on by '{near.method.name}': "
             self.ended.notices.append(text + str(near.refused))
-        self.met = f"{self.plan.method.name} until something came near at t = {t:.6g} s; then "
+        self.met = f"{self.plan.method.name} until something came near at t = {t:.6g} s"
         before, old = self.steps, self.out
         self.plan = near.onward(self.plan)
         self._prepare(self.q.copy(), self.v.copy())
@@ -582,7 +582,7 @@ class Recording:
         )
 
     def _header(self) -> dict[str, Any]:
-        return {**self.plan.header, "why": self.met + self.plan.header["why"]}
+        return {**self.plan.header} | ({"began": self.met} if self.met else {})
 
     def _contacts(self, frames: tuple[Array, Array, Array], q: Array) -> ContactRecord:
         if self.plan.declared is not None:

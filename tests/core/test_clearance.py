@@ -62,7 +62,7 @@ def test_a_run_goes_on_with_contacts_where_something_comes_near():
     floor = pg.Contact(name="floor", body="b", restitution=0.5)
     run = pg.simulate(pg.Mechanism(pg.Model(bodies=(ball,), contacts=(floor,))), t_end=0.7)
     assert run.header["method"] == "moreau_jean"
-    assert run.header["why"].startswith("dop853 until something came near at t = 0.")
+    assert run.header["began"].startswith("dop853 until something came near at t = 0.")
     hit = np.sqrt(2 / 9.81)
     after = run.t > hit
     t = run.t[after] - hit
