@@ -350,8 +350,8 @@ def at_start_speed(mech: Mechanism, contacts: Tables, start: tuple[Array, Array]
 
     if not np.any(start[1]):
         return contacts
-    one, still = (x[None] for x in start), np.zeros((1, mech.nv))
-    motion = bodies_over(mech.packed.system, *one, still, np.zeros((1, mech.nb, 6)))
+    q, v, still = start[0][None], start[1][None], np.zeros((1, mech.nv))
+    motion = bodies_over(mech.packed.system, q, v, still, np.zeros((1, mech.nb, 6)))
     spin, velocity = motion.velocity[0, :, :3], motion.velocity[0, :, 3:]
     reach, shapes = np.zeros(mech.nb + 1), contacts.geometry.shapes
     np.maximum.at(reach, shapes["body"], shapes["reach"])
