@@ -365,9 +365,10 @@ class Recording:
         """Go on with what may touch; whether the run continues. Raises InputError."""
         near, t = self.plan.near, float(self.steps.control["time"])
         assert near is not None
+        refused = near.refused
+        if refused is not None and (t == self.start or refused.problems[0].where == "simulate"):
+            raise refused  # a method that takes no contacts at all, or none as at the start
         if t == self.start:
-            if near.refused is not None:
-                raise near.refused
             self.plan, self.ended = near, Outcome()
             self._prepare(self.q.copy(), self.v.copy())
             return self.begin()
