@@ -232,6 +232,7 @@ def islands(rows: Ints, nv: int, blocks: int) -> Islands:
         np.zeros((blocks, 3)),
         np.zeros((blocks, 9)),
         np.zeros(blocks),
+        np.zeros(blocks),
     )
 
 

@@ -67,12 +67,13 @@ TAU = 7  # joint forces
 PLACED, FACTORED = 8, 9  # q of the last factors; their μ, null directions, whether there are any
 LEAST = 10  # the smallest inverse pivots so far
 BEFORE = 11  # velocities of rows before an impulse
-FREE, TARGET = 12, 13  # speeds of joints without impulses, of rows without joints' speeds
+FREE, TARGET = 12, 13  # of an island: speeds of joints without impulses, of rows without these
 REPORT = 14  # how impulses were found: see `solve_impulses`
 DAMPING, STIFFNESS = 15, 16  # of drives in a step, as inertia; as torque
 ARMATURE, GIVEN = 17, 18  # as they are without that
 TRIAL, RESIDUAL, BEST = 19, 20, 21  # of Newton's method: speeds, what is left; best λ so far
-VECTORS = 22
+SPEEDS = 22  # of joints without impulses, behind the articulated factors
+VECTORS = 23
 
 
 class Drives(NamedTuple):
@@ -169,6 +170,7 @@ class Frames(NamedTuple):
     drifts: Any  # (n, 2) largest residuals of constraints
     pushes: Any  # (n, nb, 6) wrenches of contacts on bodies
     pairs: Any  # (n, contact pairs and limits) of PAIR
+    missed: Any  # (n, 3) complementarity [N], cone [N], penetration [m]
 
 
 class Geometry(NamedTuple):
@@ -232,6 +234,7 @@ class Islands(NamedTuple):
     pushed: Any  # (nb, 3) impulses of the last balance
     slope: Any  # (nb, 9) how they change
     weight: Any  # (nb,) ρ [kg]
+    mobility: Any  # (nb,) largest own entry of Ω [1/kg]
 
 
 class Contacts(NamedTuple):
@@ -384,13 +387,13 @@ SPACE = named(
 USER = named(User, i8, F2, I1)
 LINKS = named(Links, *[i8] * 6)
 SCENE = named(Scene, I2, F2, DRIVES, LOADS, BLOCKS, F2, SPACE, F1, F1, USER, LINKS)
-OUT = plain(named(Frames, F2, F2, F2, F3, F2, F2, F3, array_of(PAIR, 2)))
+OUT = plain(named(Frames, F2, F2, F2, F3, F2, F2, F3, array_of(PAIR, 2), F2))
 GEOMETRY = named(Geometry, array_of(SHAPE), F2, F2, array_of(FACE), I1, array_of(EDGE))
 GROUND = named(Ground, array_of(PLANE), array_of(PATCH))
 CANDIDATES = named(Candidates, *map(array_of, (GROUND_PAIR, SHAPE_PAIR, MEMBER, APART)))
 POSES, FOUND = array_of(POSE), array_of(CONTACT)
 SEARCH = named(Search, *map(array_of, (CANDIDATE, BOUNDS, CELL)), I1)
-ISLANDS = named(Islands, *[I1] * 7, I2, *[I1] * 9, F1, F1, F2, F2, F1)
+ISLANDS = named(Islands, *[I1] * 7, I2, *[I1] * 9, F1, F1, F2, F2, F1, F1)
 CONTACTS = named(
     Contacts, GEOMETRY, GROUND, CANDIDATES, POSES, SEARCH, FOUND,
     *map(array_of, (PAIR_LAW, KEPT, KEPT, MEETING, BODY_WRENCH, PAIR, CONTACT_TALLY)), I2, F2, F1,

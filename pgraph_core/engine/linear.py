@@ -77,6 +77,14 @@ def backward6(work, k):
 
 
 @part
+def transposed6(work, k, x, i):
+    """Lᵀ of six numbers of x from i on, in their place."""
+    for r in range(5):
+        for c in range(r + 1, 6):
+            x[i + r] += work[k, IA + c * (c + 1) // 2 + r] * x[i + c]
+
+
+@part
 def diagonal6(work, k):
     """diag(1/d) x in place."""
     for r in range(6):

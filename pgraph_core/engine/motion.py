@@ -30,7 +30,7 @@ RECORD = types.int64(types.int64, types.int64, types.float64, F1, F1, F1, F1, ty
 # of contacts, compiled only for a scene that has some (`touch`): forces, and what is recorded
 CONTACT_FORCES = types.int64(types.int64, F1, F1, F1)
 SETTLE = types.int64(types.int64, types.float64, F1, F1)  # scene, t, q, v: after a step
-CONTACT_RECORD = types.int64(types.int64, F2, array_of(PAIR))
+CONTACT_RECORD = types.int64(types.int64, F2, array_of(PAIR), F1)
 # of constraints, compiled only for a scene that has some
 CONSTRAIN = types.int64(types.int64, types.float64, F1, F1, F1, F1)
 call_acceleration = caller(ACCELERATION)
@@ -148,7 +148,7 @@ def record(scene, accelerate, t, q, v, flow, ledger, i, out):
     data = opened(scene)
     rows, const, drives, loads = data.rows, data.const, data.drives, data.loads
     blocks, work, space = data.blocks, data.work, data.space
-    qs, vs, vdots, forces, energies, drifts, pushes, touches = out
+    qs, vs, vdots, forces, energies, drifts, pushes, touches, missed = out
     tau = space.vectors[TAU, : v.shape[0]]
     call_acceleration(accelerate, (scene, t, q, v, tau, vdots[i], flow))
     for n in range(q.shape[0]):
@@ -159,7 +159,7 @@ def record(scene, accelerate, t, q, v, flow, ledger, i, out):
         wrenches(rows, blocks, work, space, forces[i])
         drift(rows, const, blocks, work, space, t, q, v, drifts[i])
     if data.links.contacts != 0:
-        call_contact_record(data.links.record, (scene, pushes[i], touches[i]))
+        call_contact_record(data.links.record, (scene, pushes[i], touches[i], missed[i]))
     kinetic, potential = kinetic_and_potential(rows, const, work, v)
     energies[i, 0] = kinetic
     energies[i, 1] = potential + elastic(drives, q) + elastic_loads(loads, work)

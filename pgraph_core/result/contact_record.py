@@ -49,6 +49,9 @@ class ContactRecord(EqualByFields):
     wrench: Array = field(default_factory=lambda: np.zeros((0, 0, 6)))
     """(n, nb, 6) [torque, force] of all contacts on every body about its origin, world axes."""
 
+    residual: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    """(n, 3) see `Result.contact_residual`."""
+
     normal: Mapping[str, Array] = field(default_factory=dict)
     """(n,) part of the force off the ground [N], of touches with the ground."""
     phases: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
@@ -66,6 +69,7 @@ class ContactRecord(EqualByFields):
         if self.events:
             times, *texts = zip(*self.events)
             found |= {"contact event times": np.array(times), "contact events": np.array(texts)}
+        found |= {"contact residual": self.residual} if self.residual.size else {}
         return found | ({"contact wrench": self.wrench} if self.wrench.size else {})
 
     @classmethod
@@ -84,7 +88,8 @@ class ContactRecord(EqualByFields):
         texts = arrays.get("contact events", np.empty((5, 0))).T.tolist()
         times = arrays.get("contact event times", np.empty(0)).tolist()
         events = tuple(Event(t, *text) for t, text in zip(times, texts))
-        return cls(force, gap, slip, limit, wrench, normal, phases, events)
+        residual = arrays.get("contact residual", NOTHING.residual)
+        return cls(force, gap, slip, limit, wrench, residual, normal, phases, events)
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Columns of a table, units in their names."""

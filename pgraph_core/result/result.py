@@ -203,6 +203,17 @@ class Result(EqualByFields, Portable):
         return self.contacts.slip
 
     @property
+    def contact_residual(self) -> Array:
+        """(n, 3) largest violation of contact laws since the frame before.
+
+        Of complementarity [N]: by how much normal forces differ from those that end the approach;
+        of the cone [N]: by how much friction differs from what Coulomb's disc allows against the
+        slip; and the penetration [m]. Of limits with their own units.
+        """
+        found = self.contacts.residual
+        return found if len(found) else np.zeros((len(self.t), 3))
+
+    @property
     def contact_normal(self) -> Mapping[str, Array]:
         """{contact pair: (n,)} normal force [N], in event-driven runs."""
         return self.contacts.normal
@@ -530,7 +541,10 @@ def _contacts(runs: Sequence[Result], keep: Sequence[slice]) -> ContactRecord:
         ]
         wrench = _chained(each, keep)
     events = tuple(event for c in records for event in c.events)
-    return ContactRecord(**parts, wrench=wrench, events=events)
+    residual = records[-1].residual
+    if any(len(c.residual) for c in records):
+        residual = _chained([r.contact_residual for r in runs], keep)
+    return ContactRecord(**parts, wrench=wrench, residual=residual, events=events)
 
 
 def _added(parts: Sequence[Any]) -> dict[str, Any]:

@@ -491,9 +491,12 @@ class ContactEvents:
         normal: dict[str, Array] = {}
         phase: dict[str, Any] = {}
         wrench = still + soft.wrench if soft.wrench.size else still
+        missed = soft.residual.copy() if len(soft.residual) else np.zeros((n, 3))
         for s, point in enumerate(self.scene.contact_points):
             frame, code = frames[:, s], codes[:, s]
             push, gap = frame["normal_force"].copy(), frame["gap"].copy()
+            missed[:, 0] = np.maximum(missed[:, 0], -push)
+            missed[:, 2] = np.maximum(missed[:, 2], -gap)
             if point.limit is not None:
                 found["limit"][point.name] = point.limit.sign * push
                 found["gap"][point.name] = gap
@@ -503,6 +506,9 @@ class ContactEvents:
             force = frame["force"]
             arm = frame["position"] - origins[:, b]
             own = np.concatenate((np.cross(arm, force), force), axis=1)
+            drag = force - push[:, None] * self.scene.points[s]["normal"]
+            beyond = np.linalg.norm(drag, axis=1) - point.friction * push
+            missed[:, 1] = np.maximum(missed[:, 1], beyond)
             slip = np.linalg.norm(frame["slip_velocity"], axis=1)
             slip[code == SWING] = 0.0
             wrench[:, b] += own
@@ -513,5 +519,10 @@ class ContactEvents:
                 found["gap"][name] = np.minimum(found["gap"].get(name, np.inf), gap)
                 found["slip"][name] = np.maximum(found["slip"].get(name, 0.0), slip)
         return ContactRecord(
-            **found, wrench=wrench, normal=normal, phases=phase, events=tuple(self.ended.log)
+            **found,
+            wrench=wrench,
+            residual=missed,
+            normal=normal,
+            phases=phase,
+            events=tuple(self.ended.log),
         )

@@ -24,7 +24,8 @@ from .plan import Plan
 from .switches import Change
 
 GRAZE = 2.5  # steps: a shorter flight of a contact is none
-LOOSE = 1e-6  # of the velocities: a larger violation of a contact law is reported
+LOOSE = 1e-6  # of the largest force: a larger violation of a contact law is reported
+DEEP = 1e-3  # of the size of what touches: a deeper penetration is reported
 
 CAUSES = {
     (SWING, ACCEPTANCE): "it touched down, sliding",
@@ -40,14 +41,14 @@ NAMES = np.array(PHASES)
 def contacts_of(
     mech: Mechanism,
     plan: Plan,
-    frames: tuple[Array, Array, Any],
+    frames: tuple[Array, Array, Any, Array],
     q: Array,
     changes: Any,
     log: Sequence[Event],
 ) -> ContactRecord:
-    """Contacts and limits over the frames (times, pushes, touches), and the events in between.
+    """Contacts and limits over the frames, and the events in between.
 
-    The frames are at the states q.
+    The frames are (times, wrenches on bodies, pairs, by how much laws are missed), at the states q.
     """
     if not plan.contacts:
         return replace(NOTHING, events=tuple(log))
@@ -81,7 +82,7 @@ def contact_counters(scene: Scene) -> dict[str, int]:
     return {"contact_fallbacks": int(tally["fallbacks"]), "calmed": int(tally["calmed"])}
 
 
-def contact_notices(scene: Scene, unlogged: int) -> list[str]:
+def contact_notices(scene: Scene, tables: Tables, unlogged: int) -> list[str]:
     """Notices on how contacts were solved."""
     if scene.touching is None:
         return []
@@ -92,10 +93,18 @@ def contact_notices(scene: Scene, unlogged: int) -> list[str]:
             f"in {tally['calmed']} steps the bounce with friction would have gained energy: "
             "they were taken without restitution"
         )
-    if tally["residual"] > LOOSE:
+    names = [*(f"contact '{pair.name}'" for pair in tables.touches), *tables.limits]
+    if tally["worst"] > LOOSE * tally["force"]:
         found.append(
-            "the contact solver stopped at its cap: laws missed by up to "
-            f"{tally['residual']:.1e} of the velocities; try a smaller step"
+            f"the contact solver stopped before it was exact: at t = {tally['worst_time']:.6g} s "
+            f"{names[tally['worst_pair']]} missed its law by {tally['worst']:.3g} N; the largest "
+            f"force of the run is {tally['force']:.3g} N; a smaller step may do"
+        )
+    if tally["deepest"] > DEEP:
+        found.append(
+            f"at t = {tally['deepest_time']:.6g} s {names[tally['deepest_pair']]} penetrated by "
+            f"{tally['deepest_depth']:.3g} m, {tally['deepest']:.2g} of the size of what touches; "
+            "a smaller step, or a start without overlap, would do"
         )
     if unlogged:
         found.append(f"{unlogged} changes of contacts' phases were too many to log")
@@ -110,6 +119,7 @@ def stepped_record(
     t: Array,
     pushes: Array,
     pairs: Any,
+    missed: Array,
     changes: Any,
     graze: float,
 ) -> ContactRecord:
@@ -123,6 +133,7 @@ def stepped_record(
         slip=dict(zip(names, pairs["slip"].T)),
         limit=dict(zip(tables.limits, pairs["force"][:, len(names) :, 0].T)),
         wrench=pushes,
+        residual=missed,
         normal={
             pair.name: force[:, 3:] @ up
             for pair, force in zip(tables.touches, forces)

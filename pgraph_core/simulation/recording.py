@@ -109,6 +109,7 @@ class Recording:
             energies=np.zeros((n, 4)),
             drifts=np.zeros((n, 2)),
             pushes=np.zeros((n if nb else 0, nb, 6)),
+            missed=np.zeros((n if nb else 0, 3)),
             pairs=table(PAIR, n if nb else 0, plan.touches),
         )
 
@@ -540,17 +541,17 @@ class Recording:
         """The frames that were asked for, as a Result."""
         self._note_singular()
         rows, steps = self._rows(), self.steps
-        q, v, vdot, wrenches, energy, drift, pushes, touches = (
+        q, v, vdot, wrenches, energy, drift, pushes, touches, missed = (
             a[rows] if len(a) else a for a in self._arrays
         )
         t = steps.times[rows]
         if self._reused:
-            q, v, vdot, energy, drift, pushes, touches, t = (
-                a.copy() for a in (q, v, vdot, energy, drift, pushes, touches, t)
+            q, v, vdot, energy, drift, pushes, touches, missed, t = (
+                a.copy() for a in (q, v, vdot, energy, drift, pushes, touches, missed, t)
             )
         forces = self.scene.forces(wrenches.swapaxes(0, 1).copy(), self.plan.ever)
         counters = by_name(steps.counters)
-        contacts = self._contacts((t, pushes, touches), q)
+        contacts = self._contacts((t, pushes, touches, missed), q)
         if self.scene.touching is not None:
             from .contact_log import contact_counters
 
@@ -585,7 +586,7 @@ class Recording:
     def _header(self) -> dict[str, Any]:
         return {**self.plan.header} | ({"began": self.met} if self.met else {})
 
-    def _contacts(self, frames: tuple[Array, Array, Array], q: Array) -> ContactRecord:
+    def _contacts(self, frames: tuple[Array, Array, Array, Array], q: Array) -> ContactRecord:
         if self.plan.declared is not None:
             from .clearance import untouched
 
@@ -606,7 +607,7 @@ class Recording:
         if self.scene.touching is not None:
             from .contact_log import contact_notices
 
-            contacts = contact_notices(self.scene, self._unlogged)
+            contacts = contact_notices(self.scene, self.plan.contacts, self._unlogged)
         steps = self.steps.notices()
         return (*self.plan.notices, *self.ended.notices, *steps, *contacts, *user)
 

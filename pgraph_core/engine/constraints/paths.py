@@ -8,7 +8,7 @@ from .. import layout as at
 from ..compiler.jit import part
 from ..compiler.lane import numbers, store_triple, triple
 from ..layout import T_ALIGN, T_TURN
-from ..linear import backward3, backward6, forward3, forward_free, pivots6, solve3
+from ..linear import backward3, backward6, forward3, forward_free, pivots6, solve3, transposed6
 from ..rows import (
     BALL,
     FREE,
@@ -240,6 +240,41 @@ def push(rows, const, work, k, column, size, whole):
         if p > 0:
             accumulate(whole, p, 0, scale(-1.0, cross(link_of(work, k), x)))
             accumulate(whole, p, 3, scale(-1.0, x))
+
+
+@part
+def unspread(rows, const, work, speeds):
+    """The way back of `spread`, in place: diag(1/d) Yᵀ λ whose response is `speeds`."""
+    set_acceleration(work, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    for k in range(1, rows.shape[0]):
+        p = parent_of(rows, k)
+        i = v_of(rows, k)
+        kind = kind_of(rows, k)
+        alpha, linear = acceleration_of(work, p)
+        linear = add_cross(linear, alpha, link_of(work, k))
+        if kind <= TRANSLATE:
+            u0, u1 = projected_of(work, k)
+            x = speeds[i]
+            speeds[i] = x + pivot_of(work, k) * (dot(u0, alpha) + dot(u1, linear))
+            if kind == ROTATE:
+                alpha = add_scaled(alpha, x, axis_of(work, k))
+            else:
+                linear = add_scaled(linear, x, axis_of(work, k))
+        elif kind == BALL:
+            _, b, _ = inertia_of(work, k)
+            f, _ = ball_of(work, k)
+            axes = base_axes(const, work, p, k)
+            alpha = add(mul(axes, load3(speeds, i)), alpha)
+            x = add(alpha, solve3(f, mul(b, linear)))
+            store3(speeds, i, (x[0] + f[3] * x[1] + f[4] * x[2], x[1] + f[5] * x[2], x[2]))
+        else:
+            axes = base_axes(const, work, p, k)
+            alpha = add(mul(axes, load3(speeds, i)), alpha)
+            linear = add(mul(axes, load3(speeds, i + 3)), linear)
+            store3(speeds, i, alpha)
+            store3(speeds, i + 3, linear)
+            transposed6(work, k, speeds, i)
+        set_acceleration(work, k, alpha, linear)
 
 
 @part

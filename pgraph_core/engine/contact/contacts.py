@@ -385,12 +385,16 @@ def keep_anchors(scene, q, v):
 
 
 @kernel(CONTACT_RECORD, nogil=True)
-def record_contacts(scene, wrenches, pairs):
-    """What contacts do to bodies (nb, 6), about their origins, and the contact pairs."""
+def record_contacts(scene, wrenches, pairs, missed):
+    """What contacts do to bodies (nb, 6), about their origins, and the contact pairs.
+
+    And by how much laws were missed since the last record: complementarity, cone, penetration.
+    """
     data = opened(scene)
     work = data.work
     contacts = contacts_at(data.links.contacts)
     bodies_i, bodies_f = contacts.bodies_i, contacts.bodies_f
+    tally = contacts.tally[0]
     for b in range(1, contacts.wrenches.shape[0]):
         k = bodies_i[b, at.ROW]
         offset = mul(load9(work, k, at.R), load(bodies_f, b, at.OFFSET))
@@ -400,4 +404,11 @@ def record_contacts(scene, wrenches, pairs):
         store(wrenches, b - 1, 3, force)
     for k in range(pairs.shape[0]):
         pairs[k] = contacts.pairs[k]
+        tally.penetration = max(tally.penetration, -pairs[k].gap)
+    missed[0] = tally.complementarity
+    missed[1] = tally.cone
+    missed[2] = tally.penetration
+    tally.complementarity = 0.0
+    tally.cone = 0.0
+    tally.penetration = 0.0
     return 0

@@ -11,7 +11,19 @@ Where impulses are redundant, and where sweeps stall, Newton's method takes over
 import math
 
 from .. import layout as at
-from ..arrays import BEFORE, BEST, DINV, FREE, LAMBDA, REPORT, RHS, STEP, TARGET, opened
+from ..arrays import (
+    BEFORE,
+    BEST,
+    DINV,
+    FREE,
+    LAMBDA,
+    REPORT,
+    RHS,
+    SPEEDS,
+    STEP,
+    TARGET,
+    opened,
+)
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, store_triple, triple
 from ..constraints.blocks import first_of, joint_of, joints_of, size_of, type_of
@@ -43,6 +55,7 @@ SWEPT = 1e3  # of a factor's work a block: where its steps cost more than sweeps
 WORK = 1e8  # of all factors of an island in one instant
 SOLID = 1e-10  # relative, squared: what moves less across a contact is taken as fixed
 INNER = 8  # rounds between normal and friction of one contact
+TOGETHER = 1e3  # times what a contact sees: bodies that move fast, but together
 GAIN = 1e-6  # relative to the energy of the impulses: a larger gain is no rounding
 
 
@@ -67,40 +80,113 @@ def solve_impulses(scene, m, first):
         if joints_of(space.slots, i) == 0:
             for c in range(size_of(blocks.blocks_i, i)):
                 vectors[LAMBDA, first_of(space.slots, i) + c] = 0.0
-    for k in range(islands.place.shape[0]):
-        vectors[STEP, k] = 0.0
-        vectors[FREE, k] = 0.0
-    aim(scene)
     count = find_islands(scene)
     for n in range(count):
+        aim(scene, n)
         solve_island(scene, n)
         gain, size = gained(scene, n)
         if gain > GAIN * size and bounces(scene, n):
             report[5] += 1.0
             for j in range(islands.first[n], islands.first[n + 1]):
                 blocks.blocks_f[islands.blocks[j], at.BOUNCE] = 0.0
-            aim(scene)
+            aim(scene, n)
             solve_island(scene, n)
             gain, size = gained(scene, n)
         report[3] += gain
-    for k in range(islands.place.shape[0]):
-        vectors[STEP, k] -= vectors[FREE, k]
+        note_missed(scene, n)
+    effects(scene)
 
 
 @sweep
-def aim(scene):
-    """g of every active row into TARGET: its velocity without joint speeds, and what it bounces."""
+def aim(scene, n):
+    """Speeds of joints without impulses into FREE, of island n's rows without these into TARGET.
+
+    Bounces are part of TARGET. Where bodies move fast together, differences of their speeds would
+    be rounding: FREE is zero there, and TARGET the rows' velocities.
+    """
+    data = opened(scene)
+    blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
+    islands = contacts_at(data.links.contacts).islands
+    y, slots, vectors = space.y, space.slots, space.vectors
+    carried = 0.0
+    size = 0.0
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        r = first_of(slots, i)
+        for s in range(joints_of(slots, i)):
+            k = joint_of(slots, i, s)
+            vectors[FREE, k] = vectors[SPEEDS, k]
+        rate = rows_of(vectors[RHS], r, size_of(blocks_i, i))
+        along = gather(y, slots, i, vectors[SPEEDS])
+        for c in range(size_of(blocks_i, i)):
+            vectors[TARGET, r + c] = rate[c] - along[c]
+            size = max(size, abs(rate[c]), abs(vectors[BEFORE, r + c]))
+        for s in range(joints_of(slots, i)):
+            k = joint_of(slots, i, s)
+            x = load(y, i, 3 * s)
+            carried = max(carried, abs(vectors[SPEEDS, k]) * math.sqrt(dot(x, x)))
+    together = carried > TOGETHER * size
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        r = first_of(slots, i)
+        kind = type_of(blocks_i, i)
+        unilateral = kind == at.T_CONTACT or kind == at.T_LIMIT
+        for c in range(size_of(blocks_i, i)):
+            if together:
+                vectors[TARGET, r + c] = vectors[RHS, r + c]
+            elif unilateral:
+                vectors[TARGET, r + c] = 0.0
+        if together:
+            for s in range(joints_of(slots, i)):
+                vectors[FREE, joint_of(slots, i, s)] = 0.0
+        if unilateral:
+            vectors[TARGET, r] += blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)
+
+
+@sweep
+def effects(scene):
+    """diag(1/d) Yᵀ λ of all active blocks into STEP."""
     data = opened(scene)
     blocks, space = data.blocks, data.space
-    vectors = space.vectors
+    slots, vectors = space.slots, space.vectors
+    dinv, step = vectors[DINV], vectors[STEP]
+    for k in range(contacts_at(data.links.contacts).islands.place.shape[0]):
+        step[k] = 0.0
     for j in range(1, blocks.active[0] + 1):
         i = blocks.active[j]
-        r = first_of(space.slots, i)
-        for c in range(size_of(blocks.blocks_i, i)):
-            vectors[TARGET, r + c] = vectors[RHS, r + c]
-        kind = type_of(blocks.blocks_i, i)
+        lam = rows_of(vectors[LAMBDA], first_of(slots, i), size_of(blocks.blocks_i, i))
+        for s in range(joints_of(slots, i)):
+            k = joint_of(slots, i, s)
+            step[k] += dinv[k] * dot(load(space.y, i, 3 * s), lam)
+
+
+@sweep
+def note_missed(scene, n):
+    """By how much impulses of island n miss complementarity and the cone [N s], into `pushed`.
+
+    Normal impulses against what stops or releases them alone, friction against the disc μ λ_n.
+    """
+    data = opened(scene)
+    blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
+    islands = contacts_at(data.links.contacts).islands
+    slots, vectors, own = space.slots, space.vectors, space.own
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        kind, size = type_of(blocks_i, i), size_of(blocks_i, i)
+        islands.pushed[i, 0] = 0.0
+        islands.pushed[i, 1] = 0.0
         if kind == at.T_CONTACT or kind == at.T_LIMIT:
-            vectors[TARGET, r] += blocks.blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)
+            lam = rows_of(vectors[LAMBDA], first_of(slots, i), size)
+            u = velocity(data, i, vectors[STEP])
+            if own[i, 0] > 0.0:
+                islands.pushed[i, 0] = abs(lam[0] - max(lam[0] - u[0] / own[i, 0], 0.0))
+            mobility = max(own[i, 4], own[i, 8])
+            if size == 3 and mobility > 0.0:
+                x, y = lam[1] - u[1] / mobility, lam[2] - u[2] / mobility
+                rim = blocks_f[i, at.FRICTION] * max(lam[0], 0.0)
+                pull = math.sqrt(x * x + y * y)
+                fit = rim / pull if pull > rim else 1.0
+                islands.pushed[i, 1] = math.sqrt((lam[1] - fit * x) ** 2 + (lam[2] - fit * y) ** 2)
 
 
 @sweep
@@ -163,9 +249,9 @@ def largest_velocity(scene, n):
 
 # -- Newton's method on the laws themselves -------------------------------------------------------
 
-WARM_WEIGHT = 1e4  # ρ where the last impulses are close
+WARM_WEIGHT, WARM_GROWTH = 1e4, 100.0  # ρ where the last impulses are close
 WARM_ROUNDS = 4  # more say that they are not
-START, LIGHTEST, HEAVIEST = 1e3, 10.0, 1e5  # ρ from the convex form on
+START, LIGHTEST, HEAVIEST = 1e3, 10.0, 1e12  # ρ from the convex form on
 HEAVIER, LIGHTER = 3.0, 0.25  # after a round that came closer, and after one that did not
 POLISH = 20  # sweeps where Newton's method leads away
 
@@ -180,8 +266,9 @@ def solve_exact(scene, n, size, unit, most):
     respond(scene, n)
     best = missed(scene, n, EXACT) / size
     copy_impulses(scene, n, LAMBDA, BEST)
-    weigh(scene, n, WARM_WEIGHT)
+    weight = WARM_WEIGHT
     for _ in range(WARM_ROUNDS):
+        weigh(scene, n, weight)
         steps, balanced = newton(scene, n, EXACT, SETTLED * TOLERANCE * unit)
         report[1] += steps
         take(scene, n)
@@ -194,6 +281,7 @@ def solve_exact(scene, n, size, unit, most):
             return left
         if not balanced:
             break
+        weight *= WARM_GROWTH
     report[4] += 1.0
     copy_impulses(scene, n, BEST, LAMBDA)
     taken = solve_convex(scene, n, size, unit, most)
@@ -451,7 +539,7 @@ def in_disc(a, b, c, x, y, radius):
 def gained(scene, n):
     """(energy that island n's unilateral impulses add [J], the sum of what they turn over)."""
     data = opened(scene)
-    blocks_i, space = data.blocks.blocks_i, data.space
+    blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
     islands = contacts_at(data.links.contacts).islands
     slots, vectors = space.slots, space.vectors
     gain = 0.0
@@ -461,9 +549,10 @@ def gained(scene, n):
         kind = type_of(blocks_i, i)
         if kind == at.T_CONTACT or kind == at.T_LIMIT or kind == at.T_TURN:
             r = first_of(slots, i)
-            after = gather(space.y, slots, i, vectors[STEP])
+            after = velocity(data, i, vectors[STEP])
+            back = blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)
             for c in range(size_of(blocks_i, i)):
-                mean = 0.5 * (vectors[BEFORE, r + c] + vectors[RHS, r + c] + after[c])
+                mean = 0.5 * (vectors[BEFORE, r + c] + after[c] - (back if c == 0 else 0.0))
                 lam = vectors[LAMBDA, r + c]
                 gain += lam * mean
                 size += abs(lam) * max(abs(vectors[RHS, r + c]), abs(vectors[BEFORE, r + c]))

@@ -20,7 +20,7 @@ afar. So the first gives the start for the second.
 import math
 
 from .. import layout as at
-from ..arrays import CHANGE, DINV, FREE, LAMBDA, RESIDUAL, STEP, TARGET, TRIAL, opened
+from ..arrays import BEST, CHANGE, DINV, FREE, LAMBDA, RESIDUAL, STEP, TARGET, TRIAL, opened
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, triple
 from ..constraints.blocks import first_of, joint_of, joints_of, size_of, type_of
@@ -32,6 +32,7 @@ SHORTEST = 0.02  # part of a step: a shorter one leads nowhere
 ARMIJO = 1e-4
 SETTLED = 0.1  # of the tolerance: how well the balance is met
 ROUNDING = 1e-14  # of the energy
+GRAIN = 4e-15  # of the impulses: what is missed by less is rounding
 STEPS = 30  # of Newton between two updates of λ₀
 
 
@@ -135,7 +136,8 @@ def diagonal(a, b, c):
 def balance(scene, n, exact, row):
     """d (w - w₀) - Yᵀ P into RESIDUAL for w in a row of `vectors`; its size, and the energy.
 
-    The size is in the metric of d; the energy [J] is what the convex form minimises.
+    The size is in the metric of d, what is rounding taken off; the energy [J] is what the convex
+    form minimises.
     """
     data = opened(scene)
     blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
@@ -145,6 +147,7 @@ def balance(scene, n, exact, row):
     left = vectors[RESIDUAL]
     count = islands.size[0]
     energy = 0.0
+    pressed = 0.0
     for p in range(count):
         k = islands.freedoms[p]
         left[k] = (w[k] - free[k]) / dinv[k]
@@ -163,11 +166,12 @@ def balance(scene, n, exact, row):
         if p[0] != 0.0 or p[1] != 0.0 or p[2] != 0.0:
             scatter(space.y, slots, i, (-p[0], -p[1], -p[2]), left)
             energy += (dot(p, z) - 0.5 * dot(p, p)) / rho
+            pressed += dot(p, p) * islands.mobility[i]
     norm = 0.0
     for p in range(count):
         k = islands.freedoms[p]
         norm += left[k] * left[k] * dinv[k]
-    return math.sqrt(norm), energy
+    return max(math.sqrt(norm) - GRAIN * math.sqrt(pressed), 0.0), energy
 
 
 @sweep
@@ -324,7 +328,8 @@ def weigh(scene, n, size):
     own = data.space.own
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
-        islands.weight[i] = size / max(own[i, 0], max(own[i, 4], own[i, 8]))
+        islands.mobility[i] = max(own[i, 0], max(own[i, 4], own[i, 8]))
+        islands.weight[i] = size / islands.mobility[i]
 
 
 @sweep
@@ -389,12 +394,15 @@ def missed(scene, n, exact):
         mobility = max(own[i, 0], max(own[i, 4], own[i, 8]))
         z = add_scaled(lam, -1.0 / mobility, velocity(data, i, vectors[STEP]))
         p, _ = admitted(exact, kind, size, z, blocks_f[i, at.FRICTION], blocks_f[i, at.VALUE])
+        grain = GRAIN * math.sqrt(dot(lam, lam))
         for c in range(size):
-            most = max(most, mobility * abs(lam[c] - p[c]))
+            most = max(most, mobility * (abs(lam[c] - p[c]) - grain))
     return most
 
 
-BEGIN, GROWTH, HEAVIEST = 1e4, 3.0, 1e5  # weights ρ of the convex form
+BEGIN, GROWTH, HEAVIEST = 1e4, 10.0, 1e12  # weights ρ of the convex form
+HELPS = 0.5  # a round of a large weight that leaves more of what was missed is the last
+LARGE = 1e6
 CLOSE = 1e-8  # of the velocities: where the exact laws take over
 
 
@@ -407,13 +415,22 @@ def solve_convex(scene, n, size, unit, most):
     weight = BEGIN
     steps = 0
     respond(scene, n)
-    while steps < most:
+    best = missed(scene, n, CONVEX)
+    copy_impulses(scene, n, LAMBDA, BEST)
+    while steps < most and best > CLOSE * size:
         weigh(scene, n, weight)
         taken, _ = newton(scene, n, CONVEX, SETTLED * CLOSE * unit)
         steps += taken
         take(scene, n)
         respond(scene, n)
-        if missed(scene, n, CONVEX) <= CLOSE * size:
+        left = missed(scene, n, CONVEX)
+        helped = left <= HELPS * best
+        if left < best:
+            best = left
+            copy_impulses(scene, n, LAMBDA, BEST)
+        if weight >= LARGE and not helped:
             break
         weight = min(GROWTH * weight, HEAVIEST)
+    copy_impulses(scene, n, BEST, LAMBDA)
+    respond(scene, n)
     return steps

@@ -22,6 +22,7 @@ from ..arrays import (
     LAMBDA,
     REPORT,
     RHS,
+    SPEEDS,
     STEP,
     STIFFNESS,
     opened_run,
@@ -29,7 +30,7 @@ from ..arrays import (
 from ..compiler.jit import kernel, part, sweep
 from ..constraints.blocks import locate, residual_velocity, total, velocities
 from ..constraints.constraints import driven_power, number_rows, unit_responses
-from ..constraints.paths import spread
+from ..constraints.paths import spread, unspread
 from ..contact.contacts import (
     ADDING,
     FROZEN,
@@ -164,7 +165,7 @@ def part_of_step(run, done, h, w, look):
         this.counters[0].solver_iterations += solve(scene, m, first, ledger)
     else:
         space.vectors[STEP, :nv] = 0.0
-    book(scene, first, h)
+    book(scene, first, t + w, h)
     if active[0] > 0:
         spread(rows, const, work, space.vectors[STEP])
     for j in range(nv):
@@ -313,6 +314,9 @@ def set_velocities(scene, t, h, v, vdot):
     turn_rates(rows, const, work, vectors[STEP])
     velocities(rows, const, work, vectors[STEP], linear)
     residual_velocity(blocks, work, space, t + h, vectors[STEP], vectors[RHS])
+    for j in range(v.shape[0]):
+        vectors[SPEEDS, j] = vectors[STEP, j]
+    unspread(rows, const, work, vectors[SPEEDS])
 
 
 @sweep
@@ -384,8 +388,11 @@ def bounded_anew(scene, first):
 
 
 @sweep
-def book(scene, first, h):
-    """Keep the impulses for the next step, and as forces on bodies and in touches."""
+def book(scene, first, t, h):
+    """Keep the impulses for the next step, and as forces on bodies and in touches.
+
+    By how much they miss their laws is noted for the frame and for the run; `t` is their time.
+    """
     data = opened(scene)
     blocks, work, space = data.blocks, data.work, data.space
     contacts = contacts_at(data.links.contacts)
@@ -394,6 +401,7 @@ def book(scene, first, h):
     found, kept, tally = contacts.found, contacts.kept, contacts.tally[0]
     pairs, limit_tau = contacts.pairs, contacts.limit_tau
     begin = tally.first_contact
+    missed = contacts.islands.pushed
     count = 0
     for j in range(first, active[0] + 1):
         n = active[j] - begin
@@ -403,6 +411,7 @@ def book(scene, first, h):
             torque = blocks.terms_f[term] * lam[r] / h
             limit_tau[blocks.terms_i[term, 0]] += torque
             pairs[pairs.shape[0] + n].force[0] += torque
+            log_missed(tally, missed[active[j], 0] / h, 0.0, abs(torque), pairs.shape[0] + n, t)
             continue
         force = (0.0, 0.0, 0.0)
         for c in range(3):
@@ -412,6 +421,16 @@ def book(scene, first, h):
             set_xyz(kept[count - 1].turn, (lam[r], lam[r + 1], lam[r + 2]))
             note_turn(opened(scene).links.contacts, n - found.shape[0], force)
             continue
+        size = math.sqrt(lam[r] ** 2 + lam[r + 1] ** 2 + lam[r + 2] ** 2) / h
+        pair = found[n].pair
+        log_missed(tally, missed[active[j], 0] / h, missed[active[j], 1] / h, size, pair, t)
+        log_depth(
+            tally,
+            -found[n].gap,
+            smaller_size(contacts, found[n].shape_a, found[n].shape_b),
+            pair,
+            t,
+        )
         keep_point(kept[count], found[n], (lam[r], lam[r + 1], lam[r + 2]))
         count += 1
         u = gather(space.y, slots, active[j], space.vectors[STEP])
@@ -420,6 +439,30 @@ def book(scene, first, h):
         kept[count - 1].slides = 1 if slip > SLIDING else 0
         note(opened(scene).links.contacts, work, n, force, slip)
     tally.kept = count
+
+
+@part
+def log_missed(tally, complementarity, cone, force, pair, t):
+    """Note by how much one contact misses its laws [N], and its force."""
+    tally.complementarity = max(tally.complementarity, complementarity)
+    tally.cone = max(tally.cone, cone)
+    tally.force = max(tally.force, force)
+    most = max(complementarity, cone)
+    if most > tally.worst:
+        tally.worst = most
+        tally.worst_pair = pair
+        tally.worst_time = t
+
+
+@part
+def log_depth(tally, depth, size, pair, t):
+    """Note how deep two things of some size penetrate [m]."""
+    tally.penetration = max(tally.penetration, depth)
+    if depth > tally.deepest * size:
+        tally.deepest = depth / size
+        tally.deepest_depth = depth
+        tally.deepest_pair = pair
+        tally.deepest_time = t
 
 
 @part

@@ -1,0 +1,214 @@
+"""Contacts that hold, beside MuJoCo: stacks, separate stacks, heavy on light, grippers, piles.
+
+`python -m benchmarks.stacks [stacks] [islands] [heavy] [gripper] [piles]` prints a line a scene:
+processor time a step here and there, in one process and in turns, and what is right or missed.
+MuJoCo runs with its elliptic cone and Newton's method, and its default softness.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import Any
+
+import numpy as np
+
+import pgraph_core as pg
+
+STEP = 1e-3
+SIDE = 0.2
+ROUNDS = 3
+G = 9.81
+
+
+def box(name: str, place: Any, mass: float = 1.0, side: float = SIDE) -> pg.Body:
+    """A cube."""
+    return pg.Body(
+        name=name, joint="free", link=tuple(place), mass=mass,
+        inertia=np.eye(3) * mass * side**2 / 6, shape={"kind": "box", "size": (side,) * 3},
+    )  # fmt: skip
+
+
+def ball(name: str, place: Any, radius: float = 0.5) -> pg.Body:
+    """A solid ball of 1 kg."""
+    return pg.Body(
+        name=name, joint="free", link=tuple(place), mass=1.0,
+        inertia=np.eye(3) * 0.4 * radius**2, shape={"kind": "sphere", "radius": radius},
+    )  # fmt: skip
+
+
+def heap(bodies: list[pg.Body], friction: float = 0.5) -> pg.Model:
+    """Bodies that may all touch each other and the ground."""
+    contacts = (
+        pg.Contact(name="floor", body="*", friction=friction),
+        pg.Contact(name="heap", body="*", other="*", friction=friction),
+    )
+    return pg.Model(bodies=tuple(bodies), contacts=contacts)
+
+
+def stack(count: int, x: float = 0.0, name: str = "b", top: float = 1.0) -> list[pg.Body]:
+    """Boxes on one another; the last one's mass is `top` [kg]."""
+    masses = [1.0] * (count - 1) + [top]
+    return [box(f"{name}{i}", (x, 0, SIDE * (i + 0.5)), m) for i, m in enumerate(masses)]
+
+
+def grid(count: int, radius: float = 0.5) -> list[pg.Body]:
+    """Balls on a cubic grid, shaken by 2 % of their distance."""
+    side = round(count ** (1 / 3) + 0.5)
+    places = np.indices((side,) * 3).reshape(3, -1).T[:count] + 0.0
+    places += np.random.default_rng(0).uniform(-0.02, 0.02, (count, 3))
+    up = np.array([0, 0, 1.05 * radius])
+    return [ball(f"s{i}", p) for i, p in enumerate(2.02 * radius * places + up)]
+
+
+def ours(model: pg.Model, seconds: float) -> tuple[float, Any]:
+    """(processor seconds a step, the run)."""
+    mech = pg.Mechanism(model)
+    run = pg.simulate(
+        mech, t_end=seconds, step=STEP, frames=3, method="moreau_jean", estimate=False
+    )
+    return run.timing["step_processor"] / round(seconds / STEP), run
+
+
+def mujoco_of(model: pg.Model, friction: float = 0.5) -> tuple[Any, Any]:
+    """The same free boxes and balls in MuJoCo."""
+    import mujoco
+
+    spec = mujoco.MjSpec()
+    spec.memory = 1 << 30
+    spec.option.timestep = STEP
+    spec.option.gravity = [0, 0, -G]
+    spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    rub = [friction, 0, 0]
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[100, 100, 1], friction=rub)
+    for one in model.bodies:
+        body = spec.worldbody.add_body(name=one.name, pos=list(one.link))
+        body.add_freejoint()
+        body.mass, body.explicitinertial = one.mass, True
+        body.inertia = np.diag(np.array(one.inertia)).tolist()
+        shape = one.touching[0]
+        if shape.kind == "box":
+            half = [x / 2 for x in shape.size]
+            body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half, friction=rub, condim=3)
+        else:
+            size = [shape.radius, 0, 0]
+            body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=size, friction=rub, condim=3)
+    built = spec.compile()
+    return built, mujoco.MjData(built)
+
+
+def theirs(model: pg.Model, seconds: float) -> tuple[float, Any]:
+    """(processor seconds a step, MuJoCo's data at the end)."""
+    import mujoco
+
+    built, data = mujoco_of(model)
+    steps = round(seconds / STEP)
+    begin = time.process_time()
+    mujoco.mj_step(built, data, steps)
+    return (time.process_time() - begin) / steps, data
+
+
+def beside(name: str, model: pg.Model, seconds: float, rounds: int = ROUNDS) -> Any:
+    """Print both sides' cost a step, the fastest of some rounds; our last run."""
+    here, there = np.inf, np.inf
+    run: Any = None
+    data: Any = None
+    for _ in range(rounds):
+        mine, run = ours(model, seconds)
+        other, data = theirs(model, seconds)
+        here, there = min(here, mine), min(there, other)
+    speed = abs(run.v[-1]).max()
+    print(
+        f"{name}: {here * 1e6:.1f} us a step, MuJoCo {there * 1e6:.1f} us, ratio "
+        f"{here / there:.2f}; fastest {speed:.1e} and {abs(data.qvel).max():.1e} at the end; "
+        f"residual {run.contact_residual.max(axis=0)}; {'; '.join(run.notices) or 'no notice'}",
+        flush=True,
+    )
+    return run
+
+
+def stacks() -> None:
+    """Stacks of equal boxes at rest after 2 s."""
+    for count in (2, 3, 5, 8, 12, 20, 30):
+        run = beside(f"stack of {count}", heap(stack(count)), 2.0)
+        print(f"    sunk {abs(run.q[-1].reshape(count, 7)[:, 2]).max():.1e} m")
+
+
+def islands() -> None:
+    """Separate stacks: the cost of k of them over k times the cost of one."""
+    single = min(ours(heap(stack(5)), 1.0)[0] for _ in range(ROUNDS))
+    for count in (2, 3, 6, 12):
+        bodies = [b for k in range(count) for b in stack(5, 1.0 * k, f"s{k} ")]
+        cost = min(ours(heap(bodies), 1.0)[0] for _ in range(ROUNDS))
+        print(f"{count} stacks of 5: {cost / single / count:.2f} of {count} times one", flush=True)
+
+
+def heavy() -> None:
+    """1e6 kg on boxes of 1 kg."""
+    for count in (2, 5, 10):
+        beside(f"1e6 kg on {count - 1} of 1 kg", heap(stack(count, top=1e6)), 0.5, 1)
+
+
+def gripper() -> None:
+    """An object of 0.5 kg between fingers on slides: what it falls in 2 s at both sides of need."""
+    for kind, size in (("box", "size"), ("cylinder", "radius"), ("sphere", "radius")):
+        for fingers in (2, 3):
+            if fingers == 3 and kind == "box":
+                continue
+            for friction in (0.2, 0.5, 1.0):
+                fallen = [held(kind, size, fingers, friction, part) for part in (0.99, 1.01)]
+                print(
+                    f"{fingers} fingers, {kind}, friction {friction}: falls {fallen[0][0]:.2g} m "
+                    f"at 0.99, {fallen[1][0]:.1e} m at 1.01 of the force needed; "
+                    f"loads differ by {fallen[1][1]:.1e}",
+                    flush=True,
+                )
+
+
+def held(kind: str, size: str, fingers: int, friction: float, part: float) -> tuple[float, float]:
+    """(how far the object falls in 2 s [m], relative difference of the fingers' loads)."""
+    length, mass = 0.05, 0.5
+    push = part * mass * G / fingers / friction
+    shape: Any = {"kind": kind, size: (length,) * 3 if size == "size" else length / 2}
+    if kind == "cylinder":
+        shape["length"] = length
+    bodies = [
+        pg.Body(
+            name="object", joint="free", mass=mass, inertia=np.eye(3) * mass * length**2 / 6,
+            shape=shape,
+        )
+    ]  # fmt: skip
+    contacts, forces = [], []
+    for k in range(fingers):
+        angle = 2 * np.pi * k / fingers
+        out = np.array([np.cos(angle), np.sin(angle), 0.0])
+        turn = (np.cos(angle / 2), 0.0, 0.0, np.sin(angle / 2))
+        pad: Any = {"kind": "box", "size": (0.01, 0.04, 0.04), "rotation": turn}
+        place = tuple((length / 2 + 0.005) * out)
+        bodies.append(
+            pg.Body(
+                name=f"f{k}", joint="compound", motions=(("translate", tuple(out)),), link=place,
+                mass=0.1, inertia=np.eye(3) * 1e-4, shape=pad,
+            )
+        )  # fmt: skip
+        contacts.append(pg.Contact(name=f"p{k}", body="object", other=f"f{k}", friction=friction))
+        forces.append(pg.Force(name=f"w{k}", kind="wrench", body=f"f{k}", force=tuple(-push * out)))
+    model = pg.Model(bodies=tuple(bodies), contacts=tuple(contacts), forces=tuple(forces))
+    run = pg.simulate(model, t_end=2.0, step=STEP, frames=3, estimate=False)
+    loads = np.array([run.contact_force[c.name][-1, 5] for c in contacts])
+    return -run.body_pose[-1, 0, 2], float(np.ptp(loads) / max(abs(loads).max(), 1e-300))
+
+
+def piles() -> None:
+    """Balls that fall from a grid."""
+    for count, seconds in ((27, 1.5), (125, 1.0), (343, 0.6), (1000, 0.4)):
+        beside(f"{count} balls", heap(grid(count)), seconds, 2 if count < 343 else 1)
+
+
+PARTS = {f.__name__: f for f in (stacks, islands, heavy, gripper, piles)}
+
+if __name__ == "__main__":
+    beside("warm up", heap(stack(2)), 0.01, 1)
+    for part in sys.argv[1:] or PARTS:
+        PARTS[part]()

@@ -1,0 +1,156 @@
+"""The contact solver of time stepping: stacks, islands, mass ratios, grippers, residuals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+
+G, SIDE = 9.81, 0.2
+
+
+def cube(name, place, mass=1.0, side=SIDE):
+    return pg.Body(
+        name=name, joint="free", link=tuple(place), mass=mass,
+        inertia=np.eye(3) * mass * side**2 / 6, shape={"kind": "box", "size": (side,) * 3},
+    )  # fmt: skip
+
+
+def stack(count, x=0.0, name="b", top=1.0, side=SIDE):
+    masses = [1.0] * (count - 1) + [top]
+    return [cube(f"{name}{i}", (x, 0, side * (i + 0.5)), m, side) for i, m in enumerate(masses)]
+
+
+def run_of(bodies, t_end=0.3, step=1e-3, friction=0.5, **more):
+    contacts = (
+        pg.Contact(name="floor", body="*", friction=friction),
+        pg.Contact(name="heap", body="*", other="*", friction=friction),
+    )
+    model = pg.Model(bodies=tuple(bodies), contacts=contacts)
+    more = {"frames": 4, "estimate": False, "method": "moreau_jean"} | more
+    return pg.simulate(model, t_end=t_end, step=step, **more)
+
+
+def places(run):
+    return run.q[-1].reshape(-1, 7)[:, :3]
+
+
+@pytest.mark.parametrize("count", [2, 5, 12, 20, 30])
+def test_stacks_of_equal_boxes_rest(count):
+    """They are a solution as they stand: what moves is rounding of 120 contacts."""
+    run = run_of(stack(count), t_end=0.5)
+    assert not run.notices
+    assert abs(run.v[-1]).max() < 1e-12
+    assert abs(places(run)).max() < 1e-12
+    weights = G * np.arange(count, 0, -1)
+    loads = [run.contact_force["floor[b0]"][-1, 5]]
+    assert loads[0] == pytest.approx(weights[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("side", [1e-3, 100.0])
+@pytest.mark.parametrize("step", [1e-4, 1e-2])
+def test_stacks_rest_at_any_size_and_step(side, step):
+    run = run_of(stack(5, side=side), t_end=20 * step, step=step)
+    assert not run.notices
+    assert abs(run.v[-1]).max() < 1e-10 * max(1.0, G * step / side)
+
+
+def test_the_order_of_bodies_does_not_matter():
+    """Two orders of one stack give the same motion, to the tolerance of the solver."""
+    bodies = stack(6)
+    turned = [bodies[k] for k in (3, 0, 5, 1, 4, 2)]
+    one, other = run_of(bodies), run_of(turned)
+    assert abs(one.v[-1]).max() < 1e-12
+    assert abs(other.v[-1]).max() < 1e-12
+
+
+def test_separate_stacks_are_solved_apart():
+    """A stack that falls over a hundred metres away changes no bit of one that stands."""
+    alone = run_of(stack(4), t_end=0.2)
+    crooked = [cube(f"c{k}", (100 + 0.06 * k, 0, SIDE * (k + 0.5))) for k in range(5)]
+    both = run_of([*stack(4), *crooked], t_end=0.2)
+    nv = alone.v.shape[1]
+    assert abs(both.v[-1, nv:]).max() > 0.1
+    np.testing.assert_array_equal(both.q[:, : alone.q.shape[1]], alone.q)
+    np.testing.assert_array_equal(both.v[:, :nv], alone.v)
+
+
+@pytest.mark.parametrize("count", [2, 5, 10])
+def test_a_million_times_heavier_box_stands_on_light_ones(count):
+    run = run_of(stack(count, top=1e6), t_end=0.1)
+    assert not run.notices
+    assert abs(run.v[-1]).max() < 1e-8
+    assert abs(places(run)).max() < 1e-9
+    load = run.contact_force["floor[b0]"][-1, 5]
+    assert load == pytest.approx((1e6 + count - 1) * G, rel=1e-7)  # rounding of 1e6 : 1
+
+
+def gripper(friction, part, kind):
+    """An object of 0.5 kg between two pads, pressed by a part of the force that holds it."""
+    length, mass = 0.05, 0.5
+    shapes = {
+        "box": {"kind": "box", "size": (length,) * 3},
+        "sphere": {"kind": "sphere", "radius": length / 2},
+        "cylinder": {"kind": "cylinder", "radius": length / 2, "length": length},
+    }
+    inertia = np.eye(3) * mass * length**2 / 6
+    bodies = [pg.Body(name="o", joint="free", mass=mass, inertia=inertia, shape=shapes[kind])]
+    contacts, forces = [], []
+    for name, way in (("left", -1), ("right", 1)):
+        bodies.append(
+            pg.Body(
+                name=name, joint="compound", motions=(("translate", (1, 0, 0)),),
+                link=(way * (length / 2 + 0.005), 0, 0), mass=0.1, inertia=np.eye(3) * 1e-4,
+                shape={"kind": "box", "size": (0.01, 0.04, 0.04)},
+            )
+        )  # fmt: skip
+        contacts.append(pg.Contact(name=name, body="o", other=name, friction=friction))
+        push = (-way * part * mass * G / 2 / friction, 0, 0)
+        forces.append(pg.Force(name=f"push {name}", kind="wrench", body=name, force=push))
+    return pg.Model(bodies=tuple(bodies), contacts=tuple(contacts), forces=tuple(forces))
+
+
+@pytest.mark.parametrize("kind", ["box", "sphere", "cylinder"])
+@pytest.mark.parametrize("friction", [0.2, 0.5, 1.0])
+def test_a_gripper_holds_with_the_force_that_it_needs(friction, kind):
+    """1 % above it the object stays, and both sides carry the same; 1 % below it slips."""
+    kept = pg.simulate(gripper(friction, 1.01, kind), t_end=1.0, step=1e-3, estimate=False)
+    loads = [kept.contact_force[side][-1, 5] for side in ("left", "right")]
+    assert abs(kept.body_pose[-1, 0, 2]) < 1e-9
+    assert loads[0] == pytest.approx(loads[1], rel=1e-9)
+    assert sum(loads) == pytest.approx(0.5 * G, rel=1e-9)
+    lost = pg.simulate(gripper(friction, 0.99, kind), t_end=0.2, step=1e-3, estimate=False)
+    slipped = 0.01 * G * 0.2**2 / 2  # one part in a hundred of its weight is not carried
+    assert -lost.body_pose[-1, 0, 2] == pytest.approx(slipped, rel=0.02)
+
+
+def test_boxes_that_slide_keep_coulombs_law():
+    """A stack that is pushed over: at every frame friction is on its disc, and against the slip."""
+    bodies = stack(4)
+    v = np.zeros(24)
+    v[3::6] = (0.0, 0.5, 1.0, 2.0)
+    q = np.tile((0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), 4)
+    run = run_of(bodies, t_end=0.1, q=q, v=v, frames=101)
+    assert not run.notices
+    assert run.contact_residual[:, :2].max() < 1e-6 * 4 * G
+    drag = run.contact_force["floor[b0]"][1:, 3:]
+    assert np.all(np.hypot(drag[:, 0], drag[:, 1]) <= 0.5 * drag[:, 2] * (1 + 1e-9) + 1e-9)
+    momentum = run.v[:, 3::6].sum(axis=1)
+    impulse = np.concatenate(([0.0], np.cumsum(drag[:, 0]) * 1e-3))
+    np.testing.assert_allclose(momentum - momentum[0], impulse, atol=1e-9)
+
+
+def test_a_start_with_overlap_is_told():
+    bodies = [cube("low", (0, 0, 0.1)), cube("high", (0, 0, 0.27))]
+    run = run_of(bodies, t_end=0.01)
+    assert run.contact_residual[:, 2].max() == pytest.approx(0.03, rel=0.1)
+    assert any("'heap'" in n and "penetrated" in n for n in run.notices)
+
+
+def test_the_residual_is_saved(tmp_path):
+    run = run_of(stack(2), t_end=0.01)
+    run.save(tmp_path / "run.npz")
+    again = pg.Result.load(tmp_path / "run.npz")
+    np.testing.assert_array_equal(again.contact_residual, run.contact_residual)
+    assert run.contact_residual.shape == (4, 3)
