@@ -604,7 +604,7 @@ class Recording:
         """Sentences on how the run went so far."""
         user = self.user.notices() if self.user is not None else []
         contacts: list[str] = []
-        if self.scene.touching is not None:
+        if self.scene.touching is not None and self.plan.contacts is not None:
             from .contact_log import contact_notices
 
             contacts = contact_notices(self.scene, self.plan.contacts, self._unlogged)

@@ -53,6 +53,7 @@ FEW_SWEEPS = 40  # before Newton's method
 FEW = 50  # contacts: a larger island of single ones is a heap, and swept
 SWEPT = 1e3  # of a factor's work a block: where its steps cost more than sweeps
 WORK = 1e8  # of all factors of an island in one instant
+MOST_STEPS = 100.0  # of Newton in one instant
 SOLID = 1e-10  # relative, squared: what moves less across a contact is taken as fixed
 INNER = 8  # rounds between normal and friction of one contact
 TOGETHER = 1e3  # times what a contact sees: bodies that move fast, but together
@@ -210,7 +211,7 @@ def solve_island(scene, n):
             return
     work, room = order_island(scene, n)
     if room and not (single and work > SWEPT * count):
-        steps = int(min(max(WORK / work, 10.0), 300.0))
+        steps = int(min(max(WORK / work, 10.0), MOST_STEPS))
         left = solve_exact(scene, n, size, size / math.sqrt(mobility), steps)
     else:
         left = gauss_seidel(scene, n, size, SWEEPS, CROWD)
@@ -254,6 +255,7 @@ WARM_ROUNDS = 4  # more say that they are not
 START, LIGHTEST, HEAVIEST = 1e3, 10.0, 1e12  # ρ from the convex form on
 HEAVIER, LIGHTER = 3.0, 0.25  # after a round that came closer, and after one that did not
 POLISH = 20  # sweeps where Newton's method leads away
+HELPS, IDLE = 0.5, 6  # rounds that leave more than this of what was missed, and how many in turn
 
 
 @sweep
@@ -301,13 +303,16 @@ def from_convex(scene, n, size, unit, most):
     copy_impulses(scene, n, LAMBDA, BEST)
     weight = START
     spent = 0
-    while spent < most and best > TOLERANCE:
+    idle = 0
+    while spent < most and idle < IDLE and best > TOLERANCE:
+        before = best
         weigh(scene, n, weight)
         steps, balanced = newton(scene, n, EXACT, max(SETTLED * TOLERANCE, 0.01 * best) * unit)
         spent += steps
         take(scene, n)
         respond(scene, n)
         left = missed(scene, n, EXACT) / size
+        idle = 0 if left < HELPS * before else idle + 1
         if left < best:
             best = left
             copy_impulses(scene, n, LAMBDA, BEST)
