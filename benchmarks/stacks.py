@@ -1,4 +1,4 @@
-"""Contacts that hold, beside MuJoCo: stacks, separate stacks, heavy on light, grippers, piles.
+"""Contacts that hold, against MuJoCo: stacks, separate stacks, heavy on light, grippers, piles.
 
 `python -m benchmarks.stacks [stacks] [islands] [heavy] [gripper] [piles]` prints a line a scene:
 processor time a step here and there, in one process and in turns, and what is right or missed.
@@ -109,7 +109,7 @@ def theirs(model: pg.Model, seconds: float) -> tuple[float, Any]:
     return (time.process_time() - begin) / steps, data
 
 
-def beside(name: str, model: pg.Model, seconds: float, rounds: int = ROUNDS) -> Any:
+def compared(name: str, model: pg.Model, seconds: float, rounds: int = ROUNDS) -> Any:
     """Print both sides' cost a step, the fastest of some rounds; our last run."""
     here, there = np.inf, np.inf
     run: Any = None
@@ -131,7 +131,7 @@ def beside(name: str, model: pg.Model, seconds: float, rounds: int = ROUNDS) -> 
 def stacks() -> None:
     """Stacks of equal boxes at rest after 2 s."""
     for count in (2, 3, 5, 8, 12, 20, 30):
-        run = beside(f"stack of {count}", heap(stack(count)), 2.0)
+        run = compared(f"stack of {count}", heap(stack(count)), 2.0)
         print(f"    sunk {abs(run.q[-1].reshape(count, 7)[:, 2]).max():.1e} m")
 
 
@@ -147,7 +147,7 @@ def islands() -> None:
 def heavy() -> None:
     """1e6 kg on boxes of 1 kg."""
     for count in (2, 5, 10):
-        beside(f"1e6 kg on {count - 1} of 1 kg", heap(stack(count, top=1e6)), 0.5, 1)
+        compared(f"1e6 kg on {count - 1} of 1 kg", heap(stack(count, top=1e6)), 0.5, 1)
 
 
 def gripper() -> None:
@@ -203,12 +203,12 @@ def held(kind: str, size: str, fingers: int, friction: float, part: float) -> tu
 def piles() -> None:
     """Balls that fall from a grid."""
     for count, seconds in ((27, 1.5), (125, 1.0), (343, 0.6), (1000, 0.4)):
-        beside(f"{count} balls", heap(grid(count)), seconds, 2 if count < 343 else 1)
+        compared(f"{count} balls", heap(grid(count)), seconds, 2 if count < 343 else 1)
 
 
 PARTS = {f.__name__: f for f in (stacks, islands, heavy, gripper, piles)}
 
 if __name__ == "__main__":
-    beside("warm up", heap(stack(2)), 0.01, 1)
+    compared("warm up", heap(stack(2)), 0.01, 1)
     for part in sys.argv[1:] or PARTS:
         PARTS[part]()
