@@ -173,7 +173,7 @@ class Condition:
             q=np.zeros((1, mech.nq)), v=np.zeros((1, mech.nv)), vdot=np.zeros((1, mech.nv)),
             wrenches=np.zeros((1, blocks, 6)), energies=np.zeros((1, 4)),
             drifts=np.zeros((1, 2)), pushes=np.zeros((1, mech.nb, 6)),
-            pairs=table(PAIR, 1, touches),
+            pairs=table(PAIR, 1, touches), missed=np.zeros((1, 3)),
         )  # fmt: skip
         accelerate = address_of(motion.acceleration)
         if scene == self.record.scene.address:
