@@ -244,6 +244,8 @@ def test_twin_keys_are_found_in_linear_time():
     [
         ("[" * 200_000, ("nest too deeply", "100")),
         ('{"a":' * 200_000, ("nest too deeply", "100")),
+        ('{"]":' * 101 + "0" + "}" * 101, ("nest too deeply", "100")),
+        ('["]", ' * 101 + '"["' + ', "["]' * 101, ("nest too deeply", "100")),
         ("[" + "0," * 5_000_001 + "0]", ("5000001 values", "5000000")),
         (" " * 64_000_001, ("64 MB",)),
     ],
@@ -256,7 +258,12 @@ def test_text_beyond_the_limits_is_refused_before_it_is_read(text, facts):
         assert fact in str(refused.value)
 
 
+def test_a_hundred_levels_are_read():
+    assert files.parse('{"a":' * 100 + "0" + "}" * 100, "text")["a"]
+
+
 def test_brackets_in_strings_nest_nothing():
+    assert files.parse('{"name": "' + "[{" * 500 + '"}', "text")["name"].count("[") == 500
     assert files.parse('{"name": "' + "[{" * 500 + '\\"[["}', "text")["name"].count("[") == 502
 
 

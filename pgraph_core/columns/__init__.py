@@ -178,11 +178,8 @@ class Columns(Portable):
     @property
     def springs_between(self) -> int:
         """Number of springs and torsion springs between bodies; no edit here adds any."""
-        return self._root._between
-
-    @cached_property
-    def _between(self) -> int:
-        return sum(isinstance(f, Between) for f in self._model.forces) if self._model else 0
+        model = self._root._model
+        return 0 if model is None else sum([isinstance(f, Between) for f in model.forces])
 
     @cached_property
     def _derived(self) -> frozenset[int]:
@@ -235,9 +232,10 @@ class Columns(Portable):
         None where the description has to look: at other fields, at what may be wrong. Cycles show
         when the new table is numbered.
         """
-        rows, (parent, body, motion, start) = self._root._row, self.numbers
+        root, (parent, body, motion, start) = self._root, self.numbers
+        rows = root._row
         row = rows.get(name)
-        if not row or row in self._root._derived:
+        if not row or row in root._derived:
             return None
         for field, value in changes.items():
             if field == "parent":
@@ -253,7 +251,7 @@ class Columns(Portable):
             return self
         columns = NEW(Columns)
         columns.numbers = (parent, body, motion, start)
-        columns._root = self._root
+        columns._root = root
         columns._before, columns._change, columns._depth = self, {name: changes}, self._depth + 1
         if columns._depth == EDITS:
             columns._shorten()
@@ -279,12 +277,11 @@ def written(body: Array, row: int, field: str, value: Any) -> Array | None:
             return None
     if field == "mass" and numbers[0] < 0:
         return None
-    first = DIRECT[field]
-    old = body[row, first : first + len(numbers)]
-    if old.tolist() == list(numbers):
-        return body
-    body = body.copy()
-    body[row, first : first + len(numbers)] = numbers
+    given = body
+    for column, x in enumerate(numbers, DIRECT[field]):  # one by one: faster than by slices
+        if body.item(row, column) != x:
+            body = body.copy() if body is given else body
+            body[row, column] = x
     return body
 
 

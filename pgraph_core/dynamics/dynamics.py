@@ -50,16 +50,10 @@ class Dynamics(Portable):
         self._take(Packed(model))
         ready(FORWARD)
 
-    def _take(self, packed: Packed, like: Dynamics | None = None) -> None:
-        """Keep the arrays; on the workspace of a mechanism of the same size, where one is given."""
+    def _take(self, packed: Packed) -> None:
+        """Keep the arrays, and make a workspace."""
         self.packed = packed  # the arrays of the kernels
         self._rows, self._const, self._springs = packed.rows, packed.const, packed.springs
-        if like is not None:
-            self.nb, self.nq, self.nv, self._nq, self._nv = (
-                like.nb, like.nq, like.nv, like._nq, like._nv,
-            )  # fmt: skip
-            self._rest, self._work, self._lock = like._rest, like._work, like._lock
-            return
         self.nb, self.nq, self.nv = packed.nb, packed.nq, packed.nv
         self._nq, self._nv = (packed.nq,), (packed.nv,)
         self._rest = np.zeros(packed.nv)  # v = 0
@@ -97,13 +91,18 @@ class Dynamics(Portable):
         checked again. Returns itself where nothing changes. Raises ModelError; this mechanism stays
         as it is.
         """
-        columns = self.packed.columns.edited(name, changes)
-        if columns is self.packed.columns:
+        old = self.packed
+        columns = old.columns.edited(name, changes)
+        if columns is old.columns:
             return self
         if columns is None:
             return type(self)(self.model.edit(name, **changes))
         new = NEW(type(self))
-        new._take(Packed(columns, self.packed), self)
+        new.packed = packed = Packed(columns, old)
+        new._rows, new._const, new._springs = packed.rows, packed.const, packed.springs
+        new.nb, new.nq, new.nv = self.nb, self.nq, self.nv
+        new._nq, new._nv = self._nq, self._nv
+        new._rest, new._work, new._lock = self._rest, self._work, self._lock  # of the same sizes
         return new
 
     # -- the digraph -----------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -52,12 +52,11 @@ def _allowed_always() -> list[Path]:
 
 
 def _located(body: Any, folder: Path, allowed: tuple[Path, ...], problems: list[Problem]) -> Any:
-    if not isinstance(body, Mapping):
+    if not isinstance(body, dict):
         return body
-    where = f"body {shown(body.get('name', ''))}"
 
     def placed(shape: Any) -> Any:
-        file = shape.get("file") if isinstance(shape, Mapping) else None
+        file = shape.get("file") if isinstance(shape, dict) else None
         if not isinstance(file, str) or not file:
             return shape
         try:
@@ -66,6 +65,7 @@ def _located(body: Any, folder: Path, allowed: tuple[Path, ...], problems: list[
         except (OSError, ValueError, RuntimeError):  # a NUL, a circle of links
             inside, path = False, folder
         if not inside:
+            where = f"body {shown(body.get('name', ''))}"
             problems.append(Problem(where, "shape", _outside(file, folder)))
         return {**shape, "file": str(path)}
 

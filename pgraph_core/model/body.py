@@ -405,7 +405,7 @@ def _fill_coordinates(data: dict[str, Any], motions: tuple[Motion, ...]) -> None
     if "limits" in data:
         data["limits"] = _limits(listed(data["limits"]), len(motions))
     for name in PER_MOTION:
-        value = listed(data.get(name, ()))
+        value = listed(data[name]) if name in data else ()
         value = value if isinstance(value, tuple) else (value,)
         if len(value) == 1 and (motions or value == (0,)):
             value *= len(motions)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
+import operator
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -42,7 +42,7 @@ def _knot_problems(t: tuple[float, ...], value: tuple[object, ...]) -> list[tupl
     if not t or len(t) != len(value):
         sizes = f"{len(t)} times, {len(value)} values"
         found.append(("value", f"needs one value a time, at least one; given {sizes}"))
-    if any(a >= b for a, b in itertools.pairwise(t)):
+    if not all(map(operator.lt, t, t[1:])):
         found.append(("t", f"the times t must ascend; given {list(t)}"))
     return found
 

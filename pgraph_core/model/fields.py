@@ -104,9 +104,16 @@ PLAIN = frozenset((float, int, str))  # most of what a description holds
 
 def listed(value: Any) -> Any:
     """Lists and NumPy arrays as tuples, NumPy scalars as numbers; other values unchanged."""
-    if type(value) in PLAIN:
+    kind = type(value)
+    if kind in PLAIN:
         return value
-    if hasattr(value, "tolist"):
+    if kind is list or kind is tuple:
+        for x in value:
+            if type(x) not in PLAIN:
+                break
+        else:
+            return tuple(value)
+    elif hasattr(value, "tolist"):
         value = value.tolist()
     if not isinstance(value, (list, tuple)):
         return value
@@ -126,7 +133,7 @@ Vec3 = Annotated[Row3, BeforeValidator(listed)]
 Quat = Annotated[tuple[Finite, Finite, Finite, Finite], BeforeValidator(listed)]
 Mat3 = Annotated[tuple[Row3, Row3, Row3], BeforeValidator(listed)]
 Numbers = Annotated[tuple[Finite, ...], BeforeValidator(listed)]
-Vec3s = Annotated[tuple[Vec3, ...], BeforeValidator(listed)]
+Vec3s = Annotated[tuple[Row3, ...], BeforeValidator(listed)]
 PerMotion = Annotated[tuple[Finite, ...], BeforeValidator(_per_motion)]  # or one number for all
 
 # Converters of `field`: what may be given, and the type that holds it.

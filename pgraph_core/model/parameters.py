@@ -26,6 +26,8 @@ DIRECTIONS = {"axes", "motions"}  # stand twice in a body, so that a formula wou
 LONGEST = 200  # characters of a formula
 LONGEST_NAME = 60
 
+NUMBERS = frozenset((float, int, type(None)))  # types that are no formula and hold none
+
 Path = tuple[str | int, ...]
 OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Add: operator.add,
@@ -239,18 +241,15 @@ def _inline(kind: PartKind, items: Any) -> Iterator[Formula]:
 
 def holds_formula(value: Any) -> bool:
     """Whether a cell of a dictionary holds a formula; most hold none."""
-    kind = type(value)
-    if kind is float or kind is int:
-        return False
-    if kind is str:
+    if isinstance(value, str):
         return is_formula(value)
-    if isinstance(value, Mapping):
-        for key, x in value.items():
-            if key not in TEXT and holds_formula(x):
-                return True
-    elif isinstance(value, (list, tuple)):
+    if isinstance(value, (list, tuple)):
         for x in value:
-            if type(x) is not float and holds_formula(x):
+            if type(x) not in NUMBERS and holds_formula(x):
+                return True
+    elif isinstance(value, (dict, Mapping)):  # dict: the check of an abstract class is slow
+        for key, x in value.items():
+            if type(x) not in NUMBERS and key not in TEXT and holds_formula(x):
                 return True
     return False
 

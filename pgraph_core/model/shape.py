@@ -32,9 +32,12 @@ from .fields import (
 Array = np.ndarray
 
 
+HEX = re.compile("#[0-9a-fA-F]{6}")
+
+
 def _colour(value: Any) -> Any:
     """'#rrggbb' as three numbers from 0 to 1."""
-    if isinstance(value, str) and re.fullmatch("#[0-9a-fA-F]{6}", value):
+    if isinstance(value, str) and HEX.fullmatch(value):
         return tuple(int(value[k : k + 2], 16) / 255 for k in (1, 3, 5))
     return listed(value)
 
@@ -118,13 +121,16 @@ class Shape(Frozen):
     @model_validator(mode="after")
     def _complete(self) -> Self:
         own = DIMENSIONS[self.kind]
-        one = ("an " if self.kind == "ellipsoid" else "a ") + self.kind
-        missing = [name for name in own if getattr(self, name) is None]
-        problems = [("shape", f"{one} needs {name}") for name in missing]
-        for name in sorted(set().union(*DIMENSIONS.values()) - set(own)):
-            if getattr(self, name) is not None:
+        one = f"an {self.kind}" if self.kind == "ellipsoid" else f"a {self.kind}"
+        problems: list[tuple[str, str]] = []
+        fields = vars(self)
+        for name in own:
+            if fields[name] is None:
+                problems.append(("shape", f"{one} needs {name}"))
+        for name in FOREIGN[self.kind]:
+            if fields[name] is not None:
                 text = f"{one} has no {name}: its size is given by {' and '.join(own)}"
-                problems.append(("shape", f"{text}; given {shown(getattr(self, name))}"))
+                problems.append(("shape", f"{text}; given {shown(fields[name])}"))
         if self.size is not None and min(self.size) <= 0:
             text = f"a {self.kind}'s edges must be > 0 [m]; given {shown(self.size)}"
             problems.append(("shape", text))
@@ -146,7 +152,7 @@ class Shape(Frozen):
         if not 0.5 < math.hypot(*self.rotation) < 2:
             given = shown(self.rotation)
             problems.append(("shape", f"rotation must be a unit quaternion; given {given}"))
-        if self.colour is not None and not all(0 <= x <= 1 for x in self.colour):
+        if self.colour is not None and not 0 <= min(self.colour) <= max(self.colour) <= 1:
             given = shown(self.colour)
             problems.append(("shape", f"colour must be from 0 to 1; given {given}"))
         refuse(problems)
@@ -158,11 +164,12 @@ class Shape(Frozen):
 
     def _tapered(self) -> list[tuple[str, str]]:
         """What is wrong with a shape that tapers."""
-        given = f"given end_radius {self.end_radius:g}"
         if self.kind not in ("capsule", "cylinder"):
-            return [("shape", f"only a capsule or a cylinder has an end_radius; {given}")]
+            text = "only a capsule or a cylinder has an end_radius"
+            return [("shape", f"{text}; given end_radius {self.end_radius:g}")]
         if self.role != "visual":
-            return [("shape", f"a shape that tapers is only drawn; give role 'visual'; {given}")]
+            text = "a shape that tapers is only drawn; give role 'visual'"
+            return [("shape", f"{text}; given end_radius {self.end_radius:g}")]
         if self.kind == "capsule" and self.radius is not None and self.length is not None:
             gap = abs((self.end_radius or 0.0) - self.radius)
             if gap >= self.length:
@@ -205,6 +212,9 @@ DIMENSIONS: dict[str, tuple[str, ...]] = {  # kind -> the fields that say how la
     "capsule": ("radius", "length"),
     "mesh": ("file",),
     "heightfield": ("size", "heights"),
+}
+FOREIGN = {  # kind -> the fields that say how large others are
+    kind: sorted(set().union(*DIMENSIONS.values()) - set(own)) for kind, own in DIMENSIONS.items()
 }
 
 

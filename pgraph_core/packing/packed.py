@@ -40,16 +40,18 @@ class Packed:
     _driven: tuple[tuple[Force, ...], Drives, Array] | None = None
 
     def __init__(self, columns: Columns, like: Packed | None = None):
-        """`like` has the same sizes. Raises ModelError where parents close a cycle."""
+        """`like` has the same sizes and forces. Raises ModelError where parents close a cycle."""
         self.columns = columns
         self._arrays, springs = pack_columns(columns)
         self.rows, self.const, bodies_i, _, home = self._arrays
-        self.springs = springs + columns.springs_between  # how many act in joints or between bodies
-        if like is not None:
+        if like is None:
+            self.between = columns.springs_between
+            self.nb, self.nq = len(bodies_i) - 1, columns.nq
+            self.nv = len(home) - self.nq
+        else:
+            self.between = like.between
             self.nb, self.nq, self.nv = like.nb, like.nq, like.nv
-            return
-        self.nb, self.nq = len(bodies_i) - 1, columns.nq
-        self.nv = len(home) - self.nq
+        self.springs = springs + self.between  # how many act in joints or between bodies
 
     @property
     def tree(self) -> tuple[Ints, Array]:
