@@ -43,17 +43,12 @@ def pack_columns(columns: Columns) -> tuple[Arrays, int]:
     """
     parent, body, motion, start = columns.numbers
     nb, n = len(body), len(motion) + 1
-    arrays = (
-        EMPTY((n, 4), INT),
-        EMPTY((n, CONST)),
-        EMPTY((nb, BODIES_I), INT),
-        EMPTY((nb, BODY)),
-        EMPTY(len(start)),
-    )
-    springs = pack(parent, body, motion, start, *arrays)
+    rows, const = EMPTY((n, 4), INT), EMPTY((n, CONST))
+    bodies_i, bodies_f, home = EMPTY((nb, BODIES_I), INT), EMPTY((nb, BODY)), EMPTY(len(start))
+    springs = pack(parent, body, motion, start, rows, const, bodies_i, bodies_f, home)
     if springs < 0:
         columns.model()  # says in words which bodies close it
-    return arrays, springs
+    return (rows, const, bodies_i, bodies_f, home), springs
 
 
 def system(arrays: Arrays, nq: int) -> System:
