@@ -25,7 +25,7 @@ from .switches import Change
 
 GRAZE = 2.5  # steps: a shorter flight of a contact is none
 LOOSE = 1e-6  # of the largest force: a larger violation of a contact law is reported
-DEEP = 1e-3  # of the size of what touches: a deeper penetration is reported
+DEEP = 1e-2  # of the size of what touches: a deeper penetration is reported
 
 CAUSES = {
     (SWING, ACCEPTANCE): "it touched down, sliding",
