@@ -29,7 +29,7 @@ from .shapes import place
 PART = 0.2  # of the thinner shape: how far a step may lead into it
 TURN = 0.5  # rad: how far a body may turn in a step with points in the air
 WITHIN = 0.05  # of a contact's own time: given steps inside a hard one
-LEAD = 0.03  # of how deep an impact leads: given steps into it
+LEAD = 0.01  # of how deep an impact leads: given steps into it
 HARD = 10.0  # times the weight: a contact that is not at rest
 
 
@@ -159,8 +159,10 @@ def one_bound(contacts, pair, gap, rate, thin, width, given):
         if law.law != PENALTY:
             deep = power(1.25 * energy / law.stiffness, 0.4)
         lead = min(lead, LEAD * deep)
-    if rate * width > PART * thin:
-        bound = (max(gap, 0.0) + lead) / rate
+    ahead = max(gap, 0.0)
+    if rate * width > lead:
+        # Given steps end where the shapes meet: a stage within would count for the whole step.
+        bound = ahead / rate if given and ahead > lead else (ahead + lead) / rate
     if given and gap < 0.0:
         depth = -gap
         push = law.stiffness * depth
