@@ -9,16 +9,18 @@ import json
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
+from inspect import signature
 from pathlib import Path as FilePath
 from typing import Any
 
 import numpy as np
 
-from ..errors import FileError, InputError, Problem, shown
+from ..errors import FileError, InputError, Problem, nearest, shown
 from ..mechanism import Mechanism
 from ..model import Model
 from ..model.files import write_atomic
 from ..portable import installed
+from ..simulation import simulate
 from .metrics import metrics_of
 from .paths import Path, points_of
 from .tasks import Row, Task, rows_of
@@ -149,7 +151,9 @@ def sweep(
     estimated unless `estimate=True`.
 
     A sweep that takes longer than a moment runs in `workers` processes, all cores by default, or on
-    a Dask cluster at the address `scheduler`. The table does not depend on where it is computed.
+    a Dask cluster at the address `scheduler`. The table does not depend on where it is computed. In
+    a script, call it below `if __name__ == "__main__":`; a metric that cannot be pickled, as a
+    lambda, is computed in this process alone.
     `out` (.csv, .parquet) is written at the end; until then `out` with ".part" after it has the
     points so far, and `resume=True` goes on from there. A point that fails keeps its reason. If
     `progress(fraction)` returns False, the sweep stops with the points so far.
@@ -169,6 +173,7 @@ def sweep(
     given = tuple(x if isinstance(x, str) else tuple(x) for x in set)
     settings = {"scenario": scenario, **options}
     task = Task(base, given, metrics, settings, installed())
+    _known(options)
     _tried(base, paths, points)
     kept = Kept(out, resume, _fingerprint(task, points)) if out is not None else None
     rows: dict[int, Row] = {row.point: row for row in kept.rows} if kept else {}
@@ -184,6 +189,17 @@ def sweep(
         table.save(kept.path)
         kept.remove()
     return table
+
+
+def _known(options: Mapping[str, Any]) -> None:
+    """Refuse at once an option that `simulate` does not have."""
+    known = [
+        name for name in signature(simulate).parameters if name not in ("mechanism", "scenario")
+    ]
+    for name in options:
+        if name not in known:
+            text = f"is no option of sweep or simulate; {nearest(name, known)}"
+            raise InputError(Problem("sweep", name, text))
 
 
 def _tried(model: Model, paths: list[Path], points: Array) -> None:

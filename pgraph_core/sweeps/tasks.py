@@ -105,6 +105,7 @@ def _by_processes(
     import multiprocessing
     import pickle
     from concurrent.futures import ProcessPoolExecutor, as_completed
+    from concurrent.futures.process import BrokenProcessPool
 
     try:
         pickle.dumps(task)
@@ -118,6 +119,10 @@ def _by_processes(
         try:
             for future in as_completed(futures):
                 yield future.result()
+        except BrokenProcessPool:
+            text = "the processes could not start or died; put the call of sweep in your script "
+            text += 'below `if __name__ == "__main__":`, or give workers=1'
+            raise InputError(Problem("sweep", "workers", text)) from None
         finally:
             pool.shutdown(cancel_futures=True)
 
