@@ -178,7 +178,7 @@ def test_a_column_that_no_run_has(pendulum):
 
 
 def test_an_option_that_simulate_does_not_have_is_refused_at_once(pendulum):
-    with pytest.raises(pg.InputError, match="tend.*t_end"):
+    with pytest.raises(pg.InputError, match=r"tend.*t_end"):
         pg.sweep(pendulum, {"heavy": [1.0]}, "t_end", tend=1.0)
 
 
