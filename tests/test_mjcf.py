@@ -8,9 +8,10 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_app.cli.main import main
-from tests.core.test_mjcf_of_others import errors_of
 
 mujoco = pytest.importorskip("mujoco")
+
+from tests.core.test_mjcf_of_others import errors_of  # noqa: E402 (it needs mujoco too)
 
 ARM = """<mujoco model="arm">
 <compiler angle="degree"/><option gravity="0 0 -1.6"/>

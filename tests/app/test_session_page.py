@@ -102,8 +102,13 @@ def test_1_11_two_pages_edit_at_once_and_agree(page, open_page, served):
                 "{ serial: 10000 + k, body, field, index: [], text })",
                 [k, body, field, text],
             )
-    last = "() => { pgraph.send('Show', { what: 'names', on: false }); return true; }"
+    last = "() => { pgraph.send('Select', { body: 'thorax' }); return true; }"
     assert page.evaluate(last) and other.evaluate(last)  # noqa: PT018
+    clients = served.store.state.clients
+    until(  # senders take turns, and each one's events are in order: all edits are done
+        lambda: all(served.store.state.clients[key].selection == "thorax" for key in clients),
+        "the last event of both",
+    )
     expected = None
 
     def agreed() -> bool:
