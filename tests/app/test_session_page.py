@@ -85,44 +85,46 @@ def test_1_10_a_model_dropped_on_the_page_is_opened(page, served):
 def test_1_11_two_pages_edit_at_once_and_agree(page, open_page, served):
     """25 edits from each; a half-typed cell is left alone, and undo leads back to the start."""
     start = served.store.state.model
-    steps = len(served.store.state.undo)
     other = open_page()
-    half = row(other, "pelvis").locator("input.name")
-    half.fill("half-typed")
-    row(page, "pelvis").locator(".others i").wait_for()  # where the other is
-    rng = random.Random(3)
-    for k in range(25):
-        for at in (page, other):
-            body = rng.choice(list(start.row))
-            field, text = rng.choice(
-                (("mass", str(1 + k)), ("dof", str(k % 4)), ("name", "pelvis"))
-            )
-            at.evaluate(
-                "([k, body, field, text]) => pgraph.send('Edit', "
-                "{ serial: 10000 + k, body, field, index: [], text })",
-                [k, body, field, text],
-            )
-    last = "() => { pgraph.send('Select', { body: 'thorax' }); return true; }"
-    assert page.evaluate(last) and other.evaluate(last)  # noqa: PT018
-    until(  # senders take turns, and each one's events are in order: all edits are done
-        lambda: [p.selection for p in served.store.state.clients.values()].count("thorax") >= 2,
-        "the last event of both",
-    )
-    expected = None
+    try:
+        half = row(other, "pelvis").locator("input.name")
+        half.fill("half-typed")
+        row(page, "pelvis").locator(".others i").wait_for()  # where the other is
+        rng = random.Random(3)
+        for k in range(25):
+            for at in (page, other):
+                body = rng.choice(list(start.row))
+                field, text = rng.choice(
+                    (("mass", str(1 + k)), ("dof", str(k % 4)), ("name", "pelvis"))
+                )
+                at.evaluate(
+                    "([k, body, field, text]) => pgraph.send('Edit', "
+                    "{ serial: 10000 + k, body, field, index: [], text })",
+                    [k, body, field, text],
+                )
+        last = "() => { pgraph.send('Select', { body: 'thorax' }); return true; }"
+        assert page.evaluate(last) and other.evaluate(last)  # noqa: PT018
+        until(  # senders take turns, and each one's events are in order: all edits are done
+            lambda: [p.selection for p in served.store.state.clients.values()].count("thorax") >= 2,
+            "the last event of both",
+        )
+        expected = None
 
-    def agreed() -> bool:
-        nonlocal expected
-        expected = [row["joint"] for row in table(served.store.state)["rows"]]
-        seen = "() => pgraph.latest.table.rows.map((row) => row.joint)"
-        return page.evaluate(seen) == expected == other.evaluate(seen)
+        def agreed() -> bool:
+            nonlocal expected
+            expected = [row["joint"] for row in table(served.store.state)["rows"]]
+            seen = "() => pgraph.latest.table.rows.map((row) => row.joint)"
+            return page.evaluate(seen) == expected == other.evaluate(seen)
 
-    until(agreed, "both pages on the model")
-    assert half.input_value() == "half-typed"
-    for _ in range(len(served.store.state.undo) - steps):
-        served.send(Undo(NOBODY))
-    until(lambda: served.store.state.model is start, "the start")
-    other.keyboard.press("Escape")
-    other.close()
+        until(agreed, "both pages on the model")
+        assert half.input_value() == "half-typed"
+        steps = [step.model is start for step in reversed(served.store.state.undo)].index(True) + 1
+        for _ in range(steps):
+            served.send(Undo(NOBODY))
+        until(lambda: served.store.state.model is start, "the start")
+        other.keyboard.press("Escape")
+    finally:
+        other.close()
     until(lambda: page.locator(".others i").count() == 0, "no mark when that page is gone")
 
 
