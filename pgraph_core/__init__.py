@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .analysis.assembly import Assembly as Assembly
     from .analysis.mobility import Mobility as Mobility
+    from .batches.batch_stepper import BatchStepper as BatchStepper
     from .columns import Columns as Columns
     from .dynamics.batch import Batch as Batch
     from .errors import FileError as FileError
@@ -95,6 +96,7 @@ if TYPE_CHECKING:
 
 # module -> its public names; the imports above say the same to type checkers
 _MODULES = {
+    "batches.batch_stepper": "BatchStepper",
     "columns": "Columns",
     "analysis.assembly": "Assembly",
     "analysis.mobility": "Mobility",

@@ -136,7 +136,7 @@ class Batch(Portable):
         if parts <= 1:
             part(0, self.blocks)
             return
-        for done in [_pool(parts).submit(part, *edge) for edge in pairwise(edges)]:
+        for done in [pool(parts).submit(part, *edge) for edge in pairwise(edges)]:
             done.result()
 
 
@@ -165,7 +165,7 @@ def _acting(model: Model) -> str:
 
 
 @cache
-def _pool(threads: int) -> ThreadPoolExecutor:
+def pool(threads: int) -> ThreadPoolExecutor:
     """Threads kept between batches: starting them costs as much as a small one."""
     return ThreadPoolExecutor(threads)
 

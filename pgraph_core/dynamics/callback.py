@@ -53,6 +53,11 @@ class UserTorque(Unportable):
         """Arrays that calls read before they write them."""
         return []
 
+    @property
+    def numbers(self) -> list[Array]:
+        """Arrays that calls read and that the description gives."""
+        return []
+
     def join(self, packed: Packed, work: Array) -> None:
         """A run begins whose kernels keep what they know of bodies in `work`: no use here."""
 

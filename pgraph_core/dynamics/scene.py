@@ -90,6 +90,17 @@ class Scene(Unportable):
         motion.save_scene(self._buffer, unnamed(self._kept))
         self.address = address_of_array(self._buffer)
 
+    @property
+    def numbers(self) -> list[Array]:
+        """What the description gives, as the kernels take it; blocks_f also holds states."""
+        kept, packed = self._kept, self.packed
+        found: list[Any] = [kept.rows, kept.const, packed.const, kept.gains, *packed.system[2:4]]
+        found += [kept.drives.table, kept.drives.knots, *kept.loads]
+        found += [kept.blocks.blocks_i, *kept.blocks[2:5]]
+        if self.touching is not None:
+            found += self.touching.numbers
+        return found if self.user is None else found + self.user.numbers
+
     def activate(self, constraints: Ints) -> None:
         """Switch on the blocks of these constraints, and no others."""
         self._spans = self.spans_of(constraints)
@@ -189,6 +200,13 @@ class ContactSpace(Unportable):
             record=address_of(kernels.record_contacts),
             settle=address_of(kernels.settle_contacts) if steps else 0,
         )
+
+    @property
+    def numbers(self) -> list[Array]:
+        """What the description gives, as the kernels take it."""
+        kept = self._kept
+        found = [*kept.geometry, *kept.ground, *kept.candidates]
+        return [*found, kept.laws, kept.bodies_i, kept.bodies_f]
 
     def begin_log(self, t: float) -> Any:
         """Count and log from here on; the phases now, as changes at t."""

@@ -158,6 +158,12 @@ class GaitTorque(UserTorque):
         """Its settings, and whether it fell."""
         return [self.settings, self.fallen]
 
+    @property
+    def numbers(self) -> list[Array]:
+        """What the model and the gait give."""
+        kept = self._kept
+        return [kept.rows, kept.const, kept.legs, kept.waves, kept.limit, kept.spine]
+
     def join(self, packed: Packed, work: Array) -> None:
         """Take frames, velocities and inertias from a run of the same bodies."""
         mine = self._kept.rows, self._kept.const

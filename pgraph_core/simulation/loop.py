@@ -113,6 +113,11 @@ class Steps:
         kept = self._kept
         kept.times[:2], kept.substeps[0], kept.width[0] = (control["time"], np.inf), MANY, width
 
+    @property
+    def given(self) -> tuple[Array, Ints, Array]:
+        """Times of frames and the given steps between them, as the kernel takes them."""
+        return self._kept.times, self._kept.substeps, self._kept.width
+
     def advance(self, budget: int) -> int:
         """Make at most `budget` attempts at steps and frames; the kernel's status code."""
         code = run.advance_run(self.address, budget)

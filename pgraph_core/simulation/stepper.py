@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from hashlib import sha256
 from numbers import Integral
 from typing import Any
@@ -332,10 +333,25 @@ class Stepper(Portable):
         self._q.flags.writeable = self._v.flags.writeable = False
         forces = (*mech.model.forces, *(given.forces if given else ()), *self._options.forces)
         self._servos = _servos(forces, drives)
-        words = (mech.model.hash, *map(repr, (self.method, self._width, self._options.scenario)))
-        self._key = sha256("\n".join(words).encode()).hexdigest()[:16]
         self.status, self.message = Status.DONE, Status.DONE.value
         self._open()
+
+    @cached_property
+    def _key(self) -> str:
+        """Names what a snapshot belongs to."""
+        own = (self.method, self._width, self._options.scenario)
+        words = (self.mech.model.hash, *map(repr, own))
+        return sha256("\n".join(words).encode()).hexdigest()[:16]
+
+    @property
+    def recording(self) -> Recording:
+        """The run inside, its scene and its steps."""
+        return self._record
+
+    @property
+    def servos(self) -> dict[str, int]:
+        """{name: knot of its constant target} of the servos."""
+        return self._servos
 
     def _give(self, tau: Any) -> None:
         """Torques of the next steps. Raises InputError."""

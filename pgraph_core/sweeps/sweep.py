@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ..batches.paths import Path
 from ..errors import FileError, InputError, Problem, nearest, shown
 from ..mechanism import Mechanism
 from ..model import Model
@@ -22,7 +23,7 @@ from ..model.files import write_atomic
 from ..portable import installed
 from ..simulation import simulate
 from .metrics import metrics_of
-from .paths import Path, points_of
+from .paths import points_of
 from .tasks import Row, Task, rows_of
 
 Array = np.ndarray

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+from ..batches.paths import Path
 from ..errors import InputError, PgraphError, Problem
 from ..mechanism import Mechanism
 from ..model import Model
 from ..portable import installed
 from ..simulation import simulate
 from .metrics import Metric, measured
-from .paths import Path
 
 CHUNK = 0.25  # [s] of work handed out at once
 PATIENCE = 1.5  # [s]: a sweep that takes no longer starts no processes

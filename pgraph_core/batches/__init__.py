@@ -1,0 +1,5 @@
+"""Many instances of one mechanism that are stepped together, each with numbers of its own.
+
+`paths` says which numbers differ, `instances` keeps them as rows of a table, `lanes` steps free
+trees side by side, `batch_stepper` is what users hold.
+"""

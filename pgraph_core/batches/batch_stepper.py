@@ -1,0 +1,411 @@
+"""BatchStepper: many instances of one mechanism that are stepped together from outside."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from hashlib import sha256
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+from numpy.typing import NDArray
+
+from ..dynamics.arguments import position
+from ..engine import layout as at
+from ..errors import InputError, PgraphError, Problem, choices, shown
+from ..mechanism import Mechanism, mechanism_of
+from ..model import Force, Model
+from ..packing.system import Array, Ints
+from ..portable import Portable, installed
+from ..simulation.recording import STATUS
+from ..simulation.stepper import AUTO, Stepper
+from .instances import Instances, Worker, number_arrays, state_arrays, words_of
+from .paths import Path
+
+SNAPSHOT = b"pgraph batch"
+MOST = 10_000_000  # instances
+
+
+class BatchStepper(Portable):
+    """`size` instances of a mechanism, stepped together: trees, loops and contacts.
+
+        batch = pg.BatchStepper(mech, 64, set={"bodies.trunk.mass": np.linspace(8, 12, 64)})
+        for _ in range(1000):
+            batch.step(-5 * batch.q - 0.1 * batch.v)
+
+    Each instance has its own state, and with `set` its own numbers of the description: a path (see
+    `sweep`) with one value for each instance, or more, which wait for `reset(numbers=...)`. An
+    instance is `Model.edit` of these: nothing else follows. All else is as of `Stepper`; `tau` is
+    an array (nv,) or (size, nv), or a function of (t, q, v) compiled by `numba.njit`.
+
+    An instance takes the steps that it would take alone in a `Stepper`, bit for bit, whatever its
+    neighbours and the number of `threads` (all cores by default). One that fails stays at its last
+    good state, is named in `failures`, and takes no further steps until it is reset.
+
+    Raises InputError for arguments that do not fit.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism | Model,
+        size: int,
+        *,
+        step: float = 1e-3,
+        method: str = AUTO,
+        scenario: str | None = None,
+        tau: Any = None,
+        forces: Sequence[Force] = (),
+        stabilise: str | None = "project",
+        switches: Sequence[Any] | None = None,
+        threads: int | None = None,
+        set: Mapping[Any, Any] | None = None,
+    ):
+        """At the initial state of the scenario, or of the model, of each instance."""
+        mech = mechanism_of(mechanism, "BatchStepper")
+        self.mech, self.size = mech, _whole("size", size, 1, MOST)
+        self.threads = _whole("threads", (os.cpu_count() or 1) if threads is None else threads, 1)
+        self._options: dict[str, Any] = {
+            "step": step, "method": method, "scenario": scenario, "forces": tuple(forces),
+            "stabilise": stabilise, "switches": switches,
+        }  # fmt: skip
+        own = tau is not None and not callable(tau) and np.ndim(tau) == 2
+        self._options["tau"] = None if own else _compiled(tau, bool(set))
+        self._set = {} if set is None else _values(mech.model, set, self.size)
+        self._begin()
+        self._tau = _table("tau", tau, self.size, mech.nv) if own else self._many.given.copy()
+
+    def _begin(self) -> None:
+        """The tables, the state of every instance at its start."""
+        kinds, self._entries = _kinds(self._set, self.size)
+        first, starts, numbers, varying = _tables(self._steppers(kinds))
+        made = [first]
+        for _ in range(min(self.threads, self.size) - 1):
+            made.append(Stepper(Mechanism(first.mech.model), **self._options))
+        workers = [Worker(stepper, varying) for stepper in made]
+        self._many = Instances(starts, numbers, self._entries[: self.size].copy(), workers)
+        self.method = first.method
+
+    def _steppers(self, kinds: Array) -> Iterator[Stepper]:
+        """A stepper for each row of values (kinds, paths)."""
+        paths = [Path(self.mech.model, path, "BatchStepper") for path in self._set]
+        for i, row in enumerate(kinds.tolist()):
+            model = self.mech.model
+            try:
+                for path, value in zip(paths, row):
+                    model = path.set(model, value)
+                yield Stepper(Mechanism(model), **self._options)
+            except PgraphError as error:
+                if not paths:
+                    raise
+                first = int(np.flatnonzero(self._entries == i)[0])
+                said = ", ".join(f"{p.text} = {x:.9g}" for p, x in zip(paths, row))
+                raise _refused("set", f"entry {first} ({said}): {error}") from None
+
+    # -- the state -------------------------------------------------------------------------------
+
+    @property
+    def t(self) -> Array:
+        """(size,) times [s]."""
+        return self._many.control["time"].copy()
+
+    @property
+    def q(self) -> Array:
+        """(size, nq) configurations; a view that follows the steps, not to be written."""
+        return _read_only(self._many.q)
+
+    @property
+    def v(self) -> Array:
+        """(size, nv) velocities; a view that follows the steps, not to be written."""
+        return _read_only(self._many.v)
+
+    @property
+    def ok(self) -> NDArray[np.bool_]:
+        """(size,) bool: which instances go on."""
+        return self._many.codes == at.RUNNING
+
+    @property
+    def failures(self) -> dict[int, str]:
+        """{instance: why it stands still}."""
+        failed, control = np.flatnonzero(~self.ok), self._many.control
+        return {i: self._reason(int(self._many.codes[i]), control[i]) for i in failed.tolist()}
+
+    def _reason(self, code: int, control: Any) -> str:
+        body = self.mech.packed.body_of(int(control["fastest"]))
+        where = f"at t = {control['failed']:.6g} s; body '{body}' moved fastest"
+        return f"{STATUS[code].value} {where}"
+
+    @property
+    def contact_force(self) -> Mapping[str, Array]:
+        """{contact pair: (size, 6) [torque, force]} on the body at its origin in the last step.
+
+        [N m, N], world axes.
+        """
+        return self._touches(lambda p: np.concatenate((p["torque"], p["force"]), axis=-1))
+
+    @property
+    def contact_gap(self) -> Mapping[str, Array]:
+        """{contact pair: (size,) smallest gap} [m] in the last step, negative: penetration."""
+        return self._touches(lambda pair: pair["gap"].copy())
+
+    def _touches(self, value: Any) -> dict[str, Array]:
+        contacts = self._first.recording.plan.contacts
+        if contacts is None or self._many.pairs is None:
+            return {}
+        pairs = self._many.pairs
+        return {touch.name: value(pairs[:, i]) for i, touch in enumerate(contacts.touches)}
+
+    @property
+    def _first(self) -> Stepper:
+        return self._many.workers[0].stepper
+
+    def __repr__(self) -> str:
+        failed = f", {int((~self.ok).sum())} failed" if not self.ok.all() else ""
+        many = f"{self.size} instances of '{self.mech.model.name}'"
+        return f"<BatchStepper of {many}: {self.method}{failed}>"
+
+    # -- steps -----------------------------------------------------------------------------------
+
+    def step(self, tau: Any = None, n: int = 1) -> NDArray[np.bool_]:
+        """Take n steps; (size,) bool: which instances go on.
+
+        `tau` (size, nv) or (nv,) acts in them, in place of the array given at the start.
+        """
+        given = self._tau if tau is None else _table("tau", tau, self.size, self.mech.nv)
+        self._many.given[:] = given
+        self._many.step(_whole("n", n, 1))
+        return self.ok
+
+    def reset(self, q: Any = None, v: Any = None, which: Any = None, numbers: Any = None) -> None:
+        """Start instances again at t = 0, from (q, v) or from their initial states where None.
+
+        `which` are numbers of instances, or (size,) bool, all by default. q (k, nq) and v (k, nv)
+        are for these, or one state (nq,), (nv,) for all of them. `numbers` (k,) are places in the
+        lists of `set`: the entries that these instances take from now on.
+        Raises InputError where a state does not fit, or cannot meet the constraints.
+        """
+        chosen, many = _chosen(which, self.size), self._many
+        entries = self._entries
+        kinds = many.kind[chosen] if numbers is None else _places(numbers, entries, len(chosen))
+        qs = None if q is None else self._configurations(q, len(chosen))
+        vs = None if v is None else _table("v", v, len(chosen), self.mech.nv)
+        before = many.states[chosen], many.codes[chosen], many.kind[chosen]
+        many.kind[chosen], many.codes[chosen] = kinds, at.RUNNING
+        many.states[chosen] = many.starts[kinds]
+        if qs is not None:
+            many.q[chosen] = qs
+        if vs is not None:
+            many.v[chosen] = vs
+        if (qs is None and vs is None) or not len(self._first.recording.plan.active):
+            return
+        try:
+            for i in chosen.tolist():
+                self._assemble(i)
+        except InputError:
+            many.states[chosen], many.codes[chosen], many.kind[chosen] = before
+            raise
+
+    def _assemble(self, i: int) -> None:
+        """Move instance i onto its constraints. Raises InputError."""
+        worker = self._many.into_worker(i)
+        if why := worker.meet():
+            raise _refused("q", f"instance {i}: {why}", "reset")
+        self._many.states[i] = worker.state()
+
+    def _configurations(self, q: Any, n: int) -> Array:
+        """(n, nq) with quaternions at length one. Raises InputError."""
+        table = _table("q", q, n, self.mech.nq)
+        if len(self.mech.packed.quaternion_rows):
+            table = np.array([position(self.mech.packed, row) for row in table])
+        return table
+
+    def target(self, servo: str, value: Any) -> None:
+        """Give a servo another target [rad, m], (size,) or one for all, constant from now on."""
+        targets = self._many.targets
+        if servo not in targets:
+            names = choices(tuple(targets))
+            text = f"no servo with a constant target is called {servo!r:.60}; choose one of {names}"
+            raise _refused("servo", text, "target")
+        targets[servo][:] = _table("value", value, self.size, None)
+
+    # -- snapshots -------------------------------------------------------------------------------
+
+    def save(self) -> bytes:
+        """All that the next steps depend on: `restore` continues with the same bits."""
+        many = self._many
+        head = f"{installed()}\n{self._key()}\n{self.size}\n{len(many.starts)}\n".encode()
+        parts = (many.codes, many.kind, many.states)
+        return b"".join([SNAPSHOT, len(head).to_bytes(4, "little"), head, *map(bytes, parts)])
+
+    def restore(self, snapshot: bytes) -> None:
+        """Go back to a snapshot of this batch. Raises InputError."""
+        many, start = self._many, len(SNAPSHOT)
+        data = bytes(snapshot) if isinstance(snapshot, (bytes, bytearray)) else b""
+        if data[:start] != SNAPSHOT:
+            text = f"must be bytes of BatchStepper.save; given {shown(snapshot)}"
+            raise _refused("snapshot", text, "restore")
+        end = start + 4 + int.from_bytes(data[start : start + 4], "little")
+        words = data[start + 4 : end].decode(errors="replace").split("\n")
+        if words[0] != installed():
+            text = f"was saved by Pgraph {words[0]:.20}, and Pgraph {installed()} is running"
+            raise _refused("snapshot", text, "restore")
+        if words[1:4] != [self._key(), str(self.size), str(len(many.starts))]:
+            raise _refused("snapshot", "is of another mechanism, or of other options", "restore")
+        parts = (many.codes, many.kind, many.states)
+        if len(data) - end != sum(a.nbytes for a in parts):
+            raise _refused("snapshot", "is damaged: its length differs", "restore")
+        for array in parts:
+            array.reshape(-1).view(np.uint8)[:] = np.frombuffer(data, np.uint8, array.nbytes, end)
+            end += array.nbytes
+        many.relink()
+
+    def _key(self) -> str:
+        given = {**self._options, "tau": None}
+        values = [np.ascontiguousarray(x).tobytes() for x in self._set.values()]
+        said = "\n".join([self.mech.model.hash, repr(given), repr(list(self._set))])
+        return sha256(said.encode() + b"".join(values)).hexdigest()[:16]
+
+    def __getstate__(self) -> dict[str, Any]:
+        names = ("mech", "size", "threads", "_options", "_set", "_tau")
+        return {name: self.__dict__[name] for name in names} | {"snapshot": self.save()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        snapshot = state.pop("snapshot")
+        self.__dict__.update(state)
+        self._begin()
+        self.restore(snapshot)
+
+
+def _compiled(tau: Any, varied: bool) -> Any:
+    """The torques of all instances. Raises InputError for a function that is not compiled."""
+    if hasattr(tau, "acting") and varied:
+        text = "a controller knows one set of numbers; give the scenario that has its gait"
+        raise _refused("tau", text)
+    if callable(tau) and not hasattr(tau, "acting") and not isinstance(tau, Dispatcher):
+        text = "a Python function would be called for each instance in turn; compile it by "
+        text += "numba.njit, or give an array to each call of step"
+        raise _refused("tau", text)
+    return tau
+
+
+def _values(model: Model, given: Any, size: int) -> dict[Any, Array]:
+    """{path: (m,) values}, m >= size. Raises InputError."""
+    if not isinstance(given, Mapping) or not given:
+        text = f"must map paths to values, as {{'bodies.shin.mass': [1, 2]}}; given {shown(given)}"
+        raise _refused("set", text)
+    found = {}
+    for path, values in given.items():
+        name = Path(model, path, "BatchStepper").text
+        try:
+            found[path] = np.array(values, dtype=float)
+        except (TypeError, ValueError):
+            found[path] = np.full((0, 0), np.nan)
+        if found[path].ndim > 1 or not np.isfinite(found[path]).all():
+            text = f"must be finite numbers, one for each instance; given {shown(values)}"
+            raise _refused(name, text)
+    lengths = {str(path): len(x) for path, x in found.items() if x.ndim}
+    most = max(lengths.values(), default=size)
+    for name, length in lengths.items():
+        if length != most or length < size:
+            text = f"has {length} values, but there are {max(most, size)} instances or entries of "
+            text += "other paths"
+            raise _refused(name, text)
+    return {path: np.broadcast_to(x, most).copy() for path, x in found.items()}
+
+
+def _kinds(values: Mapping[Any, Array], size: int) -> tuple[Array, Ints]:
+    """((kinds, paths) distinct values, (m,) the kind of every entry), the first entry's first."""
+    if not values:
+        return np.zeros((1, 0)), np.zeros(size, dtype=np.int64)
+    rows = np.stack(list(values.values()), axis=1)
+    found: dict[bytes, int] = {}
+    entries = np.array([found.setdefault(row.tobytes(), len(found)) for row in rows])
+    return np.array([np.frombuffer(row) for row in found]), entries
+
+
+def _tables(steppers: Iterator[Stepper]) -> tuple[Stepper, Ints, Ints, Ints]:
+    """(the first stepper, states, numbers that differ, their places), a row for each stepper."""
+    first = next(steppers)
+    base, states = words_of(number_arrays(first)), [words_of(state_arrays(first))]
+    shapes, always = _shapes(first), sum(a.size for a in first.recording.steps.given)
+    others: list[tuple[Ints, Ints]] = []
+    for stepper in steppers:
+        if _shapes(stepper) != shapes:
+            text = "some values add or remove a spring, a damper, a shape or a part; instances "
+            text += "share what there is: start with values that are not zero"
+            raise _refused("set", text)
+        numbers = words_of(number_arrays(stepper))
+        places = np.flatnonzero(numbers != base)
+        others.append((places, numbers[places]))
+        states.append(words_of(state_arrays(stepper)))
+    varying = np.unique(np.concatenate([np.arange(always), *(places for places, _ in others)]))
+    table = np.repeat(base[varying][None], len(states), axis=0)
+    for row, (places, values) in zip(table[1:], others):
+        row[np.searchsorted(varying, places)] = values
+    return first, np.stack(states), table, varying
+
+
+def _shapes(stepper: Stepper) -> list[tuple[int, ...]]:
+    return [a.shape for a in (*state_arrays(stepper), *number_arrays(stepper))]
+
+
+def _table(name: str, value: Any, rows: int, columns: int | None) -> Array:
+    """(rows, columns) finite numbers, of one row where one is given. Raises InputError."""
+    shape = (rows,) if columns is None else (rows, columns)
+    try:
+        found = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        found = np.full((0, 0, 0), np.nan)
+    if found.shape not in (shape, shape[1:]) or not np.isfinite(found).all():
+        text = f"must be finite numbers of shape {shape} or {shape[1:]}; given {shown(value)}"
+        if found.size and found.shape not in (shape, shape[1:]):
+            text = f"must have shape {shape} or {shape[1:]}; given {found.shape}"
+        raise _refused(name, text)
+    return np.broadcast_to(found, shape)
+
+
+def _chosen(which: Any, size: int) -> Ints:
+    """Numbers of the instances meant. Raises InputError."""
+    if which is None:
+        return np.arange(size)
+    found = np.atleast_1d(np.asarray(which))
+    if found.dtype == bool and found.shape == (size,):
+        return np.flatnonzero(found)
+    whole = found.ndim == 1 and (found.dtype.kind in "iu" or not found.size)
+    if not whole or ((found < 0) | (found >= size)).any():
+        text = f"must be numbers of instances, 0 to {size - 1}, or ({size},) bool"
+        raise _refused("which", f"{text}; given {shown(which)}", "reset")
+    return found.astype(np.int64)
+
+
+def _places(numbers: Any, entries: Ints, n: int) -> Ints:
+    """The kinds of n entries of the lists. Raises InputError."""
+    found = np.asarray(numbers)
+    if found.dtype.kind not in "iu" or found.shape not in ((), (n,)):
+        text = f"must be ({n},) places in the lists of `set`; given {shown(numbers)}"
+        raise _refused("numbers", text, "reset")
+    if ((found < 0) | (found >= len(entries))).any():
+        text = f"the lists of `set` have {len(entries)} entries; given {shown(numbers)}"
+        raise _refused("numbers", text, "reset")
+    return np.broadcast_to(entries[found], n)
+
+
+def _read_only(view: Array) -> Array:
+    view = view.view()
+    view.flags.writeable = False
+    return view
+
+
+def _whole(name: str, value: Any, least: int, most: int = 2**62) -> int:
+    """A whole number. Raises InputError."""
+    whole = isinstance(value, Integral) and not isinstance(value, bool)
+    if not whole or not least <= int(value) <= most:
+        text = f"must be a whole number >= {least}"
+        text += f" and <= {most}" if most < 2**62 else ""
+        raise _refused(name, f"{text}; given {shown(value)}")
+    return int(value)
+
+
+def _refused(field: str, text: str, call: str = "") -> InputError:
+    return InputError(Problem(f"BatchStepper{'.' if call else ''}{call}", field, text))

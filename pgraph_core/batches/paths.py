@@ -1,0 +1,122 @@
+"""A number in a model's description by its path, which sweeps and batches vary."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from pydantic import BaseModel
+
+from ..errors import InputError, ModelError, Problem, nearest, shown
+from ..model import Model
+
+KINDS = {  # group of parts in a path -> the kind that `Model.edit` takes
+    "bodies": "body",
+    "constraints": "constraint",
+    "contacts": "contact",
+    "forces": "force",
+    "scenarios": "scenario",
+}
+WORLD = ("gravity", "ground")  # fields of the model itself
+
+
+class Path:
+    """A number in a model's description: `bodies.shin.mass`, `bodies.shin.link.0`, `gravity.1`,
+    `ground.friction`, `scenarios.trot.gait.gains.height.0`, a parameter.
+
+    Given as text, or as a tuple where a name contains dots. Raises InputError if the model has no
+    such number; `call` is named there.
+    """
+
+    def __init__(self, model: Model, given: str | Sequence[Any], call: str = "sweep"):
+        words = given if isinstance(given, (tuple, list)) else [given]
+        self.text, self._call = ".".join(map(str, words)), call
+        self.group, self.name, self.inside = self._split(model, given)
+        value = self._owner(model)
+        for word in self.inside:
+            value = self._entry(value, word)
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            kind = "has no value" if value is None else f"is {shown(value)}, not one number"
+            hint = f"; name one of its numbers, as in {self.text}.0" if _listed(value) else ""
+            raise self._refused(f"{kind}{hint}")
+        self.present = float(value)
+
+    def set(self, model: Model, value: float) -> Model:
+        """The model with another number there: `Model.edit`, so nothing else follows."""
+        if not self.group:
+            return model.replace(parameters={**model.parameters, self.name: value})
+        field, *rest = self.inside
+        new = _replaced(getattr(self._owner(model), str(field)), rest, value)
+        if self.group in WORLD:
+            return model.replace(**{str(field): new})
+        return model.edit(self.name, kind=KINDS[self.group], **{str(field): new})
+
+    def _owner(self, model: Model) -> Any:
+        """What the first word inside is a field of."""
+        if not self.group:
+            return model.parameters
+        return model if self.group in WORLD else model.part(self.name, KINDS[self.group])
+
+    def _entry(self, value: Any, word: str | int) -> Any:
+        """A field of a part, or an entry of a list."""
+        if isinstance(value, Mapping):
+            return value[word]
+        if isinstance(value, BaseModel):
+            fields = [x for x in type(value).model_fields if x != "name"]
+            if word not in fields:
+                what = f"{KINDS[self.group]} {self.name!r}" if self.group in KINDS else self.group
+                raise self._refused(f"{what} has no field {word!r}; {nearest(str(word), fields)}")
+            return getattr(value, str(word))
+        if not isinstance(word, int):
+            text = f"after the field comes the number of an entry; given {word!r}"
+            raise self._refused(text)
+        if not _listed(value) or not 0 <= word < len(value):
+            raise self._refused(f"has no number {word}; the value there is {shown(value)}")
+        return value[word]
+
+    def _split(self, model: Model, given: Any) -> tuple[str, str, tuple[str | int, ...]]:
+        """(group, name, words inside); a parameter has no group, the world no name."""
+        if isinstance(given, str):
+            if given in model.parameters:
+                return "", given, (given,)
+            group, _, rest = given.partition(".")
+            names = [p.name for p in getattr(model, group)] if group in KINDS else []
+            name = max((n for n in names if rest.startswith(f"{n}.")), key=len, default=None)
+            fields = rest[len(name) + 1 :].split(".") if name is not None else rest.split(".")[1:]
+            first = rest.split(".")[0] if name is None else name
+            words: list[Any] = given.split(".") if group in WORLD else [group, first, *fields]
+        else:
+            words = list(given) if isinstance(given, (tuple, list)) else [given]
+        inside = tuple(int(w) if str(w).isdecimal() else w for w in words[1:])
+        if words and words[0] in WORLD and inside:
+            return words[0], "", (words[0], *inside)
+        if not words or words[0] not in KINDS:
+            known = [*model.parameters, *(f"{group}.NAME.FIELD" for group in KINDS)]
+            hint = nearest(self.text, [*known, "gravity.AXIS", "ground.FIELD"])
+            raise self._refused(f"is no path in the model; {hint}")
+        if len(words) < 3:
+            raise self._refused(f"must name a part and its field, as in {words[0]}.NAME.FIELD")
+        try:
+            model.part(words[1], KINDS[words[0]])
+        except ModelError as error:
+            raise self._refused(error.problems[0].text) from None
+        return words[0], words[1], inside[1:]
+
+    def _refused(self, text: str) -> InputError:
+        return InputError(Problem(self._call, self.text, text))
+
+
+def _listed(value: Any) -> bool:
+    return isinstance(value, (tuple, list))
+
+
+def _replaced(old: Any, inside: Sequence[str | int], value: float) -> Any:
+    """A field's value with another number in it."""
+    if not inside:
+        return value
+    word, *rest = inside
+    if isinstance(old, BaseModel):
+        new = _replaced(getattr(old, str(word)), rest, value)
+        return type(old)(**{**dict(old), str(word): new})
+    at = int(word)
+    return (*old[:at], _replaced(old[at], rest, value), *old[at + 1 :])

@@ -1,0 +1,267 @@
+"""BatchStepper: each instance takes the steps that it takes alone, whatever the others do."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import tracemalloc
+
+import numpy as np
+import pytest
+from numba import njit
+
+import pgraph_core as pg
+import pgraph_models
+from pgraph_core.batches.paths import Path
+
+SIZE = 5
+
+
+def built_in(name: str) -> pg.Model:
+    return pg.Model.load(pgraph_models.path(name))
+
+
+def pendulum() -> pg.Model:
+    """A rod of one metre on a sprung hinge; a stiffness of 1e12 N m/rad is too much for rk4."""
+    rod = pg.Body(
+        name="rod", mass=1.0, tip=(1, 0, 0), com=(0.5, 0, 0), inertia=np.eye(3) / 12,
+        axes=(0, 1, 0), stiffness=1.0, damping=0.1,
+    )  # fmt: skip
+    return pg.Model(bodies=[rod])
+
+
+def box(law: str = "complementarity") -> pg.Model:
+    """A box that falls flat on the ground, with a servo that turns a lid."""
+    bodies = [
+        pg.Body(
+            name="box", joint="free", mass=1.0, shape={"kind": "box", "size": (0.2, 0.2, 0.2)},
+            q=(0, 0, 0.15, 1, 0, 0, 0),
+        ),
+        pg.Body(name="lid", parent="box", link=(0, 0, 0.1), mass=0.1, com=(0.05, 0, 0)),
+    ]  # fmt: skip
+    return pg.Model(
+        bodies=bodies,
+        contacts=[pg.Contact(name="sole", body="box", law=law)],
+        forces=[pg.Servo(name="hinge", body="lid", kp=2.0, kd=0.1, target=0.5)],
+    )
+
+
+def alone(model: pg.Model, given: dict, i: int, **options) -> pg.Stepper:
+    for path, values in given.items():
+        model = Path(model, path).set(model, float(values[i]))
+    return pg.Stepper(model, **options)
+
+
+def spread(x: float) -> np.ndarray:
+    return x * np.linspace(0.8, 1.2, SIZE)
+
+
+CASES = {
+    "walk": ("quadruped_hips", "trot", ["bodies.pelvis.mass", "contacts.left_hind_foot.friction"]),
+    "gains": ("quadruped_hips", "trot", ["scenarios.trot.gait.gains.height.0", "gravity.1"]),
+    "stand": ("quadruped_hips", "stand", ["bodies.pelvis.inertia.0.0", "bodies.thorax.link.0"]),
+    "stance": ("quadruped", "stance", ["bodies.pelvis.mass"]),
+    "loop": ("four_bar", "turn", ["bodies.coupler.mass"]),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_steps_of_each_instance_are_its_own_bit_for_bit(case: str):
+    """The oracle is a Stepper of the edited model; threads and the order of neighbours vary."""
+    name, scenario, wanted = CASES[case]
+    model = built_in(name)
+    given = {path: spread(Path(model, path).present) for path in wanted}
+    options = {"scenario": scenario, "switches": ()}
+    batches = [pg.BatchStepper(model, SIZE, set=given, threads=n, **options) for n in (1, 3)]
+    turned = {path: x[::-1] for path, x in given.items()}
+    batches.append(pg.BatchStepper(model, SIZE, set=turned, threads=2, **options))
+    for batch in batches:
+        batch.step(n=60)
+        assert batch.step(n=40).all()
+    for i in range(SIZE):
+        stepper = alone(model, given, i, **options)
+        stepper.step(n=60)
+        stepper.step(n=40)
+        for batch, k in zip(batches, (i, i, SIZE - 1 - i), strict=True):
+            assert np.array_equal(batch.q[k], stepper.q)
+            assert np.array_equal(batch.v[k], stepper.v)
+            assert batch.t[k] == stepper.t
+            for touch, force in stepper.contact_force.items():
+                np.testing.assert_allclose(batch.contact_force[touch][k], force, atol=1e-9)
+    assert len({x.tobytes() for x in batches[0].q}) == SIZE  # the numbers do differ
+
+
+@pytest.mark.parametrize("law", ["complementarity", "soft", "penalty"])
+@pytest.mark.parametrize("method", ["moreau_jean", "rk4"])
+def test_laws_of_contact(law: str, method: str):
+    """Rigid contacts by time stepping alone; soft and penalty ones by both methods."""
+    if law == "complementarity" and method == "rk4":
+        with pytest.raises(pg.InputError, match="moreau_jean"):
+            pg.BatchStepper(box(law), SIZE, method=method)
+        return
+    options = {"method": method, "step": 2e-4}
+    given = {"bodies.box.mass": spread(1.0)}
+    batch = pg.BatchStepper(box(law), SIZE, set=given, threads=2, **options)
+    tau = np.random.default_rng(0).normal(0, 0.1, (SIZE, 7))
+    batch.step(tau, 800)
+    for i in range(SIZE):
+        stepper = alone(box(law), given, i, **options)
+        stepper.step(tau[i], 800)
+        assert np.array_equal(batch.q[i], stepper.q)
+        assert batch.contact_gap["sole"][i] == pytest.approx(stepper.contact_gap["sole"], abs=1e-6)
+
+
+def test_torques_by_a_compiled_function():
+    @njit
+    def push(t, q, v):
+        return -5.0 * q - v
+
+    batch = pg.BatchStepper(pendulum(), 3, tau=push, set={"bodies.rod.mass": [1, 2, 3]})
+    batch.step(n=50)
+    stepper = pg.Stepper(pendulum().edit("rod", mass=2.0), tau=push)
+    stepper.step(n=50)
+    assert np.array_equal(batch.q[1], stepper.q)
+
+
+def test_what_fails_stays_is_named_and_goes_on_after_a_reset():
+    """A spring that rk4 cannot step; the neighbours take the steps that they take alone."""
+    given = {"bodies.rod.stiffness.0": [1.0, 1e12, 2.0]}
+    batch = pg.BatchStepper(pendulum(), 3, set=given)
+    assert batch.step(n=100).tolist() == [True, False, True]
+    at = batch.q[1].copy()
+    assert np.isfinite(batch.q).all()
+    batch.step(n=100)
+    assert np.array_equal(batch.q[1], at)
+    assert list(batch.failures) == [1]
+    assert "rod" in batch.failures[1]
+    for i in (0, 2):
+        stepper = alone(pendulum(), given, i)
+        stepper.step(n=100)
+        stepper.step(n=100)
+        assert np.array_equal(batch.q[i], stepper.q)
+    batch.reset(which=[1], numbers=[0])
+    assert batch.failures == {}
+    batch.step(n=200)
+    stepper = alone(pendulum(), given, 0)
+    stepper.step(n=200)
+    assert np.array_equal(batch.q[1], stepper.q)
+
+
+def test_a_reset_of_some_starts_them_alone():
+    model = built_in("quadruped_hips")
+    batch = pg.BatchStepper(model, 3, scenario="stand")
+    batch.step(n=30)
+    kept = batch.q.copy()
+    stepper = pg.Stepper(model, scenario="stand")
+    q, v = stepper.q + 0.0, stepper.v + 0.01
+    batch.reset(q, v, which=np.array([False, True, False]))
+    assert np.array_equal(batch.q[[0, 2]], kept[[0, 2]])
+    assert batch.t.tolist() == pytest.approx([0.03, 0.0, 0.03])
+    batch.step(n=20)
+    stepper.reset(q, v)
+    stepper.step(n=20)
+    assert np.array_equal(batch.q[1], stepper.q)
+
+
+def test_a_reset_meets_the_constraints():
+    model = built_in("four_bar")
+    batch = pg.BatchStepper(model, 2, set={"gravity.1": [-9.81, -1.6]})
+    stepper = pg.Stepper(model)
+    q = stepper.q + 0.05
+    batch.reset(q, which=[0])
+    stepper.reset(q)
+    assert np.array_equal(batch.q[0], stepper.q)
+    assert not np.array_equal(batch.q[0], batch.q[1])
+    batch.step(n=10)
+    stepper.step(n=10)
+    assert np.array_equal(batch.q[0], stepper.q)
+
+
+def test_targets_of_servos_are_those_of_each_instance():
+    batch = pg.BatchStepper(box(), 2)
+    batch.target("hinge", [0.1, 0.9])
+    batch.step(n=200)
+    for i, target in enumerate((0.1, 0.9)):
+        stepper = pg.Stepper(box())
+        stepper.target("hinge", target)
+        stepper.step(n=200)
+        assert np.array_equal(batch.q[i], stepper.q)
+
+
+@pytest.mark.parametrize("law", ["complementarity", "soft"])
+def test_snapshots_pickles_and_copies_go_on_with_the_same_bits(law: str):
+    batch = pg.BatchStepper(box(law), 3, set={"bodies.box.mass": [1, 2, 3]}, step=2e-4)
+    batch.step(n=700)
+    saved = batch.save()
+    others = pickle.loads(pickle.dumps(batch)), copy.deepcopy(batch)
+    batch.step(n=100)
+    after = batch.q.copy()
+    batch.step(n=50)
+    batch.restore(saved)
+    for one in (batch, *others):
+        one.step(n=100)
+        assert np.array_equal(one.q, after)
+    with pytest.raises(pg.InputError, match="damaged"):
+        batch.restore(saved[:-8])
+    with pytest.raises(pg.InputError, match="another mechanism"):
+        pg.BatchStepper(box(law), 3, step=2e-4).restore(saved)
+
+
+def test_the_memory_of_many_pendulums():
+    """A kilobyte each, and nothing that grows."""
+    tracemalloc.start()
+    batch = pg.BatchStepper(pendulum(), 100_000)
+    batch.step()
+    used = tracemalloc.get_traced_memory()[0]
+    batch.step(np.zeros((100_000, 1)), n=3)
+    grown = tracemalloc.get_traced_memory()[0] - used
+    tracemalloc.stop()
+    assert used < 1e8
+    assert grown < 1e5
+
+
+@pytest.mark.nightly
+def test_memory_does_not_grow_over_a_million_steps():
+    batch = pg.BatchStepper(box(), 4, threads=2)
+    batch.step(n=1000)
+    tracemalloc.start()
+    for _ in range(1000):
+        batch.step(n=1000)
+    grown = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert batch.ok.all()
+    assert grown < 1e5
+
+
+BAD = [
+    (lambda m: pg.BatchStepper(m, 0), "size"),
+    (lambda m: pg.BatchStepper(m, 2, threads=0), "threads"),
+    (lambda m: pg.BatchStepper(m, 2, step=-1.0), "step"),
+    (lambda m: pg.BatchStepper(m, 2, method="dopri5"), "method"),
+    (lambda m: pg.BatchStepper(m, 2, set={"bodies.rod.mas": [1, 2]}), "bodies.rod.mas.*mass"),
+    (lambda m: pg.BatchStepper(m, 2, set={"bodies.rod.mass": [1]}), "1 values.* 2"),
+    (lambda m: pg.BatchStepper(m, 2, set={"bodies.rod.mass": [1, np.nan]}), "finite"),
+    (lambda m: pg.BatchStepper(m, 2, set={"bodies.rod.mass": [1, -1]}), "entry 1 .*= -1"),
+    (
+        lambda m: pg.BatchStepper(
+            m.edit("rod", stiffness=0.0), 2, set={"bodies.rod.damping.0": [1, 0]}
+        ),
+        "a damper",
+    ),
+    (lambda m: pg.BatchStepper(m, 2, set={}), "set"),
+    (lambda m: pg.BatchStepper(m, 2, tau=lambda t, q, v: -q), "njit"),
+    (lambda m: pg.BatchStepper(m, 2, tau=[[1], [2], [3]]), r"tau.*\(2, 1\)"),
+    (lambda m: pg.BatchStepper(m, 2).step(np.zeros((2, 3))), r"tau.*\(2, 1\)"),
+    (lambda m: pg.BatchStepper(m, 2).step(n=0), "n: must be"),
+    (lambda m: pg.BatchStepper(m, 2).reset(which=[2]), "0 to 1"),
+    (lambda m: pg.BatchStepper(m, 2).reset(np.zeros((3, 1))), r"q.*\(2, 1\)"),
+    (lambda m: pg.BatchStepper(m, 2).reset(numbers=[5, 0]), "2 entries"),
+    (lambda m: pg.BatchStepper(m, 2).target("knee", 1.0), "servo"),
+    (lambda m: pg.BatchStepper(m, 2).restore(b"nothing"), "BatchStepper.save"),
+]
+
+
+@pytest.mark.parametrize(("call", "match"), BAD)
+def test_bad_input_is_refused_in_words(call, match: str):
+    with pytest.raises(pg.InputError, match=match):
+        call(pendulum())
