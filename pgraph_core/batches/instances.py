@@ -8,7 +8,8 @@ that a result depends on nothing but its two rows. Of the numbers, tables keep t
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -139,19 +140,22 @@ class Instances:
         self.control["fresh"][self.codes == at.RUNNING] = 0
         most = max(BETWEEN // len(self.codes), 1)
         while n > 0:
-            self._spread(min(n, most))
+            self.spread(partial(self._part, min(n, most)), len(self.codes))
             n -= most
 
-    def _spread(self, n: int) -> None:
-        edges = np.linspace(0, len(self.codes), len(self.workers) + 1).astype(int).tolist()
-        parts = list(zip(self.workers, pairwise(edges)))
-        if len(parts) == 1:
-            self._part(n, *parts[0])
+    def spread(self, work: Callable[[int, int, int], object], count: int) -> None:
+        """`work(part, begin, end)` of `count` things in as many parts as there are workers."""
+        parts = min(len(self.workers), count)
+        edges = np.linspace(0, count, parts + 1).astype(int).tolist()
+        spans = [(i, *span) for i, span in enumerate(pairwise(edges))]
+        if parts == 1:
+            work(*spans[0])
             return
-        for done in [pool(len(parts)).submit(self._part, n, *part) for part in parts]:
+        for done in [pool(parts).submit(work, *span) for span in spans]:
             done.result()
 
-    def _part(self, n: int, worker: Worker, span: tuple[int, int]) -> None:
+    def _part(self, n: int, number: int, *span: int) -> None:
+        worker = self.workers[number]
         tables = np.array([(a.ctypes.data, a.strides[0]) for a in (self.states, self.numbers)])
         many.step_instances(
             worker.run, address_of(run.advance_run), COPY, worker.own, worker.numbers, tables,
@@ -168,7 +172,7 @@ class Instances:
         """The first worker, with instance i in its run."""
         worker = self.workers[0]
         code, self.codes[i] = self.codes[i], at.RUNNING
-        self._part(0, worker, (i, i + 1))
+        self._part(0, 0, i, i + 1)
         self.codes[i] = code
         return worker
 

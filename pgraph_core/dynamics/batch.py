@@ -107,7 +107,7 @@ class Batch(Portable):
                 text = "has other springs, motors or forces than the mechanism; those are shared"
                 raise InputError(Problem(f"models[{i}]", "", text))
         stacked = np.stack([m.packed.system.const for m in self.models])
-        return _to_lanes(stacked, self.blocks)
+        return to_lanes(stacked, self.blocks)
 
     def given(self, tau: Any) -> Array:
         if tau is None:
@@ -117,12 +117,11 @@ class Batch(Portable):
     def lanes(self, name: str, value: Any, n: int) -> Array:
         """(m, n) as (blocks, n, W); places beyond m repeat the last instance."""
         array = finite(name, value, self.size, n)
-        return _to_lanes(array, self.blocks)
+        return to_lanes(array, self.blocks)
 
     def rows(self, blocks: Array) -> Array:
         """(blocks, ..., W) as (m, ...)."""
-        moved = np.moveaxis(blocks, -1, 1)
-        return moved.reshape(-1, *moved.shape[2:])[: self.size].copy()
+        return from_lanes(blocks, self.size)
 
     def spread(self, work: Callable[[int, int, Array], None]) -> None:
         """Run `work(begin, end, workspace)` over all blocks on `threads` cores."""
@@ -179,9 +178,15 @@ def _size(size: int | None, models: Sequence[Dynamics] | None) -> int:
     return int(size)
 
 
-def _to_lanes(array: Array, blocks: int) -> Array:
+def to_lanes(array: Array, blocks: int) -> Array:
     """(m, ...) as (blocks, ..., W), the last instance repeated."""
     missing = blocks * LANE_WIDTH - len(array)
     padded = np.concatenate((array, np.repeat(array[-1:], missing, axis=0)))
     shaped = padded.reshape(blocks, LANE_WIDTH, *array.shape[1:])
     return np.ascontiguousarray(np.moveaxis(shaped, 1, -1))
+
+
+def from_lanes(blocks: Array, size: int) -> Array:
+    """(blocks, ..., W) as (size, ...)."""
+    moved = np.moveaxis(blocks, -1, 1)
+    return moved.reshape(-1, *moved.shape[2:])[:size].copy()

@@ -13,6 +13,7 @@ from numba import njit
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core.batches.paths import Path
+from pgraph_core.engine.compiler.lane import LANE_WIDTH
 
 SIZE = 5
 
@@ -109,6 +110,37 @@ def test_laws_of_contact(law: str, method: str):
         stepper.step(tau[i], 800)
         assert np.array_equal(batch.q[i], stepper.q)
         assert batch.contact_gap["sole"][i] == pytest.approx(stepper.contact_gap["sole"], abs=1e-6)
+
+
+@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler"])
+@pytest.mark.parametrize("varied", [False, True])
+def test_free_trees_equal_single_ones_to_rounding(method: str, varied: bool):
+    """In lanes; 1e-9 after 1000 steps of a chain that does not tumble. Threads change no bit."""
+    size = LANE_WIDTH + 2
+    model = pg.Model.serial(3).edit("3", stiffness=1.0, damping=0.01)
+    given = {"bodies.3.mass": np.linspace(0.2, 0.8, size)} if varied else None
+    rng = np.random.default_rng(1)
+    q, tau = rng.uniform(-0.3, 0.3, (size, 3)), rng.uniform(-0.01, 0.01, (size, 3))
+    batches = [pg.BatchStepper(model, size, method=method, set=given, threads=n) for n in (1, 2)]
+    for batch in batches:
+        batch.reset(q)
+        batch.step(tau, n=400)
+        batch.step(tau, n=600)
+    assert np.array_equal(batches[0].q, batches[1].q)
+    for i in range(size):
+        stepper = alone(model, given or {}, i, method=method)
+        stepper.reset(q[i])
+        stepper.step(tau[i], n=1000)
+        np.testing.assert_allclose(batches[0].q[i], stepper.q, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(batches[0].v[i], stepper.v, rtol=0, atol=1e-8)
+        assert batches[0].t[i] == stepper.t
+    if varied:
+        batches[0].reset(q, numbers=np.full(size, 2))
+        batches[0].step(n=10)
+        stepper = alone(model, given, 2, method=method)
+        stepper.reset(q[0])
+        stepper.step(n=10)
+        np.testing.assert_allclose(batches[0].q[0], stepper.q, rtol=0, atol=1e-12)
 
 
 def test_torques_by_a_compiled_function():
