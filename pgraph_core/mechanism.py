@@ -9,6 +9,7 @@ from .analysis.assembly import Assembly, assemble
 from .analysis.mobility import Mobility, mobility
 from .dynamics import Dynamics
 from .dynamics.arguments import finite, position, wrong_type
+from .errors import explained
 from .model import Model
 from .packing.system import Array
 from .plan import Plan
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 OF_TOPOLOGY = {"adjacency", "parent", "separation_bodies", "tips"}  # names that it has too
 
 
+@explained
 class Mechanism(Dynamics):
     """A model numbered depth-first and packed for the kernels.
 

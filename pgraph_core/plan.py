@@ -10,6 +10,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from .errors import explained
 from .model import Body, Constraint, Contact, Force, Model, Servo
 from .model.force import Between, OnJoint
 from .model.scenario import AUTO
@@ -29,6 +30,7 @@ class Part(NamedTuple):
     unit: str = ""  # of `saved`
 
 
+@explained
 @dataclass(frozen=True)
 class Plan:
     """The parts of a scene; `print` shows them in two columns."""

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import InputError, Problem, choices, shown
+from .errors import InputError, Problem, choices, explained, shown
 from .model import Model
 from .model.constraint import InJoints
 from .model.fields import GROUND
@@ -137,6 +137,7 @@ def depth_first(parent: Sequence[int]) -> list[int]:
     return order
 
 
+@explained
 def pgraph_of(parent: Sequence[int] | Ints) -> Ints:
     """Pgraph of a tree on the numbers as given, by the seven steps of Fig. 4.
 
@@ -192,6 +193,7 @@ def _whole(name: str, values: Sequence[int] | Ints) -> Ints:
     return numbers.astype(np.int64)
 
 
+@explained
 def jdof_of(pgraph: Sequence[int] | Ints, dof: Sequence[int] | Ints) -> Ints:
     """jdof along Pgraph: `dof[i - 1]` at the first occurrence of body i, else 0 (R2)."""
     pgraph, first = _first_occurrences(pgraph)
@@ -209,6 +211,7 @@ def find(pgraph: Sequence[int] | Ints) -> Ints:
     return np.sort(np.unique(np.asarray(pgraph, dtype=np.int64), return_index=True)[1])
 
 
+@explained
 def parent_of(pgraph: Sequence[int] | Ints) -> Ints:
     """The tree from Pgraph alone: the parent of a body's first occurrence stands before it."""
     pgraph, first = _first_occurrences(pgraph)

@@ -117,9 +117,8 @@ def test_a_second_parent_is_a_loop_cut_at_a_joint_like_the_bodys_own():
     assert model.body("3").parent == "2"
     (cut,) = model.constraints
     assert (cut.kind, cut.body, cut.other, cut.axis) == ("revolute", "3", "ground", (0, 1, 0))
-    assert model.notices == (
-        "body '3': the loop through 'ground' is cut at a revolute constraint, '3-ground'",
-    )
+    (notice,) = model.notices
+    assert all(x in notice for x in ("body '3'", "'3-ground'", "at [0.6, 0.0, 0.0] of 'ground'"))
     assert [tuple(x) for x in loops_of(model, pg.Topology.of(model))] == [
         ("3-ground", "revolute", 3, 0)
     ]

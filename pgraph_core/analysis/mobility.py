@@ -66,13 +66,14 @@ class Mobility:
     branch: int  # index of the one that the velocity takes; -1: none
     moved: float  # how far the position was from meeting the constraints [rad or m]
     names: tuple[str, ...]  # the joint of each degree of freedom
+    doubts: tuple[str, ...] = ()  # defaults of constraints that hardly fit the model
 
     def to_dict(self) -> dict[str, Any]:
         """The fields by name, for JSON; `text` is the report in words."""
         return asdict(self) | {"text": str(self)}
 
     def __str__(self) -> str:
-        return "\n".join((*_counts(self), *_redundant(self), *_singular(self)))
+        return "\n".join((*_counts(self), *_redundant(self), *_singular(self), *self.doubts))
 
 
 def mobility(
@@ -115,6 +116,7 @@ def mobility(
         branch=_taken(here, branches, v),
         moved=float(np.max(np.abs(apart(mech, at, here.q)), initial=0.0)),
         names=_joint_of_each(here),
+        doubts=tuple(text for text in mech.model.doubts if text.startswith("constraint")),
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from .. import joints
 from ..engine import packing
 from ..engine.compiler.jit import JIT, ready
+from ..errors import explained
 from ..joints import Motion
 from ..model import Body, Model
 from ..model.editing import edited
@@ -47,6 +48,7 @@ REVOLUTE = np.array([JOINTS.index("revolute")])
 NEW = object.__new__
 
 
+@explained
 class Columns(Portable):
     """A table of nb bodies in columns, with the meaning and the defaults of a `Body`'s fields.
 

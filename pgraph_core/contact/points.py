@@ -79,17 +79,15 @@ def _places(body: Body, contact: Contact) -> list[tuple[tuple[float, float, floa
     """(point, radius) in the body's axes of everything on it that can touch a plane."""
     if contact.points:
         return [(point, 0.0) for point in contact.points]
-    if len(body.touching) > 1:
-        text = f"events are located for one shape a body; '{body.name}' has several"
-        raise _refused(contact, "body", text)
-    shape = body.touching[0] if body.touching else None
-    balls = balls_on_ground(shape) if shape else None
-    if shape is None or balls is None:
-        kind = shape.kind if shape else "missing shape"
-        text = f"events are located for points, spheres, capsules and boxes, not for a {kind}"
-        raise _refused(contact, "body", text)
-    places = np.array(shape.position) + balls[0] @ matrix(shape.rotation).T
-    return [((float(x), float(y), float(z)), balls[1]) for x, y, z in places]
+    found = []
+    for shape in body.touching:
+        balls = balls_on_ground(shape)
+        if balls is None:
+            text = "events are located for points, spheres, capsules and boxes, not for a "
+            raise _refused(contact, "body", text + shape.kind)
+        places = np.array(shape.position) + balls[0] @ matrix(shape.rotation).T
+        found += [((float(x), float(y), float(z)), balls[1]) for x, y, z in places]
+    return found
 
 
 def _refused(contact: Contact, field: str, text: str) -> InputError:

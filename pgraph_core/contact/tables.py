@@ -28,6 +28,7 @@ from ..engine.records import (
 )
 from ..errors import ModelError, PgraphError, Problem
 from ..model import Body, Contact, Model, Shape
+from ..model.contact import CROWD
 from ..model.fields import EVERY, GROUND
 from ..packing.constraints import Blocks, radius_of_gyration
 from ..packing.system import Array, Ints, System
@@ -117,12 +118,12 @@ class _Shapes:
 
     def add(self, c: Contact) -> None:
         """All touches that a contact asks for."""
-        if c.body == EVERY and c.other == EVERY:
+        if c.body == EVERY and c.other == EVERY and len(self._shaped()) > CROWD:
             slot = self._slot(c.name, c)
             self.members += [(i, slot) for b in self._shaped() for i in self._shapes(b, c)]
             return
         for body, other in self._ends(c):
-            name = c.name if EVERY not in (c.body, c.other) else f"{c.name}[{_one(c, body, other)}]"
+            name = c.touch_name(body, other)
             if other == GROUND:
                 slot = self._slot(name, c, body, other)
                 mine = self._shapes(self.model.body(body), c)
@@ -153,6 +154,9 @@ class _Shapes:
 
     def _ends(self, c: Contact) -> Iterator[tuple[str, str]]:
         shaped = [b.name for b in self._shaped()]
+        if c.body == EVERY and c.other == EVERY:
+            yield from (pair for pair in combinations(shaped, 2) if not self._tied(*pair))
+            return
         for body in shaped if c.body == EVERY else [c.body]:
             for other in shaped if c.other == EVERY else [c.other]:
                 every = EVERY in (c.body, c.other)
@@ -236,11 +240,6 @@ class _Shapes:
     def _points(self, i: int) -> int:
         solid = self.placed[i].solid
         return len(solid.vertices) if solid.kind == POINTS else ROOM.get(solid.kind, 8)
-
-
-def _one(c: Contact, body: str, other: str) -> str:
-    """What tells a touch of a contact of many from the others."""
-    return body if c.other != EVERY else other if c.body != EVERY else f"{body}, {other}"
 
 
 def joined(topology: Topology, packed: System) -> set[tuple[int, int]]:

@@ -18,7 +18,7 @@ from ..engine import layout as at
 from ..engine.compiler.address import unnamed
 from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.stepping import batch as kernels
-from ..errors import InputError, Problem, choices
+from ..errors import InputError, Problem, choices, explained
 from ..model import Model
 from ..packing.system import Array, Loads
 from ..portable import Portable
@@ -26,6 +26,7 @@ from .arguments import finite, wrong_type
 from .dynamics import Dynamics
 
 
+@explained
 class Batch(Portable):
     """m instances of a mechanism: same tree and joints, own states and, if given, own numbers.
 

@@ -16,7 +16,7 @@ from ..engine import motion, packing
 from ..engine.compiler.address import address_of
 from ..engine.compiler.jit import ready
 from ..engine.tree import bodies, dynamics
-from ..errors import InputError, Problem
+from ..errors import InputError, Problem, explained
 from ..model import Model
 from ..packing.packed import Joint, Packed
 from ..packing.system import Array, Ints, point_in_row
@@ -34,6 +34,7 @@ WITH_GIL = getattr(sys, "_is_gil_enabled", lambda: True)()  # then one kernel ca
 OVERFLOW = Problem("dynamics", "", "the result is not finite: the given numbers are too large")
 
 
+@explained
 class Dynamics(Portable):
     """A model numbered depth-first, with its equations of motion.
 

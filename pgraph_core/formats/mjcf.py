@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import FileError, ModelError, Problem, shown
+from ..errors import FileError, ModelError, Problem, explained, shown
 from ..markup import Element, read_markup
 from ..mesh_files import FORMATS
 from ..model import Contact, Force, Model
@@ -35,6 +35,7 @@ WORLD = "world"
 INITIAL = "initial state"  # a keyframe of this name is that
 
 
+@explained
 def read_mjcf(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model, Report]:
     """(model, report) of an MJCF file, read by MuJoCo.
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..dynamics import Dynamics
-from ..errors import FileError, ModelError, Problem
+from ..errors import FileError, ModelError, Problem, explained
 from ..model import (
     Body,
     Contact,
@@ -38,6 +38,7 @@ NOTHING = (1.0, 0.0, 0.0, 0.0)
 WORLD = "world"
 
 
+@explained
 def write_mjcf(model: Model, path: str | Path) -> Report:
     """Write the model as an MJCF file; the report says what the format cannot hold.
 

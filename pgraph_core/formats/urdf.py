@@ -14,7 +14,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, ModelError, Problem, choices, shown
+from ..errors import InputError, ModelError, Problem, choices, explained, shown
 from ..markup import Element, Source, read_markup
 from ..mesh_files import FORMATS
 from ..model import Body, Constraint, Force, Gear, Model, Motion, Motor
@@ -49,6 +49,7 @@ OF_LINK = {"inertial", "visual", "collision"}
 OF_JOINT = {"origin", "parent", "child", "axis", "limit", "dynamics", "mimic"}
 
 
+@explained
 def read_urdf(
     path: str | Path,
     roots: Iterable[str | Path] = (),

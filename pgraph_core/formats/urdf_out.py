@@ -11,7 +11,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from ..dynamics import Dynamics
-from ..errors import FileError, ModelError, Problem
+from ..errors import FileError, ModelError, Problem, explained
 from ..model import Body, Constraint, Gear, Model, Motor, Shape
 from ..model.assets import gathered
 from ..model.fields import GROUND
@@ -25,6 +25,7 @@ TYPE_OF_LOOP = {kind: type_ for type_, kind in reversed(LOOPS.items())}
 NO_LIMIT = 1e9  # effort and velocity of joints that bound neither: URDF asks for numbers
 
 
+@explained
 def write_urdf(model: Model, path: str | Path) -> Report:
     """Write the model as a URDF file; the report says what the format cannot hold.
 

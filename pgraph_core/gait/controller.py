@@ -15,7 +15,7 @@ from ..engine.compiler.jit import JIT, compile_kernel, ready
 from ..engine.gait import walking
 from ..engine.gait.heading import FLEXION, HARMONICS, NOD, RISE, SURGE, SWAY
 from ..engine.records import FOOT, GAIT_SETTINGS, table
-from ..errors import InputError, Problem
+from ..errors import InputError, Problem, explained
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Gait, Model
 from ..packing.packed import Packed
@@ -30,6 +30,7 @@ BLURRED = 1e-14  # of a time: the clock's rounding
 REACH = 0.98  # of the longest leg that a step may use
 
 
+@explained
 class Controller(Portable):
     """Torques (nv,) of a gait from (t, q, v), within limits, without memory or look-ahead.
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..dynamics.arguments import wrong_type
 from ..dynamics.bodies import turned
+from ..errors import explained
 from ..packing.system import Array
 from ..result import Result
 from ..result.contact_record import SWING
@@ -29,6 +30,7 @@ class Footprint(NamedTuple):
     push: float  # [N] mean normal force
 
 
+@explained
 def footprints(run: Result) -> tuple[Footprint, ...]:
     """The footprints of all contacts that are single points, in order of time.
 
@@ -46,6 +48,7 @@ def footprints(run: Result) -> tuple[Footprint, ...]:
     return tuple(sorted(found, key=lambda one: one.start))
 
 
+@explained
 def footprints_csv(run: Result) -> str:
     """The footprints as CSV, units in the first line."""
     text = io.StringIO()

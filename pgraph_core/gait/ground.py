@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ..errors import explained
 from ..model import Contact, Ground, Model, Step
 from ..model.fields import fields_of
 
@@ -27,6 +28,7 @@ LAWS: dict[str, dict[str, float]] = {  # of a paw's sole: it gives 2 mm under it
 }
 
 
+@explained
 def underfoot(
     model: Model,
     *,

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from ..errors import explained
 from ..model import Footfall, Gains, Gait
 
 FEET = ("left_front_foot", "right_front_foot", "left_hind_foot", "right_hind_foot")
 
 
+@explained
 def gaits(feet: Sequence[str] = FEET) -> dict[str, Gait]:
     """The presets by name; `feet` are contacts: left and right in front, left and right behind."""
     return {

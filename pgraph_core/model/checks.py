@@ -10,7 +10,7 @@ from .. import joints
 from ..errors import ModelError, Problem, choices, nearest, numbers, shown
 from ..joints import outside, quaternion_problems
 from .body import Body
-from .constraint import Constraint, Gear, Motion, Rolling, Velocity
+from .constraint import AlongAxes, Constraint, Gear, Motion, Rolling, Velocity
 from .contact import Contact
 from .fields import EVERY, GROUND, Described, name_problem, part_problems
 from .force import Force, OnJoint, Servo
@@ -332,13 +332,15 @@ def model_problems(parts: Mapping[str, Sequence[Any]], ground: Ground) -> list[P
     ]
 
 
-def doubts(bodies: Sequence[Body]) -> list[str]:
+def doubts(bodies: Sequence[Body], constraints: Sequence[Constraint]) -> list[str]:
     """Defaults that hardly fit the rest of a valid model, a sentence each."""
     found, by_name = [], {body.name: body for body in bodies}
     hung = Counter(body.parent for body in bodies)
     for body in bodies:
         turns = any(m.kind != "translate" for m in body.sequence)
-        if turns and body.inertia == DEFAULT_INERTIA and not 0.1 <= body.mass <= 10:
+        arm = body.mass * sum(x * x for x in body.com)
+        counts = DEFAULT_INERTIA[0][0] > LITTLE * arm  # next to the mass at its distance
+        if turns and counts and body.mass != DEFAULT_MASS and body.inertia == DEFAULT_INERTIA:
             found.append(
                 f"body '{body.name}': with {body.mass:g} kg it has the default inertia, 0.01 kg m² "
                 "about each axis; give its inertia, or a shape and derived=('inertia',)"
@@ -350,9 +352,22 @@ def doubts(bodies: Sequence[Body]) -> list[str]:
                 f"body '{body.name}': its link is (0, 0, 0), so its joint is at the origin of "
                 f"'{body.parent}', not at its tip; give link={shown(tip)} if that is meant"
             )
+    for c in constraints:
+        body = by_name.get(c.body)
+        if not isinstance(c, AlongAxes) or body is None or c.axis or c.other_axis:
+            continue
+        own = {m.axis for m in body.sequence if m.kind in ("rotate", "translate")}
+        if c.kind != "universal" and len(own) == 1 and not {Z, (0.0, 0.0, -1.0)} & own:
+            found.append(
+                f"constraint '{c.name}': without axis it is along z of '{c.body}', whose own joint "
+                f"is along {shown(next(iter(own)))}; give axis (in '{c.body}') or other_axis"
+            )
     return found
 
 
+Z = (0.0, 0.0, 1.0)
+LITTLE = 0.01  # of a joint's inertia: less changes no result much
+DEFAULT_MASS = Body.model_fields["mass"].default
 DEFAULT_INERTIA = Body.model_fields["inertia"].default
 
 PARTS: dict[str, type[Described]] = {

@@ -10,6 +10,8 @@ from pydantic import model_validator
 from .fields import EVERY, GROUND, Described, Number, Vec3s, field, refuse, vectors
 from .world import Ground, below_kinetic
 
+CROWD = 20  # bodies of which every two are a contact pair of their own; of more, all are one
+
 
 class Frictions(NamedTuple):
     """Of one contact."""
@@ -100,6 +102,15 @@ class Contact(Described):
     def pair(self) -> tuple[str, str]:
         """The names of `body` and `other`, as they are given."""
         return self.body, self.other
+
+    def touch_name(self, body: str, other: str) -> str:
+        """What results call its pair of these two bodies; "" where they are none of it."""
+        many, most = self.body == EVERY, self.other == EVERY
+        if (not many and self.body != body) or (not most and self.other != other):
+            return ""
+        if not many and not most:
+            return self.name
+        return f"{self.name}[{body if not most else other if not many else f'{body}, {other}'}]"
 
     @property
     def touches(self) -> tuple[str, ...]:

@@ -316,8 +316,12 @@ else:
         """
 
         def __call__(cls, *args, **data):
+            if args:
+                first = f"name={args[0]!r:.60}" if "name" in cls.model_fields else "field=value"
+                text = f"takes fields by name only; write pg.{cls.__name__}({first}, ...)"
+                raise ModelError(Problem(f"pg.{cls.__name__}", "", text))
             try:
-                return super().__call__(*args, **data)
+                return super().__call__(**data)
             except ValidationError as error:
                 where = cls.__name__.lower()
                 raise ModelError(all_problems(cls, data, error, where, {})) from None

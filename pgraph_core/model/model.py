@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self, overload
 
 from pydantic import ValidationError
 
-from ..errors import FileError, ModelError, Problem, choices, nearest_first, shown
+from ..errors import FileError, ModelError, Problem, choices, explained, nearest_first, shown
 from . import files
 from .assets import gathered, located
 from .body import Body
@@ -40,7 +41,7 @@ from .parameters import (
     resolved,
     still_true,
 )
-from .rerooting import cut_elsewhere
+from .rerooting import cut_elsewhere, poses
 from .scenario import Scenario
 from .world import DOWN, World
 
@@ -80,6 +81,7 @@ def _formulas_in(value: Iterable[Formula | Mapping[str, Any]]) -> tuple[Formula,
     return value  # type: ignore[return-value]
 
 
+@explained
 class Model(World):
     """A multibody system: the rows of the table, in order, and what acts on them.
 
@@ -141,7 +143,7 @@ class Model(World):
     @cached_property
     def doubts(self) -> tuple[str, ...]:
         """Defaults that hardly fit the rest of the model, a sentence each; a run repeats them."""
-        return tuple(doubts(self.bodies))
+        return tuple(doubts(self.bodies, self.constraints))
 
     def body(self, name: str) -> Body:
         """The body called `name`. Raises ModelError naming the ones there are."""
@@ -327,8 +329,28 @@ class Model(World):
         }
         cut = cut_joint(self.body(body), parent, [c.name for c in self.constraints], given)
         text = f"body '{body}': the loop through '{parent}' is cut at a {cut.kind} constraint, "
-        notices = (*self.notices, f"{text}'{cut.name}'")
-        return self._with(notices, constraints=(*self.constraints, cut))
+        model = self._with((), constraints=(*self.constraints, cut))
+        if other_point is None and isinstance(cut, AtPoints):
+            text += f"'{cut.name}', {model._where_cut(cut)}"
+        else:
+            text += f"'{cut.name}'"
+        return model._made((*self.notices, text))
+
+    def _where_cut(self, cut: AtPoints) -> str:
+        """Where the loop closes that takes the initial state as it is, and how far that may be."""
+        at = poses({b.name: b for b in self.bodies}, {}, {})
+        place = at[cut.body].place(self.point_of(cut))
+        other = at[cut.other]
+        point = tuple((other.rotation.T @ (place - other.position)).round(12).tolist())
+        text = f"at {shown(point)} of '{cut.other}', where its point is in the initial state"
+        if cut.other == GROUND:
+            return f"{text}; to close it elsewhere give other_point"
+        tip = self.body(cut.other).tip_point
+        away = math.dist(place, other.place(tip))
+        if away < 1e-9:
+            return f"{text}, the tip of '{cut.other}'"
+        return f"{text}, {away:.4g} m from the tip of '{cut.other}'; to close it there give "
+        f"other_point={shown(tip)}"
 
     def _with_formulas(self, name: str, changes: Mapping[str, Any]) -> Self:
         """The edit of a body that is given formulas in place of some of its numbers."""
@@ -451,6 +473,8 @@ class Model(World):
         of a subtree all bodies that it carries are copied. Raises ModelError.
         """
         given = [name] if isinstance(name, str) else list(name)
+        if not given:
+            raise ModelError(Problem("model", "duplicate", "give the name of a body; given none"))
         roots = [self.body(each).name for each in given]
         names = branch(self.bodies, roots) if subtree else roots
         return self._copied(names_of_copies(names, self.row, str), self.body(roots[0]))

@@ -183,7 +183,11 @@ def resolved(data: Mapping[str, Any]) -> dict[str, Any]:
     Formulas stand in the cells of parts given as dictionaries, or under "formulas".
     Raises ModelError with every formula that has no value.
     """
-    given = [_formula(item) for item in data.get("formulas", ())]
+    formulas = data.get("formulas", ())
+    if not isinstance(formulas, (list, tuple)):
+        text = f"must be a list of formulas of cells; given {shown(formulas)}"
+        raise ModelError(Problem("model", "formulas", text))
+    given = [_formula(item) for item in formulas]
     parts = {kind: data.get(kind, ()) for kind in KINDS}
     inline = [f for kind in KINDS for f in _inline(kind, parts[kind])]
     if not given and not inline:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..errors import explained, numbers, refusal, shown
 from ..joints import SIZE, Motion
 from ..model import Body, Model
 from ..rotation import Array, matrix, multiply, rodrigues, unit
@@ -246,10 +247,12 @@ def _line(row: list[str], wide: list[int]) -> str:
     return "  ".join((*numbers, row[3].ljust(wide[3]), row[4]))
 
 
+@explained
 def frame_update_trace(
     model: Model, q: Sequence[float] | Array, q_next: Sequence[float] | Array
 ) -> FrameUpdateTrace:
     """The update of all frames from q to q_next by exact increments, place by place: Fig. 8."""
+    q, q_next = _position(model, "q", q), _position(model, "q_next", q_next)
     start, step = frame_vectors(model, q), increments(model, q, q_next)
     bodies = bodies_of(model, start.topology)
     steps = []
@@ -261,6 +264,19 @@ def frame_update_trace(
             text = "the start: ground" if visit.kappa == visit.find else "a re-entry: nothing turns"
         steps.append((visit, text))
     return FrameUpdateTrace(start.topology.names, tuple(steps), start.updated(step))
+
+
+def _position(model: Model, name: str, given: Sequence[float] | Array) -> Array:
+    """Coordinates in number order. Raises InputError."""
+    count = sum(SIZE[m.kind][0] for body in model.bodies for m in body.sequence)
+    try:
+        q = np.asarray(given, dtype=float)
+    except (TypeError, ValueError):
+        q = np.full(count, np.nan)
+    if q.shape != (count,) or not np.isfinite(q).all():
+        text = f"must be {numbers(count)}, all finite; given {shown(given)}"
+        raise refusal("frame_update_trace", name, text)
+    return q
 
 
 def _in_words(body: Body, number: int, moves: tuple[Movement, ...], step: Array) -> str:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import joints
+from ..errors import explained
 from ..joints import Motion
 from ..model import Body, Model
 from ..rotation import Array, matrix, rodrigues
@@ -52,6 +53,7 @@ def frames(model: Model, topology: Topology, q: Sequence[float] | Array) -> tupl
     return _frames(bodies, topology.parent.tolist(), q, q_slices(bodies))
 
 
+@explained
 def home_poses(model: Model) -> tuple[Array, Array]:
     """`frames` at the model's initial q, in number order."""
     topology = Topology.of(model)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..errors import NameLookupError, Problem, choices, nearest_first, shown
+from ..model import Model
+from ..model.contact import CROWD
+from ..model.fields import EVERY, GROUND
 from ..packing.system import Array
 from ..portable import EqualByFields
 
@@ -103,5 +107,90 @@ class ContactRecord(EqualByFields):
         return found | {f"{name} [N m, N]": torque for name, torque in self.limit.items()}
 
 
+class Named(Mapping[str, Any]):
+    """Arrays by name; a name that is not there is answered by a sentence, which is a KeyError."""
+
+    def __init__(self, arrays: Mapping[str, Any], word: str, what: str):
+        """`word` is what it holds, `what` a thing that has a name: "contact_force", "contact"."""
+        self._arrays, self._word, self._what = arrays, word, what
+
+    def __getitem__(self, name: Any) -> Any:
+        """Raises NameLookupError naming the ones there are."""
+        try:
+            return self._arrays[name]
+        except (KeyError, TypeError):
+            raise NameLookupError(Problem(self._word, "", self._missing(name))) from None
+
+    def __iter__(self) -> Iterator[str]:
+        """Over the names."""
+        return iter(self._arrays)
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self._arrays)
+
+    def __repr__(self) -> str:
+        """As of a dictionary."""
+        return repr(dict(self))
+
+    def _missing(self, name: Any) -> str:
+        if not self._arrays:
+            return f"no {self._what} acts in this run; given {shown(name)}"
+        known = choices(nearest_first(name, self) if isinstance(name, str) else self)
+        return f"no {self._what} is called {shown(name)}; choose one of {known}"
+
+
+class ByTouch(Named):
+    """Arrays by contact pair, or by the names of two bodies: `run.contact_force["a", "ground"]`.
+
+    Of several pairs between the two, forces are added, gaps are the smallest, slips the largest.
+    """
+
+    def __init__(
+        self,
+        arrays: Mapping[str, Any],
+        word: str,
+        model: Model,
+        joined: Callable[[list[Any]], Any],
+        swapped: Callable[[Any, str, str], Any] = lambda value, *_: value,
+    ):
+        """`swapped(value, a, b)` makes of a value on a, touched by b, the one on b."""
+        super().__init__(arrays, word, "contact")
+        self._model, self._joined, self._swapped = model, joined, swapped
+
+    def __getitem__(self, name: Any) -> Any:
+        """Of a contact pair, or of all contacts between two bodies. Raises NameLookupError."""
+        if not (isinstance(name, tuple) and len(name) == 2):
+            return super().__getitem__(name)
+        a, b = name
+        found: list[Any] = []
+        for c in self._model.contacts:
+            if (own := c.touch_name(a, b)) in self._arrays:
+                found.append(self._arrays[own])
+            elif (own := c.touch_name(b, a)) in self._arrays:
+                found.append(self._swapped(self._arrays[own], b, a))
+        if not found:
+            raise NameLookupError(Problem(self._word, "", self._no_pair(a, b)))
+        return found[0] if len(found) == 1 else self._joined(found)
+
+    def __reduce__(self) -> Any:
+        """A plain dictionary: it takes no run along."""
+        return dict, (dict(self._arrays),)
+
+    def _no_pair(self, a: Any, b: Any) -> str:
+        bodies = (*self._model.row, GROUND)
+        for name in (a, b):
+            if name not in bodies:
+                return f"no body is called {shown(name)}; choose one of {choices(bodies)}"
+        crowds = [
+            c.name for c in self._model.contacts if c.name in self and c.pair == (EVERY, EVERY)
+        ]
+        if crowds:
+            text = f"of more bodies than {CROWD} is one entry, '{crowds[0]}'; name two bodies in a"
+            return f"a contact {text} contact of their own"
+        return self._missing((a, b)).replace("is called", "is between")
+
+
 KINDS = ("force", "gap", "slip", "limit", "normal", "phases")
+OF_CONSTRAINTS = ("constraint_force", "constraint")  # what Named is told of them
 NOTHING = ContactRecord()

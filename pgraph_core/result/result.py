@@ -18,7 +18,7 @@ import numpy as np
 
 from ..dynamics.bodies import BodyMotion, bodies_over, turned
 from ..dynamics.scene import load_wrenches
-from ..errors import FileError, InputError, Problem, choices
+from ..errors import FileError, InputError, Problem, choices, explained
 from ..model import Force, Model
 from ..model.assets import gathered
 from ..model.constraint import InJoints
@@ -26,7 +26,7 @@ from ..model.files import write_atomic
 from ..packing.system import Array
 from ..plan import Plan
 from ..portable import EqualByFields, Portable
-from .contact_record import KINDS, ContactRecord, Event
+from .contact_record import KINDS, OF_CONSTRAINTS, ByTouch, ContactRecord, Event, Named
 from .dense import states_at
 from .user_event import UserEvent, event_arrays, events_of_arrays
 
@@ -54,6 +54,7 @@ class Status(Enum):
         return self in (Status.DONE, Status.STOPPED)
 
 
+@explained
 @dataclass(frozen=True, eq=False)
 class Result(EqualByFields, Portable):
     """A run. Arrays have one row a recorded frame; a run that failed keeps what it computed.
@@ -189,18 +190,38 @@ class Result(EqualByFields, Portable):
 
     @property
     def contact_force(self) -> Mapping[str, Array]:
-        """{contact pair: (n, 6)} [torque, force] on its body about its origin, world axes."""
-        return self.contacts.force
+        """{contact pair: (n, 6)} [torque, force] on its body about its origin, world axes.
+
+        `run.contact_force["a", "b"]` is what all contacts between the bodies a and b, or "ground",
+        do to a. Raises NameLookupError, a KeyError, for names that are not there.
+        """
+
+        def on_other(wrench: Array, a: str, b: str) -> Array:
+            origins = [self._origins(name) for name in (a, b)]
+            force = wrench[:, 3:]
+            torque = wrench[:, :3] + np.cross(origins[0] - origins[1], force)
+            return -np.concatenate((torque, force), axis=1)
+
+        return self._by_touch("force", sum, on_other)
+
+    def _origins(self, body: str) -> Array:
+        """(n, 3) or (3,) places of a body's origin."""
+        number = self.mechanism.topology.number(body)
+        return self.body_pose[:, number - 1, :3] if number else np.zeros(3)
+
+    def _by_touch(self, kind: str, joined: Any, *swapped: Any) -> ByTouch:
+        arrays = getattr(self.contacts, kind)
+        return ByTouch(arrays, f"contact_{kind}", self.mechanism.model, joined, *swapped)
 
     @property
     def contact_gap(self) -> Mapping[str, Array]:
-        """{contact pair: (n,)} smallest gap [m]."""
-        return self.contacts.gap
+        """{contact pair: (n,)} smallest gap [m]; also by two names, as `contact_force`."""
+        return self._by_touch("gap", np.minimum.reduce)
 
     @property
     def contact_slip(self) -> Mapping[str, Array]:
-        """{contact pair: (n,)} fastest slip [m/s]."""
-        return self.contacts.slip
+        """{contact pair: (n,)} fastest slip [m/s]; also by two names, as `contact_force`."""
+        return self._by_touch("slip", np.maximum.reduce)
 
     @property
     def contact_residual(self) -> Array:
@@ -215,8 +236,8 @@ class Result(EqualByFields, Portable):
 
     @property
     def contact_normal(self) -> Mapping[str, Array]:
-        """{contact pair: (n,)} normal force [N], in event-driven runs."""
-        return self.contacts.normal
+        """{contact pair: (n,)} normal force [N] of pairs with the ground."""
+        return self._by_touch("normal", sum)
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -226,7 +247,7 @@ class Result(EqualByFields, Portable):
     @property
     def phases(self) -> Mapping[str, Any]:
         """{point: (n,)} swing, weight acceptance, slip or stance; a limit: free or stop."""
-        return self.contacts.phases
+        return Named(self.contacts.phases, "phases", "contact point or limit")
 
     @property
     def energy(self) -> Array:
@@ -324,7 +345,11 @@ class Result(EqualByFields, Portable):
             raise FileError(Problem(str(path), "", text)) from None
         if not whole:
             raise FileError(Problem(str(path), "", text))
-        loaded = {"constraint_force": forces, "contacts": contacts, "user_events": happened}
+        loaded = {
+            "constraint_force": Named(forces, *OF_CONSTRAINTS),
+            "contacts": contacts,
+            "user_events": happened,
+        }
         return cls(mech, status, **loaded, **given)
 
     def to_csv(self) -> str:
@@ -459,6 +484,7 @@ def _add_constraint_wrenches(run: Result, motion: BodyMotion, out: Array) -> Non
 LEDGER = ("work", "dissipation")  # start from zero in each run
 
 
+@explained
 def joined(runs: Sequence[Result], /) -> Result:
     """One run from several that each begin where the one before ended, on the last one's mechanism.
 
@@ -469,7 +495,7 @@ def joined(runs: Sequence[Result], /) -> Result:
 
     Raises InputError if there is no run, or if two do not meet in time or differ in size.
     """
-    if not runs:
+    if not len(runs):
         raise InputError(Problem("joined", "runs", "needs one run at least; given none"))
     for before, after in pairwise(runs):
         _check(before, after)
@@ -481,7 +507,9 @@ def joined(runs: Sequence[Result], /) -> Result:
     return replace(
         last,
         **arrays,
-        constraint_force=_by_name([r.constraint_force for r in runs], keep, runs),
+        constraint_force=Named(
+            _by_name([r.constraint_force for r in runs], keep, runs), *OF_CONSTRAINTS
+        ),
         contacts=_contacts(runs, keep),
         counters=_added([r.counters for r in runs]),
         timing=_added([r.timing for r in runs]),

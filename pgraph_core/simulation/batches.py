@@ -12,7 +12,7 @@ from ..engine import layout as at
 from ..engine.compiler.address import unnamed
 from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.stepping import batch as kernels
-from ..errors import InputError, Problem
+from ..errors import InputError, Problem, explained
 from ..integrators import Method, method_of
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
@@ -29,6 +29,7 @@ class BatchResult(NamedTuple):
     finite: Any  # (m,) bool
 
 
+@explained
 def simulate_batch(
     mech: Mechanism | Model,
     q: Any,

@@ -152,8 +152,13 @@ def with_contacts(plan: Plan) -> Plan:
 
 
 def _bytes(q: Any, v: Any) -> tuple[Any, Any]:
-    q, v = (None if x is None else np.asarray(x, dtype=float).tobytes() for x in (q, v))
-    return q, v
+    def bytes_of(x: Any) -> Any:
+        try:
+            return None if x is None else np.asarray(x, dtype=float).tobytes()
+        except (TypeError, ValueError):
+            return None  # refused where it is used
+
+    return bytes_of(q), bytes_of(v)
 
 
 def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Plan, bool]:

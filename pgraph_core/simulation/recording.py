@@ -24,7 +24,7 @@ from ..errors import InputError
 from ..mechanism import Mechanism
 from ..packing.system import Array, Ints
 from ..result import Result, Status
-from ..result.contact_record import NOTHING, ContactRecord
+from ..result.contact_record import NOTHING, OF_CONSTRAINTS, ContactRecord, Named
 from .conditions import Condition
 from .loop import Outcome, Steps, links_of
 from .options import MOST_STEPS
@@ -573,7 +573,7 @@ class Recording:
             work=energy[:, 2],
             dissipation=energy[:, 3],
             constraint_drift=drift,
-            constraint_force=forces,
+            constraint_force=Named(forces, *OF_CONSTRAINTS),
             contacts=contacts,
             counters=counters,
             timing=timing,

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ..errors import InputError, Problem
+from ..errors import InputError, Problem, explained
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..result import Result
@@ -17,6 +17,7 @@ from .recording import Estimate, Recording
 from .user_events import monitors_of
 
 
+@explained
 def simulate(
     mechanism: Mechanism | Model,
     q: Any = None,

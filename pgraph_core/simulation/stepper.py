@@ -15,13 +15,14 @@ import numpy as np
 
 from ..dynamics.arguments import finite
 from ..engine import layout as at
-from ..errors import InputError, Problem, choices
+from ..errors import InputError, Problem, choices, explained
 from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model, Motor, Servo
 from ..packing.system import Array, Drives
 from ..portable import Portable, installed
 from ..result import Result, Status
+from ..result.contact_record import OF_CONSTRAINTS, ByTouch, Named
 from .loop import Outcome
 from .options import SAME, Options, positive
 from .plan import plan_of, touching_contacts, with_contacts, with_state
@@ -34,6 +35,7 @@ CHUNK = 100_000  # steps between two looks at whether the user wants to stop
 SNAPSHOT = b"pgraph snapshot"
 
 
+@explained
 class Stepper(Portable):
     """A mechanism that is stepped from outside: nothing is built between steps.
 
@@ -127,19 +129,30 @@ class Stepper(Portable):
 
     @property
     def contact_force(self) -> Mapping[str, Array]:
-        """{contact pair: (6,) [torque, force]} on the body at its origin [N m, N], world axes."""
-        return self._touches(lambda pair: np.concatenate((pair["torque"], pair["force"])))
+        """{contact pair: (6,) [torque, force]} on the body at its origin [N m, N], world axes.
+
+        Also by two names of bodies, as in `Result`.
+        """
+
+        def on_other(wrench: Array, a: str, b: str) -> Array:
+            origins = (self.mech.pose(self._q, name)[0] for name in (a, b))
+            arm = np.subtract(*origins)
+            return -np.concatenate((wrench[:3] + np.cross(arm, wrench[3:]), wrench[3:]))
+
+        found = self._touches(lambda pair: np.concatenate((pair["torque"], pair["force"])))
+        return ByTouch(found, "contact_force", self.mech.model, sum, on_other)
 
     @property
     def contact_gap(self) -> Mapping[str, float]:
         """{contact pair: smallest gap} [m], negative where they penetrate."""
-        return self._touches(lambda pair: float(pair["gap"]))
+        found = self._touches(lambda pair: float(pair["gap"]))
+        return ByTouch(found, "contact_gap", self.mech.model, min)
 
     @property
     def constraint_force(self) -> Mapping[str, Array]:
         """{constraint: (6,) [torque, force]} on `body` at `point` [N m, N], world axes."""
         record = self._seen()
-        return record.scene.forces(record.out.wrenches[0].copy())
+        return Named(record.scene.forces(record.out.wrenches[0].copy()), *OF_CONSTRAINTS)
 
     @property
     def tau(self) -> Any:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, Problem
+from ..errors import InputError, Problem, explained
 from ..gait.controller import Controller
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Gait, Model, VectorTable
@@ -22,6 +22,7 @@ from .stepper import Stepper
 EDGE = 1e-6  # s in which a push comes and goes
 
 
+@explained
 class Walk(Portable):
     """A walking mechanism that is stepped piece by piece; changes act from then on.
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..dynamics.arguments import finite, position
-from ..errors import PgraphError, choices, refusal
+from ..errors import PgraphError, choices, explained, refusal
 from ..joints import nq, nv
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
@@ -66,6 +66,7 @@ class Line(NamedTuple):
         return f"{self.known.source}: known to {self.known.accuracy:.0e}"
 
 
+@explained
 def stability_map(
     mech: Mechanism | Model,
     q: Any = None,

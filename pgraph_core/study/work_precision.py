@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import choices, refusal
+from ..errors import choices, explained, refusal
 from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
@@ -39,6 +39,7 @@ ENOUGH = 0.2  # s that the last run of a method may take, of those for its order
 SHARE = {"reference": 0.1, "first": 0.4, "rounds": 1.0}  # of the progress, at each part's end
 
 
+@explained
 def work_precision(
     mech: Mechanism | Model,
     q: Any = None,

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..batches.paths import Path
-from ..errors import FileError, InputError, Problem, nearest, shown
+from ..errors import FileError, InputError, Problem, explained, nearest, shown
 from ..mechanism import Mechanism
 from ..model import Model
 from ..model.files import write_atomic
@@ -123,6 +123,7 @@ class Sweep:
         return figure
 
 
+@explained
 def sweep(
     model: Model | Mechanism,
     set: Mapping[Any, Any],

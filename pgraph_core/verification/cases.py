@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..dynamics.arguments import wrong_type
-from ..errors import FileError, Problem, choices
+from ..errors import FileError, Problem, choices, explained
 from ..mechanism import Mechanism
 from ..model import Model
 from ..model.files import read
@@ -102,6 +102,7 @@ class Verdict:
         return ended and self.error <= self.observable.target
 
 
+@explained
 def verify(case: Case, *, progress: Callable[[float], Any] | None = None) -> Verdict:
     """Run a case and compare it with its reference. Raises InputError if it is given no case."""
     if not isinstance(case, Case):
@@ -118,6 +119,7 @@ def verify(case: Case, *, progress: Callable[[float], Any] | None = None) -> Ver
 # -- files -----------------------------------------------------------------------------------------
 
 
+@explained
 def load_cases(path: str | Path, /) -> tuple[Case, ...]:
     """The cases in a file. Raises FileError or ModelError."""
     data = _object(path)

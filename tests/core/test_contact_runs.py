@@ -299,3 +299,46 @@ def test_a_scene_without_contacts_runs_none_of_their_code():
     assert "contact_fallbacks" not in run.counters
     assert "no contact: no search, no gap functions" in run.left_out
     assert "no rigid contact, no limit: no impulses, no cones" in run.left_out
+
+
+def heap(count: int) -> pg.Model:
+    """A column of balls on a floor."""
+    ball = {"kind": "sphere", "radius": 0.1}
+    bodies = [
+        pg.Body(name=f"b{i}", joint="free", q=(0, 0, 0.1 + 0.2 * i, 1, 0, 0, 0), shape=ball)
+        for i in range(count)
+    ]
+    contacts = (pg.Contact(name="floor", body="*"), pg.Contact(name="heap", body="*", other="*"))
+    return pg.Model(bodies=bodies, contacts=contacts)
+
+
+def test_forces_between_every_two_bodies_are_read_by_their_names():
+    run = pg.simulate(heap(3), t_end=0.02, step=1e-3)
+    weight = 9.81 * np.array([0, 0, 0, 0, 0, 1.0])
+    for k, (a, b) in enumerate((("b2", "b1"), ("b1", "b0"), ("b0", "ground")), start=1):
+        np.testing.assert_allclose(run.contact_force[a, b][-1], k * weight, atol=1e-9)
+        np.testing.assert_allclose(run.contact_force[b, a][-1], -k * weight, atol=1e-9)
+    assert not run.contact_force["b2", "b0"].any()
+    assert abs(run.contact_gap["b0", "b1"][-1]) < 1e-9
+    np.testing.assert_allclose(run.contact_gap["b0", "b2"][-1], 0.2, atol=1e-9)
+
+
+def test_the_torque_on_the_other_body_is_about_its_own_origin():
+    arm = pg.Body(name="arm", joint="free", q=(0, 0, 0.3, 1, 0, 0, 0), inertia=np.eye(3))
+    base = pg.Body(
+        name="base", joint="weld", link=(0.5, 0, 0), shape={"kind": "box", "size": (4, 4, 0.2)}
+    )
+    points = ((1, 0, -0.2), (-1, 0.5, -0.2), (-1, -0.5, -0.2))
+    touch = pg.Contact(name="touch", body="arm", other="base", points=points, friction=0.5)
+    model = pg.Model(bodies=(arm, base), contacts=(touch,))
+    run = pg.simulate(model, v=[0, 0, 0, 1.0, 0, 0], t_end=0.01, step=1e-3)
+    on_base = run.contact_force["base", "arm"][-1]
+    assert abs(on_base[4]) < 1e-9 < 3 < abs(on_base[1])
+    np.testing.assert_allclose(on_base, run.contacts.wrench[-1, 1], atol=1e-12)
+
+
+def test_contacts_of_more_bodies_than_can_be_told_apart_say_so():
+    run = pg.simulate(heap(21), t_end=2e-3, step=1e-3)
+    assert "heap" in run.contact_force
+    with pytest.raises(pg.InputError, match="of more bodies than 20 is one entry, 'heap'"):
+        run.contact_force["b0", "b1"]

@@ -148,7 +148,7 @@ def test_a_start_with_overlap_is_told():
     bodies = [cube("low", (0, 0, 0.1)), cube("high", (0, 0, 0.27))]
     run = run_of(bodies, t_end=0.01)
     assert run.contact_residual[:, 2].max() == pytest.approx(0.03, rel=0.1)
-    assert any("'heap'" in n and "penetrated" in n for n in run.notices)
+    assert any("'heap[low, high]'" in n and "penetrated" in n for n in run.notices)
 
 
 def test_the_residual_is_saved(tmp_path):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import inspect
+
 import numpy as np
 import pytest
 
@@ -138,3 +141,117 @@ def test_a_model_without_bodies_is_refused_or_runs_but_never_crashes():
     except pg.PgraphError:
         return
     assert mech.mass_matrix(np.zeros(0)).shape == (0, 0)
+
+
+# -- whatever is given for any argument of anything public ----------------------------------------
+
+MODEL = pg.Model(
+    bodies=(
+        pg.Body(name="a", axes=((0, 1, 0),), shape={"kind": "sphere", "radius": 0.1}),
+        pg.Body(name="b", parent="a", link=(1, 0, 0), axes=((0, 1, 0),), tip=(1, 0, 0)),
+    ),
+    constraints=(pg.Point(name="loop", body="b", active=False),),
+    contacts=(pg.Contact(name="floor", body="a"),),
+    scenarios=(pg.Scenario(name="s", t_end=0.01),),
+)
+BOTH = pg.Mechanism(MODEL)
+WRONG = (None, -1, float("nan"), "zz", b"x", [], {"zz": [1]}, object(), np.zeros((2, 3)), [None])
+RIGHT = {  # where an argument has no default
+    "mechanism": BOTH, "mech": BOTH, "model": MODEL, "q": np.zeros(2), "v": np.zeros(2),
+    "q_next": np.ones(2), "vdot": np.zeros(2), "tau": np.zeros(2), "body": "b", "name": "b",
+    "parent": "a", "part": pg.Body(name="c"), "path": "nowhere.json", "t": 0.0, "n": 1, "to": 0,
+    "changes": {}, "text": "{}", "targets": {"b": (1, 0, 0)}, "dt": 1e-3, "constraint": "loop",
+    "active": True, "pgraph": [1], "dof": [1], "runs": (), "F": np.zeros((2, 6)),
+}  # fmt: skip
+SLOW = {"sweep", "stability_map", "work_precision", "Mechanism.batch", "Result.show"}
+
+
+def public_calls():
+    """What a user calls, by name: functions, classes with their checks, and methods."""
+    done = pg.simulate(BOTH, t_end=0.01, step=1e-3)
+    holders = (MODEL, BOTH, done, pg.Stepper(BOTH))
+    found = {
+        name: getattr(pg, name)
+        for name in pg.__all__
+        if inspect.isfunction(getattr(pg, name)) or hasattr(getattr(pg, name), "model_fields")
+    }
+    for holder in holders:
+        kind = type(holder).__name__
+        for name in (x for x in dir(holder) if not x.startswith("_")):
+            value = getattr(holder, name)
+            if inspect.ismethod(value) and hasattr(value.__func__, "__wrapped__"):
+                found[f"{kind}.{name}"] = value
+    return {name: call for name, call in found.items() if name not in SLOW}
+
+
+CALLS = public_calls()
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_what_cannot_be_meant_is_a_sentence_never_an_error_of_python_s(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    call = CALLS[name]
+    taken = [
+        p
+        for p in inspect.signature(call).parameters.values()
+        if p.kind not in (p.VAR_KEYWORD, p.VAR_POSITIONAL)
+    ]
+    base = {p.name: RIGHT.get(p.name, "zz") for p in taken if p.default is p.empty}
+    for wrong in (
+        {},
+        {**base, "no such argument": 1},
+        *({**base, p.name: value} for p in taken for value in WRONG),
+    ):
+        named = dict(wrong)
+        first = [
+            named.pop(p.name) for p in taken if p.kind is p.POSITIONAL_ONLY and p.name in named
+        ]
+        with contextlib.suppress(pg.PgraphError):
+            call(*first, **named)
+    with pytest.raises(pg.PgraphError):
+        call(*range(30))
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: pg.simulate(MECH, q0=Q), ("q0", "did you mean q?")),
+        (lambda: pg.simulate(MECH, tend=1.0), ("tend", "did you mean t_end?")),
+        (lambda: pg.Stepper(MECH, dt=1e-3), ("Stepper", "dt", "did you mean step?")),
+        (lambda: MECH.forward_dynamics(Q, V, torque=V), ("torque", "did you mean tau?")),
+        (lambda: pg.Body("a"), ("pg.Body(name='a', ...)",)),
+        (lambda: pg.Body(name="a", weight=1.0), ("weight", "did you mean mass?")),
+        (lambda: pg.simulate("arm.json"), ("pg.Model.load('arm.json')",)),
+        (lambda: pg.Model.edit("a", mass=1.0), ("Model.edit", "call it on a Model")),
+        (lambda: MODEL.edit(name="a"), ("name", "goes first")),
+        (lambda: MODEL.edit("flor", friction=1.0), ("'flor'", "choose one of floor")),
+        (lambda: MODEL.edit("a", mass=[1, 2]), ("body 'a', mass", "[1, 2]")),
+    ],
+)
+def test_the_sentence_names_what_was_probably_meant(call, words):
+    with pytest.raises(pg.PgraphError) as refused:
+        call()
+    assert all(word in str(refused.value) for word in words), str(refused.value)
+
+
+def test_an_error_of_the_user_s_own_function_comes_through_as_it_is():
+    def progress(fraction):
+        return {}["not there"]
+
+    with pytest.raises(KeyError, match="not there") as raised:
+        run(progress=progress)
+    assert not isinstance(raised.value, pg.PgraphError)
+
+
+def test_a_name_that_results_lack_is_a_key_error_with_a_sentence():
+    done = pg.simulate(BOTH, t_end=0.01, step=1e-3)
+    for named in (done.contact_force, done.contact_gap, pg.Stepper(BOTH).contact_force):
+        with pytest.raises(KeyError) as missing:
+            named["flor"]
+        assert isinstance(missing.value, pg.InputError)
+        assert "'flor'" in str(missing.value)
+        assert "choose one of floor" in str(missing.value)
+    with pytest.raises(pg.InputError, match="no constraint acts"):
+        done.constraint_force["loop"]
+    with pytest.raises(pg.InputError, match="no body is called 'x'"):
+        done.contact_force["a", "x"]

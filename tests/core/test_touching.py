@@ -54,7 +54,8 @@ def found(mech, t, q):
     return [(round(g, 12), *w) for g, *w in zip(out["gap"][:n].tolist(), *whose)]
 
 
-def test_a_heap_takes_two_lines():
+def test_a_heap_takes_two_lines(monkeypatch):
+    monkeypatch.setattr("pgraph_core.contact.tables.CROWD", 2)  # of more, all are one pair
     floor, every = (pg.Contact(name=n, body="*", other=o) for n, o in (("f", "ground"), ("h", "*")))
     mech, t = tables(heap(3, floor, every))
     assert t.candidates.on_ground.tolist() == [
@@ -70,7 +71,9 @@ def test_a_heap_takes_two_lines():
     assert {tuple(sorted(x[1:3])) for x in gaps if x[3] == 3} == {(0, 1), (1, 2)}
 
 
-def test_bodies_that_a_joint_ties_do_not_touch_as_members_of_all():
+@pytest.mark.parametrize("crowd", [0, 20])
+def test_bodies_that_a_joint_ties_do_not_touch_as_members_of_all(crowd, monkeypatch):
+    monkeypatch.setattr("pgraph_core.contact.tables.CROWD", crowd)
     rod = {"kind": "box", "size": (0.2, 0.1, 0.1)}
     model = pg.Model.serial(3)
     for name in model.row:
@@ -82,8 +85,12 @@ def test_bodies_that_a_joint_ties_do_not_touch_as_members_of_all():
         pg.Contact(name="named", body="1", other="2"),
     )
     _, t = tables(model.replace(contacts=(every, one, named)))
-    assert t.candidates.apart.tolist() == [(1, 2), (2, 3)]
-    assert t.candidates.pairs.tolist() == [(0, 2, 1), (0, 1, 2)]
+    if crowd:
+        assert [x.name for x in t.touches] == ["all[1, 3]", "one[3]", "named"]
+        assert t.candidates.pairs.tolist() == [(0, 1, 0), (0, 1, 1), (0, 2, 2)]
+    else:
+        assert t.candidates.apart.tolist() == [(1, 2), (2, 3)]
+        assert t.candidates.pairs.tolist() == [(0, 2, 1), (0, 1, 2)]
 
 
 def test_points_touch_where_the_body_has_them():
