@@ -18,27 +18,50 @@ from typing import Any, TypeVar
 
 Called = TypeVar("Called", bound=Callable[..., Any])
 
-# what other programs call it -> our names, of which the first that is there is meant
-MEANT = {
-    "dt": ("step", "t_end"), "h": ("step",), "timestep": ("step",), "time_step": ("step",),
-    "max_step": ("step",), "duration": ("t_end",), "tend": ("t_end",), "t_final": ("t_end",),
-    "t_span": ("t_end",), "tspan": ("t_end",), "time": ("t_end", "t"), "t0": ("t_start",),
-    "x0": ("q",), "y0": ("q",), "q0": ("q",), "qpos": ("q",), "initial": ("q",), "state": ("q",),
-    "v0": ("v",), "qd": ("v",), "dq": ("v",), "qdot": ("v",), "qvel": ("v",), "velocity": ("v",),
-    "qdd": ("vdot",), "ddq": ("vdot",), "qacc": ("vdot",),
-    "tol": ("rtol",), "tolerance": ("rtol",), "solver": ("method",), "integrator": ("method",),
-    "torque": ("tau",), "torques": ("tau",), "u": ("tau",), "ctrl": ("tau",), "control": ("tau",),
-    "controller": ("tau",), "steps": ("n", "max_steps"), "n_steps": ("n", "max_steps"),
-    "nsteps": ("n", "max_steps"), "times": ("t_eval",), "fps": ("frames",),
-    "callback": ("progress",),
-    "length": ("tip", "link"), "weight": ("mass",), "m": ("mass",), "I": ("inertia",),
-    "position": ("link", "point"), "pos": ("link", "point"), "offset": ("link", "point"),
-    "axis": ("axes",), "type": ("kind", "joint"), "joint_type": ("joint",), "mu": ("friction",),
-    "k": ("stiffness",), "spring": ("stiffness",), "c": ("damping",), "e": ("restitution",),
-    "rest_length": ("length",), "child": ("body",), "body1": ("body",), "body2": ("other",),
-    "target": ("other",), "color": ("colour",), "geometry": ("shape",),
-    "geom": ("shape",), "anchor": ("point",),
-}  # fmt: skip
+# ours: what other programs call it
+_MEANT = """
+step: dt h timestep time_step max_step
+t_end: dt duration tend t_final t_span tspan time
+t_start: t0
+t: time
+q: q0 x0 y0 qpos initial state
+v: v0 qd dq qdot qvel velocity
+vdot: qdd ddq qacc
+tau: torque torques u ctrl control controller
+rtol: tol tolerance
+method: solver integrator
+max_steps: steps n_steps nsteps
+n: steps n_steps nsteps
+t_eval: times
+frames: fps
+progress: callback
+workers: processes n_jobs jobs cores num_workers
+set: values
+metric: metrics
+mass: weight m
+inertia: I
+tip: length
+rest: length rest_length free_length natural_length l0
+length: rest_length
+link: position pos offset
+point: position pos offset anchor
+axes: axis
+kind: type
+joint: type joint_type
+stiffness: k spring
+damping: c
+friction: mu
+restitution: e
+body: child body1
+other: target body2
+colour: color
+shape: geometry geom
+"""
+MEANT: dict[str, list[str]] = {}
+for _line in _MEANT.split("\n")[1:-1]:
+    _ours, _theirs = _line.split(": ")
+    for _word in _theirs.split():
+        MEANT.setdefault(_word, []).append(_ours)
 
 
 @dataclass(frozen=True)

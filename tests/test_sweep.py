@@ -183,20 +183,26 @@ def test_an_option_that_simulate_does_not_have_is_refused_at_once(pendulum):
         pg.sweep(pendulum, {"heavy": [1.0]}, "t_end", tend=1.0)
 
 
-def test_a_script_without_a_guard_is_told_what_to_do(tmp_path):
-    """Spawned processes run the script again, which starts processes again."""
+@pytest.mark.parametrize("workers", [None, 2])
+def test_a_script_without_a_guard_is_told_what_to_do(workers, tmp_path):
+    """Spawned processes run the script again, which would start processes again."""
     script = tmp_path / "script.py"
     script.write_text(
         "import numpy as np, pgraph_core as pg\n"
         "from pgraph_core.sweeps import tasks\n"
         "tasks.PATIENCE = 0.0\n"
         "masses = {'bodies.2.mass': np.linspace(1, 2, 200)}\n"
-        "pg.sweep(pg.Model.serial(3), masses, 't_end', t_end=5.0)\n"
+        f"pg.sweep(pg.Model.serial(3), masses, 't_end', t_end=2.0, workers={workers})\n"
+        "print('table')\n"
     )
     done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True)
-    assert done.returncode
-    assert "InputError" in done.stderr
-    assert "__main__" in done.stderr.splitlines()[-1]
+    assert "__main__" in done.stderr
+    if workers is None:
+        assert done.stdout == "table\n"
+        assert "UserWarning" in done.stderr
+    else:
+        assert done.returncode
+        assert "InputError" in done.stderr
 
 
 def test_a_point_that_fails_keeps_its_reason_and_the_others_their_values(pendulum):

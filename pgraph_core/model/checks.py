@@ -341,9 +341,10 @@ def doubts(bodies: Sequence[Body], constraints: Sequence[Constraint]) -> list[st
         arm = body.mass * sum(x * x for x in body.com)
         counts = DEFAULT_INERTIA[0][0] > LITTLE * arm  # next to the mass at its distance
         if turns and counts and body.mass != DEFAULT_MASS and body.inertia == DEFAULT_INERTIA:
+            shape = "" if body.shape else "a shape and "
             found.append(
                 f"body '{body.name}': with {body.mass:g} kg it has the default inertia, 0.01 kg m² "
-                "about each axis; give its inertia, or a shape and derived=('inertia',)"
+                f"about each axis; give its inertia, or {shape}derived=('inertia',)"
             )
         parent = by_name.get(body.parent)
         tip = None if parent is None or hung[parent.name] > 1 else parent.tip

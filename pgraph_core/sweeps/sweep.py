@@ -154,8 +154,8 @@ def sweep(
 
     A sweep that takes longer than a moment runs in `workers` processes, all cores by default, or on
     a Dask cluster at the address `scheduler`. The table does not depend on where it is computed. In
-    a script, call it below `if __name__ == "__main__":`; a metric that cannot be pickled, as a
-    lambda, is computed in this process alone.
+    a script without `if __name__ == "__main__":` it runs in this process alone, with a warning; a
+    metric that cannot be pickled, as a lambda, is computed there too.
     `out` (.csv, .parquet) is written at the end; until then `out` with ".part" after it has the
     points so far, and `resume=True` goes on from there. A point that fails keeps its reason. If
     `progress(fraction)` returns False, the sweep stops with the points so far.
@@ -195,9 +195,9 @@ def sweep(
 
 def _known(options: Mapping[str, Any]) -> None:
     """Refuse at once an option that `simulate` does not have."""
-    known = [
-        name for name in signature(simulate).parameters if name not in ("mechanism", "scenario")
-    ]
+    own = [*signature(sweep).parameters][:-1]
+    known = [*own, *(name for name in signature(simulate).parameters if name not in own)]
+    known.remove("mechanism")
     for name in options:
         if name not in known:
             text = f"is no option of sweep or simulate; {nearest(name, known)}"

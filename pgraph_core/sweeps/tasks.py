@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path as FilePath
 from typing import Any
 
 from ..batches.paths import Path
@@ -90,8 +93,24 @@ def rows_of(
         spent = time.perf_counter() - began
         left = spent / done * (len(points) - done)
         if workers != 1 and done >= 2 and spent > 0.1 and left > PATIENCE:
+            if workers is None and not _guarded():
+                warnings.warn(f"sweep: computed in one process; {GUARD}", stacklevel=4)
+                workers = 1
+                continue
             yield from _by_processes(task, points[done:], spent / done, workers)
             return
+
+
+GUARD = 'to use all cores call it in your script below `if __name__ == "__main__":`'
+
+
+def _guarded() -> bool:
+    """Whether the main script may be run again by spawned processes: they all do that first."""
+    path = getattr(sys.modules.get("__main__"), "__file__", None)
+    try:
+        return path is None or "__name__" in FilePath(path).read_text(errors="replace")
+    except OSError:
+        return True  # not a script
 
 
 def _chunks(points: Sequence[Any], each: float) -> list[Sequence[Any]]:
@@ -120,8 +139,7 @@ def _by_processes(
             for future in as_completed(futures):
                 yield future.result()
         except BrokenProcessPool:
-            text = "the processes could not start or died; put the call of sweep in your script "
-            text += 'below `if __name__ == "__main__":`, or give workers=1'
+            text = f"the processes could not start or died; {GUARD}, or give workers=1"
             raise InputError(Problem("sweep", "workers", text)) from None
         finally:
             pool.shutdown(cancel_futures=True)
