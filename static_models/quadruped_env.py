@@ -1,0 +1,231 @@
+"""Environments for learning to walk: a robot of 12 motors on the ground, single and many at once.
+
+`import pgraph_core.gym` registers them. The robot is a description like any other: what differs
+from one instance to the next is named by its path there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium as gym  # pyright: ignore[reportMissingImports]
+import numpy as np
+from gymnasium.vector.utils import batch_space  # pyright: ignore[reportMissingImports]
+
+import pgraph_core as pg
+
+STEP, SUBSTEPS = 1e-3, 20  # s; of them an action
+LEGS = ("front_left", "front_right", "hind_left", "hind_right")
+MOTORS = tuple(f"{leg}_{part}" for leg in LEGS for part in ("hip", "thigh", "shank"))
+LENGTH = 0.2  # m: of thigh and shank
+BEND = 0.7  # rad: of a thigh at rest; its knee bends back twice as far
+REST = np.tile([0.0, BEND, -2 * BEND], 4)  # rad
+HEIGHT = 2 * LENGTH * np.cos(BEND)  # m: of the trunk over the ground at rest
+REACH = 0.4  # rad: what an action of 1 adds to a target
+WANTED = 0.6  # m/s
+LOW, TILTED = 0.55, 0.5  # a fall: lower than this part of HEIGHT, or its upright axis below it
+BARS, BAR = 16, 0.25  # across the way of rough ground; m: their depth
+PUSH, PUSHED, OFTEN = 60.0, 5, 100  # N; actions that a push lasts; actions between two of them
+NUMBERS = {"bodies.trunk.mass": (5.0, 7.0), "ground.friction": (0.5, 0.9)}
+Array = np.ndarray
+
+
+def robot(terrain: str = "flat") -> pg.Model:
+    """A trunk on four legs of three motors each; feet are points. On "rough" ground lie bars."""
+    half = np.array([0.2, 0.1, 0.05])
+    bodies = [_body("trunk", "ground", 6.0, half, (0, 0, 0), joint="free", link=(0, 0, HEIGHT))]
+    contacts, forces = [], []
+    for leg in LEGS:
+        x, y = 0.19 * (1 if "front" in leg else -1), 0.06 * (1 if "left" in leg else -1)
+        out = np.array([0.0, 0.08 * np.sign(y), 0.0])
+        down = np.array([0.0, 0.0, -LENGTH])
+        size = np.array([0.02, 0.02, LENGTH / 2])
+        bodies += [
+            _body(f"{leg}_hip", "trunk", 0.6, np.full(3, 0.035), out / 2, (1, 0, 0), (x, y, 0)),
+            _body(f"{leg}_thigh", f"{leg}_hip", 0.9, size, down / 2, (0, 1, 0), out, BEND),
+            _body(
+                f"{leg}_shank", f"{leg}_thigh", 0.2, size / 2, down / 2, (0, 1, 0), down, -2 * BEND
+            ),
+        ]
+        contacts.append(pg.Contact(name=f"{leg}_foot", body=f"{leg}_shank", points=[down]))
+    for name, rest in zip(MOTORS, REST):
+        forces.append(
+            pg.Servo(name=name, body=name, kp=40.0, kd=1.0, target=rest, torque_limit=33.0)
+        )
+    steps = [
+        {"low": [0.5 + BAR * i, -5.0], "high": [0.5 + BAR * (i + 1), 5.0], "height": 0.01}
+        for i in range(BARS if terrain == "rough" else 0)
+    ]
+    return pg.Model(
+        name="walker", bodies=bodies, contacts=contacts, forces=forces,
+        ground={"friction": 0.7, "steps": steps},
+    )  # fmt: skip
+
+
+def _body(
+    name: str, parent: str, mass: float, half: Array, com: Any, axis: Any = (0, 1, 0),
+    link: Any = (0, 0, 0), q: float | None = None, joint: Any = "revolute",
+) -> pg.Body:  # fmt: skip
+    """A box of half extents about its centre of mass."""
+    squares = half**2
+    inertia = mass / 3 * np.diag(squares.sum() - squares)
+    shape = {"kind": "box", "size": 2 * half, "position": com, "role": "visual"}
+    own: dict[str, Any] = {"axes": axis} if joint == "revolute" else {}
+    own |= {} if q is None else {"q": q}
+    return pg.Body(
+        name=name, parent=parent, joint=joint, link=link, mass=mass, com=com, inertia=inertia,
+        shapes=[shape], **own,
+    )  # fmt: skip
+
+
+class Walkers:
+    """`size` robots, what they observe and what they are rewarded for.
+
+    An action of 12 numbers within -1 and 1 moves the targets of the motors, for 20 steps of 1 ms.
+    Observed (46,): height over the ground of the plane [m], which way is up (3,), velocity and spin
+    of the trunk (6,) in world axes, angles of the motors less those at rest and their speeds (24,),
+    the last action (12,). The reward is near 1 an action at the wanted speed along x, less what
+    the motors do and how much actions change. It ends where the trunk is low or tilted.
+
+    `numbers` {path: (low, high)} are drawn for each of `variants` robots; each start takes one.
+    """
+
+    def __init__(
+        self, size: int, terrain: str = "flat", push: bool = False,
+        numbers: Mapping[str, tuple[float, float]] | None = None, variants: int = 16,
+        threads: int | None = None,
+    ):  # fmt: skip
+        """Raises InputError for an unknown terrain, or a path that is not in the robot."""
+        if terrain not in ("flat", "rough"):
+            text = f"must be 'flat' or 'rough'; given {terrain!r}"
+            raise pg.InputError(pg.Problem("Quadruped", "terrain", text))
+        self.size, self.push = size, push
+        drawn = dict(NUMBERS if numbers is None else numbers)
+        if terrain == "rough":
+            drawn |= {f"ground.steps.{i}.height": (0.002, 0.03) for i in range(BARS)}
+        many = max(size, variants) if drawn else size
+        rng = np.random.default_rng(0)
+        few = {path: rng.uniform(*span, variants) for path, span in drawn.items()}
+        values = {path: np.resize(x, many) for path, x in few.items()}
+        self.batch = pg.BatchStepper(
+            robot(terrain), size, step=STEP, set=values or None, threads=threads
+        )
+        self.variants = many
+        self.action = np.zeros((size, 12))
+        self.count = np.zeros(size, dtype=np.int64)  # of actions since the start
+        self._force = np.zeros((size, self.batch.v.shape[1]))
+        self._start = self.batch.q[0].copy()
+
+    def start(self, which: Array, rng: np.random.Generator) -> None:
+        """Begin anew: another variant, joints near rest."""
+        k = len(which)
+        q = np.repeat(self._start[None], k, axis=0)
+        q[:, 7:] += rng.uniform(-0.1, 0.1, (k, 12))
+        numbers = rng.integers(0, self.variants, k) if self.variants > self.size else None
+        self.batch.reset(q, np.zeros((k, self._force.shape[1])), which=which, numbers=numbers)
+        self.action[which], self.count[which], self._force[which] = 0.0, 0, 0.0
+
+    def step(self, action: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+        """(rewards (size,), whether each fell (size,))."""
+        before, self.action = self.action, np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
+        targets = REST + REACH * self.action
+        for name, column in zip(MOTORS, targets.T):
+            self.batch.target(name, column)
+        if self.push:
+            self._pushes(rng)
+        ok = self.batch.step(self._force, SUBSTEPS)
+        self.count += 1
+        q, v = self.batch.q, self.batch.v
+        self.up = _up(q[:, 3:7])
+        fell = (q[:, 2] + HEIGHT < LOW * HEIGHT) | (self.up[:, 2] < TILTED) | ~ok
+        speed, aside = v[:, 3], v[:, 4]
+        reward = np.exp(-4.0 * (speed - WANTED) ** 2) - 0.5 * aside**2
+        reward -= 0.02 * ((self.action - before) ** 2).sum(axis=1)
+        reward -= 2e-4 * (v[:, 6:] ** 2).sum(axis=1)
+        return reward, fell
+
+    def _pushes(self, rng: np.random.Generator) -> None:
+        """Now and then a force to the side and along on the trunk, for some actions."""
+        begins, ends = self.count % OFTEN == OFTEN // 2, self.count % OFTEN == OFTEN // 2 + PUSHED
+        self._force[ends, 3:5] = 0.0
+        self._force[begins, 3:5] = rng.uniform(-PUSH, PUSH, (int(begins.sum()), 2))
+
+    def observed(self) -> Array:
+        """(size, 46) float32."""
+        q, v = self.batch.q, self.batch.v
+        parts = (q[:, 2:3] + HEIGHT, _up(q[:, 3:7]), v[:, 3:6], v[:, :3], q[:, 7:] - REST, v[:, 6:])
+        return np.concatenate((*parts, self.action), axis=1).astype(np.float32)
+
+
+def _up(quaternion: Array) -> Array:
+    """(k, 3) the world's up in axes of the trunk."""
+    w, x, y, z = quaternion.T
+    return np.stack((2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)), axis=1)
+
+
+OBSERVATION = gym.spaces.Box(-np.inf, np.inf, (46,), np.float32)
+ACTION = gym.spaces.Box(-1.0, 1.0, (12,), np.float32)
+
+
+class QuadrupedEnv(gym.Env[Array, Array]):
+    """One robot; see `Walkers`."""
+
+    metadata = {"render_modes": []}  # noqa: RUF012 (gymnasium's own protocol)
+    observation_space, action_space = OBSERVATION, ACTION
+
+    def __init__(self, render_mode: None = None, **options: Any):
+        """`options` are those of `Walkers`."""
+        self.render_mode = render_mode
+        self.walkers = Walkers(1, threads=1, **options)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """At rest, joints within 0.1 rad of their home."""
+        super().reset(seed=seed)
+        self.walkers.start(np.arange(1), self.np_random)
+        return self.walkers.observed()[0], {}
+
+    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Twenty steps of 1 ms."""
+        reward, fell = self.walkers.step(action[None], self.np_random)
+        return self.walkers.observed()[0], float(reward[0]), bool(fell[0]), False, {}
+
+
+class QuadrupedVectorEnv(gym.vector.VectorEnv[Array, Array, Array]):
+    """Many robots in one batch; one that has ended is started by the next step."""
+
+    metadata = {  # noqa: RUF012 (gymnasium's own protocol)
+        "render_modes": [], "autoreset_mode": gym.vector.AutoresetMode.NEXT_STEP
+    }  # fmt: skip
+
+    def __init__(self, num_envs: int = 1, max_episode_steps: int = 1000, **options: Any):
+        """`options` are those of `Walkers`."""
+        options.pop("render_mode", None)
+        self.num_envs, self._most = num_envs, max_episode_steps
+        self.single_observation_space, self.single_action_space = OBSERVATION, ACTION
+        self.observation_space = batch_space(OBSERVATION, num_envs)
+        self.action_space = batch_space(ACTION, num_envs)
+        self.walkers = Walkers(num_envs, **options)
+        self._over = np.zeros(num_envs, dtype=bool)
+
+    def reset(
+        self, *, seed: int | list[int] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """All at rest."""
+        super().reset(seed=seed if isinstance(seed, int) or seed is None else seed[0])
+        self.walkers.start(np.arange(self.num_envs), self.np_random)
+        self._over[:] = False
+        return self.walkers.observed(), {}
+
+    def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
+        """Twenty steps of 1 ms of all robots."""
+        begun = np.flatnonzero(self._over)
+        reward, fell = self.walkers.step(actions, self.np_random)
+        if len(begun):
+            self.walkers.start(begun, self.np_random)
+            reward[begun], fell[begun] = 0.0, False
+        late = self.walkers.count >= self._most
+        self._over = fell | late
+        return self.walkers.observed(), reward, fell, late & ~fell, {}

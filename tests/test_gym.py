@@ -1,0 +1,103 @@
+"""Environments for learning: Gymnasium's own checks, seeds, falls, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+
+gymnasium = pytest.importorskip("gymnasium")
+
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+
+import pgraph_core.gym  # noqa: E402
+from pgraph_core.gym import ENVIRONMENTS  # noqa: E402
+
+
+def many(name: str = "pgraph/Quadruped-v0", n: int = 3, **options):
+    return gymnasium.make_vec(name, num_envs=n, threads=2, **options)
+
+
+@pytest.mark.filterwarnings("ignore:.*infinity:UserWarning")
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_gymnasium_finds_nothing_wrong(name: str):
+    check_env(gymnasium.make(name).unwrapped)
+
+
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_the_same_seed_gives_the_same_bits(name: str):
+    actions = np.random.default_rng(0).uniform(-1, 1, (30, 3, 12)).astype(np.float32)
+    seen = []
+    for _ in range(2):
+        env = many(name)
+        first, _ = env.reset(seed=7)
+        seen.append([first, *(env.step(a)[0] for a in actions)])
+    assert np.array_equal(seen[0], seen[1])
+
+
+def test_it_stands_where_its_motors_hold_it():
+    env = many()
+    env.reset(seed=0)
+    for _ in range(50):
+        seen, _, fell, late, _ = env.step(np.zeros((3, 12)))
+        assert not fell.any()
+        assert not late.any()
+    assert seen[:, 0] == pytest.approx(0.29, abs=0.03)
+
+
+def test_one_that_falls_ends_and_starts_again_while_the_others_go_on():
+    """One pulls its legs in and to one side; the step after its end is its start."""
+    env = many()
+    env.reset(seed=0)
+    action = np.zeros((3, 12))
+    action[1] = np.where(np.arange(12) % 3 == 0, 20.0, 0.0)
+    env.unwrapped.walkers.batch.reset(
+        np.r_[0, 0, -0.25, 1, 0, 0, 0, np.zeros(12)], np.zeros(18), which=[1]
+    )
+    _, _, fell, _, _ = env.step(action)
+    assert fell.tolist() == [False, True, False]
+    seen, reward, fell, _, _ = env.step(action)
+    assert reward[1] == 0.0
+    assert not fell.any()
+    assert seen[1, 0] == pytest.approx(0.306, abs=0.01)
+    assert env.unwrapped.walkers.batch.t.tolist() == pytest.approx([0.04, 0.0, 0.04])
+
+
+def test_an_episode_ends_after_its_most_actions():
+    env = many(max_episode_steps=3)
+    env.reset(seed=0)
+    late = [env.step(np.zeros((3, 12)))[3].all() for _ in range(3)]
+    assert late == [False, False, True]
+
+
+def test_pushes_move_the_trunk():
+    """After 50 actions a force of up to 60 N acts on 8 kg and more."""
+    fast = []
+    for name in ("pgraph/Quadruped-v0", "pgraph/QuadrupedPush-v0"):
+        env = many(name)
+        env.reset(seed=1)
+        for _ in range(54):
+            seen, *_ = env.step(np.zeros((3, 12)))
+        fast.append(np.abs(seen[:, 4:6]).max())
+    assert fast[1] > 3 * fast[0]
+
+
+def test_numbers_of_the_description_differ_from_start_to_start():
+    env = many(numbers={"bodies.trunk.mass": (1.0, 20.0)})
+    env.reset(seed=0)
+    batch = env.unwrapped.walkers.batch
+    starts = set()
+    for seed in range(4):
+        env.reset(seed=seed)
+        batch.reset(env.unwrapped.walkers._start, which=[0])
+        env.step(np.zeros((3, 12)))
+        starts.add(batch.q[0].tobytes())
+    assert len(starts) > 1
+
+
+def test_what_is_unknown_is_refused_in_words():
+    with pytest.raises(pg.InputError, match="flat"):
+        many(terrain="moon")
+    with pytest.raises(pg.InputError, match=r"bodies.trunk.mas\b"):
+        many(numbers={"bodies.trunk.mas": (1, 2)})
