@@ -151,37 +151,31 @@ def walk(size: int, steps: int) -> Pair:
 
 
 def stance(size: int, steps: int) -> Pair:
-    """The paper's stance: 12 rows of constraints, RK4 on both sides, joints at rest torque."""
+    """The paper's stance: 12 rows of constraints, RK4 on both sides, torques that hold it."""
     import mujoco
 
-    model = pg.Model.load(pgraph_models.path("quadruped"))
-    batch = pg.BatchStepper(model, size, step=STEP, threads=THREADS, method="rk4")
+    state = dynamics.standing()
+    batch = pg.BatchStepper(
+        state.model, size, step=STEP, threads=THREADS, method="rk4", tau=state.tau
+    )
     saved = batch.save()
 
     def ours() -> None:
         batch.restore(saved)
         batch.step(n=steps)
 
-    place = dynamics.quadruped_tree()
-    theirs, data = in_mujoco.stance(place.state, in_mujoco.SOFT, STEP, rk4=True)
+    theirs, data = in_mujoco.stance(state, in_mujoco.SOFT, STEP, rk4=True)
     theirs.opt.tolerance, theirs.opt.iterations = 1e-8, 100  # its defaults
-    data.qvel[:] = 0.0
+    torques = np.repeat(data.qfrc_applied[None], steps, axis=0)
     first = np.concatenate(([0.0], data.qpos, data.qvel))
     ours()
-    drift = ours_drift(model, batch.q[0])
-    missed = f"ours: constraints to {drift:.0e} m; "
-    run = rollout(theirs, first, size, steps)
-    last = run()[0, -1]
-    data.qpos[:] = last[1 : 1 + theirs.nq]
+    held = pg.simulate(state.model, batch.q[0], batch.v[0], t_end=STEP, step=STEP, method="rk4")
+    run = rollout(theirs, first, size, steps, torques)
+    data.qpos[:] = run()[0, -1, 1 : 1 + theirs.nq]
     mujoco.mj_forward(theirs, data)
+    missed = f"ours: constraints to {held.constraint_drift[0, 0]:.0e} m at the end; "
     missed += f"MuJoCo: to {np.abs(data.efc_pos).max():.0e} m"
     return Pair("stance, 12 rows", size, steps, ours, run, 6.0, missed)
-
-
-def ours_drift(model: pg.Model, q: np.ndarray) -> float:
-    """Largest distance of the paws from where they are held [m]."""
-    run = pg.simulate(model, q, np.zeros(21), t_end=STEP, step=STEP, method="rk4", frames=2)
-    return float(run.constraint_drift[0, 0])
 
 
 def trees(size: int, steps: int) -> Pair:

@@ -118,7 +118,7 @@ class Walkers:
         self._start = self.batch.q[0].copy()
 
     def start(self, which: Array, rng: np.random.Generator) -> None:
-        """Begin anew: another variant, joints near rest."""
+        """Start again: another variant, joints near rest."""
         k = len(which)
         q = np.repeat(self._start[None], k, axis=0)
         q[:, 7:] += rng.uniform(-0.1, 0.1, (k, 12))

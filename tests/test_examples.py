@@ -36,6 +36,7 @@ PROMISED = {
     "19_spring_and_contact": "at rest: True",
     "20_to_pandas": "the index is the time: True",
     "21_stepper": "and back at 0.386 rad, t = 1.000 s",
+    "22_design": "cheaper: True",
 }
 
 

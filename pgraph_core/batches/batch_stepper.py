@@ -129,6 +129,11 @@ class BatchStepper(Portable):
         return _read_only(self._many.v)
 
     @property
+    def work(self) -> Array:
+        """(size,) work of motors, servos and given torques since the start [J]."""
+        return self._many.work.copy()
+
+    @property
     def ok(self) -> NDArray[np.bool_]:
         """(size,) bool: which instances go on."""
         return self._many.codes == at.RUNNING
@@ -190,7 +195,8 @@ class BatchStepper(Portable):
 
         `which` are numbers of instances, or (size,) bool, all by default. q (k, nq) and v (k, nv)
         are for these, or one state (nq,), (nv,) for all of them. `numbers` (k,) are places in the
-        lists of `set`: the entries that these instances take from now on.
+        lists of `set`: the entries that these instances take from now on. What soft and penalty
+        contacts leave out stays as it fits the initial states.
         Raises InputError where a state does not fit, or cannot meet the constraints.
         """
         chosen, many = _chosen(which, self.size), self._many

@@ -123,6 +123,7 @@ class Instances:
         nq, nv = len(steps.q), len(steps.v)
         y = Place(arrays, arrays[0]).of(self.states)
         self.q, self.v = y[:, :nq], y[:, nq : nq + nv]
+        self.work = y[:, nq + nv + at.WORK_DONE]
         self.control = Place(arrays, steps.control_table).of(self.states)[:, 0]
         self.given = Place(arrays, scene.given).of(self.states) if nv else np.zeros((size, 0))
         knots, servos = record.plan.drives.knots, workers[0].stepper.servos
