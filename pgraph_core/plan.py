@@ -10,10 +10,10 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from .errors import explained
+from .errors import InputError, Problem, explained, shown
 from .model import Body, Constraint, Contact, Force, Model, Servo
 from .model.force import Between, OnJoint
-from .model.scenario import AUTO
+from .model.scenario import AUTO, METHOD_NAMES
 
 IMPLICIT = ("ros2", "radau5")  # methods with a Jacobian
 STEPPED_OVER = "moreau_jean"  # the method that needs no times of impacts
@@ -48,8 +48,11 @@ class Plan:
     ) -> Plan:
         """The plan of a model's runs; `acting` names constraints in place of the scenario's.
 
-        Raises ModelError for a scenario that is not there.
+        Raises ModelError for a scenario that is not there, InputError for a method.
         """
+        if method not in METHOD_NAMES:
+            text = f"no method is called {shown(method)}; choose one of {', '.join(METHOD_NAMES)}"
+            raise InputError(Problem("plan", "method", text))
         scene = Scene.of(model, scenario, method, acting)
         return cls(tuple(part for makers in MAKERS for part in makers(scene)))
 
@@ -216,7 +219,7 @@ def _touching(s: Scene) -> Iterator[Part]:
         yield Part("impulses", False, "no rigid contact, no limit: no impulses, no cones")
     elif s.method in (AUTO, STEPPED_OVER):
         yield Part("impulses", True, "impulses by sweeps over contacts and limits, each step")
-        yield Part("events", False, "impacts are stepped over: their times are not searched")
+        yield Part("events", False, "impacts are located inside steps, not on dense output")
     else:
         yield Part("impulses", True, "impacts, and forces of what stands, from event to event")
         yield Part("events", True, "times of impacts, slips and lift-offs, by shorter steps")

@@ -22,8 +22,11 @@ from typing import Annotated, Any, ClassVar, TypeVar
 
 from pydantic import ConfigDict, Field, TypeAdapter
 
+from pgraph_core.errors import PgraphError
+
+from .cells import Refusal
 from .renames import as_now
-from .state import Notice, State, told
+from .state import Notice, State, replied, told
 
 Text = Annotated[str, Field(max_length=20_000)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -58,6 +61,26 @@ def on(*kinds: type[Event]) -> Callable[[Handler], Handler]:
         for kind in kinds:
             assert kind not in HANDLERS, f"{kind.__name__} has two handlers"
             HANDLERS[kind] = handler
+        return handler
+
+    return keep
+
+
+def on_typed(*kinds: type[FromPage]) -> Callable[[Handler], Handler]:
+    """As `on`, for what was typed into a cell, whose page is answered.
+
+    What the handler refuses, by a Refusal or an error of the core, stands next to the cell.
+    """
+
+    def keep(handler: Handler) -> Handler:
+        def answered(state: State, event: Any) -> State:
+            try:
+                state = handler(state, event)
+            except (Refusal, PgraphError) as refusal:
+                return replied(state, event.client, event.serial, str(refusal))
+            return replied(state, event.client, event.serial)
+
+        on(*kinds)(answered)
         return handler
 
     return keep

@@ -10,8 +10,8 @@ import pgraph_core as pg
 from ..core import cells
 from ..core.cells import Refusal
 from ..core.edit import with_model
-from ..core.events import FromPage, Text, on
-from ..core.state import State, replied, with_client
+from ..core.events import FromPage, Text, on, on_typed
+from ..core.state import State, with_client
 from ..run import Request
 from ..run.update import GoLive, go_live, idle
 from . import LAWS, Offer, Walking, checked, chosen, grounded, law, offered, offers
@@ -69,11 +69,11 @@ class SetGait(FromPage):
     gait: Text
 
 
-@on(SetGait)
+@on_typed(SetGait)
 def gait_set(state: State, event: SetGait) -> State:
     if event.gait not in offers(state.model):
         return state
-    return settled(state, event.client, event.serial, chosen(state.walking, event.gait))
+    return settled(state, chosen(state.walking, event.gait))
 
 
 @dataclass(frozen=True)
@@ -85,31 +85,24 @@ class SetWalk(FromPage):
     text: Text
 
 
-@on(SetWalk)
+@on_typed(SetWalk)
 def walk_set(state: State, event: SetWalk) -> State:
-    try:
-        value = cells.named_number(NAMES[event.field], event.text)
-    except Refusal as refusal:
-        return replied(state, event.client, event.serial, str(refusal))
+    value = cells.named_number(NAMES[event.field], event.text)
     changes = {**state.walking.changes, event.field: value}
-    walking = replace(state.walking, changes=changes)
-    return settled(state, event.client, event.serial, walking)
+    return settled(state, replace(state.walking, changes=changes))
 
 
-def settled(state: State, client: int, serial: int, walking: Walking) -> State:
-    """`walking`, where the model's legs can do it; else the sentence that says why not."""
-    try:
-        offer = offered(state.model, walking)
-        if offer is not None and state.kernels.ready:
-            checked(state.model, offer)
-    except pg.PgraphError as error:
-        return replied(state, client, serial, str(error))
+def settled(state: State, walking: Walking) -> State:
+    """`walking`, where the model's legs can do it. Raises PgraphError that says why not."""
+    offer = offered(state.model, walking)
+    if offer is not None and state.kernels.ready:
+        checked(state.model, offer)
     state = replace(state, walking=walking)
     if state.live is not None and offer is not None:
         request = requested(state.model, offer)
         if request != state.live.request:
             state = replace(state, live=replace(state.live, request=request))
-    return replied(state, client, serial)
+    return state
 
 
 @dataclass(frozen=True)
@@ -121,24 +114,18 @@ class SetGround(FromPage):
     text: Text
 
 
-@on(SetGround)
+@on_typed(SetGround)
 def ground_set(state: State, event: SetGround) -> State:
     if state.live is not None and event.field in ("slope", "steps"):
-        text = f"{NAMES[event.field]} is set before a walk: stop this one first."
-        return replied(state, event.client, event.serial, text)
-    try:
-        if event.field == "law":
-            value = event.text
-        else:
-            value = cells.named_number(NAMES[event.field], event.text)
-        model = grounded(state.model, event.field, value)
-    except (Refusal, pg.PgraphError) as refusal:
-        return replied(state, event.client, event.serial, str(refusal))
+        raise Refusal(f"{NAMES[event.field]} is set before a walk: stop this one first.")
+    law = event.field == "law"
+    value = event.text if law else cells.named_number(NAMES[event.field], event.text)
+    model = grounded(state.model, event.field, value)
     state = with_model(state, model, f"{event.field} of the ground")
     live, offer = state.live, offered(model, state.walking)
     if live is not None and offer is not None and event.field == "law":
         state = replace(state, live=replace(live, request=requested(model, offer)))
-    return replied(state, event.client, event.serial)
+    return state
 
 
 @dataclass(frozen=True)
@@ -166,15 +153,10 @@ class SetPush(FromPage):
     text: Text
 
 
-@on(SetPush)
+@on_typed(SetPush)
 def push_set(state: State, event: SetPush) -> State:
-    try:
-        strength = cells.named_number("The strength", event.text)
-        if not 0 < strength <= STRONGEST:
-            raise Refusal(
-                f"The strength is above 0 and at most {STRONGEST:g} weights; given {strength:g}"
-            )
-    except Refusal as refusal:
-        return replied(state, event.client, event.serial, str(refusal))
-    state = replace(state, walking=replace(state.walking, strength=strength))
-    return replied(state, event.client, event.serial)
+    strength = cells.named_number("The strength", event.text)
+    if not 0 < strength <= STRONGEST:
+        text = f"The strength is above 0 and at most {STRONGEST:g} weights; given {strength:g}"
+        raise Refusal(text)
+    return replace(state, walking=replace(state.walking, strength=strength))

@@ -9,8 +9,8 @@ from pgraph_core.study.axes import AXES
 
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.events import Event, FromPage, Text, on
-from ..core.state import State, replied, with_client
+from ..core.events import Event, FromPage, Text, on, on_typed
+from ..core.state import State, with_client
 from . import Analysis, Report, ReportRequest
 
 LONGEST = 60.0  # [s] of the motion that is measured: it is run some hundred times
@@ -25,13 +25,10 @@ class SetReport(FromPage):
     text: Text
 
 
-@on(SetReport)
+@on_typed(SetReport)
 def set_report(state: State, event: SetReport) -> State:
-    try:
-        reporting = replace(state.reporting, **{event.field: _value(event.field, event.text)})
-    except Refusal as refusal:
-        return replied(state, event.client, event.serial, str(refusal))
-    return replied(replace(state, reporting=reporting), event.client, event.serial)
+    changed = {event.field: _value(event.field, event.text)}
+    return replace(state, reporting=replace(state.reporting, **changed))
 
 
 def _value(field: str, text: str) -> float | str | None:

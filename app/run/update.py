@@ -10,8 +10,8 @@ from pgraph_core.model.scenario import METHOD_NAMES
 
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.events import Event, FromPage, Text, on
-from ..core.state import State, replied
+from ..core.events import Event, FromPage, Text, on, on_typed
+from ..core.state import State
 from ..gait.footfalls import changes
 from . import FREE_RUN, Exporting, Job, Kernels, Live, Request, Run
 
@@ -29,7 +29,7 @@ class SetScenario(FromPage):
     scenario: Text
 
 
-@on(SetScenario)
+@on_typed(SetScenario)
 def scenario_chosen(state: State, event: SetScenario) -> State:
     """A scenario with its own settings, or a free run with ours."""
     name = event.scenario
@@ -39,7 +39,7 @@ def scenario_chosen(state: State, event: SetScenario) -> State:
         state = replace(state, request=asked)
     elif name == FREE_RUN:
         state = replace(state, request=Request())
-    return replied(state, event.client, event.serial)
+    return state
 
 
 @dataclass(frozen=True)
@@ -51,13 +51,10 @@ class SetRun(FromPage):
     text: Text
 
 
-@on(SetRun)
+@on_typed(SetRun)
 def request_edited(state: State, event: SetRun) -> State:
-    try:
-        request = replace(state.request, **{event.field: _value(event.field, event.text)})
-    except Refusal as refusal:
-        return replied(state, event.client, event.serial, str(refusal))
-    return replied(replace(state, request=request), event.client, event.serial)
+    changed = {event.field: _value(event.field, event.text)}
+    return replace(state, request=replace(state.request, **changed))
 
 
 def _value(field: str, text: str) -> float | str | None:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..dynamics.arguments import position
 from ..engine import layout as at
-from ..errors import InputError, PgraphError, Problem, choices, shown
+from ..errors import InputError, PgraphError, Problem, choices, explained, shown
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..packing.system import Array, Ints
@@ -29,6 +29,7 @@ SNAPSHOT = b"pgraph batch"
 MOST = 10_000_000  # instances
 
 
+@explained
 class BatchStepper(Portable):
     """`size` instances of a mechanism, stepped together: trees, loops and contacts.
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ..errors import explained
+from ..errors import explained, refusal, shown
 from ..model import Footfall, Gains, Gait
 
 FEET = ("left_front_foot", "right_front_foot", "left_hind_foot", "right_hind_foot")
@@ -16,6 +16,8 @@ FEET = ("left_front_foot", "right_front_foot", "left_hind_foot", "right_hind_foo
 @explained
 def gaits(feet: Sequence[str] = FEET) -> dict[str, Gait]:
     """The presets by name; `feet` are contacts: left and right in front, left and right behind."""
+    if isinstance(feet, str) or len(feet) != 4:
+        raise refusal("gaits", "feet", f"must be the names of four contacts; given {shown(feet)}")
     return {
         gait.name: gait
         for gait in (make(feet) for make in (_stand, _crawl, _trot, _bound, _gallop))

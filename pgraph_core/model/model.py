@@ -319,6 +319,9 @@ class Model(World):
         and where that is in the initial state. `joint` and `axis` are those of the body's own
         joint unless given. Raises ModelError for joints that no constraint stands for.
         """
+        if not isinstance(parent, str):
+            text = f"must be the name of a body or 'ground'; given {shown(parent)}"
+            raise ModelError(Problem(f"body {shown(body)}", "parent", text))
         given = {
             "joint": joint,
             "name": name,

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ..errors import InputError, Problem, explained
+from ..errors import InputError, Problem, explained, shown
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..result import Result
@@ -84,6 +84,9 @@ def simulate(
     if progress is not None and not callable(progress):
         text = f"must be a function of the fraction that is done; given {progress!r}"
         raise InputError(Problem("simulate", "progress", text))
+    if estimate not in (None, True, False):
+        text = f"must be True, False or None; given {shown(estimate)}"
+        raise InputError(Problem("simulate", "estimate", text))
     options = Options(
         scenario, t_start, t_end, method, step, rtol, atol, max_steps, frames, t_eval, stabilise,
         forces, switches,

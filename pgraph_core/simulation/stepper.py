@@ -211,6 +211,7 @@ class Stepper(Portable):
 
     def record_over(self, dt: float, frames: int | None = None, tau: Any = None) -> Result:
         """As `record`, over a time `dt` [s]: in narrower steps if that is no whole number."""
+        dt = positive("dt", dt)
         n = max(1, math.ceil(dt / self._width - SAME))
         whole = abs(n * self._width - dt) <= SAME * self._width
         return self._recorded(n, self._width if whole else dt / n, frames, tau)

@@ -10,6 +10,7 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core.simulation.event_scene import EventScene
+from pgraph_models.case_models import limited_pendulum
 
 G = 9.81
 FEET = ("left_front_paw", "right_front_paw", "left_hind_paw", "right_hind_paw")
@@ -68,16 +69,7 @@ def test_a_sphere_bounces_as_far_as_rounding_tells_impacts_apart():
 
 def test_a_pendulum_chatters_to_rest_on_its_limit():
     case = reference("pendulum_joint_limit")
-    rod = pg.Body(
-        name="rod",
-        axes=((0, 1, 0),),
-        com=(0, 0, -0.5),
-        inertia=((1 / 12, 0, 0), (0, 1 / 12, 0), (0, 0, 0)),
-        q=(1.5,),
-        limits=((0.5, None),),
-        limit_restitution=(0.6,),
-    )
-    done = run(pg.Model(bodies=(rod,)), t_end=2.2, step=1e-3)
+    done = run(limited_pendulum(), t_end=2.2, step=1e-3)
     times = np.array([event.t for event in done.events])
     expected = np.array([impact["t"] for impact in case["impacts"]])
     assert len(times) > 25

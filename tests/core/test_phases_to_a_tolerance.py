@@ -7,6 +7,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
+from pgraph_models.case_models import limited_pendulum
 
 from .test_phases import (
     FEET,
@@ -51,16 +52,7 @@ def test_a_ball_bounces_and_comes_to_rest_when_it_must(method):
 
 def test_a_pendulum_chatters_to_rest_on_its_limit():
     case = reference("pendulum_joint_limit")
-    rod = pg.Body(
-        name="rod",
-        axes=((0, 1, 0),),
-        com=(0, 0, -0.5),
-        inertia=((1 / 12, 0, 0), (0, 1 / 12, 0), (0, 0, 0)),
-        q=(1.5,),
-        limits=((0.5, None),),
-        limit_restitution=(0.6,),
-    )
-    done = run(pg.Model(bodies=(rod,)), t_end=2.2, rtol=1e-12)
+    done = run(limited_pendulum(), t_end=2.2, rtol=1e-12)
     assert done.header["method"] == "dop853"
     times = np.array([event.t for event in done.events])
     expected = np.array([impact["t"] for impact in case["impacts"]])
