@@ -12,6 +12,7 @@ import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, TypeVar
@@ -99,6 +100,20 @@ class FileError(PgraphError):
 
 class InputError(PgraphError):
     """An argument of a call that does not fit the mechanism."""
+
+
+class MissingPackage(PgraphError, ImportError):
+    """An optional package is not installed; the text names the command that installs it."""
+
+
+def needed(module: str, extra: str) -> Any:
+    """The imported `module`. Raises MissingPackage naming the `extra` of pgraph-dynamics."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        package = module.split(".")[0]
+        text = f"is not installed; type: pip install 'pgraph-dynamics[{extra}]'"
+        raise MissingPackage(Problem(f"package '{package}'", "", text)) from error
 
 
 def choices(names: Iterable[str], limit: int = 12) -> str:

@@ -14,8 +14,8 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core import show
-from pgraph_core.show import animation, bodies, camera, ground, plots, shapes, tables
-from pgraph_core.show.ground import GRID
+from pgraph_core.show import animation, bodies, camera, plots, shapes, stage, tables
+from pgraph_core.show.stage import GRID
 
 pytestmark = pytest.mark.fast
 
@@ -268,10 +268,10 @@ def test_the_floor_is_below_what_hangs_and_at_the_plane_where_something_may_touc
     hanging = pg.Model.serial(4)
     top = pg.Topology.of(hanging)
     positions, _ = pg.home_poses(hanging)
-    low = ground.depth(hanging, hanging.bodies, top.parent.tolist(), positions, 0.4)
+    low = stage.depth(hanging, hanging.bodies, top.parent.tolist(), positions, 0.4)
     assert low == pytest.approx(sum(np.linalg.norm(b.tip_point) for b in hanging.bodies), abs=0.2)
     touching = hanging.add(pg.Contact(name="c", body="4", points=((0, 0, 0),)))
-    assert ground.depth(touching, hanging.bodies, top.parent.tolist(), positions, 0.4) == 0
+    assert stage.depth(touching, hanging.bodies, top.parent.tolist(), positions, 0.4) == 0
 
 
 def test_the_box_of_a_mesh_is_that_of_its_file_in_its_scales(tmp_path):

@@ -11,8 +11,8 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.show.digraph import Layout, layout
-from pgraph_core.show.ground import depth
 from pgraph_core.show.shapes import Color, branch_colors, children_of, reach, to_wxyz
+from pgraph_core.show.stage import depth
 from pgraph_core.topology import Loop, loops_of
 
 KEPT = 8  # models of which it is known

@@ -10,7 +10,7 @@ import viser
 from pgraph_core.show import bodies, camera, shapes
 from pgraph_core.show.bodies import Look
 from pgraph_core.show.camera import FIELD_OF_VIEW, Viewpoint, in_picture
-from pgraph_core.show.ground import GRID
+from pgraph_core.show.stage import GRID
 
 from ..core.bridge import Bridge
 from ..core.state import Client, State, poses

@@ -13,7 +13,7 @@ import viser
 from pgraph_core.show import shapes, stage
 from pgraph_core.show.animation import between
 from pgraph_core.show.bodies import SEPARATE, BatchedBodies, Bodies, Look, SeparateBodies, at_rest
-from pgraph_core.show.ground import grid, steps
+from pgraph_core.show.stage import grid, steps
 
 from ..core.bridge import Bridge
 from ..core.events import Event

@@ -15,13 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import FileError, ModelError, Problem, explained, shown
+from ..errors import FileError, ModelError, Problem, explained, needed, shown
 from ..markup import Element, read_markup
 from ..mesh_files import FORMATS
 from ..model import Contact, Force, Model
 from ..model.fields import GROUND, name_problem
 from ..rotation import matrix, multiply, unit
-from ..show.extras import needed
 from .folders import Folders
 from .mjcf_parts import Group, Parts
 from .report import Report, reach_of, suspect_units, unphysical

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from ..errors import needed
 from ..model import Constraint, Contact, Force, Gear, Motion, Motor, Scenario, Servo, Spring, Wrench
 from ..model.fields import EVERY, GROUND
 from ..rotation import matrix, multiply, unit
-from ..show.extras import needed
 from .report import Report
 
 Array = np.ndarray

@@ -13,13 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import ModelError, Problem
+from ..errors import ModelError, Problem, needed
 from ..mesh_files import Scale, load_mesh
 from ..model import Shape
 from ..model.shape import MassProperties as MassProperties
 from ..model.shape import leak as _leak
 from ..model.shape import mass_properties as mass_properties
-from ..show.extras import needed
 from . import solids
 from .solids import Solid
 

@@ -9,10 +9,10 @@ matplotlib and pandas are imported when first needed; `MissingPackage` names wha
 * `digraph_svg(names, parent, loops)`; `shapes`: bodies as simple pieces and meshes
 """
 
+from ..errors import MissingPackage as MissingPackage
 from .animation import animation_html as animation_html
 from .animation import opened as opened
 from .digraph import digraph_svg as digraph_svg
-from .extras import MissingPackage as MissingPackage
 from .plots import figure as figure
 from .plots import frame as frame
 from .tables import mechanism_html as mechanism_html

@@ -14,12 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..errors import needed
 from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies, extent, looks
 from .camera import FIELD_OF_VIEW, fitted, towards
-from .extras import needed
-from .ground import GRID, depth, grid, steps
 from .shapes import branch_colors, children_of, reach, to_matrix
-from .stage import floor, light
+from .stage import GRID, depth, floor, grid, light, steps
 
 if TYPE_CHECKING:
     import viser

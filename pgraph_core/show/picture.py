@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from . import bodies, camera, shapes
-from .ground import GRID
+from .stage import GRID
 
 WIDTH, HEIGHT = 132, 88
 ROUND = 20  # points around a ball or a rim

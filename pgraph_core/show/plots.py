@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, Problem, choices
-from .extras import needed
+from ..errors import InputError, Problem, choices, needed
 
 TIME = "t [s]"
 

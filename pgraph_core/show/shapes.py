@@ -16,9 +16,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ..errors import PgraphError
+from ..errors import PgraphError, needed
 from ..mesh_files import load_mesh
-from .extras import needed
 
 Color = tuple[int, int, int]
 TRUNK_HUE = 0.63  # bodies that carry several tips

@@ -66,7 +66,7 @@ class Sweep:
 
     def to_pandas(self) -> Any:
         """A pandas DataFrame with a row for each point."""
-        from ..show.extras import needed
+        from ..errors import needed
 
         return needed("pandas", "pandas").DataFrame(self.columns())
 
@@ -95,7 +95,7 @@ class Sweep:
 
     def plot(self, metric: str | None = None) -> Any:
         """A matplotlib figure: a curve over one path, a map over two, else one panel a path."""
-        from ..show.extras import needed
+        from ..errors import needed
 
         name = metric or next(iter(self.values))
         if name not in self.values:

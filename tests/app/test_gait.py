@@ -30,8 +30,8 @@ from pgraph_app.scene import marks
 from pgraph_app.scene.update import Show
 from pgraph_app.session.update import Connected
 from pgraph_core.result import contact_record
-from pgraph_core.show.ground import solid
 from pgraph_core.show.shapes import to_matrix
+from pgraph_core.show.stage import solid
 
 ME = 1
 PART = 0.0167  # [s]
