@@ -9,6 +9,7 @@ import numpy as np
 
 import pgraph_core as pg
 import pgraph_models
+from pgraph_core.gait.presets import FEET
 
 STEP = 1e-3  # s
 RTOL = 1e-8  # of event-driven runs that choose their steps
@@ -66,8 +67,8 @@ def walked(name: str, gait: str, t_end: float) -> Walked:
         speed=float(run.q[-1, 0] - run.q[late, 0][0]) / float(run.t[-1] - run.t[late][0]),
         aside=float(run.q[-1, 2]),
         tilt=float(np.degrees(np.arccos(np.clip(up.min(), -1, 1)))),
-        slip=max(max(slips(run, foot)) for foot in run.phases),
-        depth=-min(float(gap[np.isfinite(gap)].min()) for gap in run.contact_gap.values()),
+        slip=max(max(slips(run, foot)) for foot in FEET),
+        depth=-min(float(run.contact_gap[foot].min()) for foot in FEET),
         torque=torque,
         limit=limit,
         energy=run.energy_drift,
@@ -127,7 +128,7 @@ def touchdowns(run: pg.Result, foot: str) -> np.ndarray:
 def apart(run: pg.Result, exact: pg.Result) -> float:
     """Median distance of touchdowns from those of another run [s]; inf where they do not pair."""
     found = []
-    for foot in exact.phases:
+    for foot in FEET:
         mine, other = touchdowns(run, foot), touchdowns(exact, foot)
         found += np.abs(mine - other).tolist() if len(mine) == len(other) else [np.inf]
     return float(np.median(found))

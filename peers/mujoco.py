@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pgraph_core import Model
+from pgraph_core import Model, Shape
 from pgraph_core.rotation import matrix
 
 from .motion import Actuator, Clocks, Exported, Trajectory
@@ -244,7 +244,8 @@ def stance(
 def walker(model: Model, step: float, radius: float) -> Any:
     """A compiled model with MuJoCo's default contacts: balls of `radius` at the contact points.
 
-    The ground is the plane through the origin whose normal is y.
+    Contacts of bodies without points have their capsules and boxes. The ground is the plane through
+    the origin whose normal is y.
     """
     mujoco = import_module("mujoco")
     rows = rows_of(model)
@@ -254,13 +255,34 @@ def walker(model: Model, step: float, radius: float) -> Any:
     friction = [float(model.contacts[0].friction or 0.0), 0.005, 0.0001]
     turn = [np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0]
     plane, ball = mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_SPHERE
-    spec.worldbody.add_geom(type=plane, size=[0, 0, 1], quat=turn, friction=friction)
+    spec.worldbody.add_geom(type=plane, size=[0, 0, 1], quat=turn, friction=friction, conaffinity=3)
     for c in model.contacts:
+        for shape in () if c.points else model.body(c.body).touching:
+            _add_solid(mujoco, spec.body(c.body), shape, friction)
+    for c in model.contacts:
+        if not c.points:
+            continue
         x, y, z = c.points[0]
         place, size = (x, y + radius, z), [radius, 0, 0]
         body = spec.body(c.body)
         body.add_geom(type=ball, size=size, pos=place, friction=friction, condim=3)
     return spec.compile()
+
+
+def _add_solid(mujoco: Any, body: Any, shape: Shape, friction: list[float]) -> None:
+    """A capsule or a box that touches the ground alone."""
+    half = (shape.length or 0.0) / 2
+    capsule = shape.kind == "capsule"
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE if capsule else mujoco.mjtGeom.mjGEOM_BOX,
+        size=[shape.radius, half, 0] if capsule else [x / 2 for x in shape.size or ()],
+        pos=shape.position,
+        quat=shape.rotation,
+        friction=friction,
+        condim=3,
+        contype=2,
+        conaffinity=0,
+    )
 
 
 # -- a motion --------------------------------------------------------------------------------------

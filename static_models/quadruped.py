@@ -15,7 +15,9 @@ TRUNK = ("pelvis", "lumbar", "thorax", "shoulder_neck_head")
 DURATION = 0.25  # of the push [s]
 KNOTS = 126  # of its tables, at ends of steps: every 2 ms
 HIPS = ("left_humerus", "right_humerus", "left_femur", "right_femur")
-FRICTION = 0.7  # of the paws' soles on the ground
+LEGS = (*HIPS, "left_radius", "right_radius", "left_tibia", "right_tibia")
+HULL = (*TRUNK, *LEGS)  # what lies on the ground after a fall
+FRICTION = 0.7  # of the paws' soles on the ground, and of the rest
 
 # Gains of the servos [N m/rad], [N m s/rad]: as stiff as RK4 takes at 1 ms with much to spare.
 # The fastest mode of the standing body decays at less than 500 1/s, in both scenarios.
@@ -36,7 +38,7 @@ def quadruped() -> pg.Model:
         up="y",
         bodies=tuple(_with_shapes(body, bodies, drawn[body.name]) for body in bodies),
         constraints=[feet[name] for name in FEET],
-        contacts=_soles(bodies),
+        contacts=(*_soles(bodies), *_hull(bodies)),
         scenarios=(_stance(bodies), _stand(bodies), _walk("bound", 10.0)),
     )
 
@@ -56,7 +58,7 @@ def _walk(name: str, t_end: float) -> pg.Scenario:
         name=name,
         description=gait.description,
         constraints=(),
-        contacts=tuple(fall.foot for fall in gait.feet),
+        contacts=(*(fall.foot for fall in gait.feet), *HULL),
         gait=gait,
         t_end=t_end,
         step=1e-3,
@@ -75,6 +77,15 @@ def _soles(bodies: list[pg.Body]) -> tuple[pg.Contact, ...]:
             active=False,
         )
         for foot in FEET
+    )
+
+
+def _hull(bodies: list[pg.Body]) -> tuple[pg.Contact, ...]:
+    """The shapes of trunk and legs over the ground, under the names of their bodies."""
+    return tuple(
+        pg.Contact(name=body.name, body=body.name, friction=FRICTION, active=False)
+        for body in bodies
+        if body.name in HULL
     )
 
 

@@ -27,7 +27,12 @@ def changes(run: pg.Result, known: Sequence[Change] = ()) -> tuple[Change, ...]:
     """Those of a run; of a part that goes on from `known`, those that it adds."""
     if not len(run.t):
         return ()
-    feet = [name for name, phase in run.phases.items() if len(phase) and phase[0] in PHASES]
+    points = {c.name for c in run.mechanism.model.contacts if len(c.points) == 1}
+    feet = [
+        name
+        for name, phase in run.phases.items()
+        if (not points or name in points) and len(phase) and phase[0] in PHASES
+    ]
     before = {change.foot for change in known}
     found = [
         _change(run, name, float(run.t[0]), str(run.phases[name][0]), "")

@@ -2,13 +2,13 @@
 (() => {
   const { make, send } = pgraph;
   const COLORS = ["--swing", "--acceptance", "--slip", "--stance"]; // in the order of the phases
-  const WINDOW = 6; // [s] that the bars show at most
+  const THUMB = 16; // [px] of the slider: its ends stand half of it inside
   const ROW = 9, GAP = 3;
 
   function build(host) {
     const canvas = make("canvas", { className: "bars", title: "Phases of the feet: click to look there" });
     const scrub = (event) => {
-      const box = canvas.getBoundingClientRect(), [from, to] = range(host);
+      const box = canvas.getBoundingClientRect(), [from, to] = range();
       send("Scrub", { time: from + (to - from) * Math.min(Math.max((event.clientX - box.left) / box.width, 0), 1) });
     };
     canvas.addEventListener("pointerdown", (event) => { canvas.setPointerCapture(event.pointerId); scrub(event); });
@@ -17,12 +17,17 @@
     new ResizeObserver(() => paint(host)).observe(canvas);
   }
 
-  // The stretch of time that the bars show: all of it, or what is around the time shown.
-  function range(host) {
-    const [time, start, end] = pgraph.latest.time ?? pgraph.latest.playback?.moment ?? [0, 0, 0];
-    if (end - start <= WINDOW) return [start, Math.max(end, start + 1e-3)];
-    const from = Math.min(Math.max(time - WINDOW / 2, start), end - WINDOW);
-    return [from, from + WINDOW];
+  // The bars have the scale of the slider above them.
+  function range() {
+    const [, start, end] = pgraph.latest.time ?? pgraph.latest.playback?.moment ?? [0, 0, 0];
+    return [start, Math.max(end, start + 1e-3)];
+  }
+  function align(host, canvas) {
+    const slider = document.querySelector(".scrub")?.getBoundingClientRect(), feet = host.querySelector(".feet").getBoundingClientRect();
+    if (!slider?.width || !feet.width) return;
+    const left = Math.round(slider.left - feet.left + THUMB / 2), wide = Math.round(slider.width - THUMB);
+    host.querySelector(".names").style.width = `${Math.max(left - 8, 0)}px`;
+    canvas.style.width = `${wide}px`;
   }
 
   function draw(host, data) {
@@ -49,6 +54,7 @@
   function paint(host) {
     const data = pgraph.latest.phases, canvas = host.querySelector("canvas.bars");
     if (!data?.feet.length || !canvas.clientWidth) return;
+    align(host, canvas);
     const scale = window.devicePixelRatio || 1, wide = canvas.clientWidth, tall = data.feet.length * (ROW + GAP) - GAP;
     canvas.style.height = `${tall}px`;
     if (canvas.width !== Math.round(wide * scale) || canvas.height !== Math.round(tall * scale)) {
@@ -59,7 +65,7 @@
     const colors = COLORS.map((name) => style.getPropertyValue(name));
     pen.setTransform(scale, 0, 0, scale, 0, 0);
     pen.clearRect(0, 0, wide, tall);
-    const [from, to] = range(host), [time, , end] = pgraph.latest.time ?? pgraph.latest.playback.moment;
+    const [from, to] = range(), [time, , end] = pgraph.latest.time ?? pgraph.latest.playback.moment;
     const x = (t) => wide * Math.min(Math.max((t - from) / (to - from), 0), 1);
     const last = data.feet.map(() => null);
     const fill = (foot, until) => {

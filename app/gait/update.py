@@ -13,7 +13,7 @@ from ..core.edit import with_model
 from ..core.events import FromPage, Text, on, on_typed
 from ..core.state import State, with_client
 from ..run import Request
-from ..run.update import GoLive, go_live, idle
+from ..run.update import Continue, GoLive, Simulate, asked, go_live, idle
 from . import LAWS, Offer, Walking, checked, chosen, grounded, law, offered, offers
 
 STRONGEST = 20.0  # push over the weight
@@ -45,6 +45,27 @@ def live(state: State, event: GoLive) -> State:
     if offer is None or offer.scenario != scenario.name:
         state = replace(state, walking=chosen(state.walking, scenario.gait.name))
     return begun(state, event.client) or go_live(state)
+
+
+@on(Simulate)
+def simulate(state: State, event: Simulate) -> State:
+    """A run; a walk with the speed and the turning that are set here."""
+    return asked(state, None, set_gait(state)) if idle(state) else state
+
+
+@on(Continue)
+def go_on(state: State, event: Continue) -> State:
+    if not idle(state) or state.run is None:
+        return state
+    return asked(state, state.run.result, set_gait(state))
+
+
+def set_gait(state: State) -> pg.Gait | None:
+    """The gait of the scenario to simulate, where something of it was changed here."""
+    offer = offered(state.model, state.walking)
+    if offer is None or not state.walking.changes or offer.scenario != state.request.scenario:
+        return None
+    return offer.gait
 
 
 def begun(state: State, client: int) -> State | None:

@@ -131,7 +131,7 @@ def draw(scene: viser.SceneApi, state: State, at: np.ndarray) -> Any:
 
 
 OFTEN = 0.15  # [s] between two pictures of a live run
-WINDOW = 7.0  # [s] of motion that a live run sends
+WINDOW = 60.0  # [s] of motion that a live run sends
 
 
 class PhasesView:

@@ -35,6 +35,7 @@ class Job:
     request: Request
     fraction: float = 0.0
     before: Any = None  # the result that this one goes on from
+    gait: pg.Gait | None = None  # in place of its scenario's
     framed: int = 0  # `State.framed` when it was asked for
 
 

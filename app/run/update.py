@@ -85,27 +85,19 @@ def idle(state: State) -> bool:
 
 @dataclass(frozen=True)
 class Simulate(FromPage):
-    """Simulate the model as it stands."""
-
-
-@on(Simulate)
-def simulate(state: State, event: Simulate) -> State:
-    return asked(state, None) if idle(state) else state
+    """Simulate the model as it stands. (`gait/update.py` handles it: it may walk.)"""
 
 
 @dataclass(frozen=True)
 class Continue(FromPage):
-    """Go on from the end of the run for as long again."""
+    """Go on from the end of the run for as long again. (`gait/update.py` handles it too.)"""
 
 
-@on(Continue)
-def go_on(state: State, event: Continue) -> State:
-    return asked(state, state.run.result) if idle(state) and state.run is not None else state
-
-
-def asked(state: State, before: Any) -> State:
-    """A simulation under way; from the end of `before` if given."""
-    job = Job(state.jobs + 1, state.model, state.request, before=before, framed=state.framed)
+def asked(state: State, before: Any, gait: pg.Gait | None = None) -> State:
+    """A simulation under way; from the end of `before` if given, by another gait if given."""
+    job = Job(
+        state.jobs + 1, state.model, state.request, before=before, gait=gait, framed=state.framed
+    )
     paused = replace(state.playback, playing=False, preview=False)
     return replace(state, job=job, jobs=job.id, run_problem="", playback=paused)
 

@@ -67,8 +67,9 @@ def simulated(job: Job, progress: Callable[[float], bool]) -> object:
     """The result of a job."""
     request, before = job.request, job.before
     start = 0.0 if before is None else float(before.t[-1])
+    mech = pg.Mechanism(job.model)
     run = pg.simulate(
-        pg.Mechanism(job.model),
+        mech,
         *((None, None) if before is None else (before.q[-1], before.v[-1])),
         t_start=start,
         t_end=start + request.t_end,
@@ -76,6 +77,7 @@ def simulated(job: Job, progress: Callable[[float], bool]) -> object:
         rtol=request.rtol,
         method=request.method,
         scenario=None if request.scenario == FREE_RUN else request.scenario,
+        tau=None if job.gait is None else pg.Controller(mech, job.gait),
         progress=progress,
     )
     return run if before is None or len(run.t) == 0 else pg.joined((before, run))

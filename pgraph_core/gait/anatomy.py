@@ -12,10 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..engine import layout as at
-from ..engine.records import LEG, table
+from ..engine.gait.tables import LEG
+from ..engine.records import table
 from ..errors import InputError, Problem, choices
 from ..mechanism import Mechanism
 from ..model import Contact, Footfall, Gait, Model
+from ..model.checks import soles_among
 from ..packing.system import Array, Ints
 from .ground import height_under
 
@@ -49,6 +51,8 @@ def anatomy(mech: Mechanism, gait: Gait) -> Anatomy:
     model = mech.model
     if model.up != "y":
         raise _refused(gait, f"walks where up is 'y' and legs swing about z; up is '{model.up}'")
+    if not -model.gravity[1] > 0:
+        raise _refused(gait, f"needs gravity that pulls down along y; it is {model.gravity}")
     q0 = np.zeros(mech.nq)
     root = model.bodies[mech.topology.row[0]]
     if root.joint != "free" or mech.packed.system.rows[1, at.KIND] != at.FREE:
@@ -89,7 +93,8 @@ def _foot(model: Model, gait: Gait, name: str) -> Contact:
     """The contact that is a foot: one point over the ground."""
     known = {contact.name: contact for contact in model.contacts}
     if name not in known:
-        do = f"choose one of {choices(known)}" if known else "the model has no contact"
+        feet = soles_among(model.contacts) or known
+        do = f"choose one of {choices(feet)}" if known else "the model has no contact"
         raise _refused(gait, f"no contact is named '{name}'; {do}")
     contact = known[name]
     if len(contact.points) != 1 or contact.other != "ground":

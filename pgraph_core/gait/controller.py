@@ -9,12 +9,12 @@ import numpy as np
 
 from ..dynamics.callback import UserTorque
 from ..engine import layout as at
-from ..engine.arrays import Walk
 from ..engine.compiler.address import _KEPT, WORDS, address_of, unnamed
 from ..engine.compiler.jit import JIT, compile_kernel, ready
 from ..engine.gait import walking
 from ..engine.gait.heading import FLEXION, HARMONICS, NOD, RISE, SURGE, SWAY
-from ..engine.records import FOOT, GAIT_SETTINGS, table
+from ..engine.gait.tables import FOOT, GAIT_SETTINGS, Walk
+from ..engine.records import table
 from ..errors import InputError, Problem, explained
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Gait, Model
@@ -22,10 +22,10 @@ from ..packing.packed import Packed
 from ..packing.system import Array
 from ..portable import Portable
 from .anatomy import Anatomy, anatomy, standing
+from .ground import terrain_of
 
 SAMPLES = 400  # of a stride, to plan its waves
-G = 9.81
-LOW, UPRIGHT, LIMP = 0.6, 0.5, 2.0  # what counts as a fall; damping after it [N m s/rad]
+LOW, UPRIGHT, LIMP = 0.6, 0.5, 15.0  # what counts as a fall; how joints slow down after it [1/s]
 BLURRED = 1e-14  # of a time: the clock's rounding
 REACH = 0.98  # of the longest leg that a step may use
 
@@ -45,10 +45,11 @@ class Controller(Portable):
         mech = mechanism_of(mech, "Controller")
         self.mech, self.gait = mech, gait
         self.anatomy = anatomy(mech, gait)
-        self.settings = _settings(self.anatomy, gait)
+        self.settings = _settings(self.anatomy, gait, mech.model)
         self.legs = self.anatomy.legs.copy()
         self._share()
-        _check_reach(self.anatomy, gait)
+        _check_reach(self.anatomy, gait, mech.model)
+        self.terrain = terrain_of(mech.model)
         self.waves = self._waves()
         self.limit = np.full(mech.nv, gait.leg_torque)
         self.limit[self.anatomy.spine[:, 1]] = gait.spine_torque
@@ -116,11 +117,12 @@ class Controller(Portable):
         """Accelerations up and of pitch that the loads beforehand give over a stride."""
         gait, a = self.gait, self.anatomy
         x = np.arange(SAMPLES) / SAMPLES
-        up, nod = np.full(SAMPLES, -G), np.zeros(SAMPLES)
+        g = self.settings[0]["gravity"]
+        up, nod = np.full(SAMPLES, -g), np.zeros(SAMPLES)
         for hip, f in zip(a.hips, self.legs):
             p, duty = (x - f["offset"]) % 1.0, f["duty"]
             near = np.clip(np.minimum(p, duty - p) / (gait.loading * duty), 0.0, 1.0)
-            load = np.where(p < duty, near * near * (3 - 2 * near), 0.0) * f["share"] * G
+            load = np.where(p < duty, near * near * (3 - 2 * near), 0.0) * f["share"] * g
             arm = hip[0] + f["ahead"] - a.centre[0] - gait.speed * gait.stride * (p - duty / 2)
             up += load
             nod += load * arm * a.mass / a.inertia[2]
@@ -150,7 +152,8 @@ class GaitTorque(UserTorque):
         self._kept = Walk(
             rows, const, np.zeros((len(rows), at.WORK)), np.zeros((len(rows), 3)),
             controller.legs, self.settings, self.waves, table(FOOT, 4), np.zeros((6, 7)), self._q,
-            self._v, self._tau, np.zeros(nv), controller.limit, a.spine, self.fallen, NO_RUN,
+            self._v, self._tau, np.zeros(nv), controller.limit, a.spine, self.fallen,
+            controller.terrain, NO_RUN,
         )  # fmt: skip
         _store(self.exchange, self._kept)
 
@@ -186,7 +189,7 @@ class GaitTorque(UserTorque):
 
 
 NO_RUN = np.zeros((0, 0))
-TUPLE = 160  # words that the controller's tuple takes
+TUPLE = 192  # words that the controller's tuple takes
 
 
 def _store(exchange: Array, kept: Walk) -> None:
@@ -202,7 +205,7 @@ def _store(exchange: Array, kept: Walk) -> None:
     place[:] = buffer[: len(place)]
 
 
-def _settings(a: Anatomy, gait: Gait) -> Any:
+def _settings(a: Anatomy, gait: Gait, model: Model) -> Any:
     """One GAIT_SETTINGS."""
     found, gains = table(GAIT_SETTINGS, 1), gait.gains
     s = found[0]
@@ -210,7 +213,9 @@ def _settings(a: Anatomy, gait: Gait) -> Any:
     s["landing"], s["ramp"], s["width"] = gait.landing, gait.loading, gait.width
     s["speed_to"], s["speed_rate"], s["drift"] = gait.speed, gait.acceleration, gait.drift
     s["turn_rate"], s["grip"], s["least_load"] = gait.turn, gait.grip, gait.least
-    s["mass"], s["inertia"] = a.mass, a.inertia
+    s["mass"], s["inertia"], s["gravity"] = a.mass, a.inertia, -model.gravity[1]
+    n = model.ground_normal
+    s["rise_x"], s["rise_z"] = -n[0] / n[1], -n[2] / n[1]
     along = a.hips[:2].mean(axis=0) - a.hips[2:].mean(axis=0)
     s["pitch"] = math.atan2(along[1], along[0])
     s["gain_speed"], s["gain_drift"], s["gain_sway"] = gains.speed, gains.drift, gains.sway
@@ -225,9 +230,13 @@ def _settings(a: Anatomy, gait: Gait) -> Any:
     return found
 
 
-def _check_reach(a: Anatomy, gait: Gait) -> None:
-    """Raises InputError where a leg is too short for the height, or for the speed."""
+def _check_reach(a: Anatomy, gait: Gait, model: Model) -> None:
+    """Raises InputError where a leg is too short for the height, or for the speed, or stiff."""
     where = f"gait '{gait.name}'"
+    stiff = [f.foot for f, leg in zip(a.feet, a.legs) if leg["v_spread"] < 0]
+    if gait.drift and stiff:
+        text = f"{gait.drift:g} m/s to the side needs hips that spread; that of '{stiff[0]}' turns"
+        raise InputError(Problem(where, "drift", f"{text} about z alone"))
     for fall, hip, sole, longest in zip(a.feet, a.hips, a.soles, a.longest):
         high = hip[1] - sole[1] - (a.centre[1] - sole[1] - gait.height)
         most = REACH * longest

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
+from ..engine.gait.tables import Terrain
 from ..errors import explained
 from ..model import Contact, Ground, Model, Step
 from ..model.fields import fields_of
@@ -19,6 +22,27 @@ def height_under(model: Model, x: float, z: float) -> float:
         if x0 <= x <= x1 and z0 <= z <= z1:
             raised = step.height
     return height + raised / n[1]
+
+
+AROUND = 10.0  # m of plane around the steps that is part of their map
+
+
+def terrain_of(model: Model) -> Terrain:
+    """Heights of the steps of the ground, cut into cells by all their edges; empty without steps.
+
+    Where steps overlap the last one counts.
+    """
+    steps, ny = model.ground.steps, model.ground_normal[1]
+    if not steps:
+        return Terrain(np.zeros(0), np.zeros(0), np.zeros((0, 0)))
+    corners = np.array([(*step.low, *step.high) for step in steps])
+    x, z = (np.unique(corners[:, k::2]) for k in (0, 1))
+    x, z = (np.concatenate((e[:1] - AROUND, e, e[-1:] + AROUND)) for e in (x, z))
+    heights = np.zeros((len(x) - 1, len(z) - 1))
+    for (x0, z0, x1, z1), step in zip(corners, steps):
+        inside = (x[:-1] >= x0) & (x[1:] <= x1), (z[:-1] >= z0) & (z[1:] <= z1)
+        heights[np.ix_(*inside)] = step.height / ny
+    return Terrain(x, z, heights)
 
 
 LAWS: dict[str, dict[str, float]] = {  # of a paw's sole: it gives 2 mm under its load

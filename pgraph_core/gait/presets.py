@@ -61,7 +61,7 @@ def _crawl(feet: Sequence[str]) -> Gait:
         sway=(0.0128, -0.0024),
         least=12.7,
         gains=Gains(
-            speed=4.5, drift=0.126, sway=8.86, roll=(158, 48), pitch=(34.8, 39.4), place=-0.0275,
+            speed=4.5, drift=12.0, sway=8.86, roll=(158, 48), pitch=(34.8, 39.4), place=-0.0275,
             place_drift=0.0486, place_roll=-0.148, tight_torque=10.3, tight_force=1.58,
         ),
     )  # fmt: skip

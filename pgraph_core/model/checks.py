@@ -219,11 +219,17 @@ def _has_position(body: Body, coordinate: int) -> bool:
     return kinds[coordinate] in ("rotate", "translate")
 
 
+def soles_among(contacts: Sequence[Contact]) -> list[str]:
+    """Names of the contacts that may be feet: one point over the ground."""
+    return [c.name for c in contacts if len(c.points) == 1 and c.other == GROUND]
+
+
 def scenario_problems(
     items: Sequence[Scenario],
     bodies: Bodies,
     constraints: Sequence[str],
     contacts: Sequence[str],
+    soles: Sequence[str] = (),
 ) -> list[Problem]:
     """Unknown names, states of the wrong length, and the problems of its own forces."""
     found = unique("scenario", [s.name for s in items])
@@ -240,9 +246,10 @@ def scenario_problems(
         ]
         found += force_problems(s.forces, bodies, f"{where}, ")
         feet = [fall.foot for fall in s.gait.feet] if s.gait else []
+        unknown = [foot for foot in feet if foot not in contacts]
         found += [
             Problem(where, "gait", problem.text)
-            for problem in _active_problems(where, "contact", feet, contacts)
+            for problem in _active_problems(where, "contact", unknown, soles or contacts)
         ]
     return found
 
@@ -305,7 +312,7 @@ def reference_problems(
         *constraint_problems(constraints, bodies),
         *contact_problems(contacts, bodies),
         *force_problems(forces, bodies),
-        *scenario_problems(scenarios, bodies, *names),
+        *scenario_problems(scenarios, bodies, *names, soles_among(contacts)),
     ]
 
 

@@ -151,13 +151,16 @@ def phases_over(
 
     The phase of a touch's first row is that of the start. Flights shorter than `graze` are none:
     time stepping releases a point for a step when its body is moved out of the ground.
-    Touches of one contact between many bodies together have phases as one.
+    Touches of one contact between many bodies together have phases as one. A shape over the ground
+    that never touches it, while points do, has none: of a robot, only the feet have.
     """
     phases, events = {}, []
+    points = any(pair.contact.points for pair in touches)
     for k, pair in enumerate(touches):
         own = changes[changes["pair"] == k]
         if len(own) < 2:
-            if len(own):
+            aloft = points and not pair.contact.points and pair.other == GROUND
+            if len(own) and not (aloft and own["phase"][0] == SWING):
                 phases[pair.name] = np.full(len(t), NAMES[own["phase"][0]])
             continue
         own = _without_grazes(own, graze)

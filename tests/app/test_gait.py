@@ -25,7 +25,7 @@ from pgraph_app.model.update import OpenText, Undo
 from pgraph_app.playback.update import Scrub
 from pgraph_app.run import view
 from pgraph_app.run.live import Motion, Seam
-from pgraph_app.run.update import Advanced, GoLive, SetScenario, StopLive, Stuck
+from pgraph_app.run.update import Advanced, GoLive, SetScenario, Simulate, StopLive, Stuck
 from pgraph_app.scene import marks
 from pgraph_app.scene.update import Show
 from pgraph_app.session.update import Connected
@@ -82,6 +82,20 @@ def test_live_of_a_scenario_with_a_gait_walks_by_it():
     state = after(ready(), SetScenario(ME, 1, "crawl"), GoLive(ME))
     assert state.live is not None
     assert gait(state)["gait"] == "crawl"
+
+
+def test_simulate_walks_as_fast_as_is_set():
+    plain = after(ready(), SetScenario(ME, 1, "trot"), Simulate(ME))
+    assert plain.job is not None
+    assert plain.job.gait is None
+    chosen = after(ready(), SetScenario(ME, 1, "trot"), SetGait(ME, 2, "trot"))
+    faster = after(chosen, SetWalk(ME, 3, "speed", "0.9"), Simulate(ME))
+    assert faster.job is not None
+    assert faster.job.gait is not None
+    assert faster.job.gait.speed == 0.9
+    other = after(chosen, SetWalk(ME, 3, "speed", "0.9"), SetScenario(ME, 4, "crawl"), Simulate(ME))
+    assert other.job is not None
+    assert other.job.gait is None  # what is set is of the trot
 
 
 def test_parts_of_a_walk_make_one_walk():

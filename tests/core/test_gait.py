@@ -13,6 +13,7 @@ import pgraph_core as pg
 import pgraph_models
 from benchmarks import gait_checks
 
+FEET = ("left_front_foot", "right_front_foot", "left_hind_foot", "right_hind_foot")
 TEN_MM = 1e-2  # m a stance: what a foot may slip at a friction of 0.7
 DEPTH = 3e-3  # m: half of a step's way at landing, and what is not yet moved out
 WALKS = (
@@ -46,7 +47,8 @@ def test_a_walk_goes_on_its_way(name: str, scenario: str, speed: float):
 @pytest.mark.parametrize(("name", "scenario", "speed"), WALKS)
 def test_feet_hold_and_torques_keep_their_limits(name: str, scenario: str, speed: float):
     run = short(name, scenario)
-    for foot, gap in run.contact_gap.items():
+    for foot in FEET:
+        gap = run.contact_gap[foot]
         assert max(gait_checks.slips(run, foot)) < TEN_MM
         assert gap[np.isfinite(gap)].min() > -DEPTH
     torque, limit = gait_checks.torques(run, scenario)
@@ -66,7 +68,8 @@ def test_a_second_run_gives_the_same_bits():
 def test_phases_are_those_of_forces():
     """A foot in swing bears nothing; all others push. A flight of one step is a graze."""
     run = short("quadruped_hips", "trot")
-    for foot, phase in run.phases.items():
+    for foot in FEET:
+        phase = run.phases[foot]
         push = run.contact_normal[foot]
         assert np.all(push[1:][phase[1:] == "swing"] == 0.0)
         bears = push[1:][phase[1:] != "swing"] > 0.0
@@ -111,7 +114,7 @@ def test_the_pose_to_start_from_stands_on_its_feet():
         mech = mechanism(name)
         walk = pg.Controller(mech, pg.gaits()["trot"])
         q, _ = walk.start()
-        for contact in mech.model.contacts:
+        for contact in (c for c in mech.model.contacts if c.points):
             origin, turn = mech.pose(q, contact.body)
             place = origin + turn @ np.array(contact.points[0])
             assert place[1] == pytest.approx(0.0, abs=1e-12)
@@ -143,6 +146,64 @@ def test_a_fall_is_said_and_the_run_kept():
     assert run.t[-1] == 2.0
     (said,) = [text for text in run.notices if "fell" in text]
     assert said.startswith("it fell at t = ")
+
+
+@pytest.mark.parametrize(("name", "scenario"), [("quadruped_hips", "trot"), ("quadruped", "bound")])
+def test_a_foot_is_on_the_ground_once_a_stride(name: str, scenario: str):
+    """No push and pull of the solver: from touching down to lifting off its force is never zero."""
+    run = short(name, scenario)
+    strides = 2.0 / mechanism(name).model.scenario(scenario).gait.stride
+    for foot in FEET:
+        down = run.contact_normal[foot][run.t >= 1.0] > 0.0
+        assert np.sum(np.diff(down.astype(int)) > 0) < 1.5 * strides
+
+
+def lying(name: str, scenario: str, degrees: float, seconds: float) -> pg.Result:
+    """A walk that begins on its side, a little above the ground."""
+    mech = mechanism(name)
+    q, v = pg.Controller(mech, mech.model.scenario(scenario).gait).start()
+    half = np.radians(degrees) / 2
+    q[1] += 0.2 - mech.poses(q)[0][0][1]
+    q[3:7] = np.cos(half), np.sin(half), 0.0, 0.0
+    return pg.simulate(mech, q, v, scenario=scenario, t_end=seconds, estimate=False)
+
+
+def test_after_a_fall_it_lies_on_the_ground():
+    run = lying("quadruped", "bound", 90.0, 4.0)
+    assert all(gap.min() > -5e-3 for gap in run.contact_gap.values())
+    assert sum(push[-1] for push in run.contact_normal.values()) == pytest.approx(
+        33 * 9.81, rel=0.05
+    )
+    assert np.abs(run.v[-1, :6]).max() < 0.1
+
+
+def test_it_steps_on_known_kerbs_and_not_into_them():
+    steps = [pg.Step(low=(x, -9), high=(x + 0.8, 9), height=0.05) for x in (0.5, 2.1)]
+    mech = pg.Mechanism(pg.underfoot(mechanism("quadruped_hips").model, steps=steps))
+    run = pg.simulate(mech, scenario="trot", t_end=6.0, estimate=False)
+    assert not run.notices
+    assert run.q[-1, 0] > 2.9
+    edges = np.array([x for step in steps for x in (step.low[0], step.high[0])])
+    away = [np.abs(print_.x - edges).min() for print_ in pg.footprints(run)]
+    assert np.mean(np.array(away) < 0.01) < 0.05
+    assert all(run.contact_gap[foot].min() > -DEPTH for foot in FEET)
+
+
+@pytest.mark.parametrize(("scenario", "aside"), [("trot", 0.3), ("crawl", -0.2)])
+def test_it_goes_as_fast_to_the_side_as_it_is_asked_to(scenario: str, aside: float):
+    mech = mechanism("quadruped_hips")
+    walk = pg.Controller(mech, mech.model.scenario(scenario).gait.edit(drift=aside))
+    run = pg.simulate(mech, scenario=scenario, tau=walk, t_end=10.0, estimate=False)
+    late = run.t > 4.0
+    assert not run.notices
+    assert (run.q[-1, 2] - run.q[late, 2][0]) / 6.0 == pytest.approx(aside, rel=0.2)
+
+
+def test_hips_that_do_not_spread_do_not_go_to_the_side():
+    mech = mechanism("quadruped")
+    with pytest.raises(pg.InputError) as refused:
+        pg.Controller(mech, mech.model.scenario("bound").gait.edit(drift=0.3))
+    assert refused.value.problems[0].field == "drift"
 
 
 @pytest.mark.nightly

@@ -102,7 +102,8 @@ def solve_impulses(scene, m, first):
 def aim(scene, n):
     """Speeds of joints without impulses into FREE, of island n's rows without these into TARGET.
 
-    Bounces are part of TARGET. Where bodies move fast together, differences of their speeds would
+    Bounces are part of TARGET, and the speed at which a contact point may close the gap that it
+    drifted off by (VALUE). Where bodies move fast together, differences of their speeds would
     be rounding: FREE is zero there, and TARGET the rows' velocities.
     """
     data = opened(scene)
@@ -142,6 +143,8 @@ def aim(scene, n):
                 vectors[FREE, joint_of(slots, i, s)] = 0.0
         if unilateral:
             vectors[TARGET, r] += blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)
+        if kind == at.T_CONTACT:
+            vectors[TARGET, r] += blocks_f[i, at.VALUE]
 
 
 @sweep
@@ -556,6 +559,7 @@ def gained(scene, n):
             r = first_of(slots, i)
             after = velocity(data, i, vectors[STEP])
             back = blocks_f[i, at.BOUNCE] * min(vectors[BEFORE, r], 0.0)
+            back += blocks_f[i, at.VALUE] if kind == at.T_CONTACT else 0.0
             for c in range(size_of(blocks_i, i)):
                 mean = 0.5 * (vectors[BEFORE, r + c] + after[c] - (back if c == 0 else 0.0))
                 lam = vectors[LAMBDA, r + c]

@@ -1,12 +1,19 @@
-"""Where swinging feet go: the ground as the others feel it, and steps along it, heading axes."""
+"""Where swinging feet go: the ground as the others feel it, and steps along it, heading axes.
+
+Where the ground has steps, the controller knows them: feet land beside their edges and swing over
+what lies between.
+"""
 
 from ..compiler.jit import part, sweep
 from ..vec import add_scaled, scale, sub, xyz
-from .heading import smooth
+from .heading import into, out_of, smooth
 
 FREED, FREE = 0.04, 0.2  # a swing's part in which the foot only lifts; in which it is let go
 SURE = 0.5  # of a full load: with more on the ground its slope is known
 SPREAD = 1e-3  # m²: feet closer together along x say nothing of a slope
+EDGE = 0.06  # of the height of the centre of mass: no foot lands closer to an edge
+LEVEL = 5e-3  # of it: a smaller difference of heights is no edge
+BETWEEN = 6  # places on a foot's way at which it looks for what to swing over
 
 
 @sweep
@@ -38,6 +45,77 @@ def level_at(felt, x):
     return sure * (middle[1] + slope * (x - middle[0])) + (1.0 - sure) * guess
 
 
+@part
+def cell(edges, x):
+    """Number of the interval between edges that x is in; -1: none."""
+    low, high = 0, edges.shape[0] - 1
+    if high < 1 or not edges[0] <= x < edges[high]:
+        return -1
+    while high - low > 1:
+        k = (low + high) // 2
+        if edges[k] <= x:
+            low = k
+        else:
+            high = k
+    return low
+
+
+@part
+def raised(terrain, i, j):
+    """Height of a cell over the plane of the ground."""
+    if 0 <= i < terrain.heights.shape[0] and 0 <= j < terrain.heights.shape[1]:
+        return terrain.heights[i, j]
+    return 0.0
+
+
+@part
+def height_at(terrain, s, x, z):
+    """Height of the known ground, world axes."""
+    steps = raised(terrain, cell(terrain.x, x), cell(terrain.z, z))
+    return s.rise_x * x + s.rise_z * z + steps
+
+
+@part
+def within(edges, i, x, low, high):
+    """The place nearest to x in interval i that is `low` and `high` away from its ends."""
+    a, b = edges[i] + low, edges[i + 1] - high
+    return 0.5 * (a + b) if a > b else min(max(x, a), b)
+
+
+@part
+def beside_edges(terrain, s, heading, at):
+    """The place nearest to (x, z), heading axes, in the same cell, that is away from edges."""
+    p = out_of(heading, (at[0], 0.0, at[1]))
+    i, j = cell(terrain.x, p[0]), cell(terrain.z, p[2])
+    if i < 0 or j < 0:
+        return at
+    here, level, far = raised(terrain, i, j), LEVEL * s.height, EDGE * s.height
+    west = far if abs(raised(terrain, i - 1, j) - here) > level else 0.0
+    east = far if abs(raised(terrain, i + 1, j) - here) > level else 0.0
+    left = far if abs(raised(terrain, i, j - 1) - here) > level else 0.0
+    right = far if abs(raised(terrain, i, j + 1) - here) > level else 0.0
+    x, z = within(terrain.x, i, p[0], west, east), within(terrain.z, j, p[2], left, right)
+    p = into(heading, (x, 0.0, z))
+    return p[0], p[2]
+
+
+@sweep
+def ground_between(terrain, s, heading, leave, land):
+    """Heights of the known ground: (where a foot leaves, where it lands, the top on its way)."""
+    top = -1e300
+    first = 0.0
+    last = 0.0
+    for k in range(BETWEEN + 1):
+        part_done = k / BETWEEN
+        x = leave[0] + part_done * (land[0] - leave[0])
+        z = leave[1] + part_done * (land[1] - leave[1])
+        p = out_of(heading, (x, 0.0, z))
+        last = height_at(terrain, s, p[0], p[2])
+        first = last if k == 0 else first
+        top = max(top, last)
+    return first, last, top
+
+
 @sweep
 def step_to(legs, f, s, z, speed, hip, hip_u, u, roll):
     """(where a foot leaves, where it is to land), level, from what the hip does; heading axes."""
@@ -54,11 +132,11 @@ def step_to(legs, f, s, z, speed, hip, hip_u, u, roll):
 
 
 @part
-def lift(s, z, whole):
+def lift(s, z, whole, clearance):
     """(height over the ground, rate, acceleration) of a swinging foot: up, and down to land."""
     zz = z * (1.0 - z)
     odd = 1.0 - 2.0 * z
-    c = s.clearance
+    c = clearance
     fall = s.landing * whole
     y = 64.0 * c * zz * zz * zz - fall * z * z * z * z * (z - 1.0)
     y1 = 192.0 * c * zz * zz * odd - fall * z * z * z * (5.0 * z - 4.0)
@@ -66,20 +144,40 @@ def lift(s, z, whole):
     return y, y1 / whole, y2 / (whole * whole)
 
 
+@part
+def eased(z):
+    """(part done, rate, acceleration) after the part z of its time; at rest at both ends."""
+    z = min(max(z, 0.0), 1.0)
+    m = z * z * z * (10.0 + z * (6.0 * z - 15.0))
+    return m, 30.0 * z * z * (1.0 - z) * (1.0 - z), 60.0 * z * (1.0 - z) * (1.0 - 2.0 * z)
+
+
 @sweep
-def swing_foot(feet, f, legs, s, felt, leave, land):
+def swing_foot(feet, f, legs, s, terrain, heading, felt, leave, land):
     """(place, velocity, acceleration) of a swinging foot, heading axes."""
     z = feet[f].swing
     whole = (1.0 - legs[f].duty) * s.stride
-    m = z * z * z * (10.0 + z * (6.0 * z - 15.0))
-    m1 = 30.0 * z * z * (1.0 - z) * (1.0 - z) / whole
-    m2 = 60.0 * z * (1.0 - z) * (1.0 - 2.0 * z) / (whole * whole)
+    foot = xyz(feet[f].place)
+    free = smooth((z - FREED) / FREE)
+    m, m1, m2 = eased(z)
+    m1 /= whole
+    m2 /= whole * whole
+    if terrain.x.shape[0] > 0:
+        leave = beside_edges(terrain, s, heading, leave)
+        land = beside_edges(terrain, s, heading, land)
+        first, last, top = ground_between(terrain, s, heading, leave, land)
+        y, y1, y2 = lift(s, z, whole, s.clearance + max(top - 0.5 * (first + last), 0.0))
+        up, up1, up2 = eased(2.0 * z if last > first else 2.0 * z - 1.0)  # up first, down last
+        y += first + up * (last - first)
+        y = foot[1] + free * (y - foot[1])
+        y1 += 2.0 * up1 * (last - first) / whole
+        y2 += 4.0 * up2 * (last - first) / (whole * whole)
+    else:
+        y, y1, y2 = lift(s, z, whole, s.clearance)
+        y += level_at(felt, leave[0] + m * (land[0] - leave[0]))
+        y1 += felt[2] * m1 * (land[0] - leave[0])
     dx = land[0] - leave[0]
     dz = land[1] - leave[1]
-    x = leave[0] + m * dx
-    y, y1, y2 = lift(s, z, whole)
-    y += level_at(felt, x)
-    free = smooth((z - FREED) / FREE)
-    foot = xyz(feet[f].place)
-    place = (foot[0] + free * (x - foot[0]), y, foot[2] + free * (leave[1] + m * dz - foot[2]))
-    return place, (m1 * dx, y1 + felt[2] * m1 * dx, m1 * dz), (m2 * dx, y2, m2 * dz)
+    x = foot[0] + free * (leave[0] + m * dx - foot[0])
+    across = foot[2] + free * (leave[1] + m * dz - foot[2])
+    return (x, y, across), (m1 * dx, y1, m1 * dz), (m2 * dx, y2, m2 * dz)

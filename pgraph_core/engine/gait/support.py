@@ -74,7 +74,7 @@ def carry(feet, s, goal, com, mat):
 @part
 def in_cone(force, w, s):
     """A force that pushes enough, and not more than friction holds."""
-    up = min(max(force[1], s.least_load * w), MOST * s.mass * 9.81 * w)
+    up = min(max(force[1], s.least_load * w), MOST * s.mass * s.gravity * w)
     side = force[2] * s.lever
     size = math.sqrt(force[0] * force[0] + side * side)
     k = min(1.0, s.grip * up / size) if size > 0.0 else 1.0

@@ -11,7 +11,6 @@ import math
 from numba import types
 
 from .. import layout as at
-from ..arrays import WALK
 from ..compiler.address import plain, stored
 from ..compiler.elementary import asin, atan2
 from ..compiler.jit import kernel, part
@@ -38,8 +37,7 @@ from .footsteps import ground, level_at, step_to, swing_foot
 from .heading import FLEXION, NOD, RISE, SURGE, SWAY, into, out_of, phase_at, smooth, speed_at, wave
 from .legs import stand, swing
 from .support import carry, centre
-
-G = 9.81
+from .tables import WALK
 
 _save, opened_walk = stored(WALK)
 
@@ -91,7 +89,7 @@ def feel(work, linear, legs, s, phase, heading, feet):
         else:
             feet[f].load = 0.0
             feet[f].swing = (p - duty) / (1.0 - duty)
-        up = feet[f].load * legs[f].share * s.mass * G
+        up = feet[f].load * legs[f].share * s.mass * s.gravity
         set_xyz(feet[f].force, (0.0, up, 0.0))
 
 
@@ -118,7 +116,7 @@ def wanted(s, waves, phase, t, felt, angles, rates, com, u):
     m, inertia = s.mass, s.inertia
     return (
         inertia[0] * roll, inertia[1] * yaw, inertia[2] * pitch,
-        m * ahead, m * (G + up), m * right,
+        m * ahead, m * (s.gravity + up), m * right,
     )  # fmt: skip
 
 
@@ -133,7 +131,7 @@ def base_acceleration(work, feet, s, heading, com, vdot):
         moment = add(moment, cross(sub(xyz(feet[f].place), com), one))
     inertia = s.inertia
     alpha = (moment[0] / inertia[0], moment[1] / inertia[1], moment[2] / inertia[2])
-    linear = add(scale(1.0 / s.mass, force), (0.0, -G, 0.0))
+    linear = add(scale(1.0 / s.mass, force), (0.0, -s.gravity, 0.0))
     arm = sub(into(heading, load(work, 1, at.X)), com)
     linear = out_of(heading, add_cross(linear, alpha, arm))
     alpha = out_of(heading, alpha)
@@ -155,7 +153,9 @@ def swing_leg(walk, work, t, f, heading, u, roll, felt, base):
         legs, f, s, feet[f].swing, speed_at(s, t), into(heading, hip), into(heading, hip_u),
         u, roll,
     )  # fmt: skip
-    place, speed, push = swing_foot(feet, f, legs, s, felt, places[0], places[1])
+    place, speed, push = swing_foot(
+        feet, f, legs, s, walk.terrain, heading, felt, places[0], places[1]
+    )
     arm = sub(out_of(heading, place), hip)
     alpha, linear_a = base
     hip_a = add_cross(linear_a, alpha, sub(hip, load(work, 1, at.X)))
@@ -213,17 +213,45 @@ def copied_bias(work, out):
         set_bias(out, k, moment, force)
 
 
+@part
+def slowed(rows, const, work, mine, v, vdot, s, tau):
+    """τ that slows all joints down at the same rate, whatever pulls on them."""
+    for j in range(v.shape[0]):
+        vdot[j] = -s.limp * v[j] if j >= 6 else 0.0
+    vdot[4] = -s.gravity
+    torques(rows, const, work, mine, v, vdot, tau)
+
+
+@part
+def torques(rows, const, work, mine, v, vdot, tau):
+    """τ of inverse dynamics; `work` is afterwards as before."""
+    copied_bias(work, mine)
+    newton_euler(rows, const, v, vdot, work, tau)
+    copied_bias(mine, work)
+    none = (0.0, 0.0, 0.0)
+    set_force(work, 0, none, none)  # where forces of the root have ended
+
+
+@part
+def falls(walk, work, t, com, level):
+    """Whether it lies; the time of the first fall is kept."""
+    lies = has_fallen(work, walk.settings[0], com, level)
+    if lies and walk.fallen[0] < 0.0:
+        walk.fallen[0] = t
+    return lies
+
+
 @kernel(types.int64(types.float64, types.uint64, types.uint64, types.uint64), later=True)
 def walking(t, q_place, v_place, tau_place):
     """τ at (t, q, v), which stand where the tuple behind `tau_place` says; 0.
 
-    After a fall the joints are only damped; the first time of one is kept in `fallen`.
+    After a fall the joints are slowed down.
     """
     walk = opened_walk(tau_place + (tau_place - v_place))
     rows, const, mine, linear, legs = walk.rows, walk.const, walk.work, walk.linear, walk.legs
     s, waves, feet, mat = walk.settings[0], walk.waves, walk.feet, walk.matrix
     q, v, tau, vdot, limit = walk.q, walk.v, walk.tau, walk.vdot, walk.limit
-    fallen, theirs = walk.fallen, walk.theirs
+    theirs = walk.theirs
     work = theirs if theirs.shape[0] > 0 else mine
     if theirs.shape[0] == 0:
         outboard(rows, const, work, q, v)
@@ -235,23 +263,16 @@ def walking(t, q_place, v_place, tau_place):
     phase = phase_at(s, t)
     feel(work, linear, legs, s, phase, heading, feet)
     felt = ground(feet, com[1] - s.height - wave(waves, RISE, s, phase)[0])
-    if has_fallen(work, s, com, level_at(felt, com[0])):
-        if fallen[0] < 0.0:
-            fallen[0] = t
-        for j in range(tau.shape[0]):
-            tau[j] = -s.limp * v[j] if j >= 6 else 0.0
+    if falls(walk, work, t, com, level_at(felt, com[0])):
+        slowed(rows, const, work, mine, v, vdot, s, tau)
     else:
         carry(feet, s, wanted(s, waves, phase, t, felt, angles, rates, com, u), com, mat)
         base = base_acceleration(work, feet, s, heading, com, vdot)
         legs_and_spine(walk, work, t, phase, heading, u, angles[0], felt, base)
-        copied_bias(work, mine)
-        newton_euler(rows, const, v, vdot, work, tau)
-        copied_bias(mine, work)
-        none = (0.0, 0.0, 0.0)
-        set_force(work, 0, none, none)  # where forces of the root have ended
+        torques(rows, const, work, mine, v, vdot, tau)
         take_off_forces(rows, work, legs, feet, heading, tau)
-        for j in range(6):
-            tau[j] = 0.0
+    for j in range(6):
+        tau[j] = 0.0
     for j in range(6, tau.shape[0]):
         tau[j] = min(max(tau[j], -limit[j]), limit[j])
     return 0

@@ -75,6 +75,7 @@ BOUND_ROUNDS = 5  # in which torques against turning find the normal impulses th
 SAME_BOUND = 1e-9  # relative: a bound that changed by less is the same
 ENOUGH = 1e-3  # of the penetration to remove: a sweep that moves less is the last
 MOST_PARTS = 60  # of a step, by impacts that are located
+DRIFT = 50.0  # times the tolerated depth: what pushed and drifted off no farther closes its gap
 WEIGHT = 0.1  # of what weight moves in a step: depth that is tolerated, however small things are
 
 
@@ -279,16 +280,23 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
     if look and fast:
         return True
     first = tally.first_contact
+    if w > 0.0:
+        closed = max(closed, DRIFT * max(DEPTH * tally.length, WEIGHT * tally.pull * h * h))
     for n in range(touching(scene, max(closed, margin) if look else closed)):
         point = contacts.found[n]
         if look and point_meets(scene, n, h, w):
             return True
         near = 4.0 * closed_gap(contacts, point.shape_a, point.shape_b, xyz(point.point_a))
+        slack = 0.0
+        if point.gap > near and w > 0.0 and carried(contacts, n):
+            near = DRIFT * tolerated(contacts, n, h)
+            slack = point.gap / h
         if laws[point.pair].law == RIGID and point.gap <= near:
             law = laws[point.pair]
             slides = law.static_friction == law.friction
             slides = slides or slides_now(contacts, data.work, data.space.linear, n)
             set_block(contacts, blocks, n, first + n, slides)
+            blocks.blocks_f[first + n, at.VALUE] = slack
             active[0] += 1
             active[active[0]] = first + n
             if resists_turning(law):
@@ -298,6 +306,13 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
                 active[0] += 1
                 active[active[0]] = tally.first_turn + n
     return False
+
+
+@part
+def carried(contacts, n):
+    """Whether contact point n pushed in the last step: what stands and turns drifts off."""
+    k = kept_place(contacts.found[n], contacts.kept, contacts.tally[0].kept, n)
+    return k >= 0 and contacts.kept[k].value[0] > 0.0
 
 
 @sweep

@@ -1,0 +1,123 @@
+"""The tables of the walking controller, and the tuple of all that it works on.
+
+Heading axes: x where the trunk points, level; y up; z to the right: world axes turned about y.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from ..arrays import F1, F2, I2, named
+from ..records import INTEGER, REAL, array_of, record
+
+GAIT_SETTINGS = record(  # what a person may change between steps is here
+    clock_time=REAL,  # [s]
+    clock_phase=REAL,  # part of a stride done at `clock_time`
+    stride=REAL,  # [s]
+    speed_from=REAL,  # a ramp from `speed_time` on [m/s]
+    speed_to=REAL,  # [m/s]
+    speed_time=REAL,  # [s]
+    speed_rate=REAL,  # [m/s²]
+    drift=REAL,  # speed to the right [m/s]
+    heading=REAL,  # at `turn_time` [rad]
+    turn_rate=REAL,  # [rad/s]
+    turn_time=REAL,  # [s]
+    height=REAL,  # of the centre of mass over the ground under it [m]
+    clearance=REAL,  # of a swinging foot [m]
+    landing=REAL,  # its speed down at the end [m/s]
+    ramp=REAL,  # part of a stance over which its load comes, and goes
+    width=REAL,  # how far feet stand outside of their hips [m]
+    grip=REAL,  # friction that forces may ask for
+    least_load=REAL,  # of a foot on the ground [N]
+    mass=REAL,  # of all bodies [kg]
+    inertia=(REAL, 3),  # about their centre of mass [kg m²]
+    gravity=REAL,  # down [m/s²]
+    pitch=REAL,  # of the trunk at home [rad]
+    gain_speed=REAL,  # [1/s]
+    gain_drift=REAL,  # [1/s]
+    gain_sway=REAL,  # towards the middle of the feet, across [1/s²]
+    gain_surge=REAL,  # the same, ahead [1/s²]
+    gain_height=(REAL, 2),  # of a place and a rate, as all below [1/s², 1/s]
+    gain_roll=(REAL, 2),
+    gain_pitch=(REAL, 2),
+    gain_yaw=(REAL, 2),
+    gain_swing=(REAL, 2),
+    gain_spine=(REAL, 2),
+    gain_paw=(REAL, 2),
+    place_speed=REAL,  # touchdown ahead of an error in speed [s]
+    place_drift=REAL,  # the same, across [s]
+    place_roll=REAL,  # touchdown across, by roll [m]
+    tight_torque=REAL,  # how closely the trunk's torque is met
+    tight_force=REAL,
+    lever=REAL,  # 1: hips spread, so that feet push sideways; 0: all hinges are parallel
+    limp=REAL,  # rate at which all joints are slowed down after a fall [1/s]
+    low=REAL,  # a fall: lower than this part of `height`
+    upright=REAL,  # or more tilted than this cosine
+    rise_x=REAL,  # slope of the plane of the ground along x
+    rise_z=REAL,  # and along z
+)
+
+LEG = record(  # home axes; the paw moves parallel to the thigh in swing
+    girdle=INTEGER,  # row of the trunk's body
+    hip=INTEGER,  # row
+    foot=INTEGER,  # row
+    q_spread=INTEGER,  # the spreading motion in q
+    v_spread=INTEGER,  # and in v, -1: none
+    q_flex=INTEGER,  # the first of three hinges about z
+    v_flex=INTEGER,
+    offset=REAL,  # touchdown as a part of the stride
+    duty=REAL,  # part of the stride on the ground
+    side=REAL,  # -1 left, 1 right
+    ahead=REAL,  # touchdown ahead of the hip at rest [m]
+    long=(REAL, 2),  # thigh + paw [m]
+    shank=(REAL, 2),  # [m]
+    thigh=(REAL, 2),  # [m]
+    paw=(REAL, 2),  # [m]
+    tip=(REAL, 3),  # of the foot's row [m]
+    share=REAL,  # of the weight, at full load
+)
+
+FOOT = record(  # heading axes
+    place=(REAL, 3),  # [m]
+    velocity=(REAL, 3),  # [m/s]
+    force=(REAL, 3),  # on the foot [N]
+    load=REAL,  # part of its stance's full load, 0 to 1
+    swing=REAL,  # part of the swing done, -1 in stance
+)
+
+
+class Terrain(NamedTuple):
+    """Heights of the steps of the ground over its plane: [i, j] from x[i] to x[i + 1], z[j] on."""
+
+    x: Any  # (n + 1,) edges [m]; empty where the ground is a plane
+    z: Any  # (m + 1,)
+    heights: Any  # (n, m)
+
+
+class Walk(NamedTuple):
+    """A walking controller."""
+
+    rows: Any
+    const: Any
+    work: Any
+    linear: Any
+    legs: Any  # of LEG, the front ones first
+    settings: Any  # one GAIT_SETTINGS
+    waves: Any
+    feet: Any  # of FOOT
+    matrix: Any  # (6, 7)
+    q: Any
+    v: Any
+    tau: Any
+    vdot: Any
+    limit: Any  # (nv,)
+    spine: Any
+    fallen: Any  # (1,) time of the first fall [s], -1: none
+    terrain: Terrain
+    theirs: Any  # work of the run that asks, after `outboard`; empty where none does
+
+
+WALK = named(
+    Walk, I2, F2, F2, F2, array_of(LEG), array_of(GAIT_SETTINGS), F2, array_of(FOOT), F2,
+    *[F1] * 5, I2, F1, named(Terrain, F1, F1, F2), F2,
+)  # fmt: skip
