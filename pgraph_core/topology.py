@@ -22,6 +22,7 @@ from .portable import EqualByFields, Portable
 Ints: TypeAlias = "NDArray[np.int64]"
 
 
+@explained
 @dataclass(frozen=True, eq=False)
 class Topology(EqualByFields, Portable):
     """A model's bodies numbered depth-first in pre-order, left child (upper row) first."""

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ..errors import InputError, Problem, choices, shown
+from ..errors import InputError, Problem, choices, explained, shown
 from ..model import Model
 from ..model.body import inertia_problems
 
@@ -31,6 +31,7 @@ class Entry:
         return f"{self.kind}: {self.where}: {self.text}" if self.where else self.text
 
 
+@explained
 @dataclass
 class Report:
     """What a reader or writer did with a file; `str` of it is a list of sentences."""

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import FileError, Problem, choices
+from ..errors import FileError, Problem, choices, explained
 from ..model.files import write_atomic
 from ..portable import Portable
 from .figure import Square, heat_map
@@ -28,6 +28,7 @@ LOOK = {  # letter of the text map, colour and ink of the figure, meaning
 HEADER = ("value", "method", "step [s]", "verdict", "error", "order", "evaluations", "why")
 
 
+@explained
 @dataclass(frozen=True)
 class StabilityMap(Portable):
     """A verdict on each value of the axis, method and step; `print` shows it as text."""

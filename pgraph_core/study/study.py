@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import FileError, InputError, Problem, refusal
+from ..errors import FileError, InputError, Problem, explained, refusal
 from ..model.files import write_atomic
 from ..portable import Portable
 from . import figure
@@ -159,6 +159,7 @@ class Row:
         return figure.Point(middle, self.error or 1.0, "\n".join(lines), self.limited)
 
 
+@explained
 @dataclass(frozen=True)
 class Study(Portable):
     """Error against run time of many methods on one motion; `print(study)` is a table."""

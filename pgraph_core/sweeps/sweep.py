@@ -30,6 +30,7 @@ Array = np.ndarray
 FORMATS = (".csv", ".parquet")
 
 
+@explained
 @dataclass(frozen=True, eq=False)
 class Sweep:
     """Points and what was measured there, in the order of the design.

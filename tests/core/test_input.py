@@ -173,7 +173,9 @@ def public_calls():
     found = {
         name: getattr(pg, name)
         for name in pg.__all__
-        if inspect.isfunction(getattr(pg, name)) or hasattr(getattr(pg, name), "model_fields")
+        if inspect.isfunction(getattr(pg, name))
+        or hasattr(getattr(pg, name), "model_fields")
+        or hasattr(getattr(pg, name).__init__, "__wrapped__")
     }
     for holder in holders:
         kind = type(holder).__name__
