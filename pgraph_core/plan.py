@@ -15,7 +15,7 @@ from .model import Body, Constraint, Contact, Force, Model, Servo
 from .model.force import Between, OnJoint
 from .model.scenario import AUTO, METHOD_NAMES
 
-IMPLICIT = ("ros2", "radau5")  # methods with a Jacobian
+IMPLICIT = ("ros2", "generalised_alpha", "radau5")  # methods with a Jacobian
 STEPPED_OVER = "moreau_jean"  # the method that needs no times of impacts
 KEPT_A_BODY = 7 + 6 + 6 + 6  # pose, velocity, acceleration, joint force: made when asked for
 

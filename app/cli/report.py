@@ -40,8 +40,12 @@ def arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--target", type=positive, metavar="E", help="error to recommend for")
     parser.add_argument("--rounds", type=count, default=5, help="rounds of timing; default: 5")
     parser.add_argument(
-        "--clock", choices=("wall", "processor"), default="wall",
-        help="processor excludes time of other programs; default: wall",
+        "--clock", choices=("wall", "processor"), default="processor",
+        help="wall includes time of other programs; default: processor",
+    )  # fmt: skip
+    parser.add_argument(
+        "--quantity", choices=("position", "velocity", "force"), default="position",
+        help="whose error is measured; force: that of constraints; default: position",
     )  # fmt: skip
     parser.add_argument(
         "--longest", type=positive, metavar="S", help="leave out longer runs; default: 1"
@@ -108,6 +112,7 @@ def _study(mech: pg.Mechanism, args: Namespace, options: dict[str, Any], bar: Ba
             fixed=args.fixed,
             rounds=args.rounds,
             clock=args.clock,
+            quantity=args.quantity,
             peers=tuple(installed_peers()) if args.peers else (),
             progress=lambda fraction: bar("measuring", fraction),
             **options,

@@ -15,7 +15,7 @@ class ReportRequest:
     """What a report is asked for."""
 
     target: float = 1e-6  # the error that is wanted
-    t_end: float | None = None  # [s]; None: as the run, but not for long
+    t_end: float | None = None  # [s]; None: as the run
     axis: str = ""  # of the stability map; "": the first that the model has
 
 
@@ -39,3 +39,4 @@ class Report:
     kind: str
     model: pg.Model
     result: Any  # pgraph_core's Study or StabilityMap
+    asked: float = 0.0  # duration of the run [s]

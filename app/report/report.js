@@ -14,7 +14,7 @@
     host.replaceChildren(
       make("div", { className: "report-settings" },
         field("Error wanted", "", target, "The cheapest setting that reaches it is recommended"),
-        field("Duration", "s", t_end, "Length of the motion that is measured; empty: as simulated, 1 s at most")),
+        field("Duration", "s", t_end, "Length of the motion that is measured; empty: the whole run as simulated, of a map its first second")),
       make("div", { className: "bar asks" },
         button("primary precision", "Error against run time", "Every method at many settings, timed", () => send("Analyse", { kind: "precision" }))),
       make("div", { className: "bar asks" },

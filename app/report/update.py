@@ -101,7 +101,9 @@ def heard(state: State, event: Measuring | Measured | NotMeasured) -> State:
         case Measuring(_, fraction):
             return replace(state, analysis=replace(now, fraction=fraction))
         case Measured(_, report):
-            return replace(state, analysis=None, report=Report(now.kind, now.model, report))
+            asked = now.reporting.t_end or now.request.t_end
+            done = Report(now.kind, now.model, report, asked)
+            return replace(state, analysis=None, report=done)
         case NotMeasured(_, text):
             return replace(state, analysis=None, analysis_problem=text)
 

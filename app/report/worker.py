@@ -17,7 +17,7 @@ from ..run import FREE_RUN
 REPORT = 0.1  # [s] between progress events
 ROUNDS = 3  # of timing: a page waits for them
 LONGEST = 0.5  # [s] of computing: longer runs are left out
-DURATION = 1.0  # [s] of the motion by default
+HORIZON = 1.0  # [s] of the motion at most for a map, which makes hundreds of runs
 
 
 class Analyst:
@@ -61,7 +61,7 @@ class Analyst:
 def settings(now: Analysis) -> dict[str, Any]:
     """Scenario and duration."""
     scenario = None if now.request.scenario == FREE_RUN else now.request.scenario
-    duration = now.reporting.t_end or min(now.request.t_end, DURATION)
+    duration = now.reporting.t_end or now.request.t_end
     return {"scenario": scenario, "t_end": duration, "target": now.reporting.target}
 
 
@@ -74,9 +74,10 @@ def precision(now: Analysis, progress: Callable[[float], bool]) -> object:
 
 
 def stability(now: Analysis, progress: Callable[[float], bool]) -> object:
-    """Which methods hold where."""
-    axis = now.reporting.axis or None
-    return pg.stability_map(now.model, axis=axis, progress=progress, **settings(now))
+    """Which methods hold where, over the first part of the run."""
+    given = settings(now)
+    given["t_end"] = now.reporting.t_end or min(given["t_end"], HORIZON)
+    return pg.stability_map(now.model, axis=now.reporting.axis or None, progress=progress, **given)
 
 
 MEASURES = {"precision": precision, "stability": stability}

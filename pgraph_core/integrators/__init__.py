@@ -2,6 +2,8 @@
 
 from .integrators import DOP853 as DOP853
 from .integrators import DOPRI5 as DOPRI5
+from .integrators import GAUSS6 as GAUSS6
+from .integrators import GENERALISED_ALPHA as GENERALISED_ALPHA
 from .integrators import METHODS as METHODS
 from .integrators import MOREAU_JEAN as MOREAU_JEAN
 from .integrators import RADAU5 as RADAU5

@@ -25,7 +25,8 @@ class Method(NamedTuple):
     # safety, exponents of this error and the last one, least and largest change of the width
     controller: tuple[float, float, float, float, float] = (0.9, 0.0, 0.0, 0.2, 6.0)
     limit: float = 0.0  # largest rate x step of an oscillation that is stable; 0: any
-    implicit: bool = False  # whether it solves equations, with a Jacobian
+    implicit: bool = False  # whether it solves equations
+    jacobian: bool = False  # whether it does so with the Jacobian of v'
 
     @property
     def kernel(self) -> Any:
@@ -99,6 +100,7 @@ RADAU5 = Method(
     adaptive=True,
     controller=_pi(4, 0.04, 8.0),
     implicit=True,
+    jacobian=True,
 )
 ROS2 = Method(
     "ros2",
@@ -108,6 +110,25 @@ ROS2 = Method(
     "implicit.ros2",
     adaptive=True,
     controller=_pi(2, 0.0, 6.0),
+    implicit=True,
+    jacobian=True,
+)
+GENERALISED_ALPHA = Method(
+    "generalised_alpha",
+    2,
+    tableaus.generalised_alpha(0.8),
+    "stiff and constrained motion at a fixed step: one implicit evaluation a step",
+    "alpha.generalised_alpha",
+    implicit=True,
+    jacobian=True,
+)
+GAUSS6 = Method(
+    "gauss6",
+    6,
+    tableaus.gauss6(),
+    "conservative trees for very long: symplectic, the energy stays within a bound",
+    "gauss.gauss",
+    limit=3.0,
     implicit=True,
 )
 MOREAU_JEAN = Method(
@@ -120,7 +141,17 @@ MOREAU_JEAN = Method(
 )
 METHODS = {
     method.name: method
-    for method in (SEMI_IMPLICIT_EULER, RK4, DOPRI5, DOP853, ROS2, RADAU5, MOREAU_JEAN)
+    for method in (
+        SEMI_IMPLICIT_EULER,
+        RK4,
+        DOPRI5,
+        DOP853,
+        GAUSS6,
+        ROS2,
+        GENERALISED_ALPHA,
+        RADAU5,
+        MOREAU_JEAN,
+    )  # fmt: skip
 }
 
 

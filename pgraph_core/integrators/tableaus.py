@@ -147,3 +147,25 @@ def _decoupled(a: Array) -> Array:
 def ros2() -> Tableau:
     """Linearly implicit, order 2 with any Jacobian, L-stable ([Verwer et al. 1999])."""
     return Tableau(NONE, np.array([1.5, 0.5]), np.array([0.0, 1.0]), NONE, NONE)
+
+
+def gauss6() -> Tableau:
+    """Gauss collocation of three stages, order 6, symplectic ([Hairer et al. 2006, II.1.3])."""
+    r = np.sqrt(15.0)
+    a = np.array(
+        [
+            [5 / 36, 2 / 9 - r / 15, 5 / 36 - r / 30],
+            [5 / 36 + r / 24, 2 / 9, 5 / 36 - r / 24],
+            [5 / 36 + r / 30, 2 / 9 + r / 15, 5 / 36],
+        ]
+    )
+    c = np.array([0.5 - r / 10, 0.5, 0.5 + r / 10])
+    return Tableau(a, np.array([5.0, 8.0, 5.0]) / 18.0, c, NONE, NONE)
+
+
+def generalised_alpha(radius: float) -> Tableau:
+    """(α_m, α_f, β, γ) for a spectral radius at infinity ([Chung, Hulbert 1993, eqs. 17 to 25])."""
+    mass, force = (2.0 * radius - 1.0) / (radius + 1.0), radius / (radius + 1.0)
+    gamma = 0.5 - mass + force
+    a = np.array([[mass, force, 0.25 * (1.0 - mass + force) ** 2, gamma]])
+    return Tableau(a, np.array([1.0]), np.array([0.0, 1.0]), NONE, NONE)

@@ -19,6 +19,7 @@ from ..mechanism import Mechanism
 from ..packing.system import Array, Ints
 from ..result import Status
 from ..result.contact_record import Event
+from .options import FIXED_RTOL
 from .plan import Plan
 
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
@@ -62,6 +63,7 @@ class Steps:
         if given is None:
             control["widths"], control["most"] = GIVEN, np.iinfo(np.int64).max
             control["turning"] = plan.width.max(initial=0.0)
+            control["rtol"] = FIXED_RTOL if plan.method.implicit else 0.0
             return
         control["widths"] = WIDEST if given.fixed else CHOSEN
         control["rtol"], control["atol"] = given.rtol, given.atol

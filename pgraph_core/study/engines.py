@@ -11,6 +11,7 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from ..errors import choices, refusal
+from .errors import Motion
 from .settings import Ladder, Setting
 from .task import Outcome, Participant, Progress, Stopped, Task
 
@@ -40,6 +41,8 @@ def engine_participants(
 ) -> tuple[list[Participant], list[str]]:
     """(the participants of each engine that can take the motion, a sentence for each other)."""
     participants: list[Participant] = []
+    if names and task.quantity != "position":
+        return [], [f"other engines are compared by their positions, not by the {task.quantity}"]
     notes: list[str] = []
     found = installed_peers() if names else {}
     for name in names:
@@ -79,7 +82,7 @@ def _runner(once: Once) -> Callable[[Setting, Progress, bool], Outcome]:
             return Outcome.failed(_first_line(error))
         if done is None:
             return Outcome.failed("", cancelled=True)
-        return Outcome(done.q, done.seconds, counters=done.counters)
+        return Outcome(Motion(done.q), done.seconds, counters=done.counters, whole=done.seconds)
 
     return run
 

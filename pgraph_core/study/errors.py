@@ -12,11 +12,13 @@ from ..dynamics.states import angles, length_of
 from ..engine import layout as at
 from ..mechanism import Mechanism
 from ..packing.system import Array
+from ..result import Result
 
-COARSE, FINE = 0.1, 1e-4  # errors above show no order; below FINE only where there are enough
-FLOOR = 10.0  # times the smallest error: closer to it rounding dominates
+COARSE = 0.1  # errors above show no order
+FLOOR = 20.0  # times the least error that can be seen: closer to it rounding dominates
 ROUNDING = 1e-15
 LEAST = 3  # points of a slope
+STEADY = 0.75  # least to largest slope within points that show an order
 SMALL = 1e-9  # larger errors are not rounding
 MOST_STEPS = 2048
 
@@ -44,6 +46,73 @@ def rms(e: Array) -> float:
 # -- of bodies: for error against run time, where engines have other coordinates -------------------
 
 
+class Motion(NamedTuple):
+    """What is known of a motion at n times; an engine may give its positions alone."""
+
+    q: Array  # (n, nq)
+    v: Array | None = None  # (n, nv)
+    force: Array | None = None  # (n, m, 6) wrenches of the constraints [N m, N]
+
+    @classmethod
+    def of(cls, run: Result) -> Motion:
+        """Of one of our runs."""
+        wrenches = list(run.constraint_force.values())
+        force = np.stack(wrenches, axis=1) if wrenches else np.zeros((len(run.t), 0, 6))
+        return cls(run.q, run.v, force)
+
+    def part(self, frames: Array) -> Motion:
+        """Some of its times, by number."""
+        return Motion(*(None if x is None else x[frames] for x in self))
+
+
+Measure = Callable[[Motion], Array]  # (n, m) errors of a motion
+
+
+def measure_of(mech: Mechanism, quantity: str, known: Motion) -> Measure:
+    """The errors of a quantity of `QUANTITIES` against a motion, without unit.
+
+    Positions: see `differences`. Velocities and forces: over the largest of the known motion.
+    """
+    if quantity == "force":
+        return lambda found: _over_largest(_given(found.force), _given(known.force))
+    if quantity == "velocity":
+        theirs = velocities(mech, known)
+        return lambda found: _over_largest(velocities(mech, found), theirs)
+    observe, scale = observer(mech), reach(mech)
+    places = observe(known.q)
+    return lambda found: differences(observe(found.q), places, scale)
+
+
+QUANTITIES = ("position", "velocity", "force")  # whose error is measured
+
+
+def _given(array: Array | None) -> Array:
+    assert array is not None  # `work_precision` asks for it first
+    return array
+
+
+def velocities(mech: Mechanism, motion: Motion) -> Array:
+    """(n, nb, 6) angular velocity and velocity of the tip of every body, world axes."""
+    v = _given(motion.v)
+    n = len(v)
+    still, none = np.zeros((n, mech.nv)), np.zeros((n, mech.nb, 6))
+    found = bodies_over(mech.packed.system, motion.q, v, still, none)
+    arms = turned(found.pose[..., 3:], _tips(mech))
+    moving = found.velocity.copy()
+    moving[..., 3:] += np.cross(moving[..., :3], arms)
+    return moving
+
+
+def _over_largest(found: Array, known: Array) -> Array:
+    """(n, 2 m) sizes of the differences of [angular; linear] over the largest known ones."""
+    parts = []
+    for part in (slice(0, 3), slice(3, 6)):
+        largest = float(np.linalg.norm(known[..., part], axis=-1).max(initial=0.0))
+        gap = np.linalg.norm(found[..., part] - known[..., part], axis=-1)
+        parts.append(gap / (largest or 1.0))
+    return np.concatenate(parts, axis=1)
+
+
 class Observables(NamedTuple):
     """What is compared at n states."""
 
@@ -51,9 +120,13 @@ class Observables(NamedTuple):
     rotations: Array  # (n, b, 4) of the bodies, unit quaternions [w, x, y, z]
 
 
+def _tips(mech: Mechanism) -> Array:
+    return np.array([mech.model.body(name).tip_point for name in mech.names]).reshape(-1, 3)
+
+
 def observer(mech: Mechanism) -> Callable[[Array], Observables]:
     """A function of states q (n, nq): the tip and the rotation of every body."""
-    tips = np.array([mech.model.body(name).tip_point for name in mech.names]).reshape(-1, 3)
+    tips = _tips(mech)
 
     def observe(q: Array) -> Observables:
         n = len(q)
@@ -134,19 +207,32 @@ def levelled(errors: Sequence[float]) -> bool:
     return len(errors) > 4 and min(errors) < SMALL and errors[-1] > 0.7 * min(errors[-5:-3])
 
 
-def observed_order(points: Sequence[tuple[float, float]]) -> float | None:
-    """-d log E / d log n over the middle third of the usable points (n steps, E).
+def observed_order(points: Sequence[tuple[float, float]], limit: float = 0.0) -> float | None:
+    """-d log E / d log n over the points (n steps, E) between the asymptotic start and rounding.
 
-    None if there are fewer than three.
+    Those are the points in a row, three or more, whose slopes from one to the next agree and over
+    which the error shrinks most. Errors near `limit`, or near where shorter steps no longer help,
+    do not count. None if there are fewer than three.
     """
-    errors = [e for _, e in sorted(points)]
-    floor = max(ROUNDING, FLOOR * min(errors)) if levelled(errors) else ROUNDING
-    usable = sorted((n, e) for n, e in points if n > 0 and floor < e < COARSE)
-    fine = [(n, e) for n, e in usable if e < FINE]
-    pairs = fine if len(fine) >= 2 * LEAST else usable
-    if len(pairs) < LEAST:
+    ordered = sorted((n, e) for n, e in points if n > 0)
+    errors = [e for _, e in ordered]
+    floor = FLOOR * max(limit, min(errors, default=0.0) if levelled(errors) else 0.0)
+    usable = [(n, e) for n, e in ordered if max(ROUNDING, floor) < e < COARSE]
+    best, most = None, 1.0
+    for first in range(len(usable)):
+        for last in range(first + LEAST, len(usable) + 1):
+            shrunk = usable[first][1] / usable[last - 1][1]
+            if shrunk > most and _steady(usable[first:last]):
+                best, most = (first, last), shrunk
+    if best is None:
         return None
-    count = max(LEAST, round(len(pairs) / 3))
-    first = (len(pairs) - count) // 2
-    n, e = np.log(np.array(pairs[first : first + count])).T
+    n, e = np.log(np.array(usable[best[0] : best[1]])).T
     return float(-np.polyfit(n, e, 1)[0])
+
+
+def _steady(points: Sequence[tuple[float, float]]) -> bool:
+    """Whether the slopes over every two intervals are alike; of three points those over one."""
+    n, e = np.log(np.array(points)).T
+    apart = 2 if len(points) > LEAST else 1
+    slopes = -(e[apart:] - e[:-apart]) / (n[apart:] - n[:-apart])
+    return bool(slopes.min() > 0.0 and slopes.min() >= STEADY * slopes.max())

@@ -98,13 +98,15 @@ def error_diagram(
     label: str,
     curves: Sequence[Curve],
     paper: Paper = WIDE,
+    titles: tuple[str, str] = ("run time", "error (rms, without unit)"),
     *,
     limit: float = math.nan,
     target: float | None = None,
 ) -> str:
     """Error over run time, both logarithmic, one curve a method; a sentence if there is no point.
 
-    Errors below `limit`, the limit of the reference, are shaded; `target` is a dashed line.
+    `titles` are those of the axes. Errors below `limit`, the limit of the reference, are shaded;
+    `target` is a dashed line.
     """
     open_ = (
         '<svg xmlns="http://www.w3.org/2000/svg" role="img" '
@@ -116,7 +118,7 @@ def error_diagram(
         return f"{open_}{_text(LEFT, 40, 'no run reached the end', anchor='start')}</svg>"
     errors = [min(point.error, HIGHEST) for point in points]
     axes = Axes(paper, _decades([point.seconds for point in points]), _decades(errors))
-    parts = [_shade(axes, limit), _grid(axes), _target(axes, target)]
+    parts = [_shade(axes, limit), _grid(axes, titles), _target(axes, target)]
     parts += [_curve(axes, curve, i) for i, curve in enumerate(curves)]
     return f"{open_}{''.join(parts)}{_legend(paper, curves)}</svg>"
 
@@ -127,7 +129,7 @@ def _decades(values: list[float]) -> tuple[int, int]:
     return low, max(high, low + 1)
 
 
-def _grid(axes: Axes) -> str:
+def _grid(axes: Axes, titles: tuple[str, str]) -> str:
     bottom, right = axes.paper.bottom, axes.paper.right
     parts = []
     for k in range(axes.time[0], axes.time[1] + 1):
@@ -136,10 +138,10 @@ def _grid(axes: Axes) -> str:
     for k in range(axes.error[0], axes.error[1] + 1):
         y = axes.y(10.0**k)
         parts.append(_line(LEFT, y, right, y) + _text(LEFT - 8, y + 4, f"1e{k}", anchor="end"))
-    parts.append(_text((LEFT + right) / 2, bottom + 40, "run time of the steps"))
+    parts.append(_text((LEFT + right) / 2, bottom + 40, titles[0]))
     middle = (TOP + bottom) / 2
     turned = f'transform="rotate(-90 16 {middle:g})"'
-    parts.append(_text(16, middle, "error (rms, without unit)", extra=turned))
+    parts.append(_text(16, middle, titles[1], extra=turned))
     return "".join(parts)
 
 

@@ -13,9 +13,9 @@ from ..errors import InputError, PgraphError, refusal
 from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..packing.system import Array
-from ..result import Result
+from ..result import Result, Status
 from ..verification import Case, States
-from .errors import differences, joint_errors, observer, reach, rms
+from .errors import Measure, Motion, joint_errors, measure_of, rms
 from .settings import Setting
 from .task import Progress, Task
 
@@ -36,7 +36,11 @@ STATES = 5  # at which the fastest rate is evaluated
 NEWTON = 12  # evaluations of an implicit step in addition to its Jacobian, about
 
 Candidate = tuple[str, Setting]  # a method and a setting
-Measure = Callable[[Array], Array]  # (n, m) errors of states q (n, nq) at the reference's times
+LATE = "it took too long"
+FEWEST = 1e-3  # of the duration: no shorter part of it is compared
+SHORTER = 4.0  # times shorter, where no reference of the whole is found in time
+GROWN = (1e-12, 0.1)  # differences between which their growth is fitted
+FOLDS = 4.0  # e-folds in the second half of the time: more than powers of time make
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,7 @@ class Reference:
     accuracy: float  # error of the reference itself
     source: str  # where it comes from, in words
     margin: float = GIVEN
+    growth: float = 0.0  # rate at which errors grow in chaotic motion [1/s]; 0: it is regular
 
     @property
     def limit(self) -> float:
@@ -55,11 +60,11 @@ class Reference:
         return self.margin * self.accuracy
 
     @classmethod
-    def of_states(cls, task: Task, t: Array, q: Array, accuracy: float, source: str) -> Reference:
-        """States of the mechanism as the reference of its bodies' motion."""
-        observe, scale = observer(task.mech), reach(task.mech)
-        known = observe(q)
-        return cls(t, lambda found: differences(observe(found), known, scale), accuracy, source)
+    def of_motion(
+        cls, task: Task, t: Array, motion: Motion, accuracy: float, source: str
+    ) -> Reference:
+        """A motion of the mechanism as the reference of the task's quantity."""
+        return cls(t, measure_of(task.mech, task.quantity, motion), accuracy, source)
 
 
 def of_case(case: Case) -> Reference:
@@ -73,8 +78,8 @@ def of_case(case: Case) -> Reference:
         text = "has no motion over time to compare with; choose another case"
         raise refusal(f"case '{case.name}'", "", text)
 
-    def measured(q: Array) -> Array:
-        states = States(mech, q, np.zeros((len(q), mech.nv)))
+    def measured(motion: Motion) -> Array:
+        states = States(mech, motion.q, np.zeros((len(motion.q), mech.nv)))
         return np.column_stack([each.errors(states) for each in kept])
 
     return Reference(case.t, measured, case.accuracy, f"case {case.name}, {case.how_obtained}")
@@ -86,13 +91,17 @@ def given(task: Task, reference: Any) -> Reference:
     Raises InputError.
     """
     if isinstance(reference, Case):
+        if task.quantity != "position":
+            text = f"a case gives positions, not the {task.quantity}; leave it out"
+            raise refusal("work_precision", "reference", text)
         return of_case(reference)
     if isinstance(reference, Reference):
         return reference
     if isinstance(reference, Result):
         method = reference.header.get("method", "unknown method")
         accuracy = float(np.nan_to_num(reference.error_estimate, nan=0.0, posinf=np.inf))
-        return Reference.of_states(task, reference.t, reference.q, accuracy, f"given run, {method}")
+        known, source = Motion.of(reference), f"given run, {method}"
+        return Reference.of_motion(task, reference.t, known, accuracy, source)
     try:
         t, q = (np.array(part, dtype=float) for part in reference)
     except (TypeError, ValueError):
@@ -101,16 +110,26 @@ def given(task: Task, reference: Any) -> Reference:
         text = "must be a Result, a Case, a Reference, or (t, q) with at least two times and q of "
         text += f"shape (len(t), {task.mech.nq}); given {type(reference).__name__}"
         raise refusal("work_precision", "reference", text)
-    return Reference.of_states(task, t, q, 0.0, "given states, taken as exact")
+    if task.quantity != "position":
+        text = f"(t, q) says nothing of the {task.quantity}; give a Result"
+        raise refusal("work_precision", "reference", text)
+    return Reference.of_motion(task, t, Motion(q), 0.0, "given states, taken as exact")
 
 
 # -- made: the best of some fine runs, checked by another ------------------------------------------
 
 
 def _completed(
-    task: Task, candidates: Iterable[Candidate], watch: Callable[[], Progress], estimate: bool
+    task: Task,
+    candidates: Iterable[Candidate],
+    watch: Callable[[], Progress],
+    estimate: bool,
+    failures: list[str],
 ) -> Iterator[Result]:
-    """The runs that reach the end. Raises what the last one raised if each was refused."""
+    """The runs that reach the end, until one takes too long; why not goes into `failures`.
+
+    Raises what the last one raised if each was refused.
+    """
     refused: PgraphError | None = None
     ran = False
     for method, setting in candidates:
@@ -122,6 +141,11 @@ def _completed(
         ran = True
         if run.status.ok:
             yield run
+        elif run.status is Status.CANCELLED:
+            failures.append(LATE)
+            return
+        else:
+            failures.append(f"{method}: {run.message}")
     if refused is not None and not ran:
         raise refused
 
@@ -131,40 +155,75 @@ def finest(
 ) -> tuple[Reference, Task]:
     """(the best of the finest runs, with its distance to the second finest; its motion).
 
-    A chaotic motion is shortened to the horizon up to which both still agree. `rate` is the
-    fastest of the motion [1/s], `step` the finest of the ladder [s]. Raises InputError if no
-    method reaches the end.
+    A motion is shortened to the horizon up to which both still agree, if it is chaotic, or to
+    what can be computed in time. `rate` is the fastest of the motion [1/s], `step` the finest of
+    the ladder [s]. Raises InputError, with the cause, if no method reaches the end.
     """
-    best: tuple[float, Array, Array, str] | None = None
+    best: tuple[float, Motion, Array, str] | None = None
+    failures: list[str] = []
     for pair in _pairs(task, rate, step):
         try:
-            runs = list(_completed(task, pair, watch, False))
-        except InputError:
+            runs = list(_completed(task, pair, watch, False, failures))
+        except InputError as error:
+            failures.append(error.problems[0].text)
             continue
         if len(runs) < 2:
             continue
         (method, fine), (_, coarse) = pair
         source = f"{method} at {fine} against {coarse}"
-        apart = Reference.of_states(task, task.t, runs[0].q, 0.0, source).errors(runs[1].q)
+        known = Motion.of(runs[0])
+        apart = measure_of(task.mech, task.quantity, known)(Motion.of(runs[1]))
         if best is None or rms(apart) < best[0]:
-            best = rms(apart), runs[0].q, apart, source
+            best = rms(apart), known, apart, source
         if best[0] < GOOD or horizon(best[2]) > 1:
             break
     if best is None:
-        text = (
-            "no method reached the end at its finest setting; give a reference or a shorter t_end"
-        )
-        raise refusal("work_precision", "reference", text)
-    own, q, apart, source = best
+        return _of_a_part(task, rate, step, watch, failures)
+    own, motion, apart, source = best
+    growth = growth_of(task.t, apart)
     until = float(task.t[horizon(apart) - 1])
     if own > APART and 0 < until < task.t_end:
-        return finest(replace(task, t=np.linspace(0.0, until, len(task.t))), rate, step, watch)
-    return replace(Reference.of_states(task, task.t, q, own, source), margin=MADE), task
+        part = replace(task, t=np.linspace(0.0, until, len(task.t)))
+        found, task = finest(part, rate, step, watch)
+        return replace(found, growth=growth), task
+    known = Reference.of_motion(task, task.t, motion, own, source)
+    return replace(known, margin=MADE, growth=growth), task
+
+
+def _of_a_part(
+    task: Task, rate: float, step: float, watch: Callable[[], Progress], failures: list[str]
+) -> tuple[Reference, Task]:
+    """The reference of as much of the motion as can be computed in time. Raises InputError."""
+    shorter = task.t_end / SHORTER
+    if LATE not in failures or shorter < FEWEST * task.asked:
+        why = next((text for text in failures if text != LATE), "they would take too long")
+        text = f"no method reached the end at its finest setting: {why}"
+        raise refusal("work_precision", "reference", text)
+    return finest(replace(task, t=np.linspace(0.0, shorter, len(task.t))), rate, step, watch)
+
+
+def growth_of(t: Array, apart: Array) -> float:
+    """The rate at which two runs part in chaotic motion [1/s], Lyapunov's exponent; else 0.
+
+    `apart` (n, m) is how far. Differences that grow as a power of time are no chaos.
+    """
+    largest = np.maximum.accumulate(apart.max(axis=1, initial=0.0))
+    some = (largest > GROWN[0]) & (largest < GROWN[1])
+    if not some.any():
+        return 0.0
+    half = 0.5 * t[some][-1]
+    late = some & (t >= half)
+    if late.sum() < STATES:
+        return 0.0
+    rate, last = (float(np.polyfit(t[each], np.log(largest[each]), 1)[0]) for each in (some, late))
+    return rate if last * half > FOLDS else 0.0
 
 
 def _pairs(task: Task, rate: float, step: float) -> Iterator[tuple[Candidate, Candidate]]:
     """Each method with its finest setting and the next one, the likeliest first."""
     if task.impulses:
+        fine, coarse = FINEST["dop853"]
+        yield ("dop853", Setting(rtol=10 * fine)), ("dop853", Setting(rtol=10 * coarse))
         for name in ("rk4", "moreau_jean"):
             yield (name, Setting(step=step / 4)), (name, Setting(step=step / 2))
         return
@@ -215,7 +274,7 @@ def known_motion(
     allowed = PATIENCE * budget // len(mech.packed.system.rows)
     tries = _opinions(mech.nv, rate * task.t_end, task.impulses, step, rtol, allowed)
     done: list[tuple[Result, float]] = []
-    for run in _completed(task, tries, lambda: progress, True):
+    for run in _completed(task, tries, lambda: progress, True, []):
         done.append(
             (run, float(run.error_estimate) * max(1.0, 1.0 / (length_of(mech.packed) or 1.0)))
         )
@@ -255,6 +314,8 @@ def _opinions(
 def per_step(method: str, nv: int) -> int:
     """About how often a step evaluates the dynamics; a Jacobian by differences counts too."""
     chosen = METHODS[method]
+    if chosen.implicit and not chosen.jacobian:
+        return NEWTON * chosen.evaluations
     return NEWTON + 2 * nv if chosen.implicit else chosen.evaluations
 
 

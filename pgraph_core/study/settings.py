@@ -15,7 +15,6 @@ from ..simulation.options import LEAST_RTOL
 HALVINGS = 8
 TOLERANCES = tuple(10.0**-k for k in range(2, 13))
 MOST_SETTINGS = 64  # of one method
-IMPULSIVE = ("moreau_jean", "rk4", "semi_implicit_euler")  # they handle rigid contacts and limits
 
 
 class Setting(NamedTuple):
@@ -83,7 +82,9 @@ def _rungs(field: str, given: Any, least: float, most: float) -> tuple[float, ..
 def usual_methods(*, impulses: bool) -> tuple[str, ...]:
     """The methods that suit a scene with or without impulses."""
     return tuple(
-        name for name in METHODS if (name in IMPULSIVE if impulses else name != "moreau_jean")
+        name
+        for name, method in METHODS.items()
+        if (impulses and method.eventful) or (name == "moreau_jean") == impulses
     )
 
 

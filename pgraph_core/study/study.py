@@ -24,10 +24,10 @@ from .timing import Spread
 LEVELS = tuple(10.0**-k for k in range(3, 10))  # errors at which engines are compared
 HEADER = (
     "method", "setting", "error", "digits", "at the end", "largest", "energy", "constraints",
-    "steps", "evaluations", "time", "quartiles", "us/step", "x real", "ratio", "",
+    "steps", "evaluations", "time", "quartiles", "in steps", "us/step", "x real", "ratio", "",
 )  # fmt: skip
 WORDS = (0, 1, len(HEADER) - 1)  # columns that are aligned to the left
-SHOWN = (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 14, 15)  # on a terminal
+SHOWN = (0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 15, 16)  # on a terminal
 
 USUAL_TARGET = 1e-6  # where none is given
 
@@ -51,7 +51,8 @@ class Row:
     constraint_drift: tuple[float, float] | None = None  # position [m, rad], velocity
     gap_violation: float | None = None  # deepest penetration [m]
     counters: Mapping[str, int] | None = None
-    seconds: Spread | None = None  # quartiles of the stepping loop [s]
+    seconds: Spread | None = None  # quartiles of the whole call; of a peer, of its steps [s]
+    stepping: Spread | None = None  # of the stepping loop [s]
     ratio: Spread | None = None  # to the baseline of the same round
     us_per_step: float | None = None
     real_time_factor: float | None = None  # simulated over computed time
@@ -98,14 +99,20 @@ class Row:
         """Median [s]."""
         return None if self.seconds is None else self.seconds[1]
 
-    def timed(self, seconds: Spread, ratio: Spread, duration: float) -> Row:
+    @property
+    def work(self) -> int:
+        """Evaluations of the dynamics; 0 where they are not known."""
+        return (self.counters or {}).get("evaluations", 0)
+
+    def timed(self, seconds: Spread, stepping: Spread, ratio: Spread, duration: float) -> Row:
         """With the times of all rounds."""
         steps = (self.counters or {}).get("steps", 0)
         return replace(
             self,
             seconds=seconds,
+            stepping=stepping,
             ratio=ratio,
-            us_per_step=1e6 * seconds[1] / steps if steps else None,
+            us_per_step=1e6 * stepping[1] / steps if steps else None,
             real_time_factor=duration / seconds[1],
         )
 
@@ -131,6 +138,7 @@ class Row:
             *(str(counters.get(name, "")) for name in ("steps", "evaluations")),
             duration(seconds[1]) if seconds else "",
             f"{duration(seconds[0])} .. {duration(seconds[2])}" if seconds else "",
+            duration(self.stepping[1]) if self.stepping else "",
             _format(".3g", self.us_per_step),
             _format(".3g", self.real_time_factor),
             _format(".3g", self.ratio[1] if self.ratio else None),
@@ -152,6 +160,8 @@ class Row:
             f"error {self.error:.2e}, digits {self._digits}",
             f"time {duration(middle)} ({duration(low)} .. {duration(high)})",
         ]
+        if self.stepping and not self.peer:
+            lines[-1] += f", of which {duration(self.stepping[1])} in steps"
         if self.counters and "steps" in self.counters:
             lines.append(f"{self.counters['steps']} steps")
         if self.energy_drift is not None:
@@ -182,6 +192,9 @@ class Study(Portable):
     left_out: tuple[str, ...]  # features that the scene did not need
     notes: tuple[str, ...]  # missing peers, a shortened motion, ...
     cancelled: bool = False
+    asked: float = 0.0  # duration of the run that was asked about [s]
+    quantity: str = "position"  # whose error is measured
+    growth: float = 0.0  # rate at which errors grow in chaotic motion [1/s], Lyapunov's exponent
 
     def __str__(self) -> str:
         cells = [[row[i] for i in SHOWN] for row in (HEADER, *(row.cells for row in self.rows))]
@@ -245,17 +258,21 @@ class Study(Portable):
     # -- for people --------------------------------------------------------------------------------
 
     def _head(self) -> tuple[str, ...]:
-        """The comparison, its reference, the machine."""
+        """The comparison, the answer, its reference, the machine."""
         scenario = f", scenario {self.scenario}" if self.scenario else ""
         known = self.reference
         return (
-            f"{self.name}{scenario}: error against run time over {self.t_end:.6g} s at "
-            f"{self.frames} times",
+            f"{self.name}{scenario}: error {self._of_what}against run time over {self.t_end:.6g} s "
+            f"at {self.frames} times",
             f"reference        {known['source']}, accurate to {known['accuracy']:.1e}; errors "
             f"below {known['limit']:.1e} are not resolved",
             f"machine          {self.machine['cpu']}, one thread, medians of {self.rounds} rounds, "
-            f"{self.clock} time",
+            f"{self.clock} time of whole calls",
         )
+
+    @property
+    def _of_what(self) -> str:
+        return "" if self.quantity == "position" else f"of the {self.quantity} "
 
     def _foot(self) -> tuple[str, ...]:
         """Orders, the recommendation, notes, times of the study."""
@@ -266,7 +283,7 @@ class Study(Portable):
         spent = (f"{name} {duration(seconds)}" for name, seconds in self.timing.items() if seconds)
         return (
             f"observed orders  {', '.join(orders)}",
-            *(f"recommended      {line}" for line in [self._advice()] if line),
+            f"recommended      {self.answer}",
             *(f"left out         {line}" for line in self.left_out),
             *(f"note             {line}" for line in self.notes),
             f"time             {', '.join(spent)}",
@@ -284,17 +301,22 @@ class Study(Portable):
             ours = [row for row in self.rows if not row.peer and row.error and row.seconds]
             return min(ours, key=lambda row: row.error or np.inf, default=None)
 
-    def _advice(self) -> str:
-        """The setting to take, in words; "" where no run reached the end."""
+    @property
+    def answer(self) -> str:
+        """The method and setting to take, in one sentence; or why there is none."""
         row, wanted = self.advised(), USUAL_TARGET if self.target is None else self.target
         if row is None:
-            return ""
+            why = next((each.reason for each in self.rows if each.reason), "none was measured")
+            return f"No method reached the end: {why}."
         took = duration(row.time or 0.0)
-        text = f"{row.method}, {row.setting}: error {row.error:.1e} in {took}"
+        error = "error" if self.quantity == "position" else f"error of the {self.quantity}"
+        text = f"Take {row.method} at {row.setting}: {error} {row.error:.1e} in {took}"
+        if self.t_end < self.asked * (1 - 1e-9):
+            text += f", judged over the first {self.t_end:.4g} s of {self.asked:.4g} s"
         if (row.error or np.inf) <= wanted:
-            return f"{text} for {wanted:g}"
+            return f"{text}."
         ours = [each for each in self.rows if not each.peer and each.error and each.seconds]
-        return f"{text}; {self._unmet(wanted, ours)}"
+        return f"{text}; {self._unmet(wanted, ours)}."
 
     def peer_table(self) -> list[list[str]]:
         """A header and rows of times at equal error, ours and each peer's; [] without peers."""
@@ -325,15 +347,19 @@ class Study(Portable):
             label = label if rows else f"{label} (no run)"
             points = [row.point for row in rows]
             curves.append(figure.Curve(label, points, dashed=bool(rows and rows[0].peer)))
-        label = f"error against run time of {self.name}"
+        label = f"error {self._of_what}against run time of {self.name}"
         paper = figure.narrow(len(curves)) if narrow else figure.WIDE
         limit = self.reference["limit"]
-        return figure.error_diagram(label, curves, paper, limit=limit, target=self.target)
+        clock = "run time of a whole call" + (" (processor)" if self.clock == "processor" else "")
+        what = f"error of the {self.quantity}, rms, without unit"
+        titles = clock, what
+        return figure.error_diagram(label, curves, paper, titles, limit=limit, target=self.target)
 
     def sections(self) -> list[Section]:
         """The parts of the page, to put into another one."""
         notes = "".join(f"<p>{escape(line)}</p>" for line in self._foot() if line)
-        parts = [Section("Error against run time", self.figure())]
+        first = f"<p><strong>{escape(self.answer)}</strong></p>{self.figure()}"
+        parts = [Section("Error against run time", first)]
         peers = self.peer_table()
         if peers:
             parts.append(Section("At equal error", table(peers[0], peers[1:])))
@@ -351,7 +377,8 @@ class Study(Portable):
         data["rows"] = [row.to_dict() for row in self.rows]
         for name in ("orders", "reference", "timing", "machine"):
             data[name] = dict(data[name])
-        return data | {"against_peers": self.against_peers(), "recommended": self._recommended()}
+        found = {"against_peers": self.against_peers(), "answer": self.answer}
+        return data | found | {"recommended": self._recommended()}
 
     def _recommended(self) -> int | None:
         row = self.advised()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -15,6 +16,7 @@ from ..packing.system import Array
 from ..result import Result, Status
 from ..simulation import simulate
 from ..simulation.plan import active_constraints, fastest_rate, initial_state, touching_contacts
+from .errors import Motion
 from .settings import Setting
 
 Progress = Callable[[float], Any]
@@ -35,6 +37,8 @@ class Task:
     scenario: str | None = None
     tau: Any = None
     stabilise: str | None = "project"
+    quantity: str = "position"  # whose error is measured, of `errors.QUANTITIES`
+    asked: float = 0.0  # duration that was asked for; the times may end before it [s]
 
     @property
     def t_end(self) -> float:
@@ -64,15 +68,21 @@ class Task:
             self.q,
             self.v,
             t_end=self.t_end,
-            t_eval=self.t,
             method=method,
             tau=self.tau,
             scenario=self.scenario,
             stabilise=self.stabilise,
             estimate=estimate,
             progress=progress,
+            **self._times,
             **setting.options,
         )
+
+    @property
+    def _times(self) -> dict[str, Any]:
+        """Even times by their number: a mechanism keeps the plan of such a call."""
+        even = np.linspace(0.0, self.t_end, len(self.t))
+        return {"frames": len(self.t)} if np.array_equal(even, self.t) else {"t_eval": self.t}
 
     @property
     def impulses(self) -> bool:
@@ -104,7 +114,7 @@ class Task:
 class Outcome(NamedTuple):
     """What a study keeps of one run by Pgraph or by a peer."""
 
-    q: Array  # (n, nq) in Pgraph's coordinates, as far as the run came
+    motion: Motion  # in Pgraph's coordinates, as far as the run came
     seconds: tuple[float, float]  # of the stepping loop: wall clock, processor
     ok: bool = True
     reason: str = ""  # why not
@@ -114,15 +124,17 @@ class Outcome(NamedTuple):
     drift: tuple[float, float] = (np.nan, np.nan)  # of constraints: position, velocity
     penetration: float = np.nan  # deepest of all contacts [m]
     cancelled: bool = False
+    whole: tuple[float, float] = (0.0, 0.0)  # seconds of the whole call; of a peer, of its steps
+    notices: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, run: Result) -> Outcome:
+    def of(cls, run: Result, whole: tuple[float, float] = (0.0, 0.0)) -> Outcome:
         """Of one of our runs."""
         ok = run.status.ok
         drift = run.constraint_drift.max(axis=0, initial=0.0) if len(run.t) else np.full(2, np.nan)
         depths = [float(-gap.min(initial=0.0)) for gap in run.contact_gap.values()]
         return cls(
-            run.q,
+            Motion.of(run),
             (run.timing["step"], run.timing["step_processor"]),
             ok,
             "" if ok else run.message,
@@ -132,12 +144,14 @@ class Outcome(NamedTuple):
             (float(drift[0]), float(drift[1])),
             max(depths, default=np.nan),
             run.status is Status.CANCELLED,
+            whole,
+            run.notices,
         )
 
     @classmethod
     def failed(cls, reason: str, seconds: float = 0.0, *, cancelled: bool = False) -> Outcome:
         """A run without states."""
-        return cls(np.zeros((0, 0)), (seconds, 0.0), False, reason, cancelled=cancelled)
+        return cls(Motion(np.zeros((0, 0))), (seconds, 0.0), False, reason, cancelled=cancelled)
 
 
 class Participant(NamedTuple):
@@ -153,7 +167,10 @@ def own_participant(task: Task, name: str, settings: tuple[Setting, ...]) -> Par
     """A method of Pgraph."""
 
     def run(setting: Setting, progress: Progress, estimate: bool) -> Outcome:
-        return Outcome.of(task.run(name, setting, progress, estimate=estimate))
+        began = time.perf_counter(), time.thread_time()
+        found = task.run(name, setting, progress, estimate=estimate)
+        whole = time.perf_counter() - began[0], time.thread_time() - began[1]
+        return Outcome.of(found, whole)
 
     return Participant(name, settings, run)
 

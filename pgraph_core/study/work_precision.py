@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import choices, explained, refusal
+from ..errors import InputError, choices, explained, refusal
 from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
+from ..simulation.plan import active_constraints
 from . import reference as references
 from .engines import engine_participants, engines_of
-from .errors import Errors, levelled, observed_order, rms, step_counts
+from .errors import QUANTITIES, Errors, Motion, levelled, observed_order, rms, step_counts
 from .reference import Reference
 from .settings import Ladder, Setting, methods_of, positive, whole
 from .study import USUAL_TARGET, Row, Study
@@ -35,6 +36,11 @@ LONGEST = 1.0  # s that a run may take
 CLOCKS = ("wall", "processor")
 PATIENCE = 10.0  # times longer than others a run of a reference may take
 MOST_GROWTH = 4.0  # of the time from one tolerance to the next: more is the machine
+EXTRA = 4  # rounds more, where times contradict the work that they are of
+NOISE = 0.8  # of the time of a run that does less work: no run that does more takes less
+ROUNDED = 36.8  # -log 1e-16
+OFF = 0.5  # between the order that is seen and the method's own: more is explained
+DIVIDED = "narrower ones were taken"  # in a notice: its steps are not those that were given
 ENOUGH = 0.2  # s that the last run of a method may take, of those for its order
 SHARE = {"reference": 0.1, "first": 0.4, "rounds": 1.0}  # of the progress, at each part's end
 
@@ -52,7 +58,8 @@ def work_precision(
     fixed: bool = False,
     reference: Any = None,
     rounds: int = 5,
-    clock: str = "wall",
+    clock: str = "processor",
+    quantity: str = "position",
     scenario: str | None = None,
     tau: Any = None,
     stabilise: str | None = "project",
@@ -67,10 +74,12 @@ def work_precision(
     Adaptive methods run at `tolerances` (1e-2 .. 1e-12), the others at `steps` [s]
     (h0 2^-k, k = 0 .. 8); `fixed` runs all at steps. Errors are dimensionless, over `frames` times
     (docs/report.md), against `reference`: a Result, (t, q), a Case, a Reference, or by default the
-    finest run possible, whose own error is estimated and printed. `peers` are names of other
-    engines ("mujoco", "pinocchio", "exudyn"). `clock="processor"` excludes time taken by other
-    programs. Runs of more than `longest` seconds are left out. If `progress(fraction)` returns
-    False, the study ends with the rows so far and `cancelled` set.
+    finest run possible, whose own error is estimated and printed. `quantity` is whose error:
+    "position", "velocity" or "force", the last of constraints. `peers` are names of other engines
+    ("mujoco", "pinocchio", "exudyn", "sundials", "scipy"). Times are those of whole calls on a
+    built mechanism without an estimate, and of their steps; `clock="wall"` includes time taken by
+    other programs. Runs of more than `longest` seconds are left out. If `progress(fraction)`
+    returns False, the study ends with the rows so far and `cancelled` set.
 
     Raises InputError for arguments that do not fit. A run that fails stays in the table.
     """
@@ -85,8 +94,14 @@ def work_precision(
     positive(call, "longest", longest, "a finite number > 0 [s]")
     if clock not in CLOCKS:
         raise refusal(call, "clock", f"must be one of {choices(CLOCKS)}; given {clock!r}")
+    if quantity not in QUANTITIES:
+        raise refusal(call, "quantity", f"must be one of {choices(QUANTITIES)}; given {quantity!r}")
     q0, v0 = start(mech, scenario, q, v)
-    task = Task(mech, q0, v0, np.linspace(0.0, duration, frames), scenario, tau, stabilise)
+    times = np.linspace(0.0, duration, frames)
+    task = Task(mech, q0, v0, times, scenario, tau, stabilise, quantity, duration)
+    if quantity == "force" and not len(active_constraints(mech, given)):
+        text = "'force' is that of constraints, and none acts here; choose 'position' or 'velocity'"
+        raise refusal(call, "quantity", text)
     known = None
     if reference is not None:
         known = references.given(task, reference)
@@ -94,8 +109,31 @@ def work_precision(
     rate = task.rate()
     ladder = Ladder.of(task, steps, tolerances, fixed, rate)
     names = methods_of(call, methods, impulses=task.impulses, suited=True)
+    names, refused = suited(task, names, ladder, asked=methods is not None)
     work = Work(task, ladder, names, engines_of(peers), progress, longest, rounds, clock)
+    work.notes += refused
     return work.study(known, rate, target)
+
+
+def suited(
+    task: Task, names: tuple[str, ...], ladder: Ladder, *, asked: bool
+) -> tuple[tuple[str, ...], list[str]]:
+    """(the methods that take the scene, a sentence for each other), by a run of one frame.
+
+    Raises InputError for one that was `asked` for.
+    """
+    kept, refused = [], []
+    for name in names:
+        try:
+            task.until(2).run(name, ladder.settings(METHODS[name])[0], lambda _: False)
+            kept.append(name)
+        except InputError as problem:
+            if asked:
+                raise
+            refused.append(f"{name} is left out: {problem.problems[0].text}")
+    if not kept:
+        raise refusal("work_precision", "methods", refused[0])
+    return tuple(kept), refused
 
 
 class Work:
@@ -121,6 +159,8 @@ class Work:
         self.left_out: tuple[str, ...] = ()
         self.orders: dict[str, tuple[float | None, float]] = {}
         self.rows: list[Row] = []
+        self.bent: set[str] = set()  # notices of all runs
+        self.steps_took: dict[tuple[str, Setting], list[float]] = {}  # seconds
 
     def study(self, known: Reference | None, rate: float, target: float | None) -> Study:
         """All of it, or the part that was done when it was stopped."""
@@ -131,12 +171,13 @@ class Work:
             if known is None:
                 step = self.ladder.steps[-1]
                 known, task = references.finest(self.task, rate, step, lambda: self.watch(PATIENCE))
-                self._shorten(task)
+                self._shorten(task, known)
             self.timing["reference"] = time.perf_counter() - began
             runs = self._first_runs(self._participants(), known)
             began = time.perf_counter()
             for name in self.names:
                 self.orders[name] = self._order(name, known), float(METHODS[name].order)
+                self._explain(name, rate)
             self.timing["orders"] = time.perf_counter() - began
             baseline = self._time(runs, target)
         except Stopped:
@@ -167,16 +208,26 @@ class Work:
         for name in self.names:
             self.report(0.0)
             first = self.ladder.settings(METHODS[name])[0]
-            self.left_out = self.task.until(2).run(name, first).left_out
+            short = self.task.until(2).run(name, first)
+            self.left_out = short.left_out
         self.timing["compile"] = time.perf_counter() - began
 
-    def _shorten(self, task: Task) -> None:
+    def _shorten(self, task: Task, known: Reference) -> None:
         """Continue with the motion up to the reference's horizon."""
         whole_time, self.task = self.task.t_end, task
-        if task.t_end < whole_time:
+        if known.growth > 0.0:
             self.notes.append(
-                f"chaotic: compared up to t = {task.t_end:.4g} s of {whole_time:.4g} s, where two "
-                f"references still agree to {references.AGREE:g}"
+                f"errors grow e-fold about every {1.0 / known.growth:.2g} s (Lyapunov time), so "
+                f"that rounding of 1e-16 becomes 1 after about {ROUNDED / known.growth:.2g} s"
+            )
+        if task.t_end < whole_time:
+            why = "a reference for the whole of it would take too long"
+            if known.growth > 0.0:
+                why = f"where two references still agree to {references.AGREE:g}"
+            chaotic = "chaotic: " if known.growth > 0.0 else ""
+            self.notes.insert(
+                0,
+                f"{chaotic}compared up to t = {task.t_end:.4g} s of {whole_time:.4g} s, {why}",
             )
 
     def _participants(self) -> list[Participant]:
@@ -218,12 +269,18 @@ class Work:
         return done
 
     def _again(self, one: Participant, setting: Setting) -> Callable[[], float]:
-        return lambda: one.run(setting, self.watch(np.inf), False).seconds[self.clock]
+        def run() -> float:
+            done = one.run(setting, self.watch(np.inf), False)
+            self.steps_took.setdefault((one.name, setting), []).append(done.seconds[self.clock])
+            return done.whole[self.clock]
+
+        return run
 
     def _row(self, one: Participant, setting: Setting, done: Outcome, known: Reference) -> Row:
-        if not done.ok or len(done.q) != len(known.t):
+        self.bent |= set(done.notices)
+        if not done.ok or len(done.motion.q) != len(known.t):
             return Row.of(one, setting, done._replace(ok=False), None, 0.0)
-        reached = Errors.of(known.errors(done.q))
+        reached = Errors.of(known.errors(done.motion))
         if not np.isfinite(reached.rms):
             done = done._replace(ok=False, reason="the motion stopped being finite")
             return Row.of(one, setting, done, None, 0.0)
@@ -236,7 +293,36 @@ class Work:
             for row in self.rows
             if row.method == name and row.step and row.error and not row.limited
         ]
-        return observed_order(points or self._order_runs(name, known))
+        found = observed_order(points, known.accuracy) if points else None
+        if found is None or abs(found - METHODS[name].order) > OFF:
+            found = observed_order(self._order_runs(name, known), known.accuracy) or found
+        return found
+
+    def _explain(self, name: str, rate: float) -> None:
+        """A note of why another order is seen than the method has on smooth motion."""
+        seen, order = self.orders[name]
+        if seen is not None and abs(seen - order) <= OFF:
+            return
+        shown = "no order" if seen is None else f"order {seen:.1f}"
+        self.notes.append(f"{name} shows {shown}, not {order:g}: {self._why(name, seen, rate)}")
+
+    def _why(self, name: str, seen: float | None, rate: float) -> str:
+        method = METHODS[name]
+        if any("corner" in text for text in self.bent):
+            return "tables bend inside its steps"
+        if self.task.impulses and method.eventful:
+            return "impacts and changes of contact lie inside its steps"
+        if self.task.mech.model.contacts:
+            return "forces of contacts bend inside its steps"
+        if any(any(b.friction) for b in self.task.mech.model.bodies):
+            return "joint friction bends inside its steps"
+        if seen is None:
+            return "too few steps lie between those that are too wide and the limit of rounding"
+        if method.implicit and rate * self.ladder.steps[-1] > 1.0:
+            return "its steps do not resolve the fastest motion, which is stiff"
+        if seen > method.order:
+            return "terms of higher order still lead at these steps"
+        return "terms of other orders, constraints or rounding still count at these steps"
 
     def _order_runs(self, name: str, known: Reference) -> list[tuple[float, float]]:
         """(steps, error) at steps that get shorter, until the reference's limit or time.
@@ -251,10 +337,11 @@ class Work:
             began = time.perf_counter()
             setting = Setting(step=self.task.t_end / count)
             run = quarters.run(name, setting, self.watch())
-            if run.status.ok:
-                q = np.repeat(run.q[-1:], last + 1, axis=0)
-                q[at] = run.q
-                points.append((count, rms(known.errors(q)[at])))
+            divided = any(DIVIDED in text for text in run.notices)
+            if run.status.ok and not divided:
+                found = Motion.of(run)
+                places = np.searchsorted(at, np.arange(last + 1)).clip(0, len(at) - 1)
+                points.append((count, rms(known.errors(found.part(places))[at])))
             reached = [error for _, error in points]
             below = bool(reached) and reached[-1] < known.limit
             if below or levelled(reached) or time.perf_counter() - began > ENOUGH:
@@ -276,12 +363,29 @@ class Work:
             self.rounds,
             progress=lambda part: self.report(first + (1.0 - first) * part),
         )
+        rows = [self.rows[i] for i in chosen]
+        for _ in range(EXTRA):
+            doubted = contradicted(rows, seconds)
+            if not doubted:
+                break
+            again = measured([runs[chosen[i]][0] for i in doubted], [0.0] * len(doubted), 1)
+            for i, more in zip(doubted, again):
+                seconds[i] += more
+        else:
+            if contradicted(rows, seconds):
+                self.notes.append(
+                    "the machine is busy: some runs that do more work took less time than others; "
+                    "their times are rough"
+                )
         self.timing["rounds"] = time.perf_counter() - began
-        rows, medians = [self.rows[i] for i in chosen], [spread(s)[1] for s in seconds]
+        medians = [spread(s)[1] for s in seconds]
         base = _baseline(rows, medians, USUAL_TARGET if target is None else target)
         for i, each in zip(chosen, seconds):
-            relative = ratios(each, seconds[base])
-            self.rows[i] = self.rows[i].timed(spread(each), relative, self.task.t_end)
+            count = min(len(each), len(seconds[base]))
+            relative = ratios(each[:count], seconds[base][:count])
+            row = self.rows[i]
+            steps = spread(self.steps_took[row.method, row.setting])
+            self.rows[i] = row.timed(spread(each), steps, relative, self.task.t_end)
         return chosen[base]
 
     def _study(
@@ -308,7 +412,26 @@ class Work:
             self.left_out,
             tuple(self.notes),
             cancelled,
+            task.asked,
+            task.quantity,
+            0.0 if known is None else known.growth,
         )
+
+
+def contradicted(rows: list[Row], seconds: list[list[float]]) -> list[int]:
+    """The rows of pairs, by number, of which the one that does more work took notably less time."""
+    medians = [spread(each)[1] for each in seconds]
+    found: set[int] = set()
+    curves: dict[str, list[int]] = {}
+    for i, row in enumerate(rows):
+        if row.work:
+            curves.setdefault(row.method, []).append(i)
+    for curve in curves.values():
+        for i in curve:
+            for j in curve:
+                if rows[i].work < rows[j].work and medians[j] < NOISE * medians[i]:
+                    found |= {i, j}
+    return sorted(found)
 
 
 def _baseline(rows: list[Row], times: list[float], target: float) -> int:

@@ -11,7 +11,10 @@ from pgraph_core.dynamics.states import differences
 
 from .trees import random_case
 
-ORDER = {"rk4": 4, "semi_implicit_euler": 1, "dopri5": 5, "dop853": 8, "ros2": 2, "radau5": 5}
+ORDER = {
+    "rk4": 4, "semi_implicit_euler": 1, "dopri5": 5, "dop853": 8, "ros2": 2, "radau5": 5,
+    "gauss6": 6, "generalised_alpha": 2,
+}  # fmt: skip
 RANGE = {  # duration [s] and steps: errors above rounding, and small enough for the order to show
     "rk4": (0.25, (25, 50, 100, 200)),
     "semi_implicit_euler": (0.25, (100, 200, 400, 800)),
@@ -19,6 +22,8 @@ RANGE = {  # duration [s] and steps: errors above rounding, and small enough for
     "dop853": (0.5, (8, 10, 12, 15)),
     "ros2": (0.25, (50, 100, 200)),
     "radau5": (0.25, (8, 12, 18, 27)),
+    "gauss6": (0.25, (6, 8, 11, 15)),
+    "generalised_alpha": (0.25, (50, 100, 200)),
 }
 
 
@@ -89,6 +94,8 @@ WITH_ROWS = {  # steps of the loop in 0.4 s, and of the disc in 0.5 s
     "dop853": ((10, 13, 17), (8, 10, 13)),
     "radau5": ((20, 30, 45), (8, 12, 18)),
     "ros2": ((200, 400, 800), (50, 100, 200)),
+    "gauss6": ((10, 13, 17), (10, 13, 17)),
+    "generalised_alpha": ((50, 100, 200), (50, 100, 200)),
 }
 
 

@@ -88,7 +88,7 @@ def test_the_plan_depends_on_the_method_where_that_matters():
 
 
 def test_what_the_plan_knows_of_methods_and_constraints_is_true():
-    assert set(plan.IMPLICIT) == {name for name, method in METHODS.items() if method.implicit}
+    assert set(plan.IMPLICIT) == {name for name, method in METHODS.items() if method.jacobian}
     for name in pgraph_models.names():
         model = built_in(name)
         for scenario in (None, *(s.name for s in model.scenarios)):

@@ -16,9 +16,10 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_core.study import engines
 from pgraph_core.study.errors import Errors, angles, observed_order
-from pgraph_core.study.reference import horizon
-from pgraph_core.study.study import seconds_at
+from pgraph_core.study.reference import growth_of, horizon
+from pgraph_core.study.study import Row, seconds_at
 from pgraph_core.study.timing import measured, ratios, spread
+from pgraph_core.study.work_precision import contradicted
 
 from .test_orders import heavy_top, tumbling_body
 
@@ -150,13 +151,30 @@ def test_orders_of_methods_that_choose_steps_come_from_given_ones():
     assert found.orders["radau5"] == (pytest.approx(5.0, abs=0.3), 5.0)
 
 
-def test_an_order_is_the_slope_of_the_middle_third():
-    """Coarse runs and rounding do not count."""
+def test_an_order_is_the_slope_between_the_start_and_rounding():
+    """Coarse runs, whose errors follow no order yet, and rounding do not count."""
     n = 4.0 * 2.0 ** np.arange(10)
     errors = np.maximum(0.09 * (n / 4) ** -4, 1e-14)
     errors[0] = 7.0
     assert observed_order(list(zip(n, errors))) == pytest.approx(4, abs=1e-6)
     assert observed_order([(1, 1e-3), (2, 1e-4)]) is None
+    floor = np.maximum(1e-2 * (n / 4) ** -5, 3e-12)
+    assert observed_order(list(zip(n, floor))) == pytest.approx(5, abs=0.01)
+    wild = [5e-2, 9e-2, 4e-2, *(0.5 * (n[3:] / 4) ** -4)]
+    assert observed_order(list(zip(n, wild))) == pytest.approx(4, abs=0.01)
+
+
+def test_another_order_than_the_method_has_is_explained():
+    """Two corners of a table lie inside every other step."""
+    pull = pg.Motor(name="pull", body="1", torque=pg.Table(t=(0.0, 0.33, 0.55), value=(0, 5, -5)))
+    model = pg.Model.serial(1).add(pull)
+    found = pg.work_precision(
+        model, t_end=1.0, methods="rk4", steps=[1 / n for n in (16, 32, 64, 128)], rounds=1,
+        frames=3,
+    )  # fmt: skip
+    seen, order = found.orders["rk4"]
+    assert seen is None or abs(seen - order) > 0.5
+    assert any("rk4 shows" in note and "tables bend" in note for note in found.notes)
 
 
 # -- the reference ---------------------------------------------------------------------------------
@@ -203,6 +221,64 @@ def test_a_long_chaotic_motion_is_cut():
     found = pg.work_precision(mech, t_end=30.0, methods="rk4", steps=0.3, rounds=1)
     assert found.t_end < 30.0
     assert found.notes[0].startswith(f"chaotic: compared up to t = {found.t_end:.4g} s of 30 s")
+    assert found.asked == 30.0
+    assert f"the first {found.t_end:.4g} s of 30 s" in found.answer
+
+
+def test_the_rate_at_which_errors_grow_is_that_of_two_runs_that_part():
+    t = np.linspace(0.0, 20.0, 201)
+    assert growth_of(t, 1e-11 * np.exp(1.5 * t)[:, None]) == pytest.approx(1.5, rel=1e-3)
+    assert growth_of(t, 1e-9 * t[:, None] ** 2) == 0.0
+    mech = built_in("double_pendulum").edit("upper", q=3.0)
+    found = pg.work_precision(mech, t_end=30.0, methods="rk4", steps=0.3, rounds=1)
+    q, t = np.array(mech.home()[0]), np.linspace(0.0, 15.0, 151)
+    near, far = (
+        pg.simulate(mech, x, t_end=15.0, frames=151, rtol=1e-13, estimate=False).q
+        for x in (q, q + 1e-10)
+    )
+    apart = np.abs(near - far).max(axis=1)
+    rate = np.polyfit(t, np.log(apart), 1)[0]
+    assert 0.4 * rate < found.growth < 2.5 * rate  # rates over a finite time scatter
+    assert any("Lyapunov" in note for note in found.notes)
+
+
+def test_errors_of_velocities_and_of_constraint_forces_can_be_chosen():
+    """Of a pendulum that a constraint holds: against runs whose q, v and forces are compared."""
+    mech = pg.Mechanism(top_held_by_a_constraint())
+    options = {"t_end": 0.2, "methods": "rk4", "steps": 2e-3, "rounds": 1, "frames": 11}
+    fine, rough = (
+        pg.simulate(mech, t_end=0.2, frames=11, **given)
+        for given in ({"method": "dop853", "rtol": 1e-13}, {"method": "rk4", "step": 2e-3})
+    )
+    push, known = (run.constraint_force["pivot"][:, 3:] for run in (rough, fine))
+    size = np.linalg.norm(known, axis=1).max()
+    expected = np.linalg.norm(push - known, axis=1).max() / size
+    (row,) = pg.work_precision(mech, quantity="force", **options).rows
+    assert row.error_max == pytest.approx(expected, rel=1e-3)
+    (row,) = pg.work_precision(mech, quantity="velocity", **options).rows
+    spin = np.linalg.norm((rough.v - fine.v)[:, :3], axis=1).max()
+    assert row.error_max >= 0.5 * spin / np.linalg.norm(fine.v[:, :3], axis=1).max()
+    with pytest.raises(pg.InputError, match="none acts here"):
+        pg.work_precision(built_in("pendulum"), quantity="force")
+
+
+def test_a_run_that_is_impossible_is_refused_with_its_cause():
+    """Two constraints that hold the same point in two places."""
+    model = pg.Model.serial(1).add(pg.Point(name="a", body="1", point=(1, 0, 0)))
+    model = model.add(pg.Point(name="b", body="1", point=(1, 0, 0), other_point=(3, 3, 3)))
+    with pytest.raises(pg.InputError) as refused:
+        pg.work_precision(model, t_end=0.1, rounds=1)
+    assert "b" in str(refused.value)
+
+
+def test_a_run_that_does_more_work_is_not_cheaper_by_noise():
+    rows = [
+        Row("rk4", "", h, None, True, "", counters={"evaluations": n})
+        for h, n in ((0.1, 40), (0.05, 80), (0.02, 200))
+    ]
+    assert contradicted(rows, [[1.0, 1.0], [2.0, 2.1], [5.0, 5.0]]) == []
+    assert contradicted(rows, [[9.0, 9.0], [2.0, 2.0], [5.0, 5.0]]) == [0, 1, 2]
+    assert contradicted(rows, [[1.0, 1.0], [2.0, 2.0], [1.2, 1.2]]) == [1, 2]
 
 
 # -- what does not work out ------------------------------------------------------------------------
@@ -272,9 +348,10 @@ def test_contacts_are_measured_too():
     touch = pg.Contact(name="floor", body="ball", points=((0, 0, 0),), restitution=0.5)
     mech = pg.Mechanism(pg.Model(bodies=(ball,), contacts=(touch,)))
     found = pg.work_precision(mech, t_end=0.3, steps=(0.01, 0.005), rounds=1, frames=7)
-    assert found.methods == ("semi_implicit_euler", "rk4", "moreau_jean")
+    assert found.methods == ("semi_implicit_euler", "rk4", "dopri5", "dop853", "moreau_jean")
     best = min(found.rows, key=lambda row: row.error or np.inf)
-    assert best.method == "rk4"
+    assert best.method in ("dopri5", "dop853", "rk4")
+    assert found.recommend(1e-3).ok
 
 
 # -- timing --------------------------------------------------------------------------------------

@@ -55,7 +55,7 @@ def fastest_rate(scene, accelerate, size, stages, flow):
     call_acceleration(accelerate, (scene, 0.0, q, v, stages[TORQUE, :nv], here, flow))
     for j in range(nv):
         stages[ALONG, j] = 1.0 + 0.1 * ((7 * j) % 11) * (1 - 2 * (j % 2))
-        stages[ALONG, nv + j] = 0.0
+        stages[ALONG, nv + j] = stages[ALONG, j]  # or dampers alone would not be seen
     rate = 0.0
     for n in range(ROUNDS):
         if n > 0:

@@ -1,0 +1,310 @@
+"""Gauss collocation in positions and momenta: symplectic, for long runs; compiled when asked for.
+
+With p = ∂L/∂v the equations of a tree are q' = v, p' = ∂L/∂q + τ, and Gauss' methods of s stages,
+order 2 s, keep the symplectic form of (q, p): the energy of conservative motion stays within a
+bound for very long times ([Hairer, Lubich, Wanner 2006, VI.4, IX.3]). In (q, v) they would not,
+where the mass matrix changes. A step takes local coordinates ξ, which rotations of balls and free
+bodies become by the exponential; their momentum is dexp(ξ)ᵀ p.
+
+The unknowns are the velocities of the stages. Momenta that they miss change them by the inverse
+mass matrix at the start of the step, until rounding is left.
+"""
+
+import math
+
+from .. import layout as at
+from ..arrays import opened_run
+from ..compiler.jit import kernel, part, sweep
+from ..linear import factor, substitute
+from ..motion import call_acceleration, opened
+from ..rows import (
+    TRANSLATE,
+    add_force,
+    armature_of,
+    axis_of,
+    force_of,
+    inertia_of,
+    kind_of,
+    link_of,
+    origin_of,
+    parent_of,
+    set_acceleration,
+    set_force,
+    set_origin,
+    spin_of,
+    v_of,
+)
+from ..tree.dynamics import joint_inertia, newton_euler
+from ..tree.kinematics import joint_force, linear_velocity, outboard
+from ..tree.moving import advance, local_rate
+from ..vec import add, add_cross, add_scaled, cross, dot, finite, mul, mul_t, scale, sym_mul
+from .state import EPS, NOT_SOLVED, STEP, copied, size_of_state
+
+# rows of the real matrix from nv on, before which it holds the mass matrix: 2 nv wide
+Z, RATE, KEPT = 0, 3, 6  # of up to three stages each: (ξ, v); (ξ', p'); p
+PIVOTS, START, SCRATCH, VDOT, WANTED = 9, 10, 11, 12, 13
+ROUNDS = 60
+LOST = 1e3  # corrections over the motion: they grow
+NEARLY = 1e-13  # a correction that no longer shrinks below it is rounding
+TERMS = 12  # of the series of dexp: exact for turns of up to 3 rad
+
+
+# -- momenta --------------------------------------------------------------------------------------
+
+
+@sweep
+def momenta(rows, const, work, q, v, p, pdot):
+    """p = M v, and the part of p' that v alone makes.
+
+    P of a row is the momentum of what it carries, [about its origin; linear]: p = Hᵀ P, and
+    p' = H'ᵀ P + Hᵀ P', where P' is what Newton and Euler's sweeps add up (`momentum_rates`), less
+    V × P of an origin that moves.
+    """
+    outboard(rows, const, work, q, v)
+    n = rows.shape[0]
+    for k in range(1, n):
+        parent = parent_of(rows, k)
+        velocity = linear_velocity(rows, const, work, v, k, origin_of(work, parent))
+        set_origin(work, k, velocity)  # in the place of the origin, which is not needed
+        j, b, m = inertia_of(work, k)
+        spin = spin_of(work, k)
+        moment = add(sym_mul(j, spin), mul(b, velocity))
+        set_force(work, k, moment, add(mul_t(b, spin), scale(m[0], velocity)))
+    for k in range(n - 1, 0, -1):
+        moment, force = force_of(work, k)
+        joint_force(rows, const, work, k, force, moment, p)
+        lost = cross(origin_of(work, k), force)
+        i = v_of(rows, k)
+        parent = parent_of(rows, k)
+        turning = spin_of(work, parent)
+        if kind_of(rows, k) <= TRANSLATE:
+            moves = kind_of(rows, k) == TRANSLATE
+            along = axis_of(work, k)
+            gone = dot(cross(turning, along), force if moves else moment)
+            pdot[i] = gone if moves else gone - dot(along, lost)
+            p[i] += armature_of(const, k) * v[i]
+        else:
+            rate = scale(-1.0, add(lost, cross(turning, moment)))
+            joint_force(rows, const, work, k, scale(-1.0, cross(turning, force)), rate, pdot)
+        add_force(work, parent, add_cross(moment, link_of(work, k), force), force)
+    set_acceleration(work, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+@sweep
+def momentum_rates(rows, const, work, v, vdot, pdot, scratch):
+    """Add what Newton and Euler's sweeps make of v' to `pdot`, after `momenta`."""
+    newton_euler(rows, const, v, vdot, work, scratch)
+    for j in range(v.shape[0]):
+        pdot[j] += scratch[j]
+
+
+# -- turns ----------------------------------------------------------------------------------------
+
+
+@part
+def series(s, first, slope):
+    """Σ (-s)^k / (2 k + first)! for s = φ², or its derivative by s."""
+    term = 1.0 / (2.0 if first == 2 else 6.0)
+    total = 0.0
+    for k in range(TERMS):
+        if slope:
+            total += (k + 1) * term * -1.0 / ((2 * k + first + 1) * (2 * k + first + 2))
+        else:
+            total += term
+        term *= -s / ((2 * k + first + 1) * (2 * k + first + 2))
+    return total
+
+
+@sweep
+def into_chart(rows, xi, xi_rate, p, pdot):
+    """p, p' become those of ξ: dexp(ξ)ᵀ p, and its derivative along ξ'.
+
+    dexpᵀ p = p - a ξ × p + b ξ × (ξ × p), a = (1 - cos φ) / φ², b = (φ - sin φ) / φ³, φ = |ξ|.
+    """
+    for k in range(1, rows.shape[0]):
+        if kind_of(rows, k) <= TRANSLATE:
+            continue
+        i = v_of(rows, k)
+        x = (xi[i], xi[i + 1], xi[i + 2])
+        u = (xi_rate[i], xi_rate[i + 1], xi_rate[i + 2])
+        y = (p[i], p[i + 1], p[i + 2])
+        z = (pdot[i], pdot[i + 1], pdot[i + 2])
+        s = dot(x, x)
+        a, b = series(s, 2, False), series(s, 3, False)
+        growing = 2.0 * dot(x, u)
+        a_rate, b_rate = growing * series(s, 2, True), growing * series(s, 3, True)
+        xy = cross(x, y)
+        xxy = cross(x, xy)
+        uy = cross(u, y)
+        turned = add(cross(u, xy), cross(x, uy))
+        xz = cross(x, z)
+        for n in range(3):
+            p[i + n] = y[n] - a * xy[n] + b * xxy[n]
+        z = add_scaled(add_scaled(z, -a, xz), b, cross(x, xz))
+        z = add_scaled(add_scaled(z, -a, uy), b, turned)
+        z = add_scaled(add_scaled(z, -a_rate, xy), b_rate, xxy)
+        for n in range(3):
+            pdot[i + n] = z[n]
+
+
+@sweep
+def out_of_chart(rows, xi, p, negative, out):
+    """p from that of ξ: dexp(ξ)⁻ᵀ p, which is dexp(-ξ)⁻¹ p; `negative` is scratch."""
+    for j in range(p.shape[0]):
+        negative[j] = -xi[j]
+    local_rate(rows, negative, p, out)
+
+
+# -- steps ----------------------------------------------------------------------------------------
+
+
+@sweep
+def factor_mass(run, q):
+    """The mass matrix at q, factored in the first rows of `real`; whether it can be."""
+    data = opened_run(run)
+    real, nv = data.real, data.control[0].nv
+    scene = opened(data.scene)
+    still = real[nv + SCRATCH, :nv]
+    for i in range(nv):
+        still[i] = 0.0
+        for j in range(nv):
+            real[i, j] = 0.0
+    outboard(scene.rows, scene.const, scene.work, q, still)
+    joint_inertia(scene.rows, scene.const, scene.work, real)
+    return factor(real, nv, real[nv + PIVOTS])
+
+
+@sweep
+def evaluate(run, t, i):
+    """Rates of stage i, and its momentum, from its ξ and v; its power in `flow`."""
+    data = opened_run(run)
+    stages, real, flow, counters = data.stages, data.real, data.flow, data.counters[0]
+    nq, nv = size_of_state(run)
+    q = stages[at.TRIAL, :nq]
+    z = real[nv + Z + i]
+    for j in range(nq):
+        q[j] = stages[at.Y, j]
+    rows = opened(data.scene).rows
+    advance(rows, q, z[:nv], 1.0)
+    v = z[nv : 2 * nv]
+    vdot = real[nv + VDOT, :nv]
+    tau = stages[at.TORQUE, :nv]
+    call_acceleration(data.links.accelerate, (data.scene, t, q, v, tau, vdot, flow))
+    counters.evaluations += 1
+    counters.solver_iterations += int(flow[2])
+    scene = opened(data.scene)
+    rate = real[nv + RATE + i]
+    kept = real[nv + KEPT + i]
+    p = kept[:nv]
+    pdot = rate[nv : 2 * nv]
+    momenta(scene.rows, scene.const, scene.work, q, v, p, pdot)
+    momentum_rates(scene.rows, scene.const, scene.work, v, vdot, pdot, kept[nv : 2 * nv])
+    local_rate(rows, z[:nv], v, rate[:nv])
+    if nq > nv:
+        charted = kept[nv : 2 * nv]
+        for j in range(nv):
+            charted[j] = p[j]
+        into_chart(rows, z[:nv], rate[:nv], charted, pdot)
+
+
+@sweep
+def collocated(run, weights, h, out):
+    """(ξ, p) of the chart: (0, p₀) + h Σ weights (ξ', p')."""
+    data = opened_run(run)
+    real, nv = data.real, data.control[0].nv
+    for j in range(nv):
+        out[j] = 0.0
+        out[nv + j] = real[nv + START, j]
+    for i in range(weights.shape[0]):
+        for j in range(2 * nv):
+            out[j] += h * weights[i] * real[nv + RATE + i, j]
+
+
+@sweep
+def corrected(run, h):
+    """All stages closer to their momenta; (size of the correction, that of the motion) squared."""
+    data = opened_run(run)
+    real, nv = data.real, data.control[0].nv
+    rows = opened(data.scene).rows
+    wanted, scratch = real[nv + WANTED], real[nv + SCRATCH]
+    change = 0.0
+    size = 0.0
+    for i in range(data.tableau.b.shape[0]):
+        z = real[nv + Z + i]
+        p = real[nv + KEPT + i]
+        collocated(run, data.tableau.a[i], h, wanted)
+        out_of_chart(rows, z[:nv], wanted[nv : 2 * nv], scratch[nv : 2 * nv], scratch[:nv])
+        for j in range(nv):
+            size += p[j] * z[nv + j]
+            scratch[j] -= p[j]
+            scratch[nv + j] = scratch[j]
+        substitute(real, nv, real[nv + PIVOTS], scratch)
+        for j in range(nv):
+            change += scratch[j] * scratch[nv + j]
+            z[nv + j] += scratch[j]
+            z[j] = wanted[j]
+    return change, size
+
+
+@kernel(STEP, nogil=True, later=True)
+def gauss(run, h):
+    """One step of Gauss collocation in (q, p)."""
+    data = opened_run(run)
+    control, counters, stages = data.control[0], data.counters[0], data.stages
+    flow, real, tableau = data.flow, data.real, data.tableau
+    nq, nv = size_of_state(run)
+    count = tableau.b.shape[0]
+    if not factor_mass(run, stages[at.Y, :nq]):
+        return NOT_SOLVED
+    scene = opened(data.scene)
+    q, v = stages[at.Y, :nq], stages[at.Y, nq : nq + nv]
+    start, scratch = real[nv + START, :nv], real[nv + SCRATCH]
+    momenta(scene.rows, scene.const, scene.work, q, v, start, scratch[:nv])
+    for i in range(count):
+        late = tableau.c[i] * h
+        for j in range(nv):
+            slope = stages[at.SLOPE, nq + j]
+            real[nv + Z + i, j] = late * (v[j] + 0.5 * late * slope)
+            real[nv + Z + i, nv + j] = v[j] + late * slope
+    last = math.inf
+    solved = False
+    power = 0.0
+    loss = 0.0
+    for _ in range(ROUNDS):
+        power = 0.0
+        loss = 0.0
+        for i in range(count):
+            evaluate(run, min(control.time + tableau.c[i] * h, control.clip), i)
+            power += h * tableau.b[i] * flow[0]
+            loss += h * tableau.b[i] * flow[1]
+        change, size = corrected(run, h)
+        counters.newton_iterations += 1
+        if not (abs(change) < math.inf and size < math.inf):
+            return NOT_SOLVED
+        missed = math.sqrt(abs(change) / size) if size > 0.0 else 0.0
+        solved = missed < 2.0 * EPS or (missed >= last and missed < NEARLY)
+        if solved or missed > LOST:
+            break
+        last = missed
+    if not solved:
+        return NOT_SOLVED
+    wanted = real[nv + WANTED]
+    collocated(run, tableau.b, h, wanted)
+    copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
+    q = stages[at.CANDIDATE, :nq]
+    advance(opened(data.scene).rows, q, wanted[:nv], 1.0)
+    if not factor_mass(run, q):
+        return NOT_SOLVED
+    out_of_chart(
+        opened(data.scene).rows,
+        wanted[:nv],
+        wanted[nv : 2 * nv],
+        scratch[nv : 2 * nv],
+        scratch[:nv],
+    )
+    substitute(real, nv, real[nv + PIVOTS], scratch)
+    for j in range(nv):
+        stages[at.CANDIDATE, nq + j] = scratch[j]
+    stages[at.CANDIDATE, nq + nv] += power
+    stages[at.CANDIDATE, nq + nv + 1] += loss
+    return 0.0 if finite(stages[at.CANDIDATE]) else math.inf
