@@ -390,7 +390,8 @@ MODELS: list[tuple[dict[str, Any], list[str]]] = [
         [
             (
                 "scenario 's', method: no method is called 'rk5'; choose one of auto, rk4, "
-                "semi_implicit_euler, dopri5, dop853, gauss6, ros2, generalised_alpha, radau5, moreau_jean"
+                "semi_implicit_euler, dopri5, dop853, gauss6, ros2, generalised_alpha, radau5, "
+                "moreau_jean"
             )
         ],
     ),

@@ -151,7 +151,7 @@ METHODS = {
         GENERALISED_ALPHA,
         RADAU5,
         MOREAU_JEAN,
-    )  # fmt: skip
+    )
 }
 
 

@@ -66,7 +66,8 @@ def test_auto_chooses_what_suits_and_says_why(make, options, why):
     ("options", "said"),
     [
         ({"method": "rk5"}, "method: no method is called 'rk5'; choose one of auto, "
-         "semi_implicit_euler, rk4, dopri5, dop853, gauss6, ros2, generalised_alpha, radau5, moreau_jean"),
+         "semi_implicit_euler, rk4, dopri5, dop853, gauss6, ros2, generalised_alpha, radau5, "
+         "moreau_jean"),
         ({"method": "moreau_jean"}, "method: moreau_jean is for impulses, and no contact and no "
          "limit acts here; use 'auto', or 'semi_implicit_euler', which makes the same steps "
          "without them"),
