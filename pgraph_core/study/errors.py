@@ -62,7 +62,8 @@ class Motion(NamedTuple):
 
     def part(self, frames: Array) -> Motion:
         """Some of its times, by number."""
-        return Motion(*(None if x is None else x[frames] for x in self))
+        v = None if self.v is None else self.v[frames]
+        return Motion(self.q[frames], v, None if self.force is None else self.force[frames])
 
 
 Measure = Callable[[Motion], Array]  # (n, m) errors of a motion

@@ -222,7 +222,10 @@ def collocated(run, weights, h, out):
 
 @sweep
 def corrected(run, h):
-    """All stages closer to their momenta; (size of the correction, that of the motion) squared."""
+    """All stages closer to their momenta; (size of the correction, that of the motion) squared.
+
+    Sizes are those of momentum times velocity, which have one unit for all joints.
+    """
     data = opened_run(run)
     real, nv = data.real, data.control[0].nv
     rows = opened(data.scene).rows
@@ -242,7 +245,11 @@ def corrected(run, h):
         for j in range(nv):
             change += scratch[j] * scratch[nv + j]
             z[nv + j] += scratch[j]
-            z[j] = wanted[j]
+        local_rate(rows, z[:nv], z[nv : 2 * nv], real[nv + RATE + i, :nv])
+    for i in range(data.tableau.b.shape[0]):  # with the new velocities
+        collocated(run, data.tableau.a[i], h, wanted)
+        for j in range(nv):
+            real[nv + Z + i, j] = wanted[j]
     return change, size
 
 
