@@ -117,20 +117,26 @@ def _merged(actuators: list[Actuator]) -> tuple[Actuator, ...]:
 def _refuse(mech: Mechanism, given: Any, tau: Any, t: Array) -> None:
     """Raises Refused for parts that no engine is given."""
     model = mech.model
-    if given is not None and given.switches:
-        raise Refused("it has constraints that switch on and off")
+    refuse_contacts(mech, given)
     if callable(tau):
         raise Refused("its torques are a function")
     if t[0] != 0:
         raise Refused("its times do not start at 0")
-    chosen = None if given is None else given.contacts
-    if any(c.active if chosen is None else c.name in chosen for c in model.contacts):
-        raise Refused("it has contacts")
     for body in model.bodies:
-        if any(pair is not None and any(x is not None for x in pair) for pair in body.limits):
-            raise Refused(f"it has joint limits (body '{body.name}')")
         if any(body.friction):
             raise Refused(f"it has joint friction (body '{body.name}')")
+
+
+def refuse_contacts(mech: Mechanism, given: Any) -> None:
+    """Raises Refused for switches, contacts and joint limits."""
+    if given is not None and given.switches:
+        raise Refused("it has constraints that switch on and off")
+    chosen = None if given is None else given.contacts
+    if any(c.active if chosen is None else c.name in chosen for c in mech.model.contacts):
+        raise Refused("it has contacts")
+    for body in mech.model.bodies:
+        if any(pair is not None and any(x is not None for x in pair) for pair in body.limits):
+            raise Refused(f"it has joint limits (body '{body.name}')")
 
 
 def _actuator(mech: Mechanism, force: Force) -> Actuator:

@@ -11,6 +11,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_app.cli import main
 from pgraph_core.integrators import METHODS
+from pgraph_core.study.engines import installed_peers
 
 NAMES = ", ".join(METHODS)
 
@@ -58,7 +59,8 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"longest": "long"}, "work_precision, longest: must be a finite number > 0 [s]; given 'long'"),
     (
         {"peers": "drake"},
-        "work_precision, peers: no peer is called 'drake'; choose from exudyn, mujoco, pinocchio",
+        "work_precision, peers: no peer is called 'drake'; choose from "
+        + ", ".join(sorted(installed_peers())),
     ),
     (
         {"reference": 3.0},

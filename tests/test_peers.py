@@ -10,6 +10,7 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 import pgraph_peers
+from pgraph_core.study.engines import installed_peers
 
 from .core.trees import State, random_case, scaled_error
 
@@ -110,3 +111,18 @@ def test_parts_that_no_engine_gets_are_named(change: dict, sentence: str):
     with pytest.raises(Exception, match="it has joint") as refused:
         pgraph_peers.MUJOCO.run(mech, *mech.home(), np.linspace(0, 1, 3), None, None)
     assert str(refused.value) == sentence
+
+
+@pytest.mark.parametrize("name", ["sundials", "scipy"])
+@pytest.mark.parametrize("model", ["double_pendulum", "heavy_top", "four_bar", "stiff_pendulum"])
+def test_an_integrator_of_our_equations_finds_the_motion(name: str, model: str):
+    """By each of its methods: on hinges, a ball, a loop and a stiff spring."""
+    pytest.importorskip("sksundae")
+    if name not in installed_peers():
+        pytest.skip("installed before this peer was there")
+    mech = pg.Mechanism(pg.Model.load(pgraph_models.path(model)))
+    options = {"t_end": 0.1, "tolerances": 1e-7, "rounds": 1, "frames": 5}
+    found = pg.work_precision(mech, methods="radau5", peers=name, longest=20.0, **options)
+    theirs = [row for row in found.rows if row.peer]
+    assert len(theirs) == {"sundials": 3, "scipy": 2}[name], found.notes
+    assert all(row.ok and row.error < 3e-5 for row in theirs), theirs

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..dynamics.bodies import bodies_over, turned
 from ..dynamics.states import angles, length_of
@@ -60,7 +61,7 @@ class Motion(NamedTuple):
         force = np.stack(wrenches, axis=1) if wrenches else np.zeros((len(run.t), 0, 6))
         return cls(run.q, run.v, force)
 
-    def part(self, frames: Array) -> Motion:
+    def part(self, frames: NDArray[np.intp]) -> Motion:
         """Some of its times, by number."""
         v = None if self.v is None else self.v[frames]
         return Motion(self.q[frames], v, None if self.force is None else self.force[frames])
