@@ -298,11 +298,14 @@ class Stepper(Portable):
             raise InputError(
                 Problem("Stepper.restore", "snapshot", "is damaged: its length differs")
             )
-        place = 0
+        place, control = 0, self._steps.control
+        here = {name: control[name] for name in ("guard", "approach")}  # addresses of this process
         for array in memory:
             view = array.reshape(-1).view(np.uint8)
             view[:] = np.frombuffer(body, np.uint8, array.nbytes, place)
             place += array.nbytes
+        for name, address in here.items():
+            control[name] = address
         self._record.ended = Outcome()
         self.status, self.message = Status.DONE, Status.DONE.value
         self._open()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import copy
 import pickle
+import subprocess
+import sys
 import tracemalloc
 
 import numpy as np
@@ -297,3 +299,27 @@ BAD = [
 def test_bad_input_is_refused_in_words(call, match: str):
     with pytest.raises(pg.InputError, match=match):
         call(pendulum())
+
+
+AGAIN = """
+import sys, numpy as np, pickle
+import pgraph_core as pg
+kind, model, saved, to = pickle.load(open(sys.argv[1], "rb"))
+st = kind(model, **({"size": 2} if kind is pg.BatchStepper else {}), step=2e-4)
+st.restore(saved)
+st.step(n=100)
+np.save(to, st.q)
+"""
+
+
+@pytest.mark.parametrize("kind", [pg.Stepper, pg.BatchStepper])
+def test_a_snapshot_goes_on_in_another_process(kind, tmp_path):
+    """Soft contacts: where their kernels are is known to the process alone."""
+    size = {"size": 2} if kind is pg.BatchStepper else {}
+    one = kind(box("soft"), **size, step=2e-4)
+    one.step(n=700)
+    case, to = tmp_path / "case.pkl", tmp_path / "q.npy"
+    case.write_bytes(pickle.dumps((kind, box("soft"), one.save(), str(to))))
+    one.step(n=100)
+    subprocess.run([sys.executable, "-c", AGAIN, str(case)], check=True, timeout=300)
+    assert np.array_equal(np.load(to), one.q)
