@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from .show.extras import needed
+from .errors import needed
 
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
     "pgraph/Quadruped-v0": {},

@@ -30,7 +30,8 @@ def pendulum() -> pg.Model:
         name="my.bob", mass=1.0, inertia=0.01 * np.eye(3), axes=(0, 1, 0), com=(0, 0, -1),
         tip=(0, 0, -1), q=0.1,
     )  # fmt: skip
-    return pg.Model(bodies=[bob], parameters={"heavy": 2.0})
+    steps = [{"low": (0, 0), "high": (1, 1), "height": 0.02}]
+    return pg.Model(bodies=[bob], parameters={"heavy": 2.0}, ground={"steps": steps})
 
 
 # -- paths -----------------------------------------------------------------------------------------
@@ -72,6 +73,9 @@ def test_the_period_follows_the_length_as_its_closed_form(pendulum):
         (("bodies", "my.bob", "com", "2"), -2.0, lambda m: m.body("my.bob").com[2]),
         ("bodies.my.bob.com.0", 0.5, lambda m: m.body("my.bob").com[0]),
         ("heavy", 7.0, lambda m: m.parameters["heavy"]),
+        ("gravity.2", -1.6, lambda m: m.gravity[2]),
+        ("ground.friction", 0.2, lambda m: m.ground.friction),
+        (("ground", "steps", 0, "height"), 0.1, lambda m: m.ground.steps[0].height),
     ],
 )
 def test_paths_name_one_number(pendulum, path, value, read):
@@ -91,6 +95,9 @@ def test_paths_name_one_number(pendulum, path, value, read):
         ("bodies.my.bob.parent", ["parent"]),
         ("bodies.my.bob.com.x", ["com", "x"]),
         ("light", ["light", "heavy"]),
+        ("gravity", ["gravity.AXIS"]),
+        ("gravity.3", ["no number 3"]),
+        ("ground.frictoin", ["friction"]),
         ("", ["NAME"]),
         (3, ["NAME"]),
     ],
