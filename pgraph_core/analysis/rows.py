@@ -233,6 +233,10 @@ class Rows:
         kept = sizes > np.finfo(float).eps * max(rows.shape) * sizes.max(initial=0.0)
         return left[:, kept], sizes[kept], right[kept]
 
+    def gradient(self, way: Array) -> Array:
+        """L⁻¹ g of a gradient g (nv,): as a scaled row."""
+        return self._solved(self.root, way)
+
     def step(self, y: Array) -> Array:
         """L⁻ᵀ y, (nv,) or (nv, n): back from the mass metric."""
         return self._solved(self.root.T, y)

@@ -260,6 +260,32 @@ def blocked(mech: Dynamics, active: Ints, t: float, q: Array, v: Array) -> str:
     )
 
 
+# -- constraints against contacts and limits ----------------------------------------------------
+
+
+def holding(mech: Dynamics, active: Ints, t: float, q: Array, way: Array) -> list[str]:
+    """Names of the constraints that alone say how a gap changes; none where they leave it free.
+
+    `way` (nv,) is the gradient of the gap.
+    """
+    if len(active) == 0 or not np.any(way):
+        return []
+    state = Rows.of(mech, active, q, None, t)
+    wanted = state.gradient(way)
+    combination = np.linalg.lstsq(state.scaled.T, wanted)[0]
+    left = state.scaled.T @ combination - wanted
+    if np.linalg.norm(left) > FAINT * np.linalg.norm(wanted):
+        return []
+    return _parts(state, combination)
+
+
+def approach(mech: Dynamics, q: Array, body: str, point: Array, normal: Array) -> Array:
+    """(nv,) gradient of the place along `normal` of a point (world axes) that moves with a body."""
+    J = mech.jacobian(q, body)
+    arm = point - mech.pose(q, body)[0]
+    return np.asarray(J[3:].T @ normal + J[:3].T @ np.cross(arm, normal), dtype=float)
+
+
 def _parts(state: Rows, combination: Array) -> list[str]:
     """Constraints with a notable share of a combination of rows."""
     share = {g.constraint.name: 0.0 for g in state.groups}

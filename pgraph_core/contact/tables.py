@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -429,6 +429,7 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
                 _, _, qi, vi = mech.system.rows[k].tolist()
                 block = np.zeros(at.BLOCK_F)
                 block[at.VALUE], block[at.BOUNCE] = sign * bound, bounce
+                block[at.PA] = _size(mech, k, pair)  # SIZE of engine/contact/meeting.py
                 rows.append((at.T_LIMIT, k, 0, 1, len(terms), 1, 0, 0))
                 values.append(block)
                 terms.append((vi, qi))
@@ -440,6 +441,16 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
         _ints(terms, 2),
         np.array(factors),
     )
+
+
+def _size(mech: Packed, row: int, pair: Sequence[float | None]) -> float:
+    """What gaps of a limit are small against: its range, at most a radian [rad, m]."""
+    low, high = pair
+    turns = mech.system.rows[row, at.KIND] == at.ROTATE
+    usual = 1.0 if turns else radius_of_gyration(mech.system)
+    if low is None or high is None or low == high:
+        return usual
+    return min(high - low, usual) if turns else high - low
 
 
 def extended(blocks: Blocks, contacts: Tables) -> Blocks:

@@ -17,7 +17,7 @@ from ..dynamics.scene import Scene
 from ..engine.records import ACCEPTANCE, SLIP, STANCE, SWING
 from ..mechanism import Mechanism
 from ..model.fields import GROUND
-from ..packing.system import Array
+from ..packing.system import Array, Ints
 from ..result.contact_record import NOTHING, PHASES, ContactRecord, Event
 from .clearance import gaps_of
 from .plan import Plan
@@ -82,11 +82,23 @@ def contact_counters(scene: Scene) -> dict[str, int]:
     return {"contact_fallbacks": int(tally["fallbacks"]), "calmed": int(tally["calmed"])}
 
 
-def contact_notices(scene: Scene, tables: Tables, unlogged: int) -> list[str]:
-    """Notices on how contacts were solved."""
+def contact_notices(
+    mech: Mechanism,
+    scene: Scene,
+    unlogged: int,
+    tables: Tables,
+    active: Ints,
+    frames: tuple[Array, Array, Array],
+) -> list[str]:
+    """Notices on how contacts were solved.
+
+    The frames are (times, states q, gaps of pairs); `active` are the constraints.
+    """
     if scene.touching is None:
         return []
-    tally = scene.touching.tally
+    from .opposed import driven_into, limits_passed, sunk
+
+    tally, (t, q, _) = scene.touching.tally, frames
     found: list[str] = []
     if tally["calmed"]:
         found.append(
@@ -101,11 +113,15 @@ def contact_notices(scene: Scene, tables: Tables, unlogged: int) -> list[str]:
             f"force of the run is {tally['force']:.3g} N; a smaller step may do"
         )
     if tally["deepest"] > DEEP:
+        k, when = int(tally["deepest_pair"]), float(tally["deepest_time"])
+        why = driven_into(mech, active, tables.touches[k], t, q, when)
         found.append(
-            f"at t = {tally['deepest_time']:.6g} s {names[tally['deepest_pair']]} penetrated by "
-            f"{tally['deepest_depth']:.3g} m, {tally['deepest']:.2g} of the size of what touches; "
-            "a smaller step, or a start without overlap, would do"
+            f"at t = {when:.6g} s {names[k]} penetrated by {tally['deepest_depth']:.3g} m, "
+            f"{tally['deepest']:.2g} of the size of what touches; "
+            f"{why or 'a smaller step, or a start without overlap, would do'}"
         )
+    found += limits_passed(mech, tables, active, t, q)
+    found += sunk(mech, tables, active, *frames)
     if unlogged:
         found.append(f"{unlogged} changes of contacts' phases were too many to log")
     if tally["overflows"]:

@@ -35,6 +35,7 @@ ONE_EACH = 1.5  # steps a frame: fewer are those that frames ask for
 CHAOTIC = 4.0  # e-folds in the second half of the time: more than powers of time make
 FITTED = 8  # points of a rate
 UNSOLVED = 0.1  # of the tolerance of the equations of implicit steps
+HALF = 0.5  # of the gap that counts as closed: where an impact is found in it
 EPS = float(np.finfo(float).eps)
 BECAUSE = "its error is not estimated, because"
 UNKNOWN = (
@@ -113,7 +114,8 @@ def _compared(record: Recording, q: Array, v: Array, progress: Progress) -> Esti
     if wide is not None and wide.ended.ok and _wide(wide, coarse):
         far = _apart(coarse, wide, np.intersect1d(coarse.plan.times, wide.plan.times))
         promised = (_ratio(record, wide) - ratio) / (ratio - 1.0)
-        held = _seen(near, far) / promised
+        seen = _seen(near, far)
+        held = seen / promised if seen == seen else float(near.largest[-1] == 0.0)
     shrunk = min(held, 1.0) if plan.step else min(held, 1.0) / np.sqrt(np.clip(held, 1.0, 10.0))
     part = max((ratio - 1.0) * shrunk, LEAST_DIVISOR)
     errors = near.largest / part + _rounding(record)
@@ -157,7 +159,8 @@ def _by_finer(
         promised = (coarser[1] - 1.0) / (1.0 - 1.0 / ratio)
         seen = float(coarser[0].largest[-1]) / float(apart.largest[-1])
         held = min(seen / promised, 1.0)
-    errors = apart.largest / max(1.0 - 1.0 / (ratio * held), LEAST_DIVISOR) + _rounding(record)
+    part = max(1.0 - 1.0 / max(ratio * held, 1.0), LEAST_DIVISOR)
+    errors = apart.largest / part + _rounding(record)
     beyond = coarser is not None and coarser[0].share[-1] >= 1.0  # the finer run may be off too
     parted = int(np.searchsorted(apart.share, CLOSE if beyond else 1.0))
     if parted < len(errors):
@@ -210,7 +213,9 @@ def _dense(plan: Plan) -> bool:
 
 
 def _seen(near: _Apart, far: _Apart) -> float:
-    """How many times farther the coarser pair is apart, where its errors still add up."""
+    """How many times farther the coarser pair is apart, where its errors still add up; nan where
+    nothing tells.
+    """
     among = np.searchsorted(near.t, far.t)
     usable = np.flatnonzero((far.share < 1.0) & (near.largest[among] > 0.0))
     if len(usable) == 0:
@@ -259,15 +264,27 @@ def _known_until(apart: _Apart, errors: Array, last: int, rate: float) -> Estima
 
 
 def _rounding(record: Recording) -> float:
-    """Least error of q: of rounded positions, of rounded times at these velocities, and of the
-    equations of implicit steps, which are solved to a tolerance of their own.
+    """Least error of q: of rounded positions, of rounded times at these velocities, of gaps that
+    count as closed, and of implicit steps, which are solved to a tolerance of their own.
     """
     q, v, t = record.out.q, record.out.v, record.plan.times
     size = np.abs(q).max(initial=0.0) + np.abs(t).max() * np.abs(v).max(initial=0.0)
-    given = record.plan.tolerance
+    least, given = EPS * float(size) + _closed(record), record.plan.tolerance
     if given is None or not (given.fixed and record.plan.method.implicit):
-        return EPS * float(size)
-    return EPS * float(size) + UNSOLVED * given.rtol * float(np.ptp(q, axis=0).max(initial=0.0))
+        return least
+    return least + UNSOLVED * given.rtol * float(np.ptp(q, axis=0).max(initial=0.0))
+
+
+def _closed(record: Recording) -> float:
+    """The gap that counts as closed where time stepping has located an impact; 0 where none was."""
+    tables = record.plan.contacts
+    if tables is None or record.scene.touching is None or not record.scene.touching.tally["cuts"]:
+        return 0.0
+    from ..engine.contact.meeting import CLOSED, NEAR, SIZE
+
+    shapes, limits = tables.geometry.shapes, tables.limit_blocks[1][:, SIZE]
+    reach = float(shapes["reach"][shapes["row"] > 0].max(initial=0.0))
+    return HALF * max(NEAR * reach, CLOSED * float(limits.max(initial=0.0)))
 
 
 # -- the runs ------------------------------------------------------------------------------------

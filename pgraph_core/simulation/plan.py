@@ -51,6 +51,7 @@ LARGEST = 1e75  # kg, m, kg m²: energies are products of four such numbers
 KEPT_PLANS = 8  # by a mechanism
 RESOLVED = 0.25  # steps times the rate of penalty contacts where no step is given
 KINKED = 2  # order that is left where tables bend inside steps
+PULSE = 3  # corners within one step: what lies between them may be passed over
 MANY = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
 SHORT = 20  # steps: looking for the fastest rate would cost more than a shorter run
 AT_END = 1e-6  # of a step: a corner this near its end is there
@@ -234,7 +235,7 @@ def _plan_with(
     if tolerance is not None:
         ticks = tau.ticks(*span) if _is_controller(tau) else NO_TIMES
         tolerance = tolerance._replace(corners=np.union1d(bends, ticks) if len(ticks) else bends)
-    elif method.order > KINKED and len(bends):
+    elif len(bends):
         kinks = _corners_inside(bends, times, widths)
     plan = replace(
         plan,
@@ -547,11 +548,19 @@ def _hard(plan: Plan) -> list[str]:
 
 
 def _bent(plan: Plan) -> list[str]:
-    """A notice where tables bend inside fixed steps, which takes the method's order."""
+    """A notice where tables bend inside fixed steps, which takes a high order, or is missed."""
     count = len(plan.kinks)
     if count == 0:
         return []
     step = float(np.max(plan.width))
+    if plan.method.order <= KINKED:
+        near = plan.kinks[PULSE - 1 :] - plan.kinks[: 1 - PULSE] < step
+        at = plan.kinks[: 1 - PULSE][near]
+        return [
+            f"at t = {t:.6g} s a table goes up and down within one step of {step:.4g} s, which may "
+            "be passed over; choose a smaller step, or an adaptive method such as dopri5"
+            for t in at[:1].tolist()
+        ]
     lie = "1 corner of tables lies" if count == 1 else f"{count} corners of tables lie"
     return [
         f"{lie} inside steps of {step:.4g} s: the error there shrinks as the step's square only; "

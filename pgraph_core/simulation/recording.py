@@ -504,7 +504,8 @@ class Recording:
         given = self.plan.tolerance
         match status:
             case Status.CANNOT_CLOSE:
-                return self._blocking() or "the mechanism may be torn or at a singular position"
+                torn = "the mechanism may be torn or at a singular position"
+                return self._contradicted() or self._blocking() or torn
             case Status.STEP_TOO_SMALL:
                 return "forces may jump there, or the tolerance may be too small: try a larger one"
             case Status.TOO_MANY_STEPS:
@@ -514,16 +515,31 @@ class Recording:
         step = given.widest if given else float(self.plan.width.max(initial=0.0))
         return f"try a step below {step:.3g} s, or less stiffness and damping there"
 
+    def _contradicted(self) -> str:
+        """The closed contacts and limits that constraints drive bodies against; "" if none."""
+        if self.events is None or self.done == 0:
+            return ""
+        from .opposed import contradicted
+
+        scene, last = self.events.scene, self.done - 1
+        closed = np.flatnonzero(scene.phase != SWING).tolist()
+        points = [scene.contact_points[s] for s in closed]
+        t, q = float(self.steps.times[last]), self.out.q[last]
+        return contradicted(self.mech, self._active, points, t, q)
+
     def _blocking(self) -> str:
         """The reason why the last recorded state cannot move to second order; "" if it can."""
         if self.done == 0:
             return ""
         last = self.done - 1
-        past = self.plan.changes[: len(self.plan.changes) - len(self._ahead)]
-        active = past[-1].active if past else self.plan.active
         t = float(self.steps.times[last])
         q, v = self.out.q[last], self.out.v[last]
-        return blocked(self.mech, active, t, q, v)
+        return blocked(self.mech, self._active, t, q, v)
+
+    @property
+    def _active(self) -> Ints:
+        """Indices of the constraints that are active now."""
+        return np.array(sorted(self.held), dtype=np.int64)
 
     def _note_singular(self) -> None:
         """Append a notice of singular positions that were passed."""
@@ -607,7 +623,10 @@ class Recording:
         if self.scene.touching is not None and self.plan.contacts is not None:
             from .contact_log import contact_notices
 
-            contacts = contact_notices(self.scene, self.plan.contacts, self._unlogged)
+            out, n = self.out, self.done
+            frames = self.steps.times[:n], out.q[:n], out.pairs["gap"][:n]
+            given = self.plan.contacts, self._active, frames
+            contacts = contact_notices(self.mech, self.scene, self._unlogged, *given)
         steps = self.steps.notices()
         return (*self.plan.notices, *self.ended.notices, *steps, *contacts, *user)
 

@@ -22,9 +22,8 @@ from .scenes import Scene, scenes
 
 FRAMES = 101
 HONEST = 10.0  # times the error estimate: an error within it was said
-FLOOR = 1e-11  # of the motion: rounding of closed forms, and of ours
-SOLVED = 1e-8  # of the motion: to which impulses are solved
-FINEST = {"method": "dop853", "rtol": 1e-13, "max_steps": 300_000, "estimate": False}
+MOST = 300_000  # steps of a run: more take minutes
+FINEST = {"method": "dop853", "rtol": 1e-13, "estimate": False}
 
 
 class Find(NamedTuple):
@@ -59,8 +58,8 @@ def finest(mech: Mechanism, scene: Scene) -> Callable[[Array], Array]:
     """A far finer run as the motion; nan where there is none."""
 
     def known(t: Array) -> Array:
-        options: dict[str, Any] = {"t_end": scene.t_end, "t_eval": t, **FINEST}
-        run = simulate(mech, **options)
+        options: dict[str, Any] = {"t_eval": t, "max_steps": MOST, **FINEST, **scene.given}
+        run = simulate(mech, t_end=scene.t_end, **options)
         if not run.status.ok:
             return np.full((len(t), mech.nq), np.nan)
         return run.q
@@ -74,8 +73,9 @@ def _run(
     given = dict(setting)
     if "parts" in given:
         given["step"] = scene.t_end / given.pop("parts")
+    given = {"frames": FRAMES, "max_steps": MOST, **given, **scene.given}
     try:
-        run = simulate(mech, t_end=scene.t_end, frames=FRAMES, **given)
+        run = simulate(mech, t_end=scene.t_end, **given)
     except PgraphError as refused:
         return Find(scene, setting, "refused", np.nan, np.nan, str(refused))
     if not run.status.ok:
@@ -86,8 +86,7 @@ def _run(
     says = run.notices[-1] if run.notices else run.message if np.isnan(estimate) else ""
     if np.isnan(error):
         return Find(scene, setting, "unjudged", error, estimate, says)
-    floor = SOLVED if scene.model.contacts or scene.family == "limits" else FLOOR
-    if error <= HONEST * np.nan_to_num(estimate, nan=0.0, posinf=np.inf) + floor:
+    if error <= HONEST * np.nan_to_num(estimate, nan=0.0, posinf=np.inf) + scene.floor:
         return Find(scene, setting, "right", error, estimate, says)
     return Find(scene, setting, "told" if says else "silent", error, estimate, says)
 
@@ -125,7 +124,7 @@ def told(finds: Sequence[Find], seconds: float) -> str:
             find.estimate / find.error
             for find in finds
             if find.verdict in ("right", "silent")
-            and find.error > FLOOR
+            and find.error > find.scene.floor
             and np.isfinite(find.estimate)
         ]
     )

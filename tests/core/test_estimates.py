@@ -132,3 +132,47 @@ def test_a_compiled_torque_has_an_estimate_and_a_python_one_on_request():
 def test_the_initial_state_alone_has_no_error(options):
     run = pg.simulate(model("pendulum"), t_end=0.5, t_eval=[0.0], **options)
     assert (len(run.t), run.error_estimate) == (1, 0.0)
+
+
+@pytest.mark.parametrize("method", ["semi_implicit_euler", "rk4"])
+def test_a_pulse_that_steps_pass_over_is_in_the_estimate_and_said(method):
+    """A force of 1 ms that brings 1 kg to 1 m/s, and steps of 10 ms."""
+    table = {"t": (0.0, 0.5034, 0.5036, 0.5044, 0.5046), "value": (0.0, 0.0, 1e3, 1e3, 0.0)}
+    push = pg.Motor(name="push", body="b", torque=table)
+    body = pg.Body(name="b", joint="prismatic", axes=((1, 0, 0),), inertia=np.zeros((3, 3)))
+    pulse = pg.Model(bodies=(body,), forces=(push,), gravity=(0, 0, 0))
+    run = pg.simulate(pulse, t_end=1.0, method=method, step=1e-2)
+    true = abs(run.q[-1, 0] - 0.496)  # 1 m/s from the middle of the pulse on
+    assert run.error_estimate > true / 5
+    assert any("within one step" in text or "corners of tables" in text for text in run.notices)
+
+
+def test_what_rests_has_an_estimate():
+    """A ball on the ground: runs that do not differ tell no order, and no error but rounding."""
+    ball = pg.Body(
+        name="b", joint="prismatic", axes=((0, 0, 1),), q=(0.1,), inertia=np.zeros((3, 3)),
+        shape={"kind": "sphere", "radius": 0.1},
+    )  # fmt: skip
+    floor = pg.Contact(name="floor", body="b", restitution=0.0)
+    run = pg.simulate(pg.Model(bodies=(ball,), contacts=(floor,)), t_end=1.0)
+    assert np.abs(run.q - 0.1).max() <= run.error_estimate < 1e-9
+
+
+@pytest.mark.parametrize("radius", [1e-3, 0.1, 100.0])
+@pytest.mark.parametrize("e", [0.0, 0.5])
+def test_the_gap_that_counts_as_closed_is_in_the_estimate(radius, e):
+    """A ball that falls on the ground and stays, or bounces, at rounding-free closed forms."""
+    ball = pg.Body(
+        name="b", joint="prismatic", axes=((0, 0, 1),), q=(11 * radius,), inertia=np.zeros((3, 3)),
+        shape={"kind": "sphere", "radius": radius},
+    )  # fmt: skip
+    floor = pg.Contact(name="floor", body="b", restitution=e)
+    run = pg.simulate(
+        pg.Model(bodies=(ball,), contacts=(floor,), gravity=(0, 0, -10 * radius)), t_end=2.0
+    )
+    after = np.maximum(run.t - np.sqrt(2), 0.0)
+    rise = e * 10 * np.sqrt(2) * after - 5 * after**2 if e else 0 * after
+    known = radius * np.where(after > 0, 1 + rise, 11 - 5 * run.t**2)
+    true = np.abs(run.q[:, 0] - known).max()
+    assert true < 1e-8 * radius
+    assert 0.2 * true < run.error_estimate < max(10 * true, 1e-9 * radius)

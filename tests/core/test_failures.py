@@ -41,6 +41,57 @@ def test_absurd_sizes_are_refused_by_the_body(fields):
         pg.simulate(pg.Model(bodies=(body,)), t_end=1.0)
 
 
+TO_TWO = {
+    "name": "drive",
+    "kind": "motion",
+    "q_of_t": {"kind": "polynomial", "coefficients": (0, 2)},
+}
+
+
+def blamed(run, *names):
+    """Whether one sentence of a run says that the constraint and the other thing are at odds."""
+    return any(
+        all(f"'{name}'" in text for name in ("drive", *names))
+        for text in (*run.notices, run.message)
+    )
+
+
+@pytest.mark.parametrize("options", [{}, {"rtol": 1e-8}, {"method": "rk4", "step": 1e-3}])
+def test_a_motion_into_a_limit_names_both(options):
+    """q = 2 t, and a limit at 1 rad: no motion fits; t = 0.5 s is where they part."""
+    body = pg.Body(name="b", mass=1.0, inertia=np.eye(3), limits=((-1.0, 1.0),))
+    model = pg.Model(bodies=(body,), constraints=({"body": "b", **TO_TWO},))
+    run = pg.simulate(model, t_end=1.0, **options)
+    assert blamed(run, "b high limit", "b")
+    assert run.t[np.searchsorted(run.t, 0.49)] < 0.52
+
+
+@pytest.mark.parametrize("law", ["complementarity", "soft", "penalty"])
+@pytest.mark.parametrize("options", [{}, {"rtol": 1e-8}])
+def test_a_motion_into_the_ground_names_both(law, options):
+    """A ball that is driven 2 m down from 0.5 m above the ground."""
+    ball = pg.Body(
+        name="b", joint="prismatic", axes=((0, 0, -1),), link=(0, 0, 0.6), mass=1.0,
+        inertia=np.zeros((3, 3)), shape={"kind": "sphere", "radius": 0.1},
+    )  # fmt: skip
+    floor = pg.Contact(name="floor", body="b", law=law)
+    model = pg.Model(bodies=(ball,), contacts=(floor,), constraints=({"body": "b", **TO_TWO},))
+    assert blamed(pg.simulate(model, t_end=1.0, **options), "floor", "b")
+
+
+def test_limits_that_hold_are_no_news():
+    """A pendulum that swings against its limits, and a motion that stays within them."""
+    body = pg.Body(name="b", mass=1.0, com=(1, 0, 0), axes=((0, 1, 0),), limits=((-0.5, 0.5),))
+    drive = {"body": "b", **TO_TWO, "q_of_t": {"kind": "sine", "amplitude": 0.49}}
+    for constraints in ((), (drive,)):
+        for options in ({}, {"rtol": 1e-8}):
+            run = pg.simulate(
+                pg.Model(bodies=(body,), constraints=constraints), t_end=2.0, **options
+            )
+            assert run.status.ok
+            assert not any("limit" in text for text in run.notices)
+
+
 def test_a_model_in_which_nothing_moves_says_so():
     """A hinge about the vertical, which is the default; not one that hangs at rest."""
     still = pg.simulate(hinge(axes=((0, 0, 1),)), t_end=0.5)

@@ -174,3 +174,22 @@ def test_no_shot_of_the_table_passes():
     assert found.total() >= 200
     assert found["wrong"] == 0
     assert found["right"] >= 0.95 * found.total()
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e-3, 1e6])
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+def test_limits_of_all_sizes_are_hit_when_they_must(size, e):
+    """A slider that falls on its stop and bounces, in closed form: no threshold has a unit."""
+    body = pg.Body(
+        name="b", joint="prismatic", axes=((0, 0, 1),), q=(size,), inertia=np.zeros((3, 3)),
+        limits=((0.0, 3 * size),), limit_restitution=(e,),
+    )  # fmt: skip
+    run = pg.simulate(pg.Model(bodies=(body,), gravity=(0, 0, -G * size)), t_end=1.0, frames=101)
+    fall = np.sqrt(2 / G)
+    after = run.t - fall
+    rise = np.where(after < 2 * e * fall, e * G * fall * after - 0.5 * G * after**2, np.nan)
+    rise = np.where(after < 0, 1 - 0.5 * G * run.t**2, rise)
+    rise = np.zeros(101) if e == 0.0 else rise
+    known = np.isfinite(rise) & ((e > 0.0) | (after > 0))
+    assert known.sum() > 40
+    assert np.abs(run.q[known, 0] / size - rise[known]).max() < 1e-9

@@ -220,3 +220,20 @@ def test_a_tolerance_goes_from_event_to_event():
     stop = ball.model_copy(update={"limits": ((None, 0.2),)})
     with pytest.raises(pg.InputError, match="a penalty contact remembers where it sticks"):
         run(touching(stop, law="penalty"), t_end=0.2, rtol=1e-6)
+
+
+def test_several_shapes_of_a_body_touch_where_events_are_located():
+    """A dumbbell dropped flat: both its balls hit at once, and it bounces without turning."""
+    ends = tuple({"kind": "sphere", "radius": 0.1, "position": (x, 0, 0)} for x in (-0.3, 0.3))
+    body = pg.Body(
+        name="b", joint="free", q=(0, 0, 0.6, 1, 0, 0, 0), inertia=0.1 * np.eye(3), shapes=ends
+    )
+    floor = pg.Contact(name="floor", body="b", restitution=0.5)
+    run = pg.simulate(pg.Model(bodies=(body,), contacts=(floor,)), t_end=0.5, rtol=1e-10)
+    assert run.header["method"] == "dop853"
+    fall = np.sqrt(2 * 0.5 / 9.81)
+    after = run.t[-1] - fall
+    assert [event.t for event in run.events[:2]] == pytest.approx([fall, fall], abs=1e-12)
+    high = 0.1 + 0.5 * 9.81 * fall * after - 0.5 * 9.81 * after**2
+    assert run.q[-1, 2] == pytest.approx(high, abs=1e-10)
+    assert np.abs(run.q[-1, 4:]).max() < 1e-10

@@ -24,9 +24,10 @@ from .shapes import place
 NEAR = 1e-9  # of the size of what touches: a gap that counts as closed
 DEPTH = 1e-5  # of the size of what touches: penetration that is tolerated
 ROUNDING = 2.0**-50  # of the coordinates that a gap is the difference of
-CLOSED = 1e-10  # rad, m: a limit this near is reached
+CLOSED = 1e-10  # of the size of a limit's range: a limit this near is reached
 HARD = 4.0  # times what weight adds in a step: slower impacts are taken where the step finds them
 CROWD = 64  # candidates: in larger scenes slow impacts are taken where the step finds them
+SIZE = at.PA  # in the block of a limit, which has no points
 ROUNDS = 200  # of the search for one instant
 SURE = 1.02  # a bound of a closing speed over its value now
 
@@ -46,6 +47,13 @@ def closed_gap(contacts, a, b, p):
     """A gap of two shapes at point p that counts as closed [m]."""
     rounding = ROUNDING * (abs(p[0]) + abs(p[1]) + abs(p[2]))
     return max(NEAR * smaller_size(contacts, a, b), rounding)
+
+
+@part
+def closed_limit(blocks, i):
+    """A gap of limit i that counts as closed [rad, m]; SIZE of its block is that of its range."""
+    size, value = blocks.blocks_f[i, SIZE], blocks.blocks_f[i, at.VALUE]
+    return max(CLOSED * size, ROUNDING * abs(value))
 
 
 @part
@@ -145,11 +153,11 @@ def limit_meets(blocks, i, h, left, q, v, vdot):
     """Whether limit i, in the middle of a part of a step, is hit within that part."""
     closing = -total(blocks.blocks_i, blocks.terms_i, blocks.terms_f, i, 0, v)
     pull = abs(total(blocks.blocks_i, blocks.terms_i, blocks.terms_f, i, 0, vdot))
-    if not hits(closing, h, 1.0, pull):
+    if not hits(closing, h, blocks.blocks_f[i, SIZE], pull):
         return False
     gap = total(blocks.blocks_i, blocks.terms_i, blocks.terms_f, i, 1, q)
     gap -= blocks.blocks_f[i, at.VALUE]
-    return gap - 0.5 * left * closing <= CLOSED
+    return gap - 0.5 * left * closing <= closed_limit(blocks, i)
 
 
 # -- the first meeting --------------------------------------------------------------------------
@@ -220,8 +228,8 @@ def gap_of(scene, meeting, q, v, vdot, left):
     """(gap, bound of its closing speed from now on, gap that is closed) of two things."""
     data = opened(scene)
     if meeting.shape_a < 0:
-        gap, rate = limit_gap(data.blocks, meeting.vertex, q, v, vdot)
-        return gap, rate, CLOSED
+        gap, rate = limit_gap(data.blocks, meeting.vertex, q, v, vdot, left)
+        return gap, rate, closed_limit(data.blocks, meeting.vertex)
     contacts = contacts_at(data.links.contacts)
     if meeting.shape_b < 0:
         gap, p = ground_point(contacts, meeting.shape_a, meeting.vertex)
@@ -233,12 +241,12 @@ def gap_of(scene, meeting, q, v, vdot, left):
 
 
 @part
-def limit_gap(blocks, i, q, v, vdot):
-    """(gap, bound of the speed at which it closes) of limit i."""
+def limit_gap(blocks, i, q, v, vdot, left):
+    """(gap, bound of the speed at which it closes within the time left) of limit i."""
     gap = total(blocks.blocks_i, blocks.terms_i, blocks.terms_f, i, 1, q)
     now = -total(blocks.blocks_i, blocks.terms_i, blocks.terms_f, i, 0, v)
     change = total(blocks.blocks_i, blocks.terms_i, blocks.terms_f, i, 0, vdot)
-    return gap - blocks.blocks_f[i, at.VALUE], SURE * max(now, 0.0) + abs(change)
+    return gap - blocks.blocks_f[i, at.VALUE], SURE * max(now, 0.0) + left * abs(change)
 
 
 @part
@@ -315,8 +323,8 @@ def list_meetings(scene, h, left, q, v, vdot):
     crowd = is_crowd(contacts)
     n = 0
     for i in range(tally.first_limit, tally.first_limit + tally.limits):
-        gap, rate = limit_gap(blocks, i, q, v, vdot)
-        if gap > CLOSED:
+        gap, rate = limit_gap(blocks, i, q, v, vdot, left)
+        if gap > closed_limit(blocks, i):
             if gap <= rate * left:
                 n = put_meeting(meetings, n, -1, -1, i, -1)
         elif limit_meets(blocks, i, h, 0.0, q, v, vdot):

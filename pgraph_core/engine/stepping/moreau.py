@@ -49,9 +49,9 @@ from ..contact.contacts import (
 )
 from ..contact.impulse import solve_impulses
 from ..contact.meeting import (
-    CLOSED,
     DEPTH,
     closed_gap,
+    closed_limit,
     first_meeting,
     limit_meets,
     look_ahead,
@@ -269,7 +269,7 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
         if look and limit_meets(blocks, i, h, w, q, v, vdot):
             return True
         gap = total(blocks_i, terms_i, terms_f, i, 1, q) - blocks_f[i, at.VALUE]
-        if gap <= 2.0 * CLOSED:
+        if gap <= 2.0 * closed_limit(blocks, i):
             active[0] += 1
             active[active[0]] = i
     if laws.shape[0] == 0:
