@@ -55,6 +55,7 @@ def facts(find: Find) -> dict[str, Any]:
         "error": find.error,
         "estimate": find.estimate,
         "says": find.says,
+        "floor": find.scene.floor,
     }
 
 

@@ -49,8 +49,9 @@ def sentence(text: str) -> str:
 def headline(found: Any) -> str:
     """'1 degree of freedom left: 3 of the tree less 2 that constraints take.'"""
     left = plural(found.dof, "degree") + " of freedom left"
-    if found.extra:
+    if found.extra and found.finite:
         left += f", {found.extra} of them only in this position"
+    left += found.locked
     return f"{left}: {found.tree} of the tree, less {found.rank} of {plural(found.rows, 'row')}."
 
 

@@ -68,6 +68,14 @@ class Mobility:
     names: tuple[str, ...]  # the joint of each degree of freedom
     doubts: tuple[str, ...] = ()  # defaults of constraints that hardly fit the model
 
+    @property
+    def locked(self) -> str:
+        """What belongs after the number of ways to move where some of them lead nowhere; or ""."""
+        if not self.extra or self.finite:
+            return ""
+        here = f", {self.extra} of them to first order only"
+        return here + (": it is locked" if self.extra == self.dof else "")
+
     def to_dict(self) -> dict[str, Any]:
         """The fields by name, for JSON; `text` is the report in words."""
         return asdict(self) | {"text": str(self)}
@@ -282,7 +290,7 @@ def _counts(m: Mobility) -> list[str]:
     lines = [
         f"{_many(m.tree, 'degree')} of freedom of the tree; {_many(m.rows, 'row')} of "
         f"{_many(m.constraints, 'active constraint')}, rank {m.rank}: "
-        f"{_many(m.dof, 'degree')} of freedom left"
+        f"{_many(m.dof, 'degree')} of freedom left{m.locked}"
     ]
     if m.positions != m.dof:
         lines.append(

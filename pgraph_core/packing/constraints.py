@@ -109,6 +109,14 @@ class Endpoints:
         out[at.VALUE] = value
         return out
 
+    def scaled(self, offset: float = 0.0) -> Array:
+        """(28,) of a row between coordinates, which has no points: what their rounding is small
+        against stands there, for mechanisms that have no lengths.
+        """
+        out = np.zeros(at.BLOCK_F)
+        out[at.PA], out[at.VALUE] = self.size, offset
+        return out
+
     # -- blocks --------------------------------------------------------------------------------
 
     def held(self, dirs: Sequence[Array] = tuple(np.eye(3))) -> Block:
@@ -215,12 +223,12 @@ def _skate(e: Endpoints, c: Skate) -> list[Block]:
 def _gear(e: Endpoints, c: Gear) -> list[Block]:
     own = e.coordinate(c.body, c.coordinate, 1.0)
     other = e.coordinate(c.other, c.other_coordinate, -c.ratio)
-    return [Block(at.T_COORD, 1, e.values(c.offset), (own, other))]
+    return [Block(at.T_COORD, 1, e.scaled(c.offset), (own, other))]
 
 
 def _motion(e: Endpoints, c: Motion) -> list[Block]:
     own, sine = e.coordinate(c.body, c.coordinate, 1.0), isinstance(c.q_of_t, Sine)
-    return [Block(at.T_COORD, 1, e.values(), (own,), curve(c.q_of_t), sine)]
+    return [Block(at.T_COORD, 1, e.scaled(), (own,), curve(c.q_of_t), sine)]
 
 
 def curve(q_of_t: Table | Sine | Polynomial) -> tuple[tuple[float, ...], ...]:

@@ -110,8 +110,10 @@ def _compared(record: Recording, q: Array, v: Array, progress: Progress) -> Esti
         return _by_finer(record, (near, ratio), q, v, progress)
     uneven = len(plan.kinks) > 0 or len(plan.contact_points) > 0  # no two steps are alike
     wide = None if uneven else _wider(record, 4, q, v, progress)
+    if wide is not None and not wide.ended.ok:  # wider steps are beyond what the order holds for
+        return _by_finer(record, (near, ratio), q, v, progress)
     far, promised, held = None, np.nan, 1.0
-    if wide is not None and wide.ended.ok and _wide(wide, coarse):
+    if wide is not None and _wide(wide, coarse):
         far = _apart(coarse, wide, np.intersect1d(coarse.plan.times, wide.plan.times))
         promised = (_ratio(record, wide) - ratio) / (ratio - 1.0)
         seen = _seen(near, far)

@@ -115,6 +115,7 @@ def test_stretched_rods_shake_but_do_not_move():
     pin = pg.Constraint(name="pin", body="b", point=(1, 0, 0))
     report = pg.Mechanism(pg.Model(up="y", bodies=rods, constraints=(pin,))).mobility()
     assert (report.dof, report.extra, report.finite) == (1, 1, False)
+    assert "it is locked" in str(report).splitlines()[0]
     assert "the parts can shake, not move" in str(report)
 
 
