@@ -429,7 +429,7 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
                 _, _, qi, vi = mech.system.rows[k].tolist()
                 block = np.zeros(at.BLOCK_F)
                 block[at.VALUE], block[at.BOUNCE] = sign * bound, bounce
-                block[at.DIR] = _size(mech, k, pair)  # SIZE of engine/contact/meeting.py
+                block[at.PA] = _size(mech, k, pair)  # SIZE of engine/contact/meeting.py
                 rows.append((at.T_LIMIT, k, 0, 1, len(terms), 1, 0, 0))
                 values.append(block)
                 terms.append((vi, qi))

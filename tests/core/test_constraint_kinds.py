@@ -217,3 +217,18 @@ def test_kernels_equal_the_dense_pseudo_inverse(kind, seed):
     assert scaled_error(vdot, expected) < 1e-9
     if kind != "velocity":  # of which the force is that of its first coefficient alone
         assert scaled_error(force["c"], forces["c"]) < 1e-9
+
+
+@pytest.mark.parametrize("options", [{"rtol": 1e-6}, {"rtol": 1e-6, "step": 4e-3}])
+def test_a_gear_between_rotors_without_lengths(options):
+    """Nothing has a size in metres: the last digit of an angle is still no gap."""
+    ratio, offset, push = 0.0183, 0.4038, 2.0
+    bodies = tuple(pg.Body(name=n, q=(x,), inertia=np.eye(3)) for n, x in (("a", 0), ("b", offset)))
+    tie = pg.Gear(name="tie", body="b", other="a", ratio=ratio, offset=offset)
+    motor = pg.Motor(name="motor", body="a", torque=push)
+    model = pg.Model(bodies=bodies, constraints=(tie,), forces=(motor,))
+    run = pg.simulate(model, t_end=0.8, method="radau5", frames=101, **options)
+    assert run.status.ok, run.message
+    exact = 0.5 * push / (1 + ratio**2) * run.t**2
+    np.testing.assert_allclose(run.q, np.column_stack((exact, ratio * exact + offset)), atol=1e-9)
+    assert np.isfinite(run.error_estimate)

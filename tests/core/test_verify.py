@@ -9,6 +9,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
+from benchmarks import between
 from pgraph_models import build_cases
 
 LONG = ("a02_n_four_bar_40", "chain_n_links_1000")  # seconds each
@@ -101,3 +102,15 @@ def test_a_run_that_ends_early_misses():
     errors = case.observables[0].errors(run)
     assert np.isfinite(errors[0])
     assert np.isinf(errors[-1])
+
+
+@pytest.mark.parametrize("ratio", between.RATIOS[::4])
+def test_any_mass_ratio_is_as_exact_as_rounding_lets_it(ratio):
+    """A double pendulum against 50 digits, at three times what one digit of its numbers does."""
+    row = between.chain("mass ratio", ratio, (1.0, ratio))
+    assert row.ok, row
+
+
+@pytest.mark.nightly
+def test_between_and_beyond_the_cases():
+    assert [row for row in between.rows() if not row.ok] == []

@@ -27,7 +27,7 @@ ROUNDING = 2.0**-50  # of the coordinates that a gap is the difference of
 CLOSED = 1e-10  # of the size of a limit's range: a limit this near is reached
 HARD = 4.0  # times what weight adds in a step: slower impacts are taken where the step finds them
 CROWD = 64  # candidates: in larger scenes slow impacts are taken where the step finds them
-SIZE = at.DIR  # in the block of a limit, which has no directions
+SIZE = at.PA  # in the block of a limit, which has no points
 ROUNDS = 200  # of the search for one instant
 SURE = 1.02  # a bound of a closing speed over its value now
 
