@@ -28,6 +28,7 @@ TRIES = 12  # changes of what is given
 WORST = 3.0  # times the accuracy of a reference, or the limit of rounding
 ACCURATE = {"mass ratio": 1e-14, "links": 1e-12, "restitution": 1e-16}  # of the cases' references
 LOCATED = 1e-14  # s: to which instants are located
+SHORTEST = 1e-8  # s: flights below it are left out, and the ball rests
 RATIOS = tuple(10.0**k for k in range(-12, 13, 2))
 LINKS = (1, 2, 3, 5, 10, 20, 40)
 BOUNCES = (0.0, 0.05, 0.3, 0.5, 0.7, 0.9, 0.99, 1.0)
@@ -115,7 +116,7 @@ def chain(what: str, value: float, masses: Sequence[float]) -> Row:
 def bounces(e: float) -> Row:
     """Times of the first impacts of a ball dropped from 1 m, until they cannot be told apart."""
     fall = np.sqrt(2 / G)
-    count = 1 if e == 0.0 else 10
+    count = 1 + sum(2 * fall * e**k > SHORTEST for k in range(1, 10))
     end = float(fall * (1 + 2 * sum(e**k for k in range(1, count)))) + 1e-3
     run = pg.simulate(case_models.bouncing_ball(e), t_end=end, method="rk4", step=2e-3)
     found = [event.t for event in run.events][:count]
