@@ -237,3 +237,18 @@ def test_several_shapes_of_a_body_touch_where_events_are_located():
     high = 0.1 + 0.5 * 9.81 * fall * after - 0.5 * 9.81 * after**2
     assert run.q[-1, 2] == pytest.approx(high, abs=1e-10)
     assert np.abs(run.q[-1, 4:]).max() < 1e-10
+
+
+@pytest.mark.parametrize("start", [0.6, 0.1001, 0.1])
+def test_the_first_impact_without_restitution_is_an_event(start):
+    """A ball that is thrown down from afar, from near by, and where it touches."""
+    ball = pg.Body(
+        name="b", joint="prismatic", axes=((0, 0, 1),), q=(start,), v=(-1.0,),
+        inertia=np.zeros((3, 3)), shape={"kind": "sphere", "radius": 0.1},
+    )  # fmt: skip
+    floor = pg.Contact(name="floor", body="b", restitution=0.0)
+    run = pg.simulate(pg.Model(bodies=(ball,), contacts=(floor,)), t_end=0.5, rtol=1e-9)
+    (hit,) = run.events
+    exact = (np.sqrt(1 + 2 * 9.81 * (start - 0.1)) - 1) / 9.81
+    assert hit.t == pytest.approx(exact, abs=1e-12)
+    assert (hit.before, hit.after) == ("swing", "stance")
