@@ -272,7 +272,7 @@ def holding(mech: Dynamics, active: Ints, t: float, q: Array, way: Array) -> lis
         return []
     state = Rows.of(mech, active, q, None, t)
     wanted = state.gradient(way)
-    combination = np.linalg.lstsq(state.scaled.T, wanted)[0]
+    combination = np.asarray(np.linalg.lstsq(state.scaled.T, wanted)[0], dtype=np.float64)
     left = state.scaled.T @ combination - wanted
     if np.linalg.norm(left) > FAINT * np.linalg.norm(wanted):
         return []

@@ -36,6 +36,7 @@ SHORTEST = 1e-11  # s: a flight below it is none
 STUCK = 1e-8  # of the characteristic speed: slip that has ended
 ALIGNED = 1e-10  # rad: a direction of slip this near is found
 MOST_TURNS = 100
+LEFT = 2.0  # times the rounding of a gap: a point that has left
 SLACK = 0.5 * point_kernels.FORCE_TOLERANCE
 MANY = 300  # events within SAME_TIME: they do not end
 
@@ -200,6 +201,8 @@ class ContactEvents:
         self._ends.clear()
         scene.arrange()
         self._observe(t)
+        f = scene.points
+        f["fresh"][(scene.phase == SWING) & (f["gap"] > LEFT * f["rounding"])] = 0
         point_kernels.begin(scene.address, float(self.steps.control["turning"]))
 
     def _log(self, t: float, s: int, before: int, cause: str) -> None:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..dynamics.states import differences
 from ..packing.system import Array
 from .options import LEAST_RTOL
-from .plan import STIFF, Plan
+from .plan import STIFF, Plan, fastest_rate
 from .recording import Estimate, Progress, Recording
 
 LOOSER = 32.0  # ratio of the tolerances of two runs
@@ -274,7 +274,25 @@ def _rounding(record: Recording) -> float:
     least, given = EPS * float(size) + _closed(record), record.plan.tolerance
     if given is None or not (given.fixed and record.plan.method.implicit):
         return least
+    least += _damped(record, given.widest)
     return least + UNSOLVED * given.rtol * float(np.ptp(q, axis=0).max(initial=0.0))
+
+
+def _damped(record: Recording, step: float) -> float:
+    """Amplitude of vibrations faster than the steps, from the energy that was lost.
+
+    Implicit methods take them out at any width, so that coarser runs do not differ.
+    """
+    plan, out, n = record.plan, record.out, record.done
+    start = out.q[0], out.v[0]
+    rate = fastest_rate(record.mech, (plan.drives, plan.loads), plan.active, *start)
+    if rate * step <= 1.0:
+        return 0.0
+    kinetic, potential, work, lost = out.energies[:n].T
+    balance = kinetic + potential - work + lost
+    inertia = np.diag(record.mech.mass_matrix(start[0]))
+    speed = np.sqrt(2.0 * np.abs(balance - balance[0]).max() / inertia[inertia > 0.0])
+    return float(speed.max(initial=0.0)) / rate
 
 
 def _closed(record: Recording) -> float:

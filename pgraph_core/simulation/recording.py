@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from .user_events import Monitor, Watch
 
 CHUNK = 0.02  # s of computation between two calls of `progress`
+PULSE = 0.2  # of the largest acceleration: what a pulse that counts makes
+UNFELT = 0.02  # of that: what the motion shows of it
 NO_MONITORS = np.zeros((4, 0))
 Progress = Callable[[float], Any] | None
 
@@ -179,6 +181,7 @@ class Recording:
             self._keep_start()
         elif self.ended.status is Status.DONE:
             self._note_rest()
+            self._note_pulses()
 
     def _keep_start(self) -> None:
         """The initial state as the only frame of a run that fails at once; v' is not known."""
@@ -205,6 +208,28 @@ class Recording:
             self.ended.notices.append(
                 "nothing moves: gravity turns or shifts no joint at any position, as with hinges "
                 "about the vertical; see the axes of the joints"
+            )
+
+    def _note_pulses(self) -> None:
+        """Append a notice where torques of a function change at a frame, and the motion does not.
+
+        A pulse between the evaluations of a step is passed over by any method. Frames are
+        evaluated too.
+        """
+        n, events = self.done, self.plan.contacts is not None or self.plan.changes
+        if self.user is None or events or n < 6 or self.steps.counters["steps"] >= n:
+            return
+        t, v, vdot = self.steps.times[:n, None], self.out.v[:n], self.out.vdot[:n]
+        rate = np.diff(v, axis=0) / np.diff(t, axis=0)
+        around = 0.5 * (rate[:-3] + rate[3:])  # of frames 2 to n - 3
+        felt = np.maximum(np.abs(rate[1:-2] - around), np.abs(rate[2:-1] - around))
+        acts = np.abs(vdot[2:-2] - around)
+        missed = (acts > PULSE * np.abs(vdot).max(axis=0)) & (felt < UNFELT * acts)
+        if missed.any():
+            when = float(t[2 + np.flatnonzero(missed.any(axis=1))[0], 0])
+            self.ended.notices.append(
+                f"at t = {when:.6g} s a torque of the given function acts that no step felt: a "
+                "pulse shorter than the steps; give a largest step= that is shorter"
             )
 
     def advance_to_end(self, progress: Progress) -> None:

@@ -166,7 +166,7 @@ def coast(rng: Rng) -> Scene:
         v = [v0]
         for s in (pull * t[1:]).tolist():
             least = np.log(v0) - 2 * (s + v0) / c - 5
-            found = brentq(lambda log, s=s: after(log) - s, least, np.log(v0), xtol=1e-14)
+            found: Any = brentq(lambda log, s=s: after(log) - s, least, np.log(v0), xtol=1e-14)
             v.append(float(np.exp(found)))
         return (path(np.array(v0)) - path(np.array(v)))[:, None] / pull
 

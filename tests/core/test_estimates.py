@@ -176,3 +176,33 @@ def test_the_gap_that_counts_as_closed_is_in_the_estimate(radius, e):
     true = np.abs(run.q[:, 0] - known).max()
     assert true < 1e-8 * radius
     assert 0.2 * true < run.error_estimate < max(10 * true, 1e-9 * radius)
+
+
+def test_a_pulse_of_a_torque_function_that_steps_pass_over_is_said():
+    """1 ms of a second, within a step of the adaptive default; not a jump that steps have met."""
+
+    def pulse(t, q, v):
+        return np.array([1e3 if 0.5034 < t < 0.5044 else 0.0])
+
+    def jump(t, q, v):
+        return np.array([np.sin(30 * t) + (5.0 if t > 0.3 else 0.0)])
+
+    body = pg.Body(name="b", joint="prismatic", axes=((1, 0, 0),), inertia=np.zeros((3, 3)))
+    model = pg.Model(bodies=(body,), gravity=(0, 0, 0))
+    missed = pg.simulate(model, t_end=1.0, tau=pulse)
+    assert missed.v[-1, 0] == 0.0
+    assert any("that no step felt" in text for text in missed.notices)
+    assert pg.simulate(model, t_end=1.0, tau=pulse, step=5e-4).v[-1, 0] == pytest.approx(1, abs=0.1)
+    for torque, options in ((pulse, {"step": 2e-4}), (jump, {}), (jump, {"rtol": 1e-4})):
+        assert pg.simulate(model, t_end=1.0, tau=torque, **options).notices == ()
+
+
+@pytest.mark.parametrize("method", ["ros2", "radau5"])
+def test_vibrations_that_implicit_steps_take_out_are_in_the_estimate(method):
+    """1 kg put on a spring of 1e9 N/m swings by 9.8 nm where it rests; steps of 10 ms do not."""
+    body = pg.Body(
+        name="b", joint="prismatic", axes=((0, 0, 1),), stiffness=1e9, inertia=np.zeros((3, 3))
+    )
+    run = pg.simulate(pg.Model(bodies=(body,)), t_end=1.0, method=method, step=1e-2)
+    true = np.abs(run.q[:, 0] + 9.81e-9 * (1 - np.cos(np.sqrt(1e9) * run.t))).max()
+    assert 0.2 * true < run.error_estimate < 10 * true

@@ -252,3 +252,17 @@ def test_the_first_impact_without_restitution_is_an_event(start):
     exact = (np.sqrt(1 + 2 * 9.81 * (start - 0.1)) - 1) / 9.81
     assert hit.t == pytest.approx(exact, abs=1e-12)
     assert (hit.before, hit.after) == ("swing", "stance")
+
+
+@pytest.mark.parametrize(
+    "options", [{"rtol": 1e-8}, {"method": "dopri5"}, {"method": "rk4", "step": 0.01}]
+)
+def test_a_joint_between_elastic_limits_hits_them_in_turn(options):
+    """What has left one limit, however long the step, does not hit it where the other is hit."""
+    body = pg.Body(
+        name="b", inertia=np.eye(3), limits=((-3.0, 3.0),), limit_restitution=(1.0,), v=(2.0,)
+    )
+    run = pg.simulate(pg.Model(bodies=(body,), gravity=(0, 0, 0)), t_end=20.0, **options)
+    assert run.status.ok, run.message
+    assert [event.t for event in run.events] == pytest.approx(np.arange(1.5, 20, 3.0), abs=1e-10)
+    assert run.q[-1, 0] == pytest.approx(2.0, abs=1e-9)
