@@ -54,8 +54,7 @@ def drawn(state: State) -> str:
     report = state.report
     if report is None:
         return ""
-    precise = report.kind == "precision"
-    return report.result.figure(narrow=True) if precise else report.result.figure()
+    return report.result.figure(narrow=True)
 
 
 def reports(state: State) -> Payload:

@@ -28,6 +28,21 @@ def unchanged(model: Model, value: float) -> Model:
     return model
 
 
+def unchanged_value(model: Model) -> float | None:
+    """Axes whose value the model does not have."""
+    return None
+
+
+def once(model: Model) -> float | None:
+    """Factors on the model as it is."""
+    return 1.0
+
+
+def none_more(model: Model) -> float | None:
+    """Copies and distances, of which the model as it is has none."""
+    return 0.0
+
+
 def same_pace(value: float) -> float:
     """Steps and durations stay as they are."""
     return 1.0
@@ -43,6 +58,9 @@ class Axis(NamedTuple):
     applied: Callable[[Model, float], Model] = unchanged
     pace: Callable[[float], float] = same_pace  # factor on steps and duration
     of_steps: bool = False  # the values are the steps themselves
+    own: Callable[[Model], float | None] = (
+        unchanged_value  # value of a model as it is, if it has one
+    )
 
 
 def lacking(axis: str, what: str) -> InputError:
@@ -56,10 +74,8 @@ def stiffness(model: Model, value: float) -> Model:
     A spring of a joint keeps its initial force: the joint starts closer to the spring's rest, so
     that the motion tends to that of a rigid part.
     """
-    springs = [f for f in model.forces if isinstance(f, (Spring, Torsion)) and f.stiffness]
-    found = [x for body in model.bodies for x in body.stiffness]
-    stiffest = max((*found, *(f.stiffness for f in springs)), default=0.0)
-    if stiffest == 0.0:
+    stiffest = own_stiffness(model)
+    if stiffest is None:
         raise lacking("stiffness", "springs of joints and between bodies")
     by = value / stiffest
     forces = tuple(
@@ -70,6 +86,12 @@ def stiffness(model: Model, value: float) -> Model:
     )
     bodies = tuple(_stiffened(b, by) if any(b.stiffness) else b for b in model.bodies)
     return model.replace(bodies=bodies, forces=forces)
+
+
+def own_stiffness(model: Model) -> float | None:
+    """The stiffest spring of the model."""
+    springs = [f.stiffness for f in model.forces if isinstance(f, (Spring, Torsion))]
+    return max((*springs, *(x for body in model.bodies for x in body.stiffness)), default=0) or None
 
 
 def _stiffened(body: Body, by: float) -> Body:
@@ -130,15 +152,26 @@ def contact_stiffness(model: Model, value: float) -> Model:
 
 def mass_ratio(model: Model, value: float) -> Model:
     """The last tip body gets `value` times the mass of its parent, and inertia in proportion."""
-    topology = Topology.of(model)
-    tips = [model.body(topology.names[n - 1]) for n in topology.tips]
-    tips = [b for b in tips if b.parent != GROUND and b.mass and model.body(b.parent).mass]
-    if not tips:
+    tip = _carried_tip(model)
+    if tip is None:
         raise lacking("mass_ratio", "a tip body's mass over that of the body that carries it")
-    tip = tips[-1]
     by = value * model.body(tip.parent).mass / tip.mass
     inertia = tuple(tuple(by * x for x in row) for row in tip.inertia)
     return _with_body(model, tip, changed(tip, mass=by * tip.mass, inertia=inertia))
+
+
+def _carried_tip(model: Model) -> Body | None:
+    """The last tip body that another one with mass carries."""
+    topology = Topology.of(model)
+    tips = [model.body(topology.names[n - 1]) for n in topology.tips]
+    tips = [b for b in tips if b.parent != GROUND and b.mass and model.body(b.parent).mass]
+    return tips[-1] if tips else None
+
+
+def own_mass_ratio(model: Model) -> float | None:
+    """Of the model as it is."""
+    tip = _carried_tip(model)
+    return None if tip is None else tip.mass / model.body(tip.parent).mass
 
 
 def inertia(model: Model, value: float) -> Model:
@@ -265,35 +298,55 @@ def _with_body(model: Model, old: Body, new: Body) -> Model:
     return model.replace(bodies=tuple(new if b is old else b for b in model.bodies))
 
 
+def own_speed(model: Model) -> float | None:
+    """The largest initial velocity; None at rest."""
+    return max((abs(x) for b in model.bodies for x in b.v), default=0.0) or None
+
+
+def own_friction(model: Model) -> float | None:
+    """The coefficient of all contacts, where they have the same."""
+    return _one({c.friction for c in model.contacts})
+
+
+def own_contact_stiffness(model: Model) -> float | None:
+    """The stiffness of all soft contacts, where they have the same."""
+    return _one({c.stiffness for c in model.contacts if c.law != "complementarity"})
+
+
+def _one(found: set[float | None]) -> float | None:
+    return found.pop() if len(found) == 1 else None
+
+
 # fmt: off
 TABLE = (
     Axis("stiffness", "stiffness of the stiffest spring", "N/m or N m/rad",
-         (1e2, 1e3, 1e4, 1e5, 1e6, 1e8, 1e10, 1e12), stiffness),
+         (1e2, 1e3, 1e4, 1e5, 1e6, 1e8, 1e10, 1e12), stiffness, own=own_stiffness),
     Axis("damping_ratio", "damping over critical damping", "",
          (0, 0.01, 0.1, 0.5, 1, 2, 5, 10), damping_ratio),
     Axis("contact_stiffness", "stiffness of soft and penalty contacts", "N/m^1.5 or N/m",
-         (1e3, 1e4, 1e5, 1e6, 1e7, 1e8), contact_stiffness),
+         (1e3, 1e4, 1e5, 1e6, 1e7, 1e8), contact_stiffness, own=own_contact_stiffness),
     Axis("mass_ratio", "mass of the last tip body over its parent's", "",
-         (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9), mass_ratio),
+         (1e-12, 1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9), mass_ratio, own=own_mass_ratio),
     Axis("inertia", "factor on every inertia", "",
-         (1e-15, 1e-9, 1e-6, 1e-3, 1.0, 1e1, 1e3), inertia),
+         (1e-15, 1e-9, 1e-6, 1e-3, 1.0, 1e1, 1e3), inertia, own=once),
     Axis("chain_length", "links of a chain of the same length and mass", "links",
          (2, 5, 10, 20, 50, 100, 200, 500, 1000), chain_length),
     Axis("speed", "largest initial velocity", "rad/s or m/s",
-         (0.1, 1.0, 1e1, 1e2, 1e3, 1e4), speed),
+         (0.1, 1.0, 1e1, 1e2, 1e3, 1e4), speed, own=own_speed),
     Axis("friction", "Coulomb's coefficient of all contacts", "",
-         (0, 0.01, 0.1, 0.3, 0.5, 1, 3, 10), friction),
+         (0, 0.01, 0.1, 0.3, 0.5, 1, 3, 10), friction, own=own_friction),
     Axis("joint_friction", "friction of every hinge and slide", "N m or N",
          (0, 0.01, 0.1, 1, 3, 10), joint_friction),
-    Axis("redundancy", "copies of every active constraint", "copies", (0, 1, 2, 5), redundancy),
+    Axis("redundancy", "copies of every active constraint", "copies", (0, 1, 2, 5), redundancy,
+         own=none_more),
     Axis("singularity", "distance of the first joint from its initial position", "rad or m",
-         (0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3, 1e-2), singularity),
+         (0, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3, 1e-2), singularity, own=none_more),
     Axis("length_scale", "factor on every length, gravity too", "",
-         SCALES, lambda model, value: rescaled(model, length=value)),
+         SCALES, lambda model, value: rescaled(model, length=value), own=once),
     Axis("mass_scale", "factor on every mass, forces too", "",
-         SCALES, lambda model, value: rescaled(model, mass=value)),
+         SCALES, lambda model, value: rescaled(model, mass=value), own=once),
     Axis("time_scale", "factor on every time, steps and duration too", "",
-         SCALES, lambda model, value: rescaled(model, time=value), pace=float),
+         SCALES, lambda model, value: rescaled(model, time=value), pace=float, own=once),
     Axis("step", "step of the run", "s",
          (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5), of_steps=True),
 )

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import accumulate
 from typing import NamedTuple
 
 from .page import duration, escape, series_colour
@@ -237,28 +236,39 @@ def heat_map(
     columns: Sequence[str],
     squares: Sequence[Square],
     legend: Sequence[tuple[str, str]],
+    wide: float = math.inf,
 ) -> str:
-    """Coloured cells in rows, one group of columns a method; `legend` has (text, colour)."""
-    widths = (max(len(columns) * CELL, LETTER_WIDE * len(name)) + GAP for name in groups)
-    starts = list(accumulate(widths, initial=float(MAP_LEFT)))
-    bottom = MAP_TOP + len(rows) * CELL_HIGH
-    width, height = max(starts[-1], 640), bottom + 44
-    parts = [f'<text x="4" y="{MAP_TOP - 8}" {_style(11)}>{escape(axis)}</text>']
-    parts += [_head(name, x, columns) for name, x in zip(groups, starts)]
-    for i, text in enumerate(rows):
-        place = f'x="{MAP_LEFT - 8}" y="{MAP_TOP + i * CELL_HIGH + 16}" text-anchor="end"'
-        parts.append(f"<text {place} {_style(11)}>{escape(text)}</text>")
+    """Coloured cells in rows, one group of columns a method; `legend` has (text, colour).
+
+    Groups that do not fit into `wide` pixels go below the others.
+    """
+    high = MAP_TOP + len(rows) * CELL_HIGH
+    places = _places([max(len(columns) * CELL, LETTER_WIDE * len(x)) + GAP for x in groups], wide)
+    bands = range(max((band for _, band in places), default=0) + 1)
+    bottom = high * len(bands)
+    parts = [f'<text x="4" y="12" {_style(11)}>{escape(axis)}</text>']
+    parts += [_head(name, x, band * high, columns) for name, (x, band) in zip(groups, places)]
+    for band in bands:
+        for i, text in enumerate(rows):
+            y = band * high + MAP_TOP + i * CELL_HIGH + 16
+            place = f'x="{MAP_LEFT - 8}" y="{y}" text-anchor="end"'
+            parts.append(f"<text {place} {_style(11)}>{escape(text)}</text>")
     for each in squares:
-        x, y = starts[each.group] + each.column * CELL, MAP_TOP + each.row * CELL_HIGH
-        parts.append(_square(each, x, y))
-    x = 4.0
+        x, band = places[each.group]
+        y = band * high + MAP_TOP + each.row * CELL_HIGH
+        parts.append(_square(each, x + each.column * CELL, y))
+    width = max((x for x, _ in places), default=0.0) + len(columns) * CELL + GAP
+    width = max(width, min(wide, 640.0))
+    x, y = 4.0, bottom + 14
     for text, colour in legend:
+        if x + 24 + 7.4 * len(text) > width:
+            x, y = 4.0, y + LEGEND
         parts.append(
-            f'<rect x="{x}" y="{bottom + 14}" width="12" height="12" rx="2" fill="{colour}"/>'
-            f'<text x="{x + 16}" y="{bottom + 24}" {_style(11)}>{escape(text)}</text>'
+            f'<rect x="{x}" y="{y}" width="12" height="12" rx="2" fill="{colour}"/>'
+            f'<text x="{x + 16}" y="{y + 10}" {_style(11)}>{escape(text)}</text>'
         )
         x += 24 + 7.4 * len(text)
-    size = f'viewBox="0 0 {width:.0f} {height}" width="{width:.0f}" height="{height}"'
+    size = f'viewBox="0 0 {width:.0f} {y + 30}" width="{width:.0f}" height="{y + 30}"'
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img" '
         'font-family="system-ui, sans-serif" font-size="11">'
@@ -266,10 +276,21 @@ def heat_map(
     )
 
 
-def _head(name: str, x: float, columns: Sequence[str]) -> str:
-    parts = [f'<text x="{x}" y="{MAP_TOP - 40}" {_style(11)}>{escape(name)}</text>']
+def _places(widths: Sequence[float], wide: float) -> list[tuple[float, int]]:
+    """(left end, band) of groups of these widths, side by side as long as they fit."""
+    found, x, band = [], float(MAP_LEFT), 0
+    for width in widths:
+        if x > MAP_LEFT and x + width > wide:
+            x, band = float(MAP_LEFT), band + 1
+        found.append((x, band))
+        x += width
+    return found
+
+
+def _head(name: str, x: float, top: float, columns: Sequence[str]) -> str:
+    parts = [f'<text x="{x}" y="{top + MAP_TOP - 40}" {_style(11)}>{escape(name)}</text>']
     for j, text in enumerate(columns):
-        middle, y = x + j * CELL + CELL / 2, MAP_TOP - 6
+        middle, y = x + j * CELL + CELL / 2, top + MAP_TOP - 6
         turned = f'transform="rotate(-40 {middle} {y})"'
         parts.append(f'<text x="{middle}" y="{y}" {_style(9)} {turned}>{escape(text)}</text>')
     return "".join(parts)

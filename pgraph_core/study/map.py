@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -16,6 +17,8 @@ from .page import Section, escape, page, table
 from .study import plain
 from .verdicts import Cell, Verdict
 
+OWN = "◂"  # marks the model's own value
+COLUMN = 470.0  # width of a narrow figure [px]
 LOOK = {  # letter of the text map, colour and ink of the figure, meaning
     Verdict.OK: (".", "#2e9e5b", "#ffffff", "as accurate as asked for"),
     Verdict.INACCURATE: ("i", "#e3b341", "#1b1f24", "bounded, but not as accurate as asked for"),
@@ -45,14 +48,15 @@ class StabilityMap(Portable):
     references: tuple[str, ...]  # of each value
     cells: tuple[Cell, ...]
     complete: bool = True  # False: it was cancelled, and these are the cells so far
+    own: float | None = None  # the value of the model as it is, if it is among them
 
     def __str__(self) -> str:
         per = len(self.steps) or 1
-        widest = max(len(f"{v:g}") for v in self.values)
+        widest = max(len(self._label(v)) for v in self.values)
         head = "".join(f"  {name:{per}}" for name in self.methods)
         lines = [self.title, "", f"{'':{widest}}{head}"]
         for value in self.values:
-            line = f"{f'{value:g}':{widest}}"
+            line = f"{self._label(value):{widest}}"
             for name in self.methods:
                 own = (c for c in self.cells if (c.value, c.method) == (value, name))
                 line += f"  {''.join(LOOK[c.status][0] for c in own):{max(per, len(name))}}"
@@ -60,9 +64,15 @@ class StabilityMap(Portable):
         text = [*lines, "", *self._legend(), "", self.advice, "", *self.findings()]
         return "\n".join(text).rstrip()
 
+    def _label(self, value: float) -> str:
+        return f"{value:g} {OWN}" if value == self.own else f"{value:g}"
+
     @property
     def advice(self) -> str:
-        """The method and step to take, in a sentence: right at most values, and the cheapest."""
+        """The method and step to take, in a sentence.
+
+        Right for the model as it is, then at most values, then the cheapest.
+        """
         right: dict[tuple[str, float], list[Cell]] = {}
         for cell in self.cells:
             if cell.status is Verdict.OK:
@@ -70,22 +80,26 @@ class StabilityMap(Portable):
                 right.setdefault((cell.method, width), []).append(cell)
         if not right:
             return "No method at no step is as accurate as asked for: give smaller steps."
-        count = max(len(cells) for cells in right.values())
+        for_own = {k: v for k, v in right.items() if any(c.value == self.own for c in v)}
+        chosen = for_own or right
+        count = max(len(cells) for cells in chosen.values())
         (method, step), cells = min(
-            (item for item in right.items() if len(item[1]) == count),
+            (item for item in chosen.items() if len(item[1]) == count),
             key=lambda item: sum(cell.evaluations for cell in item[1]),
         )
         if not self.steps:
             return f"Take {method} at a step of {step:g} s."
-        where = (
-            "all values" if count == len(self.values) else f"{count} of {len(self.values)} values"
-        )
-        values = [cell.value for cell in cells]
-        span = f", {min(values):g} to {max(values):g}" if count < len(self.values) else ""
-        return (
-            f"Take {method} at a step of {step:g} s: as accurate as asked for at {where} of "
-            f"{self.axis.replace('_', ' ')}{span}."
-        )
+        axis, values = self.axis.replace("_", " "), [cell.value for cell in cells]
+        where = f"all values of {axis}"
+        if count < len(self.values):
+            where = f"{count} of {len(self.values)} values of {axis}, "
+            where += f"{min(values):g} to {max(values):g}"
+        text = f"Take {method} at a step of {step:g} s: as accurate as asked for at {where}"
+        if for_own and self.own is not None:
+            return f"{text}, this model's own {self.own:g} among them."
+        if self.own is not None:
+            return f"{text}; at this model's own {self.own:g} give smaller steps."
+        return f"{text}."
 
     @property
     def title(self) -> str:
@@ -102,6 +116,8 @@ class StabilityMap(Portable):
         """The letters that occur."""
         there = {cell.status for cell in self.cells}
         lines = [f"{LOOK[v][0]}  {v:11} {LOOK[v][3]}" for v in Verdict if v in there]
+        if self.own is not None:
+            lines.append(f"{OWN}  the model as it is")
         return lines if self.complete else [*lines, "cancelled: only the finished cells are here"]
 
     def findings(self) -> list[str]:
@@ -117,8 +133,8 @@ class StabilityMap(Portable):
             found.append(f"{method} {status}{more}, as at {where}: {cells[0].text}")
         return found
 
-    def figure(self) -> str:
-        """A heat map as an SVG text that stands alone."""
+    def figure(self, *, narrow: bool = False) -> str:
+        """A heat map as an SVG text that stands alone; `narrow`: for a column."""
         squares = []
         for c in self.cells:
             letter, colour, ink, _ = LOOK[c.status]
@@ -126,9 +142,13 @@ class StabilityMap(Portable):
             text = f"{c.method}, {c.value:g}, step {c.step:g} s: {c.status}: {c.text}"
             place = self.values.index(c.value), self.methods.index(c.method), self._column(c)
             squares.append(Square(*place, colour, ink, letter, text))
-        values, steps = ([f"{x:g}" for x in numbers] for numbers in (self.values, self.steps))
+        values, steps = [self._label(x) for x in self.values], [f"{x:g} s" for x in self.steps]
         legend = [(str(v), LOOK[v][1]) for v in Verdict]
-        return heat_map(self.title, self.axis, values, self.methods, steps, squares, legend)
+        axis = self.axis.replace("_", " ") + (f" [{self.unit}]" if self.unit else "")
+        if self.own is not None:
+            axis += f"; {OWN}: the model as it is"
+        wide = COLUMN if narrow else math.inf
+        return heat_map(self.title, axis, values, self.methods, steps, squares, legend, wide)
 
     def _column(self, cell: Cell) -> int:
         """The index of the requested step: where times are scaled, that of a cell is another."""

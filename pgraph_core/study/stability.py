@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -29,6 +30,7 @@ from .verdicts import Cell, Verdict, judged, step_limit
 STEPS = (1e-1, 1e-2, 1e-3, 1e-4)  # [s]
 TARGET = 1e-3  # rad, or of the mechanism's length
 BUDGET = 20_000_000  # evaluations times elementary motions of a run: a second or two
+SAME_VALUE = 1e-6  # relative
 FRAMES = 41  # evenly over a run
 EARLY = 10  # first steps, all recorded: an unstable run grows there
 CALL = "stability_map"
@@ -46,6 +48,8 @@ class Sweep(NamedTuple):
     target: float
     budget: int  # evaluations of a run times elementary motions
     stabilise: str | None
+    own: float | None  # the value of the model as it is
+    sorted: bool  # by how often they are right, since nobody named the methods
 
 
 class Line(NamedTuple):
@@ -86,7 +90,9 @@ def stability_map(
 ) -> StabilityMap:
     """A verdict on every value of `axis`, method and step, from runs of `t_end` [s].
 
-    Without `axis` it is the first that the model has: stiffness, damping, ..., mass, ...
+    Without `axis` it is the first that the model has: stiffness, damping, ..., mass, ...; without
+    `values` those of the axis and the model's own. Methods that are right most often come
+    first.
     Each cell runs at its step and at half of it and is compared with a reference, two far finer
     runs by different methods: OK means that its error is at most `target` [rad, or of the
     mechanism's length]. (q, v) is the initial state, by default that of `scenario` or the model.
@@ -110,10 +116,14 @@ def stability_map(
         stabilise,
     )
     lines, cells, complete = _computed(sweep, progress, threads)
+    right = [cell.method for cell in cells if cell.status is Verdict.OK]
+    names = sweep.methods
+    if sweep.sorted:
+        names = tuple(sorted(names, key=lambda name: -right.count(name)))
     return StabilityMap(
         model.name, sweep.axis.name, sweep.axis.what, sweep.axis.unit, sweep.values,
-        sweep.methods, sweep.steps, sweep.t_end, sweep.target,
-        tuple(line.reference for line in lines), _advised(cells), complete,
+        names, sweep.steps, sweep.t_end, sweep.target,
+        tuple(line.reference for line in lines), _advised(cells), complete, sweep.own,
     )  # fmt: skip
 
 
@@ -135,7 +145,13 @@ def _checked(
     if chosen.of_steps and steps is not None:
         text = "the values of axis 'step' are the steps; leave steps out"
         raise refusal(CALL, "steps", text)
-    numbers = finite_numbers(CALL, "values", chosen.values if values is None else values)
+    own, usual = chosen.own(model), chosen.values
+    if own is not None and not any(math.isclose(x, own, rel_tol=SAME_VALUE) for x in usual):
+        usual = tuple(sorted((*usual, own)))
+    numbers = finite_numbers(CALL, "values", usual if values is None else values)
+    if own is not None:
+        near = (x for x in numbers if math.isclose(x, own, rel_tol=SAME_VALUE))
+        own = next(near, None)
     widths: tuple[float, ...] = ()
     if not chosen.of_steps:
         widths = finite_numbers(CALL, "steps", STEPS if steps is None else steps)
@@ -147,7 +163,10 @@ def _checked(
     touching = any(c.active and c.law != "soft" for c in model.contacts)
     names = methods_of(CALL, methods, impulses=limits or touching, suited=False)
     chosen.applied(model, numbers[0])  # raises if the model lacks what the axis varies
-    return Sweep(model, chosen, numbers, names, widths, end, aim, int(budget), stabilise)
+    return Sweep(
+        model, chosen, numbers, names, widths, end, aim, int(budget), stabilise, own,
+        methods is None,
+    )  # fmt: skip
 
 
 # -- the model that a map starts from --------------------------------------------------------------

@@ -90,6 +90,11 @@ class Task:
         contacts = contact_tables(self.mech.packed, touching_contacts(self.mech, self._given))
         return contacts is not None and contacts.rigid
 
+    @property
+    def touching(self) -> bool:
+        """Whether contacts act."""
+        return bool(touching_contacts(self.mech, self._given))
+
     def rate(self) -> float:
         """Largest rate of the linearised motion at the start [1/s]; 0 if it is not known."""
         if callable(self.tau):

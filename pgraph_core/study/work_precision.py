@@ -312,7 +312,7 @@ class Work:
             return "tables bend inside its steps"
         if self.task.impulses and method.eventful:
             return "impacts and changes of contact lie inside its steps"
-        if self.task.mech.model.contacts:
+        if self.task.touching:
             return "forces of contacts bend inside its steps"
         if any(any(b.friction) for b in self.task.mech.model.bodies):
             return "joint friction bends inside its steps"

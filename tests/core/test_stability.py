@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -337,6 +338,35 @@ def test_a_map_without_an_axis_takes_one_that_the_model_has_and_says_what_to_tak
     others = {(c.method, c.step) for c in right}
     assert all(sum((c.method, c.step) == other for c in right) <= count for other in others)
     assert found.advice in str(found)
+
+
+def test_the_own_value_of_a_model_is_marked_and_what_is_right_most_often_comes_first():
+    mech, q = stiff_pendulum(2.5e5)
+    options = {"steps": [1e-2], "t_end": 0.5}
+    found = pg.stability_map(mech, q, **options)
+    assert found.own == 2.5e5
+    assert 2.5e5 in found.values
+    assert any(line.startswith("250000 ◂") for line in str(found).splitlines())
+    assert "this model's own 250000" in found.advice
+    assert found.figure().count("250000 ◂") == 1
+    right = [sum(c.status == "OK" for c in found.cells if c.method == m) for m in found.methods]
+    assert right == sorted(right, reverse=True)
+    assert METHODS.index(found.methods[0]) >= METHODS.index("ros2")  # an implicit one: it is stiff
+    method, step = re.match(r"Take (\w+) at a step of (\S+) s", found.advice).groups()
+    assert any(
+        (c.method, c.step, c.value, c.status) == (method, float(step), 2.5e5, "OK")
+        for c in found.cells
+    )
+
+
+def test_a_narrow_map_is_as_wide_as_a_column(small):
+    many = replace(small, methods=(*small.methods, "ros2", "dopri5", "dop853", "gauss6"))
+
+    def width(svg):
+        return float(re.search(r'width="([\d.]+)"', svg).group(1))
+
+    assert width(many.figure(narrow=True)) <= 480
+    assert width(many.figure()) >= 640
 
 
 def test_a_map_of_speeds_ends():
