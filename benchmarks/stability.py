@@ -98,8 +98,8 @@ INTRODUCTION = """# Stability of the methods, and the cost of unused features
 
 `pg.stability_map(model, axis=..., values=..., methods=..., steps=..., t_end=...)` runs every method
 at every value of an axis, at every step and at half of it. Each cell gets one verdict.
-Without `values` the model's own value is among them, marked ◂; without `methods` those that are right most
-often come first. The advice is right for the model as it is, if any cell there is.
+Without `values` the model's own value is among them, marked ◂; without `methods` those that are
+right most often come first. The advice is right for the model as it is, if any cell there is.
 
 | verdict | meaning | its text names |
 | --- | --- | --- |
