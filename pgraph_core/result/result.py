@@ -229,7 +229,7 @@ class Result(EqualByFields, Portable):
 
         Of complementarity [N]: by how much normal forces differ from those that end the approach;
         of the cone [N]: by how much friction differs from what Coulomb's disc allows against the
-        slip; and the penetration [m]. Of limits with their own units.
+        slip; and the penetration [m]. Limits count in their own units.
         """
         found = self.contacts.residual
         return found if len(found) else np.zeros((len(self.t), 3))
