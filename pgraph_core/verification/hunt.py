@@ -23,7 +23,7 @@ from .scenes import Scene, scenes
 FRAMES = 101
 HONEST = 10.0  # times the error estimate: an error within it was said
 MOST = 300_000  # steps of a run: more take minutes
-FINEST = {"method": "dop853", "rtol": 1e-13, "estimate": False}
+FINEST = {"method": "dop853", "rtol": 1e-13}
 
 
 class Find(NamedTuple):
@@ -55,14 +55,13 @@ def judged(scene: Scene, rng: np.random.Generator) -> Iterator[Find]:
 
 
 def finest(mech: Mechanism, scene: Scene) -> Callable[[Array], Array]:
-    """A far finer run as the motion; nan where there is none."""
+    """A far finer run as the motion; nan where there is none, or it does not know its own error."""
 
     def known(t: Array) -> Array:
         options: dict[str, Any] = {"t_eval": t, "max_steps": MOST, **FINEST, **scene.given}
         run = simulate(mech, t_end=scene.t_end, **options)
-        if not run.status.ok:
-            return np.full((len(t), mech.nq), np.nan)
-        return run.q
+        known = run.status.ok and np.isfinite(run.error_estimate)
+        return run.q if known else np.full((len(t), mech.nq), np.nan)
 
     return known
 
