@@ -31,6 +31,8 @@ class Walked(NamedTuple):
     tilt: float  # [deg] largest
     slip: float  # [m] farthest of a foot in one stance
     depth: float  # [m] of the deepest foot
+    touches: float  # a stride, of the foot that touches the ground most often
+    push: float  # largest force of a foot in a step, over the weight
     torque: dict[str, float]  # [N m] largest asked of legs and spine
     limit: dict[str, float]
     energy: float  # what the ledger missed, of its range
@@ -69,6 +71,8 @@ def walked(name: str, gait: str, t_end: float) -> Walked:
         tilt=float(np.degrees(np.arccos(np.clip(up.min(), -1, 1)))),
         slip=max(max(slips(run, foot)) for foot in FEET),
         depth=-min(float(run.contact_gap[foot].min()) for foot in FEET),
+        touches=touches(run, gait),
+        push=max(float(run.contact_normal[foot][late].max()) for foot in FEET) / weight(run),
         torque=torque,
         limit=limit,
         energy=run.energy_drift,
@@ -79,6 +83,21 @@ def walked(name: str, gait: str, t_end: float) -> Walked:
         ),
         factor=float(run.t[-1]) / min(run.timing["step"], twice.timing["step"]),
     )
+
+
+def touches(run: pg.Result, gait: str) -> float:
+    """How often a stride the foot that does so most often comes onto the ground, after SETTLED."""
+    given = run.mechanism.model.scenario(gait).gait
+    assert given is not None
+    late = run.t >= SETTLED
+    downs = [np.diff((run.contact_normal[foot][late] > 0.0).astype(int)) > 0 for foot in FEET]
+    return float(max(down.sum() for down in downs) * given.stride / (run.t[-1] - SETTLED))
+
+
+def weight(run: pg.Result) -> float:
+    """Of all bodies [N]."""
+    model = run.mechanism.model
+    return sum(body.mass for body in model.bodies) * -model.gravity[1]
 
 
 def places(run: pg.Result, foot: str) -> np.ndarray:

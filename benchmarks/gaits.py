@@ -57,8 +57,9 @@ def walks() -> list[str]:
         "one stance, depth the deepest foot, torque the largest asked for and its limit.",
         "",
         "| gait | model | time [s] | speed [m/s] | aside [m] | tilt [deg] | slip [mm] | "
-        "depth [mm] | leg [N m] | spine [N m] | ledger | same bits again |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|",
+        "depth [mm] | touches a stride | largest push [weights] | leg [N m] | "
+        "spine [N m] | ledger | same bits again |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|",
         *(_row(w) for w in found),
         "",
     ]
@@ -68,7 +69,8 @@ def _row(w: Walked) -> str:
     torque = [f"{w.torque[part]:.0f} of {w.limit[part]:.0f}" for part in ("leg", "spine")]
     return (
         f"| {w.gait} | {w.model} | {w.seconds:g}{' ' + w.fell if w.fell else ''} | {w.speed:.3f} | "
-        f"{w.aside:.3f} | {w.tilt:.1f} | {1e3 * w.slip:.1f} | {1e3 * w.depth:.1f} | {torque[0]} | "
+        f"{w.aside:.3f} | {w.tilt:.1f} | {1e3 * w.slip:.1f} | {1e3 * w.depth:.1f} | "
+        f"{w.touches:.2f} | {w.push:.2f} | {torque[0]} | "
         f"{torque[1]} | {w.energy:.1e} | {'yes' if w.again else 'no'} |"
     )
 
