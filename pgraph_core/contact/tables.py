@@ -379,16 +379,20 @@ def loss_at_speed(restitution: float) -> float:
 
 
 def _masses(c: Contact, topology: Topology, packed: System) -> list[float]:
-    """Masses of the trees of the bodies that a contact names, of all where it names every one."""
+    """Masses of the trees of the bodies that a contact names, of all where it names every one.
+
+    What is welded to the ground is part of the ground.
+    """
     parent, mass = topology.parent.tolist(), packed.bodies_f[1:, at.B_MASS].tolist()
-    root = list(range(topology.nb + 1))
+    joints = packed.bodies_i[1:, at.OWN_ROWS].tolist()
+    root = [0] * (topology.nb + 1)
     total = [0.0] * (topology.nb + 1)
     for k, p in enumerate(parent, start=1):
-        root[k] = root[p] if p else k
+        root[k] = root[p] or (k if joints[k - 1] else 0)
         total[root[k]] += mass[k - 1]
     names = {c.body, c.other} - {GROUND, EVERY}
     numbers = map(topology.number, names) if names else range(1, topology.nb + 1)
-    return [total[root[k]] for k in numbers if total[root[k]] > 0]
+    return [total[root[k]] for k in numbers if root[k] and total[root[k]] > 0]
 
 
 def _solids(contact: str, body: str, shape: Shape) -> tuple[Solid, ...]:

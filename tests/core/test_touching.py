@@ -151,6 +151,20 @@ def test_what_a_law_leaves_out_follows_from_masses_and_restitution():
     assert t.laws[2].item()[:3] == pytest.approx((RIGID, 0.9, 0.2))
 
 
+@pytest.mark.parametrize("law", ["soft", "penalty"])
+@pytest.mark.parametrize("mass", [1.0, 1e-3, 1e3])
+def test_what_is_welded_to_the_ground_moves_no_more_than_the_ground(law, mass):
+    """A wall of any mass, on a base that is welded too: what a law leaves out is as of a floor."""
+    base = pg.Body(name="base", joint="weld", mass=mass)
+    wall = pg.Body(name="wall", parent="base", joint="weld", shape=BALL, mass=mass)
+    floor = pg.Contact(name="floor", body="b0", law=law, restitution=0.4)
+    hit = pg.Contact(name="hit", body="b0", other="wall", law=law, restitution=0.4)
+    bodies = (*heap(1).bodies, base, wall)
+    _, t = tables(pg.Model(bodies=bodies, contacts=(floor, hit)))
+    for name in ("stiffness", "damping", "mass"):
+        assert t.laws[1][name] == pytest.approx(t.laws[0][name], rel=1e-12)
+
+
 def test_a_mesh_that_is_not_there_is_named_with_its_body():
     model = pg.Model.serial(1).edit("1", shape={"kind": "mesh", "file": "none.stl"})
     with pytest.raises(
