@@ -21,9 +21,12 @@ def drop(lower, upper, law, up="y", **options):
     links = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.02]])
     links[:, middle] = 0.25, 0.6
     bodies = [
-        pg.Body(name=name, joint="free", link=link, mass=mass, shape=SHAPES[shape])
+        pg.Body(
+            name=name, joint="free", link=link, mass=mass, inertia=np.eye(3) * 0.01,
+            shape=SHAPES[shape],
+        )
         for name, link, mass, shape in zip("ab", links.tolist(), (2.0, 1.0), (lower, upper))
-    ]
+    ]  # fmt: skip
     contacts = (
         pg.Contact(name="floor", body="*", law=law),
         pg.Contact(name="pair", body="b", other="a", law=law),
