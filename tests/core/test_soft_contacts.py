@@ -22,7 +22,7 @@ def drop(lower, upper, law, up="y", **options):
     links[:, middle] = 0.25, 0.6
     bodies = [
         pg.Body(
-            name=name, joint="free", link=link, mass=mass, inertia=np.eye(3) * 0.01,
+            name=name, joint="free", link=link, mass=mass, inertia=mass * np.eye(3) * 0.01,
             shape=SHAPES[shape],
         )
         for name, link, mass, shape in zip("ab", links.tolist(), (2.0, 1.0), (lower, upper))
