@@ -53,7 +53,8 @@ class Server:
         workers = (Simulator, LiveRunner, Analyst, Files, Reports, Errands)
         work = [worker(self.send) for worker in workers]
         keeps = filter(None, [self._autosave])  # first: what a page is told to be done is on disk
-        self.store.start((*keeps, *page.views, *work))
+        self.store.ready, bridge.shown = bridge.ready, self.store.wake
+        self.store.start(page.views, (*keeps, *work))
         self._compiler = Compiler(self.send)
 
     def send(self, event: Event) -> None:

@@ -55,6 +55,7 @@ window.pgraph = (() => {
     },
     receive(topic, data) {
       if (topic === "uplink") { connected(data); return; }
+      if (topic === "time") pgraph.send("Shown"); // the next picture may come
       if (topic === "reply" && data.serial === resuming) { resumed(); return; }
       latest[topic] = data;
       remember(topic, data);

@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import io
 import json
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,9 @@ CORE_SCRIPTS = ("bridge", "lists", "cells", "forms", "shortcuts")  # of this fol
 CORE_STYLES = ("page", "cells", "forms", "shortcuts")
 
 Receive = Callable[[int, str], None]
+PICTURE, SHOWN = "time", '{"event":"Shown"'  # topic of each picture; how a page says it has one
+MOST_BEHIND = 2  # pictures that a page has not shown yet
+PATIENCE = 1.0  # [s] without an answer: a page that is hidden holds up nobody
 
 
 def open_server(host: str, port: int, token: str | None) -> viser.ViserServer:
@@ -40,6 +44,9 @@ class Bridge:
     def __init__(self, server: viser.ViserServer, receive: Receive):
         self.server = server
         self._receive = receive
+        self._behind: dict[int, int] = {}  # by page: pictures sent and not shown
+        self._heard: dict[int, float] = {}  # when each showed one, or had shown all
+        self.shown: Callable[[], None] = lambda: None  # called when a page has shown one
         server._websock_server.queue_message(RunJavascriptMessage(source=static_script()))
 
     def host(self, view: str) -> None:
@@ -58,7 +65,11 @@ class Bridge:
 
         @uplink.on_update
         async def _(event: viser.GuiEvent) -> None:  # async: in order, and the value as sent
-            if event.client is not None:
+            if event.client is None:
+                return
+            if uplink.value.startswith(SHOWN):
+                self._was_shown(event.client.client_id)
+            else:
                 self._receive(event.client.client_id, uplink.value)
 
         self._push(client, "uplink", uplink._impl.uuid)
@@ -76,8 +87,27 @@ class Bridge:
     def send(self, client_id: int, topic: str, data: Any) -> None:
         """`data` to the views that listen to `topic` on one page; gone pages are ignored."""
         client = self.server.get_clients().get(client_id)
-        if client is not None:
-            self._push(client, topic, data)
+        if client is None:
+            self._behind.pop(client_id, None)
+            return
+        if topic == PICTURE:
+            if not self._behind.get(client_id):
+                self._heard[client_id] = time.monotonic()
+            self._behind[client_id] = self._behind.get(client_id, 0) + 1
+        self._push(client, topic, data)
+
+    def _was_shown(self, client_id: int) -> None:
+        self._behind[client_id] = max(self._behind.get(client_id, 0) - 1, 0)
+        self._heard[client_id] = time.monotonic()
+        self.shown()
+
+    def ready(self) -> bool:
+        """Whether every page has shown the pictures it got, or does not answer."""
+        late = [page for page, n in list(self._behind.items()) if n >= MOST_BEHIND]
+        if not late:
+            return True
+        pages, now = self.server.get_clients(), time.monotonic()
+        return all(page not in pages or now - self._heard[page] > PATIENCE for page in late)
 
     def _push(self, client: viser.ClientHandle, topic: str, data: Any) -> None:
         """On the client's own connection; it may arrive before our script, hence the inbox."""

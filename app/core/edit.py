@@ -9,6 +9,7 @@ import pgraph_core as pg
 
 from ..gait import Walking
 from ..model import Step
+from ..plots import MANY
 from ..run import FREE_RUN, Live, Run, first_request
 from .cells import Refusal
 from .renames import found, remembered
@@ -55,7 +56,7 @@ def with_model(state: State, model: pg.Model, label: str) -> State:
     if model is state.model:
         return state
     undo = (*state.undo, Step(state.model, label))[-UNDO_DEPTH:]
-    return replace(_showing(state, model), undo=undo, redo=(), greeting=None)
+    return replace(showing(state, model), undo=undo, redo=(), greeting=None)
 
 
 def replaced(state: State, model: pg.Model, label: str) -> State:
@@ -74,25 +75,7 @@ def replaced(state: State, model: pg.Model, label: str) -> State:
     )
 
 
-def undone(state: State) -> State:
-    """The model before the last step; its run is shown again if it has one."""
-    if not state.undo:
-        return state
-    *undo, step = state.undo
-    redo = (*state.redo, Step(state.model, step.label))
-    return replace(_showing(state, step.model), undo=tuple(undo), redo=redo)
-
-
-def redone(state: State) -> State:
-    """The model that the last undo left."""
-    if not state.redo:
-        return state
-    *redo, step = state.redo
-    undo = (*state.undo, Step(state.model, step.label))
-    return replace(_showing(state, step.model), undo=undo, redo=tuple(redo))
-
-
-def _showing(state: State, model: pg.Model) -> State:
+def showing(state: State, model: pg.Model) -> State:
     """`model` shown: selections follow by name or row, the playback is at its start."""
     names = {(kind, old): new for kind, old, new in found(state.model, model)}
     clients = {
@@ -159,7 +142,7 @@ def _live_on(live: Live, old: pg.Model, new: pg.Model) -> Live:
     def joints(model: pg.Model) -> list[tuple[str, str, int]]:
         return [(body.name, body.parent, len(body.q)) for body in model.bodies]
 
-    return live if joints(old) == joints(new) else replace(live, parts=(), falls=())
+    return live if joints(old) == joints(new) else replace(live, parts=(), joined=(), falls=())
 
 
 def _follows(client: Client, old: pg.Model, new: pg.Model) -> Client:
@@ -182,7 +165,10 @@ def _named(client: Client, names: Mapping[tuple[str, str], str]) -> Client:
         return client
     opened = client.opened and (client.opened[0], names.get(client.opened, client.opened[1]))
     listed = client.listed and names.get(("bodies", client.listed), client.listed)
-    plots = tuple((kind, names.get(("bodies", of), of)) for kind, of in client.plots)
+    plots = tuple(
+        (kind, MANY.join(names.get(("bodies", name), name) for name in of.split(MANY)))
+        for kind, of in client.plots
+    )
     return replace(client, opened=opened, listed=listed, plots=plots)
 
 

@@ -25,6 +25,7 @@ from pydantic import ConfigDict, Field, TypeAdapter
 from pgraph_core.errors import PgraphError
 
 from .cells import Refusal
+from .history import signed
 from .renames import as_now
 from .state import Notice, State, replied, told
 
@@ -38,7 +39,8 @@ Entries = Annotated[tuple[tuple[Index, Text], ...], Field(min_length=1, max_leng
 class Event:
     """Something that happened, on a page or in the server."""
 
-    collapses: ClassVar[bool] = False  # several in a row are drawn once, as the last leaves them
+    # several in a row are drawn once, as the last leaves them, when the pages show what they have
+    collapses: ClassVar[bool] = False
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,8 @@ def on_typed(*kinds: type[FromPage]) -> Callable[[Handler], Handler]:
 
 def update(state: State, event: Event) -> State:
     """The state after `event` (pure). Invalid and stale events leave it unchanged, or say why."""
-    return HANDLERS[type(event)](state, as_now(state.renames, event))
+    after = HANDLERS[type(event)](state, as_now(state.renames, event))
+    return signed(after, state, event.client) if isinstance(event, FromPage) else after
 
 
 @dataclass(frozen=True)

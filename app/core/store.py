@@ -17,7 +17,8 @@ from .state import State
 
 FRAME = 1 / 60  # [s] between ticks while playing
 MOST_WAITING = 1000  # events of one page
-MOST_PICTURES = 40  # that wait; beyond, those that wait are drawn as one (a live run waits before)
+MOST_AHEAD = 20  # events of pages that may pass one of the server
+AGAIN = 0.1  # [s] between looks whether the pages are ready for a picture that waits
 SLOW = 1.0  # [s] for one event: said in the log, with the view that took longest
 log = logging.getLogger(__name__)
 
@@ -35,13 +36,16 @@ class Closed(Exception):
 class Queue:
     """Events of many senders, taken in turn: one that floods delays the others by one event each.
 
-    The events of one sender stay in their order; the server itself is one of the senders.
+    The events of one sender stay in their order. The server is one of the senders; what people do
+    passes its events, but no more than MOST_AHEAD times in a row.
     """
 
     def __init__(self) -> None:
         self._waiting: dict[int | None, deque[Event]] = {}  # in the order of their turns
         self._changed = threading.Condition()
         self._closed = False
+        self._ahead = 0  # events of pages since the server's last one
+        self._woken = False
 
     def put(self, event: Event) -> None:
         """Append an event; a page of which too many are waiting is not heard."""
@@ -53,22 +57,36 @@ class Queue:
             waiting.append(event)
             self._changed.notify()
 
+    def __len__(self) -> int:
+        with self._changed:
+            return sum(map(len, self._waiting.values()))
+
     def close(self) -> None:
         """No more events: after those that wait now, `get` raises Closed."""
         with self._changed:
             self._closed = True
             self._changed.notify()
 
+    def wake(self) -> None:
+        """Whoever waits in `get` gets None."""
+        with self._changed:
+            self._woken = True
+            self._changed.notify()
+
     def get(self, seconds: float) -> Event | None:
-        """The next event; None if none comes within that time. Raises Closed."""
+        """The next event; None if none comes within that time, or after `wake`. Raises Closed."""
         with self._changed:
             timeout = None if seconds == math.inf else seconds
-            self._changed.wait_for(lambda: self._waiting or self._closed, timeout)
+            self._changed.wait_for(lambda: self._waiting or self._closed or self._woken, timeout)
+            self._woken = False
             if not self._waiting:
                 if self._closed:
                     raise Closed
                 return None
             sender = next(iter(self._waiting))
+            if sender is None and self._ahead < MOST_AHEAD:
+                sender = next((one for one in self._waiting if one is not None), None)
+            self._ahead = 0 if sender is None else self._ahead + 1
             waiting = self._waiting.pop(sender)
             event = waiting.popleft()
             if waiting:
@@ -76,14 +94,11 @@ class Queue:
             return event
 
     def more(self, event: Event) -> list[Event]:
-        """The events of the same kind and sender that wait next, if such collapse and too many
-        wait; taken."""
+        """The events of the same kind and sender that wait next, if such collapse; taken."""
         found: list[Event] = []
         sender = event.client if isinstance(event, FromPage) else None
         with self._changed:
             waiting = self._waiting.get(sender)
-            if waiting is not None and len(waiting) <= MOST_PICTURES:
-                return found
             while event.collapses and waiting and type(waiting[0]) is type(event):
                 found.append(waiting.popleft())
             if waiting is not None and not waiting:
@@ -100,16 +115,32 @@ class Store:
         self._events = Queue()
         self._thread = threading.Thread(target=self._loop, name="pgraph-store", daemon=True)
         self._views: Sequence[View] = ()
+        self._workers: Sequence[View] = ()
+        self._drawn = state  # what the views have
+        self.ready: Callable[[], bool] = lambda: True  # whether the pages can take a picture
 
-    def start(self, views: Sequence[View]) -> None:
-        """Draw for the first time, then follow the events."""
-        self._views = views
-        self._draw(self.state, self.state)
+    def start(self, views: Sequence[View], workers: Sequence[View] = ()) -> None:
+        """Draw for the first time, then follow the events.
+
+        Workers follow every event at once; pictures wait for `ready`, and the newest is drawn.
+        """
+        self._views, self._workers = views, workers
+        self._render(self._workers, self.state, self.state)
+        self._render(self._views, self.state, self.state)
         self._thread.start()
+
+    def wake(self) -> None:
+        """The pages may be ready for a picture."""
+        self._events.wake()
 
     def send(self, event: Event) -> None:
         """Queue an event; never waits."""
         self._events.put(event)
+
+    @property
+    def waiting(self) -> int:
+        """How many events wait."""
+        return len(self._events)
 
     def stop(self) -> None:
         """Finish the events queued so far and end the thread."""
@@ -121,12 +152,16 @@ class Store:
             ticked, event = time.perf_counter(), None
             while True:
                 playing = self.state.playback.moves
-                left = ticked + FRAME - time.perf_counter() if playing else math.inf
+                held = AGAIN if self._drawn is not self.state else math.inf
+                left = ticked + FRAME - time.perf_counter() if playing else held
                 if left <= 0 and not isinstance(event, Tick):
                     event = None  # events that rush in do not hold up what plays
                 else:
                     event = self._events.get(max(left, 0.0))
                 now = time.perf_counter()
+                if event is None and not playing:
+                    self._show()
+                    continue
                 event = event or Tick(now - ticked)
                 if isinstance(event, Tick) or not playing:
                     ticked = now
@@ -138,15 +173,16 @@ class Store:
         began = time.perf_counter()
         name = type(event).__name__
         old = self.state
-        try:
-            for one in (event, *self._events.more(event)):
+        for one in (event, *self._events.more(event)):
+            try:
                 self.state = self._update(self.state, one)
-        except Exception:
-            log.exception("the event %s failed; the state stays as it was", name)
-            return
+            except Exception:
+                log.exception("the event %s failed; the state stays as it was", name)
         spent = {"update": time.perf_counter() - began}
         if self.state is not old:
-            spent |= self._draw(old, self.state)
+            spent |= self._render(self._workers, old, self.state)
+        if self.state is not self._drawn and (not event.collapses or self.ready()):
+            spent |= self._show(True)
         whole = sum(spent.values())
         slowest = max(spent, key=spent.__getitem__)
         level = logging.WARNING if whole > SLOW else logging.INFO
@@ -157,10 +193,18 @@ class Store:
                 name, sender, 1e3 * whole, slowest, 1e3 * spent[slowest],
             )  # fmt: skip
 
-    def _draw(self, old: State, new: State) -> dict[str, float]:
+    def _show(self, at_once: bool = False) -> dict[str, float]:
+        """Draw what has not been drawn, `at_once` or if the pages are ready for it."""
+        old, new = self._drawn, self.state
+        if new is old or not (at_once or self.ready()):
+            return {}
+        self._drawn = new
+        return self._render(self._views, old, new)
+
+    def _render(self, views: Sequence[View], old: State, new: State) -> dict[str, float]:
         """Seconds spent by each view."""
         spent = {}
-        for view in self._views:
+        for view in views:
             began = time.perf_counter()
             try:
                 view.render(old, new)

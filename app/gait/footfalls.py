@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -64,8 +65,8 @@ def place(run: pg.Result, foot: str, t: float) -> Place | None:
 
 def prints(found: Sequence[Change], time: float, most: int) -> np.ndarray:
     """(n, 3) the last places where feet came down by `time`."""
-    places = [change.at for change in found if change.at is not None and change.t <= time]
-    return np.array(places[-most:]).reshape(-1, 3)
+    down = (change.at for change in reversed(found) if change.at is not None and change.t <= time)
+    return np.array(list(islice(down, most))[::-1]).reshape(-1, 3)
 
 
 def since(found: Sequence[Change], time: float) -> list[Change]:

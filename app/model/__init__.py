@@ -15,6 +15,7 @@ class Step:
 
     model: pg.Model
     label: str
+    by: str = ""  # the page that did it, as it calls itself
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ import pgraph_core as pg
 from pgraph_core.formats.any import READERS
 from pgraph_core.model import assets, files
 
-from ..core import cells, edit
+from ..core import cells, edit, history
 from ..core.cells import Refusal
 from ..core.edit import MOST_BODIES, answered, attempted
 from ..core.events import Event, FromPage, Text, on
@@ -62,12 +62,12 @@ def edited(state: State, event: Edit) -> State:
 
 @dataclass(frozen=True)
 class Undo(FromPage):
-    """Take back the last edit."""
+    """Take back the last edit of this page."""
 
 
 @on(Undo)
 def undone(state: State, event: Undo) -> State:
-    return edit.undone(state)
+    return history.undone(state, event.client)
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Redo(FromPage):
 
 @on(Redo)
 def redone(state: State, event: Redo) -> State:
-    return edit.redone(state)
+    return history.redone(state, event.client)
 
 
 # -- new and open ------------------------------------------------------------------------------

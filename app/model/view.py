@@ -7,6 +7,7 @@ import pgraph_models
 from pgraph_core.show.picture import picture
 
 from ..core.bridge import Bridge
+from ..core.history import redoable, undoable
 from ..core.state import State
 from ..core.views import Payload, Place, audience, count
 
@@ -21,19 +22,22 @@ class ToolbarView:
             getattr(old, part) is not getattr(new, part)
             for part in ("derived", "undo", "redo", "gallery", "kept")
         )
-        clients = audience(old, new, changed)
-        payload = toolbar(new) if clients else {}
-        for client in clients:
-            self._bridge.send(client, "toolbar", payload)
+        for client in audience(old, new, changed or _pages(old) != _pages(new)):
+            self._bridge.send(client, "toolbar", toolbar(new, client))
 
 
-def toolbar(state: State) -> Payload:
-    """Everything the toolbar shows."""
+def _pages(state: State) -> list[str]:
+    return [page.page for page in state.clients.values()]
+
+
+def toolbar(state: State, client: int) -> Payload:
+    """Everything the toolbar of one page shows."""
+    undo, redo = undoable(state, client), redoable(state, client)
     return {
         "name": state.model.name,
         "count": count(state),
-        "undo": state.undo[-1].label if state.undo else None,
-        "redo": state.redo[-1].label if state.redo else None,
+        "undo": undo.label if undo else None,
+        "redo": redo.label if redo else None,
         "gallery": gallery(state),
         "kept": list(state.kept),
     }

@@ -69,5 +69,5 @@ def facts(state: State) -> str:
 
 
 VIEWS = (
-    Place(lambda desk: OperatorsView(desk.bridge), 22, "graph", "Operators", viser.Icon.GRID_DOTS),
+    Place(lambda desk: OperatorsView(desk.bridge), 23, "graph", "Operators", viser.Icon.GRID_DOTS),
 )

@@ -44,6 +44,7 @@ def pause(state: State, event: Pause) -> State:
 class Scrub(FromPage):
     """To this time [s]."""
 
+    collapses = True
     time: Finite
 
 
@@ -66,7 +67,7 @@ class StepFrames(FromPage):
 @on(StepFrames)
 def step_frames(state: State, event: StepFrames) -> State:
     if state.live is not None:
-        times = [float(part.t[-1]) for part in state.live.parts]
+        times = sorted({float(t) for part in state.live.parts for t in part.t})
     elif state.run is not None and state.t_end > state.t_start:
         times = [float(t) for t in state.run.result.t]
     else:
@@ -106,6 +107,7 @@ def loop(state: State, event: Loop) -> State:
 class Tick(Event):
     """Wall-clock time passed while playing [s]."""
 
+    collapses = True
     dt: float
 
 

@@ -8,17 +8,40 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.show.animation import between
+from pgraph_core.show.picture import pictures
+from pgraph_core.show.shapes import to_matrix
 
 POINTS = 1200  # pairs of extremes a curve: more than a screen has columns
 XYZ = ("x", "y", "z")
 SCENE = ""  # the body of what belongs to none
+MANY = "\n"  # between the names of several bodies, of which one component is plotted
+POSES, STRIP = "poses", 6  # pictures of the run, evenly over it
 
 
 class Signal(NamedTuple):
-    """One group of curves: a quantity of a body, a constraint, a contact or the whole scene."""
+    """One group of curves: a quantity of a body, a constraint, a contact or the whole scene.
+
+    Of several bodies it is one component: 'velocity.z' of 'a' and 'b', or 'q.1'.
+    """
 
     kind: str
-    of: str  # a name, or SCENE
+    of: str  # a name, names with MANY between, or SCENE
+
+    @property
+    def quantity(self) -> str:
+        """The kind without its component."""
+        return self.kind.partition(".")[0]
+
+    @property
+    def component(self) -> str:
+        """Which one of several bodies' is plotted; "" where all are."""
+        return self.kind.partition(".")[2]
+
+    @property
+    def bodies(self) -> list[str]:
+        """The names of what it is of."""
+        return self.of.split(MANY)
 
 
 class Curve(NamedTuple):
@@ -82,6 +105,7 @@ def drifts(run: pg.Result, _: str) -> tuple[Sequence[str], np.ndarray]:
 
 
 KINDS = {
+    POSES: Kind("poses", "", lambda run, _: ((), np.zeros((len(run.t), 0)))),
     "q": Kind("joint position", "rad, m", joint("q", "q")),
     "v": Kind("joint velocity", "rad/s, m/s", joint("v", "v")),
     "vdot": Kind("joint acceleration", "rad/s², m/s²", joint("vdot", "v")),
@@ -115,9 +139,47 @@ def of_body(model: pg.Model, name: str) -> list[Signal]:
     return [Signal(kind, name) for kind in OF_BODIES if moves or kind not in OF_JOINTS]
 
 
+def of_several(model: pg.Model, names: Sequence[str]) -> list[Signal]:
+    """What can be plotted of several bodies together: one component of each."""
+    moving = [name for name in names if model.body(name).dof]
+    found = []
+    for kind in OF_BODIES:
+        some = moving if kind in OF_JOINTS else names
+        if some:
+            component = "1" if kind in OF_JOINTS else XYZ[-1]
+            found.append(Signal(f"{kind}.{component}", MANY.join(some)))
+    return found
+
+
+def components(run: pg.Result, signal: Signal) -> list[str]:
+    """The components that a chart of several bodies may show."""
+    if not signal.component:
+        return []
+    found: list[str] = []
+    for name in signal.bodies:
+        try:
+            labels, _ = KINDS[signal.quantity].read(run, name)
+        except (KeyError, pg.PgraphError):
+            continue
+        found += [label for label in labels if label not in found]
+    return found
+
+
+def strip(run: pg.Result) -> list[tuple[float, str]]:
+    """(time, SVG text) of pictures evenly over a run, as in Fig. 10 of the paper."""
+    top = run.mechanism.topology
+    times = np.linspace(float(run.t[0]), float(run.t[-1]), STRIP if len(run.t) > 1 else 1)
+    poses = [between(np.asarray(run.t), np.asarray(run.body_pose), float(t)) for t in times]
+    found = pictures(
+        run.mechanism.model, tuple(top.parent.tolist()), tuple(top.names),
+        [(positions, to_matrix(wxyz)) for positions, wxyz in poses],
+    )  # fmt: skip
+    return list(zip(times.tolist(), found))
+
+
 def of_scene(run: pg.Result) -> list[Signal]:
     """What can be plotted of a run besides its bodies."""
-    found = [Signal("energy", SCENE)]
+    found = [Signal(POSES, SCENE), Signal("energy", SCENE)]
     if run.constraint_force:
         found.append(Signal("drift", SCENE))
     kinds = {c.name: c.kind for c in run.mechanism.model.constraints}
@@ -132,15 +194,17 @@ def of_scene(run: pg.Result) -> list[Signal]:
 
 def title(signal: Signal) -> str:
     """'joint torque of knee'."""
-    label = KINDS[signal.kind].label
+    label = KINDS[signal.quantity].label
     if signal.of == SCENE:
         return label
+    if signal.component:
+        return f"{label} {signal.component} of {len(signal.bodies)} bodies"
     return f"{label} {signal.of}" if label.endswith(" of") else f"{label} of {signal.of}"
 
 
 def unit(model: pg.Model, signal: Signal) -> str:
     """Of its numbers; a joint that both turns and slides has two."""
-    both = KINDS[signal.kind].unit
+    both = KINDS[signal.quantity].unit
     if signal.kind not in OF_JOINTS or not any(body.name == signal.of for body in model.bodies):
         return both
     turning, sliding = both.split(", ")
@@ -152,12 +216,18 @@ def unit(model: pg.Model, signal: Signal) -> str:
 
 def curves(run: pg.Result, signal: Signal) -> list[Curve]:
     """The lines of a signal; none where the run lacks it."""
-    try:
-        labels, columns = KINDS[signal.kind].read(run, signal.of)
-    except (KeyError, pg.PgraphError):
-        return []
-    shown = range(columns.shape[1])
-    return [thinned(labels[i], np.asarray(run.t), columns[:, i]) for i in shown]
+    found: list[Curve] = []
+    for name in signal.bodies:
+        try:
+            labels, columns = KINDS[signal.quantity].read(run, name)
+        except (KeyError, pg.PgraphError):
+            continue
+        for i in range(columns.shape[1]):
+            if not signal.component:
+                found.append(thinned(labels[i], np.asarray(run.t), columns[:, i]))
+            elif labels[i] == signal.component:
+                found.append(thinned(name, np.asarray(run.t), columns[:, i]))
+    return found
 
 
 def thinned(label: str, t: np.ndarray, y: np.ndarray) -> Curve:

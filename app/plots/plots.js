@@ -2,6 +2,7 @@
 (() => {
   const { make, send } = pgraph;
   const SERIES = 8; // colours, which the style has as --s0 and so on
+  const DASHES = [[], [6, 3], [2, 2]]; // of the first eight curves, the next and the ones after
   const LEFT = 52, RIGHT = 8, TOP = 6, BOTTOM = 28;
   const heightOf = (canvas) => canvas.clientHeight || 142;
   let zoom = null, charts = [], cursor = 0;
@@ -35,6 +36,11 @@
     charts = data.charts.map((d) => {
       const chart = kept.get(`${d.kind}/${d.of}`) ?? newChart(host, d);
       chart.data = d;
+      if (d.kind === "poses") strip(chart);
+      chart.axes.replaceChildren(...d.components.map((component) => make("button", {
+        className: "chip-button", textContent: component, "aria-label": `component ${component} of ${d.title}`, "aria-pressed": d.kind.endsWith(`.${component}`),
+        onclick: () => send("PlotComponent", { kind: d.kind, of: d.of, component }),
+      })));
       return chart;
     });
     host.querySelector(".charts").replaceChildren(...charts.map((c) => c.box));
@@ -46,14 +52,14 @@
 
   function newChart(host, data) {
     const canvas = make("canvas", { className: "chart", role: "img", "aria-label": data.title });
-    const legend = make("span", { className: "legend" });
-    const chart = { data, canvas, legend, hover: null };
+    const legend = make("span", { className: "legend" }), axes = make("span", { className: "axes" });
+    const chart = { data, canvas, legend, axes, strip: make("div", { className: "strip" }), hover: null };
     chart.box = make("figure", { className: "plot" },
-      make("figcaption", {}, make("strong", { textContent: data.title }), make("span", { className: "muted", textContent: ` [${data.unit}]` }), legend,
+      make("figcaption", {}, make("strong", { textContent: data.title }), make("span", { className: "muted", textContent: data.unit ? ` [${data.unit}]` : "" }), axes, legend,
         make("button", { className: "picture", textContent: "↓", title: `Save ${data.title} as a picture`, "aria-label": `save a picture of ${data.title}`, onclick: () => save(chart) }),
         make("button", { className: "remove", textContent: "×", title: `Remove ${data.title}`, "aria-label": `take away ${data.title}`,
           onclick: () => send("Plot", { kind: data.kind, of: data.of, on: false }) })),
-      canvas);
+      chart.strip, canvas);
     let from = null;
     canvas.addEventListener("pointerdown", (event) => { from = event.offsetX; canvas.setPointerCapture(event.pointerId); });
     canvas.addEventListener("pointermove", (event) => { chart.hover = event.offsetX; chart.band = from === null ? null : [from, event.offsetX]; paint(chart); });
@@ -66,6 +72,18 @@
     });
     canvas.addEventListener("dblclick", () => { zoom = null; paintAll(host); });
     return chart;
+  }
+
+  // Pictures of the run side by side; a click goes to that time.
+  function strip(chart) {
+    chart.canvas.hidden = true;
+    chart.box.querySelector(".picture").hidden = true;
+    chart.strip.replaceChildren(...chart.data.poses.map(([time, svg]) => {
+      const one = make("button", { className: "pose", title: "Look there", onclick: () => send("Scrub", { time }) });
+      one.innerHTML = svg;
+      one.append(make("span", { className: "muted", textContent: `${Number(time.toPrecision(4))} s` }));
+      return one;
+    }), ...(chart.data.poses.length ? [] : [make("span", { className: "muted", textContent: chart.data.none || "after the live run" })]));
   }
 
   function save({ canvas, data }) {
@@ -114,6 +132,7 @@
   function paintAll(host) { for (const chart of charts) paint(chart); }
 
   function paint(chart) {
+    if (chart.data.kind === "poses") return;
     const { canvas } = chart, width = canvas.clientWidth, HEIGHT = heightOf(canvas), ratio = window.devicePixelRatio || 1;
     if (!width) return;
     canvas.width = width * ratio;
@@ -130,8 +149,8 @@
     axes(g, view, x, y, width, HEIGHT, { soft, line });
     g.save();
     g.beginPath(); g.rect(LEFT, TOP, width - LEFT - RIGHT, HEIGHT - TOP - BOTTOM); g.clip();
-    chart.data.ghost.forEach((c, i) => curve(g, c, x, y, color(i), true));
-    chart.data.curves.forEach((c, i) => curve(g, c, x, y, color(i), false));
+    chart.data.ghost.forEach((c, i) => curve(g, c, x, y, color(i), [4, 3], 0.55));
+    chart.data.curves.forEach((c, i) => curve(g, c, x, y, color(i), DASHES[Math.floor(i / SERIES) % DASHES.length]));
     if (chart.band) { g.fillStyle = "rgba(47,111,208,.15)"; g.fillRect(chart.band[0], TOP, chart.band[1] - chart.band[0], HEIGHT); }
     g.strokeStyle = ink; g.lineWidth = 1;
     g.beginPath(); g.moveTo(x(cursor), TOP); g.lineTo(x(cursor), HEIGHT); g.stroke();
@@ -155,9 +174,9 @@
     g.fillText("time [s]", width - RIGHT, HEIGHT);
   }
 
-  function curve(g, { t, y: values }, x, y, color, ghost) {
-    g.strokeStyle = color; g.lineWidth = ghost ? 1 : 1.6; g.globalAlpha = ghost ? 0.55 : 1;
-    g.setLineDash(ghost ? [4, 3] : []);
+  function curve(g, { t, y: values }, x, y, color, dash, alpha = 1) {
+    g.strokeStyle = color; g.lineWidth = alpha < 1 ? 1 : 1.6; g.globalAlpha = alpha;
+    g.setLineDash(dash);
     g.beginPath();
     for (let i = 0; i < t.length; i++) g.lineTo(x(t[i]), y(values[i]));
     g.stroke();

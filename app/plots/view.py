@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from typing import Any
 
 import numpy as np
 import viser
@@ -11,10 +10,25 @@ import viser
 from ..core.bridge import Bridge
 from ..core.state import Client, Run, State
 from ..core.views import Payload, Place
-from . import KINDS, OF_BODIES, Curve, Signal, curves, of_body, of_scene, thinned, title, unit
+from . import (
+    KINDS,
+    OF_BODIES,
+    POSES,
+    Curve,
+    Signal,
+    components,
+    curves,
+    of_body,
+    of_scene,
+    of_several,
+    strip,
+    thinned,
+    title,
+    unit,
+)
 
 LIVE_EVERY = 0.3  # [s] between two pictures of a live run
-LIVE_PARTS = 900  # of a live run that are plotted
+LIVE_SPAN = 15.0  # [s] of a live run that are plotted at least
 
 
 class PlotsView:
@@ -29,7 +43,7 @@ class PlotsView:
             before = old.clients.get(client)
             if before is None or due or before.plots != now.plots or fresh(old, new):
                 self._bridge.send(client, "plots", plots(new, now))
-            if before is None or before.selection != now.selection or fresh(old, new):
+            if before is None or before.selected != now.selected or fresh(old, new):
                 self._bridge.send(client, "signals", signals(new, now))
 
     def _due(self, old: State, new: State) -> bool:
@@ -53,12 +67,14 @@ def fresh(old: State, new: State) -> bool:
 
 def signals(state: State, client: Client) -> Payload:
     """What can be plotted: of the selected body, and of the run."""
-    name = client.selection
+    name, several = client.selection, [n for n in client.selected if n in state.derived.number]
     of = [] if name is None or name not in state.derived.number else of_body(state.model, name)
+    if len(several) > 1:
+        name, of = f"{len(several)} bodies", of_several(state.model, several)
     scene = of_scene(state.plotted.result) if state.plotted is not None else []
     return {
         "body": name,
-        "of_body": [[s.kind, s.of, KINDS[s.kind].label] for s in of],
+        "of_body": [[s.kind, s.of, KINDS[s.quantity].label] for s in of],
         "of_scene": [[s.kind, s.of, title(s)] for s in scene],
         "hint": "" if state.plotted else "Nothing to plot yet: press Simulate, or Live.",
     }
@@ -72,7 +88,10 @@ def plots(state: State, client: Client) -> Payload:
 def chart(state: State, signal: Signal) -> Payload:
     """One signal: its curves, and those of the ghost."""
     ghost: Run | None = state.ghost
+    run = state.plotted.result if state.plotted is not None else None
     return {
+        "components": components(run, signal) if run is not None else [],
+        "poses": strip(run) if run is not None and signal.kind == POSES and not state.live else [],
         "kind": signal.kind,
         "of": signal.of,
         "title": title(signal),
@@ -88,7 +107,7 @@ def missing(state: State, signal: Signal) -> str:
     if state.plotted is None:
         return "no run yet"
     known = of_scene(state.plotted.result)
-    if signal in known or signal.kind in OF_BODIES:
+    if signal in known or signal.quantity in OF_BODIES:
         return ""
     called = [title(s) for s in known if s.kind.split("_")[-1] == signal.kind.split("_")[-1]]
     return "not in this run; it has " + ", ".join(called[:3]) if called else "not in this run"
@@ -100,7 +119,8 @@ def of_state(state: State, signal: Signal) -> list[Curve]:
         return []
     if state.live is None:
         return curves(state.plotted.result, signal)
-    parts: list[Any] = [curves(part, signal) for part in state.live.parts[-LIVE_PARTS:]]
+    start = state.t_end - LIVE_SPAN
+    parts = [curves(part, signal) for part in state.live.parts if part.t[-1] >= start]
     found = []
     for pieces in zip(*parts):
         t, y = (np.concatenate([getattr(c, axis) for c in pieces]) for axis in ("t", "y"))
@@ -108,4 +128,4 @@ def of_state(state: State, signal: Signal) -> list[Curve]:
     return found
 
 
-VIEWS = (Place(lambda desk: PlotsView(desk.bridge), 23, "graph", "Plots", viser.Icon.CHART_LINE),)
+VIEWS = (Place(lambda desk: PlotsView(desk.bridge), 24, "graph", "Plots", viser.Icon.CHART_LINE),)

@@ -151,6 +151,7 @@ class Pull(FromPage):
     body: Text
     point: Vector
     target: Vector | None  # None: let go
+    collapses = True
 
 
 @on(Pull)

@@ -116,6 +116,6 @@ def stability(found: Any) -> Payload:
 
 VIEWS = (
     Place(
-        lambda desk: ReportsView(desk.bridge), 24, "graph", "Report", viser.Icon.REPORT_ANALYTICS
+        lambda desk: ReportsView(desk.bridge), 25, "graph", "Report", viser.Icon.REPORT_ANALYTICS
     ),
 )

@@ -60,7 +60,8 @@ class Live:
     id: int
     request: Request
     running: bool = True
-    parts: tuple[Any, ...] = ()  # results, one after the other
+    parts: tuple[Any, ...] = ()  # results, one after the other; old ones are joined
+    joined: tuple[int, ...] = ()  # of each part, how often it was made of several
     pace: float = 1.0  # its speed over the one asked for
     falls: tuple[Change, ...] = ()  # what its feet did
 

@@ -30,7 +30,7 @@ PICTURES = 60  # a second
 LONGEST_PART = 0.1  # [s] of motion: a slow model shows at least what it computed meanwhile
 PATIENCE = 0.2  # [s] behind the clock before it is set back
 USUAL_STEP = 1e-3  # [s]
-MOST_WAITING = 30  # parts that the store has not taken yet: then the run waits for it
+MOST_WAITING = 3  # parts that the store has not taken yet: then the run waits for it
 
 
 class LiveRunner:

@@ -17,7 +17,8 @@ from . import FREE_RUN, Exporting, Job, Kernels, Live, Request, Run
 
 LONGEST_RUN = 3600.0  # [s]
 LEAST_RTOL, LARGEST_RTOL = 1e-15, 0.1
-MOST_PARTS = 36_000  # of a live run, ten minutes of pictures: older ones are dropped
+MOST_FRAMES = 36_000  # of a live run, ten minutes of pictures: older ones are dropped
+TOGETHER, TWICE = 32, 2  # parts that are joined into one; how often that is done
 MOST_FALLS = 36_000  # and of the changes of feet
 
 # -- settings ----------------------------------------------------------------------------------
@@ -244,13 +245,28 @@ def advanced(state: State, event: Advanced) -> State:
         return state
     if tuple(part.mechanism.names) != state.derived.names or not len(part.t):
         return state
+    parts, joined = grown(live, part)
     live = replace(
         live,
-        parts=(*live.parts, part)[-MOST_PARTS:],
+        parts=parts,
+        joined=joined,
         pace=event.pace,
         falls=(*live.falls, *changes(part, live.falls))[-MOST_FALLS:],
     )
     return at_its_end(state, live) if live.running else replace(state, live=live)
+
+
+def grown(live: Live, part: Any) -> tuple[tuple[Any, ...], tuple[int, ...]]:
+    """The parts with one more, and how often each was joined: the end of a run joins few."""
+    parts, joined = [*live.parts, part], [*live.joined, 0]
+    while joined[-1] < TWICE and joined[-TOGETHER:] == [joined[-1]] * TOGETHER:
+        parts[-TOGETHER:] = [pg.joined(parts[-TOGETHER:])]
+        joined[-TOGETHER:] = [joined[-1] + 1]
+    frames = sum(len(one.t) for one in parts)
+    while frames - len(parts[0].t) >= MOST_FRAMES:
+        frames -= len(parts.pop(0).t)
+        joined.pop(0)
+    return tuple(parts), tuple(joined)
 
 
 def at_its_end(state: State, live: Live) -> State:

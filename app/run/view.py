@@ -27,7 +27,7 @@ from ..scene.overlays import Overlays
 from . import FREE_RUN
 
 POOR = 1e-2  # above it an accuracy is shown as a warning
-PARTS = ("derived", "request", "last_run", "job", "live", "ghost", "run_problem", "kernels")
+PARTS = ("derived", "request", "last_run", "job", "ghost", "run_problem", "kernels")
 
 
 class RunView:
@@ -37,7 +37,7 @@ class RunView:
 
     def render(self, old: State, new: State) -> None:
         changed = any(getattr(old, part) is not getattr(new, part) for part in PARTS)
-        clients = audience(old, new, changed)
+        clients = audience(old, new, changed or live(old) != live(new))
         payload = run(new) if clients else {}
         for client in clients:
             self._bridge.send(client, "run", payload)

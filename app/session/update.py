@@ -12,7 +12,7 @@ from ..core.cells import Display
 from ..core.edit import selected
 from ..core.events import Event, FromPage, OfServer, Text, on
 from ..core.state import Client, Notice, State, replied, told, with_client
-from ..plots import KINDS
+from ..plots import KINDS, Signal
 from . import Saving
 
 MOST_LEFT = 50  # pages that are remembered
@@ -64,7 +64,8 @@ def greeted(state: State, event: Hello) -> State:
         reports=fresh.reports, exported=fresh.exported, selection=None, selected=(),
     )  # fmt: skip
     if event.plots is not None and not page.plots:
-        page = replace(page, plots=tuple(plot for plot in event.plots if plot[0] in KINDS))
+        known = tuple(plot for plot in event.plots if Signal(*plot).quantity in KINDS)
+        page = replace(page, plots=known)
     left = {name: x for name, x in state.left.items() if name != event.page}
     state = replace(state, clients={**state.clients, client: page}, left=left)
     return selected(replied(state, client, event.serial), client, event.body, event.bodies)

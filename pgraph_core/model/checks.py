@@ -10,6 +10,7 @@ from .. import joints
 from ..errors import ModelError, Problem, choices, nearest, numbers, shown
 from ..joints import outside, quaternion_problems
 from .body import Body
+from .conditions import condition_problems, known_names
 from .constraint import AlongAxes, Constraint, Gear, Motion, Rolling, Velocity
 from .contact import Contact
 from .fields import EVERY, GROUND, Described, name_problem, part_problems
@@ -313,6 +314,7 @@ def reference_problems(
         *contact_problems(contacts, bodies),
         *force_problems(forces, bodies),
         *scenario_problems(scenarios, bodies, *names, soles_among(contacts)),
+        *condition_problems(scenarios, bodies, constraints, known_names(bodies, *names)),
     ]
 
 

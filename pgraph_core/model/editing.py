@@ -11,6 +11,7 @@ from ..joints import PER_MOTION
 from ..rotation import multiply, rotate
 from .body import Body
 from .checks import fits_joint, force_problems, state_problems
+from .conditions import coordinates, followed, of_bodies
 from .constraint import Constraint, Velocity
 from .contact import Contact
 from .fields import Described, OfKinds, fields_of, listed
@@ -97,14 +98,19 @@ def renamed_in_scenarios(
         if listed is not None and not names.keys().isdisjoint(listed):
             new = (names.get(x, x) for x in listed)
             update[key] = tuple(x for x in new if x is not None)
-        if key == "constraints" and any(x.constraint in names for x in s.switches):
-            new_switches = [
+        switches = s.switches
+        if key == "constraints":
+            switches = tuple(
                 x.model_copy(update={"constraint": names.get(x.constraint, x.constraint)})
-                for x in s.switches
-            ]
-            update["switches"] = tuple(x for x in new_switches if x.constraint is not None)
-            if len(update["switches"]) < len(s.switches):
-                notices.append(f"scenario '{s.name}': switches of a removed constraint went")
+                for x in switches
+                if names.get(x.constraint, x.constraint) is not None
+            )
+        watched = ("force", "constraint") if key == "constraints" else ("force", "gap")
+        switches = followed(switches, watched, lambda name: names.get(name, name))
+        if switches != s.switches:
+            update["switches"] = switches
+            if len(switches) < len(s.switches):
+                notices.append(f"scenario '{s.name}': switches of a removed {key[:-1]} went")
         if key == "contacts" and s.gait and any(f.foot in names for f in s.gait.feet):
             feet = [names.get(f.foot, f.foot) for f in s.gait.feet]
             if None in feet:
@@ -188,7 +194,9 @@ def renamed_all(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) ->
 
     def scenario(s: Scenario) -> Scenario:
         forces = tuple(renamed(f, names) for f in s.forces)
-        return s.model_copy(update={"q": swapped(s.q), "v": swapped(s.v), "forces": forces})
+        switches = followed(s.switches, ("coordinate",), of_bodies(names))
+        states = {"q": swapped(s.q), "v": swapped(s.v)}
+        return s.model_copy(update={**states, "forces": forces, "switches": switches})
 
     named = ("bodies", "constraints", "contacts", "forces")
     found: dict[str, Any] = {key: tuple(renamed(x, names) for x in parts[key]) for key in named}
@@ -200,6 +208,7 @@ def fitted(
 ) -> tuple[dict[str, Any], list[str]]:
     """What still fits a body's new joint, and a notice for each that goes; `name`: as it was."""
     bodies = {name: body}
+    there = coordinates(bodies)
     gone = {c.name for c in parts["constraints"] if not fits_joint(c, bodies)}
 
     def fits(f: Force) -> bool:
@@ -215,6 +224,10 @@ def fitted(
             for key in ("q", "v")
         }
         update = {**states, "forces": tuple(filter(fits, s.forces)), **_without(s, gone)}
+        has = lambda at: at in there or of_bodies({name: None})(at) is not None  # noqa: E731
+        update["switches"] = followed(
+            update["switches"], ("coordinate",), lambda at: at if has(at) else None
+        )
         return s.model_copy(update=update)
 
     kept = {
@@ -237,7 +250,8 @@ def fitted(
 def _without(s: Scenario, gone: set[str]) -> dict[str, Any]:
     """What a scenario says of constraints, without those that are gone."""
     switches = tuple(x for x in s.switches if x.constraint not in gone)
-    return {"constraints": _left(s.constraints, gone), "switches": switches}
+    left = followed(switches, ("force", "constraint"), lambda x: None if x in gone else x)
+    return {"constraints": _left(s.constraints, gone), "switches": left}
 
 
 def _left(active: tuple[str, ...] | None, gone: set[str]) -> tuple[str, ...] | None:
@@ -272,12 +286,18 @@ def without(
         return s.gait is not None and any(f.foot in gone["contacts"] for f in s.gait.feet)
 
     def cut(s: Scenario) -> Scenario:
+        left = _without(s, gone["constraints"])
+        switches = followed(left["switches"], ("coordinate",), of_bodies(dict.fromkeys(names)))
+        switches = followed(
+            switches, ("force", "gap"), lambda x: None if x in gone["contacts"] else x
+        )
         return s.model_copy(
             update={
                 "q": {k: value for k, value in s.q.items() if k not in names},
                 "v": {k: value for k, value in s.v.items() if k not in names},
                 "forces": tuple(f for f in s.forces if not touched(f)),
-                **_without(s, gone["constraints"]),
+                **left,
+                "switches": switches,
                 "contacts": _left(s.contacts, gone["contacts"]),
                 "gait": None if lame(s) else s.gait,
             }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
@@ -18,26 +19,43 @@ MOST = 400  # pieces that are drawn: the nearest bodies of a large model
 def picture(model: Any, parent: tuple[int, ...], names: tuple[str, ...],
             positions: np.ndarray, R: np.ndarray) -> str:  # fmt: skip
     """`model` at the given poses (nb, 3), (nb, 3, 3), bodies in the order of `names`."""
+    return pictures(model, parent, names, [(positions, R)])[0]
+
+
+def pictures(model: Any, parent: tuple[int, ...], names: tuple[str, ...],
+             poses: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[str]:  # fmt: skip
+    """`model` at each of these poses, all at one scale and about one point."""
     children, colors = shapes.children_of(parent), shapes.branch_colors(parent)
     looks = bodies.looks([model.body(name) for name in names], children, colors)
     up = np.array(GRID[model.up][1])
     way = camera.towards(model.up, "start")
     right, above = camera.frame(up, way)
     view = np.stack((right, above, way))
+    every = [_parts(looks, view, *pose) for pose in poses]
+    points = [flat for drawn in every for _, flat, _ in drawn]
+    if not points:
+        return [_svg("") for _ in every]
+    low, high = np.concatenate(points).min(0), np.concatenate(points).max(0)
+    scale = 0.88 * min(WIDTH / max(high[0] - low[0], 1e-9), HEIGHT / max(high[1] - low[1], 1e-9))
+    middle = (low + high) / 2
+    found = []
+    for drawn in every:
+        drawn = sorted(drawn, key=lambda part: part[0])[-MOST:]
+        found.append(_svg("".join(_shape(flat, c, middle, scale) for _, flat, c in drawn)))
+    return found
+
+
+def _parts(
+    looks: Sequence[bodies.Look], view: np.ndarray, positions: np.ndarray, R: np.ndarray
+) -> list[tuple[float, np.ndarray, shapes.Color]]:
+    """(how near, corners in the picture, colour) of each piece."""
     drawn: list[tuple[float, np.ndarray, shapes.Color]] = []
     for look, at, turn in zip(looks, positions, R):
         for piece in look.pieces[:MOST]:
             corners = at + _outline(piece) @ turn.T
             flat = corners @ view.T
             drawn.append((float(flat[:, 2].mean()), flat[:, :2], piece.color or look.color))
-    if not drawn:
-        return _svg("")
-    points = np.concatenate([flat for _, flat, _ in drawn])
-    low, high = points.min(0), points.max(0)
-    scale = 0.88 * min(WIDTH / max(high[0] - low[0], 1e-9), HEIGHT / max(high[1] - low[1], 1e-9))
-    middle = (low + high) / 2
-    drawn = sorted(drawn, key=lambda part: part[0])[-MOST:]
-    return _svg("".join(_shape(flat, color, middle, scale) for _, flat, color in drawn))
+    return drawn
 
 
 def _svg(inside: str) -> str:

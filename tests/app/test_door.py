@@ -15,7 +15,7 @@ from websockets.sync.client import connect
 
 from pgraph_app.core import door
 from pgraph_app.core.events import FromPage
-from pgraph_app.core.store import MOST_WAITING, Closed, Queue
+from pgraph_app.core.store import MOST_AHEAD, MOST_WAITING, Closed, Queue
 from pgraph_app.model.update import Edit
 from pgraph_app.playback.update import Tick
 from pgraph_app.server import Server, serve
@@ -194,12 +194,21 @@ def test_events_of_many_senders_are_taken_in_turn_and_each_one_s_in_order():
     queue.put(Told(2, seen=1))
     taken = [queue.get(0.0) for _ in range(6)]
     senders = [getattr(event, "client", None) for event in taken]
-    assert senders == [1, 2, None, 1, 2, 1]
+    assert senders == [1, 2, 1, 2, 1, None]  # what people do passes what the server sends itself
     assert [e.seen for e in taken if isinstance(e, Told) and e.client == 1] == [0, 1, 2]
     assert queue.get(0.0) is None
     queue.close()
     with pytest.raises(Closed):
         queue.get(0.0)
+
+
+def test_people_pass_the_server_a_bounded_number_of_times():
+    queue = Queue()
+    queue.put(Tick(0.1))
+    for serial in range(3 * MOST_AHEAD):
+        queue.put(Told(1, seen=serial))
+    taken = [queue.get(0.0) for _ in range(MOST_AHEAD + 1)]
+    assert isinstance(taken[-1], Tick)
 
 
 def test_what_one_sender_leaves_waiting_is_bounded():

@@ -14,7 +14,9 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.core.events import Event
 from pgraph_app.core.state import Kernels, State, initial, poses
+from pgraph_app.core.store import Store
 from pgraph_app.features import update
+from pgraph_app.gait.update import Push
 from pgraph_app.model.update import Edit, Undo
 from pgraph_app.playback.update import Play, Scrub, StepFrames
 from pgraph_app.pose.update import Pull, UsePose
@@ -32,6 +34,8 @@ from pgraph_app.run.update import (
 )
 from pgraph_app.session.update import Connected
 from pgraph_app.table.update import AddBody
+
+from .conftest import until
 
 ME = 1
 STEP = 0.01  # [s]
@@ -249,3 +253,48 @@ def test_the_mouse_pulls_a_body_towards_it(live):
     start = calm.body_pose[0, 1, :3]
     now = drawn.body_pose[-1, 1, :3]
     assert np.linalg.norm(now - target) < np.linalg.norm(start - target) - 0.01
+
+
+# -- pictures and what people do -------------------------------------------------------------------
+
+
+def test_pictures_wait_for_the_pages_and_the_newest_is_drawn(live):
+    """A worker follows every part; a page that has not shown its last picture gets none."""
+    store, drawn, taken = Store(live, update), list[float](), list[float]()
+
+    class Watch:
+        def __init__(self, times: list[float]):
+            self.times = times
+
+        def render(self, old: State, new: State) -> None:
+            self.times.append(new.t_end)
+
+    ready = threading.Event()
+    store.ready = ready.is_set
+    store.start([Watch(drawn)], [Watch(taken)])
+    found = parts(live, 4)
+    for part in found:
+        store.send(Advanced(live.live.id, part, 1.0))
+    until(lambda: len(taken) > 1 and taken[-1] == pytest.approx(4 * STEP), "all parts taken")
+    assert drawn == [0.0]
+    store.send(Push(ME, "left"))  # what people do is drawn at once, with the newest picture
+    until(lambda: len(drawn) == 2, "the push drawn")
+    assert drawn[-1] == pytest.approx(4 * STEP)
+    store.send(Advanced(live.live.id, parts(grown(live, found), 1)[0], 1.0))
+    ready.set()
+    store.wake()
+    store.stop()
+
+
+def test_a_long_live_run_keeps_few_parts_and_loses_no_frame(live):
+    """1100 parts, joined as it goes: its end joins a few, and the run is that of the parts."""
+    state, motion, ends = live, Motion(), [0.0]
+    for _ in range(1100):
+        part = motion.advanced(state.model, state.live, 0.002)
+        ends.append(float(part.t[-1]))
+        state = update(state, Advanced(state.live.id, part, 1.0))
+    assert len(state.live.parts) <= 1 + 2 * 31
+    assert state.live.part_at(0.01).t[0] <= 0.01
+    run = after(state, StopLive(ME)).run.result
+    assert set(np.round(ends, 9)) <= set(np.round(run.t, 9))
+    assert np.all(np.diff(run.t) > 0)

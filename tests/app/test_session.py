@@ -15,7 +15,7 @@ from pgraph_app.digraph.view import digraph
 from pgraph_app.features import update
 from pgraph_app.model.derived import derive
 from pgraph_app.model.update import Edit, Redo, Undo
-from pgraph_app.session.update import Connected, Disconnected, Select, SelectBodies
+from pgraph_app.session.update import Connected, Disconnected, Hello, Select, SelectBodies
 from pgraph_app.session.view import others
 from pgraph_app.table.update import (
     AddBody,
@@ -126,3 +126,65 @@ def test_1_11_each_page_sees_where_the_others_are():
     assert others(state, ME).keys() == {"1", "2"}
     assert others(state, OTHER).keys() == {"3"}
     assert others(update(state, Disconnected(OTHER)), ME) == {}
+
+
+# -- undo is each person's own ---------------------------------------------------------------------
+
+
+def both(model: pg.Model) -> State:
+    """Two people who have said who they are."""
+    state = initial(model)
+    for client, page in ((ME, "mine"), (OTHER, "theirs")):
+        hello = Hello(client, 0, page, None, (), False, ("rad", "m", "quaternion", "com"))
+        state = update(update(state, Connected(client)), hello)
+    return state
+
+
+def typed(client: int, body: str, field: str, text: str) -> Edit:
+    return Edit(client, 1, body, field, (), text)  # type: ignore[arg-type]
+
+
+def test_undo_takes_back_one_s_own_edit_and_leaves_the_other_s():
+    start = both(pg.Model.serial(3))
+    state = start
+    for event in (typed(ME, "1", "mass", "5"), typed(OTHER, "2", "mass", "7"),
+                  typed(OTHER, "1", "name", "arm")):  # fmt: skip
+        state = update(state, event)
+    back = update(state, Undo(ME))
+    assert (back.model.body("arm").mass, back.model.body("2").mass) == (1.0, 7.0)
+    assert len(back.undo) == 2
+    again = update(back, Redo(ME))
+    assert again.model == state.model
+    theirs = update(update(back, Undo(OTHER)), Undo(OTHER))
+    assert theirs.model == start.model
+    assert update(theirs, Undo(ME)) is theirs
+
+
+def test_what_another_changed_since_is_not_undone_and_said():
+    state = both(pg.Model.serial(3))
+    for event in (typed(ME, "1", "mass", "5"), typed(OTHER, "1", "mass", "7")):
+        state = update(state, event)
+    refused = update(state, Undo(ME))
+    assert refused.model is state.model
+    assert "mass of '1' was changed since" in refused.clients[ME].notice.text
+    assert update(state, Undo(OTHER)).model.body("1").mass == 5.0
+
+
+def test_a_body_that_one_added_goes_unless_another_hung_something_on_it():
+    state = update(both(pg.Model.serial(2)), AddBody(ME, "2"))
+    (added,) = {body.name for body in state.model.bodies} - {"1", "2"}
+    hung = update(state, AddBody(OTHER, added))
+    refused = update(hung, Undo(ME))
+    assert refused.model is hung.model
+    assert "cannot be undone" in refused.clients[ME].notice.text
+    moved = update(state, typed(OTHER, "1", "mass", "3"))
+    assert [body.name for body in update(moved, Undo(ME)).model.bodies] == ["1", "2"]
+    deleted = update(moved, DeleteBodies(ME, (added,), "attach"))
+    later = update(deleted, typed(OTHER, "2", "mass", "4"))
+    assert added in update(later, Undo(ME)).model.row
+
+
+def test_who_is_gone_leaves_edits_that_anyone_may_take_back():
+    state = update(both(pg.Model.serial(2)), typed(OTHER, "1", "mass", "5"))
+    assert update(state, Undo(ME)) is state
+    assert update(update(state, Disconnected(OTHER)), Undo(ME)).model.body("1").mass == 1.0

@@ -126,3 +126,78 @@ def test_conditions_that_mean_nothing_are_refused(fields, says):
 def test_conditions_on_what_is_not_there_are_refused(when):
     with pytest.raises(pg.InputError, match=r"no (coordinate|gap|force|constraint) is called"):
         pg.simulate(slider(), switches=[pg.Switch(constraint="latch", active=True, when=when)])
+
+
+def scenario(*switches, constraints=None):
+    """Two bodies, three constraints of which `held` is on, a contact, and these switches."""
+    bodies = (
+        pg.Body(name="b", joint="prismatic", axes=((1, 0, 0),), limits=((-2.0, 2.0),),
+                shape={"kind": "sphere", "radius": 0.1}),
+        pg.Body(name="plate", joint="planar", parent="b"),
+    )  # fmt: skip
+    return pg.Model(
+        bodies=bodies,
+        contacts=(pg.Contact(name="floor", body="b"),),
+        constraints=tuple(
+            pg.Constraint(name=n, kind="point", body="b", active=n == "held")
+            for n in ("latch", "second", "held")
+        ),
+        scenarios=(pg.Scenario(name="s", switches=switches, constraints=constraints),),
+    )
+
+
+def switch(constraint, active, /, **when):
+    return pg.Switch(constraint=constraint, active=active, when=when)
+
+
+@pytest.mark.parametrize(
+    ("switches", "says"),
+    [
+        ([switch("latch", True, coordinate="plate", above=1)], "choose one of b, plate 0"),
+        ([switch("latch", True, gap="wall", below=1)], "no gap is called 'wall'"),
+        ([switch("latch", True, coordinate="b", above=2.0)], "joint limit of 'b' is at 2"),
+        ([switch("latch", True, coordinate="b", below=-3.0)], "joint limit of 'b' is at -2"),
+        ([switch("latch", True, constraint="latch", active=False)], "waits for itself"),
+        ([switch("latch", True, constraint="second", active=True)], "nothing switches 'second' on"),
+        ([switch("latch", True, constraint="held", active=False)], "nothing switches 'held' off"),
+        ([switch("latch", True, force="latch", below=5)], "its own force"),
+        ([switch("second", True, force="latch", above=5)], "'latch' is off throughout"),
+        ([switch("second", True, force="floor", below=0)], "not below 0"),
+        (
+            [
+                switch("latch", True, constraint="second", active=False),
+                switch("second", True, constraint="latch", active=True),
+                switch("latch", False, constraint="second", active=True),
+                switch("second", False, constraint="latch", active=False),
+            ],
+            "without end",
+        ),
+    ],
+)
+def test_conditions_that_are_no_use_are_refused_with_the_model(switches, says):
+    with pytest.raises(pg.ModelError, match=says):
+        scenario(*switches)
+
+
+def test_conditions_follow_names_and_go_with_what_they_watch():
+    model = scenario(
+        switch("latch", True, coordinate="b", above=1),
+        switch("second", True, coordinate="plate 1", above=1),
+        switch("held", False, force="held", above=3),
+        switch("second", False, gap="floor", below=0.2),
+        switch("second", True, constraint="latch", active=True),
+    )
+
+    def said(model):
+        return [str(s.when) for s in model.scenarios[0].switches]
+
+    every = said(model)
+    assert said(model.edit("plate", name="disc"))[1] == "coordinate of disc 1 above 1"
+    assert said(model.edit("floor", kind="contact", name="sole"))[3] == "gap of sole below 0.2"
+    assert said(model.edit("latch", name="hook"))[4] == "constraint hook active"
+    assert said(model.remove("plate")) == [every[0], *every[2:]]
+    assert said(model.remove("floor", kind="contact")) == [*every[:3], every[4]]
+    assert said(model.remove("latch")) == every[1:4]
+    turned = model.edit("plate", joint="revolute")
+    assert said(turned) == [every[0], *every[2:]]
+    assert any("does not fit the joint of 'plate'" in text for text in turned.notices)

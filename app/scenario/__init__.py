@@ -1,0 +1,314 @@
+"""The scenario that is chosen for the run: its initial state, forces, switches; edits (pure)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import pgraph_core as pg
+from pgraph_core.model.conditions import coordinates, known_names
+from pgraph_core.model.editing import free_name
+from pgraph_core.model.scenario import METHOD_NAMES
+
+from ..core import cells
+from ..core.cells import Display, Quantity, Refusal
+from ..run import Request
+
+TIME = "t"  # what a switch waits for that has no condition
+WAITS = {  # for what a switch waits: what it is called
+    TIME: "at a time",
+    "coordinate": "a coordinate is",
+    "gap": "a gap is",
+    "force": "a force is",
+    "constraint": "a constraint is",
+}
+UNITS = {TIME: "s", "gap": "length", "force": "N"}
+ON, OFF = "on", "off"
+
+
+def first_name(model: pg.Model) -> str:
+    """A name that no scenario has."""
+    return free_name("scenario", [s.name for s in model.scenarios])
+
+
+def made(model: pg.Model, request: Request) -> tuple[pg.Model, str]:
+    """A model with a scenario that runs as the free run does, and its name."""
+    name = first_name(model)
+    step = request.step or pg.Scenario(name=name).step
+    new = pg.Scenario(name=name, t_end=request.t_end, step=step, method=request.method)
+    return model.add(new), name
+
+
+def copied(model: pg.Model, name: str) -> tuple[pg.Model, str]:
+    """A model with a scenario once more, and the name of the copy. Raises PgraphError."""
+    new = free_name(name, [s.name for s in model.scenarios])
+    return model.add(model.scenario(name).model_copy(update={"name": new})), new
+
+
+def put(model: pg.Model, name: str, /, **fields: Any) -> pg.Model:
+    """The model with changed fields of a scenario. Raises PgraphError."""
+    model.scenario(name)
+    return model.edit(name, kind="scenario", **fields)
+
+
+# -- the run and the initial state ---------------------------------------------------------------
+
+
+def quantities(body: pg.Body, field: str) -> list[Quantity]:
+    """What each number of a joint's q measures; rates are in SI units."""
+    found: list[Quantity] = []
+    for motion in body.sequence:
+        kind: Quantity = {"rotate": "angle", "translate": "length"}.get(motion.kind, "number")  # type: ignore[assignment]
+        count = {"rotate": (1, 1), "translate": (1, 1), "ball": (4, 3)}.get(motion.kind, (7, 6))
+        found += [kind] * count[field == "v"]
+    return found if field == "q" else ["number"] * len(found)
+
+
+def changed(
+    model: pg.Model, name: str, field: str, index: Sequence[int], text: str, display: Display
+) -> pg.Model:
+    """The model with text typed into a cell of a scenario. Raises Refusal, PgraphError."""
+    s = model.scenario(name)
+    match field:
+        case "name":
+            return put(model, name, name=text.strip())
+        case "description":
+            return put(model, name, description=text.strip())
+        case "method":
+            if text not in METHOD_NAMES:
+                raise Refusal(f"must be one of {', '.join(METHOD_NAMES)}")
+            return put(model, name, method=text)
+        case "t_end" | "step":
+            return put(model, name, **{field: cells.number(text)})
+        case "q" | "v":
+            return put(model, name, **{field: _states(model, s, field, index, text, display)})
+        case "bodies":
+            return _with_body(model, s, text)
+        case "constraints" | "contacts":
+            return put(model, name, **{field: _acting(model, s, field, index, text == ON)})
+    raise Refusal("has no such field any more")
+
+
+def _states(
+    model: pg.Model, s: pg.Scenario, field: str, index: Sequence[int], text: str, display: Display
+) -> dict[str, Any]:
+    row, k = index
+    if row >= len(model.bodies):
+        raise Refusal("has no such row any more")
+    body, given = model.bodies[row], getattr(s, field)
+    old = given.get(body.name, getattr(body, field))
+    of = quantities(body, field)[k] if k < len(old) else "number"
+    return {**given, body.name: cells.replaced(old, (k,), cells.quantity(text, of, display))}
+
+
+def _with_body(model: pg.Model, s: pg.Scenario, name: str) -> pg.Model:
+    """Initial values of a body's own in the scenario, or none any more where it has some."""
+    body = model.body(name)
+    q, v = dict(s.q), dict(s.v)
+    if name in q or name in v:
+        q.pop(name, None)
+        v.pop(name, None)
+    elif not body.q:
+        raise Refusal(f"the joint of '{name}' does not move")
+    else:
+        q[name], v[name] = body.q, body.v
+    return put(model, s.name, q=q, v=v)
+
+
+def acting(model: pg.Model, s: pg.Scenario, field: str) -> list[tuple[str, bool]]:
+    """Constraints or contacts, and whether each is active at the start."""
+    listed = getattr(s, field)
+    return [
+        (part.name, part.active if listed is None else part.name in listed)
+        for part in getattr(model, field)
+    ]
+
+
+def _acting(
+    model: pg.Model, s: pg.Scenario, field: str, index: Sequence[int], on: bool
+) -> tuple[str, ...] | None:
+    """The active ones with one of them on or off; None where they are the model's own choice."""
+    parts = [name for name, _ in acting(model, s, field)]
+    if not index or index[0] >= len(parts):
+        raise Refusal("has no such row any more")
+    now = {**dict(acting(model, s, field)), parts[index[0]]: on}
+    if now == {part.name: part.active for part in getattr(model, field)}:
+        return None
+    return tuple(key for key, on in now.items() if on)
+
+
+# -- forces --------------------------------------------------------------------------------------
+
+
+def as_forces(model: pg.Model, s: pg.Scenario) -> pg.Model:
+    """The model with the forces of a scenario in place of its own, to edit them as those."""
+    formulas = tuple(f for f in model.formulas if f.part != "forces")
+    return model.replace(forces=s.forces, scenarios=(), formulas=formulas)
+
+
+def with_forces(model: pg.Model, name: str, drafted: pg.Model) -> pg.Model:
+    """The model with the scenario's forces as they were edited there. Raises Refusal."""
+    if any(f.part == "forces" for f in drafted.formulas):
+        raise Refusal("must be a number: forces of a scenario hold no formulas")
+    return put(model, name, forces=drafted.forces)
+
+
+# -- switches ------------------------------------------------------------------------------------
+
+
+def names_of(model: pg.Model, what: str) -> list[str]:
+    """What a condition of that kind may name."""
+    if what == TIME:
+        return []
+    known = known_names(
+        {body.name: body for body in model.bodies},
+        [c.name for c in model.constraints],
+        [c.name for c in model.contacts],
+    )
+    return list(known[what])
+
+
+def waits_of(switch: pg.Switch) -> tuple[str, str]:
+    """(for what a switch waits, its name)."""
+    return (TIME, "") if switch.when is None else switch.when.subject
+
+
+def unit_of(model: pg.Model, switch: pg.Switch) -> str:
+    """Of the value of a condition: "angle" and "length" follow the page's units."""
+    what, name = waits_of(switch)
+    if what != "coordinate":
+        return UNITS.get(what, "")
+    body, k = coordinates({body.name: body for body in model.bodies}).get(name, ("", 0))
+    of = quantities(model.body(body), "q")[k] if body else "number"
+    return of if of != "number" else ""
+
+
+def value_of(switch: pg.Switch) -> float | None:
+    """The number that it waits for; None where it waits for a constraint."""
+    if switch.when is None:
+        return switch.t
+    return switch.when.above if switch.when.above is not None else switch.when.below
+
+
+def side_of(switch: pg.Switch) -> str:
+    """'above' or 'below' a value, 'on' or 'off'; "" at a time."""
+    if switch.when is None:
+        return ""
+    if switch.when.active is not None:
+        return ON if switch.when.active else OFF
+    return "above" if switch.when.above is not None else "below"
+
+
+def with_switch(model: pg.Model, name: str, constraint: str | None) -> pg.Model:
+    """One more switch: the constraint changes over in the middle of the run."""
+    s = model.scenario(name)
+    if not model.constraints:
+        raise Refusal("There is no constraint to switch: add one in the tab Constraints.")
+    state = dict(acting(model, s, "constraints"))
+    first = constraint if constraint in state else next(iter(state))
+    active = not state[first]
+    for known in s.switches:
+        if known.constraint == first:
+            active = not known.active
+    taken = {x.t for x in s.switches if x.constraint == first}
+    t = next(x for x in (s.t_end * k / 64 for k in (32, *range(1, 64))) if x not in taken)
+    return put(model, name, switches=(*s.switches, pg.Switch(t=t, constraint=first, active=active)))
+
+
+def without_switch(model: pg.Model, name: str, number: int) -> pg.Model:
+    """The scenario without a switch."""
+    switches = model.scenario(name).switches
+    return put(model, name, switches=(*switches[:number], *switches[number + 1 :]))
+
+
+def switch_edited(
+    model: pg.Model, name: str, number: int, field: str, text: str, display: Display
+) -> pg.Model:
+    """A switch with one of its cells changed. Raises Refusal, PgraphError."""
+    s = model.scenario(name)
+    if number >= len(s.switches):
+        raise Refusal("The switch is gone.")
+    old = s.switches[number]
+    new = _switch(model, s, old, field, text, display)
+    if new.t is not None and new.t >= s.t_end:
+        raise Refusal(
+            f"The run ends at {s.t_end:g} s: give a time before that, or a longer duration."
+        )
+    switches = (*s.switches[:number], new, *s.switches[number + 1 :])
+    return put(model, name, switches=switches)
+
+
+def _switch(
+    model: pg.Model, s: pg.Scenario, old: pg.Switch, field: str, text: str, display: Display
+) -> pg.Switch:
+    what, watched = waits_of(old)
+    match field:
+        case "constraint":
+            return _of(old, text, old.active, old.t, old.when)
+        case "active":
+            return _of(old, old.constraint, text == ON, old.t, old.when)
+        case "what" if text == TIME:
+            return _of(old, old.constraint, old.active, s.t_end / 2, None)
+        case "what":
+            return _of(old, old.constraint, old.active, None, _usual(model, s, old, text))
+        case "watched":
+            return _of(old, old.constraint, old.active, None, {**_when(old), what: text})
+        case "side" if what == "constraint":
+            return _of(old, old.constraint, old.active, None, {**_when(old), "active": text == ON})
+        case "side":
+            bound = {text: value_of(old)}
+            return _of(old, old.constraint, old.active, None, {what: watched, **bound})
+        case "value":
+            unit = unit_of(model, old)
+            of: Quantity = unit if unit in ("length", "angle") else "number"  # type: ignore[assignment]
+            try:
+                value = cells.quantity(text, of, display)
+            except Refusal as refusal:
+                raise Refusal(f"The {'time' if what == TIME else 'value'} {refusal}") from None
+            if what == TIME:
+                return _of(old, old.constraint, old.active, value, None)
+            bound = {side_of(old): value}
+            return _of(old, old.constraint, old.active, None, {what: watched, **bound})
+    raise Refusal("The switch has no such field any more.")
+
+
+def _of(old: pg.Switch, constraint: str, active: bool, t: Any, when: Any) -> pg.Switch:
+    return pg.Switch(t=t, constraint=constraint, active=active, when=when)
+
+
+def _when(switch: pg.Switch) -> dict[str, Any]:
+    """The fields of its condition that are given."""
+    assert switch.when is not None
+    return {key: x for key, x in switch.when.model_dump().items() if x is not None}
+
+
+def _usual(model: pg.Model, s: pg.Scenario, switch: pg.Switch, what: str) -> dict[str, Any]:
+    """A condition to begin with, which may hold. Raises Refusal where there is nothing to watch."""
+    names = names_of(model, what)
+    if what == "constraint":
+        names = [name for name in names if name != switch.constraint]
+    if not names:
+        there = {"gap": "contact", "force": "contact or constraint"}.get(what, what)
+        raise Refusal(f"There is no {'other ' if what == 'constraint' else ''}{there} to wait for.")
+    match what:
+        case "constraint":
+            state = dict(acting(model, s, "constraints"))
+            moved = [x for x in s.switches if x.constraint in names]
+            if not moved:
+                raise Refusal("No other constraint is switched: add a switch of it first.")
+            return {what: moved[0].constraint, "active": not state[moved[0].constraint]}
+        case "coordinate":
+            return {what: names[0], "above": _ahead(model, names[0])}
+        case "gap":
+            return {what: names[0], "below": 0.0}
+    own = switch.constraint if not switch.active else names[0]
+    return {"force": own, "above": 50.0}
+
+
+def _ahead(model: pg.Model, name: str) -> float:
+    """A value of a coordinate that lies ahead of its initial one, within its limit."""
+    body_name, k = coordinates({body.name: body for body in model.bodies})[name]
+    body = model.body(body_name)
+    limit = body.limits[k] if k < len(body.limits) else None
+    high = limit[1] if limit else None
+    return body.q[k] + 0.1 if high is None else (body.q[k] + high) / 2

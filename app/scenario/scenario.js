@@ -1,0 +1,123 @@
+// The scenario that is chosen for the run: how it starts, what acts in it, what goes on and off when.
+(() => {
+  const { make, button, text, cells, forms, send } = pgraph;
+
+  function build(host) {
+    const scenario = cells.choice(() => pgraph.latest.scenario.scenarios, (serial, value) => send("SetScenario", { serial, scenario: value }), { label: "scenario to edit" });
+    host.pgraphScenario = { scenario };
+    host.replaceChildren(make("div", { className: "scenario" },
+      make("div", { className: "bar" }, scenario,
+        button("new-scenario", "+ New", "A scenario that runs as the run is set now", () => send("NewScenario")),
+        button("copy-scenario", "Copy", "This scenario once more", () => send("CopyScenario")),
+        button("delete-scenario", "Delete", "The model without this scenario", () => send("DeleteScenario"))),
+      make("p", { className: "muted none", textContent: "A free run has no scenario. A scenario keeps a run with the model: how it starts, what acts in it, and which constraints go on or off when." }),
+      make("div", { className: "some" },
+        make("div", { className: "form" }),
+        make("div", { className: "poses" },
+          button("small take-pose", "Take the pose shown", "The pose and the speeds that are shown become the initial state of this scenario", () => send("TakePose", { shown: true })),
+          button("small no-pose", "As the model", "The scenario starts as the model says", () => send("TakePose", { shown: false }))),
+        make("section", { className: "switches" }, make("h4", { textContent: "Goes on or off" }), text("div", "empty"),
+          button("small add-switch", "+ Switch", "A constraint goes on or off: at a time, or when something crosses a value", () => send("AddSwitch", { constraint: null }))),
+        make("section", { className: "drives" }, make("h4", { textContent: "Forces and motors of this scenario" }), text("div", "empty"), drive()),
+        make("section", { className: "log", hidden: true }, make("h4", { textContent: "Events of the run" }), make("ol", { className: "falls" })))));
+  }
+
+  // Which force, on which body: added to the scenario alone.
+  function drive() {
+    const kind = make("select", { className: "cell", "aria-label": "kind of force" }), body = make("select", { className: "cell", "aria-label": "body of the force" });
+    const options = (box, known) => { const now = box.value; box.replaceChildren(...known.map(([value, textContent, title]) => make("option", { value, textContent, title: title ?? "" }))); box.value = known.some(([value]) => value === now) ? now : known[0]?.[0] ?? ""; };
+    const fill = () => {
+      options(kind, (pgraph.latest.scenario.kinds ?? []).map(([name, about]) => [name, name, about]));
+      options(body, (pgraph.latest.table?.rows ?? []).map((row) => [row.name, row.name]));
+    };
+    for (const box of [kind, body]) { box.addEventListener("mousedown", fill); box.addEventListener("focus", fill); }
+    const box = make("div", { className: "field add-drive" }, make("span", { className: "muted", textContent: "+" }), kind, make("span", { className: "muted", textContent: "on" }), body,
+      button("small", "Add", "Acts in this scenario only", () => send("AddDrive", { kind: kind.value, body: body.value })));
+    box.pgraphFill = fill;
+    return box;
+  }
+
+  function draw(host, data) {
+    const $ = (selector) => host.querySelector(selector);
+    cells.choose(host.pgraphScenario.scenario, data.name);
+    $(".none").hidden = !data.none;
+    $(".some").hidden = data.none;
+    $(".copy-scenario").disabled = $(".delete-scenario").disabled = data.none;
+    if (data.none) return;
+    forms.draw($(".form"), data.form, {
+      edit: (field, entries, serial) => send("EditScenario", { serial, field, entries }),
+      press: (b) => send("EditScenario", { serial: pgraph.nextSerial(), field: b.fields.field, entries: [[b.fields.index, b.fields.text]] }),
+    }, data.name);
+    $(".add-drive").pgraphFill();
+    switches($(".switches"), data);
+    drives($(".drives"), data);
+    log($(".log"), data.events);
+  }
+
+  // -- switches: one sentence each, made of drop-downs ---------------------------------------------
+  function switches(box, data) {
+    const empty = box.querySelector(".empty"), add = box.querySelector(".add-switch");
+    empty.textContent = data.switchable.length ? "nothing is switched during the run" : "there is no constraint to switch";
+    empty.hidden = data.switches.length > 0;
+    add.disabled = !data.switchable.length;
+    pgraph.keyed(box, data.switches.map((item, i) => ({ ...item, name: String(i) })), line, fill);
+  }
+
+  function line() {
+    const el = make("div", { className: "switch" }), at = () => Number(el.dataset.name), of = () => el.pgraphItem;
+    const set = (field) => (serial, value) => send("EditSwitch", { serial, number: at(), field, text: value });
+    const words = (list) => list.map((word) => (Array.isArray(word) ? word : [word, word]));
+    const pick = (field, label, known) => cells.choice(() => words(known()), set(field), { label });
+    const c = el.pgraphCells = {
+      constraint: pick("constraint", "constraint that is switched", () => pgraph.latest.scenario.switchable),
+      active: pick("active", "on or off", () => ["on", "off"]),
+      what: pick("what", "when", () => of().waits),
+      watched: pick("watched", "of what", () => of().watchable),
+      side: pick("side", "above or below", () => of().sides),
+      value: cells.input(set("value"), { label: "value", numeric: true }),
+    };
+    el.append(
+      make("div", { className: "field" }, c.constraint, text("span", "muted", "goes"), c.active, text("span", "muted", "when"), c.what,
+        button("small delete-switch", "×", "Delete this switch", () => send("DeleteSwitch", { number: at() }))),
+      make("div", { className: "field second" }, c.watched, c.side, c.value, text("span", "unit")));
+    return el;
+  }
+  function fill(el, item) {
+    el.pgraphItem = item;
+    const c = el.pgraphCells, is = (cell, on) => { cell.hidden = !on; };
+    for (const name of ["constraint", "active", "watched", "side"]) cells.choose(c[name], item[name]);
+    cells.choose(c.what, item.what);
+    cells.set(c.value, item.value);
+    is(c.watched, item.what !== "t");
+    is(c.side, item.sides.length > 0);
+    is(c.value, item.what !== "constraint");
+    el.querySelector(".unit").textContent = item.unit;
+  }
+
+  // -- forces -------------------------------------------------------------------------------------
+  function drives(box, data) {
+    const empty = box.querySelector(".empty");
+    empty.textContent = "none besides those of the model";
+    empty.hidden = data.drives.length > 0;
+    pgraph.keyed(box, data.drives, () => {
+      const el = make("div", { className: "tie open" });
+      el.append(make("div", { className: "line" }, make("span", { className: "title" }, make("strong"), make("span", { className: "between" }), make("span", { className: "kind" })),
+        button("small delete-tie", "×", "Delete", () => send("DeleteDrive", { name: el.dataset.name }))), make("div", { className: "form" }));
+      return el;
+    }, (el, item) => {
+      for (const [part, value] of [["strong", item.name], [".between", item.between], [".kind", item.kind]]) el.querySelector(part).textContent = value;
+      const edit = (field, entries, serial) => send("EditDrive", { serial, name: el.dataset.name, field, entries });
+      forms.draw(el.querySelector(".form"), item.form, { edit, press: (b) => { if (b.event !== "Pick") edit(b.fields.field, [[b.fields.index, b.fields.text]], pgraph.nextSerial()); } }, "drive");
+    });
+  }
+
+  // -- the log; a click looks there ---------------------------------------------------------------
+  function log(box, events) {
+    box.hidden = !events.length;
+    box.querySelector("ol").replaceChildren(...events.map(({ t, text: said, cause }) => make("li", {},
+      make("button", { className: "fall", title: cause || "Look there", onclick: () => send("Scrub", { time: t }) },
+        text("span", "t", t.toFixed(4)), text("span", "foot", said), text("span", "now", cause)))));
+  }
+
+  pgraph.view("scenario", { build, scenario: draw });
+})();

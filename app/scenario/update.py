@@ -1,0 +1,280 @@
+"""The scenario that is chosen for the run, edited by clicks (pure)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+import pgraph_core as pg
+
+from ..constraints import KINDS, parts
+from ..core.cells import Refusal
+from ..core.edit import answered, attempted
+from ..core.events import Entries, FromPage, Text, on
+from ..core.state import Notice, State, display_of, told
+from ..pose import solving
+from ..run import FREE_RUN, Request
+from . import (
+    as_forces,
+    changed,
+    copied,
+    made,
+    put,
+    switch_edited,
+    with_forces,
+    with_switch,
+    without_switch,
+)
+
+Number = Annotated[int, Field(ge=0, le=10_000)]
+NONE = "There is no scenario: make one first."
+
+
+def named(state: State) -> str:
+    """The scenario that is chosen. Raises Refusal."""
+    if state.request.scenario == FREE_RUN:
+        raise Refusal(NONE)
+    return state.request.scenario
+
+
+def chosen(state: State, name: str) -> State:
+    """That scenario for the next run, with its own settings."""
+    s = next((s for s in state.model.scenarios if s.name == name), None)
+    if s is None:
+        return state
+    return replace(state, request=Request(name, s.t_end, s.step, s.method, state.request.rtol))
+
+
+def _typed(
+    state: State, client: int, serial: int, make: Callable[[], pg.Model], label: str
+) -> State:
+    """The edit of the scenario with its cell answered; the run follows its settings."""
+    name = state.request.scenario
+    row = next((i for i, s in enumerate(state.model.scenarios) if s.name == name), -1)
+    after = answered(state, client, serial, make, label)
+    if after.model is state.model or row < 0:
+        return after
+    return chosen(after, after.model.scenarios[row].name)
+
+
+def _done(state: State, client: int, make: Callable[[], pg.Model], label: str) -> State:
+    """The edit of the scenario, or a notice why not."""
+    return attempted(state, client, make, label)
+
+
+@dataclass(frozen=True)
+class NewScenario(FromPage):
+    """A scenario that runs as the run is set now."""
+
+
+@on(NewScenario)
+def new_scenario(state: State, event: NewScenario) -> State:
+    return _added(state, event.client)
+
+
+def _added(state: State, client: int) -> State:
+    model, name = made(state.model, state.request)
+    return chosen(_done(state, client, lambda: model, f"add {name}"), name)
+
+
+@dataclass(frozen=True)
+class CopyScenario(FromPage):
+    """The scenario once more."""
+
+
+@on(CopyScenario)
+def copy_scenario(state: State, event: CopyScenario) -> State:
+    try:
+        model, name = copied(state.model, named(state))
+    except (Refusal, pg.PgraphError) as problem:
+        return told(state, event.client, Notice("Not done", str(problem), bad=True))
+    return chosen(_done(state, event.client, lambda: model, f"duplicate {name}"), name)
+
+
+@dataclass(frozen=True)
+class DeleteScenario(FromPage):
+    """The model without the scenario."""
+
+
+@on(DeleteScenario)
+def delete_scenario(state: State, event: DeleteScenario) -> State:
+    def make() -> pg.Model:
+        return state.model.remove(named(state), kind="scenario")
+
+    after = _done(state, event.client, make, f"delete {state.request.scenario}")
+    if after.model is state.model:
+        return after
+    left = after.model.scenarios
+    return chosen(after, left[0].name) if left else replace(after, request=Request())
+
+
+@dataclass(frozen=True)
+class EditScenario(FromPage):
+    """Cells of one field were typed into."""
+
+    serial: int
+    field: Text
+    entries: Entries
+
+
+@on(EditScenario)
+def edited(state: State, event: EditScenario) -> State:
+    display = display_of(state, event.client)
+
+    def make() -> pg.Model:
+        model = state.model
+        for index, text in event.entries:
+            name = named(state)
+            try:
+                model = changed(model, name, event.field, index, text, display)
+            except Refusal as refusal:
+                raise Refusal(f"The {event.field.replace('t_end', 'duration')} {refusal}") from None
+        return model
+
+    label = f"{event.field} of {state.request.scenario}"
+    return _typed(state, event.client, event.serial, make, label)
+
+
+@dataclass(frozen=True)
+class TakePose(FromPage):
+    """The pose that is shown becomes the scenario's initial state, or the model's own again."""
+
+    shown: bool
+
+
+@on(TakePose)
+def take_pose(state: State, event: TakePose) -> State:
+    def make() -> pg.Model:
+        name = named(state)
+        if not event.shown:
+            return put(state.model, name, q={}, v={})
+        q, v = solving.shown_q(state), solving.shown_v(state)
+        posed = solving.with_initial(state.model, q, v)
+        moves = [body for body in posed.bodies if body.q]
+        return put(
+            state.model, name, q={b.name: b.q for b in moves}, v={b.name: b.v for b in moves}
+        )
+
+    return _done(state, event.client, make, f"initial state of {state.request.scenario}")
+
+
+# -- forces --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class AddDrive(FromPage):
+    """A force that acts in this scenario only, on a body."""
+
+    kind: Text
+    body: Text
+
+
+@on(AddDrive)
+def add_drive(state: State, event: AddDrive) -> State:
+    def make() -> pg.Model:
+        name = named(state)
+        draft = as_forces(state.model, state.model.scenario(name))
+        added, _ = parts.added(draft, "forces", event.kind, event.body, parts.GROUND)
+        return with_forces(state.model, name, added)
+
+    if event.kind not in KINDS["forces"] or event.body not in state.model.row:
+        return state
+    return _done(state, event.client, make, f"add {event.kind}")
+
+
+@dataclass(frozen=True)
+class EditDrive(FromPage):
+    """Cells of a force of the scenario were typed into."""
+
+    serial: int
+    name: Text
+    field: Text
+    entries: Entries
+
+
+@on(EditDrive)
+def drive_edited(state: State, event: EditDrive) -> State:
+    display = display_of(state, event.client)
+    d = state.derived
+    at = parts.places(d.names, d.positions, d.wxyz)
+
+    def make() -> pg.Model:
+        name = named(state)
+        draft = as_forces(state.model, state.model.scenario(name))
+        new = parts.changed(draft, "forces", event.name, event.field, event.entries, display, at)
+        return with_forces(state.model, name, new)
+
+    return _typed(state, event.client, event.serial, make, f"{event.field} of {event.name}")
+
+
+@dataclass(frozen=True)
+class DeleteDrive(FromPage):
+    name: Text
+
+
+@on(DeleteDrive)
+def delete_drive(state: State, event: DeleteDrive) -> State:
+    def make() -> pg.Model:
+        name = named(state)
+        draft = as_forces(state.model, state.model.scenario(name))
+        return with_forces(state.model, name, parts.removed(draft, "forces", event.name))
+
+    return _done(state, event.client, make, f"delete {event.name}")
+
+
+# -- switches ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class AddSwitch(FromPage):
+    """One more switch: of that constraint, or of the first. Without a scenario one is made."""
+
+    constraint: Text | None
+
+
+@on(AddSwitch)
+def add_switch(state: State, event: AddSwitch) -> State:
+    if state.request.scenario == FREE_RUN:
+        known = state.model.scenarios
+        if not state.model.constraints:
+            text = "There is no constraint to switch: add one in the tab Constraints."
+            return told(state, event.client, Notice("Not done", text, bad=True))
+        state = chosen(state, known[0].name) if known else _added(state, event.client)
+    make = lambda: with_switch(state.model, named(state), event.constraint)  # noqa: E731
+    return _done(state, event.client, make, "add a switch")
+
+
+@dataclass(frozen=True)
+class EditSwitch(FromPage):
+    """A cell of a switch was set."""
+
+    serial: int
+    number: Number
+    field: Literal["constraint", "active", "what", "watched", "side", "value"]
+    text: Text
+
+
+@on(EditSwitch)
+def switch_set(state: State, event: EditSwitch) -> State:
+    display = display_of(state, event.client)
+
+    def make() -> pg.Model:
+        return switch_edited(
+            state.model, named(state), event.number, event.field, event.text, display
+        )
+
+    return _typed(state, event.client, event.serial, make, "a switch")
+
+
+@dataclass(frozen=True)
+class DeleteSwitch(FromPage):
+    number: Number
+
+
+@on(DeleteSwitch)
+def delete_switch(state: State, event: DeleteSwitch) -> State:
+    make = lambda: without_switch(state.model, named(state), event.number)  # noqa: E731
+    return _done(state, event.client, make, "delete a switch")

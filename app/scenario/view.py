@@ -1,0 +1,163 @@
+"""The scenario tab: the chosen scenario's settings, initial state, forces, switches, events."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import viser
+
+import pgraph_core as pg
+from pgraph_core.model.scenario import METHOD_NAMES
+
+from ..constraints import KINDS, parts
+from ..constraints.view import between, form
+from ..core.bridge import Bridge
+from ..core.cells import Display
+from ..core.state import Client, State
+from ..core.views import Payload, Place, audience
+from ..properties.forms import button, cell, choice, field, group, shown
+from ..run import FREE_RUN
+from . import (
+    OFF,
+    ON,
+    TIME,
+    WAITS,
+    acting,
+    as_forces,
+    names_of,
+    quantities,
+    side_of,
+    unit_of,
+    value_of,
+    waits_of,
+)
+
+MOST_EVENTS = 200  # of the log
+
+
+class ScenarioView:
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+        bridge.host("scenario")
+
+    def render(self, old: State, new: State) -> None:
+        changed = (
+            new.derived is not old.derived
+            or new.request is not old.request
+            or (new.live is None and new.plotted is not old.plotted)
+            or (old.live is None) != (new.live is None)
+        )
+        for client, page in new.clients.items():
+            before = old.clients.get(client, Client())
+            if client in audience(old, new, changed or before.display != page.display):
+                self._bridge.send(client, "scenario", scenario(new, page.display))
+
+
+def scenario(state: State, display: Display) -> Payload:
+    """Everything the tab shows; of a free run only that it is one."""
+    model, name = state.model, state.request.scenario
+    listed = [[s.name, s.name] for s in model.scenarios]
+    found: Payload = {"scenarios": [*listed, [FREE_RUN, "free run"]], "name": name}
+    s = next((s for s in model.scenarios if s.name == name), None)
+    if s is None:
+        return {**found, "none": True}
+    return found | {
+        "none": False,
+        "form": [_settings(s), _initial(model, s, display), *_acting(model, s)],
+        "drives": _drives(state, s, display),
+        "kinds": list(KINDS["forces"].items()),
+        "switches": [_switch(model, x, display) for x in s.switches],
+        "switchable": [c.name for c in model.constraints],
+        "events": events(state),
+    }
+
+
+def _settings(s: pg.Scenario) -> Payload:
+    return group("", [
+        field("name", "Name", [cell((), s.name)], kind="text"),
+        field("description", "About", [cell((), s.description)], kind="text"),
+        field("t_end", "Duration", [cell((), s.t_end)], unit="s"),
+        field("step", "Step", [cell((), s.step)], unit="s"),
+        choice("method", "Method", s.method, METHOD_NAMES.items()),
+    ])  # fmt: skip
+
+
+def _initial(model: pg.Model, s: pg.Scenario, display: Display) -> Payload:
+    """The bodies that start otherwise than the model says, one field for q and one for v."""
+    found = []
+    for row, body in enumerate(model.bodies):
+        if body.name not in s.q and body.name not in s.v:
+            continue
+        out = button("×", "", "starts as the model says", field="bodies", index=[], text=body.name)
+        for name, label in (("q", body.name), ("v", "velocity")):
+            values = getattr(s, name).get(body.name, getattr(body, name))
+            of = quantities(body, name)
+            unit = display.unit(of[0]) if name == "q" and len(set(of)) == 1 else ""
+            row_cells = [cell((row, k), shown(x, of[k], display)) for k, x in enumerate(values)]
+            found.append(
+                field(name, label, row_cells, unit=unit, buttons=[out] if name == "q" else [])
+            )
+    note = "" if found else "every body starts as the model says"
+    more = field("bodies", "+ body", [cell((), "")], kind="names", options=[], note=note,
+                 help="a body that starts otherwise in this scenario")  # fmt: skip
+    return group("Initial state", [*found, more])
+
+
+def _acting(model: pg.Model, s: pg.Scenario) -> list[Payload]:
+    """What is active at the start; nothing where the model has no constraint and no contact."""
+    found = []
+    for name in ("constraints", "contacts"):
+        own = getattr(s, name) is None
+        found += [
+            field(name, part, [cell((i,), ON if on else OFF, implied=own)], kind="choice",
+                  options=[(ON, ON), (OFF, OFF)], help=f"whether {part} acts at the start")
+            for i, (part, on) in enumerate(acting(model, s, name))
+        ]  # fmt: skip
+    return [group("Active at the start", found, False)] if found else []
+
+
+def _drives(state: State, s: pg.Scenario, display: Display) -> list[Payload]:
+    draft = as_forces(state.model, s) if s.forces else state.model
+    of = State(draft, state.request)
+    return [
+        {
+            "name": f.name,
+            "kind": parts.kind_of("forces", f),
+            "between": between(f),
+            "form": form(of, display, "forces", f),
+        }
+        for f in s.forces
+    ]
+
+
+def _switch(model: pg.Model, switch: pg.Switch, display: Display) -> Payload:
+    """One line: which constraint goes on or off, and when."""
+    what, watched = waits_of(switch)
+    unit, value = unit_of(model, switch), value_of(switch)
+    of: Any = unit if unit in ("length", "angle") else "number"
+    return {
+        "constraint": switch.constraint,
+        "active": ON if switch.active else OFF,
+        "what": what,
+        "waits": list(WAITS.items()),
+        "watched": watched,
+        "watchable": names_of(model, what),
+        "side": side_of(switch),
+        "sides": [] if what == TIME else [ON, OFF] if what == "constraint" else ["above", "below"],
+        "value": "" if value is None else shown(value, of, display),
+        "unit": display.unit(of) if of != "number" else unit,
+    }
+
+
+def events(state: State) -> list[Payload]:
+    """The log of the run that is shown: switches first made this tab, contacts stand there too."""
+    if state.live is not None or state.plotted is None:
+        return []
+    found = state.plotted.result.events[:MOST_EVENTS]
+    return [
+        {"t": e.t, "text": f"{e.contact}: {e.before} to {e.after}", "cause": str(e.cause)}
+        for e in found
+    ]
+
+
+VIEWS = (Place(lambda desk: ScenarioView(desk.bridge), 22, "graph", "Scenario", viser.Icon.MOVIE),)
