@@ -29,7 +29,7 @@ CORE_STYLES = ("page", "cells", "forms", "shortcuts")
 Receive = Callable[[int, str], None]
 PICTURE, SHOWN = "time", '{"event":"Shown"'  # topic of each picture; how a page says it has one
 MOST_BEHIND = 2  # pictures that a page has not shown yet
-PATIENCE = 1.0  # [s] without an answer: a page that is hidden holds up nobody
+PATIENCE = 1.0  # [s] between pictures for a page that does not answer: it holds up nobody
 
 
 def open_server(host: str, port: int, token: str | None) -> viser.ViserServer:
@@ -45,7 +45,7 @@ class Bridge:
         self.server = server
         self._receive = receive
         self._behind: dict[int, int] = {}  # by page: pictures sent and not shown
-        self._heard: dict[int, float] = {}  # when each showed one, or had shown all
+        self._heard: dict[int, float] = {}  # when each showed one, or got one that it waits for
         self.shown: Callable[[], None] = lambda: None  # called when a page has shown one
         server._websock_server.queue_message(RunJavascriptMessage(source=static_script()))
 
@@ -91,9 +91,10 @@ class Bridge:
             self._behind.pop(client_id, None)
             return
         if topic == PICTURE:
-            if not self._behind.get(client_id):
+            behind = self._behind.get(client_id, 0)
+            if not 0 < behind < MOST_BEHIND:
                 self._heard[client_id] = time.monotonic()
-            self._behind[client_id] = self._behind.get(client_id, 0) + 1
+            self._behind[client_id] = behind + 1
         self._push(client, topic, data)
 
     def _was_shown(self, client_id: int) -> None:
@@ -102,7 +103,7 @@ class Bridge:
         self.shown()
 
     def ready(self) -> bool:
-        """Whether every page has shown the pictures it got, or does not answer."""
+        """Whether every page has shown the pictures it got, or got none for a while."""
         late = [page for page, n in list(self._behind.items()) if n >= MOST_BEHIND]
         if not late:
             return True

@@ -37,6 +37,7 @@
       const chart = kept.get(`${d.kind}/${d.of}`) ?? newChart(host, d);
       chart.data = d;
       if (d.kind === "poses") strip(chart);
+      chart.box.classList.toggle("many", d.components.length > 0);
       chart.axes.replaceChildren(...d.components.map((component) => make("button", {
         className: "chip-button", textContent: component, "aria-label": `component ${component} of ${d.title}`, "aria-pressed": d.kind.endsWith(`.${component}`),
         onclick: () => send("PlotComponent", { kind: d.kind, of: d.of, component }),
@@ -191,9 +192,10 @@
   }
 
   function legend(chart, entries) {
-    chart.legend.replaceChildren(...entries.map(([name, color, value]) => {
+    chart.legend.replaceChildren(...entries.map(([name, color, value], i) => {
+      const style = ["solid", "dashed", "dotted"][Math.floor(i / SERIES) % DASHES.length];
       const said = value === null ? "" : Number(value.toPrecision(4)).toString();
-      return make("span", { className: "entry" }, Object.assign(make("span", { className: "dash" }), { style: `background:${color}` }), `${name} ${said}`);
+      return make("span", { className: "entry" }, Object.assign(make("span", { className: "dash" }), { style: `border-top-color:${color};border-top-style:${style}` }), `${name} ${said}`);
     }));
   }
 

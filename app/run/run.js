@@ -87,13 +87,20 @@
     for (const which of ["continue", "pose", "ghost"]) $(`.${which}`).hidden = data.earlier && !data.ghost;
     const key = JSON.stringify(data.summary), same = summary.dataset.key === key;
     summary.dataset.key = key;
-    if (!same) summary.replaceChildren(...(data.summary ?? []).flatMap(([what, value, good]) => [
-      make("dt", { textContent: what }), make("dd", { className: good ? "" : "bad" }, folded(value))]));
+    if (!same) {
+      const line = ([what, value, good]) => [make("dt", { textContent: what }), make("dd", { className: good ? "" : "bad", title: value }, folded(value))];
+      const first = ([what, , good]) => FIRST.has(what) || !good, lines = data.summary ?? [], rest = lines.filter((one) => !first(one));
+      const more = make("details", { open: summary.querySelector(".more")?.open ?? false, className: "more" }, make("summary", { textContent: "more" }), make("dl", {}, ...rest.flatMap(line)));
+      summary.replaceChildren(...lines.filter(first).flatMap(line), ...(rest.length ? [more] : []));
+    }
     $(".ghost").textContent = data.ghost ? "No ghost" : "Compare";
     $(".ghost").title = data.ghost ? "Remove the ghost" : "Show this run as a ghost next to the next one";
     $(".ghost").setAttribute("aria-pressed", data.ghost);
     $(".ghost").classList.toggle("on", data.ghost);
   }
+
+  // What is read first; the rest, unless it is bad, is unfolded.
+  const FIRST = new Set(["This run is", "Status", "Error estimate", "Energy drift", "Cost"]);
 
   // A long list is one line until it is asked for.
   function folded(text) {

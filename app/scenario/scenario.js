@@ -12,12 +12,13 @@
         button("delete-scenario", "Delete", "The model without this scenario", () => send("DeleteScenario"))),
       make("p", { className: "muted none", textContent: "A free run has no scenario. A scenario keeps a run with the model: how it starts, what acts in it, and which constraints go on or off when." }),
       make("div", { className: "some" },
-        make("div", { className: "form" }),
+        make("div", { className: "settings-form" }),
+        make("section", { className: "going" }, make("h4", { textContent: "Goes on or off" }), text("div", "empty"),
+          button("small add-switch", "+ Switch", "A constraint goes on or off: at a time, or when something crosses a value", () => send("AddSwitch", { constraint: null }))),
+        make("div", { className: "start-form" }),
         make("div", { className: "poses" },
           button("small take-pose", "Take the pose shown", "The pose and the speeds that are shown become the initial state of this scenario", () => send("TakePose", { shown: true })),
           button("small no-pose", "As the model", "The scenario starts as the model says", () => send("TakePose", { shown: false }))),
-        make("section", { className: "switches" }, make("h4", { textContent: "Goes on or off" }), text("div", "empty"),
-          button("small add-switch", "+ Switch", "A constraint goes on or off: at a time, or when something crosses a value", () => send("AddSwitch", { constraint: null }))),
         make("section", { className: "drives" }, make("h4", { textContent: "Forces and motors of this scenario" }), text("div", "empty"), drive()),
         make("section", { className: "log", hidden: true }, make("h4", { textContent: "Events of the run" }), make("ol", { className: "falls" })))));
   }
@@ -44,12 +45,14 @@
     $(".some").hidden = data.none;
     $(".copy-scenario").disabled = $(".delete-scenario").disabled = data.none;
     if (data.none) return;
-    forms.draw($(".form"), data.form, {
+    const ask = {
       edit: (field, entries, serial) => send("EditScenario", { serial, field, entries }),
       press: (b) => send("EditScenario", { serial: pgraph.nextSerial(), field: b.fields.field, entries: [[b.fields.index, b.fields.text]] }),
-    }, data.name);
+    };
+    forms.draw($(".settings-form"), data.form, ask, String(data.row));
+    forms.draw($(".start-form"), data.start, ask, String(data.row));
     $(".add-drive").pgraphFill();
-    switches($(".switches"), data);
+    switches($(".going"), data);
     drives($(".drives"), data);
     log($(".log"), data.events);
   }
@@ -99,15 +102,18 @@
     const empty = box.querySelector(".empty");
     empty.textContent = "none besides those of the model";
     empty.hidden = data.drives.length > 0;
-    pgraph.keyed(box, data.drives, () => {
-      const el = make("div", { className: "tie open" });
-      el.append(make("div", { className: "line" }, make("span", { className: "title" }, make("strong"), make("span", { className: "between" }), make("span", { className: "kind" })),
+    const known = new Set([...box.querySelectorAll(".tie")].map((el) => el.dataset.name)), first = !known.size;
+    pgraph.keyed(box, data.drives, (item) => {
+      const el = make("div", { className: "tie" });
+      const open = (on) => { el.classList.toggle("open", on); el.querySelector(".form").hidden = !on; el.querySelector(".title").setAttribute("aria-expanded", String(on)); };
+      el.append(make("div", { className: "line" }, make("button", { className: "title", onclick: () => open(!el.classList.contains("open")) }, make("strong"), make("span", { className: "between" }), make("span", { className: "kind" })),
         button("small delete-tie", "×", "Delete", () => send("DeleteDrive", { name: el.dataset.name }))), make("div", { className: "form" }));
+      open(!first && !known.has(item.name)); // what was just added is there to be set
       return el;
     }, (el, item) => {
       for (const [part, value] of [["strong", item.name], [".between", item.between], [".kind", item.kind]]) el.querySelector(part).textContent = value;
       const edit = (field, entries, serial) => send("EditDrive", { serial, name: el.dataset.name, field, entries });
-      forms.draw(el.querySelector(".form"), item.form, { edit, press: (b) => { if (b.event !== "Pick") edit(b.fields.field, [[b.fields.index, b.fields.text]], pgraph.nextSerial()); } }, "drive");
+      forms.draw(el.querySelector(".form"), item.form, { edit, press: (b) => edit(b.fields.field, [[b.fields.index, b.fields.text]], pgraph.nextSerial()) }, "drive");
     });
   }
 

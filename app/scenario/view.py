@@ -63,7 +63,9 @@ def scenario(state: State, display: Display) -> Payload:
         return {**found, "none": True}
     return found | {
         "none": False,
-        "form": [_settings(s), _initial(model, s, display), *_acting(model, s)],
+        "row": model.scenarios.index(s),
+        "form": [_settings(s)],
+        "start": [_initial(model, s, display), *_acting(model, s)],
         "drives": _drives(state, s, display),
         "kinds": list(KINDS["forces"].items()),
         "switches": [_switch(model, x, display) for x in s.switches],
@@ -124,10 +126,17 @@ def _drives(state: State, s: pg.Scenario, display: Display) -> list[Payload]:
             "name": f.name,
             "kind": parts.kind_of("forces", f),
             "between": between(f),
-            "form": form(of, display, "forces", f),
+            "form": _without_picking(form(of, display, "forces", f)),
         }
         for f in s.forces
     ]
+
+
+def _without_picking(groups: list[Payload]) -> list[Payload]:
+    """A form without buttons that ask for a click on a body: those are for the model."""
+    for f in (f for g in groups for f in g["fields"]):
+        f["buttons"] = [b for b in f["buttons"] if b["event"] != "Pick"]
+    return groups
 
 
 def _switch(model: pg.Model, switch: pg.Switch, display: Display) -> Payload:

@@ -12,11 +12,16 @@ from pgraph_app.core.state import initial
 from pgraph_app.features import update
 from pgraph_app.plots import (
     KINDS,
+    MANY,
     POINTS,
+    POSES,
     Signal,
+    components,
     curves,
     of_body,
     of_scene,
+    of_several,
+    strip,
     thinned,
     title,
     unit,
@@ -25,6 +30,8 @@ from pgraph_app.plots.update import Plot
 from pgraph_app.plots.view import plots, signals
 from pgraph_app.run.update import Compare, Simulate, Simulated
 from pgraph_app.session.update import Connected
+from pgraph_core.show.picture import pictures
+from pgraph_core.show.shapes import to_matrix
 
 pytestmark = pytest.mark.fast
 
@@ -65,7 +72,38 @@ def test_titles_read_like_words():
     assert title(Signal("joint_torque", "knee")) == "joint torque of knee"
     assert title(Signal("constraint_force", "loop")) == "force of loop"
     assert title(Signal("energy", "")) == "energy"
-    assert all(kind.unit for kind in KINDS.values())
+    assert title(Signal("velocity.z", "knee\nankle")) == "velocity z of 2 bodies"
+    assert all(kind.unit for name, kind in KINDS.items() if name != POSES)
+
+
+def test_one_component_of_many_bodies_is_one_chart_as_figs_11_and_12(run):
+    """Every body in one chart, in its own column of the run; the others' components on demand."""
+    names = list(run.mechanism.names)
+    signal = Signal("angular_acceleration.z", MANY.join(names))
+    found = curves(run, signal)
+    assert [curve.label for curve in found] == names
+    for k, curve in enumerate(found):
+        assert curve.y == run.body_acceleration[:, k, 2].tolist()
+    assert components(run, signal) == ["x", "y", "z"]
+    assert unit(run.mechanism.model, signal) == "rad/s²"
+    assert of_several(run.mechanism.model, names[:2])[0].component == "1"
+
+
+def test_six_poses_over_the_run_share_one_scale_as_fig_10(run):
+    found = strip(run)
+    assert [t for t, _ in found] == pytest.approx(np.linspace(run.t[0], run.t[-1], 6).tolist())
+    alone = pictures(run.mechanism.model, *_tree(run), [_pose(run, 0)])[0]
+    assert found[0][1].count("<polygon") == alone.count("<polygon") > 10
+    assert found[0][1] != found[-1][1]
+
+
+def _tree(run):
+    top = run.mechanism.topology
+    return tuple(top.parent.tolist()), tuple(top.names)
+
+
+def _pose(run, frame):
+    return run.body_pose[frame, :, :3], to_matrix(run.body_pose[frame, :, 3:])
 
 
 @pytest.mark.parametrize(
