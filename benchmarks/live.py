@@ -143,7 +143,8 @@ def main() -> None:
     from playwright.sync_api import sync_playwright
 
     server = serve(pg.Model.load(pgraph_models.path("quadruped_hips")), port=0, open_browser=False)
-    print(f"{machine()}; {given.busy} processes that only count\n")
+    about = ", ".join(f"{key} {value}" for key, value in machine().items())
+    print(f"{about}; {given.busy} processes that only count\n")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=browser_path(), args=list(FLAGS))
         page = browser.new_page(viewport=VIEWPORT)

@@ -45,7 +45,7 @@
       return chart;
     });
     host.querySelector(".charts").replaceChildren(...charts.map((c) => c.box));
-    for (const chip of host.querySelectorAll(".chip-button")) {
+    for (const chip of host.querySelectorAll(".chips .chip-button")) {
       chip.setAttribute("aria-pressed", shown(chip.dataset.kind, chip.dataset.of));
     }
     paintAll(host);

@@ -56,12 +56,13 @@ def put(model: pg.Model, name: str, /, **fields: Any) -> pg.Model:
 
 def quantities(body: pg.Body, field: str) -> list[Quantity]:
     """What each number of a joint's q measures; rates are in SI units."""
+    kinds: dict[str, Quantity] = {"rotate": "angle", "translate": "length"}
+    counts = {"ball": (4, 3), "free": (7, 6)}
     found: list[Quantity] = []
     for motion in body.sequence:
-        kind: Quantity = {"rotate": "angle", "translate": "length"}.get(motion.kind, "number")  # type: ignore[assignment]
-        count = {"rotate": (1, 1), "translate": (1, 1), "ball": (4, 3)}.get(motion.kind, (7, 6))
-        found += [kind] * count[field == "v"]
-    return found if field == "q" else ["number"] * len(found)
+        count = counts.get(motion.kind, (1, 1))[field == "v"]
+        found += [kinds.get(motion.kind, "number") if field == "q" else "number"] * count
+    return found
 
 
 def changed(

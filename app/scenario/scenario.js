@@ -13,13 +13,13 @@
       make("p", { className: "muted none", textContent: "A free run has no scenario. A scenario keeps a run with the model: how it starts, what acts in it, and which constraints go on or off when." }),
       make("div", { className: "some" },
         make("div", { className: "settings-form" }),
-        make("section", { className: "going" }, make("h4", { textContent: "Goes on or off" }), text("div", "empty"),
+        make("section", { className: "going" }, make("h4", { textContent: "Goes on or off" }), text("div", "empty"), text("div", "rows"),
           button("small add-switch", "+ Switch", "A constraint goes on or off: at a time, or when something crosses a value", () => send("AddSwitch", { constraint: null }))),
         make("div", { className: "start-form" }),
         make("div", { className: "poses" },
           button("small take-pose", "Take the pose shown", "The pose and the speeds that are shown become the initial state of this scenario", () => send("TakePose", { shown: true })),
           button("small no-pose", "As the model", "The scenario starts as the model says", () => send("TakePose", { shown: false }))),
-        make("section", { className: "drives" }, make("h4", { textContent: "Forces and motors of this scenario" }), text("div", "empty"), drive()),
+        make("section", { className: "drives" }, make("h4", { textContent: "Forces and motors of this scenario" }), text("div", "empty"), text("div", "rows"), drive()),
         make("section", { className: "log", hidden: true }, make("h4", { textContent: "Events of the run" }), make("ol", { className: "falls" })))));
   }
 
@@ -63,7 +63,7 @@
     empty.textContent = data.switchable.length ? "nothing is switched during the run" : "there is no constraint to switch";
     empty.hidden = data.switches.length > 0;
     add.disabled = !data.switchable.length;
-    pgraph.keyed(box, data.switches.map((item, i) => ({ ...item, name: String(i) })), line, fill);
+    pgraph.keyed(box.querySelector(".rows"), data.switches.map((item, i) => ({ ...item, name: String(i) })), line, fill);
   }
 
   function line() {
@@ -103,7 +103,7 @@
     empty.textContent = "none besides those of the model";
     empty.hidden = data.drives.length > 0;
     const known = new Set([...box.querySelectorAll(".tie")].map((el) => el.dataset.name)), first = !known.size;
-    pgraph.keyed(box, data.drives, (item) => {
+    pgraph.keyed(box.querySelector(".rows"), data.drives, (item) => {
       const el = make("div", { className: "tie" });
       const open = (on) => { el.classList.toggle("open", on); el.querySelector(".form").hidden = !on; el.querySelector(".title").setAttribute("aria-expanded", String(on)); };
       el.append(make("div", { className: "line" }, make("button", { className: "title", onclick: () => open(!el.classList.contains("open")) }, make("strong"), make("span", { className: "between" }), make("span", { className: "kind" })),
