@@ -62,6 +62,7 @@ class Live:
     running: bool = True
     parts: tuple[Any, ...] = ()  # results, one after the other; old ones are joined
     joined: tuple[int, ...] = ()  # of each part, how often it was made of several
+    taken: int = 0  # parts so far
     pace: float = 1.0  # its speed over the one asked for
     falls: tuple[Change, ...] = ()  # what its feet did
 

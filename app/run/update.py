@@ -250,6 +250,7 @@ def advanced(state: State, event: Advanced) -> State:
         live,
         parts=parts,
         joined=joined,
+        taken=live.taken + 1,
         pace=event.pace,
         falls=(*live.falls, *changes(part, live.falls))[-MOST_FALLS:],
     )

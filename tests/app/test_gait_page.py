@@ -49,7 +49,7 @@ def slide(page: Any, speed: float) -> None:
 
 def parts(served: Server) -> int:
     live = served.store.state.live
-    return 0 if live is None else len(live.parts)
+    return 0 if live is None else live.taken
 
 
 def best_rate(served: Server, page: Any, seconds: float) -> float:
@@ -107,7 +107,8 @@ def test_the_trot_plays_while_its_speed_is_moved_then_pauses_scrubs_and_is_kept(
     until(lambda: at_rest(served, page), "the part under way at the pause")
     end, sent = served.store.state.t_end, parts(served)
     until(lambda: page.evaluate("pgraph.latest.time[2]") == end, "all of it on the page")
-    assert page.evaluate("window.times.size") >= 0.8 * (sent - before)
+    assert sent > before + 100
+    assert page.evaluate("window.times.size") > 5  # the newest ones: as many as it can draw
     box = page.locator("canvas.bars").bounding_box()
     page.mouse.click(box["x"] + box["width"] / 3, box["y"] + 5)
     until(lambda: served.store.state.playback.time < end - 0.5, "an earlier time")
