@@ -61,7 +61,8 @@ def quantities(body: pg.Body, field: str) -> list[Quantity]:
     found: list[Quantity] = []
     for motion in body.sequence:
         count = counts.get(motion.kind, (1, 1))[field == "v"]
-        found += [kinds.get(motion.kind, "number") if field == "q" else "number"] * count
+        kind: Quantity = kinds.get(motion.kind, "number") if field == "q" else "number"
+        found.extend(kind for _ in range(count))
     return found
 
 
