@@ -33,7 +33,7 @@ def double_pendulum() -> tuple[pg.Model, float]:
     return pg.Model(bodies=bodies, gravity=(0, -9.81, 0), up="y"), 2.6
 
 
-SETTINGS = (("gauss6", 12), ("rk4", 48), ("semi_implicit_euler", 48))  # steps a period
+SETTINGS = (("gauss6", 10), ("rk4", 48), ("semi_implicit_euler", 48))  # steps a period
 SCENES = {"pendulum": (pendulum, 1.0), "double pendulum": (double_pendulum, 0.1)}
 
 
