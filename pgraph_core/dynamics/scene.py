@@ -75,13 +75,16 @@ class Scene(Unportable):
         imposed = address_of(motion.constrain) if len(self.blocks.blocks_i) else 0
         links = self.touching.links if self.touching else Links()
         self.space = workspace(packed.rows, packed.nq, packed.nv, self.blocks, active, contacts)
-        self.activate(active)
+        self._spans: list[tuple[str, int, int]] = []
+        if len(self.blocks.blocks_i):
+            self.activate(active)
         tables = arrays.Blocks(*self.blocks[2:], self.active)
         if user is not None:
             user.join(packed, self.work)
         acts = NO_USER if user is None else User(user.address, user.exchange, user.answer)
-        rows, const = packed.tree  # its own copy: contacts count stiff drives as inertia
-        const = const.copy() if contacts else const
+        rows, const = packed.rows, packed.const
+        if contacts:  # which count stiff drives as inertia
+            const = const.copy()
         self._kept = arrays.Scene(
             rows, const, drives, loads, tables, self.work, self.space, gains, self.given, acts,
             links._replace(constraints=imposed),
@@ -116,6 +119,11 @@ class Scene(Unportable):
     def switch(self, constraints: Ints) -> None:
         """Activate these constraints in a run under way."""
         self.activate(constraints)
+
+    @property
+    def remembers(self) -> bool:
+        """Whether contacts or constraints keep something from one evaluation to the next."""
+        return self.touching is not None or len(self.blocks.blocks_i) > 0
 
     @property
     def held(self) -> int:
@@ -301,9 +309,10 @@ def workspace(
     contacts: Tables | None,
 ) -> Workspace:
     """Workspace of the constraint kernels, for as many rows as may be active at once."""
-    count, n = len(blocks.blocks_i), len(rows)
-    chosen = [b for i in active.tolist() for b in range(blocks.first[i], blocks.first[i + 1])]
-    m = most = int(blocks.blocks_i[chosen, at.B_SIZE].sum())
+    count, n, m = len(blocks.blocks_i), len(rows), 0
+    for i in active.tolist():
+        m += int(blocks.blocks_i[blocks.first[i] : blocks.first[i + 1], at.B_SIZE].sum())
+    most = m
     if contacts is not None:
         most = m + len(contacts.limits) + 3 * contacts.room * (2 if contacts.turns else 1)
     m = -(-m // 3) * 3  # whole blocks of three

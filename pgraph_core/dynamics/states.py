@@ -48,17 +48,15 @@ def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
     Motions are (n, nq), `rows` those of the mechanism's joints. Attitudes differ by an angle.
     """
     kinds, places = rows[1:, at.KIND], rows[1:, at.QI]
+    apart = np.abs(q - other)
+    if not kinds.any():  # hinges alone
+        return apart.max(axis=1, initial=0.0), np.zeros(len(q))
     free = places[kinds == at.FREE]
     slides = np.concatenate([places[kinds == at.TRANSLATE], free, free + 1, free + 2])
-    balls = places[~np.isin(kinds, (at.ROTATE, at.TRANSLATE, at.FREE))]
-    turned = _largest(q, other, places[kinds == at.ROTATE])
-    for i in (*balls.tolist(), *(free + 3).tolist()):
+    turned = apart[:, places[kinds == at.ROTATE]].max(axis=1, initial=0.0)
+    for i in (*places[kinds == at.BALL].tolist(), *(free + 3).tolist()):
         turned = np.maximum(turned, angles(q[:, i : i + 4], other[:, i : i + 4]))
-    return turned, _largest(q, other, slides)
-
-
-def _largest(q: Array, other: Array, columns: Ints) -> Array:
-    return np.abs(q[:, columns] - other[:, columns]).max(axis=1, initial=0.0)
+    return turned, apart[:, slides].max(axis=1, initial=0.0)
 
 
 def length_of(packed: Packed) -> float:

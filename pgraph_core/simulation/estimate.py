@@ -20,17 +20,19 @@ from ..dynamics.states import differences
 from ..packing.system import Array
 from .options import LEAST_RTOL
 from .plan import STIFF, Plan, fastest_rate
-from .recording import Estimate, Progress, Recording
+from .recording import Estimate, Recording
 
 LOOSER = 32.0  # ratio of the tolerances of two runs
 COMPARED = 65  # frames at most, where frames cost time of their own
 PARTED = 0.3  # rad, or of the motion's length: beyond it, errors no longer add up
+FAR = 3.0  # of that: chance makes such differences in chaotic motion
+CLOSER = 1.25  # factor between the ratio that is seen there and the one that the order promises
 CLOSE = 0.3  # of that: where a coarser run has parted already
 LEAST_DIVISOR = 0.4  # of the difference: runs whose errors do not shrink at all
 NARROWER = 0.7  # of the steps: a run that takes more of them is the same run
 DOUBTED = 0.25  # of the ratio that the order promises
 VISIBLE = 1e-3  # rad, or of the motion's length: an error that a person sees
-FEW = 100  # steps: twice as many cost little more, and tell the error itself
+FEW = 50  # steps of a coarser run: a finer one costs little then, and tells the error itself
 ONE_EACH = 1.5  # steps a frame: fewer are those that frames ask for
 CHAOTIC = 4.0  # e-folds in the second half of the time: more than powers of time make
 FITTED = 8  # points of a rate
@@ -59,62 +61,76 @@ def estimable(tau: object) -> bool:
     return not callable(tau) or hasattr(tau, "acting") or isinstance(tau, Dispatcher)
 
 
-def error_estimate(record: Recording, q: Array, v: Array, progress: Progress) -> Estimate:
+def error_estimate(record: Recording, asked: bool | None) -> Estimate:
     """The largest error of q over the recorded times, from coarser runs.
 
-    Where tables bend inside fixed steps, the error depends on where in the step they do: the
-    estimate adds the difference to a run whose steps end there.
+    `asked` is None where a function that gives torques is not to be called again. Where there is
+    no estimate, the run's message says why.
     """
-    if record.plan.times[-1] == record.plan.times[0]:  # no step was made
-        return Estimate(0.0, before=0.0)
-    if record.ended.over:
+    if not record.ended.ok or asked is False:
+        return Estimate()
+    if asked is None and not estimable(record.tau):
+        found = Estimate(why=UNKNOWN)
+    elif record.ended.over:
         record.plan = _until(record.plan, float(record.steps.control["time"]))
-        if len(record.plan.times) < 2:
-            return Estimate(why=SHORT)
-    if len(record.plan.times) < 2:
+        found = _estimated(record) if len(record.plan.times) > 1 else Estimate(why=SHORT)
+    else:
+        found = _estimated(record)
+    if found.why:
+        record.ended.message += f"; {found.why}"
+    return found
+
+
+def _estimated(record: Recording) -> Estimate:
+    """The estimate of a run that has reached its end.
+
+    Where tables bend inside fixed steps, the error depends on where in the step they do: the
+    difference to a run whose steps end there is added. Where runs part and frames are few, runs
+    with more of them show when.
+    """
+    plan, corners = record.plan, 0.0
+    if len(plan.times) < 2 or plan.times[-1] == plan.times[0]:
         return Estimate(0.0, before=0.0)  # the initial state alone
-    if len(record.plan.kinks) == 0:
-        return _located(record, q, v, progress)
-    bent = _again(record, _onto_corners(record.plan), q, v, progress)
-    if not bent.ended.ok:
-        return Estimate(why=FAILS)
-    found = _located(bent, q, v, progress)
-    corners = float(_apart(bent, record, record.plan.times).largest[-1])
-    return found._replace(largest=found.largest + corners, before=found.before + corners)
+    if len(plan.kinks):
+        bent = record.again(_onto_corners(plan))
+        if not bent.ended.ok:
+            return Estimate(why=FAILS)
+        corners = float(_apart(bent, record, plan.times).largest[-1])
+        record = bent
+    found = _by_coarser(record)
+    if np.isinf(found.largest) and len(record.plan.times) < COMPARED // 2:
+        shown = record.again(_with_frames(record.plan))
+        found = _by_coarser(shown) if shown.ended.ok else found
+    if corners:
+        return found._replace(largest=found.largest + corners, before=found.before + corners)
+    return found
 
 
-def _located(record: Recording, q: Array, v: Array, progress: Progress) -> Estimate:
-    """The estimate; where runs part and frames are few, from runs that show where they do."""
-    found = _compared(record, q, v, progress)
-    few = len(record.plan.times) < COMPARED // 2
-    if not (few and np.isinf(found.largest)):
-        return found
-    shown = _again(record, _with_frames(record.plan), q, v, progress)
-    return _compared(shown, q, v, progress) if shown.ended.ok else found
-
-
-def _compared(record: Recording, q: Array, v: Array, progress: Progress) -> Estimate:
+def _by_coarser(record: Recording) -> Estimate:
     """The estimate from two coarser runs; where they do not tell, from a finer one."""
     plan, steps = record.plan, record.steps.counters["steps"]
     if not (_dense(plan) or plan.step) and steps < ONE_EACH * len(plan.times):
-        return _by_finer(record, None, q, v, progress)
-    coarse = _wider(record, 2, q, v, progress)
+        return _by_finer(record)
+    factor = 3 if plan.method.order <= 2 else 2
+    wider = _coarser(plan, factor)
+    coarse = record.again(wider) if wider is not None else None
     if coarse is not None and not coarse.ended.ok:
         if plan.contact_points or STIFF in "".join(plan.notices):
             return Estimate(why=FAILS)
         coarse = None
-    if coarse is None or not _wide(coarse, record):
-        return _by_finer(record, None, q, v, progress)
-    near, ratio = _apart(record, coarse, coarse.plan.times), _ratio(record, coarse)
-    if steps < FEW:
-        return _by_finer(record, (near, ratio), q, v, progress)
+    if wider is None or coarse is None or not _wide(coarse, record):
+        return _by_finer(record)
+    near, ratio = _apart(record, coarse, wider.times), _ratio(record, coarse)
+    if steps < FEW * factor:
+        return _by_finer(record, (near, ratio))
     uneven = len(plan.kinks) > 0 or len(plan.contact_points) > 0  # no two steps are alike
-    wide = None if uneven else _wider(record, 4, q, v, progress)
+    widest = None if uneven else _coarser(wider, factor)
+    wide = record.again(widest) if widest is not None else None
     if wide is not None and not wide.ended.ok:  # wider steps are beyond what the order holds for
-        return _by_finer(record, (near, ratio), q, v, progress)
+        return _by_finer(record, (near, ratio))
     far, promised, held = None, np.nan, 1.0
-    if wide is not None and _wide(wide, coarse):
-        far = _apart(coarse, wide, np.intersect1d(coarse.plan.times, wide.plan.times))
+    if wide is not None and widest is not None and _wide(wide, coarse):
+        far = _apart(coarse, wide, widest.times)
         promised = (_ratio(record, wide) - ratio) / (ratio - 1.0)
         seen = _seen(near, far)
         held = seen / promised if seen == seen else float(near.largest[-1] == 0.0)
@@ -129,27 +145,21 @@ def _compared(record: Recording, q: Array, v: Array, progress: Progress) -> Esti
         erratic = chosen and (far_off or _growth(near, parted) > 0.0)
         if not erratic and (held > DOUBTED or near.share[-1] * PARTED < VISIBLE):
             return Estimate(float(errors[-1]), before=float(errors[-1]))
-        return _by_finer(record, (near, ratio), q, v, progress)
+        return _by_finer(record, (near, ratio))
     last, rate = max(parted - 1, 0), _growth(near, parted)
     within = rate * (near.t[-1] - near.t[last]) < np.log(ratio) + 1.0
     if within and not plan.contact_points:
-        return _by_finer(record, (near, ratio), q, v, progress)
+        return _by_finer(record, (near, ratio))
     return _known_until(near, errors, last, rate)
 
 
-def _by_finer(
-    record: Recording,
-    coarser: tuple[_Apart, float] | None,
-    q: Array,
-    v: Array,
-    progress: Progress,
-) -> Estimate:
+def _by_finer(record: Recording, coarser: tuple[_Apart, float] | None = None) -> Estimate:
     """The estimate from a run at narrower steps: dearer, and right where errors are large too.
 
     `coarser` is how far a coarser run is apart, and the ratio of errors that its steps promise.
     """
     plan = record.plan
-    finer = _again(record, _narrowed(plan), q, v, progress)
+    finer = record.again(_narrowed(plan))
     if not finer.ended.ok:
         return Estimate(why=FAILS)
     apart = _apart(finer, record, plan.times)
@@ -180,12 +190,15 @@ def _by_finer(
 
 def _apart(one: Recording, other: Recording, times: Array) -> _Apart:
     """How far apart two runs are at times that both record."""
-    a, b = (r.out.q[np.searchsorted(r.plan.times, times)] for r in (one, other))
+    a = one.out.q[np.searchsorted(one.plan.times, times)]
+    b = other.out.q[np.searchsorted(other.plan.times, times)]
     rows = one.mech.packed.rows
     turned, moved = differences(rows, a, b)
+    largest = np.maximum.accumulate(np.maximum(turned, moved))
+    if not moved.any():
+        return _Apart(times, largest, largest / PARTED)
     _, slid = differences(rows, np.broadcast_to(a[:1], a.shape), a)
     size = max(one.plan.length, float(slid.max(initial=0.0))) or 1.0
-    largest = np.maximum.accumulate(np.maximum(turned, moved))
     share = np.maximum.accumulate(np.maximum(turned, moved / size)) / PARTED
     return _Apart(times, largest, share)
 
@@ -238,7 +251,7 @@ def _parted(near: _Apart, far: _Apart | None, promised: float) -> int:
     among = np.searchsorted(near.t, far.t)
     counted = near.share[among] > 0.1
     ratio = far.largest[counted] / near.largest[among][counted] / promised
-    slack = min(3.0, np.sqrt(promised + 1.0))
+    slack = min(3.0, np.sqrt(promised + 1.0)) if near.share[-1] < FAR else CLOSER
     if len(ratio) > 2 and np.all((ratio > 1.0 / slack) & (ratio < slack)):
         return len(near.t)
     return parted
@@ -310,21 +323,6 @@ def _closed(record: Recording) -> float:
 # -- the runs ------------------------------------------------------------------------------------
 
 
-def _again(record: Recording, plan: Plan, q: Array, v: Array, progress: Progress) -> Recording:
-    """The run of another plan."""
-    again = type(record)(record.mech, plan, q, v, record.tau)
-    again.run(progress and (lambda _: progress(1.0)))
-    return again
-
-
-def _wider(
-    record: Recording, factor: int, q: Array, v: Array, progress: Progress
-) -> Recording | None:
-    """The run at `factor` times wider steps; None where there are too few."""
-    plan = _coarser(record.plan, factor)
-    return plan and _again(record, plan, q, v, progress)
-
-
 def _until(plan: Plan, end: float) -> Plan:
     """The part of a plan before a time."""
     count = int(np.searchsorted(plan.times, end))
@@ -344,7 +342,7 @@ def _wide(coarse: Recording, fine: Recording) -> bool:
 
 @lru_cache(maxsize=32)
 def _coarser(plan: Plan, factor: int) -> Plan | None:
-    """The same run at 2 or 4 times wider steps, or looser tolerances; None for too few steps."""
+    """The same run at `factor` times wider steps, or LOOSER tolerances; None for too few steps."""
     count, given = len(plan.times), plan.tolerance
     cuts = np.searchsorted(plan.times, [*(change.t for change in plan.changes), *plan.kinks])
     if given is None:
@@ -359,8 +357,7 @@ def _coarser(plan: Plan, factor: int) -> Plan | None:
             return None
         changed = given._replace(widest=factor * given.widest)
     else:
-        times = LOOSER if factor == 2 else LOOSER**2
-        changed = given._replace(rtol=times * given.rtol, atol=times * given.atol)
+        changed = given._replace(rtol=LOOSER * given.rtol, atol=LOOSER * given.atol)
         if given.widest < plan.times[-1] - plan.times[0]:
             changed = changed._replace(widest=factor * given.widest)
     few = np.linspace(0, count - 1, min(some, count)).astype(int)

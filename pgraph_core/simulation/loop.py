@@ -25,6 +25,7 @@ from .plan import Plan
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
 NO_CORNERS = np.zeros(0)
 NO_EVENTS = np.zeros(0, dtype=np.int64)
+NO_LIMIT = 2**63 - 1  # of steps
 MANY = 2**62  # steps to the next frame where none is recorded
 PART = 0.25  # of a step that could not be solved: the first width that is tried
 TURNED = 0.03  # of √rtol: slow slip is turned no faster than explicit steps can follow
@@ -61,8 +62,8 @@ class Steps:
         control["jacobian_rate"], control["jacobian_time"] = np.inf, np.nan
         control["span"] = self.times[-1] - self.times[0]
         if given is None:
-            control["widths"], control["most"] = GIVEN, np.iinfo(np.int64).max
-            control["turning"] = plan.width.max(initial=0.0)
+            control["widths"], control["most"] = GIVEN, NO_LIMIT
+            control["turning"] = plan.step
             control["rtol"] = FIXED_RTOL if plan.method.implicit else 0.0
             return
         control["widths"] = WIDEST if given.fixed else CHOSEN
@@ -82,11 +83,13 @@ class Steps:
         matrices = _matrices(len(self.v)) if method.implicit else NO_MATRICES
         corners = NO_CORNERS if self.tolerance is None else self.tolerance.corners
         self.links = links
+        values = np.zeros(len(wanted) + 1)
+        values[-1] = user
         self._kept = Run(
             scene, links, Coefficients(*method.tableau), _method(method.name), self.times,
             plan.substeps.copy(), plan.width.copy(), corners, self.stages, *matrices,
-            self.control_table, self.counters_table, np.zeros(3), watched, np.zeros_like(wanted),
-            wanted, np.append(np.zeros(len(wanted)), float(user)), self.frames,
+            self.control_table, self.counters_table, np.zeros(3), watched,
+            np.zeros(len(wanted), dtype=np.int64), wanted, values, self.frames,
         )  # fmt: skip
         state.save_run(self._buffer, unnamed(self._kept))
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +27,7 @@ from ..engine.stepping import stiffness
 from ..errors import InputError, Problem
 from ..integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
-from ..model import Contact, Scenario
+from ..model import Contact, Force, Scenario
 from ..packing.forces import NO_LOADS
 from ..packing.system import Array, Drives, Ints, Loads
 from .conditions import ConditionOf, conditions_of
@@ -38,6 +39,7 @@ from .options import (
     frame_times,
     positive,
     steps_between,
+    with_marks,
 )
 from .switches import Change, ever, switch_changes, switches_of, with_instants
 
@@ -94,7 +96,7 @@ class Plan:
     notices: tuple[str, ...] = ()
     header: Mapping[str, Any] = field(default_factory=dict)  # of the result
 
-    @property
+    @cached_property
     def step(self) -> float | None:
         """Width of the steps [s]; None where the method chooses them."""
         if self.tolerance is None:
@@ -153,13 +155,14 @@ def with_contacts(plan: Plan) -> Plan:
 
 
 def _bytes(q: Any, v: Any) -> tuple[Any, Any]:
-    def bytes_of(x: Any) -> Any:
-        try:
-            return None if x is None else np.asarray(x, dtype=float).tobytes()
-        except (TypeError, ValueError):
-            return None  # refused where it is used
+    return _bytes_of(q), _bytes_of(v)
 
-    return bytes_of(q), bytes_of(v)
+
+def _bytes_of(x: Any) -> Any:
+    try:
+        return None if x is None else np.asarray(x, dtype=float).tobytes()
+    except (TypeError, ValueError):
+        return None  # refused where it is used
 
 
 def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Plan, bool]:
@@ -192,86 +195,109 @@ def _plan_with(
     extra = o.checked_forces(mech)
     o.check()
     _check_sizes(mech)
-    span, name = o.span(given), o.method_name(given)
-    forces = (*mech.model.forces, *(given.forces if given else ()), *extra)
-    drives, loads = mech.packed.drives(forces), mech.packed.loads(forces)
-    active, changes = switch_changes(mech, given, o.switches, active_constraints(mech, given), span)
-    waiting = conditions_of(mech, switches_of(mech, given, o.switches, span), contacts)
+    span = o.span(given)
     tau = controller_of(mech, given) if tau is None else tau
     start = initial_state(mech, given, q, v, tau)
-    plan = Plan(
-        RK4, NO_TIMES, drives, loads, active, contacts=contacts, changes=changes, start=start,
-        tau=tau if _is_controller(tau) else None,
-    )  # fmt: skip
-    rated = False
-    if contacts and (open_laws := _left_open(contacts)):
-        contacts, rated = at_start_speed(mech, contacts, start), open_laws
-        plan = replace(plan, contacts=contacts)
-    step = _given_step(plan, given, o)
-    o = o._replace(step=step)
+    rated = contacts is not None and _left_open(contacts)
+    if contacts is not None and rated:
+        contacts = at_start_speed(mech, contacts, start)
+    plan = _what_acts(mech, o, given, span, extra, contacts)
+    plan = replace(plan, start=start, tau=tau if _is_controller(tau) else None)
+    o = o._replace(step=_given_step(plan, given, o))
     rate = _Rate(mech, plan, span[1] - span[0], known=not callable(tau))
-    usual_step = step or (given.step if given else None)
-    points: tuple[ContactPoint, ...] = ()
-    refused = None
-    try:
-        method, why = _method(rate, plan, name, o, usual_step)
-        if contacts and plan.impulses and method.name != "moreau_jean":
-            contacts, points = _event_driven(mech, contacts)
-            why = f"{why}, from event to event of contacts and limits"
-    except InputError as problem:
-        if not plan.impulses or name not in ("auto", *METHODS):
-            raise
-        refused, o = problem, o._replace(rtol=None, method="moreau_jean")
-        method, why = _method(rate, plan, "moreau_jean", o, usual_step)
-    usual = given.step if given else 1e-3
-    tolerance = o.tolerance(method, span[1] - span[0])
-    width, times = _times(o, tolerance, span, usual)
-    asked = times
-    if changes:
-        times, changes = with_instants(times, changes)
-    substeps, widths = steps_between(times, width) if width else (NO_SUBSTEPS, NO_TIMES)
-    bends = corners(mech, drives, loads, whole := ever(active, changes, waiting), *span)
-    kinks = NO_TIMES
-    if tolerance is not None:
-        ticks = tau.ticks(*span) if _is_controller(tau) else NO_TIMES
-        tolerance = tolerance._replace(corners=np.union1d(bends, ticks) if len(ticks) else bends)
-    elif len(bends):
-        kinks = _corners_inside(bends, times, widths)
-    plan = replace(
-        plan,
-        method=method,
-        times=times,
-        substeps=substeps,
-        width=widths,
-        contacts=contacts,
-        gains=_gains(o, usual),
-        project=o.stabilise == "project" or bool(points),
-        tolerance=tolerance,
-        contact_points=points,
-        changes=changes,
-        conditions=waiting,
-        ever=whole,
-        length=length_of(mech.packed),
-        kinks=kinks,
-        shown=_shown(times, changes, o, asked),
-    )
+    plan, o, why = _with_method(mech, plan, rate, o, given)
+    plan = _with_times(mech, plan, o, given, span)
+    if q is None or v is None:  # for other runs by this plan
+        plan = replace(plan, start=initial_state(mech, given, None, None, tau))
     header = {
         "version": VERSION,
         "model_hash": mech.model.hash,
         "scenario": o.scenario,
-        "method": method.name,
+        "method": plan.method.name,
         "why": why,
         "step": plan.step,
-        "rtol": None if tolerance is None or tolerance.fixed else tolerance.rtol,
+        "rtol": plan.tolerance.rtol if plan.tolerance and not plan.tolerance.fixed else None,
         "t_start": span[0],
         "t_end": span[1],
         "stabilise": o.stabilise,
         "forces": [(*span, f.model_dump(mode="json", exclude_none=True)) for f in extra],
     }
     notices = (*mech.model.doubts, *_stiff(plan, rate), *_bent(plan), *_hard(plan))
-    start = initial_state(mech, given, None, None, tau) if q is None or v is None else start
-    plan = replace(plan, header=header, notices=notices, start=start, refused=refused)
+    plan = replace(plan, header=header, notices=notices)
     return plan, rated or (rate.known and rate.found is not None)
+
+
+def _what_acts(
+    mech: Mechanism,
+    o: Options,
+    given: Scenario | None,
+    span: tuple[float, float],
+    extra: tuple[Force, ...],
+    contacts: Tables | None,
+) -> Plan:
+    """Forces, constraints and contacts of a plan, without a method and times."""
+    forces = (*mech.model.forces, *(given.forces if given else ()), *extra)
+    now = active_constraints(mech, given)
+    active, changes = switch_changes(mech, given, o.switches, now, span)
+    switches = switches_of(mech, given, o.switches, span)
+    return Plan(
+        RK4, NO_TIMES, mech.packed.drives(forces), mech.packed.loads(forces), active,
+        contacts=contacts, changes=changes, conditions=conditions_of(mech, switches, contacts),
+        length=length_of(mech.packed),
+    )  # fmt: skip
+
+
+def _with_method(
+    mech: Mechanism, plan: Plan, rate: _Rate, o: Options, given: Scenario | None
+) -> tuple[Plan, Options, str]:
+    """(the plan with its method, the options for it, why this method).
+
+    Contacts that the method asked for does not take are stepped by "moreau_jean"; the plan holds
+    the reason.
+    """
+    name, refused = o.method_name(given), None
+    step = o.step or (given.step if given else None)
+    contacts, points = plan.contacts, plan.contact_points
+    try:
+        method, why = _method(rate, plan, name, o, step)
+        if contacts is not None and plan.impulses and method.name != "moreau_jean":
+            contacts, points = _event_driven(mech, contacts)
+            why = f"{why}, from event to event of contacts and limits"
+    except InputError as problem:
+        if not plan.impulses or name not in ("auto", *METHODS):
+            raise
+        refused, o = problem, o._replace(rtol=None, method="moreau_jean")
+        method, why = _method(rate, plan, "moreau_jean", o, step)
+    plan = replace(
+        plan, method=method, contacts=contacts, contact_points=points, refused=refused,
+        project=o.stabilise == "project" or bool(points),
+    )  # fmt: skip
+    return plan, o, why
+
+
+def _with_times(
+    mech: Mechanism, plan: Plan, o: Options, given: Scenario | None, span: tuple[float, float]
+) -> Plan:
+    """The plan with its recorded times, and its steps or tolerance."""
+    usual, changes = given.step if given else 1e-3, plan.changes
+    tolerance = o.tolerance(plan.method, span[1] - span[0])
+    width, asked = _times(o, tolerance, span, usual)
+    marked = o.compared and tolerance is None and not (plan.contacts or plan.contact_points)
+    times = with_marks(asked, width) if marked else asked
+    if changes:
+        times, changes = with_instants(times, changes)
+    substeps, widths = steps_between(times, width) if width else (NO_SUBSTEPS, NO_TIMES)
+    whole = ever(plan.active, changes, plan.conditions)
+    bends, kinks = corners(mech, plan.drives, plan.loads, whole, *span), NO_TIMES
+    if tolerance is not None:
+        ticks = plan.tau.ticks(*span) if plan.tau is not None else NO_TIMES
+        tolerance = tolerance._replace(corners=np.union1d(bends, ticks) if len(ticks) else bends)
+    elif len(bends):
+        kinks = _corners_inside(bends, times, widths)
+    return replace(
+        plan, times=times, substeps=substeps, width=widths, tolerance=tolerance, changes=changes,
+        ever=whole, kinks=kinks, gains=_gains(o, usual), shown=_shown(times, o, asked),
+    )  # fmt: skip
 
 
 def _check_sizes(mech: Mechanism) -> None:
@@ -475,10 +501,10 @@ def _times(
     return 0.0, frame_times(*span, frames, o.t_eval)
 
 
-def _shown(times: Array, changes: Any, o: Options, asked: Array) -> NDArray[np.bool_] | None:
-    """Which frames were asked for, and are not only there for a change or for the start."""
+def _shown(times: Array, o: Options, asked: Array) -> NDArray[np.bool_] | None:
+    """Which frames were asked for, and are not there for a change, a mark or the start alone."""
     first = o.t_eval is None or len(asked) == np.size(o.t_eval)
-    if first and not changes:
+    if first and len(times) == len(asked):
         return None
     shown = np.isin(times, asked)
     shown[0] = first

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 CHUNK = 0.02  # s of computation between two calls of `progress`
 PULSE = 0.2  # of the largest acceleration: what a pulse that counts makes
 UNFELT = 0.02  # of that: what the motion shows of it
+FIRST = 16384  # freedoms in the first chunk, times steps: a few milliseconds
 NO_MONITORS = np.zeros((4, 0))
 Progress = Callable[[float], Any] | None
 
@@ -63,21 +64,31 @@ class Estimate(NamedTuple):
 class Recording:
     """A plan under way: stepping loop, scene and the arrays of frames, each run its own."""
 
+    repeats = False  # whether it starts where another run has met the constraints
+    progress: Progress = None
+    watch: Watch | None = None  # of conditions of switches, then of a user's events
+    met = ""  # how the run went until something came near
+
     def __init__(
         self, mech: Mechanism, plan: Plan, q: Array, v: Array, tau: Any,
-        monitors: Sequence[Monitor] = (),
+        monitors: Sequence[Monitor] = (), scene: Scene | None = None,
     ):  # fmt: skip
-        """Nothing is computed yet. Raises InputError if `tau` does not fit."""
-        if monitors or plan.conditions:  # which look at contacts from the start
-            plan = with_contacts(plan)
+        """Nothing is computed yet. Raises InputError if `tau` does not fit.
+
+        `scene` is that of another run of the same motion, where it remembers nothing.
+        """
         self.mech, self.plan, self.tau = mech, plan, tau
-        self.watch = self._watching(monitors)
-        self.user = None if tau is None else acting(tau, mech.nq, mech.nv)
+        if monitors or plan.conditions:  # which look at contacts from the start
+            self.plan = plan = with_contacts(plan)
+            self.watch = self._watching(monitors)
+        self.start = float(plan.times[0])  # [s]
+        self.user = scene.user if scene is not None else None
+        if tau is not None and scene is None:
+            self.user = acting(tau, mech.nq, mech.nv)
         self.ended = Outcome()
         self.held = set(plan.active.tolist())  # constraints that are active now
         self._ahead = deque(plan.changes)
-        self.met: str = ""  # how the run went until something came near
-        self._prepare(q, v)
+        self._prepare(q, v, scene)
         if len(plan.ever) > len(plan.active):
             self.scene.switch(plan.active)
         if plan.changes:
@@ -87,10 +98,10 @@ class Recording:
         self._first: Instant | None = None  # the state in which constraints are met
         self._redundant = False  # whether constraints are redundant there
 
-    def _prepare(self, q: Array, v: Array) -> None:
+    def _prepare(self, q: Array, v: Array, scene: Scene | None = None) -> None:
         """Scene, frames and stepping loop of the plan, at (q, v)."""
         mech, plan = self.mech, self.plan
-        self.scene = self._scene()
+        self.scene = self._scene() if scene is None else scene
         if self.tau is not None and self.user is None:
             self.scene.given[:] = finite("tau", self.tau, mech.nv)
         self.out = self._empty_frames(len(plan.times))
@@ -162,10 +173,8 @@ class Recording:
         found.noted = None if watch is None else self._user_event
         return found
 
-    def _watching(self, monitors: Sequence[Monitor]) -> Watch | None:
-        """What watches conditions of switches, then a user's events; None where there are none."""
-        if not monitors and not self.plan.conditions:
-            return None
+    def _watching(self, monitors: Sequence[Monitor]) -> Watch:
+        """What watches conditions of switches, then a user's events."""
         from .user_events import Watch
 
         waiting = [Condition(given, self) for given in self.plan.conditions]
@@ -175,13 +184,28 @@ class Recording:
 
     def run(self, progress: Progress = None) -> None:
         """Record all frames, or until the run fails or is cancelled."""
+        self.progress = progress
         if self.begin():
             self.advance_to_end(progress)
         if not self.done:
             self._keep_start()
         elif self.ended.status is Status.DONE:
-            self._note_rest()
+            if not (self.out.v.any() or self.out.vdot.any()):
+                self._note_rest()
             self._note_pulses()
+
+    def again(self, plan: Plan) -> Recording:
+        """The same motion by another plan, to its end, to compare with.
+
+        Raises InputError where contacts that come near do not fit the plan's method.
+        """
+        progress = self.progress
+        scene = None if self.scene.remembers else self.scene
+        other = Recording(self.mech, plan, *self.began, self.tau, scene=scene)
+        other.repeats, other.progress = True, progress
+        if other.begin():
+            other.advance_to_end(progress and (lambda _: progress(1.0)))
+        return other
 
     def _keep_start(self) -> None:
         """The initial state as the only frame of a run that fails at once; v' is not known."""
@@ -193,11 +217,9 @@ class Recording:
     def _note_rest(self) -> None:
         """Append a notice where gravity acts and no joint can follow it, at no position."""
         mech, model = self.mech, self.mech.model
-        out, held = self.out, len(self.plan.ever) or self.plan.contacts is not None
-        last = self.done - 1
-        at_rest = not (out.v[: last + 1].any() or out.vdot[: last + 1].any())
+        held = len(self.plan.ever) or self.plan.contacts is not None
         acted = self.tau is not None or len(model.forces) or self.plan.header["forces"]
-        if held or acted or not at_rest or not mech.nv or not any(model.gravity):
+        if held or acted or not mech.nv or not any(model.gravity):
             return
         rng = np.random.default_rng(0)
         still, q = np.zeros(mech.nv), self.q.copy()
@@ -235,7 +257,7 @@ class Recording:
     def advance_to_end(self, progress: Progress) -> None:
         """Record all frames from here."""
         slow = self.user is not None and self.user.interpreted
-        budget = 1 if progress is not None or slow else 64
+        budget = 1 if progress is not None or slow else max(64, FIRST // max(self.mech.nv, 1))
         while True:
             began = time.perf_counter()
             code = self._advance(budget)
@@ -271,8 +293,8 @@ class Recording:
 
     def begin(self) -> bool:
         """Whether the run can start: no joint without inertia, constraints that can be met."""
-        mech, plan = self.mech, self.plan
-        if len(plan.active) and plan.project:
+        mech, plan, first = self.mech, self.plan, not self.repeats
+        if first and len(plan.active) and plan.project:
             try:
                 self.q[:], self.v[:], report = assembled(
                     mech, self.q, self.v, plan.active, self.scene, self.start
@@ -282,14 +304,16 @@ class Recording:
                 return False
             if report.notable:
                 self.ended.notices.append(f"at the start {report}")
-        code = self._first_evaluation()
-        self._raise_user_error()
+        self.began = self.q.copy(), self.v.copy()
+        code = self._first_evaluation() if first or self.scene.remembers else 0
+        if code and self.user is not None:
+            self._raise_user_error()
         if code > 0:
             self.ended.stop(Status.SINGULAR, str(mech.packed.singular(code)))
         elif code < 0:
             text = f"{Status.NOT_FINITE.value} at t = {self.start:g} s"
             self.ended.stop(Status.NOT_FINITE, text)
-        elif len(plan.active):
+        elif first and len(plan.active):
             self._first = self.start, self.q.copy(), self.v.copy()
             if notice := redundancy(self.scene):
                 self._redundant = True
@@ -298,7 +322,8 @@ class Recording:
             self.events.begin(self.start)
         if self.watch is not None and self.ended.ok:
             self._begin_watching(self.watch)
-        self._bound()
+        if self.steps.control["approach"]:
+            self._bound()
         return self.ended.ok
 
     def _begin_watching(self, watch: Watch) -> None:
@@ -376,11 +401,6 @@ class Recording:
             raise self.user.error
 
     @property
-    def start(self) -> float:
-        """Start of the run [s]."""
-        return float(self.plan.times[0])
-
-    @property
     def done(self) -> int:
         """Number of frames recorded."""
         return int(self.steps.control["frame"])
@@ -418,15 +438,15 @@ class Recording:
         if self.events is not None:
             self.events.look_at(old.q[:done], old.v[:done], self.plan.times[:done])
             self.events.begin(t)
-        self._bound()
+        if self.steps.control["approach"]:
+            self._bound()
         return self.ended.ok
 
     def _bound(self) -> None:
-        """Bound the first step, where steps are bounded by what comes near."""
-        if self.steps.control["approach"]:
-            from ..engine.contact.approach import bound_step
+        """Bound the first step by what comes near."""
+        from ..engine.contact.approach import bound_step
 
-            bound_step(self.steps.address)
+        bound_step(self.steps.address)
 
     def _in_swing(self) -> None:
         """Nothing has touched so far."""
@@ -580,19 +600,23 @@ class Recording:
 
     def result(self, estimate: Estimate, timing: dict[str, float]) -> Result:
         """The frames that were asked for, as a Result."""
-        self._note_singular()
+        if self._first is not None:
+            self._note_singular()
         rows, steps = self._rows(), self.steps
-        q, v, vdot, wrenches, energy, drift, pushes, touches, missed = (
-            a[rows] if len(a) else a for a in self._arrays
-        )
-        t = steps.times[rows]
+        t, out = steps.times[rows], self.out
+        if len(t) < len(self.out.q):
+            out = Frames(*[a[rows] if len(a) else a for a in out])
+        q, v, vdot, wrenches, energy, drift, pushes, touches, missed = out
         if self._reused:
             q, v, vdot, energy, drift, pushes, touches, missed, t = (
                 a.copy() for a in (q, v, vdot, energy, drift, pushes, touches, missed, t)
             )
-        forces = self.scene.forces(wrenches.swapaxes(0, 1).copy(), self.plan.ever)
-        counters = by_name(steps.counters)
-        contacts = self._contacts((t, pushes, touches, missed), q)
+        forces: dict[str, Array] = {}
+        if len(self.plan.ever):
+            forces = self.scene.forces(wrenches.swapaxes(0, 1).copy(), self.plan.ever)
+        counters, contacts = by_name(steps.counters), NOTHING
+        if self.plan.declared is not None or self.plan.contacts or self.ended.log:
+            contacts = self._contacts((t, pushes, touches, missed), q)
         if self.scene.touching is not None:
             from .contact_log import contact_counters
 
@@ -601,6 +625,9 @@ class Recording:
             contacts = self.events.record(contacts, (q, v, vdot), rows)
             counters |= self.events.tally
             timing["events"] = self.events.seconds
+        header = {**self.plan.header, "error_known": (estimate.until, estimate.before)}
+        if self.met:
+            header["began"] = self.met
         return Result(
             mechanism=self.mech,
             status=self.ended.status,
@@ -619,13 +646,10 @@ class Recording:
             counters=counters,
             timing=timing,
             error_estimate=estimate.largest,
-            header={**self._header(), "error_known": (estimate.until, estimate.before)},
+            header=header,
             notices=(*self.notices(), *estimate.notices),
             user_events=tuple(self.watch.log) if self.watch else (),
         )
-
-    def _header(self) -> dict[str, Any]:
-        return {**self.plan.header} | ({"began": self.met} if self.met else {})
 
     def _contacts(self, frames: tuple[Array, Array, Array, Array], q: Array) -> ContactRecord:
         if self.plan.declared is not None:
@@ -634,8 +658,6 @@ class Recording:
             return replace(
                 untouched(self.mech, self.plan.declared, q), events=tuple(self.ended.log)
             )
-        if not self.plan.contacts and not self.ended.log:
-            return NOTHING
         from .contact_log import contacts_of
 
         changes = np.concatenate(self._changes)

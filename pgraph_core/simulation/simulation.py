@@ -10,11 +10,13 @@ from ..errors import InputError, Problem, explained, shown
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..result import Result
-from .estimate import UNKNOWN, error_estimate, estimable
+from .estimate import error_estimate
 from .options import MOST_CHOSEN, Options
 from .plan import plan_of, with_state
-from .recording import Estimate, Recording
+from .recording import Recording
 from .user_events import monitors_of
+
+NO_EVENTS: tuple[Callable[..., Any], ...] = ()
 
 
 @explained
@@ -37,7 +39,7 @@ def simulate(
     forces: Sequence[Force] = (),
     stabilise: str | None = "project",
     switches: Any = None,
-    events: Any = (),
+    events: Any = NO_EVENTS,
     progress: Callable[[float], Any] | None = None,
     estimate: bool | None = None,
 ) -> Result:
@@ -89,22 +91,17 @@ def simulate(
         raise InputError(Problem("simulate", "estimate", text))
     options = Options(
         scenario, t_start, t_end, method, step, rtol, atol, max_steps, frames, t_eval, stabilise,
-        forces, switches,
+        forces, switches, estimate is not False,
     )  # fmt: skip
     plan = plan_of(mech, options, tau, q, v)
     state = with_state(mech, plan.start, q, v)
     tau = plan.tau if tau is None else tau
-    record = Recording(mech, plan, *state, tau, monitors_of(events))
+    monitors = () if events is NO_EVENTS else monitors_of(events)
+    record = Recording(mech, plan, *state, tau, monitors)
     built, busy = time.perf_counter(), time.thread_time()
     record.run(progress)
     stepped, busy = time.perf_counter(), time.thread_time() - busy
-    error = Estimate()
-    if record.ended.ok and (estimate or (estimate is None and estimable(tau))):
-        error = error_estimate(record, *state, progress)
-    elif record.ended.ok and estimate is None:
-        error = Estimate(why=UNKNOWN)
-    if error.why:
-        record.ended.message += f"; {error.why}"
+    error = error_estimate(record, estimate)
     timing = {
         "build": built - began,
         "step": stepped - built,

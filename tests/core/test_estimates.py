@@ -128,6 +128,37 @@ def test_a_compiled_torque_has_an_estimate_and_a_python_one_on_request():
     assert "estimate=True" in silent.message
 
 
+@pytest.mark.parametrize("frames", [2, 3])
+def test_runs_with_few_frames_are_compared_between_them_too(frames):
+    """A chain of 20 that ends a tenth of a radian off."""
+    mech = pg.Mechanism(pg.Model.serial(20))
+    rng = np.random.default_rng(3)
+    q, v = rng.uniform(-1.0, 1.0, mech.nq), 0.2 * rng.normal(size=mech.nv)
+    options = {"t_end": 0.5, "step": 1e-3, "method": "semi_implicit_euler"}
+    run = pg.simulate(mech, q, v, **options, frames=frames)
+    assert len(run.t) == frames
+    true = true_error(mech, run, q, v).max()
+    assert true > 0.05
+    assert true / 3 < run.error_estimate < 3 * true
+    alone = pg.simulate(mech, q, v, **options, frames=frames, estimate=False)
+    every = pg.simulate(mech, q, v, **options, frames=501, estimate=False)
+    assert np.array_equal(run.q, alone.q)
+    assert np.array_equal(run.q[-1], every.q[-1])
+
+
+def test_a_run_that_is_exact_to_rounding_has_an_estimate():
+    """Of a pendulum so long that runs at two tolerances are the same."""
+    length = 636468.712560516
+    body = pg.Body(
+        name="b", mass=0.8291670740535318, com=(0, 0, -length), inertia=np.zeros((3, 3)),
+        axes=((0, 1, 0),), q=(1.6299952464951657,),
+    )  # fmt: skip
+    mech = pg.Mechanism(pg.Model(bodies=(body,), gravity=(0, 0, -15.11361999981945)))
+    for options in ({}, {"method": "rk4", "step": 0.1}, {"method": "radau5", "rtol": 1e-6}):
+        run = pg.simulate(mech, t_end=22.576, frames=101, **options)
+        assert 0.0 < run.error_estimate < 1e-8
+
+
 @pytest.mark.parametrize("options", [{}, {"method": "rk4", "step": 1e-3}])
 def test_the_initial_state_alone_has_no_error(options):
     run = pg.simulate(model("pendulum"), t_end=0.5, t_eval=[0.0], **options)
