@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import os
 import re
 import tempfile
 import zipfile
@@ -16,6 +15,7 @@ import pgraph_core as pg
 from pgraph_core.formats.any import READERS, read_model, write_model
 from pgraph_core.mesh_files import FORMATS
 from pgraph_core.model.assets import FOLDER
+from pgraph_core.model.files import user_folder
 
 from ..core.cells import Refusal
 
@@ -27,8 +27,7 @@ DAMAGED = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError, ValueError)
 
 def mesh_folder() -> Path:
     """Where meshes that came through a page are kept, next to what programs of this user keep."""
-    home = os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share"
-    return Path(home) / "pgraph" / "meshes"
+    return user_folder("XDG_DATA_HOME", ".local/share") / "meshes"
 
 
 def packed(model: pg.Model) -> tuple[str, bytes]:

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pgraph_core as pg
+from pgraph_core.model.files import user_folder
 
 from ..core.events import Event
 from ..core.state import Kept, State
@@ -31,8 +32,7 @@ log = logging.getLogger(__name__)
 
 def state_folder() -> Path:
     """Where a program keeps what it would not lose: $XDG_STATE_HOME/pgraph."""
-    given = os.environ.get("XDG_STATE_HOME") or os.environ.get("LOCALAPPDATA")
-    return (Path(given) if given else Path.home() / ".local" / "state") / "pgraph"
+    return user_folder("XDG_STATE_HOME", ".local/state")
 
 
 @dataclass(frozen=True)

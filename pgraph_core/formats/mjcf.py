@@ -104,6 +104,10 @@ class _Files:
         if name := element.get("name"):
             self.lines.setdefault((element.tag, name), f"{file.name}, line {element.line}")
         for key, given in element.attributes.items():
+            if key == "quat" and given and not given.strip("0+-.eE \t\n"):  # MuJoCo takes it
+                where = f"{file.name}, line {element.line}, {element.tag}"
+                text = f"must not be zero; given {shown(given)}; leave it out for no rotation"
+                raise FileError(Problem(where, key, text))
             if not key.startswith("file") or element.tag == "include" or not given:
                 continue
             paths = [folder / given for folder in self.directories]

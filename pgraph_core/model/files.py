@@ -204,6 +204,18 @@ def write_atomic(path: str | Path, content: str | bytes) -> None:
             Path(temporary).unlink(missing_ok=True)
 
 
+def user_folder(variable: str, below_home: str) -> Path:
+    """Where a program of this user keeps its files: $variable/pgraph, or below the home.
+
+    Without a home, as in some containers, a folder among the temporary ones.
+    """
+    given = os.environ.get(variable) or os.environ.get("LOCALAPPDATA")
+    home = os.path.expanduser("~")
+    if given or os.path.isabs(home):
+        return Path(given or Path(home, below_home)) / "pgraph"
+    return Path(tempfile.gettempdir(), f"pgraph-{os.getuid()}")
+
+
 def shown_path(path: str | Path) -> str:
     """A path as it may stand in a sentence."""
     return str(path) if str(path).isprintable() and str(path) else repr(str(path))

@@ -41,7 +41,7 @@ def test_the_machine_code_of_no_kernel_calls_an_allocator():
     mech = pg.Mechanism(pg.Model.serial(2))
     mech.batch(1).forward_dynamics(*(x[None] for x in mech.home()))  # lanes: when first asked for
     for name, (dispatcher, _) in KERNELS.items():
-        files = list(cache_folder().glob(f"{dispatcher._cache._impl.filename_base}.*.nbc"))
+        files = list(cache_folder().glob(f"{dispatcher._cache._impl.filename_base}.*.kernel"))
         assert files, name
         for code in (path.read_bytes() for path in files):
             assert RUNTIME not in code, name

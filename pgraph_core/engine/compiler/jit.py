@@ -8,9 +8,12 @@ dispatchers: code of the user that uses numba never feels them.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
+import pickle
 import re
+import uuid
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -20,6 +23,7 @@ import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, _CacheLocator
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
+from numba.core.serialize import dumps
 from numba.core.sigutils import normalize_signature
 from numba.core.types import unliteral
 
@@ -27,6 +31,7 @@ from numba.core.types import unliteral
 # No contraction of a b + c to one rounding: every processor gives the same bits.
 OPTIONS: dict[str, Any] = {"_nrt": False, "fastmath": False, "error_model": "numpy"}
 ENGINE = Path(__file__).parent.parent
+DIGEST = 32  # [bytes] of a SHA-256
 JIT = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
 
 
@@ -70,9 +75,13 @@ def source_hash(module: Path) -> str:
 @cache
 def cache_folder() -> Path:
     """$PGRAPH_CACHE if set, else next to the sources, else the user's cache folder."""
-    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    chosen = [Path(os.environ["PGRAPH_CACHE"])] if os.environ.get("PGRAPH_CACHE") else []
-    for base in (*chosen, ENGINE / "__pycache__", user / "pgraph"):
+    chosen = os.environ.get("PGRAPH_CACHE")
+    user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    for base in (
+        *((Path(chosen),) if chosen else ()),
+        ENGINE / "__pycache__",
+        *((Path(user, "pgraph"),) if os.path.isabs(user) else ()),  # a user may have no home
+    ):
         folder = base / f"kernels-numba-{numba.__version__}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -128,6 +137,9 @@ class _Locator(_CacheLocator):
     def get_cache_path(self) -> Any:
         return str(cache_folder())
 
+    def ensure_cache_path(self) -> None:
+        """`cache_folder` made it, if it can be written."""
+
     def get_source_stamp(self) -> Any:
         return source_hash(self._source)
 
@@ -143,8 +155,48 @@ class _Impl(CompileResultCacheImpl):
     _locator_classes = [_Locator]  # noqa: RUF012 (numba's own protocol)
 
 
+class _Files:
+    """Compiled kernels on disk: one file for each signature and processor.
+
+    Numba's own files are an index and what it names: one that is damaged stops the program, and
+    two processes may write what the other's index names. Here a file begins with the digest of
+    the rest; what is damaged, or cannot be read or written, is as if it were not there.
+    """
+
+    def __init__(self, base: Path):
+        self._base = base
+
+    def _path(self, key: object) -> Path:
+        name = hashlib.sha256(repr(key).encode()).hexdigest()[:16]
+        return self._base.with_name(f"{self._base.name}.{name}.kernel")
+
+    def load(self, key: object) -> Any:
+        """What was saved under this key; None without it."""
+        with contextlib.suppress(OSError):
+            content = self._path(key).read_bytes()
+            digest, compiled = content[:DIGEST], content[DIGEST:]
+            if hashlib.sha256(compiled).digest() == digest:
+                return pickle.loads(compiled)
+        return None
+
+    def save(self, key: object, data: object) -> None:
+        """Keep a compiled kernel, if it can be written."""
+        compiled, path = dumps(data), self._path(key)
+        part = path.with_name(f"{path.name}.{uuid.uuid4().hex[:16]}")
+        try:
+            part.write_bytes(hashlib.sha256(compiled).digest() + compiled)
+            part.replace(path)
+        except OSError:
+            with contextlib.suppress(OSError):
+                part.unlink()
+
+
 class _Cache(FunctionCache):
     _impl_class = _Impl
+
+    def __init__(self, py_func: Callable[..., Any]):
+        super().__init__(py_func)
+        self._cache_file = _Files(Path(self.cache_path, self._impl.filename_base))
 
 
 def _one_a_type(dispatcher: Any) -> Any:
