@@ -18,7 +18,6 @@ def test_a_damaged_file_gets_a_value_or_a_sentence(name):
     tally = attack(name, range(first, first + (5000 if EXPLORES else 40)))
     assert not tally.raw, f"seeds from {first}"
     assert tally.deaths == tally.slow == 0
-    assert tally.taken > 0
 
 
 def test_a_fault_in_a_reader_is_counted(monkeypatch):
