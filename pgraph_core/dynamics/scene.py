@@ -231,6 +231,8 @@ ENVELOPE = 150  # entries a freedom of the contact solver's matrix: wider island
 
 def islands(rows: Ints, nv: int, blocks: int) -> Islands:
     """Scratch of the contact solver for as many blocks."""
+    from ..engine.contact.sweeps import NORMAL, WIDTH  # compiled only where something touches
+
     n, room = len(rows), min(nv * (nv + 1) // 2, ENVELOPE * nv)
     by_row = [np.zeros(n, dtype=np.int64) for _ in range(8)]
     root, head, below, chief, number, edge, seen, queue = by_row
@@ -256,7 +258,7 @@ def islands(rows: Ints, nv: int, blocks: int) -> Islands:
         np.zeros(room),
         np.zeros(room),
         np.zeros((blocks, 3)),
-        np.zeros((blocks, 9)),
+        np.zeros((blocks + NORMAL, WIDTH)),
         np.zeros(blocks),
         np.zeros(blocks),
     )

@@ -157,3 +157,18 @@ def test_the_residual_is_saved(tmp_path):
     again = pg.Result.load(tmp_path / "run.npz")
     np.testing.assert_array_equal(again.contact_residual, run.contact_residual)
     assert run.contact_residual.shape == (4, 3)
+
+
+def test_a_heap_of_balls_meets_its_laws():
+    """27 balls fall from a grid: in every step, impacts included, the sweeps reach the laws."""
+    places = np.indices((3, 3, 3)).reshape(3, -1).T
+    places = places + np.random.default_rng(0).uniform(-0.02, 0.02, (27, 3))
+    shape = {"kind": "sphere", "radius": 0.5}
+    balls = [
+        pg.Body(name=f"s{k}", joint="free", link=p, inertia=np.eye(3) * 0.1, shape=shape)
+        for k, p in enumerate((1.01 * places + (0, 0, 0.525)).tolist())
+    ]
+    run = run_of(balls, t_end=1.0)
+    assert not any("stopped before it was exact" in n for n in run.notices)
+    force = max(abs(f).max() for f in run.contact_force.values())
+    assert run.contact_residual[:, :2].max() < 1e-6 * force

@@ -1,0 +1,335 @@
+"""Sweeps over the blocks of an island: every block in turn, exactly, while the others stay.
+
+A sweep (Gauss-Seidel) is a map λ → G(λ) with the impulses wanted as its fixed point. A heap can
+take hundreds of sweeps. Between two sweeps of a large island λ therefore moves on to the
+combination of the last few G(λ) whose changes G(λ) - λ, combined alike, are the smallest
+([Anderson 1965], [Walker & Ni 2011]), which takes fewer sweeps.
+"""
+
+import math
+
+from .. import layout as at
+from ..arrays import DINV, LAMBDA, REPORT, STEP, opened
+from ..compiler.jit import part, sweep
+from ..compiler.lane import load_triple, numbers, store_triple, triple
+from ..constraints.blocks import first_of, joint_of, joints_of, size_of, type_of
+from ..vec import add_scaled, dot, load, store, sub
+from .contacts import contacts_at
+from .newton import bounds_of, respond, rows_of, velocity
+
+INNER = 8  # rounds between normal and friction of one contact
+SOLID = 1e-10  # relative, squared: what moves less across a contact is taken as fixed
+COUPLED = 1e-9  # friction that presses by less than this part does not make a contact slide on
+DEPTH = 4  # sweeps that are combined
+SMALL = 16  # blocks: sweeps of smaller islands converge by themselves
+# Where the scratch of an island keeps them: columns of a block behind the nine of Newton's slope.
+LAST, VALUE, CHANGES, VALUES = 9, 12, 15, 15 + 3 * DEPTH
+WIDTH = 15 + 6 * DEPTH
+NORMAL = 2 * DEPTH + 1  # rows behind those of blocks: products of changes, shares, a factor
+WORSE = 4.0  # squared: changes that have grown by more belong to other contacts; begin anew
+SAME = 1e-12  # of the largest: what keeps equal changes apart
+
+
+@part
+def own_block(y, slots, dinv, i, own):
+    """The block's part of Ω, nine numbers, from its rows of Y."""
+    u = triple(0.0, 0.0, 0.0)
+    v, w = u, u
+    for s in range(joints_of(slots, i)):
+        z = dinv[joint_of(slots, i, s)] * load_triple(y, i, 3 * s)
+        u = u + y[i, 3 * s] * z
+        v = v + y[i, 3 * s + 1] * z
+        w = w + y[i, 3 * s + 2] * z
+    store_triple(own, i, 0, u)
+    store_triple(own, i, 3, v)
+    store_triple(own, i, 6, w)
+
+
+@sweep
+def gauss_seidel(scene, n, size, sweeps, tolerance):
+    """Sweeps over an island until no velocity changes; the last change over `size`."""
+    islands = contacts_at(opened(scene).links.contacts).islands
+    large = islands.first[n + 1] - islands.first[n] > SMALL
+    respond(scene, n)
+    least = math.inf
+    used = 0
+    change = 0.0
+    for k in range(sweeps):
+        change, turned_over = sweep_once(scene, n, used % DEPTH)
+        if not change > tolerance * size:
+            break
+        if turned_over > WORSE * least:
+            used = 0
+            least = turned_over
+        elif k > 0:
+            used += 1
+        least = min(least, turned_over)
+        if large and used > 0 and k + 1 < sweeps:
+            move_on(scene, n, (used - 1) % DEPTH, min(used, DEPTH))
+    return change / size
+
+
+@sweep
+def sweep_once(scene, n, slot):
+    """One sweep; (largest change of a velocity, energy of all changes).
+
+    By how much the change of λ, and λ after it, differ from those of the last sweep goes into a
+    slot of the past.
+    """
+    data = opened(scene)
+    blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
+    islands = contacts_at(data.links.contacts).islands
+    y, slots, vectors, own = space.y, space.slots, space.vectors, space.own
+    lam, dinv, w = vectors[LAMBDA], vectors[DINV], vectors[STEP]
+    past = islands.slope
+    largest = 0.0
+    energy = 0.0
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        r = first_of(slots, i)
+        rows = size_of(blocks_i, i)
+        old = rows_of(lam, r, rows)
+        u = velocity(data, i, w)
+        new = answer(type_of(blocks_i, i), rows, bounds_of(blocks_f, i), i, own, u, old)
+        step = sub(new, old)
+        for s in range(joints_of(slots, i)):
+            k = joint_of(slots, i, s)
+            w[k] += dinv[k] * dot(load(y, i, 3 * s), step)
+        for c in range(rows):
+            lam[r + c] = new[c]
+            largest = max(largest, abs(step[c]) * own[i, 4 * c])
+            energy += step[c] * step[c] * own[i, 4 * c]
+        store(past, i, CHANGES + 3 * slot, sub(step, load(past, i, LAST)))
+        store(past, i, VALUES + 3 * slot, sub(new, load(past, i, VALUE)))
+        store(past, i, LAST, step)
+        store(past, i, VALUE, new)
+    vectors[REPORT, 0] += 1.0
+    return largest, energy
+
+
+@sweep
+def move_on(scene, n, slot, count):
+    """λ after a sweep becomes the combination with the last `count` others; w goes along.
+
+    The slot is the one that this sweep wrote.
+    """
+    data = opened(scene)
+    blocks_i, space = data.blocks.blocks_i, data.space
+    islands = contacts_at(data.links.contacts).islands
+    y, slots, vectors, own = space.y, space.slots, space.vectors, space.own
+    lam, dinv, w = vectors[LAMBDA], vectors[DINV], vectors[STEP]
+    past = islands.slope
+    normal = past[past.shape[0] - NORMAL :]
+    share = normal[DEPTH]
+    for p in range(count):
+        normal[slot, p] = 0.0
+        share[p] = 0.0
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        size = triple(own[i, 0], own[i, 4], own[i, 8])
+        new = numbers(size * load_triple(past, i, CHANGES + 3 * slot))
+        now = numbers(size * load_triple(past, i, LAST))
+        for p in range(count):
+            change = load(past, i, CHANGES + 3 * p)
+            normal[slot, p] += dot(change, new)
+            share[p] += dot(change, now)
+    for p in range(count):
+        normal[p, slot] = normal[slot, p]
+    if not combine(normal, count):
+        return
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        r = first_of(slots, i)
+        step = (0.0, 0.0, 0.0)
+        for p in range(count):
+            step = add_scaled(step, -share[p], load(past, i, VALUES + 3 * p))
+        for c in range(size_of(blocks_i, i)):
+            lam[r + c] += step[c]
+        for s in range(joints_of(slots, i)):
+            k = joint_of(slots, i, s)
+            w[k] += dinv[k] * dot(load(y, i, 3 * s), step)
+
+
+@sweep
+def combine(normal, count):
+    """The shares of the last `count` sweeps into row DEPTH, where the right side stands."""
+    share = normal[DEPTH]
+    begin = DEPTH + 1  # of the factor
+    largest = 0.0
+    for p in range(count):
+        largest = max(largest, normal[p, p])
+    for p in range(count):
+        for q in range(count):
+            normal[begin + p, q] = normal[p, q]
+        normal[begin + p, p] += SAME * largest
+    for p in range(count):
+        pivot = normal[begin + p, p]
+        if not pivot > 0.0:
+            return False
+        for q in range(p + 1, count):
+            f = normal[begin + q, p] / pivot
+            for c in range(p + 1, count):
+                normal[begin + q, c] -= f * normal[begin + p, c]
+            share[q] -= f * share[p]
+    for p in range(count - 1, -1, -1):
+        for c in range(p + 1, count):
+            share[p] -= normal[begin + p, c] * share[c]
+        share[p] /= normal[begin + p, p]
+    return True
+
+
+@part
+def answer(kind, rows, bounds, i, own, u, old):
+    """λ of one block that fits its law while the others stay; u is the velocity with `old`."""
+    if kind == at.T_TURN:
+        return turned(own, i, u, old, bounds)
+    if kind != at.T_CONTACT and kind != at.T_LIMIT:
+        return held(own, i, u, old)
+    if rows == 1:
+        return (pushed(own[i, 0], u[0], old[0]), 0.0, 0.0)
+    return contact(own, i, u, old, bounds[0])
+
+
+@part
+def turned(own, i, u, old, bounds):
+    """λ of torques within bounds: about the normal, then across it."""
+    if not (own[i, 0] > 0.0 and own[i, 4] + own[i, 8] > 0.0):
+        return (0.0, 0.0, 0.0)
+    spin = min(max(old[0] - u[0] / own[i, 0], -bounds[0]), bounds[0])
+    x = u[1] + own[i, 3] * (spin - old[0]) - own[i, 4] * old[1] - own[i, 5] * old[2]
+    y = u[2] + own[i, 6] * (spin - old[0]) - own[i, 5] * old[1] - own[i, 8] * old[2]
+    roll = in_disc(own[i, 4], own[i, 5], own[i, 8], x, y, bounds[1])
+    return (spin, roll[0], roll[1])
+
+
+@part
+def pushed(w, u, old):
+    """λ ≥ 0 of one row that ends its approach."""
+    return max(0.0, old - u / w) if w > 0.0 else 0.0
+
+
+@part
+def held(own, i, u, old):
+    """λ of bilateral rows, one after the other."""
+    x = -u[0] / own[i, 0] if own[i, 0] > 0.0 else 0.0
+    y = -(u[1] + own[i, 3] * x) / own[i, 4] if own[i, 4] > 0.0 else 0.0
+    z = -(u[2] + own[i, 6] * x + own[i, 7] * y) / own[i, 8] if own[i, 8] > 0.0 else 0.0
+    return (old[0] + x, old[1] + y, old[2] + z)
+
+
+@part
+def contact(own, i, u, old, mu):
+    """λ of one contact: what holds it, or normal and friction in turn, each exactly."""
+    n = old[0]
+    t = (old[1], old[2])
+    free_n = u[0] - own[i, 0] * n - own[i, 1] * t[0] - own[i, 2] * t[1]
+    free_x = u[1] - own[i, 3] * n - own[i, 4] * t[0] - own[i, 5] * t[1]
+    free_y = u[2] - own[i, 6] * n - own[i, 7] * t[0] - own[i, 8] * t[1]
+    if not own[i, 0] > 0.0:
+        return (0.0, 0.0, 0.0)
+    hold = stuck(own, i, free_n, free_x, free_y)
+    holds = hold[0] > 0.0 and math.sqrt(hold[1] ** 2 + hold[2] ** 2) <= mu * hold[0]
+    if holds and mu * (abs(own[i, 1]) + abs(own[i, 2])) <= COUPLED * own[i, 0]:
+        return hold
+    slide = sliding(own, i, free_n, free_x, free_y, mu)
+    if holds:
+        return slide if 0.0 < slide[0] < hold[0] else hold
+    if slide[0] > 0.0:
+        return slide
+    for _ in range(INNER):
+        last = n
+        n = max(0.0, -(free_n + own[i, 1] * t[0] + own[i, 2] * t[1]) / own[i, 0])
+        held = t
+        t = in_disc(
+            own[i, 4], own[i, 5], own[i, 8], free_x + own[i, 3] * n, free_y + own[i, 6] * n, mu * n
+        )
+        moved = abs(n - last) + abs(t[0] - held[0]) + abs(t[1] - held[1])
+        if moved <= 1e-15 * n:
+            break
+    return (n, t[0], t[1])
+
+
+@part
+def stuck(own, i, free_n, free_x, free_y):
+    """λ that leaves a contact at rest; none where a direction cannot move."""
+    w = 1.0 / own[i, 0]
+    p = w * own[i, 3]
+    q = w * own[i, 6]
+    a = own[i, 4] - p * own[i, 1]
+    b = own[i, 5] - p * own[i, 2]
+    c = own[i, 8] - q * own[i, 2]
+    det = a * c - b * b
+    if not det > SOLID * (own[i, 4] + own[i, 8]) ** 2:
+        return (0.0, 0.0, 0.0)
+    x = free_x - p * free_n
+    y = free_y - q * free_n
+    d = 1.0 / det
+    t = (d * (b * y - c * x), d * (b * x - a * y))
+    return (-w * (free_n + own[i, 1] * t[0] + own[i, 2] * t[1]), t[0], t[1])
+
+
+@part
+def sliding(own, i, free_n, free_x, free_y, mu):
+    """λ with which a contact slides on; none where it would stop.
+
+    Where a body leans into its slip and friction is large, finding the normal and the friction
+    impulse in turn goes round in a cycle, and the contact might also be stopped at once: the
+    smaller of two impulses is the regular one.
+    """
+    x, y = free_x, free_y
+    size = math.sqrt(x * x + y * y)
+    if not (size > 0.0 and free_n < 0.0):
+        return (0.0, 0.0, 0.0)
+    start_x, start_y = x / size, y / size
+    way_x, way_y = start_x, start_y
+    for _ in range(INNER):
+        pull = own[i, 0] - mu * (own[i, 1] * way_x + own[i, 2] * way_y)
+        if not pull > 0.0:
+            return (0.0, 0.0, 0.0)
+        n = -free_n / pull
+        drag = mu * n
+        x = free_x + own[i, 3] * n - drag * (own[i, 4] * way_x + own[i, 5] * way_y)
+        y = free_y + own[i, 6] * n - drag * (own[i, 7] * way_x + own[i, 8] * way_y)
+        size = math.sqrt(x * x + y * y)
+        if not x * start_x + y * start_y > 0.0:
+            return (0.0, 0.0, 0.0)
+        turned = abs(x / size - way_x) + abs(y / size - way_y)
+        way_x, way_y = x / size, y / size
+        if turned <= 1e-14:
+            return (n, -drag * way_x, -drag * way_y)
+    return (0.0, 0.0, 0.0)
+
+
+@part
+def in_disc(a, b, c, x, y, radius):
+    """Least ½ tᵀ[a b; b c]t + (x, y)·t in a disc: no slip inside, against the slip on its rim."""
+    pull = math.sqrt(x * x + y * y)
+    if not (radius > 0.0 and pull > 0.0 and a + c > 0.0):
+        return (0.0, 0.0)
+    slack = 1e-12 * (a + c)  # a direction in which nothing can move
+    a += slack
+    c += slack
+    det = a * c - b * b
+    t = ((b * y - c * x) / det, (b * x - a * y) / det)
+    if t[0] * t[0] + t[1] * t[1] <= radius * radius:
+        return t
+    s = max(0.0, pull / radius - max(a, c) - abs(b))  # below the root: Newton goes up to it
+    for _ in range(30):
+        p = a + s
+        q = c + s
+        det = p * q - b * b
+        tx = (b * y - q * x) / det
+        ty = (b * x - p * y) / det
+        size = math.sqrt(tx * tx + ty * ty)
+        slope = (tx * (q * tx - b * ty) + ty * (p * ty - b * tx)) / det
+        step = (size / radius - 1.0) * size * size / slope
+        s += step
+        if abs(step) <= 1e-15 * (s + a + c):
+            break
+    p = a + s
+    q = c + s
+    det = p * q - b * b
+    tx = (b * y - q * x) / det
+    ty = (b * x - p * y) / det
+    fit = radius / math.sqrt(tx * tx + ty * ty)
+    return (tx * fit, ty * fit)
