@@ -13,7 +13,7 @@ from ..engine.arrays import Run, RunLinks
 from ..engine.arrays import Tableau as Coefficients
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
 from ..engine.records import CHOSEN, COUNTERS, GIVEN, METHOD, STEP_CONTROL, WIDEST, rows_of, table
-from ..engine.stepping import run, state
+from ..engine.stepping import run
 from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..packing.system import Array, Ints
@@ -91,7 +91,7 @@ class Steps:
             self.control_table, self.counters_table, np.zeros(3), watched,
             np.zeros(len(wanted), dtype=np.int64), wanted, values, self.frames,
         )  # fmt: skip
-        state.save_run(self._buffer, unnamed(self._kept))
+        run.save_run(self._buffer, unnamed(self._kept))
 
     def extend(self, plan: Plan, frames: tuple[Array, ...]) -> None:
         """Go on from here by the given steps of another plan, recorded in `frames`."""
@@ -104,7 +104,7 @@ class Steps:
             times, substeps, width = plan.times.copy(), plan.substeps.copy(), plan.width.copy()
             self._kept = kept._replace(times=times, substeps=substeps, width=width, out=frames)
             self.times = times
-            state.save_run(self._buffer, unnamed(self._kept))
+            run.save_run(self._buffer, unnamed(self._kept))
         else:  # saving a run costs as much as a few steps
             kept.times[:n], kept.substeps[: n - 1] = plan.times, plan.substeps
             kept.width[: n - 1] = plan.width

@@ -34,7 +34,11 @@ def unnamed(value: Any) -> Any:
     """A named tuple as kernels are given it: numba takes long to find the type of a named one."""
     if not JIT:
         return value
-    return tuple(unnamed(x) if isinstance(x, tuple) else x for x in value)
+    members = list(value)
+    for i, member in enumerate(members):
+        if isinstance(member, tuple):
+            members[i] = unnamed(member)
+    return tuple(members)
 
 
 def stored(kind: Any) -> tuple[Any, Any]:

@@ -228,7 +228,7 @@ LANE_WIDTH = _width()
 # A wrench whose components are triples is three wrenches, and goes through the same lines as one:
 # the three rows of a block at the cost of one. Three rows of a 3x3 block are three triples.
 
-TRIPLE = Lane(4)  # the fourth place is idle
+TRIPLE = FOUR = Lane(4)  # of a triple, the fourth place is idle
 PAIR = ir.VectorType(DOUBLE, 2)
 WHOLE = ir.VectorType(DOUBLE, 4)
 PLACE = ir.IntType(32)
@@ -270,6 +270,31 @@ def _numbers(typingctx: Any, x: Any) -> Any:
         return context.make_tuple(builder, kind, found)
 
     return kind(TRIPLE), code
+
+
+@intrinsic
+def four(typingctx: Any, w: Any, x: Any, y: Any, z: Any) -> Any:
+    """Four numbers side by side."""
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        value = ir.Constant(WHOLE, ir.Undefined)
+        for n, arg in enumerate(args):
+            value = builder.insert_element(value, arg, PLACE(n))
+        return value
+
+    return FOUR(*[types.float64] * 4), code
+
+
+@intrinsic
+def numbers_of_four(typingctx: Any, x: Any) -> Any:
+    """The four numbers, as a tuple."""
+    kind = types.UniTuple(types.float64, 4)
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        found = [builder.extract_element(args[0], PLACE(n)) for n in range(4)]
+        return context.make_tuple(builder, kind, found)
+
+    return kind(FOUR), code
 
 
 @intrinsic

@@ -9,8 +9,8 @@ import math
 from numba import types
 
 from .. import layout as at
-from ..arrays import opened_run
-from ..compiler.address import caller
+from ..arrays import I1, RUN, opened_run, save_run_tuple
+from ..compiler.address import caller, plain
 from ..compiler.jit import kernel, sweep
 from ..motion import call_record, call_settle, opened
 from ..records import CHOSEN, GIVEN
@@ -32,6 +32,12 @@ LOOK_BACK = types.void(types.int64)
 call_look_back = caller(LOOK_BACK)
 
 KEPT = 1.2  # a change of width below it is not worth factoring the matrices again
+
+
+@kernel(types.void(I1, plain(RUN)))
+def save_run(buffer, run):
+    """Keep a run's tuple where `opened_run` finds it."""
+    save_run_tuple(buffer, run)
 
 
 @kernel(types.int64(types.int64, types.int64), nogil=True)

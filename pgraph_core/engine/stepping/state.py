@@ -7,9 +7,9 @@ take the address of a run, which `opened_run` gives back with its names.
 from numba import types
 
 from .. import layout as at
-from ..arrays import I1, RUN, opened_run, save_run_tuple
-from ..compiler.address import caller, plain
-from ..compiler.jit import kernel, part, sweep
+from ..arrays import opened_run
+from ..compiler.address import caller
+from ..compiler.jit import part, sweep
 from ..motion import call_acceleration, call_projection, opened
 from ..tree.moving import rate
 from ..vec import finite
@@ -22,12 +22,6 @@ call_step = caller(STEP)
 EPS = 2.220446049250313e-16
 NOT_SOLVED = -1.0
 STEP_ROUNDS = 10  # of projection a step: one is the rule
-
-
-@kernel(types.void(I1, plain(RUN)))
-def save_run(buffer, run):
-    """Keep a run's tuple where `opened_run` finds it."""
-    save_run_tuple(buffer, run)
 
 
 @sweep

@@ -1,7 +1,10 @@
 """Outboard sweeps: frames, velocities, and what depends on them, eqs. (5)-(9)."""
 
-from ..compiler.elementary import sine_cosine
-from ..compiler.jit import part, sweep
+from typing import Any
+
+from ..compiler.elementary import FAR, overload, sine_cosine
+from ..compiler.jit import OPTIONS, part, sweep
+from ..compiler.lane import Lane, four, numbers_of_four
 from ..rows import (
     BALL,
     FREE,
@@ -139,12 +142,58 @@ def rigid(const, work, k):
 
 
 @part
-def angles(rows, work, q):
-    """Sine and cosine of every rotation first: apart, as they need not wait for each other."""
+def turn(rows, work, q, k):
+    """Sine and cosine of row k, if it is a rotation."""
+    if kind_of(rows, k) == ROTATE:
+        sine, cosine = sine_cosine(q[q_of(rows, k)])
+        set_sine_cosine(work, k, sine, cosine)
+
+
+@part
+def turn_all(rows, work, q):
     for k in range(1, rows.shape[0]):
-        if kind_of(rows, k) == ROTATE:
-            sine, cosine = sine_cosine(q[q_of(rows, k)])
-            set_sine_cosine(work, k, sine, cosine)
+        turn(rows, work, q, k)
+
+
+@part
+def near(rows, q, k):
+    """Whether row k is a rotation by an angle that a lane takes."""
+    return kind_of(rows, k) == ROTATE and abs(q[q_of(rows, k)]) < FAR
+
+
+@part
+def turn_by_fours(rows, work, q):
+    """As `turn_all`, the same bits, four rows at a time where all of them are rotations."""
+    n = rows.shape[0]
+    for k in range(1, n - 3, 4):
+        if (
+            near(rows, q, k)
+            and near(rows, q, k + 1)
+            and near(rows, q, k + 2)
+            and near(rows, q, k + 3)
+        ):
+            a, b, c, d = q_of(rows, k), q_of(rows, k + 1), q_of(rows, k + 2), q_of(rows, k + 3)
+            sine, cosine = sine_cosine(four(q[a], q[b], q[c], q[d]))
+            sines, cosines = numbers_of_four(sine), numbers_of_four(cosine)
+            for i in range(4):
+                set_sine_cosine(work, k + i, sines[i], cosines[i])
+        else:
+            for i in range(4):
+                turn(rows, work, q, k + i)
+    for k in range(n - (n - 1) % 4, n):
+        turn(rows, work, q, k)
+
+
+def angles(rows: Any, work: Any, q: Any) -> None:
+    """Sine and cosine of every rotation first: apart, as they need not wait for each other."""
+    turn_all(rows, work, q)
+
+
+@overload(angles, jit_options={**OPTIONS, "forceinline": True}, strict=False)
+def _angles(rows: Any, work: Any, q: Any) -> Any:
+    if isinstance(q.dtype, Lane):
+        return lambda rows, work, q: turn_all(rows, work, q)
+    return lambda rows, work, q: turn_by_fours(rows, work, q)
 
 
 @sweep
