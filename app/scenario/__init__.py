@@ -94,9 +94,9 @@ def changed(
 def _states(
     model: pg.Model, s: pg.Scenario, field: str, index: Sequence[int], text: str, display: Display
 ) -> dict[str, Any]:
-    row, k = index
-    if row >= len(model.bodies):
+    if len(index) != 2 or index[0] >= len(model.bodies):
         raise Refusal("has no such row any more")
+    row, k = index
     body, given = model.bodies[row], getattr(s, field)
     old = given.get(body.name, getattr(body, field))
     of = quantities(body, field)[k] if k < len(old) else "number"
@@ -167,6 +167,8 @@ def names_of(model: pg.Model, what: str) -> list[str]:
         [c.name for c in model.constraints],
         [c.name for c in model.contacts],
     )
+    if what not in known:
+        raise Refusal(f"A switch waits for none of that kind: choose one of {', '.join(known)}.")
     return list(known[what])
 
 
@@ -244,6 +246,8 @@ def _switch(
     model: pg.Model, s: pg.Scenario, old: pg.Switch, field: str, text: str, display: Display
 ) -> pg.Switch:
     what, watched = waits_of(old)
+    if what == TIME and field in ("watched", "side"):
+        raise Refusal("The switch waits for a time and watches nothing: choose a condition first.")
     match field:
         case "constraint":
             return _of(old, text, old.active, old.t, old.when)

@@ -109,6 +109,20 @@ def faults(model: pg.Model, seed: int, events: int) -> Counter:
 
 
 CAUGHT = {
+    "a switch that waits for what there is not": [
+        {"event": "NewScenario"},
+        {"event": "AddSwitch", "constraint": None},
+        {"event": "EditSwitch", "serial": 1, "number": 0, "field": "what", "text": "rest"},
+    ],
+    "a name to watch for a switch that waits for a time": [
+        {"event": "NewScenario"},
+        {"event": "AddSwitch", "constraint": None},
+        {"event": "EditSwitch", "serial": 1, "number": 0, "field": "watched", "text": "inertia"},
+    ],
+    "an initial value without its row": [
+        {"event": "NewScenario"},
+        {"event": "EditScenario", "serial": 1, "field": "q", "entries": [[[0], "5"]]},
+    ],
     "a sixth number of a ground step": [
         {"event": "EditWorld", "serial": 1, "field": "steps", "index": [], "text": ""},
         {"event": "EditWorld", "serial": 2, "field": "steps", "index": [0, 10], "text": "1"},
@@ -133,7 +147,10 @@ CAUGHT = {
 
 @pytest.mark.parametrize("what", CAUGHT)
 def test_what_was_caught_stays_mended(what):
-    state = update(initial(pg.Model.serial(12)), Connected(ME))
+    model = pg.Model.serial(12)
+    rod = pg.Distance(name="rod", body="12", point=(0, 0, 0), other_point=(0, 0, 0), length=5.0)
+    model = model.add(rod)
+    state = update(initial(model), Connected(ME))
     for fields in CAUGHT[what]:
         event = from_page(ME, json.dumps(fields))
         assert not isinstance(event, Misread), event
