@@ -74,7 +74,7 @@ def close(person: Person) -> None:
     person.click("button.add-tie")
     person.click('[data-kind="loops revolute"]')
     person.click('.pgraph-banner button:text-is("ground")')
-    person.page.locator(".tie.open").wait_for()
+    person.page.locator('.pgraph[data-view="constraints"] .tie.open').wait_for()
 
 
 def simulate(person: Person) -> None:

@@ -102,13 +102,14 @@
     const empty = box.querySelector(".empty");
     empty.textContent = "none besides those of the model";
     empty.hidden = data.drives.length > 0;
-    const known = new Set([...box.querySelectorAll(".tie")].map((el) => el.dataset.name)), first = !known.size;
+    const known = new Set([...box.querySelectorAll(".tie")].map((el) => el.dataset.name));
+    const added = data.drives.filter((item) => !known.has(item.name)).length === 1 && known.size > 0;
     pgraph.keyed(box.querySelector(".rows"), data.drives, (item) => {
       const el = make("div", { className: "tie" });
       const open = (on) => { el.classList.toggle("open", on); el.querySelector(".form").hidden = !on; el.querySelector(".title").setAttribute("aria-expanded", String(on)); };
       el.append(make("div", { className: "line" }, make("button", { className: "title", onclick: () => open(!el.classList.contains("open")) }, make("strong"), make("span", { className: "between" }), make("span", { className: "kind" })),
         button("small delete-tie", "×", "Delete", () => send("DeleteDrive", { name: el.dataset.name }))), make("div", { className: "form" }));
-      open(!first && !known.has(item.name)); // what was just added is there to be set
+      open(added); // it is there to be set; the forces of another scenario stay closed
       return el;
     }, (el, item) => {
       for (const [part, value] of [["strong", item.name], [".between", item.between], [".kind", item.kind]]) el.querySelector(part).textContent = value;
