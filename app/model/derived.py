@@ -15,6 +15,7 @@ from pgraph_core.show.shapes import Color, branch_colors, children_of, reach, to
 from pgraph_core.show.stage import depth
 from pgraph_core.topology import Loop, loops_of
 
+CONTACT = "contact"  # in the constraint column
 KEPT = 8  # models of which it is known
 
 
@@ -114,7 +115,10 @@ _layout = lru_cache(maxsize=16)(layout)
 
 
 def touching(model: pg.Model) -> dict[str, tuple[str, ...]]:
-    """The constraint column: constraints and contacts that touch a body, and its limits."""
+    """The constraint column: constraints and contacts that touch a body, and its limits.
+
+    A contact with the name of its body is called "contact" there.
+    """
     found: dict[str, list[str]] = {body.name: [] for body in model.bodies}
     shaped = [body.name for body in model.bodies if body.touching]
     for c in model.constraints:
@@ -123,7 +127,7 @@ def touching(model: pg.Model) -> dict[str, tuple[str, ...]]:
     for contact in model.contacts:
         ends = {contact.body, contact.other}
         for name in {*ends, *(shaped if "*" in ends else ())} & found.keys():
-            found[name].append(contact.name)
+            found[name].append(CONTACT if contact.name == name else contact.name)
     for body in model.bodies:
         if any(body.limits):
             found[body.name].append("limits")

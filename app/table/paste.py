@@ -13,6 +13,7 @@ from pgraph_core.model.copies import free_name
 
 from ..core import cells
 from ..core.cells import Refusal
+from ..model.derived import CONTACT
 
 COLUMNS = ("name", "parent", "dof", "constraint")
 HEADINGS = {
@@ -172,7 +173,8 @@ def _joint(body: pg.Body, text: str) -> dict[str, Any]:
 
 def _read_only(model: pg.Model, text: str) -> dict[str, Any]:
     """Nothing: the column follows from the lists; a name that is in none of them is refused."""
-    known = {"holonomic", "limits", *(c.name for c in (*model.constraints, *model.contacts))}
+    named = {c.name for c in (*model.constraints, *model.contacts)}
+    known = {"holonomic", "limits", CONTACT, *named}
     for name in (part.strip() for part in text.split(",")):
         if name and name not in known:
             raise Refusal(

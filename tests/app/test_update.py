@@ -471,9 +471,10 @@ def test_the_constraint_column_names_contacts_and_limits():
     contacts = (
         pg.Contact(name="floor", body="*"),
         pg.Contact(name="tip", body="3", points=((0, 0, 0),)),
+        pg.Contact(name="3", body="3", points=((0, 0, 1),)),
     )
     column = derive(model.replace(contacts=contacts)).constraints
-    assert column == {"1": ("floor",), "2": ("limits",), "3": ("tip",)}
+    assert column == {"1": ("floor",), "2": ("limits",), "3": ("tip", "contact")}
 
 
 def test_another_model_takes_what_was_said_of_the_last_run_away(state):
