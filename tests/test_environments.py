@@ -31,6 +31,7 @@ if __name__ == "__main__":
     here, way = last(model), multiprocessing.get_context(sys.argv[1])
     with concurrent.futures.ProcessPoolExecutor(2, mp_context=way) as pool:
         assert set(pool.map(last, [model] * 4)) == {here}
+    print("equal")
 """
 
 
@@ -100,7 +101,7 @@ def test_it_works_in_a_folder_with_spaces_and_accents(tmp_path, here):
 @pytest.mark.parametrize("way", ["fork", "spawn", "forkserver"])
 def test_processes_started_any_way_give_the_same_bits(way, tmp_path):
     (tmp_path / "many.py").write_text(PROCESSES, "utf-8")
-    printed(str(tmp_path / "many.py"), way)
+    assert printed(str(tmp_path / "many.py"), way) == "equal\n"
 
 
 @pytest.mark.nightly
