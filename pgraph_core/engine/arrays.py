@@ -25,12 +25,9 @@ from .records import (
     DIP,
     EDGE,
     FACE,
-    FOOT,
-    GAIT_SETTINGS,
     GROUND_PAIR,
     JOINT_FORCE,
     KEPT,
-    LEG,
     LIMIT,
     MEETING,
     MEMBER,
@@ -306,28 +303,6 @@ class EventData(NamedTuple):
     contact: Any
 
 
-class Walk(NamedTuple):
-    """A walking controller."""
-
-    rows: Any
-    const: Any
-    work: Any
-    linear: Any
-    legs: Any  # of LEG, the front ones first
-    settings: Any  # one GAIT_SETTINGS
-    waves: Any
-    feet: Any  # of FOOT
-    matrix: Any  # (6, 7)
-    q: Any
-    v: Any
-    tau: Any
-    vdot: Any
-    limit: Any  # (nv,)
-    spine: Any
-    fallen: Any
-    theirs: Any  # work of the run that asks, after `outboard`; empty where none does
-
-
 class RunLinks(NamedTuple):
     """Addresses of the kernels of a run; 0: none."""
 
@@ -414,11 +389,6 @@ EVENT_CONTACTS = named(
     array_of(POINT_FRAME, 2),
 )
 EVENT_SCENE = named(EventData, SCENE, EVENT_CONTACTS)
-WALK = named(
-    Walk, I2, F2, F2, F2, array_of(LEG), array_of(GAIT_SETTINGS), F2, array_of(FOOT), F2,
-    *[F1] * 5, I2, F1, F2,
-)  # fmt: skip
-
 RUN = named(
     Run, i8, named(RunLinks, *[i8] * 6), named(Tableau, F2, F1, F1, F2, F2), array_of(METHOD), F1,
     I1, F1, F1, F2, F2, C2, array_of(STEP_CONTROL), array_of(COUNTERS), F1, F2, I1, I1, F1, OUT,
