@@ -145,3 +145,11 @@ def test_wrong_shapes_are_sentences(fields, facts):
         body(**fields)
     for fact in facts:
         assert fact in str(refused.value)
+
+
+def test_a_copy_of_a_shape_is_validated_where_a_body_takes_it():
+    ball = pg.Shape(kind="sphere", radius=0.1)
+    assert pg.Body(name="a", shape=ball).shape is ball
+    bad = ball.model_copy(update={"rotation": (0.0, 0.0, 0.0, 0.0)})
+    with pytest.raises(pg.ModelError, match="rotation must be a unit quaternion"):
+        pg.Body(name="a", shape=bad)

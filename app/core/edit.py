@@ -1,9 +1,15 @@
-"""Edits of the model: each is one undo step, and the page that asked is answered (pure)."""
+"""Edits of the model: each is one undo step, and the page that asked is answered (pure).
+
+What pages have selected and opened follows the names of bodies and parts. A page may speak of them
+by names that changed while its message was on the way: it says how many renames it has heard of,
+and what it says is meant of what carries those names now.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import pgraph_core as pg
 
@@ -12,11 +18,14 @@ from ..model import Step
 from ..plots import MANY
 from ..run import FREE_RUN, Live, Run, first_request
 from .cells import Refusal
-from .renames import found, remembered
-from .state import Client, Notice, State, replied, told
+from .state import Client, Notice, Rename, State, replied, told
 
 UNDO_DEPTH = 200
 MOST_BODIES = 1000
+MOST_RENAMES = 1000  # that are remembered
+NAMED = ("constraints", "contacts", "forces")  # parts that have names, besides bodies
+OF_BODIES = ("body", "bodies", "parent", "before", "rows", "under")  # fields of events
+IN_CELLS = ("parent", "body", "other", "frame")  # cells of which the text is the name of a body
 
 
 def answered(
@@ -32,7 +41,7 @@ def answered(
         model = make()
     except (Refusal, pg.PgraphError) as problem:
         return replied(state, client, serial, str(problem), offer())
-    return _noticed(replied(with_model(state, model, label), client, serial), client, model)
+    return _noticed(replied(with_model(state, model, label, client), client, serial), client, model)
 
 
 def attempted(state: State, client: int, make: Callable[[], pg.Model], label: str) -> State:
@@ -41,7 +50,7 @@ def attempted(state: State, client: int, make: Callable[[], pg.Model], label: st
         model = make()
     except (Refusal, pg.PgraphError) as problem:
         return told(state, client, Notice("Not done", str(problem), bad=True))
-    return _noticed(with_model(state, model, label), client, model)
+    return _noticed(with_model(state, model, label, client), client, model)
 
 
 def _noticed(state: State, client: int, model: pg.Model) -> State:
@@ -51,17 +60,22 @@ def _noticed(state: State, client: int, model: pg.Model) -> State:
     return told(state, client, Notice("Also changed", text)) if text else state
 
 
-def with_model(state: State, model: pg.Model, label: str) -> State:
-    """`model` in place of the current one, as one undo step; nothing if it is the same."""
+def with_model(state: State, model: pg.Model, label: str, client: int | None = None) -> State:
+    """`model` in place of the current one, as one undo step of a page, or of the server.
+
+    Nothing if it is the same.
+    """
     if model is state.model:
         return state
-    undo = (*state.undo, Step(state.model, label))[-UNDO_DEPTH:]
+    page = state.clients.get(client) if client is not None else None
+    step = Step(state.model, label, by=page.page if page else "")
+    undo = (*state.undo, step)[-UNDO_DEPTH:]
     return replace(showing(state, model), undo=undo, redo=(), greeting=None)
 
 
-def replaced(state: State, model: pg.Model, label: str) -> State:
+def replaced(state: State, model: pg.Model, label: str, client: int | None = None) -> State:
     """A different model, as one undo step: with its own run settings, and in view."""
-    after = with_model(state, model, label)
+    after = with_model(state, model, label, client)
     at_start = replace(after.playback, time=0.0, playing=False, preview=False)
     return replace(
         after,
@@ -77,7 +91,7 @@ def replaced(state: State, model: pg.Model, label: str) -> State:
 
 def showing(state: State, model: pg.Model) -> State:
     """`model` shown: selections follow by name or row, the playback is at its start."""
-    names = {(kind, old): new for kind, old, new in found(state.model, model)}
+    names = {(kind, old): new for kind, old, new in renamed(state.model, model)}
     clients = {
         key: _named(_follows(client, state.model, model), names)
         for key, client in state.clients.items()
@@ -182,3 +196,78 @@ def selected(state: State, client: int, body: str | None, bodies: tuple[str, ...
     known = tuple(b.name for b in state.model.bodies if b.name in wanted)
     changed = replace(page, selection=body, selected=known)
     return replace(state, clients={**state.clients, client: changed})
+
+
+# -- names that changed ----------------------------------------------------------------------------
+
+
+def renamed(old: pg.Model, new: pg.Model) -> Iterator[tuple[str, str, str]]:
+    """(kind, old name, new name) of what stands in its row under another name."""
+    for kind in ("bodies", *NAMED):
+        for a, b in _pairs(getattr(old, kind), getattr(new, kind)):
+            if all(getattr(a, f, None) == getattr(b, f, None) for f in ("mass", "inertia", "kind")):
+                yield kind, a.name, b.name
+    if len(old.parameters) == len(new.parameters):
+        for a, b in zip(old.parameters, new.parameters):
+            if a not in new.parameters and b not in old.parameters:
+                yield "parameters", a, b
+
+
+def _pairs(old: Sequence[Any], new: Sequence[Any]) -> list[tuple[Any, Any]]:
+    if len(old) != len(new):
+        return []
+    other = [(a, b) for a, b in zip(old, new) if a.name != b.name]
+    before, after = {a.name for a, _ in other}, {b.name for _, b in other}
+    return [(a, b) for a, b in other if a.name not in after and b.name not in before]
+
+
+def remembered(renames: tuple[Rename, ...], old: pg.Model, new: pg.Model) -> tuple[Rename, ...]:
+    """With those of an edit from `old` to `new`."""
+    last = renames[-1].number if renames else 0
+    more = [Rename(last + k, *said) for k, said in enumerate(renamed(old, new), 1)]
+    return (*renames, *more)[-MOST_RENAMES:] if more else renames
+
+
+def as_now(renames: Sequence[Rename], event: Any) -> Any:
+    """An event of a page in the names of now."""
+    seen = getattr(event, "seen", None)
+    if seen is None or not renames or renames[-1].number <= seen:
+        return event
+    late = [rename for rename in renames if rename.number > seen]
+
+    def now(value: Any, kind: str) -> Any:
+        if isinstance(value, tuple):
+            return tuple(now(each, kind) for each in value)
+        for rename in late:
+            if (rename.kind, rename.old) == (kind, value):
+                value = rename.new
+        return value
+
+    changes = {
+        field: (
+            now(value, kind)
+            if field != "entries"
+            else tuple((at, now(text, kind)) for at, text in value)
+        )
+        for field, kind, value in _names(event, vars(event))
+    }
+    return replace(event, **changes) if changes else event
+
+
+def _names(event: Any, fields: Mapping[str, Any]) -> Iterator[tuple[str, str, Any]]:
+    """(field, kind, value) of the fields of an event that are names of what there is."""
+    for field in OF_BODIES:
+        if fields.get(field) is not None:
+            yield field, "bodies", fields[field]
+    about = type(event).__name__
+    if fields.get("field") in IN_CELLS:
+        for field in {"text", "entries"} & fields.keys():
+            yield field, "bodies", fields[field]
+    if fields.get("part") in NAMED and fields.get("name") is not None:
+        yield "name", fields["part"], fields["name"]
+    elif about == "PickName":
+        yield "name", "bodies", fields["name"]
+    elif about.endswith("Parameter"):
+        yield "name", "parameters", fields["name"]
+    elif about == "Plot":
+        yield "of", "bodies", fields["of"]

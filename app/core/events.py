@@ -25,8 +25,7 @@ from pydantic import ConfigDict, Field, TypeAdapter
 from pgraph_core.errors import PgraphError
 
 from .cells import Refusal
-from .history import signed
-from .renames import as_now
+from .edit import as_now
 from .state import Notice, State, replied, told
 
 Text = Annotated[str, Field(max_length=20_000)]
@@ -90,8 +89,7 @@ def on_typed(*kinds: type[FromPage]) -> Callable[[Handler], Handler]:
 
 def update(state: State, event: Event) -> State:
     """The state after `event` (pure). Invalid and stale events leave it unchanged, or say why."""
-    after = HANDLERS[type(event)](state, as_now(state.renames, event))
-    return signed(after, state, event.client) if isinstance(event, FromPage) else after
+    return HANDLERS[type(event)](state, as_now(state.renames, event))
 
 
 @dataclass(frozen=True)

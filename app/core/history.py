@@ -10,22 +10,10 @@ import pgraph_core as pg
 
 from ..model import Step
 from .cells import Refusal
-from .edit import showing
-from .renames import found as renamed
+from .edit import renamed, showing
 from .state import Notice, State, told
 
 PARTS = ("bodies", "constraints", "contacts", "forces", "scenarios")
-
-
-def signed(state: State, before: State, client: int) -> State:
-    """The state after an event of a page, its new undo steps signed by that page."""
-    if state.undo is before.undo or client not in state.clients:
-        return state
-    page, known = state.clients[client].page, {id(step) for step in before.undo}
-    undo = tuple(
-        step if step.by or id(step) in known else replace(step, by=page) for step in state.undo
-    )
-    return replace(state, undo=undo)
 
 
 def _last(state: State, steps: Sequence[Step], client: int) -> int | None:

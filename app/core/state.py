@@ -25,7 +25,6 @@ from ..run import Exporting, Job, Kernels, Live, Request, Run, first_request
 from ..scene import SHOWN_AT_FIRST
 from ..session import Kept, Saving
 from .cells import Display
-from .renames import Rename
 
 
 @dataclass(frozen=True)
@@ -44,6 +43,16 @@ class Notice:
     title: str
     text: str = ""
     bad: bool = False
+
+
+@dataclass(frozen=True)
+class Rename:
+    """Something got another name: pages may speak of it by the old one for a moment."""
+
+    number: int  # from 1
+    kind: str  # "bodies", "parameters", "constraints", "contacts" or "forces"
+    old: str
+    new: str
 
 
 @dataclass(frozen=True)

@@ -98,7 +98,7 @@ def new_model(state: State, event: NewModel) -> State:
         model = pg.Model.serial(cells.whole(event.bodies, 1, MOST_BODIES))
     except Refusal as refusal:
         return replied(state, event.client, event.serial, f"The number of bodies {refusal}")
-    state = edit.replaced(state, model, f"new model of {len(model.bodies)} bodies")
+    state = edit.replaced(state, model, f"new model of {len(model.bodies)} bodies", event.client)
     return replied(state, event.client, event.serial)
 
 
@@ -212,7 +212,7 @@ def shown_model(
         problem = _too_many(len(model.bodies))
     if model is None or problem:
         return told(state, client, Notice(f"{name} was not opened", problem, bad=True))
-    state = edit.replaced(state, model, f"open {name}")
+    state = edit.replaced(state, model, f"open {name}", client)
     return told(state, client, Notice(f"Opened {model.name}"))
 
 

@@ -180,7 +180,7 @@ def paste(state: State, event: Paste) -> State:
             raise Refusal(f"it would be {len(model.bodies)} bodies; {MOST_BODIES} at most")
     except (Refusal, pg.PgraphError) as problem:
         return replied(state, client, serial, f"Nothing was pasted: {problem}")
-    state = replied(with_model(state, model, "paste"), client, serial)
+    state = replied(with_model(state, model, "paste", client), client, serial)
     if names:
         state = selected(state, client, names[0], names)
     return told(state, client, Notice("Pasted", notice)) if notice else state

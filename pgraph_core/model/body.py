@@ -6,7 +6,7 @@ import math
 import struct
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,7 @@ from .fields import (
     Described,
     Mat3,
     Number,
+    Once,
     PerMotion,
     Quat,
     Vec3,
@@ -49,6 +50,7 @@ from .fields import (
 from .shape import Shape as Shape
 from .shape import mass_properties_of, tip_of
 
+OneShape = Annotated[Shape, Once]
 Limit = Sequence[float | None] | None
 
 
@@ -154,11 +156,11 @@ class Body(Described):
     limit_restitution: PerMotion = field(
         "numbers from 0 to 1, one for all or one a motion", converter=per_motion, default=()
     )
-    shape: Shape | None = field(
+    shape: OneShape | None = field(
         "a shape such as {'kind': 'sphere', ...}", converter=_shape_in, default=None
     )
 
-    shapes: tuple[Shape, ...] = field(
+    shapes: tuple[OneShape, ...] = field(
         "a list of shapes; the first of them is `shape`", converter=_shapes_in, default=()
     )
     density: Number | None = field(

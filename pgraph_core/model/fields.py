@@ -34,6 +34,7 @@ from pydantic import (
     Field,
     Strict,
     ValidationError,
+    WrapValidator,
     model_validator,
 )
 from pydantic.fields import FieldInfo
@@ -414,6 +415,17 @@ def refuse_no_direction(**axes: Vec3 | None) -> None:
         for name, axis in axes.items()
         if axis is not None and not 1e-9 < math.hypot(*axis) < 1e9
     ])  # fmt: skip
+
+
+def _validated_once(value: Any, validate: Callable[[Any], Any]) -> Any:
+    """A part that was validated is taken as it is; a copy of it with other fields is not."""
+    if not isinstance(value, Frozen) or "checked" not in vars(value):
+        value = validate(value)
+        vars(value)["checked"] = True  # not a field: `__copy__` leaves it out
+    return value
+
+
+Once = WrapValidator(_validated_once)  # of a part inside another
 
 
 class Described(Frozen):

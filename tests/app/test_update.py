@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -15,8 +17,19 @@ from pgraph_app.core.events import Event, Misread, from_page
 from pgraph_app.core.state import Request, State, initial, poses
 from pgraph_app.core.store import Store
 from pgraph_app.features import update
+from pgraph_app.model import Found
 from pgraph_app.model.derived import derive
-from pgraph_app.model.update import Download, Edit, NewModel, OpenBuiltIn, OpenText, Redo, Undo
+from pgraph_app.model.update import (
+    Download,
+    Edit,
+    ErrandDone,
+    NewModel,
+    OpenBuiltIn,
+    OpenText,
+    Redo,
+    Undo,
+    sent,
+)
 from pgraph_app.playback.update import Loop, Pause, Play, Scrub, Speed, StepFrames, Tick
 from pgraph_app.run import FREE_RUN
 from pgraph_app.run.update import (
@@ -284,6 +297,38 @@ def test_an_edit_after_undo_forgets_what_was_undone(state):
     state = after(state, typed("3", "mass", "2"), Undo(ME), typed("3", "mass", "3"))
     assert state.redo == ()
     assert state.undo[-1].label == "mass of 3"
+
+
+def test_an_edit_passes_few_files(state):
+    """From the event to the new state: 12 files of ours at most."""
+    state, files = after(state, typed("3", "mass", "1.5")), set()
+    root = str(Path(edit.__file__).parents[2])
+
+    def seen(frame, event, _):
+        if event == "call" and frame.f_code.co_filename.startswith(root):
+            files.add(frame.f_code.co_filename)
+
+    sys.setprofile(seen)
+    try:
+        after(state, typed("3", "mass", "2"))
+    finally:
+        sys.setprofile(None)
+    files = {name for name in files if "/.venv/" not in name and "/tests/" not in name}
+    assert 5 < len(files) <= 12, sorted(files)
+
+
+def test_what_an_errand_changes_is_a_step_of_the_page_that_asked(state):
+    """Its answer comes from the server; the page's own Undo takes it back, no other page's."""
+    for client, page in ((ME, "me"), (OTHER, "other")):
+        state = replace(
+            state, clients={**state.clients, client: replace(state.clients[client], page=page)}
+        )
+    asked = sent(state, ME, "fit", lambda _: Found("", {"3": {"mass": 9.0}}))
+    done = after(asked, ErrandDone(1, Found("done", {"3": {"mass": 9.0}})))
+    assert done.undo[-1].by == "me"
+    assert done.model.body("3").mass == 9.0
+    assert after(done, Undo(OTHER)).model is done.model
+    assert after(done, Undo(ME)).model.body("3").mass == 1.0
 
 
 def test_a_refused_edit_leaves_undo_and_redo_alone(state):
