@@ -228,7 +228,7 @@ class Columns(Portable):
 
     # -- editing -------------------------------------------------------------------------------
 
-    def edited(self, name: str, changes: Mapping[str, Any]) -> Columns | None:
+    def _edited(self, name: str, changes: Mapping[str, Any]) -> Columns | None:
         """The table with a new parent, mass, com or link; itself where nothing changes.
 
         None where the description has to look: at other fields, at what may be wrong. Cycles show

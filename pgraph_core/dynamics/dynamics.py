@@ -93,7 +93,7 @@ class Dynamics(Portable):
         as it is.
         """
         old = self.packed
-        columns = old.columns.edited(name, changes)
+        columns = old.columns._edited(name, changes)
         if columns is old.columns:
             return self
         if columns is None:

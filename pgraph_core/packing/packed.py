@@ -10,6 +10,7 @@ import numpy as np
 
 from ..columns import Columns
 from ..engine import layout as at
+from ..engine.packing import pack
 from ..engine.tree import bodies
 from ..errors import Problem
 from ..model import Force, Model
@@ -17,8 +18,9 @@ from ..model.force import Between
 from ..topology import Topology
 from .constraints import Blocks, blocks
 from .forces import NO_LOADS, bends, drives, loads, on_bodies
-from .system import Array, Drives, Ints, Loads, System, pack_columns, system
+from .system import Array, Drives, Ints, Loads, System, system
 
+INT, EMPTY = np.dtype(np.int64), np.empty
 NOWHERE = np.zeros((0, 3)), np.zeros((0, 3, 3))
 
 
@@ -42,11 +44,18 @@ class Packed:
     def __init__(self, columns: Columns, like: Packed | None = None):
         """`like` has the same sizes and forces. Raises ModelError where parents close a cycle."""
         self.columns = columns
-        self._arrays, springs = pack_columns(columns)
-        self.rows, self.const, bodies_i, _, home = self._arrays
+        parent, body, motion, start = columns.numbers
+        nb, n = len(body), len(motion) + 1
+        self.rows, self.const = rows, const = EMPTY((n, 4), INT), EMPTY((n, at.CONST))
+        bodies_i, bodies_f = EMPTY((nb, at.BODIES_I), INT), EMPTY((nb, at.BODY))
+        home = EMPTY(len(start))
+        self._arrays = rows, const, bodies_i, bodies_f, home
+        springs = pack(parent, body, motion, start, rows, const, bodies_i, bodies_f, home)
+        if springs < 0:
+            columns.model()  # says in words which bodies close a cycle
         if like is None:
             self.between = columns.springs_between
-            self.nb, self.nq = len(bodies_i) - 1, columns.nq
+            self.nb, self.nq = nb - 1, columns.nq
             self.nv = len(home) - self.nq
         else:
             self.between = like.between

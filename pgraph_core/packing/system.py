@@ -1,4 +1,4 @@
-"""Columns -> System: the packed arrays of constants, in Pgraph order."""
+"""System: the packed arrays of constants, in Pgraph order, by name."""
 
 from __future__ import annotations
 
@@ -7,17 +7,12 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..columns import Columns
 from ..engine import layout as at
 from ..engine.arrays import Drives as Drives
 from ..engine.arrays import Loads as Loads
-from ..engine.layout import BODIES_I, BODY, CONST
-from ..engine.packing import pack
 
 Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int64]
-INT = np.dtype(np.int64)
-EMPTY = np.empty
 
 
 class System(NamedTuple):
@@ -34,21 +29,6 @@ class System(NamedTuple):
 
 # rows, const, bodies_i, bodies_f of a System, and its q and v in one array
 Arrays: TypeAlias = tuple[Ints, Array, Ints, Array, Array]
-
-
-def pack_columns(columns: Columns) -> tuple[Arrays, int]:
-    """Number and pack a table in one compiled call; how many motions have a spring or damper.
-
-    Raises ModelError where parents close a cycle.
-    """
-    parent, body, motion, start = columns.numbers
-    nb, n = len(body), len(motion) + 1
-    rows, const = EMPTY((n, 4), INT), EMPTY((n, CONST))
-    bodies_i, bodies_f, home = EMPTY((nb, BODIES_I), INT), EMPTY((nb, BODY)), EMPTY(len(start))
-    springs = pack(parent, body, motion, start, rows, const, bodies_i, bodies_f, home)
-    if springs < 0:
-        columns.model()  # says in words which bodies close it
-    return (rows, const, bodies_i, bodies_f, home), springs
 
 
 def system(arrays: Arrays, nq: int) -> System:

@@ -190,8 +190,10 @@ def _by_finer(record: Recording, coarser: tuple[_Apart, float] | None = None) ->
 
 def _apart(one: Recording, other: Recording, times: Array) -> _Apart:
     """How far apart two runs are at times that both record."""
-    a = one.out.q[np.searchsorted(one.plan.times, times)]
-    b = other.out.q[np.searchsorted(other.plan.times, times)]
+    a, b = (
+        r.out.q if r.plan.times is times else r.out.q[np.searchsorted(r.plan.times, times)]
+        for r in (one, other)
+    )
     rows = one.mech.packed.rows
     turned, moved = differences(rows, a, b)
     largest = np.maximum.accumulate(np.maximum(turned, moved))
@@ -211,6 +213,7 @@ def _ratio(fine: Recording, coarse: Recording) -> float:
     return (_width(coarse.plan) / _width(fine.plan)) ** fine.plan.method.order
 
 
+@lru_cache(maxsize=32)
 def _width(plan: Plan) -> float:
     """Mean width of fixed steps [s]; those without dense output end at frames."""
     span = float(plan.times[-1] - plan.times[0])
@@ -381,6 +384,7 @@ def _joined(plan: Plan, factor: int, cuts: NDArray[np.intp]) -> Plan:
     return replace(plan, times=times, substeps=substeps, width=np.diff(times) / substeps)
 
 
+@lru_cache(maxsize=32)
 def _narrowed(plan: Plan) -> Plan:
     """The same run at half the step, or at a tighter tolerance."""
     given = plan.tolerance

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine import motion
-from ..engine.arrays import Run, RunLinks
+from ..engine.arrays import Frames, Run, RunLinks
 from ..engine.arrays import Tableau as Coefficients
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
 from ..engine.records import CHOSEN, COUNTERS, GIVEN, METHOD, STEP_CONTROL, WIDEST, rows_of, table
@@ -20,7 +21,7 @@ from ..packing.system import Array, Ints
 from ..result import Status
 from ..result.contact_record import Event
 from .options import FIXED_RTOL
-from .plan import Plan
+from .plan import KEPT_PLANS, Plan
 
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
 NO_CORNERS = np.zeros(0)
@@ -91,6 +92,8 @@ class Steps:
             self.control_table, self.counters_table, np.zeros(3), watched,
             np.zeros(len(wanted), dtype=np.int64), wanted, values, self.frames,
         )  # fmt: skip
+        control, counters = (x.view(np.int64) for x in (self.control_table, self.counters_table))
+        self._words = control, counters, control.copy()  # numpy is slow at copies of records
         run.save_run(self._buffer, unnamed(self._kept))
 
     def extend(self, plan: Plan, frames: tuple[Array, ...]) -> None:
@@ -108,6 +111,13 @@ class Steps:
         else:  # saving a run costs as much as a few steps
             kept.times[:n], kept.substeps[: n - 1] = plan.times, plan.substeps
             kept.width[: n - 1] = plan.width
+
+    def begin_again(self, q: Array, v: Array) -> None:
+        """Start the same steps from another state: for runs in which nothing is remembered."""
+        control, counters, start = self._words
+        control[:], counters[:] = start, 0
+        self.q[:], self.v[:], self.ledger[:], self.times[:] = q, v, 0.0, self.plan.times
+        self.divided = 0
 
     def open_ended(self, width: float) -> None:
         """Go on from here by steps of this width, without frames."""
@@ -201,6 +211,34 @@ class Steps:
             f"the equations of {of} of {self.tolerance.widest:.4g} s could not be solved at once, "
             "as where friction sets in: narrower ones were taken there"
         ]
+
+
+class Workplace:
+    """A scene and the loops that step it, which short runs leave to the next ones like them.
+
+    Building both takes longer than some tens of steps. A workplace belongs to one run at a time,
+    and to the runs that estimate its error.
+    """
+
+    def __init__(self, scene: Scene):
+        """No loop steps the scene yet."""
+        self.scene = scene
+        self.loops: dict[Plan, tuple[Steps, Frames]] = {}
+        self.used: list[tuple[Steps, Frames]] = []  # by the run, and by those of its estimate
+
+    def left(self) -> None:
+        """The run is over: its loops are free."""
+        self.loops, self.used = {loop[0].plan: loop for loop in self.used}, []
+
+
+def workplaces(mech: Mechanism, plan: Plan) -> list[Workplace]:
+    """The free workplaces that a mechanism keeps for runs by this plan."""
+    kept: dict[Plan, list[Workplace]] = mech.__dict__.setdefault("_workplaces", {})
+    if plan not in kept:
+        while len(kept) >= KEPT_PLANS:
+            kept.pop(next(iter(kept)), None)
+        kept[plan] = []
+    return kept[plan]
 
 
 class Outcome:

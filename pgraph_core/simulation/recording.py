@@ -13,7 +13,7 @@ import numpy as np
 from ..analysis.assembly import NOTABLE, assembled
 from ..analysis.singular import Instant, blocked, redundancy, singular_notice
 from ..dynamics.arguments import finite
-from ..dynamics.callback import acting
+from ..dynamics.callback import UserTorque, acting
 from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine import motion
@@ -26,7 +26,7 @@ from ..packing.system import Array, Ints
 from ..result import Result, Status
 from ..result.contact_record import NOTHING, OF_CONSTRAINTS, ContactRecord, Named
 from .conditions import Condition
-from .loop import Outcome, Steps, links_of
+from .loop import Outcome, Steps, Workplace, links_of, workplaces
 from .options import MOST_STEPS
 from .plan import Plan, with_contacts
 from .switches import Change, closed, hold_here, switched_by
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 CHUNK = 0.02  # s of computation between two calls of `progress`
 PULSE = 0.2  # of the largest acceleration: what a pulse that counts makes
 UNFELT = 0.02  # of that: what the motion shows of it
+SHORT = 64  # frames: a longer run costs more than what it steps in
 FIRST = 16384  # freedoms in the first chunk, times steps: a few milliseconds
 NO_MONITORS = np.zeros((4, 0))
 Progress = Callable[[float], Any] | None
@@ -66,29 +67,30 @@ class Recording:
 
     repeats = False  # whether it starts where another run has met the constraints
     progress: Progress = None
+    user: UserTorque | None = None  # what calls a function that gives torques
     watch: Watch | None = None  # of conditions of switches, then of a user's events
+    events: ContactEvents | None = None  # what decides at events of contact points
     met = ""  # how the run went until something came near
 
     def __init__(
         self, mech: Mechanism, plan: Plan, q: Array, v: Array, tau: Any,
-        monitors: Sequence[Monitor] = (), scene: Scene | None = None,
+        monitors: Sequence[Monitor] = (), place: Workplace | None = None,
     ):  # fmt: skip
         """Nothing is computed yet. Raises InputError if `tau` does not fit.
 
-        `scene` is that of another run of the same motion, where it remembers nothing.
+        `place` is that of another run of the same motion, where it remembers nothing.
         """
         self.mech, self.plan, self.tau = mech, plan, tau
         if monitors or plan.conditions:  # which look at contacts from the start
             self.plan = plan = with_contacts(plan)
             self.watch = self._watching(monitors)
         self.start = float(plan.times[0])  # [s]
-        self.user = scene.user if scene is not None else None
-        if tau is not None and scene is None:
-            self.user = acting(tau, mech.nq, mech.nv)
+        if tau is not None:
+            self.user = acting(tau, mech.nq, mech.nv) if place is None else place.scene.user
         self.ended = Outcome()
         self.held = set(plan.active.tolist())  # constraints that are active now
         self._ahead = deque(plan.changes)
-        self._prepare(q, v, scene)
+        self._prepare(q, v, place)
         if len(plan.ever) > len(plan.active):
             self.scene.switch(plan.active)
         if plan.changes:
@@ -98,18 +100,39 @@ class Recording:
         self._first: Instant | None = None  # the state in which constraints are met
         self._redundant = False  # whether constraints are redundant there
 
-    def _prepare(self, q: Array, v: Array, scene: Scene | None = None) -> None:
+    def _prepare(self, q: Array, v: Array, place: Workplace | None = None) -> None:
         """Scene, frames and stepping loop of the plan, at (q, v)."""
         mech, plan = self.mech, self.plan
-        self.scene = self._scene() if scene is None else scene
-        if self.tau is not None and self.user is None:
-            self.scene.given[:] = finite("tau", self.tau, mech.nv)
-        self.out = self._empty_frames(len(plan.times))
+        self._free = workplaces(mech, plan) if place is None and self._short() else None
+        if self._free:
+            place = self._free.pop()
+        self.place = place = Workplace(self._scene()) if place is None else place
+        self.scene = place.scene
+        if self.user is None:
+            self.scene.given[:] = 0.0 if self.tau is None else finite("tau", self.tau, mech.nv)
+        steps, out = place.loops.pop(plan, (None, None))
+        self._reused = self._free is not None  # whether other frames may come into these arrays
+        self.out = self._empty_frames(len(plan.times)) if out is None else out
         self._arrays = tuple(self.out)  # as kernels take them
-        self._reused = False  # whether other frames may come into these arrays
-        self.steps = Steps(mech, plan, q, v, self._arrays)
+        self.steps = Steps(mech, plan, q, v, self._arrays) if steps is None else steps
         self.q, self.v = self.steps.q, self.steps.v
-        self.events = self._contact_events()
+        place.used.append((self.steps, self.out))
+        if steps is None:
+            self.events = self._contact_events()
+        else:
+            steps.begin_again(q, v)
+
+    def _short(self) -> bool:
+        """Whether a run by this plan is short, and leaves nothing behind in scene and loop."""
+        plan = self.plan
+        acts = plan.contacts or plan.declared or len(plan.ever) or plan.changes or plan.conditions
+        return not acts and self.user is None and self.watch is None and len(plan.times) <= SHORT
+
+    def leave(self) -> None:
+        """The run is over: the next one like it may go on in its workplace."""
+        if self._free is not None:
+            self.place.left()
+            self._free.append(self.place)
 
     def _empty_frames(self, n: int) -> Frames:
         mech, plan = self.mech, self.plan
@@ -200,8 +223,8 @@ class Recording:
         Raises InputError where contacts that come near do not fit the plan's method.
         """
         progress = self.progress
-        scene = None if self.scene.remembers else self.scene
-        other = Recording(self.mech, plan, *self.began, self.tau, scene=scene)
+        place = None if self.scene.remembers else self.place
+        other = Recording(self.mech, plan, *self.began, self.tau, place=place)
         other.repeats, other.progress = True, progress
         if other.begin():
             other.advance_to_end(progress and (lambda _: progress(1.0)))

@@ -108,4 +108,6 @@ def simulate(
         "step_processor": busy,  # without the time of other programs
         "estimate": time.perf_counter() - stepped,
     }
-    return record.result(error, timing)
+    result = record.result(error, timing)
+    record.leave()
+    return result

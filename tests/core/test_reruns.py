@@ -6,7 +6,9 @@ import json
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 
 import pgraph_core as pg
@@ -91,3 +93,60 @@ def test_a_run_starts_in_its_own_state_whatever_ran_before(method, tau):
             run = pg.simulate(mech, q, v, **options)
             assert run.q[0, 0] == (0.0 if q is None else q[0])
             assert run.v[0, 0] == (0.0 if v is None else v[0])
+
+
+# -- workplaces that runs leave to the next ones --------------------------------------------------
+
+SHORT = {"t_end": 0.02, "frames": 4}
+WAYS = [
+    {"method": "rk4", "step": 1e-3},
+    {"method": "semi_implicit_euler", "step": 1e-3},
+    {"method": "gauss6", "step": 1e-3},
+    {"method": "generalised_alpha", "step": 1e-3},
+    {"method": "dop853", "rtol": 1e-9},
+    {"method": "radau5", "rtol": 1e-7},
+    {"method": "radau5", "step": 1e-3},
+    {"method": "ros2", "rtol": 1e-6},
+]
+
+
+@pytest.mark.parametrize("way", WAYS, ids=lambda way: "-".join(map(str, way.values())))
+def test_a_run_after_others_has_the_bits_of_the_first(way):
+    """Scene and loop are used again; torques, failures and other states leave nothing in them."""
+    model = pg.Model.serial(3)
+    rng = np.random.default_rng(1)
+    starts = [(rng.normal(size=3), rng.normal(size=3)) for _ in range(3)]
+    tau = rng.normal(size=3)
+    used = pg.Mechanism(model)
+    for q, v in starts:
+        pg.simulate(used, q, v, tau=10 * tau, **SHORT, **way)
+        pg.simulate(used, q, 1e200 * v, **SHORT, **way)
+        for given in (None, tau):
+            found = pg.simulate(used, q, v, tau=given, **SHORT, **way)
+            first = pg.simulate(pg.Mechanism(model), q, v, tau=given, **SHORT, **way)
+            for name in ("t", "q", "v", "vdot", "kinetic_energy", "work", "constraint_drift"):
+                assert np.array_equal(getattr(found, name), getattr(first, name)), name
+            assert found.error_estimate == first.error_estimate
+            assert found.counters == first.counters
+
+
+def test_results_stay_when_their_mechanism_runs_again():
+    mech = pg.Mechanism(pg.Model.serial(3))
+    first = pg.simulate(mech, np.ones(3), np.ones(3), method="rk4", step=1e-3, **SHORT)
+    kept = {name: getattr(first, name).copy() for name in ("t", "q", "v", "vdot", "work")}
+    pg.simulate(mech, np.zeros(3), -np.ones(3), method="rk4", step=1e-3, **SHORT)
+    for name, value in kept.items():
+        assert np.array_equal(getattr(first, name), value), name
+
+
+def test_threads_that_share_a_mechanism_do_not_share_workplaces():
+    mech, rng = pg.Mechanism(pg.Model.serial(3)), np.random.default_rng(2)
+    starts = rng.normal(size=(200, 3))
+
+    def last(q):
+        return pg.simulate(mech, q, method="rk4", step=1e-3, **SHORT).q[-1]
+
+    alone = [last(q) for q in starts]
+    with ThreadPoolExecutor(8) as pool:
+        together = list(pool.map(last, starts))
+    assert np.array_equal(alone, together)
