@@ -1,10 +1,14 @@
-"""The running app: a model on a page at an address."""
+"""The running app: a model on a page at an address, and the layout of that page."""
 
 from __future__ import annotations
 
 import threading
 import webbrowser
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
+
+import viser
 
 import pgraph_core as pg
 import pgraph_models
@@ -13,16 +17,18 @@ from .constraints.mobility import Reports
 from .core.bridge import Bridge, open_server, quiet
 from .core.door import token_for
 from .core.events import Event, from_page
-from .core.state import initial
+from .core.state import State, initial
 from .core.store import Store
-from .features import update
+from .core.views import Desk, PanelName, made
+from .features import places, update
 from .model.update import recovered
 from .model.worker import Errands
-from .page import Page
 from .report.worker import Analyst
 from .run.live import LiveRunner
 from .run.worker import Compiler, Files, Simulator
 from .session.autosave import Autosave, left_behind
+from .session.update import Connected, Disconnected
+from .session.view import ACCENT
 
 
 class Server:
@@ -38,16 +44,15 @@ class Server:
         token: str = "auto",
     ):
         secret = token_for(host, token)
-        viser = open_server(host, port, secret)
-        self.viser = viser
-        self.port = viser.get_port()
+        self.viser = open_server(host, port, secret)
+        self.port = self.viser.get_port()
         query = f"?token={secret}" if secret else ""
         self.url = f"http://{host}:{self.port}/{query}"
         state = initial(model, built_in())
         if keep is not None:
             state = recovered(state, left_behind(keep, host, self.port), given)
         self.store = Store(state, update)
-        bridge = Bridge(viser, lambda client, text: self.send(from_page(client, text)))
+        bridge = Bridge(self.viser, lambda client, text: self.send(from_page(client, text)))
         page = Page(bridge, self.send)
         self._autosave = Autosave(keep, host, self.port, given, self.send) if keep else None
         workers = (Simulator, LiveRunner, Analyst, Files, Reports, Errands)
@@ -107,3 +112,65 @@ def serve(
 def built_in() -> dict[str, str]:
     """The text of every built-in model, by name."""
     return {name: pgraph_models.path(name).read_text("utf-8") for name in pgraph_models.names()}
+
+
+# -- layout ----------------------------------------------------------------------------------------
+
+
+LEFT, RIGHT = 450, 330  # widths of the docks [px]
+PLAYBACK = 470  # width [px] of the playback; its style widens it where there is room
+
+
+class Page:
+    """Docks left and right of the 3D view, playback floating at its bottom."""
+
+    def __init__(self, bridge: Bridge, send: Callable[[Event], None]):
+        server = bridge.server
+        gui = server.gui
+        gui.configure_theme(show_logo=False, show_share_button=False, brand_color=ACCENT)
+        names: tuple[PanelName, ...] = ("bodies", "graph", "properties", "playback")
+        panels: dict[PanelName, viser.PanelHandle] = {name: gui.add_panel() for name in names}
+        docks = Docks(bridge, panels["bodies"], gui.main_panel)
+        self.views = (*made(places(), Desk(bridge, send, panels)), docks)
+        panels["bodies"].dock_left()
+        panels["bodies"].set_width(LEFT)
+        panels["graph"].dock_below(panels["bodies"])
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(RIGHT)
+        panels["properties"].dock_below(gui.main_panel)
+        panels["playback"].float(x=15, y=-15, width=PLAYBACK)
+
+        @server.on_client_connect
+        async def _(client: viser.ClientHandle) -> None:
+            bridge.connect(client)
+            send(Connected(client.client_id))
+
+        @server.on_client_disconnect
+        async def _(client: viser.ClientHandle) -> None:
+            send(Disconnected(client.client_id))
+
+
+class Docks:
+    """Docks that leave the 3D view its share of a small window."""
+
+    def __init__(self, bridge: Bridge, left: viser.PanelHandle, right: Any):
+        self._bridge, self._left, self._right = bridge, left, right
+        self._widths: dict[int, tuple[float, float]] = {}
+
+    def render(self, old: State, new: State) -> None:
+        for client, page in new.clients.items():
+            if page.window is None:
+                continue
+            wanted = widths(page.window)
+            if wanted != self._widths.get(client, (LEFT, RIGHT)):
+                self._widths[client] = wanted
+                for panel, width in zip((self._left, self._right), wanted):
+                    self._bridge.set_width(client, panel, width)
+        for gone in self._widths.keys() - new.clients.keys():
+            del self._widths[gone]
+
+
+def widths(window: float) -> tuple[float, float]:
+    """Of the left and the right dock in a window as wide as this [px]."""
+    left, right = min(LEFT, max(0.4 * window, 200)), min(RIGHT, max(0.28 * window, 180))
+    return round(left), round(right)

@@ -9,11 +9,11 @@ import math
 import numpy as np
 import pytest
 
-import pgraph_app.cli.bench
+import pgraph_app.cli.verify
 import pgraph_core as pg
 import pgraph_models
 from pgraph_app.cli import main
-from pgraph_app.cli.bench import part
+from pgraph_app.cli.verify import part
 
 compare, construction, gate, lean, machine, report, scenes, suite, timing = map(
     part,
@@ -250,7 +250,7 @@ def test_the_gate(monkeypatch, tmp_path, capsys, then: float, code: int):
 
 
 def test_outside_a_checkout_there_are_no_benchmarks(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(pgraph_app.cli.bench, "ROOT", tmp_path)
+    monkeypatch.setattr(pgraph_app.cli.verify, "ROOT", tmp_path)
     assert main(["bench"]) == 1
     error = capsys.readouterr().err
     assert error.startswith("pgraph bench: ")

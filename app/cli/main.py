@@ -7,40 +7,14 @@ import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Sequence
 from importlib.metadata import version
-from types import ModuleType
 
 from pgraph_core.errors import PgraphError
 
-from . import (
-    bench,
-    check,
-    convert,
-    hunt,
-    info,
-    models,
-    new,
-    report,
-    run,
-    stability,
-    start,
-    sweep,
-    verify,
-)
+from . import models, run, start, study, verify
 from .terminal import print_answer, print_problems
 
-COMMANDS: dict[str, ModuleType] = {
-    "new": new,
-    "models": models,
-    "info": info,
-    "check": check,
-    "convert": convert,
-    "run": run,
-    "report": report,
-    "sweep": sweep,
-    "verify": verify,
-    "hunt": hunt,
-    "stability": stability,
-    "bench": bench,
+COMMANDS = {
+    command.name: command for module in (models, run, study, verify) for command in module.COMMANDS
 }
 
 
@@ -60,15 +34,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _command(name: str, words: Sequence[str]) -> int:
-    module = COMMANDS[name]
+    command = COMMANDS[name]
     parser = ArgumentParser(
-        prog=f"pgraph {name}", description=f"{module.HELP[0].upper()}{module.HELP[1:]}."
+        prog=f"pgraph {name}", description=f"{command.help[0].upper()}{command.help[1:]}."
     )
-    module.arguments(parser)
+    command.arguments(parser)
     parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
     args = parser.parse_args(words)
     try:
-        answer = module.answer(args)
+        answer = command.answer(args)
     except PgraphError as error:
         print_problems(error.problems, args.json)
         return 1
@@ -80,7 +54,7 @@ def _command(name: str, words: Sequence[str]) -> int:
 
 
 def _start(words: Sequence[str]) -> int:
-    listed = "\n".join(f"  pgraph {name:9} {module.HELP}" for name, module in COMMANDS.items())
+    listed = "\n".join(f"  pgraph {name:9} {command.help}" for name, command in COMMANDS.items())
     parser = ArgumentParser(
         prog="pgraph",
         description="Multibody dynamics from a four-column table. Opens the page in the browser.",

@@ -1,22 +1,44 @@
-"""`pgraph models`: the built-in models."""
+"""Commands about models: `pgraph new`, `models`, `info`, `check`, `convert`."""
 
 from __future__ import annotations
 
+import json
+import math
 from argparse import ArgumentParser, Namespace
+from pathlib import Path
+from typing import Any
 
 import pgraph_core as pg
 import pgraph_models
+from pgraph_core import joints
+from pgraph_core.errors import FileError, ModelError, Problem
 
-from .terminal import Answer, aligned
+from .terminal import Answer, Command, aligned, count, model_argument, model_path, open_model
 
-HELP = "list the built-in models"
-
-
-def arguments(parser: ArgumentParser) -> None:
-    """It has none."""
+# -- new -------------------------------------------------------------------------------------------
 
 
-def answer(args: Namespace) -> Answer:
+def new_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("n", metavar="N", type=count, help="number of bodies")
+    parser.add_argument("-o", "--output", metavar="FILE", help="write to FILE instead")
+
+
+def new(args: Namespace) -> Answer:
+    model = pg.Model.serial(args.n)
+    if args.output is None:
+        text = model.to_json().rstrip("\n")
+        return Answer(json.loads(text), text)
+    if Path(args.output).exists():
+        raise FileError(Problem(args.output, "", "exists already; choose another name"))
+    model.save(args.output)
+    data = {"path": args.output, "name": model.name, "nb": len(model.bodies)}
+    return Answer(data, f"Wrote {args.output}: {len(model.bodies)} bodies in a row.")
+
+
+# -- models ----------------------------------------------------------------------------------------
+
+
+def models(args: Namespace) -> Answer:
     models = {name: pg.Model.load(pgraph_models.path(name)) for name in pgraph_models.names()}
     rows = [
         {
@@ -33,3 +55,151 @@ def answer(args: Namespace) -> Answer:
         header=("model", "bodies", "DoF", "scenarios"),
     )
     return Answer({"models": rows}, table)
+
+
+# -- info ------------------------------------------------------------------------------------------
+
+
+def info(args: Namespace) -> Answer:
+    model = open_model(args.model)
+    data = facts(model)
+    return Answer(data, _text(model, data))
+
+
+def facts(model: pg.Model) -> dict[str, Any]:
+    """The answer under the names of `Mechanism`, in number order."""
+    topology = pg.Topology.of(model)
+    bodies = [model.bodies[row] for row in topology.row]
+    return {
+        "name": model.name,
+        "nb": topology.nb,
+        "nq": sum(joints.nq(body.sequence) for body in bodies),
+        "nv": sum(body.dof for body in bodies),
+        "pgraph": topology.pgraph,
+        "jdof": topology.jdof,
+        "names": topology.names,
+        "parent": topology.parent,
+        "joint": [body.joint for body in bodies],
+        "dof": topology.dof,
+        "tips": topology.tips,
+        "separation_bodies": topology.separation_bodies,
+        "mass": math.fsum(body.mass for body in bodies),
+        "up": model.up,
+        "gravity": model.gravity,
+        "constraints": [constraint.name for constraint in model.constraints],
+        "mobility": _mobility(model),
+        "forces": [force.name for force in model.forces],
+        "scenarios": [scenario.name for scenario in model.scenarios],
+        "plan": pg.Plan.of(model).to_dict(),
+    }
+
+
+def _mobility(model: pg.Model) -> dict[str, Any] | None:
+    """The report of mobility, or why it cannot be assembled; None without constraints."""
+    if not any(c.active for c in model.constraints):
+        return None
+    try:
+        return pg.Mechanism(model).mobility().to_dict()
+    except pg.PgraphError as refused:
+        return {"text": str(refused)}
+
+
+def _text(model: pg.Model, data: dict[str, Any]) -> str:
+    names = ("ground", *data["names"])
+    rows = (
+        (i, name, names[parent], model.body(name).joint, int(dof), model.body(name).mass)
+        for i, (name, parent, dof) in enumerate(zip(data["names"], data["parent"], data["dof"]), 1)
+    )
+    lines = (
+        f"{data['name']}: {data['nb']} bodies, nv = {data['nv']}, nq = {data['nq']}, "
+        f"{data['mass']:.6g} kg, {data['up']} up",
+        f"Pgraph             [{_listed(data['pgraph'])}]",
+        f"jdof               [{_listed(data['jdof'])}]",
+        f"tips               {_listed(data['tips'])}",
+        f"separation bodies  {_listed(data['separation_bodies']) or 'none'}",
+        f"constraints        {', '.join(data['constraints']) or 'none'}",
+        f"scenarios          {', '.join(data['scenarios']) or 'none'}",
+        *(("", data["mobility"]["text"]) if data["mobility"] else ()),
+        "",
+        *pg.Plan.of(model).lines(),
+        "",
+        aligned(rows, header=("#", "body", "parent", "joint", "DoF", "mass [kg]")),
+    )
+    return "\n".join(lines)
+
+
+def _listed(numbers: Any) -> str:
+    return " ".join(map(str, numbers))
+
+
+# -- check -----------------------------------------------------------------------------------------
+
+
+def check(args: Namespace) -> Answer:
+    """Raises ModelError with all problems of the model and its meshes."""
+    model = open_model(args.model)
+    if found := mesh_problems(model):
+        raise ModelError(found)
+    lines = [f"{model.name}: no problem found", *(f"note: {text}" for text in model.doubts)]
+    notes = {"notes": model.doubts} if model.doubts else {}
+    return Answer({"problems": [], **notes}, "\n".join(lines))
+
+
+def mesh_problems(model: pg.Model) -> list[Problem]:
+    """One problem for each body whose mesh file cannot be read."""
+    from pgraph_core.mesh_files import load_mesh  # it needs the compiler; models without do not
+
+    found = []
+    for body in model.bodies:
+        for file in (shape.file for shape in body.shapes if shape.file):
+            try:
+                load_mesh(file)
+            except pg.PgraphError as error:
+                found.append(Problem(f"body '{body.name}'", "shape", str(error)))
+    return found
+
+
+# -- convert ---------------------------------------------------------------------------------------
+
+
+def convert_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("model", metavar="IN", help="a file or the name of a built-in model")
+    parser.add_argument("out", metavar="OUT", help="the file to write; its suffix is the format")
+    parser.add_argument(
+        "--roots", metavar="FOLDER", nargs="+", default=(), help="folders that meshes may lie in"
+    )
+    parser.add_argument(
+        "--repair", action="store_true", help="replace inertias that no body has by the nearest"
+    )
+
+
+def convert(args: Namespace) -> Answer:
+    """Raises PgraphError."""
+    from pgraph_core.formats.any import read_model, write_model  # other commands need no kernels
+
+    model, read = read_model(model_path(args.model), args.roots)
+    if args.repair:
+        model = read.repaired(model)
+    written = write_model(model, args.out)
+    lines = [str(report) for report in (read, written) if report.entries]
+    data = {"read": read.to_dict(), "written": written.to_dict()}
+    text = "\n".join([*lines, f"{args.out}: {len(model.bodies)} bodies written"])
+    return Answer(data, text)
+
+
+COMMANDS = (
+    Command("new", "write a model of N bodies: a serial chain of hinges", new_arguments, new),
+    Command("models", "list the built-in models", lambda parser: None, models),
+    Command(
+        "info", "bodies, degrees of freedom, Pgraph, jdof, tips, mobility", model_argument, info
+    ),
+    Command(
+        "check", "list every problem of a model; exit code 1 if there is one", model_argument, check
+    ),
+    Command(
+        "convert",
+        "a model from one format to another: .json, .urdf, .xml (MJCF)",
+        convert_arguments,
+        convert,
+    ),
+)

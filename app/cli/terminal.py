@@ -6,7 +6,7 @@ import json
 import math
 import os
 import sys
-from argparse import ArgumentParser, ArgumentTypeError
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -115,6 +115,16 @@ class Answer:
     data: Mapping[str, Any]  # with --json, under the names of the Python API
     text: str
     problem: str = ""  # of a run that failed: printed on stderr, exit code 1
+
+
+@dataclass(frozen=True)
+class Command:
+    """`pgraph NAME`: one line of help, its arguments, and what answers it."""
+
+    name: str
+    help: str
+    arguments: Callable[[ArgumentParser], None]
+    answer: Callable[[Namespace], Answer]  # raises PgraphError
 
 
 def print_answer(answer: Answer, as_json: bool) -> None:

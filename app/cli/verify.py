@@ -1,42 +1,55 @@
-"""`pgraph verify`: computes known motions and compares them with their references."""
+"""Commands that check Pgraph itself: `pgraph verify`, `hunt` and `bench`."""
 
 from __future__ import annotations
 
 import sys
 import time
 from argparse import ArgumentParser, Namespace
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pgraph_core as pg
 import pgraph_models
+from pgraph_core.errors import InputError, Problem
 
-from .terminal import Answer, aligned
+from .terminal import Answer, Command, aligned
 
-HELP = "compute known motions; print errors, targets and cost; exit code 1 if one misses"
+if TYPE_CHECKING:
+    from pgraph_core.verification.hunt import Find
+
 HEADER = (
     "case", "compared", "error", "target", "reference", "time [s]", "steps", "method", "verdict"
 )  # fmt: skip
+ROOT = Path(__file__).parent.parent.parent
 
 
-def arguments(parser: ArgumentParser) -> None:
+def _tell(text: str) -> None:
+    """Progress on a terminal, over the last line; nothing in a pipe."""
+    if sys.stderr.isatty():
+        print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
+
+
+# -- verify ----------------------------------------------------------------------------------------
+
+
+def verify_arguments(parser: ArgumentParser) -> None:
     parser.add_argument(
         "names", metavar="NAME", nargs="*",
         help="a case, a family of cases such as chain_n_links, or a case file; default: all",
     )  # fmt: skip
 
 
-def answer(args: Namespace) -> Answer:
+def verify(args: Namespace) -> Answer:
     """Raises PgraphError for an unknown name."""
     wanted = args.names or pgraph_models.case_names()
     chosen = [case for name in wanted for case in _cases(name)]
-    tell = _line if sys.stderr.isatty() else _nothing
     began = time.perf_counter()
     rows = []
     for i, case in enumerate(chosen):
-        tell(f"{case.name}  ({i + 1} of {len(chosen)}, {time.perf_counter() - began:.0f} s)")
+        _tell(f"{case.name}  ({i + 1} of {len(chosen)}, {time.perf_counter() - began:.0f} s)")
         rows.append(facts(pg.verify(case)))
-    tell("")
+    _tell("")
     missed = [row["case"] for row in rows if not row["ok"]]
     summary = f"{len(rows) - len(missed)} of {len(rows)} cases reach their targets"
     table = aligned((_cells(row) for row in rows), HEADER)
@@ -80,10 +93,100 @@ def _cells(row: dict[str, Any]) -> tuple[Any, ...]:
     )
 
 
-def _line(text: str) -> None:
-    """Progress on a terminal, over the last line."""
-    print(f"\r\033[K{text}", end="", file=sys.stderr, flush=True)
+# -- hunt ------------------------------------------------------------------------------------------
 
 
-def _nothing(text: str) -> None:
-    """In a pipe."""
+def hunt_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("--scenes", type=int, default=2000, help="how many (default: 2000)")
+    parser.add_argument("--seed", type=int, default=0, help="of the random numbers (default: 0)")
+
+
+def hunt(args: Namespace) -> Answer:
+    """Raises InputError for a number of scenes below 1."""
+    from pgraph_core.verification import hunt as scenes  # other commands need no kernels
+
+    if args.scenes < 1 or args.seed < 0:
+        text = f"needs a number >= 1, and a seed >= 0; given {args.scenes} and {args.seed}"
+        raise InputError(Problem("pgraph hunt", "--scenes", text))
+    began = time.perf_counter()
+    finds = list(scenes.hunt(args.scenes, args.seed, lambda number: _tell(f"scene {number + 1}")))
+    seconds = time.perf_counter() - began
+    silent = [find for find in finds if find.verdict == "silent"]
+    data: dict[str, Any] = {
+        "scenes": args.scenes,
+        "seed": args.seed,
+        "seconds": seconds,
+        "runs": [facts_of_scene(find) for find in finds],
+    }
+    problem = f"{len(silent)} runs are wrong and silent" if silent else ""
+    return Answer(data, scenes.told(finds, seconds), problem)
+
+
+def facts_of_scene(find: Find) -> dict[str, Any]:
+    """One run, under names that scripts can rely on."""
+    return {
+        "family": find.scene.family,
+        "scene": find.scene.what,
+        "t_end": find.scene.t_end,
+        "setting": find.setting,
+        "verdict": find.verdict,
+        "error": find.error,
+        "estimate": find.estimate,
+        "says": find.says,
+        "floor": find.scene.floor,
+    }
+
+
+# -- bench -----------------------------------------------------------------------------------------
+
+
+def bench_arguments(parser: ArgumentParser) -> None:
+    parser.add_argument("--quick", action="store_true", help="fewer rounds, shorter chains")
+    parser.add_argument("--markdown", action="store_true", help="the text of docs/benchmarks.md")
+    parser.add_argument("--gate", action="store_true", help="exit code 1 if a ratio fell by 25 %%")
+    parser.add_argument("--update-baseline", action="store_true", help="rewrite baseline.json")
+
+
+def bench(args: Namespace) -> Answer:
+    """Raises InputError if there is no folder `benchmarks`."""
+    found: dict[str, Any] = part("suite").measured(quick=args.quick)
+    report, gate = part("report"), part("gate")
+    cpu, now, then = found["machine"]["cpu"], gate.ratios(found["rows"]), gate.load()
+    wrong = gate.verdict(now, then, cpu) if args.gate else []
+    if args.update_baseline:
+        gate.save(gate.updated(then, cpu, now))
+    text = report.markdown(found) if args.markdown else report.text(found)
+    gated = {"gate": wrong} if args.gate else {}
+    return Answer(found | gated, text, "\n".join(wrong))
+
+
+def part(name: str) -> Any:
+    """A module of the folder `benchmarks` of this checkout."""
+    if not (ROOT / "benchmarks" / f"{name}.py").is_file():
+        text = "the benchmarks are not installed with the package; run it in a checkout of Pgraph"
+        raise InputError(Problem("pgraph bench", "", text))
+    if str(ROOT) not in sys.path:
+        sys.path.insert(0, str(ROOT))
+    return import_module(f"benchmarks.{name}")
+
+
+COMMANDS = (
+    Command(
+        "verify",
+        "compute known motions; print errors, targets and cost; exit code 1 if one misses",
+        verify_arguments,
+        verify,
+    ),
+    Command(
+        "hunt",
+        "run random scenes; print the runs that are wrong and do not say so; exit code 1 if any",
+        hunt_arguments,
+        hunt,
+    ),
+    Command(
+        "bench",
+        "speed compared with MuJoCo, Pinocchio, Drake and Exudyn (in a checkout)",
+        bench_arguments,
+        bench,
+    ),
+)

@@ -11,9 +11,9 @@ import pgraph_core as pg
 
 from ..core.bridge import Bridge
 from ..core.cells import Display, Quantity
+from ..core.forms import button, cell, choice, field, group, shown
 from ..core.state import Client, State
 from ..core.views import Payload, Place, audience
-from ..properties.forms import button, cell, choice, field, group, shown
 from . import CELLS, KINDS, TITLES, WORD, Part, Picking, about, own_fields, parts, typed_as
 from .mobility import BY_ITSELF, mobility_report
 from .update import allowed

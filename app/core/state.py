@@ -12,8 +12,7 @@ import pgraph_core as pg
 from pgraph_core.show.animation import between
 
 from ..constraints import MobilityReport, Picking
-from ..gait import Walking
-from ..gait.footfalls import Change
+from ..gait import Change, Walking
 from ..model import Errand, Step
 from ..model.derived import Derived, derive
 from ..operators import Inspected

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import viser
 
@@ -15,10 +15,9 @@ from pgraph_core.show.shapes import Color
 
 from .bridge import Bridge
 from .events import Event
+from .forms import Payload as Payload
 from .state import State
 from .store import View
-
-Payload = dict[str, Any]
 
 
 def audience(old: State, new: State, changed: bool) -> list[int]:

@@ -17,16 +17,18 @@ from ..core.state import State
 from ..core.views import Payload, Place, audience
 from . import (
     LAWS,
+    Change,
     friction,
     has_feet,
     law,
     offered,
     offers,
+    prints,
+    since,
     step_height,
     turns,
     why_not,
 )
-from .footfalls import Change, prints, since
 
 PARTS = ("derived", "walking", "run_problem", "job")
 FASTEST, TURNING = 1.5, 0.6  # ends of the sliders [m/s, rad/s]

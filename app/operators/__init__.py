@@ -9,6 +9,6 @@ from dataclasses import dataclass
 class Inspected:
     """The part of an operator that a page looks at; None: all rows, all columns."""
 
-    what: str  # as in `app/operators/matrices.py`
+    what: str  # as in TITLES of `view.py`
     rows: tuple[int, int] | None = None  # from, to
     columns: tuple[int, int] | None = None

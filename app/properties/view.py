@@ -12,11 +12,11 @@ from pgraph_core.model.fields import About
 
 from ..core.bridge import Bridge
 from ..core.cells import Display
+from ..core.forms import WXYZ, XYZ, button, cell, choice, field, group, merged, shown
 from ..core.state import Client, State
 from ..core.views import Payload, Place, audience, css
-from ..world.form import world
 from .body_cells import MOTIONS, NO_SHAPE, OF_FILES, SHAPES, held, moments, quantity_of
-from .forms import WXYZ, XYZ, button, cell, choice, field, group, merged, shown
+from .world import world
 
 JOINTS = get_args(pg.Body.model_fields["joint"].annotation)
 Q_NAMES = {"free": (*XYZ, *WXYZ), "spherical": WXYZ}

@@ -9,7 +9,7 @@ from typing import Any
 
 import pgraph_core as pg
 
-from ..gait.footfalls import Change, changes
+from ..gait import Change, changes
 from ..scene import SHOWN_AT_FIRST
 
 FREE_RUN = ""  # the scenario of a run that has none

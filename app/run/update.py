@@ -12,7 +12,7 @@ from ..core import cells
 from ..core.cells import Refusal
 from ..core.events import Event, FromPage, Text, on, on_typed
 from ..core.state import State
-from ..gait.footfalls import changes
+from ..gait import changes
 from . import FREE_RUN, Exporting, Job, Kernels, Live, Request, Run
 
 LONGEST_RUN = 3600.0  # [s]

@@ -20,7 +20,7 @@ from pgraph_core.show.animation import Extra
 from ..core.bridge import Bridge
 from ..core.state import SHOWN_AT_FIRST, Exporting, Playback, Run, State
 from ..core.views import Payload, Place, audience
-from ..gait.footfalls import prints
+from ..gait import prints
 from ..gait.view import MOST, FootprintsView
 from ..model.archive import zipped
 from ..scene.overlays import Overlays

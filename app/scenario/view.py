@@ -13,9 +13,9 @@ from ..constraints import KINDS, parts
 from ..constraints.view import between, form
 from ..core.bridge import Bridge
 from ..core.cells import Display
+from ..core.forms import button, cell, choice, field, group, shown
 from ..core.state import Client, State
 from ..core.views import Payload, Place, audience
-from ..properties.forms import button, cell, choice, field, group, shown
 from ..run import FREE_RUN
 from . import (
     OFF,

@@ -17,8 +17,7 @@ import pgraph_models
 from pgraph_app.core.events import Event
 from pgraph_app.core.state import Kernels, State, initial, poses
 from pgraph_app.features import update
-from pgraph_app.gait import has_feet
-from pgraph_app.gait.footfalls import Change, changes, prints, since
+from pgraph_app.gait import Change, changes, has_feet, prints, since
 from pgraph_app.gait.update import SHOWN, Push, SetGait, SetGround, SetWalk, Walk
 from pgraph_app.gait.view import gait, phases
 from pgraph_app.model.update import OpenText, Undo

@@ -14,7 +14,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_app.core.state import Inspected, initial
 from pgraph_app.features import update
-from pgraph_app.operators import matrices
+from pgraph_app.operators import view as matrices
 from pgraph_app.operators.view import operator
 from pgraph_app.pose.update import MoveJoint
 from pgraph_app.session.update import Connected

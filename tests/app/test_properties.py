@@ -31,11 +31,10 @@ from pgraph_app.properties.body_cells import (
     possible,
     shifted,
 )
-from pgraph_app.properties.meshes import shaped
-from pgraph_app.properties.update import Check, EditBodies, FillFromShape, Mend, UploadMesh
+from pgraph_app.properties.update import Check, EditBodies, FillFromShape, Mend, UploadMesh, shaped
 from pgraph_app.properties.view import physical, properties
+from pgraph_app.properties.world import DeleteParameter, EditParameter, EditWorld, RenameParameter
 from pgraph_app.session.update import Connected, SetDisplay
-from pgraph_app.world.update import DeleteParameter, EditParameter, EditWorld, RenameParameter
 from pgraph_core.rotation import matrix
 
 pytestmark = pytest.mark.fast

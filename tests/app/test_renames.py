@@ -12,9 +12,9 @@ from pgraph_app.features import update
 from pgraph_app.model.update import Download, Edit, NewModel, OpenText, Undo
 from pgraph_app.plots.update import Plot
 from pgraph_app.properties.update import EditBodies
+from pgraph_app.properties.world import EditParameter, RenameParameter
 from pgraph_app.session.update import Connected, Disconnected, Hello, SelectBodies
 from pgraph_app.table.update import SetParent
-from pgraph_app.world.update import EditParameter, RenameParameter
 
 pytestmark = pytest.mark.fast
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from ..core.cells import Display, Quantity
-from ..core.views import Payload
+from .cells import Display, Quantity
 
+Payload = dict[str, Any]
 XYZ = ("x", "y", "z")
 WXYZ = ("w", *XYZ)
 

@@ -1,4 +1,4 @@
-"""`pgraph report MODEL`: error against run time of each method and of the installed peers."""
+"""Commands that compare methods: `pgraph report` and `pgraph stability`."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ from typing import Any
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core.errors import FileError, InputError, Problem, choices
+from pgraph_core.model.files import write_atomic
 
 from .terminal import (
     Answer,
     Bar,
+    Command,
     compile_kernels,
     count,
     first_scenario,
@@ -25,10 +27,17 @@ from .terminal import (
     progress_bar,
 )
 
-HELP = "error against run time of every method and of the installed peers"
+
+def _writable(output: str | None, suffixes: tuple[str, ...]) -> None:
+    """Raises FileError before the work if the file has no known suffix."""
+    if output and Path(output).suffix.lower() not in suffixes:
+        raise FileError(Problem(output, "", f"must end in {', '.join(suffixes)}"))
 
 
-def arguments(parser: ArgumentParser) -> None:
+# -- report ----------------------------------------------------------------------------------------
+
+
+def report_arguments(parser: ArgumentParser) -> None:
     model_argument(parser, "?")
     parser.add_argument("--case", metavar="NAME", help="a verification case instead of MODEL")
     parser.add_argument("--scenario", help="default: the model's first one")
@@ -58,9 +67,11 @@ def arguments(parser: ArgumentParser) -> None:
     )
 
 
-def answer(args: Namespace) -> Answer:
+def report(args: Namespace) -> Answer:
     """Raises PgraphError. A target that no method reaches is exit code 1, after all rows."""
-    _checked(args)
+    if (args.model is None) == (args.case is None):
+        raise InputError(Problem("pgraph report", "", "give either a MODEL or --case NAME"))
+    _writable(args.output, pg.Study.SUFFIXES)
     mech, options = _motion(args)
     bar = progress_bar()
     compile_kernels(bar)
@@ -70,15 +81,6 @@ def answer(args: Namespace) -> Answer:
         study.save(args.output)
         data["output"] = args.output
     return Answer(data, str(study), _problem(study))
-
-
-def _checked(args: Namespace) -> None:
-    """Raises PgraphError for arguments that do not fit, before the work."""
-    if (args.model is None) == (args.case is None):
-        raise InputError(Problem("pgraph report", "", "give either a MODEL or --case NAME"))
-    endings = pg.Study.SUFFIXES
-    if args.output and Path(args.output).suffix.lower() not in endings:
-        raise FileError(Problem(args.output, "", f"must end in {', '.join(endings)}"))
 
 
 def _motion(args: Namespace) -> tuple[pg.Mechanism, dict[str, Any]]:
@@ -132,3 +134,92 @@ def _problem(study: pg.Study) -> str:
     except InputError as unmet:
         return unmet.problems[0].text
     return ""
+
+
+# -- stability -------------------------------------------------------------------------------------
+
+
+def stability_arguments(parser: ArgumentParser) -> None:
+    from pgraph_core.study.axes import AXES
+
+    model_argument(parser)
+    parser.add_argument(
+        "--axis", choices=tuple(AXES), help="what to vary (default: the first that the model has)"
+    )
+    parser.add_argument("--all", action="store_true", help="every axis that fits the model")
+    parser.add_argument("--values", type=numbers, metavar="X,X", help="default: those of the axis")
+    parser.add_argument("--methods", type=names, metavar="M,M", help="default: all that fit")
+    parser.add_argument("--steps", type=numbers, metavar="S,S", help="default: 0.1 to 1e-4 [s]")
+    parser.add_argument("--t-end", type=positive, metavar="S", help="duration [s]")
+    parser.add_argument("--target", type=positive, metavar="E", help="largest error that is OK")
+    parser.add_argument("--scenario", help="default: none")
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help="write a page (.html), .svg or .json"
+    )
+
+
+def stability(args: Namespace) -> Answer:
+    _writable(args.output, (".html", ".json") if args.all else (".html", ".svg", ".json"))
+    model = open_model(args.model)
+    asked = {n: getattr(args, n) for n in ("methods", "steps", "t_end", "target", "scenario")}
+    options = {name: value for name, value in asked.items() if value is not None}
+    if args.values is not None:
+        options["values"] = args.values
+    maps, lacking = _maps(model, args, options)
+    if args.output:
+        _written(maps, args.output)
+    data = maps[0].to_dict() if not args.all else {"maps": [found.to_dict() for found in maps]}
+    data |= {"output": args.output} if args.output else {}
+    parts = [str(found) for found in maps] + ["\n".join(lacking)] * bool(lacking)
+    return Answer(data, "\n\n\n".join(parts))
+
+
+def _maps(
+    model: pg.Model, args: Namespace, options: dict[str, Any]
+) -> tuple[list[pg.StabilityMap], list[str]]:
+    """(a map of each axis, a sentence for each axis that does not fit the model)."""
+    from pgraph_core.study.axes import AXES
+
+    bar, found, lacking = progress_bar(), [], []
+    for axis in AXES if args.all else (args.axis,):
+        if args.all and axis == "step":
+            continue  # it is in the columns of the others
+        try:
+            found.append(
+                pg.stability_map(
+                    model,
+                    axis=axis,
+                    progress=lambda x, axis=axis: bar((axis or "map")[:9], x),
+                    **options,
+                )
+            )
+        except InputError as refused:
+            if not args.all or not all(p.field == "axis" for p in refused.problems):
+                raise
+            lacking.append(str(refused))
+        finally:
+            bar("", 1.0)
+    return found, lacking
+
+
+def _written(maps: list[pg.StabilityMap], output: str) -> None:
+    from pgraph_core.study.map import maps_page
+
+    if len(maps) == 1 and not output.endswith(".html"):
+        maps[0].save(output)
+    elif output.endswith(".html"):
+        write_atomic(output, maps_page(maps))
+    else:
+        write_atomic(output, f"[{', '.join(found.to_json() for found in maps)}]\n")
+
+
+COMMANDS = (
+    Command(
+        "report", "error against run time of every method and of the installed peers",
+        report_arguments, report,
+    ),
+    Command(
+        "stability", "which methods stay accurate as a model is made stiff or extreme",
+        stability_arguments, stability,
+    ),
+)  # fmt: skip

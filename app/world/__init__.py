@@ -1,1 +1,0 @@
-"""Properties of the model itself, shown where no body is selected."""
