@@ -1,10 +1,11 @@
-"""Commands that simulate: `pgraph run`, and `pgraph sweep` at many values of a model's fields."""
+"""Commands that simulate: `pgraph run`, `pgraph sweep` at many values, `pgraph export`."""
 
 from __future__ import annotations
 
 import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,7 @@ def _run_options(parser: ArgumentParser) -> None:
 
 def _options(args: Namespace) -> dict[str, Any]:
     """Those of them that were given, but for the scenario."""
-    asked = {name: getattr(args, name) for name in ("t_end", "method", "step", "rtol")}
+    asked = {name: getattr(args, name, None) for name in ("t_end", "method", "step", "rtol")}
     return {name: value for name, value in asked.items() if value is not None}
 
 
@@ -217,9 +218,52 @@ def _table_lines(table: pg.Sweep, failed: list[int], output: str | None) -> list
     ]
 
 
+# -- export ----------------------------------------------------------------------------------------
+
+
+def export_arguments(parser: ArgumentParser) -> None:
+    model_argument(parser)
+    parser.add_argument("--scenario", help="default: the model's first one")
+    parser.add_argument("--t-end", type=positive, metavar="S", help="duration [s]")
+    parser.add_argument(
+        "--live", action="store_true", help="the reader runs it, pulls on it and changes it"
+    )
+    parser.add_argument(
+        "--open", action="append", default=[], metavar="PATH[=LOW:HIGH]",
+        help="what the reader may change, as bodies.lower.mass=0.2:5; may be repeated",
+    )  # fmt: skip
+    parser.add_argument("-o", "--output", required=True, metavar="FILE", help="the page (.html)")
+
+
+def export(args: Namespace) -> Answer:
+    """Raises PgraphError."""
+    from pgraph_core.live.export import exported  # other commands need none of it
+
+    model, bar = open_model(args.model), progress_bar()
+    compile_kernels(bar)
+    scenario, why = first_scenario(model, args.scenario), ""
+    if args.live or args.open:
+        result, why = exported(model, scenario, args.open, args.t_end, Path(args.output))
+    else:
+        result = pg.simulate(model, scenario=scenario, **_options(args))
+        result.to_html(args.output)
+    bar("", 1.0)
+    size = Path(args.output).stat().st_size
+    data = {"model": model.name, "scenario": scenario, "output": args.output, "bytes": size}
+    lines = [f"{args.output}: {size / 1e6:.2f} MB, {result.t[-1]:g} s of {model.name}"]
+    lines += [f"note: recorded only: {why}"] if why else []
+    return Answer(data | {"live": args.live and not why, "note": why}, "\n".join(lines))
+
+
 COMMANDS = (
     Command("run", "simulate; print status, error estimate, energy and cost", run_arguments, run),
     Command(
         "sweep", "run a model at many values of its fields; write a table", sweep_arguments, sweep
+    ),
+    Command(
+        "export",
+        "write one HTML file: an animation, or with --live a figure that the reader can change",
+        export_arguments,
+        export,
     ),
 )

@@ -118,5 +118,7 @@ def _replaced(old: Any, inside: Sequence[str | int], value: float) -> Any:
     if isinstance(old, BaseModel):
         new = _replaced(getattr(old, str(word)), rest, value)
         return type(old)(**{**dict(old), str(word): new})
+    if isinstance(old, Mapping):
+        return {**old, word: _replaced(old[word], rest, value)}
     at = int(word)
     return (*old[:at], _replaced(old[at], rest, value), *old[at + 1 :])

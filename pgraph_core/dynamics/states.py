@@ -61,7 +61,12 @@ def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
 
 def length_of(packed: Packed) -> float:
     """Largest of a mechanism's own lengths: links, centres of mass, radii of gyration [m]."""
-    const = packed.const[1:]
+    return length_in(packed.const)
+
+
+def length_in(const: Array) -> float:
+    """`length_of` from the rows' constants."""
+    const = const[1:]
     mass = np.where(const[:, at.MASS] > 0, const[:, at.MASS], np.inf)
     gyration = const[:, at.INERTIA : at.INERTIA + 3].sum(axis=1) / mass
     found = [np.sqrt(gyration.max(initial=0.0))]

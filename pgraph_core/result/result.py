@@ -165,8 +165,18 @@ class Result(EqualByFields, Portable):
         """
         return _show().figure(self.columns(), names, self.mechanism.model.name)
 
-    def to_html(self, path: str | Path, /) -> None:
-        """Write the run as an animation in 3D: one HTML file that needs nothing else."""
+    def to_html(self, path: str | Path, /, *, live: bool = False, open: Sequence[str] = ()) -> None:
+        """Write the run as an animation in 3D: one HTML file that needs nothing else.
+
+        `live`: as a figure in which the reader runs the mechanism, pulls on it, and changes what
+        `open` names, PATH or PATH=low:high, as in "bodies.lower.mass=0.2:5"; docs/figures.md.
+        Raises InputError for fields that cannot be left open.
+        """
+        if live or open:
+            from ..live.export import page  # imports this module
+
+            write_atomic(path, page(self, open).encode())
+            return
         write_atomic(path, _show().animation_html(self).encode())
 
     def show(self) -> Any:

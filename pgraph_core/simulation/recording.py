@@ -651,6 +651,10 @@ class Recording:
         header = {**self.plan.header, "error_known": (estimate.until, estimate.before)}
         if self.met:
             header["began"] = self.met
+        if self.user is not None and self.tau is not self.plan.tau:
+            header["given_torques"] = True  # which no file can hold
+        elif self.tau is not None and self.user is None and np.any(self.tau):
+            header["given_torques"] = True
         return Result(
             mechanism=self.mech,
             status=self.ended.status,

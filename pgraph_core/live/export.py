@@ -1,0 +1,272 @@
+"""A living figure: one HTML file in which the reader runs the mechanism, changes it and pulls.
+
+It holds the kernels as WebAssembly, the memory of a run at its start, a recorded run for readers
+without WebAssembly, and a small 3D view; nothing is loaded from anywhere.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import re
+from collections.abc import Sequence
+from functools import partial
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..engine import layout as at
+from ..errors import InputError, Problem
+from ..mechanism import Mechanism
+from ..model import Force, Model
+from ..model.files import write_atomic
+from ..result import Result
+from ..show import shapes, tables
+from ..show.bodies import extent, looks
+from ..show.stage import depth
+from ..simulation import simulate
+from . import module
+from .opened import Opened, follows, opened
+from .run import LiveRun, Setup, methods_of
+
+HERE = Path(__file__).parent
+PICTURES, MOST = 30, 600  # recorded a second; in all
+STEP = 1e-3  # [s] where nothing says it
+USUAL = 10.0  # [s] of motion where nothing says it
+ROW, OFFSET, HOME = at.ROW, slice(at.OFFSET, at.OFFSET + 3), slice(at.HOME, at.HOME + 9)
+KEPT = 6  # digits of the numbers of the drawing
+
+
+def recorded(model: Model, scenario: str | None = None, t_end: float | None = None) -> Result:
+    """The run of a figure: of a scenario, or of the model's free motion. Raises InputError."""
+    mech = Mechanism(model)
+    given = model.scenario(scenario) if scenario is not None else None
+    end = t_end or (given.t_end if given else USUAL)
+    step = given.step if given else STEP
+    method = methods_of(mech, Setup(scenario, step))[0]
+    run = simulate(
+        mech, t_end=end, scenario=scenario, method=method, step=step, estimate=False,
+        frames=min(frames_of(end), int(np.ceil(end / step)) + 1),
+    )  # fmt: skip
+    if not run.status.ok:
+        raise InputError(Problem("export", "", f"the run fails: {run.message}"))
+    return run
+
+
+def exported(
+    model: Model, scenario: str | None, fields: Sequence[str], t_end: float | None, path: Path
+) -> tuple[Result, str]:
+    """(the run, why it is only recorded or "") of a figure that is written to `path`.
+
+    `fields` are PATH or PATH=low:high of what the reader may change. Raises InputError.
+    """
+    run = recorded(model, scenario, t_end)
+    write_atomic(path, page(run, fields).encode())
+    return run, _stays(run)
+
+
+def frames_of(span: float) -> int:
+    """How many states are recorded."""
+    return int(np.clip(span * PICTURES, 2, MOST)) + 1
+
+
+def page(run: Result, fields: Sequence[str] = ()) -> str:
+    """The page of a run. Raises InputError for fields that cannot be left open."""
+    model = run.mechanism.model
+    wanted = [opened(model, one) for one in fields]
+    engine = _engine(run, wanted)
+    drawn = _Drawing(run, wanted)
+    given = {"engine": engine, "scene": drawn.scene(), "recording": drawn.recording()}
+    facts = _facts(run, engine)
+    title = model.name or "A mechanism"
+    texts = {name: (HERE / name).read_text(encoding="utf-8") for name in SCRIPTS}
+    html = (HERE / "figure.html").read_text(encoding="utf-8")
+    parts = {
+        "TITLE": escape(title),
+        "STYLE": (HERE / "figure.css").read_text(encoding="utf-8"),
+        "FACTS": facts,
+        "TABLE": tables.model_html(model),
+        # "<" could end the element early
+        "FIGURE": json.dumps(given, default=_plain, separators=(",", ":")).replace("<", "\\u003c"),
+        "SCRIPT": "\n".join(texts.values()),
+    }
+    return re.sub("%([A-Z]+)%", lambda found: parts[found[1]], html)
+
+
+SCRIPTS = ("engine.js", "view.js", "figure.js")
+
+
+# -- the engine ------------------------------------------------------------------------------------
+
+
+def _engine(run: Result, wanted: Sequence[Opened]) -> dict[str, Any]:
+    """What the scripts compute with; no runs, and the reason, where nothing can travel."""
+    header, mech = run.header, run.mechanism
+    found: dict[str, Any] = {
+        "t_start": float(run.t[0]), "t_end": float(run.t[-1]), "step": header["step"] or STEP,
+        "methods": [], "runs": {}, "open": [], "kernels": module.NAMES, "wasm": "", "refused": "",
+    }  # fmt: skip
+    try:
+        if refused := _stays(run):
+            raise InputError(Problem("export", "", refused))
+        setup = _setup(run, found["step"])
+        methods = methods_of(mech, setup)
+        if header["method"] in methods:
+            methods = tuple(sorted(methods, key=lambda name: name != header["method"]))
+        make = partial(_made, setup=setup)
+        runs = {method: make(mech, method) for method in methods}
+    except InputError as problem:
+        if wanted:
+            raise
+        found["refused"] = f"This scene cannot be computed here: {problem.problems[0].text}."
+        return found
+    for field, of in zip(wanted, follows(mech.model, runs, wanted, make)):
+        place, entry = field.path, {method: what._asdict() for method, what in of.items()}
+        found["open"].append(
+            {"path": place.text, "value": place.present, "low": field.low, "high": field.high,
+             "label": field.label, "unit": field.unit(mech.model), "of": entry}
+        )  # fmt: skip
+    found["methods"], found["wasm"] = methods, packed(module.wasm())
+    found["runs"] = {
+        method: {"header": one.header(), "image": packed(bytes(one.memory()))}
+        for method, one in runs.items()
+    }
+    return found
+
+
+def _made(mech: Mechanism, method: str, setup: Setup) -> LiveRun:
+    return LiveRun(mech, setup, method)
+
+
+def _setup(run: Result, step: float) -> Setup:
+    header, t = run.header, float(run.t[0])
+    forces = tuple(Force(**given) for _, _, given in header["forces"])
+    setup = Setup(header["scenario"], step, t, None, forces)
+    one = LiveRun(run.mechanism, setup, methods_of(run.mechanism, setup)[0])
+    if np.array_equal(one.record.q, run.q[0]) and np.array_equal(one.record.v, run.v[0]):
+        return setup
+    return setup._replace(state=(run.q[0], run.v[0]))
+
+
+def _stays(run: Result) -> str:
+    """Why a run cannot travel, "" where it can."""
+    if run.header.get("given_torques"):
+        return "its torques come from Python, which a browser does not run"
+    if run.header.get("stabilise") != "project" and len(run.constraint_force):
+        return "its constraints are not kept by projection"
+    if not run.status.ok:
+        return f"the run fails: {run.message}"
+    return module.stale()
+
+
+def packed(content: bytes) -> str:
+    """Compressed, as text."""
+    return base64.b64encode(gzip.compress(content, 9, mtime=0)).decode()
+
+
+# -- the drawing -----------------------------------------------------------------------------------
+
+
+class _Drawing:
+    """What is drawn: pieces of bodies, and the recorded poses."""
+
+    def __init__(self, run: Result, wanted: Sequence[Opened]):
+        self.run, self.wanted, self.mech = run, wanted, run.mechanism
+        names, model = self.mech.names, self.mech.model
+        rows = np.linspace(0, len(run.t) - 1, min(len(run.t), MOST + 1)).round().astype(int)
+        self.rows = np.unique(rows)
+        self.pose = np.asarray(run.body_pose)[self.rows]
+        self.turns = shapes.to_matrix(self.pose[..., 3:])
+        self.bodies = [model.body(name) for name in names]
+        self.parent = self.mech.topology.parent.tolist()
+
+    def looks(self, model: Model) -> list[Any]:
+        """How the bodies of a model of these names look."""
+        bodies = [model.body(name) for name in self.mech.names]
+        children, colors = shapes.children_of(self.parent), shapes.branch_colors(self.parent)
+        return looks(bodies, children, colors)
+
+    def scene(self) -> dict[str, Any]:
+        """The pieces, and where to look."""
+        model, system = self.mech.model, self.mech.packed.system
+        found = self.looks(model)
+        corners = [extent(found, p, R) for p, R in zip(self.pose[::8, :, :3], self.turns[::8])]
+        low, high = np.min(np.concatenate(corners), 0), np.max(np.concatenate(corners), 0)
+        size = max(float(np.linalg.norm(high - low)), 0.05)
+        ground = depth(model, self.bodies, self.parent, self.pose[0, :, :3], size)
+        pieces, meshes = self._pieces(found)
+        numbers = system.bodies_f
+        return {
+            "pieces": pieces, "meshes": meshes, "up": model.up, "size": size,
+            "center": (low + high) / 2, "low": -ground, "cell": shapes.spaced(size) / 5,
+            "mass": sum(body.mass for body in self.bodies),
+            "bodies": [
+                {"name": name, "row": system.bodies_i[k, ROW], "offset": numbers[k, OFFSET],
+                 "home": numbers[k, HOME]}
+                for k, name in enumerate(self.mech.names, 1)
+            ],
+        }  # fmt: skip
+
+    def _pieces(self, found: Sequence[Any]) -> tuple[list[dict[str, Any]], list[Any]]:
+        meshes: list[Any] = []
+        drawn = []
+        for k, look in enumerate(found):
+            for piece in look.pieces:
+                one: dict[str, Any] = {
+                    "body": k, "kind": piece.kind, "size": piece.size, "taper": piece.taper,
+                    "position": piece.position, "rotation": piece.rotation.ravel(),
+                    "color": piece.color or look.color, "follows": [],
+                }  # fmt: skip
+                if piece.kind in ("mesh", "heightfield"):
+                    solid = shapes.mesh([shapes.Piece(
+                        piece.kind, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0), np.eye(3), piece.file
+                    )])  # fmt: skip
+                    one["kind"], one["mesh"] = "mesh", len(meshes)
+                    places = [float(f"{x:.{KEPT}g}") for x in solid.vertices.ravel().tolist()]
+                    meshes.append((places, solid.faces.ravel()))
+                drawn.append(one)
+        for field in self.wanted:
+            self._follow(field, drawn)
+        return drawn, meshes
+
+    def _follow(self, field: Opened, drawn: Sequence[dict[str, Any]]) -> None:
+        """How the pieces change with a field, from its two ends."""
+        low, high = (
+            [p for look in self.looks(field.path.set(self.mech.model, x)) for p in look.pieces]
+            for x in (field.low, field.high)
+        )
+        if not len(low) == len(high) == len(drawn):
+            return
+        span = field.high - field.low
+        for one, a, b in zip(drawn, low, high):
+            slope = {
+                name: (np.subtract(getattr(b, name), getattr(a, name)) / span)
+                for name in ("size", "position")
+            }
+            if any(rate.any() for rate in slope.values()):
+                one["follows"].append((field.path.text, field.path.present, slope))
+
+    def recording(self) -> dict[str, Any]:
+        """Times, states and poses of the recorded run."""
+        run, rows = self.run, self.rows
+        parts = [run.t[rows], run.q[rows], run.v[rows]]
+        drawn = [self.pose[..., :3], self.turns]
+        data = b"".join(np.ascontiguousarray(a, np.float64).tobytes() for a in parts)
+        data += b"".join(np.ascontiguousarray(a, np.float32).tobytes() for a in drawn)
+        sizes = {"count": len(rows), "bodies": len(self.bodies)}
+        return sizes | {"nq": self.mech.nq, "nv": self.mech.nv, "data": packed(data)}
+
+
+def _facts(run: Result, engine: dict[str, Any]) -> str:
+    """How the recorded run was made."""
+    header = run.header
+    step = f", step {engine['step']:g} s" if header["step"] else ""
+    text = f"{header['method']}{step}, {run.t[0]:g} to {run.t[-1]:g} s, Pgraph {header['version']}"
+    return escape(f"Recorded: {text}")
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value.tolist()

@@ -1,0 +1,95 @@
+"""The kernels as WebAssembly: the module in this package, and whether it is of these sources."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import tokenize
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from ..engine.compiler.jit import ENGINE, sources
+
+HERE = Path(__file__).parent
+WASM, ABOUT = HERE / "kernels.wasm", HERE / "kernels.json"
+COMMAND = "python -m pgraph_core.live"
+
+# module below `engine`, and its kernels that the browser, or another kernel by address, calls
+KERNELS: dict[str, tuple[str, ...]] = {
+    "stepping.run": ("advance_run",),
+    "motion": ("acceleration", "projection", "record", "constrain", "constrained_dynamics"),
+    "stepping.explicit": ("semi_implicit", "runge_kutta"),
+    "stepping.moreau": ("moreau_jean",),
+    "contact.contacts": ("find", "contact_forces", "record_contacts", "settle_contacts"),
+    "contact.approach": ("bound_step",),
+    "tree.bodies": ("poses",),
+    "packing": ("pack",),
+    "gait.walking": ("walking",),
+}
+NAMES = tuple(name for names in KERNELS.values() for name in names)
+
+
+def dispatchers() -> list[Any]:
+    """The kernels, not compiled yet."""
+    package = __name__.rsplit(".", 2)[0]
+    return [
+        getattr(import_module(f"{package}.engine.{module}"), name)
+        for module, names in KERNELS.items()
+        for name in names
+    ]
+
+
+@cache
+def source_hash() -> str:
+    """Hash of all sources that the kernels are compiled from, without comments and docstrings."""
+    files = {path for module in KERNELS for path in sources(ENGINE / _file(module))}
+    found = hashlib.sha256()
+    for path in sorted(files):
+        name = path.relative_to(ENGINE).as_posix()
+        found.update(f"{name}\n{code_of(path.read_text(encoding='utf-8'))}\n".encode())
+    return found.hexdigest()[:16]
+
+
+def code_of(source: str) -> str:
+    """A source without what changes no code: comments, docstrings, spaces."""
+    parts: list[str] = []
+    begins = True  # a statement
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type in (tokenize.COMMENT, tokenize.NL):
+            continue
+        if token.type == tokenize.INDENT:
+            parts.append("{")
+        elif token.type == tokenize.DEDENT:
+            parts.append("}")
+        elif token.type != tokenize.STRING or not begins:
+            parts.append(token.string)
+        if token.type not in (tokenize.INDENT, tokenize.DEDENT):
+            begins = token.type == tokenize.NEWLINE
+    return "".join(parts)
+
+
+def _file(module: str) -> str:
+    return module.replace(".", "/") + ".py"
+
+
+@cache
+def about() -> dict[str, Any]:
+    """What the module was made of: the hash of its sources, the versions of the compilers."""
+    return json.loads(ABOUT.read_text(encoding="utf-8")) if ABOUT.is_file() else {}
+
+
+def wasm() -> bytes:
+    """The module."""
+    return WASM.read_bytes()
+
+
+def stale() -> str:
+    """Why the module does not belong to these sources, as a sentence; "" where it does."""
+    made = about().get("sources")
+    if made == source_hash() and WASM.is_file():
+        return ""
+    what = "has not been made" if made is None else "is older than the kernels"
+    return f"the WebAssembly module {what}; make it again: {COMMAND}"

@@ -1,0 +1,197 @@
+"""Fields that the reader of a figure may change, and which numbers of the image follow them.
+
+A field opens only if the browser can do with it what Python does: every number that changes with
+it is a copy of the value, or a fixed multiple, or made of such copies in the table of bodies by
+the kernel that packs models. That is tried out at several values, byte for byte.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..batches.paths import KINDS, Path
+from ..dynamics.states import length_in
+from ..engine.packing import pack
+from ..errors import InputError, PgraphError, Problem
+from ..mechanism import Mechanism
+from ..model import Model
+from ..model.fields import about
+from .run import BASE, LiveRun
+
+TRIED = 3  # values within the range, besides its ends
+FARTHER = 4.0  # how many times smaller or larger a value may be where no range is given
+TABLE = ("body", "motion", "start")  # arrays that hold a model's numbers before they are packed
+PACKED = ("rows", "const", "bodies_i", "bodies_f", "home")
+
+
+class Opened(NamedTuple):
+    """A field with its range."""
+
+    path: Path
+    low: float
+    high: float
+
+    @property
+    def label(self) -> str:
+        """In words: `mass of lower`."""
+        inside = " ".join(map(str, self.path.inside))
+        axis = {"0": "x", "1": "y", "2": "z"}
+        words = [axis.get(w, w.replace("_", " ")) for w in inside.split()]
+        return " ".join(words) + (f" of {self.path.name}" if self.path.name else "")
+
+    def unit(self, model: Model) -> str:
+        """Of the value; empty where the description gives none."""
+        if self.path.group in ("", "gravity", "ground", "scenarios"):
+            return "m/s²" if self.path.group == "gravity" else ""
+        kind, name = type(model.part(self.path.name, KINDS[self.path.group])), self.path.inside[0]
+        unit = about(kind.model_fields[str(name)], str(name)).unit
+        return {"length": "m", "angle": "rad"}.get(unit, unit)
+
+
+def opened(model: Model, given: str) -> Opened:
+    """Of `PATH`, or `PATH=low:high`. Raises InputError."""
+    name, _, span = given.partition("=")
+    path = Path(model, name, "export")
+    x = path.present
+    low, high = sorted((x / FARTHER, x * FARTHER)) if x else (-1.0, 1.0)
+    if span:
+        try:
+            low, high = (float(part) for part in span.split(":"))
+        except ValueError:
+            text = f"must be PATH or PATH=low:high, two numbers; given {given!r}"
+            raise InputError(Problem("export", "open", text)) from None
+    if not (np.isfinite([low, high]).all() and low < high and low <= x <= high):
+        text = f"needs a range low < high around the model's own {x:g}; given {low:g}:{high:g}"
+        raise InputError(Problem("export", name, text))
+    return Opened(path, low, high)
+
+
+class Follows(NamedTuple):
+    """What follows a field in the image of one method; addresses."""
+
+    copies: tuple[tuple[int, float], ...]  # with the factor
+    table: tuple[int, ...]  # numbers of the table of bodies, from which the rest is packed
+
+
+def follows(
+    model: Model, runs: Mapping[str, LiveRun], fields: Sequence[Opened], make: Any
+) -> list[dict[str, Follows]]:
+    """{method: what follows} of every field. Raises InputError where the browser cannot follow.
+
+    `make(mechanism, method)` is the run of a changed model.
+    """
+    found: list[dict[str, Follows]] = []
+    rng = np.random.default_rng(0)
+    for one in fields:
+        values = [one.low, *rng.uniform(one.low, one.high, TRIED), one.high]
+        changed = [_made(model, [(one, x)], make, runs) for x in values]
+        of = {}
+        for method, run in runs.items():
+            own = run.memory()
+            theirs = [memories[method] for memories in changed]
+            of[method] = _follows(one, run, own, values, theirs)
+            for x, memory in zip(values, theirs):
+                _verify(one, run, own, [(of[method], x)], memory)
+        found.append(of)
+    if len(fields) > 1:  # all at once
+        values = [float(rng.uniform(one.low, one.high)) for one in fields]
+        changed = _made(model, list(zip(fields, values)), make, runs)
+        for method, run in runs.items():
+            given = [(of[method], x) for of, x in zip(found, values)]
+            _verify(fields[-1], run, run.memory(), given, changed[method])
+    return found
+
+
+def _made(
+    model: Model, values: Sequence[tuple[Opened, float]], make: Any, runs: Mapping[str, LiveRun]
+) -> dict[str, bytearray]:
+    """{method: the image} of the model with these values."""
+    one, x = values[-1]
+    try:
+        for field, value in values:
+            model = field.path.set(model, float(value))
+        mech = Mechanism(model)
+        return {method: make(mech, method).memory() for method in runs}
+    except PgraphError as error:
+        text = f"cannot be {x:g}: {error.problems[0].text}; open a smaller range"
+        raise InputError(Problem("export", one.path.text, text)) from None
+
+
+def _follows(
+    one: Opened, run: LiveRun, own: bytearray, values: Sequence[float], theirs: Sequence[bytearray]
+) -> Follows:
+    """Which numbers are copies or multiples of the value."""
+    if any(len(memory) != len(own) for memory in theirs):
+        raise _refused(one, "the sizes of its tables")
+    x = np.array(values)
+    words = np.stack([np.frombuffer(memory, np.int64) for memory in theirs])
+    places = np.flatnonzero((words != np.frombuffer(own, np.int64)).any(axis=0))
+    y = words[:, places].view(np.float64)
+    copies, table = [], []
+    inside = [_span(run, name) for name in TABLE]
+    for place, column in zip((BASE + 8 * places).tolist(), y.T):
+        in_table = any(begin <= place < end for begin, end in inside)
+        factor = _factor(x, column)
+        if in_table and factor == 1.0:
+            table.append(place)
+        elif factor is not None and not in_table:
+            copies.append((place, factor))
+    packed = [span for name in PACKED for span in [_span(run, name)]]
+    packed += [(to, to + size) for _, to, size in run.header()["copies"]]
+    copies = [c for c in copies if not (table and any(b <= c[0] < e for b, e in packed))]
+    return Follows(tuple(copies), tuple(table))
+
+
+def _factor(x: Any, y: Any) -> float | None:
+    """c where every y is c x, rounded once; None."""
+    k = int(np.argmax(np.abs(x)))
+    for c in (1.0, -1.0, float(y[k] / x[k]) if x[k] else 1.0):
+        if np.array_equal(c * x, y):
+            return c
+    return None
+
+
+def _span(run: LiveRun, name: str) -> tuple[int, int]:
+    place, *shape = run.header()["arrays"][name]
+    return place, place + 8 * int(np.prod(shape))
+
+
+def _verify(
+    one: Opened, run: LiveRun, own: bytearray, given: Sequence[tuple[Follows, float]], want: Any
+) -> None:
+    """Do to the image what the browser does; raises InputError where another image is wanted."""
+    memory = bytearray(own)
+
+    def view(name: str) -> Any:
+        place, *shape = run.header()["arrays"][name]
+        kind = np.int64 if name in ("rows", "bodies_i", "parent") else np.float64
+        count = int(np.prod(shape))
+        return np.frombuffer(memory, kind, count, place - BASE).reshape(shape)
+
+    def put(place: int, value: float) -> None:
+        memory[place - BASE : place - BASE + 8] = np.float64(value).tobytes()
+
+    for what, x in given:
+        for place, factor in what.copies:
+            put(place, factor * x)
+        for place in what.table:
+            put(place, x)
+    if any(what.table for what, _ in given):
+        names = ("parent", "body", "motion", "start", *PACKED)
+        pack(*(view(name) for name in names))
+        for place in run.lengths():
+            put(place, length_in(view("const")))
+        for begin, to, size in run.header()["copies"]:
+            memory[to - BASE : to - BASE + size] = memory[begin - BASE : begin - BASE + size]
+    wrong = np.flatnonzero(np.frombuffer(memory, np.int64) != np.frombuffer(want, np.int64))
+    if len(wrong):
+        raise _refused(one, run.image.name_of(BASE + 8 * int(wrong[0])))
+
+
+def _refused(one: Opened, what: str) -> InputError:
+    text = f"cannot be left open: {what} follow it by a rule that the browser does not know; "
+    text += "open another field, or export one figure for each value"
+    return InputError(Problem("export", one.path.text, text))
