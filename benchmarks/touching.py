@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from pgraph_core import solids
 from pgraph_core.engine.arrays import Candidates
 from pgraph_core.engine.contact import search as kernels
 from pgraph_core.engine.records import (
@@ -18,7 +19,6 @@ from pgraph_core.engine.records import (
     rows_of,
     table,
 )
-from pgraph_core.shapes import solids
 
 from .machine import has
 from .timing import Case

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from .formats.urdf import read_urdf as read_urdf
     from .formats.urdf_out import write_urdf as write_urdf
     from .gait.controller import Controller as Controller
-    from .gait.footprints import Footprint as Footprint
-    from .gait.footprints import footprints as footprints
-    from .gait.footprints import footprints_csv as footprints_csv
-    from .gait.ground import underfoot as underfoot
+    from .gait.footing import Footprint as Footprint
+    from .gait.footing import footprints as footprints
+    from .gait.footing import footprints_csv as footprints_csv
+    from .gait.footing import underfoot as underfoot
     from .gait.presets import gaits as gaits
     from .mechanism import Mechanism as Mechanism
     from .model import Body as Body
@@ -107,8 +107,7 @@ _MODULES = {
     "formats.urdf": "read_urdf",
     "formats.urdf_out": "write_urdf",
     "gait.controller": "Controller",
-    "gait.footprints": "Footprint footprints footprints_csv",
-    "gait.ground": "underfoot",
+    "gait.footing": "Footprint footprints footprints_csv underfoot",
     "gait.presets": "gaits",
     "mechanism": "Mechanism",
     "dynamics.batch": "Batch",

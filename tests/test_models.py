@@ -12,7 +12,7 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_models import build
-from pgraph_models.stance import FEET, holding_torques, origins, push
+from pgraph_models.quadruped import FEET, holding_torques, origins, push
 
 pytestmark = pytest.mark.fast
 
@@ -91,7 +91,7 @@ def test_the_fig1_tree_is_serial_7_with_three_edits():
     assert parents == expected
 
 
-# -- the quadruped, checklist 1.5 ----------------------------------------------------------------
+# -- the quadruped, checklist 1.5 ------------------------------------------------------------------
 
 
 def test_quadruped_totals():
@@ -138,7 +138,7 @@ def test_left_and_right_hold_alike():
 
 def test_the_push_ends_with_all_feet_in_place():
     """Forward kinematics of the goal, the pelvis where the push wants it."""
-    from pgraph_models.stance import PELVIS, TRUNK
+    from pgraph_models.quadruped import PELVIS, TRUNK
 
     quadruped = model("quadruped")
     mech = pg.Mechanism(quadruped)

@@ -14,7 +14,7 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core import show
-from pgraph_core.show import animation, bodies, camera, plots, shapes, stage, tables
+from pgraph_core.show import animation, bodies, notebook, shapes, stage
 from pgraph_core.show.stage import GRID
 
 pytestmark = pytest.mark.fast
@@ -43,7 +43,7 @@ def run() -> pg.Result:
 @pytest.mark.parametrize("name", ["quadruped", "four_bar", "chain_10", "pendulum"])
 def test_bodies_are_numbered_as_the_topology_numbers_them(name: str):
     model = pg.Model.load(pgraph_models.path(name))
-    bodies, parent = tables.numbered(model)
+    bodies, parent = notebook.numbered(model)
     topology = pg.Topology.of(model)
     assert [body.name for body in bodies] == list(topology.names)
     assert parent == topology.parent.tolist()
@@ -70,7 +70,7 @@ def test_a_model_s_table_names_every_body_with_its_numbers(quadruped: pg.Model):
     html = show.model_html(quadruped)
     rows = re.findall(r"<tr><td>(.*?)</td></tr>", html)
     assert len(rows) == len(quadruped.bodies)
-    for body, row in zip(tables.numbered(quadruped)[0], rows):
+    for body, row in zip(notebook.numbered(quadruped)[0], rows):
         _, name, parent, joint, dof, mass = row.split("</td><td>")
         assert (name, parent, joint, int(dof)) == (body.name, body.parent, body.joint, body.dof)
         assert float(mass) == pytest.approx(body.mass, rel=1e-5)
@@ -87,7 +87,7 @@ def test_names_of_a_model_are_escaped():
 
 def test_a_long_table_is_cut_in_the_middle():
     html = show.model_html(pg.Model.serial(1000))
-    assert html.count("<tr>") == tables.ROWS + 2
+    assert html.count("<tr>") == notebook.ROWS + 2
     assert "976 more" in html
     assert "<svg" not in html
 
@@ -117,12 +117,12 @@ def test_a_run_s_page_tells_how_it_ended_and_how_accurate_it_was(run: pg.Result)
     ],
 )
 def test_a_name_stands_for_its_columns(names: tuple[str, ...], columns: list[str]):
-    assert plots.picked_columns(COLUMNS, names) == columns
+    assert notebook.picked_columns(COLUMNS, names) == columns
 
 
 def test_a_name_without_columns_is_answered_with_close_ones():
     with pytest.raises(pg.InputError, match="'kne'") as caught:
-        plots.picked_columns(COLUMNS, ["kne"])
+        notebook.picked_columns(COLUMNS, ["kne"])
     assert "knee" in str(caught.value)
 
 
@@ -250,16 +250,16 @@ def test_the_camera_is_as_near_as_it_can_be_and_sees_every_point():
         points = rng.normal(size=(30, 3)) * rng.uniform(0.01, 20, 3) + rng.normal(size=3)
         up, which = rng.choice(["x", "y", "z"]), rng.choice(["front", "side", "top", "isometric"])
         axis, aspect = np.array(GRID[up][1]), rng.uniform(0.4, 2.5)
-        way = camera.towards(up, which)
-        at = camera.fitted(points, axis, way, aspect)
+        way = stage.towards(up, which)
+        at = stage.fitted(points, axis, way, aspect)
         np.testing.assert_allclose(np.cross(at.position - at.target, way), 0, atol=1e-9)
-        assert camera.in_picture(points, axis, at, aspect)
-        right, above = camera.frame(axis, way)
+        assert stage.in_picture(points, axis, at, aspect)
+        right, above = stage.frame(axis, way)
         deep = (at.position - points) @ way
-        half = math.tan(camera.FIELD_OF_VIEW / 2)
-        x = np.abs((points - at.position) @ right) / (deep * half * aspect * camera.MARGIN)
+        half = math.tan(stage.FIELD_OF_VIEW / 2)
+        x = np.abs((points - at.position) @ right) / (deep * half * aspect * stage.MARGIN)
         y = (points - at.position) @ above / (deep * half)
-        y = np.where(y > 0, y / camera.MARGIN, -y / camera.LOWER)
+        y = np.where(y > 0, y / stage.MARGIN, -y / stage.LOWER)
         fills = max(x.max(), y.max())
         assert fills == pytest.approx(1, abs=1e-9) or np.linalg.norm(at.position - at.target) < 0.03
 

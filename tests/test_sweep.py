@@ -18,7 +18,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_app.cli import main
 from pgraph_core.batches.paths import Path
-from pgraph_core.sweeps.paths import points_of
+from pgraph_core.sweeps.sweep import points_of
 
 SHORT = {"t_end": 0.1, "step": 1e-3}
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.sweeps.paths import SAMPLES
+from pgraph_core.sweeps.sweep import SAMPLES
 
 from .terminal import (
     Answer,

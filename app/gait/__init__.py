@@ -12,7 +12,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.model import Step
-from pgraph_core.result.contact_record import PHASES, SWING
+from pgraph_core.result.records import PHASES, SWING
 from pgraph_core.show.shapes import to_matrix
 
 LAWS = {  # of the feet: what they are called, and how each is stepped over

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from pgraph_core.result.contact_record import PHASES
+from pgraph_core.result.records import PHASES
 from pgraph_core.show import shapes
 
 from ..core.bridge import Bridge

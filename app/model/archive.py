@@ -14,8 +14,7 @@ from pathlib import Path, PurePosixPath
 import pgraph_core as pg
 from pgraph_core.formats.any import READERS, read_model, write_model
 from pgraph_core.mesh_files import FORMATS
-from pgraph_core.model.assets import FOLDER
-from pgraph_core.model.files import user_folder
+from pgraph_core.model.files import FOLDER, user_folder
 
 from ..core.cells import Refusal
 

@@ -15,7 +15,7 @@ from pydantic import Field
 
 import pgraph_core as pg
 from pgraph_core.formats.any import READERS
-from pgraph_core.model import assets, files
+from pgraph_core.model import files
 
 from ..core import cells, edit, history
 from ..core.cells import Refusal
@@ -80,7 +80,7 @@ def redone(state: State, event: Redo) -> State:
     return history.redone(state, event.client)
 
 
-# -- new and open ------------------------------------------------------------------------------
+# -- new and open ----------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -197,7 +197,7 @@ def _read(name: str, content: str) -> pg.Model:
     bodies = data.get("bodies")
     if isinstance(bodies, list) and len(bodies) > MOST_BODIES:
         raise Refusal(_too_many(len(bodies)))
-    return pg.Model(**assets.located(data, mesh_folder()))
+    return pg.Model(**files.located(data, mesh_folder()))
 
 
 def _too_many(count: int) -> str:
@@ -260,7 +260,7 @@ def downloaded(state: State, event: Download) -> State:
     )  # fmt: skip
 
 
-# -- errands -----------------------------------------------------------------------------------
+# -- errands ---------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

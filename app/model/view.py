@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.show.picture import picture
+from pgraph_core.show.notebook import picture
 
 from ..core.bridge import Bridge
 from ..core.history import redoable, undoable

@@ -9,7 +9,7 @@ import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.show.animation import between
-from pgraph_core.show.picture import pictures
+from pgraph_core.show.notebook import pictures
 from pgraph_core.show.shapes import to_matrix
 
 POINTS = 1200  # pairs of extremes a curve: more than a screen has columns

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.result.contact_record import PHASES, SWING, ContactRecord
-from pgraph_core.result.contact_record import Event as ContactEvent
+from pgraph_core.result.records import PHASES, SWING, ContactRecord
+from pgraph_core.result.records import Event as ContactEvent
 from pgraph_core.simulation.contact_log import CAUSES, LIFTED
 
 from ..core.events import Event

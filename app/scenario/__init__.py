@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import pgraph_core as pg
-from pgraph_core.model.conditions import coordinates, known_names
 from pgraph_core.model.editing import free_name
-from pgraph_core.model.scenario import METHOD_NAMES
+from pgraph_core.model.scenario import METHOD_NAMES, coordinates, known_names
 
 from ..core import cells
 from ..core.cells import Display, Quantity, Refusal
@@ -51,7 +50,7 @@ def put(model: pg.Model, name: str, /, **fields: Any) -> pg.Model:
     return model.edit(name, kind="scenario", **fields)
 
 
-# -- the run and the initial state ---------------------------------------------------------------
+# -- the run and the initial state -----------------------------------------------------------------
 
 
 def quantities(body: pg.Body, field: str) -> list[Quantity]:
@@ -139,7 +138,7 @@ def _acting(
     return tuple(key for key, on in now.items() if on)
 
 
-# -- forces --------------------------------------------------------------------------------------
+# -- forces ----------------------------------------------------------------------------------------
 
 
 def as_forces(model: pg.Model, s: pg.Scenario) -> pg.Model:
@@ -155,7 +154,7 @@ def with_forces(model: pg.Model, name: str, drafted: pg.Model) -> pg.Model:
     return put(model, name, forces=drafted.forces)
 
 
-# -- switches ------------------------------------------------------------------------------------
+# -- switches --------------------------------------------------------------------------------------
 
 
 def names_of(model: pg.Model, what: str) -> list[str]:

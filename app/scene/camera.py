@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 import viser
 
-from pgraph_core.show import bodies, camera, shapes
+from pgraph_core.show import bodies, shapes, stage
 from pgraph_core.show.bodies import Look
-from pgraph_core.show.camera import FIELD_OF_VIEW, Viewpoint, in_picture
-from pgraph_core.show.stage import GRID
+from pgraph_core.show.stage import FIELD_OF_VIEW, GRID, Viewpoint, in_picture
 
 from ..core.bridge import Bridge
 from ..core.state import Client, State, poses
@@ -80,11 +79,11 @@ def look(
     if which == "fit":
         way = np.asarray(at.position) - np.asarray(at.look_at)
         way = way / np.linalg.norm(way)
-        if np.linalg.norm(np.cross(up, way)) < camera.STEEP / 2:
-            way = camera.towards(state.model.up, "top")
+        if np.linalg.norm(np.cross(up, way)) < stage.STEEP / 2:
+            way = stage.towards(state.model.up, "top")
     else:
-        way = camera.towards(state.model.up, which)  # type: ignore[arg-type]
-    seen = camera.fitted(extent(state, selected if which == "fit" else ()), up, way, aspect)
+        way = stage.towards(state.model.up, which)  # type: ignore[arg-type]
+    seen = stage.fitted(extent(state, selected if which == "fit" else ()), up, way, aspect)
     at.near, at.far = size / 100, 1000 * size
     at.up_direction = up
     at.position, at.look_at = seen
@@ -95,7 +94,7 @@ def sees(handle: viser.ClientHandle, state: State, page: Client) -> bool:
     at = Viewpoint(np.asarray(handle.camera.position), np.asarray(handle.camera.look_at))
     up = np.array(GRID[state.model.up][1])
     way = (at.position - at.target) / np.linalg.norm(at.position - at.target)
-    if page.aspect is None or np.linalg.norm(np.cross(up, way)) < camera.STEEP / 2:
+    if page.aspect is None or np.linalg.norm(np.cross(up, way)) < stage.STEEP / 2:
         return False
     return in_picture(poses(state)[0], up, at, page.aspect)
 
@@ -109,8 +108,8 @@ def looks(state: State, before: Sequence[Look] = ()) -> list[Look]:
 
 def viewpoint(state: State, aspect: float) -> Viewpoint:
     """Positions of the camera and of its target, so that the model fills the view."""
-    way = camera.towards(state.model.up, "start")
-    return camera.fitted(extent(state), np.array(GRID[state.model.up][1]), way, aspect)
+    way = stage.towards(state.model.up, "start")
+    return stage.fitted(extent(state), np.array(GRID[state.model.up][1]), way, aspect)
 
 
 def extent(state: State, names: tuple[str, ...] = ()) -> np.ndarray:

@@ -15,7 +15,7 @@ from ..model.fields import GROUND
 from ..packing.constraints import Blocks
 from ..packing.system import Array, System, point_in_row
 from ..rotation import matrix, normals_of
-from ..shapes.kinds import balls_on_ground
+from ..solids import balls_on_ground
 from ..topology import Topology
 from .tables import ContactPair, Tables
 

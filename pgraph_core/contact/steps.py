@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .. import solids
 from ..engine.arrays import Ground
 from ..model import Model
-from ..shapes import solids
-from ..shapes.solids import Placed
+from ..solids import Placed
 
 Array = np.ndarray
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from .. import solids
 from ..engine import layout as at
 from ..engine.arrays import Candidates, Geometry, Ground
 from ..engine.records import (
@@ -33,8 +34,7 @@ from ..model.fields import EVERY, GROUND
 from ..packing.constraints import Blocks, radius_of_gyration
 from ..packing.system import Array, Ints, System
 from ..rotation import matrix
-from ..shapes import solids
-from ..shapes.solids import Placed, Solid
+from ..solids import Placed, Solid
 from ..topology import Topology
 from .steps import terrain_of
 
@@ -397,7 +397,7 @@ def _masses(c: Contact, topology: Topology, packed: System) -> list[float]:
 
 def _solids(contact: str, body: str, shape: Shape) -> tuple[Solid, ...]:
     """A body's shape as the kernels see it. Raises ModelError naming contact and body."""
-    from ..shapes.kinds import solids_of  # trimesh is imported by scenes with meshes alone
+    from ..solids import solids_of  # trimesh is imported by scenes with meshes alone
 
     try:
         return solids_of(shape)

@@ -159,8 +159,8 @@ class ContactSpace(Unportable):
 
         `steps`: each step is taken once, so that what contacts do in it can be remembered.
         """
+        from .. import solids
         from ..engine.contact import contacts as kernels  # compiled only where something touches
-        from ..shapes import solids
 
         n, count = len(contacts.touches), contacts.room
         limits = len(contacts.limits)

@@ -23,9 +23,8 @@ from ..model import (
     Spring,
     Wrench,
 )
-from ..model.assets import gathered
 from ..model.fields import EVERY, GROUND
-from ..model.files import write_atomic
+from ..model.files import gathered, write_atomic
 from ..rotation import matrix, multiply, quaternion_of, unit
 from .mjcf import INITIAL
 from .report import Report

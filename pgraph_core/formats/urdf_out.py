@@ -13,9 +13,8 @@ import numpy as np
 from ..dynamics import Dynamics
 from ..errors import FileError, ModelError, Problem, explained
 from ..model import Body, Constraint, Gear, Model, Motor, Shape
-from ..model.assets import gathered
 from ..model.fields import GROUND
-from ..model.files import write_atomic
+from ..model.files import gathered, write_atomic
 from ..rotation import quaternion_of, rotate, unit
 from .report import Report
 from .urdf import LOOPS, WORLD

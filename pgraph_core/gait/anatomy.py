@@ -19,7 +19,7 @@ from ..mechanism import Mechanism
 from ..model import Contact, Footfall, Gait, Model
 from ..model.checks import soles_among
 from ..packing.system import Array, Ints
-from .ground import height_under
+from .footing import height_under
 
 Z, X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
 FLAT = 1e-9  # m: what counts as no distance to the side

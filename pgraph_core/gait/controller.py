@@ -22,7 +22,7 @@ from ..packing.packed import Packed
 from ..packing.system import Array
 from ..portable import Portable
 from .anatomy import Anatomy, anatomy, standing
-from .ground import terrain_of
+from .footing import terrain_of
 
 SAMPLES = 400  # of a stride, to plan its waves
 LOW, UPRIGHT, LIMP = 0.6, 0.5, 15.0  # what counts as a fall; how joints slow down after it [1/s]

@@ -29,10 +29,10 @@ from .force import Servo as Servo
 from .force import Spring as Spring
 from .force import Torsion as Torsion
 from .force import Wrench as Wrench
-from .gait import Footfall as Footfall
-from .gait import Gains as Gains
-from .gait import Gait as Gait
 from .model import Model as Model
+from .scenario import Footfall as Footfall
+from .scenario import Gains as Gains
+from .scenario import Gait as Gait
 from .scenario import Scenario as Scenario
 from .scenario import Switch as Switch
 from .scenario import When as When

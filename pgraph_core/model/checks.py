@@ -10,12 +10,11 @@ from .. import joints
 from ..errors import ModelError, Problem, choices, nearest, numbers, shown
 from ..joints import outside, quaternion_problems
 from .body import Body
-from .conditions import condition_problems, known_names
 from .constraint import AlongAxes, Constraint, Gear, Motion, Rolling, Velocity
 from .contact import Contact
 from .fields import EVERY, GROUND, Described, name_problem, part_problems
 from .force import Force, OnJoint, Servo
-from .scenario import Scenario, Switch
+from .scenario import Scenario, Switch, condition_problems, known_names
 from .world import Ground, World, below_kinetic
 
 Bodies = Mapping[str, Body | None]  # by name; None for one that is not valid itself

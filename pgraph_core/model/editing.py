@@ -11,12 +11,11 @@ from ..joints import PER_MOTION
 from ..rotation import multiply, rotate
 from .body import Body
 from .checks import fits_joint, force_problems, state_problems
-from .conditions import coordinates, followed, of_bodies
 from .constraint import Constraint, Velocity
 from .contact import Contact
 from .fields import Described, OfKinds, fields_of, listed
 from .force import Force, OnJoint
-from .scenario import Scenario
+from .scenario import Scenario, coordinates, followed, of_bodies
 
 NAMING = ("parent", "body", "other")  # fields that name bodies
 T = TypeVar("T", bound=Described)

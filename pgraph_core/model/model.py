@@ -13,7 +13,6 @@ from pydantic import ValidationError
 
 from ..errors import FileError, ModelError, Problem, choices, explained, nearest_first, shown
 from . import files
-from .assets import gathered, located
 from .body import Body
 from .checks import PARTS, doubts, model_problems, problems
 from .constraint import AtPoints, Constraint, Rolling, Skate
@@ -31,6 +30,7 @@ from .editing import (
     without,
 )
 from .fields import GROUND, Vec3, field, fields_of, listed, whole
+from .files import gathered, located
 from .force import Force
 from .parameters import (
     Formula,

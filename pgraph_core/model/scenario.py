@@ -2,15 +2,152 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
-from ..errors import choices, shown
-from .fields import Described, Number, PerMotion, by_name, field, names_or_none, refuse
+from .. import joints
+from ..errors import Problem, choices, shown
+from .body import Body
+from .constraint import Constraint
+from .fields import (
+    Described,
+    Frozen,
+    Number,
+    Numbers,
+    PerMotion,
+    by_name,
+    field,
+    listed,
+    names_or_none,
+    refuse,
+)
 from .force import Force
-from .gait import Gait
+
+Positive = Annotated[Number, Field(gt=0)]
+AtLeast0 = Annotated[Number, Field(ge=0)]
+Pair = tuple[AtLeast0, AtLeast0]
+HARMONICS = 4  # of a wave
+
+
+class Footfall(Frozen):
+    """When one foot is on the ground."""
+
+    foot: str = Field(description="the name of a contact that is one point of a paw")
+    offset: Annotated[Number, Field(ge=0, lt=1)] = Field(
+        description="a number from 0 to below 1: the part of the stride at which it touches down"
+    )
+    duty: Annotated[Number, Field(gt=0, le=1)] = Field(
+        description="a number above 0, at most 1: the part of the stride that it is on the ground"
+    )
+    ahead: Number = Field(
+        default=0.0, description="a finite number: how far ahead of its place at home it lands [m]"
+    )
+
+
+class Gains(Frozen):
+    """Virtual springs and dampers of trunk and legs, as accelerations an error asks for."""
+
+    speed: AtLeast0 = Field(default=8.0, description="a number >= 0 [1/s]")
+    drift: AtLeast0 = Field(default=5.0, description="a number >= 0 [1/s]")
+    sway: AtLeast0 = Field(default=0.0, description="a number >= 0 [1/s^2]")
+    surge: AtLeast0 = Field(default=0.0, description="a number >= 0 [1/s^2]")
+    height: Pair = Field(default=(150.0, 20.0), description="two numbers >= 0 [1/s^2, 1/s]")
+    roll: Pair = Field(default=(120.0, 40.0), description="two numbers >= 0 [1/s^2, 1/s]")
+    pitch: Pair = Field(default=(150.0, 25.0), description="two numbers >= 0 [1/s^2, 1/s]")
+    yaw: Pair = Field(default=(60.0, 12.0), description="two numbers >= 0 [1/s^2, 1/s]")
+    swing: Pair = Field(default=(1600.0, 80.0), description="two numbers >= 0 [1/s^2, 1/s]")
+    spine: Pair = Field(default=(400.0, 18.0), description="two numbers >= 0 [1/s^2, 1/s]")
+    paw: Pair = Field(default=(400.0, 40.0), description="two numbers >= 0 [1/s^2, 1/s]")
+    place: Number = Field(default=0.03, description="a step's change by an error of speed [s]")
+    place_drift: Number = Field(default=0.15, description="the same to the side [s]")
+    place_roll: Number = Field(default=-0.08, description="the same by roll [m/rad]")
+    tight_torque: Positive = Field(default=15.0, description="a number > 0: its torque's weight")
+    tight_force: Positive = Field(default=5.0, description="a number > 0: its force's weight")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_lists(cls, data: Any) -> Any:
+        return {key: listed(x) for key, x in data.items()} if isinstance(data, dict) else data
+
+
+class Gait(Described):
+    """How a quadruped walks. Waves are (a1, b1, a2, b2, ...): Σ a cos 2πk p + b sin 2πk p at the
+    fraction p of a stride.
+    """
+
+    name: str = Field(description="text that is not empty")
+    description: str = Field(default="", description="a sentence")
+    feet: tuple[Footfall, ...] = Field(
+        description="a list of {'foot': contact, 'offset': 0 to 1, 'duty': 0 to 1}"
+    )
+    stride: Positive = Field(default=0.4, description="the time of a stride > 0 [s]")
+    speed: Number = Field(default=0.5, description="a finite number: forward speed [m/s]")
+    acceleration: Positive = Field(
+        default=0.5, description="a number > 0: how fast its speed may change [m/s^2]"
+    )
+    drift: Number = Field(default=0.0, description="a finite number: speed to the right [m/s]")
+    turn: Number = Field(default=0.0, description="a finite number: turning to the left [rad/s]")
+    height: Positive = Field(
+        default=0.5, description="a height > 0 of the centre of mass over the ground [m]"
+    )
+    width: Number = Field(
+        default=0.0, description="a finite number: how far outside of its hip a foot lands [m]"
+    )
+    clearance: AtLeast0 = Field(default=0.06, description="a height >= 0 of a swinging foot [m]")
+    landing: AtLeast0 = Field(
+        default=0.2, description="a speed >= 0 of a foot down at its end [m/s]"
+    )
+    loading: Annotated[Number, Field(gt=0, le=0.5)] = Field(
+        default=0.1,
+        description="above 0, at most 0.5: the fraction of a stance in which its load builds up",
+    )
+    push: Positive = Field(default=1.0, description="a number > 0: a factor on the planned loads")
+    rise: Number = Field(default=0.0, description="a number: share of the rise that they cause")
+    nod: Number = Field(default=0.0, description="a number: share of the pitching that they cause")
+    sway: Numbers = Field(default=(), description="a wave of up to 8 numbers, to the side [m]")
+    surge: Numbers = Field(default=(), description="a wave of up to 8 numbers, forward [m]")
+    flexion: Numbers = Field(
+        default=(), description="a wave of up to 8 numbers, of the spine [rad]"
+    )
+    grip: Positive = Field(
+        default=0.55, description="a number > 0: friction coefficient that planned forces may use"
+    )
+    least: AtLeast0 = Field(default=5.0, description="a number >= 0: the least load of a foot [N]")
+    leg_torque: Positive = Field(
+        default=150.0, description="a number > 0: a leg hinge's limit [N m]"
+    )
+    spine_torque: Positive = Field(default=200.0, description="a number > 0: a spine hinge's [N m]")
+    gains: Gains = Field(default=Gains(), description="an object of gains")
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        found = []
+        names = [fall.foot for fall in self.feet]
+        if len(names) != 4:
+            text = f"must be four; given {shown(names)}"
+            found.append(("feet", text))
+        found += [
+            ("feet", f"'{name}' stands there twice")
+            for i, name in enumerate(names)
+            if name in names[:i]
+        ]
+        for wave in ("sway", "surge", "flexion"):
+            given = getattr(self, wave)
+            if len(given) > 2 * HARMONICS or len(given) % 2:
+                text = f"must be pairs of numbers, {HARMONICS} at most; given {shown(given)}"
+                found.append((wave, text))
+        refuse(found)
+        return self
+
+    def edit(self, /, **changes: Any) -> Self:
+        """A new gait with the changed fields. Raises ModelError."""
+        return type(self)(**{**self.model_dump(), **changes})
+
+
+# -- scenarios -------------------------------------------------------------------------------------
+
 
 SUBJECTS = ("coordinate", "gap", "force", "constraint")
 
@@ -146,3 +283,172 @@ METHOD_NAMES = {  # as in calls and files -> as a person chooses them
     "radau5": "Radau 5 (stiff)",
     "moreau_jean": "Moreau-Jean (impacts)",
 }
+
+
+# -- conditions ------------------------------------------------------------------------------------
+
+
+Bodies = Mapping[str, Body | None]  # None: a body that is refused
+Known = Mapping[str, Sequence[str]]  # what a condition watches -> the names there are
+
+
+def coordinates(bodies: Bodies) -> dict[str, tuple[str, int]]:
+    """What a condition calls a coordinate -> (body, its number): 'a', or 'a 1' where a has several.
+
+    Balls and free joints have none: their positions are quaternions.
+    """
+    found = {}
+    for name, body in bodies.items():
+        if body is None:
+            continue
+        nq, nv = joints.nq(body.sequence), joints.nv(body.sequence)
+        if nq == 1:
+            found[name] = name, 0
+        elif nq == nv:
+            found |= {f"{name} {k}": (name, k) for k in range(nq)}
+    return found
+
+
+def known_names(bodies: Bodies, constraints: Sequence[str], contacts: Sequence[str]) -> Known:
+    """What conditions may name."""
+    return {
+        "coordinate": list(coordinates(bodies)),
+        "gap": list(contacts),
+        "force": [*contacts, *constraints],
+        "constraint": list(constraints),
+    }
+
+
+def condition_problems(
+    scenarios: Sequence[Scenario], bodies: Bodies, constraints: Sequence[Constraint], known: Known
+) -> list[Problem]:
+    """Conditions that name what is not there, that never hold, or that switch without end."""
+    found = []
+    refused = any(body is None for body in bodies.values())
+    for s in scenarios:
+        if not any(switch.when for switch in s.switches):
+            continue
+        listed = s.constraints
+        on = {c.name for c in constraints if (c.active if listed is None else c.name in listed)}
+        for switch in s.switches:
+            text = _unknown(switch, known, refused) or _never(switch, s.switches, on, bodies, known)
+            if text:
+                found.append(Problem(f"scenario '{s.name}'", "switches", text))
+        if text := _endless(s.switches):
+            found.append(Problem(f"scenario '{s.name}'", "switches", text))
+    return found
+
+
+def _unknown(switch: Switch, known: Known, refused: bool) -> str:
+    if switch.when is None:
+        return ""
+    what, name = switch.when.subject
+    if name in known[what] or (refused and what == "coordinate"):
+        return ""
+    there = known[what]
+    do = f"choose one of {choices(there)}" if there else f"the model has no {what} to wait for"
+    return f"of '{switch.constraint}': no {what} is called '{name}'; {do}"
+
+
+def _never(
+    switch: Switch, others: Sequence[Switch], on: set[str], bodies: Bodies, known: Known
+) -> str:
+    """Why the condition of a switch cannot become true; "" where it may."""
+    when = switch.when
+    if when is None:
+        return ""
+    what, name = when.subject
+    of = f"of '{switch.constraint}': '{when}' never holds: "
+
+    def becomes(active: bool) -> bool:
+        switched = any(s.constraint == name and s.active == active for s in others)
+        return switched or (name in on) == active
+
+    if name == switch.constraint and what == "constraint":
+        return f"of '{name}': it waits for itself; name another constraint"
+    if name == switch.constraint and switch.active and what == "force":
+        return f"of '{name}': it waits for its own force, which is 0 while it is off"
+    if what == "constraint" and when.active is not None and not becomes(when.active):
+        return of + f"nothing switches '{name}' {'on' if when.active else 'off'}"
+    if what == "force" and when.below is not None and when.below <= 0:
+        return of + "a force is a size, which is not below 0; give a value above 0"
+    held = what == "force" and name in known["constraint"]
+    if held and when.above is not None and when.above >= 0 and not becomes(True):
+        return of + f"'{name}' is off throughout"
+    return of + text if what == "coordinate" and (text := _beyond(switch, bodies)) else ""
+
+
+def _beyond(switch: Switch, bodies: Bodies) -> str:
+    """Which joint limit keeps a coordinate from crossing its value; "" where none does."""
+    when = switch.when
+    assert when is not None
+    name, k = coordinates(bodies).get(when.coordinate or "", ("", 0))
+    body = bodies.get(name)
+    limit = body.limits[k] if body is not None and k < len(body.limits) else None
+    low, high = limit or (None, None)
+    if when.above is not None and high is not None and when.above >= high:
+        return f"the joint limit of '{name}' is at {high:g}; give a value below it"
+    if when.below is not None and low is not None and when.below <= low:
+        return f"the joint limit of '{name}' is at {low:g}; give a value above it"
+    return ""
+
+
+def _endless(switches: Sequence[Switch]) -> str:
+    """Which constraints switch each other on and off at one instant, without end."""
+    after = {
+        (s.constraint, s.active): [
+            (o.constraint, o.active) for o in switches
+            if o.when is not None and (o.when.constraint, o.when.active) == (s.constraint, s.active)
+        ]
+        for s in switches
+    }  # fmt: skip
+
+    def reached(start: tuple[str, bool]) -> Iterator[tuple[str, bool]]:
+        left, seen = list(after[start]), set()
+        while left:
+            if (one := left.pop()) not in seen:
+                seen.add(one)
+                left += after[one]
+                yield one
+
+    for name, active in after:
+        opposite = (name, not active)
+        if opposite in reached((name, active)) and (name, active) in reached(opposite):
+            return (
+                f"'{name}' is switched on and off without end: its conditions wait for each other"
+            )
+    return ""
+
+
+# -- edits -----------------------------------------------------------------------------------------
+
+
+def followed(
+    switches: Sequence[Switch], whats: Sequence[str], called: Callable[[str], str | None]
+) -> tuple[Switch, ...]:
+    """The switches with new names in their conditions; those whose name is None go."""
+    found = []
+    for s in switches:
+        if s.when is not None and s.when.subject[0] in whats:
+            what, name = s.when.subject
+            new = called(name)
+            if new is None:
+                continue
+            if new != name:
+                s = s.model_copy(update={"when": s.when.model_copy(update={what: new})})
+        found.append(s)
+    return tuple(found)
+
+
+def of_bodies(names: Mapping[str, str | None]) -> Callable[[str], str | None]:
+    """New names of coordinates where bodies are renamed, or go."""
+
+    def called(name: str) -> str | None:
+        body, _, k = name.rpartition(" ")
+        if name in names:
+            return names[name]
+        if body in names and k.isdigit():
+            return f"{names[body]} {k}" if names[body] is not None else None
+        return name
+
+    return called

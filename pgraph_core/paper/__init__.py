@@ -6,8 +6,8 @@ docs/conventions.md. `Operators(model, topology, q, v)` holds them all for one s
 
 from .motion import frames as frames
 from .motion import home_poses as home_poses
+from .motion import kernel_operator as kernel_operator
+from .motion import kernel_operator_of_pgraph as kernel_operator_of_pgraph
+from .motion import phi as phi
+from .motion import propagation_operator as propagation_operator
 from .paper import Operators as Operators
-from .structure import kernel_operator as kernel_operator
-from .structure import kernel_operator_of_pgraph as kernel_operator_of_pgraph
-from .structure import phi as phi
-from .structure import propagation_operator as propagation_operator

@@ -11,8 +11,18 @@ import numpy as np
 from ..model import Body, Model
 from ..rotation import Array, skew
 from ..topology import Topology
-from .motion import Joint, bodies_of, home_poses, joint_motion, q_slices, v_slices
-from .structure import blocks, kernel_operator, phi, propagation_operator
+from .motion import (
+    Joint,
+    blocks,
+    bodies_of,
+    home_poses,
+    joint_motion,
+    kernel_operator,
+    phi,
+    propagation_operator,
+    q_slices,
+    v_slices,
+)
 
 
 @dataclass(frozen=True)

@@ -20,15 +20,23 @@ from ..dynamics.bodies import BodyMotion, bodies_over, turned
 from ..dynamics.scene import load_wrenches
 from ..errors import FileError, InputError, Problem, choices, explained
 from ..model import Force, Model
-from ..model.assets import gathered
 from ..model.constraint import InJoints
-from ..model.files import write_atomic
+from ..model.files import gathered, write_atomic
 from ..packing.system import Array
 from ..plan import Plan
 from ..portable import EqualByFields, Portable
-from .contact_record import KINDS, OF_CONSTRAINTS, ByTouch, ContactRecord, Event, Named
 from .dense import states_at
-from .user_event import UserEvent, event_arrays, events_of_arrays
+from .records import (
+    KINDS,
+    OF_CONSTRAINTS,
+    ByTouch,
+    ContactRecord,
+    Event,
+    Named,
+    UserEvent,
+    event_arrays,
+    events_of_arrays,
+)
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
@@ -489,7 +497,7 @@ def _add_constraint_wrenches(run: Result, motion: BodyMotion, out: Array) -> Non
                 out[:, b, 3:] += signed[:, 3:]
 
 
-# -- several runs as one -----------------------------------------------------------------------
+# -- several runs as one ---------------------------------------------------------------------------
 
 LEDGER = ("work", "dissipation")  # start from zero in each run
 

@@ -13,8 +13,8 @@ from ..errors import MissingPackage as MissingPackage
 from .animation import animation_html as animation_html
 from .animation import opened as opened
 from .digraph import digraph_svg as digraph_svg
-from .plots import figure as figure
-from .plots import frame as frame
-from .tables import mechanism_html as mechanism_html
-from .tables import model_html as model_html
-from .tables import run_html as run_html
+from .notebook import figure as figure
+from .notebook import frame as frame
+from .notebook import mechanism_html as mechanism_html
+from .notebook import model_html as model_html
+from .notebook import run_html as run_html

@@ -16,9 +16,8 @@ import numpy as np
 
 from ..errors import needed
 from .bodies import SEPARATE, BatchedBodies, Bodies, SeparateBodies, extent, looks
-from .camera import FIELD_OF_VIEW, fitted, towards
 from .shapes import branch_colors, children_of, reach, to_matrix
-from .stage import GRID, depth, floor, grid, light, steps
+from .stage import FIELD_OF_VIEW, GRID, depth, fitted, floor, grid, light, steps, towards
 
 if TYPE_CHECKING:
     import viser

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .. import solids
 from ..contact.tables import Tables
 from ..dynamics.scene import NO_CONSTRAINTS, Scene
 from ..engine import layout as at
@@ -20,8 +21,7 @@ from ..mechanism import Mechanism
 from ..model.fields import EVERY, GROUND
 from ..packing.system import Array
 from ..portable import Unportable
-from ..result.contact_record import FREE, PHASES, ContactRecord
-from ..shapes import solids
+from ..result.records import FREE, PHASES, ContactRecord
 
 SWING = PHASES[IN_SWING]
 LEAST_ROOM = 8  # contact points for which a search has room

@@ -24,7 +24,7 @@ from ..engine.records import ACCEPTANCE, SLIP, STANCE, SWING
 from ..mechanism import Mechanism
 from ..packing.system import Array, Ints
 from ..result import Status
-from ..result.contact_record import FREE, PHASES, STOP, ContactRecord, Event
+from ..result.records import FREE, PHASES, STOP, ContactRecord, Event
 from .event_scene import EventScene
 from .loop import Outcome, Steps
 from .plan import Plan

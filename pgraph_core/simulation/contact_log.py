@@ -18,7 +18,7 @@ from ..engine.records import ACCEPTANCE, SLIP, STANCE, SWING
 from ..mechanism import Mechanism
 from ..model.fields import GROUND
 from ..packing.system import Array, Ints
-from ..result.contact_record import NOTHING, PHASES, ContactRecord, Event
+from ..result.records import NOTHING, PHASES, ContactRecord, Event
 from .clearance import gaps_of
 from .plan import Plan
 from .switches import Change

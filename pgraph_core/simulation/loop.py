@@ -19,7 +19,7 @@ from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..packing.system import Array, Ints
 from ..result import Status
-from ..result.contact_record import Event
+from ..result.records import Event
 from .options import FIXED_RTOL
 from .plan import KEPT_PLANS, Plan
 

@@ -24,7 +24,7 @@ from ..errors import InputError
 from ..mechanism import Mechanism
 from ..packing.system import Array, Ints
 from ..result import Result, Status
-from ..result.contact_record import NOTHING, OF_CONSTRAINTS, ContactRecord, Named
+from ..result.records import NOTHING, OF_CONSTRAINTS, ContactRecord, Named
 from .conditions import Condition
 from .loop import Outcome, Steps, Workplace, links_of, workplaces
 from .options import MOST_STEPS

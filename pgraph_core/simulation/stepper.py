@@ -22,7 +22,7 @@ from ..model import Force, Model, Motor, Servo
 from ..packing.system import Array, Drives
 from ..portable import Portable, installed
 from ..result import Result, Status
-from ..result.contact_record import OF_CONSTRAINTS, ByTouch, Named
+from ..result.records import OF_CONSTRAINTS, ByTouch, Named
 from .loop import Outcome
 from .options import SAME, Options, positive
 from .plan import plan_of, touching_contacts, with_contacts, with_state

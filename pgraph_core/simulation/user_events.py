@@ -11,7 +11,7 @@ import numpy as np
 from ..engine.compiler.address import address_of_function
 from ..errors import InputError, Problem
 from ..packing.system import Array, Ints
-from ..result.user_event import UserEvent
+from ..result.records import UserEvent
 
 _Address = ctypes.CFUNCTYPE(None, ctypes.c_double, *[ctypes.c_uint64] * 3)
 MOST = 100_000  # events of a run: more are a mistake

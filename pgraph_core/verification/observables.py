@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..analysis import vibrations
+from ..analysis import linear
 from ..mechanism import Mechanism
 from ..packing.system import Array
 from ..result import Result
@@ -124,7 +124,7 @@ def drift(motion: Motion, given: Given) -> Array:
     return _run(motion).constraint_drift[:, :1]
 
 
-# -- of a whole run, or of a mechanism -----------------------------------------------------------
+# -- of a whole run, or of a mechanism -------------------------------------------------------------
 
 
 def event_times(motion: Motion, given: Given) -> Array:
@@ -139,7 +139,7 @@ def last_event(motion: Motion, given: Given) -> Array:
 
 def frequencies(motion: Motion, given: Given) -> Array:
     """Of small motions about the first state, at rest [rad/s]; the `modes` in ascending order."""
-    found = vibrations.frequencies(motion.mechanism, motion.q[0])
+    found = linear.frequencies(motion.mechanism, motion.q[0])
     return np.reshape(found[given["modes"]], (-1, 1))
 
 

@@ -28,7 +28,7 @@ from pgraph_app.run.update import Advanced, GoLive, SetScenario, Simulate, StopL
 from pgraph_app.scene import marks
 from pgraph_app.scene.update import Show
 from pgraph_app.session.update import Connected
-from pgraph_core.result import contact_record
+from pgraph_core.result import records
 from pgraph_core.show.shapes import to_matrix
 from pgraph_core.show.stage import solid
 
@@ -243,7 +243,7 @@ def test_parts_that_begin_with_a_graze_are_sewn_without_it():
     first = replace(run, contacts=replace(run.contacts, phases={foot: stands}, events=()))
     late = 0.1 + run.t
     graze = np.where(late < 0.102, "swing", "stance")
-    came = contact_record.Event(0.102, foot, "left_hind_paw", "swing", "stance", "it touched down")
+    came = records.Event(0.102, foot, "left_hind_paw", "swing", "stance", "it touched down")
     second = replace(
         first, t=late, contacts=replace(first.contacts, phases={foot: graze}, events=(came,))
     )

@@ -30,7 +30,7 @@ from pgraph_app.plots.update import Plot
 from pgraph_app.plots.view import plots, signals
 from pgraph_app.run.update import Compare, Simulate, Simulated
 from pgraph_app.session.update import Connected
-from pgraph_core.show.picture import pictures
+from pgraph_core.show.notebook import pictures
 from pgraph_core.show.shapes import to_matrix
 
 pytestmark = pytest.mark.fast

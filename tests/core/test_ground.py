@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+from pgraph_core import solids
 from pgraph_core.engine.records import CYLINDER
-from pgraph_core.shapes import solids
 
 from .touching import KINDS, Scene, pose, random_pose, random_solid
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.contact.steps import terrain_of
-from pgraph_core.shapes import solids
-from pgraph_core.shapes.kinds import mass_properties
+from pgraph_core import solids
+from pgraph_core.contact.points import terrain_of
+from pgraph_core.solids import mass_properties
 
 from .touching import Scene, pose, random_pose, random_solid
 
@@ -186,8 +186,8 @@ def test_a_ball_lies_in_the_corner_of_a_mesh_by_its_parts(tmp_path):
 
 def test_a_mesh_with_too_many_parts_says_so(tmp_path, monkeypatch):
     pytest.importorskip("coacd")
-    from pgraph_core.shapes import kinds
+    from pgraph_core import solids
 
-    monkeypatch.setattr(kinds, "MOST_PARTS", 1)
+    monkeypatch.setattr(solids, "MOST_PARTS", 1)
     with pytest.raises(pg.ModelError, match="splits into 2 convex parts, more than 1; simplify"):
-        kinds.convex_parts(an_l(tmp_path / "l.obj"))
+        solids.convex_parts(an_l(tmp_path / "l.obj"))

@@ -12,8 +12,8 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
+from pgraph_core import solids
 from pgraph_core.mesh_files import load_mesh
-from pgraph_core.shapes import kinds, solids
 from pgraph_core.show import shapes as show_shapes
 
 from .convex import signed_distance
@@ -44,7 +44,7 @@ SHAPES = [
 @pytest.mark.parametrize(("fields", "mesh", "tolerance"), SHAPES)
 def test_closed_forms_equal_the_integral_over_a_mesh(fields, mesh, tolerance):
     shape = pg.Shape(**fields, position=(0.1, 0.2, 0.3), rotation=TURN)
-    found = kinds.mass_properties(shape, 1000.0)
+    found = solids.mass_properties(shape, 1000.0)
     turn = Rotation.from_quat(TURN, scalar_first=True).as_matrix()
     mesh.density = 1000.0
     assert found.mass == pytest.approx(mesh.mass, rel=tolerance)
@@ -55,7 +55,7 @@ def test_closed_forms_equal_the_integral_over_a_mesh(fields, mesh, tolerance):
 
 @pytest.mark.parametrize("fields", [fields for fields, _, _ in SHAPES])
 def test_what_touches_has_the_size_of_the_shape(fields):
-    solid = kinds.solid_of(pg.Shape(**fields))
+    solid = solids.solid_of(pg.Shape(**fields))
     half, middle = solid.box
     expected = {
         "box": (0.5, 1, 1.5),
@@ -76,8 +76,8 @@ def test_a_mesh_file_has_the_mass_of_its_solid(tmp_path, inside_out):
         mesh.invert()
     mesh.export(tmp_path / "brick.stl")
     shape = pg.Shape(kind="mesh", file=str(tmp_path / "brick.stl"))
-    found = kinds.mass_properties(shape, 1000.0, unit="mm")
-    box = kinds.mass_properties(pg.Shape(kind="box", size=(0.1, 0.2, 0.3)), 1000.0)
+    found = solids.mass_properties(shape, 1000.0, unit="mm")
+    box = solids.mass_properties(pg.Shape(kind="box", size=(0.1, 0.2, 0.3)), 1000.0)
     assert found.mass == pytest.approx(6.0)
     np.testing.assert_allclose(found.com, (0.05, 0, 0), atol=1e-9)
     np.testing.assert_allclose(found.inertia, box.inertia, atol=1e-9)
@@ -87,7 +87,7 @@ def test_the_hull_of_a_mesh_file_is_a_solid(tmp_path):
     """Facets in one plane are one face; hollows are filled."""
     box, hole = trimesh.creation.box((1, 2, 3)), trimesh.creation.icosphere(radius=0.2)
     trimesh.util.concatenate((box, hole)).export(tmp_path / "part.obj")
-    solid = kinds.convex_hull(tmp_path / "part.obj", scale=2)
+    solid = solids.convex_hull(tmp_path / "part.obj", scale=2)
     assert solid.vertices.shape == (8, 3)
     assert sorted(map(len, solid.rings)) == [4] * 6
     assert len(solids.edges_of(solid)) == 12
@@ -139,13 +139,13 @@ def test_sentences(tmp_path):
     files = broken(tmp_path)
     shape = pg.Shape(kind="mesh", file=str(files["open.stl"]))
     with pytest.raises(pg.ModelError) as error:
-        kinds.mass_properties(shape, 1000)
+        solids.mass_properties(shape, 1000)
     assert str(error.value) == (
         f"mesh {files['open.stl']}: is not closed: 3 of its edges do not have two faces; mend the "
         "file, or give the body mass, com and inertia of its own"
     )
     with pytest.raises(pg.ModelError, match="must be a number > 0"):
-        kinds.mass_properties(shape, 0)
+        solids.mass_properties(shape, 0)
     with pytest.raises(pg.ModelError, match="must be one of m, cm, mm, in, ft; given 'inch'"):
         load_mesh(files["open.stl"], unit="inch")
     with pytest.raises(pg.FileError, match="there is no such file"):
@@ -155,7 +155,7 @@ def test_sentences(tmp_path):
     with pytest.raises(pg.FileError, match=r"no mesh is read from \.xyz9 files; give one of glb, "):
         load_mesh(files["part.xyz9"])
     with pytest.raises(pg.ModelError, match="is flat: a shape that touches must span a volume"):
-        kinds.convex_hull(files["flat.obj"])
+        solids.convex_hull(files["flat.obj"])
 
 
 def test_a_mesh_that_is_not_closed_touches_where_that_is_asked_for(tmp_path):
@@ -182,8 +182,8 @@ def test_a_mesh_that_is_not_closed_touches_where_that_is_asked_for(tmp_path):
 
 def test_trimesh_is_imported_for_files_only():
     code = (
-        "import sys, pgraph_core as pg; from pgraph_core.shapes import kinds;"
-        "kinds.mass_properties(pg.Shape(kind='sphere', radius=1), 1);"
+        "import sys, pgraph_core as pg; from pgraph_core.solids import kinds;"
+        "solids.mass_properties(pg.Shape(kind='sphere', radius=1), 1);"
         "assert 'trimesh' not in sys.modules"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
@@ -238,7 +238,7 @@ def test_a_tapered_solid_weighs_what_its_profile_encloses(kind, radius, end, len
         kind=kind, radius=radius, end_radius=end, length=length, role="visual",
         position=(0.1, 0.2, 0.3), rotation=(0.6, 0.8, 0, 0),
     )  # fmt: skip
-    found = kinds.mass_properties(shape, 1000.0)
+    found = solids.mass_properties(shape, 1000.0)
     (drawn,) = show_shapes.pieces(pg.Body(name="a", shape=shape), ())
     solid = show_shapes.mesh([drawn])
     solid.density = 1000.0
@@ -252,7 +252,7 @@ def test_a_taper_of_equal_radii_weighs_what_the_plain_solid_weighs():
     for kind in ("capsule", "cylinder"):
         plain = pg.Shape(kind=kind, radius=0.05, length=0.2)
         tapered = plain.model_copy(update={"end_radius": 0.05, "role": "visual"})
-        for a, b in zip(kinds.mass_properties(plain, 800), kinds.mass_properties(tapered, 800)):
+        for a, b in zip(solids.mass_properties(plain, 800), solids.mass_properties(tapered, 800)):
             np.testing.assert_allclose(a, b, rtol=1e-14, atol=1e-16)  # zero is a sum to rounding
 
 

@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pgraph_core.shapes import solids
+from pgraph_core import solids
 
 from .convex import signed_distance
 from .touching import CURVED, KINDS, Scene, Touch, moved, pose, random_pose, random_solid, rounded
@@ -37,7 +37,7 @@ def true_gap(scene: Scene) -> float:
     return signed_distance(scene.placed(0), scene.placed(1)) - rounded(a) - rounded(b)
 
 
-# -- the gap -------------------------------------------------------------------------------------
+# -- the gap ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("square", [False, True])
@@ -60,7 +60,7 @@ def test_points_have_the_gap_of_the_nearest_of_them():
         assert len(set(touch.whose[:, 2])) == len(touch.gap)
 
 
-# -- the contact points --------------------------------------------------------------------------
+# -- the contact points ----------------------------------------------------------------------------
 
 
 def check(scene: Scene, touch: Touch) -> None:
@@ -146,7 +146,7 @@ def test_features_stay_while_a_box_slides():
     assert len(features) == 1
 
 
-# -- degenerate and extreme ----------------------------------------------------------------------
+# -- degenerate and extreme ------------------------------------------------------------------------
 
 
 def test_balls_with_one_centre_have_a_normal():

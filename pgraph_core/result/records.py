@@ -1,8 +1,12 @@
-"""ContactRecord: forces, gaps, phases and events of contacts and joint limits over a run."""
+"""What a run records besides its states: contacts and joint limits, and events of the user.
+
+`ContactRecord` has forces, gaps, phases and events of contacts; a `UserEvent` is where a function
+that was given to `simulate` crossed zero.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -15,6 +19,9 @@ from ..model.contact import CROWD
 from ..model.fields import EVERY, GROUND
 from ..packing.system import Array
 from ..portable import EqualByFields
+
+# -- contacts and limits ---------------------------------------------------------------------------
+
 
 SWING, ACCEPTANCE, SLIP, STANCE = "swing", "weight acceptance", "slip", "stance"
 PHASES = (SWING, ACCEPTANCE, SLIP, STANCE)  # by number, as kernels know them
@@ -194,3 +201,37 @@ class ByTouch(Named):
 KINDS = ("force", "gap", "slip", "limit", "normal", "phases")
 OF_CONSTRAINTS = ("constraint_force", "constraint")  # what Named is told of them
 NOTHING = ContactRecord()
+
+
+# -- user event ------------------------------------------------------------------------------------
+
+
+class UserEvent(NamedTuple):
+    """One event of `simulate(events=[...])`, located within a step."""
+
+    t: float  # [s]
+    name: str  # of the function
+    number: int  # of the function in the list
+    q: Array  # (nq,)
+    v: Array  # (nv,)
+
+    def __str__(self) -> str:
+        """The event as a sentence."""
+        return f"t = {self.t:.9g} s: {self.name}"
+
+
+def event_arrays(events: Sequence[UserEvent]) -> dict[str, Any]:
+    """Arrays by names for a file; none where there are no events."""
+    if not events:
+        return {}
+    t, name, number, q, v = zip(*events)
+    columns = {"t": t, "name": name, "number": number, "q": q, "v": v}
+    return {f"user event {key}": np.array(column) for key, column in columns.items()}
+
+
+def events_of_arrays(arrays: Mapping[str, Any]) -> tuple[UserEvent, ...]:
+    """The way back."""
+    if "user event t" not in arrays:
+        return ()
+    t, name, number, q, v = (arrays[f"user event {key}"] for key in UserEvent._fields)
+    return tuple(map(UserEvent, t.tolist(), name.tolist(), number.tolist(), q, v))

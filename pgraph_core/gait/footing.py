@@ -1,0 +1,150 @@
+"""What feet stand on: the ground of a walk, and the footprints that a run left on it."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ..dynamics.arguments import wrong_type
+from ..dynamics.bodies import turned
+from ..engine.gait.tables import Terrain
+from ..errors import explained
+from ..model import Contact, Ground, Model, Step
+from ..model.fields import fields_of
+from ..packing.system import Array
+from ..result import Result
+from ..result.records import SWING
+
+# -- footprints ------------------------------------------------------------------------------------
+
+
+class Footprint(NamedTuple):
+    """One stance of a foot: where it stood, and when."""
+
+    foot: str  # the contact
+    start: float  # [s] of its first recorded frame on the ground
+    end: float  # [s] of its last one
+    x: float  # [m] where it first stood
+    y: float
+    z: float
+    moved: float  # [m] the way of the sole while it was down
+    push: float  # [N] mean normal force
+
+
+@explained
+def footprints(run: Result) -> tuple[Footprint, ...]:
+    """The footprints of all contacts that are single points, in order of time.
+
+    Raises InputError if it is given no run.
+    """
+    if not isinstance(run, Result):
+        raise wrong_type("footprints", "run", "a pg.Result, which pg.simulate returns", run)
+    model = run.mechanism.model
+    points = {c.name: c for c in model.contacts if len(c.points) == 1 and c.name in run.phases}
+    found = [
+        print_
+        for name, contact in points.items()
+        for print_ in _prints(run, name, sole(run, contact.body, np.array(contact.points[0])))
+    ]
+    return tuple(sorted(found, key=lambda one: one.start))
+
+
+@explained
+def footprints_csv(run: Result) -> str:
+    """The footprints as CSV, units in the first line."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    units = ("", "s", "s", "m", "m", "m", "m", "N")
+    names = Footprint._fields
+    writer.writerow(f"{name} [{unit}]" if unit else name for name, unit in zip(names, units))
+    writer.writerows(footprints(run))
+    return text.getvalue()
+
+
+def sole(run: Result, body: str, point: Array) -> Array:
+    """(n, 3) places of a point of a body, world axes [m]."""
+    pose = run.body_pose[:, run.mechanism.topology.number(body) - 1]
+    return pose[:, :3] + turned(pose[:, 3:], point)
+
+
+def _prints(run: Result, name: str, at: Array) -> Iterable[Footprint]:
+    down = run.phases[name] != SWING
+    ends = np.flatnonzero(np.diff(np.concatenate(([0], down.astype(int), [0]))))
+    for a, b in zip(ends[::2].tolist(), ends[1::2].tolist()):
+        moved = float(np.linalg.norm(np.diff(at[a:b], axis=0), axis=1).sum())
+        push = float(run.contact_normal[name][a:b].mean())
+        x, y, z = at[a].tolist()
+        yield Footprint(name, float(run.t[a]), float(run.t[b - 1]), x, y, z, moved, push)
+
+
+# -- the ground ------------------------------------------------------------------------------------
+
+
+def height_under(model: Model, x: float, z: float) -> float:
+    """Height [m] of the ground at (x, z): of its plane, and of the last step that is there."""
+    n = model.ground_normal
+    height = -(n[0] * x + n[2] * z) / n[1]
+    raised = 0.0
+    for step in model.ground.steps:
+        (x0, z0), (x1, z1) = step.low, step.high
+        if x0 <= x <= x1 and z0 <= z <= z1:
+            raised = step.height
+    return height + raised / n[1]
+
+
+AROUND = 10.0  # m of plane around the steps that is part of their map
+
+
+def terrain_of(model: Model) -> Terrain:
+    """Heights of the steps of the ground, cut into cells by all their edges; empty without steps.
+
+    Where steps overlap the last one counts.
+    """
+    steps, ny = model.ground.steps, model.ground_normal[1]
+    if not steps:
+        return Terrain(np.zeros(0), np.zeros(0), np.zeros((0, 0)))
+    corners = np.array([(*step.low, *step.high) for step in steps])
+    x, z = (np.unique(corners[:, k::2]) for k in (0, 1))
+    x, z = (np.concatenate((e[:1] - AROUND, e, e[-1:] + AROUND)) for e in (x, z))
+    heights = np.zeros((len(x) - 1, len(z) - 1))
+    for (x0, z0, x1, z1), step in zip(corners, steps):
+        inside = (x[:-1] >= x0) & (x[1:] <= x1), (z[:-1] >= z0) & (z[1:] <= z1)
+        heights[np.ix_(*inside)] = step.height / ny
+    return Terrain(x, z, heights)
+
+
+LAWS: dict[str, dict[str, float]] = {  # of a paw's sole: it gives 2 mm under its load
+    "complementarity": {},
+    "penalty": {"stiffness": 5e4, "damping": 100.0},
+    "soft": {"stiffness": 1e6, "damping": 0.5},
+}
+
+
+@explained
+def underfoot(
+    model: Model,
+    *,
+    law: str | None = None,
+    friction: float | None = None,
+    slope: float | None = None,
+    steps: Sequence[Step] | None = None,
+) -> Model:
+    """The model on different ground: the given properties change for all contacts with the ground.
+
+    A law comes with the stiffness and damping of a paw's sole: with "penalty" explicit methods can
+    take steps of 0.25 ms, while "soft" needs an implicit method, "ros2".
+    """
+    changes: dict[str, object] = {} if friction is None else {"friction": friction}
+    if law is not None:
+        changes |= {"law": law, "stiffness": None, "damping": None, **LAWS.get(law, {})}
+    contacts = tuple(
+        Contact(**{**fields_of(c), **changes}) if c.other == "ground" else c for c in model.contacts
+    )
+    ground = fields_of(model.ground)
+    ground |= {} if slope is None else {"slope": slope}
+    ground |= {} if steps is None else {"steps": tuple(steps)}
+    return model.replace(contacts=contacts, ground=Ground(**ground))

@@ -1,1 +1,0 @@
-"""Shapes that touch: convex solids, and meshes with their mass properties."""

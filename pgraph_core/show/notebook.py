@@ -1,0 +1,288 @@
+"""What notebooks show: models and runs as HTML, as a small picture, as plots and tables.
+
+Columns of a run are named arrays, units in brackets, time first: "t [s]", "q knee 0 [rad]",
+"paw Fz [N]".
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from difflib import get_close_matches
+from html import escape
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from ..errors import InputError, Problem, choices, needed
+from . import bodies, shapes, stage
+from .digraph import digraph_svg
+from .stage import GRID
+
+# -- HTML ------------------------------------------------------------------------------------------
+
+
+ROWS = 24  # of a table; a longer one is cut in the middle
+DRAWN = 120  # bodies up to which the digraph is drawn
+
+
+def model_html(model: Any) -> str:
+    """The title, the digraph and the table of bodies of a `pg.Model`."""
+    counts = [
+        _counted(len(getattr(model, field)), one)
+        for field, one in (("constraints", "constraint"), ("contacts", "contact"),
+                           ("forces", "force"), ("scenarios", "scenario"))
+        if getattr(model, field)
+    ]  # fmt: skip
+    dof = sum(body.dof for body in model.bodies)
+    counts = [_counted(len(model.bodies), "body", "bodies"), f"{dof} DoF", *counts]
+    return _framed(model.name or "model", ", ".join(counts), _drawn(model) + _bodies(model))
+
+
+def mechanism_html(mech: Any) -> str:
+    """The title, Pgraph and jdof, the digraph and the table of bodies of a `pg.Mechanism`."""
+    model = mech.model
+    counts = f"{_counted(len(mech.names), 'body', 'bodies')}, nq = {mech.nq}, nv = {mech.nv}"
+    vectors = _table(
+        [("Pgraph", *mech.topology.pgraph.tolist()), ("jdof", *mech.topology.jdof.tolist())]
+    )
+    body = vectors + _drawn(model) + _bodies(model)
+    return _framed(f"Mechanism of {model.name or 'a model'}", counts, body)
+
+
+def run_html(run: Any) -> str:
+    """How a `pg.Result` ended, its accuracy and its cost, and its notices."""
+    header, model = run.header, run.mechanism.model
+    facts: list[tuple[object, ...]] = [
+        ("method", header["method"]),
+        ("time", f"{run.t[0]:g} to {run.t[-1]:g} s, {len(run.t)} frames"),
+        ("error estimate", run.accuracy),
+        ("energy drift", f"{run.energy_drift:.2g}, relative"),
+    ]
+    notices = "".join(f"<p>{escape(text)}</p>" for text in run.notices)
+    title = f"Run of {model.name or 'a model'}"
+    return _framed(title, run.message, _table(facts) + notices)
+
+
+def numbered(model: Any) -> tuple[list[Any], list[int]]:
+    """Bodies in depth-first order, left child first, and the number of each one's parent."""
+    children: dict[str, list[Any]] = {}
+    for body in model.bodies:
+        children.setdefault(body.parent, []).append(body)
+    ordered: list[Any] = []
+    known = {body.name for body in model.bodies}
+    stack = [body for parent, found in children.items() if parent not in known for body in found]
+    stack.reverse()
+    while stack:
+        body = stack.pop()
+        ordered.append(body)
+        stack.extend(reversed(children.get(body.name, ())))
+    number = {body.name: k for k, body in enumerate(ordered, 1)}
+    return ordered, [number.get(body.parent, 0) for body in ordered]
+
+
+def _drawn(model: Any) -> str:
+    bodies, parent = numbered(model)
+    if not bodies or len(bodies) > DRAWN:
+        return ""
+    number = {body.name: k for k, body in enumerate(bodies, 1)}
+    ends = [(number.get(c.body, 0), number.get(c.other, 0)) for c in model.constraints]
+    loops = [(a, b) for a, b in ends if a and b and a != b and a != parent[b - 1] != b]
+    return f"<div>{digraph_svg([body.name for body in bodies], parent, loops)}</div>"
+
+
+def _bodies(model: Any) -> str:
+    bodies, _ = numbered(model)
+    head = ("", "body", "parent", "joint", "DoF", "mass [kg]")
+    rows = [(k, b.name, b.parent, b.joint, b.dof, f"{b.mass:g}") for k, b in enumerate(bodies, 1)]
+    if len(rows) > ROWS:
+        left_out = ("…", f"{len(rows) - ROWS} more", "", "", "", "")
+        rows = [*rows[: ROWS // 2], left_out, *rows[-ROWS // 2 :]]
+    return _table(rows, head)
+
+
+def _table(rows: Iterable[Sequence[object]], head: Sequence[str] = ()) -> str:
+    lines = ["<tr>" + "".join(f"<th>{escape(x)}</th>" for x in head) + "</tr>"] if head else []
+    for row in rows:
+        lines.append("<tr>" + "".join(f"<td>{escape(str(x))}</td>" for x in row) + "</tr>")
+    return f"<table>{''.join(lines)}</table>"
+
+
+def _framed(title: str, line: str, body: str) -> str:
+    return f"<div><strong>{escape(title)}</strong><br>{escape(line)}{body}</div>"
+
+
+def _counted(n: int, one: str, many: str = "") -> str:
+    return f"{n} {one if n == 1 else many or one + 's'}"
+
+
+# -- a small picture -------------------------------------------------------------------------------
+
+
+WIDTH, HEIGHT = 132, 88
+ROUND = 20  # points around a ball or a rim
+MOST = 400  # pieces that are drawn: the nearest bodies of a large model
+
+
+def picture(model: Any, parent: tuple[int, ...], names: tuple[str, ...],
+            positions: np.ndarray, R: np.ndarray) -> str:  # fmt: skip
+    """`model` at the given poses (nb, 3), (nb, 3, 3), bodies in the order of `names`."""
+    return pictures(model, parent, names, [(positions, R)])[0]
+
+
+def pictures(model: Any, parent: tuple[int, ...], names: tuple[str, ...],
+             poses: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[str]:  # fmt: skip
+    """`model` at each of these poses, all at one scale and about one point."""
+    children, colors = shapes.children_of(parent), shapes.branch_colors(parent)
+    looks = bodies.looks([model.body(name) for name in names], children, colors)
+    up = np.array(GRID[model.up][1])
+    way = stage.towards(model.up, "start")
+    right, above = stage.frame(up, way)
+    view = np.stack((right, above, way))
+    every = [_parts(looks, view, *pose) for pose in poses]
+    points = [flat for drawn in every for _, flat, _ in drawn]
+    if not points:
+        return [_svg("") for _ in every]
+    low, high = np.concatenate(points).min(0), np.concatenate(points).max(0)
+    scale = 0.88 * min(WIDTH / max(high[0] - low[0], 1e-9), HEIGHT / max(high[1] - low[1], 1e-9))
+    middle = (low + high) / 2
+    found = []
+    for drawn in every:
+        drawn = sorted(drawn, key=lambda part: part[0])[-MOST:]
+        found.append(_svg("".join(_shape(flat, c, middle, scale) for _, flat, c in drawn)))
+    return found
+
+
+def _parts(
+    looks: Sequence[bodies.Look], view: np.ndarray, positions: np.ndarray, R: np.ndarray
+) -> list[tuple[float, np.ndarray, shapes.Color]]:
+    """(how near, corners in the picture, colour) of each piece."""
+    drawn: list[tuple[float, np.ndarray, shapes.Color]] = []
+    for look, at, turn in zip(looks, positions, R):
+        for piece in look.pieces[:MOST]:
+            corners = at + _outline(piece) @ turn.T
+            flat = corners @ view.T
+            drawn.append((float(flat[:, 2].mean()), flat[:, :2], piece.color or look.color))
+    return drawn
+
+
+def _svg(inside: str) -> str:
+    box = f'viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" height="{HEIGHT}"'
+    return f'<svg xmlns="http://www.w3.org/2000/svg" {box} aria-hidden="true">{inside}</svg>'
+
+
+def _shape(flat: np.ndarray, color: shapes.Color, middle: np.ndarray, scale: float) -> str:
+    """The convex outline of points, lit from above."""
+    at = (flat - middle) * scale
+    at = np.column_stack((WIDTH / 2 + at[:, 0], HEIGHT / 2 - at[:, 1]))
+    corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in _hull(at))
+    edge = tuple(int(0.72 * c) for c in color)
+    return (
+        f'<polygon points="{corners}" fill="rgb{color}" stroke="rgb{edge}" stroke-width="0.7"'
+        f' stroke-linejoin="round"/>'
+    )
+
+
+def _outline(piece: shapes.Piece) -> np.ndarray:
+    """(n, 3) points in body axes whose convex hull is the piece, or its box."""
+    x, y, z = piece.size
+    angles = np.linspace(0, 2 * np.pi, ROUND, endpoint=False)
+    ring = np.column_stack((np.cos(angles), np.sin(angles), 0 * angles)) / 2
+    if piece.kind in ("sphere", "capsule"):
+        near, far = x / 2, x / 2 * piece.taper
+        ball = np.concatenate([np.roll(ring * 2, k, axis=1) for k in range(3)])
+        ends = (0.0,) if piece.kind == "sphere" else (near - z / 2, z / 2 - far)
+        local = [r * ball + (0, 0, end) for end, r in zip(ends, (near, far))]
+    elif piece.kind == "cylinder":
+        local = [ring * (x * f, y * f, 0) + (0, 0, end) for end, f in
+                 ((-z / 2, 1.0), (z / 2, piece.taper))]  # fmt: skip
+    else:
+        local = [np.array([*product((-0.5, 0.5), repeat=3)]) * piece.size]
+    return piece.position + np.concatenate(local) @ piece.rotation.T
+
+
+def _hull(points: np.ndarray) -> list[tuple[float, float]]:
+    """The convex hull of points (n, 2), by Andrew's monotone chain."""
+    ordered = sorted({(round(x, 2), round(y, 2)) for x, y in points.tolist()})
+    halves = []
+    for sweep in (ordered, ordered[::-1]):
+        half: list[tuple[float, float]] = []
+        for p in sweep:
+            while len(half) > 1 and _turns(half[-2], half[-1], p) <= 0:
+                half.pop()
+            half.append(p)
+        halves.append(half[:-1])
+    return halves[0] + halves[1]
+
+
+def _turns(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+# -- columns over time -----------------------------------------------------------------------------
+
+
+TIME = "t [s]"
+
+
+def frame(columns: Mapping[str, np.ndarray]) -> Any:
+    """A pandas.DataFrame with a row per frame, its index the time [s]. Needs pandas."""
+    pandas = needed("pandas", "pandas")
+    return pandas.DataFrame(dict(columns)).set_index(TIME)
+
+
+def figure(columns: Mapping[str, np.ndarray], names: Sequence[str] = (), title: str = "") -> Any:
+    """A matplotlib figure with a panel per unit. Needs matplotlib.
+
+    Each name is a column, or how one begins: "kinetic energy", "v knee", "paw Fz"; a body stands
+    for its coordinates q; no names: all coordinates. Raises InputError naming the closest columns.
+    """
+    picked = picked_columns(columns, names)
+    panels: dict[str, list[str]] = {}
+    for name in picked:
+        panels.setdefault(unit_of(name), []).append(name)
+    pyplot = needed("matplotlib.pyplot", "plot")
+    drawn, axes = pyplot.subplots(
+        len(panels), sharex=True, squeeze=False, layout="constrained",
+        figsize=(7.0, 1.2 + 2.0 * len(panels)),
+    )  # fmt: skip
+    for axis, (unit, members) in zip(axes[:, 0], panels.items()):
+        for name in members:
+            axis.plot(columns[TIME], columns[name], label=name.removesuffix(f" [{unit}]"))
+        axis.set_ylabel(f"[{unit}]")
+        axis.grid(alpha=0.3)
+        if len(members) <= 12:
+            axis.legend(fontsize="small")
+    axes[-1, 0].set_xlabel(TIME)
+    if title:
+        drawn.suptitle(title)
+    if pyplot.get_backend().lower() == "agg" or "inline" in pyplot.get_backend():
+        pyplot.close(drawn)  # a notebook shows what is returned, and once is enough
+    return drawn
+
+
+def picked_columns(columns: Mapping[str, np.ndarray], names: Sequence[str]) -> list[str]:
+    """The columns that are meant by `names`, each once, in the order asked for."""
+    if not names:
+        return [column for column in columns if column.startswith("q ")]
+    found = [column for name in names for column in _meant(columns, name)]
+    return list(dict.fromkeys(found))
+
+
+def _meant(columns: Mapping[str, np.ndarray], name: str) -> list[str]:
+    known = [column for column in columns if column != TIME]
+    for start in (f"q {name}", name):
+        found = [c for c in known if c == start or c.startswith(f"{start} ")]
+        if found:
+            return found
+    short = {re.sub(r"( \d+)? \[.*\]$", "", c).removeprefix("q "): c for c in known}
+    close = get_close_matches(name, short, n=6, cutoff=0.4) or list(short)
+    text = f"no column begins so; choose one of {choices(close)}"
+    raise InputError(Problem(f"plot '{name}'", "", text))
+
+
+def unit_of(column: str) -> str:
+    """The text in the brackets at the end of a column's name, "1" if there is none."""
+    found = re.search(r"\[([^\]]*)\]$", column)
+    return found[1] if found else "1"
