@@ -13,7 +13,17 @@ from pgraph_core.model.editing import free_name
 from pgraph_core.model.fields import PAIR
 from pgraph_core.rotation import matrix
 
-from ..core.cells import LONGEST_NAME, Display, Quantity, Refusal, content, number, replaced, whole
+from ..core.cells import (
+    LONGEST_NAME,
+    Display,
+    Quantity,
+    Refusal,
+    content,
+    number,
+    quantity_in,
+    replaced,
+    whole,
+)
 from . import KINDS, WORD, Part, about, own_fields, takes_other, typed_as
 
 GROUND, EVERY = "ground", "*"
@@ -39,8 +49,7 @@ def kind_of(part: Part, item: Item) -> str:
 
 def quantity_of(item: Item, field: str) -> Quantity:
     """What a field measures."""
-    unit = about(item, field).unit
-    return unit if unit in ("length", "angle") else "number"  # type: ignore[return-value]
+    return quantity_in(about(item, field).unit)
 
 
 # -- making ------------------------------------------------------------------------------------

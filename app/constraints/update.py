@@ -8,9 +8,9 @@ from typing import Any, Literal, cast
 import pgraph_core as pg
 
 from ..core.cells import Refusal
-from ..core.edit import answered, attempted
-from ..core.events import Entries, Event, FromPage, Text, on
-from ..core.state import Notice, State, told, with_client
+from ..core.edit import attempted
+from ..core.events import Entries, Event, FromPage, Text, on, on_edit
+from ..core.state import Notice, State, display_of, told, with_client
 from ..model import Found
 from ..model.update import sent
 from . import KINDS, WORD, MobilityReport, Part, Picking, Slot, about, parts, takes_other
@@ -29,29 +29,18 @@ class EditPart(FromPage):
     entries: Entries
 
 
-@on(EditPart)
-def edited(state: State, event: EditPart) -> State:
-    """Typed cells of a part: one undo step, or the sentence that refuses them."""
-    page = state.clients.get(event.client)
-    if page is None:
-        return state
-    places = parts.places(state.derived.names, state.derived.positions, state.derived.wxyz)
-
-    def make():
-        try:
-            return parts.changed(
-                state.model, event.part, event.name, event.field, event.entries,
-                page.display, places,
-            )  # fmt: skip
-        except Refusal as refusal:
-            item = parts.item_of(state.model, event.part, event.name)
-            raise Refusal(f"{about(item, event.field).label}: {refusal}") from None
-
-    after = answered(state, event.client, event.serial, make, f"{event.field} of {event.name}")
-    if event.field == "name" and after.model is not state.model:
-        opened = (event.part, event.entries[0][1].strip())
-        return with_client(after, event.client, opened=opened)
-    return after
+@on_edit(EditPart)
+def part_edited(state: State, event: EditPart) -> tuple[pg.Model, str]:
+    d, display = state.derived, display_of(state, event.client)
+    places = parts.places(d.names, d.positions, d.wxyz)
+    try:
+        model = parts.changed(
+            state.model, event.part, event.name, event.field, event.entries, display, places
+        )
+    except Refusal as refusal:
+        item = parts.item_of(state.model, event.part, event.name)
+        raise Refusal(f"{about(item, event.field).label}: {refusal}") from None
+    return model, f"{event.field} of {event.name}"
 
 
 @dataclass(frozen=True)
@@ -63,11 +52,10 @@ class SwitchPart(FromPage):
     on: bool
 
 
-@on(SwitchPart)
-def switch(state: State, event: SwitchPart) -> State:
-    make = lambda: parts.switched(state.model, event.part, event.name, event.on)  # noqa: E731
-    label = f"{'activate' if event.on else 'deactivate'} {event.name}"
-    return attempted(state, event.client, make, label)
+@on_edit(SwitchPart)
+def switch(state: State, event: SwitchPart) -> tuple[pg.Model, str]:
+    word = "activate" if event.on else "deactivate"
+    return parts.switched(state.model, event.part, event.name, event.on), f"{word} {event.name}"
 
 
 @dataclass(frozen=True)
@@ -76,10 +64,9 @@ class DeletePart(FromPage):
     name: Text
 
 
-@on(DeletePart)
-def delete(state: State, event: DeletePart) -> State:
-    make = lambda: parts.removed(state.model, event.part, event.name)  # noqa: E731
-    return attempted(state, event.client, make, f"delete {event.name}")
+@on_edit(DeletePart)
+def delete(state: State, event: DeletePart) -> tuple[pg.Model, str]:
+    return parts.removed(state.model, event.part, event.name), f"delete {event.name}"
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,11 @@ UNITS: dict[Quantity, dict[str, tuple[float, float]]] = {  # typed unit -> (time
 }
 
 
+def quantity_in(unit: str) -> Quantity:
+    """What a field of this unit measures: "length" and "angle" follow the page's units."""
+    return unit if unit in ("length", "angle") else "number"  # type: ignore[return-value]
+
+
 @dataclass(frozen=True)
 class Display:
     """The units and forms in which one page shows and takes numbers."""

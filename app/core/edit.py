@@ -28,29 +28,33 @@ OF_BODIES = ("body", "bodies", "parent", "before", "rows", "under")  # fields of
 IN_CELLS = ("parent", "body", "other", "frame")  # cells of which the text is the name of a body
 
 
-def answered(
+def edited(
     state: State,
     client: int,
-    serial: int,
-    make: Callable[[], pg.Model],
-    label: str,
+    make: Callable[[], tuple[pg.Model, str]],
+    serial: int | None = None,
     offer: Callable[[], str] = lambda: "",
 ) -> State:
-    """`make()` as the new model, or its refusal next to the cell; `offer` names a repair."""
+    """The new model of `make() -> (model, what was done)` as one undo step.
+
+    What it refuses stands next to the cell that was typed into, the one of `serial`, with a button
+    for the repair that `offer` names; without a cell it is a notice.
+    """
     try:
-        model = make()
+        model, label = make()
     except (Refusal, pg.PgraphError) as problem:
+        if serial is None:
+            return told(state, client, Notice("Not done", str(problem), bad=True))
         return replied(state, client, serial, str(problem), offer())
-    return _noticed(replied(with_model(state, model, label, client), client, serial), client, model)
+    state = with_model(state, model, label, client)
+    if serial is not None:
+        state = replied(state, client, serial)
+    return _noticed(state, client, model)
 
 
 def attempted(state: State, client: int, make: Callable[[], pg.Model], label: str) -> State:
-    """`make()` as the new model, or a notice why not: for edits without a cell."""
-    try:
-        model = make()
-    except (Refusal, pg.PgraphError) as problem:
-        return told(state, client, Notice("Not done", str(problem), bad=True))
-    return _noticed(with_model(state, model, label, client), client, model)
+    """The new model of `make()`, or a notice why not."""
+    return edited(state, client, lambda: (make(), label))
 
 
 def _noticed(state: State, client: int, model: pg.Model) -> State:

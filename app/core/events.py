@@ -9,7 +9,8 @@ Each feature declares its events in its `update.py`, with the handler below the 
     @on(Pause)
     def paused(state: State, event: Pause) -> State: ...
 
-The fields of a page's events are validated by their annotations (`from_page`).
+`on_edit` is the same for what makes a new model, `on_typed` for what is typed into a cell and
+changes no model. The fields of a page's events are validated by their annotations (`from_page`).
 """
 
 from __future__ import annotations
@@ -22,10 +23,11 @@ from typing import Annotated, Any, ClassVar, TypeVar
 
 from pydantic import ConfigDict, Field, TypeAdapter
 
+import pgraph_core as pg
 from pgraph_core.errors import PgraphError
 
 from .cells import Refusal
-from .edit import as_now
+from .edit import as_now, edited
 from .state import Notice, State, replied, told
 
 Text = Annotated[str, Field(max_length=20_000)]
@@ -52,6 +54,7 @@ class FromPage(Event):
 
 
 Handler = TypeVar("Handler", bound=Callable[[State, Any], State])
+Edit = TypeVar("Edit", bound=Callable[[State, Any], tuple[pg.Model, str]])
 HANDLERS: dict[type[Event], Callable[[State, Any], State]] = {}
 
 
@@ -82,6 +85,28 @@ def on_typed(*kinds: type[FromPage]) -> Callable[[Handler], Handler]:
             return replied(state, event.client, event.serial)
 
         on(*kinds)(answered)
+        return handler
+
+    return keep
+
+
+def on_edit(
+    *kinds: type[FromPage], offer: Callable[[State, Any], str] = lambda state, event: ""
+) -> Callable[[Edit], Edit]:
+    """As `on`, for edits: a function (state, event) -> (new model, what was done), an undo step.
+
+    What it refuses stands next to the cell where the event has a `serial`, with a button for the
+    repair that `offer` names; else it is a notice.
+    """
+
+    def keep(handler: Edit) -> Edit:
+        def done(state: State, event: Any) -> State:
+            return edited(
+                state, event.client, lambda: handler(state, event),
+                getattr(event, "serial", None), lambda: offer(state, event),
+            )  # fmt: skip
+
+        on(*kinds)(done)
         return handler
 
     return keep

@@ -7,8 +7,7 @@ from typing import Literal
 
 import pgraph_core as pg
 
-from ..core.edit import answered
-from ..core.events import FromPage, Text, on
+from ..core.events import FromPage, Text, on, on_edit
 from ..core.state import State, with_client
 
 
@@ -22,18 +21,15 @@ class Drop(FromPage):
     loop: bool
 
 
-@on(Drop)
-def drop(state: State, event: Drop) -> State:
-    def make() -> pg.Model:
-        if not event.loop:
-            return state.model.edit(event.body, parent=event.parent)
-        if state.model.body(event.body).parent == event.parent:
-            text = f"{event.parent} is its parent already; a loop needs another body"
-            raise pg.ModelError(pg.Problem(f"body '{event.body}'", "parent", text))
-        return state.model.close_loop(event.body, event.parent)
-
-    label = f"loop {event.body}-{event.parent}" if event.loop else f"parent of {event.body}"
-    return answered(state, event.client, event.serial, make, label)
+@on_edit(Drop)
+def drop(state: State, event: Drop) -> tuple[pg.Model, str]:
+    body, parent = event.body, event.parent
+    if not event.loop:
+        return state.model.edit(body, parent=parent), f"parent of {body}"
+    if state.model.body(body).parent == parent:
+        text = f"{parent} is its parent already; a loop needs another body"
+        raise pg.ModelError(pg.Problem(f"body '{body}'", "parent", text))
+    return state.model.close_loop(body, parent), f"loop {body}-{parent}"
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,8 @@ from pgraph_core.model import files
 
 from ..core import cells, edit, history
 from ..core.cells import Refusal
-from ..core.edit import MOST_BODIES, answered, attempted
-from ..core.events import Event, FromPage, Text, on
+from ..core.edit import MOST_BODIES, attempted
+from ..core.events import Event, FromPage, Text, on, on_edit
 from ..core.state import Notice, State, replied, told, with_client
 from ..session import Kept
 from . import Errand, Found
@@ -45,19 +45,14 @@ class Edit(FromPage):
     text: Text
 
 
-@on(Edit)
-def edited(state: State, event: Edit) -> State:
-    """A typed cell: one undo step, or the sentence that refuses it."""
-
-    def make() -> pg.Model:
-        try:
-            body = state.model.body(event.body)
-            change = cells.change(body, event.field, event.index, event.text)
-        except Refusal as refusal:
-            raise Refusal(f"body '{event.body}', {event.field}: {refusal}") from None
-        return state.model.edit(event.body, **change)
-
-    return answered(state, event.client, event.serial, make, f"{event.field} of {event.body}")
+@on_edit(Edit)
+def cell_edited(state: State, event: Edit) -> tuple[pg.Model, str]:
+    try:
+        body = state.model.body(event.body)
+        change = cells.change(body, event.field, event.index, event.text)
+    except Refusal as refusal:
+        raise Refusal(f"body '{event.body}', {event.field}: {refusal}") from None
+    return state.model.edit(event.body, **change), f"{event.field} of {event.body}"
 
 
 @dataclass(frozen=True)

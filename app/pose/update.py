@@ -14,7 +14,7 @@ import pgraph_core as pg
 from ..core import cells
 from ..core.cells import Refusal
 from ..core.edit import attempted
-from ..core.events import Finite, FromPage, Text, on
+from ..core.events import Finite, FromPage, Text, on, on_edit
 from ..core.state import State, replied, with_client
 from . import Grip, solving
 
@@ -81,11 +81,10 @@ class UsePose(FromPage):
     """Make the pose that is shown the model's initial state."""
 
 
-@on(UsePose)
-def use_pose(state: State, event: UsePose) -> State:
+@on_edit(UsePose)
+def use_pose(state: State, event: UsePose) -> tuple[pg.Model, str]:
     q, v = solving.shown_q(state), solving.shown_v(state)
-    make = lambda: solving.with_initial(state.model, q, v)  # noqa: E731
-    return attempted(state, event.client, make, "initial pose")
+    return solving.with_initial(state.model, q, v), "initial pose"
 
 
 @dataclass(frozen=True)

@@ -13,19 +13,16 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.model.fields import About, about
 from pgraph_core.model.shape import DIMENSIONS, mass_properties_of
 from pgraph_core.rotation import matrix, unit
 
-from ..core.cells import Display, Quantity, Refusal, content, replaced
+from ..core.cells import Display, Quantity, Refusal, content, quantity_in, replaced
 
 Entry = tuple[tuple[int, ...], str]  # index of a cell in its field, and what was typed
 Content = Any  # nested tuples of numbers, formulas and None
 
 PER_MOTION = ("stiffness", "damping", "rest", "friction", "armature", "limit_restitution")
-LENGTHS = {
-    "link", "com", "tip", "shape_size", "shape_radius", "shape_length", "shape_end_radius",
-    "shape_radii", "shape_position",
-}  # fmt: skip
 DERIVED = ("mass", "com", "inertia", "tip")
 SHAPES = tuple(DIMENSIONS)
 OF_FILES = ("mesh", "heightfield")
@@ -43,19 +40,25 @@ def of_shape(field: str) -> tuple[int, str]:
 
 def quantity_of(body: pg.Body, field: str, index: tuple[int, ...]) -> Quantity:
     """What a cell measures: which of the page's units it is shown in."""
-    if field.startswith("shape_"):
-        field = "shape_" + of_shape(field)[1]
-    if field in LENGTHS:
-        return "length"
+    name = of_shape(field)[1] if field.startswith("shape_") else field
     if field == "mass":
         return "mass"
-    bare = field.removeprefix("shape_")
-    if bare == "rotation_euler" or (bare == "rotation_axis" and index == (3,)):
+    if name == "rotation_euler" or (name == "rotation_axis" and index == (3,)):
         return "angle"
     if field in ("q", "v", "limits", "rest") and index:
         kinds = _of_coordinates(body, field)
         return kinds[index[0]] if index[0] < len(kinds) else "number"
-    return "number"
+    return quantity_in(shows(field).unit)
+
+
+def shows(field: str) -> About:
+    """What a form shows of a field of a body, or of its shapes (shape_..., shape_1_...)."""
+    of_a_shape = field.startswith("shape_")
+    name = of_shape(field)[1] if of_a_shape else field
+    if name in ("rotation_euler", "rotation_axis"):
+        name = "rotation"
+    known = (pg.Shape if of_a_shape else pg.Body).model_fields
+    return about(known[name], name) if name in known else About(name)
 
 
 def _of_coordinates(body: pg.Body, field: str) -> list[Quantity]:

@@ -18,8 +18,8 @@ from pgraph_core.model.shape import mass_properties, mass_properties_of
 
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.edit import answered
-from ..core.events import Bodies, Entries, FromPage, Text, on
+from ..core.edit import edited
+from ..core.events import Bodies, Entries, FromPage, Text, on, on_edit
 from ..core.state import State, display_of, replied
 from ..model import Found
 from ..model.archive import mesh_folder
@@ -57,13 +57,9 @@ class EditBodies(Typed):
     """The cells were left, or Enter was pressed."""
 
 
-@on(EditBodies)
-def edited(state: State, event: EditBodies) -> State:
-    """Typed cells of one body or several: one undo step, or the sentence that refuses them."""
-    return answered(
-        state, event.client, event.serial, lambda: _edited(state, event), _label(event),
-        lambda: _offer(state, event),
-    )  # fmt: skip
+@on_edit(EditBodies, offer=lambda state, event: _offer(state, event))
+def bodies_edited(state: State, event: EditBodies) -> tuple[pg.Model, str]:
+    return _edited(state, event), _label(event)
 
 
 @dataclass(frozen=True)
@@ -89,20 +85,16 @@ class Mend(Typed):
     """The nearest values that the bodies can take: the offer next to a refusal."""
 
 
-@on(Mend)
-def repaired(state: State, event: Mend) -> State:
+@on_edit(Mend)
+def repaired(state: State, event: Mend) -> tuple[pg.Model, str]:
     """The offer taken."""
-
-    def make() -> pg.Model:
-        new = {}
-        for name, change in _changes(state, event).items():
-            mending = mended(state.model.body(name), *_one(event, change))
-            if mending is None:
-                raise Refusal("there is nothing to repair")
-            new[name] = mending
-        return state.model.edit_all(new)
-
-    return answered(state, event.client, event.serial, make, f"repair {_label(event)}")
+    new = {}
+    for name, change in _changes(state, event).items():
+        mending = mended(state.model.body(name), *_one(event, change))
+        if mending is None:
+            raise Refusal("there is nothing to repair")
+        new[name] = mending
+    return state.model.edit_all(new), f"repair {_label(event)}"
 
 
 def _label(event: Typed) -> str:
@@ -188,8 +180,8 @@ def filled(state: State, event: FillFromShape) -> State:
         work = partial(_filled, bodies=event.bodies, density=density)
         return sent(state, event.client, "mass from shape", work)
     of = event.bodies[0] if len(bodies) == 1 else f"{len(bodies)} bodies"
-    make = lambda: state.model.edit_all(mass_of(bodies, density))  # noqa: E731
-    return answered(state, event.client, event.serial, make, f"mass of {of} from shape")
+    make = lambda: (state.model.edit_all(mass_of(bodies, density)), f"mass of {of} from shape")  # noqa: E731
+    return edited(state, event.client, make, event.serial)
 
 
 def _filled(model: pg.Model, bodies: tuple[str, ...], density: float) -> Found:

@@ -8,14 +8,13 @@ from typing import Any, get_args
 import viser
 
 import pgraph_core as pg
-from pgraph_core.model.fields import About
 
 from ..core.bridge import Bridge
-from ..core.cells import Display
+from ..core.cells import Display, quantity_in
 from ..core.forms import WXYZ, XYZ, button, cell, choice, field, group, merged, shown
 from ..core.state import Client, State
 from ..core.views import Payload, Place, audience, css
-from .body_cells import MOTIONS, NO_SHAPE, OF_FILES, SHAPES, held, moments, quantity_of
+from .body_cells import MOTIONS, NO_SHAPE, OF_FILES, SHAPES, held, moments, quantity_of, shows
 from .world import world
 
 JOINTS = get_args(pg.Body.model_fields["joint"].annotation)
@@ -30,33 +29,6 @@ ROTATIONS = {
     "quaternion": ("rotation", WXYZ),
     "euler": ("rotation_euler", ("roll", "pitch", "yaw")),
     "axis": ("rotation_axis", (*XYZ, "angle")),
-}
-
-ABOUT = {
-    "name": About("Name"),
-    "joint": About("Joint", "", "how it moves on its parent"),
-    "axes": About("Axis", "", "direction in the body's axes at q = 0; any length"),
-    "link": About("Link vector", "", "from the parent's origin to this body's, parent axes, q = 0"),
-    "rotation": About("Orientation", "", "of this body's axes in the parent's, q = 0"),
-    "mass": About("Mass", "kg", "at least 0"),
-    "com": About("Centre of mass", "", "in body axes"),
-    "inertia": About("Inertia", "kg m²", "in body axes; symmetric"),
-    "tip": About("Tip", "", "point of interest, in body axes; empty: the centre of mass"),
-    "q": About("q", "", "initial joint position"),
-    "v": About("v", "", "initial joint velocity"),
-    "limits": About("Limits", "", "least and greatest position; empty: open"),
-    "limit_restitution": About("Rebound", "", "velocity that comes back at a limit, 0 to 1"),
-    "stiffness": About("Stiffness", "", "spring of each motion of the joint"),
-    "rest": About("Rest position", "", "where the spring is relaxed"),
-    "damping": About("Damping", "", "viscous damper of each motion of the joint"),
-    "friction": About("Friction", "", "Coulomb's, of each rotation or translation"),
-    "armature": About("Armature", "", "inertia of the drive, felt by the joint alone"),
-}
-UNITS = {  # of a rotation, of a translation
-    "stiffness": ("N m/rad", "N/m"),
-    "damping": ("N m s/rad", "N s/m"),
-    "friction": ("N m", "N"),
-    "armature": ("kg m²", "kg"),
 }
 
 
@@ -110,10 +82,10 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
     turn, names = ROTATIONS[display.turn]
     joint = [
         form.text("name"),
-        choice("joint", "Joint", body.joint, JOINTS, help=ABOUT["joint"].help),
+        choice("joint", "Joint", body.joint, JOINTS, help=shows("joint").help),
         *form.motions(),
         form.vector("link"),
-        form.vector(turn, names, label="Orientation"),
+        form.vector(turn, names),
     ]
     mass = [form.vector("mass"), form.vector("com"), form.inertia(), form.tip()]
     mass = [form.follows(one) for one in mass]
@@ -149,7 +121,7 @@ class _Form:
         return held(self.model, self.body, name, self.display)
 
     def text(self, name: str) -> Payload:
-        return field(name, ABOUT[name].label, [cell((), self.body.name)], kind="text")
+        return field(name, shows(name).label, [cell((), self.body.name)], kind="text")
 
     def cells(self, name: str, names: tuple[str, ...] = ()) -> list[Payload]:
         """A cell a number; x, y, z go without saying, other components are named."""
@@ -167,11 +139,12 @@ class _Form:
 
     def unit(self, name: str) -> str:
         """The units of a field's cells; those of a joint follow its motions."""
-        if name in UNITS:
-            pairs = {"rotate": 0, "translate": 1, "ball": 0, "free": 0}
-            found = [UNITS[name][pairs[m.kind]] for m in self.body.sequence]
-        elif name in ABOUT and ABOUT[name].unit:
-            return ABOUT[name].unit
+        given = shows(name).unit
+        turning, _, sliding = given.partition(", ")
+        if sliding:
+            found = [sliding if m.kind == "translate" else turning for m in self.body.sequence]
+        elif given and quantity_in(given) == "number":
+            return given
         else:
             value = self.value(name)
             count = len(value) if isinstance(value, (tuple, list)) else 0
@@ -181,12 +154,9 @@ class _Form:
             found = [u + per for u in units if u]
         return ", ".join(dict.fromkeys(found))
 
-    def vector(self, name: str, names: tuple[str, ...] = (), label: str = "") -> Payload:
-        about = ABOUT.get(name, About(label))
-        return field(
-            name, label or about.label, self.cells(name, names),
-            unit=self.unit(name), help=about.help,
-        )  # fmt: skip
+    def vector(self, name: str, names: tuple[str, ...] = ()) -> Payload:
+        about, cells = shows(name), self.cells(name, names)
+        return field(name, about.label, cells, unit=self.unit(name), help=about.help)
 
     def motions(self) -> list[Payload]:
         """A row for each axis; of a compound joint, for each motion, which can be chosen."""
@@ -211,13 +181,13 @@ class _Form:
 
     def _axis(self, i: int, at: int, label: str) -> Payload:
         cells = [cell((i, j), x) for j, x in enumerate(self.body.axes[at])]
-        return field("axes", label, cells, help=ABOUT["axes"].help, columns=3)
+        return field("axes", label, cells, help=shows("axes").help, columns=3)
 
     def inertia(self) -> Payload:
         rows = self.value("inertia")
         cells = [cell((i, j), x) for i, row in enumerate(rows) for j, x in enumerate(row)]
         about = {"com": "about the centre of mass", "origin": "about the frame's origin"}
-        help = f"{about[self.display.about]}, {ABOUT['inertia'].help}"
+        help = f"{about[self.display.about]}, {shows('inertia').help}"
         return field("inertia", "Inertia", cells, unit="kg m²", help=help, columns=3,
                      note=physical(self.body), live=True)  # fmt: skip
 
@@ -235,7 +205,7 @@ class _Form:
             for k, x in enumerate(pair)
         ]
         return field("limits", "Limits", cells, unit=self.unit("limits"),
-                     help=ABOUT["limits"].help, columns=2)  # fmt: skip
+                     help=shows("limits").help, columns=2)  # fmt: skip
 
     def follows(self, row: Payload) -> Payload:
         """A row of the mass with a badge where it follows from the shapes, else a way to that."""
@@ -259,30 +229,30 @@ class _Form:
         found = [choice(prefix + "kind", "Shape", kind, kinds, **({} if at else upload))]
         if shape is None:
             return found
-        labels = {"size": "Edges", "radius": "Radius", "radii": "Half axes", "length": "Length"}
         if kind == "mesh":
             name = (shape.file or "").replace("\\", "/").rsplit("/", 1)[-1]
             found[0]["note"] = name
-            found.append(self.vector(prefix + "scale", label="Scale"))
+            found.append(self.vector(prefix + "scale"))
         found += [
-            self.vector(prefix + f, label=label)
-            for f, label in labels.items() if getattr(shape, f) is not None
+            self.vector(prefix + f)
+            for f in ("size", "radius", "radii", "length") if getattr(shape, f) is not None
         ]  # fmt: skip
         if kind in ("capsule", "cylinder") and shape.role == "visual":
-            end = self.vector(prefix + "end_radius", label="End radius")
-            found.append({**end, "help": "at the far end, where it tapers; empty: the same"})
-        found.append(self.vector(prefix + "position", label="Position"))
+            found.append(self.vector(prefix + "end_radius"))
+        found.append(self.vector(prefix + "position"))
         turn, names = ROTATIONS[self.display.turn]
-        found.append(self.vector(prefix + turn, names, label="Orientation"))
+        found.append(self.vector(prefix + turn, names))
         roles = [
             ("both", "drawn and touches"),
             ("visual", "only drawn"),
             ("collision", "only touches"),
         ]
-        found.append(choice(prefix + "role", "Role", shape.role, roles, help="what it is for"))
+        found.append(
+            choice(prefix + "role", "Role", shape.role, roles, help=shows("shape_role").help)
+        )
         colour = [cell((), held(self.model, self.body, prefix + "colour", self.display))]
         found.append(field(prefix + "colour", "Colour", colour, kind="text",
-                           help="#rrggbb; empty: the colour of its branch"))  # fmt: skip
+                           help=shows("shape_colour").help))  # fmt: skip
         if at == len(shapes) - 1 < MOST_SHAPES - 1:
             more = button("+ shape", "", "one more shape", field=f"shape_{at + 1}_kind",
                           index=[], text="sphere")  # fmt: skip

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import pgraph_core as pg
+from pgraph_core.model.fields import about
 from pgraph_core.model.parameters import evaluated, names_in
 
 from ..core import cells
-from ..core.cells import Display, Refusal
-from ..core.edit import answered, attempted
-from ..core.events import FromPage, Index, Text, on
+from ..core.cells import Display, Refusal, quantity_in
+from ..core.events import FromPage, Index, Text, on_edit
 from ..core.forms import Payload, button, cell, choice, field, group, shown
 from ..core.state import State, display_of
 
@@ -44,26 +44,22 @@ def _general(state: State) -> Payload:
 def _ground(state: State, display: Display) -> Payload:
     model, ground = state.model, state.model.ground
     level = (1.0, 0.0, 0.0) if model.up != "x" else (0.0, 1.0, 0.0)
-    uphill = [
-        cell((i,), x, implied=ground.uphill is None) for i, x in enumerate(ground.uphill or level)
-    ]
-    fields = [
-        field("friction", "Friction", [cell((), ground.friction)],
-              help="Coulomb's coefficient of contacts that give none"),
-        field("static_friction", "Static friction",
-              [cell((), ground.least_to_slide, implied=ground.static_friction is None)],
-              help="of what does not slide yet; empty: as friction"),
-        *(field(f"{way}_friction", f"{way.capitalize()} friction",
-                [cell((), shown(getattr(ground, f"{way}_friction"), "length", display))],
-                unit=display.length, help=f"torque against {way} over normal force")
-          for way in ("rolling", "spinning")),
-        field("restitution", "Restitution", [cell((), ground.restitution)],
-              help="0 to 1, of contacts that give none"),
-        field("slope", "Slope", [cell((), display.shown(ground.slope, "angle"))],
-              unit=display.angle, help="by which the plane rises"),
-        field("uphill", "Uphill", uphill, help="direction in which it rises; empty: the first "
-              "axis that is not up"),
-    ]  # fmt: skip
+    implied = {
+        "static_friction": (ground.least_to_slide, ground.static_friction is None),
+        "uphill": (ground.uphill or level, ground.uphill is None),
+    }
+    fields = []
+    for name, info in pg.Ground.model_fields.items():
+        if name == "steps":
+            continue
+        value, empty = implied.get(name, (getattr(ground, name), False))
+        several, shows = isinstance(value, tuple), about(info, name)
+        quantity = quantity_in(shows.unit)
+        row = [
+            cell((i,) if several else (), shown(x, quantity, display), implied=empty)
+            for i, x in enumerate(value if several else (value,))
+        ]
+        fields.append(field(name, shows.label, row, unit=display.unit(quantity), help=shows.help))
     a, b = AXES[model.up]
     for i, step in enumerate(ground.steps):
         values = (*step.low, *step.high, step.height)
@@ -117,17 +113,14 @@ class EditWorld(FromPage):
     text: Text
 
 
-@on(EditWorld)
-def edited(state: State, event: EditWorld) -> State:
+@on_edit(EditWorld)
+def edited(state: State, event: EditWorld) -> tuple[pg.Model, str]:
     display = display_of(state, event.client)
-
-    def make() -> pg.Model:
-        try:
-            return _world(state.model, display, event.field, event.index, event.text)
-        except Refusal as refusal:
-            raise Refusal(f"The {event.field} {refusal}") from None
-
-    return answered(state, event.client, event.serial, make, f"{event.field} of the model")
+    try:
+        model = _world(state.model, display, event.field, event.index, event.text)
+    except Refusal as refusal:
+        raise Refusal(f"The {event.field} {refusal}") from None
+    return model, f"{event.field} of the model"
 
 
 def _world(
@@ -196,11 +189,10 @@ class EditParameter(FromPage):
     text: Text
 
 
-@on(EditParameter)
-def parameter_edited(state: State, event: EditParameter) -> State:
+@on_edit(EditParameter)
+def parameter_edited(state: State, event: EditParameter) -> tuple[pg.Model, str]:
     name = event.name.strip()
-    make = lambda: parameter_set(state.model, name, event.text)  # noqa: E731
-    return answered(state, event.client, event.serial, make, f"parameter {name}")
+    return parameter_set(state.model, name, event.text), f"parameter {name}"
 
 
 @dataclass(frozen=True)
@@ -210,10 +202,10 @@ class RenameParameter(FromPage):
     text: Text
 
 
-@on(RenameParameter)
-def renamed(state: State, event: RenameParameter) -> State:
-    make = lambda: parameter_renamed(state.model, event.name, event.text.strip())  # noqa: E731
-    return answered(state, event.client, event.serial, make, f"name of parameter {event.name}")
+@on_edit(RenameParameter)
+def renamed(state: State, event: RenameParameter) -> tuple[pg.Model, str]:
+    model = parameter_renamed(state.model, event.name, event.text.strip())
+    return model, f"name of parameter {event.name}"
 
 
 @dataclass(frozen=True)
@@ -223,10 +215,9 @@ class DeleteParameter(FromPage):
     name: Text
 
 
-@on(DeleteParameter)
-def deleted(state: State, event: DeleteParameter) -> State:
-    make = lambda: parameter_removed(state.model, event.name)  # noqa: E731
-    return attempted(state, event.client, make, f"delete parameter {event.name}")
+@on_edit(DeleteParameter)
+def deleted(state: State, event: DeleteParameter) -> tuple[pg.Model, str]:
+    return parameter_removed(state.model, event.name), f"delete parameter {event.name}"
 
 
 def parameter_set(model: pg.Model, name: str, text: str) -> pg.Model:

@@ -12,7 +12,7 @@ import pgraph_core as pg
 
 from ..constraints import KINDS, parts
 from ..core.cells import Refusal
-from ..core.edit import answered, attempted
+from ..core.edit import attempted, edited
 from ..core.events import Entries, FromPage, Text, on
 from ..core.state import Notice, State, display_of, told
 from ..pose import solving
@@ -54,7 +54,7 @@ def _typed(
     """The edit of the scenario with its cell answered; the run follows its settings."""
     name = state.request.scenario
     row = next((i for i, s in enumerate(state.model.scenarios) if s.name == name), -1)
-    after = answered(state, client, serial, make, label)
+    after = edited(state, client, lambda: (make(), label), serial)
     if after.model is state.model or row < 0:
         return after
     return chosen(after, after.model.scenarios[row].name)
@@ -121,7 +121,7 @@ class EditScenario(FromPage):
 
 
 @on(EditScenario)
-def edited(state: State, event: EditScenario) -> State:
+def scenario_edited(state: State, event: EditScenario) -> State:
     display = display_of(state, event.client)
 
     def make() -> pg.Model:

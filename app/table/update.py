@@ -13,7 +13,7 @@ import pgraph_core as pg
 from ..core import cells
 from ..core.cells import Refusal
 from ..core.edit import MOST_BODIES, attempted, selected, with_model
-from ..core.events import Bodies, FromPage, Text, on
+from ..core.events import Bodies, FromPage, Text, on, on_edit
 from ..core.state import Notice, State, replied, told
 from . import paste as pasting
 
@@ -96,10 +96,10 @@ class DeleteBodies(FromPage):
     children: Literal["attach", "delete"]
 
 
-@on(DeleteBodies)
-def delete(state: State, event: DeleteBodies) -> State:
-    make = lambda: state.model.remove(event.bodies, children=event.children)  # noqa: E731
-    return attempted(state, event.client, make, f"delete {_label(event.bodies)}")
+@on_edit(DeleteBodies)
+def delete(state: State, event: DeleteBodies) -> tuple[pg.Model, str]:
+    model = state.model.remove(event.bodies, children=event.children)
+    return model, f"delete {_label(event.bodies)}"
 
 
 @dataclass(frozen=True)
@@ -110,17 +110,14 @@ class MoveRows(FromPage):
     before: Text | None
 
 
-@on(MoveRows)
-def move(state: State, event: MoveRows) -> State:
-    def make() -> pg.Model:
-        chosen = set(event.bodies)
-        if event.before in chosen:
-            return state.model
-        left = [b.name for b in state.model.bodies if b.name not in chosen]
-        place = left.index(event.before) if event.before in left else len(left)
-        return state.model.move(event.bodies, place)
-
-    return attempted(state, event.client, make, f"move {_label(event.bodies)}")
+@on_edit(MoveRows)
+def move(state: State, event: MoveRows) -> tuple[pg.Model, str]:
+    model, chosen, label = state.model, set(event.bodies), f"move {_label(event.bodies)}"
+    if event.before in chosen:
+        return model, label
+    left = [b.name for b in model.bodies if b.name not in chosen]
+    place = left.index(event.before) if event.before in left else len(left)
+    return model.move(event.bodies, place), label
 
 
 @dataclass(frozen=True)
@@ -129,11 +126,10 @@ class SetParent(FromPage):
     parent: Text
 
 
-@on(SetParent)
-def set_parent(state: State, event: SetParent) -> State:
+@on_edit(SetParent)
+def set_parent(state: State, event: SetParent) -> tuple[pg.Model, str]:
     changes = {name: {"parent": event.parent} for name in event.bodies}
-    make = lambda: state.model.edit_all(changes)  # noqa: E731
-    return attempted(state, event.client, make, f"parent of {_label(event.bodies)}")
+    return state.model.edit_all(changes), f"parent of {_label(event.bodies)}"
 
 
 @dataclass(frozen=True)

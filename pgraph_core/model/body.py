@@ -95,11 +95,14 @@ class Body(Described):
     name: str = field("text that is not empty", label="Name")
     parent: str = field("the name of a body, or 'ground'", default=GROUND, label="Parent")
     joint: JointKind = field(
-        "one of " + ", ".join(joints.DEFAULT) + ", or give dof 0 to 6", default="revolute"
+        "one of " + ", ".join(joints.DEFAULT) + ", or give dof 0 to 6",
+        default="revolute",
+        help="how it moves on its parent",
     )
     axes: Vec3s = field(
         "one direction [x, y, z] a motion, in the body's axes at q = 0",
-        converter=vectors, default=(),
+        converter=vectors, default=(), label="Axis",
+        help="direction in the body's axes at q = 0; any length",
     )  # fmt: skip
     motions: tuple[tuple[MotionKind, Vec3], ...] = field(
         "('rotate' | 'translate' | 'ball', [x, y, z]) pairs of a compound joint",
@@ -107,55 +110,75 @@ class Body(Described):
     )  # fmt: skip
     link: Vec3 = field(
         "three finite numbers [x, y, z] from the parent's origin [m]",
-        converter=vector, default=(0.0, 0.0, 0.0), unit="length",
+        converter=vector, default=(0.0, 0.0, 0.0), label="Link vector", unit="length",
+        help="from the parent's origin to this body's, parent axes, q = 0",
     )  # fmt: skip
     rotation: Quat = field(
         "a unit quaternion [w, x, y, z] in the parent's axes",
-        converter=quaternion, default=(1.0, 0.0, 0.0, 0.0),
+        converter=quaternion, default=(1.0, 0.0, 0.0, 0.0), label="Orientation",
+        help="of this body's axes in the parent's, q = 0",
     )  # fmt: skip
-    mass: Number = field("a finite number >= 0 [kg]", default=1.0, ge=0, unit="kg")
+    mass: Number = field(
+        "a finite number >= 0 [kg]", default=1.0, ge=0, unit="kg", help="at least 0"
+    )
     com: Vec3 = field(
         "three finite numbers [x, y, z] in body axes [m]",
-        converter=vector, default=(0.0, 0.0, 0.0), unit="length",
+        converter=vector, default=(0.0, 0.0, 0.0), label="Centre of mass", unit="length",
+        help="in body axes",
     )  # fmt: skip
     inertia: Mat3 = field(
         "a symmetric 3x3 matrix of finite numbers about the centre of mass [kg m^2]",
         converter=matrix3, default=((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01)),
-        unit="kg m²",
+        unit="kg m²", help="in body axes; symmetric",
     )  # fmt: skip
     tip: Vec3 | None = field(
         "three finite numbers [x, y, z] in body axes [m], or nothing",
         converter=maybe_vector, default=None, unit="length",
+        help="point of interest, in body axes; empty: the centre of mass",
     )  # fmt: skip
     q: PerMotion = field(
-        "one finite number a position coordinate [rad, m]", converter=per_motion, default=()
-    )
+        "one finite number a position coordinate [rad, m]",
+        converter=per_motion, default=(), label="q", help="initial joint position",
+    )  # fmt: skip
     v: PerMotion = field(
-        "one finite number a degree of freedom [rad/s, m/s]", converter=per_motion, default=()
-    )
+        "one finite number a degree of freedom [rad/s, m/s]",
+        converter=per_motion, default=(), label="v", help="initial joint velocity",
+    )  # fmt: skip
     stiffness: PerMotion = field(
-        "numbers >= 0, one for all or one a motion", converter=per_motion, default=()
-    )
+        "numbers >= 0, one for all or one a motion",
+        converter=per_motion, default=(), unit="N m/rad, N/m",
+        help="spring of each motion of the joint",
+    )  # fmt: skip
     damping: PerMotion = field(
-        "numbers >= 0, one for all or one a motion", converter=per_motion, default=()
-    )
+        "numbers >= 0, one for all or one a motion",
+        converter=per_motion, default=(), unit="N m s/rad, N s/m",
+        help="viscous damper of each motion of the joint",
+    )  # fmt: skip
     rest: PerMotion = field(
-        "finite numbers, one for all or one a motion", converter=per_motion, default=()
-    )
+        "finite numbers, one for all or one a motion",
+        converter=per_motion, default=(), label="Rest position",
+        help="where the spring is relaxed",
+    )  # fmt: skip
     friction: PerMotion = field(
-        "numbers >= 0 [N m, N], one for all or one a motion", converter=per_motion, default=()
-    )
+        "numbers >= 0 [N m, N], one for all or one a motion",
+        converter=per_motion, default=(), unit="N m, N",
+        help="Coulomb's, of each rotation or translation",
+    )  # fmt: skip
     armature: PerMotion = field(
-        "numbers >= 0, one for all or one a motion", converter=per_motion, default=()
-    )
+        "numbers >= 0, one for all or one a motion",
+        converter=per_motion, default=(), unit="kg m², kg",
+        help="inertia of the drive, felt by the joint alone",
+    )  # fmt: skip
     limits: tuple[tuple[Number | None, Number | None] | None, ...] = field(
         "[least, greatest] position [rad, m], each may be left open by null, one pair "
         "for all motions or one a motion",
-        converter=_limits_in, default=(),
+        converter=_limits_in, default=(), help="least and greatest position; empty: open",
     )  # fmt: skip
     limit_restitution: PerMotion = field(
-        "numbers from 0 to 1, one for all or one a motion", converter=per_motion, default=()
-    )
+        "numbers from 0 to 1, one for all or one a motion",
+        converter=per_motion, default=(), label="Rebound",
+        help="velocity that comes back at a limit, 0 to 1",
+    )  # fmt: skip
     shape: OneShape | None = field(
         "a shape such as {'kind': 'sphere', ...}", converter=_shape_in, default=None
     )

@@ -72,12 +72,12 @@ class Shape(Frozen):
     size: Vec3 | None = field(
         "the three edge lengths of a box [m]; of a heightfield along x and y, and how far its "
         "solid reaches below its lowest height",
-        converter=maybe_vector, default=None, unit="length",
+        converter=maybe_vector, default=None, label="Edges", unit="length",
     )  # fmt: skip
     radius: Number | None = field("a radius > 0 [m]", default=None, gt=0, unit="length")
     radii: Vec3 | None = field(
         "the three half axes of an ellipsoid [m]",
-        converter=maybe_vector, default=None, unit="length",
+        converter=maybe_vector, default=None, label="Half axes", unit="length",
     )  # fmt: skip
     heights: Heights | None = field(
         "rows of heights of a heightfield [m], finite numbers, all rows equally long: "
@@ -90,7 +90,7 @@ class Shape(Frozen):
     )  # fmt: skip
     end_radius: Number | None = field(
         "a radius > 0 [m] at the far end (+z) of a capsule or cylinder that is only drawn",
-        default=None, gt=0, unit="length",
+        default=None, gt=0, unit="length", help="at the far end, where it tapers; empty: the same",
     )  # fmt: skip
     file: str | None = field("the name of a mesh file", default=None)
     scale: Number | Vec3 = field(
@@ -107,15 +107,16 @@ class Shape(Frozen):
         converter=vector, default=(0.0, 0.0, 0.0), unit="length",
     )  # fmt: skip
     rotation: Quat = field(
-        "a quaternion [w, x, y, z]", converter=quaternion, default=(1.0, 0.0, 0.0, 0.0)
-    )
+        "a quaternion [w, x, y, z]",
+        converter=quaternion, default=(1.0, 0.0, 0.0, 0.0), label="Orientation",
+    )  # fmt: skip
 
     role: Literal["visual", "collision", "both"] = field(
-        "'visual': drawn, 'collision': touches, or 'both'", default="both"
+        "'visual': drawn, 'collision': touches, or 'both'", default="both", help="what it is for"
     )
     colour: Colour | None = field(
         "three numbers [red, green, blue] from 0 to 1, or '#rrggbb'",
-        converter=_colour_in, default=None,
+        converter=_colour_in, default=None, help="#rrggbb; empty: the colour of its branch",
     )  # fmt: skip
 
     @model_validator(mode="after")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, Literal, Self
+from typing import Any, Literal, Self
 
 import numpy.typing as npt
 from pydantic import Field, model_validator
@@ -51,31 +51,35 @@ def _steps_in(value: Sequence[Step | Mapping[str, Any]]) -> tuple[Step, ...]:
 class Ground(Frozen):
     """The plane through the origin, normal to `up` or tilted, and the steps on it."""
 
-    slope: Annotated[Number, Field(gt=-math.pi / 2, lt=math.pi / 2)] = Field(
-        default=0.0, description="an angle within -pi/2 to pi/2 by which it rises [rad]"
-    )
+    friction: Number = field(
+        "Coulomb's coefficient >= 0 of contacts that give none", default=0.5, ge=0,
+        help="Coulomb's coefficient of contacts that give none",
+    )  # fmt: skip
+    static_friction: Number | None = field(
+        "a coefficient >= friction, of what does not slide; left out: friction",
+        default=None, ge=0, help="of what does not slide yet; empty: as friction",
+    )  # fmt: skip
+    rolling_friction: Number = field(
+        "a length >= 0 [m]: torque against rolling over normal force", default=0.0, ge=0,
+        unit="length", help="torque against rolling over normal force",
+    )  # fmt: skip
+    spinning_friction: Number = field(
+        "a length >= 0 [m]: torque about the normal over normal force", default=0.0, ge=0,
+        unit="length", help="torque about the normal over normal force",
+    )  # fmt: skip
+    restitution: Number = field(
+        "a number from 0 to 1, of contacts that give none", default=0.0, ge=0, le=1,
+        help="0 to 1, of contacts that give none",
+    )  # fmt: skip
+    slope: Number = field(
+        "an angle within -pi/2 to pi/2 by which it rises [rad]", default=0.0,
+        gt=-math.pi / 2, lt=math.pi / 2, unit="angle", help="by which the plane rises",
+    )  # fmt: skip
     uphill: Vec3 | None = field(
         "the direction [x, y, z] in which it rises; left out: the first axis not up",
         converter=maybe_vector, default=None,
+        help="direction in which it rises; empty: the first axis that is not up",
     )  # fmt: skip
-    friction: Annotated[Number, Field(ge=0)] = Field(
-        default=0.5, description="Coulomb's coefficient >= 0 of contacts that give none"
-    )
-    static_friction: Annotated[Number, Field(ge=0)] | None = Field(
-        default=None,
-        description="a coefficient >= friction, of what does not slide; left out: friction",
-    )
-    rolling_friction: Annotated[Number, Field(ge=0)] = Field(
-        default=0.0,
-        description="a length >= 0 [m]: torque against rolling over normal force",
-    )
-    spinning_friction: Annotated[Number, Field(ge=0)] = Field(
-        default=0.0,
-        description="a length >= 0 [m]: torque about the normal over normal force",
-    )
-    restitution: Annotated[Number, Field(ge=0, le=1)] = Field(
-        default=0.0, description="a number from 0 to 1, of contacts that give none"
-    )
     steps: tuple[Step, ...] = field(
         "a list of {'low': [a, b], 'high': [a, b], 'height': h}", converter=_steps_in, default=()
     )
