@@ -6,7 +6,7 @@ from pathlib import Path
 
 from .gait_checks import RTOL, Walked, ladder, to_a_tolerance, under_law, walked
 from .gait_robustness import PUSH_FOR, SECONDS, table
-from .machine import cpu, has
+from .machine import has, machine
 
 PAGE = Path(__file__).parent.parent / "docs" / "gaits.md"
 WALKS = (
@@ -49,7 +49,7 @@ def main() -> None:
 def walks() -> list[str]:
     found = [walked(*walk) for walk in WALKS]
     return [
-        f"Measured on {cpu()}.",
+        f"Measured on {machine()['cpu']}.",
         "",
         "## Walks on flat ground",
         "",

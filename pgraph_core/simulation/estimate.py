@@ -191,7 +191,9 @@ def _by_finer(record: Recording, coarser: tuple[_Apart, float] | None = None) ->
 def _apart(one: Recording, other: Recording, times: Array) -> _Apart:
     """How far apart two runs are at times that both record."""
     a, b = (
-        r.out.q if r.plan.times is times else r.out.q[np.searchsorted(r.plan.times, times)]
+        r.out.q[: len(times)]
+        if r.plan.times is times
+        else r.out.q[np.searchsorted(r.plan.times, times)]
         for r in (one, other)
     )
     rows = one.mech.packed.rows

@@ -9,7 +9,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_core import solids
-from pgraph_core.contact.points import terrain_of
+from pgraph_core.contact.steps import terrain_of
 from pgraph_core.solids import mass_properties
 
 from .touching import Scene, pose, random_pose, random_solid
@@ -186,7 +186,6 @@ def test_a_ball_lies_in_the_corner_of_a_mesh_by_its_parts(tmp_path):
 
 def test_a_mesh_with_too_many_parts_says_so(tmp_path, monkeypatch):
     pytest.importorskip("coacd")
-    from pgraph_core import solids
 
     monkeypatch.setattr(solids, "MOST_PARTS", 1)
     with pytest.raises(pg.ModelError, match="splits into 2 convex parts, more than 1; simplify"):

@@ -182,7 +182,7 @@ def test_a_mesh_that_is_not_closed_touches_where_that_is_asked_for(tmp_path):
 
 def test_trimesh_is_imported_for_files_only():
     code = (
-        "import sys, pgraph_core as pg; from pgraph_core.solids import kinds;"
+        "import sys, pgraph_core as pg; from pgraph_core import solids;"
         "solids.mass_properties(pg.Shape(kind='sphere', radius=1), 1);"
         "assert 'trimesh' not in sys.modules"
     )
