@@ -288,9 +288,6 @@ def search_space(geometry: Geometry, members: int) -> Search:
 # -- the kinds of shapes ---------------------------------------------------------------------------
 
 
-Array = np.ndarray
-
-
 def solids_of(shape: Shape) -> tuple[Solid, ...]:
     """A shape as it touches others, in its own frame: one solid, or the parts of a mesh.
 

@@ -24,7 +24,7 @@ from ..mechanism import Mechanism
 from ..model import Force, Model
 from ..model.files import write_atomic
 from ..result import Result
-from ..show import shapes, tables
+from ..show import model_html, shapes
 from ..show.bodies import extent, looks
 from ..show.stage import depth
 from ..simulation import simulate
@@ -88,7 +88,7 @@ def page(run: Result, fields: Sequence[str] = ()) -> str:
         "TITLE": escape(title),
         "STYLE": (HERE / "figure.css").read_text(encoding="utf-8"),
         "FACTS": facts,
-        "TABLE": tables.model_html(model),
+        "TABLE": model_html(model),
         # "<" could end the element early
         "FIGURE": json.dumps(given, default=_plain, separators=(",", ":")).replace("<", "\\u003c"),
         "SCRIPT": "\n".join(texts.values()),

@@ -302,7 +302,6 @@ def _format(path: str | FilePath) -> str:
 # -- designs: the points of a sweep ----------------------------------------------------------------
 
 
-Array = np.ndarray
 SAMPLES = ("grid", "latin", "sobol", "random")
 MOST_POINTS = 10_000_000
 
