@@ -15,7 +15,9 @@ from . import FOLDER
 from .looks import animal
 from .shapes import Vector, block, limb, rounded
 
-TRUNK = ("pelvis", "lumbar", "thorax", "shoulder_neck_head")
+TRUNK = {  # its segments, and how far each turns in the push [rad]
+    "pelvis": 0.06, "lumbar": -0.1, "thorax": -0.08, "shoulder_neck_head": 0.1,
+}  # fmt: skip
 DURATION = 0.25  # of the push [s]
 KNOTS = 126  # of its tables, at ends of steps: every 2 ms
 HIPS = ("left_humerus", "right_humerus", "left_femur", "right_femur")
@@ -188,7 +190,6 @@ FEET = ("left_front_paw", "right_front_paw", "left_hind_paw", "right_hind_paw")
 
 # The push, as the end of a smooth motion from q = 0.
 PELVIS = complex(0.04, 0.03)  # how far its origin moves [m]
-BENT = {"pelvis": 0.06, "lumbar": -0.1, "thorax": -0.08, "shoulder_neck_head": 0.1}  # [rad]
 PAW = {"front": -0.05, "hind": -0.25}  # turn of the paw itself in the world [rad]
 
 
@@ -258,12 +259,12 @@ def _share(
 def push(bodies: Sequence[pg.Body]) -> dict[str, float]:
     """Angles of the hinges at the end of the push, all four feet in place [rad]."""
     link = {body.name: complex(*body.link[:2]) for body in bodies}
-    angle = {name: turn for name, turn in BENT.items() if name != "pelvis"}
-    heading, origin = BENT["pelvis"], link["pelvis"] + PELVIS
+    angle = {name: turn for name, turn in TRUNK.items() if name != "pelvis"}
+    heading, origin = TRUNK["pelvis"], link["pelvis"] + PELVIS
     angle |= _leg(bodies, link, origin, heading, ("left_femur", "left_tibia", "left_hind_paw"))
     for name in ("lumbar", "thorax", "shoulder_neck_head"):
         origin += link[name] * cmath.exp(1j * heading)
-        heading += BENT[name]
+        heading += TRUNK[name]
     angle |= _leg(bodies, link, origin, heading, ("left_humerus", "left_radius", "left_front_paw"))
     return {b.name: angle[b.name.replace("right", "left")] for b in bodies if b.name != "pelvis"}
 
