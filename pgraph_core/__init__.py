@@ -136,6 +136,12 @@ _MODULES = {
     "verification": "Case Verdict load_cases verify",
 }
 _HOME = {name: module for module, names in _MODULES.items() for name in names.split()}
+_CALLED = {  # what other programs call it
+    "load": "Model.load", "read": "Model.load", "open": "Model.load", "from_file": "Model.load",
+    "run": "simulate", "solve": "simulate", "Simulation": "simulate", "Simulator": "Stepper",
+    "System": "Model", "World": "Model", "MultibodySystem": "Model", "Link": "Body",
+    "RigidBody": "Body", "Joint": "Body", "Damper": "Spring", "Torque": "Motor",
+}  # fmt: skip
 __all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
@@ -147,7 +153,7 @@ def __getattr__(name: str) -> Any:
     else:
         from difflib import get_close_matches
 
-        close = get_close_matches(name, _HOME, n=3)
+        close = _CALLED.get(name, "").split() or get_close_matches(name, _HOME, n=3)
         hint = f"; did you mean {' or '.join(close)}?" if close else ""
         raise AttributeError(f"module 'pgraph_core' has no attribute '{name}'{hint}")
     globals()[name] = value

@@ -49,12 +49,12 @@ point: position pos offset anchor
 axes: axis
 kind: type
 joint: type joint_type
-stiffness: k spring
-damping: c
+stiffness: k ks spring spring_constant
+damping: c d kd damper
 friction: mu
 restitution: e
-body: child body1
-other: target body2
+body: child body1 body_a bodyA
+other: target parent body2 body_b bodyB
 colour: color
 shape: geometry geom
 """
@@ -249,7 +249,11 @@ def _not_taken(
     if len(args) > len(placed) and kinds.VAR_POSITIONAL not in kinds_there:
         first = f"the first {numbers(len(placed))}: {choices(placed)}" if placed else "none"
         text = f"takes {first.replace('number', 'argument')} without a name; given {len(args)}"
-        found.append(Problem(where, "", f"{text}; name the others" if by_name else text))
+        if kinds.VAR_KEYWORD in kinds_there:
+            text += f"; the others are field=value, as in {where}({placed[0]!r}, mass=1.5)"
+        elif by_name:
+            text += "; name the others"
+        found.append(Problem(where, "", text))
     given = {*placed[: len(args)], *(named.keys() - only)}
     for name in placed[: len(args)]:
         if name in named and name not in only:
@@ -262,6 +266,7 @@ def _not_taken(
             usual = ", ".join(
                 x.name for x in parameters.values() if x.default is x.empty and x.kind in _NAMED
             )
+            usual += ", field=value" if kinds.VAR_KEYWORD in kinds_there else ""
             found.append(Problem(where, p.name, f"is missing; it is called as {where}({usual})"))
     return found
 

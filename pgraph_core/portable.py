@@ -7,7 +7,7 @@ from dataclasses import fields
 from functools import cache
 from importlib import import_module
 from importlib.metadata import version
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -27,9 +27,40 @@ class Portable:
     reads that, before it meets classes or fields that it does not have.
     """
 
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Says where to find what others have as a method. Raises AttributeError."""
+            kind = type(self).__name__
+            if hint := _elsewhere(kind, name):
+                text = f"a {kind} has no '{name}'; {hint}"
+                raise AttributeError(text, name=name, obj=self)
+            inherited = getattr(super(), "__getattr__", None)
+            if inherited is None:
+                text = f"'{kind}' object has no attribute '{name}'"
+                raise AttributeError(text, name=name, obj=self)
+            return inherited(name)
+
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
         kind = type(self)
         return _empty, (installed(), kind.__module__, kind.__qualname__), self.__getstate__()
+
+
+def _elsewhere(kind: str, name: str) -> str:
+    """What to write in place of a method that a class of ours does not have; "" for others."""
+    if name.startswith("_"):
+        return ""
+    public = import_module(__package__).__all__
+    given = {"Model": "model", "Mechanism": "mech", "Result": "run"}.get(kind, "...")
+    if name in public and name.islower():
+        return f"write pg.{name}({given}, ...)"
+    act, _, what = name.partition("_")
+    if what and kind in ("Model", "Mechanism") and act in ("add", "remove", "edit", "set"):
+        part = what.split("_")[0].capitalize()
+        part = f"pg.{part}" if part in public else "pg.Body"
+        calls = {"add": f"add({part}(name=..., ...))", "remove": "remove(name)"}
+        return f"write {given}.{calls.get(act, 'edit(name, field=value)')}"
+    return ""
 
 
 def _empty(written: str, module: str, name: str) -> Any:

@@ -76,3 +76,32 @@ def test_a_pendulum_loads_no_module_of_what_it_does_not_have():
     assert "pgraph_core.simulation" in loaded
     for room in ("study", "verification", "show", "contact", "gait"):
         assert not [name for name in loaded if name.startswith(f"pgraph_core.{room}")]
+
+
+MODEL = pg.Model.serial(2)
+
+
+@pytest.mark.parametrize(
+    ("typed", "told"),
+    [
+        (lambda: pg.load, "Model.load"),
+        (lambda: pg.Model.load("pendulum"), "pgraph_models.path('pendulum')"),
+        (lambda: MODEL.add_spring("1", "2"), "model.add(pg.Spring(name=..., ...))"),
+        (lambda: MODEL.simulate(t_end=1.0), "pg.simulate(model, ...)"),
+        (lambda: pg.Mechanism(MODEL).simulate(), "pg.simulate(mech, ...)"),
+        (lambda: pg.simulate(MODEL, 0.5), "a duration is t_end=0.5"),
+        (lambda: MODEL.edit("2", "mass", 3.0), "the others are field=value"),
+        (lambda: pg.sweep(MODEL, {"2.mass": [1, 2]}, "max 2"), "write bodies.2.mass"),
+        (lambda: pg.sweep("pendulum", {"a": [1]}, "max 2"), "pg.Model.load('pendulum')"),
+        (lambda: pg.Spring(name="s", body="1", k=1.0), "did you mean stiffness?"),
+    ],
+)
+def test_what_people_type_from_memory_is_answered_with_what_to_write(typed, told):
+    with pytest.raises((pg.PgraphError, AttributeError)) as refused:
+        typed()
+    assert told in str(refused.value)
+
+
+def test_a_part_by_its_name_in_brackets():
+    assert MODEL["2"] is MODEL.body("2")
+    assert not hasattr(MODEL, "nothing_of_the_kind")

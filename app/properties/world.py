@@ -19,6 +19,7 @@ from ..core.state import State, display_of
 # -- the form --------------------------------------------------------------------------------------
 
 
+GROUND = {name: f for name, f in pg.Ground.model_fields.items() if name != "steps"}
 AXES = {"x": ("y", "z"), "y": ("x", "z"), "z": ("x", "y")}  # those that are not up
 
 
@@ -49,11 +50,9 @@ def _ground(state: State, display: Display) -> Payload:
         "uphill": (ground.uphill or level, ground.uphill is None),
     }
     fields = []
-    for name, info in pg.Ground.model_fields.items():
-        if name == "steps":
-            continue
+    for name in sorted(GROUND, key=("slope", "uphill").__contains__):  # those of the plane last
         value, empty = implied.get(name, (getattr(ground, name), False))
-        several, shows = isinstance(value, tuple), about(info, name)
+        several, shows = isinstance(value, tuple), about(GROUND[name], name)
         quantity = quantity_in(shows.unit)
         row = [
             cell((i,) if several else (), shown(x, quantity, display), implied=empty)

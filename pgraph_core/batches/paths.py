@@ -93,6 +93,9 @@ class Path:
         if not words or words[0] not in KINDS:
             known = [*model.parameters, *(f"{group}.NAME.FIELD" for group in KINDS)]
             hint = nearest(self.text, [*known, "gravity.AXIS", "ground.FIELD"])
+            groups = [g for g in KINDS if any(p.name == words[0] for p in getattr(model, g))]
+            if groups:
+                hint = f"write {groups[0]}.{self.text}"
             raise self._refused(f"is no path in the model; {hint}")
         if len(words) < 3:
             raise self._refused(f"must name a part and its field, as in {words[0]}.NAME.FIELD")

@@ -344,6 +344,19 @@ class Frozen(_Base):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Refuses: an edit makes a new part. Raises ModelError."""
+        own = getattr(self, "name", None)
+        where = type(self).__name__.lower() + (f" {shown(own)}" if own else "")
+        text = "is not changed in place; make a new model: model = "
+        if own is None:
+            text += f"model.edit(...), with a {type(self).__name__} that has another {name}"
+        elif "bodies" in type(self).model_fields:
+            text += f"model.replace({name}={shown(value)})"
+        else:
+            text += f"model.edit({shown(own)}, {name}={shown(value)})"
+        raise ModelError(Problem(where, name, text))
+
     def __copy__(self) -> Self:
         """The same fields; what is cached next to them may not be true of the copy's."""
         copy = super().__copy__()

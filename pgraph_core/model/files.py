@@ -180,6 +180,8 @@ def read(path: str | Path) -> str:
         raise FileError(Problem(str(path), "", text)) from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         text = f"cannot be read: {_reason(error)}; give the path of a model file"
+        if str(path).isidentifier():
+            text += f", or of a built-in model: pg.Model.load(pgraph_models.path({str(path)!r}))"
         raise FileError(Problem(shown_path(path), "", text)) from None
 
 

@@ -152,6 +152,10 @@ class Model(World):
             raise ModelError(Problem(f"body {shown(name)}", "", text))
         return self.bodies[self.row[name]]
 
+    def __getitem__(self, name: str, /) -> Part:
+        """The part called `name`, as `part(name)` gives it."""
+        return self.part(name)
+
     @overload
     def part(self, name: str, kind: Literal["body"], /) -> Body: ...
     @overload

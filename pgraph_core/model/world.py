@@ -51,6 +51,15 @@ def _steps_in(value: Sequence[Step | Mapping[str, Any]]) -> tuple[Step, ...]:
 class Ground(Frozen):
     """The plane through the origin, normal to `up` or tilted, and the steps on it."""
 
+    slope: Number = field(
+        "an angle within -pi/2 to pi/2 by which it rises [rad]", default=0.0,
+        gt=-math.pi / 2, lt=math.pi / 2, unit="angle", help="by which the plane rises",
+    )  # fmt: skip
+    uphill: Vec3 | None = field(
+        "the direction [x, y, z] in which it rises; left out: the first axis not up",
+        converter=maybe_vector, default=None,
+        help="direction in which it rises; empty: the first axis that is not up",
+    )  # fmt: skip
     friction: Number = field(
         "Coulomb's coefficient >= 0 of contacts that give none", default=0.5, ge=0,
         help="Coulomb's coefficient of contacts that give none",
@@ -70,15 +79,6 @@ class Ground(Frozen):
     restitution: Number = field(
         "a number from 0 to 1, of contacts that give none", default=0.0, ge=0, le=1,
         help="0 to 1, of contacts that give none",
-    )  # fmt: skip
-    slope: Number = field(
-        "an angle within -pi/2 to pi/2 by which it rises [rad]", default=0.0,
-        gt=-math.pi / 2, lt=math.pi / 2, unit="angle", help="by which the plane rises",
-    )  # fmt: skip
-    uphill: Vec3 | None = field(
-        "the direction [x, y, z] in which it rises; left out: the first axis not up",
-        converter=maybe_vector, default=None,
-        help="direction in which it rises; empty: the first axis that is not up",
     )  # fmt: skip
     steps: tuple[Step, ...] = field(
         "a list of {'low': [a, b], 'high': [a, b], 'height': h}", converter=_steps_in, default=()

@@ -83,6 +83,9 @@ def simulate(
     """
     began = time.perf_counter()
     mech = mechanism_of(mechanism, "simulate")
+    if isinstance(q, (int, float)):
+        text = f"must be {mech.nq} numbers in a list; given {q}; a duration is t_end={q}"
+        raise InputError(Problem("simulate", "q", text))
     if progress is not None and not callable(progress):
         text = f"must be a function of the fraction that is done; given {progress!r}"
         raise InputError(Problem("simulate", "progress", text))

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ..batches.paths import Path
+from ..dynamics.arguments import wrong_type
 from ..errors import FileError, InputError, Problem, choices, explained, nearest, shown
 from ..mechanism import Mechanism
 from ..model import Model
@@ -166,7 +167,7 @@ def sweep(
     """
     base = model.model if isinstance(model, Mechanism) else model
     if not isinstance(base, Model):
-        raise InputError(Problem("sweep", "model", f"must be a Model; given {shown(model)}"))
+        raise wrong_type("sweep", "model", "a pg.Model", model)
     if not isinstance(set, Mapping) or not set:
         text = f"must map paths to values, as {{'bodies.shin.mass': [1, 2]}}; given {shown(set)}"
         raise InputError(Problem("sweep", "set", text))
