@@ -250,7 +250,8 @@ def _not_taken(
         first = f"the first {numbers(len(placed))}: {choices(placed)}" if placed else "none"
         text = f"takes {first.replace('number', 'argument')} without a name; given {len(args)}"
         if kinds.VAR_KEYWORD in kinds_there:
-            text += f"; the others are field=value, as in {where}({placed[0]!r}, mass=1.5)"
+            call = ", ".join((*map(repr, placed), "mass=1.5"))
+            text += f"; the others are field=value, as in {where}({call})"
         elif by_name:
             text += "; name the others"
         found.append(Problem(where, "", text))
