@@ -50,7 +50,7 @@ def _elsewhere(kind: str, name: str) -> str:
     """What to write in place of a method that a class of ours does not have; "" for others."""
     if name.startswith("_"):
         return ""
-    public = import_module(__package__).__all__
+    public = import_module("pgraph_core").__all__
     given = {"Model": "model", "Mechanism": "mech", "Result": "run"}.get(kind, "...")
     if name in public and name.islower():
         return f"write pg.{name}({given}, ...)"
