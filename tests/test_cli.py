@@ -459,3 +459,17 @@ def test_check_says_that_a_scenario_asks_for_an_unknown_method(capsys, tmp_path:
     (tmp_path / "m.json").write_text(text)
     _, err = said(capsys, "check", str(tmp_path / "m.json"), code=1)
     assert "scenario 's', method: no method is called 'rk5'; choose one of auto, " in err
+
+
+# -- export ----------------------------------------------------------------------------------------
+
+
+def test_export_writes_a_figure(capsys, tmp_path):
+    file = tmp_path / "page.html"
+    asked = ("--live", "--open", "bodies.rod.mass=0.5:2", "--t-end", "1", "-o", str(file))
+    given = told(capsys, "export", "pendulum", *asked)
+    assert given["bytes"] == file.stat().st_size
+    assert given["scenario"] == "swing"
+    assert "pgraph_live" in file.read_text(encoding="utf-8")
+    _, err = said(capsys, "export", "pendulum", "--open", "bodies.arm.mass", "-o", "x.html", code=1)
+    assert "bodies.arm.mass" in err

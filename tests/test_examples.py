@@ -37,6 +37,7 @@ PROMISED = {
     "20_to_pandas": "the index is the time: True",
     "21_stepper": "and back at 0.386 rad, t = 1.000 s",
     "22_design": "cheaper: True",
+    "23_living_figure": "open it in a browser and move the sliders",
 }
 
 

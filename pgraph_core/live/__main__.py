@@ -1,136 +1,35 @@
 """`python -m pgraph_core.live`: compile the kernels to WebAssembly, into this package.
 
-For releases, not for users; takes about two minutes and `pip install -e .[release]`, which brings
-the linker. Numba makes the same unoptimised LLVM code of a kernel for every machine; here it is
-given the data layout of wasm32 before anything is optimised, so that structs take pointers of 4
-bytes, and all kernels become one module.
+For releases, not for users; takes some minutes and `pip install -e .[release]`, which brings the
+linker.
 """
 
 from __future__ import annotations
 
 import json
-import re
 import subprocess
 import sys
 import tempfile
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
-import llvmlite.binding as llvm
-from llvmlite import ir
-from numba import types
-from numba.core.caching import NullCache
-from numba.core.codegen import CPUCodeLibrary
-from numba.core.compiler_lock import global_compiler_lock
-
-from ..engine.compiler import jit
+from ..engine.compiler.wasm import object_of
 from .module import ABOUT, NAMES, WASM, dispatchers, source_hash
 
-TRIPLE = "wasm32-unknown-unknown"
-LAYOUT = "e-m:e-p:32:32-p10:8:8-p20:8:8-i64:64-i128:128-n32:64-S128-ni:1:10:20"
-FEATURES = "+simd128,+bulk-memory,+mutable-globals,+sign-ext,+nontrapping-fptoint"
 STACK = 1 << 20  # [bytes]
-TABLE = "table_of_kernels"  # their numbers in the table of functions, in the order of NAMES
-BYTE = ir.IntType(8).as_pointer()
 
 
 def main() -> None:
     """Compile, link, and write the module with what it was made of."""
-    with global_compiler_lock:
-        whole, exports = compiled()
-        code = optimised(whole, exports)
-    WASM.write_bytes(linked(code, exports))
+    linker = version("ziglang")  # before minutes of compiling
+    WASM.write_bytes(linked(*object_of(dispatchers())))
     about = {
         "sources": source_hash(),
         "kernels": NAMES,
-        "made_by": {name: version(name) for name in ("numba", "llvmlite", "ziglang")},
+        "made_by": {"numba": version("numba"), "llvmlite": version("llvmlite"), "ziglang": linker},
     }
     ABOUT.write_text(json.dumps(about, indent=1) + "\n", encoding="utf-8")
     print(f"{WASM}: {WASM.stat().st_size} bytes, of sources {about['sources']}")
-
-
-def compiled() -> tuple[Any, list[str]]:
-    """(one module of all kernels, not optimised; the names that it exports)."""
-    kernels = dispatchers()
-    for one, _ in (*jit.KERNELS.values(), *jit.LATER.values()):
-        one._cache = NullCache()
-        one._compiler.pipeline_class = jit._PartCompiler
-        one.targetoptions.update(no_cpython_wrapper=True, no_cfunc_wrapper=True)
-    libraries: tuple[Any, ...] = (CPUCodeLibrary, jit._PartLibrary)
-    for library in libraries:
-        library._optimize_functions = library._optimize_final_module = _as_it_is
-    wrappers, whole = ir.Module(), None
-    wrappers.triple, wrappers.data_layout = TRIPLE, LAYOUT
-    for kernel in kernels:
-        jit.compile_kernel(kernel.__name__)
-        (found,) = kernel.overloads.values()
-        found.library._ensure_finalized()
-        module = portable(str(found.library._final_module))
-        if whole is None:
-            whole = module
-        else:
-            whole.link_in(module)
-        _wrap(wrappers, kernel.__name__, found)
-        print(kernel.__name__, flush=True)
-    kinds = ir.ArrayType(BYTE, len(NAMES))
-    numbers: Any = ir.GlobalVariable(wrappers, kinds, TABLE)
-    numbers.global_constant = True
-    numbers.initializer = ir.Constant(
-        kinds, [wrappers.get_global(f"k_{name}").bitcast(BYTE) for name in NAMES]
-    )
-    assert whole is not None
-    whole.link_in(llvm.parse_assembly(str(wrappers)))
-    return whole, [*(f"k_{name}" for name in NAMES), TABLE]
-
-
-def _as_it_is(library: Any, *_: Any) -> None:
-    """In the place of numba's own passes, which put this machine's offsets into the code."""
-
-
-def portable(text: str) -> Any:
-    """A module of numba's as one for wasm32."""
-    text = re.sub(r'target triple = ".*"', f'target triple = "{TRIPLE}"', text)
-    text = re.sub(r'target datalayout = ".*"', f'target datalayout = "{LAYOUT}"', text)
-    text = re.sub(r'"(target-cpu|target-features|tune-cpu)"="[^"]*"', "", text)
-    # numba's environments, which nothing reads; there are no common symbols in wasm
-    return llvm.parse_assembly(text.replace("= common ", "= linkonce_odr "))
-
-
-def _wrap(module: Any, name: str, found: Any) -> None:
-    """A function `k_name` that takes and returns values, as `caller` calls it by address."""
-    context, signature, described = found.target_context, found.signature, found.fndesc
-    kind = context.call_conv.get_function_type(described.restype, described.argtypes)
-    inner = ir.Function(module, kind, described.llvm_func_name)
-    inputs = [context.get_value_type(one) for one in signature.args]
-    void = isinstance(signature.return_type, types.NoneType)
-    output = ir.VoidType() if void else context.get_value_type(signature.return_type)
-    outer = ir.Function(module, ir.FunctionType(output, inputs), f"k_{name}")
-    builder = ir.IRBuilder(outer.append_basic_block())
-    given = signature.return_type, signature.args, outer.args
-    _, value = context.call_conv.call_function(builder, inner, *given)
-    if void:
-        builder.ret_void()
-    else:
-        builder.ret(value)
-
-
-def optimised(whole: Any, exports: list[str]) -> bytes:
-    """The module as an object file."""
-    for one in (*whole.functions, *whole.global_variables):
-        if not one.is_declaration:
-            one.linkage = "external" if one.name in exports else "internal"
-    whole.verify()
-    llvm.initialize_all_targets()
-    llvm.initialize_all_asmprinters()
-    machine = llvm.Target.from_triple(TRIPLE).create_target_machine(
-        cpu="generic", features=FEATURES, opt=3, reloc="static"
-    )
-    options = llvm.create_pipeline_tuning_options(speed_level=3)
-    options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = True
-    passes = llvm.create_pass_builder(machine, options)
-    passes.getModulePassManager().run(whole, passes)
-    return machine.emit_object(whole)
 
 
 def linked(code: bytes, exports: list[str]) -> bytes:

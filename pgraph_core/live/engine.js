@@ -15,6 +15,17 @@ const pgraphEngine = (() => {
 
   class Problem extends Error {}
 
+  function pause() { // the page may draw and answer; timers would wait 4 ms
+    return new Promise((go) => {
+      const { port1, port2 } = new MessageChannel();
+      port1.onmessage = () => {
+        port1.close();
+        go();
+      };
+      port2.postMessage(0);
+    });
+  }
+
   async function unpacked(text) {
     const packed = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
     const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
@@ -56,6 +67,10 @@ const pgraphEngine = (() => {
       for (const [at, name] of header.links) data.setBigInt64(at, BigInt(this.number[name]), true);
       let packs = false;
       for (const [field, value] of set) {
+        for (const [x, places, halves] of field.listed) if (x === value) places.forEach((at, i) => {
+          data.setUint32(at, halves[2 * i], true);
+          data.setUint32(at + 4, halves[2 * i + 1], true);
+        });
         for (const [at, factor] of field.copies) data.setFloat64(at, factor * value, true);
         for (const at of field.table) data.setFloat64(at, value, true);
         packs ||= field.table.length > 0;
@@ -147,7 +162,7 @@ const pgraphEngine = (() => {
           const now = performance.now();
           if (now - began < SLICE / 4) rate *= 2;
           if (now > due) {
-            await new Promise((go) => setTimeout(go));
+            await pause();
             due = performance.now() + SLICE;
           }
         }
@@ -244,6 +259,8 @@ const pgraphEngine = (() => {
         }
         if (typeof value !== "number" || !(value >= field.low && value <= field.high))
           throw new Problem(`${path}: must be a number from ${field.low} to ${field.high}${field.unit && ` ${field.unit}`}; given ${String(value)}`);
+        if (field.values.length && !field.values.includes(value))
+          throw new Problem(`${path}: takes ${field.values.join(", ")}; given ${value}`);
         return [field.of[method], value];
       });
     }

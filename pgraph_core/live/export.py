@@ -25,15 +25,16 @@ from ..model import Force, Model
 from ..model.files import write_atomic
 from ..result import Result
 from ..show import model_html, shapes
+from ..show.animation import level
 from ..show.bodies import extent, looks
-from ..show.stage import depth
+from ..show.stage import GRID, depth
 from ..simulation import simulate
 from . import module
 from .opened import Opened, follows, opened
 from .run import LiveRun, Setup, methods_of
 
 HERE = Path(__file__).parent
-PICTURES, MOST = 30, 600  # recorded a second; in all
+MOST = 600  # recorded pictures
 STEP = 1e-3  # [s] where nothing says it
 USUAL = 10.0  # [s] of motion where nothing says it
 ROW, OFFSET, HOME = at.ROW, slice(at.OFFSET, at.OFFSET + 3), slice(at.HOME, at.HOME + 9)
@@ -47,10 +48,7 @@ def recorded(model: Model, scenario: str | None = None, t_end: float | None = No
     end = t_end or (given.t_end if given else USUAL)
     step = given.step if given else STEP
     method = methods_of(mech, Setup(scenario, step))[0]
-    run = simulate(
-        mech, t_end=end, scenario=scenario, method=method, step=step, estimate=False,
-        frames=min(frames_of(end), int(np.ceil(end / step)) + 1),
-    )  # fmt: skip
+    run = simulate(mech, t_end=end, scenario=scenario, method=method, step=step, estimate=False)
     if not run.status.ok:
         raise InputError(Problem("export", "", f"the run fails: {run.message}"))
     return run
@@ -66,11 +64,6 @@ def exported(
     run = recorded(model, scenario, t_end)
     write_atomic(path, page(run, fields).encode())
     return run, _stays(run)
-
-
-def frames_of(span: float) -> int:
-    """How many states are recorded."""
-    return int(np.clip(span * PICTURES, 2, MOST)) + 1
 
 
 def page(run: Result, fields: Sequence[str] = ()) -> str:
@@ -127,7 +120,8 @@ def _engine(run: Result, wanted: Sequence[Opened]) -> dict[str, Any]:
         place, entry = field.path, {method: what._asdict() for method, what in of.items()}
         found["open"].append(
             {"path": place.text, "value": place.present, "low": field.low, "high": field.high,
-             "label": field.label, "unit": field.unit(mech.model), "of": entry}
+             "values": field.values, "label": field.label, "unit": field.unit(mech.model),
+             "of": entry}
         )  # fmt: skip
     found["methods"], found["wasm"] = methods, packed(module.wasm())
     found["runs"] = {
@@ -193,7 +187,14 @@ class _Drawing:
         """The pieces, and where to look."""
         model, system = self.mech.model, self.mech.packed.system
         found = self.looks(model)
-        corners = [extent(found, p, R) for p, R in zip(self.pose[::8, :, :3], self.turns[::8])]
+        up = np.array(GRID[model.up][1])
+        start = self.pose[0, 0, :3] if len(self.bodies) else np.zeros(3)
+        first = extent(found, self.pose[0, :, :3], self.turns[0])
+        still = float(np.linalg.norm(np.ptp(first, axis=0)))
+        gone = level(self.pose[:, :1, :3] - start, up)
+        travels = float(np.linalg.norm(gone, axis=-1).max(initial=0.0)) > still
+        seen = self.pose[..., :3] - gone if travels else self.pose[..., :3]
+        corners = [extent(found, p, R) for p, R in zip(seen[::8], self.turns[::8])]
         low, high = np.min(np.concatenate(corners), 0), np.max(np.concatenate(corners), 0)
         size = max(float(np.linalg.norm(high - low)), 0.05)
         ground = depth(model, self.bodies, self.parent, self.pose[0, :, :3], size)
@@ -202,7 +203,7 @@ class _Drawing:
         return {
             "pieces": pieces, "meshes": meshes, "up": model.up, "size": size,
             "center": (low + high) / 2, "low": -ground, "cell": shapes.spaced(size) / 5,
-            "mass": sum(body.mass for body in self.bodies),
+            "mass": sum(body.mass for body in self.bodies), "travels": travels, "start": start,
             "bodies": [
                 {"name": name, "row": system.bodies_i[k, ROW], "offset": numbers[k, OFFSET],
                  "home": numbers[k, HOME]}

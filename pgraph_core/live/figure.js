@@ -37,7 +37,7 @@
     window.pgraph_live = {
       simulate: (options) => engine ? engine.simulate(options) : Promise.reject(new Error(broken)),
       at: (clientX, clientY) => view?.hit(view.pieces, view.ray({ clientX, clientY }))?.piece.body ?? null,
-      open: given.engine.open.map(({ path, value, low, high, unit }) => ({ path, value, low, high, unit })),
+      open: given.engine.open.map(({ path, value, low, high, values, unit }) => ({ path, value, low, high, values, unit })),
     };
 
     // -- what is shown: recorded or computed pictures, at a time ----------------------------------
@@ -51,6 +51,7 @@
       const frame = shown[at];
       const pieces = given.scene.pieces.map((piece) => bent(piece, values));
       const hold = grip && { from: grip.from, target: grip.target };
+      view?.follow(frame.places);
       view?.draw(pieces, frame.places, frame.turns, hold);
       view && (view.pieces = pieces);
       slider.value = frame.t;
@@ -156,7 +157,8 @@
       };
       one.show = show;
       range.addEventListener("input", () => {
-        values[one.path] = Math.min(one.high, Math.max(one.low, Number(range.value)));
+        const wanted = Math.min(one.high, Math.max(one.low, Number(range.value)));
+        values[one.path] = one.values.reduce((near, x) => (Math.abs(x - wanted) < Math.abs(near - wanted) ? x : near), one.values[0] ?? wanted);
         show();
         guarded(() => {
           if (!goLive(true)) return;

@@ -1,8 +1,9 @@
 """Fields that the reader of a figure may change, and which numbers of the image follow them.
 
-A field opens only if the browser can do with it what Python does: every number that changes with
-it is a copy of the value, or a fixed multiple, or made of such copies in the table of bodies by
-the kernel that packs models. That is tried out at several values, byte for byte.
+The browser must do with a field what Python does. By a rule: every number that changes with it is
+a copy of the value, or a fixed multiple, or made of such copies in the table of bodies by the
+kernel that packs models; that is tried out at several values, byte for byte. Or of a list: the
+numbers for each of n values are worked out here and stored.
 """
 
 from __future__ import annotations
@@ -15,13 +16,14 @@ import numpy as np
 from ..batches.paths import KINDS, Path
 from ..dynamics.states import length_in
 from ..engine.packing import pack
-from ..errors import InputError, PgraphError, Problem
+from ..errors import InputError, PgraphError, Problem, choices
 from ..mechanism import Mechanism
 from ..model import Model
 from ..model.fields import about
 from .run import BASE, LiveRun
 
 TRIED = 3  # values within the range, besides its ends
+MOST_VALUES = 200  # that are worked out one by one
 FARTHER = 4.0  # how many times smaller or larger a value may be where no range is given
 TABLE = ("body", "motion", "start")  # arrays that hold a model's numbers before they are packed
 PACKED = ("rows", "const", "bodies_i", "bodies_f", "home")
@@ -33,6 +35,14 @@ class Opened(NamedTuple):
     path: Path
     low: float
     high: float
+    number: int = 0  # how many values it may take, evenly; 0: any
+
+    @property
+    def values(self) -> list[float]:
+        """Those it may take; empty where any will do. The model's own is one of them."""
+        if not self.number:
+            return []
+        return sorted({*np.linspace(self.low, self.high, self.number).tolist(), self.path.present})
 
     @property
     def label(self) -> str:
@@ -52,21 +62,27 @@ class Opened(NamedTuple):
 
 
 def opened(model: Model, given: str) -> Opened:
-    """Of `PATH`, or `PATH=low:high`. Raises InputError."""
+    """Of `PATH`, `PATH=low:high`, or `PATH=low:high:n`. Raises InputError."""
     name, _, span = given.partition("=")
     path = Path(model, name, "export")
-    x = path.present
+    x, count = path.present, 0
     low, high = sorted((x / FARTHER, x * FARTHER)) if x else (-1.0, 1.0)
     if span:
         try:
-            low, high = (float(part) for part in span.split(":"))
-        except ValueError:
-            text = f"must be PATH or PATH=low:high, two numbers; given {given!r}"
-            raise InputError(Problem("export", "open", text)) from None
-    if not (np.isfinite([low, high]).all() and low < high and low <= x <= high):
+            low, high, *more = (float(part) for part in span.split(":"))
+            count = int(more[0]) if more else 0
+        except (ValueError, OverflowError):
+            low, more = np.nan, [0.0]
+        if not np.isfinite(low) or (more and not (len(more) == 1 and 2 <= more[0] == count)):
+            text = f"must be PATH, PATH=low:high or PATH=low:high:n, n > 1 values; given {given!r}"
+            raise InputError(Problem("export", "open", text))
+    if count > MOST_VALUES:
+        text = f"may take {MOST_VALUES} values at most; given {count}"
+        raise InputError(Problem("export", name, text))
+    if not (np.isfinite(high) and low < high and low <= x <= high):
         text = f"needs a range low < high around the model's own {x:g}; given {low:g}:{high:g}"
         raise InputError(Problem("export", name, text))
-    return Opened(path, low, high)
+    return Opened(path, low, high, count)
 
 
 class Follows(NamedTuple):
@@ -74,6 +90,8 @@ class Follows(NamedTuple):
 
     copies: tuple[tuple[int, float], ...]  # with the factor
     table: tuple[int, ...]  # numbers of the table of bodies, from which the rest is packed
+    # of a list, for each value: where numbers differ from the image, and their bits by halves
+    listed: tuple[tuple[float, tuple[int, ...], tuple[int, ...]], ...] = ()
 
 
 def follows(
@@ -85,24 +103,42 @@ def follows(
     """
     found: list[dict[str, Follows]] = []
     rng = np.random.default_rng(0)
+    own = {method: run.memory() for method, run in runs.items()}
     for one in fields:
-        values = [one.low, *rng.uniform(one.low, one.high, TRIED), one.high]
+        values = one.values or [one.low, *rng.uniform(one.low, one.high, TRIED), one.high]
         changed = [_made(model, [(one, x)], make, runs) for x in values]
         of = {}
         for method, run in runs.items():
-            own = run.memory()
             theirs = [memories[method] for memories in changed]
-            of[method] = _follows(one, run, own, values, theirs)
+            of[method] = (_listed if one.number else _follows)(
+                one, run, own[method], values, theirs
+            )
             for x, memory in zip(values, theirs):
-                _verify(one, run, own, [(of[method], x)], memory)
+                _verify(one, run, own[method], [(of[method], x)], memory)
         found.append(of)
-    if len(fields) > 1:  # all at once
-        values = [float(rng.uniform(one.low, one.high)) for one in fields]
-        changed = _made(model, list(zip(fields, values)), make, runs)
+    for _ in range(TRIED if len(fields) > 1 else 0):  # all at once
+        together = [float(rng.choice(f.values) if f.number else rng.uniform(f.low, f.high))
+                    for f in fields]  # fmt: skip
+        changed = _made(model, list(zip(fields, together)), make, runs)
         for method, run in runs.items():
-            given = [(of[method], x) for of, x in zip(found, values)]
-            _verify(fields[-1], run, run.memory(), given, changed[method])
+            given = [(of[method], x) for of, x in zip(found, together)]
+            _verify(fields[-1], run, own[method], given, changed[method], fields[:-1])
     return found
+
+
+def _listed(
+    one: Opened, run: LiveRun, own: bytearray, values: Sequence[float], theirs: Sequence[bytearray]
+) -> Follows:
+    """The numbers of each value."""
+    if any(len(memory) != len(own) for memory in theirs):
+        raise _refused(one, "the sizes of its tables")
+    found, before = [], np.frombuffer(own, np.int64)
+    for x, memory in zip(values, theirs):
+        words = np.frombuffer(memory, np.int64)
+        places = np.flatnonzero(words != before)
+        halves = words[places].view(np.uint32).tolist()
+        found.append((x, tuple((BASE + 8 * places).tolist()), tuple(halves)))
+    return Follows((), (), tuple(found))
 
 
 def _made(
@@ -160,8 +196,9 @@ def _span(run: LiveRun, name: str) -> tuple[int, int]:
 
 
 def _verify(
-    one: Opened, run: LiveRun, own: bytearray, given: Sequence[tuple[Follows, float]], want: Any
-) -> None:
+    one: Opened, run: LiveRun, own: bytearray, given: Sequence[tuple[Follows, float]], want: Any,
+    others: Sequence[Opened] = (),
+) -> None:  # fmt: skip
     """Do to the image what the browser does; raises InputError where another image is wanted."""
     memory = bytearray(own)
 
@@ -175,6 +212,9 @@ def _verify(
         memory[place - BASE : place - BASE + 8] = np.float64(value).tobytes()
 
     for what, x in given:
+        for _, places, halves in (one for one in what.listed if one[0] == x):
+            for place, word in zip(places, np.array(halves, np.uint32).view(np.int64)):
+                memory[place - BASE : place - BASE + 8] = word.tobytes()
         for place, factor in what.copies:
             put(place, factor * x)
         for place in what.table:
@@ -188,10 +228,14 @@ def _verify(
             memory[to - BASE : to - BASE + size] = memory[begin - BASE : begin - BASE + size]
     wrong = np.flatnonzero(np.frombuffer(memory, np.int64) != np.frombuffer(want, np.int64))
     if len(wrong):
-        raise _refused(one, run.image.name_of(BASE + 8 * int(wrong[0])))
+        raise _refused(one, run.image.name_of(BASE + 8 * int(wrong[0])), others)
 
 
-def _refused(one: Opened, what: str) -> InputError:
-    text = f"cannot be left open: {what} follow it by a rule that the browser does not know; "
-    text += "open another field, or export one figure for each value"
+def _refused(one: Opened, what: str, others: Sequence[Opened] = ()) -> InputError:
+    if others:
+        names = choices(other.path.text for other in others)
+        text = f"cannot be left open beside {names}: {what} follow several of them; leave one out"
+    else:
+        text = f"cannot be left open: {what} follow it by a rule that the browser does not know; "
+        text += "let it take some values only, as in PATH=low:high:n"
     return InputError(Problem("export", one.path.text, text))

@@ -170,7 +170,7 @@ void main() {
     // Look at all of the motion from the usual side.
     fit() {
       const side = { x: [0.42, 0.8, -1], y: [0.55, 0.4, 1], z: [0.55, -1, 0.4] }[this.scene.up];
-      this.target = [...this.scene.center];
+      this.target = add(this.scene.center, this.gone || [0, 0, 0]);
       const away = unit(side);
       this.elevation = Math.asin(dot(away, this.up));
       this.east = unit(cross(this.up, Math.abs(this.up[0]) > 0.5 ? [0, 0, 1] : [1, 0, 0]));
@@ -179,6 +179,14 @@ void main() {
       this.sun = unit(add(add(this.up, away, 0.45), cross(this.up, away), 0.5));
       const ratio = this.canvas.clientWidth / Math.max(this.canvas.clientHeight, 1);
       this.distance = (1.25 * this.scene.size) / Math.min(ratio, 1);
+    }
+
+    // A mechanism that travels stays in the middle.
+    follow(places) {
+      if (!this.scene.travels) return;
+      const start = this.scene.start, gone = [0, 1, 2].map((i) => (this.up[i] ? 0 : places[i] - start[i]));
+      this.target = add(sub(this.target, this.gone || [0, 0, 0]), gone);
+      this.gone = gone;
     }
 
     get eye() {

@@ -66,9 +66,11 @@ CASES = {
     "loop": ("four_bar", "turn", ["bodies.coupler.mass", "scenarios.turn.v.coupler.0"]),
     "stance": ("quadruped", "stance", ["bodies.pelvis.mass"]),
     "walk": ("quadruped", "bound", ["ground.friction"]),
-    "trot": ("quadruped_hips", "trot", ["ground.friction"]),
+    "trot": ("quadruped_hips", "trot", ["ground.friction", "scenarios.trot.gait.speed=0.2:0.8:4"]),
+    "mass of a walk": ("quadruped_hips", "trot", ["bodies.pelvis.mass=5:15:3"]),
 }
-LONG = [pytest.param(name, marks=pytest.mark.nightly) for name in ("stance", "walk", "trot")]
+WALKS = ("walk", "trot", "mass of a walk")
+LONG = [pytest.param(name, marks=pytest.mark.nightly) for name in ("stance", *WALKS)]
 
 
 @of_these_sources
@@ -78,13 +80,16 @@ def test_the_page_ends_in_the_same_bits_as_python(case: str, figure: Any) -> Non
     name, scenario, fields = CASES[case]
     model = model_of(name)
     html = page(recorded(model, scenario), fields)
-    assert len(html.encode()) <= (WITH_WALK if case in ("walk", "trot") else WITHOUT_WALK)
+    assert len(html.encode()) <= (WITH_WALK if case in WALKS else WITHOUT_WALK)
     shown = figure(html)
     assert ready(shown) == "live"
     given = shown.evaluate("pgraph_live.open")
-    changed = {one["path"]: one["value"] + 0.37 * (one["high"] - one["value"]) for one in given}
+    changed = {
+        one["path"]: max(one["values"] or [one["value"] + 0.37 * (one["high"] - one["value"])])
+        for one in given
+    }
     changed.pop("scenarios.turn.v.coupler.0", None)  # the loop lets it move with the others only
-    methods = ["moreau_jean"] if case in ("walk", "trot") else ["rk4", "semi_implicit_euler"]
+    methods = ["moreau_jean"] if case in WALKS else ["rk4", "semi_implicit_euler"]
     for method, t_end, step, values in (
         (methods[0], 10.0, 1e-3, {}),
         (methods[0], 10.0, 1e-3, changed),
@@ -201,10 +206,27 @@ def test_what_cannot_be_left_open_is_refused() -> None:
         ("bodies.lower.mass=5:9", "around"),
         ("bodies.lower.weight", "no field"),
         ("bodies.lower.mass=-1:2", "smaller range"),
-        ("bodies.lower.axes.0.0=-1:1", "cannot be left open"),
+        ("bodies.lower.axes.0.0=-1:1", "PATH=low:high:n"),
+        ("bodies.lower.mass=0.5:2:1", "n > 1"),
+        ("bodies.lower.mass=0.5:2:3:4", "low:high:n"),
+        ("bodies.lower.mass=0.5:2:2.5", "n > 1"),
+        ("bodies.lower.mass=0.5:2:1000", "200"),
     ):
         with pytest.raises(pg.InputError, match=word):
             page(run, [field])
+
+
+@of_these_sources
+def test_fields_that_follow_no_rule_take_some_values(figure: Any) -> None:
+    """A number of an axis, which is made one long, follows none of the rules."""
+    model, path = model_of("double_pendulum"), "bodies.lower.axes.0.1"
+    shown = figure(page(recorded(model), [f"{path}=0.5:2:3"]))
+    ready(shown)
+    assert shown.evaluate("pgraph_live.open[0].values") == [0.5, 1.0, 1.25, 2.0]
+    asked = {"t_end": 1.0, "set": {path: 1.25}}
+    run = pg.simulate(Field(model, path).set(model, 1.25), t_end=1.0, step=1e-3, method="rk4")
+    np.testing.assert_array_equal(shown.evaluate(SIMULATE, asked)["q"], run.q[-1])
+    assert "1.25" in shown.evaluate(SIMULATE, {"set": {path: 0.7}})["refused"]
 
 
 def test_a_run_writes_its_figure(tmp_path: Path) -> None:

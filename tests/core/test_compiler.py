@@ -44,6 +44,11 @@ def test_code_libraries_have_what_parts_override(name):
     assert callable(getattr(codegen.JITCodeLibrary, name))
 
 
+@pytest.mark.parametrize("name", ["_optimize_functions", "_optimize_final_module"])
+def test_code_for_webassembly_skips_the_passes_of_this_machine(name):
+    assert callable(getattr(codegen.CPUCodeLibrary, name))
+
+
 def test_code_learns_its_environment_from_its_library():
     assert "library.codegen.set_env" in inspect.getsource(cpu.CPUContext.get_executable)
 
