@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.sweeps.sweep import SAMPLES
 
 from .terminal import (
     Answer,
@@ -157,6 +156,8 @@ def varied(text: str) -> tuple[str, np.ndarray]:
 
 
 def sweep_arguments(parser: ArgumentParser) -> None:
+    from pgraph_core.sweeps.sweep import SAMPLES  # other commands need no kernels
+
     model_argument(parser)
     parser.add_argument(
         "--set", type=varied, action="append", required=True, metavar="PATH=VALUES",

@@ -1,6 +1,5 @@
 // The figure: what the reader sees and does. The engine computes, the view draws.
 (() => {
-  const PICTURE = 1 / 60; // [s]
   const MOST_BEHIND = 0.1; // [s] of motion in one picture: slower computers show slow motion
   const KEPT = 20000; // pictures
   const find = (selector) => document.querySelector(selector);
@@ -43,7 +42,7 @@
     // -- what is shown: recorded or computed pictures, at a time ----------------------------------
 
     const first = given.engine.t_start, last = given.engine.t_end, slider = find("#time");
-    let shown = frames, at = 0, playing = false, live = false, speed = 1, clock = 0, grip = null, owed = 0;
+    let shown = frames, at = 0, playing = false, live = false, speed = 1, clock = 0, head = 0, grip = null, owed = 0;
     const values = Object.fromEntries(given.engine.open.map((one) => [one.path, one.value]));
     const changed = () => Object.fromEntries(Object.entries(values).filter(([path, x]) => x !== given.engine.open.find((one) => one.path === path).value));
 
@@ -61,16 +60,15 @@
 
     function picture() {
       const [places, turns] = world.poses();
-      return { t: world.t, places: places.slice(), turns: turns.slice() };
+      return { t: world.t, q: world.q.slice(), v: world.v.slice(), places: places.slice(), turns: turns.slice() };
     }
 
     // Compute from here on, or from the start: `again`.
     function goLive(again) {
-      const engine_ = engine;
-      if (!engine_) return false;
+      if (!engine) return false;
       const from = again ? null : shown[at];
-      world.reset(engine_.fields(given.engine.methods[0], changed()));
-      if (from?.q) {
+      world.reset(engine.fields(given.engine.methods[0], changed()));
+      if (from) {
         world.q.set(from.q);
         world.v.set(from.v);
         world.data.setFloat64(world.control("time"), from.t, true);
@@ -103,20 +101,17 @@
     function tick(now) {
       const gone = Math.min((now - clock) / 1000, 0.25) * speed;
       clock = now;
-      if (playing) guarded(() => {
+      if (!playing) return;
+      guarded(() => {
         if (at < shown.length - 1) {
-          const until = shown[at].t + gone;
-          while (at < shown.length - 1 && shown[at + 1].t <= until + 1e-9) at++;
-          if (shown[at].t < until - 2 * PICTURE - gone && at < shown.length - 1) at++;
-          if (until > shown[at].t) owedPlay += until - shown[at].t;
-          if (at < shown.length - 1 && owedPlay > shown[at + 1].t - shown[at].t) { at++; owedPlay = 0; }
+          head = Math.max(head, shown[at].t) + gone;
+          while (at < shown.length - 1 && shown[at + 1].t <= head) at++;
         } else if (live && (grip || world.t < last)) advance(gone);
         else play(false);
         draw();
       });
       if (playing) requestAnimationFrame(tick);
     }
-    let owedPlay = 0;
 
     function guarded(act) {
       try {
@@ -133,6 +128,7 @@
         else if (!live) at = 0;
       }
       if (on && !playing) {
+        head = shown[at].t;
         clock = performance.now();
         requestAnimationFrame(tick);
       }
