@@ -15,8 +15,8 @@ from ..model.fields import GROUND
 from ..packing.constraints import Blocks
 from ..packing.system import Array, System, point_in_row
 from ..rotation import matrix, normals_of
-from ..solids import balls_on_ground
 from ..topology import Topology
+from .solids import balls_on_ground
 from .tables import ContactPair, Tables
 
 INSTEAD = "use method 'moreau_jean'"

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .. import solids
 from ..engine.arrays import Ground
 from ..model import Model
-from ..solids import Placed
+from . import solids
+from .solids import Placed
 
 Array = np.ndarray
 

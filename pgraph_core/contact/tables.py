@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from .. import solids
 from ..engine import layout as at
 from ..engine.arrays import Candidates, Geometry, Ground
 from ..engine.records import (
@@ -34,8 +33,9 @@ from ..model.fields import EVERY, GROUND
 from ..packing.constraints import Blocks, radius_of_gyration
 from ..packing.system import Array, Ints, System
 from ..rotation import matrix
-from ..solids import Placed, Solid
 from ..topology import Topology
+from . import solids
+from .solids import Placed, Solid
 from .steps import terrain_of
 
 if TYPE_CHECKING:
@@ -397,7 +397,7 @@ def _masses(c: Contact, topology: Topology, packed: System) -> list[float]:
 
 def _solids(contact: str, body: str, shape: Shape) -> tuple[Solid, ...]:
     """A body's shape as the kernels see it. Raises ModelError naming contact and body."""
-    from ..solids import solids_of  # trimesh is imported by scenes with meshes alone
+    from .solids import solids_of  # trimesh is imported by scenes with meshes alone
 
     try:
         return solids_of(shape)

@@ -159,7 +159,7 @@ class ContactSpace(Unportable):
 
         `steps`: each step is taken once, so that what contacts do in it can be remembered.
         """
-        from .. import solids
+        from ..contact import solids
         from ..engine.contact import contacts as kernels  # compiled only where something touches
 
         n, count = len(contacts.touches), contacts.room

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import solids
+from ..contact import solids
 from ..contact.tables import Tables
 from ..dynamics.scene import NO_CONSTRAINTS, Scene
 from ..engine import layout as at

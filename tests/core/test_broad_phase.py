@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from pgraph_core import solids
+from pgraph_core.contact import solids
 from pgraph_core.engine import layout as at
 from pgraph_core.engine.arrays import Candidates
 from pgraph_core.engine.contact import search as kernels

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pgraph_core import solids
+from pgraph_core.contact import solids
+from pgraph_core.contact.solids import Solid
 from pgraph_core.engine.records import CYLINDER, ELLIPSOID
-from pgraph_core.solids import Solid
 
 from .touching import CURVED, KINDS, Scene, pose, random_pose, random_solid, rounded
 

@@ -12,7 +12,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
-from pgraph_core import solids
+from pgraph_core.contact import solids
 from pgraph_core.mesh_files import load_mesh
 from pgraph_core.show import shapes as show_shapes
 
@@ -182,7 +182,7 @@ def test_a_mesh_that_is_not_closed_touches_where_that_is_asked_for(tmp_path):
 
 def test_trimesh_is_imported_for_files_only():
     code = (
-        "import sys, pgraph_core as pg; from pgraph_core import solids;"
+        "import sys, pgraph_core as pg; from pgraph_core.contact import solids;"
         "solids.mass_properties(pg.Shape(kind='sphere', radius=1), 1);"
         "assert 'trimesh' not in sys.modules"
     )

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pgraph_core import solids
+from pgraph_core.contact import solids
+from pgraph_core.contact.solids import Placed, Solid
 from pgraph_core.engine.arrays import Candidates
 from pgraph_core.engine.contact import search as kernels
 from pgraph_core.engine.records import (
@@ -23,7 +24,6 @@ from pgraph_core.engine.records import (
     rows_of,
     table,
 )
-from pgraph_core.solids import Placed, Solid
 
 FLAT = solids.ground((0, 0, 1))
 NO_PAIRS, NOBODY = rows_of(SHAPE_PAIR, ()), rows_of(MEMBER, ())

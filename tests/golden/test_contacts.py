@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from pgraph_core import solids
+from pgraph_core.contact import solids
 
 from ..core.touching import Scene, pose
 

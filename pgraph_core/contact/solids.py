@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .engine.arrays import Geometry, Ground, Search
-from .engine.contact.curved import HULL_ROOM, RIM
-from .engine.contact.manifold import MOST
-from .engine.records import (
+from ..engine.arrays import Geometry, Ground, Search
+from ..engine.contact.curved import HULL_ROOM, RIM
+from ..engine.contact.manifold import MOST
+from ..engine.records import (
     BOUNDS,
     BOX,
     CANDIDATE,
@@ -37,12 +37,12 @@ from .engine.records import (
     rows_of,
     table,
 )
-from .errors import ModelError, Problem, needed
-from .mesh_files import Scale, load_mesh
-from .model import Shape
-from .model.shape import MassProperties as MassProperties
-from .model.shape import leak as _leak
-from .model.shape import mass_properties as mass_properties
+from ..errors import ModelError, Problem, needed
+from ..mesh_files import Scale, load_mesh
+from ..model import Shape
+from ..model.shape import MassProperties as MassProperties
+from ..model.shape import leak as _leak
+from ..model.shape import mass_properties as mass_properties
 
 # -- what bounds a solid ---------------------------------------------------------------------------
 
