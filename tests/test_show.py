@@ -253,7 +253,7 @@ def test_the_camera_is_as_near_as_it_can_be_and_sees_every_point():
         way = stage.towards(up, which)
         at = stage.fitted(points, axis, way, aspect)
         np.testing.assert_allclose(np.cross(at.position - at.target, way), 0, atol=1e-9)
-        assert stage.in_picture(points, axis, at, aspect)
+        assert stage.in_picture(points, axis, at, aspect).all()
         right, above = stage.frame(axis, way)
         deep = (at.position - points) @ way
         half = math.tan(stage.FIELD_OF_VIEW / 2)

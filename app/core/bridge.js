@@ -24,6 +24,25 @@ window.pgraph = (() => {
     waiting = [];
   }
 
+  // A picture has been seen, or nobody looks: the next may come.
+  function shown() {
+    if (document.hidden) pgraph.send("Shown");
+    else requestAnimationFrame(() => pgraph.send("Shown"));
+  }
+
+  // viser moves bodies in the frame that reads the messages, but redraws arrows and solids after
+  // it, so that they would be one picture late. Read before the frame, all are drawn together.
+  function drawTogether() {
+    const viser = window.__viserMutable;
+    if (!viser) { setTimeout(drawTogether, 50); return; }
+    let render = viser.requestRender; // viser puts it there anew when the 3D view is mounted again
+    const read = () => {
+      if (viser.messageQueue.length && viser.getRenderRequestState === "ready") viser.drainMessageQueue?.();
+      render();
+    };
+    Object.defineProperty(viser, "requestRender", { get: () => read, set: (own) => { render = own; } });
+  }
+
   const pgraph = {
     latest,
     view(name, topics) { views[name] = topics; },
@@ -55,7 +74,7 @@ window.pgraph = (() => {
     },
     receive(topic, data) {
       if (topic === "uplink") { connected(data); return; }
-      if (topic === "time") pgraph.send("Shown"); // the next picture may come
+      if (topic === "time") shown();
       if (topic === "reply" && data.serial === resuming) { resumed(); return; }
       latest[topic] = data;
       remember(topic, data);
@@ -271,6 +290,7 @@ window.pgraph = (() => {
       pgraph.play();
     }
   }
+  drawTogether();
   window.addEventListener("keydown", shortcut, true);
   return pgraph;
 })();

@@ -1,7 +1,8 @@
 """Both directions between Python and our script in the page.
 
 This file and `door.py` alone know names that viser 1.1.1 does not document: `RunJavascriptMessage`,
-a client's own connection, a handle's uuid and a panel's, the count of layouts,
+a client's own connection, the event of a buffer of messages, a handle's uuid and a panel's, the
+count of layouts,
 `window.__viserMutable` and `__viserSceneTree` (in bridge.js), the
 `websockets.asyncio.server.serve` it calls and the kinds of its messages. `tests/app/test_bridge.py`
 and `test_door.py` have a test for each.
@@ -9,6 +10,7 @@ and `test_door.py` have a test for each.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import io
 import json
@@ -35,7 +37,27 @@ PATIENCE = 1.0  # [s] between pictures for a page that does not answer: it holds
 def open_server(host: str, port: int, token: str | None) -> viser.ViserServer:
     """A viser server that refuses other sites' pages; on a taken port, the next free one."""
     with guarded(host, token), quiet():
-        return viser.ViserServer(host=host, port=port, label="Pgraph", verbose=False)
+        server = viser.ViserServer(host=host, port=port, label="Pgraph", verbose=False)
+        woken_in_its_loop(server._websock_server)
+        return server
+
+
+class WokenInItsLoop(asyncio.Event):
+    """An event whose `set` does nothing outside its loop, where asyncio forbids it.
+
+    viser sets its events in the thread that sends, and then again in the loop. The first of the
+    two fails where the loop changes the list of who waits at that moment.
+    """
+
+    def set(self) -> None:
+        with contextlib.suppress(RuntimeError):  # no loop runs in this thread
+            asyncio.get_running_loop()
+            super().set()
+
+
+def woken_in_its_loop(connection: Any) -> None:
+    """Messages to this connection, or to all, may be sent from any thread."""
+    connection.get_message_buffer().message_event.__class__ = WokenInItsLoop
 
 
 class Bridge:
@@ -61,6 +83,7 @@ class Bridge:
 
     def connect(self, client: viser.ClientHandle) -> None:
         """The way back from this page: a hidden text whose value our script sets."""
+        woken_in_its_loop(client._websock_connection)
         uplink = client.gui.add_text("", initial_value="", visible=False)
 
         @uplink.on_update

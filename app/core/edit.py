@@ -78,7 +78,10 @@ def with_model(state: State, model: pg.Model, label: str, client: int | None = N
 
 
 def replaced(state: State, model: pg.Model, label: str, client: int | None = None) -> State:
-    """A different model, as one undo step: with its own run settings, and in view."""
+    """A different model, as one undo step: with its own run settings, and in view.
+
+    What was selected, drawn, plotted and measured of the one before goes with it.
+    """
     after = with_model(state, model, label, client)
     at_start = replace(after.playback, time=0.0, playing=False, preview=False)
     return replace(
@@ -90,7 +93,22 @@ def replaced(state: State, model: pg.Model, label: str, client: int | None = Non
         framed=state.framed + 1,
         walking=Walking(),
         run_problem="",
+        clients={number: _afresh(client) for number, client in after.clients.items()},
+        ghost=None,
+        report=None,
+        analysis=None,
+        analysis_problem="",
+        posed=None,
+        pull=None,
     )
+
+
+def _afresh(client: Client) -> Client:
+    """A page that has chosen nothing of this model yet."""
+    none = Client()
+    of_model = ("selection", "selected", "plots", "walk", "gizmo", "grip", "inspected", "picking",
+                "opened", "listed")  # fmt: skip
+    return replace(client, **{name: getattr(none, name) for name in of_model})
 
 
 def showing(state: State, model: pg.Model) -> State:

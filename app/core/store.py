@@ -21,6 +21,7 @@ MOST_AHEAD = 20  # events of pages that may pass one of the server
 AGAIN = 0.1  # [s] between looks whether the pages are ready for a picture that waits
 SLOW = 1.0  # [s] for one event: said in the log, with the view that took longest
 log = logging.getLogger(__name__)
+Together = Callable[[], contextlib.AbstractContextManager[None]]
 
 
 class View(Protocol):
@@ -117,6 +118,10 @@ class Store:
         self._views: Sequence[View] = ()
         self._workers: Sequence[View] = ()
         self._drawn = state  # what the views have
+        self._missed: dict[int, State] = {}  # what those have that failed, by their ids
+        self.together: Callable[[], contextlib.AbstractContextManager[None]] = (
+            contextlib.nullcontext
+        )
         self.ready: Callable[[], bool] = lambda: True  # whether the pages can take a picture
 
     def start(self, views: Sequence[View], workers: Sequence[View] = ()) -> None:
@@ -199,16 +204,19 @@ class Store:
         if new is old or not (at_once or self.ready()):
             return {}
         self._drawn = new
-        return self._render(self._views, old, new)
+        with self.together():
+            return self._render(self._views, old, new)
 
     def _render(self, views: Sequence[View], old: State, new: State) -> dict[str, float]:
-        """Seconds spent by each view."""
+        """Seconds spent by each view. One that failed draws next time what it left out too."""
         spent = {}
         for view in views:
             began = time.perf_counter()
+            had = self._missed.pop(id(view), old)
             try:
-                view.render(old, new)
+                view.render(had, new)
             except Exception:
+                self._missed[id(view)] = had
                 log.exception("%s could not draw", type(view).__name__)
             spent[type(view).__name__] = time.perf_counter() - began
         return spent

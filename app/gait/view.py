@@ -112,24 +112,31 @@ class FootprintsView:
         if at.shape == self._at.shape and np.array_equal(at, self._at):
             return
         self._at = at
-        if self._node is not None and len(self._node.batched_positions) == len(at):
-            self._node.batched_positions = at
+        if self._node is None:
+            self._node = draw(self._scene, state, at) if len(at) else None
             return
-        if self._node is not None:
-            self._node.remove()
-        self._node = draw(self._scene, state, at) if len(at) else None
+        self._node.visible = len(at) > 0
+        if len(at):
+            self._node.batched_positions = at
+            self._node.batched_wxyzs, self._node.batched_scales = discs(state, len(at))
 
 
 def draw(scene: viser.SceneApi, state: State, at: np.ndarray) -> Any:
     """A flat disc on the ground at each place."""
-    disc, size = shapes.unit("cylinder"), state.derived.size
-    turned = shapes.to_wxyz(shapes.z_to(np.asarray(state.model.ground_normal))[None])
+    disc = shapes.unit("cylinder")
+    turned, size = discs(state, len(at))
     return scene.add_batched_meshes_simple(
-        "/footprints", disc.vertices, disc.faces, batched_positions=at,
-        batched_wxyzs=np.repeat(turned, len(at), 0),
-        batched_scales=np.tile(size * np.array([WIDE, WIDE, THICK]), (len(at), 1)),
+        "/footprints", disc.vertices, disc.faces, batched_positions=at, batched_wxyzs=turned,
+        batched_scales=size,
         batched_colors=COLOR, opacity=OPACITY, lod="off", cast_shadow=False, receive_shadow=False,
     )  # fmt: skip
+
+
+def discs(state: State, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """(n, 4) orientations and (n, 3) sizes [m] of flat discs on the ground."""
+    turned = shapes.to_wxyz(shapes.z_to(np.asarray(state.model.ground_normal))[None])
+    size = state.derived.size * np.array([WIDE, WIDE, THICK])
+    return np.repeat(turned, count, 0), np.tile(size, (count, 1))
 
 
 OFTEN = 0.15  # [s] between two pictures of a live run

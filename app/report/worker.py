@@ -30,6 +30,8 @@ class Analyst:
 
     def render(self, old: State, new: State) -> None:
         now = new.analysis
+        if now is None and old.analysis is not None:
+            self._cancelled.set()  # over already, or of a model that was closed
         if now is None or not new.kernels.ready:
             return
         if now.cancelled:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 import pgraph_core as pg
 
 from ..gait import Change, changes
@@ -51,6 +53,19 @@ class Run:
     def falls(self) -> tuple[Change, ...]:
         """What its feet did."""
         return changes(self.result)
+
+    @cached_property
+    def usual_force(self) -> float:
+        """The largest force [N] of constraints and contacts, but for the shortest impacts.
+
+        Of the frames with a force 98 % have none above it: the impact of a fall is a hundred
+        times what a foot carries, which would not be seen beside it.
+        """
+        every = (*self.result.constraint_force.values(), *self.result.contact_force.values())
+        peaks = [np.abs(np.asarray(wrench)[:, 3:]).max(axis=1) for wrench in every if len(wrench)]
+        largest = np.max(peaks, axis=0) if peaks else np.zeros(0)
+        acting = largest[(largest > 0) & np.isfinite(largest)]
+        return float(np.quantile(acting, 0.98, method="higher")) if len(acting) else 0.0
 
 
 @dataclass(frozen=True)

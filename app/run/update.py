@@ -307,5 +307,4 @@ def stopped(state: State) -> State:
     if live is None or not live.parts:
         return replace(state, live=None)
     run = Run(state.model, live.request, pg.joined(live.parts))
-    playback = replace(state.playback, time=float(run.result.t[0]))
-    return replace(state, live=None, last_run=run, run_framed=state.framed, playback=playback)
+    return replace(state, live=None, last_run=run, run_framed=state.framed)

@@ -15,6 +15,7 @@ from ..core.bridge import Bridge
 from ..core.state import Client, State, poses
 from . import marks
 
+COVERED = 0.25  # of the view, by the playback at its bottom
 TYPICAL_ASPECT = 0.6  # of the view between the docks at 1280 x 800
 
 
@@ -32,6 +33,8 @@ class CameraView:
         grown = len(new.derived.names) > len(old.derived.names) or (
             new.derived is not old.derived and new.derived.size > 1.05 * old.derived.size
         )
+        over = old.playback.moves and not new.playback.moves
+        rests = over or (new.derived is not old.derived and not new.playback.moves)
         handles = self._server.get_clients()
         if another and (self._framed < 0 or any(page.aspect for page in new.clients.values())):
             self._framed, self._up = new.framed, new.model.up
@@ -44,8 +47,11 @@ class CameraView:
                 look(handle, new, "start", page.aspect)
             elif page.view != before.view:
                 look(handle, new, page.view[1], page.aspect, page.selected)
-            elif (grown or (page.follow and not before.follow)) and not sees(handle, new, page):
-                look(handle, new, "fit", page.aspect)
+            else:
+                turned = page.follow and not before.follow
+                left_it = (grown or turned) and not seen(handle, new, page).all()
+                if left_it or (rests and not seen(handle, new, page, COVERED).any()):
+                    look(handle, new, "fit", page.aspect)
             self._follow(client, new, page.follow)
         for gone in self._followed.keys() - new.clients.keys():
             del self._followed[gone]
@@ -89,14 +95,17 @@ def look(
     at.position, at.look_at = seen
 
 
-def sees(handle: viser.ClientHandle, state: State, page: Client) -> bool:
-    """Whether a page has the whole model in its picture."""
+def seen(
+    handle: viser.ClientHandle, state: State, page: Client, covered: float = 0.0
+) -> np.ndarray:
+    """(nb,) which bodies a page has in its picture; none where it looks along the vertical."""
+    positions = poses(state)[0]
     at = Viewpoint(np.asarray(handle.camera.position), np.asarray(handle.camera.look_at))
     up = np.array(GRID[state.model.up][1])
     way = (at.position - at.target) / np.linalg.norm(at.position - at.target)
     if page.aspect is None or np.linalg.norm(np.cross(up, way)) < stage.STEEP / 2:
-        return False
-    return in_picture(poses(state)[0], up, at, page.aspect)
+        return np.zeros(len(positions), bool)
+    return in_picture(positions, up, at, page.aspect, covered)
 
 
 def looks(state: State, before: Sequence[Look] = ()) -> list[Look]:

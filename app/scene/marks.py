@@ -16,7 +16,7 @@ from pgraph_core.show import shapes
 from ..core.state import State
 
 Local = dict[int, np.ndarray]  # number of a body (0: the ground) -> points in its frame [m]
-LONGEST = 0.5  # of the model's size: the arrow of the run's largest force
+LONGEST = 0.5  # of the model's size: the arrow of the run's usual largest force
 THIN = 1e-3  # of the largest semi-axis: what a flat ellipsoid keeps
 
 
@@ -318,12 +318,10 @@ def _friction(model: pg.Model, contact: pg.Contact) -> float:
 
 
 def scale(state: State) -> float:
-    """Metres of arrow a newton, so that the run's largest force is half the model long."""
+    """Metres of arrow a newton, so that the run's usual largest force is half the model long."""
     if state.run is None:
         return 0.0
-    result = state.run.result
-    every = (*result.constraint_force.values(), *result.contact_force.values())
-    largest = max((float(np.abs(np.asarray(w)[:, 3:]).max()) for w in every if len(w)), default=0.0)
+    largest = state.run.usual_force
     if state.live is not None:  # of a part there is no largest that stays
         weight = 9.81 * sum(body.mass for body in state.model.bodies)
         largest = max(largest, weight)
@@ -331,15 +329,15 @@ def scale(state: State) -> float:
 
 
 def arrows(found: list[Push], per_newton: float) -> np.ndarray:
-    """(n, 2, 3) from where each force acts."""
-    lines = [(push.at, push.at + per_newton * push.force) for push in found]
-    return np.array(lines).reshape(-1, 2, 3)
+    """(n, 2, 3) from where each force acts; none where it is zero."""
+    drawn = [(push.at, per_newton * push.force) for push in found if push.force.any()]
+    return np.array([(at, at + arrow) for at, arrow in drawn]).reshape(-1, 2, 3)
 
 
 def cones(found: list[Push], per_newton: float, normal: np.ndarray) -> tuple[np.ndarray, ...]:
-    """(n, 3) apexes and (n, 3) sizes of friction cones along `normal`: a force that sticks has
-    its arrow within its cone."""
-    there = [push for push in found if push.friction]
+    """(n, 3) apexes and (n, 3) sizes of friction cones along `normal`, where the ground is touched:
+    a force that sticks has its arrow within its cone."""
+    there = [push for push in found if push.friction and push.force @ normal > 0]
     tall = np.array([max(per_newton * float(push.force @ normal), 1e-9) for push in there])
     wide = 2 * tall * np.array([push.friction for push in there])
     at = np.array([push.at for push in there]).reshape(-1, 3)

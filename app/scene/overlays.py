@@ -109,26 +109,27 @@ class Overlays:
         self._arrows("loads", (arrows - gone).astype(np.float32), state.derived.size, LOAD)
 
     def _arrows(self, kind: str, arrows: np.ndarray, size: float, color: shapes.Color) -> None:
-        """Arrows of one kind, moved where they are drawn already."""
+        """Arrows of one kind; they are redrawn in their node, which is hidden without any."""
         drawn = self._nodes.get(kind)
-        if drawn and drawn[0].points.shape == arrows.shape:
-            drawn[0].points = arrows
+        if not drawn:
+            self._nodes[kind] = _arrows(self._scene, f"/{kind}", arrows, size, color)
             return
-        self._remove(kind)
-        self._nodes[kind] = _arrows(self._scene, f"/{kind}", arrows, size, color)
+        if len(arrows):
+            drawn[0].points = arrows
+        drawn[0].visible = len(arrows) > 0
 
     def _batch(
         self, kind: str, solid: Any, at: Any, wxyz: Any, size: Any, color: Any, opacity: Any,
         shadow: bool = False,
     ) -> None:  # fmt: skip
-        """Solids of one kind, moved where they are drawn already."""
-        drawn = self._nodes.get(kind)
-        if drawn and drawn[0].batched_positions.shape == at.shape:
+        """Solids of one kind; they are redrawn in their node, which is hidden without any."""
+        if drawn := self._nodes.get(kind):
             node = drawn[0]
-            node.batched_positions, node.batched_wxyzs = at, wxyz
-            node.batched_scales = size
+            if len(at):
+                node.batched_positions, node.batched_wxyzs = at, wxyz
+                node.batched_scales = size
+            node.visible = len(at) > 0
             return
-        self._remove(kind)
         if len(at) == 0:
             return
         unit = solid()

@@ -241,13 +241,15 @@ def frame(up: np.ndarray, way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return right, np.cross(way, right)
 
 
-def in_picture(points: np.ndarray, up: np.ndarray, at: Viewpoint, aspect: float) -> bool:
-    """Whether a camera sees all points."""
+def in_picture(
+    points: np.ndarray, up: np.ndarray, at: Viewpoint, aspect: float, covered: float = 0.0
+) -> np.ndarray:
+    """(n,) which points a camera sees; of its picture a share at the bottom may be covered."""
     way = at.position - at.target
     way = way / np.linalg.norm(way)
     right, above = frame(up, way)
     deep = (at.position - points) @ way
     half = math.tan(FIELD_OF_VIEW / 2)
     x, y = np.abs((points - at.position) @ right), (points - at.position) @ above
-    inside = (deep > 0) & (x <= half * aspect * deep) & (y <= half * deep) & (-y <= half * deep)
-    return bool(inside.all())
+    low = (1 - 2 * covered) * half
+    return (deep > 0) & (x <= half * aspect * deep) & (y <= half * deep) & (-y <= low * deep)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, refusal
+from ..errors import InputError, PgraphError, refusal
 from ..joints import SIZE
 from ..model import Body, Force, Model, Spring, Torsion
 from ..model.fields import GROUND
@@ -361,7 +361,7 @@ def first_axis(model: Model) -> str:
             continue
         try:
             axis.applied(model, axis.values[0])
-        except InputError:
+        except PgraphError:  # it has nothing to vary, or not with such a value
             continue
         return name
     return "step"

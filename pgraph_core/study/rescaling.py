@@ -27,8 +27,9 @@ from ..model.fields import fields_of
 
 
 def changed(body: Body, **fields: object) -> Body:
-    """A validated body with other fields."""
-    return Body(**{**fields_of(body), **fields})
+    """A validated body with other fields; what followed from its shapes is a number of its own."""
+    own = {**fields_of(body), "derived": (), "density": None}
+    return Body(**{**own, **fields})
 
 
 class Scale(NamedTuple):
@@ -116,7 +117,6 @@ def _body(body: Body, s: Scale) -> Body:
         sizes = {x: _times(getattr(shape, x), s.length) for x in named}
         shapes.append(shape.model_copy(update=sizes))
     found |= {"shape": shapes[0] if shapes else None, "shapes": tuple(shapes)}
-    found["density"] = _times(body.density, s.of(-3, 1))
     return changed(body, **found)
 
 

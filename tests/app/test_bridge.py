@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from typing import Any
 
+import numpy as np
 import viser
 
 from pgraph_app.core import bridge
@@ -97,3 +99,56 @@ def test_a_fault_in_one_view_takes_nothing_from_the_others(page, served):
         page.wait_for_function("() => pgraph.latest.properties.title === 'hips'")
     finally:
         page.evaluate("pgraph.view('faulty', {})")
+
+
+def test_solids_are_drawn_where_they_belong_in_the_frame_that_moves_their_body(page, served):
+    """viser moves nodes in the frame that reads the messages, batches one frame later."""
+    scene = served.viser.scene
+    frame = scene.add_frame("/told/frame")
+    corners, faces = np.eye(3), np.array([[0, 1, 2]])
+    ones = np.array([[1.0, 0, 0, 0]])
+    batch = scene.add_batched_meshes_simple(
+        "/told/batch", corners, faces, batched_wxyzs=ones, batched_positions=np.zeros((1, 3))
+    )
+    page.evaluate("""() => {
+      window.seenTogether = [];
+      const viser = window.__viserMutable, { scene } = viser;
+      scene.onBeforeRender = () => {
+        const { "/told/frame": frame, "/told/batch": batch } = viser.nodeRefFromName;
+        let solid = null;
+        batch?.traverse((x) => { if (x.getPositionAt) solid = x; });
+        if (frame && solid?.instancesCount) {
+          seenTogether.push([frame.position.x, solid.getPositionAt(0).x]);
+        }
+      };
+    }""")
+    until(lambda: page.evaluate("seenTogether.length"), "both to be drawn")
+    for k in range(1, 9):
+        with served.viser.atomic():
+            frame.position, batch.batched_positions = (k, 0, 0), np.array([[float(k), 0, 0]])
+        until(lambda k=k: page.evaluate("seenTogether.at(-1)[0]") == k, "the frame to move")
+    pairs = page.evaluate("seenTogether")
+    frame.remove()
+    batch.remove()
+    assert all(one == other for one, other in pairs)
+
+
+def test_messages_may_be_sent_by_any_thread():
+    """asyncio's events may not be set outside their loop, where viser sets them too."""
+
+    async def in_the_loop() -> bool:
+        event = bridge.WokenInItsLoop()
+        waits = asyncio.create_task(event.wait())
+        await asyncio.to_thread(event.set)
+        alone = event.is_set()
+        event.set()
+        return await waits and not alone
+
+    assert asyncio.run(in_the_loop())
+
+
+def test_buffers_of_all_pages_and_of_one_are_woken_in_their_loop(page, served):
+    client = served.viser.get_clients()[max(served.viser.get_clients())]
+    for connection in (served.viser._websock_server, client._websock_connection):
+        event = connection.get_message_buffer().message_event
+        assert isinstance(event, bridge.WokenInItsLoop)

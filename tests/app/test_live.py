@@ -92,7 +92,9 @@ def test_stopped_it_is_a_run_like_any_other(live):
     assert state.live is None
     assert state.run.result.t[-1] == pytest.approx(5 * STEP)
     assert np.all(np.diff(state.run.result.t) > 0)
-    assert after(state, Play(ME)).playback.playing
+    assert state.playback.time == state.t_end  # what is seen stays what it was
+    again = after(state, Play(ME)).playback
+    assert (again.playing, again.time) == (True, 0.0)
 
 
 def test_an_edit_goes_on_from_where_it_is(live):

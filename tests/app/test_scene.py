@@ -213,6 +213,29 @@ def test_forces_of_contacts_act_on_the_ground_and_stay_in_their_cones():
     assert size[0, 0] / 2 / tall == pytest.approx(state.model.ground.friction)
 
 
+def test_what_touches_nothing_has_no_arrow_and_no_cone():
+    high = BALL.model_copy(update={"name": "high", "q": (0.5, 0, 9.0, 1, 0, 0, 0)})
+    state = opened(pg.Model(bodies=(BALL, high), contacts=(pg.Contact(name="c", body="*"),)))
+    result = pg.simulate(pg.Mechanism(state.model), t_end=0.05, step=1e-3)
+    state = update(update(state, Simulate(ME)), Simulated(1, result))
+    state = update(state, Scrub(ME, 0.05))
+    positions, wxyz = poses(state)
+    found = marks.pushes(state, positions, shapes.to_matrix(wxyz))
+    at, _ = marks.cones(found, marks.scale(state), np.array((0.0, 0, 1)))
+    assert at == pytest.approx(np.zeros((1, 3)), abs=1e-6)
+    assert marks.arrows(found, marks.scale(state))[:, 0] == pytest.approx(at, abs=1e-6)
+
+
+def test_an_impact_leaves_the_arrows_of_what_stands_to_be_seen():
+    fallen = BALL.model_copy(update={"q": (0, 0, 0.6, 1, 0, 0, 0)})
+    state = opened(pg.Model(bodies=(fallen,), contacts=(pg.Contact(name="c", body="ball"),)))
+    result = pg.simulate(pg.Mechanism(state.model), t_end=2.0, step=1e-3)
+    forces = result.contact_force["c"][:, 5]
+    assert forces.max() > 50 * 2 * 9.81
+    state = update(update(state, Simulate(ME)), Simulated(1, result))
+    assert marks.scale(state) * 2 * 9.81 > 0.1 * state.derived.size
+
+
 @settings(max_examples=20, deadline=None)
 @given(st.tuples(*(st.floats(0.05, 2.0),) * 3))
 def test_the_ellipsoid_of_a_solid_ellipsoid_is_itself(half):

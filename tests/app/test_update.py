@@ -14,7 +14,7 @@ import pytest
 import pgraph_core as pg
 from pgraph_app.core import edit
 from pgraph_app.core.events import Event, Misread, from_page
-from pgraph_app.core.state import Request, State, initial, poses
+from pgraph_app.core.state import Report, Request, State, initial, poses, with_client
 from pgraph_app.core.store import Store
 from pgraph_app.features import update
 from pgraph_app.model import Found
@@ -31,9 +31,11 @@ from pgraph_app.model.update import (
     sent,
 )
 from pgraph_app.playback.update import Loop, Pause, Play, Scrub, Speed, StepFrames, Tick
+from pgraph_app.pose.update import SetGizmo
 from pgraph_app.run import FREE_RUN
 from pgraph_app.run.update import (
     Cancel,
+    Compare,
     Compiled,
     Compiling,
     Failed,
@@ -594,3 +596,33 @@ def test_news_of_the_server_that_waits_is_drawn_once_and_what_a_person_does_come
     assert (store.state.jobs, store.state.framed) == (200, 1)
     assert len(drawn) <= 4  # at first, what was under way, what waited, the person's
     assert drawn.index(next(x for x in drawn if x[1])) <= 3
+
+
+def test_a_view_that_failed_draws_next_time_what_it_left_out(state):
+    seen, fails = [], [True]
+
+    class Fails:
+        def render(self, old, new):
+            if new.jobs and fails and fails.pop():
+                raise RuntimeError
+            seen.append((old.jobs, new.jobs))
+
+    store = Store(state, lambda state, event: replace(state, jobs=state.jobs + 1))
+    store.start([Fails()])
+    store.send(Select(ME, None))
+    store.send(Select(ME, None))
+    store.stop()
+    assert seen == [(0, 0), (0, 2)]
+
+
+@pytest.mark.parametrize(
+    "event", [NewModel(ME, 1, "3"), OpenText(ME, "a", pg.Model.serial(2).to_json())]
+)
+def test_nothing_of_a_model_stays_with_another_one(ran, event):
+    state = after(ran, Compare(ME), Select(ME, "1"), SetGizmo(ME, "com"))
+    state = with_client(state, ME, plots=(("position", "1"),))
+    state = replace(state, report=Report("precision", state.model, None))
+    state = update(state, event)
+    page = state.clients[ME]
+    assert state.ghost is state.report is state.run is state.plotted is None
+    assert (page.selection, page.selected, page.gizmo, page.plots) == (None, (), "", ())

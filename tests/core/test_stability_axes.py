@@ -7,7 +7,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.study.axes import AXES
+from pgraph_core.study.axes import AXES, first_axis
 
 from .test_cases import DOWN, mass
 
@@ -93,6 +93,26 @@ def test_a_chain_of_links_weighs_and_reaches_as_much():
 def test_mass_ratio_is_of_the_last_tip_to_its_parent():
     made = AXES["mass_ratio"].applied(sprung(), 1e-9)
     assert made.body("b").mass / made.body("a").mass == pytest.approx(1e-9)
+
+
+@pytest.mark.parametrize("axis", ["mass_ratio", "inertia", "length_scale", "mass_scale"])
+def test_what_follows_from_shapes_is_varied_like_given_numbers(axis):
+    steel = {
+        "shape": pg.Shape(kind="box", size=(1.0, 0.1, 0.1)),
+        "density": 7850.0,
+        "derived": ("mass", "com", "inertia"),
+    }
+    bodies = (pg.Body(name="a", **steel), pg.Body(name="b", parent="a", link=(1, 0, 0), **steel))
+    model = pg.Model(bodies=bodies)
+    given = [{"mass": b.mass, "com": b.com, "inertia": b.inertia} for b in bodies]
+    plain = model
+    for body, numbers in zip(model.bodies, given):
+        plain = plain.edit(body.name, derived=(), density=None, **numbers)
+    derived, own = (AXES[axis].applied(m, 1e-9).body("b") for m in (model, plain))
+    assert derived.mass == own.mass > 0
+    assert derived.com == own.com
+    assert derived.inertia == own.inertia
+    assert first_axis(model) == first_axis(plain) == "mass_ratio"
 
 
 @pytest.mark.parametrize("factors", [(3.0, 1.0, 1.0), (1.0, 5.0, 1.0), (1.0, 1.0, 7.0)])
