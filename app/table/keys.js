@@ -134,13 +134,18 @@ pgraph.keys = (() => {
     const row = table().row(name);
     return [row.name, row.parent, `${row.dof} ${row.joint}`, row.constraints.join(", ") || "holonomic"].map(quoted).join("\t");
   };
+  // All that the selected bodies carry, as the server wrote it; of very many only the columns here.
+  const copied = (chosen) => {
+    const { bodies, text } = pgraph.latest.copied ?? {};
+    return text && String(bodies) === String(chosen) ? text : chosen.map(line).join("\n");
+  };
   const quoted = (text) => (/["\t\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text);
 
   document.addEventListener("copy", (event) => {
     const target = document.activeElement, chosen = table()?.selected() ?? [];
     const row = target?.matches("tr") || chosen.length > 1;
     if (!here(target) || !chosen.length || target.dataset.editing === "1") return;
-    const text = row ? chosen.map(line).join("\n") : target.matches("select") ? target.value : null;
+    const text = row ? copied(chosen) : target.matches("select") ? target.value : null;
     if (text === null) return; // the browser copies the text of the cell
     event.clipboardData.setData("text/plain", text);
     event.preventDefault();

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import re
 from collections.abc import Callable, Sequence
 from typing import Any, get_args
 
 import pgraph_core as pg
+from pgraph_core.errors import nearest
 from pgraph_core.model.copies import free_name
 
 from ..core import cells
@@ -21,7 +23,12 @@ HEADINGS = {
     "joint": "joint", "constraint": "constraint", "constraints": "constraint",
     "constraint type": "constraint", "mass": "mass",
 }  # fmt: skip
+UNIT = re.compile(r"\s*[\[(]\s*([^\])]*)[\])]\s*$")  # at the end of a heading: mass [kg]
 VECTOR = re.compile(r"(link|com|tip) ([xyz])")
+FIELDS = (*(f for f in pg.Body.model_fields if f not in ("motions", "shapes")), "motions", "shapes")
+LENGTHS = ("link", "com", "tip")
+NONE = "none"
+COPIED = 1000  # rows at most with all that they carry
 DOF = re.compile(r"([0-6])?\s*([a-z]+(?: \+ [a-z]+)*)?")
 ALREADY = ("ball + z", "ball + x + y")  # what the DoF column writes for 4 and 5
 JOINTS = get_args(pg.Body.model_fields["joint"].annotation)
@@ -36,7 +43,7 @@ def rows_of(
     Lines fill `rows` one by one; more of them, or all without `rows`, become new rows, whose
     names are made free where `rows` is empty. Raises Refusal or PgraphError, naming the line.
     """
-    columns, lines = _table(text, column)
+    columns, units, lines = _table(text, column)
     for name in rows:
         model.body(name)
     new = lines[len(rows) :]
@@ -51,7 +58,7 @@ def rows_of(
     above = under or "ground"
     for k, line in enumerate(lines):
         body = model.body((*rows, *places)[k])
-        change = _change(before, body, dict(zip(columns, line)), k + 1)
+        change = _change(before, body, dict(zip(columns, zip(line, units))), k + 1)
         if k >= len(rows):
             change["name"] = names[k - len(rows)][1]
             parent = change.get("parent", above)
@@ -63,8 +70,43 @@ def rows_of(
     return after, tuple(filled), _left_out(columns, lines)
 
 
-def _table(text: str, column: int) -> tuple[tuple[str, ...], list[list[str]]]:
-    """Fields by column, from the headings if there are any, and the lines of cells."""
+def copied(model: pg.Model, names: Sequence[str]) -> str:
+    """Rows as lines of a spreadsheet, below headings, with all that the bodies carry."""
+    found = [_carried(model.body(name)) for name in names]
+    columns = [field for field in FIELDS if any(field in row for row in found)]
+    lines = [columns, *([_written(row.get(field, "")) for field in columns] for row in found)]
+    text = io.StringIO()
+    csv.writer(text, delimiter="\t", lineterminator="\n").writerows(lines)
+    return text.getvalue()
+
+
+def _carried(body: pg.Body) -> dict[str, Any]:
+    """The fields of a body that do not follow from others; also the usual ones of a new row."""
+    follows = {*body.derived, "axes" if body.joint == "compound" else "motions"}
+    data = body.model_dump(mode="json")
+    follows.add("shapes" if len(data["shapes"]) < 2 else "shape")
+    usual = {name: field.default for name, field in pg.Body.model_fields.items()}
+    always = ("name", "parent", "joint", "axes", "link", "mass", "com", "inertia", "tip")
+    return {
+        name: NONE if value is None else value
+        for name, value in data.items()
+        if name not in follows
+        and (name in always or (getattr(body, name) != usual[name] and _says(value)))
+    }
+
+
+def _says(value: Any) -> bool:
+    """Whether a list has an entry that is not zero, or anything else stands there."""
+    return any(map(_says, value)) if isinstance(value, list) else value not in (0, None, "")
+
+
+def _written(value: Any) -> str:
+    """What stands in the cell of a value: words and numbers as they are, lists as JSON."""
+    return value if isinstance(value, str) else json.dumps(value)
+
+
+def _table(text: str, column: int) -> tuple[tuple[str, ...], tuple[str, ...], list[list[str]]]:
+    """Fields and units by column, from the headings if there are any, and the lines of cells."""
     try:
         found = list(csv.reader(io.StringIO(text.strip("\r\n")), delimiter="\t", strict=False))
     except csv.Error as error:
@@ -72,21 +114,33 @@ def _table(text: str, column: int) -> tuple[tuple[str, ...], list[list[str]]]:
     lines = [[cell.strip() for cell in line] for line in found]
     if not lines:
         raise Refusal("there is nothing to paste")
-    first = tuple(map(_field, lines[0]))
+    first = tuple(_field(UNIT.sub("", heading)) for heading in lines[0])
     if None not in first and ("name" in first or len(first) > 1):
+        units = tuple(m[1].strip() if (m := UNIT.search(x)) else "" for x in lines[0])
         columns, lines = tuple(str(f) for f in first), lines[1:]
     else:
+        _no_heading(lines[0], first)
         columns = COLUMNS[column:]
+        units = ("",) * len(columns)
     for k, line in enumerate(lines, 1):
         if len(line) > len(columns) and any(line[len(columns) :]):
             raise Refusal(f"line {k} has {len(line)} cells; {len(columns)} fit: {_listed(columns)}")
-    return columns, [line for line in lines if any(line)]
+    return columns, units, [line for line in lines if any(line)]
+
+
+def _no_heading(line: Sequence[str], fields: Sequence[str | None]) -> None:
+    """Refuses a line of headings of which some name no field. Raises Refusal."""
+    known = [field for field in fields if field]
+    if len(known) < 3 or "name" not in known:
+        return
+    other = next(text for text, field in zip(line, fields) if field is None)
+    raise Refusal(f"no field is called {cells.quoted(other)}; {nearest(other, FIELDS)}")
 
 
 def _field(heading: str) -> str | None:
     """The field that a heading names; None where it names none."""
     text = heading.strip().lower()
-    return text if VECTOR.fullmatch(text) else HEADINGS.get(text)
+    return text if VECTOR.fullmatch(text) or text in FIELDS else HEADINGS.get(text)
 
 
 def _listed(columns: Sequence[str]) -> str:
@@ -128,29 +182,84 @@ def _free_names(model: pg.Model, wanted: Sequence[str], as_typed: bool) -> list[
     return found
 
 
-def _change(model: pg.Model, body: pg.Body, line: dict[str, str], number: int) -> dict[str, Any]:
-    """The fields of a body that a line changes; empty cells leave theirs as they are."""
+def _change(
+    model: pg.Model, body: pg.Body, line: dict[str, tuple[str, str]], number: int
+) -> dict[str, Any]:
+    """The fields of a body that a line changes; empty cells leave theirs as they are.
+
+    The line is (text, unit) by field.
+    """
     found: dict[str, Any] = {}
-    for field, text in line.items():
+    for field, (text, unit) in line.items():
         if not text or not field:
             continue
         try:
-            change = _typed(model, body, field, text)
+            change = _typed(model, body, field, text, unit)
         except Refusal as refusal:
             raise Refusal(f"line {number}, {field}: {refusal}") from None
         body = body.model_copy(update={k: x for k, x in change.items() if k not in ("dof", "name")})
         found |= change
+    if "motions" in found:
+        found.pop("dof", None)
+        found["joint"] = "compound"
     return found
 
 
-def _typed(model: pg.Model, body: pg.Body, field: str, text: str) -> dict[str, Any]:
+def _typed(model: pg.Model, body: pg.Body, field: str, text: str, unit: str) -> dict[str, Any]:
     if field == "constraint":
         return _read_only(model, text)
     if field in ("dof", "joint"):
         return _joint(body, text)
     if match := VECTOR.fullmatch(field):
-        return cells.change(body, match[1], ("xyz".index(match[2]),), text)
-    return cells.change(body, field, (), text)
+        value = repr(_number(text, unit, "length"))
+        return cells.change(body, match[1], ("xyz".index(match[2]),), value)
+    if field in ("name", "parent"):
+        return cells.change(body, field, (), text)
+    if field == "mass" or (field == "density" and text.lower() != NONE):
+        return {field: _number(text, unit, "mass" if field == "mass" else "number")}
+    return {field: _value(field, text, unit)}
+
+
+def _number(text: str, unit: str, of: cells.Quantity) -> float:
+    """The SI value of a cell, in the unit of its heading or in its own. Raises Refusal."""
+    known = cells.UNITS[of]
+    if unit and known and unit not in known:
+        raise Refusal(f"has the unit {cells.quoted(unit)}; use {' or '.join(known)}")
+    if cells.NUMBER.fullmatch(text) and unit in known:
+        times, by = known[unit]
+        return cells.number(text) * times / by
+    return cells.quantity(text, of, cells.Display())
+
+
+def _value(field: str, text: str, unit: str) -> Any:
+    """A field that is no single number: JSON, or numbers or words with blanks between them."""
+    if text.lower() == NONE:
+        return None
+    if text[0] in '[{"' or text in ("true", "false"):
+        try:
+            value = json.loads(text)
+        except ValueError:
+            raise Refusal(f"cannot be read; given {cells.quoted(text)}") from None
+        text = " ".join(map(str, value)) if field in LENGTHS else ""
+        if field not in LENGTHS:
+            return value
+    words = re.split(r"[\s,;]+", text.strip())
+    if field == "derived":
+        return tuple(words)
+    if field not in (*LENGTHS, "inertia", "rotation", "axes", "q", "v"):
+        numbers = [cells.number(word) for word in words]
+        return numbers[0] if len(numbers) == 1 else tuple(numbers)
+    if field in LENGTHS:
+        numbers = [_number(word, unit, "length") for word in words]
+    else:
+        numbers = [cells.number(word) for word in words]
+    if field != "inertia":
+        return tuple(numbers)
+    if len(numbers) == 9:
+        return tuple(tuple(numbers[k : k + 3]) for k in (0, 3, 6))
+    if len(numbers) != 3:
+        raise Refusal(f"needs the 3 moments about x, y, z or all 9 numbers; given {len(numbers)}")
+    return tuple(tuple(m if i == k else 0.0 for k in range(3)) for i, m in enumerate(numbers))
 
 
 def _joint(body: pg.Body, text: str) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import viser
 from ..core.bridge import Bridge
 from ..core.state import State
 from ..core.views import Payload, Place, audience, count, css
+from .paste import COPIED, copied
 
 
 class TableView:
@@ -19,6 +20,13 @@ class TableView:
         payload = table(new) if clients else {}
         for client in clients:
             self._bridge.send(client, "table", payload)
+        for client, page in new.clients.items():
+            before = old.clients.get(client)
+            chosen = page.selected
+            same = before is not None and before.selected == chosen and new.model is old.model
+            if not same and 0 < len(chosen) <= COPIED:
+                text = copied(new.model, chosen)  # a browser asks for it at once
+                self._bridge.send(client, "copied", {"bodies": chosen, "text": text})
 
 
 def table(state: State) -> Payload:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -144,7 +145,8 @@ def test_messages_may_be_sent_by_any_thread():
         event.set()
         return await waits and not alone
 
-    assert asyncio.run(in_the_loop())
+    with ThreadPoolExecutor() as other:  # Playwright has a loop in this thread
+        assert other.submit(lambda: asyncio.run(in_the_loop())).result(20)
 
 
 def test_buffers_of_all_pages_and_of_one_are_woken_in_their_loop(page, served):

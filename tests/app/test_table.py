@@ -10,6 +10,7 @@ from pgraph_app.core.state import State, initial
 from pgraph_app.features import update
 from pgraph_app.model.update import Edit, NewModel, OpenText, Undo
 from pgraph_app.session.update import Connected, Select, SelectBodies
+from pgraph_app.table.paste import copied
 from pgraph_app.table.update import (
     AddBody,
     CountBodies,
@@ -213,6 +214,48 @@ def test_a_refused_paste_changes_nothing_and_says_which_line_and_why(
 def test_odd_names_are_pasted_as_they_are(state, name):
     quoted = '"' + name.replace('"', '""') + '"'  # as spreadsheets write them
     assert name in names(after(state, paste(quoted if '"' in name else name)))
+
+
+def test_rows_are_copied_and_pasted_with_all_they_carry(state):
+    steel = {"shape": pg.Shape(kind="box", size=(0.2, 0.1, 0.3)), "density": 7850.0,
+             "derived": ("mass", "com", "inertia")}  # fmt: skip
+    model = state.model.edit("4", name="steel", **steel)
+    model = model.edit("5", name="ball", joint="free", q=(1, 2, 3, 1, 0, 0, 0), tip=None, mass=3.0)
+    model = model.edit("6", name="slide", joint="prismatic", axes=((0, 0, 1),), limits=((-1, 2),))
+    model = model.edit("7", name="long", dof=5).edit("long", stiffness=(0, 2, 3))
+    text = copied(model, [body.name for body in model.bodies])
+    new = after(initial(pg.Model()), Connected(ME), paste(text)).model
+    assert new.bodies == model.bodies
+
+
+def test_headings_name_any_field_in_any_order_with_their_units(state):
+    text = (
+        "mass [kg]\tname\tlink [mm]\tinertia\tparent\tshape\tcom z (cm)\tdensity\n"
+        "2.5\tcup\t0, 20 300\t1 2 2.5\tground\t"
+        '"{""kind"": ""sphere"", ""radius"": 0.1}"\t4\t\n'
+        "500 g\tlid\t[0, 0, 90]\t\tcup\t\t\t\n"
+    )
+    model = after(state, paste(text)).model
+    cup, lid = model.body("cup"), model.body("lid")
+    assert (cup.mass, cup.parent, cup.com[2]) == (2.5, "ground", 0.04)
+    assert cup.link == (0.0, 0.02, 0.3)
+    assert cup.inertia == ((1, 0, 0), (0, 2, 0), (0, 0, 2.5))
+    assert (cup.shape.kind, cup.shape.radius) == ("sphere", 0.1)
+    assert (lid.mass, lid.link, lid.parent) == (0.5, (0, 0, 0.09), "cup")
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("name\tparent\tmas\tmass\na\tground\t1\t1", "'mas'"),
+        ("name\tmass [lb]\na\t1", "'lb'"),
+        ("name\tinertia\na\t1 2", "3 moments"),
+    ],
+)
+def test_headings_and_units_that_are_not_known_are_named(state, text, named):
+    refused = after(state, paste(text))
+    assert refused.model is state.model
+    assert named in reply(refused)
 
 
 def test_constraints_are_not_pasted_and_that_is_said(state):
