@@ -65,7 +65,12 @@ def lines_of(state: State, found: Any) -> list[Payload]:
         _line(name, needless(name, kinds.get(name, ""), rows), False)
         for name, rows in by_name.items()
     ]
-    if found.redundant:
+    if found.redundant and found.dof == 0:
+        text = (
+            "Nothing can move: a loop of hinges that are not parallel is locked; look at the axes."
+        )
+        lines.append(_line("", text, True))
+    elif found.redundant:
         text = "The motion is right all the same; of the forces along these the least are taken."
         lines.append(_line("", text, False))
     if found.extra:

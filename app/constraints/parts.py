@@ -81,6 +81,11 @@ def needed(model: pg.Model, part: str, kind: str, body: str, other: str) -> dict
     assert first is not None
     start = first.q[0] if first.q else 0.0
     match part, kind:
+        case "constraints", "revolute" | "cylindrical" | "prismatic":
+            axes = first.axes if first.dof == 1 else ()
+            if not axes and other in model.row and model.body(other).dof == 1:
+                return {"other_axis": model.body(other).axes[0]}
+            return {"axis": axes[0]} if axes else {}
         case _, "distance":
             return {"other_point": (0.0, 0.0, 0.0)}
         case _, "line" | "plane":

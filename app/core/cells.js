@@ -7,7 +7,12 @@ pgraph.cells = (() => {
 
   const dirty = (cell) => cell.value !== cell.dataset.shown;
   // As many digits as the cell has room for; all of them in the title, and while it is typed in.
-  const digits = (x, cell) => (typeof x === "number" ? String(Number(x.toPrecision(cell.dataset.digits ?? 7))) : x);
+  // A power of ten is never cut off: 3.9e-21.
+  const digits = (x, cell) => {
+    if (typeof x !== "number") return x;
+    const text = String(Number(x.toPrecision(cell.dataset.digits ?? 7)));
+    return text.includes("e") ? String(Number(x.toPrecision(3))) : text;
+  };
 
   // The current value of the model; typed text that is not yet taken stays.
   function set(cell, value, title = "") {

@@ -110,12 +110,30 @@ def quantity(text: str, of: Quantity, display: Display) -> float:
 
 def _quantity(text: str, of: Quantity, display: Display) -> float:
     typed = text.strip()
+    _refuse_unit_of_another(typed, of)
     unit = next((u for u in UNITS[of] if typed.endswith(u) and len(u) < len(typed)), None)
     bare = typed if unit is None else typed.removesuffix(unit).strip()
     if unit is None or not (NUMBER.fullmatch(bare) or ARITHMETIC.fullmatch(bare)):
         return display.si(number(text), of)
     times, by = UNITS[of][unit]
     return number(bare) * times / by
+
+
+def _refuse_unit_of_another(typed: str, of: Quantity) -> None:
+    """Refuses 15 deg in a length. Raises Refusal."""
+    words = {
+        "length": "a length",
+        "angle": "an angle",
+        "mass": "a mass",
+        "number": "a plain number",
+    }
+    match = re.fullmatch(r"(.*[\d.)])\s*([a-z°]+)", typed)
+    if match is None or match[2] in UNITS[of] or match[2] in ("pi", "e"):
+        return
+    for other, units in UNITS.items():
+        if match[2] in units:
+            wanted = f", in {' or '.join(UNITS[of])}" if UNITS[of] else ""
+            raise Refusal(f"is {words[of]}{wanted}; {match[2]} is the unit of {words[other]}")
 
 
 def content(text: str, of: Quantity, display: Display) -> float | str:

@@ -88,7 +88,7 @@ def gait(state: State) -> Payload:
         "laws": [[name, text] for name, (text, _, _) in LAWS.items()],
         "live": state.live is not None,
         "busy": state.job is not None,
-        "problem": state.run_problem,
+        "problem": "" if state.run is not None else state.run_problem,  # else it is told there
     }
 
 

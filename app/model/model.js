@@ -39,6 +39,7 @@
   pgraph.on("command", ({ run }) => {
     const [kind, what] = run.split(":");
     if (kind === "tab") pgraph.front(what);
+    else if (kind === "model") send("OpenBuiltIn", { name: what });
     else if (kind === "view") pgraph.camera.look(what);
     else pgraph.commands[kind]?.();
   });

@@ -41,7 +41,8 @@ def joint_moved(state: State, event: MoveJoint) -> State:
     client, serial, problem = event.client, event.serial, ""
     try:
         state.model.body(event.body)
-        value = cells.number(event.text)
+        typed = measured(state, event) if event.serial else "angle"  # a slider's is in SI units
+        value = cells.quantity(event.text, typed, cells.Display())
         pose = solving.posed(state, event.body, event.index, value)
         state = replace(
             state, posed=pose, playback=replace(state.playback, playing=False, preview=False)
@@ -52,6 +53,12 @@ def joint_moved(state: State, event: MoveJoint) -> State:
         problem = str(error)
     state = replace(state, pose_problem="" if serial else problem)
     return replied(state, client, serial, problem) if serial else state
+
+
+def measured(state: State, event: MoveJoint) -> cells.Quantity:
+    """Whether a coordinate is an angle or a length: 90 deg and 5 mm may be typed."""
+    units = [found.unit for found in solving.coordinates(state, (event.body,))]
+    return "length" if units[event.index : event.index + 1] == ["m"] else "angle"
 
 
 @dataclass(frozen=True)

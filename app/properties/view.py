@@ -184,7 +184,7 @@ class _Form:
         return field("axes", label, cells, help=shows("axes").help, columns=3)
 
     def inertia(self) -> Payload:
-        rows = self.value("inertia")
+        rows = without_noise(self.value("inertia"))
         cells = [cell((i, j), x) for i, row in enumerate(rows) for j, x in enumerate(row)]
         about = {"com": "about the centre of mass", "origin": "about the frame's origin"}
         help = f"{about[self.display.about]}, {shows('inertia').help}"
@@ -284,6 +284,16 @@ def implausible(body: pg.Body) -> str:
     return f"; far too {size} for a body of {length:.3g} m: is the mass or the inertia meant?"
 
 
+NOISE = 1e-12  # of the largest entry: what rounding leaves of a zero
+
+
+def without_noise(rows: Any) -> Any:
+    """A matrix of numbers whose rounding errors read 0; formulas stay."""
+    numbers = [abs(x) for row in rows for x in row if not isinstance(x, str)]
+    least = NOISE * max(numbers, default=0.0)
+    return [[x if isinstance(x, str) or abs(x) > least else 0.0 for x in row] for row in rows]
+
+
 def physical(body: pg.Body) -> str:
     """The live check of an inertia in words: principal moments, and how far from impossible."""
     a, b, c = moments(body.inertia)
@@ -291,8 +301,11 @@ def physical(body: pg.Body) -> str:
         return "a point mass: no inertia of its own"
     if a + b - c <= 1e-9 * c:
         return f"principal {a:.4g}, {b:.4g}, {c:.4g}: just possible (all mass in one plane)"
-    gyration = f", radius of gyration {math.sqrt(c / body.mass):.3g} m" if body.mass > 0 else ""
-    return f"principal {a:.4g}, {b:.4g}, {c:.4g}: possible{gyration}{implausible(body)}"
+    near = (
+        f"as if all mass were {math.sqrt(c / body.mass):.3g} m from the axis" if body.mass else ""
+    )
+    gyration = near and f"; the largest is {near}"
+    return f"principal moments {a:.4g}, {b:.4g}, {c:.4g}{gyration}{implausible(body)}"
 
 
 VIEWS = (

@@ -27,7 +27,7 @@
         make("div", { className: "bar" }, make("strong", { className: "title" }), make("span", { className: "spring" }),
           button("page", "Page", "The whole report as one HTML file", () => send("DownloadReport"))),
         make("div", { className: "stale sentence", hidden: true }),
-        make("div", { className: "advice" }),
+        make("div", { className: "advice" }), make("div", { className: "bar use" }),
         make("div", { className: "figure", role: "button", tabIndex: 0, title: "Larger",
           onclick: (event) => enlarge(event.currentTarget),
           onkeydown: (event) => { if (event.key === "Enter") enlarge(event.currentTarget); } }),
@@ -68,6 +68,8 @@
     const row = (tag) => (entries) => make("tr", {}, ...entries.map((textContent) => make(tag, { textContent })));
     $(".title").textContent = result.title;
     $(".advice").textContent = result.advice;
+    $(".use").replaceChildren(...result.use.map((method) => button("method", `Use ${method}`, `Simulate with ${method} from now on`,
+      () => send("SetRun", { serial: pgraph.nextSerial(), field: "method", text: method }))));
     $(".stale").hidden = !result.stale;
     $(".stale").textContent = result.stale;
     $(".rows thead").replaceChildren(row("th")(result.head));

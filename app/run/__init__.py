@@ -59,7 +59,7 @@ class Run:
         """The largest force [N] of constraints and contacts, but for the shortest impacts.
 
         Of the frames with a force 98 % have none above it: the impact of a fall is a hundred
-        times what a foot carries, which would not be seen beside it.
+        times what a foot carries, which would not be seen next to it.
         """
         every = (*self.result.constraint_force.values(), *self.result.contact_force.values())
         peaks = [np.abs(np.asarray(wrench)[:, 3:]).max(axis=1) for wrench in every if len(wrench)]

@@ -121,18 +121,26 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (  # what the page runs, its name, 
 
 
 class PaletteView:
+    """Commands, and the built-in models to be opened; the same for every model."""
+
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
-        for run, label, description in COMMANDS:
-            command = bridge.server.gui.add_command(label, description=description)
+        self._models: set[str] = set()
+        for command in COMMANDS:
+            self._add(*command)
 
-            @command.on_trigger
-            async def _(event: Any, run: str = run) -> None:
-                if event.client is not None:
-                    bridge.send(event.client.client_id, "command", {"run": run})
+    def _add(self, run: str, label: str, description: str) -> None:
+        command = self._bridge.server.gui.add_command(label, description=description)
+
+        @command.on_trigger
+        async def _(event: Any) -> None:
+            if event.client is not None:
+                self._bridge.send(event.client.client_id, "command", {"run": run})
 
     def render(self, old: State, new: State) -> None:
-        """Commands are the same for every model."""
+        for name in new.gallery.keys() - self._models:
+            self._models.add(name)
+            self._add(f"model:{name}", f"Open {name}", "a built-in model")
 
 
 VIEWS = (

@@ -20,6 +20,10 @@ pgraph.table = (() => {
     const head = make("tr", {}, ...HEAD.map(([text, title]) => make("th", { textContent: text, title })));
     const body = make("tbody");
     body.addEventListener("mousedown", pressed);
+    body.addEventListener("click", (event) => { // on a number of several selected rows, and no drag
+      const plain = !event.shiftKey && !event.ctrlKey && !event.metaKey;
+      if (plain && event.target.closest(".number")) pick(nameOf(event.target));
+    });
     for (const type of ["focusin", "input"]) body.addEventListener(type, (event) => focused(event.target));
     const tools = make("div", { className: "tools" }, ...pgraph.rows.bar(host));
     new ResizeObserver(() => host.style.setProperty("--tools", `${tools.offsetHeight}px`)).observe(tools);

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import pgraph_core as pg
 import pgraph_models
 from pgraph_app.constraints import KINDS
-from pgraph_app.constraints.mobility import report, wanted
+from pgraph_app.constraints.mobility import mobility_report, report, wanted
 from pgraph_app.constraints.parts import knots, table_of
 from pgraph_app.constraints.update import (
     AddPart,
@@ -55,6 +57,19 @@ def told(state) -> str:
 
 def shown(state):
     return constraints(state, state.clients[ME])
+
+
+def test_a_hinge_is_added_about_the_axis_of_its_joint_and_a_locked_loop_is_called_so():
+    bent = pg.Model.serial(3).edit("2", q=1.0).edit("3", q=0.7)  # hinges about y
+    state = update(initial(bent), Connected(ME))
+    state = update(state, AddPart(ME, "constraints", "revolute", "3"))
+    state = update(state, PickName(ME, "ground"))
+    hinge = state.model.constraints[0]
+    assert hinge.axis == state.model.body("3").axes[0] == (0, 1, 0)
+    for axis, locked in (((0, 1, 0), False), ((0, 0, 1), True)):
+        model = state.model.edit(hinge.name, axis=axis)
+        lines = mobility_report(replace(state, model=model, mobility=report(model)), 300)["lines"]
+        assert any("Nothing can move" in line["text"] for line in lines) == locked
 
 
 CASES = [(part, kind) for part in ("constraints", "forces", "loops") for kind in KINDS[part]]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_app.core import edit
+from pgraph_app.core import cells, edit
 from pgraph_app.core.events import Event, Misread, from_page
 from pgraph_app.core.state import Report, Request, State, initial, poses, with_client
 from pgraph_app.core.store import Store
@@ -31,7 +31,8 @@ from pgraph_app.model.update import (
     sent,
 )
 from pgraph_app.playback.update import Loop, Pause, Play, Scrub, Speed, StepFrames, Tick
-from pgraph_app.pose.update import SetGizmo
+from pgraph_app.pose.update import MoveJoint, SetGizmo
+from pgraph_app.properties.view import without_noise
 from pgraph_app.run import FREE_RUN
 from pgraph_app.run.update import (
     Cancel,
@@ -626,3 +627,24 @@ def test_nothing_of_a_model_stays_with_another_one(ran, event):
     page = state.clients[ME]
     assert state.ghost is state.report is state.run is state.plotted is None
     assert (page.selection, page.selected, page.gizmo, page.plots) == (None, (), "", ())
+
+
+def test_a_unit_of_another_quantity_is_named():
+    with pytest.raises(cells.Refusal, match=r"is a length.*deg is the unit of an angle"):
+        cells.quantity("15 deg", "length", cells.Display())
+    with pytest.raises(cells.Refusal, match=r"is an angle.*mm is the unit of a length"):
+        cells.quantity("3 mm", "angle", cells.Display())
+
+
+def test_a_pose_is_typed_in_degrees_and_millimetres():
+    model = pg.Model.serial(2).edit("2", joint="prismatic")
+    state = after(initial(model), Connected(ME))
+    state = after(state, MoveJoint(ME, 1, "1", 0, "-90 deg"))
+    assert state.posed.q[0] == pytest.approx(-np.pi / 2)
+    state = after(state, MoveJoint(ME, 2, "2", 0, "5 mm"))
+    assert state.posed.q[1] == pytest.approx(0.005)
+
+
+def test_rounding_errors_of_an_inertia_read_zero():
+    rows = ((2.0, 3.9e-17, 0.0), (3.9e-17, 1e-6, "=a"), (0.0, "=a", 3.0))
+    assert without_noise(rows) == [[2.0, 0.0, 0.0], [0.0, 1e-6, "=a"], [0.0, "=a", 3.0]]
