@@ -173,5 +173,6 @@ class Docks:
 
 def widths(window: float) -> tuple[float, float]:
     """Of the left and the right dock in a window as wide as this [px]."""
-    left, right = min(LEFT, max(0.4 * window, 200)), min(RIGHT, max(0.28 * window, 180))
+    left = min(max(LEFT, 0.28 * window), max(0.4 * window, 200))
+    right = min(max(RIGHT, 0.2 * window), max(0.28 * window, 180))
     return round(left), round(right)

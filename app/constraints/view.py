@@ -130,19 +130,20 @@ def _picking(picking: Picking | None) -> Payload | None:
     """The banner: what to click, and what may be chosen without a click."""
     if picking is None:
         return None
-    names = {"body": "the body", "other": "the other body"}
+    slots = {"body": "the body", "other": "the other body"}
     word = WORD.get(picking.part, "limit")
     what = f"{picking.kind} {word}" if picking.part not in ("loops", "limits") else word
     if picking.part == "loops":
         what = f"loop, cut at a {picking.kind} joint,"
-        names = {"body": "the body", "other": "its second parent"}
+        slots = {"body": "the body", "other": "its second parent"}
     of = f"'{picking.name}'" if picking.name else f"A new {what}"
     if picking.part == "limits":
         of = "A joint limit"
     about = f"{of} on '{picking.body}'" if picking.body else of.rstrip(",")
-    text = f"{about}: click {names[picking.slot]} in the digraph, the table or the 3D view."
+    text = f"{about}: click {slots[picking.slot]} in the digraph, the table or the 3D view."
     labels = {parts.GROUND: "ground", parts.EVERY: "every body with a shape"}
-    return {"text": text, "names": [[name, labels[name]] for name in allowed(picking)]}
+    names = [[name, labels[name]] for name in allowed(picking)]
+    return {"text": text, "names": names, "first": picking.body}
 
 
 # -- the form of one part ----------------------------------------------------------------------

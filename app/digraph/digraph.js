@@ -30,6 +30,7 @@ pgraph.digraph = (() => {
     canvas.addEventListener("click", (event) => {
       const k = numberAt(event.target);
       if (k && !canvas.dragged) picked(host.graph.data.names[k - 1], event.ctrlKey || event.metaKey);
+      else if (event.target.closest("g.ground") && pgraph.latest.constraints?.picking) pgraph.send("PickName", { name: "ground" });
     });
     canvas.addEventListener("keydown", (event) => keyed(host, event));
     canvas.addEventListener("focusin", (event) => hover(host, numberAt(event.target)));
@@ -223,7 +224,8 @@ pgraph.digraph = (() => {
     if (!graph) return;
     for (const el of graph.marked) el.classList.remove("selected");
     const number = (name) => graph.data.names.indexOf(name) + 1;
-    const k = number(selection), all = new Set([k, ...(pgraph.latest.selected ?? []).map(number)].filter(Boolean));
+    const k = number(selection), first = number(pgraph.latest.constraints?.picking?.first);
+    const all = new Set([k, first, ...(pgraph.latest.selected ?? []).map(number)].filter(Boolean));
     graph.marked = [...all].flatMap((j) => [graph.nodes[j], graph.edges[j], ...graph.entries[j]]);
     for (const el of graph.marked) el.classList.add("selected");
     reachable(graph, k || 1);
@@ -297,6 +299,6 @@ pgraph.digraph = (() => {
   }
 
   pgraph.view("digraph", { build, digraph: draw, selection: mark,
-    selected: (host) => mark(host, pgraph.latest.selection), steps: (host, data) => pgraph.steps.draw(host.pgraphSteps, data) });
+    selected: (host) => mark(host, pgraph.latest.selection), constraints: (host) => mark(host, pgraph.latest.selection), steps: (host, data) => pgraph.steps.draw(host.pgraphSteps, data) });
   return { svg };
 })();

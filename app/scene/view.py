@@ -161,7 +161,7 @@ class SceneView:
             axes_radius=0.006 * size,
             origin_radius=0.01 * size,
         )
-        for part, grown, opacity in (("outline", 0.02, None), ("tint", 0.002, 0.4)):
+        for part, grown, opacity in (("outline", 0.02, None), ("tint", 0.002, 0.2)):
             client.scene.add_mesh_simple(
                 f"/selected/{part}",
                 solid.vertices + grown * size * solid.vertex_normals,

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 SEPARATE = 50  # bodies up to which each is a node of its own
 Clicked = Callable[[int, int], None]  # client, number of the body
 Pulled = Callable[[int, int, "viser.SceneNodeDragEvent"], None]  # the same, and the drag
+FLAT = 200  # faces: boxes and cylinders keep their edges
 PULLING = "cmd/ctrl"  # held while the mouse pulls on a body
 Node = TypeVar("Node", bound="viser.SceneNodeHandle")
 
@@ -137,7 +138,7 @@ class SeparateBodies:
             solid.vertices,
             solid.faces,
             color=color,
-            flat_shading=len(solid.faces) < 100,
+            flat_shading=len(solid.faces) < FLAT,
         )
         at_rest(node)
 
@@ -209,7 +210,7 @@ class BatchedBodies:
             batched_positions=local,
             batched_scales=np.array([piece.size for _, piece in parts]),
             batched_colors=np.array([p.color or self._looks[k - 1].color for k, p in parts]),
-            flat_shading=len(solid.faces) < 100,
+            flat_shading=len(solid.faces) < FLAT,
             lod="off",
         )
 

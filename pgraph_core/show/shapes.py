@@ -127,7 +127,7 @@ def _solid(part: Piece) -> Any:
         case "cylinder" | "capsule" if part.taper != 1.0:
             solid = _tapered(x / 2, x / 2 * part.taper, z, part.kind == "capsule")
         case "cylinder":
-            solid = trimesh.creation.cylinder(radius=x / 2, height=z, sections=24)
+            solid = trimesh.creation.cylinder(radius=x / 2, height=z, sections=48)
         case "capsule":
             solid = trimesh.creation.capsule(radius=x / 2, height=max(z - x, 0.0), count=(16, 24))
             solid.apply_translation(-solid.bounds.mean(axis=0))
