@@ -71,15 +71,11 @@ class Tables(NamedTuple):
     limit_blocks: tuple[Ints, Array, Ints, Array]  # as in `Blocks`
     room: int  # contact points that there is room for
     remembers: bool  # penalty friction sticks to anchors
+    turns: bool  # a contact resists rolling or spinning
     rate: float  # about the fastest [1/s] that soft and penalty contacts make of a body at rest
 
     def __bool__(self) -> bool:
         return bool(self.touches or self.limits)
-
-    @property
-    def turns(self) -> bool:
-        """Whether a contact resists rolling or spinning."""
-        return bool((self.laws["rolling"] > 0).any() or (self.laws["spinning"] > 0).any())
 
     @property
     def compliant(self) -> bool:
@@ -229,6 +225,7 @@ class _Shapes:
             blocks,
             room,
             any(t.contact.law == "penalty" for t in self.touches),
+            bool((laws["rolling"] > 0).any() or (laws["spinning"] > 0).any()),
             max((rate_of(row, _pull(self.model)) for row in laws), default=0.0),
         )
 

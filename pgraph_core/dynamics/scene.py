@@ -29,7 +29,6 @@ from ..packing.forces import on_bodies
 from ..packing.packed import Packed
 from ..packing.system import Array, Drives, Ints, Loads
 from ..portable import Unportable
-from .states import length_of
 
 if TYPE_CHECKING:
     from ..contact.tables import Tables
@@ -72,6 +71,8 @@ class Scene(Unportable):
         self.touching = (
             ContactSpace(packed, contacts, before, steps=self.once) if contacts else None
         )
+        # whether contacts or constraints keep something from one evaluation to the next
+        self.remembers = self.touching is not None or len(self.blocks.blocks_i) > 0
         imposed = address_of(motion.constrain) if len(self.blocks.blocks_i) else 0
         links = self.touching.links if self.touching else Links()
         self.space = workspace(packed.rows, packed.nq, packed.nv, self.blocks, active, contacts)
@@ -121,11 +122,6 @@ class Scene(Unportable):
         self.activate(constraints)
 
     @property
-    def remembers(self) -> bool:
-        """Whether contacts or constraints keep something from one evaluation to the next."""
-        return self.touching is not None or len(self.blocks.blocks_i) > 0
-
-    @property
     def held(self) -> int:
         """Address of the scene whose active blocks are what is projected."""
         return self.address
@@ -169,7 +165,7 @@ class ContactSpace(Unportable):
         self.tally["first_limit"], self.tally["limits"] = first, limits
         self.tally["first_contact"] = first + limits
         self.tally["first_turn"] = first + limits + count if contacts.turns else -1
-        self.tally["length"] = length_of(packed)
+        self.tally["length"] = packed.length
         self.tally["pull"] = np.linalg.norm(packed.model.gravity)
         self.changes = table(PHASE_CHANGE, max(MOST_CHANGES, 2 * n))
         self.pairs = pairs = table(PAIR, n + limits)

@@ -57,19 +57,3 @@ def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
     for i in (*places[kinds == at.BALL].tolist(), *(free + 3).tolist()):
         turned = np.maximum(turned, angles(q[:, i : i + 4], other[:, i : i + 4]))
     return turned, apart[:, slides].max(axis=1, initial=0.0)
-
-
-def length_of(packed: Packed) -> float:
-    """Largest of a mechanism's own lengths: links, centres of mass, radii of gyration [m]."""
-    return length_in(packed.const)
-
-
-def length_in(const: Array) -> float:
-    """`length_of` from the rows' constants."""
-    const = const[1:]
-    mass = np.where(const[:, at.MASS] > 0, const[:, at.MASS], np.inf)
-    gyration = const[:, at.INERTIA : at.INERTIA + 3].sum(axis=1) / mass
-    found = [np.sqrt(gyration.max(initial=0.0))]
-    for column in (at.LINK, at.COM):
-        found.append(np.linalg.norm(const[:, column : column + 3], axis=1).max(initial=0.0))
-    return float(max(found))

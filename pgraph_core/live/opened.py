@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..batches.paths import KINDS, Path
-from ..dynamics.states import length_in
 from ..engine.packing import pack
 from ..errors import InputError, PgraphError, Problem, choices
 from ..mechanism import Mechanism
 from ..model import Model
 from ..model.fields import about
+from ..packing.system import length_in
 from .run import BASE, LiveRun
 
 TRIED = 3  # values within the range, besides its ends

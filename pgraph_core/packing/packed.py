@@ -18,7 +18,7 @@ from ..model.force import Between
 from ..topology import Topology
 from .constraints import Blocks, blocks
 from .forces import NO_LOADS, bends, drives, loads, on_bodies
-from .system import Array, Drives, Ints, Loads, System, system
+from .system import Array, Drives, Ints, Loads, System, length_in, system
 
 INT, EMPTY = np.dtype(np.int64), np.empty
 NOWHERE = np.zeros((0, 3)), np.zeros((0, 3, 3))
@@ -86,6 +86,11 @@ class Packed:
         row, parent, dof = (numbers[:, k].copy() for k in (at.TABLE, at.BODY_PARENT, at.DOF))
         row -= 1
         return Topology(tuple([names[i] for i in row.tolist()]), row, parent, dof)
+
+    @cached_property
+    def length(self) -> float:
+        """Largest of the mechanism's own lengths: links, centres of mass, radii of gyration [m]."""
+        return length_in(self.const)
 
     @cached_property
     def joints(self) -> Mapping[str, Joint]:

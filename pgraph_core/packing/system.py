@@ -38,6 +38,20 @@ def system(arrays: Arrays, nq: int) -> System:
     return System(rows, const, bodies_i, bodies_f, home[:nq], home[nq:], body_of_row)
 
 
+def length_in(const: Array) -> float:
+    """Largest of a mechanism's own lengths [m], from the constants of its rows.
+
+    Of links, centres of mass and radii of gyration.
+    """
+    const = const[1:]
+    mass = np.where(const[:, at.MASS] > 0, const[:, at.MASS], np.inf)
+    gyration = const[:, at.INERTIA : at.INERTIA + 3].sum(axis=1) / mass
+    found = [np.sqrt(gyration.max(initial=0.0))]
+    for column in (at.LINK, at.COM):
+        found.append(np.linalg.norm(const[:, column : column + 3], axis=1).max(initial=0.0))
+    return float(max(found))
+
+
 def joint_coordinates(packed: System, number: int) -> list[tuple[int, int]]:
     """(index into v, index into q or -1) of each degree of freedom of a body's joint."""
     found: list[tuple[int, int]] = []

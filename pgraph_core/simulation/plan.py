@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from ..dynamics.arguments import finite, position
 from ..dynamics.bodies import bodies_over
 from ..dynamics.scene import Scene, contact_tables
-from ..dynamics.states import length_of
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.compiler.address import address_of
@@ -243,7 +242,7 @@ def _what_acts(
     return Plan(
         RK4, NO_TIMES, mech.packed.drives(forces), mech.packed.loads(forces), active,
         contacts=contacts, changes=changes, conditions=conditions_of(mech, switches, contacts),
-        length=length_of(mech.packed),
+        length=mech.packed.length,
     )  # fmt: skip
 
 

@@ -38,8 +38,10 @@ if TYPE_CHECKING:
 CHUNK = 0.02  # s of computation between two calls of `progress`
 PULSE = 0.2  # of the largest acceleration: what a pulse that counts makes
 UNFELT = 0.02  # of that: what the motion shows of it
-SHORT = 64  # frames: a longer run costs more than what it steps in
+KEPT = 2**14  # numbers in the frames of a run, for which a mechanism keeps room
 FIRST = 16384  # freedoms in the first chunk, times steps: a few milliseconds
+NO_FORCES = Named({}, *OF_CONSTRAINTS)
+NO_CHANGES = table(PHASE_CHANGE, 0)
 NO_MONITORS = np.zeros((4, 0))
 Progress = Callable[[float], Any] | None
 
@@ -95,7 +97,7 @@ class Recording:
             self.scene.switch(plan.active)
         if plan.changes:
             self._stop_at_next()
-        self._changes = [table(PHASE_CHANGE, 0)]  # of contact phases, as logged by the kernels
+        self._changes = [NO_CHANGES]  # of contact phases, as logged by the kernels
         self._unlogged = 0  # changes that there was no room for
         self._first: Instant | None = None  # the state in which constraints are met
         self._redundant = False  # whether constraints are redundant there
@@ -124,9 +126,10 @@ class Recording:
 
     def _short(self) -> bool:
         """Whether a run by this plan is short, and leaves nothing behind in scene and loop."""
-        plan = self.plan
+        plan, mech = self.plan, self.mech
         acts = plan.contacts or plan.declared or len(plan.ever) or plan.changes or plan.conditions
-        return not acts and self.user is None and self.watch is None and len(plan.times) <= SHORT
+        size = len(plan.times) * (mech.nq + 2 * mech.nv + 6)
+        return not acts and self.user is None and self.watch is None and size <= KEPT
 
     def leave(self) -> None:
         """The run is over: the next one like it may go on in its workplace."""
@@ -634,9 +637,10 @@ class Recording:
             q, v, vdot, energy, drift, pushes, touches, missed, t = (
                 a.copy() for a in (q, v, vdot, energy, drift, pushes, touches, missed, t)
             )
-        forces: dict[str, Array] = {}
+        forces = NO_FORCES
         if len(self.plan.ever):
-            forces = self.scene.forces(wrenches.swapaxes(0, 1).copy(), self.plan.ever)
+            found = self.scene.forces(wrenches.swapaxes(0, 1).copy(), self.plan.ever)
+            forces = Named(found, *OF_CONSTRAINTS)
         counters, contacts = by_name(steps.counters), NOTHING
         if self.plan.declared is not None or self.plan.contacts or self.ended.log:
             contacts = self._contacts((t, pushes, touches, missed), q)
@@ -668,7 +672,7 @@ class Recording:
             work=energy[:, 2],
             dissipation=energy[:, 3],
             constraint_drift=drift,
-            constraint_force=Named(forces, *OF_CONSTRAINTS),
+            constraint_force=forces,
             contacts=contacts,
             counters=counters,
             timing=timing,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..dynamics.bodies import bodies_over, turned
-from ..dynamics.states import angles, length_of
+from ..dynamics.states import angles
 from ..engine import layout as at
 from ..mechanism import Mechanism
 from ..packing.system import Array
@@ -154,7 +154,7 @@ def differences(found: Observables, reference: Observables, scale: float) -> Arr
 def reach(mech: Mechanism) -> float:
     """The characteristic length: the longest path from a root to a tip, along the links [m]."""
     model, far = mech.model, {"ground": 0.0}
-    longest = length_of(mech.packed)
+    longest = mech.packed.length
     for name in mech.names:
         body = model.body(name)
         link = 0.0 if body.parent == "ground" else float(np.linalg.norm(body.link))
@@ -173,7 +173,7 @@ def joint_errors(mech: Mechanism, q: Array, other: Array) -> Array:
     """
     rows = mech.packed.system.rows[1:].tolist()
     found = np.zeros((len(q), len(rows)))
-    size = length_of(mech.packed)
+    size = mech.packed.length
     for k, (_, kind, i, _) in enumerate(rows):
         a, b = q[:, i : i + 7], other[:, i : i + 7]
         if kind == at.ROTATE:

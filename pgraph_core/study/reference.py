@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..dynamics.states import length_of
 from ..errors import InputError, PgraphError, refusal
 from ..integrators import METHODS
 from ..mechanism import Mechanism
@@ -275,9 +274,7 @@ def known_motion(
     tries = _opinions(mech.nv, rate * task.t_end, task.impulses, step, rtol, allowed)
     done: list[tuple[Result, float]] = []
     for run in _completed(task, tries, lambda: progress, True, []):
-        done.append(
-            (run, float(run.error_estimate) * max(1.0, 1.0 / (length_of(mech.packed) or 1.0)))
-        )
+        done.append((run, float(run.error_estimate) * max(1.0, 1.0 / (mech.packed.length or 1.0))))
         if len(done) == 2:
             break
     if not done:

@@ -7,7 +7,6 @@ from enum import StrEnum
 
 import numpy as np
 
-from ..dynamics.states import length_of
 from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..packing.system import Array
@@ -106,7 +105,7 @@ def evidence(
         step_limit=step_limit(cell.method, known.rate),
         energy_lost=steady_loss(growth),
         energy_gained=float(growth.max(initial=0.0)),
-        constraint_drift=drift / (length_of(mech.packed) or 1.0),
+        constraint_drift=drift / (mech.packed.length or 1.0),
         evaluations=whole.counters["evaluations"],
     )
     return Evidence(target, mech, whole, known, errors, growth, cell)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..dynamics.states import differences, length_of
+from ..dynamics.states import differences
 from ..errors import PgraphError
 from ..mechanism import Mechanism
 from ..packing.system import Array
@@ -97,7 +97,7 @@ def off(mech: Mechanism, run: Result, truth: Array) -> tuple[float, float]:
     around, slid = (
         float(x.max()) for x in differences(rows, truth, np.broadcast_to(truth[:1], truth.shape))
     )
-    size = max(around, 1.0) if turned >= moved else max(slid, length_of(mech.packed))
+    size = max(around, 1.0) if turned >= moved else max(slid, mech.packed.length)
     return max(turned, moved) / (size or 1.0), size or 1.0
 
 

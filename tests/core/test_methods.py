@@ -7,7 +7,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import pgraph_core as pg
-from pgraph_core.dynamics.states import length_of
 from pgraph_core.engine import layout as at
 from pgraph_core.engine.compiler.address import address_of
 from pgraph_core.engine.compiler.jit import kernel
@@ -343,7 +342,7 @@ def watched(mech, q, rtol, wanted=0):
     times = frame_times(0.0, 3.0, 31, None)
     method = pg.integrators.DOP853
     plan = Plan(
-        method, times, drives, NO_LOADS, none, tolerance=tolerance, length=length_of(mech.packed)
+        method, times, drives, NO_LOADS, none, tolerance=tolerance, length=mech.packed.length
     )
     record = Recording(mech, plan, q, np.zeros(mech.nv), None)
     links = links_of(method.name, False)
