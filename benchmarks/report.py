@@ -19,7 +19,7 @@ table): nothing is timed that does not agree.
 
 * A *step* is the time in which `simulate` builds and steps a run, without our error estimate, which
   has no counterpart; a *whole call* is everything, from the arguments to the result; a *batch* is
-  the whole call of `simulate_batch`, from equal initial states.
+  `reset` and `step` of a `BatchStepper`, from equal initial states.
 * *Stance* has four feet on the ground, twelve rows. A *whole run* counts an acceleration in the
   RK4 run of the scenario, projection and energy ledger included, against one call of a peer.
   `pin.constraintDynamics` runs at the coarsest settings that reach our accuracy (four iterations);

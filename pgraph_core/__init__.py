@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from .analysis.mobility import Mobility as Mobility
     from .batches.batch_stepper import BatchStepper as BatchStepper
     from .columns import Columns as Columns
-    from .dynamics.batch import Batch as Batch
     from .errors import FileError as FileError
     from .errors import InputError as InputError
     from .errors import ModelError as ModelError
@@ -74,8 +73,6 @@ if TYPE_CHECKING:
     from .result import Status as Status
     from .result.result import joined as joined
     from .simulation import simulate as simulate
-    from .simulation.batches import BatchResult as BatchResult
-    from .simulation.batches import simulate_batch as simulate_batch
     from .simulation.stepper import Stepper as Stepper
     from .simulation.walk import Walk as Walk
     from .study.map import StabilityMap as StabilityMap
@@ -110,7 +107,6 @@ _MODULES = {
     "gait.footing": "Footprint footprints footprints_csv underfoot",
     "gait.presets": "gaits",
     "mechanism": "Mechanism",
-    "dynamics.batch": "Batch",
     "model": (
         "Body Constraint Contact Cylindrical Distance Footfall Force Gains Gait Gear "
         "Ground Line Model Motion Motor Orientation Plane Point Polynomial Prismatic "
@@ -123,7 +119,6 @@ _MODULES = {
     "result": "Result Status",
     "result.result": "joined",
     "simulation": "simulate",
-    "simulation.batches": "BatchResult simulate_batch",
     "simulation.stepper": "Stepper",
     "simulation.walk": "Walk",
     "study.map": "StabilityMap",

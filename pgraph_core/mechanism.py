@@ -136,12 +136,6 @@ class Mechanism(Dynamics):
 
         return inverse_kinematics(self, targets, q, scenario)
 
-    def batch(self, size: int | None = None, **options: Any) -> Any:
-        """`Batch(self, size, models=..., threads=...)`: many instances at once."""
-        from .dynamics.batch import Batch  # compiled for lanes
-
-        return Batch(self, size, **options)
-
 
 def mechanism_of(value: Any, where: str) -> Mechanism:
     """The mechanism of a Mechanism or a Model, for `where`. Raises InputError for other types."""

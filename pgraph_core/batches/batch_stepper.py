@@ -12,7 +12,7 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
-from ..dynamics.arguments import position
+from ..dynamics.arguments import check_attitudes
 from ..engine import layout as at
 from ..errors import InputError, PgraphError, Problem, choices, explained, shown
 from ..mechanism import Mechanism, mechanism_of
@@ -43,7 +43,7 @@ class BatchStepper(Portable):
     an array (nv,) or (size, nv), or a function of (t, q, v) compiled by `numba.njit`.
 
     An instance takes the steps that it would take alone in a `Stepper`, bit for bit, whatever its
-    neighbours and the number of `threads` (all cores by default). Free trees without motors that
+    neighbours and the number of `threads` (all cores by default). Free trees without servos that
     differ in their bodies alone are stepped in SIMD lanes, equal to rounding. An instance that
     fails stays at its last good state, in lanes that before the call, is named in `failures`, and
     takes no further steps until it is reset.
@@ -132,7 +132,7 @@ class BatchStepper(Portable):
     @property
     def work(self) -> Array:
         """(size,) work of motors, servos and given torques since the start [J]."""
-        return self._many.work.copy()
+        return self._many.ledger[:, at.WORK_DONE].copy()
 
     @property
     def ok(self) -> NDArray[np.bool_]:
@@ -186,10 +186,13 @@ class BatchStepper(Portable):
 
         `tau` (size, nv) or (nv,) acts in them, in place of the array given at the start.
         """
-        given = self._tau if tau is None else _table("tau", tau, self.size, self.mech.nv)
-        self._many.given[:] = given
+        self._give(tau)
         self._many.step(_whole("n", n, 1))
         return self.ok
+
+    def _give(self, tau: Any) -> None:
+        given = self._tau if tau is None else _table("tau", tau, self.size, self.mech.nv)
+        self._many.given[:] = given
 
     def reset(self, q: Any = None, v: Any = None, which: Any = None, numbers: Any = None) -> None:
         """Start instances again at t = 0, from (q, v) or from their initial states where None.
@@ -229,11 +232,29 @@ class BatchStepper(Portable):
         self._many.states[i] = worker.state()
 
     def _configurations(self, q: Any, n: int) -> Array:
-        """(n, nq) with quaternions at length one. Raises InputError."""
+        """(n, nq) finite, whose quaternions have a direction. Raises InputError."""
         table = _table("q", q, n, self.mech.nq)
-        if len(self.mech.packed.quaternion_rows):
-            table = np.array([position(self.mech.packed, row) for row in table])
+        check_attitudes(self.mech.packed, table)
         return table
+
+    def acceleration(self, tau: Any = None) -> Array:
+        """v' (size, nv) at the states, with all forces, constraints and contacts.
+
+        `tau` as of `step`.
+        """
+        self._give(tau)
+        return self._many.accelerations()
+
+    def inverse_dynamics(self, vdot: Any) -> Array:
+        """τ (size, nv) that gives v' (size, nv) at the states, in addition to passive forces.
+
+        As of `Mechanism.inverse_dynamics`: constraints and contacts are left out. Raises InputError
+        where instances are not stepped in lanes.
+        """
+        if not isinstance(self._many, TreeLanes):
+            text = "is for free trees that are stepped in lanes; call `inverse_dynamics` of a "
+            raise _refused("", text + "mechanism for each instance", "inverse_dynamics")
+        return self._many.torques(_table("vdot", vdot, self.size, self.mech.nv))
 
     def target(self, servo: str, value: Any) -> None:
         """Give a servo another target [rad, m], (size,) or one for all, constant from now on."""

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from functools import partial
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache, partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from ..dynamics.batch import pool
 from ..engine import layout as at
 from ..engine.compiler.address import address_of, address_of_function
 from ..engine.stepping import many, run
@@ -88,6 +88,11 @@ class Worker:
         record.ended = Outcome()
         return "" if record.begin() else record.ended.message
 
+    def vdot(self) -> Array:
+        """v' (nv,) at the state in the run."""
+        self.stepper.recording.look()
+        return self.stepper.recording.out.vdot[0].copy()
+
     def state(self) -> Ints:
         """The state in the run as a row."""
         return words_of(self._kept[0])
@@ -123,7 +128,7 @@ class Instances:
         nq, nv = len(steps.q), len(steps.v)
         y = Place(arrays, arrays[0]).of(self.states)
         self.q, self.v = y[:, :nq], y[:, nq : nq + nv]
-        self.work = y[:, nq + nv + at.WORK_DONE]
+        self.ledger = y[:, nq + nv :]  # work done and dissipation [J]
         self.control = Place(arrays, steps.control_table).of(self.states)[:, 0]
         self.given = Place(arrays, scene.given).of(self.states) if nv else np.zeros((size, 0))
         knots, servos = record.plan.drives.knots, workers[0].stepper.servos
@@ -143,6 +148,10 @@ class Instances:
         while n > 0:
             self.spread(partial(self._part, min(n, most)), len(self.codes))
             n -= most
+
+    def accelerations(self) -> Array:
+        """v' (m, nv) at the states."""
+        return np.array([self.into_worker(i).vdot() for i in range(len(self.kind))])
 
     def spread(self, work: Callable[[int, int, int], object], count: int) -> None:
         """`work(part, begin, end)` of `count` things in as many parts as there are workers."""
@@ -176,6 +185,12 @@ class Instances:
         self._part(0, 0, i, i + 1)
         self.codes[i] = code
         return worker
+
+
+@cache
+def pool(threads: int) -> ThreadPoolExecutor:
+    """Threads kept between batches: starting them costs as much as a small one."""
+    return ThreadPoolExecutor(threads)
 
 
 COPY = address_of_function(ctypes.memmove)

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
-from ..dynamics.batch import from_lanes, some, to_lanes
 from ..engine import layout as at
 from ..engine.compiler.address import unnamed
 from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.stepping import batch as kernels
-from ..packing.system import Array, Ints
+from ..packing.system import Array, Ints, Loads
 from ..simulation.stepper import Stepper
 from .instances import Instances, number_arrays
 
@@ -19,15 +19,13 @@ METHODS = ("rk4", "semi_implicit_euler")
 
 
 def fits_lanes(stepper: Stepper, varying: Ints) -> bool:
-    """Whether these are trees of springs, dampers and given torques that differ in bodies alone."""
-    record = stepper.recording
-    scene, plan = record.scene, record.plan
-    tables = len(plan.drives.table) > plan.drives.passive or len(plan.loads.knots) > 0
-    branches = len(scene.active) > 1 or scene.touching is not None or record.user is not None
-    if stepper.method not in METHODS or tables or branches:
+    """Whether these are trees that differ in bodies alone, without servos and functions."""
+    scene = stepper.recording.scene
+    branches = len(scene.active) > 1 or scene.touching is not None or scene.user is not None
+    if stepper.method not in METHODS or stepper.servos or branches:
         return False
     _, places = _const_places(stepper)
-    always = sum(a.size for a in record.steps.given)
+    always = sum(a.size for a in stepper.recording.steps.given)
     return bool(np.isin(varying[varying >= always], places).all())
 
 
@@ -54,46 +52,115 @@ class TreeLanes(Instances):
         self._columns, self._words = np.flatnonzero(inside), varying[inside] - first
         self._const: tuple[Ints, Array] | None = None
         self._shared = const.copy()
-
-    def _constants(self) -> Array:
-        """Shared by all, or (blocks, rows, columns, W) of each."""
-        if not len(self._columns):
-            return self._shared
-        if self._const is None or not np.array_equal(self._const[0], self.kind):
-            each = np.repeat(self._shared.reshape(1, -1), len(self.numbers), axis=0)
-            each[:, self._words] = self.numbers[:, self._columns].view(np.float64)
-            own = each[self.kind].reshape(-1, *self._shared.shape)
-            self._const = self.kind.copy(), to_lanes(own, -(-len(self.kind) // LANE_WIDTH))
-        return self._const[1]
+        plan = stepper.recording.plan
+        self._timed = len(plan.drives.table) > plan.drives.passive or len(plan.loads.knots) > 0
 
     def step(self, n: int) -> None:
         """n steps of all instances that run; `given` acts."""
-        stepper, blocks = self.workers[0].stepper, -(-len(self.kind) // LANE_WIDTH)
-        record = stepper.recording
-        plan, packed = record.plan, record.scene.packed
-        nq, nv = packed.nq, packed.nv
-        method = plan.method
-        width = float(self.control["widest"][0])
-        q, v, given = (to_lanes(x, blocks) for x in (self.q, self.v, self.given))
-        out = tuple(np.empty((blocks, 2, k, LANE_WIDTH)) for k in (nq, nv))
-        system: tuple[Any, ...] = (
-            packed.rows, self._constants(), unnamed(plan.drives), some(plan.loads),
-            method.tableau[:3], np.array([0.0, n * width]), np.array([n]), np.array([width]),
-        )  # fmt: skip
+        for which in self._at_one_time(np.flatnonzero(self.codes == at.RUNNING)):
+            self._advance(which, n)
 
-        def work(_: int, begin: int, end: int) -> None:
-            stages = np.zeros((at.STAGE + method.evaluations, nq + nv, LANE_WIDTH))
-            space = np.zeros((len(packed.rows), at.WORK, LANE_WIDTH))
-            kernels.run(*system, q, v, given, space, stages, out, 0, 2, begin, end)
+    def _advance(self, which: Ints, n: int) -> None:
+        plan, control = self.workers[0].stepper.recording.plan, self.control
+        # of the dissipation nobody asks
+        works = self._timed or self.given[which].any()
+        parts = self.q, self.v, self.ledger if works else self.ledger[:, :0]
+        method, size = plan.method, sum(x.shape[1] for x in parts)
+        *state, given = (to_lanes(x[which]) for x in (*parts, self.given))
+        clock = float(control["time"][which[0]]), float(control["widest"][0]), n
+        acts = (*self._acts(which, plan.drives, plan.loads), method.tableau[:3], *clock)
 
-        self.spread(work, blocks)
-        new_q, new_v = (from_lanes(x, len(self.kind)) for x in (q, v))
-        good = np.isfinite(new_q).all(axis=1) & np.isfinite(new_v).all(axis=1)
-        runs = self.codes == at.RUNNING
-        taken, control = runs & good, self.control
-        self.q[taken], self.v[taken] = new_q[taken], new_v[taken]
+        def work(begin: int, end: int, space: Array) -> None:
+            stages = np.zeros((at.STAGE + method.evaluations, size, LANE_WIDTH))
+            kernels.run(*acts, *state, given, space, stages, begin, end)
+
+        self._in_blocks(work, len(given))
+        new = [from_lanes(x, len(which)) for x in state]
+        good = np.isfinite(np.concatenate(new, axis=1)).all(axis=1)
+        taken, lost = which[good], which[~good]
+        for own, found in zip(parts, new):
+            own[taken] = found[good]
         control["taken"][taken] += n
-        control["time"][taken] = (control["origin"] + control["taken"] * control["widest"])[taken]
-        control["failed"][runs & ~good] = control["time"][runs & ~good]
-        control["fastest"][runs & ~good] = 1
-        self.codes[runs & ~good] = at.NOT_FINITE
+        now = control["origin"] + control["taken"] * control["widest"]
+        control["time"][taken] = now[taken]
+        control["failed"][lost], control["fastest"][lost] = control["time"][lost], 1
+        self.codes[lost] = at.NOT_FINITE
+
+    def accelerations(self) -> Array:
+        """v' (m, nv) at the states, with all forces."""
+        found = np.empty(self.v.shape)
+        for which in self._at_one_time(np.arange(len(self.kind))):
+            found[which] = self._accelerations(which)
+        return found
+
+    def _accelerations(self, which: Ints) -> Array:
+        plan = self.workers[0].stepper.recording.plan
+        q, v, given = (to_lanes(x[which]) for x in (self.q, self.v, self.given))
+        out, t = np.empty_like(v), float(self.control["time"][which[0]])
+        acts = self._acts(which, plan.drives, plan.loads)
+
+        def work(begin: int, end: int, space: Array) -> None:
+            tau = np.empty_like(v[0])
+            kernels.forward_dynamics(*acts, t, q, v, given, space, tau, out, begin, end)
+
+        self._in_blocks(work, len(q))
+        return from_lanes(out, len(which))
+
+    def torques(self, vdot: Array) -> Array:
+        """τ (m, nv) that gives v' (m, nv) at the states, in addition to passive forces."""
+        packed = self.workers[0].stepper.mech.packed
+        q, v, rates = (to_lanes(x) for x in (self.q, self.v, vdot))
+        acts = self._acts(np.arange(len(self.kind)), packed.passive, packed.passive_loads)
+        out, none = np.empty_like(v), np.zeros((0, LANE_WIDTH))
+
+        def work(begin: int, end: int, space: Array) -> None:
+            passive = np.empty_like(v[0])
+            kernels.inverse_dynamics(*acts, q, v, rates, space, passive, none, out, begin, end)
+
+        self._in_blocks(work, len(q))
+        return from_lanes(out, len(self.kind))
+
+    def _at_one_time(self, which: Ints) -> Iterator[Ints]:
+        """The instances in groups of one time, where forces depend on it."""
+        times = self.control["time"][which] if self._timed else np.zeros(len(which))
+        for t in np.unique(times):
+            yield which[times == t]
+
+    def _acts(self, which: Ints, drives: Any, loads: Loads) -> tuple[Any, ...]:
+        """Rows, constants, drives and loads of instances, as kernels of lanes take them.
+
+        Where there are no loads, nothing of them is compiled.
+        """
+        some = unnamed(loads) if len(loads.table) else None
+        rows = self.workers[0].stepper.mech.packed.rows
+        return rows, self._constants(self.kind[which]), unnamed(drives), some
+
+    def _constants(self, kind: Ints) -> Array:
+        """Shared by all, or (blocks, rows, columns, W) of each."""
+        if not len(self._columns):
+            return self._shared
+        if self._const is None or not np.array_equal(self._const[0], kind):
+            each = np.repeat(self._shared.reshape(1, -1), len(self.numbers), axis=0)
+            each[:, self._words] = self.numbers[:, self._columns].view(np.float64)
+            self._const = kind, to_lanes(each[kind].reshape(-1, *self._shared.shape))
+        return self._const[1]
+
+    def _in_blocks(self, work: Callable[[int, int, Array], None], count: int) -> None:
+        """`work(begin, end, workspace)` of `count` blocks of lanes over the threads."""
+        shape = len(self.workers[0].stepper.mech.packed.rows), at.WORK, LANE_WIDTH
+        self.spread(lambda _, begin, end: work(begin, end, np.zeros(shape)), count)
+
+
+def to_lanes(array: Array) -> Array:
+    """(m, ...) as (blocks, ..., W), the last instance repeated."""
+    blocks = -(-len(array) // LANE_WIDTH)
+    missing = blocks * LANE_WIDTH - len(array)
+    padded = np.concatenate((array, np.repeat(array[-1:], missing, axis=0)))
+    shaped = padded.reshape(blocks, LANE_WIDTH, *array.shape[1:])
+    return np.ascontiguousarray(np.moveaxis(shaped, 1, -1))
+
+
+def from_lanes(blocks: Array, size: int) -> Array:
+    """(blocks, ..., W) as (size, ...)."""
+    moved = np.moveaxis(blocks, -1, 1)
+    return moved.reshape(len(blocks) * LANE_WIDTH, *moved.shape[2:])[:size].copy()

@@ -46,14 +46,22 @@ def position(packed: Packed, q: Any) -> Array:
     Raises InputError.
     """
     q = finite("q", q, packed.nq)
+    if packed.quaternion_rows:
+        check_attitudes(packed, q[None])
+    return q
+
+
+def check_attitudes(packed: Packed, q: Array) -> None:
+    """Raise InputError where a quaternion of q (n, nq) has no direction."""
     rows = packed.rows
     for k in packed.quaternion_rows:
         i = rows[k, at.QI] + (3 if rows[k, at.KIND] == at.FREE else 0)
-        length = float(np.linalg.norm(q[i : i + 4]))
-        if not 1e-3 < length < 1e3:
+        lengths = np.linalg.norm(q[:, i : i + 4], axis=1)
+        wrong = np.flatnonzero(~((lengths > 1e-3) & (lengths < 1e3)))
+        if len(wrong):
             text = f"the quaternion [w, x, y, z] of '{packed.body_of(k)}' at q[{i}] must have "
-            raise InputError(Problem("q", "", f"{text}length 1; its length is {length:.6g}"))
-    return q
+            text += f"length 1; its length is {lengths[wrong[0]]:.6g}"
+            raise InputError(Problem("q", "", text))
 
 
 def wrong_type(where: str, field: str, wanted: str, value: Any) -> InputError:

@@ -39,7 +39,9 @@ def test_the_machine_code_of_no_kernel_calls_an_allocator():
     for _ in warm_up():
         pass
     mech = pg.Mechanism(pg.Model.serial(2))
-    mech.batch(1).forward_dynamics(*(x[None] for x in mech.home()))  # lanes: when first asked for
+    batch = pg.BatchStepper(mech, 1)  # lanes: when first asked for
+    batch.step()
+    batch.inverse_dynamics(batch.acceleration())
     for name, (dispatcher, _) in KERNELS.items():
         files = list(cache_folder().glob(f"{dispatcher._cache._impl.filename_base}.*.kernel"))
         assert files, name

@@ -113,8 +113,8 @@ def public_objects() -> dict[str, Any]:
     controller = walk.controller
     controller(0.0, *walk.controller.start())
     tree = pg.Mechanism(pg.Model.serial(3))
-    batch = pg.Batch(tree, 3)
-    batch.forward_dynamics(np.zeros((3, tree.nq)), np.zeros((3, tree.nv)))
+    batch = pg.BatchStepper(tree, 3)
+    batch.step()
     assert mech.topology.number(mech.names[0]) == 1
     return {
         "Model": model,
@@ -129,8 +129,7 @@ def public_objects() -> dict[str, Any]:
         "Result of a walk": part,
         "Walk": walk,
         "Controller": controller,
-        "Batch": batch,
-        "BatchResult": pg.simulate_batch(tree, np.zeros((2, 3)), np.zeros((2, 3)), t_end=0.01),
+        "BatchStepper": batch,
         "footprints": pg.footprints(part),
         "Case": pgraph_models.cases(pgraph_models.case_names()[0])[0],
         "Status": run.status,
@@ -156,9 +155,8 @@ def test_public_objects_travel(kind: str, how: str) -> None:
     if kind == "Controller":
         start = value.start()
         assert np.array_equal(sent(0.1, *start), value(0.1, *start))
-    if kind == "Batch":
-        q, v = np.full((3, 3), 0.1), np.full((3, 3), 0.2)
-        assert np.array_equal(sent.forward_dynamics(q, v), value.forward_dynamics(q, v))
+    if kind == "BatchStepper":
+        assert np.array_equal(sent.acceleration(), value.acceleration())
 
 
 @pytest.mark.parametrize("kind", ["Model", "Mechanism", "Topology", "Result", "Walk", "Controller"])

@@ -43,13 +43,6 @@ def test_a_model_is_simulated_as_its_mechanism():
     np.testing.assert_array_equal(mine.q, theirs.q)
 
 
-def test_a_batch_takes_a_model():
-    model = double_pendulum()
-    q, v = (np.tile(x, (3, 1)) for x in pg.Mechanism(model).home())
-    done = pg.simulate_batch(model, q, v, t_end=0.01)
-    assert done.finite.all()
-
-
 @pytest.mark.parametrize("given", ["double_pendulum.json", None, 3, {"bodies": ()}])
 def test_other_things_than_models_are_refused_in_a_sentence(given):
     with pytest.raises(pg.InputError, match=r"pg\.Mechanism or a pg\.Model"):

@@ -141,7 +141,7 @@ def test_what_holds_arrays_has_no_hash(run):
     ("call", "wanted"),
     [
         (pg.Mechanism, r"Mechanism, model: must be a pg\.Model; given 'arm'; .*load\('arm'\)"),
-        (lambda x: pg.Batch(x, 3), r"batch, mech: must be a pg\.Mechanism or a pg\.Model; .*load"),
+        (lambda x: pg.BatchStepper(x, 3), r"BatchStepper, mechanism: must be a pg\.Mechanism or"),
         (pg.stability_map, r"stability_map, mechanism: must be a pg\.Mechanism or a pg\.Model; "),
         (pg.verify, r"verify, case: must be a pg\.Case, .* given 'arm'$"),
         (pg.footprints, r"footprints, run: must be a pg\.Result, .* given 'arm'$"),
@@ -152,10 +152,6 @@ def test_a_wrong_type_is_refused_in_a_sentence(call, wanted):
         call("arm")
     with pytest.raises(pg.InputError, match="given None"):
         call(None)
-
-
-def test_a_batch_is_made_of_a_model():
-    assert pg.Batch(ROD, 3).size == 3
 
 
 # -- what a run says of itself ---------------------------------------------------------------------

@@ -24,9 +24,11 @@ told("stiff_pendulum", t_end=0.5, step=1e-2, method="radau5")
 told("quadruped", t_end=0.3, scenario="bound")
 mech = pg.Mechanism(pg.Model.load(pgraph_models.path("quadruped")))
 q, v = mech.home()
-many = mech.batch(5, constraints="ignore")
+tree = mech.model.replace(constraints=(), contacts=(), scenarios=())
+many = pg.BatchStepper(tree, 5)
 q, v = (np.repeat([x], 5, axis=0) + 0.01 * np.arange(5)[:, None] * (x == 0.0) for x in (q, v))
-print(hashlib.sha256(many.forward_dynamics(q, v).tobytes()).hexdigest())
+many.reset(q, v)
+print(hashlib.sha256(many.acceleration().tobytes()).hexdigest())
 """
 
 

@@ -19,15 +19,15 @@ from .state import copied
 
 
 @kernel(None, nogil=True)
-def forward_dynamics(rows, const, drives, loads, q, v, given, work, tau, vdot, begin, end):
-    """v' of blocks `begin` to `end` - 1, eq. (26), springs and dampers included."""
+def forward_dynamics(rows, const, drives, loads, t, q, v, given, work, tau, vdot, begin, end):
+    """v' at time t of blocks `begin` to `end` - 1, eq. (26), with all forces."""
     w = lanes(work)
-    t = lanes(tau)
+    s = lanes(tau)
     for i in range(begin, end):
         c = constants(const, i)
         x = lanes(q[i])
         y = lanes(v[i])
-        derivative(rows, c, drives, loads, w, 0.0, x, y, lanes(given[i]), t, lanes(vdot[i]))
+        derivative(rows, c, drives, loads, w, t, x, y, lanes(given[i]), s, lanes(vdot[i]))
 
 
 @kernel(None, nogil=True)
@@ -54,38 +54,33 @@ def inverse_dynamics(rows, const, drives, loads, q, v, vdot, work, passive, none
 
 @kernel(None, nogil=True)
 def run(
-    rows, const, drives, loads, tableau, times, substeps, width, q, v, given, work, stages, out,
-    first, last, begin, end,
+    rows, const, drives, loads, tableau, t, h, number, q, v, ledger, given, work, stages,
+    begin, end,
 ):  # fmt: skip
-    """Frames `first` to `last` - 1 of blocks `begin` to `end` - 1; frame 0 is the given state."""
-    qs, vs = out
+    """`number` steps of width h from time t, of blocks `begin` to `end` - 1.
+
+    `ledger` (blocks, 2, W) adds up the work put in and what is dissipated [J]; (blocks, 0, W) where
+    nobody asks.
+    """
     w = lanes(work)
     s = lanes(stages)
     nq, nv = q.shape[1], v.shape[1]
     for block in range(begin, end):
-        c = constants(const, block)
-        x = lanes(q[block])
-        y = lanes(v[block])
-        trees = (rows, c, drives, loads, w, lanes(given[block]))
-        frames_q = lanes(qs[block])
-        frames_v = lanes(vs[block])
-        for j in range(nq):
-            s[at.Y, j] = x[j]
-        for j in range(nv):
-            s[at.Y, nq + j] = y[j]
-        for i in range(first, last):
-            if i > 0:
-                h = width[i - 1]
-                for n in range(substeps[i - 1]):
-                    step(trees, tableau, (nq, nv), times[i - 1] + n * h, h, s)
-            for j in range(nq):
-                frames_q[i, j] = s[at.Y, j]
-            for j in range(nv):
-                frames_v[i, j] = s[at.Y, nq + j]
-        for j in range(nq):
-            x[j] = s[at.Y, j]
-        for j in range(nv):
-            y[j] = s[at.Y, nq + j]
+        trees = (rows, constants(const, block), drives, loads, w, lanes(given[block]))
+        parts = (lanes(q[block]), lanes(v[block]), lanes(ledger[block]))
+        state = s[at.Y]
+        first = 0
+        for part in parts:
+            for j in range(part.shape[0]):
+                state[first + j] = part[j]
+            first += part.shape[0]
+        for n in range(number):
+            step(trees, tableau, (nq, nv), t + n * h, h, s)
+        first = 0
+        for part in parts:
+            for j in range(part.shape[0]):
+                part[j] = state[first + j]
+            first += part.shape[0]
 
 
 @sweep

@@ -27,17 +27,18 @@ KNOWN = 0.01  # of the scales: larger errors of a step, as in a wall, follow no 
 
 @sweep
 def derivative(rows, const, drives, loads, work, t, q, v, given, tau, vdot):
-    """v' of driven trees in lanes; `loads` is None if there are none."""
-    drive(drives, t, q, v, given, tau)
+    """v' of driven trees in lanes; their power put in, and dissipated [W]. `loads` may be None."""
+    put_in, dissipated = drive(drives, t, q, v, given, tau)
     if loads is None:
         articulated(rows, const, q, v, tau, work, vdot)
-    else:
-        outboard(rows, const, work, q, v)
-        linear = work[:, at.VELOCITY : at.VELOCITY + 3]
-        moving(rows, const, work, v, linear)
-        apply_loads(Loads(loads[0], loads[1]), work, linear, t)
-        inboard(rows, const, work, tau)
-        joint_acceleration(rows, const, work, vdot)
+        return put_in, dissipated
+    outboard(rows, const, work, q, v)
+    linear = work[:, at.VELOCITY : at.VELOCITY + 3]
+    moving(rows, const, work, v, linear)
+    more, lost = apply_loads(Loads(loads[0], loads[1]), work, linear, t)
+    inboard(rows, const, work, tau)
+    joint_acceleration(rows, const, work, vdot)
+    return put_in + more, dissipated + lost
 
 
 @sweep
@@ -49,7 +50,7 @@ def moving(rows, const, work, v, linear):
 
 @sweep
 def slope(run, trees, size, t, row, out, stages):
-    """v' at the state in `row`, and of a run its power, into row `out`."""
+    """v' and the power at the state in `row` into row `out`."""
     if run is not None:
         acceleration_of(run, t, row, out)
     if trees is not None:
@@ -58,7 +59,10 @@ def slope(run, trees, size, t, row, out, stages):
         q = stages[row, :nq]
         v = stages[row, nq : nq + nv]
         vdot = stages[out, nq : nq + nv]
-        derivative(rows, const, drives, loads, work, t, q, v, given, stages[at.TORQUE, :nv], vdot)
+        tau = stages[at.TORQUE, :nv]
+        powers = derivative(rows, const, drives, loads, work, t, q, v, given, tau, vdot)
+        if stages.shape[1] > nq + nv:  # work is asked for
+            stages[out, nq + nv], stages[out, nq + nv + 1] = powers
 
 
 # -- steps ----------------------------------------------------------------------------------------
