@@ -356,8 +356,8 @@ class Model(World):
         away = math.dist(place, other.place(tip))
         if away < 1e-9:
             return f"{text}, the tip of '{cut.other}'"
-        return f"{text}, {away:.4g} m from the tip of '{cut.other}'; to close it there give "
-        f"other_point={shown(tip)}"
+        text += f", {away:.4g} m from the tip of '{cut.other}'; to close it there give "
+        return f"{text}other_point={shown(tip)}"
 
     def _with_formulas(self, name: str, changes: Mapping[str, Any]) -> Self:
         """The edit of a body that is given formulas in place of some of its numbers."""

@@ -33,7 +33,6 @@ TOUCHING = 1e-9  # relative to the size of the coordinates: a gap that is none a
 SAME_TIME = 1e-10  # s: touchdowns within it are one impact
 UNRESOLVED = 2e-10  # s: an instant of touchdown that rounding hides; the bounces are over
 SHORTEST = 1e-11  # s: a flight below it is none
-STUCK = 1e-8  # of the characteristic speed: slip that has ended
 ALIGNED = 1e-10  # rad: a direction of slip this near is found
 MOST_TURNS = 100
 LEFT = 2.0  # times the rounding of a gap: a point that has left

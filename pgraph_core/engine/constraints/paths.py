@@ -14,7 +14,6 @@ from ..rows import (
     FREE,
     ROTATE,
     TRANSLATE,
-    acceleration_of,
     axis_of,
     ball_of,
     inertia_of,
@@ -30,7 +29,7 @@ from ..rows import (
     solved_of,
     v_of,
 )
-from ..tree.kinematics import base_axes
+from ..tree.kinematics import base_axes, carried
 from ..vec import (
     accumulate,
     add,
@@ -250,8 +249,7 @@ def unspread(rows, const, work, speeds):
         p = parent_of(rows, k)
         i = v_of(rows, k)
         kind = kind_of(rows, k)
-        alpha, linear = acceleration_of(work, p)
-        linear = add_cross(linear, alpha, link_of(work, k))
+        alpha, linear = carried(work, p, k)
         if kind <= TRANSLATE:
             u0, u1 = projected_of(work, k)
             x = speeds[i]
@@ -285,8 +283,7 @@ def spread(rows, const, work, step):
         p = parent_of(rows, k)
         i = v_of(rows, k)
         kind = kind_of(rows, k)
-        alpha, linear = acceleration_of(work, p)
-        linear = add_cross(linear, alpha, link_of(work, k))
+        alpha, linear = carried(work, p, k)
         if kind <= TRANSLATE:
             u0, u1 = projected_of(work, k)
             u = dot(u0, alpha) + dot(u1, linear)

@@ -23,29 +23,30 @@ def normal_of(ground):
 
 
 @part
-def height(ground, p):
-    """Of the ground under a point, along the normal [m]."""
+def patch_under(ground, p):
+    """The last patch of the ground that a point is over; -1 where there is none."""
     x = dot(p, xyz(ground.plane[0].x))
     y = dot(p, xyz(ground.plane[0].y))
-    found = 0.0
+    found = -1
     for k in range(ground.patches.shape[0]):
         patch = ground.patches[k]
         if patch.x_low <= x <= patch.x_high and patch.y_low <= y <= patch.y_high:
-            found = patch.height
+            found = k
     return found
+
+
+@part
+def height(ground, p):
+    """Of the ground under a point, along the normal [m]."""
+    k = patch_under(ground, p)
+    return ground.patches[k].height if k >= 0 else 0.0
 
 
 @part
 def is_box(ground, p):
     """Whether a box touches under a point, and not the plane."""
-    x = dot(p, xyz(ground.plane[0].x))
-    y = dot(p, xyz(ground.plane[0].y))
-    found = 0
-    for k in range(ground.patches.shape[0]):
-        patch = ground.patches[k]
-        if patch.x_low <= x <= patch.x_high and patch.y_low <= y <= patch.y_high:
-            found = patch.box
-    return found == 1
+    k = patch_under(ground, p)
+    return k >= 0 and ground.patches[k].box == 1
 
 
 @sweep

@@ -17,7 +17,7 @@ from .. import layout as at
 from ..arrays import CHANGE, EVENT_SCENE, I1, LAMBDA, RHS, STEP
 from ..compiler.address import plain, stored
 from ..compiler.jit import kernel, part, sweep
-from ..constraints.blocks import locate, residual_acceleration, slip, velocities
+from ..constraints.blocks import first_of, locate, residual_acceleration, slip, velocities
 from ..constraints.constraints import (
     couplings,
     number_rows,
@@ -119,7 +119,7 @@ def solve_points(blocks, work, space, contact, m, flow):
     held, k, count = m, 0, 0
     for s in range(points.shape[0]):
         if slides(points[s].phase):
-            held = min(held, slots[points[s].slide_block, at.FIRST])
+            held = min(held, first_of(slots, points[s].slide_block))
             k += 1
     for r in range(m):
         columns[k, r] = vectors[RHS, r]
@@ -170,7 +170,7 @@ def share_out(blocks, space, contact, count, held):
         for s in range(points.shape[0]):
             if points[s].phase == STANCE:
                 i = points[s].held_block
-                r = slots[i, at.FIRST]
+                r = first_of(slots, i)
                 if points[s].limit == 1:
                     step = (max(0.0, -lam[r]), 0.0, 0.0)
                     change[r] = step[0]
@@ -224,7 +224,7 @@ def slide_columns(blocks, work, space, contact, k, m):
         d = slip_direction(points, s, slip(blocks.blocks_i, i, work, space.linear, place))
         x = points[s].friction * dot(d, load(place, i, at.PLACE_D + 3))
         y = points[s].friction * dot(d, load(place, i, at.PLACE_D + 6))
-        n = slots[i, at.FIRST]
+        n = first_of(slots, i)
         for r in range(m):
             columns[j, r] = omega[r, n] - x * omega[r, n + 1] - y * omega[r, n + 2]
             columns[2 * k + 2 + j, r] = omega[r, n]
@@ -338,7 +338,7 @@ def share_slides(blocks, space, contact, held, k, work):
         u = slip(blocks.blocks_i, i, work, space.linear, place)
         d = slip_direction(points, s, u)
         drag = size * points[s].friction
-        n = slots[i, at.FIRST]
+        n = first_of(slots, i)
         lam[n] = size
         lam[n + 1] = -drag * dot(d, load(place, i, at.PLACE_D + 3))
         lam[n + 2] = -drag * dot(d, load(place, i, at.PLACE_D + 6))

@@ -14,6 +14,7 @@ from ..arrays import CHANGE, F1, LAMBDA, RHS, STEP, TAU, ZERO, Blocks, Frames, o
 from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
 from ..constraints.blocks import (
+    first_of,
     locate,
     residual,
     residual_acceleration,
@@ -24,6 +25,7 @@ from ..constraints.blocks import (
 from ..constraints.constraints import couplings, drift, number_rows, respond, unit_responses
 from ..motion import RECORD, call_acceleration, call_record
 from ..records import STANCE, SWING
+from ..rows import FREE, TRANSLATE, kind_of, parent_of
 from ..tree.articulated import inboard
 from ..tree.kinematics import accelerate, outboard, positions
 from ..vec import add_scaled, dot, load, scale, set_xyz, sub, xyz
@@ -97,7 +99,7 @@ def all_points(rows, const, blocks, work, space, contact, t, q, v):
     residual_velocity(observed, work, space, t, v, vectors[RHS])
     for s in range(points.shape[0]):
         i = points[s].slide_block
-        r = slots[i, at.FIRST]
+        r = first_of(slots, i)
         points[s].gap = vectors[CHANGE, r]
         points[s].gap_rate = vectors[RHS, r]
         if points[s].limit == 1:
@@ -120,10 +122,10 @@ def path_length(rows, const, work, k, p, n):
     length = abs(dot(sub(p, load(work, k, at.X)), n))
     while k > 0:
         length += abs(dot(load(work, k, at.L), n))
-        if rows[k, at.KIND] == at.TRANSLATE or rows[k, at.KIND] == at.FREE:
+        if kind_of(rows, k) == TRANSLATE or kind_of(rows, k) == FREE:
             link = load(const, k, at.LINK)  # which a displacement may have been taken from
             length += abs(link[0]) + abs(link[1]) + abs(link[2])
-        k = rows[k, at.PARENT]
+        k = parent_of(rows, k)
     return length
 
 
@@ -135,7 +137,7 @@ def point_force(rows, blocks, work, space, contact, s):
     slots, place, lam = space.slots, space.place, space.vectors[LAMBDA]
     slid = slides(points[s].phase)
     i = points[s].slide_block if slid else points[s].held_block
-    r = slots[i, at.FIRST]
+    r = first_of(slots, i)
     if points[s].limit == 1:
         points[s].normal_force = lam[r]
         axis = load(work, blocks_i[i, at.B_A], at.H)
@@ -192,7 +194,7 @@ def point_accelerations(scene, t, q, v, vdot, flow):
     residual_acceleration(observed, work, space, t, vdot, vectors[RHS])
     for s in range(points.shape[0]):
         i = points[s].slide_block
-        r = slots[i, at.FIRST]
+        r = first_of(slots, i)
         points[s].normal_acceleration = vectors[RHS, r]
         set_xyz(points[s].tangential_acceleration, (0.0, 0.0, 0.0))
         if points[s].limit == 0:

@@ -15,7 +15,7 @@ from ..compiler.address import plain, stored
 from ..compiler.elementary import asin, atan2
 from ..compiler.jit import kernel, part
 from ..constraints.blocks import velocities
-from ..rows import bias_of, set_bias, set_force
+from ..rows import axis_of, bias_of, parent_of, set_bias, set_force, v_of
 from ..tree.dynamics import newton_euler
 from ..tree.kinematics import outboard, positions
 from ..vec import (
@@ -194,8 +194,8 @@ def take_off_forces(rows, work, legs, feet, heading, tau):
             k = legs[f].foot
             while k > 1:
                 moment = cross(sub(place, load(work, k, at.X)), force)
-                tau[rows[k, at.VI]] -= dot(load(work, k, at.H), moment)
-                k = rows[k, at.PARENT]
+                tau[v_of(rows, k)] -= dot(axis_of(work, k), moment)
+                k = parent_of(rows, k)
 
 
 @part

@@ -12,6 +12,7 @@ from ..compiler.jit import kernel, sweep
 from ..constraints.blocks import velocities
 from ..forces import apply_loads, drive
 from ..motion import opened
+from ..rows import BALL, FREE, kind_of, q_of, v_of
 from ..tree.articulated import articulated, inboard, joint_acceleration
 from ..tree.kinematics import outboard, positions
 from ..tree.moving import advance, normalise_all
@@ -154,10 +155,10 @@ def turn_spins(rows, size, stages, by, row, back):
         return
     sign = 2.0 if back else -2.0
     for k in range(1, rows.shape[0]):
-        kind = rows[k, at.KIND]
-        if kind >= at.BALL:
-            i = rows[k, at.QI] + (3 if kind == at.FREE else 0)
-            j = nq + rows[k, at.VI]
+        kind = kind_of(rows, k)
+        if kind >= BALL:
+            i = q_of(rows, k) + (3 if kind == FREE else 0)
+            j = nq + v_of(rows, k)
             w = stages[by, i]
             u = (stages[by, i + 1], stages[by, i + 2], stages[by, i + 3])
             share = 1.0 / (w * w + dot(u, u))

@@ -17,6 +17,7 @@ from ..compiler.jit import kernel, part, sweep
 from ..linear import factor, row_times, substitute
 from ..motion import call_acceleration, opened
 from ..records import CHOSEN, WIDEST
+from ..rows import BALL, FREE, kind_of, q_of, v_of
 from ..tree.moving import advance, local_rate
 from ..vec import finite
 from .scales import larger, weigh
@@ -63,28 +64,29 @@ def local_slope(run, t, z, out):
 def local_weights(rows, size, stages, weights):
     """One over the tolerance of ξ and w, after `weigh`."""
     nq, nv = size
+    given = stages[at.WEIGHT]
     for k in range(1, rows.shape[0]):
-        i = rows[k, at.QI]
-        j = rows[k, at.VI]
-        kind = rows[k, at.KIND]
-        if kind == at.FREE:
+        i = q_of(rows, k)
+        j = v_of(rows, k)
+        kind = kind_of(rows, k)
+        if kind == FREE:
             for n in range(3):
-                weights[j + 3 + n] = stages[at.WEIGHT, i + n]
+                weights[j + 3 + n] = given[i + n]
             i += 3
-        weights[j] = stages[at.WEIGHT, i]
-        if kind >= at.BALL:
-            weights[j + 1] = stages[at.WEIGHT, i]
-            weights[j + 2] = stages[at.WEIGHT, i]
+        weights[j] = given[i]
+        if kind >= BALL:
+            weights[j + 1] = given[i]
+            weights[j + 2] = given[i]
     for j in range(nv):
-        weights[nv + j] = stages[at.WEIGHT, nq + j]
+        weights[nv + j] = given[nq + j]
 
 
 @sweep
 def half_turn(rows, v, sign, x, out):
     """Add sign · W x to `out`, W = ½ ω× of every ball and free body."""
     for k in range(1, rows.shape[0]):
-        if rows[k, at.KIND] >= at.BALL:
-            j = rows[k, at.VI]
+        if kind_of(rows, k) >= BALL:
+            j = v_of(rows, k)
             a, b, c = 0.5 * sign * v[j], 0.5 * sign * v[j + 1], 0.5 * sign * v[j + 2]
             out[j] += b * x[j + 2] - c * x[j + 1]
             out[j + 1] += c * x[j] - a * x[j + 2]
@@ -121,8 +123,8 @@ def jacobian(run):
     for j in range(nv):
         speeds[j] = stages[at.Y, nq + j]
     for k in range(1, rows.shape[0]):
-        if rows[k, at.KIND] >= at.BALL:
-            add_half_turn(real, nv, rows[k, at.VI], speeds)
+        if kind_of(rows, k) >= BALL:
+            add_half_turn(real, nv, v_of(rows, k), speeds)
     data.counters[0].jacobians += 1
     control.jacobian_time = control.time
     control.factored = 0.0

@@ -28,7 +28,15 @@ from ..arrays import (
     opened_run,
 )
 from ..compiler.jit import kernel, part, sweep
-from ..constraints.blocks import locate, residual_velocity, total, velocities
+from ..constraints.blocks import (
+    first_of,
+    joint_of,
+    joints_of,
+    locate,
+    residual_velocity,
+    total,
+    velocities,
+)
 from ..constraints.constraints import driven_power, number_rows, unit_responses
 from ..constraints.paths import spread, unspread
 from ..contact.contacts import (
@@ -63,9 +71,21 @@ from ..contact.shapes import place
 from ..forces import lookup
 from ..motion import call_acceleration, call_contact_forces, opened
 from ..records import RIGID
+from ..rows import (
+    BALL,
+    ROTATE,
+    TRANSLATE,
+    armature_of,
+    axis_of,
+    kind_of,
+    parent_of,
+    set_spin,
+    spin_of,
+    v_of,
+)
 from ..tree.kinematics import base_axes, positions
 from ..tree.moving import advance
-from ..vec import add, add_scaled, finite, load, mul, set_xyz, store, xyz
+from ..vec import add, add_scaled, finite, load, mul, set_xyz, xyz
 from .state import STEP as STEP_SIGNATURE
 from .state import copied, size_of_state
 
@@ -202,9 +222,9 @@ def stiffen(scene, t, h, q, v):
             if table[n].coordinate >= 0:
                 stiffness[j] += table[n].stiffness
     for k in range(1, rows.shape[0]):
-        if rows[k, at.KIND] <= at.TRANSLATE:
-            j = rows[k, at.VI]
-            vectors[ARMATURE, j] = const[k, at.ARMATURE]
+        if kind_of(rows, k) <= TRANSLATE:
+            j = v_of(rows, k)
+            vectors[ARMATURE, j] = armature_of(const, k)
             vectors[GIVEN, j] = given[j]
             damping[j] = h * damping[j] + 0.5 * h * h * stiffness[j]
             const[k, at.ARMATURE] += damping[j]
@@ -215,8 +235,8 @@ def stiffen(scene, t, h, q, v):
 def relax(rows, const, vectors, given):
     """Undo `stiffen`."""
     for k in range(1, rows.shape[0]):
-        if rows[k, at.KIND] <= at.TRANSLATE:
-            j = rows[k, at.VI]
+        if kind_of(rows, k) <= TRANSLATE:
+            j = v_of(rows, k)
             const[k, at.ARMATURE] = vectors[ARMATURE, j]
             given[j] = vectors[GIVEN, j]
 
@@ -226,8 +246,8 @@ def book_drives(rows, drives, tau, before, extra, h, v, ledger):
     """Correct the work of the joints' torques by their change over the step."""
     more = 0.0
     for k in range(1, rows.shape[0]):
-        if rows[k, at.KIND] <= at.TRANSLATE:
-            j = rows[k, at.VI]
+        if kind_of(rows, k) <= TRANSLATE:
+            j = v_of(rows, k)
             change = v[j] - before[j]
             mean = 0.5 * (v[j] + before[j])
             more += (h * tau[j] - extra[j] * change) * mean - h * tau[j] * before[j]
@@ -352,7 +372,7 @@ def warm_start(scene, first, m):
             n -= room if turns else 0
             k = kept_place(contacts.found[n], contacts.kept, contacts.tally[0].kept, n)
             if k >= 0:
-                r = slots[active[j], at.FIRST]
+                r = first_of(slots, active[j])
                 kept = xyz(contacts.kept[k].turn) if turns else xyz(contacts.kept[k].value)
                 for c in range(3):
                     lam[r + c] = kept[c]
@@ -392,7 +412,7 @@ def bounded_anew(scene, first):
         if tally.first_turn < 0 or n < 0:
             continue
         law = contacts.laws[contacts.found[n].pair]
-        push = max(lam[slots[tally.first_contact + n, at.FIRST]], 0.0)
+        push = max(lam[first_of(slots, tally.first_contact + n)], 0.0)
         before = blocks.blocks_f[i, at.FRICTION] + blocks.blocks_f[i, at.VALUE]
         now = (law.spinning + law.rolling) * push
         if abs(now - before) > SAME_BOUND * now:
@@ -420,7 +440,7 @@ def book(scene, first, t, h):
     count = 0
     for j in range(first, active[0] + 1):
         n = active[j] - begin
-        r = slots[active[j], at.FIRST]
+        r = first_of(slots, active[j])
         if n < 0:
             term = blocks.blocks_i[active[j], at.B_TERM]
             torque = blocks.terms_f[term] * lam[r] / h
@@ -513,7 +533,7 @@ def push_out(scene, first, h, q):
     for k in range(z.shape[0]):
         z[k] = 0.0
     for j in range(first, active[0] + 1):
-        lam[slots[active[j], at.FIRST]] = 0.0
+        lam[first_of(slots, active[j])] = 0.0
     for _ in range(PUSH_SWEEPS):
         moved = 0.0
         for j in range(first, active[0] + 1):
@@ -521,13 +541,13 @@ def push_out(scene, first, h, q):
             n = i - begin
             if n < 0 or n >= room or not own[i, 0] > 0.0:
                 continue
-            r = slots[i, at.FIRST]
+            r = first_of(slots, i)
             gap = RECOVER * (found[n].gap + 0.5 * tolerated(contacts, n, h))
-            for s in range(slots[i, at.SLOTS]):
-                gap += y[i, 3 * s] * z[slots[i, at.SLOT + s]]
+            for s in range(joints_of(slots, i)):
+                gap += y[i, 3 * s] * z[joint_of(slots, i, s)]
             new = max(lam[r] - gap / own[i, 0], 0.0)
-            for s in range(slots[i, at.SLOTS]):
-                k = slots[i, at.SLOT + s]
+            for s in range(joints_of(slots, i)):
+                k = joint_of(slots, i, s)
                 z[k] += dinv[k] * y[i, 3 * s] * (new - lam[r])
             moved = max(moved, abs(new - lam[r]) * own[i, 0])
             lam[r] = new
@@ -541,13 +561,13 @@ def push_out(scene, first, h, q):
 def turn_rates(rows, const, work, v):
     """Angular velocities of all rows for other joint velocities, frames unchanged."""
     for k in range(1, rows.shape[0]):
-        p = rows[k, at.PARENT]
-        j = rows[k, at.VI]
-        w = load(work, p, at.W)
-        kind = rows[k, at.KIND]
-        if kind == at.ROTATE:
-            w = add_scaled(w, v[j], load(work, k, at.H))
-        elif kind >= at.BALL:
+        p = parent_of(rows, k)
+        j = v_of(rows, k)
+        w = spin_of(work, p)
+        kind = kind_of(rows, k)
+        if kind == ROTATE:
+            w = add_scaled(w, v[j], axis_of(work, k))
+        elif kind >= BALL:
             axes = base_axes(const, work, p, k)
             w = add(w, mul(axes, (v[j], v[j + 1], v[j + 2])))
-        store(work, k, at.W, w)
+        set_spin(work, k, w)

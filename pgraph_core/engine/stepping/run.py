@@ -14,6 +14,7 @@ from ..compiler.address import caller, plain
 from ..compiler.jit import kernel, sweep
 from ..motion import call_record, call_settle, opened
 from ..records import CHOSEN, GIVEN
+from ..rows import v_of
 from ..tree.moving import normalise_all
 from ..vec import finite
 from .explicit import dense_output, last_stage, turn_spins
@@ -205,7 +206,7 @@ def fastest_row(rows, v):
     best = 0.0
     row = 1
     for k in range(1, rows.shape[0]):
-        if abs(v[rows[k, at.VI]]) > best:
-            best = abs(v[rows[k, at.VI]])
+        if abs(v[v_of(rows, k)]) > best:
+            best = abs(v[v_of(rows, k)])
             row = k
     return row

@@ -7,28 +7,29 @@ import math
 
 from .. import layout as at
 from ..compiler.jit import part, sweep
+from ..rows import BALL, FREE, ROTATE, TRANSLATE, kind_of, q_of, v_of
 from .state import EPS
 
 
 @sweep
 def extremes(rows, size, stages, row, spin, speed, length):
     """Largest rotation speed, linear speed and displacement, of the state in `row` and given."""
-    nq = size[0]
+    nq, state = size[0], stages[row]
     for k in range(1, rows.shape[0]):
-        i = rows[k, at.QI]
-        j = nq + rows[k, at.VI]
-        kind = rows[k, at.KIND]
-        if kind == at.TRANSLATE:
-            speed = max(speed, abs(stages[row, j]))
-            length = max(length, abs(stages[row, i]))
+        i = q_of(rows, k)
+        j = nq + v_of(rows, k)
+        kind = kind_of(rows, k)
+        if kind == TRANSLATE:
+            speed = max(speed, abs(state[j]))
+            length = max(length, abs(state[i]))
             continue
-        spin = max(spin, abs(stages[row, j]))
-        if kind >= at.BALL:
-            spin = max(spin, abs(stages[row, j + 1]), abs(stages[row, j + 2]))
-        if kind == at.FREE:
+        spin = max(spin, abs(state[j]))
+        if kind >= BALL:
+            spin = max(spin, abs(state[j + 1]), abs(state[j + 2]))
+        if kind == FREE:
             for n in range(3):
-                speed = max(speed, abs(stages[row, j + 3 + n]))
-                length = max(length, abs(stages[row, i + n]))
+                speed = max(speed, abs(state[j + 3 + n]))
+                length = max(length, abs(state[i + n]))
     return spin, speed, length
 
 
@@ -45,31 +46,32 @@ def weigh(rows, size, stages, control):
     spin, speed, length = extremes(rows, size, stages, at.CANDIDATE, found[0], found[1], found[2])
     spin = max(spin, 1.0 / control.span)
     speed = max(speed, length / control.span)
+    weights = stages[at.WEIGHT]
     rtol = control.rtol
     atol = control.atol
-    stages[at.WEIGHT, nq + nv] = 0.0
-    stages[at.WEIGHT, nq + nv + 1] = 0.0
+    weights[nq + nv] = 0.0
+    weights[nq + nv + 1] = 0.0
     for k in range(1, rows.shape[0]):
-        i = rows[k, at.QI]
-        j = nq + rows[k, at.VI]
-        kind = rows[k, at.KIND]
-        if kind == at.ROTATE:
+        i = q_of(rows, k)
+        j = nq + v_of(rows, k)
+        kind = kind_of(rows, k)
+        if kind == ROTATE:
             rounding = 8.0 * EPS * abs(stages[at.CANDIDATE, i])
-            stages[at.WEIGHT, i] = 1.0 / (rtol + atol + rounding)
-            stages[at.WEIGHT, j] = 1.0 / (rtol * spin + atol)
-        elif kind == at.TRANSLATE:
-            stages[at.WEIGHT, i] = inverse(rtol * length + atol)
-            stages[at.WEIGHT, j] = inverse(rtol * speed + atol)
+            weights[i] = 1.0 / (rtol + atol + rounding)
+            weights[j] = 1.0 / (rtol * spin + atol)
+        elif kind == TRANSLATE:
+            weights[i] = inverse(rtol * length + atol)
+            weights[j] = inverse(rtol * speed + atol)
         else:
-            if kind == at.FREE:
+            if kind == FREE:
                 for n in range(3):
-                    stages[at.WEIGHT, i + n] = inverse(rtol * length + atol)
-                    stages[at.WEIGHT, j + 3 + n] = inverse(rtol * speed + atol)
+                    weights[i + n] = inverse(rtol * length + atol)
+                    weights[j + 3 + n] = inverse(rtol * speed + atol)
                 i += 3
             for n in range(4):
-                stages[at.WEIGHT, i + n] = 1.0 / (rtol + atol)
+                weights[i + n] = 1.0 / (rtol + atol)
             for n in range(3):
-                stages[at.WEIGHT, j + n] = 1.0 / (rtol * spin + atol)
+                weights[j + n] = 1.0 / (rtol * spin + atol)
 
 
 @part
@@ -82,30 +84,31 @@ def inverse(x):
 def size_of(rows, size, stages, row):
     """Largest |error in `row`| over its tolerance; of a quaternion: of the angle it turns by."""
     nq, nv = size
+    error, state, weights = stages[row], stages[at.CANDIDATE], stages[at.WEIGHT]
     worst = 0.0
     for k in range(1, rows.shape[0]):
-        i = rows[k, at.QI]
-        kind = rows[k, at.KIND]
-        if kind <= at.TRANSLATE:
-            worst = larger(worst, stages[row, i] * stages[at.WEIGHT, i])
+        i = q_of(rows, k)
+        kind = kind_of(rows, k)
+        if kind <= TRANSLATE:
+            worst = larger(worst, error[i] * weights[i])
             continue
-        if kind == at.FREE:
+        if kind == FREE:
             for n in range(3):
-                worst = larger(worst, stages[row, i + n] * stages[at.WEIGHT, i + n])
+                worst = larger(worst, error[i + n] * weights[i + n])
             i += 3
         along = 0.0
         whole = 0.0
         length = 0.0
         for n in range(4):
-            e = stages[row, i + n]
-            u = stages[at.CANDIDATE, i + n]
+            e = error[i + n]
+            u = state[i + n]
             along += e * u
             whole += e * e
             length += u * u
         across = max(whole - along * along / length, 0.0) + 0.0 * whole
-        worst = larger(worst, 2.0 * math.sqrt(across) * stages[at.WEIGHT, i])
+        worst = larger(worst, 2.0 * math.sqrt(across) * weights[i])
     for j in range(nq, nq + nv):
-        worst = larger(worst, stages[row, j] * stages[at.WEIGHT, j])
+        worst = larger(worst, error[j] * weights[j])
     return worst
 
 

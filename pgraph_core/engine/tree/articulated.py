@@ -10,7 +10,6 @@ from ..rows import (
     BALL,
     ROTATE,
     TRANSLATE,
-    acceleration_of,
     add_bias,
     add_inertia,
     armature_of,
@@ -52,7 +51,7 @@ from ..vec import (
     sub,
     sym_mul,
 )
-from .kinematics import base_axes, outboard
+from .kinematics import base_axes, carried, outboard
 
 EPS16 = 16 * 2.220446049250313e-16
 
@@ -182,9 +181,9 @@ def joint_acceleration(rows, const, work, vdot):
         p = parent_of(rows, k)
         i = v_of(rows, k)
         kind = kind_of(rows, k)
-        alpha, linear = acceleration_of(work, p)
+        alpha, linear = carried(work, p, k)
         a0, a1 = coriolis_of(work, k)
-        linear = add(add_cross(linear, alpha, link_of(work, k)), a1)
+        linear = add(linear, a1)
         alpha = add(alpha, a0)
         if kind <= TRANSLATE:
             u0, u1 = projected_of(work, k)

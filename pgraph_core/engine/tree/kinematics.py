@@ -223,6 +223,13 @@ def positions(rows, work):
         set_origin(work, k, add(origin_of(work, p), link_of(work, k)))
 
 
+@part
+def carried(work, p, k):
+    """φ V'_p: the acceleration that row p gives the origin of row k."""
+    alpha, linear = acceleration_of(work, p)
+    return alpha, add_cross(linear, alpha, link_of(work, k))
+
+
 @sweep
 def accelerate(rows, const, work, v, vdot):
     """V'_k = φ V'_p + H v' + a_k of all rows, eq. (8), in the place of the bias; V'_0 = [0; -g]."""
@@ -230,9 +237,9 @@ def accelerate(rows, const, work, v, vdot):
         p = parent_of(rows, k)
         j = v_of(rows, k)
         kind = kind_of(rows, k)
-        alpha, linear = acceleration_of(work, p)
+        alpha, linear = carried(work, p, k)
         a0, a1 = coriolis_of(work, k)
-        linear = add(add_cross(linear, alpha, link_of(work, k)), a1)
+        linear = add(linear, a1)
         alpha = add(alpha, a0)
         if kind == ROTATE:
             alpha = add_scaled(alpha, vdot[j], axis_of(work, k))
