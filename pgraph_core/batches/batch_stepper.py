@@ -12,7 +12,7 @@ import numpy as np
 from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
-from ..dynamics.arguments import check_attitudes
+from ..dynamics.arguments import positions
 from ..engine import layout as at
 from ..errors import InputError, PgraphError, Problem, choices, explained, shown
 from ..mechanism import Mechanism, mechanism_of
@@ -234,7 +234,7 @@ class BatchStepper(Portable):
     def _configurations(self, q: Any, n: int) -> Array:
         """(n, nq) finite, whose quaternions have a direction. Raises InputError."""
         table = _table("q", q, n, self.mech.nq)
-        check_attitudes(self.mech.packed, table)
+        positions(self.mech.packed, table)
         return table
 
     def acceleration(self, tau: Any = None) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -46,22 +47,24 @@ def position(packed: Packed, q: Any) -> Array:
     Raises InputError.
     """
     q = finite("q", q, packed.nq)
-    if packed.quaternion_rows:
-        check_attitudes(packed, q[None])
+    rows = packed.rows
+    for k in packed.quaternion_rows:
+        i = rows[k, at.QI] + (3 if rows[k, at.KIND] == at.FREE else 0)
+        length = math.hypot(*q[i : i + 4].tolist())
+        if not 1e-3 < length < 1e3:
+            text = f"the quaternion [w, x, y, z] of '{packed.body_of(k)}' at q[{i}] must have "
+            raise InputError(Problem("q", "", f"{text}length 1; its length is {length:.6g}"))
     return q
 
 
-def check_attitudes(packed: Packed, q: Array) -> None:
-    """Raise InputError where a quaternion of q (n, nq) has no direction."""
+def positions(packed: Packed, q: Array) -> None:
+    """Raise InputError where a row of q (n, nq) is not as of `position`."""
     rows = packed.rows
     for k in packed.quaternion_rows:
         i = rows[k, at.QI] + (3 if rows[k, at.KIND] == at.FREE else 0)
         lengths = np.linalg.norm(q[:, i : i + 4], axis=1)
-        wrong = np.flatnonzero(~((lengths > 1e-3) & (lengths < 1e3)))
-        if len(wrong):
-            text = f"the quaternion [w, x, y, z] of '{packed.body_of(k)}' at q[{i}] must have "
-            text += f"length 1; its length is {lengths[wrong[0]]:.6g}"
-            raise InputError(Problem("q", "", text))
+        for row in q[~((lengths > 1e-3) & (lengths < 1e3))]:
+            position(packed, row)
 
 
 def wrong_type(where: str, field: str, wanted: str, value: Any) -> InputError:
