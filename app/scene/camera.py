@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import viser
@@ -50,7 +51,8 @@ class CameraView:
             else:
                 turned = page.follow and not before.follow
                 left_it = (grown or turned) and not seen(handle, new, page).all()
-                if left_it or (rests and not seen(handle, new, page, COVERED).any()):
+                gone = rests and not seen(handle, new, page, COVERED).any()
+                if left_it or gone or (over and went(handle, new, page)):
                     look(handle, new, "fit", page.aspect)
             self._follow(client, new, page.follow)
         for gone in self._followed.keys() - new.clients.keys():
@@ -93,6 +95,13 @@ def look(
     at.near, at.far = size / 100, 1000 * size
     at.up_direction = up
     at.position, at.look_at = seen
+
+
+def went(handle: viser.ClientHandle, state: State, page: Client) -> bool:
+    """Whether a run took most bodies out of a picture that had most of them when it began."""
+    start = replace(state, playback=replace(state.playback, time=state.t_start))
+    before, now = (seen(handle, s, page, COVERED).mean() for s in (start, state))
+    return bool(now < 0.5 <= before)
 
 
 def seen(

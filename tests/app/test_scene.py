@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from pgraph_app.pose import solving as posing
 from pgraph_app.pose.solving import WEIGHTS, pull_force
 from pgraph_app.pose.update import Gripped, HomePose, MoveJoint, Pull, UsePose
 from pgraph_app.run.update import Simulate, Simulated
-from pgraph_app.scene import marks
+from pgraph_app.scene import camera, marks
 from pgraph_app.scene.update import Unreadable
 from pgraph_app.session.update import Connected
 from pgraph_core.show import shapes
@@ -224,6 +225,20 @@ def test_what_touches_nothing_has_no_arrow_and_no_cone():
     at, _ = marks.cones(found, marks.scale(state), np.array((0.0, 0, 1)))
     assert at == pytest.approx(np.zeros((1, 3)), abs=1e-6)
     assert marks.arrows(found, marks.scale(state))[:, 0] == pytest.approx(at, abs=1e-6)
+
+
+def test_a_run_that_leaves_the_picture_is_told_from_one_that_stays():
+    """At its start the ball is in the middle; at its end it has fallen out, or rests."""
+    thrown = BALL.model_copy(update={"v": (0, 0, 0, 30.0, 0, 0)})
+    at = camera.viewpoint(opened(pg.Model(bodies=(BALL,))), 1.0)
+    handle = SimpleNamespace(camera=SimpleNamespace(position=at.position, look_at=at.target))
+    for ball, left in ((BALL, False), (thrown, True)):
+        state = opened(pg.Model(bodies=(ball,), contacts=(pg.Contact(name="c", body="ball"),)))
+        result = pg.simulate(pg.Mechanism(state.model), t_end=0.5, step=1e-3)
+        state = update(update(state, Simulate(ME)), Simulated(1, result))
+        state = update(state, Scrub(ME, 0.5))
+        page = dataclasses.replace(state.clients[ME], aspect=1.0)
+        assert camera.went(handle, state, page) == left
 
 
 def test_an_impact_leaves_the_arrows_of_what_stands_to_be_seen():
