@@ -179,10 +179,14 @@ def test_1_4_copy_gives_what_paste_takes(chain, served):
     row(page, "2").locator("td.number").click()
     row(page, "3").locator("td.number").click(modifiers=["Shift"])
     until(lambda: chosen(page) == ["2", "3"], "two rows")
+    until(lambda: page.evaluate("pgraph.latest.copied?.bodies") == ["2", "3"], "what they carry")
     text = copied(page)
-    assert text == "2\t1\t1 revolute\tholonomic\n3\t2\t1 revolute\tholonomic"
+    head, *lines = [line.split("\t") for line in text.splitlines()]
+    assert head[:3] == ["name", "parent", "joint"]
+    assert [line[:3] for line in lines] == [["2", "1", "revolute"], ["3", "2", "revolute"]]
     paste(page, text)
     until(lambda: names(served)[5:] == ["6", "7"], "two new rows")
+    assert served.store.state.model.body("7").inertia == served.store.state.model.body("3").inertia
     assert [served.store.state.model.body(n).parent for n in ("6", "7")] == ["1", "6"]
     row(page, "6").locator("input.name").click()
     paste(page, "hip\tground\t3\nknee\t\t0 weld\n")
