@@ -162,22 +162,42 @@ def _quintic_rate(frames: Any, i: Ints, k: Ints, x: Array) -> Array:
 def _missed(frames: Any, i: Ints, x: Array) -> Array:
     """Estimated interpolation error of q in the intervals from frames i, at times x.
 
-    In smooth motion: from the error of polynomials over two intervals at the frame in between.
-    Else, as where an impact lies in the interval, the difference of quintic and cubic.
+    In smooth motion, the error q⁽⁶⁾/720 (t - t_i)³ (t_k - t)³ of a quintic over two intervals is
+    seen at the frame in between: it gives q⁽⁶⁾, and so the error over the interval itself. Else,
+    as where an impact lies in it, the difference of quintic and cubic. It is inf where that is
+    more than the motion, or where two frames alone do not tell.
     """
     t, q, rate, _ = frames
-    quintic = _quintic(frames, i, i + 1, x)
-    cubic = _cubic(t, q, rate, i, i + 1, x)
-    rough = np.abs(quintic - cubic).max(axis=1, initial=0.0)
+    rounding = 4 * np.finfo(float).eps * np.abs(q).max(initial=0.0)
+    most = float(np.ptp(q, axis=0).max(initial=0.0)) + 1e3 * rounding
+    rough, bent = _corrections(frames, i)
     if len(t) < 3:
-        return rough
+        return np.where((rough <= SMOOTH * bent + rounding) & (rough <= most), rough, np.inf)
     middle = np.arange(1, len(t) - 1)
     wide = np.abs(_quintic(frames, middle - 1, middle + 1, t[middle]) - q[middle])
     wide = wide.max(axis=1, initial=0.0)
     coarse = np.abs(_cubic(t, q, rate, middle - 1, middle + 1, t[middle]) - q[middle])
     coarse = coarse.max(axis=1, initial=0.0)
+    apart = np.diff(t)
     near = np.stack([np.clip(i - 1, 0, len(wide) - 1), np.clip(i, 0, len(wide) - 1)])
-    worst, cubics = wide[near].max(axis=0), coarse[near].max(axis=0)
-    rounding = 4 * np.finfo(float).eps * np.abs(q).max(initial=0.0)
-    smooth = worst <= SMOOTH * cubics + rounding
-    return np.where(smooth, worst / GAIN + rounding, np.maximum(rough, worst))
+    wider = apart[i] ** 2 / (apart[:-1] * apart[1:])[near]
+    seen = np.maximum(wide[near] - rounding, 0.0)
+    smooth = (seen * np.maximum(wider, 1.0) <= SMOOTH * coarse[near] + rounding).all(axis=0)
+    grown = (seen * wider**3).max(axis=0) + (rounding * np.maximum(wider, 1.0) ** 3).min(axis=0)
+    jump = np.maximum(rough, (seen * np.sqrt(np.maximum(wider, 1.0))).max(axis=0))
+    missed = np.where(smooth, grown / GAIN + rounding, np.maximum(jump, grown / GAIN))
+    return np.where(missed <= most, missed, np.inf)
+
+
+def _corrections(frames: Any, i: Ints) -> tuple[Array, Array]:
+    """The largest differences of (quintic and cubic, cubic and line) in the intervals from i."""
+    t, q, rate, _ = frames
+    rough, bent = np.zeros(len(i)), np.zeros(len(i))
+    for share in (0.25, 0.5, 0.75):
+        x = t[i] + share * (t[i + 1] - t[i])
+        cubic = _cubic(t, q, rate, i, i + 1, x)
+        line = q[i] + share * (q[i + 1] - q[i])
+        quintic = _quintic(frames, i, i + 1, x)
+        rough = np.maximum(rough, np.abs(quintic - cubic).max(axis=1, initial=0.0))
+        bent = np.maximum(bent, np.abs(cubic - line).max(axis=1, initial=0.0))
+    return rough, bent

@@ -5,6 +5,8 @@ looked at along the step: on dense output, or where a method has none, by taking
 narrower. The first event is closed in on by secants and bisection, and the step ends there.
 """
 
+import math
+
 from numba import types
 
 from .. import layout as at
@@ -13,6 +15,8 @@ from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
 from ..contact.phases import opened_events
 from ..contact.points import (
+    HIGH,
+    LOW,
     NOTHING,
     NOW,
     START,
@@ -43,6 +47,11 @@ _call_user = caller(types.void(types.float64, types.uint64, types.uint64, types.
 
 BELOW = 1e-300  # what a value of zero counts as
 PARTS = 4  # of a step with dense output that are looked at for themselves
+DIPS = 60  # looks for the least value of an event that comes near zero and turns back
+DEEP = 0.25  # of the fall towards it: what a parabola through three values may be off
+GOLDEN = 0.381966  # of the longer side: where parabolas converge slowly
+TOUCHES = 1e-12  # of the values around it: a least value that is zero
+ALIKE = 1e-9  # of a part: two instants that are one
 
 
 @kernel(PROJECTION, nogil=True, later=True)
@@ -211,31 +220,185 @@ def locate(run, low, end):
     return bracket[1]
 
 
+@sweep
+def keep_values(run, row):
+    """Keep the values of a user's events in a row of `watched`."""
+    data = opened_run(run)
+    watched, values = data.watched, data.values
+    first = watched.shape[1] - data.signs.shape[0]
+    for i in range(data.signs.shape[0]):
+        watched[row, first + i] = values[i]
+
+
+@part
+def vertex(x, y):
+    """(x, y) of the least point of the parabola through three points; (-1, inf): it has none."""
+    slope = (y[1] - y[0]) / (x[1] - x[0])
+    curve = ((y[2] - y[1]) / (x[2] - x[1]) - slope) / (x[2] - x[0])
+    if not curve > 0.0:
+        return -1.0, math.inf
+    least = 0.5 * (x[0] + x[1] - slope / curve)
+    return least, y[0] + (least - x[0]) * (slope + curve * (least - x[1]))
+
+
+@sweep
+def dip(run, low, width, i):
+    """Look for where event i reaches zero and turns back in the part of the step from `low`.
+
+    Rows LOW and HIGH hold the values at its start and middle. Returns the widths between which
+    the event happens; both are the same where zero is touched, and 0 where nothing happens.
+    """
+    data = opened_run(run)
+    watched, values = data.watched, data.values
+    sign = data.signs[i]
+    n = watched.shape[1] - data.signs.shape[0] + i
+    x = (0.0, 0.5, 1.0)
+    y = (sign * watched[LOW, n], sign * watched[HIGH, n], sign * values[i])
+    if not (y[0] > 0.0 and y[1] > 0.0 and y[2] > 0.0):
+        return 0.0, 0.0
+    size = max(y[0], y[2])
+    for k in range(DIPS):
+        w, least = vertex(x, y)
+        if not x[0] + ALIKE < w < x[2] - ALIKE or least > DEEP * (max(y[0], y[2]) - least):
+            return 0.0, 0.0
+        if k % 3 == 2 or abs(w - x[1]) < ALIKE * ALIKE:
+            left, right = x[1] - x[0], x[2] - x[1]
+            w = x[1] - GOLDEN * left if left > right else x[1] + GOLDEN * right
+        look(run, low, w * width)
+        value = sign * values[i]
+        if value < 0.0:
+            return x[0] * width, w * width
+        if value <= TOUCHES * size:
+            watched[NOW, n] = -BELOW if data.wanted[i] == 0 else NOTHING
+            return w * width, w * width
+        if w < x[1]:
+            if value < y[1]:
+                x, y = (x[0], w, x[1]), (y[0], value, y[1])
+            else:
+                x, y = (w, x[1], x[2]), (value, y[1], y[2])
+        elif value < y[1]:
+            x, y = (x[1], w, x[2]), (y[1], value, y[2])
+        else:
+            x, y = (x[0], x[1], w), (y[0], y[1], value)
+        if x[2] - x[0] < ALIKE:
+            break
+    return 0.0, 0.0
+
+
+@sweep
+def dipped(run, low, width):
+    """(start, width) of a part in which a user's event has happened and is undone at its end."""
+    data = opened_run(run)
+    signs, wanted, values, watched = data.signs, data.wanted, data.values, data.watched
+    first = watched.shape[1] - signs.shape[0]
+    for i in range(signs.shape[0]):
+        begin, end = dip(run, low, width, i)
+        if end > 0.0:
+            if begin < end and signs[i] * wanted[i] > 0:  # the way back is what counts
+                signs[i] = -signs[i]
+                watched[START, first + i] = abs(values[i])
+                look(run, low + end, width - end)
+                return low + end, width - end
+            if watched[NOW, first + i] < 0.0:
+                return low + begin, end - begin
+        look(run, low, width)
+    return low, -1.0
+
+
+@part
+def zero_exactly(run):
+    """Whether an event has happened whose value is zero: which side comes next is not seen."""
+    data = opened_run(run)
+    watched, values = data.watched, data.values
+    first = watched.shape[1] - data.signs.shape[0]
+    found = False
+    for i in range(data.signs.shape[0]):
+        found = found or (values[i] == 0.0 and watched[NOW, first + i] < 0.0)
+    return found
+
+
+@sweep
+def go_back(run, low, end):
+    """Go back to the first event in the part of the step from `low`, which has one by its end.
+
+    Where zero is only touched, `low` is when, and `end` is 0. A value that stays zero counts
+    again when it has left it.
+    """
+    data = opened_run(run)
+    control, stages = data.control[0], data.stages
+    signs, values, watched = data.signs, data.values, data.watched
+    first = watched.shape[1] - signs.shape[0]
+    touched = end == 0.0
+    w = 0.0 if touched else locate(run, low, end)
+    if not touched and zero_exactly(run):
+        look(run, low, end)  # which side it is on next
+        keep_values(run, HIGH)
+        look(run, low, w)
+    else:
+        keep_values(run, HIGH)
+    copied(stages, at.TRIAL, at.Y, stages.shape[1])
+    control.time = control.old_time + low + w
+    control.fresh = 0
+    control.fired = 1
+    for i in range(signs.shape[0]):
+        side = watched[HIGH, first + i]
+        if watched[NOW, first + i] < 0.0 and not touched:
+            signs[i] = 0 if side == 0.0 else (1 if side > 0.0 else -1)
+        watched[START, first + i] = abs(values[i])
+
+
+@part
+def next_look(run, low, n, parts):
+    """Where the part of the step from `low` ends: at a frame, or a `parts`-th of the step."""
+    data = opened_run(run)
+    control, times = data.control[0], data.times
+    h = control.old_width
+    end = h * (n + 1) / parts
+    if data.links.events == 0 or parts == 1:
+        return end
+    i = control.frame
+    while i < control.last and times[i] - control.old_time <= low + ALIKE * h:
+        i += 1
+    if i < control.last:
+        end = min(end, times[i] - control.old_time)
+    return end
+
+
 @kernel(LOOK_BACK, nogil=True, later=True)
 def look_back(run):
-    """Go back to the first event within the last step, if there is one."""
+    """Go back to the first event within the last step, if there is one.
+
+    A user's events are looked at in the middle of each part too, and where a parabola through
+    three values says that they turn back near zero.
+    """
     data = opened_run(run)
-    control, stages, signs = data.control[0], data.stages, data.signs
-    h = control.old_width
+    h = data.control[0].old_width
     parts = PARTS if data.tableau.dense.shape[0] > 0 else 1
-    first = data.watched.shape[1] - signs.shape[0]
+    halves = 2 if data.links.events != 0 else 1
     if data.links.events != 0 and data.counters[0].steps == 1:
         begin_events(run)
-    for n in range(parts):
-        low = h * n / parts
-        width = h * (n + 1) / parts - low
-        end = happened(run, low, width)
-        if end > 0.0:
-            w = locate(run, low, end)
-            copied(stages, at.TRIAL, at.Y, stages.shape[1])
-            control.time = control.old_time + low + w
-            control.fresh = 0
-            control.fired = 1
-            for i in range(signs.shape[0]):
-                if data.watched[NOW, first + i] < 0.0:
-                    signs[i] = -signs[i]
-                data.watched[START, first + i] = abs(data.values[i])
-            return
-        if phases_watched(run):
-            accepted(opened_events(data.scene).contact)
-        begin_part(run)
+    n = 0
+    low = 0.0
+    while n < parts:
+        end = next_look(run, low, n, parts)
+        if end >= h * (n + 1) / parts:
+            n += 1
+        keep_values(run, LOW)
+        for k in range(halves):
+            begin = low + (end - low) * k / halves
+            width = low + (end - low) * (k + 1) / halves - begin
+            found = happened(run, begin, width)
+            if found > 0.0:
+                go_back(run, begin, found)
+                return
+            if phases_watched(run):
+                accepted(opened_events(data.scene).contact)
+            begin_part(run)
+            if k < halves - 1:
+                keep_values(run, HIGH)
+        if halves == 2:
+            begin, width = dipped(run, low, end - low)
+            if width >= 0.0:
+                go_back(run, begin, width)
+                return
+        low = end

@@ -46,6 +46,7 @@ PIVOTS, START, SCRATCH, VDOT, WANTED = 9, 10, 11, 12, 13
 ROUNDS = 60
 LOST = 1e3  # corrections over the motion: they grow
 NEARLY = 1e-13  # a correction that no longer shrinks below it is rounding
+STILL = 64.0  # of rounding: corrections that move no position by more, where nothing moves
 TERMS = 12  # of the series of dexp: exact for turns of up to 3 rad
 
 
@@ -159,8 +160,25 @@ def out_of_chart(rows, xi, p, negative, out):
 
 
 @sweep
+def reach(rows, real, q):
+    """qᵀ M q for the mass matrix in `real`: what positions are rounded to; attitudes as 1 rad."""
+    total = 0.0
+    for k in range(1, rows.shape[0]):
+        i = v_of(rows, k)
+        first = rows[k, at.QI]
+        if kind_of(rows, k) <= TRANSLATE:
+            total += real[i, i] * q[first] * q[first]
+            continue
+        for n in range(3):
+            total += real[i + n, i + n]
+            if kind_of(rows, k) == at.FREE:
+                total += real[i + 3 + n, i + 3 + n] * q[first + n] * q[first + n]
+    return total
+
+
+@sweep
 def factor_mass(run, q):
-    """The mass matrix at q, factored in the first rows of `real`; whether it can be."""
+    """(whether the mass matrix at q, in the first rows of `real`, can be factored; its reach)."""
     data = opened_run(run)
     real, nv = data.real, data.control[0].nv
     scene = opened(data.scene)
@@ -171,7 +189,8 @@ def factor_mass(run, q):
             real[i, j] = 0.0
     outboard(scene.rows, scene.const, scene.work, q, still)
     joint_inertia(scene.rows, scene.const, scene.work, real)
-    return factor(real, nv, real[nv + PIVOTS])
+    total = reach(scene.rows, real, q)
+    return factor(real, nv, real[nv + PIVOTS]), total
 
 
 @sweep
@@ -261,8 +280,10 @@ def gauss(run, h):
     flow, real, tableau = data.flow, data.real, data.tableau
     nq, nv = size_of_state(run)
     count = tableau.b.shape[0]
-    if not factor_mass(run, stages[at.Y, :nq]):
+    regular, total = factor_mass(run, stages[at.Y, :nq])
+    if not regular:
         return NOT_SOLVED
+    still = (STILL * EPS / h) ** 2 * total
     scene = opened(data.scene)
     q, v = stages[at.Y, :nq], stages[at.Y, nq : nq + nv]
     start, scratch = real[nv + START, :nv], real[nv + SCRATCH]
@@ -289,8 +310,9 @@ def gauss(run, h):
         if not (abs(change) < math.inf and size < math.inf):
             return NOT_SOLVED
         missed = math.sqrt(abs(change) / size) if size > 0.0 else 0.0
-        solved = missed < 2.0 * EPS or (missed >= last and missed < NEARLY)
-        if solved or missed > LOST:
+        rounded = missed < NEARLY or abs(change) < still
+        solved = missed < 2.0 * EPS or (missed >= last and rounded)
+        if solved or (missed > LOST and abs(change) >= still):
             break
         last = missed
     if not solved:
@@ -300,7 +322,8 @@ def gauss(run, h):
     copied(stages, at.Y, at.CANDIDATE, stages.shape[1])
     q = stages[at.CANDIDATE, :nq]
     advance(opened(data.scene).rows, q, wanted[:nv], 1.0)
-    if not factor_mass(run, q):
+    regular, total = factor_mass(run, q)
+    if not regular:
         return NOT_SOLVED
     out_of_chart(
         opened(data.scene).rows,
