@@ -17,17 +17,24 @@ from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 from ..dynamics.states import differences
+from ..integrators import DOPRI5
 from ..packing.system import Array
-from .options import LEAST_RTOL
-from .plan import STIFF, Plan, fastest_rate
+from .options import LEAST_RTOL, Tolerance
+from .plan import NO_SUBSTEPS, NO_TIMES, STIFF, Plan, corners, fastest_rate
 from .recording import Estimate, Recording
 
 LOOSER = 32.0  # ratio of the tolerances of two runs
 COMPARED = 65  # frames at most, where frames cost time of their own
+FRAMES = 2001  # at most, where steps end at them
+SETTLED = 0.5  # of the largest difference: what is left of it at the next time in a transient
+EARLY = 4  # coarser steps: they do not resolve what happens within
 PARTED = 0.3  # rad, or of the motion's length: beyond it, errors no longer add up
 FAR = 3.0  # of that: chance makes such differences in chaotic motion
 CLOSER = 1.25  # factor between the ratio that is seen there and the one that the order promises
 CLOSE = 0.3  # of that: where a coarser run has parted already
+TIGHT = 1e-10  # tolerance of a run that tells the error of given steps through contacts
+DEAREST = 4  # times the steps of the run: what it may take
+FINER = 4.0  # ratio of the tolerances of two runs that can be told apart
 LEAST_DIVISOR = 0.4  # of the difference: runs whose errors do not shrink at all
 NARROWER = 0.7  # of the steps: a run that takes more of them is the same run
 DOUBTED = 0.25  # of the ratio that the order promises
@@ -35,6 +42,7 @@ VISIBLE = 1e-3  # rad, or of the motion's length: an error that a person sees
 FEW = 50  # steps of a coarser run: a finer one costs little then, and tells the error itself
 ONE_EACH = 1.5  # steps a frame: fewer are those that frames ask for
 CHAOTIC = 4.0  # e-folds in the second half of the time: more than powers of time make
+ONE_JUMP = 0.4  # of these e-folds, between two times: what happens at once is not chaos
 FITTED = 8  # points of a rate
 UNSOLVED = 0.1  # of the tolerance of the equations of implicit steps
 HALF = 0.5  # of the gap that counts as closed: where an impact is found in it
@@ -52,6 +60,7 @@ class _Apart(NamedTuple):
     """How far two runs are apart at n times, the largest so far."""
 
     t: Array  # (n,) [s]
+    each: Array  # (n,) at that time [rad, m]
     largest: Array  # (n,) [rad, m]
     share: Array  # (n,) of what is too far for errors to add up
 
@@ -108,8 +117,15 @@ def _estimated(record: Recording) -> Estimate:
 
 def _by_coarser(record: Recording) -> Estimate:
     """The estimate from two coarser runs; where they do not tell, from a finer one."""
-    plan, steps = record.plan, record.steps.counters["steps"]
+    record.plan = plan = _effective(record.plan)
+    steps = record.steps.counters["steps"]
     if not (_dense(plan) or plan.step) and steps < ONE_EACH * len(plan.times):
+        return _by_finer(record)
+    if plan.tolerance is None and plan.contacts is not None and not plan.impulses:
+        found = _by_tolerance(record)
+        if found is not None:
+            return found
+    if plan.knots:  # wider steps would not end at them
         return _by_finer(record)
     factor = 3 if plan.method.order <= 2 else 2
     wider = _coarser(plan, factor)
@@ -121,7 +137,7 @@ def _by_coarser(record: Recording) -> Estimate:
     if wider is None or coarse is None or not _wide(coarse, record):
         return _by_finer(record)
     near, ratio = _apart(record, coarse, wider.times), _ratio(record, coarse)
-    if steps < FEW * factor:
+    if steps < FEW * factor or (plan.step and _settles(near, _width(wider))):
         return _by_finer(record, (near, ratio))
     uneven = len(plan.kinks) > 0 or len(plan.contact_points) > 0  # no two steps are alike
     widest = None if uneven else _coarser(wider, factor)
@@ -143,14 +159,37 @@ def _by_coarser(record: Recording) -> Estimate:
         chosen = not (plan.step or plan.contact_points)
         far_off = far is None or far.share[-1] >= 1.0
         erratic = chosen and (far_off or _growth(near, parted) > 0.0)
-        if not erratic and (held > DOUBTED or near.share[-1] * PARTED < VISIBLE):
+        lawless = held < DOUBTED or (far is not None and far_off)  # chance may make both alike
+        if not erratic and (not lawless or near.share[-1] * PARTED < VISIBLE):
             return Estimate(float(errors[-1]), before=float(errors[-1]))
         return _by_finer(record, (near, ratio))
     last, rate = max(parted - 1, 0), _growth(near, parted)
-    within = rate * (near.t[-1] - near.t[last]) < np.log(ratio) + 1.0
-    if within and not plan.contact_points:
+    if not plan.contact_points and _can_be_finer(plan):
         return _by_finer(record, (near, ratio))
     return _known_until(near, errors, last, rate)
+
+
+def _by_tolerance(record: Recording) -> Estimate | None:
+    """The estimate from a run whose steps follow the forces of contacts; None where it is too dear.
+
+    Soft and penalty contacts bound given steps, so that wider ones would be the same inside them.
+    """
+    plan = record.plan
+    span = float(plan.times[0]), float(plan.times[-1])
+    bends = corners(record.mech, plan.drives, plan.loads, plan.ever, *span)
+    most = DEAREST * int(record.steps.counters["steps"]) + 1000
+    tight = Tolerance(TIGHT, 0.0, span[1] - span[0], most, bends, False)
+    other = record.again(
+        replace(plan, method=DOPRI5, tolerance=tight, substeps=NO_SUBSTEPS, width=NO_TIMES)
+    )
+    if not other.ended.ok:
+        return None
+    apart = _apart(other, record, plan.times)
+    errors = apart.largest + _rounding(record)
+    parted = int(np.searchsorted(apart.share, 1.0))
+    if parted < len(errors):
+        return _known_until(apart, errors, max(parted - 1, 0), _growth(apart, parted))
+    return Estimate(float(errors[-1]), before=float(errors[-1]))
 
 
 def _by_finer(record: Recording, coarser: tuple[_Apart, float] | None = None) -> Estimate:
@@ -180,7 +219,8 @@ def _by_finer(record: Recording, coarser: tuple[_Apart, float] | None = None) ->
     largest, notices = float(errors[-1]), ()
     if held < DOUBTED and apart.share[-1] * PARTED > VISIBLE:
         text = f"the error estimate of {largest:.2g} rad or m is rough: narrower steps made the "
-        text += f"error {seen:.2g} times smaller, where {plan.method.name} promises {promised:.3g}"
+        made = f"{seen:.2g} times smaller" if seen > 1.0 else "no smaller"
+        text += f"error {made}, where {plan.method.name} promises {promised:.3g} times"
         notices = (text,)
     return Estimate(largest, before=largest, notices=notices)
 
@@ -198,13 +238,14 @@ def _apart(one: Recording, other: Recording, times: Array) -> _Apart:
     )
     rows = one.mech.packed.rows
     turned, moved = differences(rows, a, b)
-    largest = np.maximum.accumulate(np.maximum(turned, moved))
+    each = np.maximum(turned, moved)
+    largest = np.maximum.accumulate(each)
     if not moved.any():
-        return _Apart(times, largest, largest / PARTED)
+        return _Apart(times, each, largest, largest / PARTED)
     _, slid = differences(rows, np.broadcast_to(a[:1], a.shape), a)
     size = max(one.plan.length, float(slid.max(initial=0.0))) or 1.0
     share = np.maximum.accumulate(np.maximum(turned, moved / size)) / PARTED
-    return _Apart(times, largest, share)
+    return _Apart(times, each, largest, share)
 
 
 def _ratio(fine: Recording, coarse: Recording) -> float:
@@ -244,6 +285,16 @@ def _seen(near: _Apart, far: _Apart) -> float:
     return float(far.largest[last] / near.largest[among[last]])
 
 
+def _settles(near: _Apart, width: float) -> bool:
+    """Whether the difference is largest for so short a time that steps of this width miss it."""
+    most = int(near.each.argmax())
+    around = slice(max(most - 1, 0), most + 2)
+    if near.t[most] - near.t[0] < EARLY * width:
+        return True
+    fast = float(near.each[around].min()) < SETTLED * float(near.each[most])
+    return fast and bool(np.ptp(near.t[around]) < EARLY * width)
+
+
 def _parted(near: _Apart, far: _Apart | None, promised: float) -> int:
     """The first time, by number, at which the runs have parted; their count if they have not.
 
@@ -269,8 +320,10 @@ def _growth(apart: _Apart, parted: int) -> float:
     some = np.flatnonzero((apart.t[: last + 1] >= half) & (apart.largest[: last + 1] > 0.0))
     if len(some) < FITTED:
         return 0.0
-    rate = float(np.polyfit(apart.t[some], np.log(apart.largest[some]), 1)[0])
-    return rate if rate * (apart.t[last] - half) > CHAOTIC else 0.0
+    logs = np.log(apart.largest[some])
+    rate = float(np.polyfit(apart.t[some], logs, 1)[0])
+    sustained = np.diff(logs).max() < ONE_JUMP * (logs[-1] - logs[0])
+    return rate if sustained and rate * (apart.t[last] - half) > CHAOTIC else 0.0
 
 
 def _known_until(apart: _Apart, errors: Array, last: int, rate: float) -> Estimate:
@@ -346,6 +399,25 @@ def _wide(coarse: Recording, fine: Recording) -> bool:
 
 
 @lru_cache(maxsize=32)
+def _effective(plan: Plan) -> Plan:
+    """The same run, its fixed steps no wider than those between frames that end them."""
+    given = plan.tolerance
+    if given is None or not given.fixed or _dense(plan):
+        return plan
+    apart = np.diff(plan.times)
+    widest = float((apart / np.ceil(apart / given.widest - 1e-9)).max())
+    return (
+        plan if widest >= given.widest else replace(plan, tolerance=given._replace(widest=widest))
+    )
+
+
+def _can_be_finer(plan: Plan) -> bool:
+    """Whether a tolerance can be notably tighter than the plan's."""
+    given = plan.tolerance
+    return given is None or given.fixed or given.rtol > FINER * LEAST_RTOL
+
+
+@lru_cache(maxsize=32)
 def _coarser(plan: Plan, factor: int) -> Plan | None:
     """The same run at `factor` times wider steps, or LOOSER tolerances; None for too few steps."""
     count, given = len(plan.times), plan.tolerance
@@ -354,29 +426,29 @@ def _coarser(plan: Plan, factor: int) -> Plan | None:
         if int(plan.substeps.sum()) < factor:
             return None
         return _joined(plan, factor, cuts)
-    some = COMPARED
+    few = np.linspace(0, count - 1, min(COMPARED, count)).astype(int)
     if given.fixed:
-        span = plan.times[-1] - plan.times[0]
-        some = int(min(some, span / (factor * given.widest) * (1 + 1e-9) + 1))
-        if some < 2:
+        wide = factor * given.widest
+        if plan.times[-1] - plan.times[0] < wide * (1 - 1e-9):
             return None
-        changed = given._replace(widest=factor * given.widest)
+        stride = 1 if _dense(plan) else int(np.ceil(wide / np.diff(plan.times).min() - 1e-6))
+        few = np.append(np.arange(0, count - 1, max(min(stride, count - 1), 1)), count - 1)
+        changed = given._replace(widest=wide)
     else:
         changed = given._replace(rtol=LOOSER * given.rtol, atol=LOOSER * given.atol)
         if given.widest < plan.times[-1] - plan.times[0]:
             changed = changed._replace(widest=factor * given.widest)
-    few = np.linspace(0, count - 1, min(some, count)).astype(int)
     return replace(plan, times=plan.times[np.union1d(few, cuts)], tolerance=changed)
 
 
 def _joined(plan: Plan, factor: int, cuts: NDArray[np.intp]) -> Plan:
-    """Fixed steps of `factor` times the width, frames at about COMPARED of the plan's times.
+    """Fixed steps of `factor` times the width, frames at FRAMES of the plan's times at most.
 
     Times at `cuts` are kept. Frames are joined until they hold whole wide steps.
     """
     count = len(plan.substeps)
     group = -(-factor // int(plan.substeps.max()))
-    while count // (2 * group) >= COMPARED - 1:
+    while count // group >= FRAMES:
         group *= 2
     keep = np.union1d(np.arange(0, count, group), cuts)
     keep = keep[keep < count]

@@ -209,7 +209,7 @@ class Steps:
         of = "1 step" if self.divided == 1 else f"{self.divided} steps"
         return [
             f"the equations of {of} of {self.tolerance.widest:.4g} s could not be solved at once, "
-            "as where friction sets in: narrower ones were taken there"
+            "as where forces change fast: narrower ones were taken there"
         ]
 
 

@@ -84,6 +84,7 @@ class Plan:
     ever: Ints = field(default_factory=lambda: NO_SUBSTEPS)  # active constraints of all times
     length: float = 1.0  # of the mechanism, a scale of errors [m]
     kinks: Array = field(default_factory=lambda: NO_TIMES)  # corners of tables inside steps [s]
+    knots: bool = False  # whether fixed steps end at corners of tables
     shown: NDArray[np.bool_] | None = None  # frames that were asked for; None: all
     start: tuple[Array, Array] = (NO_TIMES, NO_TIMES)  # q, v where the call gives none
     tau: Any = None  # the controller of the scenario's gait
@@ -295,7 +296,8 @@ def _with_times(
         kinks = _corners_inside(bends, times, widths)
     return replace(
         plan, times=times, substeps=substeps, width=widths, tolerance=tolerance, changes=changes,
-        ever=whole, kinks=kinks, gains=_gains(o, usual), shown=_shown(times, o, asked),
+        ever=whole, kinks=kinks, knots=tolerance is None and len(bends) > len(kinks),
+        gains=_gains(o, usual), shown=_shown(times, o, asked),
     )  # fmt: skip
 
 
@@ -478,6 +480,8 @@ def _method(
         if rate() * step > RK4.limit:
             text = f"radau5: the fastest rate, {rate():.3g}/s, times the step is too much for rk4"
             return RADAU5, text
+        if touching:
+            return RK4, "rk4: soft or penalty contacts at a fixed step, narrower inside hard ones"
         return RK4, "rk4: the most accurate of the methods for smooth motion at a fixed step"
     if rate() * rate.span > MANY and rate() > 30.0 * (rest := rate.without_forces()):
         text = f"radau5: springs or dampers make rates of {rate():.3g}/s, the rest {rest:.3g}/s"

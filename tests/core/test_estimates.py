@@ -237,3 +237,115 @@ def test_vibrations_that_implicit_steps_take_out_are_in_the_estimate(method):
     run = pg.simulate(pg.Model(bodies=(body,)), t_end=1.0, method=method, step=1e-2)
     true = np.abs(run.q[:, 0] + 9.81e-9 * (1 - np.cos(np.sqrt(1e9) * run.t))).max()
     assert 0.2 * true < run.error_estimate < 10 * true
+
+
+# -- motion that settles, steps that frames end, contacts -----------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("damping", "options"),
+    [
+        (1e3, {"method": "ros2", "step": 1e-3, "t_end": 1.0}),
+        (1e3, {"method": "radau5", "step": 1e-3, "t_end": 1.0}),
+        (1e3, {"method": "rk4", "step": 5e-4, "t_end": 3.0}),
+        (1e2, {"method": "ros2", "step": 1e-2, "t_end": 10.0}),
+        (1e2, {"method": "generalised_alpha", "step": 1e-2, "t_end": 10.0}),
+    ],
+)
+def test_an_error_that_fades_early_is_in_the_estimate(damping, options):
+    """1 kg at 1 N/m, thrown into a damper: it moves by 1 m within some steps, then creeps back."""
+    body = pg.Body(
+        name="a", mass=1, joint="prismatic", axes=(1, 0, 0), v=damping, stiffness=1.0,
+        damping=damping,
+    )  # fmt: skip
+    run = pg.simulate(pg.Model(gravity=(0, 0, 0), bodies=[body]), **options)
+    w = np.sqrt(damping**2 / 4 - 1)
+    a, b = -1 / (damping / 2 + w), -damping / 2 - w
+    exact = damping * (np.exp(a * run.t) - np.exp(b * run.t)) / (a - b)
+    true = np.abs(run.q[:, 0] - exact).max()
+    assert true > 1e-5
+    assert 0.2 * true < run.error_estimate < 5 * true
+
+
+@pytest.mark.parametrize("method", ["ros2", "radau5"])
+@pytest.mark.parametrize("wider", [1, 1.5, 1.999, 2, 4])
+def test_steps_that_frames_end_are_compared_with_others(method, wider):
+    """Steps of 1 to 4 times the time between frames, all the same run."""
+    mech, q = model("pendulum"), np.array([1.0])
+    run = pg.simulate(mech, q, t_end=1.0, frames=101, method=method, step=0.01 * wider)
+    assert run.counters["steps"] == 100
+    true = true_error(mech, run, q).max()
+    assert 0.2 * true < run.error_estimate < 10 * true
+
+
+def test_knots_at_the_ends_of_steps_are_not_missed_by_wider_ones():
+    t = np.linspace(0, 1, 21)
+    torque = pg.Table(t=tuple(t), value=tuple(np.where(np.arange(21) % 2, 5.0, -5.0)))
+    push = pg.Motor(name="s", body="b", torque=torque)
+    body = pg.Body(name="b", joint="prismatic", axes=((1, 0, 0),), stiffness=9.0)
+    mech = pg.Mechanism(pg.Model(bodies=(body,), forces=(push,)))
+    run = pg.simulate(mech, t_end=1.0, method="rk4", step=0.01)
+    true = true_error(mech, run).max()
+    assert 0.2 * true < run.error_estimate < 5 * true
+
+
+@pytest.mark.parametrize("options", [{}, {"frames": 5}, {"step": 0.01}, {"step": 1e-3}])
+def test_steps_inside_hard_contacts_are_in_the_estimate(options):
+    """A ball that falls on a penalty contact without damping: free flight, then half a swing."""
+    k, g, radius = 1e4, 9.81, 0.1
+    ball = pg.Body(
+        name="a", mass=1.0, joint="prismatic", axes=(0, 0, 1), q=0.3,
+        shape=pg.Shape(kind="sphere", radius=radius),
+    )  # fmt: skip
+    floor = pg.Contact(name="c", body="a", law="penalty", stiffness=k, damping=0.0, friction=0.0)
+    run = pg.simulate(pg.Model(bodies=[ball], contacts=[floor], gravity=(0, 0, -g)), t_end=1.0,
+                      **options)  # fmt: skip
+    fall, speed, w = np.sqrt(0.4 / g), np.sqrt(0.4 * g), np.sqrt(k)
+    sag = g / w**2
+    turned = 2 * (np.pi - np.arctan(speed / w / sag))
+    cycle = 2 * fall + turned / w
+    since = (run.t + fall) % cycle  # from the bottom of a rise through the surface
+    air = radius + speed * since - 0.5 * g * since**2
+    deep = w * (since - 2 * fall)
+    ground = radius - sag + sag * np.cos(deep) - speed / w * np.sin(deep)
+    exact = np.where(since < 2 * fall, air, ground)
+    true = np.abs(run.q[:, 0] - exact).max()
+    assert 0.2 * true < run.error_estimate < 5 * true
+
+
+def test_the_time_to_which_an_error_is_known_is_not_too_late():
+    """A chaotic double pendulum: until then, the error is what is said, within a factor."""
+    mech, q = model("double_pendulum"), np.array([3.0, -1.0])
+    run = pg.simulate(mech, q, t_end=60.0, frames=2001)
+    until, before = run.header["error_known"]
+    early = pg.simulate(mech, q, t_end=until, frames=101)
+    true = true_error(mech, early, q).max()
+    assert 0.2 * true < before < 5 * true
+
+
+def test_a_jump_is_not_called_chaos():
+    """A pulse that only a coarser run meets."""
+
+    def pulse(t, q, v):
+        return np.array([300.0 if 1.2345 < t < 1.2355 else 0.0])
+
+    options = {"t_end": 3.0, "tau": pulse, "estimate": True}
+    run = pg.simulate(model("pendulum"), np.array([1.0]), method="rk4", step=0.01, **options)
+    assert not any("chaotic" in text for text in run.notices)
+
+
+@pytest.mark.parametrize(
+    "times",
+    [[0, 1e-9, 3.0], [0, 1, 1.0000001, 2, 3], [0, 3.0], np.linspace(0, 3, 21),
+     np.sort([*np.linspace(0, 3, 11), *(np.linspace(0, 2.7, 10) + 1e-3)]),
+     np.sort([0, 3, *np.random.default_rng(1).uniform(0, 3, 28)])],
+)  # fmt: skip
+def test_what_lies_between_uneven_frames_has_its_error(times):
+    """Frames near each other tell little of the interval beside them."""
+    mech, q = model("pendulum"), np.array([1.0])
+    run = pg.simulate(mech, q, t_end=3.0, t_eval=times)
+    t = np.linspace(0, 3, 300)
+    true = np.abs(run.at(t)[0] - pg.simulate(mech, q, t_end=3.0, t_eval=t, rtol=1e-13).q)[:, 0]
+    assert (true < 5 * run.at(t)[2]).all()
+    if len(times) > 20:
+        assert np.isfinite(run.at(t)[2]).all()

@@ -513,3 +513,16 @@ def between(q, other):
     a, b, c, d = q[0], q[1:4], other[0], other[1:4]
     u = a * d - c * b - np.cross(d, b)
     return np.concatenate((2.0 * u, other[4:] - q[4:]))
+
+
+@pytest.mark.parametrize("step", [0.02, 1e-3])
+@pytest.mark.parametrize("start", [0.0, -0.0981])
+def test_gauss_steps_go_on_where_motion_comes_to_rest_under_load(step, start):
+    """A slider on a spring and a damper: what its forces leave is rounding."""
+    body = pg.Body(
+        name="a", joint="prismatic", axes=(0, 0, 1), stiffness=100.0, damping=10.0, q=start
+    )
+    given = {"t_end": 10.0, "method": "gauss6", "step": step, "estimate": False}
+    run = pg.simulate(pg.Model(bodies=[body], gravity=(0, 0, -9.81)), **given)
+    assert run.status is pg.Status.DONE
+    assert abs(run.q[-1, 0] + 0.0981) < 1e-13

@@ -148,3 +148,47 @@ def test_a_function_that_fails_on_the_way_is_refused():
 
     with pytest.raises(pg.InputError, match=r"gave nan at t = 0\.5"):
         pg.simulate(swinging(), t_end=1.0, events=[late])
+
+
+# -- what is there for a part of a step only ------------------------------------------------------
+
+COARSE = [{}, {"rtol": 1e-4}, {"method": "dopri5"}, {"method": "rk4", "step": 1e-2}]
+
+
+@pytest.mark.parametrize("options", COARSE)
+@pytest.mark.parametrize("frames", [2, 1001])
+@pytest.mark.parametrize("above", [0.1, 0.01, 5e-4])
+def test_a_throw_is_above_a_height_for_a_part_of_a_step(options, frames, above):
+    """Both crossings, at v/g -+ above/2, and each alone."""
+    body = pg.Body(name="a", mass=1.0, joint="prismatic", axes=(0, 0, 1), v=3.0)
+    height = 4.5 / G - G * (above / 2) ** 2 / 2
+    events = [crossing(height, direction=way) for way in (0, 1, -1)]
+    given = {"frames": frames, **options}
+    run = pg.simulate(
+        pg.Model(bodies=[body], gravity=(0, 0, -G)), t_end=1.0, events=events, **given
+    )
+    first, last = 3 / G - above / 2, 3 / G + above / 2
+    for number, expected in enumerate(([first, last], [first], [last])):
+        found = [event.t for event in run.user_events if event.number == number]
+        np.testing.assert_allclose(found, expected, atol=1e-11)
+
+
+def test_events_never_contradict_the_frames():
+    """16 zeros of a fast function of time within a few wide steps."""
+    run = pg.simulate(falling(), t_end=1.0, events=[lambda t, q, v: np.sin(50 * t + 0.5)])
+    expected = (np.pi * np.arange(1, 17) - 0.5) / 50
+    np.testing.assert_allclose([e.t for e in run.user_events], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("options", [{}, {"method": "rk4", "step": 1e-2}])
+def test_zeros_that_are_touched_or_last_are_one_event(options):
+    """Zero is touched at 0.3, or lasts from 0.4 to 0.6, or is where the run starts."""
+    cases = [
+        (lambda t, q, v: (t - 0.3) ** 2, [0.3]),
+        (lambda t, q, v: max(0.0, t - 0.6) - max(0.0, 0.4 - t), [0.4]),
+        (lambda t, q, v: t, []),
+        (lambda t, q, v: (t - 0.3) ** 2 + 1e-6, []),
+    ]
+    for function, expected in cases:
+        run = pg.simulate(falling(), t_end=1.0, events=[function], **options)
+        np.testing.assert_allclose([e.t for e in run.user_events], expected, atol=1e-8)

@@ -49,6 +49,7 @@ BELOW = 1e-300  # what a value of zero counts as
 PARTS = 4  # of a step with dense output that are looked at for themselves
 DIPS = 60  # looks for the least value of an event that comes near zero and turns back
 DEEP = 0.25  # of the fall towards it: what a parabola through three values may be off
+HALVINGS = 40  # of a part that starts at an event
 GOLDEN = 0.381966  # of the longer side: where parabolas converge slowly
 TOUCHES = 1e-12  # of the values around it: a least value that is zero
 ALIKE = 1e-9  # of a part: two instants that are one
@@ -140,11 +141,11 @@ def look(run, low, w):
 def watch_events(run):
     """Monitors of a user's events: above zero as long as their values keep their sign."""
     data = opened_run(run)
-    signs, wanted, values, watched = data.signs, data.wanted, data.values, data.watched
+    signs, values, watched = data.signs, data.values, data.watched
     first = watched.shape[1] - signs.shape[0]
     for i in range(signs.shape[0]):
         monitor = NOTHING
-        if signs[i] != 0 and signs[i] * wanted[i] <= 0:
+        if signs[i] != 0:
             monitor = signs[i] * values[i]
             if monitor == 0.0:
                 monitor = -BELOW
@@ -268,8 +269,8 @@ def dip(run, low, width, i):
         value = sign * values[i]
         if value < 0.0:
             return x[0] * width, w * width
-        if value <= TOUCHES * size:
-            watched[NOW, n] = -BELOW if data.wanted[i] == 0 else NOTHING
+        if value <= TOUCHES * size and data.wanted[i] == 0:
+            watched[NOW, n] = -BELOW
             return w * width, w * width
         if w < x[1]:
             if value < y[1]:
@@ -287,20 +288,16 @@ def dip(run, low, width, i):
 
 @sweep
 def dipped(run, low, width):
-    """(start, width) of a part in which a user's event has happened and is undone at its end."""
+    """(start, width) of a part in which a user's event has happened and is undone at its end.
+
+    The width is 0 where zero is only touched, and -1 where nothing happens.
+    """
     data = opened_run(run)
-    signs, wanted, values, watched = data.signs, data.wanted, data.values, data.watched
-    first = watched.shape[1] - signs.shape[0]
-    for i in range(signs.shape[0]):
+    watched, count = data.watched, data.signs.shape[0]
+    for i in range(count):
         begin, end = dip(run, low, width, i)
-        if end > 0.0:
-            if begin < end and signs[i] * wanted[i] > 0:  # the way back is what counts
-                signs[i] = -signs[i]
-                watched[START, first + i] = abs(values[i])
-                look(run, low + end, width - end)
-                return low + end, width - end
-            if watched[NOW, first + i] < 0.0:
-                return low + begin, end - begin
+        if end > 0.0 and watched[NOW, watched.shape[1] - count + i] < 0.0:
+            return low + begin, end - begin
         look(run, low, width)
     return low, -1.0
 
@@ -318,42 +315,67 @@ def zero_exactly(run):
 
 
 @sweep
-def go_back(run, low, end):
-    """Go back to the first event in the part of the step from `low`, which has one by its end.
+def clear_of_zero(run, low, end):
+    """(low, end) of a part in which an event happens, and which starts clearly before it.
 
-    Where zero is only touched, `low` is when, and `end` is 0. A value that stays zero counts
-    again when it has left it.
+    Right after an event, rounding hides on which side of zero its value is.
+    """
+    watched, count = opened_run(run).watched, opened_run(run).signs.shape[0]
+    for _ in range(HALVINGS):
+        clear = True
+        for n in range(watched.shape[1] - count, watched.shape[1]):
+            clear = clear and watched[START, n] >= -ALIKE * watched[NOW, n]
+        if clear:
+            break
+        end *= 0.5
+        look(run, low, end)
+        if not over(watched, NOW):
+            for n in range(watched.shape[1] - count, watched.shape[1]):
+                watched[START, n] = watched[NOW, n]
+            low += end
+            look(run, low, end)
+            break
+    return low, end
+
+
+@sweep
+def reached(run, low, end):
+    """(whether what happens first in the part of the step from `low` counts, when it does).
+
+    Something happens by `end`, or at `low` itself where that is 0: zero is only touched. A value
+    that stays zero counts again when it has left it.
     """
     data = opened_run(run)
-    control, stages = data.control[0], data.stages
-    signs, values, watched = data.signs, data.values, data.watched
+    signs, wanted, values, watched = data.signs, data.wanted, data.values, data.watched
     first = watched.shape[1] - signs.shape[0]
-    touched = end == 0.0
-    w = 0.0 if touched else locate(run, low, end)
-    if not touched and zero_exactly(run):
-        look(run, low, end)  # which side it is on next
+    w = 0.0
+    if end > 0.0:
+        low, end = clear_of_zero(run, low, end)
+        w = locate(run, low, end)
+    if end > 0.0 and zero_exactly(run):
+        look(run, low, end)
         keep_values(run, HIGH)
         look(run, low, w)
     else:
         keep_values(run, HIGH)
-    copied(stages, at.TRIAL, at.Y, stages.shape[1])
-    control.time = control.old_time + low + w
-    control.fresh = 0
-    control.fired = 1
     for i in range(signs.shape[0]):
-        side = watched[HIGH, first + i]
-        if watched[NOW, first + i] < 0.0 and not touched:
-            signs[i] = 0 if side == 0.0 else (1 if side > 0.0 else -1)
         watched[START, first + i] = abs(values[i])
+        if end == 0.0 or watched[NOW, first + i] >= 0.0:
+            continue
+        if signs[i] * wanted[i] > 0:
+            watched[NOW, first + i] = NOTHING
+        side = watched[HIGH, first + i]
+        signs[i] = 0 if side == 0.0 else (1 if side > 0.0 else -1)
+    return over(watched, NOW), low + w
 
 
 @part
 def next_look(run, low, n, parts):
-    """Where the part of the step from `low` ends: at a frame, or a `parts`-th of the step."""
+    """Where the part of the step from `low` ends: at a frame, or at `n` of `parts`."""
     data = opened_run(run)
     control, times = data.control[0], data.times
     h = control.old_width
-    end = h * (n + 1) / parts
+    end = h * n / parts
     if data.links.events == 0 or parts == 1:
         return end
     i = control.frame
@@ -364,41 +386,53 @@ def next_look(run, low, n, parts):
     return end
 
 
-@kernel(LOOK_BACK, nogil=True, later=True)
-def look_back(run):
-    """Go back to the first event within the last step, if there is one.
+@sweep
+def looked_at(run, low, end):
+    """(whether an event that counts has happened by `end`, when; the time that was looked to).
 
-    A user's events are looked at in the middle of each part too, and where a parabola through
-    three values says that they turn back near zero.
+    A user's events are looked at in the middle too, and where a parabola through three values
+    says that they turn back near zero.
     """
     data = opened_run(run)
-    h = data.control[0].old_width
-    parts = PARTS if data.tableau.dense.shape[0] > 0 else 1
     halves = 2 if data.links.events != 0 else 1
+    keep_values(run, LOW)
+    begin = low
+    for k in range(halves):
+        stop = end if k == halves - 1 else 0.5 * (low + end)
+        found = happened(run, begin, stop - begin)
+        if found > 0.0:
+            return reached(run, begin, found)
+        if phases_watched(run):
+            accepted(opened_events(data.scene).contact)
+        begin_part(run)
+        if k < halves - 1:
+            keep_values(run, HIGH)
+            begin = stop
+    if halves == 2:
+        begin, width = dipped(run, low, end - low)
+        if width >= 0.0:
+            return reached(run, begin, width)
+    return False, end
+
+
+@kernel(LOOK_BACK, nogil=True, later=True)
+def look_back(run):
+    """Go back to the first event within the last step, if there is one."""
+    data = opened_run(run)
+    control, stages = data.control[0], data.stages
+    parts = PARTS if data.tableau.dense.shape[0] > 0 else 1
     if data.links.events != 0 and data.counters[0].steps == 1:
         begin_events(run)
-    n = 0
+    n = 1
     low = 0.0
-    while n < parts:
+    while n <= parts:
         end = next_look(run, low, n, parts)
-        if end >= h * (n + 1) / parts:
+        counts, low = looked_at(run, low, end)
+        if counts:
+            copied(stages, at.TRIAL, at.Y, stages.shape[1])
+            control.time = control.old_time + low
+            control.fresh = 0
+            control.fired = 1
+            return
+        if low >= control.old_width * n / parts:
             n += 1
-        keep_values(run, LOW)
-        for k in range(halves):
-            begin = low + (end - low) * k / halves
-            width = low + (end - low) * (k + 1) / halves - begin
-            found = happened(run, begin, width)
-            if found > 0.0:
-                go_back(run, begin, found)
-                return
-            if phases_watched(run):
-                accepted(opened_events(data.scene).contact)
-            begin_part(run)
-            if k < halves - 1:
-                keep_values(run, HIGH)
-        if halves == 2:
-            begin, width = dipped(run, low, end - low)
-            if width >= 0.0:
-                go_back(run, begin, width)
-                return
-        low = end
