@@ -34,6 +34,7 @@ CLOSER = 1.25  # factor between the ratio that is seen there and the one that th
 CLOSE = 0.3  # of that: where a coarser run has parted already
 TIGHT = 1e-10  # tolerance of a run that tells the error of given steps through contacts
 DEAREST = 4  # times the steps of the run: what it may take
+ALIKE = 1e-9  # of a step: times this near are one
 FINER = 4.0  # ratio of the tolerances of two runs that can be told apart
 LEAST_DIVISOR = 0.4  # of the difference: runs whose errors do not shrink at all
 NARROWER = 0.7  # of the steps: a run that takes more of them is the same run
@@ -125,7 +126,7 @@ def _by_coarser(record: Recording) -> Estimate:
         found = _by_tolerance(record)
         if found is not None:
             return found
-    if plan.knots:  # wider steps would not end at them
+    if len(plan.knots) and not len(plan.kinks):  # wider steps would not end at them
         return _by_finer(record)
     factor = 3 if plan.method.order <= 2 else 2
     wider = _coarser(plan, factor)
@@ -387,6 +388,7 @@ def _until(plan: Plan, end: float) -> Plan:
     return replace(
         plan, times=plan.times[:count], substeps=plan.substeps[: max(count - 1, 0)],
         width=plan.width[: max(count - 1, 0)], kinks=plan.kinks[plan.kinks < end],
+        knots=plan.knots[plan.knots < end],
         changes=tuple(change for change in plan.changes if change.t < end),
     )  # fmt: skip
 
@@ -493,9 +495,14 @@ def _with_frames(plan: Plan) -> Plan:
 
 
 def _onto_corners(plan: Plan) -> Plan:
-    """The same run at fixed steps that end at corners of tables too."""
-    times = np.union1d(plan.times, plan.kinks)
+    """The same run at fixed steps that end at all corners of tables too."""
+    inside = np.searchsorted(plan.times, plan.knots) - 1
+    near = plan.times[np.stack([inside, inside + 1])]
+    alike = ALIKE * plan.width[inside]
+    bends = plan.knots[(np.abs(near - plan.knots) > alike).all(axis=0)]
+    times = np.union1d(plan.times, bends)
     apart = np.diff(times)
     usual = plan.width[np.searchsorted(plan.times, times[:-1], side="right") - 1]
     substeps = np.maximum(np.ceil(apart / usual - 1e-9), 1).astype(np.int64)
-    return replace(plan, times=times, substeps=substeps, width=apart / substeps)
+    after = np.searchsorted(times, plan.knots - 0.5 * apart.min())
+    return replace(plan, times=times, substeps=substeps, width=apart / substeps, kinks=times[after])

@@ -84,7 +84,7 @@ class Plan:
     ever: Ints = field(default_factory=lambda: NO_SUBSTEPS)  # active constraints of all times
     length: float = 1.0  # of the mechanism, a scale of errors [m]
     kinks: Array = field(default_factory=lambda: NO_TIMES)  # corners of tables inside steps [s]
-    knots: bool = False  # whether fixed steps end at corners of tables
+    knots: Array = field(default_factory=lambda: NO_TIMES)  # all corners, of fixed steps [s]
     shown: NDArray[np.bool_] | None = None  # frames that were asked for; None: all
     start: tuple[Array, Array] = (NO_TIMES, NO_TIMES)  # q, v where the call gives none
     tau: Any = None  # the controller of the scenario's gait
@@ -296,7 +296,7 @@ def _with_times(
         kinks = _corners_inside(bends, times, widths)
     return replace(
         plan, times=times, substeps=substeps, width=widths, tolerance=tolerance, changes=changes,
-        ever=whole, kinks=kinks, knots=tolerance is None and len(bends) > len(kinks),
+        ever=whole, kinks=kinks, knots=bends if tolerance is None else NO_TIMES,
         gains=_gains(o, usual), shown=_shown(times, o, asked),
     )  # fmt: skip
 
