@@ -48,8 +48,8 @@ def test_steps_in_parts_follow_the_motion(step):
     fine = pg.simulate(mech, t_end=1.0, method="radau5", rtol=1e-11, t_eval=run.t, estimate=False)
     assert float(np.abs(run.q - fine.q).max()) < 1e-6
     assert parted(run) == [
-        f"the equations of 1 step of {step:g} s could not be solved at once, as where friction "
-        "sets in: narrower ones were taken there"
+        f"the equations of 1 step of {step:g} s could not be solved at once, as where forces "
+        "change fast: narrower ones were taken there"
     ]
     assert run.t.tolist() == pytest.approx(np.linspace(0, 1, len(run.t)).tolist())
 
