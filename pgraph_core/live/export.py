@@ -71,7 +71,7 @@ def page(run: Result, fields: Sequence[str] = ()) -> str:
     model = run.mechanism.model
     wanted = [opened(model, one) for one in fields]
     engine = _engine(run, wanted)
-    drawn = _Drawing(run, wanted)
+    drawn = _Drawing(run, wanted if engine["methods"] else ())
     given = {"engine": engine, "scene": drawn.scene(), "recording": drawn.recording()}
     facts = _facts(run, engine)
     title = model.name or "A mechanism"
@@ -112,7 +112,7 @@ def _engine(run: Result, wanted: Sequence[Opened]) -> dict[str, Any]:
         make = partial(_made, setup=setup)
         runs = {method: make(mech, method) for method in methods}
     except InputError as problem:
-        if wanted:
+        if wanted and not module.stale():
             raise
         found["refused"] = f"This scene cannot be computed here: {problem.problems[0].text}."
         return found

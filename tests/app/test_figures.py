@@ -164,6 +164,7 @@ def _hits(shown: Any, x: float, y: float) -> bool:
     return shown.evaluate(f"pgraph_live.at({x}, {y})") is not None
 
 
+@of_these_sources
 def test_without_webassembly_the_recorded_run_is_shown(figure: Any) -> None:
     html = page(recorded(model_of("pendulum")))
     shown = figure(html, "delete globalThis.WebAssembly")
@@ -187,6 +188,7 @@ def test_a_file_cut_short_says_so(figure: Any) -> None:
     assert "cut short" in shown.locator("#said").inner_text()
 
 
+@of_these_sources
 def test_torques_from_python_stay_behind(figure: Any) -> None:
     run = pg.simulate(model_of("pendulum"), t_end=1.0, tau=lambda t, q, v: -v)
     shown = figure(page(run))
@@ -198,6 +200,7 @@ def test_torques_from_python_stay_behind(figure: Any) -> None:
         page(run, ["bodies.rod.mass"])
 
 
+@of_these_sources
 def test_what_cannot_be_left_open_is_refused() -> None:
     run = recorded(model_of("double_pendulum"))
     for field, word in (
