@@ -35,7 +35,7 @@ window.pgraph = (() => {
   function drawTogether() {
     const viser = window.__viserMutable;
     if (!viser) { setTimeout(drawTogether, 50); return; }
-    let render = viser.requestRender; // viser puts it there anew when the 3D view is mounted again
+    let render = viser.requestRender; // viser sets it again when the 3D view is mounted again
     const read = () => {
       if (viser.messageQueue.length && viser.getRenderRequestState === "ready") viser.drainMessageQueue?.();
       render();

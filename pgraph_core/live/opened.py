@@ -234,7 +234,7 @@ def _verify(
 def _refused(one: Opened, what: str, others: Sequence[Opened] = ()) -> InputError:
     if others:
         names = choices(other.path.text for other in others)
-        text = f"cannot be left open beside {names}: {what} follow several of them; leave one out"
+        text = f"cannot be left open with {names}: {what} follow several of them; leave one out"
     else:
         text = f"cannot be left open: {what} follow it by a rule that the browser does not know; "
         text += "let it take some values only, as in PATH=low:high:n"
