@@ -8,6 +8,7 @@ rod = pg.Body(name="rod", mass=1.0, tip=(1, 0, 0), com=(0.5, 0, 0), inertia=np.e
 model = pg.Model(bodies=[rod], gravity=(0, -9.81, 0))
 
 stepper = pg.Stepper(model, step=1e-3)
+# stepper.q is a view that follows the steps: keep stepper.q.copy()
 while stepper.t < 1.0:
     stepper.step(tau=-40 * (stepper.q - 0.5) - 8 * stepper.v)
 snapshot = stepper.save()

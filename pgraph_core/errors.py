@@ -106,6 +106,41 @@ class MissingPackage(PgraphError, ImportError):
     """An optional package is not installed; the text names the command that installs it."""
 
 
+class SetError(InputError, AttributeError):
+    """An attribute that cannot be set: an AttributeError with a sentence."""
+
+    __str__ = Exception.__str__
+
+
+def guarded(**advice: str) -> Callable[[Called], Called]:
+    """Makes a class refuse public attributes that are set from outside, where nothing reads them.
+
+    Its own methods write them with `vars(self)`. `advice`: what to write instead, by the names
+    that are tried, several joined by "_or_"; "other" is for the rest. Classes of users that inherit
+    add attributes of their own.
+    """
+    told = {name: text for names, text in advice.items() for name in names.split("_or_")}
+
+    def decorate(kind: Called) -> Called:
+        owner: Any = kind
+
+        def refuse(self: Any, name: str, value: Any = None) -> None:
+            if name[0] == "_" or not (name in told or _is_ours(self) or hasattr(type(self), name)):
+                object.__setattr__(self, name, value)
+                return
+            text = told.get(name, told["other"])
+            raise SetError(Problem(type(self).__name__, name, f"cannot be set; {text}"))
+
+        owner.__setattr__ = refuse
+        return kind
+
+    return decorate
+
+
+def _is_ours(value: Any) -> bool:
+    return type(value).__module__.startswith("pgraph_")
+
+
 def needed(module: str, extra: str) -> Any:
     """The imported `module`. Raises MissingPackage naming the `extra` of pgraph-dynamics."""
     try:
@@ -121,6 +156,12 @@ def choices(names: Iterable[str], limit: int = 12) -> str:
     listed = list(names)
     more = f" and {len(listed) - limit} more" if len(listed) > limit else ""
     return ", ".join(listed[:limit]) + more
+
+
+def one_of(names: Iterable[str]) -> str:
+    """'choose one of a, b', or 'there is none', for the end of a sentence."""
+    known = choices(names)
+    return f"choose one of {known}" if known else "there is none"
 
 
 def nearest_first(name: str, known: Iterable[str]) -> list[str]:
@@ -254,6 +295,7 @@ def _not_taken(
             text += f"; the others are field=value, as in {where}({call})"
         elif by_name:
             text += "; name the others"
+        text += WITHOUT.get(where.rpartition(".")[2], "")
         found.append(Problem(where, "", text))
     given = {*placed[: len(args)], *(named.keys() - only)}
     for name in placed[: len(args)]:
@@ -272,6 +314,10 @@ def _not_taken(
     return found
 
 
+WITHOUT = {  # what is often given to a function that takes nothing
+    "to_csv": "; it returns the text: write a file by save('table.csv')",
+    "to_json": "; it returns the text: write a file by save('model.json')",
+}
 _NAMED = (
     inspect.Parameter.POSITIONAL_ONLY,
     inspect.Parameter.POSITIONAL_OR_KEYWORD,

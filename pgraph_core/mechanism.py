@@ -41,6 +41,7 @@ class Mechanism(Dynamics):
     ) -> tuple[Array, Array, Assembly]:
         """(q, v, report): the state near (q, v) that meets its constraints, in the mass metric.
 
+        All coordinates may move, those that you set too; a `pg.Motion` in the model holds one.
         `active` names constraints, the model's active ones by default. Raises InputError that
         names the constraints that cannot be met, and by how much they miss.
         """
@@ -113,11 +114,12 @@ class Mechanism(Dynamics):
     def equilibrium(self, q: Array | None = None, scenario: str | None = None) -> Array:
         """q (nq,) near q, the initial state by default, at which the mechanism stays at rest.
 
-        With all forces of a run at t = 0 and the active constraints, without contacts; downhill
-        where there is an energy, so that it is stable unless the start is an equilibrium already.
+        With all forces of a run at t = 0, the active constraints and the limits of joints. Contacts
+        are left out: bodies may end inside the ground. Where every force has an energy, it only
+        falls on the way, so that the end is stable unless the start is an equilibrium already.
         Raises InputError where none is found, naming the joint that moves on.
         """
-        from .analysis.linear import equilibrium  # compiled for lanes
+        from .analysis.equilibrium import equilibrium  # compiled for lanes
 
         return equilibrium(self, q, scenario)
 

@@ -14,6 +14,7 @@ import numpy as np
 from gymnasium.vector.utils import batch_space  # pyright: ignore[reportMissingImports]
 
 import pgraph_core as pg
+from pgraph_core.errors import explained
 
 STEP, SUBSTEPS = 1e-3, 20  # s; of them an action
 LEGS = ("front_left", "front_right", "hind_left", "hind_right")
@@ -79,6 +80,7 @@ def _body(
     )  # fmt: skip
 
 
+@explained
 class Walkers:
     """`size` robots, what they observe and what they are rewarded for.
 
@@ -128,7 +130,7 @@ class Walkers:
 
     def step(self, action: Array, rng: np.random.Generator) -> tuple[Array, Array]:
         """(rewards (size,), whether each fell (size,))."""
-        before, self.action = self.action, np.clip(np.asarray(action, dtype=float), -1.0, 1.0)
+        before, self.action = self.action, np.clip(self._numbers(action), -1.0, 1.0)
         targets = REST + REACH * self.action
         for name, column in zip(MOTORS, targets.T):
             self.batch.target(name, column)
@@ -144,6 +146,18 @@ class Walkers:
         reward -= 0.02 * ((self.action - before) ** 2).sum(axis=1)
         reward -= 2e-4 * (v[:, 6:] ** 2).sum(axis=1)
         return reward, fell
+
+    def _numbers(self, action: Any) -> Array:
+        """An action (size, 12). Raises InputError, and nothing has changed then."""
+        try:
+            given = np.asarray(action, dtype=float)
+        except (TypeError, ValueError):
+            given = np.array(np.nan)
+        if given.shape != self.action.shape or not np.isfinite(given).all():
+            wanted = "12 finite numbers" + (f" for each of {self.size}" if self.size > 1 else "")
+            said = f"shape {given.shape}" if given.shape != self.action.shape else f"{action!r:.60}"
+            raise pg.InputError(pg.Problem("step", "action", f"must be {wanted}; given {said}"))
+        return given
 
     def _pushes(self, rng: np.random.Generator) -> None:
         """Now and then a force to the side and along on the trunk, for some actions."""
@@ -189,7 +203,7 @@ class QuadrupedEnv(gym.Env[Array, Array]):
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Twenty steps of 1 ms."""
-        reward, fell = self.walkers.step(action[None], self.np_random)
+        reward, fell = self.walkers.step(np.asarray(action)[None], self.np_random)
         return self.walkers.observed()[0], float(reward[0]), bool(fell[0]), False, {}
 
 

@@ -349,7 +349,9 @@ def test_ports(capsys, port: str):
 
 def test_words_too_many(capsys):
     last = refused_as_usage(capsys, "chekc", "quadruped")
-    assert last.startswith("pgraph: error: unrecognized arguments: quadruped")
+    assert last.startswith(
+        "pgraph: error: 'chekc' is neither a command nor a model; did you mean check?"
+    )
 
 
 @pytest.mark.parametrize("words", [("--help",), ("--version",), ("run", "--help")])
@@ -473,3 +475,26 @@ def test_export_writes_a_figure(capsys, tmp_path):
     assert "pgraph_live" in file.read_text(encoding="utf-8")
     _, err = said(capsys, "export", "pendulum", "--open", "bodies.arm.mass", "-o", "x.html", code=1)
     assert "bodies.arm.mass" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "facts"),
+    [
+        (["runn", "quadruped"], ["did you mean run", "sweep"]),
+        (["map"], ["stability", "run"]),
+        (["help"], ["run", "sweep"]),
+    ],
+)
+def test_a_word_that_is_no_command(capsys, words, facts):
+    with pytest.raises(SystemExit) as ended:
+        main(words)
+    assert ended.value.code == 2
+    told = capsys.readouterr().err
+    for fact in facts:
+        assert fact in told
+
+
+def test_a_run_for_a_file_of_no_known_kind(capsys):
+    _, err = said(capsys, "run", "pendulum", "-o", "run.foo", code=1)
+    assert ".npz" in err
+    assert ".html" in err

@@ -101,3 +101,20 @@ def test_what_is_unknown_is_refused_in_words():
         many(terrain="moon")
     with pytest.raises(pg.InputError, match=r"bodies.trunk.mas\b"):
         many(numbers={"bodies.trunk.mas": (1, 2)})
+
+
+@pytest.mark.parametrize("action", [np.full((3, 12), np.nan), np.zeros((3, 2)), "x"])
+def test_a_refused_action_changes_nothing(action):
+    env = many()
+    env.reset(seed=0)
+    env.step(np.zeros((3, 12)))
+    before = env.unwrapped.walkers.observed()
+    with pytest.raises(pg.InputError, match="12 finite numbers"):
+        env.unwrapped.step(action)
+    np.testing.assert_array_equal(env.unwrapped.walkers.observed(), before)
+    assert np.isfinite(env.step(np.zeros((3, 12)))[1]).all()
+
+
+def test_an_unknown_option_is_refused_in_words():
+    with pytest.raises(pg.InputError, match="numbers"):
+        many(nubmers={})

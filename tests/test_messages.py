@@ -376,3 +376,109 @@ def test_numbers_that_json_has_not_are_refused_by_their_field(content: str, sent
     with pytest.raises(pg.ModelError) as refused:
         pg.Model.from_json(content)
     assert str(refused.value) == sentence
+
+
+def test_an_attribute_that_nothing_reads_is_refused():
+    model = pg.Model.serial(1)
+    mech, stepper = pg.Mechanism(model), pg.Stepper(model)
+    run, batch = pg.simulate(mech, t_end=0.01), pg.BatchStepper(mech, 2)
+    for value, names in {
+        mech: ("gravity", "q", "nq", "nonsense"),
+        stepper: ("dt", "q", "tau", "status", "gravity"),
+        batch: ("q", "step_size", "threads"),
+    }.items():
+        for name in names:
+            with pytest.raises(pg.InputError, match=f"{type(value).__name__}, {name}: ") as found:
+                setattr(value, name, 1)
+            assert isinstance(found.value, AttributeError)
+    with pytest.raises(pg.InputError, match="Result, q: "):
+        run.q = run.v
+
+    class Robot(pg.Mechanism):
+        def __init__(self, model):
+            super().__init__(model)
+            self.gain = 3.0
+
+    assert Robot(model).gain == 3.0
+
+
+TWINS = pg.Model(
+    bodies=[pg.Body(name="s", axes=(0, 1, 0), com=(0.5, 0, 0), tip=(1, 0, 0))],
+    forces=[pg.Spring(name="s", body="s", other_point=(0, 0, 1), stiffness=10.0)],
+    contacts=[pg.Contact(name="floor", body="s", points=[(0, 0, 0)])],
+)
+ROD = pg.Model(bodies=TWINS.bodies)
+
+
+def test_an_edit_of_one_of_two_with_a_name_says_which_it_was():
+    edited = TWINS.edit("s", stiffness=5.0)
+    assert edited.body("s").stiffness == (5.0,)
+    assert edited.forces == TWINS.forces
+    assert 'kind="force"' in edited.notices[0]
+    assert TWINS.edit("s", mass=5.0).notices == ()  # a spring has none
+    assert TWINS.edit("s", kind="force", stiffness=5.0).notices == ()
+    with pytest.raises(pg.ModelError, match='kind="contact"'):
+        TWINS.edit("floor", name="s").edit("s", active=False)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "facts"),
+    [
+        (lambda: setattr(TWINS.bodies[0], "masss", 0), ["did you mean mass"]),
+        (lambda: delattr(TWINS, "gravity"), ["gravity"]),
+        (lambda: pg.Model(TWINS.bodies), ["bodies=[...]"]),
+        (lambda: pg.Body(name="a", inertia=[1, 1, 1]), ["given [1, 1, 1]"]),
+        (lambda: pg.Body(name="a", com={1, 2, 3}), ["com", "{1, 2, 3}"]),
+        (lambda: pg.Body(name="a", com=("=l", 0, 0)), ["model.edit(name"]),
+        (lambda: pg.Contact(name="c", body="a", active="no"), ["true or false"]),
+        (lambda: pg.Switch(t=1.0, constraint="c", active="yes"), ["true or false"]),
+        (lambda: pg.Mechanism(ROD).inverse_kinematics({"s": (0, 0)}), ["three numbers"]),
+        (lambda: pg.home_poses(1), ["home_poses"]),
+        (lambda: pg.Stepper(ROD, step=0), ["Stepper, step"]),
+        (lambda: pg.Stepper(ROD).switch("x", True), ["there is none"]),
+        (lambda: pg.simulate(ROD, t_end=0.1, tau=lambda t, q, v: [0, 0]), ["returned shape (2,)"]),
+        (lambda: pg.simulate(ROD, t_end=0.1, events=lambda t, q, v: q[0] > 1), ["crosses zero"]),
+        (lambda: ROD.save("model.yaml"), [".json"]),
+        (lambda: pg.underfoot(ROD, friction=-1), ["friction"]),
+    ],
+)  # fmt: skip
+def test_what_a_stranger_tried_says_what_to_write(wrong, facts):
+    with pytest.raises(pg.PgraphError) as refused:
+        wrong()
+    for fact in facts:
+        assert fact in str(refused.value)
+
+
+def test_a_run_is_saved_as_its_suffix_says_and_does_not_change(tmp_path):
+    run = pg.simulate(ROD, t_end=0.1, frames=3)
+    run.save(tmp_path / "run.csv")
+    assert (tmp_path / "run.csv").read_text() == run.to_csv()
+    for name, write in (("run.foo", run.save), ("run.gif", run.to_html)):
+        with pytest.raises(pg.FileError, match=name):
+            write(tmp_path / name)
+    with pytest.raises(ValueError, match="read-only"):
+        run.q[0, 0] = 1.0
+    with pytest.raises(pg.InputError, match=r"'0\.05'"):
+        run.at("0.05")
+    with pytest.raises(AttributeError, match=r"run\.show"):
+        run.animate  # noqa: B018
+
+
+def test_degrees_and_millimetres_are_doubted():
+    swings = pg.Body(name="a", q=90, limits=(-180, 180))
+    long = pg.Body(name="b", com=(250, 0, 0))
+    found = pg.Model(bodies=[swings, long], gravity=(0, 0, -9810)).doubts
+    for fact, text in zip(("m/s²", "rad", "mm"), found, strict=True):
+        assert fact in text
+    tower = pg.Body(name="a", mass=1e5, com=(0, 0, 200), inertia=1e9 * np.eye(3))
+    assert pg.Model(bodies=[tower]).doubts == ()
+
+
+def test_a_compiled_torque_that_does_not_fit_says_how():
+    numba = pytest.importorskip("numba")
+    wrong, raises = (
+        numba.njit(lambda t, q, v: np.zeros(3)),
+        numba.njit(lambda t, q, v: q / int(t * 0)),
+    )
+    assert "3 torques" in pg.simulate(ROD, t_end=0.1, tau=wrong).message
+    assert "raised" in pg.simulate(ROD, t_end=0.1, tau=raises).message

@@ -179,10 +179,38 @@ def test_metrics_that_are_none(pendulum, metric):
         pg.sweep(pendulum, {"heavy": [1.0]}, metric, **SHORT)
 
 
-def test_a_column_that_no_run_has(pendulum):
-    table = pg.sweep(pendulum, {"heavy": [1.0]}, "max nobody", **SHORT)
-    assert table.status == ("REFUSED",)
-    assert "nobody" in table.reason[0]
+@pytest.mark.parametrize(
+    ("given", "fact"),
+    [
+        ({"metric": "max nobody"}, "my.bob"),
+        ({"metric": ["t_end", "max nobody"]}, "nobody"),
+        ({"method": "rk45"}, "dopri5"),
+        ({"t_end": -1.0}, "t_end"),
+        ({"scenario": "none"}, "none"),
+        ({"n": 5}, "samples"),
+        ({"workers": 0}, "workers"),
+        ({"workers": "4"}, "workers"),
+        ({"workers": 2.5}, "workers"),
+        ({"resume": True}, "out="),
+        ({"set": {"heavy": [1.0], ("heavy",): [2.0]}}, "heavy"),
+        ({"set": {"gravity.2": [1.0], ("gravity", 2): [2.0]}}, "twice"),
+    ],
+)
+def test_what_no_run_could_do_is_refused_before_the_first(pendulum, given, fact):
+    def never(run: pg.Result) -> float:
+        raise AssertionError("a run was measured")
+
+    given = {"set": {"heavy": [1.0]}, "metric": never, **SHORT, **given}
+    with pytest.raises(pg.PgraphError, match=fact):
+        pg.sweep(pendulum, **given)
+
+
+def test_a_metric_that_fails_leaves_the_others(pendulum):
+    table = pg.sweep(pendulum, {"heavy": [1.0]}, {"a": lambda run: 1 / 0, "b": "t_end"}, **SHORT)
+    assert table.status == ("FAILED",)
+    assert "ZeroDivisionError" in table.reason[0]
+    assert table.values["b"][0] == SHORT["t_end"]
+    assert np.isnan(table.values["a"][0])
 
 
 def test_an_option_that_simulate_does_not_have_is_refused_at_once(pendulum):
@@ -387,3 +415,11 @@ def test_values_that_cannot_be_read(capsys, given):
     with pytest.raises(SystemExit):
         main(["sweep", "pendulum", "--set", given, "--metric", "t_end"])
     assert given in capsys.readouterr().err
+
+
+def test_points_that_fail_are_an_exit_code(capsys):
+    words = ["sweep", "pendulum", "--set", "gravity.2=-9,-1", "--metric", "t_end", "--t-end", "0.1"]
+    name = pg.Model.load(pgraph_models.path("pendulum")).bodies[0].name
+    words[3] = f"bodies.{name}.mass=1,-1"
+    assert main(words) == 1
+    assert "1 of 2" in capsys.readouterr().err

@@ -10,8 +10,11 @@ import sys
 import threading
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from collections.abc import Sequence
+from difflib import get_close_matches
 from importlib.metadata import version
+from pathlib import Path
 
+import pgraph_models
 from pgraph_core.errors import InputError, PgraphError, Problem
 
 from . import models, run, study, verify
@@ -28,6 +31,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         if words and words[0] in COMMANDS:
             return _command(words[0], words[1:])
+        if words and (text := _no_command(words[0], words[1:])):
+            print(text, file=sys.stderr)
+            raise SystemExit(2)  # as for other wrong usage
         return _start(words)
     except KeyboardInterrupt:
         print("Stopped.", file=sys.stderr)
@@ -35,6 +41,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader, such as `head`, has closed the pipe
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left to flush
         return 0
+
+
+def _no_command(word: str, rest: Sequence[str]) -> str:
+    """What a first word that names nothing may have meant; "" for a model or an option."""
+    if word.startswith("-") or Path(word).suffix or os.sep in word or Path(word).exists():
+        return ""
+    if word in pgraph_models.names() and not (rest and not rest[0].startswith("-")):
+        return ""
+    close = get_close_matches(word, [*COMMANDS, *pgraph_models.names()], n=1)
+    if not rest and word not in ("help", "map") and not (close and close[0] in COMMANDS):
+        return ""  # a model that is not there
+    hint = f"did you mean {close[0]}? " if close and close[0] != word else ""
+    what = "is neither a command nor a model"
+    return f"pgraph: error: {word!r} {what}; {hint}the commands are {', '.join(COMMANDS)}"
 
 
 def _command(name: str, words: Sequence[str]) -> int:

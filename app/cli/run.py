@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 import pgraph_core as pg
+from pgraph_core.errors import FileError, Problem
 
 from .terminal import (
     Answer,
@@ -53,10 +54,13 @@ def _options(args: Namespace) -> dict[str, Any]:
 def run_arguments(parser: ArgumentParser) -> None:
     model_argument(parser)
     _run_options(parser)
-    parser.add_argument("-o", "--output", metavar="FILE", help="write the run to FILE (.npz)")
+    parser.add_argument(
+        "-o", "--output", metavar="FILE", help="write the run to FILE: .npz, .csv or .html"
+    )
 
 
 def run(args: Namespace) -> Answer:
+    _writable(args.output)
     model = open_model(args.model)
     scenario = first_scenario(model, args.scenario)
     bar = progress_bar()
@@ -70,7 +74,9 @@ def run(args: Namespace) -> Answer:
         **_options(args),
     )
     bar("", 1.0)
-    if args.output:
+    if args.output and args.output.lower().endswith(".html"):
+        result.to_html(args.output)
+    elif args.output:
         result.save(args.output)
     data = {"model": model.name, "scenario": scenario} | facts(result)
     data["timing"] = {"compile": compiling} | data["timing"]
@@ -79,6 +85,13 @@ def run(args: Namespace) -> Answer:
     return Answer(
         data, "\n".join(_run_lines(data, result.plan)), "" if result.status.ok else result.message
     )
+
+
+def _writable(output: str | None) -> None:
+    """Raises FileError before the run if the file has no known suffix."""
+    if output and not output.lower().endswith((".npz", ".csv", ".html")):
+        text = "must end in .npz (the whole run), .csv (a table) or .html (an animation)"
+        raise FileError(Problem(output, "", text))
 
 
 def facts(result: pg.Result) -> dict[str, Any]:
@@ -192,7 +205,8 @@ def sweep(args: Namespace) -> Answer:
     columns = table.columns()
     failed = [int(i) for i in table.failed]
     data = {"model": model.name, "points": len(table), "failed": failed, "table": columns}
-    return Answer(data, "\n".join(_table_lines(table, failed, args.output)))
+    problem = f"{len(failed)} of {len(table)} points failed" if failed else ""
+    return Answer(data, "\n".join(_table_lines(table, failed, args.output)), problem)
 
 
 def _with_time(bar: Bar) -> Callable[[float], bool]:
@@ -214,7 +228,6 @@ def _table_lines(table: pg.Sweep, failed: list[int], output: str | None) -> list
         aligned(rows, names),
         *([f"... and {more} more points"] if more else []),
         *(f"point {i} failed: {table.reason[i]}" for i in failed[:SHOWN]),
-        *([f"{len(failed)} of {len(table)} points failed"] if len(failed) > SHOWN else []),
         *([f"written to {output}"] if output else []),
     ]
 

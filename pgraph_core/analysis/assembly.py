@@ -12,7 +12,7 @@ from ..dynamics import Dynamics
 from ..dynamics.arguments import finite, position
 from ..dynamics.scene import Scene
 from ..engine import motion
-from ..errors import InputError, Problem, choices
+from ..errors import InputError, Problem, one_of
 from ..packing.forces import NO_LOADS
 from ..packing.system import Array, Ints
 from .rows import ANGLE, Rows, apart
@@ -85,7 +85,7 @@ def indices(mech: Dynamics, names: Sequence[str] | None) -> Ints:
     known = [c.name for c in mech.model.constraints]
     for name in names:
         if name not in known:
-            text = f"no constraint is named '{name}'; choose one of {choices(known)}"
+            text = f"no constraint is named '{name}'; {one_of(known)}"
             raise InputError(Problem("assemble", "active", text))
     return np.array(sorted(known.index(name) for name in names), dtype=np.int64)
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from scipy.linalg import eigh, solve_triangular
@@ -20,7 +20,6 @@ from ..dynamics import Dynamics
 from ..dynamics.arguments import finite, position
 from ..dynamics.scene import NO_CONSTRAINTS, Scene
 from ..engine import arrays, motion
-from ..errors import InputError, Problem
 from ..model import Force
 from ..packing.system import Array, Ints
 from ..rotation import skew
@@ -79,9 +78,9 @@ class Balance:
         self.scene = Scene(packed, self.drives, self.loads, NO_CONSTRAINTS)
         self.held = Scene(packed, self.drives, self.loads, self.active)
 
-    def at(self, q: Array, v: Array) -> Balance:
+    def at(self, q: Array, v: Array) -> Self:
         """The same scene at another state."""
-        other = object.__new__(Balance)
+        other = object.__new__(type(self))
         for name in ("mech", "forces", "active", "drives", "loads", "scene", "held"):
             setattr(other, name, getattr(self, name))
         other.q, other.v = q, v
@@ -354,90 +353,6 @@ def _names(mech: Dynamics) -> list[str]:
         count = joint.v.stop - joint.v.start
         names += [body] if count == 1 else [f"{body}[{k}]" for k in range(count)]
     return names
-
-
-# -- equilibrium -----------------------------------------------------------------------------------
-
-ROUNDS = 200
-LONGEST = 0.3  # rad, or of the mechanism's size: one step
-STILL = 1e-12  # relative to the forces at hand: balanced
-SOFT = 1e-6  # of the largest stiffness: below it a direction counts as this stiff
-
-
-def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Array:
-    """q (nq,) at rest near q; see `Mechanism.equilibrium`."""
-    q, rest = state_of(mech, q, None, scenario)
-    here = Balance(mech, q, np.zeros(mech.nv), scenario)
-    size = _force_size(here)
-    best = np.inf
-    for _ in range(ROUNDS):
-        slope = here.free.T @ here.pull
-        left = float(np.linalg.norm(slope))
-        size = max(size, _force_size(here))
-        if left <= STILL * size or (left <= 1e-9 * size and left >= 0.5 * best):
-            return here.q
-        best = min(best, left)
-        step = _downhill(here, slope)
-        length = float(np.max(np.abs(step) / _reach(here), initial=0.0)) / LONGEST
-        new = _lower(here, step / max(length, 1.0), slope)
-        if new is None:
-            break
-        here = new
-    if best <= 1e-9 * size:
-        return here.q
-    push = here.M @ here.free @ (here.free.T @ here.pull)
-    joint = max(mech.joints, key=lambda name: float(np.abs(push[mech.joints[name].v]).max()))
-    left = f"{np.abs(push).max():.3g} (N m or N) are left, most in the joint of '{joint}'"
-    text = f"no equilibrium was found near q: {left}; give it a spring, or another start q"
-    raise InputError(Problem("equilibrium", "q", text))
-
-
-def _force_size(here: Balance) -> float:
-    """Of the forces before they cancel, in the mass metric."""
-    parts = (here.mech.bias_force(here.q, here.v), here.torque(here.q, here.v))
-    return sum(float(np.linalg.norm(np.linalg.solve(here.rows.root, x))) for x in parts) or 1.0
-
-
-def _reach(here: Balance) -> Array:
-    return np.where(here.rows.turns, 1.0, here.rows.size)
-
-
-def _downhill(here: Balance, slope: Array) -> Array:
-    """(nv,) Newton's step in the moves that are free, turned downhill where it would climb."""
-    K = here.free.T @ here.stiffness @ here.free
-    if np.abs(K - K.T).max(initial=0.0) > SYMMETRIC * np.abs(K).max(initial=0.0):
-        return -here.free @ np.linalg.lstsq(K, slope, rcond=SOFT)[0]
-    values, vectors = np.linalg.eigh((K + K.T) / 2)
-    least = SOFT * max(float(np.abs(values).max(initial=0.0)), float(np.linalg.norm(slope)))
-    stiff = np.maximum(np.abs(values), max(least, 1e-300))
-    return -here.free @ (vectors @ ((vectors.T @ slope) / stiff))
-
-
-def _lower(here: Balance, step: Array, slope: Array) -> Balance | None:
-    """The state after as much of a step as lowers what is left, or the energy."""
-    left, energy = float(np.linalg.norm(slope)), _energy(here)
-    names = [here.mech.model.constraints[i].name for i in here.active]
-    for halving in range(30):
-        q = here.rows.advanced(step / 2**halving)
-        if names:
-            q, _, _ = assemble(here.mech, q, np.zeros(here.mech.nv), names)
-        new = here.at(q, here.v)
-        new_energy = _energy(new)
-        fallen = (
-            energy is not None
-            and new_energy is not None
-            and new_energy < energy - 1e-14 * abs(energy)
-        )
-        if fallen or np.linalg.norm(new.free.T @ new.pull) < (1 - 1e-4) * left:
-            return new
-    return None
-
-
-def _energy(here: Balance) -> float | None:
-    """Potential energy [J]; None where motors or servos act, which have none."""
-    if here.drives.passive < len(here.drives.table) or any(f.kind == "wrench" for f in here.forces):
-        return None
-    return motion.energy(here.scene.address, here.q, here.v)[1]
 
 
 # -- vibrations about rest -------------------------------------------------------------------------

@@ -46,7 +46,7 @@ def inverse_kinematics(
         raise InputError(Problem(WHERE, "targets", "name at least one body and its target"))
     q, _ = state_of(mech, q, None, scenario)
     rows = Rows.of(mech, acting(mech, scenario)[1], q)
-    low, high = _bounds(mech)
+    low, high = bounds(mech)
     random = np.random.default_rng(0)
     best, least = q, np.inf
     for start in range(STARTS):
@@ -73,6 +73,9 @@ def _target(mech: Dynamics, name: str, value: Any) -> Target:
         point = value.get("point", point)
         place, turn = value.get("place"), value.get("rotation")
     elif isinstance(value, (tuple, list)) and len(value) == 2:
+        if all(isinstance(x, (int, float)) for x in value):
+            text = f"a place has three numbers [m]; given {shown(value)}"
+            raise InputError(Problem(WHERE, f"target of '{name}'", text))
         place, turn = value
     else:
         place = value
@@ -94,7 +97,7 @@ def _turn(name: str, given: Any) -> Array:
     raise InputError(Problem(WHERE, f"rotation of '{name}'", text))
 
 
-def _bounds(mech: Dynamics) -> tuple[Array, Array]:
+def bounds(mech: Dynamics) -> tuple[Array, Array]:
     """(nv,) least and greatest coordinate of each degree of freedom; balls have none."""
     low, high = np.full(mech.nv, -np.inf), np.full(mech.nv, np.inf)
     for name, joint in mech.joints.items():
@@ -109,7 +112,7 @@ def _bounds(mech: Dynamics) -> tuple[Array, Array]:
 
 def _room(rows: Rows, low: Array, high: Array) -> tuple[Array, Array]:
     """(nv,) how far each degree of freedom may move, in one step."""
-    here = _single(rows)
+    here = single(rows)
     longest = np.where(rows.turns, LONGEST, LONGEST * rows.size)
     down, up = np.maximum(low - here, -longest), np.minimum(high - here, longest)
     return np.minimum(down, -1e-15), np.maximum(up, 1e-15)
@@ -118,14 +121,14 @@ def _room(rows: Rows, low: Array, high: Array) -> tuple[Array, Array]:
 def _around(rows: Rows, q: Array, random: np.random.Generator, low: Array, high: Array) -> Array:
     """Another start: a random move, and a random place between limits."""
     start = rows.at(q)
-    here = _single(start)
+    here = single(start)
     step = random.normal(size=rows.nv) * np.where(rows.turns, 1.5, 0.5 * rows.size)
     both = np.isfinite(low) & np.isfinite(high)
     inside = random.uniform(np.where(both, low, 0.0), np.where(both, high, 0.0))
     return start.advanced(np.where(both, inside, np.clip(here + step, low, high)) - here)
 
 
-def _single(rows: Rows) -> Array:
+def single(rows: Rows) -> Array:
     """(nv,) the coordinates of rotations and translations, 0 for balls."""
     here = np.zeros(rows.nv)
     for _, kind, i, j in rows.mech.packed.rows[1:].tolist():

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..dynamics.arguments import positions
 from ..engine import layout as at
-from ..errors import InputError, PgraphError, Problem, choices, explained, shown
+from ..errors import InputError, PgraphError, Problem, choices, explained, guarded, shown
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..packing.system import Array, Ints
@@ -29,6 +29,14 @@ SNAPSHOT = b"pgraph batch"
 MOST = 10_000_000  # instances
 
 
+@guarded(
+    q_or_v_or_t="write batch.reset(q, v)",
+    step_or_dt_or_h_or_method_or_scenario_or_size_or_threads=(
+        "make a new one, pg.BatchStepper(mech, size, step=..., method=...)"
+    ),
+    tau="give it to each step, batch.step(tau)",
+    other="numbers of the description are given as set={path: values}",
+)
 @explained
 class BatchStepper(Portable):
     """`size` instances of a mechanism, stepped together: trees, loops and contacts.
@@ -51,6 +59,11 @@ class BatchStepper(Portable):
     Raises InputError for arguments that do not fit.
     """
 
+    mech: Mechanism
+    size: int
+    threads: int
+    method: str
+
     def __init__(
         self,
         mechanism: Mechanism | Model,
@@ -68,8 +81,9 @@ class BatchStepper(Portable):
     ):
         """At the initial state of the scenario, or of the model, of each instance."""
         mech = mechanism_of(mechanism, "BatchStepper")
-        self.mech, self.size = mech, _whole("size", size, 1, MOST)
-        self.threads = _whole("threads", (os.cpu_count() or 1) if threads is None else threads, 1)
+        cores = (os.cpu_count() or 1) if threads is None else threads
+        counts = {"size": _whole("size", size, 1, MOST), "threads": _whole("threads", cores, 1)}
+        vars(self).update(mech=mech, **counts)
         self._options: dict[str, Any] = {
             "step": step, "method": method, "scenario": scenario, "forces": tuple(forces),
             "stabilise": stabilise, "switches": switches,
@@ -94,7 +108,7 @@ class BatchStepper(Portable):
             self._many.prepare(varying)
         else:
             self._many = Instances(*tables)
-        self.method = first.method
+        vars(self)["method"] = first.method
 
     def _steppers(self, kinds: Array) -> Iterator[Stepper]:
         """A stepper for each row of values (kinds, paths)."""

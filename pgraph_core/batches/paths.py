@@ -41,6 +41,11 @@ class Path:
             raise self._refused(f"{kind}{hint}")
         self.present = float(value)
 
+    def leads_to(self, other: Path) -> bool:
+        """Whether another path is of the same number."""
+        mine = (self.group, self.name, self.inside)
+        return mine == (other.group, other.name, other.inside)
+
     def set(self, model: Model, value: float) -> Model:
         """The model with another number there: `Model.edit`, so nothing else follows."""
         if not self.group:

@@ -65,6 +65,16 @@ class UserTorque(Unportable):
         """What a person should know of the run, from the side of the torques."""
         return []
 
+    @property
+    def trouble(self) -> str:
+        """Why the last call gave no torques; "" where it did."""
+        nv, answer = len(self._tau), int(self.answer[0])
+        if self.interpreted or (answer == 0 and np.isfinite(self._tau).all()):
+            return ""
+        if answer:
+            return f"the compiled function tau returned {answer - 1} torques, and {nv} are needed"
+        return "the compiled function tau raised an error, or returned torques that are not finite"
+
     def _call(self, t: float, *_: int) -> int:
         try:
             self._tau[:] = self._checked(t)
@@ -80,6 +90,10 @@ class UserTorque(Unportable):
         except Exception as error:
             text = f"the function raised {type(error).__name__}: {error} (at t = {t:.6g} s)"
             raise InputError(Problem("simulate", "tau", text)) from error
+        found = np.asarray(given)
+        if found.dtype.kind in "fiu" and found.shape != self._v.shape:
+            text = f"the function returned shape {found.shape}; it must return {self._v.shape}"
+            raise InputError(Problem("simulate", "tau", f"{text}, a torque for each of v"))
         return finite("tau", given, len(self._v))
 
 
@@ -94,14 +108,20 @@ def acting(tau: Any, nq: int, nv: int) -> UserTorque | None:
 
 
 def _compiled(function: Any, nq: int, nv: int) -> Any:
-    """The function behind C's calling convention; an answer of another length is a failure."""
+    """The function behind C's calling convention.
+
+    Its answer is 0, or 1 and the number of torques where that is not nv. τ is not finite where
+    the function raises: numba goes on then.
+    """
     pointer = types.CPointer(types.float64)
 
     def called(t: float, q: Any, v: Any, tau: Any) -> int:
+        out = carray(tau, (nv,))
+        for j in range(nv):
+            out[j] = np.nan
         given = function(t, carray(q, (nq,)), carray(v, (nv,)))
         if given.shape[0] != nv:
-            return 1
-        out = carray(tau, (nv,))
+            return 1 + given.shape[0]
         for j in range(nv):
             out[j] = given[j]
         return 0
@@ -109,5 +129,7 @@ def _compiled(function: Any, nq: int, nv: int) -> Any:
     try:
         return cfunc(types.int64(types.float64, pointer, pointer, pointer))(called)
     except NumbaError as error:
-        text = f"numba cannot compile the function for (t, q, v): {str(error).splitlines()[0]}"
+        lines = [line.strip(" -") for line in str(error).splitlines() if line.strip()]
+        reasons = [line for line in lines if not line.startswith("Failed in")] or lines
+        text = f"numba cannot compile the function for (t, q, v): {reasons[0]}"
         raise InputError(Problem("simulate", "tau", text)) from None

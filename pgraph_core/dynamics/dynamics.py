@@ -16,7 +16,7 @@ from ..engine import motion, packing
 from ..engine.compiler.address import address_of
 from ..engine.compiler.jit import ready
 from ..engine.tree import bodies, dynamics
-from ..errors import InputError, Problem, explained
+from ..errors import InputError, Problem, explained, guarded
 from ..model import Model
 from ..packing.packed import Joint, Packed
 from ..packing.system import Array, Ints, point_in_row
@@ -34,6 +34,14 @@ WITH_GIL = getattr(sys, "_is_gil_enabled", lambda: True)()  # then one kernel ca
 OVERFLOW = Problem("dynamics", "", "the result is not finite: the given numbers are too large")
 
 
+OF_MODEL = "gravity_or_up_or_ground_or_name_or_bodies_or_constraints_or_contacts_or_forces"
+
+
+@guarded(**{
+    OF_MODEL: "it is the model's: make a new one, mech = pg.Mechanism(mech.model.replace(...))",
+    "q_or_v_or_tau": "it keeps no state: give q, v or tau to the call, as pg.simulate(mech, q=...)",
+    "other": "a part is changed by mech = mech.edit(name, ...); the rest is given to each call",
+})  # fmt: skip
 @explained
 class Dynamics(Portable):
     """A model numbered depth-first, with its equations of motion.
@@ -41,6 +49,11 @@ class Dynamics(Portable):
     q (nq,), v and tau (nv,) are in number order, names in `names`; body 0 is the ground.
     Raises InputError for arrays of the wrong length or with numbers that are not finite.
     """
+
+    packed: Packed  # the arrays of the kernels
+    nb: int
+    nq: int
+    nv: int
 
     def __init__(self, model: Model | Columns, /):
         """Number and pack a valid model, or a table in columns. Raises InputError for others."""
@@ -53,9 +66,8 @@ class Dynamics(Portable):
 
     def _take(self, packed: Packed) -> None:
         """Keep the arrays, and make a workspace."""
-        self.packed = packed  # the arrays of the kernels
+        vars(self).update(packed=packed, nb=packed.nb, nq=packed.nq, nv=packed.nv)
         self._rows, self._const, self._springs = packed.rows, packed.const, packed.springs
-        self.nb, self.nq, self.nv = packed.nb, packed.nq, packed.nv
         self._nq, self._nv = (packed.nq,), (packed.nv,)
         self._rest = np.zeros(packed.nv)  # v = 0
         self._work = np.zeros((len(packed.rows), at.WORK))  # of kernels, empty between calls
@@ -99,11 +111,12 @@ class Dynamics(Portable):
         if columns is None:
             return type(self)(self.model.edit(name, **changes))
         new = NEW(type(self))
-        new.packed = packed = Packed(columns, old)
-        new._rows, new._const, new._springs = packed.rows, packed.const, packed.springs
-        new.nb, new.nq, new.nv = self.nb, self.nq, self.nv
-        new._nq, new._nv = self._nq, self._nv
-        new._rest, new._work, new._lock = self._rest, self._work, self._lock  # of the same sizes
+        packed = Packed(columns, old)
+        vars(new).update(  # at once: this is a design loop's inner step
+            packed=packed, nb=self.nb, nq=self.nq, nv=self.nv, _nq=self._nq, _nv=self._nv,
+            _rows=packed.rows, _const=packed.const, _springs=packed.springs,
+            _rest=self._rest, _work=self._work, _lock=self._lock,  # of the same sizes
+        )  # fmt: skip
         return new
 
     # -- the digraph -----------------------------------------------------------------------------

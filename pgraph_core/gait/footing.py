@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -138,7 +138,9 @@ def underfoot(
     A law comes with the stiffness and damping of a paw's sole: with "penalty" explicit methods can
     take steps of 0.25 ms, while "soft" needs an implicit method, "ros2".
     """
-    changes: dict[str, object] = {} if friction is None else {"friction": friction}
+    changes: dict[str, Any] = {} if friction is None else {"friction": friction}
+    if changes:
+        Contact(name="underfoot", body="any", **changes)  # also where no contact takes it
     if law is not None:
         changes |= {"law": law, "stiffness": None, "damping": None, **LAWS.get(law, {})}
     contacts = tuple(

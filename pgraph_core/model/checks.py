@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -340,9 +341,11 @@ def model_problems(parts: Mapping[str, Sequence[Any]], ground: Ground) -> list[P
     ]
 
 
-def doubts(bodies: Sequence[Body], constraints: Sequence[Constraint]) -> list[str]:
-    """Defaults that hardly fit the rest of a valid model, a sentence each."""
-    found, by_name = [], {body.name: body for body in bodies}
+def doubts(
+    bodies: Sequence[Body], constraints: Sequence[Constraint], gravity: Sequence[float]
+) -> list[str]:
+    """Values that hardly fit the rest of a valid model, or its units, a sentence each."""
+    found, by_name = _doubtful_units(bodies, gravity), {body.name: body for body in bodies}
     hung = Counter(body.parent for body in bodies)
     for body in bodies:
         turns = any(m.kind != "translate" for m in body.sequence)
@@ -374,6 +377,33 @@ def doubts(bodies: Sequence[Body], constraints: Sequence[Constraint]) -> list[st
     return found
 
 
+def _doubtful_units(bodies: Sequence[Body], gravity: Sequence[float]) -> list[str]:
+    """Degrees, millimetres: one sentence for all angles, one for all lengths."""
+    found = list[str]()
+    if math.hypot(*gravity) > MOST_GRAVITY:
+        text = "as in mm/s²; lengths are in m, and gravity in m/s²: 9.81"
+        found.append(f"model: gravity is {math.hypot(*gravity):g} m/s², {text}")
+    for body in bodies:
+        spans = zip(body.sequence, body.limits)
+        turned = [
+            x for m, pair in spans if m.kind == "rotate" and pair for x in pair if x is not None
+        ]
+        if any(abs(x) >= MOST_ANGLE for x in turned):
+            text = f"{shown(body.limits[0])} would be several turns; angles are in rad"
+            found.append(f"body '{body.name}': limits of {text}")
+            break
+    for body in bodies:
+        far = max(map(abs, (*body.com, *body.link, *(body.tip or ()))))
+        if far >= MOST_LENGTH and body.mass < MOST_MASS:
+            text = f"{far:g} m away from its joint; lengths are in m, not in mm"
+            found.append(f"body '{body.name}': with {body.mass:g} kg it has a point {text}")
+            break
+    return found
+
+
+MOST_GRAVITY = 1000.0  # m/s²: no planet has more than 25, the sun 274
+MOST_ANGLE = 30.0  # rad: of a limit; as degrees, it is one that joints have
+MOST_LENGTH, MOST_MASS = 100.0, 1000.0  # m, kg: a light body so long is hardly meant
 Z = (0.0, 0.0, 1.0)
 LITTLE = 0.01  # of a joint's inertia: less changes no result much
 DEFAULT_MASS = Body.model_fields["mass"].default

@@ -13,6 +13,7 @@ from pydantic import model_validator
 from .curves import Curve
 from .fields import (
     GROUND,
+    Flag,
     Number,
     OfKinds,
     PerMotion,
@@ -51,7 +52,7 @@ class Constraint(OfKinds):
     name: str = field("text that is not empty", label="Name")
     kind: str = field(KIND, label="Kind")
     body: str = field("the name of a body", label="Body")
-    active: bool = field("true or false", default=True)
+    active: Flag = field("true or false", default=True)
 
     def __init__(self, /, **data: Any):
         """A constraint of the given kind. Raises ModelError."""

@@ -7,7 +7,7 @@ from typing import ClassVar, Literal, NamedTuple, Self
 
 from pydantic import model_validator
 
-from .fields import EVERY, GROUND, Described, Number, Vec3s, field, refuse, vectors
+from .fields import EVERY, GROUND, Described, Flag, Number, Vec3s, field, refuse, vectors
 from .world import Ground, below_kinetic
 
 CROWD = 20  # bodies of which every two are a contact pair of their own; of more, all are one
@@ -82,7 +82,7 @@ class Contact(Described):
         converter=vectors, default=(), unit="length",
         help="that touch, in the axes of the body; none: its shape",
     )  # fmt: skip
-    active: bool = field("true or false", default=True)
+    active: Flag = field("true or false", default=True)
 
     def frictions(self, ground: Ground) -> Frictions:
         """The four coefficients, with what is left out from the ground."""

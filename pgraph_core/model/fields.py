@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from numbers import Integral
 from typing import (
@@ -121,8 +121,15 @@ def listed(value: Any) -> Any:
     return tuple([x if type(x) in PLAIN else listed(x) for x in value])
 
 
+def _ordered(value: Any) -> Any:
+    """As `listed`; a set, which has no first entry, is refused."""
+    if isinstance(value, (set, frozenset)):
+        raise ValueError("a set has no order")
+    return listed(value)
+
+
 def _per_motion(value: Any) -> Any:
-    value = listed(value)
+    value = _ordered(value)
     return (value,) if isinstance(value, (int, float)) else value
 
 
@@ -130,11 +137,12 @@ def _per_motion(value: Any) -> Any:
 Finite = Annotated[float, Strict(), AllowInfNan(False)]
 Row3 = tuple[Finite, Finite, Finite]
 Number = Annotated[Finite, BeforeValidator(listed)]
-Vec3 = Annotated[Row3, BeforeValidator(listed)]
-Quat = Annotated[tuple[Finite, Finite, Finite, Finite], BeforeValidator(listed)]
-Mat3 = Annotated[tuple[Row3, Row3, Row3], BeforeValidator(listed)]
-Numbers = Annotated[tuple[Finite, ...], BeforeValidator(listed)]
-Vec3s = Annotated[tuple[Row3, ...], BeforeValidator(listed)]
+Vec3 = Annotated[Row3, BeforeValidator(_ordered)]
+Quat = Annotated[tuple[Finite, Finite, Finite, Finite], BeforeValidator(_ordered)]
+Mat3 = Annotated[tuple[Row3, Row3, Row3], BeforeValidator(_ordered)]
+Numbers = Annotated[tuple[Finite, ...], BeforeValidator(_ordered)]
+Vec3s = Annotated[tuple[Row3, ...], BeforeValidator(_ordered)]
+Flag = Annotated[bool, Strict(), BeforeValidator(listed)]
 PerMotion = Annotated[tuple[Finite, ...], BeforeValidator(_per_motion)]  # or one number for all
 
 # Converters of `field`: what may be given, and the type that holds it.
@@ -203,7 +211,7 @@ def all_problems(
     found: list[Problem] = []
     refused: set[str] = set()
     while True:
-        found += [p for p in _problems(kind, error, where) if p.field not in refused]
+        found += [p for p in _problems(kind, data, error, where) if p.field not in refused]
         if {p.field for p in found} <= refused:
             return found
         refused |= {p.field for p in found}
@@ -218,7 +226,9 @@ def all_problems(
             return found
 
 
-def _problems(kind: type[BaseModel], error: ValidationError, where: str) -> list[Problem]:
+def _problems(
+    kind: type[BaseModel], data: Mapping[str, Any], error: ValidationError, where: str
+) -> list[Problem]:
     """One Problem a refused field, or all that a validator of ours says of it."""
     items: dict[str, list[Any]] = {}
     for item in error.errors(include_url=False):
@@ -230,11 +240,17 @@ def _problems(kind: type[BaseModel], error: ValidationError, where: str) -> list
         if ours:
             found |= {Problem(where, field or inner, text): None for inner, text in ours}
         else:  # of a union's complaints, the one that looks inside the value
-            _, text = max(
-                (_sentence(item, kind.model_fields) for item in about), key=lambda s: s[0]
-            )
+            found_in = (_of_whole(item, data.get(field, item.get("input"))) for item in about)
+            _, text = max((_sentence(x, kind.model_fields) for x in found_in), key=lambda s: s[0])
             found[Problem(where, field, text)] = None
     return list(found)
+
+
+def _of_whole(item: Any, value: Any) -> Any:
+    """A number that is given where a row of numbers belongs, as said of all rows."""
+    inside = item["loc"][1:]
+    rows = inside and all(isinstance(part, int) for part in inside) and "tuple" in item["type"]
+    return {**item, "input": value} if rows else item
 
 
 def _sentence(item: Any, known: Mapping[str, FieldInfo]) -> tuple[bool, str]:
@@ -262,7 +278,19 @@ def _sentence(item: Any, known: Mapping[str, FieldInfo]) -> tuple[bool, str]:
 def _expected(item: Any, field: FieldInfo) -> str:
     if item["type"] == "missing" and isinstance(item["loc"][-1], str):
         return f"is missing; give {field.description}"
-    return f"must be {field.description}; given {shown(item.get('input'))}"
+    given = item.get("input")
+    if any(isinstance(x, str) and x.startswith("=") for x in _leaves(given)):
+        do = "a formula is given to an edit, model.edit(name, ...), or stands in a file"
+        return f"must be {field.description}; given {shown(given)}; {do}"
+    return f"must be {field.description}; given {shown(given)}"
+
+
+def _leaves(value: Any) -> Iterator[Any]:
+    if isinstance(value, (list, tuple)):
+        for x in value:
+            yield from _leaves(x)
+    else:
+        yield value
 
 
 def _parts_of(annotation: Any) -> Mapping[str, FieldInfo]:
@@ -318,7 +346,11 @@ else:
 
         def __call__(cls, *args, **data):
             if args:
-                first = f"name={args[0]!r:.60}" if "name" in cls.model_fields else "field=value"
+                first = "field=value"
+                if "name" in cls.model_fields and isinstance(args[0], str):
+                    first = f"name={args[0]!r:.60}"
+                elif "bodies" in cls.model_fields:
+                    first = "bodies=[...]"
                 text = f"takes fields by name only; write pg.{cls.__name__}({first}, ...)"
                 raise ModelError(Problem(f"pg.{cls.__name__}", "", text))
             try:
@@ -348,6 +380,9 @@ class Frozen(_Base):
         """Refuses: an edit makes a new part. Raises ModelError."""
         own = getattr(self, "name", None)
         where = type(self).__name__.lower() + (f" {shown(own)}" if own else "")
+        if name not in type(self).model_fields:
+            text = f"no such field; {nearest(name, type(self).model_fields)}"
+            raise ModelError(Problem(where, name, text))
         text = "is not changed in place; make a new model: model = "
         if own is None:
             text += f"model.edit(...), with a {type(self).__name__} that has another {name}"
@@ -374,6 +409,11 @@ class Frozen(_Base):
     def __hash__(self) -> int:
         mine = vars(self)
         return hash((type(self), *(_hashed(mine[name]) for name in type(self).model_fields)))
+
+    def __delattr__(self, name: str) -> None:
+        """Refuses. Raises ModelError."""
+        text = "is not deleted; an edit gives it another value"
+        raise ModelError(Problem(type(self).__name__.lower(), name, text))
 
     def __dir__(self) -> list[str]:
         """Fields and methods of ours, for completion."""

@@ -27,6 +27,7 @@ from .world import Ground
 SCHEMA_VERSION = 2  # 1: without parameters, formulas, several shapes, density and derived
 SCHEMA = "pgraph-model"
 
+NOT_JSON = {".yaml", ".yml", ".toml", ".csv", ".npz", ".html", ".txt", ".gif", ".png"}
 FOREIGN = {".urdf": "urdf", ".xml": "mjcf", ".mjcf": "mjcf"}  # suffixes of other formats
 
 LARGEST = 64_000_000  # characters of a file

@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Any, Literal, Self, overload
 
 from pydantic import ValidationError
 
-from ..errors import FileError, ModelError, Problem, choices, explained, nearest_first, shown
+from ..errors import (
+    FileError,
+    ModelError,
+    Problem,
+    choices,
+    explained,
+    nearest_first,
+    shown,
+)
 from . import files
 from .body import Body
 from .checks import PARTS, doubts, model_problems, problems
@@ -143,7 +151,7 @@ class Model(World):
     @cached_property
     def doubts(self) -> tuple[str, ...]:
         """Defaults that hardly fit the rest of the model, a sentence each; a run repeats them."""
-        return tuple(doubts(self.bodies, self.constraints))
+        return tuple(doubts(self.bodies, self.constraints, self.gravity))
 
     def body(self, name: str) -> Body:
         """The body called `name`. Raises ModelError naming the ones there are."""
@@ -157,18 +165,18 @@ class Model(World):
         return self.part(name)
 
     @overload
-    def part(self, name: str, kind: Literal["body"], /) -> Body: ...
+    def part(self, name: str, /, kind: Literal["body"]) -> Body: ...
     @overload
-    def part(self, name: str, kind: Literal["constraint"], /) -> Constraint: ...
+    def part(self, name: str, /, kind: Literal["constraint"]) -> Constraint: ...
     @overload
-    def part(self, name: str, kind: Literal["contact"], /) -> Contact: ...
+    def part(self, name: str, /, kind: Literal["contact"]) -> Contact: ...
     @overload
-    def part(self, name: str, kind: Literal["force"], /) -> Force: ...
+    def part(self, name: str, /, kind: Literal["force"]) -> Force: ...
     @overload
-    def part(self, name: str, kind: Literal["scenario"], /) -> Scenario: ...
+    def part(self, name: str, /, kind: Literal["scenario"]) -> Scenario: ...
     @overload
-    def part(self, name: str, kind: str | None = None, /) -> Part: ...
-    def part(self, name: str, kind: str | None = None, /) -> Part:
+    def part(self, name: str, /, kind: str | None = None) -> Part: ...
+    def part(self, name: str, /, kind: str | None = None) -> Part:
         """The part called `name`: the body, or the one other part that has this name.
 
         Where several have it, `kind` says which: "body", "constraint", "contact", "force" or
@@ -256,9 +264,28 @@ class Model(World):
             part = self.part(name, which)
         else:
             part = self.part(name)
-        if isinstance(part, Body):
-            return self._edit_body(name, changes)
-        return self._edit_part(part, changes)
+        if not isinstance(part, Body):
+            return self._edit_part(part, changes)
+        twins = [] if which in PARTS_OF else self._twins(name, changes.keys() - {"name"})
+        if twins and (lacking := changes.keys() - Body.model_fields.keys() - {"dof"}):
+            text = f"a body has no such field, but a {twins[0]} of this name has"
+            field = next(iter(lacking))
+            raise ModelError(
+                Problem(f"body {shown(name)}", field, f'{text}; give kind="{twins[0]}"')
+            )
+        model = self._edit_body(name, changes)
+        if not twins or model is self:
+            return model
+        text = f"body '{name}': its {', '.join(changes)} changed; a {twins[0]} of this name has "
+        return model._made((*model.notices, f'{text}that too: give kind="{twins[0]}" to mean it'))
+
+    def _twins(self, name: str, fields: Iterable[str]) -> list[str]:
+        """Kinds of the other parts with a body's name that have all of these fields."""
+        wanted = set(fields)
+        found = [part for key in self._others() for part in getattr(self, key) if part.name == name]
+        return [
+            part.word() for part in found if wanted and wanted <= type(part).model_fields.keys()
+        ]
 
     def _edit_part(self, old: Part, changes: Mapping[str, Any]) -> Self:
         """The edit of a constraint, contact, force or scenario."""
@@ -618,8 +645,12 @@ class Model(World):
         the folder opens on another machine. Raises FileError, also for the suffixes of other
         formats, whose writers tell what they leave out: `pg.write_urdf`.
         """
-        if Path(path).suffix.lower() in files.FOREIGN:
-            text = f"is no file of Pgraph; use pg.write_{files.FOREIGN[Path(path).suffix.lower()]}"
+        suffix = Path(path).suffix.lower()
+        if suffix in files.FOREIGN:
+            text = f"is no file of Pgraph; use pg.write_{files.FOREIGN[suffix]}"
+            raise FileError(Problem(str(path), "", text))
+        if suffix in files.NOT_JSON:
+            text = f"would be JSON in a file that says {suffix}; give a name that ends in .json"
             raise FileError(Problem(str(path), "", text))
         folder, model = Path(path).parent, self
         if folder.is_dir():

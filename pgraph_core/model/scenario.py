@@ -13,6 +13,7 @@ from .body import Body
 from .constraint import Constraint
 from .fields import (
     Described,
+    Flag,
     Frozen,
     Number,
     Numbers,
@@ -165,7 +166,7 @@ class When(Described):
     constraint: str | None = field("the name of a constraint", default=None)
     above: Number | None = field("a number", default=None)
     below: Number | None = field("a number", default=None)
-    active: bool | None = field("true or false, with constraint", default=None)
+    active: Flag | None = field("true or false, with constraint", default=None)
 
     @property
     def subject(self) -> tuple[str, str]:
@@ -203,7 +204,7 @@ class Switch(Described):
 
     t: Annotated[Number, Field(ge=0)] | None = Field(default=None, description="a time >= 0 [s]")
     constraint: str = Field(description="the name of a constraint")
-    active: bool = Field(description="true or false")
+    active: Flag = Field(description="true or false")
     when: When | None = field(
         "in place of t a condition: {'coordinate', 'gap', 'force' or 'constraint': name, 'above', "
         "'below': value or 'active': bool}",

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import joints
-from ..errors import explained
+from ..errors import InputError, Problem, explained, shown
 from ..joints import Motion
 from ..model import Body, Model
 from ..rotation import Array, matrix, rodrigues, skew
@@ -54,7 +54,10 @@ def frames(model: Model, topology: Topology, q: Sequence[float] | Array) -> tupl
 
 @explained
 def home_poses(model: Model) -> tuple[Array, Array]:
-    """`frames` at the model's initial q, in number order."""
+    """`frames` at the model's initial q, in number order. Raises InputError for other types."""
+    if not isinstance(model, Model):
+        text = f"must be a pg.Model; given {shown(model)}"
+        raise InputError(Problem("home_poses", "model", text))
     topology = Topology.of(model)
     local = [_at_home(body) for body in bodies_of(model, topology)]
     position = np.zeros((len(local) + 1, 3))

@@ -58,7 +58,7 @@ def states_at(
 def _inside(asked: Any, t: Array) -> Array:
     """The times as floats. Raises InputError."""
     try:
-        times = np.asarray(asked, dtype=float)
+        times = np.asarray(np.nan if isinstance(asked, (str, bytes)) else asked, dtype=float)
     except (TypeError, ValueError):
         times = np.array(np.nan)
     if times.ndim > 1 or not np.isfinite(times).all():

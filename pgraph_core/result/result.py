@@ -19,7 +19,7 @@ import numpy as np
 
 from ..dynamics.bodies import BodyMotion, bodies_over, turned
 from ..dynamics.scene import load_wrenches
-from ..errors import FileError, InputError, Problem, choices, explained
+from ..errors import FileError, InputError, Problem, choices, explained, guarded
 from ..model import Force, Model
 from ..model.constraint import InJoints
 from ..model.files import gathered, write_atomic
@@ -63,6 +63,7 @@ class Status(Enum):
         return self in (Status.DONE, Status.STOPPED)
 
 
+@guarded(other="a run does not change; dataclasses.replace(run, q=...) makes another one")
 @explained
 @dataclass(frozen=True, eq=False)
 class Result(EqualByFields, Portable):
@@ -98,6 +99,13 @@ class Result(EqualByFields, Portable):
     user_events: tuple[UserEvent, ...] = field(default=())
     """Where functions given as `events` crossed zero, in order of time."""
 
+    def __post_init__(self) -> None:
+        """The arrays may not be written: a run does not change."""
+        for name in ARRAYS:
+            view = np.asarray(getattr(self, name)).view()
+            view.flags.writeable = False
+            object.__setattr__(self, name, view)
+
     def __eq__(self, other: object) -> bool:
         """Whether the models and the numbers are equal, nan to nan."""
         equal = super().__eq__(other)
@@ -128,6 +136,14 @@ class Result(EqualByFields, Portable):
         if np.isnan(error) or np.isinf(until):
             return "not estimated"
         return f"known until t = {until:.4g} s only: {before:.2g} rad or m"
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Says what a run has in place of some names. Raises AttributeError."""
+            if hint := MEANT_BY.get(name):
+                raise AttributeError(f"a Result has no '{name}'; {hint}", name=name, obj=self)
+            return super().__getattr__(name)
 
     def __getitem__(self, name: str) -> Array:
         """Coordinates of a joint over time: (n,), or (n, k) for k > 1; InputError if unknown."""
@@ -179,8 +195,11 @@ class Result(EqualByFields, Portable):
 
         `live`: as a figure in which the reader runs the mechanism, pulls on it, and changes what
         `open` names, PATH or PATH=low:high, as in "bodies.lower.mass=0.2:5"; docs/figures.md.
-        Raises InputError for fields that cannot be left open.
+        Raises InputError for fields that cannot be left open, FileError for other suffixes.
         """
+        if Path(path).suffix.lower() not in (".html", ".htm"):
+            text = "is no page: give a name that ends in .html"
+            raise FileError(Problem(str(path), "", text))
         if live or open:
             write_atomic(path, _figures().page(self, open).encode())
             return
@@ -312,10 +331,18 @@ class Result(EqualByFields, Portable):
     # -- files -------------------------------------------------------------------------------
 
     def save(self, path: str | Path, /) -> None:
-        """Write an `.npz`: the arrays, and a JSON header that holds the model.
+        """Write an `.npz`: the arrays, and a JSON header that holds the model; or a table, `.csv`.
 
-        As `Model.save` does, it writes meshes from elsewhere to `meshes` next to the file.
+        As `Model.save` does, it writes meshes from elsewhere to `meshes` next to an `.npz`.
+        Raises FileError for other suffixes.
         """
+        suffix = Path(path).suffix.lower()
+        if suffix == ".csv":
+            write_atomic(path, self.to_csv())
+            return
+        if suffix != ".npz":
+            text = "must end in .npz (the whole run) or .csv (a table); to_html writes an animation"
+            raise FileError(Problem(str(path), "", text))
         model, folder = self.mechanism.model, Path(path).parent
         if folder.is_dir():
             model = model.model_copy(update={"bodies": gathered(model.bodies, folder)})
@@ -393,6 +420,16 @@ class Result(EqualByFields, Portable):
         return columns | self.contacts.columns()
 
 
+MEANT_BY = {  # names that people try: what a run has
+    "animate": "write run.show(), or run.to_html('run.html')",
+    "animation": "write run.show(), or run.to_html('run.html')",
+    "y": "the states are run.q and run.v",
+    "x": "the states are run.q and run.v",
+    "qd": "velocities are run.v, accelerations run.vdot",
+    "success": "write run.status.ok",
+    "time": "the times are run.t",
+    "to_json": "write run.save('run.npz'), run.to_csv() or run.to_pandas()",
+}
 WRITTEN = "give a file written by Result.save"
 
 

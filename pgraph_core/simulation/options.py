@@ -124,12 +124,12 @@ class Options(NamedTuple):
         return tuple(forces)
 
 
-def positive(field: str, value: Any, *, unit: str = " [s]") -> float:
-    """A finite number > 0. Raises InputError."""
+def positive(field: str, value: Any, *, unit: str = " [s]", call: str = "simulate") -> float:
+    """A finite number > 0. Raises InputError naming the call."""
     number = _number(value)
     if not 0 < number < np.inf:
         text = f"must be a finite number > 0{unit}; given {value!r}"
-        raise InputError(Problem("simulate", field, text))
+        raise InputError(Problem(call, field, text))
     return number
 
 

@@ -337,7 +337,7 @@ class Recording:
         if code > 0:
             self.ended.stop(Status.SINGULAR, str(mech.packed.singular(code)))
         elif code < 0:
-            text = f"{Status.NOT_FINITE.value} at t = {self.start:g} s"
+            text = f"{Status.NOT_FINITE.value} at t = {self.start:g} s{self._trouble()}"
             self.ended.stop(Status.NOT_FINITE, text)
         elif first and len(plan.active):
             self._first = self.start, self.q.copy(), self.v.copy()
@@ -421,6 +421,11 @@ class Recording:
             return
         self.steps.times[i], control["last"], control["fired"] = t, i + 1, 0
         self.steps.advance(1)
+
+    def _trouble(self) -> str:
+        """What a compiled function of the user did not give, for the end of a sentence."""
+        trouble = getattr(self.user, "trouble", "")
+        return f": {trouble}" if trouble else ""
 
     def _raise_user_error(self) -> None:
         if self.user is not None and self.user.error is not None:
@@ -568,6 +573,8 @@ class Recording:
         """(status, message) of a kernel's status code: where it failed, and what to try."""
         t, row = self.steps.control["failed"], int(self.steps.control["fastest"])
         status = STATUS[code]
+        if trouble := self._trouble():
+            return status, f"{status.value} at t = {t:.6g} s{trouble}"
         where = f"at t = {t:.6g} s; body '{self.mech.packed.body_of(row)}' moved fastest"
         return status, f"{status.value} {where}; {self._advice(status)}"
 

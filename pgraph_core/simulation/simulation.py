@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy.typing as npt
 
 from ..errors import InputError, Problem, explained, shown
 from ..mechanism import Mechanism, mechanism_of
@@ -15,6 +17,12 @@ from .options import MOST_CHOSEN, Options
 from .plan import plan_of, with_state
 from .recording import Recording
 from .user_events import monitors_of
+
+if TYPE_CHECKING:
+    from ..packing.system import Array
+
+    Event = Callable[[float, Array, Array], Any]
+    Torque = npt.ArrayLike | Event
 
 NO_EVENTS: tuple[Callable[..., Any], ...] = ()
 
@@ -32,14 +40,14 @@ def simulate(
     rtol: float | None = None,
     atol: float = 0.0,
     max_steps: int = MOST_CHOSEN,
-    tau: Any = None,
+    tau: Torque | None = None,
     frames: int | None = None,
     t_eval: Any = None,
     scenario: str | None = None,
     forces: Sequence[Force] = (),
     stabilise: str | None = "project",
     switches: Any = None,
-    events: Any = NO_EVENTS,
+    events: Event | Sequence[Event] = NO_EVENTS,
     progress: Callable[[float], Any] | None = None,
     estimate: bool | None = None,
 ) -> Result:

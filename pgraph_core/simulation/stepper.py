@@ -15,7 +15,7 @@ import numpy as np
 
 from ..dynamics.arguments import finite
 from ..engine import layout as at
-from ..errors import InputError, Problem, choices, explained
+from ..errors import InputError, Problem, choices, explained, guarded, one_of
 from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model, Motor, Servo
@@ -35,6 +35,12 @@ CHUNK = 100_000  # steps between two looks at whether the user wants to stop
 SNAPSHOT = b"pgraph snapshot"
 
 
+@guarded(
+    q_or_v_or_t="write st.reset(q=..., v=...)",
+    step_or_dt_or_h_or_method_or_scenario="make a new one, pg.Stepper(mech, step=..., method=...)",
+    tau="give it to each step, st.step(tau=...)",
+    other="make a new one of the changed model, pg.Stepper(pg.Mechanism(model))",
+)
 @explained
 class Stepper(Portable):
     """A mechanism that is stepped from outside: nothing is built between steps.
@@ -43,7 +49,8 @@ class Stepper(Portable):
         while st.t < 2.0:
             st.step(tau=-5 * st.q - 0.1 * st.v)
 
-    The states are those of `simulate` with the same method and step, bit for bit. `method` is one
+    `q` and `v` are views that follow the steps: keep `st.q.copy()`. The states are those of
+    `simulate` with the same method and step, bit for bit. `method` is one
     of the fixed-step methods; "auto" is moreau_jean where contacts or joint limits are declared,
     else rk4. `tau` is an array (nv,) or a function f(t, q, v), as of `simulate`, and acts in every
     step. `scenario`, `forces` and `stabilise` are those of `simulate`. Constraints are switched by
@@ -52,6 +59,11 @@ class Stepper(Portable):
     Raises InputError for arguments that do not fit, and for an initial state in which the
     constraints cannot be met.
     """
+
+    mech: Mechanism
+    method: str
+    status: Status
+    message: str
 
     def __init__(
         self,
@@ -85,7 +97,8 @@ class Stepper(Portable):
                 text = f"scenario '{scenario}' switches '{s.constraint}' {then}, which no step "
                 text += "does by itself; give switches=() and call `switch` there"
                 raise InputError(Problem("Stepper", "scenario", text))
-        self.mech, self.method, self._width = mech, method, positive("step", step)
+        vars(self).update(mech=mech, method=method)
+        self._width = positive("step", step, call="Stepper")
         self._options = Options(
             scenario=scenario,
             method=method,
@@ -191,7 +204,7 @@ class Stepper(Portable):
         self._give(tau)
         if self._recording:
             self._open()
-        self._looked = False
+        self.__dict__["_looked"] = False
         code = at.RUNNING
         while n > 0 and code == at.RUNNING:
             code = self._steps.advance(min(n, CHUNK))
@@ -199,7 +212,7 @@ class Stepper(Portable):
         if code != at.RUNNING:
             self._open()
             self._record.fail(code)
-            self.status, self.message = self._record.ended.status, self._record.ended.message
+            self._ended(self._record.ended)
         return self.status
 
     def record(self, n: int, frames: int | None = None, tau: Any = None) -> Result:
@@ -211,7 +224,7 @@ class Stepper(Portable):
 
     def record_over(self, dt: float, frames: int | None = None, tau: Any = None) -> Result:
         """As `record`, over a time `dt` [s]: in narrower steps if that is no whole number."""
-        dt = positive("dt", dt)
+        dt = positive("dt", dt, call="Stepper.record_over")
         n = max(1, math.ceil(dt / self._width - SAME))
         whole = abs(n * self._width - dt) <= SAME * self._width
         return self._recorded(n, self._width if whole else dt / n, frames, tau)
@@ -232,7 +245,7 @@ class Stepper(Portable):
         built = time.perf_counter()
         self._record.advance_to_end(None)
         stepped = time.perf_counter()
-        self.status, self.message = self._record.ended.status, self._record.ended.message
+        self._ended(self._record.ended)
         timing = {"build": built - before, "step": stepped - built}
         return self._record.result(Estimate(), timing)
 
@@ -245,7 +258,7 @@ class Stepper(Portable):
         """
         names = [c.name for c in self.mech.model.constraints]
         if constraint not in names:
-            text = f"no constraint is called {constraint!r:.60}; choose one of {choices(names)}"
+            text = f"no constraint is called {constraint!r:.60}; {one_of(names)}"
             raise InputError(Problem("Stepper.switch", "constraint", text))
         number = names.index(constraint)
         if (number in self._active) == bool(active):
@@ -266,8 +279,9 @@ class Stepper(Portable):
     def target(self, servo: str, value: float) -> None:
         """Give a servo another target [rad, m], constant from now on. Raises InputError."""
         if servo not in self._servos:
-            names = choices(tuple(self._servos))
-            text = f"no servo with a constant target is called {servo!r:.60}; choose one of {names}"
+            text = (
+                f"no servo with a constant target is called {servo!r:.60}; {one_of(self._servos)}"
+            )
             raise InputError(Problem("Stepper.target", "servo", text))
         knot = self._servos[servo]
         self._record.plan.drives.knots[knot, 1] = finite("value", [value], 1)[0]
@@ -307,7 +321,7 @@ class Stepper(Portable):
         for name, address in here.items():
             control[name] = address
         self._record.ended = Outcome()
-        self.status, self.message = Status.DONE, Status.DONE.value
+        self._ended(Outcome())
         self._open()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -350,7 +364,7 @@ class Stepper(Portable):
         self._q.flags.writeable = self._v.flags.writeable = False
         forces = (*mech.model.forces, *(given.forces if given else ()), *self._options.forces)
         self._servos = _servos(forces, drives)
-        self.status, self.message = Status.DONE, Status.DONE.value
+        self._ended(Outcome())
         self._open()
 
     @cached_property
@@ -369,6 +383,9 @@ class Stepper(Portable):
     def servos(self) -> dict[str, int]:
         """{name: knot of its constant target} of the servos."""
         return self._servos
+
+    def _ended(self, how: Outcome) -> None:
+        vars(self).update(status=how.status, message=how.message)
 
     def _give(self, tau: Any) -> None:
         """Torques of the next steps. Raises InputError."""

@@ -56,6 +56,9 @@ class FunctionMonitor:
         except Exception as error:
             text = f"the function {self.name} raised {type(error).__name__}: {error}"
             raise _refused(self.where, f"{text} (at t = {t:.6g} s)") from error
+        if isinstance(value, (bool, np.bool_)):
+            text = f"must return a number that crosses zero, as q[0] - 1.0; {self.name} gave "
+            raise _refused(self.where, f"{text}{bool(value)}")
         try:
             number = float(value) if np.ndim(value) == 0 else np.nan
         except (TypeError, ValueError):

@@ -31,7 +31,7 @@ class Walk(Portable):
         part = walk.step(0.05)           # a Result, ready long before its 50 ms are over
         show(part); parts.append(part)   # `joined(parts)` is the whole run, for files and plots
         walk.change(speed=0.9)           # any field of the gait; its clock and heading go on,
-        walk.change(**gaits["crawl"].model_dump())       # the speed follows its `acceleration`
+        walk.change(**dict(gaits["crawl"]))              # the speed follows its `acceleration`
         walk.push((0, 0, 80), seconds=0.2)               # [N] on the trunk's origin, world axes
         walk.follow(underfoot(walk.mech.model, friction=0.3))    # other ground, law or masses
 
@@ -75,7 +75,7 @@ class Walk(Portable):
 
     def step(self, dt: float, *, frames: int | None = None) -> Result:
         """The next `dt` seconds; by default every step is recorded."""
-        dt = positive("dt", dt)
+        dt = positive("dt", dt, call="Walk.step")
         if any(end <= self.t for end, _ in self._pushes):
             self._pushes = [push for push in self._pushes if push[0] > self.t]
             self._built = False

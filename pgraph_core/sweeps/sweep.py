@@ -22,10 +22,11 @@ from ..dynamics.arguments import wrong_type
 from ..errors import FileError, InputError, Problem, choices, explained, nearest, shown
 from ..mechanism import Mechanism
 from ..model import Model
+from ..model.fields import whole
 from ..model.files import write_atomic
 from ..portable import installed
 from ..simulation import simulate
-from .metrics import metrics_of
+from .metrics import measured, metrics_of
 from .tasks import Row, Task, rows_of
 
 Array = np.ndarray
@@ -61,6 +62,15 @@ class Sweep:
         over = ", ".join(self.paths)
         missing = f", {len(self.failed)} failed" if len(self.failed) else ""
         return f"<Sweep of {len(self)} points over {over}: {', '.join(self.values)}{missing}>"
+
+    def __getitem__(self, name: str) -> Any:
+        """A column by its name. Raises InputError; rows are those of `to_pandas().iloc`."""
+        columns = self.columns()
+        if name not in columns:
+            do = "; rows are table.to_pandas().iloc[...]" if not isinstance(name, str) else ""
+            text = f"no column is called {shown(name)}; choose one of {choices(columns)}{do}"
+            raise InputError(Problem("table", "", text))
+        return columns[name]
 
     def columns(self) -> dict[str, Any]:
         """Paths, metrics, status and reason, each with an entry for every point."""
@@ -146,7 +156,8 @@ def sweep(
     """Run a model at many values of its fields, and measure each run.
 
     `set` maps paths to values: "bodies.shin.mass", ("bodies", "shin", "mass"), "bodies.shin.link.0"
-    or a parameter's name. Each point is `Model.edit` of these numbers: nothing else follows.
+    or a parameter's name. Each point is `Model.edit` of these numbers, which changes no others: a
+    body of another mass keeps its inertia, one with another link its tip.
     `samples` "grid" combines all values; "latin", "sobol" and "random" take `n` points, each path
     given as (low, high) or as a frozen distribution of `scipy.stats`.
 
@@ -173,13 +184,14 @@ def sweep(
         raise InputError(Problem("sweep", "set", text))
     paths = [Path(base, given) for given in set]
     names = tuple(path.text for path in paths)
+    _fitting(paths, samples, n, workers, out, resume)
     metrics = metrics_of(metric)
     points = points_of(dict(zip(names, set.values())), samples, n, seed)
     given = tuple(x if isinstance(x, str) else tuple(x) for x in set)
     settings = {"scenario": scenario, **options}
     task = Task(base, given, metrics, settings, installed())
     _known(options)
-    _tried(base, paths, points)
+    _tried(base, paths, points[0], metrics, settings)
     kept = Kept(out, resume, _fingerprint(task, points)) if out is not None else None
     rows: dict[int, Row] = {row.point: row for row in kept.rows} if kept else {}
     todo = [(i, tuple(map(float, p))) for i, p in enumerate(points) if i not in rows]
@@ -207,10 +219,40 @@ def _known(options: Mapping[str, Any]) -> None:
             raise InputError(Problem("sweep", name, text))
 
 
-def _tried(model: Model, paths: list[Path], points: Array) -> None:
-    """Refuse at once what no point could do: the first point is a model."""
-    for path, value in zip(paths, points[0]):
+def _fitting(paths: list[Path], samples: str, n: Any, workers: Any, out: Any, resume: bool) -> None:
+    """Refuse arguments that contradict each other, or that nothing would read."""
+    for i, path in enumerate(paths):
+        if any(path.leads_to(other) for other in paths[:i]):
+            raise InputError(Problem("sweep", path.text, "is given twice, spelt in two ways"))
+    if n is not None and samples == "grid":
+        text = "is for samples of ranges: give samples='latin', 'sobol' or 'random' too"
+        raise InputError(Problem("sweep", "n", text))
+    if workers is not None and (whole(workers) or 0) < 1:
+        text = (
+            f"must be the number of processes, >= 1, or None for all cores; given {shown(workers)}"
+        )
+        raise InputError(Problem("sweep", "workers", text))
+    if resume and out is None:
+        text = "needs the file to go on from: give out='table.csv' too"
+        raise InputError(Problem("sweep", "resume", text))
+
+
+def _tried(
+    model: Model, paths: list[Path], point: Array, metrics: Mapping[str, Any], settings: Any
+) -> None:
+    """Refuse at once what no point could do: a run of the first one is started, and stopped."""
+    for path, value in zip(paths, point):
         model = path.set(model, float(value))
+    try:
+        run = simulate(model, **{**settings, "estimate": False}, progress=lambda _: False)
+    except InputError as error:
+        ours = [problem for problem in error.problems if problem.where == "simulate"]
+        if ours:
+            raise InputError(ours) from None
+        return  # of this point alone: its row says so
+    for metric in metrics.values():
+        if isinstance(metric, str):
+            measured(run, metric)
 
 
 def _table(

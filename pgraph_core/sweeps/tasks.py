@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import time
@@ -17,6 +18,7 @@ from ..errors import InputError, PgraphError, Problem
 from ..mechanism import Mechanism
 from ..model import Model
 from ..portable import installed
+from ..result import Result
 from ..simulation import simulate
 from .metrics import Metric, measured
 
@@ -67,15 +69,25 @@ def _row(task: Task, paths: Sequence[Path], number: int, values: Sequence[float]
         run = simulate(Mechanism(model), **{"estimate": False, **task.options})
         if not run.status.ok:
             return Row(number, (), run.status.name, run.message)
-        found = tuple(measured(run, metric) for metric in task.metrics.values())
     except PgraphError as error:
         return Row(number, (), "REFUSED", str(error))
+    found, reasons = list[float](), list[str]()
+    for name, metric in task.metrics.items():
+        value, reason = _measured(run, name, metric)
+        found.append(value)
+        reasons += [reason] if reason else []
+    return Row(number, tuple(found), "FAILED" if reasons else run.status.name, "; ".join(reasons))
+
+
+def _measured(run: Result, name: str, metric: Metric | str) -> tuple[float, str]:
+    """(value, ""), or nan and why: one metric must not take the others along."""
+    try:
+        value = measured(run, metric)
+    except PgraphError as error:
+        return math.nan, str(error)
     except Exception as error:  # a user's metric: one point must not end a night of others
-        return Row(number, (), "FAILED", f"{type(error).__name__}: {error}")
-    bad = [name for name, value in zip(task.metrics, found) if value != value]
-    if bad:
-        return Row(number, (), "FAILED", f"the metric {bad[0]!r} is not a number")
-    return Row(number, found, run.status.name)
+        return math.nan, f"{type(error).__name__}: {error}"
+    return value, "" if value == value else f"the metric {name!r} is not a number"
 
 
 def rows_of(

@@ -190,6 +190,45 @@ def test_a_chain_settles_where_its_energy_is_least():
         falls.equilibrium()
 
 
+ROD = {"mass": 1.0, "com": (0.5, 0, 0), "tip": (1, 0, 0), "axes": (0, 1, 0)}
+UPPER, LOWER = pg.Body(name="a", **ROD), pg.Body(name="b", parent="a", link=(1, 0, 0), **ROD)
+
+
+def test_equilibrium_goes_down_from_anywhere_but_an_equilibrium():
+    mech, rest = pg.Mechanism(pg.Model(bodies=[UPPER, LOWER])), np.zeros(2)
+    lowest = -9.81 * (0.5 + 1.5)
+    for q in [*np.random.default_rng(0).uniform(-np.pi, np.pi, (40, 2)), (-np.pi / 2 + 1e-9, 0)]:
+        assert mech.energy(mech.equilibrium(q), rest)[1] == pytest.approx(lowest, rel=1e-12)
+    upright = np.array([-np.pi / 2, 0])  # sin is 1, cos is 6e-17: an equilibrium but for rounding
+    np.testing.assert_array_equal(mech.equilibrium(upright), upright)
+
+
+def test_equilibrium_rests_on_limits_and_leaves_them():
+    stop = UPPER.model_copy(update={"limits": ((-1.0, 1.0),)})
+    mech = pg.Mechanism(pg.Model(bodies=[stop, LOWER]))
+    for q in ([0.0, 0.0], [3.0, 0.0], [-1.0, 1.0]):  # inside, outside, on the upper side
+        np.testing.assert_allclose(mech.equilibrium(q), [1.0, np.pi / 2 - 1.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("force", "least"),
+    [
+        (pg.Motor(name="f", body="a", torque=3.0), np.pi / 2 + np.arcsin(3.0 / (9.81 * 0.5))),
+        (pg.Wrench(name="f", body="a", torque=(0, 3.0, 0)), None),
+        (pg.Wrench(name="f", body="a", force=(9.81, 0, 0), point=(0.5, 0, 0)), np.pi / 4),
+        (pg.Wrench(name="f", body="a", force=(0, 0, 3.0), frame="body", point=(0.5, 0, 0)), None),
+    ],
+)
+def test_equilibrium_balances_motors_and_wrenches(force, least):
+    mech = pg.Mechanism(pg.Model(bodies=[UPPER], forces=[force]))
+    for start in (-2.0, 0.0, 1.4, 2.5):
+        q = mech.equilibrium([start])
+        if least is not None:
+            assert np.cos(q[0] - least) == pytest.approx(1.0, abs=1e-12)
+        run = pg.simulate(mech, q=q, t_end=1.0)
+        assert np.abs(run.q - q).max() < 1e-6  # stable: rounding does not grow
+
+
 def test_inverse_kinematics_meets_several_targets_within_limits():
     model = pg.Model.serial(6)
     axes = [(0, 1, 0), (0, 0, 1), (0, 1, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]

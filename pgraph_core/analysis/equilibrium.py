@@ -1,0 +1,385 @@
+"""Where a mechanism stays at rest: a minimum of its potential energy, if it has one.
+
+Newton's method in the moves that constraints and limits leave. Where every force has an energy the
+Hessian's negative eigenvalues are turned round and a line search lets the energy only fall (Nocedal
+and Wright, Numerical Optimization, 2nd ed., section 3.4), so that saddles are left. Other forces
+are balanced by pseudo-transient continuation (Kelley and Keyes 1998), which follows the flow of
+the forces, and where that goes round and round by damped least squares.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..dynamics import Dynamics
+from ..dynamics.scene import NO_CONSTRAINTS, Scene
+from ..engine import motion
+from ..errors import InputError, Problem
+from ..model import Wrench
+from ..packing.forces import NO_LOADS
+from ..packing.system import Array, Drives
+from .assembly import assemble
+from .linear import Balance, state_of
+from .rows import apart
+from .targets import bounds, single
+
+ROUNDS = 300
+HALVINGS = 40
+LONGEST = 0.3  # rad, or of the mechanism's size: one step
+STILL = 1e-12  # relative to the forces of the model: a start that is an equilibrium already
+SETTLED = 1e-9  # relative: what may be left where Newton's steps gain no more
+CALM = 1e-5  # relative: so near a saddle that its curvature says where to go
+SOFT = 1e-9  # of the largest stiffness: a curvature that is rounding
+NOISE = 1e-14  # of the energy at hand: a change of it that is rounding
+DESCENT = 1e-4  # of the decrease that the slope promises: a step that is taken
+
+
+def equilibrium(mech: Dynamics, q: Array | None, scenario: str | None) -> Array:
+    """q (nq,) at rest near q; see `Mechanism.equilibrium`."""
+    q, _ = state_of(mech, q, None, scenario)
+    here = Place(mech, q, np.zeros(mech.nv), scenario)
+    low, high = bounds(mech)
+    search = _Search(here, low, high)
+    if here.has_energy:
+        found = search.downhill()
+    else:
+        found = search.along_the_forces() or _Search(here, low, high).balanced()
+    if found is not None:
+        return found.q
+    push = search.best.M @ search.best.free @ search.slope(search.best, search.best.free)
+    joint = max(mech.joints, key=lambda name: float(np.abs(push[mech.joints[name].v]).max()))
+    left = f"{np.abs(push).max():.3g} (N m or N) are left, most in the joint of '{joint}'"
+    text = f"no equilibrium was found near q: {left}; give it a spring, or another start q"
+    raise InputError(Problem("equilibrium", "q", text))
+
+
+class Place(Balance):
+    """The forces on a mechanism at rest, and their slopes along the moves that are free."""
+
+    @cached_property
+    def vdot(self) -> Array:
+        return np.zeros(self.mech.nv)
+
+    @cached_property
+    def multipliers(self) -> Array:
+        """λ (m,) that leave least of the forces, in the mass metric."""
+        rows: Any = self.rows
+        return np.linalg.lstsq(rows.scaled.T, rows.gradient(self.pull), rcond=1e-10)[0]
+
+    @cached_property
+    def motors(self) -> Drives:
+        """The drives without the joints' own springs and dampers."""
+        return Drives(self.drives.table[self.drives.passive :], self.drives.knots, 0)
+
+    @cached_property
+    def motor_torque(self) -> Array:
+        """τ (nv,) of motors and servos."""
+        tau: Array = np.zeros(self.mech.nv)
+        if len(self.motors.table):
+            scene = Scene(self.mech.packed, self.motors, NO_LOADS, NO_CONSTRAINTS)
+            motion.drive_torque(scene.address, self.q, self.v, tau)
+        return tau
+
+    @property
+    def has_energy(self) -> bool:
+        """Whether every force has one: no torque on a body, no force that turns with one."""
+        wrenches = [f for f in self.forces if isinstance(f, Wrench)]
+        balls = np.zeros(self.mech.nv, dtype=bool)
+        for k in self.mech.packed.quaternion_rows:
+            j = int(self.mech.packed.rows[k, -1])
+            balls[j : j + 3] = True
+        return not np.any(self.motor_torque[balls]) and not any(
+            np.any(_first(f.torque)) or (f.frame == "body" and np.any(_first(f.force)))
+            for f in wrenches
+        )
+
+    @cached_property
+    def energy(self) -> float:
+        """Potential energy of all but motors and servos [J]."""
+        found = motion.energy(self.scene.address, self.q, self.v)[1]
+        for f in self.forces:
+            if isinstance(f, Wrench):
+                place, turn = self.mech.pose(self.q, f.body)
+                found -= _first(f.force) @ (place + turn @ np.array(f.point or (0.0, 0.0, 0.0)))
+        return float(found)
+
+    def rise(self, new: Place) -> float:
+        """Energy that the move to another place takes [J].
+
+        Motors and servos are linear in their own coordinate: the trapezoid of their work is exact.
+        """
+        step = apart(self.mech, self.q, new.q)
+        work = (self.motor_torque + new.motor_torque) @ step / 2
+        return new.energy - self.energy - float(work)
+
+    def at(self, q: Array, v: Array) -> Place:
+        """The same forces at another place, with the lengths of the first."""
+        other = super().at(q, v)
+        vars(other)["size"] = self.size
+        return other
+
+    @cached_property
+    def size(self) -> float:
+        """How far the bodies are apart [m]."""
+        apart = float(np.ptp(self.rows.poses[0], axis=0).max(initial=0.0))
+        return max(apart, self.rows.length) or 1.0
+
+    @property
+    def reach(self) -> Array:
+        """(nv,) 1 rad or the mechanism's size [m]: what a step is measured by."""
+        return np.where(self.rows.turns, 1.0, self.size)
+
+    @cached_property
+    def weights(self) -> Array:
+        """(nv,) the weight that each joint carries, times the mechanism's size where it turns."""
+        packed, topology = self.mech.packed, self.mech.topology
+        carried = np.array([b.mass for b in packed.model.bodies])[topology.row]
+        for n in range(len(carried), 0, -1):
+            if (parent := int(topology.parent[n - 1])) > 0:
+                carried[parent - 1] += carried[n - 1]
+        found = np.zeros(self.mech.nv)
+        for name, joint in self.mech.joints.items():
+            found[joint.v] = carried[topology.number(name) - 1]
+        gravity = float(np.linalg.norm(packed.model.gravity))
+        return found * gravity * np.where(self.rows.turns, self.size, 1.0)
+
+    @cached_property
+    def force(self) -> float:
+        """Size of the forces of the model, in the mass metric; 1 where there are none."""
+        acting = self.weights + np.abs(self.torque(self.q, self.v))
+        return float(np.linalg.norm(self.rows.gradient(acting))) or 1.0
+
+    @cached_property
+    def energy_noise(self) -> float:
+        """Changes of the energy below this are rounding [J]."""
+        return NOISE * (float(self.weights @ self.reach) + abs(self.energy))
+
+
+def _first(value: object) -> Array:
+    """(3,) a vector, or the first of a table over time."""
+    return np.array(getattr(value, "value", [value])[0], dtype=float)
+
+
+class _Ways(NamedTuple):
+    """Moves that are free at a place, with the forces and stiffness along them."""
+
+    free: Array  # (nv, n) orthonormal in the mass metric
+    slope: Array  # (n,)
+    values: Array  # (n,) eigenvalues of the symmetric stiffness, ascending
+    vectors: Array  # (n, n)
+
+    @property
+    def left(self) -> float:
+        return float(np.linalg.norm(self.slope))
+
+    @property
+    def curved_down(self) -> bool:
+        """Whether the energy falls to both sides along some way."""
+        return bool(len(self.values) and self.values[0] < -SOFT * np.abs(self.values).max())
+
+    @property
+    def newton(self) -> Array:
+        """(nv,) Newton's step, turned downhill where it would climb."""
+        largest = float(np.abs(self.values).max(initial=0.0))
+        stiff = np.maximum(np.abs(self.values), max(SOFT * largest, 1e-300))
+        return -self.free @ (self.vectors @ ((self.vectors.T @ self.slope) / stiff))
+
+
+class _Search:
+    """A search from one place, with the limits of joints that stop it."""
+
+    def __init__(self, start: Place, low: Array, high: Array):
+        self.here = self.best = start
+        self.low, self.high = low, high
+        self.size = start.force
+        self.names = [start.mech.model.constraints[i].name for i in start.active]
+        at_q = single(start.rows)
+        self.held = (at_q <= low) | (at_q >= high)  # joints that rest on a limit
+        self.stopper = -1  # the joint whose limit shortened the last step
+        if np.any((at_q < low) | (at_q > high)):
+            self.here = self.moved(start, np.clip(at_q, low, high) - at_q)
+
+    def slope(self, here: Place, free: Array) -> Array:
+        return free.T @ here.pull
+
+    def ways(self) -> _Ways:
+        here, free = self.here, self.free(self.here)
+        slope = self.slope(here, free)
+        K = free.T @ here.stiffness @ free
+        return _Ways(free, slope, *np.linalg.eigh((K + K.T) / 2))
+
+    def free(self, here: Place) -> Array:
+        """(nv, n) moves that constraints and limits leave."""
+        free = here.free
+        if not self.held.any():
+            return free
+        _, sizes, right = np.linalg.svd(free[self.held])
+        return free @ right[int(np.sum(sizes > 1e-10 * sizes.max(initial=0.0))) :].T
+
+    def released(self) -> bool:
+        """Let go of the joint that is pushed off its limit most; whether there was one."""
+        if not self.held.any():
+            return False
+        here, held = self.here, np.flatnonzero(self.held)
+        push = -self.slope(here, here.free)
+        along = np.linalg.lstsq(here.free[held].T, push, rcond=1e-10)[0]
+        upper = single(here.rows)[held] >= self.high[held]
+        inwards = np.where(upper, -along, along)
+        most = int(inwards.argmax())
+        scale = self.size * float(np.linalg.norm(here.free[held[most]])) or 1.0
+        if inwards[most] * np.linalg.norm(here.free[held[most]]) ** 2 <= STILL * scale:
+            return False
+        self.held[held[most]] = False
+        return True
+
+    def moved(self, here: Place, step: Array) -> Place:
+        """The place after a step, with the loops closed."""
+        q = here.rows.advanced(step)
+        for _ in range(2 if self.names else 0):
+            q, _, _ = assemble(here.mech, q, np.zeros(here.mech.nv), self.names)
+            if not self.held.any():
+                break
+            new = here.at(q, here.v)  # closing the loops takes held joints off their limits
+            at_q = single(new.rows)[self.held]
+            off = np.clip(at_q, self.low[self.held], self.high[self.held]) - at_q
+            q = new.rows.advanced(new.free @ np.linalg.lstsq(new.free[self.held], off)[0])
+        return here.at(q, here.v)
+
+    def share(self, step: Array) -> float:
+        """How much of a step is short enough, and stays within the limits."""
+        longest = float(np.max(np.abs(step) / self.here.reach, initial=0.0))
+        most = 1.0 / max(longest / LONGEST, 1.0)
+        at_q = single(self.here.rows)
+        room = np.where(step > 0, self.high - at_q, at_q - self.low)
+        stopped = np.flatnonzero((np.abs(step) * most > room) & ~self.held)
+        self.stopper = -1
+        if len(stopped):
+            self.stopper = int(stopped[np.argmin(room[stopped] / np.abs(step[stopped]))])
+            most = max(float(room[self.stopper] / abs(step[self.stopper])), 0.0)
+        return most if most * longest > STILL else 0.0
+
+    def taken(self, new: Place) -> Place:
+        """A step's place; the joint that its limit stopped is held from now on."""
+        if self.stopper >= 0:
+            self.held[self.stopper] = True
+        return new
+
+    # -- with an energy --------------------------------------------------------------------------
+
+    def downhill(self) -> Place | None:
+        """A minimum of the energy, or the start where that is an equilibrium; None: not found."""
+        least = np.inf
+        for taken in range(ROUNDS):
+            here, ways = self.here, self.ways()
+            self.size = max(self.size, here.force)
+            left = ways.left / self.size
+            if left <= CALM and self.released():
+                least = np.inf
+                continue
+            if taken == 0 and left <= STILL:
+                return here
+            if left <= CALM and ways.curved_down and (new := self.off_the_saddle(ways)):
+                self.here, least = new, np.inf
+                continue
+            if left <= SETTLED and left >= least / 2:
+                return self.best
+            if left < least:
+                self.best, least = here, left
+            if left == 0.0:
+                return here
+            new = self.lower(ways)
+            if new is None:
+                break
+            self.here = new
+        return self.best if least <= SETTLED else None
+
+    def off_the_saddle(self, ways: _Ways) -> Place | None:
+        """A lower place along the way of most negative curvature, to the side that falls."""
+        way = ways.vectors[:, 0]
+        way = way if way @ ways.slope <= 0 else -way
+        for side in (ways.free @ way, -(ways.free @ way)):
+            step = side * LONGEST / float(np.max(np.abs(side) / self.here.reach))
+            step = self.share(step) * step
+            for _ in range(8):
+                new = self.moved(self.here, step)
+                if self.here.rise(new) < -10 * self.here.energy_noise:
+                    return self.taken(new)
+                step, self.stopper = step / 2, -1
+        return None
+
+    def lower(self, ways: _Ways) -> Place | None:
+        """The place after as much of Newton's step as lowers the energy enough.
+
+        Where its change is rounding, after a whole step that leaves less of the forces.
+        """
+        step = ways.newton
+        share = self.share(step)
+        if share == 0.0:
+            return self.taken(self.here)
+        promised = float(self.here.pull @ step)
+        if abs(promised) <= 100 * self.here.energy_noise:
+            new = self.moved(self.here, share * step)
+            left = float(np.linalg.norm(self.slope(new, self.free(new))))
+            return self.taken(new) if left < ways.left else None
+        for _ in range(HALVINGS):
+            new = self.moved(self.here, share * step)
+            if self.here.rise(new) <= DESCENT * share * promised:
+                return self.taken(new)
+            share, self.stopper = share / 2, -1
+        return None
+
+    # -- without ---------------------------------------------------------------------------------
+
+    def along_the_forces(self) -> Place | None:
+        """Where the flow of the forces ends: implicit Euler's steps that grow as they fade."""
+        least, before, h = np.inf, 0.0, 0.0
+        for taken in range(ROUNDS):
+            here, free = self.here, self.free(self.here)
+            slope = self.slope(here, free)
+            self.size = max(self.size, here.force)
+            norm = float(np.linalg.norm(slope))
+            left = norm / self.size
+            if left <= CALM and self.released():
+                least = np.inf
+                continue
+            if left == 0.0 or (taken == 0 and left <= STILL):
+                return here
+            if left <= SETTLED and left >= least / 2:
+                return self.best
+            if left < least:
+                self.best, least = here, left
+            K = free.T @ here.stiffness @ free
+            h = h * before / norm if before else 1.0 / (float(np.abs(K).max(initial=0.0)) or 1.0)
+            unstable = -float(np.min(np.linalg.eigvals(K).real, initial=0.0))
+            h = (
+                min(h, 0.5 / unstable) if unstable > 0 else h
+            )  # else it would end where it pushes off
+            before = norm
+            step = -free @ np.linalg.lstsq(np.eye(len(K)) / h + K, slope, rcond=1e-12)[0]
+            self.here = self.taken(self.moved(here, self.share(step) * step))
+        return self.best if least <= SETTLED else None
+
+    def balanced(self) -> Place | None:
+        """Where damped least squares leave nothing of the forces, stable or not."""
+        damping, least = 1e-3, np.inf
+        for _ in range(ROUNDS):
+            here, free = self.here, self.free(self.here)
+            slope = self.slope(here, free)
+            norm = float(np.linalg.norm(slope))
+            if norm / self.size <= SETTLED and norm >= least / 2:
+                return here
+            K, least = free.T @ here.stiffness @ free, norm
+            scale = float(np.max(np.sum(K**2, axis=0), initial=0.0))
+            wanted = K.T @ K + damping * scale * np.eye(len(K))
+            step = -free @ np.linalg.lstsq(wanted, K.T @ slope, rcond=1e-14)[0]
+            new = self.moved(here, self.share(step) * step)
+            if np.linalg.norm(self.slope(new, self.free(new))) < norm:
+                self.here, damping = self.taken(new), damping / 10
+            elif norm / self.size <= SETTLED:
+                return here
+            elif (damping := damping * 10) > 1e8:
+                break
+        return None
