@@ -30,9 +30,10 @@ from .loop import Outcome, Steps
 from .plan import Plan
 
 TOUCHING = 1e-9  # relative to the size of the coordinates: a gap that is none at the start
-SAME_TIME = 1e-10  # s: touchdowns within it are one impact
-UNRESOLVED = 2e-10  # s: an instant of touchdown that rounding hides; the bounces are over
-SHORTEST = 1e-11  # s: a flight below it is none
+SAME_TIME = 1e-10  # of a second, or of a shorter run: touchdowns within it are one impact
+SHORTEST = 1e-11  # of that: a flight below it is none
+HIDDEN = 2e-3  # of a bounce's height, or more, is rounding: the bounces are over
+UNRESOLVED = 2e-10  # of a second, or of a longer run: rounding over it is no speed
 ALIGNED = 1e-10  # rad: a direction of slip this near is found
 MOST_TURNS = 100
 LEFT = 2.0  # times the rounding of a gap: a point that has left
@@ -57,6 +58,9 @@ class ContactEvents:
         self.causes: dict[int, str] = {}
         self._ends: dict[int, float] = {}  # when the bounces of a point that comes to rest are over
         self.tally = {"phase_switches": 0, "impacts": 0, "bounces_left_out": 0}
+        span = float(np.ptp(plan.times))
+        self._same_time, self._shortest = SAME_TIME * min(span, 1.0), SHORTEST * min(span, 1.0)
+        self._unresolved = UNRESOLVED * max(span, 1.0)
         self.seconds = 0.0  # spent on events
         self.noted: Callable[[float], None] | None = None  # told of each, for a user's events
         self._times: deque[float] = deque(maxlen=MANY)
@@ -163,7 +167,7 @@ class ContactEvents:
             if before[s] == SWING:
                 if f["gap_rate"][s] < 0:
                     hits.append(s)
-                elif f["gap_rate"][s] * UNRESOLVED <= f["rounding"][s]:
+                elif f["gap_rate"][s] <= self._hidden(t, s):
                     self._close(s, ACCEPTANCE)
             elif over[s, 2]:
                 self._painleve(t, s)
@@ -181,7 +185,7 @@ class ContactEvents:
     def _guard(self, t: float) -> None:
         """Stop where events follow each other without end."""
         self._times.append(t)
-        if len(self._times) == MANY and t - self._times[0] < SAME_TIME:
+        if len(self._times) == MANY and t - self._times[0] < self._same_time:
             where = ", ".join(self.scene.contact_points[s].name for s in self._over())
             text = f"at t = {t:.9g} s ({where}); try method 'moreau_jean'"
             self.ended.stop(Status.CHATTER, f"{Status.CHATTER.value} {text}")
@@ -354,7 +358,7 @@ class ContactEvents:
         scene, f = self.scene, self.scene.points
         closed = scene.phase != SWING
         near = ~closed & (f["gap_rate"] < 0)
-        near &= f["gap"] <= np.maximum(-f["gap_rate"] * SAME_TIME, f["rounding"])
+        near &= f["gap"] <= np.maximum(-f["gap_rate"] * self._same_time, f["rounding"])
         near |= closed
         near[hits] = True
         touching = np.flatnonzero(near).tolist()
@@ -401,8 +405,8 @@ class ContactEvents:
             back = point.restitution * min(u[first], 0.0) if u[first] < -tiny else 0.0
             fall = -f["normal_acceleration"][s]
             if back < 0 and fall > 0:
-                hidden = f["rounding"][s] > -back * UNRESOLVED
-                if (hidden or -2 * back < SHORTEST * fall) and point.restitution < 1:
+                hidden = -back <= _hidden(f[s])
+                if (hidden or -2 * back < self._shortest * fall) and point.restitution < 1:
                     rest[s] = t - 2 * back / (fall * (1 - point.restitution))
                     back = 0.0
             rows.append(impacts.ContactRow(first, size, point.friction, back, s == jammed))
@@ -428,7 +432,10 @@ class ContactEvents:
             unit = "rad/s" if self._turns(s) else "m/s"
             hit = f"hit at {speed:.6g} {unit}"
             away = solved.velocity[row.first]
-            if away > max(tiny, scene.points["rounding"][s] / UNRESOLVED):
+            slowest = _hidden(scene.points[s])
+            if before[s] != SWING:  # how it would fall back is not known
+                slowest = max(slowest, scene.points["rounding"][s] / self._unresolved)
+            if away > max(tiny, slowest):
                 self._set(s, SWING)
                 self._resting[s] = False
                 scene.points["fresh"][s] = 2
@@ -453,6 +460,11 @@ class ContactEvents:
             return False
         row = self.scene.blocks.blocks_i[self.scene.points["slide_block"][s], at.B_A]
         return bool(self.mech.packed.system.rows[row, at.KIND] == at.ROTATE)
+
+    def _hidden(self, t: float, s: int) -> float:
+        """As `_hidden`, of point s as it is now."""
+        self._accelerations(t)
+        return _hidden(self.scene.points[s])
 
     def _observe_still(self, t: float) -> None:
         """Gaps and rates after an impact, before phases are chosen: everything open."""
@@ -528,3 +540,9 @@ class ContactEvents:
             phases=phase,
             events=tuple(self.ended.log),
         )
+
+
+def _hidden(point: Any) -> float:
+    """Speed of a bounce whose height rounding hides [m/s, rad/s]."""
+    fall = max(-float(point["normal_acceleration"]), 0.0)
+    return float(np.sqrt(2.0 * fall * float(point["rounding"]) / HIDDEN))

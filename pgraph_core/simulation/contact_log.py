@@ -112,12 +112,16 @@ def contact_notices(
             f"{names[tally['worst_pair']]} missed its law by {tally['worst']:.3g} N; the largest "
             f"force of the run is {tally['force']:.3g} N; a smaller step may do"
         )
-    if tally["deepest"] > DEEP:
+    share, of = float(tally["deepest"]), "the size of what touches"
+    if share > 0.0 and not (tally["length"] or tables.geometry.shapes["reach"].any()):
+        moved = float(np.ptp(q, axis=0).max(initial=0.0))  # a point mass has no size
+        share, of = share / moved if moved else 0.0, "how far it moved"
+    if share > DEEP:
         k, when = int(tally["deepest_pair"]), float(tally["deepest_time"])
         why = driven_into(mech, active, tables.touches[k], t, q, when)
         found.append(
             f"at t = {when:.6g} s {names[k]} penetrated by {tally['deepest_depth']:.3g} m, "
-            f"{tally['deepest']:.2g} of the size of what touches; "
+            f"{share:.2g} of {of}; "
             f"{why or 'a smaller step, or a start without overlap, would do'}"
         )
     found += limits_passed(mech, tables, active, t, q)

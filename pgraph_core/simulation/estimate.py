@@ -40,6 +40,7 @@ LEAST_DIVISOR = 0.4  # of the difference: runs whose errors do not shrink at all
 NARROWER = 0.7  # of the steps: a run that takes more of them is the same run
 DOUBTED = 0.25  # of the ratio that the order promises
 VISIBLE = 1e-3  # rad, or of the motion's length: an error that a person sees
+MORE = 4  # times the steps: a coarser run that takes more blows up
 FEW = 50  # steps of a coarser run: a finer one costs little then, and tells the error itself
 ONE_EACH = 1.5  # steps a frame: fewer are those that frames ask for
 CHAOTIC = 4.0  # e-folds in the second half of the time: more than powers of time make
@@ -48,6 +49,7 @@ FITTED = 8  # points of a rate
 UNSOLVED = 0.1  # of the tolerance of the equations of implicit steps
 HALF = 0.5  # of the gap that counts as closed: where an impact is found in it
 EPS = float(np.finfo(float).eps)
+TINY = float(np.finfo(float).tiny)
 BECAUSE = "its error is not estimated, because"
 UNKNOWN = (
     f"{BECAUSE} a function gives its torques: give estimate=True to call it again for a second "
@@ -130,14 +132,17 @@ def _by_coarser(record: Recording) -> Estimate:
         return _by_finer(record)
     factor = 3 if plan.method.order <= 2 else 2
     wider = _coarser(plan, factor)
-    coarse = record.again(wider) if wider is not None else None
+    most = MORE * int(steps) + COMPARED  # what blows up between contacts takes ever narrower ones
+    coarse = record.again(wider, most) if wider is not None else None
     if coarse is not None and not coarse.ended.ok:
-        if plan.contact_points or STIFF in "".join(plan.notices):
+        if STIFF in "".join(plan.notices):
             return Estimate(why=FAILS)
         coarse = None
-    if wider is None or coarse is None or not _wide(coarse, record):
+    if wider is None or coarse is None:
         return _by_finer(record)
     near, ratio = _apart(record, coarse, wider.times), _ratio(record, coarse)
+    if not _wide(coarse, record):
+        return _by_finer(record, (near, ratio) if _compliant(plan) else None)
     if steps < FEW * factor or (plan.step and _settles(near, _width(wider))):
         return _by_finer(record, (near, ratio))
     uneven = len(plan.kinks) > 0 or len(plan.contact_points) > 0  # no two steps are alike
@@ -213,6 +218,9 @@ def _by_finer(record: Recording, coarser: tuple[_Apart, float] | None = None) ->
         held = min(seen / promised, 1.0)
     part = max(1.0 - 1.0 / max(ratio * held, 1.0), LEAST_DIVISOR)
     errors = apart.largest / part + _rounding(record)
+    if coarser is not None and _compliant(plan):
+        # where forces set in and end within steps, two runs may agree by chance
+        errors *= max(1.0, coarser[0].largest[-1] / coarser[1] / max(errors[-1], TINY))
     beyond = coarser is not None and coarser[0].share[-1] >= 1.0  # the finer run may be off too
     parted = int(np.searchsorted(apart.share, CLOSE if beyond else 1.0))
     if parted < len(errors):
@@ -272,6 +280,11 @@ def _width(plan: Plan) -> float:
 def _dense(plan: Plan) -> bool:
     """Whether frames lie within steps."""
     return len(plan.method.tableau.dense) > 0
+
+
+def _compliant(plan: Plan) -> bool:
+    """Whether soft or penalty contacts may act."""
+    return plan.contacts is not None and plan.contacts.compliant
 
 
 def _seen(near: _Apart, far: _Apart) -> float:

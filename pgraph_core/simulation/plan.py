@@ -54,6 +54,7 @@ RESOLVED = 0.25  # steps times the rate of penalty contacts where no step is giv
 KINKED = 2  # order that is left where tables bend inside steps
 PULSE = 3  # corners within one step: what lies between them may be passed over
 MANY = 1e5  # radians of the fastest oscillation in a run: more are not worth resolving
+MANY_STEPS = 1_000_000  # of the default width: their number is said
 SHORT = 20  # steps: looking for the fastest rate would cost more than a shorter run
 AT_END = 1e-6  # of a step: a corner this near its end is there
 STIFF = "stiff:"  # how the notice of too wide explicit steps begins
@@ -203,6 +204,7 @@ def _plan_with(
         contacts = at_start_speed(mech, contacts, start)
     plan = _what_acts(mech, o, given, span, extra, contacts)
     plan = replace(plan, start=start, tau=tau if _is_controller(tau) else None)
+    usual = given is None and o.step is None
     o = o._replace(step=_given_step(plan, given, o))
     rate = _Rate(mech, plan, span[1] - span[0], known=not callable(tau))
     plan, o, why = _with_method(mech, plan, rate, o, given)
@@ -223,6 +225,9 @@ def _plan_with(
         "forces": [(*span, f.model_dump(mode="json", exclude_none=True)) for f in extra],
     }
     notices = (*mech.model.doubts, *_stiff(plan, rate), *_bent(plan), *_hard(plan))
+    if usual and plan.step is not None and (count := int(plan.substeps.sum())) > MANY_STEPS:
+        text = f"the default step of {plan.step:.3g} s makes {count:.3g} steps of this run; give a "
+        notices += (f"{text}larger step=, or rtol= for steps of the method's own choice",)
     plan = replace(plan, header=header, notices=notices)
     return plan, rated or (rate.known and rate.found is not None)
 

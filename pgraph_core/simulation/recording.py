@@ -220,8 +220,8 @@ class Recording:
                 self._note_rest()
             self._note_pulses()
 
-    def again(self, plan: Plan) -> Recording:
-        """The same motion by another plan, to its end, to compare with.
+    def again(self, plan: Plan, most: int | None = None) -> Recording:
+        """The same motion by another plan, to its end or in `most` steps, to compare with.
 
         Raises InputError where contacts that come near do not fit the plan's method.
         """
@@ -229,6 +229,8 @@ class Recording:
         place = None if self.scene.remembers else self.place
         other = Recording(self.mech, plan, *self.began, self.tau, place=place)
         other.repeats, other.progress = True, progress
+        if most is not None:
+            other.steps.control["most"] = min(most, int(other.steps.control["most"]))
         if other.begin():
             other.advance_to_end(progress and (lambda _: progress(1.0)))
         return other

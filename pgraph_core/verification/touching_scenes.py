@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import gamma
 from typing import Any
 
 import numpy as np
 
 from ..model import Body, Contact, Model
 from ..packing.system import Array
-from .scene import NONE, SOLVED, TOUCHING, Rng, Scene, numbers, scale, without_gravity
+from .scene import (
+    INTEGRATED,
+    NONE,
+    SOLVED,
+    TOUCHING,
+    Rng,
+    Scene,
+    integrated,
+    numbers,
+    scale,
+    without_gravity,
+)
 
 # -- contacts and limits -------------------------------------------------------------------------
 
@@ -151,11 +163,41 @@ def head_on(rng: Rng) -> Scene:
 
 
 def soft_meeting(rng: Rng) -> Scene:
-    """Two soft balls that meet without losses: as hard ones after a while, or not at all."""
+    """Two soft balls that meet without losses, and press each other in by up to a tenth.
+
+    Hertz's law: in depths and times of the impact z'' = -1.25 z^1.5 [Hertz 1882].
+    """
     scene = head_on(rng)
-    model = scene.model.edit("c", law="soft", restitution=None, damping=0.0)
+    one, two = scene.model.bodies
+    m1, m2, v0 = one.mass, two.mass, float(one.v[0])
+    r = scene.model.bodies[0].shapes[0].radius
+    gap, deep = float(two.link[0]) - 2 * r, r * scale(rng, 1e-3, 0.1)
+    hit, unit, mass = gap / v0, deep / v0, 1 / (1 / m1 + 1 / m2)
+    half = np.sqrt(np.pi) * gamma(1.4) / gamma(0.9)  # its time to the deepest point
+    stiffness = 1.25 * mass * v0**2 / deep**2.5
+    model = scene.model.edit("c", law="soft", restitution=None, damping=0.0, stiffness=stiffness)
+
+    def depth(s: Array) -> Array:
+        inwards = np.where(s < half, s, 2 * half - s)  # the way out is the way in
+        order = np.argsort(inwards)
+        times = np.concatenate(([0.0], inwards[order], [half]))
+        found = np.zeros(len(s))
+        found[order] = integrated(lambda _, z: (z[1], -1.25 * abs(z[0]) ** 1.5), (0, 1), times)[
+            1:-1, 0
+        ]
+        return found
+
+    def known(t: Array) -> Array:
+        apart, s = gap - v0 * t, (t - hit) / unit
+        touching, after = (s > 0.0) & (s < 2 * half), s >= 2 * half
+        apart[touching] = -deep * depth(s[touching])
+        apart[after] = deep * (s[after] - 2 * half)
+        first = (m1 * v0 * t - m2 * (apart - gap)) / (m1 + m2)
+        return np.column_stack((first, first + apart - gap))
+
     return scene._replace(
-        family="soft meeting", model=model, known=None,
+        family="soft meeting", model=model, known=known, floor=INTEGRATED,
+        what=f"{scene.what}, {numbers(deep=deep / r)}",
         others=({"method": "dopri5", "rtol": 1e-5}, {"method": "dop853", "rtol": 1e-10}),
     )  # fmt: skip
 

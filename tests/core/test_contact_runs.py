@@ -343,3 +343,15 @@ def test_contacts_of_more_bodies_than_can_be_told_apart_say_so():
     assert "heap" in run.contact_force
     with pytest.raises(pg.InputError, match="of more bodies than 20 is one entry, 'heap'"):
         run.contact_force["b0", "b1"]
+
+
+def test_a_point_mass_penetrates_by_a_part_of_how_far_it_moved():
+    """It has no size that rounding could be compared with; a start under the ground is said."""
+    body = pg.Body(
+        name="b", joint="prismatic", axes=((0, 0, 1),), q=(1.0,), inertia=np.zeros((3, 3))
+    )
+    floor = pg.Contact(name="c", body="b", points=((0, 0, 0),), restitution=0.0)
+    model = pg.Model(bodies=(body,), contacts=(floor,))
+    assert not pg.simulate(model, t_end=1.0, method="moreau_jean").notices
+    buried = pg.simulate(model, [-0.1], t_end=1.0, method="moreau_jean", estimate=False)
+    assert "of how far it moved" in buried.notices[0]

@@ -266,3 +266,15 @@ def test_a_joint_between_elastic_limits_hits_them_in_turn(options):
     assert run.status.ok, run.message
     assert [event.t for event in run.events] == pytest.approx(np.arange(1.5, 20, 3.0), abs=1e-10)
     assert run.q[-1, 0] == pytest.approx(2.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("speed", [1e-9, 1e10])
+def test_limits_are_located_at_any_speed(speed):
+    """Within a part of the step, not of a second: this fast, 1e-14 s are 1e-4 rad."""
+    body = pg.Body(
+        name="b", inertia=np.eye(3), limits=((-3.0, 3.0),), limit_restitution=(0.5,), v=(speed,)
+    )
+    span = 8.0 / speed
+    given = {"t_end": span, "method": "rk4", "step": span / 500, "estimate": False}
+    run = pg.simulate(pg.Model(bodies=(body,), gravity=(0, 0, 0)), **given)
+    assert run.q[-1, 0] == pytest.approx(0.5, abs=1e-13)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import gamma
+
 import numpy as np
 import pytest
 
@@ -68,3 +70,62 @@ def test_steps_that_do_not_resolve_a_contact_are_said(lower, upper, law):
     """The state may blow up: shapes at places that are no numbers touch nothing."""
     run = drop(lower, upper, law, step=1e-3)
     assert any("contacts make rates of about" in text for text in run.notices)
+
+
+def two_balls(m, r, v, apart, law="soft", **fields):
+    """A ball that flies at another one."""
+    line = {"joint": "prismatic", "axes": ((1, 0, 0),), "shape": {"kind": "sphere", "radius": r}}
+    one = pg.Body(name="a", mass=m[0], v=(v,), inertia=np.zeros((3, 3)), **line)
+    two = pg.Body(name="b", mass=m[1], link=(apart, 0, 0), inertia=np.zeros((3, 3)), **line)
+    hit = pg.Contact(name="c", body="a", other="b", law=law, **fields)
+    return pg.Model(bodies=(one, two), gravity=(0, 0, 0), contacts=(hit,))
+
+
+@pytest.mark.parametrize("given", [{"rtol": 1e-13}, {"rtol": 1e-7}, {"step": 1e-3}])
+def test_a_step_ends_where_hard_soft_contacts_meet(given):
+    """DOP853 does not weigh its first stages: those inside flung the others out, unseen."""
+    m, v = (5.708, 0.1213), 0.7706
+    model = two_balls(m, 0.548, v, 14.944, damping=0.0)
+    run = pg.simulate(model, t_end=30.0, method="dop853", estimate=False, **given)
+    after = np.array([m[0] - m[1], 2 * m[0]]) / sum(m) * v  # of elastic balls
+    np.testing.assert_allclose(run.v[-1], after, rtol=1e-5)
+
+
+def test_rounding_of_fast_approach_is_no_slip():
+    """Balls that meet head on do not slide, with friction as without."""
+    rough, smooth = (
+        pg.simulate(
+            two_balls((2.0, 3.0), 6e4, 6e7, 1.3e6, damping=0.0, stiffness=1e9, friction=mu),
+            t_end=0.08, method="dop853", rtol=1e-10, estimate=False,
+        )
+        for mu in (0.5, 0.0)
+    )  # fmt: skip
+    assert smooth.v[-1, 1] > smooth.v[-1, 0] > -1e8
+    np.testing.assert_array_equal(rough.v, smooth.v)
+
+
+def test_two_runs_that_agree_by_chance_do_not_make_a_small_estimate():
+    """Errors of steps that a contact begins or ends in are not smooth in the tolerance."""
+    m, v, r, gap = (0.06462, 728.2), 3.745e5, 8.562e4, 1.259e6
+    deep, mass = 0.002971 * r, 1 / sum(1 / m for m in m)
+    lasts = 2 * np.sqrt(np.pi) * gamma(1.4) / gamma(0.9) * deep / v  # Hertz
+    model = two_balls(m, r, v, 2 * r + gap, damping=0.0, stiffness=1.25 * mass * v**2 / deep**2.5)
+    leaves = gap + m[0] / sum(m) * v * lasts  # the ball's place when it leaves, and its speed
+    back = v * (m[0] - m[1]) / sum(m)
+    for rtol in 10.0 ** np.arange(-5.0, -4.0, 0.1):
+        run = pg.simulate(model, t_end=14.1, method="dopri5", rtol=rtol, frames=11)
+        error = abs(run.q[-1, 0] - leaves - back * (14.1 - gap / v - lasts))
+        assert 0.0 < error < 10 * run.error_estimate
+
+
+@pytest.mark.parametrize("method", ["rk4", "dop853"])
+def test_a_penalty_wall_gives_the_restitution_asked_for(method):
+    """Its force sets in with a jump: the step that crosses it is short, whatever its weights."""
+    ball = pg.Body(name="ball", joint="free", shape={"kind": "sphere", "radius": 0.01})
+    plate = {"kind": "box", "size": (0.005, 1, 1)}
+    wall = pg.Body(name="wall", joint="weld", link=(0.0625, 0, 0), shape=plate)
+    hit = pg.Contact(name="hit", body="ball", other="wall", law="penalty", restitution=0.5)
+    model = pg.Model(bodies=(ball, wall), gravity=(0, 0, 0), contacts=(hit,))
+    v = [0, 0, 0, 50.0, 0, 0]
+    run = pg.simulate(model, [0, 0, 0, 1, 0, 0, 0], v, t_end=2e-3, method=method, estimate=False)
+    assert run.v[-1, 3] == pytest.approx(-25.0, rel=0.01)

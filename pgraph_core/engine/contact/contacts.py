@@ -37,6 +37,7 @@ SLIDING = 1e-7  # m/s: slip from which on friction is kinetic; slower is the sol
 STILL = 1e-5  # m/s: slip of a rigid contact that is the solver's rounding
 FROZEN, ADDING = 1, 2  # states of a tally
 CREEPING = 2.0 * CREEP  # m/s: slip that a regularised contact needs to hold
+ROUNDED = 1e-9  # of the closing speed: slip that rounding would make of it is held
 
 
 @kernel(types.void(I1, plain(CONTACTS)))
@@ -286,13 +287,15 @@ def compliant_force(contacts, n, law, u):
     depth = max(-point.gap, 0.0)
     speed = -dot(u, normal)
     slide = add_scaled(u, speed, normal)
+    slide = add_scaled(slide, -dot(slide, normal), normal)  # once more: what rounding has left
     slip = math.sqrt(dot(slide, slide))
     k = law.stiffness
     c = law.damping
     mu = law.friction
     if law.law == SOFT:
         size = max(k * depth * math.sqrt(depth) * (1.0 + c * speed), 0.0)
-        drag = mu * size / math.sqrt(slip * slip + CREEP * CREEP)
+        creep = max(CREEP, ROUNDED * abs(speed))
+        drag = mu * size / math.sqrt(slip * slip + creep * creep)
         return add_scaled(scale(size, normal), -drag, slide), slip
     size = max(k * depth + c * speed, 0.0) if depth > 0.0 else 0.0
     stretch = (0.0, 0.0, 0.0)

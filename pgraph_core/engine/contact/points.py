@@ -41,7 +41,7 @@ ROUNDING = 2.0**-51  # of the coordinates that a gap is the difference of
 # scene, t, q, v, v', flow
 OBSERVE = types.int64(types.int64, types.float64, F1, F1, F1, F1)
 call_observe = caller(OBSERVE)
-WIDTH = 1e-14  # s: a bracket this narrow is an instant
+WIDTH = 1e-15  # of the step: a bracket this narrow is an instant
 TRIALS = 80
 FORCE_TOLERANCE = 1e-11  # of the largest contact force: rounding of the solution for them
 PIVOT_TOLERANCE = 1e-9
@@ -374,11 +374,11 @@ def bracket_of(watched, end):
 
 
 @sweep
-def next_try(watched, bracket, n):
-    """Width to look at next: by secants, every third one in the middle."""
+def next_try(watched, bracket, n, h):
+    """Width to look at next in a step of h: by secants, every third one in the middle."""
     lo, hi, _, _, _ = bracket
     w = 0.5 * (lo + hi) if n % 3 == 2 else lo + urgent(watched, hi - lo, bracket[2:4])
-    return min(max(w, lo + 0.3 * WIDTH), hi - 0.3 * WIDTH)
+    return min(max(w, lo + 0.3 * WIDTH * h), hi - 0.3 * WIDTH * h)
 
 
 @sweep

@@ -210,9 +210,9 @@ def locate(run, low, end):
     ended = True
     for n in range(TRIALS):
         width = bracket[1] - bracket[0]
-        if width <= WIDTH or width <= 1e-15 * h:
+        if width <= WIDTH * h:
             break
-        w = next_try(watched, bracket, n)
+        w = next_try(watched, bracket, n, h)
         look(run, low, w)
         ended = over(watched, NOW)
         bracket = narrowed(watched, bracket, w, ended)

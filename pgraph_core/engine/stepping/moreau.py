@@ -491,10 +491,11 @@ def log_missed(tally, complementarity, cone, force, pair, t):
 
 @part
 def log_depth(tally, depth, size, pair, t):
-    """Note how deep two things of some size penetrate [m]."""
+    """Note how deep two things of some size penetrate [m], over that size; of points, as it is."""
     tally.penetration = max(tally.penetration, depth)
-    if depth > tally.deepest * size:
-        tally.deepest = depth / size
+    share = depth / size if size > 0.0 else depth
+    if share > tally.deepest:
+        tally.deepest = share
         tally.deepest_depth = depth
         tally.deepest_pair = pair
         tally.deepest_time = t
