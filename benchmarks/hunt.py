@@ -1,6 +1,7 @@
 """docs/hunt.md from the runs of a hunt.
 
-`pgraph hunt --json > hunt.json`, then `python -m benchmarks.hunt hunt.json` prints the page.
+`pgraph hunt --json > hunt.json`, then `python -m benchmarks.hunt hunt.json` prints the page. Several
+files may be given: pieces of a hunt by `--first`, and other seeds.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ or, for trees, a far finer run knows the motion. A run is *right* if its error i
 its error estimate, or rounding; *told* if it is not and its status or a notice says so; *wrong and
 silent* else. `pgraph_core/verification` has the scenes, `tests/core/test_hunt.py` a slice of them.
 
-{scenes} scenes of seed {seed}, {runs} runs in {minutes:.0f} minutes on {cpu}: {verdicts}.
+{scenes}, {runs} runs in {minutes:.0f} minutes on {cpu}: {verdicts}.
 Made by `pgraph hunt --json` and `python -m benchmarks.hunt`.
 """
 BINS = (0.0, 0.01, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 100.0, np.inf)
@@ -87,12 +88,15 @@ def said(runs: Sequence[dict[str, Any]]) -> list[str]:
     return [f"* {count} x: {text}" for text, count in texts.most_common()]
 
 
-def page(data: dict[str, Any]) -> str:
-    """The page."""
-    runs = data["runs"]
-    counts = Counter(run["verdict"] for run in runs)
+def page(pieces: Sequence[dict[str, Any]]) -> str:
+    """The page of one hunt, or of its pieces together."""
+    runs = [run for piece in pieces for run in piece["runs"]]
+    counts, scenes = Counter(run["verdict"] for run in runs), Counter[int]()
+    for piece in pieces:
+        scenes[piece["seed"]] += piece["scenes"]
     first = INTRODUCTION.format(
-        scenes=data["scenes"], seed=data["seed"], runs=len(runs), minutes=data["seconds"] / 60,
+        scenes=" and ".join(f"{count} scenes of seed {seed}" for seed, count in scenes.items()),
+        runs=len(runs), minutes=sum(piece["seconds"] for piece in pieces) / 60,
         cpu=machine()["cpu"],
         verdicts=", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS),
     )  # fmt: skip
@@ -107,4 +111,4 @@ def page(data: dict[str, Any]) -> str:
 
 
 if __name__ == "__main__":
-    print(page(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))))
+    print(page([json.loads(Path(name).read_text(encoding="utf-8")) for name in sys.argv[1:]]))

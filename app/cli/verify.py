@@ -99,6 +99,7 @@ def _cells(row: dict[str, Any]) -> tuple[Any, ...]:
 def hunt_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--scenes", type=int, default=2000, help="how many (default: 2000)")
     parser.add_argument("--seed", type=int, default=0, help="of the random numbers (default: 0)")
+    parser.add_argument("--first", type=int, default=0, help="number of the first (default: 0)")
 
 
 def hunt(args: Namespace) -> Answer:
@@ -108,13 +109,17 @@ def hunt(args: Namespace) -> Answer:
     if args.scenes < 1 or args.seed < 0:
         text = f"needs a number >= 1, and a seed >= 0; given {args.scenes} and {args.seed}"
         raise InputError(Problem("pgraph hunt", "--scenes", text))
+    if args.first < 0:
+        raise InputError(Problem("pgraph hunt", "--first", f"must be >= 0; given {args.first}"))
     began = time.perf_counter()
-    finds = list(scenes.hunt(args.scenes, args.seed, lambda number: _tell(f"scene {number + 1}")))
+    given = args.scenes, args.seed, lambda number: _tell(f"scene {number + 1}"), args.first
+    finds = list(scenes.hunt(*given))
     seconds = time.perf_counter() - began
     silent = [find for find in finds if find.verdict == "silent"]
     data: dict[str, Any] = {
         "scenes": args.scenes,
         "seed": args.seed,
+        "first": args.first,
         "seconds": seconds,
         "runs": [facts_of_scene(find) for find in finds],
     }

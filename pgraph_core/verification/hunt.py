@@ -37,9 +37,11 @@ class Find(NamedTuple):
     says: str  # the last notice, or the message
 
 
-def hunt(count: int, seed: int = 0, progress: Callable[[int], Any] | None = None) -> Iterator[Find]:
-    """Every run of `count` scenes, three of each."""
-    for k, scene in enumerate(scenes(count, seed)):
+def hunt(
+    count: int, seed: int = 0, progress: Callable[[int], Any] | None = None, first: int = 0
+) -> Iterator[Find]:
+    """Every run of `count` scenes from number `first` on, three of each."""
+    for k, scene in enumerate(scenes(count, seed, first), first):
         if progress is not None:
             progress(k)
         yield from judged(scene, np.random.default_rng([seed, k, 1]))

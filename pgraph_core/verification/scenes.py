@@ -23,8 +23,11 @@ FAMILIES: dict[str, Callable[[Rng], Scene]] = {
 SMOOTH = frozenset({*smooth_scenes.FAMILIES, *tree_scenes.FAMILIES, *bound_scenes.FAMILIES})
 
 
-def scenes(count: int, seed: int) -> Iterator[Scene]:
-    """`count` scenes, the families in turn; a scene depends on the seed and its number only."""
+def scenes(count: int, seed: int, first: int = 0) -> Iterator[Scene]:
+    """`count` scenes from number `first` on, the families in turn.
+
+    A scene depends on the seed and its number only.
+    """
     families = list(FAMILIES.values())
-    for k in range(count):
+    for k in range(first, first + count):
         yield families[k % len(families)](np.random.default_rng([seed, k]))

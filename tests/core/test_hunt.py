@@ -30,6 +30,7 @@ def test_a_slice_of_the_hunt_finds_nothing_wrong_and_silent(family):
 def test_scenes_depend_on_seed_and_number_only():
     one, two = list(scenes(12, 5)), list(scenes(20, 5))
     assert [scene.what for scene in one] == [scene.what for scene in two[:12]]
+    assert [scene.what for scene in scenes(8, 5, 12)] == [scene.what for scene in two[12:]]
 
 
 def test_the_judge_sees_what_is_wrong():
