@@ -1,7 +1,7 @@
 """docs/hunt.md from the runs of a hunt.
 
-`pgraph hunt --json > hunt.json`, then `python -m benchmarks.hunt hunt.json` prints the page. Several
-files may be given: pieces of a hunt by `--first`, and other seeds.
+`pgraph hunt --json > hunt.json`, then `python -m benchmarks.hunt hunt.json` prints the page.
+Several files may be given: pieces of a hunt by `--first`, and other seeds.
 """
 
 from __future__ import annotations

@@ -266,7 +266,8 @@ class Study(Portable):
             f"at {self.frames} times",
             f"reference        {known['source']}, accurate to {known['accuracy']:.1e}; errors "
             f"below {known['limit']:.1e} are not resolved",
-            f"machine          {self.machine['cpu']}, one thread, medians of {self.rounds} rounds, "
+            f"machine          {self.machine['cpu']}, one thread, "
+            f"{'minima' if self.clock == 'processor' else 'medians'} of {self.rounds} rounds, "
             f"{self.clock} time of whole calls",
         )
 

@@ -29,7 +29,7 @@ from .task import (
     own_participant,
     start,
 )
-from .timing import machine, measured, ratios, spread
+from .timing import least, machine, measured, ratios, spread
 
 FRAMES = 101  # times at which motions are compared, by default
 LONGEST = 1.0  # s that a run may take
@@ -357,6 +357,7 @@ class Work:
         if not chosen:
             return None
         first = SHARE["first"]
+        of = least if CLOCKS[self.clock] == "processor" else spread
         seconds = measured(
             [runs[i][0] for i in chosen],
             [runs[i][1] for i in chosen],
@@ -365,27 +366,27 @@ class Work:
         )
         rows = [self.rows[i] for i in chosen]
         for _ in range(EXTRA):
-            doubted = contradicted(rows, seconds)
+            doubted = contradicted(rows, [of(each)[1] for each in seconds])
             if not doubted:
                 break
             again = measured([runs[chosen[i]][0] for i in doubted], [0.0] * len(doubted), 1)
             for i, more in zip(doubted, again):
                 seconds[i] += more
         else:
-            if contradicted(rows, seconds):
+            if contradicted(rows, [of(each)[1] for each in seconds]):
                 self.notes.append(
                     "the machine is busy: some runs that do more work took less time than others; "
                     "their times are rough"
                 )
         self.timing["rounds"] = time.perf_counter() - began
-        medians = [spread(s)[1] for s in seconds]
-        base = _baseline(rows, medians, USUAL_TARGET if target is None else target)
+        typical = [of(each)[1] for each in seconds]
+        base = _baseline(rows, typical, USUAL_TARGET if target is None else target)
         for i, each in zip(chosen, seconds):
             count = min(len(each), len(seconds[base]))
             relative = ratios(each[:count], seconds[base][:count])
             row = self.rows[i]
-            steps = spread(self.steps_took[row.method, row.setting])
-            self.rows[i] = row.timed(spread(each), steps, relative, self.task.t_end)
+            steps = of(self.steps_took[row.method, row.setting])
+            self.rows[i] = row.timed(of(each), steps, relative, self.task.t_end)
         return chosen[base]
 
     def _study(
@@ -418,9 +419,8 @@ class Work:
         )
 
 
-def contradicted(rows: list[Row], seconds: list[list[float]]) -> list[int]:
+def contradicted(rows: list[Row], seconds: list[float]) -> list[int]:
     """The rows of pairs, by number, of which the one that does more work took notably less time."""
-    medians = [spread(each)[1] for each in seconds]
     found: set[int] = set()
     curves: dict[str, list[int]] = {}
     for i, row in enumerate(rows):
@@ -429,7 +429,7 @@ def contradicted(rows: list[Row], seconds: list[list[float]]) -> list[int]:
     for curve in curves.values():
         for i in curve:
             for j in curve:
-                if rows[i].work < rows[j].work and medians[j] < NOISE * medians[i]:
+                if rows[i].work < rows[j].work and seconds[j] < NOISE * seconds[i]:
                     found |= {i, j}
     return sorted(found)
 

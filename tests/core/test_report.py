@@ -276,9 +276,9 @@ def test_a_run_that_does_more_work_is_not_cheaper_by_noise():
         Row("rk4", "", h, None, True, "", counters={"evaluations": n})
         for h, n in ((0.1, 40), (0.05, 80), (0.02, 200))
     ]
-    assert contradicted(rows, [[1.0, 1.0], [2.0, 2.1], [5.0, 5.0]]) == []
-    assert contradicted(rows, [[9.0, 9.0], [2.0, 2.0], [5.0, 5.0]]) == [0, 1, 2]
-    assert contradicted(rows, [[1.0, 1.0], [2.0, 2.0], [1.2, 1.2]]) == [1, 2]
+    assert contradicted(rows, [1.0, 2.05, 5.0]) == []
+    assert contradicted(rows, [9.0, 2.0, 5.0]) == [0, 1, 2]
+    assert contradicted(rows, [1.0, 2.0, 1.2]) == [1, 2]
 
 
 # -- what does not work out ------------------------------------------------------------------------
