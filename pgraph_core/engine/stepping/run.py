@@ -18,7 +18,7 @@ from ..rows import v_of
 from ..tree.moving import normalise_all
 from ..vec import finite
 from .explicit import dense_output, last_stage, turn_spins
-from .state import acceleration_of, call_step, copied, onto_constraints, size_of_state
+from .state import EPS, acceleration_of, call_step, copied, onto_constraints, size_of_state
 from .widths import (
     first_width,
     given_start,
@@ -92,6 +92,8 @@ def step_once(run):
     h, end, corner = next_width(run)
     error = call_step(links.step, (run, h))
     good = error >= 0.0 and error < math.inf
+    if good and error > 1.0 and control.widths == CHOSEN and data.corners.shape[0] > 0:
+        error = 1.0 if error <= blurred(run, h) else error
     if not good or (error > 1.0 and control.widths == CHOSEN):
         return refuse(run, error, h)
     if control.widths == CHOSEN:
@@ -108,6 +110,19 @@ def step_once(run):
     if control.approach != 0 and code == at.DONE:
         call_look_back(control.approach, (run,))
     return code
+
+
+@sweep
+def blurred(run, h):
+    """Error that rounding of the time makes in a step, over its tolerance: no width is better."""
+    data = opened_run(run)
+    stages = data.stages
+    nq, nv = size_of_state(run)
+    change = 0.0
+    for j in range(nq, nq + nv):
+        moved = stages[at.CANDIDATE, j] - stages[at.Y, j]
+        change = max(change, abs(moved) * stages[at.WEIGHT, j])
+    return 8.0 * EPS * abs(data.control[0].time) / h * change
 
 
 @sweep
