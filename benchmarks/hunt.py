@@ -37,12 +37,12 @@ BAR = 60
 
 
 def ratios(runs: Sequence[dict[str, Any]]) -> np.ndarray:
-    """Estimate over error of the smooth runs whose error is more than rounding."""
+    """Estimate over error of the smooth runs whose error is more than rounding, where known."""
     return np.array([
         run["estimate"] / run["error"]
         for run in runs
         if run["family"] in SMOOTH and run["verdict"] in ("right", "silent")
-        and run["error"] > run["floor"] and np.isfinite([run["estimate"], run["error"]]).all()
+        and None not in (run["error"], run["estimate"]) and run["error"] > run["floor"]
     ])  # fmt: skip
 
 

@@ -134,15 +134,20 @@ class _Look:
         self.rows = int(scene.space.watch[0]["rows"])
 
     def eigen(self, tau: float) -> tuple[Array, Array]:
-        """(values over the mean diagonal, vectors) of Ω a time tau on, constraints met."""
+        """(values over the mean diagonal, vectors) of Ω a time tau on, constraints met.
+
+        Where a run blew up and Ω is not finite, no row is null.
+        """
         q, v = self.q.copy(), self.v.copy()
         motion.move(self.scene.packed.rows, q, v, tau)
         for _ in range(2):  # onto the constraints, and Ω there
             self.scene.space.vectors[FACTORED, 2] = 0.0
             motion.projection(self.scene.held, self.t + tau, q, v, 1)
         omega = self.scene.space.omega[: self.rows, : self.rows]
-        values, vectors = np.linalg.eigh(omega)
-        return values * self.rows / (np.trace(omega) or 1.0), vectors
+        size = float(np.trace(omega)) / max(self.rows, 1) or 1.0
+        if not (np.isfinite(size) and np.isfinite(scaled := omega / size).all()):
+            return np.ones(self.rows), np.eye(self.rows)
+        return np.linalg.eigh(scaled)
 
     def only_there(self, tau: float, usual: Array) -> Passed | None:
         """The position a time tau on, if rows are null there besides the `usual` combinations."""
