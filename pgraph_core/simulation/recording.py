@@ -127,7 +127,8 @@ class Recording:
     def _short(self) -> bool:
         """Whether a run by this plan is short, and leaves nothing behind in scene and loop."""
         plan, mech = self.plan, self.mech
-        acts = plan.contacts or plan.declared or len(plan.ever) or plan.changes or plan.conditions
+        acts = plan.contacts or plan.declared or plan.contact_points
+        acts = acts or len(plan.ever) or plan.changes or plan.conditions
         size = len(plan.times) * (mech.nq + 2 * mech.nv + 6)
         return not acts and self.user is None and self.watch is None and size <= KEPT
 

@@ -170,7 +170,7 @@ def soft_meeting(rng: Rng) -> Scene:
     scene = head_on(rng)
     one, two = scene.model.bodies
     m1, m2, v0 = one.mass, two.mass, float(one.v[0])
-    r = scene.model.bodies[0].shapes[0].radius
+    r = float(one.shapes[0].radius or 0.0)
     gap, deep = float(two.link[0]) - 2 * r, r * scale(rng, 1e-3, 0.1)
     hit, unit, mass = gap / v0, deep / v0, 1 / (1 / m1 + 1 / m2)
     half = np.sqrt(np.pi) * gamma(1.4) / gamma(0.9)  # its time to the deepest point

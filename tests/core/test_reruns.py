@@ -132,6 +132,16 @@ def test_a_run_after_others_has_the_bits_of_the_first(way):
             assert found.counters == first.counters
 
 
+def test_runs_that_meet_a_limit_may_be_repeated():
+    """Its events belong to one run, and are no part of what the next one uses again."""
+    body = pg.Body(name="b", limits=((-1.0, 1.0),), limit_restitution=(0.5,), v=(2.0,))
+    mech = pg.Mechanism(pg.Model(bodies=(body,), gravity=(0, 0, 0)))
+    runs = [pg.simulate(mech, t_end=1.0, rtol=1e-8, frames=5) for _ in range(3)]
+    for run in runs:
+        assert run.events == runs[0].events
+        assert run.q[-1, 0] == pytest.approx(0.5, abs=1e-9)
+
+
 def test_results_stay_when_their_mechanism_runs_again():
     mech = pg.Mechanism(pg.Model.serial(3))
     first = pg.simulate(mech, np.ones(3), np.ones(3), method="rk4", step=1e-3, **SHORT)
