@@ -69,7 +69,12 @@ SCENES: dict[str, Callable[..., pg.Study]] = {
 
 def table(name: str, study: pg.Study) -> str:
     """Times at equal error as Markdown."""
-    header, *rows = study.peer_table()
+    found = study.peer_table()
+    if not found:
+        return "\n".join(
+            (f"### {name}", "", "No peer takes it, or reaches an error.", *study.notes)
+        )
+    header, *rows = found
     lines = (header, ["---"] * len(header), *rows)
     body = (f"| {' | '.join(cells).replace(' x)', ' ×)')} |" for cells in lines)
     return "\n".join((f"### {name}", "", *body, *study.notes))

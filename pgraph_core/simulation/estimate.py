@@ -42,6 +42,8 @@ DOUBTED = 0.25  # of the ratio that the order promises
 VISIBLE = 1e-3  # rad, or of the motion's length: an error that a person sees
 MORE = 4  # times the steps: a coarser run that takes more blows up
 FEW = 50  # steps of a coarser run: a finer one costs little then, and tells the error itself
+UNEVEN = 0.1  # of the ratio that the order promises, of errors of energies
+ROUNDED = 1e-13  # of the energies
 ONE_EACH = 1.5  # steps a frame: fewer are those that frames ask for
 CHAOTIC = 4.0  # e-folds in the second half of the time: more than powers of time make
 ONE_JUMP = 0.4  # of these e-folds, between two times: what happens at once is not chaos
@@ -142,13 +144,17 @@ def _by_coarser(record: Recording) -> Estimate:
         return _by_finer(record)
     near, ratio = _apart(record, coarse, wider.times), _ratio(record, coarse)
     if not _wide(coarse, record):
-        return _by_finer(record, (near, ratio) if _compliant(plan) else None)
+    if not _wide(coarse, record):
+        erratic = _compliant(plan) or _grows(near)
+        return _by_finer(record, (near, ratio) if erratic else None)
     if steps < FEW * factor or (plan.step and _settles(near, _width(wider))):
         return _by_finer(record, (near, ratio))
     uneven = len(plan.kinks) > 0 or len(plan.contact_points) > 0  # no two steps are alike
     widest = None if uneven else _coarser(wider, factor)
     wide = record.again(widest) if widest is not None else None
     if wide is not None and not wide.ended.ok:  # wider steps are beyond what the order holds for
+        return _by_finer(record, (near, ratio))
+    if _imbalance(coarse) < UNEVEN * ratio * _imbalance(record):  # of energies, another witness
         return _by_finer(record, (near, ratio))
     far, promised, held = None, np.nan, 1.0
     if wide is not None and widest is not None and _wide(wide, coarse):
@@ -218,8 +224,9 @@ def _by_finer(record: Recording, coarser: tuple[_Apart, float] | None = None) ->
         held = min(seen / promised, 1.0)
     part = max(1.0 - 1.0 / max(ratio * held, 1.0), LEAST_DIVISOR)
     errors = apart.largest / part + _rounding(record)
-    if coarser is not None and _compliant(plan):
-        # where forces set in and end within steps, two runs may agree by chance
+    chance = coarser is not None and (_compliant(plan) or _grows(coarser[0]))
+    if chance and coarser is not None:
+        # where forces set in within steps, or motion is chaotic, two runs may agree by chance
         errors *= max(1.0, coarser[0].largest[-1] / coarser[1] / max(errors[-1], TINY))
     beyond = coarser is not None and coarser[0].share[-1] >= 1.0  # the finer run may be off too
     parted = int(np.searchsorted(apart.share, CLOSE if beyond else 1.0))
@@ -338,6 +345,20 @@ def _growth(apart: _Apart, parted: int) -> float:
     rate = float(np.polyfit(apart.t[some], logs, 1)[0])
     sustained = np.diff(logs).max() < ONE_JUMP * (logs[-1] - logs[0])
     return rate if sustained and rate * (apart.t[last] - half) > CHAOTIC else 0.0
+
+
+def _grows(apart: _Apart) -> bool:
+    """Whether two runs part faster than powers of time, until errors no longer add up."""
+    parted = int(np.searchsorted(apart.share, 1.0))
+    return parted < len(apart.t) and _growth(apart, parted) > 0.0
+
+
+def _imbalance(record: Recording) -> float:
+    """Largest error of a run's energy ledger [J], or rounding."""
+    kinetic, potential, work, lost = record.out.energies[: record.done].T
+    balance = kinetic + potential - work + lost
+    size = max(float(np.abs(x).max(initial=0.0)) for x in (kinetic, potential, work, lost))
+    return max(float(np.abs(balance - balance[0]).max(initial=0.0)), ROUNDED * size)
 
 
 def _known_until(apart: _Apart, errors: Array, last: int, rate: float) -> Estimate:
