@@ -144,7 +144,6 @@ def _by_coarser(record: Recording) -> Estimate:
         return _by_finer(record)
     near, ratio = _apart(record, coarse, wider.times), _ratio(record, coarse)
     if not _wide(coarse, record):
-    if not _wide(coarse, record):
         erratic = _compliant(plan) or _grows(near)
         return _by_finer(record, (near, ratio) if erratic else None)
     if steps < FEW * factor or (plan.step and _settles(near, _width(wider))):
