@@ -464,11 +464,10 @@ def test_a_run_is_saved_as_its_suffix_says_and_does_not_change(tmp_path):
         run.animate  # noqa: B018
 
 
-def test_degrees_and_millimetres_are_doubted():
+def test_degrees_and_gravity_in_millimetres_are_doubted():
     swings = pg.Body(name="a", q=90, limits=(-180, 180))
-    long = pg.Body(name="b", com=(250, 0, 0))
-    found = pg.Model(bodies=[swings, long], gravity=(0, 0, -9810)).doubts
-    for fact, text in zip(("m/s²", "rad", "mm"), found, strict=True):
+    found = pg.Model(bodies=[swings], gravity=(0, 0, -9810)).doubts
+    for fact, text in zip(("m/s²", "rad"), found, strict=True):
         assert fact in text
     tower = pg.Body(name="a", mass=1e5, com=(0, 0, 200), inertia=1e9 * np.eye(3))
     assert pg.Model(bodies=[tower]).doubts == ()

@@ -378,7 +378,7 @@ def doubts(
 
 
 def _doubtful_units(bodies: Sequence[Body], gravity: Sequence[float]) -> list[str]:
-    """Degrees, millimetres: one sentence for all angles, one for all lengths."""
+    """Angles in degrees, gravity in mm/s²: one sentence each."""
     found = list[str]()
     if math.hypot(*gravity) > MOST_GRAVITY:
         text = "as in mm/s²; lengths are in m, and gravity in m/s²: 9.81"
@@ -392,18 +392,11 @@ def _doubtful_units(bodies: Sequence[Body], gravity: Sequence[float]) -> list[st
             text = f"{shown(body.limits[0])} would be several turns; angles are in rad"
             found.append(f"body '{body.name}': limits of {text}")
             break
-    for body in bodies:
-        far = max(map(abs, (*body.com, *body.link, *(body.tip or ()))))
-        if far >= MOST_LENGTH and body.mass < MOST_MASS:
-            text = f"{far:g} m away from its joint; lengths are in m, not in mm"
-            found.append(f"body '{body.name}': with {body.mass:g} kg it has a point {text}")
-            break
     return found
 
 
 MOST_GRAVITY = 1000.0  # m/s²: no planet has more than 25, the sun 274
 MOST_ANGLE = 30.0  # rad: of a limit; as degrees, it is one that joints have
-MOST_LENGTH, MOST_MASS = 100.0, 1000.0  # m, kg: a light body so long is hardly meant
 Z = (0.0, 0.0, 1.0)
 LITTLE = 0.01  # of a joint's inertia: less changes no result much
 DEFAULT_MASS = Body.model_fields["mass"].default
