@@ -483,7 +483,7 @@ SCALARS = ("message", "counters", "timing", "error_estimate", "header", "notices
 def body_motion(run: Result) -> BodyMotion:
     """Body motion and joint forces of all frames from (q, v, v') and the forces on bodies."""
     mech = run.mechanism
-    states = _copies(run.q, run.v, run.vdot)
+    states = run.q.copy(), run.v.copy(), run.vdot.copy()  # kernels take what may be written
     external = _loads(run)
     if run.contacts.wrench.size:
         external += run.contacts.wrench
@@ -498,18 +498,13 @@ def _loads(run: Result) -> Array:
     """(n, nb, 6) wrenches on the bodies from forces of the model, its scenario and the call."""
     mech, name = run.mechanism, run.header.get("scenario")
     own = mech.model.forces + (mech.model.scenario(name).forces if name is not None else ())
-    t, q, v = _copies(run.t, run.q, run.v)
+    t, q, v = run.t.copy(), run.q.copy(), run.v.copy()  # as above
     loads = load_wrenches(mech.packed, own, t, q, v)
     for begin, end, given in run.header.get("forces", ()):
         force = Force.model_validate(given)
         acts = (t >= begin) & ((t < end) | (end >= t[-1]))
         loads[acts] += load_wrenches(mech.packed, (force,), t[acts], q[acts], v[acts])
     return loads
-
-
-def _copies(*arrays: Array) -> tuple[Array, ...]:
-    """Kernels are compiled for arrays that may be written; those of a run may not."""
-    return tuple(map(np.array, arrays))
 
 
 def coordinates(mech: Mechanism) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
