@@ -18,7 +18,8 @@ round. Peers are built from the same model, and results are compared before anyt
 table): nothing is timed that does not agree.
 
 * A *step* is the time in which `simulate` builds and steps a run, without our error estimate, which
-  has no counterpart; a *whole call* is everything, from the arguments to the result; a *batch* is
+  has no counterpart; a *whole call* is everything, from the arguments to the result; with the
+  estimate it includes two coarser runs, and a finer one where the motion is *chaotic*; a *batch* is
   `reset` and `step` of a `BatchStepper`, from equal initial states.
 * *Stance* has four feet on the ground, twelve rows. A *whole run* counts an acceleration in the
   RK4 run of the scenario, projection and energy ledger included, against one call of a peer.

@@ -61,6 +61,7 @@ def cases(*, quick: bool) -> Iterator[Case]:
         yield runs.steps(slow, method, 2000)
     yield runs.whole_call(estimate=False)
     yield runs.whole_call(estimate=True)
+    yield runs.whole_call(estimate=True, chaotic=True)
     yield runs.one_step()
     yield runs.walking()
     for threads in (1, 2):

@@ -312,7 +312,7 @@ SMALL = {  # each kind of case of the suite, on small models
     "steps": lambda: runs.steps(scenes.scene("chain", pg.Model.serial(5), 0.2), "rk4", 5),
     "batch": lambda: runs.batch(scenes.scene("chain", pg.Model.serial(5), 0.2), 1, 4, 5),
     "whole call": lambda: runs.whole_call(estimate=False, number=5),
-    "whole call, estimate": lambda: runs.whole_call(estimate=True, number=5),
+    "whole call, estimate": lambda: runs.whole_call(estimate=True, chaotic=True, number=5),
     "one step": lambda: runs.one_step(),
     "walking": lambda: runs.walking(),
     "balls": lambda: touching.balls(27, 0.98),

@@ -54,6 +54,14 @@ class Dynamics(Portable):
     nb: int
     nq: int
     nv: int
+    _nq: tuple[int]  # shapes of q and v
+    _nv: tuple[int]
+    _rows: Ints
+    _const: Array
+    _springs: int
+    _rest: Array  # (nv,) v = 0
+    _work: Array  # of kernels, empty between calls
+    _lock: threading.Lock  # of `_work` and of the scene's workspace
 
     def __init__(self, model: Model | Columns, /):
         """Number and pack a valid model, or a table in columns. Raises InputError for others."""
@@ -66,12 +74,12 @@ class Dynamics(Portable):
 
     def _take(self, packed: Packed) -> None:
         """Keep the arrays, and make a workspace."""
-        vars(self).update(packed=packed, nb=packed.nb, nq=packed.nq, nv=packed.nv)
-        self._rows, self._const, self._springs = packed.rows, packed.const, packed.springs
-        self._nq, self._nv = (packed.nq,), (packed.nv,)
-        self._rest = np.zeros(packed.nv)  # v = 0
-        self._work = np.zeros((len(packed.rows), at.WORK))  # of kernels, empty between calls
-        self._lock = threading.Lock()  # of `_work` and of the scene's workspace
+        vars(self).update(  # at once: setting an attribute is guarded
+            packed=packed, nb=packed.nb, nq=packed.nq, nv=packed.nv, _nq=(packed.nq,),
+            _nv=(packed.nv,), _rows=packed.rows, _const=packed.const, _springs=packed.springs,
+            _rest=np.zeros(packed.nv), _work=np.zeros((len(packed.rows), at.WORK)),
+            _lock=threading.Lock(),
+        )  # fmt: skip
 
     def __getstate__(self) -> Columns:
         return self.packed.columns

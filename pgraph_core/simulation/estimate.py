@@ -111,8 +111,9 @@ def _estimated(record: Recording) -> Estimate:
             return Estimate(why=FAILS)
         corners = float(_apart(bent, record, plan.times).largest[-1])
         record = bent
-    found = _by_coarser(record)
-    if np.isinf(found.largest) and len(record.plan.times) < COMPARED // 2:
+    few = len(record.plan.times) < COMPARED // 2
+    found = _by_coarser(record, few)
+    if np.isinf(found.largest) and few:
         shown = record.again(_with_frames(record.plan))
         found = _by_coarser(shown) if shown.ended.ok else found
     if corners:
@@ -120,8 +121,11 @@ def _estimated(record: Recording) -> Estimate:
     return found
 
 
-def _by_coarser(record: Recording) -> Estimate:
-    """The estimate from two coarser runs; where they do not tell, from a finer one."""
+def _by_coarser(record: Recording, few: bool = False) -> Estimate:
+    """The estimate from two coarser runs; where they do not tell, from a finer one.
+
+    Where the first has parted and frames are `few`, runs with more of them will tell.
+    """
     record.plan = plan = _effective(record.plan)
     steps = record.steps.counters["steps"]
     if not (_dense(plan) or plan.step) and steps < ONE_EACH * len(plan.times):
@@ -143,6 +147,9 @@ def _by_coarser(record: Recording) -> Estimate:
     if wider is None or coarse is None:
         return _by_finer(record)
     near, ratio = _apart(record, coarse, wider.times), _ratio(record, coarse)
+    if few and near.share[-1] >= 1.0 and not plan.contact_points:
+        before = int(np.searchsorted(near.share, 1.0)) - 1
+        return _known_until(near, near.largest, max(before, 0), 0.0)
     if not _wide(coarse, record):
         erratic = _compliant(plan) or _grows(near)
         return _by_finer(record, (near, ratio) if erratic else None)
