@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 import pgraph_core as pg
-from pgraph_core.dynamics.back_ends import BackEnd
+from pgraph_core.dynamics.dynamics import BackEnd
 from pgraph_core.engine import layout as at
 from pgraph_peers import drake as in_drake
 from pgraph_peers import mujoco as in_mujoco

@@ -35,7 +35,7 @@ from pgraph_app.features import update
 from pgraph_app.model import archive
 from pgraph_app.session.update import Connected
 from pgraph_app.table.update import Paste
-from pgraph_core.formats.any import read_model, write_model
+from pgraph_core.formats import read_model, write_model
 from pgraph_core.mesh_files import load_mesh
 
 SLOW = 1.0  # [s] of processor time for one input

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from pgraph_core.verification.scenes import FAMILIES, SMOOTH
+from pgraph_core.verification.hunt import FAMILIES, SMOOTH
 
 from .machine import machine
 

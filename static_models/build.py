@@ -18,10 +18,9 @@ from .classics import (
     spherical_pendulum,
     tennis_racket,
 )
-from .looks import STEEL, hub, machine
+from .looks import STEEL, Vector, bar, hub, machine
 from .loops import andrews, bricard, four_bar, rolling_disc, slider_crank
 from .quadruped import quadruped, quadruped_hips
-from .shapes import Vector, bar
 
 BUILDERS: dict[str, Callable[[], pg.Model]] = {}
 

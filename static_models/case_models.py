@@ -6,7 +6,7 @@ import math
 
 import pgraph_core as pg
 
-from .shapes import Vector
+from .looks import Vector
 
 NONE = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 Y_UP = {"gravity": (0.0, -9.81, 0.0), "up": "y"}

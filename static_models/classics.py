@@ -6,9 +6,8 @@ import math
 
 import pgraph_core as pg
 
-from .looks import DARK, STEEL, chain, hub, racket, spots
+from .looks import DARK, STEEL, Vector, bar, chain, hub, racket, rounded, spots
 from .loops import rod
-from .shapes import Vector, bar, rounded
 
 
 def heavy_top(height: float = 1.2) -> pg.Model:

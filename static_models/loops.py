@@ -8,8 +8,7 @@ import numpy as np
 
 import pgraph_core as pg
 
-from .looks import spots
-from .shapes import Vector, bar, rounded
+from .looks import Vector, bar, rounded, spots
 
 PLANAR = "y"  # planar mechanisms stand in the xy plane
 

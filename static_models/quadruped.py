@@ -12,8 +12,7 @@ import pgraph_core as pg
 from pgraph_core.rotation import Array, skew
 
 from . import FOLDER
-from .looks import animal
-from .shapes import Vector, block, limb, rounded
+from .looks import Vector, animal, block, rounded, segment
 
 TRUNK = {  # its segments, and how far each turns in the push [rad]
     "pelvis": 0.06, "lumbar": -0.1, "thorax": -0.08, "shoulder_neck_head": 0.1,
@@ -118,7 +117,8 @@ def _with_shapes(body: pg.Body, bodies: list[pg.Body], drawn: tuple[pg.Shape, ..
     if body.name in TRUNK:
         solid = block(body)
     else:
-        solid = limb(body, next((b.link for b in bodies if b.parent == body.name), body.tip_point))
+        end = next((b.link for b in bodies if b.parent == body.name), body.tip_point)
+        solid = segment(body, end)
     solid = solid.model_copy(update={"role": "collision"})
     return body.model_copy(update={"shapes": (solid, *drawn)})
 

@@ -11,7 +11,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_app.cli import main
 from pgraph_core.integrators import METHODS
-from pgraph_core.study.engines import installed_peers
+from pgraph_core.study.task import installed_peers
 
 NAMES = ", ".join(METHODS)
 

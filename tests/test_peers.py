@@ -10,7 +10,7 @@ import pytest
 import pgraph_core as pg
 import pgraph_models
 import pgraph_peers
-from pgraph_core.study.engines import installed_peers
+from pgraph_core.study.task import installed_peers
 
 from .core.trees import State, random_case, scaled_error
 

@@ -175,7 +175,7 @@ def convert_arguments(parser: ArgumentParser) -> None:
 
 def convert(args: Namespace) -> Answer:
     """Raises PgraphError."""
-    from pgraph_core.formats.any import read_model, write_model  # other commands need no kernels
+    from pgraph_core.formats import read_model, write_model  # other commands need no kernels
 
     model, read = read_model(model_path(args.model), args.roots)
     if args.repair:

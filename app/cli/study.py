@@ -104,7 +104,7 @@ def _case(name: str) -> tuple[pg.Mechanism, dict[str, Any]]:
 
 
 def _study(mech: pg.Mechanism, args: Namespace, options: dict[str, Any], bar: Bar) -> pg.Study:
-    from pgraph_core.study.engines import installed_peers
+    from pgraph_core.study.task import installed_peers
 
     asked = ("t_end", "methods", "steps", "tolerances", "target", "longest")
     options |= {name: getattr(args, name) for name in asked if getattr(args, name) is not None}

@@ -10,8 +10,7 @@ import viser
 import pgraph_core as pg
 
 from ..core.bridge import Bridge
-from ..core.cells import Display, Quantity
-from ..core.forms import button, cell, choice, field, group, shown
+from ..core.cells import Display, Quantity, button, cell, choice, field, group, shown
 from ..core.state import Client, State
 from ..core.views import Payload, Place, audience
 from . import CELLS, KINDS, TITLES, WORD, Part, Picking, about, own_fields, parts, typed_as

@@ -14,8 +14,8 @@ import viser
 from pgraph_core.show.shapes import Color
 
 from .bridge import Bridge
+from .cells import Payload as Payload
 from .events import Event
-from .forms import Payload as Payload
 from .state import State
 from .store import View
 

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
 import pgraph_core as pg
-from pgraph_core.formats.any import READERS, read_model, write_model
+from pgraph_core.formats import READERS, read_model, write_model
 from pgraph_core.mesh_files import FORMATS
 from pgraph_core.model.files import FOLDER, user_folder
 

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 import pgraph_core as pg
-from pgraph_core.formats.any import READERS
+from pgraph_core.formats import READERS
 from pgraph_core.model import files
 
 from ..core import cells, edit, history

@@ -10,8 +10,19 @@ import viser
 import pgraph_core as pg
 
 from ..core.bridge import Bridge
-from ..core.cells import Display, quantity_in
-from ..core.forms import WXYZ, XYZ, button, cell, choice, field, group, merged, shown
+from ..core.cells import (
+    WXYZ,
+    XYZ,
+    Display,
+    button,
+    cell,
+    choice,
+    field,
+    group,
+    merged,
+    quantity_in,
+    shown,
+)
 from ..core.state import Client, State
 from ..core.views import Payload, Place, audience, css
 from .body_cells import MOTIONS, NO_SHAPE, OF_FILES, SHAPES, held, moments, quantity_of, shows

@@ -11,9 +11,19 @@ from pgraph_core.model.fields import about
 from pgraph_core.model.parameters import evaluated, names_in
 
 from ..core import cells
-from ..core.cells import Display, Refusal, quantity_in
+from ..core.cells import (
+    Display,
+    Payload,
+    Refusal,
+    button,
+    cell,
+    choice,
+    field,
+    group,
+    quantity_in,
+    shown,
+)
 from ..core.events import FromPage, Index, Text, on_edit
-from ..core.forms import Payload, button, cell, choice, field, group, shown
 from ..core.state import State, display_of
 
 # -- the form --------------------------------------------------------------------------------------

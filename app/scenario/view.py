@@ -12,8 +12,7 @@ from pgraph_core.model.scenario import METHOD_NAMES
 from ..constraints import KINDS, parts
 from ..constraints.view import between, form
 from ..core.bridge import Bridge
-from ..core.cells import Display
-from ..core.forms import button, cell, choice, field, group, shown
+from ..core.cells import Display, button, cell, choice, field, group, shown
 from ..core.state import Client, State
 from ..core.views import Payload, Place, audience
 from ..run import FREE_RUN

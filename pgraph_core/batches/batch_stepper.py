@@ -21,8 +21,15 @@ from ..packing.system import Array, Ints
 from ..portable import Portable, installed
 from ..simulation.recording import STATUS
 from ..simulation.stepper import AUTO, Stepper
-from .instances import Instances, Worker, number_arrays, state_arrays, words_of
-from .lanes import TreeLanes, fits_lanes
+from .instances import (
+    Instances,
+    TreeLanes,
+    Worker,
+    fits_lanes,
+    number_arrays,
+    state_arrays,
+    words_of,
+)
 from .paths import Path
 
 SNAPSHOT = b"pgraph batch"

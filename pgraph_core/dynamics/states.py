@@ -1,14 +1,18 @@
-"""A state carried to another topology, the distance of two states, the size of a mechanism."""
+"""States: the motion of bodies, the distance of two states, a state carried to another topology."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from ..engine import layout as at
+from ..engine.tree import bodies as kernels
+from ..model import Body
 from ..packing.packed import Packed
-from ..packing.system import Array, Ints
+from ..packing.system import Array, Ints, System
+from ..portable import same
 
 
 class Carried(NamedTuple):
@@ -57,3 +61,85 @@ def differences(rows: Ints, q: Array, other: Array) -> tuple[Array, Array]:
     for i in (*places[kinds == at.BALL].tolist(), *(free + 3).tolist()):
         turned = np.maximum(turned, angles(q[:, i : i + 4], other[:, i : i + 4]))
     return turned, apart[:, slides].max(axis=1, initial=0.0)
+
+
+class BodyMotion(NamedTuple):
+    """Everything about bodies, world axes, at the bodies' origins; one row a body, by number."""
+
+    pose: Array  # (..., nb, 7) x y z [m], w x y z
+    velocity: Array  # (..., nb, 6) angular [rad/s], linear [m/s]
+    acceleration: Array  # (..., nb, 6) angular [rad/s^2], linear [m/s^2]
+    force: Array  # (..., nb, 6) torque [N m], force [N] that each joint passes on to its body
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the arrays are equal, nan to nan."""
+        return isinstance(other, tuple) and same(tuple(self), other)
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    __hash__ = None  # pyright: ignore[reportAssignmentType]
+
+
+def bodies_over(system: System, q: Array, v: Array, vdot: Array, external: Array) -> BodyMotion:
+    """Body motion and joint forces (checklist B18) of n states under wrenches (n, nb, 6)."""
+    n, nb = len(q), len(system.bodies_i) - 1
+    position, rotation = np.empty((n, nb, 3)), np.empty((n, nb, 9))
+    velocity, acceleration, force = (np.empty((n, nb, 6)) for _ in range(3))
+    work = np.zeros((len(system.rows), at.WORK))
+    states = map(np.ascontiguousarray, (q, v, vdot))
+    out = (position, rotation, velocity, acceleration, force)
+    kernels.motion_and_forces(*system[:4], *states, external, work, *out)
+    turn = quaternions(rotation.reshape(n, nb, 3, 3))
+    pose = np.concatenate((position, turn), axis=-1)
+    return BodyMotion(pose, velocity, acceleration, force)
+
+
+def mass_points(bodies: Sequence[Body], motion: BodyMotion) -> tuple[Array, Array, Array, Array]:
+    """Masses, centres of mass, their velocities, and angular momenta I ω of bodies by number."""
+    mass = np.array([b.mass for b in bodies])
+    turn = motion.pose[:, 3:]
+    arm = turned(turn, np.array([b.com for b in bodies]).reshape(-1, 3))
+    omega = motion.velocity[:, :3]
+    back = turn * np.array([1.0, -1.0, -1.0, -1.0])
+    inertia = np.array([b.inertia for b in bodies]).reshape(-1, 3, 3)
+    spin = turned(turn, np.einsum("bij,bj->bi", inertia, turned(back, omega)))
+    velocity = motion.velocity[:, 3:] + np.cross(omega, arm)
+    return mass, motion.pose[:, :3] + arm, velocity, spin
+
+
+def shifted(wrench: Array, arm: Array) -> Array:
+    """(..., 6) φᵀ F, eq. (12): wrenches [torque, force] at the ends of arms (..., 3) from here."""
+    force = wrench[..., 3:]
+    return np.concatenate((wrench[..., :3] + np.cross(arm, force), force), axis=-1)
+
+
+def turned(q: Array, x: Array) -> Array:
+    """(..., 3) the vector x turned by unit quaternions (..., 4) [w, x, y, z]."""
+    w, u = q[..., :1], q[..., 1:]
+    cross = np.cross(u, x)
+    return x + 2 * (w * cross + np.cross(u, cross))
+
+
+def quaternions(rotation: Array) -> Array:
+    """(..., 4) quaternions [w, x, y, z] of (..., 3, 3) rotations, the largest entry positive.
+
+    Of the four ways to read a quaternion off a matrix the best conditioned is taken.
+    """
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = np.moveaxis(rotation, (-2, -1), (0, 1))
+    ways = np.stack(
+        [
+            _stack(1 + xx + yy + zz, zy - yz, xz - zx, yx - xy),
+            _stack(zy - yz, 1 + xx - yy - zz, xy + yx, xz + zx),
+            _stack(xz - zx, xy + yx, 1 - xx + yy - zz, yz + zy),
+            _stack(yx - xy, xz + zx, yz + zy, 1 - xx - yy + zz),
+        ],
+        axis=-2,
+    )
+    best = np.argmax(np.stack([ways[..., i, i] for i in range(4)], axis=-1), axis=-1)
+    q = np.take_along_axis(ways, best[..., None, None], axis=-2)[..., 0, :]
+    return q / np.linalg.norm(q, axis=-1, keepdims=True)
+
+
+def _stack(*parts: Array) -> Array:
+    return np.stack(parts, axis=-1)

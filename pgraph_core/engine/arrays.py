@@ -315,7 +315,7 @@ class RunLinks(NamedTuple):
 
 
 class Tableau(NamedTuple):
-    """Coefficients of a Runge-Kutta method; see `integrators.tableaus`."""
+    """Coefficients of a Runge-Kutta method; see `integrators.Tableau`."""
 
     a: Any
     b: Any

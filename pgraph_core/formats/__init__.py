@@ -1,1 +1,38 @@
-"""Model files of other programs: URDF and MJCF, in and out, with a report of each."""
+"""Model files of other programs, in and out: URDF and MJCF; with JSON of our own, by suffix."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from ..errors import FileError, Problem
+from ..model import Model
+from .mjcf import read_mjcf
+from .mjcf_out import write_mjcf
+from .report import Report
+from .urdf import read_urdf
+from .urdf_out import write_urdf
+
+READERS = {".urdf": read_urdf, ".xml": read_mjcf, ".mjcf": read_mjcf}
+WRITERS = {".urdf": write_urdf, ".xml": write_mjcf, ".mjcf": write_mjcf}
+
+
+def read_model(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model, Report]:
+    """(model, report) of a file, by its suffix. Raises FileError or ModelError."""
+    suffix = Path(path).suffix.lower()
+    if reader := READERS.get(suffix):
+        return reader(path, roots)
+    return Model.load(path, roots=roots), Report(Path(path).name)
+
+
+def write_model(model: Model, path: str | Path) -> Report:
+    """Write a model in the format of the suffix. Raises FileError or ModelError."""
+    suffix = Path(path).suffix.lower()
+    if writer := WRITERS.get(suffix):
+        return writer(model, path)
+    if suffix != ".json":
+        known = ", ".join((".json", *WRITERS))
+        text = f"no model is written to {suffix or 'files without a suffix'}; give one of {known}"
+        raise FileError(Problem(str(path), "", text))
+    model.save(path)
+    return Report(Path(path).name)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..dynamics.arguments import wrong_type
-from ..dynamics.bodies import turned
+from ..dynamics.states import turned
 from ..engine.gait.tables import Terrain
 from ..errors import explained
 from ..model import Contact, Ground, Model, Step

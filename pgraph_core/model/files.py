@@ -42,7 +42,7 @@ OTHERS = bytes(set(range(256)) - set(b'[]{}"'))  # all but brackets and quotes
 
 def formats() -> Any:
     """The readers of other formats, which know the description: imported when first used."""
-    return import_module("pgraph_core.formats.any")
+    return import_module("pgraph_core.formats")
 
 
 def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:

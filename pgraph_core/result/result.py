@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..dynamics.bodies import BodyMotion, bodies_over, turned
 from ..dynamics.scene import load_wrenches
+from ..dynamics.states import BodyMotion, bodies_over, turned
 from ..errors import FileError, InputError, Problem, choices, explained, guarded
 from ..model import Force, Model
 from ..model.constraint import InJoints

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..analysis.assembly import ASSEMBLY_ROUNDS
 from ..contact import impacts
-from ..dynamics.bodies import bodies_over
+from ..dynamics.states import bodies_over
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import FACTORED

@@ -1,14 +1,15 @@
-"""The scene of an event-driven run: contact points, and the blocks that act in each phase."""
+"""The scene of an event-driven run: contact points and limits, and what acts in each phase."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..contact.points import ContactPoint, with_points
-from ..contact.tables import Tables
+from ..contact.solids import balls_on_ground
+from ..contact.tables import ContactPair, Tables
 from ..dynamics.callback import UserTorque
 from ..dynamics.scene import Scene
 from ..engine import layout as at
@@ -17,9 +18,164 @@ from ..engine.arrays import LAMBDA, RHS, EventContacts, EventData, EventLinks
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
 from ..engine.contact import phases
 from ..engine.contact import points as point_kernels
-from ..engine.records import ACCEPTANCE, POINT_FRAME, SLIP, STANCE, table
+from ..engine.records import ACCEPTANCE, POINT, POINT_FRAME, SLIP, STANCE, table
+from ..errors import InputError, Problem
 from ..mechanism import Mechanism
-from ..packing.system import Array, Drives, Ints, Loads
+from ..model import Body, Contact, Model
+from ..model.fields import GROUND
+from ..packing.constraints import Blocks
+from ..packing.system import Array, Drives, Ints, Loads, System, point_in_row
+from ..rotation import matrix, normals_of
+from ..topology import Topology
+
+INSTEAD = "use method 'moreau_jean'"
+
+
+class Limit(NamedTuple):
+    """One end of a coordinate's range: sign q - value >= 0."""
+
+    row: int
+    at_v: int
+    at_q: int
+    sign: float
+    value: float  # the bound itself times the sign
+
+
+class ContactPoint(NamedTuple):
+    """A material point or a sphere of a body over the ground, or one end of a joint's range."""
+
+    name: str
+    pair: str  # of which it is one; a limit's own name
+    body: str
+    friction: float
+    restitution: float
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the body, a sphere's centre [m]
+    radius: float = 0.0
+    limit: Limit | None = None
+
+
+def contact_points(
+    model: Model, topology: Topology, packed: System, tables: Tables
+) -> tuple[ContactPoint, ...]:
+    """The points of rigid contacts with the ground, and all joints' limits.
+
+    Raises InputError for contacts whose points events are not located for.
+    """
+    rigid = [t for t in tables.touches if t.contact.law == "complementarity"]
+    points = (p for pair in rigid for p in _points(model, pair))
+    return (*points, *_limits(topology, packed, tables))
+
+
+def _points(model: Model, pair: ContactPair) -> Iterator[ContactPoint]:
+    contact, ground = pair.contact, model.ground
+    if pair.other != GROUND:
+        raise _refused(contact, "other", "events are located between a body and the ground")
+    if ground.steps:
+        raise _refused(contact, "other", "events are located on a ground without steps")
+    all_kinds = contact.frictions(ground)
+    friction = all_kinds.kinetic
+    if all_kinds.static != friction or all_kinds.rolling or all_kinds.spinning:
+        text = "events are located with one coefficient of friction, without rolling or spinning"
+        raise _refused(contact, "friction", text)
+    bounce = ground.restitution if contact.restitution is None else contact.restitution
+    places = _places(model.body(pair.body), contact)
+    for k, (point, radius) in enumerate(places):
+        name = pair.name if len(places) == 1 else f"{pair.name}[{k}]"
+        yield ContactPoint(name, pair.name, pair.body, friction, bounce, point, radius)
+
+
+def _places(body: Body, contact: Contact) -> list[tuple[tuple[float, float, float], float]]:
+    """(point, radius) in the body's axes of everything on it that can touch a plane."""
+    if contact.points:
+        return [(point, 0.0) for point in contact.points]
+    found = []
+    for shape in body.touching:
+        balls = balls_on_ground(shape)
+        if balls is None:
+            text = "events are located for points, spheres, capsules and boxes, not for a "
+            raise _refused(contact, "body", text + shape.kind)
+        places = np.array(shape.position) + balls[0] @ matrix(shape.rotation).T
+        found += [((float(x), float(y), float(z)), balls[1]) for x, y, z in places]
+    return found
+
+
+def _refused(contact: Contact, field: str, text: str) -> InputError:
+    return InputError(Problem(f"contact '{contact.name}'", field, f"{text}; {INSTEAD}"))
+
+
+def _limits(topology: Topology, packed: System, tables: Tables) -> Iterator[ContactPoint]:
+    ints, floats, terms, factors = tables.limit_blocks
+    for name, block, values, term, sign in zip(tables.limits, ints, floats, terms, factors):
+        row = int(block[at.B_A])
+        body = topology.names[int(packed.body_of_row[row]) - 1]
+        limit = Limit(row, int(term[0]), int(term[1]), float(sign), float(values[at.VALUE]))
+        yield ContactPoint(name, name, body, 0.0, float(values[at.BOUNCE]), limit=limit)
+
+
+def with_points(
+    blocks: Blocks,
+    declared: Sequence[ContactPoint],
+    model: Model,
+    topology: Topology,
+    packed: System,
+) -> tuple[Blocks, Any]:
+    """The blocks of the constraints and, after them, of these points, and the table of POINT.
+
+    Each point is an entry of `names` with the block that takes all its rows, and a second one with
+    its other blocks.
+    """
+    normal = np.array(model.ground_normal)
+    frame = (normal, *normals_of(normal))
+    rows_i, rows_f = list(blocks.blocks_i), list(blocks.blocks_f)
+    terms_i, terms_f = list(blocks.terms_i), list(blocks.terms_f)
+    first = list(blocks.first)
+    points = table(POINT, len(declared))
+    points["normal"], points["slip_direction"] = frame[:2]
+    for n, p in enumerate(declared):
+        number = topology.number(p.body)
+        row = int(packed.bodies_i[number, at.ROW])
+        start = len(rows_i)
+        if p.limit is not None:
+            rows_i.append(np.array([at.T_LIMIT, p.limit.row, 0, 1, len(terms_f), 1, 0, 0]))
+            rows_f.append(_values(offset=p.limit.value))
+            terms_i.append(np.array([p.limit.at_v, p.limit.at_q]))
+            terms_f.append(p.limit.sign)
+            places = (start, start, start)
+        else:
+            point = point_in_row(packed, number, p.point)
+            values = _values(point, frame, p.radius)
+            for kind, size in ((at.T_SPHERE, 3), (at.T_SPHERE, 1), (at.T_POINT, 3)):
+                rows_i.append(np.array([kind, row, 0, size, 0, 0, 0, 0]))
+                rows_f.append(values.copy())
+            held = start if p.radius > 0 else start + 2
+            places = (held, start, start + 1)
+        one = points[n]
+        one["held_block"], one["slide_block"], one["gap_block"] = places
+        one["limit"], one["friction"] = p.limit is not None, p.friction
+        first += [start + 1, len(rows_i)]
+    names = (*blocks.names, *(name for s in declared for name in (s.name, s.name)))
+    extended = Blocks(
+        names,
+        np.array(first, dtype=np.int64),
+        np.array(rows_i, dtype=np.int64).reshape(-1, at.BLOCK_I),
+        np.array(rows_f).reshape(-1, at.BLOCK_F),
+        np.array(terms_i, dtype=np.int64).reshape(-1, 2),
+        np.array(terms_f),
+        blocks.curves,
+    )
+    return extended, points
+
+
+def _values(
+    point: Array | None = None, frame: Sequence[Array] = (), radius: float = 0.0, offset: float = 0
+) -> Array:
+    """(28,) of a block: a point over the plane of the ground, or a coordinate's value."""
+    out = np.zeros(at.BLOCK_F)
+    if point is not None:
+        out[at.PA : at.PA + 3] = point
+        out[at.DIR : at.DIR + 9] = np.concatenate(frame)
+    out[at.VALUE] = radius or offset
+    return out
 
 
 class EventScene(Scene):

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..dynamics.arguments import finite, position
-from ..dynamics.bodies import bodies_over
 from ..dynamics.scene import Scene, contact_tables
+from ..dynamics.states import bodies_over
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.compiler.address import address_of
@@ -29,7 +29,7 @@ from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario
 from ..packing.forces import NO_LOADS
 from ..packing.system import Array, Drives, Ints, Loads
-from .conditions import ConditionOf, conditions_of
+from .monitors import ConditionOf, conditions_of
 from .options import (
     FRAMES,
     Options,
@@ -43,9 +43,9 @@ from .options import (
 from .switches import Change, ever, switch_changes, switches_of, with_instants
 
 if TYPE_CHECKING:
-    from ..contact.points import ContactPoint
     from ..contact.tables import Tables
     from ..gait.controller import Controller
+    from .event_scene import ContactPoint
 
 VERSION = version("pgraph-dynamics")
 LARGEST = 1e75  # kg, m, kg m²: energies are products of four such numbers
@@ -405,7 +405,7 @@ def _event_driven(
         text = "a penalty contact remembers where it sticks, and a step to an event is taken again"
         text += "; give the contacts law 'soft' or 'complementarity', or use method 'moreau_jean'"
         raise InputError(Problem("simulate", "method", text))
-    from ..contact.points import contact_points
+    from .event_scene import contact_points
 
     points = contact_points(mech.model, mech.topology, mech.packed.system, contacts)
     soft = tuple(t.contact for t in contacts.touches if t.contact.law == "soft")

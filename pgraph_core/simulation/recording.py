@@ -25,15 +25,15 @@ from ..mechanism import Mechanism
 from ..packing.system import Array, Ints
 from ..result import Result, Status
 from ..result.records import NOTHING, OF_CONSTRAINTS, ContactRecord, Named
-from .conditions import Condition
 from .loop import Outcome, Steps, Workplace, links_of, workplaces
+from .monitors import Condition
 from .options import MOST_STEPS
 from .plan import Plan, with_contacts
 from .switches import Change, closed, hold_here, switched_by
 
 if TYPE_CHECKING:
     from .contact_events import ContactEvents
-    from .user_events import Monitor, Watch
+    from .monitors import Monitor, Watch
 
 CHUNK = 0.02  # s of computation between two calls of `progress`
 PULSE = 0.2  # of the largest acceleration: what a pulse that counts makes
@@ -202,7 +202,7 @@ class Recording:
 
     def _watching(self, monitors: Sequence[Monitor]) -> Watch:
         """What watches conditions of switches, then a user's events."""
-        from .user_events import Watch
+        from .monitors import Watch
 
         waiting = [Condition(given, self) for given in self.plan.conditions]
         return Watch((*waiting, *monitors), len(waiting), self.mech.nq, self.mech.nv)
@@ -600,7 +600,7 @@ class Recording:
         """The closed contacts and limits that constraints drive bodies against; "" if none."""
         if self.events is None or self.done == 0:
             return ""
-        from .opposed import contradicted
+        from .contact_log import contradicted
 
         scene, last = self.events.scene, self.done - 1
         closed = np.flatnonzero(scene.phase != SWING).tolist()

@@ -13,10 +13,10 @@ from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..result import Result
 from .estimate import error_estimate
+from .monitors import monitors_of
 from .options import MOST_CHOSEN, Options
 from .plan import plan_of, with_state
 from .recording import Recording
-from .user_events import monitors_of
 
 if TYPE_CHECKING:
     from ..packing.system import Array

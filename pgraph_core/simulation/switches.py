@@ -18,7 +18,7 @@ from ..model import Scenario, Switch, When
 from ..model.checks import switch_problems
 from ..packing.constraints import values_of
 from ..packing.system import Array, Ints
-from .conditions import ConditionOf
+from .monitors import ConditionOf
 
 SAME = 1e-12  # of the run: times this near are one
 FAR = 0.1  # rad, m: a jump of the joints that is no correction

@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..dynamics.bodies import bodies_over, turned
-from ..dynamics.states import angles
+from ..dynamics.states import angles, bodies_over, turned
 from ..engine import layout as at
 from ..mechanism import Mechanism
 from ..packing.system import Array

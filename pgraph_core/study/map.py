@@ -12,8 +12,7 @@ from typing import Any
 from ..errors import FileError, Problem, choices, explained
 from ..model.files import write_atomic
 from ..portable import Portable
-from .figure import Square, heat_map
-from .page import Section, escape, page, table
+from .page import Section, Square, escape, heat_map, page, table
 from .study import plain
 from .verdicts import Cell, Verdict
 

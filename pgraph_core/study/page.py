@@ -1,4 +1,6 @@
-"""One self-contained HTML page of sections, light or dark, and tables as text and HTML.
+"""One self-contained HTML page of sections, light or dark: tables, and two figures as SVG.
+
+The figures are error against run time, and a heat map; each stands alone too.
 
 SVG figures take their colours from the variables of `style`, as `var(--ink, currentColor)` or
 `series_colour(i)`. The page shows the `<title>` of an element at once on hover and on focus.
@@ -6,6 +8,7 @@ SVG figures take their colours from the variables of `style`, as `var(--ink, cur
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from html import escape as escape
 from pathlib import Path
@@ -95,3 +98,304 @@ def duration(seconds: float) -> str:
     if seconds < 1e-3:
         return f"{1e6 * seconds:.3g} us"
     return f"{1e3 * seconds:.3g} ms" if seconds < 1.0 else f"{seconds:.3g} s"
+
+
+# -- figures ---------------------------------------------------------------------------------------
+
+LEFT, TOP, FOOT, LEGEND = 72.0, 16.0, 48.0, 22.0  # margins, and the height of a legend's line
+INK, LINE, SHADE = (
+    f"var(--{name}, {colour})"
+    for name, colour in (
+        ("ink", "currentColor"),
+        ("line", "#88929e66"),
+        ("shade", "#88929e22"),
+    )
+)
+MARKS = (  # within a circle of radius 1
+    "M-1,0A1,1,0,1,1,1,0A1,1,0,1,1,-1,0Z",
+    "M-.9,-.9H.9V.9H-.9Z",
+    "M0,-1.2L1.1,.8H-1.1Z",
+    "M0,-1.3L1.1,0L0,1.3L-1.1,0Z",
+    "M0,1.2L1.1,-.8H-1.1Z",
+    "M-1.1,-.35H-.35V-1.1H.35V-.35H1.1V.35H.35V1.1H-.35V.35H-1.1Z",
+    "M-1,-1H1L0,0L1,1H-1L0,0Z",
+    "M-1.2,0L.8,-1.1V1.1Z",
+)
+
+
+HIGHEST = 1e3  # errors above are drawn there
+CELL, CELL_HIGH, GAP = 26, 24, 12  # size of a heat map's cell [px], and between groups
+MAP_LEFT, MAP_TOP = 84, 64
+LETTER_WIDE = 6.8  # of a group's name
+
+
+class Point(NamedTuple):
+    """One run."""
+
+    seconds: float
+    error: float
+    text: str  # shown when one points at it
+    hollow: bool = False  # at the limit of the reference
+
+
+class Curve(NamedTuple):
+    """The runs of one method."""
+
+    name: str  # in the legend
+    points: Sequence[Point]
+    dashed: bool = False
+
+
+class Paper(NamedTuple):
+    """Size of the diagram, and of its legend: at the right, or in columns below."""
+
+    width: float
+    height: float
+    right: float  # end of the time axis
+    bottom: float  # end of the error axis
+    columns: int  # of a legend below; 0: at the right
+
+
+WIDE = Paper(900.0, 520.0, 690.0, 472.0, 0)
+
+
+def narrow_paper(curves: int) -> Paper:
+    """For a column of 400 to 500 pixels, in which the text stays legible."""
+    lines = math.ceil(curves / 2)
+    return Paper(480.0, 350.0 + FOOT + lines * LEGEND, 470.0, 350.0, 2)
+
+
+class Axes(NamedTuple):
+    """The decades of both axes, and their places on the paper."""
+
+    paper: Paper
+    time: tuple[int, int]  # exponents of the seconds at left and right
+    error: tuple[int, int]  # exponents of the errors at bottom and top
+
+    def x(self, seconds: float) -> float:
+        """Place of a time."""
+        low, high = self.time
+        return LEFT + (math.log10(seconds) - low) / (high - low) * (self.paper.right - LEFT)
+
+    def y(self, error: float) -> float:
+        """Place of an error."""
+        low, high = self.error
+        bottom = self.paper.bottom
+        return bottom - (math.log10(min(error, HIGHEST)) - low) / (high - low) * (bottom - TOP)
+
+
+def error_diagram(
+    label: str,
+    curves: Sequence[Curve],
+    paper: Paper = WIDE,
+    titles: tuple[str, str] = ("run time", "error (rms, without unit)"),
+    *,
+    limit: float = math.nan,
+    target: float | None = None,
+) -> str:
+    """Error over run time, both logarithmic, one curve a method; a sentence if there is no point.
+
+    `titles` are those of the axes. Errors below `limit`, the limit of the reference, are shaded;
+    `target` is a dashed line.
+    """
+    open_ = (
+        '<svg xmlns="http://www.w3.org/2000/svg" role="img" '
+        f'viewBox="0 0 {paper.width:g} {paper.height:g}" '
+        f'aria-label="{escape(label)}" font-family="system-ui, sans-serif" font-size="12">'
+    )
+    points = [point for curve in curves for point in curve.points]
+    if not points:
+        return f"{open_}{_text(LEFT, 40, 'no run reached the end', anchor='start')}</svg>"
+    errors = [min(point.error, HIGHEST) for point in points]
+    axes = Axes(paper, _decades([point.seconds for point in points]), _decades(errors))
+    parts = [_shade(axes, limit), _grid(axes, titles), _target(axes, target)]
+    parts += [_curve(axes, curve, i) for i, curve in enumerate(curves)]
+    return f"{open_}{''.join(parts)}{_legend(paper, curves)}</svg>"
+
+
+def _decades(values: list[float]) -> tuple[int, int]:
+    low = math.floor(math.log10(min(values)) - 0.05)
+    high = math.ceil(math.log10(max(values)) + 0.05)
+    return low, max(high, low + 1)
+
+
+def _grid(axes: Axes, titles: tuple[str, str]) -> str:
+    bottom, right = axes.paper.bottom, axes.paper.right
+    parts = []
+    for k in range(axes.time[0], axes.time[1] + 1):
+        x = axes.x(10.0**k)
+        parts.append(_line(x, TOP, x, bottom) + _text(x, bottom + 18, duration(10.0**k)))
+    for k in range(axes.error[0], axes.error[1] + 1):
+        y = axes.y(10.0**k)
+        parts.append(_line(LEFT, y, right, y) + _text(LEFT - 8, y + 4, f"1e{k}", anchor="end"))
+    parts.append(_text((LEFT + right) / 2, bottom + 40, titles[0]))
+    middle = (TOP + bottom) / 2
+    turned = f'transform="rotate(-90 16 {middle:g})"'
+    parts.append(_text(16, middle, titles[1], extra=turned))
+    return "".join(parts)
+
+
+def _shade(axes: Axes, limit: float) -> str:
+    if not limit > 10.0 ** axes.error[0]:
+        return ""
+    top = max(axes.y(min(limit, 10.0 ** axes.error[1])), TOP)
+    width, height = axes.paper.right - LEFT, axes.paper.bottom - top
+    return (
+        f'<rect x="{LEFT:g}" y="{top:.1f}" width="{width:g}" height="{height:.1f}" '
+        f'style="fill:{SHADE}"><title>below {limit:.1e}: the limit of the reference</title></rect>'
+    )
+
+
+def _target(axes: Axes, target: float | None) -> str:
+    if target is None or not 10.0 ** axes.error[0] <= target <= 10.0 ** axes.error[1]:
+        return ""
+    y = axes.y(target)
+    line = _line(LEFT, y, axes.paper.right, y, f"stroke:{INK};stroke-dasharray:5 4")
+    return line + _text(LEFT + 6, y - 5, f"target {target:g}", anchor="start")
+
+
+def _curve(axes: Axes, curve: Curve, i: int) -> str:
+    places = [(axes.x(point.seconds), axes.y(point.error)) for point in curve.points]
+    colour = series_colour(i)
+    dash = ";stroke-dasharray:6 3" if curve.dashed else ""
+    path = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
+    line = f'<polyline points="{path}" style="fill:none;stroke:{colour};stroke-width:1.8{dash}"/>'
+    marks = (
+        f'<g tabindex="0">{_mark(x, y, i, colour, hollow=point.hollow)}'
+        f"<title>{escape(point.text)}</title></g>"
+        for point, (x, y) in zip(curve.points, places)
+    )
+    return line + "".join(marks)
+
+
+def _legend(paper: Paper, curves: Sequence[Curve]) -> str:
+    parts = []
+    for i, curve in enumerate(curves):
+        x, y = _place(paper, i)
+        parts.append(_mark(x, y - 4, i, series_colour(i)) + _text(x + 12, y, curve.name, "start"))
+    return "".join(parts)
+
+
+def _place(paper: Paper, i: int) -> tuple[float, float]:
+    """The place of the i-th entry of the legend."""
+    if not paper.columns:
+        return paper.right + 18, TOP + 14 + LEGEND * i
+    line, column = divmod(i, paper.columns)
+    step = (paper.width - 20) / paper.columns
+    return 20 + step * column, paper.bottom + FOOT + 14 + LEGEND * line
+
+
+def _mark(x: float, y: float, i: int, colour: str, *, hollow: bool = False) -> str:
+    path = MARKS[i % len(MARKS)]
+    fill = "transparent" if hollow else colour
+    return (
+        f'<path d="{path}" transform="translate({x:.1f} {y:.1f}) scale(4.5)" '
+        f'style="fill:{fill};stroke:{colour};stroke-width:.3"/>'
+    )
+
+
+def _line(x0: float, y0: float, x1: float, y1: float, style: str = "") -> str:
+    style = style or f"stroke:{LINE}"
+    return f'<line x1="{x0:.1f}" y1="{y0:.1f}" x2="{x1:.1f}" y2="{y1:.1f}" style="{style}"/>'
+
+
+def _text(x: float, y: float, text: str, anchor: str = "middle", extra: str = "") -> str:
+    place = f'x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" style="fill:{INK}" {extra}'
+    return f"<text {place}>{escape(text)}</text>"
+
+
+# -- heat map --------------------------------------------------------------------------------------
+
+
+class Square(NamedTuple):
+    """One cell of a heat map."""
+
+    row: int
+    group: int
+    column: int
+    colour: str
+    ink: str  # of the letter
+    letter: str
+    text: str  # shown when one points at it
+
+
+def heat_map(
+    title: str,
+    axis: str,
+    rows: Sequence[str],
+    groups: Sequence[str],
+    columns: Sequence[str],
+    squares: Sequence[Square],
+    legend: Sequence[tuple[str, str]],
+    wide: float = math.inf,
+) -> str:
+    """Coloured cells in rows, one group of columns a method; `legend` has (text, colour).
+
+    Groups that do not fit into `wide` pixels go below the others.
+    """
+    high = MAP_TOP + len(rows) * CELL_HIGH
+    places = _places([max(len(columns) * CELL, LETTER_WIDE * len(x)) + GAP for x in groups], wide)
+    bands = range(max((band for _, band in places), default=0) + 1)
+    bottom = high * len(bands)
+    parts = [f'<text x="4" y="12" {_style(11)}>{escape(axis)}</text>']
+    parts += [_head(name, x, band * high, columns) for name, (x, band) in zip(groups, places)]
+    for band in bands:
+        for i, text in enumerate(rows):
+            y = band * high + MAP_TOP + i * CELL_HIGH + 16
+            place = f'x="{MAP_LEFT - 8}" y="{y}" text-anchor="end"'
+            parts.append(f"<text {place} {_style(11)}>{escape(text)}</text>")
+    for each in squares:
+        x, band = places[each.group]
+        y = band * high + MAP_TOP + each.row * CELL_HIGH
+        parts.append(_square(each, x + each.column * CELL, y))
+    width = max((x for x, _ in places), default=0.0) + len(columns) * CELL + GAP
+    width = max(width, min(wide, 640.0))
+    x, y = 4.0, bottom + 14
+    for text, colour in legend:
+        if x + 24 + 7.4 * len(text) > width:
+            x, y = 4.0, y + LEGEND
+        parts.append(
+            f'<rect x="{x}" y="{y}" width="12" height="12" rx="2" fill="{colour}"/>'
+            f'<text x="{x + 16}" y="{y + 10}" {_style(11)}>{escape(text)}</text>'
+        )
+        x += 24 + 7.4 * len(text)
+    size = f'viewBox="0 0 {width:.0f} {y + 30}" width="{width:.0f}" height="{y + 30}"'
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" {size} role="img" '
+        'font-family="system-ui, sans-serif" font-size="11">'
+        f"<title>{escape(title)}</title>{''.join(parts)}</svg>"
+    )
+
+
+def _places(widths: Sequence[float], wide: float) -> list[tuple[float, int]]:
+    """(left end, band) of groups of these widths, side by side as long as they fit."""
+    found, x, band = [], float(MAP_LEFT), 0
+    for width in widths:
+        if x > MAP_LEFT and x + width > wide:
+            x, band = float(MAP_LEFT), band + 1
+        found.append((x, band))
+        x += width
+    return found
+
+
+def _head(name: str, x: float, top: float, columns: Sequence[str]) -> str:
+    parts = [f'<text x="{x}" y="{top + MAP_TOP - 40}" {_style(11)}>{escape(name)}</text>']
+    for j, text in enumerate(columns):
+        middle, y = x + j * CELL + CELL / 2, top + MAP_TOP - 6
+        turned = f'transform="rotate(-40 {middle} {y})"'
+        parts.append(f'<text x="{middle}" y="{y}" {_style(9)} {turned}>{escape(text)}</text>')
+    return "".join(parts)
+
+
+def _square(each: Square, x: float, y: float) -> str:
+    return (
+        f'<g tabindex="0"><title>{escape(each.text)}</title><rect x="{x:.1f}" y="{y}" '
+        f'width="{CELL - 2}" height="{CELL_HIGH - 2}" rx="3" fill="{each.colour}"/>'
+        f'<text x="{x + CELL / 2 - 1:.1f}" y="{y + 15}" text-anchor="middle" '
+        f"{_style(11, each.ink)}>{each.letter}</text></g>"
+    )
+
+
+def _style(size: int, ink: str = INK) -> str:
+    """Colour and size of a text, which the style of a page does not overrule."""
+    return f'style="fill: {ink}; font-size: {size}px"'

@@ -14,9 +14,20 @@ import numpy as np
 from ..errors import FileError, InputError, Problem, explained, refusal
 from ..model.files import write_atomic
 from ..portable import Portable
-from . import figure
 from .errors import Errors
-from .page import Section, aligned, duration, escape, page, table
+from .page import (
+    WIDE,
+    Curve,
+    Point,
+    Section,
+    aligned,
+    duration,
+    error_diagram,
+    escape,
+    narrow_paper,
+    page,
+    table,
+)
 from .settings import Setting
 from .task import Outcome, Participant
 from .timing import Spread
@@ -152,7 +163,7 @@ class Row:
         return f">= {self.digits:.0f}" if self.limited else f"{self.digits:.1f}"
 
     @property
-    def point(self) -> figure.Point:
+    def point(self) -> Point:
         """In the figure, with a text for the pointer."""
         low, middle, high = self.seconds or (0.0, 0.0, 0.0)
         lines = [
@@ -166,7 +177,7 @@ class Row:
             lines.append(f"{self.counters['steps']} steps")
         if self.energy_drift is not None:
             lines.append(f"energy drift {self.energy_drift:.1e}")
-        return figure.Point(middle, self.error or 1.0, "\n".join(lines), self.limited)
+        return Point(middle, self.error or 1.0, "\n".join(lines), self.limited)
 
 
 @explained
@@ -347,14 +358,14 @@ class Study(Portable):
             label = name if order is None else f"{name}, order {order:.1f}"
             label = label if rows else f"{label} (no run)"
             points = [row.point for row in rows]
-            curves.append(figure.Curve(label, points, dashed=bool(rows and rows[0].peer)))
+            curves.append(Curve(label, points, dashed=bool(rows and rows[0].peer)))
         label = f"error {self._of_what}against run time of {self.name}"
-        paper = figure.narrow(len(curves)) if narrow else figure.WIDE
+        paper = narrow_paper(len(curves)) if narrow else WIDE
         limit = self.reference["limit"]
         clock = "run time of a whole call" + (" (processor)" if self.clock == "processor" else "")
         what = f"error of the {self.quantity}, rms, without unit"
         titles = clock, what
-        return figure.error_diagram(label, curves, paper, titles, limit=limit, target=self.target)
+        return error_diagram(label, curves, paper, titles, limit=limit, target=self.target)
 
     def sections(self) -> list[Section]:
         """The parts of the page, to put into another one."""

@@ -1,15 +1,21 @@
-"""The motion that every run of a study makes, and one run of it."""
+"""The motion that every run of a study makes, one run of it, and who runs it.
+
+Builders of other engines are in the package `pgraph_peers` (folder `peers`), which depends on this
+one. They are found by their entry points, when a study names an engine.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..dynamics.scene import contact_tables
+from ..errors import choices, refusal
 from ..mechanism import Mechanism
 from ..model import Scenario
 from ..packing.system import Array
@@ -17,9 +23,11 @@ from ..result import Result, Status
 from ..simulation import simulate
 from ..simulation.plan import active_constraints, fastest_rate, initial_state, touching_contacts
 from .errors import Motion
-from .settings import Setting
+from .settings import Ladder, Setting
 
+GROUP = "pgraph.peers"  # of the entry points
 Progress = Callable[[float], Any]
+Once = Callable[[float, Callable[[], bool]], Any]  # (step or tolerance, going) -> run or None
 
 
 class Stopped(Exception):
@@ -184,3 +192,77 @@ def start(mech: Mechanism, scenario: str | None, q: Any, v: Any) -> tuple[Array,
     """The initial state: the arguments, else the scenario's, else the model's."""
     given = None if scenario is None else mech.model.scenario(scenario)
     return initial_state(mech, given, q, v)
+
+
+# -- other engines: installed peers as participants, a sentence for the others ---------------------
+
+
+def engines_of(given: Sequence[str] | str) -> tuple[str, ...]:
+    """The engines asked for. Raises InputError naming the choices."""
+    names = (given,) if isinstance(given, str) else tuple(given)
+    known = installed_peers() if names else {}
+    for name in names:
+        if known and name not in known:
+            text = f"no peer is called {name!r}; choose from {choices(known)}"
+            raise refusal("work_precision", "peers", text)
+    return names
+
+
+def installed_peers() -> dict[str, EntryPoint]:
+    """The engines whose builders are installed, by name."""
+    return {point.name: point for point in entry_points(group=GROUP)}
+
+
+def engine_participants(
+    task: Task, ladder: Ladder, names: Sequence[str]
+) -> tuple[list[Participant], list[str]]:
+    """(the participants of each engine that can take the motion, a sentence for each other)."""
+    participants: list[Participant] = []
+    if names and task.quantity != "position":
+        return [], [f"other engines are compared by their positions, not by the {task.quantity}"]
+    notes: list[str] = []
+    found = installed_peers() if names else {}
+    for name in names:
+        if name not in found:
+            notes.append(f"{name} is left out: the package pgraph_peers is not installed")
+            continue
+        peer = found[name].load()
+        if not peer.installed:
+            notes.append(f"{peer.label} is not installed (pip install {peer.package})")
+            continue
+        try:
+            run = peer.run(task.mech, task.q, task.v, task.t, task.scenario, task.tau)
+        except Exception as error:  # Refused, or any kind of the engine's own
+            notes.append(f"{peer.label} is left out: {_first_line(error)}")
+        else:
+            for method, once in run.methods.items():
+                settings = _settings(run.by, ladder)
+                label = f"{peer.label} {method}"
+                participants.append(Participant(label, settings, _runner(once), peer.label))
+    return participants, notes
+
+
+def _settings(by: str, ladder: Ladder) -> tuple[Setting, ...]:
+    if by == "rtol":
+        return tuple(Setting(rtol=rtol) for rtol in ladder.tolerances)
+    return tuple(Setting(step=step) for step in ladder.steps)
+
+
+def _runner(once: Once) -> Callable[[Setting, Progress, bool], Outcome]:
+    def run(setting: Setting, progress: Progress, _: bool) -> Outcome:
+        number = setting.rtol if setting.step is None else setting.step
+        try:
+            done = once(number or 0.0, lambda: progress(0.0) is not False)
+        except Stopped:
+            raise
+        except Exception as error:  # any kind of the engine's own
+            return Outcome.failed(_first_line(error))
+        if done is None:
+            return Outcome.failed("", cancelled=True)
+        return Outcome(Motion(done.q), done.seconds, counters=done.counters, whole=done.seconds)
+
+    return run
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip() or type(error).__name__).splitlines()[0]

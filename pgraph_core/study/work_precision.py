@@ -15,7 +15,6 @@ from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
 from ..simulation.plan import active_constraints
 from . import reference as references
-from .engines import engine_participants, engines_of
 from .errors import QUANTITIES, Errors, Motion, levelled, observed_order, rms, step_counts
 from .reference import Reference
 from .settings import Ladder, Setting, methods_of, positive, whole
@@ -26,6 +25,8 @@ from .task import (
     Progress,
     Stopped,
     Task,
+    engine_participants,
+    engines_of,
     own_participant,
     start,
 )

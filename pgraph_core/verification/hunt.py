@@ -1,8 +1,8 @@
 """A hunt for runs that are wrong and do not say so.
 
-Random scenes (`scenes`), each run by default and by two other settings, and compared with what is
-known of them. A run is *wrong and silent* if its error is more than ten times what it says of
-itself, and neither its status nor a notice says anything.
+Random scenes over scales of mass, length, time and stiffness, each run by default and by two other
+settings, and compared with what is known of them. A run is *wrong and silent* if its error is more
+than ten times what it says of itself, and neither its status nor a notice says anything.
 """
 
 from __future__ import annotations
@@ -18,12 +18,32 @@ from ..mechanism import Mechanism
 from ..packing.system import Array
 from ..result import Result
 from ..simulation import simulate
-from .scenes import Scene, scenes
+from . import bound_scenes, smooth_scenes, touching_scenes
+from .scene import Rng
+from .scene import Scene as Scene
 
 FRAMES = 101
 HONEST = 10.0  # times the error estimate: an error within it was said
 MOST = 300_000  # steps of a run: more take minutes
 FINEST = {"method": "dop853", "rtol": 1e-13}
+
+
+FAMILIES: dict[str, Callable[[Rng], Scene]] = {
+    **smooth_scenes.FAMILIES,
+    **bound_scenes.FAMILIES,
+    **touching_scenes.FAMILIES,
+}
+SMOOTH = frozenset({*smooth_scenes.FAMILIES, *bound_scenes.FAMILIES})
+
+
+def scenes(count: int, seed: int, first: int = 0) -> Iterator[Scene]:
+    """`count` scenes from number `first` on, the families in turn.
+
+    A scene depends on the seed and its number only.
+    """
+    families = list(FAMILIES.values())
+    for k in range(first, first + count):
+        yield families[k % len(families)](np.random.default_rng([seed, k]))
 
 
 class Find(NamedTuple):

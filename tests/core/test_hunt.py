@@ -7,8 +7,7 @@ import os
 import numpy as np
 import pytest
 
-from pgraph_core.verification.hunt import hunt, judged, told
-from pgraph_core.verification.scenes import FAMILIES, SMOOTH, scenes
+from pgraph_core.verification.hunt import FAMILIES, SMOOTH, hunt, judged, scenes, told
 
 EXPLORE = "PGRAPH_EXPLORE" in os.environ
 

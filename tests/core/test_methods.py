@@ -11,7 +11,7 @@ from pgraph_core.engine import layout as at
 from pgraph_core.engine.compiler.address import address_of
 from pgraph_core.engine.compiler.jit import kernel
 from pgraph_core.engine.stepping.events import EVENT, look_back
-from pgraph_core.integrators import tableaus
+from pgraph_core.integrators import DOP853
 from pgraph_core.packing.forces import NO_LOADS
 from pgraph_core.simulation.loop import links_of
 from pgraph_core.simulation.options import Tolerance, frame_times
@@ -155,7 +155,7 @@ def test_the_tableau_is_scipys():
     """Whose numbers come from the same source by another way."""
     from scipy.integrate._ivp import dop853_coefficients as theirs
 
-    ours = tableaus.dop853()
+    ours = DOP853.tableau
     np.testing.assert_allclose(ours.a, theirs.A, rtol=0, atol=0)
     np.testing.assert_allclose(ours.error, [theirs.E5[:12], theirs.E3[:12]], rtol=0, atol=1e-17)
 

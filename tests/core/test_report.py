@@ -14,7 +14,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_core.study import engines
+from pgraph_core.study import task
 from pgraph_core.study.errors import Errors, angles, observed_order
 from pgraph_core.study.reference import growth_of, horizon
 from pgraph_core.study.study import Row, seconds_at
@@ -457,7 +457,7 @@ def test_a_note_names_a_peer_that_is_not_installed(monkeypatch: pytest.MonkeyPat
 
 
 def test_without_the_peers_package_a_study_says_so(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(engines, "installed_peers", dict)
+    monkeypatch.setattr(task, "installed_peers", dict)
     found = pg.work_precision(
         built_in("pendulum"), t_end=0.1, methods="rk4", steps=0.01, rounds=1, peers="mujoco"
     )
@@ -466,6 +466,6 @@ def test_without_the_peers_package_a_study_says_so(monkeypatch: pytest.MonkeyPat
 
 
 def test_no_peer_is_looked_for_unless_asked(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(engines, "installed_peers", None)
+    monkeypatch.setattr(task, "installed_peers", None)
     found = pg.work_precision(built_in("pendulum"), t_end=0.1, methods="rk4", steps=0.01, rounds=1)
     assert not any(row.peer for row in found.rows)

@@ -1,14 +1,17 @@
-"""Many instances at once: the kernels of one instance, compiled for lanes.
+"""Many instances: at once, by the kernels of one instance compiled for lanes; or one after another.
 
-Instances stand in blocks of W lanes; arrays are (blocks, ..., W). `const` is (n + 1, columns) for
-instances that share their parameters, or (blocks, n + 1, columns, W).
+In lanes, instances stand in blocks of W; arrays are (blocks, ..., W). `const` is (n + 1, columns)
+for instances that share their parameters, or (blocks, n + 1, columns, W).
 """
 
 import math
 
+from numba import types
+
 from .. import layout as at
-from ..arrays import Loads
-from ..compiler.jit import kernel, sweep
+from ..arrays import I1, I2, Loads, i8
+from ..compiler.address import caller
+from ..compiler.jit import kernel, part, sweep
 from ..compiler.lane import constants, lanes
 from ..forces import drive, torque_of_loads
 from ..tree.dynamics import newton_euler
@@ -70,17 +73,17 @@ def run(
         parts = (lanes(q[block]), lanes(v[block]), lanes(ledger[block]))
         state = s[at.Y]
         first = 0
-        for part in parts:
-            for j in range(part.shape[0]):
-                state[first + j] = part[j]
-            first += part.shape[0]
+        for own in parts:
+            for j in range(own.shape[0]):
+                state[first + j] = own[j]
+            first += own.shape[0]
         for n in range(number):
             step(trees, tableau, (nq, nv), t + n * h, h, s)
         first = 0
-        for part in parts:
-            for j in range(part.shape[0]):
-                part[j] = state[first + j]
-            first += part.shape[0]
+        for own in parts:
+            for j in range(own.shape[0]):
+                own[j] = state[first + j]
+            first += own.shape[0]
 
 
 @sweep
@@ -94,3 +97,40 @@ def step(trees, tableau, size, t, h, stages):
         runge_kutta_step(None, trees, rows, tableau, size, t, h, math.inf, stages, False)
     copied(stages, at.CANDIDATE, at.Y, stages.shape[1])
     normalise_all(rows, stages[at.Y, : size[0]])
+
+
+# -- one after the other in one run: each is a row of bytes, copied in, stepped, copied out --------
+#
+# A row is all that steps read before they write it, so that no result depends on what the run has
+# stepped before. Kernels are called by address: nothing is compiled twice.
+
+COPY = types.int64(types.int64, types.int64, types.int64)  # to, from, bytes: C's memmove
+ADVANCE = types.int64(types.int64, types.int64)  # `advance_run`
+call_copy = caller(COPY)
+call_advance = caller(ADVANCE)
+
+
+@kernel(types.void(i8, i8, i8, I2, I2, I2, I1, I1, i8, i8, i8), nogil=True)
+def step_instances(run, advance, copy, own, numbers, tables, kind, codes, n, begin, end):
+    """n steps of instances `begin` to `end` - 1 whose code is RUNNING; their codes after it.
+
+    `own` and `numbers` are the spans of the rows of two tables: (address in the run, place in the
+    row, bytes). `tables` has their addresses and the lengths of their rows [bytes]: states by
+    instance, copied back after the steps, and numbers of the model by `kind`.
+    """
+    for i in range(begin, end):
+        if codes[i] != at.RUNNING:
+            continue
+        row = tables[0, 0] + i * tables[0, 1]
+        copy_in(copy, numbers, tables[1, 0] + kind[i] * tables[1, 1])
+        copy_in(copy, own, row)
+        codes[i] = call_advance(advance, (run, n))
+        for k in range(own.shape[0]):
+            call_copy(copy, (row + own[k, 1], own[k, 0], own[k, 2]))
+
+
+@part
+def copy_in(copy, spans, row):
+    """The spans of a row into the arrays of the run."""
+    for k in range(spans.shape[0]):
+        call_copy(copy, (spans[k, 0], row + spans[k, 1], spans[k, 2]))

@@ -17,8 +17,8 @@ from ..tree.articulated import articulated, inboard, joint_acceleration
 from ..tree.kinematics import outboard, positions
 from ..tree.moving import advance, normalise_all
 from ..vec import add_scaled, cross, dot, finite, store3
-from .scales import size_of, weigh
 from .state import STEP, acceleration_of, copied, rate_of, size_of_state
+from .widths import size_of, weigh
 
 KNOWN = 0.01  # of the scales: larger errors of a step, as in a wall, follow no order of the method
 

@@ -20,8 +20,8 @@ from ..records import CHOSEN, WIDEST
 from ..rows import BALL, FREE, kind_of, q_of, v_of
 from ..tree.moving import advance, local_rate
 from ..vec import finite
-from .scales import larger, weigh
 from .state import EPS, NOT_SOLVED, STEP, copied, size_of_state
+from .widths import larger, weigh
 
 # rows of the real matrices, from 3 nv on: 2 nv wide
 PIVOTS, PIVOTS_C = 0, 1
