@@ -14,11 +14,10 @@ import numpy as np
 
 from ..packing.system import Array
 
-SWEEPS = 600
-CHANGE = 1e-14  # of the largest impulse: where sweeps end
-GUESS = 20  # sweeps between two tries to solve at once for what sticks and slides
-FITS = 1e-11  # relative: laws that a guess has to keep
-TURNS = 20  # of the directions of slip of a guess
+STEPS, HALVINGS = 40, 12  # of Newton's method, and of one step
+ROUNDED = 1e-14  # of the largest velocity: where it ends
+FITS = 1e-11  # of the largest velocity: laws that are kept
+ROUNDS, SWEEPS = 30, 20  # rounds of contacts in turn before it, sweeps in each
 DIRECTIONS = 48  # of slip among which a root is looked for
 RANK = 1e-10
 
@@ -39,7 +38,7 @@ class Solution(NamedTuple):
     impulse: Array
     velocity: Array
     gain: float  # of kinetic energy [J]
-    missed: float  # largest change in the last sweep, relative to the largest impulse
+    missed: float  # by how much laws are missed, over the largest velocity
 
 
 def impulses(omega: Array, u: Array, bilateral: int, rows: Sequence[ContactRow]) -> Solution:
@@ -49,41 +48,42 @@ def impulses(omega: Array, u: Array, bilateral: int, rows: Sequence[ContactRow])
     reduced = omega - omega[:, b] @ inverse @ omega[b]
     free = u - omega[:, b] @ (inverse @ u[b])
     lam = np.zeros(len(u))
-    change = _sweep_all(reduced, free, rows, lam)
+    missed = _solve(reduced, free, rows, lam)
     lam[b] = -inverse @ (u[b] + omega[b, bilateral:] @ lam[bilateral:])
     after = u + omega @ lam
     after[b] = 0.0
-    return Solution(lam, after, float(lam @ (u + after)) / 2, change)
+    return Solution(lam, after, float(lam @ (u + after)) / 2, missed)
 
 
-def _sweep_all(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> float:
-    """Contacts in turn until no impulse changes; the last change, relative to the largest.
+def _solve(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> float:
+    """λ of all contacts; by how much laws are missed, over the largest velocity.
 
-    All at once comes first: what is alike on both sides of a mirror then stays alike, where
-    contacts in turn would choose a side.
+    By Newton's method, first from all at once: what is alike on both sides of a mirror then stays
+    alike, where contacts in turn would choose a side. Where it does not arrive, contacts in turn
+    find out what sticks, slides and is open, and it goes on from there.
     """
-    if len(rows) > 1:
-        lam[:] = _at_once(omega, free, rows)
-        if any(lam[row.first] > 0 for row in rows) and _guess(omega, free, rows, lam):
-            return 0.0
-        lam[:] = 0.0
-    parts = [slice(r.first, r.first + r.size) for r in rows]
-    change = 0.0
-    for sweep in range(1, SWEEPS + 1 if len(rows) > 1 else 2):
-        change = 0.0
-        for row, part in zip(rows, parts):
-            own = omega[part, part]
-            rest = free[part] + omega[part] @ lam - own @ lam[part]
-            new = _one(own, rest, row)
-            change = max(change, float(np.abs(new - lam[part]).max()))
-            lam[part] = new
-        size = float(np.abs(lam).max(initial=0.0))
-        if len(rows) == 1 or change <= CHANGE * size:
-            return 0.0
-        change /= size
-        if sweep % GUESS == 0 and _guess(omega, free, rows, lam):
-            return 0.0
-    return change
+    parts = [slice(row.first, row.first + row.size) for row in rows]
+    if len(rows) == 1:
+        lam[parts[0]] = _one(omega[parts[0], parts[0]], free[parts[0]], rows[0])
+        return 0.0
+    starts = _at_once(omega, free, rows), np.zeros(len(free))
+    tries = [_newton(omega, free, rows, start) for start in starts[:1]]
+    if tries[0][1] > FITS:
+        tries.append(_newton(omega, free, rows, starts[1]))
+    found, left = min(tries, key=lambda each: each[1])
+    turns = starts[1]
+    for _ in range(ROUNDS if left > FITS else 0):
+        for _ in range(SWEEPS):
+            for row, part in zip(rows, parts):
+                own = omega[part, part]
+                turns[part] = _one(own, free[part] + omega[part] @ turns - own @ turns[part], row)
+        turns, missed = _newton(omega, free, rows, turns)
+        if missed < left:
+            found, left = turns.copy(), missed
+        if left <= FITS:
+            break
+    lam[:] = found
+    return left
 
 
 def _at_once(omega: Array, free: Array, rows: Sequence[ContactRow]) -> Array:
@@ -107,75 +107,72 @@ def _at_once(omega: Array, free: Array, rows: Sequence[ContactRow]) -> Array:
     return lam
 
 
-def _guess(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> bool:
-    """Solve at once for what sticks, slides or is open now; into λ where that keeps all laws."""
-    pushed = [row for row in rows if lam[row.first] > 0]
-    ways = {row.first: _way(row, lam) for row in pushed}
+def _newton(
+    omega: Array, free: Array, rows: Sequence[ContactRow], start: Array
+) -> tuple[Array, float]:
+    """(λ, by how much it misses the laws over the largest velocity): damped steps of Newton.
+
+    The laws are those of `engine/contact/newton.py`, which time stepping solves: contacts are
+    projections on what λ may be ([Alart, Curnier 1991]). Impulses of each contact are measured by
+    its own mobility, so that no mass is large or small.
+    """
+    scale = np.ones(len(free))
+    for row in rows:
+        own = omega[row.first, row.first]
+        scale[row.first : row.first + row.size] = 1.0 / math.sqrt(own) if own > 0 else 1.0
+    omega, free, lam = scale[:, None] * omega * scale, scale * free, start / scale
     back = np.zeros(len(free))
     for row in rows:
-        back[row.first] = row.restitution_velocity
-    size = float(np.abs(free + back).max())
-    found: Array = lam
-    after: Array = free
-    for _ in range(TURNS):
-        columns, picked = [], []
-        for row in pushed:
-            way = ways[row.first]
-            for k in range(row.size if way is None else 1):
-                column = np.zeros(len(free))
-                column[row.first + k] = 1.0
-                if way is not None:
-                    column[row.first + 1 : row.first + 3] = -row.friction * way
-                columns.append(column)
-                picked.append(row.first + k)
-        act = np.array(columns).T
-        solved = np.linalg.lstsq((omega @ act)[picked], -(free + back)[picked], rcond=RANK)[0]
-        found = np.asarray(act @ solved, dtype=np.float64)
-        after = free + omega @ found
-        turned = 0.0
-        for first, way in ways.items():
-            slip = after[first + 1 : first + 3]
-            if way is not None and np.linalg.norm(slip) > FITS * size:
-                ways[first] = slip / np.linalg.norm(slip)
-                turned = max(turned, float(np.abs(slip / np.linalg.norm(slip) - way).max()))
-        if turned <= FITS:
+        back[row.first] = scale[row.first] * row.restitution_velocity
+    size = float(np.abs(free).max(initial=0.0) + np.abs(back).max(initial=0.0))
+    if size == 0.0:
+        return np.zeros(len(free)), 0.0
+    missed, slope = _laws(omega, free + back, rows, lam)
+    left = float(np.linalg.norm(missed))
+    for _ in range(STEPS):
+        if left <= ROUNDED * size or not np.isfinite(slope).all():
             break
-    if not _keeps_laws(after + back, found, rows, ways, size):
-        return False
-    lam[:] = found
-    return True
+        step = np.linalg.lstsq(slope, -missed, rcond=RANK)[0]
+        for _ in range(HALVINGS):
+            new = lam + step
+            found = _laws(omega, free + back, rows, new)
+            after = float(np.linalg.norm(found[0]))
+            if after < left:
+                break
+            step = 0.5 * step
+        else:
+            break
+        lam, (missed, slope), left = new, found, after
+    return scale * lam, left / size
 
 
-def _way(row: ContactRow, lam: Array) -> Array | None:
-    """Direction in which a pushed contact slides, None where it sticks."""
-    if row.size == 1 or row.held:
-        return None
-    drag = lam[row.first + 1 : row.first + 3]
-    pull = float(np.linalg.norm(drag))
-    if pull < row.friction * lam[row.first] * (1 - 1e-6) or pull == 0:
-        return None
-    return -drag / pull
+def _laws(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> tuple[Array, Array]:
+    """(velocities by which λ misses the laws of all contacts, their slope in λ).
 
-
-def _keeps_laws(
-    after: Array, lam: Array, rows: Sequence[ContactRow], ways: dict[int, Array | None], size: float
-) -> bool:
-    """Whether velocities, targets added, and impulses fit the laws of all contacts."""
-    most = float(np.abs(lam).max(initial=0.0))
+    `free` are the velocities without impulses, those that bounces ask for taken off.
+    """
+    after, eye = free + omega @ lam, np.eye(len(lam))
+    missed, slope = after.copy(), omega.copy()  # of rows that are held
     for row in rows:
-        n, pushed = row.first, lam[row.first] > 0
-        if lam[n] < 0 or after[n] < -FITS * size or (pushed and after[n] > FITS * size):
-            return False
-        if row.size == 1 or not pushed:
+        n, t = row.first, slice(row.first + 1, row.first + 3)
+        own = omega[n, n]
+        if row.held:
             continue
-        way, slip = ways.get(n), after[n + 1 : n + 3]
-        if way is None:
-            pull = math.hypot(lam[n + 1], lam[n + 2])
-            if not row.held and pull > row.friction * lam[n] + FITS * most:
-                return False
-        elif float(slip @ way) < (1 - FITS) * np.linalg.norm(slip) - FITS * size:
-            return False
-    return True
+        if own * lam[n] - after[n] <= 0:  # open
+            missed[n], slope[n] = own * lam[n], own * eye[n]
+        if row.size == 1:
+            continue
+        most = max(omega[n + 1, n + 1], omega[n + 2, n + 2])
+        pull = most * lam[t] - after[t]
+        size, rim = math.hypot(*pull), most * row.friction * max(lam[n], 0.0)
+        if size > rim:  # it slides
+            way = pull / size
+            missed[t] = most * lam[t] - rim * way
+            turned = (np.eye(2) - np.outer(way, way)) * (rim / size)
+            slope[t] = most * eye[t] - turned @ (most * eye[t] - omega[t])
+            if lam[n] > 0:
+                slope[t] -= most * row.friction * np.outer(way, eye[n])
+    return missed, slope
 
 
 def _one(omega: Array, u: Array, row: ContactRow) -> Array:

@@ -43,6 +43,72 @@ def test_a_contact_stops_and_friction_opposes_its_slip(friction, lever, slip):
         assert solved.gain <= rounding * lam[0]
 
 
+def block_on(points):
+    """Ω of a block of 1 kg at points of its bottom: rows normal, x, y of each."""
+    inverse = np.linalg.inv(np.diag([0.02, 0.03, 0.04]))
+    rows = []
+    for x, y, z in points:
+        arm = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        rows.append(np.hstack((-arm, np.eye(3)))[[2, 0, 1]])
+    jacobian = np.vstack(rows)
+    mass = np.block([[inverse, np.zeros((3, 3))], [np.zeros((3, 3)), np.eye(3)]])
+    return jacobian, jacobian @ mass @ jacobian.T
+
+
+BOTTOMS = {
+    "edge": [(0.1, y, -0.1) for y in (-0.1, 0.1)],
+    "face": [(x, y, -0.1) for x in (-0.1, 0.1) for y in (-0.1, 0.1)],
+    "rim": [(0.2 * np.cos(a), 0.2 * np.sin(a), -0.1) for a in np.arange(8) * np.pi / 4],
+}
+
+
+@pytest.mark.parametrize("bottom", BOTTOMS)
+@pytest.mark.parametrize("friction", [0.0, 0.3, 0.8])
+@pytest.mark.parametrize("restitution", [0.0, 0.5])
+def test_several_points_stop_or_bounce_and_friction_opposes_each_slip(
+    bottom, friction, restitution
+):
+    """1e-11 of the largest velocity or impulse: where Newton's method has arrived."""
+    random = np.random.default_rng(3)
+    jacobian, omega = block_on(BOTTOMS[bottom])
+    for _ in range(10):
+        motion = random.normal(size=6)
+        motion[5] = -2 - abs(motion[5])
+        u = jacobian @ motion
+        firsts = range(0, len(u), 3)
+        backs = [restitution * min(u[n], 0.0) for n in firsts]
+        rows = [impacts.ContactRow(n, 3, friction, back) for n, back in zip(firsts, backs)]
+        solved = impacts.impulses(omega, u, 0, rows)
+        lam, after = solved.impulse, solved.velocity
+        most, fastest = np.abs(lam).max(), np.abs(u).max()
+        assert after == pytest.approx(u + omega @ lam, abs=1e-12 * fastest)
+        for n, back in zip(firsts, backs):
+            left, slip, drag = after[n] + back, after[n + 1 : n + 3], lam[n + 1 : n + 3]
+            assert min(lam[n] / most, left / fastest) >= -1e-11
+            assert abs(lam[n] * left) <= 1e-11 * most * fastest
+            rim = friction * lam[n]
+            assert np.hypot(*drag) <= rim + 1e-11 * most
+            assert drag @ slip == pytest.approx(-rim * np.hypot(*slip), abs=1e-11 * most * fastest)
+
+
+@pytest.mark.parametrize("bottom", ["corner", "edge"])
+def test_time_stepping_finds_the_same_velocities(bottom):
+    """1e-9 of the largest: its solver ends at 1e-10. One impact, before anything has moved."""
+    points = [(0.1, 0.1, -0.1)] if bottom == "corner" else BOTTOMS["edge"]
+    block = pg.Body(name="block", joint="free", mass=1.0, inertia=np.diag([0.02, 0.03, 0.04]))
+    floor = pg.Contact(name="c", body="block", points=points, friction=0.3, restitution=0.5)
+    mech = pg.Mechanism(pg.Model(bodies=[block], contacts=[floor], gravity=(0, 0, 0)))
+    random, q = np.random.default_rng(5), np.array([0, 0, 0.1, 1.0, 0, 0, 0])
+    for _ in range(5):
+        v = random.normal(size=6)
+        v[5] = -3 - abs(v[5])
+        given = {"t_end": 1e-13, "frames": 2, "estimate": False}
+        located = pg.simulate(mech, q, v, method="dopri5", rtol=1e-10, **given)
+        stepped = pg.simulate(mech, q, v, method="moreau_jean", step=1e-13, **given)
+        assert located.counters["impacts"] == 1
+        assert stepped.v[-1] == pytest.approx(located.v[-1], abs=1e-9 * np.abs(v).max())
+
+
 def test_a_spinning_spike_lands_and_its_energy_is_balanced():
     """A frictionless tip beside the axis by less than can be squared: products underflow."""
     spike = pg.Body(
