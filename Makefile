@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 .DEFAULT_GOAL := help
-.PHONY: help run test quick check kernels nightly format clean
+.PHONY: help run test quick check kernels nightly site format clean
 WORKERS ?= 2# processes for tests that use no browser and measure no time
 
 help: ## this list
@@ -33,6 +33,10 @@ check: $(VENV)/installed-for-tests
 	@$(BIN)/ruff check .
 	@$(BIN)/pyright --pythonpath $(BIN)/python
 	@$(BIN)/lint-imports
+
+site: $(VENV)/installed-for-tests ## the documents as a site with living figures, in build/site
+	@$(BIN)/sphinx-build -q -W --keep-going docs build/site
+	@echo "Open build/site/index.html"
 
 format: $(VENV)/installed-for-tests ## put the source into the project's form
 	@$(BIN)/ruff format .

@@ -10,12 +10,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..dynamics.arguments import finite, position
+from ..dynamics.arguments import finite, numbers, position
 from ..dynamics.scene import Scene, contact_tables
 from ..dynamics.states import bodies_over
 from ..engine import layout as at
@@ -23,7 +23,7 @@ from ..engine import motion
 from ..engine.compiler.address import address_of
 from ..engine.records import JOINT_FORCE, table
 from ..engine.stepping import stiffness
-from ..errors import InputError, Problem
+from ..errors import InputError, Problem, choices, nearest_first
 from ..integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario
@@ -361,13 +361,45 @@ def initial_state(
     known = q is not None and v is not None
     q0, v0 = tau.start() if _is_controller(tau) and not known else mech.home()
     if given is not None:
-        for state, entries, column in ((q0, given.q, at.QI), (v0, given.v, at.VI)):
-            for name, values in entries.items():
-                number = mech.topology.number(name)
-                row = int(np.flatnonzero(mech.packed.system.body_of_row == number)[0])
-                first = mech.packed.system.rows[row, column]
-                state[first : first + len(values)] = values
+        for state, entries, kind in ((q0, given.q, "q"), (v0, given.v, "v")):
+            _fill(mech, state, entries, kind)
     return with_state(mech, (q0, v0), q, v)
+
+
+def by_names(
+    mech: Mechanism, scenario: str | None, q: Any, v: Any, tau: Any = None
+) -> tuple[Any, Any]:
+    """(q, v), where one is {body: value or values} as an array, the rest at the initial state.
+
+    Raises InputError for names without a joint that moves, and for other counts of values.
+    """
+    if not isinstance(q, Mapping) and not isinstance(v, Mapping):
+        return q, v
+    given = mech.model.scenario(scenario) if scenario is not None else None
+    start = initial_state(mech, given, None, None, tau)
+    found: list[Any] = [q, v]
+    for k, (value, state) in enumerate(zip((q, v), start)):
+        if isinstance(value, Mapping):
+            _fill(mech, state, value, "qv"[k])
+            found[k] = state
+    return found[0], found[1]
+
+
+def _fill(
+    mech: Mechanism, state: Array, entries: Mapping[str, Any], kind: Literal["q", "v"]
+) -> None:
+    """Write the entries of bodies into q or v."""
+    joints = mech.joints
+    for name, values in entries.items():
+        if name not in joints:
+            near = choices(nearest_first(str(name), joints))
+            text = f"{name!r} is no body with a joint that moves; choose from {near}"
+            raise InputError(Problem(kind, "", text))
+        place = getattr(joints[name], kind)
+        label = f"{kind}['{name}']"
+        state[place] = numbers(
+            label, [values] if np.isscalar(values) else values, place.stop - place.start
+        )
 
 
 def with_state(mech: Mechanism, start: tuple[Array, Array], q: Any, v: Any) -> tuple[Array, Array]:

@@ -15,7 +15,7 @@ from ..result import Result
 from .estimate import error_estimate
 from .monitors import monitors_of
 from .options import MOST_CHOSEN, Options
-from .plan import plan_of, with_state
+from .plan import by_names, plan_of, with_state
 from .recording import Recording
 
 if TYPE_CHECKING:
@@ -53,7 +53,8 @@ def simulate(
 ) -> Result:
     """Simulate a mechanism, or a model, from `t_start` to `t_end` [s].
 
-    Starts at (q, v), by default at the initial state of the scenario or of the model.
+    Starts at (q, v), by default at the initial state of the scenario or of the model. Each is an
+    array (nq,), (nv,) or a dictionary {body: value or values}, which leaves the others there.
 
     Torques and forces: `tau` is an array (nv,) or a function f(t, q, v) that is called at every
     stage; compiled by `numba.njit` it costs a hundredth of a Python function. `forces` act in
@@ -104,6 +105,7 @@ def simulate(
         scenario, t_start, t_end, method, step, rtol, atol, max_steps, frames, t_eval, stabilise,
         forces, switches, estimate is not False,
     )  # fmt: skip
+    q, v = by_names(mech, scenario, q, v, tau)
     plan = plan_of(mech, options, tau, q, v)
     state = with_state(mech, plan.start, q, v)
     tau = plan.tau if tau is None else tau

@@ -25,7 +25,7 @@ from ..result import Result, Status
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
 from .loop import Outcome
 from .options import SAME, Options, positive
-from .plan import plan_of, touching_contacts, with_contacts, with_state
+from .plan import by_names, plan_of, touching_contacts, with_contacts, with_state
 from .recording import Estimate, Recording
 from .switches import Change
 
@@ -186,8 +186,10 @@ class Stepper(Portable):
     def reset(self, q: Any = None, v: Any = None) -> None:
         """Start again at t_start, from (q, v) or the initial state where they are None.
 
+        Each is an array or a dictionary {body: value or values}, as for `simulate`.
         Raises InputError where the state does not fit, or the constraints cannot be met from it.
         """
+        q, v = by_names(self.mech, self._options.scenario, q, v, self._tau)
         self._begin(self._started, q, v)
 
     def step(self, tau: Any = None, n: int = 1) -> Status:

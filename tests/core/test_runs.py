@@ -210,6 +210,36 @@ def test_work_and_dissipation_balance_the_energy():
 # -- what is recorded --------------------------------------------------------------------------
 
 
+def test_initial_states_may_be_given_by_names():
+    """The same bits as by arrays; bodies that are not named start where the scenario has them."""
+    model = pg.Model.load(pgraph_models.path("double_pendulum"))
+    start = pg.simulate(model, scenario="swing", t_end=0.01)
+    named = pg.simulate(model, q={"lower": 0.2}, v={"upper": [1.0]}, scenario="swing", t_end=0.5)
+    q = [start.q[0, 0], 0.2]
+    given = pg.simulate(model, q=q, v=[1.0, start.v[0, 1]], scenario="swing", t_end=0.5)
+    assert np.array_equal(named.q, given.q)
+    stepper = pg.Stepper(model, scenario="swing", q={"lower": 0.2})
+    assert np.array_equal(stepper.q, q)
+    stepper.reset(q={"upper": 0.7})
+    assert np.array_equal(stepper.q, [0.7, start.q[0, 1]])
+
+
+@pytest.mark.parametrize(
+    ("q", "facts"),
+    [
+        ({"uper": 1.0}, ("'uper'", "upper")),
+        ({"upper": [1.0, 2.0]}, ("q['upper']", "(1,)")),
+        ({"upper": "up"}, ("q['upper']", "'up'")),
+        ({"upper": np.nan}, ("finite",)),
+    ],
+)
+def test_wrong_initial_states_by_names_are_sentences(q, facts):
+    model = pg.Model.load(pgraph_models.path("double_pendulum"))
+    with pytest.raises(pg.InputError) as error:
+        pg.simulate(model, q=q)
+    assert all(fact in str(error.value) for fact in facts)
+
+
 def test_frames_and_t_eval_choose_what_is_recorded_not_what_is_computed():
     mech = pg.Mechanism(pg.Model.serial(2))
     options = {"t_end": 0.4, "method": "rk4", "step": 1e-3}
