@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -385,9 +385,7 @@ def by_names(
     return found[0], found[1]
 
 
-def _fill(
-    mech: Mechanism, state: Array, entries: Mapping[str, Any], kind: Literal["q", "v"]
-) -> None:
+def _fill(mech: Mechanism, state: Array, entries: Mapping[str, Any], kind: str) -> None:
     """Write the entries of bodies into q or v."""
     joints = mech.joints
     for name, values in entries.items():
