@@ -42,7 +42,8 @@
   // What can be done with a finished run.
   function after() {
     const keep = [["csv", "CSV", "Everything over time as a table"], ["npz", "NPZ", "The run with its model, for Python"],
-      ["html", "HTML", "The animation as one file that any browser plays"]];
+      ["html", "HTML", "The animation as one file that any browser plays"],
+      ["live", "Living figure", "One file in which the reader runs the mechanism, pulls on it and changes its masses"]];
     return make("div", { className: "after", hidden: true },
       button("continue", "Continue", "Go on from the end for as long again", () => now("Continue")),
       button("pose", "Use pose", "The pose shown becomes the initial state of the model", () => now("UsePose")),

@@ -177,7 +177,7 @@ def compare(state: State, event: Compare) -> State:
 class Export(FromPage):
     """The run as a file."""
 
-    what: Literal["csv", "npz", "html"]
+    what: Literal["csv", "npz", "html", "live"]
 
 
 @on(Export)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import viser
 
-from pgraph_core import show
+from pgraph_core import InputError, show
 from pgraph_core.model.scenario import METHOD_NAMES
 from pgraph_core.show.animation import Extra
 
@@ -27,6 +27,7 @@ from ..scene.overlays import Overlays
 from . import FREE_RUN
 
 POOR = 1e-2  # above it an accuracy is shown as a warning
+OPEN = 8  # masses that the reader of a living figure may change
 PARTS = ("derived", "request", "last_run", "job", "ghost", "run_problem", "kernels")
 
 
@@ -178,6 +179,8 @@ def made(asked: Exporting) -> tuple[str, bytes]:
             return "csv", table(asked.run)
         case "npz":
             return arrays(asked.run)
+        case "live":
+            return "live.html", living(asked.run)
     return "html", animation(asked.run, asked.shown)
 
 
@@ -205,6 +208,20 @@ def animation(run: Run, shown: frozenset[str] = SHOWN_AT_FIRST) -> bytes:
     Forces, friction cones, footprints and marks of bodies are in it where they are `shown`.
     """
     return show.animation_html(run.result, lambda server: overlays(server, run, shown)).encode()
+
+
+def living(run: Run) -> bytes:
+    """One HTML file in which the reader runs the mechanism.
+
+    Masses may be changed there, if the browser can follow them.
+    """
+    from pgraph_core.live.export import page  # compiles kernels of its own
+
+    heavy = [body.name for body in run.model.bodies if body.mass > 0 and "." not in body.name]
+    try:
+        return page(run.result, [f"bodies.{name}.mass" for name in heavy[:OPEN]]).encode()
+    except InputError:
+        return page(run.result).encode()
 
 
 def overlays(server: viser.ViserServer, run: Run, shown: frozenset[str]) -> Extra:

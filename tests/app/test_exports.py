@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import re
 import zipfile
 from typing import Any
@@ -23,6 +24,7 @@ from pgraph_app.run.update import Export, Simulate, Simulated
 from pgraph_app.scene import marks
 from pgraph_app.scene.update import Show
 from pgraph_app.session.update import Connected
+from pgraph_core.live import module
 from pgraph_core.show import animation
 
 
@@ -67,6 +69,22 @@ def test_the_animation_is_one_page_that_asks_for_nothing_else(run):
     page = view.animation(run).decode()
     assert page.lstrip().lower().startswith("<!doctype html")
     assert not re.search(r'<(script|link|img)[^>]+(src|href)="https?://', page)
+
+
+@pytest.mark.skipif(bool(module.stale()), reason="the module is older than the kernels")
+def test_a_living_figure_opens_the_masses(run):
+    page = view.living(run).decode()
+    (text,) = re.findall(r'<script[^>]*id="figure"[^>]*>(.*?)</script>', page, re.DOTALL)
+    engine = json.loads(text)["engine"]
+    assert engine["methods"]
+    assert [field["path"] for field in engine["open"]] == [f"bodies.{i}.mass" for i in (1, 2, 3)]
+
+
+def test_a_living_figure_of_what_cannot_travel_is_the_recording():
+    model = pg.Model.serial(1)
+    result = pg.simulate(model, tau=lambda t, q, v: np.array([np.sin(t)]), t_end=0.1)
+    page = view.living(Run(model, Request(), result)).decode()
+    assert "torques come from Python" in page
 
 
 @pytest.fixture(scope="module")
