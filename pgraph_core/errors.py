@@ -8,6 +8,7 @@ import functools
 import inspect
 import math
 import os
+import struct
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
@@ -212,7 +213,13 @@ class NameLookupError(InputError, KeyError):
     __str__ = Exception.__str__
 
 
-BARE = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError)
+BARE = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError, struct.error)
+RETURNED_BY = {  # records, and the calls that return them
+    "Assembly": "mech.assemble()", "Case": "pg.load_cases()", "Footprint": "pg.footprints(run)",
+    "Mobility": "mech.mobility()", "Result": "pg.simulate(...)", "Report": "pg.read_urdf(path)",
+    "StabilityMap": "pg.stability_map(...)", "Study": "pg.work_precision(...)",
+    "Sweep": "pg.sweep(...)", "Verdict": "pg.verify(...)",
+}  # fmt: skip
 
 
 def explained(called: Called) -> Called:
@@ -226,7 +233,7 @@ def explained(called: Called) -> Called:
     if not isinstance(owner, type):
         return _explained(called)
     for name, own in list(vars(owner).items()):
-        if name.startswith("_") and name != "__init__":
+        if name.startswith("_") and name not in ("__init__", "__new__"):
             continue
         if isinstance(own, (classmethod, staticmethod)):
             setattr(owner, name, type(own)(_explained(own.__func__)))
@@ -245,6 +252,9 @@ def _explained(function: Any) -> Any:
         except BARE as error:
             found = _problems_of_call(function, args, named)
             if not found:
+                for value in (*args, *named.values()):
+                    if hasattr(type(value), "validated"):  # a part copied with unchecked fields
+                        value.validated()
                 raise
             raise InputError(found) from (None if found[0].text.startswith("is ") else error)
 
@@ -256,7 +266,7 @@ def _problems_of_call(
 ) -> list[Problem]:
     """What is wrong with the arguments of a call that failed; none where they fit."""
     parameters = dict(inspect.signature(function).parameters)
-    own = next(iter(parameters), "") in ("self", "cls")
+    own = next(iter(parameters), "") in ("self", "cls", "_cls")
     where = function.__qualname__
     if own and not (args and hasattr(args[0], function.__name__)):
         text = f"is a method: call it on a {where.split('.')[0]}"
@@ -264,8 +274,12 @@ def _problems_of_call(
     if own:
         parameters.pop(next(iter(parameters)))
         kind = args[0] if isinstance(args[0], type) else type(args[0])
-        where = f"{kind.__name__}.{function.__name__}".removesuffix(".__init__")
+        where = f"{kind.__name__}.{function.__name__}"
+        where = where.removesuffix(".__init__").removesuffix(".__new__")
         args = args[1:]
+        if where in RETURNED_BY:
+            text = f"is not made by hand: {RETURNED_BY[where]} returns it"
+            return [Problem(f"pg.{where}", "", text)]
     return _not_taken(where, parameters, args, named) or _misfits(
         where, function, parameters, args, named
     )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import copy
+import pickle
 import subprocess
 import sys
 from importlib.metadata import version
@@ -79,6 +81,14 @@ def test_a_pendulum_loads_no_module_of_what_it_does_not_have():
 
 
 MODEL = pg.Model.serial(2)
+SCENARIO = pg.Scenario(name="s", q={"knee": 0.5})
+RUN = pg.simulate(MODEL, t_end=0.01, frames=3)
+
+
+def spoilt(**fields):
+    """A model whose first body was copied with fields that nobody checked."""
+    first, *others = MODEL.bodies
+    return MODEL.model_copy(update={"bodies": (first.model_copy(update=fields), *others)})
 
 
 @pytest.mark.parametrize(
@@ -94,6 +104,21 @@ MODEL = pg.Model.serial(2)
         (lambda: pg.sweep(MODEL, {"2.mass": [1, 2]}, "max 2"), "write bodies.2.mass"),
         (lambda: pg.sweep("pendulum", {"a": [1]}, "max 2"), "pg.Model.load('pendulum')"),
         (lambda: pg.Spring(name="s", body="1", k=1.0), "did you mean stiffness?"),
+        (lambda: SCENARIO.q.update(knee=1), "model.edit(name of the part, field={**old"),
+        (lambda: SCENARIO.q.__setitem__("knee", "zz"), "'knee': is not changed in place"),
+        (lambda: MODEL["1"].model_copy(update={"masss": 1}), "did you mean mass?"),
+        (lambda: pg.Mechanism(MODEL.model_copy(update={"bodies": "zz"})), "bodies: must be"),
+        (lambda: pg.simulate(spoilt(mass="heavy"), t_end=0.1), "mass: must be"),
+        (lambda: pg.simulate(MODEL.model_copy(update={"gravity": "down"})), "gravity: must be"),
+        (lambda: pg.Result(), "pg.simulate(...) returns it"),
+        (lambda: pg.Footprint(), "pg.footprints(run) returns it"),
+        (lambda: len(RUN), "len(run.t) is the number of frames"),
+        (lambda: RUN[0], "frames are rows of run.q"),
+        (lambda: RUN["q"], "run.q"),
+        (lambda: pg.Mechanism(MODEL).assemble(hold="1"), "choose from q, v, active"),
+        (lambda: pg.Stepper(MODEL).step(lambda t, q, v: v), "pg.Stepper(..., tau=function)"),
+        (lambda: pg.Stepper(MODEL).step({"1": 1.0}), "tau: must be numbers"),
+        (lambda: pg.BatchStepper(MODEL, 2).step({"1": 1.0}), "numbers of shape (2, 2) or (2,)"),
     ],
 )
 def test_what_people_type_from_memory_is_answered_with_what_to_write(typed, told):
@@ -105,3 +130,11 @@ def test_what_people_type_from_memory_is_answered_with_what_to_write(typed, told
 def test_a_part_by_its_name_in_brackets():
     assert MODEL["2"] is MODEL.body("2")
     assert not hasattr(MODEL, "nothing_of_the_kind")
+
+
+def test_a_copy_and_a_pickle_of_a_part_keep_its_dictionaries_fixed():
+    for other in (copy.deepcopy(SCENARIO), pickle.loads(pickle.dumps(SCENARIO))):
+        assert other == SCENARIO
+        with pytest.raises(pg.ModelError):
+            other.q["knee"] = 1.0
+    assert {**SCENARIO.q, "hip": (1.0,)} == {"knee": (0.5,), "hip": (1.0,)}

@@ -25,6 +25,7 @@ from .terminal import (
     open_model,
     positive,
     progress_bar,
+    seed,
     tolerance,
 )
 
@@ -185,7 +186,7 @@ def sweep_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--resume", action="store_true", help="go on where a sweep was interrupted")
     parser.add_argument("--samples", choices=SAMPLES, default="grid", help="default: grid")
     parser.add_argument("-n", type=count, metavar="N", help="number of samples")
-    parser.add_argument("--seed", type=int, default=0, help="of the samples; default: 0")
+    parser.add_argument("--seed", type=seed, default=0, help="of the samples; default: 0")
     parser.add_argument("--workers", type=count, metavar="N", help="processes; default: all cores")
     parser.add_argument("--scheduler", metavar="ADDRESS", help="a Dask scheduler: tcp://host:8786")
     _run_options(parser)

@@ -73,6 +73,13 @@ def port(text: str) -> int:
     return int(text)
 
 
+def seed(text: str) -> int:
+    """A whole number >= 0."""
+    if not (text.isascii() and text.isdigit()):
+        raise ArgumentTypeError(f"must be a whole number >= 0; given {text!r}")
+    return int(text)
+
+
 def positive(text: str) -> float:
     """A finite number > 0."""
     try:

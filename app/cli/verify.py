@@ -13,7 +13,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_core.errors import InputError, Problem
 
-from .terminal import Answer, Command, aligned
+from .terminal import Answer, Command, aligned, count, seed
 
 if TYPE_CHECKING:
     from pgraph_core.verification.hunt import Find
@@ -97,20 +97,14 @@ def _cells(row: dict[str, Any]) -> tuple[Any, ...]:
 
 
 def hunt_arguments(parser: ArgumentParser) -> None:
-    parser.add_argument("--scenes", type=int, default=2000, help="how many (default: 2000)")
-    parser.add_argument("--seed", type=int, default=0, help="of the random numbers (default: 0)")
-    parser.add_argument("--first", type=int, default=0, help="number of the first (default: 0)")
+    parser.add_argument("--scenes", type=count, default=2000, help="how many (default: 2000)")
+    parser.add_argument("--seed", type=seed, default=0, help="of the random numbers (default: 0)")
+    parser.add_argument("--first", type=seed, default=0, help="number of the first (default: 0)")
 
 
 def hunt(args: Namespace) -> Answer:
-    """Raises InputError for a number of scenes below 1."""
     from pgraph_core.verification import hunt as scenes  # other commands need no kernels
 
-    if args.scenes < 1 or args.seed < 0:
-        text = f"needs a number >= 1, and a seed >= 0; given {args.scenes} and {args.seed}"
-        raise InputError(Problem("pgraph hunt", "--scenes", text))
-    if args.first < 0:
-        raise InputError(Problem("pgraph hunt", "--first", f"must be >= 0; given {args.first}"))
     began = time.perf_counter()
     given = args.scenes, args.seed, lambda number: _tell(f"scene {number + 1}"), args.first
     finds = list(scenes.hunt(*given))

@@ -12,7 +12,7 @@ from ..dynamics import Dynamics
 from ..dynamics.arguments import finite, position
 from ..dynamics.scene import Scene
 from ..engine import motion
-from ..errors import InputError, Problem, one_of
+from ..errors import InputError, Problem, explained, one_of
 from ..packing.forces import NO_LOADS
 from ..packing.system import Array, Ints
 from .rows import ANGLE, Rows, apart
@@ -31,6 +31,7 @@ SUSPECT = 1e-3  # of the largest gap: what may contradict
 SPEED = 1e-9  # relative: a velocity that is met
 
 
+@explained
 @dataclass(frozen=True)
 class Assembly:
     """What assembling a state changed."""

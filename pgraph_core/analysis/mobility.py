@@ -16,7 +16,7 @@ import numpy as np
 
 from ..dynamics import Dynamics
 from ..dynamics.arguments import finite, position
-from ..errors import InputError
+from ..errors import InputError, explained
 from ..packing.system import Array
 from .assembly import closed, contradiction, descended, indices
 from .rows import COORDINATE, Group, Rows, apart, axis_name
@@ -48,6 +48,7 @@ class Redundant:
         return f"{self.direction} of constraint '{self.constraint}'"
 
 
+@explained
 @dataclass(frozen=True)
 class Mobility:
     """What constraints leave of a mechanism's freedom at one position."""

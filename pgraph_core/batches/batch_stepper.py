@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from hashlib import sha256
 from numbers import Integral
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
@@ -79,7 +80,7 @@ class BatchStepper(Portable):
         step: float = 1e-3,
         method: str = AUTO,
         scenario: str | None = None,
-        tau: Any = None,
+        tau: npt.ArrayLike | Callable[[float, Array, Array], Any] | None = None,
         forces: Sequence[Force] = (),
         stabilise: str | None = "project",
         switches: Sequence[Any] | None = None,
@@ -202,7 +203,7 @@ class BatchStepper(Portable):
 
     # -- steps -----------------------------------------------------------------------------------
 
-    def step(self, tau: Any = None, n: int = 1) -> NDArray[np.bool_]:
+    def step(self, tau: npt.ArrayLike | None = None, n: int = 1) -> NDArray[np.bool_]:
         """Take n steps; (size,) bool: which instances go on.
 
         `tau` (size, nv) or (nv,) acts in them, in place of the array given at the start.
@@ -258,7 +259,7 @@ class BatchStepper(Portable):
         positions(self.mech.packed, table)
         return table
 
-    def acceleration(self, tau: Any = None) -> Array:
+    def acceleration(self, tau: npt.ArrayLike | None = None) -> Array:
         """v' (size, nv) at the states, with all forces, constraints and contacts.
 
         `tau` as of `step`.

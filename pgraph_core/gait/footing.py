@@ -22,6 +22,7 @@ from ..result.records import SWING
 # -- footprints ------------------------------------------------------------------------------------
 
 
+@explained
 class Footprint(NamedTuple):
     """One stance of a foot: where it stood, and when."""
 

@@ -13,10 +13,10 @@ from pydantic import model_validator
 from .curves import Curve
 from .fields import (
     GROUND,
+    ByName,
     Flag,
     Number,
     OfKinds,
-    PerMotion,
     Vec3,
     by_name,
     field,
@@ -318,7 +318,7 @@ class Velocity(InJoints):
 
     kind: Literal["velocity"] = field(KIND, default="velocity")
     body: str = field("the name of a body", default="", label="Body")
-    coefficients: dict[str, PerMotion] = field(
+    coefficients: ByName = field(
         "body name -> numbers, one a degree of freedom of its joint",
         converter=by_name, label="Coefficient", help="one a degree of freedom",
     )  # fmt: skip

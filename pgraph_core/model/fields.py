@@ -18,6 +18,7 @@ from typing import (
     Any,
     ClassVar,
     NamedTuple,
+    NoReturn,
     Self,
     TypeVar,
     dataclass_transform,
@@ -27,6 +28,7 @@ from typing import (
 
 import numpy.typing as npt
 from pydantic import (
+    AfterValidator,
     AllowInfNan,
     BaseModel,
     BeforeValidator,
@@ -188,7 +190,31 @@ def names_or_none(value: Sequence[str] | None) -> tuple[str, ...] | None:
     return listed(value)
 
 
-def by_name(value: Mapping[str, npt.ArrayLike]) -> dict[str, PerMotion]:
+class Fixed(dict[str, Any]):
+    """A dictionary of a part: not changed in place. Raises ModelError."""
+
+    def _refused(self, *args: Any, **named: Any) -> NoReturn:
+        text = "is not changed in place; make a new model: "
+        text += "model = model.edit(name of the part, field={**old, 'key': value})"
+        raise ModelError(Problem("a dictionary of a model", shown(args[0]) if args else "", text))
+
+    __setitem__ = __delitem__ = __ior__ = _refused  # pyright: ignore[reportAssignmentType]
+    clear = pop = popitem = setdefault = update = _refused  # pyright: ignore[reportAssignmentType]
+
+    def __reduce__(self) -> Any:
+        return Fixed, (dict(self),)
+
+
+def fixed(value: dict[str, Any]) -> dict[str, Any]:
+    """The same entries, not to be changed in place."""
+    return Fixed(value)
+
+
+ByName = Annotated[dict[str, PerMotion], AfterValidator(fixed)]
+EMPTY = Fixed()
+
+
+def by_name(value: Mapping[str, npt.ArrayLike]) -> ByName:
     """Body name -> numbers."""
     return value  # type: ignore[return-value]
 
@@ -392,6 +418,19 @@ class Frozen(_Base):
             text += f"model.edit({shown(own)}, {name}={shown(value)})"
         raise ModelError(Problem(where, name, text))
 
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """A copy with other fields, whose values are not validated. Raises ModelError."""
+        known = type(self).model_fields
+        if update is not None and not update.keys() <= known.keys():
+            name = next(name for name in update if name not in known)
+            where = f"{type(self).__name__}.model_copy"
+            raise ModelError(Problem(where, shown(name), f"no such field; {nearest(name, known)}"))
+        return super().model_copy(update=update, deep=deep)
+
+    def validated(self) -> Self:
+        """The same part, checked again. Raises ModelError: `model_copy` takes any value."""
+        return type(self)(**{name: _again(getattr(self, name)) for name in type(self).model_fields})
+
     def __copy__(self) -> Self:
         """The same fields; what is cached next to them may not be true of the copy's."""
         copy = super().__copy__()
@@ -439,6 +478,13 @@ class Frozen(_Base):
         lines = (f"    {name}: {info.description}" for name, info in cls.model_fields.items())
         own = inspect.cleandoc(vars(cls).get("__doc__") or "")
         cls.__doc__ = "\n".join((own, "", "Fields:", *lines))
+
+
+def _again(value: Any) -> Any:
+    """Parts inside, validated."""
+    if isinstance(value, tuple):
+        return tuple(map(_again, value))
+    return value.validated() if isinstance(value, Frozen) else value
 
 
 def _hashed(value: Any) -> Any:

@@ -12,12 +12,13 @@ from ..errors import Problem, choices, shown
 from .body import Body
 from .constraint import Constraint
 from .fields import (
+    EMPTY,
+    ByName,
     Described,
     Flag,
     Frozen,
     Number,
     Numbers,
-    PerMotion,
     by_name,
     field,
     listed,
@@ -238,8 +239,8 @@ class Scenario(Described):
 
     name: str = Field(description="text that is not empty")
     description: str = Field(default="", description="a sentence")
-    q: dict[str, PerMotion] = field("body name -> initial q", converter=by_name, default={})
-    v: dict[str, PerMotion] = field("body name -> initial v", converter=by_name, default={})
+    q: ByName = field("body name -> initial q", converter=by_name, default=EMPTY)
+    v: ByName = field("body name -> initial v", converter=by_name, default=EMPTY)
     forces: tuple[Force, ...] = field(
         "a list of forces besides those of the model", converter=_forces_in, default=()
     )

@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy.typing as npt
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from ..errors import shown
-from .fields import Described, Frozen, Number, Vec3, field, listed, maybe_vector, refuse
+from .fields import (
+    EMPTY,
+    Described,
+    Frozen,
+    Number,
+    Vec3,
+    field,
+    fixed,
+    listed,
+    maybe_vector,
+    refuse,
+)
 from .parameters import name_problems
 
 DOWN: dict[str, Vec3] = {"x": (-9.81, 0.0, 0.0), "y": (0.0, -9.81, 0.0), "z": (0.0, 0.0, -9.81)}
@@ -131,9 +142,9 @@ class World(Described):
     ground: Ground = field(
         "the ground: {'slope': ..., 'steps': ...}", converter=_ground_in, default=Ground()
     )
-    parameters: dict[str, Number] = field(
+    parameters: Annotated[dict[str, Number], AfterValidator(fixed)] = field(
         "names and finite numbers, for formulas such as '=thigh/2'",
-        converter=_parameters_in, default={},
+        converter=_parameters_in, default=EMPTY,
     )  # fmt: skip
 
     @model_validator(mode="before")

@@ -153,6 +153,15 @@ class Result(EqualByFields, Portable):
         place = joints[name].q
         return self.q[:, place.start] if place.stop == place.start + 1 else self.q[:, place]
 
+    def __bool__(self) -> bool:
+        """True: a run is there; `status.ok` says whether it reached its end."""
+        return True
+
+    def __len__(self) -> int:
+        """Refuses. Raises InputError: frames, joints or columns may be meant."""
+        text = "has no length: len(run.t) is the number of frames, len(run.mechanism.names) that of"
+        raise InputError(Problem("Result", "", f"{text} bodies"))
+
     def _ipython_key_completions_(self) -> list[str]:
         """What `run["` completes to in a notebook: the joints."""
         return list(self.mechanism.joints)
@@ -161,6 +170,10 @@ class Result(EqualByFields, Portable):
         joints = tuple(self.mechanism.joints)
         if name in self.mechanism.names:
             return f"the joint of {name!r} has no coordinate; choose one of {choices(joints)}"
+        if isinstance(name, str) and name in ARRAYS:
+            return f"no body is named {name!r}; the array of all is run.{name}"
+        if isinstance(name, (int, slice)):
+            return f"no body is named {name!r}; frames are rows of run.q, run.v and run.t"
         near = get_close_matches(str(name), joints)
         hint = f"; did you mean {' or '.join(map(repr, near))}?" if near else ";"
         return f"no body is named {name!r}{hint} choose one of {choices(joints)}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from hashlib import sha256
@@ -12,6 +12,7 @@ from numbers import Integral
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ..dynamics.arguments import finite
 from ..engine import layout as at
@@ -72,7 +73,7 @@ class Stepper(Portable):
         step: float = 1e-3,
         method: str = AUTO,
         scenario: str | None = None,
-        tau: Any = None,
+        tau: npt.ArrayLike | Callable[[float, Array, Array], Any] | None = None,
         forces: Sequence[Force] = (),
         stabilise: str | None = "project",
         switches: Sequence[Any] | None = None,
@@ -192,7 +193,7 @@ class Stepper(Portable):
         q, v = by_names(self.mech, self._options.scenario, q, v, self._tau)
         self._begin(self._started, q, v)
 
-    def step(self, tau: Any = None, n: int = 1) -> Status:
+    def step(self, tau: npt.ArrayLike | None = None, n: int = 1) -> Status:
         """Take n steps; `tau` (nv,) acts in them, in place of the array given at the start.
 
         A step that fails is not taken: the state stays, `status` and `message` say why, and
@@ -391,6 +392,9 @@ class Stepper(Portable):
 
     def _give(self, tau: Any) -> None:
         """Torques of the next steps. Raises InputError."""
+        if callable(tau):
+            text = "must be numbers; a function of (t, q, v) goes to pg.Stepper(..., tau=function)"
+            raise InputError(Problem("Stepper.step", "tau", text))
         self._record.scene.given[:] = self._own if tau is None else finite("tau", tau, self.mech.nv)
         self._steps.control["fresh"] = 0
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, PgraphError, refusal
+from ..errors import InputError, PgraphError, explained, refusal
 from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..packing.system import Array
@@ -42,6 +42,7 @@ GROWN = (1e-12, 0.1)  # differences between which their growth is fitted
 FOLDS = 4.0  # e-folds in the second half of the time: more than powers of time make
 
 
+@explained
 @dataclass(frozen=True)
 class Reference:
     """A motion at given times, and an estimate of its own error."""

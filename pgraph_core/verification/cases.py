@@ -61,6 +61,7 @@ class Observable:
             )
 
 
+@explained
 @dataclass(frozen=True)
 class Case:
     """A model whose motion is known."""
@@ -85,6 +86,7 @@ class Case:
         return simulate(mech, progress=progress, **{**grid, **self.options, **options})
 
 
+@explained
 @dataclass(frozen=True)
 class Verdict:
     """The result of a case: the observable with the largest error relative to its target."""
