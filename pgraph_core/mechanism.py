@@ -90,7 +90,7 @@ class Mechanism(Dynamics):
         dampers of joints included; springs between bodies add differences good to 1e-11 of theirs.
         Columns of the first are moves along v (a rotation vector in a ball's axes), not along q.
         """
-        from .analysis.derivatives import forward_derivatives  # compiled for lanes
+        from .analysis.linear import forward_derivatives  # compiled for lanes
 
         q, v = position(self.packed, q), finite("v", v, self.nv)
         given = self._rest if tau is None else finite("tau", tau, self.nv)

@@ -114,6 +114,8 @@ def spoilt(**fields):
         (lambda: pg.Footprint(), "pg.footprints(run) returns it"),
         (lambda: len(RUN), "len(run.t) is the number of frames"),
         (lambda: RUN[0], "frames are rows of run.q"),
+        (lambda: list(RUN), "run.to_pandas() is a table"),
+        (lambda: __import__("pandas").DataFrame(RUN), "run.to_pandas() is a table"),
         (lambda: RUN["q"], "run.q"),
         (lambda: pg.Mechanism(MODEL).assemble(hold="1"), "choose from q, v, active"),
         (lambda: pg.Stepper(MODEL).step(lambda t, q, v: v), "pg.Stepper(..., tau=function)"),

@@ -35,8 +35,7 @@ from ..packing.system import Array, Ints, System
 from ..rotation import matrix
 from ..topology import Topology
 from . import solids
-from .solids import Placed, Solid
-from .steps import terrain_of
+from .solids import Placed, Solid, terrain_of
 
 if TYPE_CHECKING:
     from ..packing.packed import Packed

@@ -12,8 +12,17 @@ from ..engine import layout as at
 from ..engine.compiler.address import _KEPT, WORDS, address_of, unnamed
 from ..engine.compiler.jit import JIT, compile_kernel, ready
 from ..engine.gait import walking
-from ..engine.gait.heading import FLEXION, HARMONICS, NOD, RISE, SURGE, SWAY
-from ..engine.gait.tables import FOOT, GAIT_SETTINGS, Walk
+from ..engine.gait.tables import (
+    FLEXION,
+    FOOT,
+    GAIT_SETTINGS,
+    HARMONICS,
+    NOD,
+    RISE,
+    SURGE,
+    SWAY,
+    Walk,
+)
 from ..engine.records import table
 from ..errors import InputError, Problem, explained
 from ..mechanism import Mechanism, mechanism_of

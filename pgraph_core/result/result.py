@@ -13,7 +13,7 @@ from functools import cached_property
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
@@ -161,6 +161,11 @@ class Result(EqualByFields, Portable):
         """Refuses. Raises InputError: frames, joints or columns may be meant."""
         text = "has no length: len(run.t) is the number of frames, len(run.mechanism.names) that of"
         raise InputError(Problem("Result", "", f"{text} bodies"))
+
+    def __iter__(self) -> NoReturn:
+        """Refuses. Raises InputError."""
+        text = "is not gone through: run.to_pandas() is a table, zip(run.t, run.q) are the frames"
+        raise InputError(Problem("Result", "", text))
 
     def _ipython_key_completions_(self) -> list[str]:
         """What `run["` completes to in a notebook: the joints."""

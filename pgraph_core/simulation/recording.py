@@ -176,7 +176,7 @@ class Recording:
         links = links_of(plan.method.name, points, watch is not None)
         wanted: Any = () if watch is None else (watch.wanted, watch.address)
         if plan.declared is not None:
-            from .clearance import Clearance
+            from .contact_log import Clearance
 
             self._clearance = Clearance(self.mech, plan.declared)
             self.steps.control["guard"] = self._clearance.address
@@ -694,7 +694,7 @@ class Recording:
 
     def _contacts(self, frames: tuple[Array, Array, Array, Array], q: Array) -> ContactRecord:
         if self.plan.declared is not None:
-            from .clearance import untouched
+            from .contact_log import untouched
 
             return replace(
                 untouched(self.mech, self.plan.declared, q), events=tuple(self.ended.log)

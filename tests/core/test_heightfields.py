@@ -9,8 +9,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_core.contact import solids
-from pgraph_core.contact.solids import mass_properties
-from pgraph_core.contact.steps import terrain_of
+from pgraph_core.contact.solids import mass_properties, terrain_of
 
 from .touching import Scene, pose, random_pose, random_solid
 

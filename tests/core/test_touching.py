@@ -7,8 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import pgraph_core as pg
-from pgraph_core.contact.solids import search_space
-from pgraph_core.contact.steps import terrain_of
+from pgraph_core.contact.solids import search_space, terrain_of
 from pgraph_core.contact.tables import damping_ratio, loss_at_speed
 from pgraph_core.contact.tables import tables as tables_of
 from pgraph_core.engine import layout as at

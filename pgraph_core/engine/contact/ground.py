@@ -1,7 +1,7 @@
 """Shapes against the ground: exact points and gaps.
 
 The ground is a plane through the world's origin, and rectangles of it at another height. What
-stands out, and the rims of pits, touch as boxes on row 0 (`contact/steps.py`); there the plane
+stands out, and the rims of pits, touch as boxes on row 0 (`contact/solids.py`); there the plane
 does not. The floor of a pit is the plane, lower.
 """
 

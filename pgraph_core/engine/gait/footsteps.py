@@ -6,7 +6,7 @@ what lies between.
 
 from ..compiler.jit import part, sweep
 from ..vec import add_scaled, scale, sub, xyz
-from .heading import into, out_of, smooth
+from .tables import into, out_of, smooth
 
 FREED, FREE = 0.04, 0.2  # a swing's part in which the foot only lifts; in which it is let go
 SURE = 0.5  # of a full load: with more on the ground its slope is known

@@ -34,10 +34,22 @@ from ..vec import (
     xyz,
 )
 from .footsteps import ground, level_at, step_to, swing_foot
-from .heading import FLEXION, NOD, RISE, SURGE, SWAY, into, out_of, phase_at, smooth, speed_at, wave
 from .legs import stand, swing
 from .support import carry, centre
-from .tables import WALK
+from .tables import (
+    FLEXION,
+    NOD,
+    RISE,
+    SURGE,
+    SWAY,
+    WALK,
+    into,
+    out_of,
+    phase_at,
+    smooth,
+    speed_at,
+    wave,
+)
 
 _save, opened_walk = stored(WALK)
 
