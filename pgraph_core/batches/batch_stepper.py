@@ -59,10 +59,10 @@ class BatchStepper(Portable):
     an array (nv,) or (size, nv), or a function of (t, q, v) compiled by `numba.njit`.
 
     An instance takes the steps that it would take alone in a `Stepper`, bit for bit, whatever its
-    neighbours and the number of `threads` (all cores by default). Free trees without servos that
-    differ in their bodies alone are stepped in SIMD lanes, equal to rounding. An instance that
-    fails stays at its last good state, in lanes that before the call, is named in `failures`, and
-    takes no further steps until it is reset.
+    neighbours and the number of `threads` (all cores by default). Free trees that differ in their
+    bodies, and in the targets of servos without a limit, are stepped in SIMD lanes, equal to
+    rounding. An instance that fails stays at its last good state, in lanes that before the call, is
+    named in `failures`, and takes no further steps until it is reset.
 
     Raises InputError for arguments that do not fit.
     """

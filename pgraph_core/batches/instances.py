@@ -200,14 +200,22 @@ COPY = address_of_function(ctypes.memmove)
 
 
 def fits_lanes(stepper: Stepper, varying: Ints) -> bool:
-    """Whether these are trees that differ in bodies alone, without servos and functions."""
+    """Whether these are trees that differ in bodies alone, without functions or bounded servos."""
     scene = stepper.recording.scene
     branches = len(scene.active) > 1 or scene.touching is not None or scene.user is not None
-    if stepper.method not in IN_LANES or stepper.servos or branches:
+    bounded = any(np.isfinite(row["limit"]) for row in _servo_rows(stepper).values())
+    if stepper.method not in IN_LANES or bounded or branches:
         return False
     _, places = _const_places(stepper)
     always = sum(a.size for a in stepper.recording.steps.given)
     return bool(np.isin(varying[varying >= always], places).all())
+
+
+def _servo_rows(stepper: Stepper) -> dict[str, Any]:
+    """{name: row of the table of drives} of the servos whose target may be set."""
+    drives = stepper.recording.plan.drives
+    rows = {int(row["first_target"]): row for row in drives.table[drives.passive :]}
+    return {name: rows[knot] for name, knot in stepper.servos.items()}
 
 
 def _const_places(stepper: Stepper) -> tuple[int, Ints]:
@@ -247,7 +255,7 @@ class TreeLanes(Instances):
         works = self._timed or self.given[which].any()
         parts = self.q, self.v, self.ledger if works else self.ledger[:, :0]
         method, size = plan.method, sum(x.shape[1] for x in parts)
-        *state, given = (to_lanes(x[which]) for x in (*parts, self.given))
+        *state, given = map(to_lanes, (*(x[which] for x in parts), self._pushed(which)))
         clock = float(control["time"][which[0]]), float(control["widest"][0]), n
         acts = (*self._acts(which, plan.drives, plan.loads), method.tableau[:3], *clock)
 
@@ -276,7 +284,7 @@ class TreeLanes(Instances):
 
     def _accelerations(self, which: Ints) -> Array:
         plan = self.workers[0].stepper.recording.plan
-        q, v, given = (to_lanes(x[which]) for x in (self.q, self.v, self.given))
+        q, v, given = map(to_lanes, (self.q[which], self.v[which], self._pushed(which)))
         out, t = np.empty_like(v), float(self.control["time"][which[0]])
         acts = self._acts(which, plan.drives, plan.loads)
 
@@ -300,6 +308,14 @@ class TreeLanes(Instances):
 
         self._in_blocks(work, len(q))
         return from_lanes(out, len(self.kind))
+
+    def _pushed(self, which: Ints) -> Array:
+        """(m, nv) given torques, and what servos add that have other targets than the tables."""
+        given, stepper = self.given[which], self.workers[0].stepper
+        for name, row in _servo_rows(stepper).items():
+            target = stepper.recording.plan.drives.knots[row["first_target"], 1]
+            given[:, row["velocity"]] += row["stiffness"] * (self.targets[name][which] - target)
+        return given
 
     def _at_one_time(self, which: Ints) -> Iterator[Ints]:
         """The instances in groups of one time, where forces depend on it."""

@@ -222,6 +222,27 @@ def test_targets_of_servos_are_those_of_each_instance():
         assert np.array_equal(batch.q[i], stepper.q)
 
 
+def test_servos_of_trees_have_targets_of_their_own_in_lanes_too():
+    """1e-9, as without servos; one with a limit that is not reached is stepped one by one."""
+    targets, given = np.linspace(-1.0, 1.0, SIZE), np.linspace(0.0, 2.0, SIZE)[:, None]
+    batches = []
+    for limit in (None, 1e9):
+        servo = pg.Servo(name="hold", body="rod", kp=20.0, kd=1.0, target=0.2, torque_limit=limit)
+        batch = pg.BatchStepper(pendulum().add(servo), SIZE)
+        batch.target("hold", targets)
+        batch.step(given, n=500)
+        batches.append(batch)
+    lanes, single = batches
+    assert type(lanes._many) is not type(single._many)
+    for name in ("q", "v", "work"):
+        assert getattr(lanes, name) == pytest.approx(getattr(single, name), abs=1e-9)
+    assert lanes.acceleration(given) == pytest.approx(single.acceleration(given), abs=1e-9)
+    stepper = pg.Stepper(lanes.mech)
+    stepper.target("hold", -1.0)
+    stepper.step(n=500)
+    assert lanes.q[0] == pytest.approx(stepper.q, abs=1e-9)
+
+
 @pytest.mark.parametrize("law", ["complementarity", "soft"])
 def test_snapshots_pickles_and_copies_go_on_with_the_same_bits(law: str):
     batch = pg.BatchStepper(box(law), 3, set={"bodies.box.mass": [1, 2, 3]}, step=2e-4)
