@@ -10,19 +10,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 from ..dynamics.states import differences
-from ..integrators import DOPRI5
-from ..packing.system import Array
+from ..engine.records import SWING
+from ..integrators import DOPRI5, Method
+from ..packing.system import Array, Drives, Loads
 from .options import LEAST_RTOL, Tolerance
 from .plan import NO_SUBSTEPS, NO_TIMES, STIFF, Plan, corners, fastest_rate
 from .recording import Estimate, Recording
 
+Forces = TypeVar("Forces", Drives, Loads)
 LOOSER = 32.0  # ratio of the tolerances of two runs
 COMPARED = 65  # frames at most, where frames cost time of their own
 FRAMES = 2001  # at most, where steps end at them
@@ -49,6 +51,8 @@ CHAOTIC = 4.0  # e-folds in the second half of the time: more than powers of tim
 ONE_JUMP = 0.4  # of these e-folds, between two times: what happens at once is not chaos
 FITTED = 8  # points of a rate
 UNSOLVED = 0.1  # of the tolerance of the equations of implicit steps
+OVERDAMPED = 1.2  # times the rate without dampers, which is known to 10 %: what does not swing
+RESOLVED = 0.015  # of a step: times rounded more coarsely make other steps of it
 HALF = 0.5  # of the gap that counts as closed: where an impact is found in it
 EPS = float(np.finfo(float).eps)
 TINY = float(np.finfo(float).tiny)
@@ -105,6 +109,13 @@ def _estimated(record: Recording) -> Estimate:
     plan, corners = record.plan, 0.0
     if len(plan.times) < 2 or plan.times[-1] == plan.times[0]:
         return Estimate(0.0, before=0.0)  # the initial state alone
+    late, step = (
+        float(np.abs(plan.times).max()),
+        np.ptp(plan.times) / record.steps.counters["steps"],
+    )
+    if EPS * late > RESOLVED * step:
+        text = f"times near {late:.3g} s are rounded to {EPS * late:.1g} s, which steps of "
+        return Estimate(why=f"{BECAUSE} {text}{step:.2g} s feel: start it nearer to t = 0")
     if len(plan.kinks):
         bent = record.again(_onto_corners(plan))
         if not bent.ended.ok:
@@ -131,9 +142,11 @@ def _by_coarser(record: Recording, few: bool = False) -> Estimate:
     if not (_dense(plan) or plan.step) and steps < ONE_EACH * len(plan.times):
         return _by_finer(record)
     if plan.tolerance is None and plan.contacts is not None and not plan.impulses:
-        found = _by_tolerance(record)
+        found = _by_tolerance(record, DOPRI5)
         if found is not None:
             return found
+    if record.steps.divided and (found := _by_tolerance(record, plan.method)) is not None:
+        return found  # some steps followed a tolerance: no order promises a ratio
     if len(plan.knots) and not len(plan.kinks):  # wider steps would not end at them
         return _by_finer(record)
     factor = 3 if plan.method.order <= 2 else 2
@@ -151,7 +164,7 @@ def _by_coarser(record: Recording, few: bool = False) -> Estimate:
         before = int(np.searchsorted(near.share, 1.0)) - 1
         return _known_until(near, near.largest, max(before, 0), 0.0)
     if not _wide(coarse, record):
-        erratic = _compliant(plan) or _grows(near)
+        erratic = _compliant(plan) or _grows(near) or near.share[-1] >= 1.0
         return _by_finer(record, (near, ratio) if erratic else None)
     if steps < FEW * factor or (plan.step and _settles(near, _width(wider))):
         return _by_finer(record, (near, ratio))
@@ -170,7 +183,7 @@ def _by_coarser(record: Recording, few: bool = False) -> Estimate:
         held = seen / promised if seen == seen else float(near.largest[-1] == 0.0)
     shrunk = min(held, 1.0) if plan.step else min(held, 1.0) / np.sqrt(np.clip(held, 1.0, 10.0))
     part = max((ratio - 1.0) * shrunk, LEAST_DIVISOR)
-    errors = near.largest / part + _rounding(record)
+    errors = near.largest / part + _rounding(record, near)
     parted = _parted(near, far, promised)
     if parted == len(errors):
         # where motion is chaotic, chance decides how much larger the error of a coarser run is
@@ -187,23 +200,25 @@ def _by_coarser(record: Recording, few: bool = False) -> Estimate:
     return _known_until(near, errors, last, rate)
 
 
-def _by_tolerance(record: Recording) -> Estimate | None:
-    """The estimate from a run whose steps follow the forces of contacts; None where it is too dear.
+def _by_tolerance(record: Recording, method: Method) -> Estimate | None:
+    """The estimate from a run at steps that `method` chooses, tightly; None where it is too dear.
 
     Soft and penalty contacts bound given steps, so that wider ones would be the same inside them.
     """
     plan = record.plan
+    if not method.adaptive:
+        return None
     span = float(plan.times[0]), float(plan.times[-1])
     bends = corners(record.mech, plan.drives, plan.loads, plan.ever, *span)
     most = DEAREST * int(record.steps.counters["steps"]) + 1000
     tight = Tolerance(TIGHT, 0.0, span[1] - span[0], most, bends, False)
     other = record.again(
-        replace(plan, method=DOPRI5, tolerance=tight, substeps=NO_SUBSTEPS, width=NO_TIMES)
+        replace(plan, method=method, tolerance=tight, substeps=NO_SUBSTEPS, width=NO_TIMES)
     )
     if not other.ended.ok:
         return None
     apart = _apart(other, record, plan.times)
-    errors = apart.largest + _rounding(record)
+    errors = apart.largest + _rounding(record, apart)
     parted = int(np.searchsorted(apart.share, 1.0))
     if parted < len(errors):
         return _known_until(apart, errors, max(parted - 1, 0), _growth(apart, parted))
@@ -229,13 +244,21 @@ def _by_finer(record: Recording, coarser: tuple[_Apart, float] | None = None) ->
         seen = float(coarser[0].largest[-1]) / float(apart.largest[-1])
         held = min(seen / promised, 1.0)
     part = max(1.0 - 1.0 / max(ratio * held, 1.0), LEAST_DIVISOR)
-    errors = apart.largest / part + _rounding(record)
+    errors = apart.largest / part + _rounding(record, apart)
     chance = coarser is not None and (_compliant(plan) or _grows(coarser[0]))
     if chance and coarser is not None:
         # where forces set in within steps, or motion is chaotic, two runs may agree by chance
         errors *= max(1.0, coarser[0].largest[-1] / coarser[1] / max(errors[-1], TINY))
     beyond = coarser is not None and coarser[0].share[-1] >= 1.0  # the finer run may be off too
     parted = int(np.searchsorted(apart.share, CLOSE if beyond else 1.0))
+    chosen = not (plan.step or plan.contact_points)
+    if beyond and chosen and parted == len(errors) and _can_be_finer(finer.plan):
+        finest = record.again(_narrowed(finer.plan))  # two runs may agree by chance, hardly three
+        if not finest.ended.ok:
+            return Estimate(why=FAILS)
+        again = _apart(finest, record, plan.times)
+        errors = np.maximum(errors, again.largest)
+        parted = int(np.searchsorted(again.share, CLOSE))
     if parted < len(errors):
         return _known_until(apart, errors, max(parted - 1, 0), _growth(apart, parted))
     largest, notices = float(errors[-1]), ()
@@ -377,28 +400,37 @@ def _known_until(apart: _Apart, errors: Array, last: int, rate: float) -> Estima
     return Estimate(np.inf, until, before, (text,))
 
 
-def _rounding(record: Recording) -> float:
+def _rounding(record: Recording, apart: _Apart) -> float:
     """Least error of q: of rounded positions, of rounded times at these velocities, of gaps that
     count as closed, and of implicit steps, which are solved to a tolerance of their own.
+
+    Errors of these solutions differ between two runs, `apart`, about as much as they are.
     """
     q, v, t = record.out.q, record.out.v, record.plan.times
     size = np.abs(q).max(initial=0.0) + np.abs(t).max() * np.abs(v).max(initial=0.0)
     least, given = EPS * float(size) + _closed(record), record.plan.tolerance
     if given is None or not (given.fixed and record.plan.method.implicit):
         return least
-    least += _damped(record, given.widest)
-    return least + UNSOLVED * given.rtol * float(np.ptp(q, axis=0).max(initial=0.0))
+    if not record.steps.divided:  # or what is fast is resolved
+        least += _damped(record, given.widest)
+    unsolved = UNSOLVED * given.rtol * float(np.ptp(q, axis=0).max(initial=0.0))
+    return least + min(unsolved, float(apart.largest[-1]))
 
 
 def _damped(record: Recording, step: float) -> float:
     """Amplitude of vibrations faster than the steps, from the energy that was lost.
 
-    Implicit methods take them out at any width, so that coarser runs do not differ.
+    Implicit methods take them out at any width, so that coarser runs do not differ. What is fast
+    because dampers slow it down does not vibrate.
     """
     plan, out, n = record.plan, record.out, record.done
     start = out.q[0], out.v[0]
     rate = fastest_rate(record.mech, (plan.drives, plan.loads), plan.active, *start)
     if rate * step <= 1.0:
+        return 0.0
+    undamped = _undamped(plan.drives), _undamped(plan.loads)
+    free = fastest_rate(record.mech, undamped, plan.active, *start)
+    if free * OVERDAMPED < rate:
         return 0.0
     kinetic, potential, work, lost = out.energies[:n].T
     balance = kinetic + potential - work + lost
@@ -407,16 +439,38 @@ def _damped(record: Recording, step: float) -> float:
     return float(speed.max(initial=0.0)) / rate
 
 
+def _undamped(forces: Forces) -> Forces:
+    """The same drives or loads without dampers."""
+    table = forces.table.copy()
+    table["damping"] = 0.0
+    return forces._replace(table=table)
+
+
 def _closed(record: Recording) -> float:
-    """The gap that counts as closed where time stepping has located an impact; 0 where none was."""
-    tables = record.plan.contacts
-    if tables is None or record.scene.touching is None or not record.scene.touching.tally["cuts"]:
+    """Error of the instants of impacts in time stepping; 0 where none was.
+
+    Those that are located are so to the gap that counts as closed. The others are found in the
+    middle of a step, which steps of three times the width share.
+    """
+    plan, touching = record.plan, record.scene.touching
+    tables = plan.contacts
+    if tables is None or touching is None or not plan.impulses or plan.contact_points:
         return 0.0
+    log = record.changes[np.argsort(record.changes["pair"], kind="stable")]
+    landed = (log["pair"][:-1] == log["pair"][1:]) & (log["phase"][:-1] == SWING)
+    at, cuts, late = log["time"][1:][landed], int(touching.tally["cuts"]), 0.0
+    if len(at) > cuts and plan.tolerance is None:
+        n = record.done
+        frame = np.clip(np.searchsorted(plan.times[:n], at) - 1, 0, max(n - 2, 0))
+        jumps = np.abs(np.diff(record.out.v[:n], axis=0)[frame]).max(axis=1)
+        late = 0.5 * float((jumps * plan.width[frame]).max(initial=0.0))
+    if not cuts:
+        return late
     from ..engine.contact.meeting import CLOSED, NEAR, SIZE
 
     shapes, limits = tables.geometry.shapes, tables.limit_blocks[1][:, SIZE]
     reach = float(shapes["reach"][shapes["row"] > 0].max(initial=0.0))
-    return HALF * max(NEAR * reach, CLOSED * float(limits.max(initial=0.0)))
+    return late + HALF * max(NEAR * reach, CLOSED * float(limits.max(initial=0.0)))
 
 
 # -- the runs ------------------------------------------------------------------------------------

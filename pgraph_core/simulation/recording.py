@@ -701,8 +701,12 @@ class Recording:
             )
         from .contact_log import contacts_of
 
-        changes = np.concatenate(self._changes)
-        return contacts_of(self.mech, self.plan, frames, q, changes, self.ended.log)
+        return contacts_of(self.mech, self.plan, frames, q, self.changes, self.ended.log)
+
+    @property
+    def changes(self) -> Any:
+        """PHASE_CHANGE records of contacts, in the order of time, as the kernels logged them."""
+        return np.concatenate(self._changes)
 
     def notices(self) -> tuple[str, ...]:
         """Sentences on how the run went so far."""
