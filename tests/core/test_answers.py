@@ -24,7 +24,11 @@ SUBJECTS = [*pgraph_models.names(), *(f"random {seed}" for seed in range(10))]
 def subject(name: str) -> tuple[pg.Mechanism, str | None]:
     """(a model, its first scenario that no gait drives)."""
     if name.startswith("random"):
-        return pg.Mechanism(random_case(int(name.split()[1]), most=5).model), None
+        case = random_case(int(name.split()[1]), most=5)
+        model, joints = case.model, pg.Mechanism(case.model).joints
+        for body, joint in joints.items():  # at home a ball and a hinge of one joint may be alike
+            model = model.edit(body, q=tuple(case.q[joint.q]), v=tuple(case.v[joint.v]))
+        return pg.Mechanism(model), None
     model = pg.Model.load(pgraph_models.path(name))
     return pg.Mechanism(model), next((s.name for s in model.scenarios if s.gait is None), None)
 
