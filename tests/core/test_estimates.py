@@ -9,7 +9,7 @@ from numba import njit
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core.dynamics.states import differences
-from pgraph_core.verification.scenes import scenes
+from pgraph_core.verification.hunt import scenes
 
 from .trees import random_case
 
