@@ -26,6 +26,7 @@ def test_version_is_the_top_of_the_changelog():
     top = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
     assert top is not None
     assert top[1] == PROJECT["project"]["version"]
+    assert f"version: {top[1]}\n" in (ROOT / "CITATION.cff").read_text()
 
 
 def test_the_tour_of_the_readme_runs(capsys):
