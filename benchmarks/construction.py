@@ -31,7 +31,7 @@ MACHINES = {
 ANGLE, SPEED = 0.2, 1.0  # of every hinge [rad, rad/s]
 STEP = 1e-3  # Exudyn's first [s]
 FRESH = 5  # processes
-TEXT = """# What it takes to describe and start a machine
+TEXT = """# Modelling effort and start-up time
 
 Made by `python -m benchmarks.construction`. Three machines, in Pgraph's formats and in those of the
 peers, written as their users would, without values that equal the defaults

@@ -20,7 +20,7 @@ from pgraph_core.verification.hunt import FAMILIES, SMOOTH
 
 from .machine import machine
 
-INTRODUCTION = """# The hunt: runs that are wrong and do not say so
+INTRODUCTION = """# Random tests: what is wrong and silent
 
 `pgraph hunt` draws random scenes over scales of mass, length, time and stiffness, and runs each by
 default and by two other settings. A closed form, an integration by SciPy of equations of its own,

@@ -90,7 +90,7 @@ def main() -> None:
     forced.main()
 
 
-INTRODUCTION = """# Stability of the methods, and the cost of unused features
+INTRODUCTION = """# Stability of the methods
 
     pgraph stability stiff_pendulum --scenario swing -o map.html
     pgraph stability double_pendulum --axis mass_ratio --steps 1e-2,1e-3
@@ -126,7 +126,7 @@ MEASURED = """
 The rest is printed by `python -m benchmarks.stability`, on two shared cores of an AMD EPYC.
 """
 
-LEFT_OUT = """## Unused features cost nothing
+LEFT_OUT = """## What unused features cost
 
 `mech.plan()` lists what a scene needs, what its runs leave out, and what that saves; `pgraph info`
 and `pgraph run` print it. Adding a part without effect does not change the motion. The last column
