@@ -175,6 +175,7 @@ class ContactSpace(Unportable):
             contacts.ground,
             contacts.candidates,
             table(POSE, len(contacts.geometry.shapes)),
+            table(POSE, len(contacts.geometry.shapes)),
             solids.search_space(contacts.geometry, len(contacts.candidates.members)),
             table(CONTACT, count),
             contacts.laws,

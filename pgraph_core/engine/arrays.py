@@ -241,6 +241,7 @@ class Contacts(NamedTuple):
     ground: Any
     candidates: Any
     poses: Any  # of POSE, one a shape
+    start_poses: Any  # of POSE, at the start of a step in which something is fast
     search: Any
     found: Any  # contact points, of CONTACT
     laws: Any  # of PAIR_LAW, one a contact pair
@@ -370,7 +371,7 @@ POSES, FOUND = array_of(POSE), array_of(CONTACT)
 SEARCH = named(Search, *map(array_of, (CANDIDATE, BOUNDS, CELL)), I1)
 ISLANDS = named(Islands, *[I1] * 7, I2, *[I1] * 9, F1, F1, F2, F2, F1, F1)
 CONTACTS = named(
-    Contacts, GEOMETRY, GROUND, CANDIDATES, POSES, SEARCH, FOUND,
+    Contacts, GEOMETRY, GROUND, CANDIDATES, POSES, POSES, SEARCH, FOUND,
     *map(array_of, (PAIR_LAW, KEPT, KEPT, MEETING, BODY_WRENCH, PAIR, CONTACT_TALLY)), I2, F2, F1,
     array_of(PHASE_CHANGE), ISLANDS,
 )  # fmt: skip

@@ -43,7 +43,7 @@ from ..result.records import FREE
 
 GRAZE = 2.5  # steps: a shorter flight of a contact is none
 LOOSE = 1e-6  # of the largest force: a larger violation of a contact law is reported
-DEEP = 1e-2  # of the size of what touches: a deeper penetration is reported
+DEEP = 1e-2  # of the thickness of what touches: a deeper penetration is reported
 BEYOND = 1e-2  # of a limit's range: a coordinate that has passed it
 SUNK = 0.5  # of the size of what touches: deeper than a soft contact means
 LISTED = 3
@@ -133,7 +133,7 @@ def contact_notices(
             f"{names[tally['worst_pair']]} missed its law by {tally['worst']:.3g} N; the largest "
             f"force of the run is {tally['force']:.3g} N; a smaller step may do"
         )
-    share, of = float(tally["deepest"]), "the size of what touches"
+    share, of = float(tally["deepest"]), "the thickness of what touches"
     if share > 0.0 and not (tally["length"] or tables.geometry.shapes["reach"].any()):
         moved = float(np.ptp(q, axis=0).max(initial=0.0))  # a point mass has no size
         share, of = share / moved if moved else 0.0, "how far it moved"
@@ -144,6 +144,11 @@ def contact_notices(
             f"at t = {when:.6g} s {names[k]} penetrated by {tally['deepest_depth']:.3g} m, "
             f"{share:.2g} of {of}; "
             f"{why or 'a smaller step, or a start without overlap, would do'}"
+        )
+    if tally["passed"]:
+        found.append(
+            f"at t = {tally['passed_time']:.6g} s {names[tally['passed_pair']]} did not hold: one "
+            "shape passed through the other within a step; a smaller step would do"
         )
     found += limits_passed(mech, tables, active, t, q)
     found += sunk(mech, tables, active, *frames)

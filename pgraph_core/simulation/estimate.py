@@ -466,7 +466,8 @@ def _closed(record: Recording) -> float:
         late = 0.5 * float((jumps * plan.width[frame]).max(initial=0.0))
     if not cuts:
         return late
-    from ..engine.contact.meeting import CLOSED, NEAR, SIZE
+    from ..engine.contact.closing import NEAR
+    from ..engine.contact.meeting import CLOSED, SIZE
 
     shapes, limits = tables.geometry.shapes, tables.limit_blocks[1][:, SIZE]
     reach = float(shapes["reach"][shapes["row"] > 0].max(initial=0.0))

@@ -20,9 +20,10 @@ from ..stepping.run import LOOK_BACK
 from ..stepping.state import size_of_state
 from ..tree.kinematics import outboard, positions
 from ..vec import dot, load, sub, xyz
+from .closing import closing_bound, shape_speed, thickness
 from .contacts import contacts_at
 from .ground import candidates, normal_of, top
-from .meeting import closing_bound, ground_point, nearest, shape_speed, thickness
+from .meeting import ground_point, nearest
 from .phases import opened_events
 from .search import are_apart
 from .shapes import place

@@ -117,7 +117,10 @@ def clearance(run, guard, row, ahead):
 
 @sweep
 def find_reach(run, guard, free):
-    """How far from each row's origin shapes that it carries reach, after `clearance` [m]."""
+    """How far from each row's origin shapes that it carries reach, after `clearance` [m].
+
+    Along the chain of origins: rotations change none of its lengths, slides by at most `free`.
+    """
     scene = opened(opened_run(run).scene)
     rows, work, reach = scene.rows, scene.work, guard.reach
     shapes, poses = guard.geometry.shapes, guard.poses
@@ -125,10 +128,16 @@ def find_reach(run, guard, free):
         reach[k] = 0.0
     for i in range(shapes.shape[0]):
         k = shapes[i].row
+        way = sub(xyz(poses[i].position), origin_of(work, k))
+        arm = math.sqrt(dot(way, way)) + shapes[i].reach
         while k > 0:
-            arm = sub(xyz(poses[i].position), origin_of(work, k))
-            reach[k] = max(reach[k], math.sqrt(dot(arm, arm)) + shapes[i].reach + free)
-            k = parent_of(rows, k)
+            reach[k] = max(reach[k], arm)
+            p = parent_of(rows, k)
+            way = sub(origin_of(work, k), origin_of(work, p))
+            arm += math.sqrt(dot(way, way))
+            if kind_of(rows, k) == TRANSLATE or kind_of(rows, k) == FREE:
+                arm += free
+            k = p
 
 
 @sweep

@@ -3,6 +3,10 @@
 The gap of two convex shapes over a bound of the speed at which it closes is a time in which they
 cannot touch: conservative advancement ([Mirtich 1996]). Joint limits are gaps too. The path is that
 of a step without impulses of what meets: q moves along v₀ + a τ / 2 for the time τ.
+
+Two shapes that touch already have no gap, yet other points of theirs may land within the step: a
+plate that has hit with one edge falls onto the other. Of those, every point of the touch has a gap
+of its own; what is no point of it yet is found as soon as it has sunk in, and then traced back.
 """
 
 import math
@@ -11,42 +15,39 @@ from .. import layout as at
 from ..arrays import opened
 from ..compiler.jit import part, sweep
 from ..constraints.blocks import point_velocity, total, velocities
-from ..records import POINTS, RIGID, SPHERE
+from ..records import POINTS, RIGID
 from ..tree.kinematics import outboard, positions
 from ..tree.moving import advance
-from ..vec import dot, load, sub, xyz
-from .contacts import contacts_at, endpoints, middle
+from ..vec import dot, sub, xyz
+from .closing import (
+    DEPTH,
+    ROUNDING,
+    SURE,
+    closed_gap,
+    closing_bound,
+    curving_bound,
+    hits,
+    point_closing,
+    shape_speed,
+    smaller_size,
+    thickness,
+    thinner,
+)
+from .contacts import contacts_at, middle
 from .ground import above, candidate, candidates, normal_of, top
 from .pairs import pair_contacts
 from .search import are_apart
 from .shapes import place
 
-NEAR = 1e-9  # of the size of what touches: a gap that counts as closed
-DEPTH = 1e-5  # of the size of what touches: penetration that is tolerated
-ROUNDING = 2.0**-50  # of the coordinates that a gap is the difference of
 CLOSED = 1e-10  # of the size of a limit's range: a limit this near is reached
-HARD = 4.0  # times what weight adds in a step: slower impacts are taken where the step finds them
 CROWD = 64  # candidates: in larger scenes slow impacts are taken where the step finds them
 SIZE = at.PA  # in the block of a limit, which has no points
 ROUNDS = 200  # of the search for one instant
-SURE = 1.02  # a bound of a closing speed over its value now
-
-
-@part
-def smaller_size(contacts, a, b):
-    """Size of the smaller of two shapes [m]; b is -1 for the ground."""
-    shapes = contacts.geometry.shapes
-    size = shapes[a].reach
-    if b >= 0:
-        size = min(size, shapes[b].reach)
-    return size if size > 0.0 else contacts.tally[0].length
-
-
-@part
-def closed_gap(contacts, a, b, p):
-    """A gap of two shapes at point p that counts as closed [m]."""
-    rounding = ROUNDING * (abs(p[0]) + abs(p[1]) + abs(p[2]))
-    return max(NEAR * smaller_size(contacts, a, b), rounding)
+SAME = 1e-9  # of a part: two instants this near are one
+LEAD = 0.5  # of the thinner shape's half: how far a pair that touches goes between two looks
+SUNK = 0.25  # of the thinner shape's half: what has sunk in this far has landed, however softly
+SAG = 0.2  # of the thinner shape's half: how far the path may bend within a part
+APART, TOUCHING = 0, 1  # kinds of meetings of two shapes, in `vertex`
 
 
 @part
@@ -54,30 +55,6 @@ def closed_limit(blocks, i):
     """A gap of limit i that counts as closed [rad, m]; SIZE of its block is that of its range."""
     size, value = blocks.blocks_f[i, SIZE], blocks.blocks_f[i, at.VALUE]
     return max(CLOSED * size, ROUNDING * abs(value))
-
-
-@part
-def hits(closing, h, size, pull):
-    """Whether a closing speed is an impact, in steps of width h, that is worth locating."""
-    return closing * h > DEPTH * size and closing > HARD * pull * h
-
-
-@part
-def thickness(shape):
-    """How thin a shape is [m]; a point is nothing."""
-    if shape.kind == POINTS:
-        return 0.0
-    half = shape.half_extents
-    return min(half[0], min(half[1], half[2]))
-
-
-@part
-def shape_speed(work, linear, shape, pose):
-    """Bound of the speed of a shape's points [m/s]."""
-    u = point_velocity(work, linear, shape.row, xyz(pose.position))
-    turn = load(work, shape.row, at.W)
-    arm = 0.0 if shape.kind == SPHERE else shape.reach
-    return math.sqrt(dot(u, u)) + arm * math.sqrt(dot(turn, turn))
 
 
 @part
@@ -139,15 +116,6 @@ def point_meets(scene, n, h, left):
     )
 
 
-@part
-def point_closing(work, linear, contacts, n):
-    """Speed at which the gap of contact point n closes [m/s]."""
-    a, b, _, _, _ = endpoints(contacts, n)
-    p = middle(contacts.found[n])
-    u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, p))
-    return -dot(u, xyz(contacts.found[n].normal))
-
-
 @sweep
 def limit_meets(blocks, i, h, left, q, v, vdot):
     """Whether limit i, in the middle of a part of a step, is hit within that part."""
@@ -183,12 +151,13 @@ def state_at(scene, tau, q, v, start, vdot, speed):
 
 @sweep
 def first_meeting(scene, h, left, q, v, start, vdot, speed):
-    """Time until things that are apart first touch [s]; 0 where some do, and hit; else `left`.
+    """Time until something lands that is apart [s]; 0 where something hits now; else `left`.
 
-    From the state `start`, where q is again after it.
+    Less than `left`, too, where so much turns that the path is not known farther. From the state
+    `start`, where q is again after it.
     """
-    contacts = contacts_at(opened(scene).links.contacts)
-    meetings = contacts.meetings
+    data = opened(scene)
+    meetings = contacts_at(data.links.contacts).meetings
     state_at(scene, 0.0, q, v, start, vdot, speed)
     count = list_meetings(scene, h, left, q, v, vdot)
     found = left
@@ -197,47 +166,79 @@ def first_meeting(scene, h, left, q, v, start, vdot, speed):
     elif count > 0:
         tau = 0.0
         before = 0.0
+        for n in range(count):
+            if meetings[n].shape_b >= 0 and meetings[n].vertex == TOUCHING:
+                left = min(left, straight(scene, meetings[n].shape_a, meetings[n].shape_b))
+        found = left
         for _ in range(ROUNDS):
             step = left - tau
             arrived = False
             beyond = False
             for n in range(count):
-                gap, rate, closed = gap_of(scene, meetings[n], q, v, vdot, left - tau)
-                beyond = beyond or gap < -closed
-                arrived = arrived or gap <= closed
-                if rate > 0.0:
-                    step = min(step, (gap - 0.5 * closed) / rate)
-            if beyond:
+                if meetings[n].shape_a < 0:
+                    ahead, landed, inside = next_limit(data, meetings[n], q, v, vdot, left - tau)
+                elif meetings[n].shape_b < 0:
+                    ahead, landed, inside = next_ground(scene, meetings[n], h)
+                else:
+                    ahead, landed, inside = next_landing(scene, meetings[n], h, tau, left)
+                step = min(step, ahead)
+                arrived = arrived or landed
+                beyond = beyond or inside
+            if beyond and tau - before > SAME * left:
                 tau = 0.5 * (before + tau)
-            elif arrived:
+            elif arrived or beyond:
                 found = tau
+                break
+            elif tau == left:
                 break
             else:
                 before = tau
                 tau += step
                 if tau >= left * (1.0 - 1e-12):
-                    break
+                    tau = left
             state_at(scene, tau, q, v, start, vdot, speed)
+        else:
+            found = before
     for i in range(q.shape[0]):
         q[i] = start[i]
     return found
 
 
 @part
-def gap_of(scene, meeting, q, v, vdot, left):
-    """(gap, bound of its closing speed from now on, gap that is closed) of two things."""
+def time_to_close(way, closing, curving):
+    """Time in which a gap loses at most `way`, from its closing speed and a bound of its change."""
+    speed = SURE * max(closing, 0.0)
+    root = speed + math.sqrt(speed * speed + 2.0 * curving * way)
+    return 2.0 * way / root if root > 0.0 else math.inf
+
+
+@part
+def next_limit(data, meeting, q, v, vdot, left):
+    """As `next_landing`, of a limit."""
+    gap, rate = limit_gap(data.blocks, meeting.vertex, q, v, vdot, left)
+    closed = closed_limit(data.blocks, meeting.vertex)
+    return time_to_close(max(gap - 0.5 * closed, 0.0), rate, 0.0), gap <= closed, gap < -closed
+
+
+@part
+def next_ground(scene, meeting, h):
+    """As `next_landing`, of one part of a shape over the ground.
+
+    What arrives softly is left to the middle of the step: a foot that stands, and has drifted off.
+    """
     data = opened(scene)
-    if meeting.shape_a < 0:
-        gap, rate = limit_gap(data.blocks, meeting.vertex, q, v, vdot, left)
-        return gap, rate, closed_limit(data.blocks, meeting.vertex)
     contacts = contacts_at(data.links.contacts)
-    if meeting.shape_b < 0:
-        gap, p = ground_point(contacts, meeting.shape_a, meeting.vertex)
-        normal = normal_of(contacts.ground)
-    else:
-        gap, p, normal = nearest(contacts, meeting.shape_a, meeting.shape_b, meeting.pair)
-    rate = closing_bound(scene, meeting.shape_a, meeting.shape_b, normal, left)
-    return gap, rate, closed_gap(contacts, meeting.shape_a, meeting.shape_b, p)
+    i, normal = meeting.shape_a, normal_of(contacts.ground)
+    gap, p = ground_point(contacts, i, meeting.vertex)
+    u = point_velocity(data.work, data.space.linear, contacts.geometry.shapes[i].row, p)
+    closing = -dot(u, normal)
+    closed, curving = closed_gap(contacts, i, -1, p), curving_bound(scene, i, -1)
+    if gap > closed:
+        return time_to_close(gap - 0.5 * closed, closing, curving), False, False
+    size = smaller_size(contacts, i, -1)
+    if hits(closing, h, size, contacts.tally[0].pull):
+        return math.inf, True, gap < -closed
+    return time_to_close(DEPTH * size, closing, curving), False, False
 
 
 @part
@@ -275,30 +276,52 @@ def nearest(contacts, i, j, pair):
 
 
 @part
-def closing_bound(scene, i, j, normal, left):
-    """Bound of the speed at which any points of two shapes come together along a normal."""
+def straight(scene, i, j):
+    """Time in which the path of two shapes that touch bends by little of their thickness [s]."""
+    contacts = contacts_at(opened(scene).links.contacts)
+    thin, curving = thinner(contacts, i, j), curving_bound(scene, i, j)
+    return math.sqrt(SAG * thin / curving) if thin * curving > 0.0 else math.inf
+
+
+@sweep
+def next_landing(scene, meeting, h, tau, left):
+    """(time in which nothing lands, whether something lands now, whether it is inside already).
+
+    Of two shapes. Where they touched at the start, a time τ ago, what has touched since then closes
+    no faster than turning and weight make it, and lands when it has sunk in.
+    """
     data = opened(scene)
     contacts = contacts_at(data.links.contacts)
-    shapes, poses = contacts.geometry.shapes, contacts.poses
-    u, turn, arm = motion_of(data.work, data.space.linear, shapes[i], poses[i])
-    if j >= 0:
-        w, more, other = motion_of(data.work, data.space.linear, shapes[j], poses[j])
-        u = sub(u, w)
-        turn = max(turn, more)
-        arm += other
-    size = math.sqrt(dot(u, u))
-    bend = min(1.0, turn * left) * size + 2.0 * contacts.tally[0].pull * left
-    return SURE * max(-dot(u, normal), 0.0) + arm + bend + 1e-6 * size
-
-
-@part
-def motion_of(work, linear, shape, pose):
-    """(velocity, speed of turning, speed of points by it) of a shape; a ball's turning is none."""
-    k = shape.row
-    u = point_velocity(work, linear, k, xyz(pose.position))
-    w = load(work, k, at.W)
-    turn = math.sqrt(dot(w, w))
-    return u, turn, 0.0 if shape.kind == SPHERE else turn * shape.reach
+    found, pull = contacts.found, contacts.tally[0].pull
+    i, j = meeting.shape_a, meeting.shape_b
+    size, thin = smaller_size(contacts, i, j), thinner(contacts, i, j)
+    curving = curving_bound(scene, i, j)
+    count = pair_contacts(
+        contacts.geometry, contacts.poses, i, j, meeting.pair, math.inf, contacts.search.room,
+        found, 0,
+    )  # fmt: skip
+    touches = meeting.vertex == TOUCHING
+    ahead = math.inf
+    landed = False
+    inside = False
+    rate = 0.0
+    least = math.inf
+    for k in range(min(count, found.shape[0])):
+        gap, closing = found[k].gap, point_closing(data.work, data.space.linear, contacts, k)
+        closed = closed_gap(contacts, i, j, xyz(found[k].point_a))
+        least = min(least, gap)
+        rate = max(rate, closing_bound(scene, i, j, xyz(found[k].normal), left - tau))
+        if gap > closed:
+            ahead = min(ahead, time_to_close(gap - 0.5 * closed, closing, curving))
+        elif not touches or hits(closing - curving * tau, h, size, pull):
+            landed = True
+            inside = inside or gap < -closed
+        elif gap < -SUNK * thin and hits(closing, h, size, pull):
+            landed = True
+            inside = inside or gap < -2.0 * SUNK * thin
+    if rate > 0.0 and thin > 0.0:  # what is no point of the touch yet
+        ahead = min(ahead, (max(least, 0.0) + LEAD * thin) / rate)
+    return ahead, landed, inside
 
 
 @part
@@ -383,7 +406,7 @@ def list_pair(scene, i, j, pair, h, left, crowd, n):
     gap, p, _ = nearest(contacts, i, j, pair)
     closed = closed_gap(contacts, i, j, p)
     if gap > closed:
-        return put_meeting(meetings, n, i, j, 0, pair) if gap <= moved else n
+        return put_meeting(meetings, n, i, j, APART, pair) if gap <= moved else n
     count = pair_contacts(
         contacts.geometry, poses, i, j, pair, closed, contacts.search.room, contacts.found, 0
     )
@@ -391,7 +414,26 @@ def list_pair(scene, i, j, pair, h, left, crowd, n):
         point = contacts.found[k]
         if hits_now(scene, i, j, middle(point), xyz(point.normal), h):
             return -1
-    return n
+    return (
+        put_meeting(meetings, n, i, j, TOUCHING, pair) if may_land(scene, i, j, pair, left) else n
+    )
+
+
+@sweep
+def may_land(scene, i, j, pair, left):
+    """Whether points of two shapes that touch elsewhere may land within `left`."""
+    data = opened(scene)
+    contacts = contacts_at(data.links.contacts)
+    found = contacts.found
+    count = pair_contacts(
+        contacts.geometry, contacts.poses, i, j, pair, math.inf, contacts.search.room, found, 0
+    )
+    may = False
+    for k in range(min(count, found.shape[0])):
+        moved = left * closing_bound(scene, i, j, xyz(found[k].normal), left)
+        open_ = found[k].gap > closed_gap(contacts, i, j, xyz(found[k].point_a))
+        may = may or moved > LEAD * thinner(contacts, i, j) or (open_ and found[k].gap <= moved)
+    return may
 
 
 @part

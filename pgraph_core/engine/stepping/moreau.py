@@ -39,6 +39,7 @@ from ..constraints.blocks import (
 )
 from ..constraints.constraints import driven_power, number_rows, unit_responses
 from ..constraints.paths import spread, unspread
+from ..contact.closing import DEPTH, closed_gap, smaller_size, thinner
 from ..contact.contacts import (
     ADDING,
     FROZEN,
@@ -57,16 +58,15 @@ from ..contact.contacts import (
 )
 from ..contact.impulse import solve_impulses
 from ..contact.meeting import (
-    DEPTH,
-    closed_gap,
     closed_limit,
     first_meeting,
     limit_meets,
     look_ahead,
     point_meets,
-    smaller_size,
+    state_at,
 )
 from ..contact.newton import gather
+from ..contact.passing import keep_poses, note_passages
 from ..contact.shapes import place
 from ..forces import lookup
 from ..motion import call_acceleration, call_contact_forces, opened
@@ -113,12 +113,16 @@ def moreau_jean(run, h):
     vdot = stages[at.SLOPE, nq : nq + nv]
     clear(opened(scene).links.contacts)
     tally.frozen = ADDING
+    t = this.control[0].time
     done = 0.0
     parts = 0
     while True:
         left = h - done
         if not part_of_step(run, done, h, left, parts < MOST_PARTS):
             break
+        if parts == 0:
+            state_at(scene, 0.0, q, v, stages[at.Y], vdot, space.vectors[STEP, :nv])
+            keep_poses(scene)
         parts += 1
         w = first_meeting(scene, h, left, q, v, stages[at.TRIAL], vdot, space.vectors[STEP, :nv])
         part_of_step(run, done, h, w, False)
@@ -126,6 +130,9 @@ def moreau_jean(run, h):
             break
         tally.cuts += 1
         done += w
+    if parts > 0:
+        state_at(scene, 0.0, q, v, stages[at.CANDIDATE], vdot, space.vectors[STEP, :nv])
+        note_passages(scene, t + h)
     tally.frozen = FROZEN
     return 0.0 if finite(stages[at.CANDIDATE]) else math.inf
 
@@ -186,7 +193,7 @@ def part_of_step(run, done, h, w, look):
         this.counters[0].solver_iterations += solve(scene, m, first, ledger)
     else:
         space.vectors[STEP, :nv] = 0.0
-    book(scene, first, t + w, h)
+    book(scene, first, t + w, h, w == h - done)
     if active[0] > 0:
         spread(rows, const, work, space.vectors[STEP])
     for j in range(nv):
@@ -300,15 +307,14 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
     if look and fast:
         return True
     first = tally.first_contact
-    if w > 0.0:
-        closed = max(closed, DRIFT * max(DEPTH * tally.length, WEIGHT * tally.pull * h * h))
+    closed = max(closed, DRIFT * max(DEPTH * tally.length, WEIGHT * tally.pull * h * h))
     for n in range(touching(scene, max(closed, margin) if look else closed)):
         point = contacts.found[n]
         if look and point_meets(scene, n, h, w):
             return True
         near = 4.0 * closed_gap(contacts, point.shape_a, point.shape_b, xyz(point.point_a))
         slack = 0.0
-        if point.gap > near and w > 0.0 and carried(contacts, n):
+        if point.gap > near and carried(contacts, n):
             near = DRIFT * tolerated(contacts, n, h)
             slack = point.gap / h
         if laws[point.pair].law == RIGID and point.gap <= near:
@@ -423,10 +429,12 @@ def bounded_anew(scene, first):
 
 
 @sweep
-def book(scene, first, t, h):
+def book(scene, first, t, h, last):
     """Keep the impulses for the next step, and as forces on bodies and in touches.
 
-    By how much they miss their laws is noted for the frame and for the run; `t` is their time.
+    By how much they miss their laws is noted for the frame and for the run; `t` is their time. A
+    part that is not the last of its step only adds points to those that are kept: it may be so
+    short that what carries does not push in it.
     """
     data = opened(scene)
     blocks, work, space = data.blocks, data.work, data.space
@@ -453,7 +461,8 @@ def book(scene, first, t, h):
             d = load(blocks.blocks_f, active[j], at.DIR + 3 * c)
             force = add_scaled(force, lam[r + c] / h, d)
         if n >= found.shape[0]:  # of the contact point before
-            set_xyz(kept[count - 1].turn, (lam[r], lam[r + 1], lam[r + 2]))
+            if last:
+                set_xyz(kept[count - 1].turn, (lam[r], lam[r + 1], lam[r + 2]))
             note_turn(opened(scene).links.contacts, n - found.shape[0], force)
             continue
         size = math.sqrt(lam[r] ** 2 + lam[r + 1] ** 2 + lam[r + 2] ** 2) / h
@@ -462,18 +471,27 @@ def book(scene, first, t, h):
         log_depth(
             tally,
             -found[n].gap,
-            smaller_size(contacts, found[n].shape_a, found[n].shape_b),
+            thickness_at(contacts, n),
             pair,
             t,
         )
-        keep_point(kept[count], found[n], (lam[r], lam[r + 1], lam[r + 2]))
-        count += 1
         u = gather(space.y, slots, active[j], space.vectors[STEP])
         x, z = space.vectors[RHS, r + 1] + u[1], space.vectors[RHS, r + 2] + u[2]
         slip = math.sqrt(x * x + z * z)
-        kept[count - 1].slides = 1 if slip > SLIDING else 0
+        place_in = count
+        if not last:
+            new = lam[r] > 0.0 and kept_place(found[n], kept, tally.kept, n) < 0
+            place_in = tally.kept if new and tally.kept < kept.shape[0] else -1
+        if place_in >= 0:
+            keep_point(kept[place_in], found[n], (lam[r], lam[r + 1], lam[r + 2]))
+            kept[place_in].slides = 1 if slip > SLIDING else 0
+            if last:
+                count += 1
+            else:
+                tally.kept += 1
         note(opened(scene).links.contacts, work, n, force, slip)
-    tally.kept = count
+    if last:
+        tally.kept = count
 
 
 @part
@@ -490,15 +508,23 @@ def log_missed(tally, complementarity, cone, force, pair, t):
 
 
 @part
-def log_depth(tally, depth, size, pair, t):
-    """Note how deep two things of some size penetrate [m], over that size; of points, as it is."""
+def log_depth(tally, depth, thickness, pair, t):
+    """Note how deep two things of some thickness penetrate [m]; of points, the depth as it is."""
     tally.penetration = max(tally.penetration, depth)
-    share = depth / size if size > 0.0 else depth
+    share = depth / thickness if thickness > 0.0 else depth
     if share > tally.deepest:
         tally.deepest = share
         tally.deepest_depth = depth
         tally.deepest_pair = pair
         tally.deepest_time = t
+
+
+@part
+def thickness_at(contacts, n):
+    """Thickness of the thinner of the two at contact point n; their size, if they have none [m]."""
+    a, b = contacts.found[n].shape_a, contacts.found[n].shape_b
+    thick = 2.0 * thinner(contacts, a, b)
+    return thick if thick > 0.0 else smaller_size(contacts, a, b)
 
 
 @part

@@ -1,0 +1,130 @@
+"""How fast shapes come together, and what of it counts.
+
+Sizes that gaps and depths are measured by, speeds of shapes, bounds of closing speeds.
+"""
+
+import math
+
+from .. import layout as at
+from ..arrays import opened
+from ..compiler.jit import part
+from ..constraints.blocks import point_velocity
+from ..records import POINTS, SPHERE
+from ..vec import dot, load, sub, xyz
+from .contacts import contacts_at, endpoints, middle
+
+NEAR = 1e-9  # of the size of what touches: a gap that counts as closed
+DEPTH = 1e-5  # of the size of what touches: penetration that is tolerated
+ROUNDING = 2.0**-50  # of the coordinates that a gap is the difference of
+HARD = 4.0  # times what weight adds in a step: slower impacts are taken where the step finds them
+SURE = 1.02  # a bound of a closing speed over its value now
+
+
+@part
+def smaller_size(contacts, a, b):
+    """Size of the smaller of two shapes [m]; b is -1 for the ground."""
+    shapes = contacts.geometry.shapes
+    size = shapes[a].reach
+    if b >= 0:
+        size = min(size, shapes[b].reach)
+    return size if size > 0.0 else contacts.tally[0].length
+
+
+@part
+def closed_gap(contacts, a, b, p):
+    """A gap of two shapes at point p that counts as closed [m]."""
+    rounding = ROUNDING * (abs(p[0]) + abs(p[1]) + abs(p[2]))
+    return max(NEAR * smaller_size(contacts, a, b), rounding)
+
+
+@part
+def hits(closing, h, size, pull):
+    """Whether a closing speed is an impact, in steps of width h, that is worth locating."""
+    return closing * h > DEPTH * size and closing > HARD * pull * h
+
+
+@part
+def thickness(shape):
+    """How thin a shape is [m]; a point is nothing."""
+    if shape.kind == POINTS:
+        return 0.0
+    half = shape.half_extents
+    return min(half[0], min(half[1], half[2]))
+
+
+@part
+def thinner(contacts, a, b):
+    """Half the thickness of the thinner of two shapes [m]; b is -1 for the ground.
+
+    What has no thickness, points and balls of no radius, is left out; 0 where nothing has any.
+    """
+    shapes = contacts.geometry.shapes
+    thin = thickness(shapes[a])
+    other = thickness(shapes[b]) if b >= 0 else 0.0
+    if thin > 0.0 and other > 0.0:
+        return min(thin, other)
+    return max(thin, other)
+
+
+@part
+def shape_speed(work, linear, shape, pose):
+    """Bound of the speed of a shape's points [m/s]."""
+    u = point_velocity(work, linear, shape.row, xyz(pose.position))
+    turn = load(work, shape.row, at.W)
+    arm = 0.0 if shape.kind == SPHERE else shape.reach
+    return math.sqrt(dot(u, u)) + arm * math.sqrt(dot(turn, turn))
+
+
+@part
+def point_closing(work, linear, contacts, n):
+    """Speed at which the gap of contact point n closes [m/s]."""
+    a, b, _, _, _ = endpoints(contacts, n)
+    p = middle(contacts.found[n])
+    u = sub(point_velocity(work, linear, a, p), point_velocity(work, linear, b, p))
+    return -dot(u, xyz(contacts.found[n].normal))
+
+
+@part
+def closing_bound(scene, i, j, normal, left):
+    """Bound of the speed at which any points of two shapes come together along a normal."""
+    data = opened(scene)
+    contacts = contacts_at(data.links.contacts)
+    shapes, poses = contacts.geometry.shapes, contacts.poses
+    u, turn, arm = motion_of(data.work, data.space.linear, shapes[i], poses[i])
+    if j >= 0:
+        w, more, other = motion_of(data.work, data.space.linear, shapes[j], poses[j])
+        u = sub(u, w)
+        turn = max(turn, more)
+        arm += other
+    size = math.sqrt(dot(u, u))
+    bend = min(1.0, turn * left) * size + 2.0 * contacts.tally[0].pull * left
+    return SURE * max(-dot(u, normal), 0.0) + arm + bend + 1e-6 * size
+
+
+@part
+def motion_of(work, linear, shape, pose):
+    """(velocity, speed of turning, speed of points by it) of a shape; a ball's turning is none."""
+    k = shape.row
+    u = point_velocity(work, linear, k, xyz(pose.position))
+    w = load(work, k, at.W)
+    turn = math.sqrt(dot(w, w))
+    return u, turn, 0.0 if shape.kind == SPHERE else turn * shape.reach
+
+
+@part
+def curving_bound(scene, i, j):
+    """Bound of how fast the closing speed of any points of two shapes changes [m/s²].
+
+    By weight, and by their turning: of the points, and of the normal that they close along. j is -1
+    for the ground.
+    """
+    data = opened(scene)
+    contacts = contacts_at(data.links.contacts)
+    shapes, poses = contacts.geometry.shapes, contacts.poses
+    u, turn, arm = motion_of(data.work, data.space.linear, shapes[i], poses[i])
+    turning = turn * arm
+    if j >= 0:
+        w, more, other = motion_of(data.work, data.space.linear, shapes[j], poses[j])
+        u = sub(u, w)
+        turning += more * other + max(turn, more) * math.sqrt(dot(u, u))
+    return turning + 2.0 * contacts.tally[0].pull

@@ -1,0 +1,113 @@
+"""Whether one shape has passed through another within a step: a check after it, so that it is told.
+
+The way of a shape's centre, as the other shape sees it, is taken as straight from the start of the
+step to its end. What comes in and goes out again has passed.
+"""
+
+import math
+
+from ..arrays import opened
+from ..compiler.jit import part, sweep
+from ..records import BOX, HEIGHTFIELD, HULL, POINTS, RIGID
+from ..vec import dot, matrix, mul_t, set_matrix, set_xyz, sub, xyz
+from .closing import thickness
+from .contacts import contacts_at
+from .search import are_apart
+
+CORE = 0.9  # of a shape's extents: nearer to its rim it may be grazed
+HULL_CORE = 0.4  # of a hull, whose corners its extents do not know
+TURNED = 2.0  # trace of a rotation of a radian: beyond it, the way is not straight
+
+
+@sweep
+def keep_poses(scene):
+    """The poses of all shapes are those of the step's start."""
+    contacts = contacts_at(opened(scene).links.contacts)
+    for i in range(contacts.poses.shape[0]):
+        set_xyz(contacts.start_poses[i].position, xyz(contacts.poses[i].position))
+        set_matrix(contacts.start_poses[i].rotation, matrix(contacts.poses[i].rotation))
+
+
+@sweep
+def note_passages(scene, t):
+    """Note which pairs passed through each other since `keep_poses`; the step ends at t."""
+    contacts = contacts_at(opened(scene).links.contacts)
+    may, shapes = contacts.candidates, contacts.geometry.shapes
+    for k in range(may.pairs.shape[0]):
+        pair = may.pairs[k]
+        note_passage(contacts, pair.shape_a, pair.shape_b, pair.pair, t)
+    members = may.members
+    for m in range(members.shape[0]):
+        for k in range(m):
+            i, j = members[m].shape, members[k].shape
+            same = members[m].pair != members[k].pair or shapes[i].row == shapes[j].row
+            if not same and not are_apart(may.apart, shapes[i].body, shapes[j].body):
+                note_passage(contacts, i, j, members[m].pair, t)
+
+
+@part
+def note_passage(contacts, i, j, pair, t):
+    """Note whether shapes i and j passed through each other."""
+    tally = contacts.tally[0]
+    if contacts.laws[pair].law == RIGID and (passes(contacts, i, j) or passes(contacts, j, i)):
+        if tally.passed == 0:
+            tally.passed_pair = pair
+            tally.passed_time = t
+        tally.passed += 1
+
+
+@part
+def passes(contacts, i, j):
+    """Whether the centre of shape i went through shape j, in and out."""
+    shapes = contacts.geometry.shapes
+    kind = shapes[j].kind
+    if shapes[i].kind == POINTS or kind == POINTS or kind == HEIGHTFIELD:
+        return False
+    now, before = contacts.poses, contacts.start_poses
+    p = seen_from(before[j], shapes[j], before[i])
+    way = sub(seen_from(now[j], shapes[j], now[i]), p)
+    if dot(way, way) <= thickness(shapes[j]) ** 2:
+        return False
+    r, turned = matrix(before[j].rotation), matrix(now[j].rotation)
+    trace = 0.0
+    for n in range(9):
+        trace += r[n] * turned[n]
+    half = xyz(shapes[j].half_extents)
+    return trace > TURNED and (
+        cuts_box(p, way, half) if kind == BOX else cuts_ball(p, way, half, kind == HULL)
+    )
+
+
+@part
+def seen_from(pose, shape, other):
+    """The place of another shape from the middle of a shape, in its axes."""
+    p = mul_t(matrix(pose.rotation), sub(xyz(other.position), xyz(pose.position)))
+    return sub(p, xyz(shape.middle))
+
+
+@part
+def cuts_box(p, way, half):
+    """Whether the segment from p along `way` enters and leaves a box."""
+    first, last = -math.inf, math.inf
+    for n in range(3):
+        wide = CORE * half[n]
+        if way[n] == 0.0:
+            if abs(p[n]) > wide:
+                return False
+            continue
+        one, two = (-wide - p[n]) / way[n], (wide - p[n]) / way[n]
+        first, last = max(first, min(one, two)), min(last, max(one, two))
+    return 0.0 < first < last < 1.0
+
+
+@part
+def cuts_ball(p, way, half, is_hull):
+    """Whether the segment from p along `way` enters and leaves an ellipsoid."""
+    core = HULL_CORE if is_hull else CORE
+    x = (p[0] / (core * half[0]), p[1] / (core * half[1]), p[2] / (core * half[2]))
+    d = (way[0] / (core * half[0]), way[1] / (core * half[1]), way[2] / (core * half[2]))
+    a, b, c = dot(d, d), dot(x, d), dot(x, x) - 1.0
+    root = b * b - a * c
+    if not root > 0.0 or not c > 0.0:
+        return False
+    return b < 0.0 and -b + math.sqrt(root) < a
