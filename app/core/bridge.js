@@ -261,11 +261,22 @@ window.pgraph = (() => {
     if (!canvas) { setTimeout(watchView, 100); return; }
     watched?.disconnect();
     let settling = null;
-    const tell = () => pgraph.send("Viewport", { aspect: canvas.clientWidth / Math.max(canvas.clientHeight, 1), window: innerWidth });
+    const tell = () => pgraph.send("Viewport", { aspect: canvas.clientWidth / Math.max(canvas.clientHeight, 1), window: innerWidth, covered: covered(canvas), turned: pgraph.camera.turned() });
     watched = new ResizeObserver(() => { place(canvas); clearTimeout(settling); settling = setTimeout(tell, 250); });
     watched.observe(canvas);
   }
   watchView();
+
+  // The share of the 3D view's height that panels take from its bottom: the middle one of three places.
+  function covered(canvas) {
+    const { left, width, bottom, height } = canvas.getBoundingClientRect();
+    const share = (x) => {
+      let y = bottom - 2;
+      while (y > bottom - height && !document.elementFromPoint(x, y)?.matches("canvas, :has(canvas)")) y -= 4;
+      return (bottom - 2 - y) / height;
+    };
+    return [0.2, 0.5, 0.8].map((at) => share(left + at * width)).sort((a, b) => a - b)[1];
+  }
 
   // For what floats over the 3D view: where it is.
   function place(canvas) {

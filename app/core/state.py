@@ -64,6 +64,8 @@ class Client:
     dark: bool = False
     aspect: float | None = None  # width over height of its 3D view, once known
     window: float | None = None  # width of the whole page [px]
+    covered: float = 0.0  # share of its 3D view that panels cover, from the bottom
+    turned: bool = False  # whether a person moved its camera since it was set
     reply: Reply | None = None
     notice: Notice | None = None
     downloads: int = 0  # how often the model was asked for as a file

@@ -47,5 +47,16 @@ pgraph.camera = (() => {
     if (at.length && last && controls) pgraph.viser.shift(at.map((x, k) => x - last[k]));
     last = at.length ? at : null;
   });
-  return { look };
+  // A camera that a person has moved is not set again when the view gets another shape.
+  let turned = false, watched = null;
+  (function watch() {
+    const controls = window.__viserMutable?.cameraControl;
+    if (controls && controls.camera !== watched) { // made again after a lost connection
+      watched = controls.camera;
+      controls.addEventListener("control", () => { turned = true; });
+    }
+    setTimeout(watch, controls ? 2000 : 100);
+  })();
+  pgraph.on("framed", () => { turned = false; });
+  return { look, turned: () => turned };
 })();

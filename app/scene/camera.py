@@ -16,7 +16,7 @@ from ..core.bridge import Bridge
 from ..core.state import Client, State, poses
 from . import marks
 
-COVERED = 0.25  # of the view, by the playback at its bottom
+COVERED = 0.25  # of the view at most, by the playback at its bottom
 TYPICAL_ASPECT = 0.6  # of the view between the docks at 1280 x 800
 
 
@@ -28,6 +28,7 @@ class CameraView:
         self._framed = -1
         self._up = ""
         self._followed: dict[int, list[float]] = {}  # where each page was told that the animal is
+        self._views: dict[int, tuple[str, tuple[str, ...]]] = {}  # which view each has, of what
 
     def render(self, old: State, new: State) -> None:
         another = new.framed != self._framed or new.model.up != self._up
@@ -45,18 +46,30 @@ class CameraView:
             if handle is None or page.aspect is None:
                 continue
             if another or before.aspect is None:
-                look(handle, new, "start", page.aspect)
+                self._look(handle, new, page, "start")
             elif page.view != before.view:
-                look(handle, new, page.view[1], page.aspect, page.selected)
+                self._look(handle, new, page, page.view[1], page.selected)
+            elif page.aspect != before.aspect and not page.turned:
+                self._look(handle, new, page, *self._views.get(client, ("start",)))
             else:
                 turned = page.follow and not before.follow
                 left_it = (grown or turned) and not seen(handle, new, page).all()
                 gone = rests and not seen(handle, new, page, COVERED).any()
                 if left_it or gone or (over and went(handle, new, page)):
-                    look(handle, new, "fit", page.aspect)
+                    self._look(handle, new, page, "fit")
             self._follow(client, new, page.follow)
-        for gone in self._followed.keys() - new.clients.keys():
-            del self._followed[gone]
+        for known in (self._followed, self._views):
+            for gone in known.keys() - new.clients.keys():
+                del known[gone]
+
+    def _look(
+        self, handle: viser.ClientHandle, state: State, page: Client, which: str,
+        selected: tuple[str, ...] = (),
+    ) -> None:  # fmt: skip
+        """Set a camera; until the person turns it, it is set again when the view's shape changes."""
+        self._views[handle.client_id] = which, selected
+        self._bridge.send(handle.client_id, "framed", which)
+        look(handle, state, page, which, selected)
 
     def _follow(self, client: int, state: State, follows: bool) -> None:
         """Tell a page where its camera goes along to; it keeps its own way of looking."""
@@ -78,7 +91,7 @@ class CameraView:
 
 
 def look(
-    handle: viser.ClientHandle, state: State, which: str, aspect: float,
+    handle: viser.ClientHandle, state: State, page: Client, which: str,
     selected: tuple[str, ...] = (),
 ) -> None:  # fmt: skip
     """Set one page's camera on the model, or on what is selected where `which` is "fit"."""
@@ -91,7 +104,9 @@ def look(
             way = stage.towards(state.model.up, "top")
     else:
         way = stage.towards(state.model.up, which)  # type: ignore[arg-type]
-    seen = stage.fitted(extent(state, selected if which == "fit" else ()), up, way, aspect)
+    aspect = TYPICAL_ASPECT if page.aspect is None else page.aspect
+    corners = extent(state, selected if which == "fit" else ())
+    seen = stage.fitted(corners, up, way, aspect, page.covered)
     at.near, at.far = size / 100, 1000 * size
     at.up_direction = up
     at.position, at.look_at = seen

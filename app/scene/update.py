@@ -52,11 +52,16 @@ class Viewport(FromPage):
 
     aspect: Annotated[float, Field(gt=0.05, lt=20)]
     window: Annotated[float, Field(gt=0, lt=100_000)] | None = None  # its width [px]
+    covered: Annotated[float, Field(ge=0, le=1)] = 0.0  # of its height, from the bottom
+    turned: bool = False  # whether a person moved the camera since it was set
 
 
 @on(Viewport)
 def viewport(state: State, event: Viewport) -> State:
-    return with_client(state, event.client, aspect=event.aspect, window=event.window)
+    return with_client(
+        state, event.client, aspect=event.aspect, window=event.window, covered=event.covered,
+        turned=event.turned,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -178,6 +178,7 @@ Which = Literal["front", "side", "top", "isometric", "start"]
 FIELD_OF_VIEW = 0.7  # of the height [rad]
 MARGIN = 0.92  # of half the width and of half the height above: what the points take
 LOWER = 0.66  # of half the height below: the playback covers the rest
+GAP, MOST_COVERED = 0.02, 0.7  # of the height: above what covers it, and the most that may
 LEAST = 0.02  # [m] least distance: of a model that is a point
 
 # From the model to the camera, by the axis that is up. Models look along x (along y if x is up).
@@ -207,31 +208,28 @@ def towards(up: str, which: Which) -> np.ndarray:
     return way / np.linalg.norm(way)
 
 
-def fitted(points: np.ndarray, up: np.ndarray, way: np.ndarray, aspect: float) -> Viewpoint:
+def fitted(
+    points: np.ndarray, up: np.ndarray, way: np.ndarray, aspect: float, covered: float = 0.0
+) -> Viewpoint:
     """The nearest camera in the direction `way` (a unit vector towards it) that sees all points.
 
-    A point at (x, y, z) in the camera's axes, z towards the camera at (a, b, d), is in the picture
-    if |x - a| <= h (d - z), y - b <= v (d - z) and b - y <= w (d - z), with the tangents h, v, w
-    of the picture's half width and of its parts above and below the middle. The tightest of these
-    on either side meet where a, b and d are as small as can be.
+    A share `covered` of the picture's height at its bottom is kept free. A point at (x, y, z) in
+    the camera's axes, z towards the camera at (a, b, d), is in the picture if |x - a| <= h (d - z)
+    and -w (d - z) <= y - b <= v (d - z), with the tangents h of the picture's half width and v, w
+    of its parts above and below the middle; w is negative where more than half is covered.
     """
     right, above = frame(up, way)
     x, y, z = points @ right, points @ above, points @ way
     half = math.tan(FIELD_OF_VIEW / 2)
-    h, v, w = MARGIN * half * aspect, MARGIN * half, LOWER * half
-    a, across = _squeezed(x, z, h, h)
-    b, along = _squeezed(y, z, v, w)
+    h, v = MARGIN * half * aspect, MARGIN * half
+    w = min(LOWER, 1 - 2 * min(covered + GAP, MOST_COVERED)) * half
+    x_high, x_low = (x + h * z).max(), (x - h * z).min()
+    y_high, y_low = (y + v * z).max(), (y - w * z).min()
     middle = (z.min() + z.max()) / 2
-    d = max(across, along, middle + LEAST)
+    d = max((x_high - x_low) / (2 * h), (y_high - y_low) / (v + w), middle + LEAST)
+    a, b = (x_high + x_low) / 2, (y_high - v * d + y_low + w * d) / 2
     target = a * right + b * above + middle * way
     return Viewpoint(target + (d - middle) * way, target)
-
-
-def _squeezed(x: np.ndarray, z: np.ndarray, high: float, low: float) -> tuple[float, float]:
-    """Where the camera stands along one axis of its picture, and how far from it."""
-    top, bottom = float((z + x / high).max()), float((z - x / low).max())
-    at = (top - bottom) / (1 / high + 1 / low)
-    return at, top - at / high
 
 
 def frame(up: np.ndarray, way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
