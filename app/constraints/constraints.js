@@ -101,6 +101,7 @@
     const edit = (field, entries, serial) => send("EditPart", { serial, part, name: el.dataset.name, field, entries });
     forms.draw(form, item.form, {
       edit,
+      owner: { part, name: el.dataset.name },
       press: (b) => {
         if (b.event === "Pick") send("Pick", { part, name: el.dataset.name, slot: b.fields.slot });
         else edit(b.fields.field, [[b.fields.index, b.fields.text]], pgraph.nextSerial());

@@ -210,7 +210,8 @@ def _plain(model: pg.Model, item: Any, name: str, cells: Any, display: Display, 
     if typed_as(item, name)[0] == "vector":
         found = value if value is not None else (None, None, None)
         row = [cell((i,), shown(x, of, display), implied=implied) for i, x in enumerate(found)]
-        return field(name, shows.label, row, unit=unit, help=shows.help)
+        pick = "axis" if name.endswith("axis") else "point"
+        return field(name, shows.label, row, unit=unit, help=shows.help, pick=pick)
     one = cell((), shown(value, of, display), implied=implied)
     return field(name, shows.label, [one], unit=unit, help=shows.help)
 
@@ -253,7 +254,7 @@ def _points(item: pg.Contact, cells: Any, display: Display) -> list[Payload]:
     found = [
         field("points", f"Point {i + 1}",
               [cell((i, j), shown(x, "length", display)) for j, x in enumerate(point)],
-              unit=display.length, help=about(item, "points").help,
+              unit=display.length, help=about(item, "points").help, pick="point",
               buttons=[button("×", "", "take this point out", field="points", index=[i], text="")])
         for i, point in enumerate(cells["points"])
     ]  # fmt: skip

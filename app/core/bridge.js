@@ -142,6 +142,7 @@ window.pgraph = (() => {
     redo: "M10 1v3H6a4.5 4.5 0 0 0 0 9h5v-2H6a2.5 2.5 0 0 1 0-5h4v3l5-4z",
     duplicate: "M1 1h9v3h5v11H6v-3H1zM2.5 2.5v8H6V4h2.5V2.5zM7.5 5.5v8h6v-8z", mirror: "M7.3 1h1.4v14H7.3zM6 3v10H.5zM4.6 8v3.6H2.6zM10 3v10h5.5z",
     delete: "M6 1h4v1.5h4V4H2V2.5h4zM3 5h10l-.8 10H3.8zM6 6.5v7h1v-7zM9 6.5v7h1v-7z",
+    pick: "M7.3 0h1.4v4.5H7.3zM7.3 11.5h1.4V16H7.3zM0 7.3h4.5v1.4H0zM11.5 7.3H16v1.4h-4.5zM8 6a2 2 0 1 0 0 4a2 2 0 1 0 0-4z",
     theme: "M8 1a7 7 0 1 0 0 14A7 7 0 0 0 8 1zm0 2v10A5 5 0 0 1 8 3z",
   };
   pgraph.icon = (name) => {

@@ -107,7 +107,7 @@ def _afresh(client: Client) -> Client:
     """A page that has chosen nothing of this model yet."""
     none = Client()
     of_model = ("selection", "selected", "plots", "walk", "gizmo", "grip", "inspected", "picking",
-                "opened", "listed")  # fmt: skip
+                "aim", "opened", "listed")  # fmt: skip
     return replace(client, **{name: getattr(none, name) for name in of_model})
 
 

@@ -56,14 +56,22 @@ pgraph.forms = (() => {
     const grid = make("div", { className: `grid columns-${field.columns}` });
     grid.append(...field.cells.map((cell) => input(box, grid, field, cell)));
     if (field.kind === "density") density(box, grid, field);
-    const unit = make("span", { className: "unit" });
+    const unit = make("span", { className: "unit" }), what = make("div", { className: "what", title: field.help }, make("span", { textContent: field.label }), unit);
+    if (field.pick) what.append(picker(box, field));
     const buttons = field.buttons.map((b) => make("button", {
       className: "action small", textContent: b.text, title: b.title, onclick: () => box.pgraphAsk.press(b, field),
     }));
     if (field.upload) buttons.push(upload(box));
     return make("div", {}, make("div", { className: "field", "data-field": field.field },
-      make("div", { className: "what", title: field.help }, make("span", { textContent: field.label }), unit), grid, ...buttons),
+      what, grid, ...buttons),
     make("div", { className: "note muted" }));
+  }
+
+  // The row's numbers are taken from the next click in the 3D view.
+  function picker(box, field) {
+    const about = field.pick === "axis" ? "a face or a round side" : "a point", index = field.cells[0].index.slice(0, -1);
+    return pgraph.pictureButton("pick", "pick", `pick ${field.label} in 3D`, `Pick it in the 3D view: click ${about} of a body`,
+      () => pgraph.picking.start(field.pick, { field: field.field, index, ...box.pgraphAsk.owner }));
   }
 
   function input(box, grid, field, cell) {

@@ -3,11 +3,11 @@ pgraph.shortcuts = (() => {
   const { make } = pgraph;
   const SHEET = [
     ["Anywhere", [
-      ["Ctrl K", "find a command"], ["Ctrl S", "save"], ["Ctrl O", "open"], ["Ctrl F", "find a body"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Space", "play or pause"], ["Esc", "clear the selection"], ["?", "this sheet"],
+      ["Ctrl K", "find a command"], ["Ctrl S", "save"], ["Ctrl O", "open"], ["Ctrl F", "find a body"], ["Ctrl Z", "undo"], ["Ctrl Shift Z", "redo"], ["Space", "play or pause"], ["Esc", "clear the selection"], ["F6", "next pane, Shift F6 the one before"], ["?", "this sheet"],
     ]],
     ["In the 3D view", [
-      ["F", "frame what is selected, or all"], ["1", "from the front, 2 from the side, 3 from the top"], ["0", "isometric"],
-      ["drag", "turn the view; with the right button move it"], ["wheel", "nearer or farther"], ["click", "select a body"], ["Ctrl drag", "pull on a body while Live runs"],
+      ["F", "frame what is selected, or all"], ["1", "from the front, 2 from the side, 3 from the top"], ["0", "isometric"], ["C", "turn about the selection"], ["M", "measure between two points"],
+      ["drag", "turn the view; with the right button move it"], ["wheel", "nearer or farther"], ["click", "select a body; with the right button its menu"], ["Ctrl drag", "pull on a body while Live runs"],
     ]],
     ["In the digraph", [
       ["drag", "a node onto its new parent"], ["Shift drag", "onto a second parent: closes a loop"], ["↑ ↓ ← →", "along the tree, Enter selects"],

@@ -16,6 +16,7 @@ from ..gait import Change, Walking
 from ..model import Errand, Step
 from ..model.derived import Derived, derive
 from ..operators import Inspected
+from ..picking import Aim
 from ..playback import SPEEDS as SPEEDS
 from ..playback import Playback
 from ..pose import Grip, Pose
@@ -84,6 +85,8 @@ class Client:
     exported: tuple[int, str, str] = (0, "", "")  # how often, and what it asked for as a file
     display: Display = field(default_factory=Display)
     picking: Picking | None = None
+    aim: Aim | None = None  # what it picks in its 3D view
+    menu: tuple[int, str | None, tuple[float, float]] = (0, None, (0.0, 0.0))  # the last asked for
     opened: tuple[str, str] | None = None  # (part, name) of what the constraints tab shows whole
     listed: str | None = None  # body whose constraints alone are listed
     called: int = 0  # how often the constraints tab was asked to come forward

@@ -34,7 +34,7 @@
     new: () => press("new"), open: () => press("open"), save: () => press("save"), keys: () => pgraph.shortcuts.open(),
     theme: () => press("theme"), simulate: () => press("simulate"), live: () => press("action.live"), undo: () => send("Undo"), redo: () => send("Redo"),
     play: () => pgraph.play(), find: () => { const box = document.querySelector(".pgraph .search"); box?.focus(); box?.select(); },
-    add: () => press("add"), download: () => send("Download"), tour: () => pgraph.tour?.start(),
+    add: () => press("add"), download: () => send("Download"), tour: () => pgraph.tour?.start(), measure: () => pgraph.camera.measure(),
   };
   pgraph.on("command", ({ run }) => {
     const [kind, what] = run.split(":");

@@ -89,6 +89,7 @@ def path(state: State, selection: str | None) -> frozenset[str]:
 
 PACE = 0.04  # [s] between the places that are told while it is dragged
 LARGE = 0.3  # of the grain of the model
+WORD = {"link": "joint", "com": "centre of mass"}
 
 
 class Gizmo(NamedTuple):
@@ -168,7 +169,9 @@ def _place(
         else getattr(state.model.body(drawn.body), drawn.what)
     )
     drawn.numbers.position = np.asarray(at)
-    drawn.numbers.text = f"{', '.join(f'{x:.6g}' for x in at)} m"
+    show = page.display
+    numbers = "  ".join(f"{k} {show.shown(x, 'length'):.5g}" for k, x in zip("xyz", at))
+    drawn.numbers.text = f"{WORD[drawn.what]}: {numbers} {show.unit('length')}"
 
 
 VIEWS = (

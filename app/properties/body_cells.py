@@ -24,6 +24,7 @@ Content = Any  # nested tuples of numbers, formulas and None
 
 PER_MOTION = ("stiffness", "damping", "rest", "friction", "armature", "limit_restitution")
 DERIVED = ("mass", "com", "inertia", "tip")
+ALL = "all"  # of these
 SHAPES = tuple(DIMENSIONS)
 OF_FILES = ("mesh", "heightfield")
 MOTIONS = ("rotate", "translate", "ball")
@@ -204,13 +205,14 @@ def following(body: pg.Body, what: str) -> dict[str, Any]:
 
     A mass that follows keeps its value at first: the density is chosen so.
     """
-    if what not in DERIVED:
+    if what not in (*DERIVED, ALL):
         raise Refusal(f"must be one of {', '.join(DERIVED)}")
-    change: dict[str, Any] = {"derived": (*body.derived, *({what} - {*body.derived}))}
+    wanted = DERIVED if what == ALL else (what,)
+    change: dict[str, Any] = {"derived": tuple(dict.fromkeys((*body.derived, *wanted)))}
     shapes = body.shapes or (pg.Shape(**(_shape(body, "capsule") or {})),)
     if not body.shapes:
         change["shape"] = shapes[0]
-    if what == "mass":
+    if "mass" in wanted:
         full = mass_properties_of(shapes, 1.0).mass
         change["density"] = body.density or (body.mass / full if body.mass > 0 else 1000.0)
     return change

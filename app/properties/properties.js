@@ -27,6 +27,7 @@
   }
 
   const ofBodies = (bodies) => ({
+    owner: { bodies },
     edit: (field, entries, serial) => send("EditBodies", { serial, bodies, field, entries }),
     check: (field, entries, serial) => send("Check", { serial, bodies, field, entries }),
     mend: (field, entries, serial) => send("Mend", { serial, bodies, field, entries }),

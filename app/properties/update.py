@@ -26,8 +26,11 @@ from ..model.archive import mesh_folder
 from ..model.update import sent, sent_file
 from . import world as world  # its events
 from .body_cells import edit_of, mended
+from .length import stretched
 
+LENGTH = "body_length"
 LABELS = {
+    "body_length": "length",
     "rotation": "orientation", "rotation_euler": "orientation", "rotation_axis": "orientation",
     "com": "centre of mass", "link": "link vector", "motions": "motions",
 }  # fmt: skip
@@ -38,6 +41,7 @@ BodyField = Literal[
     "shape_radii", "shape_length", "shape_end_radius", "shape_scale", "shape_position",
     "shape_rotation",
     "shape_rotation_euler", "shape_rotation_axis", "shape_role", "shape_colour", "derived",
+    "body_length",
 ]  # fmt: skip
 FurtherShape = Annotated[str, Field(pattern=r"^shape_[1-9]\d?_[a-z_]{4,20}$")]  # the second is 1
 
@@ -124,6 +128,8 @@ def _changes(state: State, event: Typed) -> dict[str, dict[str, Any]]:
 def _edited(state: State, event: Typed) -> pg.Model:
     if event.field == "name" and len(event.bodies) > 1:
         raise Refusal("several bodies cannot have one name; select one")
+    if event.field == LENGTH:
+        return _stretched(state, event)
     changes = _changes(state, event)
     if len(changes) == 1:
         ((name, change),) = changes.items()
@@ -131,8 +137,19 @@ def _edited(state: State, event: Typed) -> pg.Model:
     return state.model.edit_all(changes)
 
 
+def _stretched(state: State, event: Typed) -> pg.Model:
+    try:
+        text, display = event.entries[0][1], display_of(state, event.client)
+        length = cells.quantity(text, "length", display)
+        return stretched(state.model, event.bodies, length)
+    except Refusal as refusal:
+        raise Refusal(f"body '{event.bodies[0]}', length: {refusal}") from None
+
+
 def _offer(state: State, event: Typed) -> str:
     """What a repair would do with the refused entries; "" where there is none."""
+    if event.field == LENGTH:
+        return ""
     try:
         changes = _changes(state, event)
         bodies = [mended(state.model.body(n), *_one(event, c)) for n, c in changes.items()]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, get_args
 
+import numpy as np
 import viser
 
 import pgraph_core as pg
@@ -25,7 +26,8 @@ from ..core.cells import (
 )
 from ..core.state import Client, State
 from ..core.views import Payload, Place, audience, css
-from .body_cells import MOTIONS, NO_SHAPE, OF_FILES, SHAPES, held, moments, quantity_of, shows
+from .body_cells import ALL, MOTIONS, NO_SHAPE, OF_FILES, SHAPES, held, moments, quantity_of, shows
+from .length import end_of
 from .world import world
 
 JOINTS = get_args(pg.Body.model_fields["joint"].annotation)
@@ -97,9 +99,10 @@ def groups(model: pg.Model, body: pg.Body, display: Display) -> list[Payload]:
         *form.motions(),
         form.vector("link"),
         form.vector(turn, names),
+        form.length(),
     ]
     mass = [form.vector("mass"), form.vector("com"), form.inertia(), form.tip()]
-    mass = [form.follows(one) for one in mass]
+    mass = [form.material(), *(form.follows(one) for one in mass)]
     state = [
         form.vector("q", Q_NAMES.get(body.joint, ())),
         form.vector("v", V_NAMES.get(body.joint, ())),
@@ -167,7 +170,8 @@ class _Form:
 
     def vector(self, name: str, names: tuple[str, ...] = ()) -> Payload:
         about, cells = shows(name), self.cells(name, names)
-        return field(name, about.label, cells, unit=self.unit(name), help=about.help)
+        pick = "point" if name in ("link", "com", "tip") or name.endswith("_position") else ""
+        return field(name, about.label, cells, unit=self.unit(name), help=about.help, pick=pick)
 
     def motions(self) -> list[Payload]:
         """A row for each axis; of a compound joint, for each motion, which can be chosen."""
@@ -192,7 +196,9 @@ class _Form:
 
     def _axis(self, i: int, at: int, label: str) -> Payload:
         cells = [cell((i, j), x) for j, x in enumerate(self.body.axes[at])]
-        return field("axes", label, cells, help=shows("axes").help, columns=3)
+        last = i == len(self.body.axes) - 1  # the others are in the axes of the parent
+        return field("axes", label, cells, help=shows("axes").help, columns=3,
+                     pick="axis" if last else "")  # fmt: skip
 
     def inertia(self) -> Payload:
         rows = without_noise(self.value("inertia"))
@@ -224,10 +230,12 @@ class _Form:
         if name in self.body.derived:
             note = "; ".join(filter(None, (row["note"], "follows from the shapes until you type")))
             return {**row, "note": note}
-        title = "let it follow from the shapes" if self.body.shapes else (
-            "let it follow from a rod along the body, which becomes its shape"
-        )  # fmt: skip
-        derive = button("derive", "", title, field="derived", index=[], text=name)
+        if not self.body.derived and name != "mass":
+            return row  # one button for all of them
+        what, text = ("it", name) if self.body.derived else ("mass, centre, inertia and tip", ALL)
+        source = "the shapes" if self.body.shapes else "a rod along the body, its shape from now on"
+        title = f"let {what} follow from {source}"
+        derive = button("derive", "", title, field="derived", index=[], text=text)
         return {**row, "buttons": [*row["buttons"], derive]}
 
     def shape(self, at: int) -> list[Payload]:
@@ -268,16 +276,27 @@ class _Form:
             more = button("+ shape", "", "one more shape", field=f"shape_{at + 1}_kind",
                           index=[], text="sphere")  # fmt: skip
             found[-1] = {**found[-1], "buttons": [more]}
-        if at:
-            return found
+        return found
+
+    def length(self) -> Payload:
+        """From the joint to the tip, as one number that stretches the body."""
+        length = float(np.linalg.norm(end_of(self.body)))
+        cells = [cell((), shown(length, "length", self.display))] if length > 1e-9 else []
+        help = (
+            "from the joint to the tip: shape, tip, centre of mass, inertia, and the joints and "
+            "points at the tip go with it"
+        )
+        return field("body_length", "Length", cells, unit=self.display.unit("length"), help=help)
+
+    def material(self) -> Payload:
+        """The density that the mass follows from, by number or by material."""
         value = "" if self.body.density is None else self.body.density
         help = (
             "mass, centre of mass and inertia of a body that fills its shapes evenly; they follow "
             "until you type other values"
         )
-        fill = field("density", "Mass from it", [cell((), value)], unit="kg/m³", kind="density",
+        return field("density", "Density", [cell((), value)], unit="kg/m³", kind="density",
                      options=DENSITIES, help=help)  # fmt: skip
-        return [*found, fill]
 
 
 SLIM, WIDE = 0.02, 1.5  # radius of gyration over the body's length: beyond, it is doubted

@@ -8,7 +8,8 @@ pgraph.camera = (() => {
     ["top", "View from the top", "3", "M2 6l6-3 6 3-6 3zM2 6v4l6 3 6-3V6"],
     ["isometric", "Isometric view", "0", "M8 1l6 3.5v7L8 15l-6-3.5v-7zM8 8l6-3.5M8 8v7M8 8L2 4.5"],
   ];
-  const KEYS = Object.fromEntries(VIEWS.map(([which, , key]) => [key.toLowerCase(), which]));
+  const CENTRE = ["centre", "Turn about the selection", "C", "M8 1v4M8 11v4M1 8h4M11 8h4M8 6a2 2 0 1 0 .01 0z", "it comes to the middle, from where you look"];
+  const KEYS = Object.fromEntries([...VIEWS, CENTRE].map(([which, , key]) => [key.toLowerCase(), which]));
   const look = (which) => send("View", { which });
 
   function picture(path) {
@@ -19,12 +20,15 @@ pgraph.camera = (() => {
     svg.append(line);
     return svg;
   }
+  const measure = () => pgraph.picking.start("measure");
   function bar() {
     if (document.querySelector(".pgraph-views")) return;
     const button = ([which, label, key, path, more]) => make("button", {
       className: `view-${which}`, title: `${label}${more ? `: ${more}` : ""} (${key})`, "aria-label": label, onclick: () => look(which),
     }, picture(path));
-    document.body.append(make("div", { className: "pgraph pgraph-views", role: "toolbar", "aria-label": "3D view" }, ...VIEWS.map(button)));
+    document.body.append(make("div", { className: "pgraph pgraph-views", role: "toolbar", "aria-label": "3D view" }, ...VIEWS.map(button), button(CENTRE),
+      make("button", { className: "view-measure", title: "Measure: distance and angle between two points (M)", "aria-label": "Measure", "aria-pressed": "false", onclick: measure },
+        picture("M1 11L11 1l4 4L5 15zM4 8l2 2M6.5 5.5L8 7M9 3l2 2"))));
   }
   bar();
 
@@ -33,10 +37,10 @@ pgraph.camera = (() => {
     || document.activeElement?.querySelector?.("canvas:not(.pgraph *)");
   window.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey || event.shiftKey || !inView()) return;
-    const which = KEYS[event.key.toLowerCase()];
-    if (!which) return;
+    const key = event.key.toLowerCase(), which = KEYS[key];
+    if (!which && key !== "m") return;
     event.preventDefault();
-    look(which);
+    if (which) look(which); else measure();
   });
 
   // The animal moved: the camera and what it looks at move by as much, so that a page that turns
@@ -58,5 +62,5 @@ pgraph.camera = (() => {
     setTimeout(watch, controls ? 2000 : 100);
   })();
   pgraph.on("framed", () => { turned = false; });
-  return { look, turned: () => turned };
+  return { look, measure, turned: () => turned };
 })();

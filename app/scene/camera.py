@@ -66,7 +66,7 @@ class CameraView:
         self, handle: viser.ClientHandle, state: State, page: Client, which: str,
         selected: tuple[str, ...] = (),
     ) -> None:  # fmt: skip
-        """Set a camera; until the person turns it, it is set again when the view's shape changes."""
+        """Set a camera; it is set again for another shape of the view, until a person moves it."""
         self._views[handle.client_id] = which, selected
         self._bridge.send(handle.client_id, "framed", which)
         look(handle, state, page, which, selected)
@@ -97,7 +97,7 @@ def look(
     """Set one page's camera on the model, or on what is selected where `which` is "fit"."""
     at, size = handle.camera, state.derived.size
     up = np.array(GRID[state.model.up][1])
-    if which == "fit":
+    if which in ("fit", "centre"):
         way = np.asarray(at.position) - np.asarray(at.look_at)
         way = way / np.linalg.norm(way)
         if np.linalg.norm(np.cross(up, way)) < stage.STEEP / 2:
@@ -105,8 +105,12 @@ def look(
     else:
         way = stage.towards(state.model.up, which)  # type: ignore[arg-type]
     aspect = TYPICAL_ASPECT if page.aspect is None else page.aspect
-    corners = extent(state, selected if which == "fit" else ())
+    corners = extent(state, selected if which in ("fit", "centre") else ())
     seen = stage.fitted(corners, up, way, aspect, page.covered)
+    if which == "centre":
+        middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+        far = float(np.linalg.norm(np.asarray(at.position) - np.asarray(at.look_at)))
+        seen = Viewpoint(middle + far * way, middle)
     at.near, at.far = size / 100, 1000 * size
     at.up_direction = up
     at.position, at.look_at = seen

@@ -34,9 +34,13 @@ def show(state: State, event: Show) -> State:
 
 @dataclass(frozen=True)
 class View(FromPage):
-    """A page's camera on what is selected, or all ("fit"), or on all from a named direction."""
+    """A page's camera on what is selected, or all ("fit"), or on all from a named direction.
 
-    which: Literal["fit", "front", "side", "top", "isometric"]
+    "centre" keeps direction and distance: the selection, or all, comes to the middle, about which
+    the view turns.
+    """
+
+    which: Literal["fit", "front", "side", "top", "isometric", "centre"]
 
 
 @on(View)

@@ -84,7 +84,8 @@ class SceneView:
             self._overlays.pull(new, *at)
 
     def _clicked(self, client: int, number: int) -> None:
-        if number <= len(self._names):
+        page = self._state.clients.get(client) if self._state else None
+        if number <= len(self._names) and (page is None or page.aim is None):
             self._send(Select(client, self._names[number - 1]))
 
     def _pulled(self, client: int, number: int, event: viser.SceneNodeDragEvent) -> None:

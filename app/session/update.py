@@ -102,6 +102,8 @@ def select(state: State, event: Select) -> State:
     """The selection; while a body is being picked for a constraint, the body picked."""
     if constraints.picking_of(state, event.client) is not None:
         return constraints.picked(state, event.client, event.body)
+    if event.body is None and (page := state.clients.get(event.client)) and page.aim is not None:
+        return with_client(state, event.client, aim=None)  # Escape ends one thing at a time
     bodies = () if event.body is None else (event.body,)
     return selected(state, event.client, event.body, bodies)
 

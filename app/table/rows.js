@@ -93,5 +93,5 @@ pgraph.rows = (() => {
       answer(host, "Delete", "DeleteBodies", { bodies: gone, children: "attach" }, "primary"));
   }
 
-  return { bar, count, enable, add, duplicate, remove, close };
+  return { bar, count, enable, add, duplicate, mirror, remove, close };
 })();

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import pgraph_core as pg
 from pgraph_app.core import cells
 from pgraph_app.core.cells import Display
-from pgraph_app.core.state import initial
+from pgraph_app.core.state import Client, initial
 from pgraph_app.features import update
 from pgraph_app.model import Errand, Found
 from pgraph_app.model.update import ErrandDone
@@ -507,3 +507,42 @@ def test_an_inertia_far_too_small_for_its_body_is_doubted(state):
                if f["field"] == "inertia")  # fmt: skip
     assert "too small" in note
     assert "too" not in physical(state.model.body("2"))
+
+
+# -- the length as one number ------------------------------------------------------------------
+
+
+def test_a_length_stretches_the_body_and_takes_along_what_hangs_at_its_tip():
+    """A uniform rod of twice the length is the rod of that length: closed forms."""
+    rod = pg.Shape(kind="cylinder", radius=0.01, length=0.5, position=(0.25, 0, 0),
+                   rotation=(math.sqrt(0.5), 0, math.sqrt(0.5), 0))  # fmt: skip
+    thick = np.diag([1e-4, 0.5**2 / 12, 0.5**2 / 12])
+    arm = pg.Body(name="arm", mass=1.0, com=(0.25, 0, 0), tip=(0.5, 0, 0), inertia=thick, shape=rod)
+    hand = pg.Body(name="hand", parent="arm", link=(0.5, 0, 0), mass=1.0)
+    beside = pg.Body(name="beside", parent="arm", link=(0.2, 0, 0), mass=1.0)
+    tie = pg.Constraint(name="tie", kind="point", body="arm", point=(0.5, 0, 0))
+    state = replace(initial(pg.Model(bodies=(arm, hand, beside), constraints=(tie,))),
+                    clients={ME: Client()})  # fmt: skip
+    model = update(state, EditBodies(ME, 1, ("arm",), "body_length", (((), "1 m"),))).model
+    body = model.body("arm")
+    assert (body.tip, body.com, body.mass) == ((1.0, 0, 0), (0.5, 0, 0), 1.0)
+    spread = 1e-4 / 2  # of the mass across the rod, which stays
+    np.testing.assert_allclose(
+        np.diag(body.inertia), (2 * spread, *[4 * (0.5**2 / 12 - spread) + spread] * 2), rtol=1e-12
+    )
+    assert (body.shape.length, body.shape.position) == (1.0, (0.5, 0, 0))
+    assert model.body("hand").link == (1.0, 0, 0)
+    assert model.body("beside").link == (0.2, 0, 0)
+    assert model.constraints[0].point == (1.0, 0, 0)
+
+
+def test_a_length_of_what_follows_from_the_shapes_follows_and_nonsense_is_refused(state):
+    derived = update(state, EditBodies(ME, 1, ("2",), "derived", (((), "all"),)))
+    before = derived.model.body("2")
+    after = update(derived, EditBodies(ME, 1, ("2",), "body_length", (((), "0.4"),))).model
+    assert after.body("2").mass > 1.5 * before.mass
+    assert math.hypot(*after.body("2").tip_point) == pytest.approx(0.4, rel=0.1)
+    for text in ("0", "-1", "x", "5 kg"):
+        refused = update(derived, EditBodies(ME, 1, ("2",), "body_length", (((), text),)))
+        assert refused.model is derived.model
+        assert refused.clients[ME].reply.text

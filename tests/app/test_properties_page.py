@@ -89,7 +89,7 @@ def test_1_5_shape_and_mass_from_its_density(bench, served):
     for k in range(3):
         typed(cell(bench, "shape_size", k), "100 mm")
         until(lambda k=k: model(served).body("1").shape.size[k] == 0.1, "an edge")
-    typed(bench.get_by_label("Mass from it"), "steel")  # Enter takes it as the button does
+    typed(bench.get_by_label("Density"), "steel")  # Enter takes it as the button does
     bench.get_by_text("The density must be a number").wait_for()
     bench.get_by_label("material").select_option("7850")
     bench.locator(".take").click()

@@ -1,0 +1,35 @@
+"""Points, axes and faces of bodies, picked in the 3D view: for a field, or to be measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from ..constraints import Part
+
+Vector = tuple[float, float, float]
+GROUND = "ground"
+
+
+@dataclass(frozen=True)
+class Spot:
+    """A point of a body, or of the ground."""
+
+    body: str
+    point: Vector  # in the body's axes [m]
+    direction: Vector | None  # unit vector: the normal of a face, or the axis of what is round
+    what: str  # "corner", "centre of a face", "flat face", ...
+
+
+@dataclass(frozen=True)
+class Aim:
+    """What a page picks: one spot for the cells of a field, or two to be measured."""
+
+    wants: Literal["point", "axis", "measure"]
+    field: str = ""  # which the spot is for
+    index: tuple[int, ...] = ()  # of its row in the field
+    bodies: tuple[str, ...] = ()  # whose field it is
+    part: Part | None = None  # of a constraint, contact or force: its list,
+    name: str = ""  # and its name
+    spots: tuple[Spot, ...] = ()  # that were measured
+    under: Spot | None = None  # the pointer now

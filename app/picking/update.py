@@ -1,0 +1,178 @@
+"""Picking in the 3D view: what is asked for, where the pointer is, what a click takes (pure)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+import pgraph_core as pg
+from pgraph_core.show import shapes
+
+from ..constraints import Part, parts
+from ..core.cells import Display, Refusal
+from ..core.edit import attempted
+from ..core.events import Finite, FromPage, Index, Text, on
+from ..core.state import Notice, State, poses, told, with_client
+from ..properties.body_cells import edit_of
+from . import GROUND, Aim, Spot
+from .spots import Ray, spot
+
+Vector = tuple[Finite, Finite, Finite]
+OF_PARENT = "link"  # a body's field in the axes of its parent
+
+
+@dataclass(frozen=True)
+class StartAim(FromPage):
+    """The next click in the 3D view is for a row of a field, or measures."""
+
+    wants: Literal["point", "axis", "measure"]
+    field: Text = ""
+    index: Index = ()
+    bodies: Annotated[tuple[Text, ...], Field(max_length=1)] = ()
+    part: Part | None = None
+    name: Text = ""
+
+
+@on(StartAim)
+def started(state: State, event: StartAim) -> State:
+    aim = Aim(event.wants, event.field, event.index, event.bodies, event.part, event.name)
+    return with_client(state, event.client, aim=aim, picking=None)
+
+
+@dataclass(frozen=True)
+class EndAim(FromPage):
+    """Pick nothing; what was measured goes."""
+
+
+@on(EndAim)
+def ended(state: State, event: EndAim) -> State:
+    return with_client(state, event.client, aim=None)
+
+
+@dataclass(frozen=True)
+class Pointed(FromPage):
+    """Where the pointer is in the 3D view, as a ray in the world's axes [m]."""
+
+    origin: Vector
+    direction: Vector
+    slack: Annotated[float, Field(ge=0, le=1)]  # tangent of the angle within which points snap
+
+
+@dataclass(frozen=True)
+class Hover(Pointed):
+    """The pointer moves."""
+
+    collapses = True
+
+
+@on(Hover)
+def hovered(state: State, event: Hover) -> State:
+    page = state.clients.get(event.client)
+    if page is None or page.aim is None:
+        return state
+    return with_client(state, event.client, aim=replace(page.aim, under=spot_of(state, event)))
+
+
+@dataclass(frozen=True)
+class ClickSpot(Pointed):
+    """A click while something is picked."""
+
+
+@on(ClickSpot)
+def clicked(state: State, event: ClickSpot) -> State:
+    page, client = state.clients.get(event.client), event.client
+    if page is None or page.aim is None or (found := spot_of(state, event)) is None:
+        return state
+    if page.aim.wants == "measure":
+        kept = page.aim.spots if len(page.aim.spots) == 1 else ()
+        return with_client(state, client, aim=replace(page.aim, spots=(*kept, found), under=found))
+    if page.aim.wants == "axis" and found.direction is None:
+        return told(state, client, Notice("No axis there", "Click a face or a round side."))
+    return taken(state, client, page.aim, found)
+
+
+@dataclass(frozen=True)
+class AskBody(Pointed):
+    """Which body the pointer is on: its menu is asked for."""
+
+    at: tuple[Finite, Finite]  # on the page [px]
+
+
+@on(AskBody)
+def asked(state: State, event: AskBody) -> State:
+    found = spot_of(state, event)
+    name = None if found is None or found.body == GROUND else found.body
+    count = state.clients[event.client].menu[0] + 1 if event.client in state.clients else 0
+    return with_client(state, event.client, menu=(count, name, event.at))
+
+
+def spot_of(state: State, event: Pointed) -> Spot | None:
+    """What a ray meets; nothing where it has no direction."""
+    direction = np.asarray(event.direction)
+    length = float(np.linalg.norm(direction))
+    if not 1e-9 < length < 1e9:
+        return None
+    return spot(state, Ray(np.asarray(event.origin), direction / length, event.slack))
+
+
+def taken(state: State, client: int, aim: Aim, found: Spot) -> State:
+    """The cells of the field that was asked for filled from a spot: one undo step."""
+    vector = in_axes_of(state, aim, found)
+    of = aim.name if aim.part else aim.bodies[0] if aim.bodies else ""
+    after = with_client(state, client, aim=None)
+    if vector is None:
+        text = f"{of!r} is not there any more"
+        return told(after, client, Notice("Not done", text, bad=True))
+    entries = tuple(((*aim.index, k), repr(x)) for k, x in enumerate(vector))
+
+    def made() -> pg.Model:
+        model = state.model
+        if aim.part is None:
+            return model.edit(of, **edit_of(model, model.body(of), aim.field, entries, Display()))
+        d = state.derived
+        at = parts.places(d.names, d.positions, d.wxyz)
+        return parts.changed(model, aim.part, of, aim.field, entries, Display(), at)
+
+    return attempted(after, client, made, f"{aim.field} of {of} picked in 3D")
+
+
+def in_axes_of(state: State, aim: Aim, found: Spot) -> tuple[float, ...] | None:
+    """A spot as its field has it: in the axes of the body, of the other or of the parent."""
+    owner = _owner(state, aim)
+    if owner is None:
+        return None
+    if owner == found.body:
+        return found.direction if aim.wants == "axis" else found.point
+    (p, R), (q, S) = place(state, found.body), place(state, owner)
+    if aim.wants == "axis":
+        vector = S.T @ R @ np.asarray(found.direction)
+    else:
+        vector = S.T @ (p + R @ np.asarray(found.point) - q)
+    x, y, z = (round(float(c), 12) + 0.0 for c in vector)
+    return x, y, z
+
+
+def _owner(state: State, aim: Aim) -> str | None:
+    """In whose axes a field is; None where that is gone."""
+    if aim.part is not None:
+        try:
+            item = parts.item_of(state.model, aim.part, aim.name)
+        except Refusal:
+            return None
+        return getattr(item, "other" if aim.field.startswith("other_") else "body", None)
+    body = aim.bodies[0] if aim.bodies else ""
+    if body not in state.derived.number:
+        return None
+    return state.model.body(body).parent if aim.field == OF_PARENT else body
+
+
+def place(state: State, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """(3,) and (3, 3) pose of a body as it is shown, or of the ground."""
+    k = state.derived.number.get(name)
+    if k is None:
+        return np.zeros(3), np.eye(3)
+    positions, wxyz = poses(state)
+    return np.asarray(positions[k - 1]), shapes.to_matrix(np.asarray(wxyz[k - 1]))

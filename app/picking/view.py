@@ -1,0 +1,92 @@
+"""What each page picks, as marks over its 3D view and a sentence; menus of bodies in 3D."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..core.bridge import Bridge
+from ..core.cells import Display
+from ..core.state import Client, State
+from ..core.views import Payload, Place
+from . import Aim, Spot
+from .update import place
+
+
+class PickingView:
+    def __init__(self, bridge: Bridge):
+        self._bridge = bridge
+
+    def render(self, old: State, new: State) -> None:
+        moved = any((
+            new.playback.time != old.playback.time,
+            new.run is not old.run,
+            new.pose is not old.pose,
+            new.derived is not old.derived,
+        ))  # fmt: skip
+        for client, page in new.clients.items():
+            before = old.clients.get(client, Client())
+            other = page.aim is not before.aim or page.display != before.display
+            if other or (moved and page.aim is not None):
+                self._bridge.send(client, "aim", aimed(new, page))
+            if page.menu != before.menu:
+                _, name, at = page.menu
+                self._bridge.send(client, "menuOf", {"body": name, "at": at})
+
+
+def aimed(state: State, page: Client) -> Payload | None:
+    """Marks in world axes [m], and what is said."""
+    aim = page.aim
+    if aim is None:
+        return None
+    shown = (*aim.spots, *([aim.under] if aim.under and len(aim.spots) != 2 else []))
+    marks = [_mark(state, one) for one in shown]
+    return {
+        "wants": aim.wants,
+        "asks": asks(aim),
+        "marks": marks,
+        "under": "" if aim.under is None else f"{aim.under.what} of {aim.under.body}",
+        "measured": measured(state, aim.spots, page.display) if len(aim.spots) == 2 else [],
+    }
+
+
+def _mark(state: State, one: Spot) -> Payload:
+    p, R = place(state, one.body)
+    at = p + R @ np.asarray(one.point)
+    along = None if one.direction is None else (R @ np.asarray(one.direction)).tolist()
+    return {"at": at.tolist(), "along": along}
+
+
+def asks(aim: Aim) -> str:
+    """What to click next."""
+    if aim.wants == "measure":
+        first = ("a first point", "a second point", "a point to measure again")[len(aim.spots)]
+        return f"Measure: click {first}"
+    of = aim.name or (aim.bodies[0] if aim.bodies else "")
+    label = aim.field.replace("_", " ")
+    if aim.wants == "axis":
+        return f"{label} of {of}: click a face or a round side"
+    return f"{label} of {of}: click a point of a body"
+
+
+def measured(state: State, spots: tuple[Spot, ...], display: Display) -> list[tuple[str, str]]:
+    """Distance, its components in world axes, and the angle between faces or axes."""
+    (p, R), (q, S) = (place(state, one.body) for one in spots)
+    a, b = spots
+    gap = (q + S @ np.asarray(b.point)) - (p + R @ np.asarray(a.point))
+
+    def length(x: float) -> str:
+        return f"{display.shown(x, 'length'):.6g} {display.unit('length')}"
+
+    found = [("distance", length(float(np.linalg.norm(gap))))]
+    found += [(f"Δ{axis}", length(float(x) + 0.0)) for axis, x in zip("xyz", gap)]
+    if a.direction is not None and b.direction is not None:
+        u, v = R @ np.asarray(a.direction), S @ np.asarray(b.direction)
+        angle = math.atan2(float(np.linalg.norm(np.cross(u, v))), float(u @ v))
+        text = f"{display.shown(angle, 'angle'):.6g} {display.unit('angle')}"
+        found.append(("angle", text))
+    return found
+
+
+VIEWS = (Place(lambda desk: PickingView(desk.bridge), 79),)

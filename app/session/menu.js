@@ -1,0 +1,102 @@
+// A menu of commands for a body: on its row, its node and in the 3D view; and F6 from pane to pane.
+(() => {
+  const { make, send } = pgraph;
+  const host = (view) => [...pgraph.hosts(view)].find((el) => el.getClientRects().length);
+  const selected = () => pgraph.latest.selected ?? [];
+
+  // `act` once the body is selected on this page: commands are for all that is selected.
+  function selecting(name, act, patience = 100) {
+    if (selected().includes(name)) { act(); return; }
+    if (patience === 100) send("Select", { body: name });
+    if (patience) setTimeout(() => selecting(name, act, patience - 1), 30);
+  }
+  const look = (which) => [which === "fit" ? "Frame it" : "Turn about it", which === "fit" ? "F" : "C", () => pgraph.camera.look(which)];
+  const tab = (name) => [name, "", () => pgraph.front(name)];
+
+  function ofBody(name) {
+    const rows = pgraph.rows, table = host("table"), gizmo = pgraph.latest.show?.gizmo, one = selected().length < 2 || !selected().includes(name);
+    const moving = (what, label) => [gizmo === what ? `Stop moving its ${label}` : `Move its ${label} in 3D`, "", () => send("SetGizmo", { what: gizmo === what ? "" : what })];
+    return [
+      look("fit"), look("centre"), null,
+      ...(one ? [["Add a body on it", "Ctrl+Enter", () => rows.add()]] : []),
+      ["Duplicate", "Ctrl+D", () => rows.duplicate(table)], ["Mirror", "", () => rows.mirror(table)], ["Delete", "Delete", () => rows.remove(table)], null,
+      ...(one ? [moving("link", "joint"), moving("com", "centre of mass"), null] : []),
+      tab("Properties"), tab("Pose"), ...(one ? [["Constraints, contacts, forces", "", () => pgraph.show("Constraints", name)]] : []),
+    ];
+  }
+  const ofView = () => [
+    ["Fit view", "F", () => pgraph.camera.look("fit")], ["View from front", "1", () => pgraph.camera.look("front")], ["View from the side", "2", () => pgraph.camera.look("side")],
+    ["View from the top", "3", () => pgraph.camera.look("top")], ["Isometric view", "0", () => pgraph.camera.look("isometric")], null,
+    ["Measure", "M", () => pgraph.camera.measure()], ["What is drawn", "", () => pgraph.front("Show")],
+  ];
+
+  pgraph.bodyMenu = (name, x, y) => {
+    if (name === null) { open("3D view", ofView(), x, y); return; }
+    const several = selected().includes(name) && selected().length > 1;
+    if (!selected().includes(name)) send("Select", { body: name });
+    const items = ofBody(name).map((item) => item && [item[0], item[1], () => selecting(name, item[2])]);
+    open(several ? `${selected().length} bodies` : name, items, x, y);
+  };
+
+  let shown = null, before = null;
+  function close(back = true) {
+    const had = shown;
+    shown = null;
+    had?.remove();
+    if (had && back) before?.focus?.({ preventScroll: true });
+  }
+  function open(title, items, x, y) {
+    if (shown) close(); else before = document.activeElement;
+    const line = (item) => (item
+      ? make("button", { role: "menuitem", tabIndex: -1, onclick: () => { close(); item[2](); } }, make("span", { textContent: item[0] }), make("span", { className: "muted", textContent: item[1] }))
+      : make("hr", { role: "separator" }));
+    shown = make("div", { className: "pgraph pgraph-menu", role: "menu", "aria-label": `commands for ${title}` }, make("strong", { textContent: title }), ...items.map(line));
+    document.body.append(shown);
+    shown.style.left = `${Math.max(Math.min(x, innerWidth - shown.offsetWidth - 6), 6)}px`;
+    shown.style.top = `${Math.max(Math.min(y, innerHeight - shown.offsetHeight - 6), 6)}px`;
+    shown.addEventListener("keydown", keyed);
+    shown.querySelector("button").focus();
+  }
+  function keyed(event) {
+    const all = [...shown.querySelectorAll("button")], at = all.indexOf(document.activeElement), n = all.length;
+    const to = { ArrowDown: (at + 1) % n, ArrowUp: (at + n - 1) % n, Home: 0, End: n - 1 }[event.key];
+    event.stopPropagation();
+    if (to !== undefined) all[to].focus();
+    else if (event.key === "Escape" || event.key === "Tab") close();
+    else return;
+    event.preventDefault();
+  }
+  window.addEventListener("pointerdown", (event) => { if (shown && !shown.contains(event.target)) close(false); }, true);
+  window.addEventListener("blur", () => close(false));
+
+  window.addEventListener("contextmenu", (event) => {
+    if (event.target.closest?.(".pgraph-menu")) { event.preventDefault(); return; }
+    const of = event.target.closest?.('[data-view="table"] tr[data-name], svg.digraph g.node');
+    if (!of || event.target.dataset?.editing === "1") return; // a cell that is typed in has the browser's own
+    event.preventDefault();
+    const box = of.getBoundingClientRect(), byKey = event.clientX === 0 && event.clientY === 0;
+    pgraph.bodyMenu(of.dataset.name, byKey ? box.left + 40 : event.clientX, byKey ? box.bottom : event.clientY);
+  });
+
+  // -- panes -------------------------------------------------------------------------------------
+  const PANES = [["toolbar", "run"], ["table"], ["digraph", "constraints", "scenario", "operators", "plots", "reports"], ["playback"], ["properties", "joints", "show", "gait"]];
+  const FIRST = 'tr.selected, g.node[tabindex="0"], tr[data-name], button.play, button:not(:disabled), input, select, summary';
+  const view = () => document.querySelector(".pgraph-views");
+  function panes() {
+    const hosts = PANES.map((names) => names.map(host).filter(Boolean));
+    return [...hosts.filter((some) => some.length), ...(view() ? [[view()]] : [])];
+  }
+  function enter(pane) {
+    for (const first of FIRST.split(", ")) for (const part of pane) {
+      const found = [...part.querySelectorAll(first)].find((el) => el.getClientRects().length);
+      if (found) { found.focus(); return; }
+    }
+  }
+  window.addEventListener("keydown", (event) => {
+    if (event.key !== "F6" || event.ctrlKey || event.altKey) return;
+    event.preventDefault();
+    const all = panes(), at = all.findIndex((pane) => pane.some((part) => part.contains(document.activeElement)));
+    const n = all.length, to = event.shiftKey ? (at < 0 ? n - 1 : (at + n - 1) % n) : (at + 1) % n;
+    enter(all[to]);
+  }, true);
+})();
