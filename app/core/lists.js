@@ -3,6 +3,12 @@
 // A button with a word on it, and one with a picture and an accessible name.
 pgraph.button = (className, textContent, title, onclick) =>
   pgraph.make("button", { className: `action ${className}`, textContent, title, onclick });
+// A button that acts when it is pressed, not when it is let go: for what cannot wait.
+pgraph.pressButton = (className, textContent, title, act) => {
+  const made = pgraph.button(className, textContent, title, (event) => { if (event.detail === 0) act(); }); // by a key
+  made.addEventListener("pointerdown", (event) => { if (event.button === 0 && !made.disabled) act(); });
+  return made;
+};
 pgraph.pictureButton = (className, icon, label, title, onclick) => {
   const made = pgraph.button(className, "", title, onclick);
   made.setAttribute("aria-label", label);

@@ -27,7 +27,7 @@
           field("Turning", "rad/s", c.turn, "To the left where positive", turn),
           field("Strength", "× weight", c.strength, "Of a push, over the weight; it lasts 0.15 s and acts on the selected body, or on the trunk"),
           make("div", { className: "pushes" }, text("span", "muted", "Push"), ...["left", "right", "ahead", "back"].map((side) =>
-            button("push", side, `Push ${side} for 0.15 s: the selected body, or the trunk`, () => send("Push", { side }))))),
+            pgraph.pressButton("push", side, `Push ${side} for 0.15 s: the selected body, or the trunk`, () => send("Push", { side }))))),
         make("fieldset", {}, make("legend", { textContent: "Ground" }), make("div", { className: "settings" },
           field("Friction", "", c.friction, "Coulomb's coefficient under the feet"),
           field("Slope", "°", c.slope, "How steeply it rises ahead; set before a walk"),

@@ -13,11 +13,11 @@ from ..run import Run
 
 @dataclass(frozen=True)
 class Grip:
-    """Where a page's gizmo has dragged a vector of a body to."""
+    """Where a page's gizmo has dragged a vector of a body to, or how it has turned it."""
 
     body: str
-    what: str  # "link" or "com"
-    vector: tuple[float, ...]  # (3,) [m]
+    what: str  # "link", "com" or "rotation"
+    vector: tuple[float, ...]  # (3,) [m], or (4,) a quaternion
 
 
 @dataclass(frozen=True)

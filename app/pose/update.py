@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 
 import pgraph_core as pg
+from pgraph_core.rotation import matrix, unit
 
 from ..core import cells
 from ..core.cells import Refusal
@@ -19,6 +22,8 @@ from ..core.state import State, replied, with_client
 from . import Grip, solving
 
 Vector = tuple[Finite, Finite, Finite]
+NOTCH = math.radians(15)  # a turn by hand goes to multiples of it,
+NEAR = 0.15  # where it is as near to one, as a part of it
 FINE = 4  # decimals that a gizmo gives a model of the size of 1 m
 
 
@@ -96,9 +101,9 @@ def use_pose(state: State, event: UsePose) -> tuple[pg.Model, str]:
 
 @dataclass(frozen=True)
 class SetGizmo(FromPage):
-    """Which vector of the selected body this page moves in 3D."""
+    """Which vector of the selected body this page moves in 3D, or that it turns it."""
 
-    what: Literal["", "link", "com"]
+    what: Literal["", "link", "com", "rotation"]
 
 
 @on(SetGizmo)
@@ -108,11 +113,12 @@ def gizmo_set(state: State, event: SetGizmo) -> State:
 
 @dataclass(frozen=True)
 class Gripped(FromPage):
-    """The gizmo was dragged to `vector` [m], in the axes of the field; the end is one undo step."""
+    """The gizmo was dragged to `vector` [m], in the axes of the field, or turned to a quaternion;
+    the end is one undo step."""
 
     body: Text
-    what: Literal["link", "com"]
-    vector: Vector
+    what: Literal["link", "com", "rotation"]
+    vector: Vector | tuple[Finite, Finite, Finite, Finite]
     done: bool
 
 
@@ -122,20 +128,25 @@ def gripped(state: State, event: Gripped) -> State:
     if event.body not in state.model.row:
         return state
     body, client = state.model.body(event.body), event.client
-    vector = rounded(getattr(body, event.what), event.vector, state.derived.size)
+    turns = event.what == "rotation"
+    if len(event.vector) != (4 if turns else 3) or (turns and not any(event.vector)):
+        return state
+    old = getattr(body, event.what)
+    near = snapped if turns else partial(rounded, size=state.derived.size)
+    vector = near(old, event.vector)
     if event.done:
         state = with_client(replace(state, posed=None), client, grip=None)
         model, change = state.model, {event.what: vector}
-        label = f"{event.what} of {event.body}"
+        label = f"{'orientation' if turns else event.what} of {event.body}"
         return attempted(state, client, lambda: model.edit(event.body, **change), label)
     state = with_client(state, client, grip=Grip(event.body, event.what, vector))
-    return state if event.what == "com" else _drafted(state, event.body, vector)
+    return state if event.what == "com" else _drafted(state, event.body, event.what, vector)
 
 
-def _drafted(state: State, name: str, link: tuple[float, ...]) -> State:
-    """The pose that another link vector gives at what is shown."""
+def _drafted(state: State, name: str, what: str, vector: tuple[float, ...]) -> State:
+    """The pose that another link vector or orientation gives at what is shown."""
     try:
-        draft = state.model.edit(name, link=link)
+        draft = state.model.edit(name, **{what: vector})
     except pg.PgraphError:
         return state
     q = solving.shown_q(state)
@@ -148,6 +159,24 @@ def rounded(old: Sequence[float], new: Sequence[float], size: float) -> tuple[fl
     decimals = FINE - math.ceil(math.log10(size))
     least = 0.5 * 10.0**-decimals
     return tuple(a if abs(b - a) < least else round(b, decimals) for a, b in zip(old, new))
+
+
+def snapped(old: Sequence[float], new: Sequence[float]) -> tuple[float, ...]:
+    """A unit quaternion, turned from `old` by a multiple of NOTCH where it is nearly that."""
+    q, r = np.asarray(unit(old)), np.asarray(unit(new))
+    turn = matrix(r) @ matrix(q).T
+    axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    sine = float(np.linalg.norm(axis)) / 2
+    angle = math.atan2(sine, (float(np.trace(turn)) - 1) / 2)
+    notch = NOTCH * round(angle / NOTCH)
+    if sine < 1e-9 or abs(angle - notch) > NEAR * NOTCH:
+        w, x, y, z = r.tolist()
+        return w, x, y, z
+    w, (x, y, z) = math.cos(notch / 2), (math.sin(notch / 2) * axis / (2 * sine)).tolist()
+    a, b, c, d = q.tolist()  # the turn, and then what was there
+    found = (w * a - x * b - y * c - z * d, w * b + x * a + y * d - z * c,
+             w * c - x * d + y * a + z * b, w * d + x * c - y * b + z * a)  # fmt: skip
+    return tuple(round(v, 15) + 0.0 for v in found)
 
 
 @dataclass(frozen=True)

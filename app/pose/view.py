@@ -15,6 +15,7 @@ from ..core.bridge import Bridge
 from ..core.events import Event
 from ..core.state import Client, State
 from ..core.views import Payload, Place, css
+from ..properties.body_cells import euler_of
 from .solving import coordinates
 from .update import Gripped
 
@@ -89,7 +90,7 @@ def path(state: State, selection: str | None) -> frozenset[str]:
 
 PACE = 0.04  # [s] between the places that are told while it is dragged
 LARGE = 0.3  # of the grain of the model
-WORD = {"link": "joint", "com": "centre of mass"}
+WORD = {"link": "joint", "com": "centre of mass", "rotation": "orientation"}
 
 
 class Gizmo(NamedTuple):
@@ -129,10 +130,12 @@ class Gizmos:
         handle = self._server.get_clients().get(client)
         if handle is None:
             return
-        at = getattr(state.model.body(body), what)
+        own, turns = state.model.body(body), what == "rotation"
+        at = own.com if what == "com" else own.link
         control = handle.scene.add_transform_controls(
-            "/grip/control", LARGE * state.derived.grain, disable_rotations=True, depth_test=False,
-            position=at,
+            "/grip/control", LARGE * state.derived.grain, disable_rotations=not turns,
+            disable_axes=turns, disable_sliders=turns, depth_test=False, position=at,
+            wxyz=own.rotation if turns else (1.0, 0.0, 0.0, 0.0),
         )  # fmt: skip
         frame = at_rest(handle.scene.add_frame("/grip", show_axes=False))
         numbers = handle.scene.add_label("/grip/numbers", "", position=at, font_screen_scale=0.9)
@@ -146,13 +149,13 @@ class Gizmos:
         async def _(event: viser.TransformControlsEvent) -> None:
             nonlocal told
             now, done = time.monotonic(), event.phase == "end"
-            vector = np.asarray(control.position, dtype=float)
-            if vector.shape != (3,) or not np.isfinite(vector).all():
+            moved = control.wxyz if what == "rotation" else control.position
+            vector = np.asarray(moved, dtype=float)
+            if not np.isfinite(vector).all():
                 return
             if done or (event.phase == "update" and now - told > PACE):
                 told = now
-                x, y, z = vector.tolist()
-                self._send(Gripped(client, body, what, (x, y, z), done))
+                self._send(Gripped(client, body, what, tuple(vector.tolist()), done))  # type: ignore[arg-type]
 
 
 def _place(
@@ -163,15 +166,14 @@ def _place(
     k = number if drawn.what == "com" else state.derived.parent[number - 1]
     if k > 0:
         drawn.frame.position, drawn.frame.wxyz = positions[k - 1], wxyz[k - 1]
-    at = (
-        page.grip.vector
-        if page.grip is not None
-        else getattr(state.model.body(drawn.body), drawn.what)
-    )
-    drawn.numbers.position = np.asarray(at)
-    show = page.display
-    numbers = "  ".join(f"{k} {show.shown(x, 'length'):.5g}" for k, x in zip("xyz", at))
-    drawn.numbers.text = f"{WORD[drawn.what]}: {numbers} {show.unit('length')}"
+    body, show = state.model.body(drawn.body), page.display
+    now = getattr(body, drawn.what) if page.grip is None else page.grip.vector
+    turns = drawn.what == "rotation"
+    drawn.numbers.position = np.asarray(body.link if turns else now)
+    of, names = ("angle", ("roll", "pitch", "yaw")) if turns else ("length", "xyz")
+    parts = euler_of(now) if turns else now
+    numbers = "  ".join(f"{k} {show.shown(x, of):.5g}" for k, x in zip(names, parts))
+    drawn.numbers.text = f"{WORD[drawn.what]}: {numbers} {show.unit(of)}"
 
 
 VIEWS = (

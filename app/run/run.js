@@ -14,7 +14,7 @@
         make("div", { className: "job", hidden: true }, make("progress", { max: 1 }), text("span", "said"),
           button("cancel", "Cancel", "Stop the simulation", () => send("Cancel"))),
         make("div", { className: "job lively", hidden: true }, text("span", "dot"), text("span", "said"),
-          button("stop", "Stop", "End the live run and keep it", () => send("StopLive"))),
+          pgraph.pressButton("stop", "Stop", "End the live run and keep it", () => send("StopLive"))),
         make("div", { className: "problem sentence", role: "alert", hidden: true }),
         after(),
         make("dl", { className: "summary", hidden: true })));

@@ -1,7 +1,7 @@
 // What is drawn in 3D, a switch each, and what of the selected body the gizmo moves.
 (() => {
   const { make, send } = pgraph;
-  const GIZMOS = [["", "nothing"], ["link", "link vector"], ["com", "centre of mass"]];
+  const GIZMOS = [["", "nothing"], ["link", "link vector"], ["com", "centre of mass"], ["rotation", "orientation"]];
 
   function build(host) {
     const gizmo = make("select", { className: "cell gizmo", "aria-label": "move in 3D", onchange: () => send("SetGizmo", { what: gizmo.value }) },

@@ -71,9 +71,9 @@ def best_rate(served: Server, page: Any, seconds: float) -> float:
 
 
 def at_rest(served, page) -> bool:
-    """Whether no part came for a while."""
+    """Whether no part came for longer than one takes on a busy machine."""
     before = parts(served)
-    page.wait_for_timeout(300)
+    page.wait_for_timeout(1500)
     return parts(served) == before
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -335,3 +336,22 @@ def test_a_pull_is_kept_until_it_lets_go(quadruped):
 ])  # fmt: skip
 def test_unfit_messages_of_a_page_are_refused(message):
     assert isinstance(from_page(ME, message), Misread)
+
+
+@pytest.mark.parametrize(("typed", "angle"), [(31.0, 30.0), (38.0, 38.0), (-44.0, -45.0)])
+def test_the_gizmo_turns_a_body_about_an_axis_and_goes_to_notches(typed, angle):
+    """About the parent's y, from an orientation that is turned about x already."""
+    first = (math.cos(0.2), math.sin(0.2), 0.0, 0.0)
+    model = pg.Model(bodies=(pg.Body(name="a", rotation=first, tip=(1, 0, 0), mass=1.0),))
+    state = update(initial(model), Connected(1))
+
+    def turned(degrees: float) -> np.ndarray:
+        half = math.radians(degrees) / 2
+        y = np.array([math.cos(half), 0.0, math.sin(half), 0.0])
+        return shapes.times(y[None], np.array([first]))[0]
+
+    after = update(state, Gripped(1, "a", "rotation", tuple(turned(typed).tolist()), True))
+    found = np.asarray(after.model.body("a").rotation)
+    wanted = turned(angle)
+    np.testing.assert_allclose(found * np.sign(found @ wanted), wanted, atol=1e-9)
+    assert after.undo[-1].label == "orientation of a"
