@@ -201,7 +201,10 @@ CONSTRAINTS: list[tuple[dict[str, Any], list[str]]] = [
 # (the fields of a contact beside its name, what is said after "contact 't'")
 CONTACTS: list[tuple[dict[str, Any], list[str]]] = [
     ({"body": "arm"}, ["body: 'arm' has no shape to touch with; give it a shape, or points"]),
-    ({"body": "*", "points": [[0, 0, 0]]}, ["points: belong to one body; name it instead of '*'"]),
+    (
+        {"body": "*", "points": [[0, 0, 0]]},
+        ["points: belong to one body; name it instead of '*' (every body)"],
+    ),
     (
         {"body": "puck", "other": "puck"},
         ["other: a body cannot be in contact with itself; given 'puck' twice"],

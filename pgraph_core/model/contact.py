@@ -132,6 +132,6 @@ class Contact(Described):
         if self.friction is not None and self.static_friction is not None:
             found += below_kinetic("static_friction", self.static_friction, self.friction)
         if self.body == EVERY and self.points:
-            found.append(("points", "belong to one body; name it instead of '*'"))
+            found.append(("points", "belong to one body; name it instead of '*' (every body)"))
         refuse(found)
         return self

@@ -16,6 +16,7 @@ from pgraph_app.model.update import Edit, OpenText, Undo
 from pgraph_app.playback.update import Pause, Scrub
 from pgraph_app.pose.update import HomePose, MoveJoint
 from pgraph_app.run.update import SetRun, Simulate
+from pgraph_app.scene.camera import extent
 from pgraph_app.scene.update import Show
 from pgraph_app.table.update import DeleteBodies
 
@@ -361,3 +362,103 @@ def test_a_camera_that_follows_keeps_its_offset_and_finds_what_has_left(page, se
     found = lambda: np.linalg.norm(np.subtract(offset(page), before)[3:])  # noqa: E731
     until(lambda: abs(found() - 20) < 2, "the camera where the body is")
     served.send(Show(client, "follow", False))
+
+
+# -- framing, picking, measuring, menus ------------------------------------------------------------
+
+
+def within(page: Any, served: Any) -> bool:
+    """Whether all that is drawn of the model is in the 3D view, and not under the playback."""
+    places = page.evaluate(
+        """(points) => {
+           const box = (what) => document.querySelector(what).getBoundingClientRect();
+           const view = box('canvas:not(.pgraph *)'), bar = box('[data-floating-window]');
+           return points.map((p) => { const [x, y] = pgraph.picking.projected(p) ?? [-1, -1];
+             return x >= view.left && x <= view.right && y >= view.top && y <= bar.top; }); }""",
+        extent(served.store.state).tolist(),
+    )  # fmt: skip
+    return all(places)
+
+
+def test_the_model_is_whole_at_any_size_of_the_window_until_a_person_moves_the_camera(page, served):
+    before = page.viewport_size
+    for width, height in ((1920, 1080), (900, 800), (1280, 800)):
+        page.set_viewport_size({"width": width, "height": height})
+        until(lambda: within(page, served), f"all of it at {width} x {height}")
+    far = np.linalg.norm(offset(page)[:3])
+    box = page.locator("canvas:not(.pgraph *)").first.bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 60)
+    page.mouse.wheel(0, 400)
+    until(lambda: np.linalg.norm(offset(page)[:3]) > 1.05 * far, "farther by the wheel")
+    page.wait_for_timeout(500)  # the wheel's motion comes to rest
+    chosen = offset(page)
+    page.set_viewport_size({"width": 1500, "height": 900})
+    client = max(served.viser.get_clients())
+    until(lambda: served.store.state.clients[client].window == 1500, "the new size told")
+    page.wait_for_timeout(300)
+    np.testing.assert_allclose(offset(page), chosen, rtol=1e-3, atol=1e-3)
+    page.set_viewport_size(before)
+    page.get_by_role("button", name="Fit view").click()
+
+
+def on_page(page: Any, point: Any) -> tuple[float, float]:
+    return tuple(page.evaluate("(p) => pgraph.picking.projected(p)", np.asarray(point).tolist()))
+
+
+def test_a_tip_is_picked_and_two_ends_are_measured_in_the_view(page, served):
+    """Two boxes side by side: corners snap; the numbers are the model's own."""
+    shape = pg.Shape(kind="box", size=(0.2, 0.4, 0.6))
+    first = pg.Body(name="a", joint="weld", shape=shape, mass=1.0)
+    second = pg.Body(name="b", joint="weld", link=(1, 0, 0), shape=shape, mass=1.0, tip=(0, 0, 0.1))
+    served.send(OpenText(NOBODY, "boxes", pg.Model(bodies=(first, second)).to_json()))
+    row(page, "b").locator("td.number").click()
+    page.get_by_role("button", name="pick Tip in 3D").click()
+    page.locator(".pgraph-aim").wait_for()
+    page.get_by_role("button", name="View from front").click()
+    page.get_by_role("button", name="Isometric view").click()
+    until(lambda: within(page, served), "both boxes")
+    page.wait_for_timeout(300)
+    x, y = on_page(page, (1.1, -0.2, 0.3))
+    page.mouse.click(x + 3, y + 2)
+    until(lambda: served.store.state.model.body("b").tip == (0.1, -0.2, 0.3), "its corner")
+    page.get_by_role("button", name="Measure").click()
+    for at in ((1.1, -0.2, 0.3), (0.1, -0.2, 0.3)):
+        x, y = on_page(page, at)
+        page.mouse.click(x - 2, y + 3)
+        page.wait_for_timeout(200)
+    said = page.locator(".pgraph-aim")
+    until(lambda: "distance 1 m" in said.inner_text(), "one metre")
+    page.keyboard.press("Escape")
+    until(lambda: said.count() == 0, "nothing measured any more")
+    assert "b" in selections(served)  # Escape ends one thing at a time
+
+
+def test_rows_nodes_and_bodies_have_a_menu_and_f6_goes_from_pane_to_pane(page, served):
+    row(page, "left_tibia").locator("td.number").click(button="right")
+    menu = page.get_by_role("menu", name="commands for left_tibia")
+    menu.get_by_role("menuitem", name="Add a body on it").click()
+    until(lambda: len(served.store.state.model.bodies) == 17, "a body more")
+    assert served.store.state.model.bodies[-1].parent == "left_tibia"
+    served.send(Undo(NOBODY))
+    node(page, "left_femur").click(button="right")
+    menu = page.get_by_role("menu", name="commands for left_femur")
+    menu.wait_for()
+    page.keyboard.press("Escape")
+    until(lambda: menu.count() == 0, "no menu")
+    x, y = on_page(page, middle_of(served, "thorax"))
+    page.mouse.click(x, y, button="right")
+    page.get_by_role("menu").wait_for()
+    page.keyboard.press("Escape")
+    seen = []
+    for _ in range(6):
+        page.keyboard.press("F6")
+        seen.append(
+            page.evaluate("document.activeElement.closest('[data-view]')?.dataset.view ?? 'view'")
+        )
+    assert len(set(seen)) == 6, seen
+
+
+def middle_of(served: Any, name: str) -> np.ndarray:
+    state = served.store.state
+    corners = extent(state, (name,))
+    return (corners.min(axis=0) + corners.max(axis=0)) / 2
