@@ -163,17 +163,16 @@ def rounded(old: Sequence[float], new: Sequence[float], size: float) -> tuple[fl
 
 def snapped(old: Sequence[float], new: Sequence[float]) -> tuple[float, ...]:
     """A unit quaternion, turned from `old` by a multiple of NOTCH where it is nearly that."""
-    q, r = np.asarray(unit(old)), np.asarray(unit(new))
+    q, r = unit(old), unit(new)
     turn = matrix(r) @ matrix(q).T
     axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     sine = float(np.linalg.norm(axis)) / 2
     angle = math.atan2(sine, (float(np.trace(turn)) - 1) / 2)
     notch = NOTCH * round(angle / NOTCH)
     if sine < 1e-9 or abs(angle - notch) > NEAR * NOTCH:
-        w, x, y, z = r.tolist()
-        return w, x, y, z
+        return r
     w, (x, y, z) = math.cos(notch / 2), (math.sin(notch / 2) * axis / (2 * sine)).tolist()
-    a, b, c, d = q.tolist()  # the turn, and then what was there
+    a, b, c, d = q  # the turn, and then what was there
     found = (w * a - x * b - y * c - z * d, w * b + x * a + y * d - z * c,
              w * c - x * d + y * a + z * b, w * d + x * c - y * b + z * a)  # fmt: skip
     return tuple(round(v, 15) + 0.0 for v in found)

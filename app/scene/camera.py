@@ -50,7 +50,7 @@ class CameraView:
             elif page.view != before.view:
                 self._look(handle, new, page, page.view[1], page.selected)
             elif page.aspect != before.aspect and not page.turned:
-                self._look(handle, new, page, *self._views.get(client, ("start",)))
+                self._look(handle, new, page, *self._views.get(client, ("start", ())))
             else:
                 turned = page.follow and not before.follow
                 left_it = (grown or turned) and not seen(handle, new, page).all()
