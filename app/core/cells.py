@@ -215,14 +215,18 @@ def shown(value: Any, quantity: Quantity, display: Display) -> Any:
 def field(
     name: str, label: str, cells: Iterable[Payload], *, unit: str = "", help: str = "", **more: Any
 ) -> Payload:
-    """A row of cells with its label; `kind` is number, text, choice or names."""
+    """A row of cells with its label; `kind` is number, text, choice or names.
+
+    With `pick`, "point" or "axis", its numbers can be picked in the 3D view.
+    """
     cells = list(cells)
     columns = more.pop("columns", 4 if len(cells) == 4 else min(max(len(cells), 1), 3))
     return {
         "field": name, "label": label, "unit": unit, "help": help, "cells": cells,
         "columns": columns,
         "kind": more.pop("kind", "number"), "options": more.pop("options", None),
-        "buttons": more.pop("buttons", []), "note": more.pop("note", ""), **more,
+        "buttons": more.pop("buttons", []), "note": more.pop("note", ""),
+        "pick": more.pop("pick", ""), **more,
     }  # fmt: skip
 
 
@@ -269,4 +273,5 @@ def _together(one: Payload, others: list[Payload]) -> Payload:
         same = all(other["cells"][i]["value"] == c["value"] for other in others)
         cells.append(c if same else {**c, "value": "", "varied": True})
     units = {one["unit"], *(other["unit"] for other in others)}
-    return {**one, "cells": cells, "unit": ", ".join(sorted(filter(None, units))), "note": ""}
+    unit = ", ".join(sorted(filter(None, units)))
+    return {**one, "cells": cells, "unit": unit, "note": "", "pick": ""}

@@ -17,10 +17,12 @@ from ..core.state import State, poses
 from ..scene.camera import looks
 from . import GROUND, Spot
 
+EVEN = 1e-9  # so that weights tell what is pointed at alike
 BEHIND = 0.02  # of a piece's size: a corner as far behind the face under the pointer still counts
 DIGITS = 12  # decimals that are kept of a metre: what a turn of the body adds is cut off
 FINE = 4  # digits of a point that snaps to nothing, in a body of 1 m
-Candidate = tuple[np.ndarray, str, bool]  # a point in body axes, what it is, whether it is inside
+Candidate = tuple[np.ndarray, str, float]  # a point in body axes, what it is, its weight
+JOINT, SEEN, INSIDE = 0.5, 1.0, 2.0  # weights of distances: what is meant most is nearest
 
 
 class Ray(NamedTuple):
@@ -97,19 +99,17 @@ def _in_reach(look: Look, ray: Ray) -> bool:
 def _snapped(
     state: State, look: Look, k: int, ray: Ray, far: float
 ) -> tuple[np.ndarray, str, float] | None:
-    """The candidate of a body next to the ray, within its slack, and how far beside it is."""
+    """The candidate of a body that is meant, within the ray's slack, and its weighted distance."""
     best: tuple[np.ndarray, str, float] | None = None
-    hidden = True  # the best so far: what is seen comes before what is inside
     size = state.derived.grain
-    for point, what, inside in candidates(state, look, k):
+    for point, what, weight in candidates(state, look, k):
         arm = point - ray.origin
         along = float(arm @ ray.direction)
-        if along <= 0 or (not inside and along > far + BEHIND * size):
+        if along <= 0 or (weight == SEEN and along > far + BEHIND * size):
             continue
         aside = float(np.linalg.norm(arm - along * ray.direction)) / along
-        if aside > ray.slack or (best is not None and (inside, aside) >= (hidden, best[2])):
-            continue
-        best, hidden = (point, what, aside), inside
+        if aside <= ray.slack and (best is None or weight * (aside + EVEN) < best[2]):
+            best = point, what, weight * (aside + EVEN)
     return best
 
 
@@ -134,16 +134,17 @@ def candidates(state: State, look: Look, k: int) -> Iterator[Candidate]:
     body = look.body
     for piece in look.pieces:
         for point, what, inside in _of_piece(piece):
-            yield np.asarray(piece.position) + piece.rotation @ point, what, inside
-    yield np.zeros(3), "origin", True
+            place = np.asarray(piece.position) + piece.rotation @ point
+            yield place, what, INSIDE if inside else SEEN
+    yield np.zeros(3), "origin", JOINT
     for link, child in zip(look.links, state.derived.children[k + 1]):
-        yield np.asarray(link), f"joint of {state.derived.names[child - 1]}", True
-    yield np.asarray(body.tip_point), "tip", True
-    yield np.asarray(body.com), "centre of mass", True
+        yield np.asarray(link), f"joint of {state.derived.names[child - 1]}", JOINT
+    yield np.asarray(body.tip_point), "tip", JOINT
+    yield np.asarray(body.com), "centre of mass", INSIDE
 
 
-def _of_piece(piece: Piece) -> Iterator[Candidate]:
-    """In the axes of the piece."""
+def _of_piece(piece: Piece) -> Iterator[tuple[np.ndarray, str, bool]]:
+    """Points in the axes of the piece, what they are, and whether they are inside."""
     half = np.asarray(piece.size) / 2
     match piece.kind:
         case "box":
