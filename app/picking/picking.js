@@ -95,7 +95,8 @@ pgraph.picking = (() => {
     if (places.length > 1 && places[0] && places[1]) made.unshift(svg("path", { class: "gap", d: `M${places[0].join(" ")} L${places[1].join(" ")}` }));
     const last = places.at(-1);
     if (aim.under && last) {
-      const text = svg("text", { x: last[0] + 9, y: last[1] - 9 });
+      const box = canvas().getBoundingClientRect(), left = last[0] < box.left + box.width / 2;
+      const text = svg("text", { x: last[0] + (left ? 9 : -9), y: last[1] - 9, "text-anchor": left ? "start" : "end" });
       text.textContent = aim.under;
       made.push(text);
     }

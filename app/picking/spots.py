@@ -22,7 +22,7 @@ BEHIND = 0.02  # of a piece's size: a corner as far behind the face under the po
 DIGITS = 12  # decimals that are kept of a metre: what a turn of the body adds is cut off
 FINE = 4  # digits of a point that snaps to nothing, in a body of 1 m
 Candidate = tuple[np.ndarray, str, float]  # a point in body axes, what it is, its weight
-JOINT, SEEN, INSIDE = 0.5, 1.0, 2.0  # weights of distances: what is meant most is nearest
+MEANT, SEEN, INSIDE = 0.5, 1.0, 2.0  # weights of distances: what is meant most is nearest
 
 
 class Ray(NamedTuple):
@@ -41,8 +41,11 @@ class Hit(NamedTuple):
     what: str
 
 
-def spot(state: State, ray: Ray) -> Spot | None:
-    """The nearest surface along a ray; near a corner, an end or a centre of that body, that."""
+def spot(state: State, ray: Ray, joints: bool = False) -> Spot | None:
+    """The nearest surface along a ray; near a corner, an end or a centre of that body, that.
+
+    With `joints` a joint or a tip is meant before what is drawn in front of it.
+    """
     positions, wxyz = poses(state)
     R = shapes.to_matrix(wxyz)
     found: tuple[float, int, Hit] | None = None
@@ -57,11 +60,12 @@ def spot(state: State, ray: Ray) -> Spot | None:
         if hit is not None and (found is None or hit.far < found[0]):
             found = hit.far, k, hit
     if found is None:
-        return _snapped_beside(state, drawn, near, ray, positions, R) or _on_ground(state, ray)
+        beside = _snapped_beside(state, drawn, near, ray, positions, R, joints)
+        return beside or _on_ground(state, ray)
     far, k, hit = found
     own = _seen_from(ray, positions[k], R[k])
     direction = _clean(hit.direction)
-    snapped = _snapped(state, drawn[k], k, own, far)
+    snapped = _snapped(state, drawn[k], k, own, far, joints)
     if snapped is not None:
         return Spot(state.derived.names[k], _clean(snapped[0]), direction, snapped[1])
     point = own.origin + far * own.direction
@@ -97,12 +101,12 @@ def _in_reach(look: Look, ray: Ray) -> bool:
 
 
 def _snapped(
-    state: State, look: Look, k: int, ray: Ray, far: float
+    state: State, look: Look, k: int, ray: Ray, far: float, joints: bool
 ) -> tuple[np.ndarray, str, float] | None:
     """The candidate of a body that is meant, within the ray's slack, and its weighted distance."""
     best: tuple[np.ndarray, str, float] | None = None
     size = state.derived.grain
-    for point, what, weight in candidates(state, look, k):
+    for point, what, weight in candidates(state, look, k, joints):
         arm = point - ray.origin
         along = float(arm @ ray.direction)
         if along <= 0 or (weight == SEEN and along > far + BEHIND * size):
@@ -115,13 +119,13 @@ def _snapped(
 
 def _snapped_beside(
     state: State, drawn: Sequence[Look], near: Sequence[int], ray: Ray, positions: np.ndarray,
-    R: np.ndarray,
+    R: np.ndarray, joints: bool,
 ) -> Spot | None:  # fmt: skip
     """A corner that is pointed at from just beside its body."""
     best: tuple[np.ndarray, str, float, int] | None = None
     for k in near:
         own = _seen_from(ray, positions[k], R[k])
-        found = _snapped(state, drawn[k], k, own, math.inf)
+        found = _snapped(state, drawn[k], k, own, math.inf, joints)
         if found is not None and (best is None or found[2] < best[2]):
             best = (*found, k)
     if best is None:
@@ -129,17 +133,17 @@ def _snapped_beside(
     return Spot(state.derived.names[best[3]], _clean(best[0]), None, best[1])
 
 
-def candidates(state: State, look: Look, k: int) -> Iterator[Candidate]:
+def candidates(state: State, look: Look, k: int, joints: bool) -> Iterator[Candidate]:
     """Corners, middles of edges and faces, ends, centres; joints, tip and centre of mass."""
-    body = look.body
+    body, joint = look.body, MEANT if joints else INSIDE
     for piece in look.pieces:
         for point, what, inside in _of_piece(piece):
             place = np.asarray(piece.position) + piece.rotation @ point
             yield place, what, INSIDE if inside else SEEN
-    yield np.zeros(3), "origin", JOINT
+    yield np.zeros(3), "origin", joint
     for link, child in zip(look.links, state.derived.children[k + 1]):
-        yield np.asarray(link), f"joint of {state.derived.names[child - 1]}", JOINT
-    yield np.asarray(body.tip_point), "tip", JOINT
+        yield np.asarray(link), f"joint of {state.derived.names[child - 1]}", joint
+    yield np.asarray(body.tip_point), "tip", joint
     yield np.asarray(body.com), "centre of mass", INSIDE
 
 

@@ -73,7 +73,9 @@ def hovered(state: State, event: Hover) -> State:
     page = state.clients.get(event.client)
     if page is None or page.aim is None:
         return state
-    return with_client(state, event.client, aim=replace(page.aim, under=spot_of(state, event)))
+    return with_client(
+        state, event.client, aim=replace(page.aim, under=spot_of(state, event, page.aim))
+    )
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ class ClickSpot(Pointed):
 @on(ClickSpot)
 def clicked(state: State, event: ClickSpot) -> State:
     page, client = state.clients.get(event.client), event.client
-    if page is None or page.aim is None or (found := spot_of(state, event)) is None:
+    if page is None or page.aim is None or (found := spot_of(state, event, page.aim)) is None:
         return state
     if page.aim.wants == "measure":
         kept = page.aim.spots if len(page.aim.spots) == 1 else ()
@@ -109,13 +111,14 @@ def asked(state: State, event: AskBody) -> State:
     return with_client(state, event.client, menu=(count, name, event.at))
 
 
-def spot_of(state: State, event: Pointed) -> Spot | None:
-    """What a ray meets; nothing where it has no direction."""
+def spot_of(state: State, event: Pointed, aim: Aim | None = None) -> Spot | None:
+    """What a ray meets; nothing where it has no direction. For a field's point, joints first."""
     direction = np.asarray(event.direction)
     length = float(np.linalg.norm(direction))
     if not 1e-9 < length < 1e9:
         return None
-    return spot(state, Ray(np.asarray(event.origin), direction / length, event.slack))
+    ray = Ray(np.asarray(event.origin), direction / length, event.slack)
+    return spot(state, ray, aim is not None and aim.wants == "point")
 
 
 def taken(state: State, client: int, aim: Aim, found: Spot) -> State:

@@ -15,12 +15,12 @@
 
   function ofBody(name) {
     const rows = pgraph.rows, table = host("table"), gizmo = pgraph.latest.show?.gizmo, one = selected().length < 2 || !selected().includes(name);
-    const moving = (what, label) => [gizmo === what ? `Done with its ${label}` : `${what === "rotation" ? "Turn" : "Move"} its ${label} in 3D`, "", () => send("SetGizmo", { what: gizmo === what ? "" : what })];
+    const moving = (what, label, begin = `Move its ${label} in 3D`) => [gizmo === what ? `Done with its ${label}` : begin, "", () => send("SetGizmo", { what: gizmo === what ? "" : what })];
     return [
       look("fit"), look("centre"), null,
       ...(one ? [["Add a body on it", "Ctrl+Enter", () => rows.add()]] : []),
       ["Duplicate", "Ctrl+D", () => rows.duplicate(table)], ["Mirror", "", () => rows.mirror(table)], ["Delete", "Delete", () => rows.remove(table)], null,
-      ...(one ? [moving("link", "joint"), moving("com", "centre of mass"), moving("rotation", "orientation"), null] : []),
+      ...(one ? [moving("link", "joint"), moving("com", "centre of mass"), moving("rotation", "orientation", "Turn it in 3D"), null] : []),
       tab("Properties"), tab("Pose"), ...(one ? [["Constraints, contacts, forces", "", () => pgraph.show("Constraints", name)]] : []),
     ];
   }

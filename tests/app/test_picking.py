@@ -138,8 +138,10 @@ def click(state: State, at: Ray) -> State:
 
 def test_a_body_s_tip_and_axis_are_taken_from_a_click_as_one_undo_step(boxes):
     aiming = update(boxes, StartAim(ME, "point", "tip", (), ("b",)))
-    after = click(aiming, towards((1.0, 0.2, 0.0), (0, 1, 0), 0.001))
-    np.testing.assert_allclose(after.model.body("b").tip_point, (0.2, 0, 0), atol=1e-12)
+    after = click(aiming, towards((1.2, 0.2, 0.3), (-0.3, 1, 0.2), 0.001))
+    np.testing.assert_allclose(after.model.body("b").tip_point, (0.2, -0.2, 0.3), atol=1e-12)
+    behind = click(aiming, towards((1.0, 0.2, 0.02), (0, 1, 0), 0.01))  # the joint behind the face
+    np.testing.assert_allclose(behind.model.body("b").tip_point, (0, 0, 0), atol=1e-12)
     assert len(after.undo) == len(boxes.undo) + 1
     assert after.clients[ME].aim is None
     aiming = update(boxes, StartAim(ME, "axis", "axes", (0,), ("b",)))
