@@ -124,7 +124,7 @@ pgraph.forms = (() => {
     }, true);
     const list = make("select", { className: "cell", "aria-label": "material" },
       make("option", { value: "", textContent: "material …" }), ...field.options.map(([value, text]) => make("option", { value, textContent: text })));
-    list.onchange = () => { if (list.value) cell.value = list.value; };
+    list.onchange = () => { if (!list.value) return; cell.value = list.value; take.click(); };
     const take = make("button", { className: "action small take", textContent: "Take", title: field.help, onclick: () => {
       if (!cell.value) { cell.focus(); return; }
       cells.await(cell, send);
@@ -171,9 +171,16 @@ pgraph.forms = (() => {
       row.querySelector(".unit").textContent = field.unit;
       row.querySelector(".note").textContent = field.note;
       const inputs = [...row.querySelectorAll(".cell")].filter((cell) => cell.pgraphIndex);
-      if (field.kind === "density") continue;
+      if (field.kind === "density") { fillDensity(row, String(field.cells[0].value)); continue; }
       field.cells.forEach((cell, i) => fillCell(inputs[i], field, cell));
     }
+  }
+  // The density that the mass follows from now; what is typed is an order, not the model's cell.
+  function fillDensity(row, value) {
+    const [list, cell] = row.querySelectorAll(".grid > .cell");
+    cell.placeholder = value || "density";
+    if (value && cell.value === cell.dataset.full) cell.value = "";
+    list.value = [...list.options].some((option) => option.value === value) ? value : "";
   }
   function fillCell(input, field, cell) {
     input.pgraphOptions = cell.varied ? [["", "varied"], ...(field.options ?? [])] : field.options ?? [];

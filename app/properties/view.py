@@ -286,7 +286,9 @@ class _Form:
             "from the joint to the tip: shape, tip, centre of mass, inertia, and the joints and "
             "points at the tip go with it"
         )
-        return field("body_length", "Length", cells, unit=self.display.unit("length"), help=help)
+        return field(
+            "body_length", "Length to tip", cells, unit=self.display.unit("length"), help=help
+        )
 
     def material(self) -> Payload:
         """The density that the mass follows from, by number or by material."""
