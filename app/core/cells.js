@@ -36,7 +36,8 @@ pgraph.cells = (() => {
   }
 
   function commit(cell, send) {
-    if (!dirty(cell) && !cell.pgraphAsks) { if (!cell.classList.contains("refused")) revert(cell); return; }
+    const asked = cell.classList.contains("waiting"); // back to what it was, while another value is on its way
+    if (!dirty(cell) && !cell.pgraphAsks && !asked) { if (!cell.classList.contains("refused")) revert(cell); return; }
     const said = cell.classList.contains("refused") || cell.classList.contains("waiting");
     if (cell.dataset.sent === cell.value && said) return;
     ask(cell, send);
@@ -166,6 +167,7 @@ pgraph.cells = (() => {
       cell.replaceChildren(make("option", { value, textContent: cell.textOf(value) }));
     }
     show(cell, value);
+    cell.title = cell.selectedOptions[0]?.textContent ?? "";
   }
 
   // `act` takes cells away or puts them there: leaving one is nobody's doing.

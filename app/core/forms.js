@@ -122,7 +122,7 @@ pgraph.forms = (() => {
       event.preventDefault();
       take.click();
     }, true);
-    const list = make("select", { className: "cell", "aria-label": "material" },
+    const list = make("select", { className: "cell", "aria-label": "material", title: "material" },
       make("option", { value: "", textContent: "material …" }), ...field.options.map(([value, text]) => make("option", { value, textContent: text })));
     list.onchange = () => { if (!list.value) return; cell.value = list.value; take.click(); };
     const take = make("button", { className: "action small take", textContent: "Take", title: field.help, onclick: () => {

@@ -3,7 +3,7 @@ pgraph.digraph = (() => {
   const { make } = pgraph;
   const NS = "http://www.w3.org/2000/svg";
   const RADIUS = 11, CORNER = 6;
-  const LEAST = 150, LEGIBLE = 0.82, MOST = 420; // [px] of the picture, and the scale of its letters
+  const LEAST = 150, LEGIBLE = 0.9, MOST = 420; // [px] of the picture, and the scale of its letters
   const svg = (tag, attributes = {}, ...children) => {
     const el = document.createElementNS(NS, tag);
     for (const [key, value] of Object.entries(attributes)) el.setAttribute(key, value);

@@ -385,20 +385,31 @@ def test_the_model_is_whole_at_any_size_of_the_window_until_a_person_moves_the_c
     for width, height in ((1920, 1080), (900, 800), (1280, 800)):
         page.set_viewport_size({"width": width, "height": height})
         until(lambda: within(page, served), f"all of it at {width} x {height}")
-    far = np.linalg.norm(offset(page)[:3])
+    far = np.linalg.norm(at_rest(page)[:3])
     box = page.locator("canvas:not(.pgraph *)").first.bounding_box()
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 60)
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
     page.mouse.wheel(0, 400)
     until(lambda: np.linalg.norm(offset(page)[:3]) > 1.05 * far, "farther by the wheel")
-    page.wait_for_timeout(500)  # the wheel's motion comes to rest
-    chosen = offset(page)
+    chosen = at_rest(page)
     page.set_viewport_size({"width": 1500, "height": 900})
     client = max(served.viser.get_clients())
     until(lambda: served.store.state.clients[client].window == 1500, "the new size told")
-    page.wait_for_timeout(300)
-    np.testing.assert_allclose(offset(page), chosen, rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(at_rest(page), chosen, rtol=1e-3, atol=1e-3)
     page.set_viewport_size(before)
     page.get_by_role("button", name="Fit view").click()
+
+
+def at_rest(page: Any) -> list[float]:
+    """Where the camera is once it has not moved for a second."""
+    seen = [offset(page)]
+
+    def still() -> bool:
+        page.wait_for_timeout(1000)
+        seen.append(offset(page))
+        return np.allclose(seen[-1], seen[-2], rtol=1e-4, atol=1e-4)
+
+    until(still, "a camera at rest")
+    return seen[-1]
 
 
 def on_page(page: Any, point: Any) -> tuple[float, float]:
@@ -417,16 +428,16 @@ def test_a_tip_is_picked_and_two_ends_are_measured_in_the_view(page, served):
     page.get_by_role("button", name="View from front").click()
     page.get_by_role("button", name="Isometric view").click()
     until(lambda: within(page, served), "both boxes")
-    page.wait_for_timeout(300)
+    at_rest(page)
     x, y = on_page(page, (1.1, -0.2, 0.3))
     page.mouse.click(x + 3, y + 2)
     until(lambda: served.store.state.model.body("b").tip == (0.1, -0.2, 0.3), "its corner")
     page.get_by_role("button", name="Measure").click()
-    for at in ((1.1, -0.2, 0.3), (0.1, -0.2, 0.3)):
+    said = page.locator(".pgraph-aim")
+    for at, next_ in (((1.1, -0.2, 0.3), "first"), ((0.1, -0.2, 0.3), "second")):
+        said.get_by_text(next_).wait_for()
         x, y = on_page(page, at)
         page.mouse.click(x - 2, y + 3)
-        page.wait_for_timeout(200)
-    said = page.locator(".pgraph-aim")
     until(lambda: "distance 1 m" in said.inner_text(), "one metre")
     page.keyboard.press("Escape")
     until(lambda: said.count() == 0, "nothing measured any more")
