@@ -14,7 +14,7 @@ from pgraph_core.show.bodies import Look
 from pgraph_core.show.shapes import Piece
 
 from ..core.state import State, poses
-from ..scene.camera import looks
+from ..scene.marks import looks
 from . import GROUND, Spot
 
 EVEN = 1e-9  # so that weights tell what is pointed at alike

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import viser
 
 from pgraph_core.show import bodies, shapes, stage
-from pgraph_core.show.bodies import Look
 from pgraph_core.show.stage import FIELD_OF_VIEW, GRID, Viewpoint, in_picture
 
 from ..core.bridge import Bridge
 from ..core.state import Client, State, poses
 from . import marks
+from .marks import looks
 
 COVERED = 0.25  # of the view at most, by the playback at its bottom
 TYPICAL_ASPECT = 0.6  # of the view between the docks at 1280 x 800
@@ -134,13 +133,6 @@ def seen(
     if page.aspect is None or np.linalg.norm(np.cross(up, way)) < stage.STEEP / 2:
         return np.zeros(len(positions), bool)
     return in_picture(positions, up, at, page.aspect, covered)
-
-
-def looks(state: State, before: Sequence[Look] = ()) -> list[Look]:
-    """How each body is drawn, by number."""
-    d = state.derived
-    drawn = [state.model.body(name) for name in d.names]
-    return bodies.looks(drawn, d.children, d.colors, before, "branches" in state.shown)
 
 
 def viewpoint(state: State, aspect: float) -> Viewpoint:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 import pgraph_core as pg
 from pgraph_core.model.fields import GROUND
-from pgraph_core.show import shapes
+from pgraph_core.show import bodies, shapes
+from pgraph_core.show.bodies import Look
 
 from ..core.state import State
 
@@ -74,6 +75,13 @@ def _joined(model: pg.Model) -> bool:
     return bool(kinds & {"spring", "wrench"}) or any(
         c.kind == "distance" for c in model.constraints
     )
+
+
+def looks(state: State, before: Sequence[Look] = ()) -> list[Look]:
+    """How each body is drawn, by number."""
+    d = state.derived
+    drawn = [state.model.body(name) for name in d.names]
+    return bodies.looks(drawn, d.children, d.colors, before, "branches" in state.shown)
 
 
 def axes(state: State) -> Local:

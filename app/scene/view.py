@@ -24,8 +24,9 @@ from ..pose.view import Gizmos
 from ..scene.update import Unreadable
 from ..session.update import Select
 from . import marks
-from .camera import CameraView, looks
+from .camera import CameraView
 from .camera import viewpoint as viewpoint
+from .marks import looks
 from .overlays import Overlays
 
 INSIDE = {"links", "coms", "inertias", "frames", "points"}  # is seen only through the bodies
