@@ -61,7 +61,7 @@ SCENES: dict[str, Callable[..., pg.Study]] = {
     "spring of 1e8 N/m": lambda **options: motion(
         "spring of 1e8 N/m", methods=("radau5", "ros2", "generalised_alpha"), **options
     ),
-    "four-bar": lambda **options: built_in("four_bar", 1.0, **options),
+    "four-bar": lambda **options: built_in("four_bar", 1.0, "turn", **options),
     "tennis racket": lambda **options: built_in("tennis_racket", 2.0, **options),
     "tree of figure 1": lambda **options: built_in("fig1_tree", 1.0, **options),
 }

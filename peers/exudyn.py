@@ -315,18 +315,24 @@ class Run:
             return
         ground = self.system.AddObject(items.ObjectGround())
         for pin in self.motion.pins:
-            link, axes = self.tree.last[pin.row]
-            foot = self.system.AddMarker(
-                items.MarkerKinematicTreeRigid(
-                    objectNumber=self.number,
-                    linkNumber=link,
-                    localPosition=list(axes.T @ pin.point),
+            foot = self._marked(items, pin.row, pin.point)
+            place = (
+                self.system.AddMarker(
+                    items.MarkerBodyRigid(bodyNumber=ground, localPosition=list(pin.place))
                 )
-            )
-            place = self.system.AddMarker(
-                items.MarkerBodyRigid(bodyNumber=ground, localPosition=list(pin.place))
+                if pin.other < 0
+                else self._marked(items, pin.other, pin.place)
             )
             self.system.AddObject(items.ObjectJointSpherical(markerNumbers=[foot, place]))
+
+    def _marked(self, items: Any, row: int, point: Array) -> Any:
+        """A marker at a point of a row."""
+        link, axes = self.tree.last[row]
+        return self.system.AddMarker(
+            items.MarkerKinematicTreeRigid(
+                objectNumber=self.number, linkNumber=link, localPosition=list(axes.T @ point)
+            )
+        )
 
     def __call__(self, solver: str, step: float, going: Callable[[], bool]) -> Trajectory | None:
         """One of its methods at a step that divides the output's spacing; it cannot be stopped."""

@@ -28,12 +28,13 @@ class Actuator(NamedTuple):
 
 
 class Pin(NamedTuple):
-    """A point of a body that is fixed in the world."""
+    """A point of a body that is fixed in the world, or at a point of another body."""
 
     name: str
     row: int
     point: Array  # (3,) in the axes of the row
-    place: Array  # (3,) world
+    other: int  # row, -1 for the world
+    place: Array  # (3,) in the axes of the other row, or in the world
 
 
 class Exported(NamedTuple):
@@ -196,11 +197,20 @@ def _first_row(mech: Mechanism, name: str) -> int:
 
 
 def _pin(mech: Mechanism, c: Constraint) -> Pin:
-    if not isinstance(c, Point) or c.other != "ground":
+    if not isinstance(c, Point):
         raise Refused(f"it has constraint '{c.name}' of kind {c.kind}")
-    body = mech.model.body(c.body)
+    body, home = mech.model.body(c.body), mech.home()[0]
     point = np.array(body.tip_point if c.point is None else c.point)
-    x, R = mech.pose(mech.home()[0], c.body)
-    place = x + R @ point if c.other_point is None else np.array(c.other_point)
-    last = _first_row(mech, c.body) + max(1, len(body.sequence)) - 1
-    return Pin(c.name, last, matrix(body.rotation) @ point, place)
+    x, R = mech.pose(home, c.body)
+    here = _last_row(mech, c.body), matrix(body.rotation) @ point
+    if c.other == "ground":
+        place = x + R @ point if c.other_point is None else np.array(c.other_point)
+        return Pin(c.name, *here, -1, place)
+    y, S = mech.pose(home, c.other)
+    place = S.T @ (x + R @ point - y) if c.other_point is None else np.array(c.other_point)
+    there = matrix(mech.model.body(c.other).rotation) @ place
+    return Pin(c.name, *here, _last_row(mech, c.other), there)
+
+
+def _last_row(mech: Mechanism, name: str) -> int:
+    return _first_row(mech, name) + max(1, len(mech.model.body(name).sequence)) - 1

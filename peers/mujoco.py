@@ -325,9 +325,10 @@ class Run:
         spec.option.jacobian = self.mujoco.mjtJacobian.mjJAC_DENSE
         spec.option.tolerance = 1e-14
         for pin in self.motion.pins:
-            place = spec.worldbody.add_site(name=f"{pin.name}:world", pos=pin.place)
-            body = spec.body(self.motion.rows[pin.row].name)
-            point = body.add_site(name=f"{pin.name}:body", pos=pin.point)
+            rows = self.motion.rows
+            other = spec.worldbody if pin.other < 0 else spec.body(rows[pin.other].name)
+            place = other.add_site(name=f"{pin.name}:other", pos=pin.place)
+            point = spec.body(rows[pin.row].name).add_site(name=f"{pin.name}:body", pos=pin.point)
             spec.add_equality(
                 type=self.mujoco.mjtEq.mjEQ_CONNECT,
                 objtype=self.mujoco.mjtObj.mjOBJ_SITE,

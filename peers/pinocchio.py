@@ -93,13 +93,17 @@ def ours(rows: Sequence[Row], q: Array) -> Array:
     return found
 
 
-def pinned(model: Any, data: Any, points: Sequence[tuple[int, Any, Any]]) -> tuple[Any, Any]:
-    """(constraint models, their data) of points (joint, pose in it, pose in the world or None)."""
+def pinned(
+    model: Any, data: Any, points: Sequence[tuple[int, Any, tuple[Any, ...]]]
+) -> tuple[Any, Any]:
+    """(constraint models, their data) of points: joint, pose in it, joint and pose of the other.
+
+    The other is () where the place is that of the start, in the world.
+    """
     pin = import_module("pinocchio")
     made, found = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
     kind, axes = pin.ContactType.CONTACT_3D, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-    for joint, here, place in points:
-        other = () if place is None else (0, place)
+    for joint, here, other in points:
         made.append(pin.RigidConstraintModel(kind, model, joint, here, *other, axes))
         found.append(made[-1].createData())
     if points:
@@ -180,7 +184,7 @@ def constrained(
     model, *_ = build(state.model, rows_of(state.model, state.topology))
     data = model.createData()
     points = [
-        (model.getJointId(c.body), pin.SE3(np.eye(3), np.array(state.model.point_of(c))), None)
+        (model.getJointId(c.body), pin.SE3(np.eye(3), np.array(state.model.point_of(c))), ())
         for c in state.model.constraints
     ]
     made, found = pinned(model, data, points)
@@ -222,7 +226,9 @@ class Run:
         for each in motion.pins:
             joint, offset = pose[each.row]
             here = offset * pin.SE3(np.eye(3), each.point)
-            points.append((joint, here, pin.SE3(np.eye(3), each.place)))
+            other, frame = pose[each.other] if each.other >= 0 else (0, pin.SE3.Identity())
+            there = frame * pin.SE3(np.eye(3), each.place)
+            points.append((joint, here, (other, there)))
         self.pinned, self.found = pinned(self.model, self.data, points)
         self.settings = pin.ProximalSettings(*PROXIMAL)
         self.at_q = np.array([a.q for a in motion.actuators], dtype=int)

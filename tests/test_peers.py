@@ -60,6 +60,18 @@ def test_an_engine_makes_the_motion_of_actuators_and_pinned_points(name: str):
     assert all(row.ok and row.error < 1e-5 for row in theirs), theirs
 
 
+@pytest.mark.parametrize("name", ENGINES)
+def test_an_engine_makes_the_motion_of_a_loop(name: str):
+    """A four-bar that turns, closed between two of its bodies."""
+    pytest.importorskip(name)
+    model = pg.Model.load(pgraph_models.path("four_bar"))
+    options = {"t_end": 0.3, "steps": 1e-3, "tolerances": 1e-9, "rounds": 1, "frames": 4}
+    found = pg.work_precision(model, scenario="turn", methods="rk4", peers=name, **options)
+    theirs = [row for row in found.rows if row.peer]
+    assert theirs, found.notes
+    assert all(row.ok and (row.error or 1.0) < 1e-6 for row in theirs), theirs
+
+
 @pytest.mark.parametrize(("name", "bound"), [("mujoco", 3.0), ("pinocchio", 1e-2)])
 def test_forces_of_a_stance(name: str, bound: float):
     """On the quadruped's feet at rest, against ours [N]; MuJoCo's feet are soft."""
