@@ -14,7 +14,7 @@ from ..columns import Columns
 from ..engine import layout as at
 from ..engine import motion, packing
 from ..engine.compiler.address import address_of
-from ..engine.compiler.jit import ready
+from ..engine.compiler.jit import JIT, ready
 from ..engine.tree import bodies, dynamics
 from ..errors import InputError, Problem, choices, explained, guarded
 from ..model import Model
@@ -31,7 +31,8 @@ FORWARD = dynamics.forward_dynamics
 NO_EXTERNAL = np.zeros((0, 6))
 BackEnd = Literal["articulated", "composite", "operators"]
 NEW = object.__new__
-WITH_GIL = getattr(sys, "_is_gil_enabled", lambda: True)()  # then one kernel call is atomic
+WITH_GIL = getattr(sys, "_is_gil_enabled", lambda: True)()
+DIRECT = JIT and WITH_GIL  # kernels refuse what does not fit, and one call is atomic
 OVERFLOW = Problem("dynamics", "", "the result is not finite: the given numbers are too large")
 
 
@@ -55,11 +56,10 @@ class Dynamics(Portable):
     nb: int
     nq: int
     nv: int
-    _nq: tuple[int]  # shapes of q and v
-    _nv: tuple[int]
     _rows: Ints
     _const: Array
     _springs: int
+    _fast: bool  # whether the kernel takes states as they are
     _rest: Array  # (nv,) v = 0
     _work: Array  # of kernels, empty between calls
     _lock: threading.Lock  # of `_work` and of the scene's workspace
@@ -76,8 +76,9 @@ class Dynamics(Portable):
     def _take(self, packed: Packed) -> None:
         """Keep the arrays, and make a workspace."""
         vars(self).update(  # at once: setting an attribute is guarded
-            packed=packed, nb=packed.nb, nq=packed.nq, nv=packed.nv, _nq=(packed.nq,),
-            _nv=(packed.nv,), _rows=packed.rows, _const=packed.const, _springs=packed.springs,
+            packed=packed, nb=packed.nb, nq=packed.nq, nv=packed.nv,
+            _fast=DIRECT and not packed.springs, _springs=packed.springs,
+            _rows=packed.rows, _const=packed.const,
             _rest=np.zeros(packed.nv), _work=np.zeros((len(packed.rows), at.WORK)),
             _lock=threading.Lock(),
         )  # fmt: skip
@@ -122,7 +123,8 @@ class Dynamics(Portable):
         new = NEW(type(self))
         packed = Packed(columns, old)
         vars(new).update(  # at once: this is a design loop's inner step
-            packed=packed, nb=self.nb, nq=self.nq, nv=self.nv, _nq=self._nq, _nv=self._nv,
+            packed=packed, nb=self.nb, nq=self.nq, nv=self.nv,
+            _fast=DIRECT and not packed.springs,
             _rows=packed.rows, _const=packed.const, _springs=packed.springs,
             _rest=self._rest, _work=self._work, _lock=self._lock,  # of the same sizes
         )  # fmt: skip
@@ -316,15 +318,14 @@ class Dynamics(Portable):
         `simulate`.
         """
         tau = self._rest if tau is None else tau
-        vdot = np.empty(self.nv)
-        fast = WITH_GIL and back_end == "articulated"
-        if fast and external is None and not self._springs:
-            try:  # arrays as the kernel takes them: checking costs as much as the dynamics
-                if q.shape == self._nq and v.shape == self._nv and tau.shape == self._nv:
-                    code = FORWARD(self._rows, self._const, q, v, tau, self._work, vdot)
-                    if code == 0:
-                        return vdot
-            except (AttributeError, TypeError):
+        nv = self.nv
+        vdot = np.empty(nv)
+        if external is None and back_end == "articulated" and self._fast:
+            try:  # what the kernel does not take as it is costs as much to check as the dynamics
+                fit = len(q) == self.nq and len(v) == nv and len(tau) == nv
+                if fit and FORWARD(self._rows, self._const, q, v, tau, self._work, vdot) == 0:
+                    return vdot
+            except TypeError:
                 pass
         return self._forward_checked(q, v, tau, external, back_end, vdot)
 
@@ -353,15 +354,15 @@ class Dynamics(Portable):
         """
         scene = self._scene
         tau = self._rest if tau is None else tau
-        vdot, wrenches = np.empty(self.nv), np.empty(self._wrenches)
+        nv = self.nv
+        vdot, wrenches = np.empty(nv), np.empty(self._wrenches)
         asked = (scene.address, self._accelerate, 0.0)
         try:  # as in `forward_dynamics`
-            fit = q.shape == self._nq and v.shape == self._nv and tau.shape == self._nv
-            if fit and WITH_GIL:
+            if DIRECT and len(q) == self.nq and len(v) == nv and len(tau) == nv:
                 code = self._constrained(*asked, q, v, tau, self._flow, vdot, wrenches)
                 if code == 0:
                     return vdot, scene.forces(wrenches)
-        except (AttributeError, TypeError):
+        except TypeError:
             pass
         q, v = self._state(q, v)
         tau = numbers("tau", tau, self.nv)
