@@ -594,7 +594,7 @@ class Recording:
         if given is not None and not given.fixed:
             return "the motion itself may grow without bound, or forces may jump there"
         step = given.widest if given else float(self.plan.width.max(initial=0.0))
-        return f"try a step below {step:.3g} s, or less stiffness and damping there"
+        return f"try a step of {0.5 * step:.3g} s, or less stiffness and damping there"
 
     def _contradicted(self) -> str:
         """The closed contacts and limits that constraints drive bodies against; "" if none."""

@@ -78,7 +78,10 @@ class StabilityMap(Portable):
                 width = self.steps[self._column(cell)] if self.steps else cell.step
                 right.setdefault((cell.method, width), []).append(cell)
         if not right:
-            return "No method at no step is as accurate as asked for: give smaller steps."
+            failed = [cell for cell in self.cells if cell.status is Verdict.FAILED]
+            if failed and len(failed) == len(self.cells):
+                return f"No method reaches the end: {failed[0].text}."
+            return "No method is as accurate as asked for at any of these steps: give smaller ones."
         for_own = {k: v for k, v in right.items() if any(c.value == self.own for c in v)}
         chosen = for_own or right
         count = max(len(cells) for cells in chosen.values())

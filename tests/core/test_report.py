@@ -269,6 +269,9 @@ def test_a_run_that_is_impossible_is_refused_with_its_cause():
     with pytest.raises(pg.InputError) as refused:
         pg.work_precision(model, t_end=0.1, rounds=1)
     assert "b" in str(refused.value)
+    found = pg.stability_map(model, axis="mass_scale", values=(1.0,), t_end=0.1, steps=(1e-2,))
+    assert found.advice.startswith("No method reaches the end")
+    assert "b" in found.advice
 
 
 def test_a_run_that_does_more_work_is_not_cheaper_by_noise():
