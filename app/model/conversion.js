@@ -1,4 +1,4 @@
-// What became of a file of another format: a list beside the model; a line leads to its body.
+// What became of a file of another format: a list next to the model; a line leads to its body.
 (() => {
   const { make, send } = pgraph;
   const ORDER = ["warning", "left out", "approximated", "converted", "read"];

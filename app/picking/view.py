@@ -36,7 +36,7 @@ class PickingView:
 
 
 def aimed(state: State, page: Client) -> Payload | None:
-    """Marks in world axes [m], and what is said."""
+    """Marks in world axes [m], and the sentence that goes with them."""
     aim = page.aim
     if aim is None:
         return None

@@ -38,8 +38,8 @@ pgraph.tour = (() => {
     if (!box) return;
     const inside = (x, most) => Math.min(Math.max(x, 10), Math.max(most - 10, 10));
     const large = box.width > innerWidth / 3 && box.height > innerHeight / 3;
-    const beside = box.left > innerWidth / 2 ? box.left - w - 12 : box.right + 12;
-    card.style.left = `${inside(large ? box.left + (box.width - w) / 2 : box.width > 400 ? box.right + 12 : beside, innerWidth - w)}px`;
+    const aside = box.left > innerWidth / 2 ? box.left - w - 12 : box.right + 12;
+    card.style.left = `${inside(large ? box.left + (box.width - w) / 2 : box.width > 400 ? box.right + 12 : aside, innerWidth - w)}px`;
     card.style.top = `${inside(large ? box.top + 24 : box.top < innerHeight / 2 ? box.top : box.top - h - 12, innerHeight - h)}px`;
   }
   // Offered once to a person, not to a program that drives the page.

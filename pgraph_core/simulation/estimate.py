@@ -3,7 +3,7 @@
 The error of a method of order p at steps h is C h^p where it is small ([Hairer, Norsett, Wanner
 1993, II.4]): two runs tell C, a third one whether the law holds. Where it does not, the smaller
 divisor that was seen is taken; where runs have parted altogether, the error is not known, and
-that is said. Adding up the errors of steps would miss how unstable motion makes them grow.
+the run says so. Adding up the errors of steps would miss how unstable motion makes them grow.
 """
 
 from __future__ import annotations
