@@ -25,8 +25,9 @@ INTRODUCTION = """# Random tests: what is wrong and silent
 `pgraph hunt` draws random scenes over scales of mass, length, time and stiffness, and runs each by
 default and by two other settings. A closed form, an integration by SciPy of equations of its own,
 or, for trees, a far finer run knows the motion. A run is *right* if its error is at most ten times
-its error estimate, or rounding; *told* if it is not and its status or a notice says so; *wrong and
-silent* else. `pgraph_core/verification` has the scenes, `tests/core/test_hunt.py` a slice of them.
+its error estimate, or rounding; *told* if it is wrong and its status or a notice says so; otherwise
+*wrong and silent*. `pgraph_core/verification` has the scenes, `tests/core/test_hunt.py` a slice of
+them.
 
 {scenes}, {runs} runs in {minutes:.0f} minutes on {cpu}: {verdicts}.
 Made by `pgraph hunt --json` and `python -m benchmarks.hunt`.

@@ -130,7 +130,7 @@ def measured(name: str, motion: Motion) -> list[dict[str, Any]]:
 def table(rows: list[dict[str, Any]]) -> str:
     """The rows of one motion as Markdown."""
     lines = [
-        f"## {rows[0]['motion']}",
+        f"### {rows[0]['motion'].capitalize()}",
         "",
         "| method | setting | error | estimate | energy drift | evaluations | time of steps |",
         "| --- | --- | --- | --- | --- | --- | --- |",
