@@ -29,11 +29,14 @@ if TYPE_CHECKING:
     from .gait.footing import underfoot as underfoot
     from .gait.presets import gaits as gaits
     from .mechanism import Mechanism as Mechanism
+    from .model import Actuator as Actuator
     from .model import Body as Body
     from .model import Constraint as Constraint
     from .model import Contact as Contact
+    from .model import Coupling as Coupling
     from .model import Cylindrical as Cylindrical
     from .model import Distance as Distance
+    from .model import Drag as Drag
     from .model import Footfall as Footfall
     from .model import Force as Force
     from .model import Gains as Gains
@@ -55,11 +58,14 @@ if TYPE_CHECKING:
     from .model import Servo as Servo
     from .model import Shape as Shape
     from .model import Sine as Sine
+    from .model import Site as Site
     from .model import Skate as Skate
+    from .model import SpeedServo as SpeedServo
     from .model import Spring as Spring
     from .model import Step as Step
     from .model import Switch as Switch
     from .model import Table as Table
+    from .model import Tendon as Tendon
     from .model import Torsion as Torsion
     from .model import Universal as Universal
     from .model import VectorTable as VectorTable
@@ -108,10 +114,10 @@ _MODULES = {
     "gait.presets": "gaits",
     "mechanism": "Mechanism",
     "model": (
-        "Body Constraint Contact Cylindrical Distance Footfall Force Gains Gait Gear "
-        "Ground Line Model Motion Motor Orientation Plane Point Polynomial Prismatic "
-        "Revolute Rolling Scenario Servo Shape Sine Skate Spring Step Switch Table "
-        "Torsion Universal VectorTable Velocity Weld Wrench"
+        "Actuator Body Constraint Contact Coupling Cylindrical Distance Drag Footfall Force "
+        "Gains Gait Gear Ground Line Model Motion Motor Orientation Plane Point Polynomial "
+        "Prismatic Revolute Rolling Scenario Servo Shape Sine Site Skate SpeedServo Spring Step "
+        "Switch Table Tendon Torsion Universal VectorTable Velocity Weld Wrench"
     ),
     "paper": "home_poses",
     "paper.frame_update": "frame_update_trace",

@@ -126,7 +126,7 @@ class Mechanism(Dynamics):
     def inverse_kinematics(
         self, targets: Mapping[str, Any], q: Array | None = None, *, scenario: str | None = None
     ) -> Array:
-        """q (nq,) near q, the initial state by default, at which the bodies are at their targets.
+        """q (nq,) near q, the initial state by default, with bodies and sites at their targets.
 
         A target is a place (3,) of the body's origin in the world [m], a pair of a place and a
         rotation, (3, 3) or a quaternion [w, x, y, z], or {"place": ..., "rotation": ..., "point":

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from .errors import InputError, Problem, explained, shown
-from .model import Body, Constraint, Contact, Force, Model, Servo
-from .model.force import Between, OnJoint
+from .model import Body, Constraint, Contact, Force, Model
+from .model.force import OnBody, OnJoint, Tendon
 from .model.scenario import AUTO, METHOD_NAMES
 
 IMPLICIT = ("ros2", "generalised_alpha", "radau5")  # methods with a Jacobian
@@ -132,7 +132,9 @@ class Scene(NamedTuple):
     def limits(self) -> int:
         """How many ends of motions are bounded."""
         pairs = [pair for b in self.bodies for pair in b.limits if pair is not None]
-        return sum(end is not None for pair in pairs for end in pair)
+        ends = sum(end is not None for pair in pairs for end in pair)
+        tendons = (f for f in self.forces if isinstance(f, Tendon))
+        return ends + sum(end is not None for f in tendons for end in (f.low, f.high))
 
     @property
     def impulses(self) -> bool:
@@ -144,7 +146,8 @@ class Scene(NamedTuple):
         """Whether something could make rates that a step does not resolve."""
         fields = ("stiffness", "damping", "friction")
         joints = any(any(getattr(b, f)) for b in self.bodies for f in fields)
-        between = any(isinstance(f, (Between, Servo)) for f in self.forces)
+        drives = (f.law for f in self.forces if isinstance(f, OnJoint))
+        between = any(f.PASSIVE for f in self.forces) or any(x.kp or x.kd for x in drives)
         return joints or between or any(c.law != "complementarity" for c in self.contacts)
 
 
@@ -190,15 +193,17 @@ def _loops(s: Scene) -> Iterator[Part]:
 
 def _forces(s: Scene) -> Iterator[Part]:
     drives = [f for f in s.forces if isinstance(f, OnJoint)]
+    tendons = [f for f in s.forces if isinstance(f, Tendon)]
     sprung = sum(any(map(any, (b.stiffness, b.damping, b.friction))) for b in s.bodies)
-    if drives or sprung:
+    if drives or sprung or tendons:
         own = [f"springs, dampers or friction of {_counted(sprung, 'joint')}"] * bool(sprung)
         own += [f"{_counted(len(drives), 'motor or servo', 'motors and servos')}"] * bool(drives)
+        own += [f"{_counted(len(tendons), 'tendon')}"] * bool(tendons)
         yield Part("drives", True, f"drive forces: {', '.join(own)}")
     else:
         text = "no spring, damper, friction, motor or servo in a joint: no drive forces"
         yield Part("drives", False, text, s.nv, "sums an evaluation")
-    between = [f for f in s.forces if f not in drives]
+    between = [f for f in s.forces if isinstance(f, OnBody)]
     if between:
         yield Part("loads", True, f"wrenches and springs between bodies: {_named(between)}")
     else:

@@ -22,6 +22,9 @@ NEEDS = {
     "motion": {"q_of_t": {"kind": "sine"}},
     "skate": {"axis": (0, 0, 1)},
     "velocity": {"coefficients": {"2": 1.0}},
+    "coupling": {"coefficients": {"2": 1.0}},
+    "tendon": {"coefficients": {"2": 1.0}},
+    "drag": {"size": (1, 2, 3)},
 }
 KINDS = [(pg.Constraint, kind) for kind in pg.Constraint.KINDS]
 KINDS += [(pg.Force, kind) for kind in pg.Force.KINDS]
@@ -29,7 +32,7 @@ KINDS += [(pg.Force, kind) for kind in pg.Force.KINDS]
 
 @pytest.mark.parametrize(("part", "kind"), KINDS)
 def test_a_kind_is_made_by_its_class_and_by_that_of_the_part(part, kind):
-    own = getattr(pg, kind.capitalize())
+    own = getattr(pg, kind.title().replace("_", ""))
     made = part(name="x", kind=kind, body="2", **NEEDS.get(kind, {}))
     assert type(made) is own
     assert isinstance(made, part)
@@ -275,8 +278,8 @@ def test_what_refers_to_a_removed_part_goes_too(model):
             lambda m: m.edit("other", kind="sprnig"),
             ["constraint 'other', kind", "'sprnig'", "weld"],
         ),
-        (lambda m: m.add({"name": "x"}), ["Body, Constraint, Contact, Force or Scenario", "dict"]),
-        (lambda m: m.add(pg.Motor), ["Body, Constraint, Contact, Force or Scenario"]),
+        (lambda m: m.add({"name": "x"}), ["Force, Scenario or Site", "dict"]),
+        (lambda m: m.add(pg.Motor), ["Force, Scenario or Site"]),
         (lambda m: m.add(pg.Motor(name="spring", body="arm")), ["force 'spring', name", "another"]),
         (lambda m: m.add(pg.Motor(name="x", body="arm"), after="tie"), ["force 'tie'", "spring"]),
     ],

@@ -26,7 +26,7 @@ FIELDS = (
 KINDS = "weld, revolute, prismatic, cylindrical, universal, spherical, planar, free, compound"
 CONSTRAINTS = (
     "point, weld, revolute, prismatic, cylindrical, universal, distance, line, plane, "
-    "orientation, gear, motion, rolling, skate, velocity"
+    "orientation, gear, motion, rolling, skate, velocity, coupling"
 )
 TORQUE = "a number or a table over time [N m, N]"
 MASS = "must be a finite number >= 0 [kg]"
@@ -197,7 +197,7 @@ MODELS: list[tuple[dict[str, Any], list[str]]] = [
         {"gravty": [0, 0, 0]},
         [
             "model, gravty: no such field; did you mean gravity? choose from name, up, gravity, "
-            "ground, parameters, bodies, constraints, contacts, forces, scenarios, formulas"
+            "ground, parameters, bodies, constraints, contacts, forces, scenarios, sites, formulas"
         ],
     ),
     (
@@ -328,12 +328,12 @@ FILES: list[tuple[bytes, str]] = [
     (b"[]", ": must hold a JSON object with the fields of a model; given []"),
     (b"3", ": must hold a JSON object with the fields of a model; given 3"),
     (
-        b'{"schema_version": 3}',
-        ", schema_version: is 3, newer than 2, the newest known; update Pgraph",
+        b'{"schema_version": 4}',
+        ", schema_version: is 4, newer than 3, the newest known; update Pgraph",
     ),
     (
         b'{"schema_version": 99, "later": 1}',
-        ", schema_version: is 99, newer than 2, the newest known; update Pgraph",
+        ", schema_version: is 99, newer than 3, the newest known; update Pgraph",
     ),
     (b'{"schema_version": "1"}', ", schema_version: must be a whole number >= 1; given '1'"),
     (b'{"schema_version": 0}', ", schema_version: must be a whole number >= 1; given 0"),

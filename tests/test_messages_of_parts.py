@@ -255,11 +255,17 @@ CONTACTS: list[tuple[dict[str, Any], list[str]]] = [
 FORCES: list[tuple[dict[str, Any], list[str]]] = [
     (
         {"body": "arm", "kind": "pull"},
-        ["kind: must be one of motor, servo, wrench, spring, torsion; given 'pull'"],
+        [
+            "kind: must be one of motor, servo, speed_servo, actuator, tendon, wrench, spring, "
+            "torsion, drag; given 'pull'"
+        ],
     ),
     (
         {"body": "arm", "kind": "motor", "stiffness": 1},
-        ["stiffness: means nothing to kind 'motor'; it belongs to kind spring or torsion"],
+        [
+            "stiffness: means nothing to kind 'motor'; it belongs to kind tendon or spring or "
+            "torsion"
+        ],
     ),
     (
         {"body": "arm", "kind": "motor", "torque": [0, 0, 1]},
@@ -276,7 +282,7 @@ FORCES: list[tuple[dict[str, Any], list[str]]] = [
     ),
     (
         {"body": "arm", "kind": "wrench", "kp": 1},
-        ["kp: means nothing to kind 'wrench'; it belongs to kind servo"],
+        ["kp: means nothing to kind 'wrench'; it belongs to kind servo or actuator"],
     ),
     (
         {"body": "arm", "kind": "wrench", "force": [0, 0]},

@@ -66,14 +66,16 @@ def test_bodies_joints_and_what_acts(tmp_path):
     gear = model.constraints[0]
     assert (gear.body, gear.other, gear.ratio, gear.offset) == ("tail", "upper", 2.0, 0.1)
     motor, servo = model.forces
-    assert (motor.body, motor.coordinate, motor.torque_limit) == ("lower", 0, 6.0)
+    assert (motor.body, motor.coordinate, motor.gear, motor.inputs) == ("lower", 0, 3.0, (-2, 2))
     assert (servo.kp, servo.kd, servo.target, servo.torque_limit) == (50.0, 2.0, 0.0, 9.0)
     assert model.scenarios[0].q["tail"] == (0.3,)
     floor, *pairs = model.contacts
     assert (floor.body, floor.other, floor.friction) == ("*", "ground", 0.7)
     assert {(c.body, c.other) for c in pairs} == {("trunk", "lower"), ("upper", "tail")}
     assert report.loaded
-    assert {"1 cameras", "1 sites"} <= {e.text for e in report.of("left out")}
+    assert "1 cameras" in {e.text for e in report.of("left out")}
+    (tip,) = model.sites
+    assert (tip.name, tip.body, tip.point) == ("tip", "trunk", (0, 0, 0.3))
     assert any("softer" in e.text or "solref" in e.text for e in report.of("approximated"))
 
 
@@ -116,6 +118,10 @@ def test_out_and_in_again_is_the_same_model(tmp_path):
     assert {c.friction for c in again.contacts} == {0.7}
     assert [f.name for f in again.forces] == ["m", "p"]
     assert again.scenarios == model.scenarios
+    assert again.sites == model.sites
+    assert [(f.gear, f.law, f.inputs, f.torques) for f in again.forces] == [
+        (f.gear, f.law, f.inputs, f.torques) for f in model.forces
+    ]
 
 
 def test_loops_hold_in_mujoco_as_here(tmp_path):
@@ -161,6 +167,98 @@ def test_what_mjcf_does_not_have_is_told_or_refused(tmp_path):
     with pytest.raises(pg.ModelError, match="'loose', joint"):
         pg.write_mjcf(free, tmp_path / "b.xml")
     assert not (tmp_path / "b.xml").exists()
+
+
+DRIVEN = """<mujoco><compiler angle="radian"/><worldbody>
+<body><joint name="a" axis="0 1 0" ref=".3"/><geom type="capsule" size=".05 .2" mass="2"/>
+  <site name="hand" pos="0 0 .4" euler="0 .5 0"/>
+  <body pos="0 0 .4"><joint name="b" axis="0 1 0" damping=".1"/>
+    <geom type="capsule" size=".05 .2" mass="1"/>
+    <body pos="0 0 .4"><joint name="c" type="slide" axis="0 0 1" ref="-.2"/>
+      <geom type="box" size=".1 .05 .03" mass=".5"/></body></body></body></worldbody>
+<option density="300" viscosity="7"/>
+<tendon>
+  <fixed name="ab" stiffness="30" damping=".4" range="-3 4" springlength=".2">
+    <joint joint="a" coef="1.5"/><joint joint="b" coef="-.5"/></fixed>
+  <fixed name="bc"><joint joint="b" coef=".25"/><joint joint="c" coef="2"/></fixed>
+</tendon>
+<equality><tendon name="held" tendon1="ab" tendon2="bc" polycoef=".1 2 0 0 0" active="false"/>
+</equality>
+<actuator>
+  <motor name="m" joint="a" gear="3" ctrlrange="-2 2" forcerange="-1 1.5"/>
+  <position name="p" joint="a" kp="40" kv="2" gear="-2"/>
+  <velocity name="v" joint="b" kv="3" ctrlrange="-9 9"/>
+  <position name="t" tendon="bc" kp="20"/>
+  <general name="g" tendon="ab" gear=".5" gainprm="7" biastype="affine" biasprm="1 2 -.3"/>
+</actuator></mujoco>
+"""
+
+
+def test_tendons_drives_and_fluid_give_the_forces_of_mujoco(tmp_path):
+    model, report = read(tmp_path, DRIVEN)
+    assert report.loaded, report
+    m = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    inputs = {"m": 1.2, "p": 0.4, "v": -2.0, "t": 0.7, "g": 0.3}
+    assert [type(f).__name__ for f in model.forces[:6]] == [
+        "Motor", "Servo", "SpeedServo", "Servo", "Actuator", "Tendon",
+    ]  # fmt: skip
+    assert (model["ab"].low, model["ab"].high) == pytest.approx((-3.45, 3.55))
+    rng = np.random.default_rng(3)
+    assert max(errors_of(model, m, rng).values()) < 1e-12
+    given = model
+    for name, u in inputs.items():
+        given = given.edit(name, **{model[name].INPUT: u})
+    for _ in range(5):
+        assert max(errors_of(given, m, rng, [*inputs.values()]).values()) < 1e-12
+
+
+def test_tendons_and_drives_go_out_and_in_again(tmp_path):
+    model, _ = read(tmp_path, DRIVEN)
+    report = pg.write_mjcf(model, tmp_path / "again.xml")
+    assert report.loaded, report
+    again, report = pg.read_mjcf(tmp_path / "again.xml")
+    assert report.loaded, report
+    m = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    assert max(errors_of(again, m, np.random.default_rng(4)).values()) < 1e-12
+    assert again.sites == model.sites
+    for one, two in zip(model.forces, again.forces, strict=True):
+        assert type(one) is type(two)
+        assert one.name == two.name
+    (one,), (two,) = model.constraints, again.constraints
+    assert (one.name, one.value, one.active) == (two.name, two.value, two.active)
+    assert [x for *_, x in one.terms] == pytest.approx([x for *_, x in two.terms])
+
+
+def test_limits_and_couplings_of_tendons_hold_in_runs(tmp_path):
+    text = """<mujoco><option gravity="0 0 0"/><worldbody>
+    <body><joint name="a" axis="0 1 0"/><geom type="capsule" size=".05 .2" mass="2"/>
+    <body pos="0 0 .4"><joint name="b" axis="0 1 0"/><geom type="capsule" size=".05 .2" mass="1"/>
+    </body></body></worldbody><tendon><fixed name="t" limited="true" range="-.2 .3">
+    <joint joint="a" coef="1"/><joint joint="b" coef=".5"/></fixed></tendon>
+    <equality><tendon name="held" tendon1="t" active="false"/></equality>
+    <actuator><motor name="m" joint="b" ctrlrange="-3 3"/></actuator></mujoco>"""
+    model, report = read(tmp_path, text)
+    assert report.loaded
+    stepper = pg.Stepper(model)
+    lengths = []
+    for k in range(600):
+        assert stepper.step(inputs={"m": 1.0 if k < 300 else -3.0}).ok
+        lengths.append(stepper.q[0] + 0.5 * stepper.q[1])
+    assert max(lengths) == pytest.approx(0.3, abs=1e-4)
+    assert min(lengths) == pytest.approx(-0.2, abs=1e-4)
+    held = model.edit("held", active=True)
+    run = pg.simulate(held, t_end=0.5, inputs={"m": pg.Table(t=[0, 0.5], value=[0, 1])})
+    assert run.status.ok
+    assert np.abs(run.q @ (1, 0.5)).max() < 1e-9
+    assert np.ptp(run.q[:, 1]) > 0.1
+    assert run.header["inputs"]["m"]["value"] == (0, 1)
+    with pytest.raises(pg.InputError, match=r"'m'.*-3 to 3"):
+        pg.simulate(model, inputs={"m": 4.0})
+    with pytest.raises(pg.InputError, match=r"no motor.*'n'"):
+        pg.Stepper(model, inputs={"n": 0.0})
+    run = pg.simulate(model, method="dop853", t_end=0.1)
+    assert run.header["method"] == "moreau_jean"
+    assert any("tendons" in notice for notice in run.notices)
 
 
 HOSTILE = {

@@ -72,7 +72,7 @@ class Place(Balance):
     @cached_property
     def motors(self) -> Drives:
         """The drives without the joints' own springs and dampers."""
-        return Drives(self.drives.table[self.drives.passive :], self.drives.knots, 0)
+        return self.drives._replace(table=self.drives.table[self.drives.passive :], passive=0)
 
     @cached_property
     def motor_torque(self) -> Array:

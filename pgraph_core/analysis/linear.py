@@ -28,7 +28,7 @@ from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.records import CREEP
 from ..engine.tree import slopes as kernels
 from ..model import Force
-from ..packing.system import Array, Drives, Ints
+from ..packing.system import Array, Drives, Ints, Loads
 from ..rotation import skew
 from .assembly import assemble
 from .mobility import judged
@@ -165,12 +165,10 @@ class Balance:
         mech, q, v = self.mech, self.q, self.v
         by_q, by_v = torque_slopes(mech, q, v, self.vdot)
         spring, damper = drive_slopes(self.drives, q, v)
-        by_q, by_v = by_q - np.diag(spring), by_v - np.diag(damper)
+        by_q, by_v = by_q - spring, by_v - damper
         if len(self.loads.table):
-            axes = np.eye(mech.nv)
             by_q = by_q - differences(mech, q, lambda x: self.load_torque(x, v))
-            swing = [self.load_torque(q, v + e) - self.load_torque(q, v - e) for e in axes]
-            by_v = by_v - np.array(swing).T / 2
+            by_v = by_v - slopes_in_v(self.loads, v, lambda x: self.load_torque(q, x))
         return by_q, by_v
 
     @cached_property
@@ -422,13 +420,24 @@ def force_slopes(mech: Dynamics, q: Array, v: Array, tau: Array) -> tuple[Array,
     """M ∂v'/∂q and M ∂v'/∂v: at rest, minus the stiffness and damping of small motions."""
     by_q, by_v = torque_slopes(mech, q, v, mech.forward_dynamics(q, v, tau))
     spring, damper = drive_slopes(mech.packed.passive, q, v)
-    by_q, by_v = np.diag(spring) - by_q, np.diag(damper) - by_v
+    by_q, by_v = spring - by_q, damper - by_v
     if len(mech.packed.passive_loads.table):
-        axes = np.eye(mech.nv)
-        swing = [mech._load_torque(q, v + e) - mech._load_torque(q, v - e) for e in axes]
-        by_v = by_v + np.array(swing).T / 2  # these forces are linear in v
+        by_v = by_v + slopes_in_v(mech.packed.passive_loads, v, lambda x: mech._load_torque(q, x))
         by_q = by_q + differences(mech, q, lambda x: mech._load_torque(x, v))
     return by_q, by_v
+
+
+def slopes_in_v(loads: Loads, v: Array, of: Callable[[Array], Array]) -> Array:
+    """(nv, nv) slopes in v of the torque of loads, exact but for drags that change their side.
+
+    Dampers are linear in v and drags quadratic: central differences have no error of order.
+    """
+    quadratic = len(loads.table) and (loads.table["density"] > 0).any()
+    h = NEAR * max(1.0, float(np.abs(v).max(initial=0.0))) if quadratic else 1.0
+    return np.array([of(v + h * e) - of(v - h * e) for e in np.eye(len(v))]).T / (2 * h)
+
+
+NEAR = 1e-5  # of the largest speed: of the steps where a drag's slope jumps
 
 
 def torque_slopes(mech: Dynamics, q: Array, v: Array, vdot: Array) -> tuple[Array, Array]:
@@ -443,22 +452,27 @@ def torque_slopes(mech: Dynamics, q: Array, v: Array, vdot: Array) -> tuple[Arra
 
 
 def drive_slopes(drives: Drives, q: Array, v: Array) -> tuple[Array, Array]:
-    """(nv,) slopes of springs, servos and motors in q, and of dampers and friction in v.
+    """(nv, nv) slopes of springs, servos and motors in q, and of dampers and friction in v.
 
     At t = 0; a drive at its limit has none.
     """
-    spring, damper = np.zeros(len(v)), np.zeros(len(v))
+    spring, damper = np.zeros((len(v), len(v))), np.zeros((len(v), len(v)))
     for one in drives.table:
-        j, i = one["velocity"], one["coordinate"]
-        creep = v[j] ** 2 + CREEP**2
-        friction = one["friction"] * CREEP**2 / creep**1.5
-        if np.isfinite(one["limit"]):
+        terms = drives.terms[one["first_term"] : one["first_term"] + one["terms"]]
+        if not len(terms):
+            terms = np.array([(one["velocity"], one["coordinate"], 1.0)])
+        at_v, at_q = terms[:, 0].astype(int), terms[:, 1].astype(int)
+        rate, springs = float(terms[:, 2] @ v[at_v]), one["coordinate"] >= 0
+        friction = one["friction"] * CREEP**2 / (rate**2 + CREEP**2) ** 1.5
+        if np.isfinite(one["low"]) or np.isfinite(one["high"]):
             target, torque = (_first(drives, one[key]) for key in ("first_target", "first_torque"))
-            asked = torque + one["stiffness"] * ((target - q[i]) if i >= 0 else 0.0)
-            if abs(asked - one["damping"] * v[j]) >= one["limit"]:
+            apart = target - float(terms[:, 2] @ q[at_q]) if springs else 0.0
+            asked = torque + one["stiffness"] * apart - one["damping"] * rate
+            if not one["low"] < asked < one["high"]:
                 continue
-        damper[j] -= one["damping"] + friction
-        spring[j] -= one["stiffness"] if i >= 0 else 0.0
+        both = np.ix_(at_v, at_v), np.outer(terms[:, 2], terms[:, 2])
+        np.add.at(damper, both[0], -(one["damping"] + friction) * both[1])
+        np.add.at(spring, both[0], -(one["stiffness"] if springs else 0.0) * both[1])
     return spring, damper
 
 

@@ -29,7 +29,7 @@ LONGEST = 0.5  # rad, or of the mechanism's size: one step
 
 
 class Target(NamedTuple):
-    """Where a point of a body is to be, and how it is to be turned."""
+    """Where a point of a body or site is to be, and how it is to be turned."""
 
     name: str
     point: Array  # (3,) in the body's axes
@@ -41,10 +41,10 @@ def inverse_kinematics(
     mech: Dynamics, targets: Mapping[str, Any], q: Array | None, scenario: str | None
 ) -> Array:
     """q (nq,) near q; see `Mechanism.inverse_kinematics`."""
-    wanted = [_target(mech, name, value) for name, value in targets.items()]
+    q, _ = state_of(mech, q, None, scenario)
+    wanted = [_target(mech, q, name, value) for name, value in targets.items()]
     if not wanted:
         raise InputError(Problem(WHERE, "targets", "name at least one body and its target"))
-    q, _ = state_of(mech, q, None, scenario)
     rows = Rows.of(mech, acting(mech, scenario)[1], q)
     low, high = bounds(mech)
     random = np.random.default_rng(0)
@@ -61,8 +61,8 @@ def inverse_kinematics(
     )
 
 
-def _target(mech: Dynamics, name: str, value: Any) -> Target:
-    mech.topology.number(name)  # raises InputError for a name that is none
+def _target(mech: Dynamics, q: Array, name: str, value: Any) -> Target:
+    mech.pose(q, name)  # raises InputError for a name that is none
     point: Any = (0.0, 0.0, 0.0)
     place: Any = None
     turn: Any = None
@@ -169,15 +169,14 @@ def _descended(rows: Rows, wanted: list[Target], low: Array, high: Array) -> tup
 def _errors(rows: Rows, wanted: list[Target]) -> tuple[Array, Array]:
     """(m,) what is left of targets and loops [m], and its slopes (m, nv)."""
     errors, slopes = [rows.gap[rows.holonomic]], [rows.J[rows.holonomic]]
-    place, turn = rows.poses
     for target in wanted:
-        k = rows.mech.topology.number(target.name) - 1
+        place, turn = rows.mech.pose(rows.q, target.name)
         J = rows.mech.jacobian(rows.q, target.name, tuple(target.point))
         if target.place is not None:
-            errors.append(place[k] + turn[k] @ target.point - target.place)
+            errors.append(place + turn @ target.point - target.place)
             slopes.append(J[3:])
         if target.turn is not None:
-            errors.append(rows.length * _angle(turn[k] @ target.turn.T))
+            errors.append(rows.length * _angle(turn @ target.turn.T))
             slopes.append(rows.length * J[:3])
     return np.concatenate(errors), np.vstack(slopes)
 

@@ -203,7 +203,10 @@ def fits_lanes(stepper: Stepper, varying: Ints) -> bool:
     """Whether these are trees that differ in bodies alone, without functions or bounded servos."""
     scene = stepper.recording.scene
     branches = len(scene.active) > 1 or scene.touching is not None or scene.user is not None
-    bounded = any(np.isfinite(row["limit"]) for row in _servo_rows(stepper).values())
+    bounded = any(
+        np.isfinite(row["low"]) or np.isfinite(row["high"]) or row["terms"]
+        for row in _servo_rows(stepper).values()
+    )
     if stepper.method not in IN_LANES or bounded or branches:
         return False
     _, places = _const_places(stepper)

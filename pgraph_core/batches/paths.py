@@ -16,6 +16,7 @@ KINDS = {  # group of parts in a path -> the kind that `Model.edit` takes
     "contacts": "contact",
     "forces": "force",
     "scenarios": "scenario",
+    "sites": "site",
 }
 WORLD = ("gravity", "ground")  # fields of the model itself
 

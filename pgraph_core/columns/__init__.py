@@ -17,7 +17,6 @@ from ..joints import Motion
 from ..model import Body, Model
 from ..model.editing import edited
 from ..model.fields import GROUND
-from ..model.force import Between
 from ..model.world import DOWN
 from ..portable import Portable
 from .checks import (
@@ -181,7 +180,7 @@ class Columns(Portable):
     def springs_between(self) -> int:
         """Number of springs and torsion springs between bodies; no edit here adds any."""
         model = self._root._model
-        return 0 if model is None else sum([isinstance(f, Between) for f in model.forces])
+        return 0 if model is None else sum([f.PASSIVE for f in model.forces])
 
     @cached_property
     def _derived(self) -> frozenset[int]:

@@ -27,10 +27,11 @@ from ..engine.records import (
     rows_of,
 )
 from ..errors import ModelError, PgraphError, Problem
-from ..model import Body, Contact, Model, Shape
+from ..model import Body, Contact, Model, Shape, Tendon
 from ..model.contact import CROWD
 from ..model.fields import EVERY, GROUND
 from ..packing.constraints import Blocks, radius_of_gyration
+from ..packing.forces import terms_of
 from ..packing.system import Array, Ints, System
 from ..rotation import matrix
 from ..topology import Topology
@@ -72,6 +73,7 @@ class Tables(NamedTuple):
     remembers: bool  # penalty friction sticks to anchors
     turns: bool  # a contact resists rolling or spinning
     rate: float  # about the fastest [1/s] that soft and penalty contacts make of a body at rest
+    tendons: bool  # some limits bound sums of coordinates
 
     def __bool__(self) -> bool:
         return bool(self.touches or self.limits)
@@ -226,6 +228,7 @@ class _Shapes:
             any(t.contact.law == "penalty" for t in self.touches),
             bool((laws["rolling"] > 0).any() or (laws["spinning"] > 0).any()),
             max((rate_of(row, _pull(self.model)) for row in laws), default=0.0),
+            bool(len(blocks[0]) and blocks[0][:, at.B_TERMS].max() > 1),
         )
 
     def _room(self, a: int, b: int) -> int:
@@ -408,7 +411,7 @@ def _ints(rows: list[Any], columns: int) -> Ints:
 
 
 def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Array]]:
-    """Names and blocks of all joint limits: a row c q - VALUE >= 0 each."""
+    """Names and blocks of all limits of joints and tendons: a row c q - VALUE >= 0 each."""
     names: list[str] = []
     rows: list[tuple[int, ...]] = []
     values: list[Array] = []
@@ -435,6 +438,24 @@ def _limits(mech: Packed) -> tuple[tuple[str, ...], tuple[Ints, Array, Ints, Arr
                 terms.append((vi, qi))
                 factors.append(sign)
                 names.append(f"{body.name} {side} limit" + (f" {m}" if many else ""))
+    for tendon in mech.model.forces:
+        if not isinstance(tendon, Tendon):
+            continue
+        own, low, high = terms_of(tendon, mech.topology, mech.system), tendon.low, tendon.high
+        for sign, bound, side in ((1.0, low, "low"), (-1.0, high, "high")):
+            if bound is None:
+                continue
+            block = np.zeros(at.BLOCK_F)
+            block[at.VALUE] = sign * bound
+            moves = max(abs(x) for *_, x in own)  # a joint's turn by a radian
+            block[at.PA] = min(high - low, moves) if low is not None and high is not None else moves
+            first = min(own)[0]
+            row = int(np.searchsorted(mech.system.rows[1:, at.VI], first, side="right"))
+            rows.append((at.T_LIMIT, row, 0, 1, len(terms), len(own), 0, 0))
+            values.append(block)
+            terms += [(at_v, at_q) for at_v, at_q, _ in own]
+            factors += [sign * x for *_, x in own]
+            names.append(f"tendon {tendon.name} {side} limit")
     return tuple(names), (
         _ints(rows, at.BLOCK_I),
         np.array(values).reshape(-1, at.BLOCK_F),

@@ -22,6 +22,7 @@ from ..packing.packed import Joint, Packed
 from ..packing.system import Array, Ints, point_in_row
 from ..paper import Operators
 from ..portable import Portable
+from ..rotation import matrix, unit
 from ..topology import Topology
 from .arguments import finite, numbers, position, wrong_type
 from .scene import Scene
@@ -215,12 +216,33 @@ class Dynamics(Portable):
         return place, rotation.reshape(self.nb, 3, 3)
 
     def pose(self, q: Array, name: str) -> tuple[Array, Array]:
-        """((3,) origin [m], (3, 3) rotation) of a body frame in the world."""
-        number = self.topology.number(name)
-        if number == 0:
-            return np.zeros(3), np.eye(3)
-        place, rotation = self.poses(q)
-        return place[number - 1], rotation[number - 1]
+        """((3,) origin [m], (3, 3) rotation) of a body's or site's frame in the world."""
+        number, point, turn = self._frame(name)
+        place, rotation = np.zeros(3), np.eye(3)
+        if number > 0:
+            places, rotations = self.poses(q)
+            place, rotation = places[number - 1], rotations[number - 1]
+        return (place, rotation) if turn is None else (place + rotation @ point, rotation @ turn)
+
+    def _frame(self, name: str) -> tuple[int, Array, Array | None]:
+        """(number of the body, origin in its axes, rotation or None) of a body or site."""
+        try:
+            return self.topology.number(name), np.zeros(3), None
+        except InputError as error:
+            sites = {s.name: s for s in self.model.sites}
+            if name not in sites:
+                more = f"; or of the sites {choices(sites)}" if sites else ""
+                raise InputError(
+                    [Problem(p.where, p.field, p.text + more) for p in error.problems]
+                ) from None
+        site = sites[name]
+        turn = np.array(matrix(unit(site.rotation)))
+        return self.topology.number(site.body), np.array(site.point), turn
+
+    def _on_body(self, name: str, point: Array) -> tuple[int, Array]:
+        """(number of the body, point in its axes) of a point of a body or site."""
+        number, origin, turn = self._frame(name)
+        return number, point if turn is None else origin + turn @ point
 
     def body_motion(
         self, q: Array, v: Array, vdot: Array | None = None, external: Array | None = None
@@ -421,16 +443,16 @@ class Dynamics(Portable):
     # -- Jacobians -------------------------------------------------------------------------------
 
     def jacobian(self, q: Array, name: str, point: Sequence[float] = (0.0, 0.0, 0.0)) -> Array:
-        """J (6, nv), eq. (20): V of `point` (body axes) of a body is J v, world axes."""
+        """J (6, nv), eq. (20): V of `point` of a body or site, in its axes, is J v, world axes."""
         q = position(self.packed, q)
-        return self._jacobian(q, self.topology.number(name), finite("point", point, 3))
+        return self._jacobian(q, *self._on_body(name, finite("point", point, 3)))
 
     def jacobian_bias(
         self, q: Array, v: Array, name: str, point: Sequence[float] = (0.0, 0.0, 0.0)
     ) -> Array:
-        """J' v (6,): V' of `point` of a body is J v' + J' v (R6)."""
+        """J' v (6,): V' of `point` of a body or site is J v' + J' v (R6)."""
         q, v, bias = position(self.packed, q), self._speed(v), np.empty(6)
-        place = self._place(self.topology.number(name), finite("point", point, 3))
+        place = self._place(*self._on_body(name, finite("point", point, 3)))
         with self._lock:
             dynamics.jacobian_bias(*self.packed.tree, q, v, self._rest, *place, self._work, bias)
         return bias

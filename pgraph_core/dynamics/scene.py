@@ -270,7 +270,7 @@ MOST_CHANGES = 4096  # of phases between two looks at them
 
 def contact_tables(packed: Packed, active: tuple[Contact, ...]) -> Tables | None:
     """The tables of these contacts and of the joints' limits; None where a model has neither."""
-    if not active and not any(any(b.limits) for b in packed.model.bodies):
+    if not active and not packed.model.limited:
         return None
     from ..contact.tables import tables
 

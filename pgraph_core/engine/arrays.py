@@ -77,8 +77,9 @@ class Drives(NamedTuple):
     """Springs, dampers and friction of joints, then motors and servos."""
 
     table: Any  # of JOINT_FORCE
-    knots: Any  # (nk, 3) time [s], value, slope after it
+    knots: Any  # (nk, 4) time [s], value, slope after it, what acts of an input with a lag
     passive: Any  # how many rows of the table are springs and dampers
+    terms: Any  # (nt, 3) index into v, into q, coefficient: of forces along several coordinates
 
 
 class Loads(NamedTuple):
@@ -354,7 +355,7 @@ def named(kind: Any, *members: Any) -> Any:
     return types.BaseTuple.from_types(members, kind)
 
 
-DRIVES = named(Drives, array_of(JOINT_FORCE), F2, i8)
+DRIVES = named(Drives, array_of(JOINT_FORCE), F2, i8, F2)
 LOADS = named(Loads, array_of(APPLIED_FORCE), F2)
 BLOCKS = named(Blocks, I2, F2, I2, F1, F2, I1)
 SPACE = named(

@@ -5,13 +5,13 @@ What a joint's own parts do is in `drives`, what acts on bodies or between two i
 
 import math
 
-from .compiler.elementary import atan2
+from .compiler.elementary import atan2, exp
 from .compiler.jit import part, sweep
 from .constraints.blocks import point_velocity
-from .records import CREEP, SPRING, TORSION, WRENCH
+from .records import CREEP, DRAG, SPRING, TORSION, WRENCH
 from .rows import add_bias, bias_of, link_of, origin_of, parent_of, rotation_of, set_bias, spin_of
 from .tree.kinematics import joint_force
-from .vec import add, add_cross, add_scaled, cross, dot, load, mul, scale, sub, xyz
+from .vec import add, add_cross, add_scaled, cross, dot, load, matrix, mul, mul_t, scale, sub, xyz
 
 TINY = 1e-60  # a spring of length zero pulls nowhere, without a branch
 
@@ -40,10 +40,67 @@ def lookup(knots, first, count, t):
     return knots[n, 1] + (t - knots[n, 0]) * knots[n, 2]
 
 
+@part
+def lagged(knots, first, count, t, lag):
+    """y of y' = (u - y) / lag at time t, exactly, of the input u of a table; with lag 0, u."""
+    if lag == 0.0:
+        return lookup(knots, first, count, t)
+    if t <= knots[first, 0]:
+        return knots[first, 3]
+    n = first + count - 1
+    slope = 0.0
+    if t < knots[n, 0]:
+        n = knot_after(knots, first, count, t, knots[n, 2]) - 1
+        slope = knots[n, 2]
+    ahead = t - knots[n, 0]
+    u = knots[n, 1]
+    behind = slope * lag
+    return u + slope * ahead - behind + (knots[n, 3] - u + behind) * exp(-ahead / lag)
+
+
+@part
+def along_terms(table, terms, n, column, x):
+    """Σ coefficient x of the coordinates of drive n; `column` 0: x is v, 1: x is q."""
+    first = table[n].first_term
+    total = terms[first, 2] * x[int(terms[first, column])]
+    for i in range(first + 1, first + table[n].terms):
+        total += terms[i, 2] * x[int(terms[i, column])]
+    return total
+
+
+@part
+def stretch_of(table, terms, n, q):
+    """What drive n is stretched by: its coordinate, or the sum of its terms."""
+    if table[n].terms > 0:
+        return along_terms(table, terms, n, 1, q)
+    return q[table[n].coordinate]
+
+
+@part
+def speed_of(table, terms, n, v):
+    """The rate of `stretch_of`."""
+    if table[n].terms > 0:
+        return along_terms(table, terms, n, 0, v)
+    return v[table[n].velocity]
+
+
+@part
+def at_its_limit(drives, n, t, q, v):
+    """Whether motor or servo n gives its least or largest torque."""
+    table, knots, _, terms = drives
+    torque = -table[n].damping * speed_of(table, terms, n, v)
+    if table[n].coordinate >= 0:
+        target = lagged(knots, table[n].first_target, table[n].targets, t, table[n].lag)
+        torque += table[n].stiffness * (target - stretch_of(table, terms, n, q))
+    lag = table[n].lag if table[n].coordinate < 0 else 0.0
+    torque += lagged(knots, table[n].first_torque, table[n].torques, t, lag)
+    return torque < table[n].low or torque > table[n].high
+
+
 @sweep
 def drive(drives, t, q, v, given, tau):
     """τ of all drives and the given torques into `tau`; (power put in, power dissipated) [W]."""
-    table, knots, passive = drives
+    table, knots, passive, terms = drives
     put_in = 0.0
     dissipated = 0.0
     for j in range(tau.shape[0]):
@@ -55,7 +112,7 @@ def drive(drives, t, q, v, given, tau):
         j = table[n].velocity
         i = table[n].coordinate
         kd = table[n].damping
-        speed = v[j]
+        speed = speed_of(table, terms, n, v)
         drag = kd * speed
         friction = table[n].friction
         if friction > 0.0:
@@ -63,29 +120,34 @@ def drive(drives, t, q, v, given, tau):
         torque = -drag
         if i >= 0:
             first = table[n].first_target
-            target = lookup(knots, first, table[n].targets, t)
-            torque += table[n].stiffness * (target - q[i])
+            target = lagged(knots, first, table[n].targets, t, table[n].lag)
+            torque += table[n].stiffness * (target - stretch_of(table, terms, n, q))
         if n < passive:
             dissipated += drag * speed
         else:
             first = table[n].first_torque
-            torque += lookup(knots, first, table[n].torques, t)
-            limit = table[n].limit
-            torque = min(max(torque, -limit), limit)
-            put_in += torque * v[j]
-        tau[j] += torque
+            lag = table[n].lag if i < 0 else 0.0
+            torque += lagged(knots, first, table[n].torques, t, lag)
+            torque = min(max(torque, table[n].low), table[n].high)
+            put_in += torque * speed
+        if table[n].terms == 0:
+            tau[j] += torque
+            continue
+        first = table[n].first_term
+        for m in range(first, first + table[n].terms):
+            tau[int(terms[m, 0])] += terms[m, 2] * torque
     return put_in, dissipated
 
 
 @sweep
 def elastic(drives, q):
     """Energy of the joints' springs [J]."""
-    table, knots, passive = drives
+    table, knots, passive, terms = drives
     energy = 0.0
     for n in range(passive):
         i = table[n].coordinate
         if i >= 0:
-            stretch = q[i] - knots[table[n].first_target, 1]
+            stretch = stretch_of(table, terms, n, q) - knots[table[n].first_target, 1]
             energy += 0.5 * table[n].stiffness * stretch * stretch
     return energy
 
@@ -147,11 +209,47 @@ def load_of(loads, i, work, linear, t):
         damping = spring.damping * speed
         pull = spring.stiffness * (length - spring.rest) + damping
         return p, none, scale(-pull, d), end, 0.0, damping * speed
+    if spring.kind == DRAG:
+        turn = rotation_of(work, a)
+        speed = point_velocity(work, linear, a, p)
+        torque, force = drag_of(spring, turn, spin_of(work, a), speed)
+        lost = -dot(torque, spin_of(work, a)) - dot(force, speed)
+        return p, torque, force, p, 0.0, lost
     angle, axis = twist(spring, work, a, b)
     rate = dot(axis, sub(spin_of(work, a), spin_of(work, b)))
     damping = spring.damping * rate
     torque = scale(-spring.stiffness * angle - damping, axis)
     return p, torque, none, p, 0.0, damping * rate
+
+
+@part
+def drag_of(one, turn, spin, speed):
+    """(torque, force) of a fluid on a box that turns at `spin` and whose middle has `speed`.
+
+    Stokes's drag of a ball of the mean edge, and the pressure on the faces, as MuJoCo's fluid
+    model by inertia boxes has them.
+    """
+    x, y, z = xyz(one.box)
+    mean = (x + y + z) / 3.0
+    axes = matrix(one.axes)
+    u = mul_t(axes, mul_t(turn, speed))
+    w = mul_t(axes, mul_t(turn, spin))
+    viscous = -3.0 * math.pi * mean * one.viscosity
+    swirl = -math.pi * mean * mean * mean * one.viscosity
+    press = -0.5 * one.density
+    churn = -one.density / 64.0
+    x4, y4, z4 = x * x * x * x, y * y * y * y, z * z * z * z
+    force = (
+        (viscous + press * y * z * math.sqrt(u[0] * u[0])) * u[0],
+        (viscous + press * z * x * math.sqrt(u[1] * u[1])) * u[1],
+        (viscous + press * x * y * math.sqrt(u[2] * u[2])) * u[2],
+    )
+    torque = (
+        (swirl + churn * x * (y4 + z4) * math.sqrt(w[0] * w[0])) * w[0],
+        (swirl + churn * y * (z4 + x4) * math.sqrt(w[1] * w[1])) * w[1],
+        (swirl + churn * z * (x4 + y4) * math.sqrt(w[2] * w[2])) * w[2],
+    )
+    return mul(turn, mul(axes, torque)), mul(turn, mul(axes, force))
 
 
 @sweep

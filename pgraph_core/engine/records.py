@@ -137,22 +137,28 @@ COUNTERS = record(
 # -- forces ----------------------------------------------------------------------------------------
 
 # torque = clamp(stiffness (target(t) - q) - damping v + torque(t)) - friction sign(v); springs,
-# dampers and friction of joints come first, then motors and servos
+# dampers and friction of joints and tendons come first, then motors and servos. Where a force has
+# terms, q and v are the sums of coefficient × coordinate, and each of these gets its coefficient
+# of the torque.
 JOINT_FORCE = record(
-    velocity=INTEGER,  # index into v
-    coordinate=INTEGER,  # index into q, -1: none
+    velocity=INTEGER,  # index into v; with terms, of the first
+    coordinate=INTEGER,  # index into q, -1: the force does not depend on q
     stiffness=REAL,  # [N m/rad, N/m]
     damping=REAL,  # [N m s/rad, N s/m]
-    limit=REAL,  # of the torque [N m, N]
+    low=REAL,  # least torque of a motor or servo [N m, N]
+    high=REAL,  # largest
     friction=REAL,  # [N m, N]
     first_target=INTEGER,  # knot of the target
     targets=INTEGER,  # number of knots of the target
     first_torque=INTEGER,
     torques=INTEGER,
+    first_term=INTEGER,
+    terms=INTEGER,  # 0: one coordinate, with the coefficient 1
+    lag=REAL,  # time constant with which the input acts: the target, or without one the torque [s]
 )
 CREEP = 1e-3  # rad/s, m/s: friction is regularised as v / √(v² + creep²)
 
-WRENCH, SPRING, TORSION = 0, 1, 2  # kinds of applied forces
+WRENCH, SPRING, TORSION, DRAG = 0, 1, 2, 3  # kinds of applied forces
 APPLIED_FORCE = record(  # points and directions in the home axes of their rows
     kind=INTEGER,
     row_a=INTEGER,  # the row that gets the force
@@ -168,6 +174,10 @@ APPLIED_FORCE = record(  # points and directions in the home axes of their rows
     stiffness=REAL,  # [N/m, N m/rad]
     damping=REAL,  # [N s/m, N m s/rad]
     rest=REAL,  # [m, rad]
+    box=(REAL, 3),  # edges of the box whose drag it is [m]
+    axes=(REAL, 9),  # of the box, row-major
+    density=REAL,  # of the fluid [kg/m³]
+    viscosity=REAL,  # [Pa s]
 )
 
 # -- shapes ----------------------------------------------------------------------------------------

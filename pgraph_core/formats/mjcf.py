@@ -126,12 +126,14 @@ class _Reader:
         self.names = self._body_names()
         self.pivot = np.zeros((m.nbody, 3))
         self.groups = [self._grouped(b) for b in range(m.nbody)]
-        self.place_of_joint = {
-            j: (group.name, k)
-            for groups in self.groups
-            for group in groups
-            for k, j in enumerate(group.joints)
-        }
+        self.place_of_joint: dict[int, tuple[str, int]] = {}
+        self.freedoms: dict[str, int] = {}
+        for group in (group for groups in self.groups for group in groups):
+            count = 0
+            for j in group.joints:
+                self.place_of_joint[j] = group.name, count
+                count += (6, 3, 1, 1)[m.jnt_type[j]]
+            self.freedoms[group.name] = count
 
     def where(self, tag: str, name: str) -> str:
         """'robot.xml, line 12, joint 'knee''."""
@@ -160,6 +162,7 @@ class _Reader:
             "contacts": list[Contact](parts.contacts(bodies)),
             "forces": list[Force](parts.forces()),
             "scenarios": parts.keyframes(),
+            "sites": parts.sites([body["name"] for body in bodies]),
         }
         self._start(fields)
         parts.rest()

@@ -13,20 +13,23 @@ from ..errors import FileError, ModelError, Problem, explained
 from ..model import (
     Body,
     Contact,
+    Coupling,
+    Drag,
     Gear,
     Model,
     Motion,
-    Motor,
     Polynomial,
     Scenario,
-    Servo,
     Spring,
+    Tendon,
     Wrench,
 )
 from ..model.fields import EVERY, GROUND
 from ..model.files import gathered, write_atomic
+from ..model.force import OnJoint
 from ..rotation import matrix, multiply, quaternion_of, unit
 from .mjcf import INITIAL
+from .mjcf_parts import end_name
 from .report import Report
 from .urdf_out import Placed, Tag
 
@@ -76,12 +79,16 @@ class _Writer:
         m = self.model
         root = Tag("mujoco", model=m.name)
         fixed = {"inertiafromgeom": "false", "angle": "radian", "autolimits": "true"}
-        root.add(Tag("compiler", **fixed), Tag("option", gravity=m.gravity))
+        root.add(Tag("compiler", **fixed), Tag("option", gravity=m.gravity, **self._fluid()))
+        for site in m.sites:
+            self._site(site.body, site.name, site.point, unit(site.rotation))
         for c in m.constraints:
             self._constraint(c)
         for f in m.forces:
             if isinstance(f, Spring):
                 self._spring(f)
+            elif isinstance(f, Tendon):
+                self._tendon(f)
         self.children: dict[str, list[Body]] = {}
         for body in bodies:
             self.children.setdefault(body.parent, []).append(body)
@@ -96,10 +103,10 @@ class _Writer:
         world.add(*self.sites.get(GROUND, ()))
         for body in self.children.get(GROUND, ()):
             world.add(*self._body(body))
-        assets = Tag("asset").add(*self.assets.values())
+        assets, drives = Tag("asset").add(*self.assets.values()), [*self._actuators()]
         contact = Tag("contact").add(*self._excluded(bodies))
         parts = (assets, world, contact, Tag("equality").add(*self.equalities),
-                 Tag("tendon").add(*self.tendons), Tag("actuator").add(*self._actuators()),
+                 Tag("tendon").add(*self.tendons), Tag("actuator").add(*drives),
                  Tag("keyframe").add(*self._keys()))  # fmt: skip
         root.add(*(part for part in parts if part.children))
         self.report.add("read", "", f"{len(bodies)} bodies written")
@@ -335,6 +342,12 @@ class _Writer:
                     Tag("joint", name=name, joint1=mine, polycoef=curve, **active)
                 )
                 return
+            case Coupling():
+                if held := self._along(f"{name} tendon", c, where):
+                    curve = (c.value, *(0.0,) * 4)
+                    tag = Tag("tendon", name=name, tendon1=held, polycoef=curve, **active)
+                    self.equalities.append(tag)
+                return
         if c.kind not in ("point", "weld", "revolute"):
             self.out(where, f"a {c.kind} constraint", acts=c.active)
             return
@@ -349,16 +362,16 @@ class _Writer:
         tag = "weld" if c.kind == "weld" else "connect"
         for k, (point, other_point) in enumerate(pairs):
             own = name if k == 0 else f"{name} {k + 1}"
-            one = self._site(c.body, f"{own} of {c.body}", point)
-            two = self._site(c.other, f"{own} of {c.other} ", other_point, turn)
+            one = self._site(c.body, end_name(own, 1), point)
+            two = self._site(c.other, end_name(own, 2), other_point, turn)
             self.equalities.append(Tag(tag, name=own, site1=one, site2=two, **active))
 
     def _spring(self, f: Spring) -> None:
         point = self.model.body(f.body).tip_point if f.point is None else f.point
         other = f.other_point or (0.0, 0.0, 0.0)
         names = [
-            self._site(f.body, f"{f.name} at {f.body}", point),
-            self._site(f.other, f"{f.name} at {f.other} ", other),
+            self._site(f.body, end_name(f.name, 1), point),
+            self._site(f.other, end_name(f.name, 2), other),
         ]
         rest = f.rest
         if rest is None:
@@ -368,6 +381,53 @@ class _Writer:
             "spatial", name=f.name, stiffness=f.stiffness, damping=f.damping, springlength=rest
         )
         self.tendons.append(tendon.add(*(Tag("site", site=name) for name in names)))
+
+    def _tendon(self, f: Tendon) -> None:
+        rest = f.rest
+        if rest is None:
+            rest = sum(x * self.model.body(name).q[k] for name, k, x in f.terms)
+        numbers = {"stiffness": f.stiffness, "damping": f.damping, "frictionloss": f.friction}
+        given: dict[str, Any] = {key: x for key, x in numbers.items() if x}
+        if f.stiffness:
+            given["springlength"] = rest
+        if f.low is not None or f.high is not None:
+            low, high = (-1e9 if f.low is None else f.low), (1e9 if f.high is None else f.high)
+            given["range"] = (low, high)
+        self._along(f.name, f, f"force '{f.name}'", **given)
+
+    def _along(self, name: str, part: Any, where: str, **fields: Any) -> str:
+        """The name of a tendon along the joints of a part; "" where one of them is a ball's."""
+        tag = Tag("fixed", name=name, **fields)
+        for body, k, factor in part.terms:
+            joint = self._joint(body, k)
+            if not joint:
+                self.out(where, "a sum with coordinates of a ball or free joint")
+                return ""
+            tag.add(Tag("joint", joint=joint, coef=factor))
+        self.tendons.append(tag)
+        return name
+
+    def _joint(self, body: str, coordinate: int) -> str:
+        """The name of the hinge or slide of a degree of freedom; "" for those of a ball."""
+        first = 0
+        for k, (kind, _) in enumerate(self.model.body(body).motions):
+            if kind in ("rotate", "translate") and coordinate == first:
+                return joint_name(self.model.body(body), k)
+            first += {"ball": 3, "free": 6}.get(kind, 1)
+        return ""
+
+    def _fluid(self) -> dict[str, float]:
+        """MuJoCo's fluid where every body with mass has its drag; others are left out."""
+        drags = [f for f in self.model.forces if isinstance(f, Drag)]
+        kinds = {(f.density, f.viscosity) for f in drags}
+        bodies = {b.name: b for b in self.model.bodies if b.mass and not self._still(b.name)}
+        everywhere = sorted(f.body for f in drags) == sorted(bodies) and len(kinds) == 1
+        if everywhere and all(_own_box(f, bodies[f.body]) for f in drags):
+            density, viscosity = kinds.pop()
+            return {"density": density, "viscosity": viscosity}
+        for f in drags:
+            self.out(f"force '{f.name}'", "a drag that is not that of all bodies' inertia boxes")
+        return {}
 
     def _world(self, body: str, point: Any) -> np.ndarray:
         if body == GROUND:
@@ -380,35 +440,47 @@ class _Writer:
     def _actuators(self) -> Iterator[Tag]:
         for f in self.model.forces:
             where = f"force '{f.name}'"
-            if isinstance(f, (Spring, Wrench)):
-                if isinstance(f, Wrench) and self.lifted.get(f.body) is None:
+            if isinstance(f, Wrench):
+                if self.lifted.get(f.body) is None:
                     self.out(where, "a wrench")
-                continue
-            if not isinstance(f, (Motor, Servo)) or not isinstance(f.torque, float):
-                self.out(where, f"a {f.kind}" + ("" if f.kind == "torsion" else " over time"))
-                continue
-            body = self.model.body(f.body)
-            if len(body.motions) <= f.coordinate or body.motions[f.coordinate][0] in (
-                "ball",
-                "free",
-            ):
-                self.out(where, "a force on a ball or free joint")
-                continue
-            yield from self._actuator(f, body, where)
+            elif isinstance(f, OnJoint):
+                yield from self._actuator(f, where)
+            elif not isinstance(f, (Spring, Tendon, Drag)):
+                self.out(where, f"a {f.kind}")
 
-    def _actuator(self, f: Motor | Servo, body: Body, where: str) -> Iterator[Tag]:
-        one = Tag("general", name=f.name, joint=joint_name(body, f.coordinate))
-        most, torque = f.torque_limit, float(np.array(f.torque))
-        if isinstance(f, Servo):
-            if not isinstance(f.target, float):
-                self.out(where, "a target over time")
+    def _actuator(self, f: OnJoint, where: str) -> Iterator[Tag]:
+        """gain u + bias at the file's default control, which is 0, or the nearest in its range."""
+        gain, torque, kp, kd = f.law
+        value = getattr(f, f.INPUT)
+        if not isinstance(torque, float) or not isinstance(value, float):
+            self.out(where, f"a {f.kind} over time")
+            return
+        low, high = f.inputs
+        given = value - min(max(0.0, low), high)
+        if given:
+            text = f"its input {value:g} is part of its bias: MuJoCo starts at control 0"
+            self.report.add("converted", where, text, part=f.name)
+        one = Tag("general", name=f.name)
+        if f.coefficients:
+            if not (name := self._along(f"{f.name} tendon", _Ungeared(f), where)):
                 return
-            bias = (torque + f.kp * f.target, -f.kp, -f.kd)
-            one.set(gainprm=(f.kp or 1.0,), biastype="affine", biasprm=bias)
+            one.set(tendon=name)
+        elif joint := self._joint(f.body, f.coordinate):
+            one.set(joint=joint)
         else:
-            one.set(gainprm=(1.0,), biastype="affine", biasprm=(torque, 0.0, 0.0))
-        if most is not None:
-            one.set(forcerange=(-most, most))
+            self.out(where, "a force on a ball or free joint")
+            return
+        if f.lag:
+            one.set(dyntype="filterexact", dynprm=(f.lag,))
+        if f.gear != 1.0:
+            one.set(gear=(f.gear, 0.0, 0.0, 0.0, 0.0, 0.0))
+        bias = (torque + gain * given, -kp or 0.0, -kd or 0.0)
+        one.set(gainprm=(gain,), biastype="affine", biasprm=bias)
+        if f.input_low is not None or f.input_high is not None:
+            one.set(ctrlrange=(max(low - given, -1e9), min(high - given, 1e9)))
+        least, most = f.torques
+        if np.isfinite(least) or np.isfinite(most):
+            one.set(forcerange=(max(least, -1e9), min(most, 1e9)))
         yield one
 
     def _lifted(self) -> Iterator[tuple[str, float]]:
@@ -477,6 +549,23 @@ class _Writer:
             own = matrix(turn) @ matrix(home)
             qvel += (own.T @ np.array(v[j : j + 3])).tolist()
             i, j = i + 4, j + (6 if kind == "free" else 3)
+
+
+class _Ungeared:
+    """The sum that a force acts on, without its gear."""
+
+    def __init__(self, f: OnJoint):
+        self.terms = tuple((name, k, x / f.gear) for name, k, x in f.terms)
+
+
+def _own_box(f: Drag, body: Body) -> bool:
+    """Whether a drag is that of MuJoCo's inertia box of its body."""
+    moments, axes = np.linalg.eigh(np.array(body.inertia))
+    edges = np.sqrt(np.maximum(moments.sum() - 2 * moments, 0.0) / body.mass * 6)
+    turn = matrix(unit(f.rotation))
+    mine = turn @ np.diag(np.array(f.size) ** 2) @ turn.T
+    box = axes @ np.diag(edges**2) @ axes.T
+    return bool(np.allclose(mine, box, rtol=1e-9, atol=1e-12)) and f.point in (None, body.com)
 
 
 def joint_name(body: Body, k: int) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -9,15 +10,34 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from ..errors import needed
-from ..model import Constraint, Contact, Force, Gear, Motion, Motor, Scenario, Servo, Spring, Wrench
-from ..model.fields import EVERY, GROUND
+from ..model import (
+    Actuator,
+    Constraint,
+    Contact,
+    Coupling,
+    Drag,
+    Force,
+    Gear,
+    Motion,
+    Motor,
+    Scenario,
+    Servo,
+    Site,
+    SpeedServo,
+    Spring,
+    Tendon,
+    Wrench,
+)
+from ..model.fields import EVERY, GROUND, name_problem
 from ..rotation import matrix, multiply, unit
 from .report import Report
 
 Array = np.ndarray
-CONNECT, WELD, JOINT = 0, 1, 2  # mjtEq
-SITE = 3  # mjtWrap
-ON_JOINT = (0, 1)  # mjtTrn: joint, joint in parent
+CONNECT, WELD, JOINT, TENDON = 0, 1, 2, 3  # mjtEq
+ALONG_JOINT, SITE = 1, 3  # mjtWrap
+ON_JOINT, ON_TENDON = (0, 1), 3  # mjtTrn: joint, joint in parent; tendon
+FILTERS = (2, 3)  # mjtDyn: filter, filterexact
+LEAST = 1e-15  # kg: mjMINVAL, below which MuJoCo's fluid does not act
 THICK = 1.0  # m: of the box that stands for a plane that is no ground
 WIDE = 50.0  # m: half the edge of one without bounds
 FLAT = 1e-9
@@ -41,7 +61,8 @@ class Reading(Protocol):
     names: list[str]  # of bodies, by MuJoCo's numbers
     pivot: Array  # (nbody, 3) our origins in their axes
     groups: list[list[Group]]
-    place_of_joint: dict[int, tuple[str, int]]  # body and motion
+    place_of_joint: dict[int, tuple[str, int]]  # body and degree of freedom
+    freedoms: dict[str, int]  # of the joint of each body
 
     def where(self, tag: str, name: str) -> str:
         """Where an element stands in its file."""
@@ -58,6 +79,16 @@ class Reading(Protocol):
     def solid(self, g: int, b: int) -> dict[str, Any] | None:
         """A geom as a shape of body b."""
         ...
+
+
+class Sums(Counter[int]):
+    """Coefficients of a sum of coordinates, by joint."""
+
+    def __sub__(self, other: Any) -> Sums:
+        return Sums({j: self[j] - other[j] for j in self | other})
+
+    def __rmul__(self, x: float) -> Sums:
+        return Sums({j: x * y for j, y in self.items()})
 
 
 class Law(NamedTuple):
@@ -117,8 +148,10 @@ class Parts:
                 one = self._follows(e, name)
             elif kind in (CONNECT, WELD):
                 one = self._tied(e, name, kind)
+            elif kind == TENDON:
+                one = self._tendon_held(e, name)
             else:
-                text = "an equality of tendons, flexible bodies or distances"
+                text = "an equality of flexible bodies or distances"
                 self.reader.left_out("equality", name, text, acts=bool(self.m.eq_active0[e]))
             if one is not None:
                 found.append(one)
@@ -141,6 +174,44 @@ class Parts:
             name=name, body=body, coordinate=coordinate, other=other, other_coordinate=k,
             ratio=float(data[1]), offset=float(data[0]), active=active,
         )  # fmt: skip
+
+    def _tendon_held(self, e: int, name: str) -> Constraint | None:
+        """A tendon that keeps its length, or follows another one by a line."""
+        m, data = self.m, self.m.eq_data[e]
+        one, two = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
+        sums = [self._along_joints(t) for t in (one, two) if t >= 0]
+        if not all(sums) or (two >= 0 and np.any(data[2:5])):
+            text = "an equality of a tendon that is not along joints, or by a curve"
+            self.reader.left_out("equality", name, text, acts=bool(m.eq_active0[e]))
+            return None
+        total = sums[0] - float(data[1]) * sums[1] if two >= 0 else sums[0]
+        return Coupling(
+            name=name, coefficients=self._rows(total), value=float(data[0]),
+            active=bool(m.eq_active0[e]),
+        )  # fmt: skip
+
+    def _along_joints(self, t: int) -> Sums | None:
+        """A fixed tendon's coefficients; None for one through space."""
+        m, first = self.m, int(self.m.tendon_adr[t])
+        parts = range(first, first + int(m.tendon_num[t]))
+        if any(m.wrap_type[w] != ALONG_JOINT for w in parts):
+            return None
+        found = Sums()
+        for w in parts:
+            found[int(m.wrap_objid[w])] += float(m.wrap_prm[w])
+        return found
+
+    def _rows(self, sums: Sums) -> dict[str, list[float]]:
+        """Coefficients by joint as rows by body."""
+        found: dict[str, list[float]] = {}
+        for j, x in sums.items():
+            body, k = self.reader.place_of_joint[j]
+            found.setdefault(body, [0.0] * self.reader.freedoms[body])[k] += x
+        return found
+
+    def _length(self, sums: Sums) -> float:
+        """A tendon's length in the file's initial pose, where all q here are zero."""
+        return sum(x * float(self.m.qpos0[self.m.jnt_qposadr[j]]) for j, x in sums.items())
 
     def _tied(self, e: int, name: str, kind: int) -> Constraint | None:
         m, data, site = self.m, self.m.eq_data[e], self.m.eq_objtype[e] == 6  # mjOBJ_SITE
@@ -191,7 +262,8 @@ class Parts:
             taken.add(name)
             if (one := self._actuator(a, name)) is not None:
                 yield one
-        yield from self._springs()
+        yield from self._tendons()
+        yield from self._drags()
         for b in np.flatnonzero(self.m.body_gravcomp):
             m, name = self.m, self.reader.names[b]
             lift = -m.opt.gravity * m.body_mass[b] * m.body_gravcomp[b]
@@ -203,73 +275,112 @@ class Parts:
                 point=tuple(point.tolist()),
             )  # fmt: skip
 
-    def _springs(self) -> Iterator[Force]:
-        """Tendons straight from one site to another, with a spring or a damper."""
+    def _tendons(self) -> Iterator[Force]:
+        """Tendons along joints, and those straight from one site to another, where they act."""
         m = self.m
-        self.springs: set[int] = set()
         for t in range(m.ntendon):
-            first = int(m.tendon_adr[t])
-            straight = m.tendon_num[t] == 2 and all(m.wrap_type[first : first + 2] == SITE)
+            name = m.tendon(t).name or f"tendon {t + 1}"
+            pulls = bool(m.tendon_stiffness[t]) or bool(m.tendon_damping[t])
+            acts = pulls or m.tendon_frictionloss[t] or m.tendon_limited[t] or m.tendon_armature[t]
+            if not acts:
+                continue
+            if m.tendon_armature[t] or any(
+                np.any(getattr(m, f"tendon_{x}poly", np.zeros(t + 1))[t])
+                for x in ("stiffness", "damping")
+            ):
+                self.reader.left_out("tendon", name, "a tendon with armature, or not linear")
+                continue
             shortest, longest = (float(x) for x in m.tendon_lengthspring[t])
-            odd = m.tendon_limited[t] or m.tendon_frictionloss[t] or m.tendon_armature[t]
-            poly = any(np.any(getattr(m, f"tendon_{x}poly", 0)) for x in ("stiffness", "damping"))
-            if not straight or odd or poly or shortest != longest:
+            if m.tendon_stiffness[t] and shortest != longest:
+                self.reader.left_out("tendon", name, "a tendon with a slack range of its spring")
                 continue
-            ends: list[tuple[str, tuple[float, ...]]] = []
-            for site in m.wrap_objid[first : first + 2]:
-                b = int(m.site_bodyid[site])
-                place = m.site_pos[site] - self.reader.pivot[b]
-                ends.append((self.reader.names[b], tuple(place.tolist())))
-            if ends[0][0] == GROUND:
-                ends.reverse()
-            (body, point), (other, other_point) = ends
-            if body == GROUND:
-                continue
-            self.springs.add(t)
-            yield Spring(
-                name=m.tendon(t).name or f"tendon {t + 1}", body=body, other=other, point=point,
-                other_point=other_point, stiffness=float(m.tendon_stiffness[t]),
-                damping=float(m.tendon_damping[t]), rest=shortest,
-            )  # fmt: skip
+            sums = self._along_joints(t)
+            made = self._straight(t, name) if sums is None else self._tendon(t, name, sums)
+            if made is not None:
+                yield made
+
+    def _tendon(self, t: int, name: str, sums: Sums) -> Tendon:
+        m, start = self.m, self._length(sums)
+        low, high = (float(x) - start for x in m.tendon_range[t])
+        limits = {"low": low, "high": high} if m.tendon_limited[t] else {}
+        return Tendon(
+            name=name, coefficients=self._rows(sums), stiffness=float(m.tendon_stiffness[t]),
+            damping=float(m.tendon_damping[t]), friction=float(m.tendon_frictionloss[t]),
+            rest=float(m.tendon_lengthspring[t, 0]) - start, **limits,
+        )  # fmt: skip
+
+    def _straight(self, t: int, name: str) -> Spring | None:
+        """A tendon straight from one site to another as a spring."""
+        m, first = self.m, int(self.m.tendon_adr[t])
+        straight = m.tendon_num[t] == 2 and all(m.wrap_type[first : first + 2] == SITE)
+        if not straight or m.tendon_limited[t] or m.tendon_frictionloss[t]:
+            text = "a tendon with limits or friction" if straight else "a tendon around corners"
+            self.reader.left_out("tendon", name, f"{text}, from site to site")
+            return None
+        ends: list[tuple[str, tuple[float, ...]]] = []
+        for site in m.wrap_objid[first : first + 2]:
+            b = int(m.site_bodyid[site])
+            place = m.site_pos[site] - self.reader.pivot[b]
+            ends.append((self.reader.names[b], tuple(place.tolist())))
+        if ends[0][0] == GROUND:
+            ends.reverse()
+        (body, point), (other, other_point) = ends
+        if body == other:
+            return None
+        return Spring(
+            name=name, body=body, other=other, point=point, other_point=other_point,
+            stiffness=float(m.tendon_stiffness[t]), damping=float(m.tendon_damping[t]),
+            rest=float(m.tendon_lengthspring[t, 0]),
+        )  # fmt: skip
 
     def _actuator(self, a: int, name: str) -> Force | None:
-        m = self.m
-        if why := self._strange(a):
+        """gear x (gain u + b0 + b1 length + b2 rate) on a joint or on a tendon's joints."""
+        m, kind = self.m, int(self.m.actuator_trntype[a])
+        target = int(m.actuator_trnid[a, 0])
+        sums = self._along_joints(target) if kind == ON_TENDON else Sums({target: 1.0})
+        why = self._strange(a) if sums else "an actuator on a tendon that is not along joints"
+        if sums is None or why:
             self.reader.left_out("actuator", name, why)
             return None
-        j, gear = int(m.actuator_trnid[a, 0]), float(m.actuator_gear[a, 0])
-        body, coordinate = self.reader.place_of_joint[j]
-        gain = float(m.actuator_gainprm[a, 0])
+        gear, gain = float(m.actuator_gear[a, 0]), float(m.actuator_gainprm[a, 0])
         affine = m.actuator_biastype[a] == 1
         b0, b1, b2 = (float(x) if affine else 0.0 for x in m.actuator_biasprm[a, :3])
-        start = float(m.qpos0[m.jnt_qposadr[j]])
-        low, high = (float(x) for x in m.actuator_ctrlrange[a])
-        limited = bool(m.actuator_ctrllimited[a])
-        u = min(max(0.0, low), high) if limited else 0.0
-        torque = gear * (gain * u + b0 + b1 * gear * start)
-        most = self._most(a, j, gear, name)
-        fields = {"name": name, "body": body, "coordinate": coordinate}
-        if b1 == 0 and b2 == 0:
-            if most is None and limited and gain:
-                most = abs(gear * gain) * max(abs(low), abs(high)) or None
-            return Motor(torque=torque, torque_limit=most, **fields)
-        kp, kd = -b1 * gear**2, -b2 * gear**2
-        if kp < 0 or kd < 0:
-            self.reader.left_out("actuator", name, "a bias that drives the joint away")
-            return None
-        if kp:  # the position at which it rests is its target
-            return Servo(kp=kp, kd=kd, target=torque / kp, torque_limit=most, **fields)
-        return Servo(kp=kp, kd=kd, torque=torque, torque_limit=most, **fields)
+        fields: dict[str, Any] = {"name": name, "gear": gear, **self._limits(a, target, name)}
+        if kind == ON_TENDON:
+            fields["coefficients"] = self._rows(sums)
+        else:
+            fields["body"], fields["coordinate"] = self.reader.place_of_joint[target]
+        low, high = -np.inf, np.inf
+        if m.actuator_ctrllimited[a]:
+            low, high = (float(x) for x in m.actuator_ctrlrange[a])
+            fields |= {"input_low": low, "input_high": high}
+        u = min(max(0.0, low), high)
+        if m.actuator_dyntype[a] in FILTERS:
+            fields["lag"] = float(m.actuator_dynprm[a, 0])
+            fields |= {"start": 0.0} if u else {}
+        torque = b0 + b1 * gear * self._length(sums)  # q here is 0 in the file's initial pose
+        kp, kd = 0.0 - b1, 0.0 - b2
+        if gain == 1 and torque == kp == kd == 0:
+            return Motor(torque=u, **fields)
+        if kp > 0 and kd >= 0 and gain == kp:
+            return Servo(kp=kp, kd=kd, target=u, torque=torque, **fields)
+        if kp == 0 and kd > 0 and gain == kd:
+            return SpeedServo(kd=kd, speed=u, torque=torque, **fields)
+        return Actuator(gain=gain, input=u, torque=torque, kp=kp, kd=kd, **fields)
 
     def _strange(self, a: int) -> str:
         """Why an actuator has no place here; "" where it has."""
         m = self.m
-        if m.actuator_trntype[a] not in ON_JOINT:
-            return "an actuator that does not act on a joint (on a tendon, site or body)"
-        if m.jnt_type[m.actuator_trnid[a, 0]] < 2:
+        if m.actuator_trntype[a] not in (*ON_JOINT, ON_TENDON):
+            return "an actuator that does not act on a joint or tendon (on a site or body)"
+        if m.actuator_trntype[a] != ON_TENDON and m.jnt_type[m.actuator_trnid[a, 0]] < 2:
             return "an actuator on a ball or free joint"
-        if m.actuator_dyntype[a] != 0:
-            return "an actuator with a state of its own (filter, integrator, muscle)"
+        if m.actuator_gear[a, 0] == 0:
+            return "an actuator with gear 0"
+        low, high = m.actuator_ctrlrange[a] if m.actuator_ctrllimited[a] else (-np.inf, np.inf)
+        least, most = m.actuator_actrange[a] if m.actuator_actlimited[a] else (-np.inf, np.inf)
+        if m.actuator_dyntype[a] not in (0, *FILTERS) or least > low or most < high:
+            return "an actuator with a state of its own that is no filter (integrator, muscle)"
         if m.actuator_gaintype[a] != 0 or m.actuator_biastype[a] not in (0, 1):
             return "an actuator whose gain depends on the state"
         for key in ("actuator_armature", "actuator_damping", "actuator_dampingpoly"):
@@ -278,21 +389,49 @@ class Parts:
                 return "an actuator with armature or damping of its own"
         return ""
 
-    def _most(self, a: int, j: int, gear: float, name: str) -> float | None:
-        """The largest torque, or None."""
-        m = self.m
-        bounds: list[Array] = []
+    def _limits(self, a: int, target: int, name: str) -> dict[str, float]:
+        """Least and greatest torque, before the gear."""
+        m, gear = self.m, float(self.m.actuator_gear[a, 0])
+        low, high = -np.inf, np.inf
         if m.actuator_forcelimited[a]:
-            bounds.append(gear * m.actuator_forcerange[a])
-        if m.jnt_actfrclimited[j]:
-            bounds.append(m.jnt_actfrcrange[j])
-        if not bounds:
-            return None
-        if any(abs(low + high) > 1e-9 * abs(high - low) for low, high in bounds):
-            text = "different limits of torque up and down: the larger one holds both ways here"
-            where = self.reader.where("actuator", name)
-            self.report.add("approximated", where, text, part=name)
-        return min(float(np.abs(pair).max()) for pair in bounds) or None
+            low, high = (float(x) for x in m.actuator_forcerange[a])
+        if m.actuator_trntype[a] in ON_JOINT and m.jnt_actfrclimited[target]:
+            ends = sorted(float(x) / gear for x in m.jnt_actfrcrange[target])
+            low, high = max(low, ends[0]), min(high, ends[1])
+            others = m.actuator_trnid[:, 0][np.isin(m.actuator_trntype, ON_JOINT)] == target
+            if others.sum() > 1:
+                text = "the limit of the sum of several actuators holds for each of them here"
+                self.report.add(
+                    "approximated", self.reader.where("actuator", name), text, part=name
+                )
+        if np.isinf(low) and np.isinf(high):
+            return {}
+        if low >= high or high <= 0 or np.isinf(high):
+            text = f"a limit of its force, {low:g} to {high:g}, that leaves no force forwards"
+            self.reader.left_out("actuator", name, text)
+            return {}
+        return {"torque_limit": high} if low == -high else {"torque_limit": high, "torque_low": low}
+
+    def _drags(self) -> Iterator[Drag]:
+        """The fluid around the bodies, by MuJoCo's inertia boxes."""
+        m = self.m
+        if not (m.opt.density or m.opt.viscosity):
+            return
+        if np.any(m.opt.wind) or np.any(m.geom_fluid[:, 0]):
+            text = "the fluid around the bodies, with wind or as ellipsoids"
+            self.reader.left_out("option", "", text)
+            return
+        for b in range(1, m.nbody):
+            if m.body_mass[b] < LEAST or m.body_weldid[b] == 0:
+                continue
+            moments = m.body_inertia[b]
+            squares = np.maximum(moments.sum() - 2 * moments, LEAST) / m.body_mass[b] * 6
+            yield Drag(
+                name=f"fluid around {self.reader.names[b]}", body=self.reader.names[b],
+                size=tuple(np.sqrt(squares).tolist()), rotation=unit(m.body_iquat[b].tolist()),
+                point=tuple((m.body_ipos[b] - self.reader.pivot[b]).tolist()),
+                density=float(m.opt.density), viscosity=float(m.opt.viscosity),
+            )  # fmt: skip
 
     # -- what touches ----------------------------------------------------------------------------
 
@@ -440,6 +579,27 @@ class Parts:
             dim = max(int(m.geom_condim[g]), int(m.geom_condim[h]))
         return _law(dim, *(float(c) for c in x))
 
+    def sites(self, taken: list[str]) -> list[Site]:
+        """Sites; one with the name of a body gets another."""
+        m, found = self.m, dict[str, Site]()
+        tied = [m.tendon(t).name for t in range(m.ntendon)]
+        tied += [m.equality(e).name for e in range(m.neq)]
+        ends = {end_name(name, k) for name in tied for k in (1, 2)}
+        for s in range(m.nsite):
+            name = m.site(s).name
+            if name in ends:
+                continue
+            name = f"site {s + 1}" if name_problem(name) else name
+            name = f"{name} site" if name in taken or name == GROUND else name
+            while name in found or name in taken:
+                name += "'"
+            b = int(m.site_bodyid[s])
+            found[name] = Site(
+                name=name, body=self.reader.names[b], rotation=unit(m.site_quat[s].tolist()),
+                point=tuple((m.site_pos[s] - self.reader.pivot[b]).tolist()),
+            )  # fmt: skip
+        return list(found.values())
+
     # -- keyframes and the rest ------------------------------------------------------------------
 
     def keyframes(self) -> list[Scenario]:
@@ -488,19 +648,10 @@ class Parts:
     def rest(self) -> None:
         """What is left out as a whole."""
         m, reader = self.m, self.reader
-        for t in sorted({*range(m.ntendon)} - self.springs):
-            acts = bool(
-                m.tendon_limited[t] or np.any(m.tendon_stiffness[t]) or np.any(m.tendon_damping[t])
-                or m.tendon_frictionloss[t] or m.tendon_armature[t]
-            )  # fmt: skip
-            reader.left_out("tendon", m.tendon(t).name, "a tendon", acts=acts)
-        if m.opt.density or m.opt.viscosity:
-            reader.left_out("option", "", "the fluid around the bodies")
         for count, what, acts in (
             (m.nflex, "flexible bodies", True),
             (m.nplugin, "plugins", True),
             (m.nsensor, "sensors", False),
-            (m.nsite, "sites", False),
             (m.ncam, "cameras", False),
             (m.nlight, "lights", False),
         ):
@@ -511,6 +662,11 @@ class Parts:
             text = "a body that MuJoCo's user moves stays where it is"
             where = reader.where("body", m.body(int(b)).name)
             reader.report.add("converted", where, text, part=name)
+
+
+def end_name(name: str, k: int) -> str:
+    """What `write_mjcf` calls the site at an end of a spring or constraint; no site when read."""
+    return f"{name} end {k}"
 
 
 def _law(dim: int, sliding: float, spinning: float, rolling: float) -> Law:

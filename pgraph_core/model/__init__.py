@@ -3,6 +3,7 @@
 from .body import Body as Body
 from .body import Shape as Shape
 from .constraint import Constraint as Constraint
+from .constraint import Coupling as Coupling
 from .constraint import Cylindrical as Cylindrical
 from .constraint import Distance as Distance
 from .constraint import Gear as Gear
@@ -23,10 +24,14 @@ from .curves import Polynomial as Polynomial
 from .curves import Sine as Sine
 from .curves import Table as Table
 from .curves import VectorTable as VectorTable
+from .force import Actuator as Actuator
+from .force import Drag as Drag
 from .force import Force as Force
 from .force import Motor as Motor
 from .force import Servo as Servo
+from .force import SpeedServo as SpeedServo
 from .force import Spring as Spring
+from .force import Tendon as Tendon
 from .force import Torsion as Torsion
 from .force import Wrench as Wrench
 from .model import Model as Model
@@ -36,5 +41,6 @@ from .scenario import Gait as Gait
 from .scenario import Scenario as Scenario
 from .scenario import Switch as Switch
 from .scenario import When as When
+from .site import Site as Site
 from .world import Ground as Ground
 from .world import Step as Step

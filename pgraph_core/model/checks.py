@@ -11,11 +11,12 @@ from .. import joints
 from ..errors import ModelError, Problem, choices, nearest, numbers, shown
 from ..joints import outside, quaternion_problems
 from .body import Body
-from .constraint import AlongAxes, Constraint, Gear, Motion, Rolling, Velocity
+from .constraint import AlongAxes, Constraint, Coupling, Gear, Motion, Rolling, Sum
 from .contact import Contact
-from .fields import EVERY, GROUND, Described, name_problem, part_problems
-from .force import Force, OnJoint, Servo
+from .fields import EVERY, GROUND, Described, OfSums, name_problem, part_problems
+from .force import Force, OnJoint, Tendon
 from .scenario import Scenario, Switch, condition_problems, known_names
+from .site import Site
 from .world import Ground, World, below_kinetic
 
 Bodies = Mapping[str, Body | None]  # by name; None for one that is not valid itself
@@ -112,8 +113,8 @@ def constraint_problems(items: Sequence[Constraint], bodies: Bodies) -> list[Pro
     found = unique("constraint", [c.name for c in items])
     for c in items:
         where = f"constraint '{c.name}'"
-        if isinstance(c, Velocity) and c.body in c.coefficients:
-            found += _coefficient_problems(c.coefficients, where, bodies)
+        if isinstance(c, Sum) and c.body in c.coefficients:
+            found += sum_problems(c, where, bodies, isinstance(c, Coupling))
         else:
             found += pair_problems(c, where, bodies) or _joint_problems(c, where, bodies)
     return found
@@ -142,9 +143,9 @@ def _joint_problems(c: Constraint, where: str, bodies: Bodies) -> list[Problem]:
 
 def fits_joint(c: Constraint, bodies: Bodies) -> bool:
     """Whether these bodies' joints have the coordinates that a constraint asks for."""
-    given = c.coefficients if isinstance(c, Velocity) else {}
-    mine = {name: values for name, values in given.items() if name in bodies}
-    return not (_coefficient_problems(mine, "", bodies) or _joint_problems(c, "", bodies))
+    if isinstance(c, Sum):
+        return not sum_problems(c, "", bodies, isinstance(c, Coupling), ours=True)
+    return not _joint_problems(c, "", bodies)
 
 
 def _coordinate_problem(body: Body, coordinate: int) -> str:
@@ -158,14 +159,23 @@ def _coordinate_problem(body: Body, coordinate: int) -> str:
     return ""
 
 
-def _coefficient_problems(
-    coefficients: Mapping[str, tuple[float, ...]], where: str, bodies: Bodies
+def sum_problems(
+    part: OfSums, where: str, bodies: Bodies, of_positions: bool, *, ours: bool = False
 ) -> list[Problem]:
+    """What is wrong with the coefficients of a sum; with `ours`, with those of these bodies.
+
+    `of_positions`: it is a sum of positions, which balls and free joints do not have.
+    """
     found = []
-    for name, values in coefficients.items():
+    for name, values in part.coefficients.items():
+        if ours and name not in bodies:
+            continue
         text, body = unknown(name, bodies), bodies.get(name)
         if body is not None and len(values) != body.dof:
             text = f"the joint of '{name}' takes {numbers(body.dof)}; given {len(values)}"
+        elif body is not None and of_positions:
+            bad = (_coordinate_problem(body, k) for k, x in enumerate(values) if x)
+            text = next(filter(None, bad), "")
         if text:
             found.append(Problem(where, "coefficients", text))
     return found
@@ -195,6 +205,10 @@ def force_problems(items: Sequence[Force], bodies: Bodies, of: str = "") -> list
     found = unique("force", [f.name for f in items])
     for f in items:
         where = f"{of}force '{f.name}'"
+        springs = isinstance(f, Tendon) or (isinstance(f, OnJoint) and f.law.kp != 0)
+        if isinstance(f, OfSums) and f.coefficients:
+            found += sum_problems(f, where, bodies, springs)
+            continue
         if not isinstance(f, OnJoint):
             found += pair_problems(f, where, bodies)
             continue
@@ -209,7 +223,7 @@ def force_problems(items: Sequence[Force], bodies: Bodies, of: str = "") -> list
                 f"the joint of '{f.body}' has {body.dof} degrees of freedom; given {f.coordinate}"
             )
             found.append(Problem(where, "coordinate", text))
-        elif isinstance(f, Servo) and f.kp and not _has_position(body, f.coordinate):
+        elif springs and not _has_position(body, f.coordinate):
             text = "a servo's kp needs a rotate or translate motion; a ball has no single angle"
             found.append(Problem(where, "kp", text))
     return found
@@ -303,6 +317,7 @@ def reference_problems(
     contacts: Sequence[Contact],
     forces: Sequence[Force],
     scenarios: Sequence[Scenario],
+    sites: Sequence[Site],
     names: tuple[Sequence[str], Sequence[str]],
 ) -> list[Problem]:
     """What is wrong with the names by which parts refer to each other.
@@ -315,7 +330,22 @@ def reference_problems(
         *force_problems(forces, bodies),
         *scenario_problems(scenarios, bodies, *names, soles_among(contacts)),
         *condition_problems(scenarios, bodies, constraints, known_names(bodies, *names)),
+        *site_problems(sites, bodies),
     ]
+
+
+def site_problems(sites: Sequence[Site], bodies: Bodies) -> list[Problem]:
+    """Unknown bodies, and names that bodies have: both are frames that calls name."""
+    found = unique("site", [s.name for s in sites])
+    for s in sites:
+        if text := unknown(s.body, bodies, GROUND):
+            found.append(Problem(f"site {shown(s.name)}", "body", text))
+        if s.name in bodies or s.name == GROUND:
+            text = (
+                f"is the name of a body, or of the ground; choose another, such as '{s.name} site'"
+            )
+            found.append(Problem(f"site {shown(s.name)}", "name", text))
+    return found
 
 
 def friction_problems(contacts: Sequence[Contact], ground: Ground) -> list[Problem]:
@@ -332,7 +362,7 @@ def friction_problems(contacts: Sequence[Contact], ground: Ground) -> list[Probl
 def model_problems(parts: Mapping[str, Sequence[Any]], ground: Ground) -> list[Problem]:
     """What is wrong between the parts of a model, each valid by itself."""
     bodies = parts["bodies"]
-    others = {key: parts[key] for key in ("constraints", "contacts", "forces", "scenarios")}
+    others = {key: parts[key] for key in PARTS if key != "bodies"}
     names = ([c.name for c in parts["constraints"]], [c.name for c in parts["contacts"]])
     return [
         *tree_problems([b.name for b in bodies], [b.parent for b in bodies]),
@@ -408,6 +438,7 @@ PARTS: dict[str, type[Described]] = {
     "contacts": Contact,
     "forces": Force,
     "scenarios": Scenario,
+    "sites": Site,
 }
 
 

@@ -17,18 +17,20 @@ from .fields import (
     Flag,
     Number,
     OfKinds,
+    OfSums,
     Vec3,
     by_name,
     field,
     maybe_vector,
     refuse,
     refuse_no_direction,
+    refuse_no_terms,
     vector,
 )
 
 KIND = (
     "one of point, weld, revolute, prismatic, cylindrical, universal, distance, line, plane, "
-    "orientation, gear, motion, rolling, skate, velocity"
+    "orientation, gear, motion, rolling, skate, velocity, coupling"
 )
 
 
@@ -41,7 +43,7 @@ class Constraint(OfKinds):
     """Holds `body` against another body or the ground. What each kind holds: its class.
 
     The kinds: Point, Weld, Revolute, Prismatic, Cylindrical, Universal, Distance, Line, Plane,
-    Orientation, Gear, Motion, Rolling, Skate, Velocity.
+    Orientation, Gear, Motion, Rolling, Skate, Velocity, Coupling.
     """
 
     KINDS: ClassVar[dict[str, type[OfKinds]]] = {}
@@ -310,38 +312,42 @@ class Skate(ToOther):
         return self
 
 
-class Velocity(InJoints):
+class Sum(InJoints, OfSums):
+    """Acts on the sum of `coefficients` x coordinates of joints."""
+
+    body: str = field("the name of a body", default="", label="Body")
+    coefficients: ByName = field(
+        "body name -> numbers, one a degree of freedom of its joint",
+        converter=by_name, label="Coefficient", help="one a degree of freedom",
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _not_all_zero(self) -> Self:
+        refuse_no_terms(self.coefficients)
+        return self
+
+
+class Velocity(Sum):
     """A weighted sum of joint velocities is constant: the sum of coefficients x v is `value`."""
 
     ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "a sum of joint velocities has a value (nonholonomic)"
 
     kind: Literal["velocity"] = field(KIND, default="velocity")
-    body: str = field("the name of a body", default="", label="Body")
-    coefficients: ByName = field(
-        "body name -> numbers, one a degree of freedom of its joint",
-        converter=by_name, label="Coefficient", help="one a degree of freedom",
-    )  # fmt: skip
     value: Number = field(
         "a finite number [rad/s, m/s]",
         default=0.0, unit="rad/s, m/s", help="what the sum of coefficients × v is",
     )  # fmt: skip
 
-    @model_validator(mode="before")
-    @classmethod
-    def _first_body(cls, data: Any) -> Any:
-        """`body` is the first one in `coefficients` unless it is given."""
-        named = data.get("coefficients") if isinstance(data, dict) else None
-        if isinstance(named, Mapping) and named and data.get("body") is None:
-            return {**data, "body": next(iter(named))}
-        return data
 
-    @model_validator(mode="after")
-    def _not_all_zero(self) -> Self:
-        if not any(any(x) for x in self.coefficients.values()):
-            refuse([("coefficients", "at least one must differ from zero")])
-        return self
+class Coupling(Sum):
+    """A weighted sum of joint positions is constant: the sum of coefficients x q is `value`."""
 
-    @property
-    def touches(self) -> tuple[str, ...]:
-        return tuple(dict.fromkeys((self.body, *self.coefficients)))
+    ROWS: ClassVar[int] = 1
+    ABOUT: ClassVar[str] = "a sum of joint positions has a value, as a tendon without stretch"
+
+    kind: Literal["coupling"] = field(KIND, default="coupling")
+    value: Number = field(
+        "a finite number [rad, m]",
+        default=0.0, unit="rad, m", help="what the sum of coefficients × q is",
+    )  # fmt: skip

@@ -8,15 +8,16 @@ from typing import Any
 
 from ..joints import SIZE, Motion
 from .body import Body, Shape
-from .constraint import Constraint, Gear, Velocity
+from .constraint import Constraint, Gear
 from .constraint import Motion as PrescribedMotion
 from .contact import Contact
 from .curves import Table, VectorTable
 from .editing import renamed
-from .fields import GROUND, Quat, Vec3
-from .force import Between, Force, OnJoint, Torsion, Wrench
+from .fields import GROUND, OfSums, Quat, Vec3
+from .force import Between, Drag, Force, Torsion, Wrench
 from .parameters import LONGEST, Formula, at, negated, ordered, probed
 from .scenario import Scenario
+from .site import Site
 
 Names = Mapping[str, str]  # of the copied bodies: old name -> that of the copy
 
@@ -77,7 +78,7 @@ def copied(
     copy = _Copy(names, mirror, root, known)
     found: dict[str, Any] = {"bodies": bodies}
     called: dict[str, Names] = {"bodies": names}  # of each kind: old name -> that of the copy
-    for kind in ("constraints", "contacts", "forces"):
+    for kind in ("constraints", "contacts", "forces", "sites"):
         new, called[kind] = copy.parts(parts[kind])
         found[kind] = (*parts[kind], *new)
     found["scenarios"] = tuple(copy.scenario(s, called) for s in parts["scenarios"])
@@ -173,10 +174,13 @@ class _Copy:
     def reflected(self, part: Constraint | Contact | Force) -> dict[str, Any] | None:
         """The changed fields of a part; None where its fields cannot say its mirror image."""
         assert self.mirror is not None
-        if not self._in_reach(part):
+        if not isinstance(part, Site) and not self._in_reach(part):
             return None
         if isinstance(part, Contact):
             return {"points": tuple(map(self.mirror.point, part.points))}
+        if isinstance(part, Site):
+            turn = self.mirror.quaternion(part.rotation)
+            return {"point": self.mirror.point(part.point), "rotation": turn}
         if not self._same_coordinates(part):
             return None
         if isinstance(part, Wrench):
@@ -187,6 +191,8 @@ class _Copy:
         }  # fmt: skip
         if part.body == self.root.parent and _takes_point(part) and "point" not in change:
             change["point"] = self.mirror.point(self.known[part.body].tip_point)
+        if isinstance(part, Drag):
+            change["rotation"] = self.mirror.quaternion(part.rotation)
         for key in ("axis", "other_axis"):
             if (axis := getattr(part, key, None)) is not None:
                 turns = isinstance(part, Torsion)
@@ -208,9 +214,9 @@ class _Copy:
         """Whether the degrees of freedom that a part acts on have the same values reflected."""
         assert self.mirror is not None
         used: list[tuple[str, int]] = []
-        if isinstance(part, Velocity):
-            used = [(k, i) for k, xs in part.coefficients.items() for i, x in enumerate(xs) if x]
-        elif isinstance(part, (OnJoint, Gear, PrescribedMotion)):
+        if isinstance(part, OfSums):
+            used = [(k, i) for k, i, _ in part.terms]
+        elif isinstance(part, (Gear, PrescribedMotion)):
             used = [(part.body, part.coordinate)]
             if isinstance(part, Gear):
                 used.append((part.other, part.other_coordinate))

@@ -10,12 +10,13 @@ from ..errors import ModelError, Problem, nearest
 from ..joints import PER_MOTION
 from ..rotation import multiply, rotate
 from .body import Body
-from .checks import fits_joint, force_problems, state_problems
-from .constraint import Constraint, Velocity
+from .checks import fits_joint, force_problems, state_problems, sum_problems
+from .constraint import Constraint
 from .contact import Contact
-from .fields import Described, OfKinds, fields_of, listed
-from .force import Force, OnJoint
+from .fields import Described, OfKinds, OfSums, fields_of, listed
+from .force import Force, OnJoint, Tendon
 from .scenario import Scenario, coordinates, followed, of_bodies
+from .site import Site
 
 NAMING = ("parent", "body", "other")  # fields that name bodies
 T = TypeVar("T", bound=Described)
@@ -180,7 +181,7 @@ def renamed(part: T, names: Mapping[str, str]) -> T:
     known = type(part).model_fields
     old = {field: getattr(part, field) for field in NAMING if field in known}
     update: dict[str, Any] = {field: names[name] for field, name in old.items() if name in names}
-    if isinstance(part, Velocity):
+    if isinstance(part, OfSums) and not names.keys().isdisjoint(part.coefficients):
         update["coefficients"] = {names.get(k, k): x for k, x in part.coefficients.items()}
     return part.model_copy(update=update) if update else part
 
@@ -197,7 +198,7 @@ def renamed_all(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) ->
         states = {"q": swapped(s.q), "v": swapped(s.v)}
         return s.model_copy(update={**states, "forces": forces, "switches": switches})
 
-    named = ("bodies", "constraints", "contacts", "forces")
+    named = ("bodies", "constraints", "contacts", "forces", "sites")
     found: dict[str, Any] = {key: tuple(renamed(x, names) for x in parts[key]) for key in named}
     return found | {"scenarios": tuple(map(scenario, parts["scenarios"]))}
 
@@ -211,6 +212,9 @@ def fitted(
     gone = {c.name for c in parts["constraints"] if not fits_joint(c, bodies)}
 
     def fits(f: Force) -> bool:
+        if isinstance(f, OfSums) and f.coefficients:
+            springs = isinstance(f, Tendon) or (isinstance(f, OnJoint) and f.law.kp != 0)
+            return not sum_problems(f, "", bodies, springs, ours=True)
         return f.body != name or not isinstance(f, OnJoint) or not force_problems([f], bodies)
 
     def cut(s: Scenario) -> Scenario:
@@ -278,7 +282,7 @@ def without(
 ) -> tuple[dict[str, Any], list[str]]:
     """What is left of them without the bodies called `names`, and a notice for each that goes."""
 
-    def touched(part: Constraint | Contact | Force) -> bool:
+    def touched(part: Constraint | Contact | Force | Site) -> bool:
         return not names.isdisjoint(part.touches)
 
     def lame(s: Scenario) -> bool:
@@ -304,7 +308,7 @@ def without(
 
     gone = {
         kind: {part.name for part in parts[kind] if touched(part)}
-        for kind in ("constraints", "contacts", "forces")
+        for kind in ("constraints", "contacts", "forces", "sites")
     }
     kept = {
         kind: tuple(part for part in parts[kind] if part.name not in dropped)

@@ -682,6 +682,39 @@ def _fields_of(kinds: tuple[type[OfKinds], ...]) -> set[str]:
     return {name for each in kinds for name in each.model_fields}
 
 
+class OfSums(OfKinds):
+    """A part that acts on a sum of joint coordinates, `coefficients` x q or v."""
+
+    if TYPE_CHECKING:
+        coefficients: dict[str, PerMotion]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _first_body(cls, data: Any) -> Any:
+        """`body` is the first one in `coefficients` unless it is given."""
+        named = data.get("coefficients") if isinstance(data, dict) else None
+        if isinstance(named, Mapping) and named and data.get("body") is None:
+            return {**data, "body": next(iter(named))}
+        return data
+
+    @property
+    def terms(self) -> tuple[tuple[str, int, float], ...]:
+        """(body, degree of freedom, coefficient) of the sum, without zeros."""
+        return tuple(
+            (name, k, x) for name, row in self.coefficients.items() for k, x in enumerate(row) if x
+        )
+
+    @property
+    def touches(self) -> tuple[str, ...]:
+        return tuple(name for name in dict.fromkeys((self.body, *self.coefficients)) if name)
+
+
+def refuse_no_terms(coefficients: Mapping[str, Sequence[float]]) -> None:
+    """Refuse a sum of nothing."""
+    if not any(any(x) for x in coefficients.values()):
+        refuse([("coefficients", "at least one must differ from zero")])
+
+
 def whole(value: Any) -> int | None:
     """A whole number of Python or NumPy as an int; None for other values, True included."""
     return int(value) if isinstance(value, Integral) and not isinstance(value, bool) else None

@@ -24,7 +24,8 @@ from .parameters import Formula, inlined
 from .shape import Shape
 from .world import Ground
 
-SCHEMA_VERSION = 2  # 1: without parameters, formulas, several shapes, density and derived
+# 1: without parameters, formulas, several shapes, density and derived; 2: without tendons, inputs
+SCHEMA_VERSION = 3
 SCHEMA = "pgraph-model"
 
 NOT_JSON = {".yaml", ".yml", ".toml", ".csv", ".npz", ".html", ".txt", ".gif", ".png"}
@@ -47,7 +48,7 @@ def formats() -> Any:
 
 def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
     """JSON text of a model's fields, without what a body has anyway (its kind's motions, zeros)."""
-    version = SCHEMA_VERSION if fields["parameters"] else 1  # the oldest that can read it
+    version = 2 if fields["parameters"] else 1  # the oldest that can read it
     data: dict[str, Any] = {"$schema": SCHEMA, "schema_version": version, **fields}
     _put_formulas(data, formulas)
     data["bodies"] = [_concise(body) for body in data["bodies"]]
@@ -55,20 +56,28 @@ def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
         data["schema_version"] = 2
     constraints = [{"other": GROUND, **c} for c in data["constraints"]]  # also where it has none
     data["constraints"] = [_in_order(c, ORDER) for c in constraints]
-    data["forces"] = [_in_order(force, ORDER_OF_FORCES) for force in data["forces"]]
+    for holder in (data, *data["scenarios"]):
+        forces = [_in_order(force, ORDER_OF_FORCES) for force in holder["forces"]]
+        plain = {"gear": 1.0, "coefficients": {}, "lag": 0.0}
+        holder["forces"] = [{k: x for k, x in f.items() if plain.get(k) != x} for f in forces]
+        if any(f.keys() & NEW_IN_3 or f["kind"] in KINDS_OF_3 for f in holder["forces"]):
+            data["schema_version"] = 3
+    if any(c["kind"] == "coupling" for c in data["constraints"]):
+        data["schema_version"] = 3
     for scenario in data["scenarios"]:
-        scenario["forces"] = [_in_order(force, ORDER_OF_FORCES) for force in scenario["forces"]]
         if not scenario["switches"]:
             del scenario["switches"]
     for name in ("rolling_friction", "spinning_friction"):
         if data["ground"][name] == 0:
             del data["ground"][name]
     if any(part.keys() & FRICTIONS for part in (data["ground"], *data["contacts"])):
-        data["schema_version"] = 2
+        data["schema_version"] = max(data["schema_version"], 2)
     plain = Ground().model_dump(mode="json", exclude_none=True, exclude=FRICTIONS)
     if data["ground"] == plain:
         del data["ground"]
-    for key in ("contacts", "parameters"):
+    if data["sites"]:
+        data["schema_version"] = 3
+    for key in ("contacts", "parameters", "sites"):
         if not data[key]:
             del data[key]
     lines = []
@@ -115,6 +124,16 @@ NEW_IN_2 = {
     "derived",
     "any_inertia",
 }  # fields of a body that schema 1 does not have
+NEW_IN_3 = {
+    "coefficients",
+    "gear",
+    "torque_low",
+    "input_low",
+    "input_high",
+    "lag",
+    "start",
+}  # of a force
+KINDS_OF_3 = {"speed_servo", "actuator", "tendon", "drag"}
 FRICTIONS = {"static_friction", "rolling_friction", "spinning_friction"}  # nor of these a contact
 
 
@@ -137,6 +156,8 @@ ORDER = (
 ORDER_OF_FORCES = (
     "name", "kind", "body", "other", "coordinate", "torque", "force", "frame", "point",
     "other_point", "axis", "stiffness", "damping", "rest", "kp", "kd", "target", "torque_limit",
+    "coefficients", "gear", "torque_low", "input", "speed", "gain", "input_low", "input_high",
+    "lag", "start", "friction", "low", "high", "size", "density", "viscosity", "rotation",
 )  # fmt: skip
 
 

@@ -39,7 +39,7 @@ from .editing import (
 )
 from .fields import GROUND, Vec3, field, fields_of, listed, whole
 from .files import gathered, located
-from .force import Force
+from .force import Force, Tendon
 from .parameters import (
     Formula,
     cells_of,
@@ -51,6 +51,7 @@ from .parameters import (
 )
 from .rerooting import cut_elsewhere, poses
 from .scenario import Scenario
+from .site import Site
 from .world import DOWN, World
 
 # serial(n): slender rods of 0.2 m along x, hinged about y, so that they swing under gravity.
@@ -61,7 +62,7 @@ ROD_INERTIA = ((2e-4, 0.0, 0.0), (0.0, 3.4e-3, 0.0), (0.0, 0.0, 3.4e-3))
 OF_ONE_ROW = {"parent", "mass", "com", "inertia", "link", "rotation", "tip", "armature", "damping"}
 
 
-Part = Body | Constraint | Contact | Force | Scenario
+Part = Body | Constraint | Contact | Force | Scenario | Site
 PARTS_OF = {"body": "bodies", **{kind.word(): key for key, kind in PARTS.items() if kind != Body}}
 
 
@@ -78,6 +79,10 @@ def _contacts_in(value: Iterable[Contact | Mapping[str, Any]]) -> tuple[Contact,
 
 
 def _forces_in(value: Iterable[Force | Mapping[str, Any]]) -> tuple[Force, ...]:
+    return value  # type: ignore[return-value]
+
+
+def _sites_in(value: Iterable[Site | Mapping[str, Any]]) -> tuple[Site, ...]:
     return value  # type: ignore[return-value]
 
 
@@ -106,6 +111,7 @@ class Model(World):
     scenarios: tuple[Scenario, ...] = field(
         "a list of scenarios", converter=_scenarios_in, default=()
     )
+    sites: tuple[Site, ...] = field("a list of sites", converter=_sites_in, default=())
     formulas: tuple[Formula, ...] = field("formulas of cells", converter=_formulas_in, default=())
 
     if not TYPE_CHECKING:
@@ -144,6 +150,13 @@ class Model(World):
         return {body.name: i for i, body in enumerate(self.bodies)}
 
     @cached_property
+    def limited(self) -> bool:
+        """Whether a joint or a tendon has limits."""
+        return any(any(body.limits) for body in self.bodies) or any(
+            isinstance(f, Tendon) and (f.low is not None or f.high is not None) for f in self.forces
+        )
+
+    @cached_property
     def notices(self) -> tuple[str, ...]:
         """What the edit that made this model changed besides what was asked."""
         return ()
@@ -175,12 +188,14 @@ class Model(World):
     @overload
     def part(self, name: str, /, kind: Literal["scenario"]) -> Scenario: ...
     @overload
+    def part(self, name: str, /, kind: Literal["site"]) -> Site: ...
+    @overload
     def part(self, name: str, /, kind: str | None = None) -> Part: ...
     def part(self, name: str, /, kind: str | None = None) -> Part:
         """The part called `name`: the body, or the one other part that has this name.
 
-        Where several have it, `kind` says which: "body", "constraint", "contact", "force" or
-        "scenario". Raises ModelError naming the ones there are.
+        Where several have it, `kind` says which: "body", "constraint", "contact", "force",
+        "scenario" or "site". Raises ModelError naming the ones there are.
         """
         if kind is not None and kind not in PARTS_OF:
             text = f"must be one of {', '.join(PARTS_OF)}; given {shown(kind)}"
@@ -291,7 +306,7 @@ class Model(World):
         """The edit of a constraint, contact, force or scenario."""
         key, name = PARTS_OF[old.word()], old.name
         formulas: tuple[Formula, ...] = self.formulas
-        if key != "scenarios":
+        if key not in ("scenarios", "sites"):
             numbers, new_ones = cells_of({name: changes}, self.parameters, key)  # type: ignore[arg-type]
             changes, formulas = numbers[name], followed(formulas, new_ones, {}, key)  # type: ignore[arg-type]
         new, notices = edited_part(old, changes)
@@ -423,13 +438,13 @@ class Model(World):
         return model
 
     def add(self, part: Part, /, *, after: str | None = None) -> Self:
-        """A new model with one more body, constraint, contact, force or scenario.
+        """A new model with one more body, constraint, contact, force, scenario or site.
 
         It is the last of its kind, or stands next after the one called `after`. Raises ModelError.
         """
         if not isinstance(part, Part):
             given = f"given {shown(part)} ({type(part).__name__})"
-            text = f"must be a Body, Constraint, Contact, Force or Scenario; {given}"
+            text = f"must be a Body, Constraint, Contact, Force, Scenario or Site; {given}"
             raise ModelError(Problem("model", "add", text))
         key = PARTS_OF[part.word()]
         parts = list(getattr(self, key))

@@ -20,9 +20,10 @@ from ..rotation import Array, matrix, multiply, rodrigues, rotate, unit_vector
 from .body import Body
 from .constraint import AlongAxes, AtPoints, Constraint, InJoints, Revolute, Rolling, Skate
 from .editing import CUT, free_name, renamed
-from .fields import GROUND
-from .force import Force, OnJoint, Spring, Wrench
+from .fields import GROUND, OfSums
+from .force import Drag, Force, Spring, Wrench
 from .scenario import Scenario
+from .site import Site
 
 TURNED: tuple[JointKind, ...] = ("weld", "revolute", "prismatic", "cylindrical", "spherical")
 JOINT_OF: dict[str, JointKind] = {
@@ -58,6 +59,7 @@ def cut_elsewhere(parts: Parts, name: str, loop: str | None) -> tuple[dict[str, 
         "contacts": tuple(new.contact(x) for x in parts["contacts"]),
         "forces": tuple(new.force(x) for x in parts["forces"]),
         "scenarios": tuple(new.scenario(x) for x in parts["scenarios"]),
+        "sites": tuple(map(new.site, parts["sites"])),
     }
     moved = ", ".join(k for k, s in shifts.items() if np.abs(s).max() > 0)
     text = f"loop '{c.name}' is cut at the joint of '{name}' now, as constraint '{new_cut.name}'"
@@ -124,8 +126,8 @@ def _check(parts: Parts, c: AtPoints, chain: list[Body]) -> None:
     every = (*parts["forces"], *(f for s in parts["scenarios"] for f in s.forces))
     balls = {body.name for body in chain if body.joint == "spherical"} | {last.name}
     for f in every:
-        if isinstance(f, OnJoint) and f.body in balls:
-            text = f"force '{f.name}' acts on the joint of '{f.body}'; cut at another body"
+        if isinstance(f, OfSums) and (hit := balls.intersection(f.touches)):
+            text = f"force '{f.name}' acts on the joint of '{min(hit)}'; cut at another body"
             raise ModelError(Problem(where, "", text))
     for x in parts["constraints"]:
         if isinstance(x, InJoints) and not balls.isdisjoint(x.touches):
@@ -298,13 +300,19 @@ class _Turned:
         """With its points in the new frame."""
         return c.model_copy(update={"points": tuple(self.moved(c.body, p) for p in c.points)})
 
+    def site(self, s: Site) -> Site:
+        """With its origin in the new frame."""
+        return s.model_copy(update={"point": self.moved(s.body, s.point)})
+
     def force(self, f: Force) -> Force:
         """With points in the new frames, and on the joint that it acted on."""
-        if isinstance(f, OnJoint):
+        if isinstance(f, OfSums):
             return renamed(f, self.carrier)
         update: dict[str, Any] = {}
         if isinstance(f, Wrench) and f.body in self.shifts:
             update["point"] = self.moved(f.body, f.point or NONE)
+        if isinstance(f, Drag) and f.point is not None:
+            update["point"] = self.moved(f.body, f.point)
         if isinstance(f, Spring):
             update["point"] = self.moved(f.body, f.point)
             if f.other in self.shifts:

@@ -16,6 +16,7 @@ from ..engine import layout as at
 from ..errors import ModelError, Problem
 from ..model import (
     Constraint,
+    Coupling,
     Cylindrical,
     Distance,
     Gear,
@@ -40,6 +41,7 @@ from ..model.constraint import AlongAxes, AtPoints
 from ..model.fields import OfKinds
 from ..rotation import normals_of, unit_vector
 from ..topology import Topology
+from .forces import terms_of
 from .system import Array, Ints, System, joint_coordinates, point_in_row
 
 APART = 1e-6  # rad: axes of a prismatic constraint that differ by more contradict each other
@@ -249,13 +251,12 @@ def curve(q_of_t: Table | Sine | Polynomial) -> tuple[tuple[float, ...], ...]:
 
 
 def _velocity(e: Endpoints, c: Velocity) -> list[Block]:
-    terms = [
-        (at_v, -1, factor)
-        for name, factors in c.coefficients.items()
-        for (at_v, _), factor in zip(joint_coordinates(e.packed, e.topology.number(name)), factors)
-        if factor
-    ]
+    terms = ((at_v, -1, x) for at_v, _, x in terms_of(c, e.topology, e.packed))
     return [Block(at.T_VELOCITY, 1, e.values(c.value), tuple(terms))]
+
+
+def _coupling(e: Endpoints, c: Coupling) -> list[Block]:
+    return [Block(at.T_COORD, 1, e.scaled(c.value), tuple(terms_of(c, e.topology, e.packed)))]
 
 
 BLOCKS: dict[type[OfKinds], Callable[[Endpoints, Any], list[Block]]] = {
@@ -274,6 +275,7 @@ BLOCKS: dict[type[OfKinds], Callable[[Endpoints, Any], list[Block]]] = {
     Rolling: _rolling,
     Skate: _skate,
     Velocity: _velocity,
+    Coupling: _coupling,
 }
 
 

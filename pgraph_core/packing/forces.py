@@ -1,7 +1,7 @@
 """Forces as tables for the kernels; columns in `engine/layout.py`.
 
-*Drives* act in joints: springs, dampers, friction, motors, servos. *Loads* act on bodies and
-between two: wrenches, springs, torsion springs.
+*Drives* act in joints: springs, dampers, friction, tendons, motors, servos. *Loads* act on bodies
+and between two: wrenches, springs, torsion springs, drags.
 """
 
 from __future__ import annotations
@@ -14,10 +14,20 @@ import numpy as np
 
 from .. import joints
 from ..engine import layout as at
-from ..engine.records import APPLIED_FORCE, JOINT_FORCE, SPRING, TORSION, WRENCH, rows_of, table
-from ..model import Body, Force, Model, Motor, Servo, Spring, Table, Torsion, VectorTable, Wrench
-from ..model.force import OnBody
-from ..rotation import normals_of, unit_vector
+from ..engine.records import (
+    APPLIED_FORCE,
+    DRAG,
+    JOINT_FORCE,
+    SPRING,
+    TORSION,
+    WRENCH,
+    rows_of,
+    table,
+)
+from ..model import Body, Drag, Force, Model, Spring, Table, Tendon, Torsion, VectorTable, Wrench
+from ..model.fields import OfSums
+from ..model.force import OnBody, OnJoint
+from ..rotation import matrix, normals_of, unit, unit_vector
 from ..topology import Topology
 from .system import Array, Drives, Loads, System, joint_coordinates, point_in_row
 
@@ -53,10 +63,12 @@ def loads(
                 _set_spring(one, f, model, packed, ends, home)
             case Torsion():
                 _set_torsion(one, f, packed, ends)
+            case Drag():
+                _set_drag(one, f, model, packed, ends[0])
     return Loads(found, np.concatenate(knots))
 
 
-TYPES: dict[type[OnBody], int] = {Wrench: WRENCH, Spring: SPRING, Torsion: TORSION}
+TYPES: dict[type[OnBody], int] = {Wrench: WRENCH, Spring: SPRING, Torsion: TORSION, Drag: DRAG}
 
 
 def _set_wrench(one: Any, f: Wrench, packed: System, a: int) -> Array:
@@ -88,6 +100,14 @@ def _set_torsion(one: Any, f: Torsion, packed: System, ends: tuple[int, ...]) ->
     # at q = 0 all rows have the world's axes
     one["reference_a"] = one["reference_b"] = normals_of(axis)[0]
     one["stiffness"], one["damping"], one["rest"] = f.stiffness, f.damping, f.rest
+
+
+def _set_drag(one: Any, f: Drag, model: Model, packed: System, a: int) -> None:
+    """The box, and the fluid around it."""
+    point = model.body(f.body).com if f.point is None else f.point
+    one["point_a"] = point_in_row(packed, a, point)
+    one["axes"] = (_home(packed, a) @ matrix(unit(f.rotation))).ravel()
+    one["box"], one["density"], one["viscosity"] = f.size, f.density, f.viscosity
 
 
 def _home(packed: System, number: int) -> Array:
@@ -127,29 +147,86 @@ def _over(t: Array, value: Any) -> Array:
 
 
 def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force, ...]) -> Drives:
-    """The rows of joint springs and dampers, and of the motors and servos in `forces`."""
+    """The rows of joint springs and dampers, and of the tendons, motors and servos in `forces`."""
     rows: list[tuple[float, ...]] = []
-    knots: list[tuple[float, float, float]] = []
+    knots: list[Knot] = []
+    terms: list[tuple[float, float, float]] = []
     for number, row in enumerate(topology.row.tolist(), start=1):
         body = model.bodies[row]
         if has_springs(body):
             rows += _springs(body, joint_coordinates(packed, number), knots)
+    for f in forces:
+        if isinstance(f, Tendon):
+            own = terms_of(f, topology, packed)
+            rest = length_at(own, packed.q) if f.rest is None and f.stiffness else f.rest or 0.0
+            place = _placed(own, f.stiffness != 0, terms)
+            spans = *_table_knots(rest, knots), *_table_knots(0.0, knots)
+            law = f.stiffness, f.damping, -np.inf, np.inf, f.friction
+            rows.append((*place[:2], *law, *spans, *place[2:], 0.0))
     passive = len(rows)
-    for force in forces:
-        match force:
-            case Motor():
-                kp, kd, target = 0.0, 0.0, 0.0
-            case Servo():
-                kp, kd, target = force.kp, force.kd, force.target
-            case OnBody():
-                continue
-            case _:
-                raise TypeError(f"a force of kind '{force.kind}' has no row in any table")
-        at_v, at_q = joint_coordinates(packed, topology.number(force.body))[force.coordinate]
-        spans = *_table_knots(target, knots), *_table_knots(force.torque, knots)
-        limit = np.inf if force.torque_limit is None else force.torque_limit
-        rows.append((at_v, at_q if kp else -1, kp, kd, limit, 0.0, *spans))
-    return Drives(rows_of(JOINT_FORCE, rows), np.array(knots).reshape(-1, 3), passive)
+    for f in forces:
+        if isinstance(f, OnJoint):
+            gain, torque, kp, kd = f.law
+            target, torque = input_tables(f)
+            place = _placed(terms_of(f, topology, packed), kp != 0, terms)
+            spans = *_table_knots(target, knots), *_table_knots(torque, knots)
+            if f.lag:
+                _lagged(knots, *(spans[:2] if kp else spans[2:]), f)
+            rows.append((*place[:2], kp, kd, *f.torques, 0.0, *spans, *place[2:], f.lag))
+        elif not isinstance(f, (OnBody, Tendon)):
+            raise TypeError(f"a force of kind '{f.kind}' has no row in any table")
+    columns = np.array(knots).reshape(-1, 4), passive, np.array(terms).reshape(-1, 3)
+    return Drives(rows_of(JOINT_FORCE, rows), *columns)
+
+
+def terms_of(part: OfSums, topology: Topology, packed: System) -> list[tuple[int, int, float]]:
+    """(index into v, index into q or -1, factor) of each coordinate that a part acts on."""
+    return [(*joint_coordinates(packed, topology.number(name))[k], x) for name, k, x in part.terms]
+
+
+def length_at(terms: Sequence[tuple[int, int, float]], q: Array) -> float:
+    """The sum of factor x q."""
+    return float(sum(x * q[at_q] for _, at_q, x in terms))
+
+
+def _placed(
+    own: Sequence[tuple[int, int, float]], springs: bool, terms: list[tuple[float, float, float]]
+) -> tuple[int, int, int, int]:
+    """(velocity, coordinate, first term, terms) of a row; its terms go to `terms`."""
+    at_v, at_q, factor = own[0]
+    at_q = at_q if springs else -1
+    if len(own) == 1 and factor == 1.0:
+        return at_v, at_q, 0, 0
+    terms += own
+    return at_v, at_q, len(terms) - len(own), len(own)
+
+
+def input_tables(f: OnJoint) -> tuple[float | Table, float | Table]:
+    """(target, torque) as the kernels take them: torque + kp (target - q) - kd v.
+
+    The input u adds gain u to the torque; it stands in the target where there is a kp.
+    """
+    gain, torque, kp, _ = f.law
+    u = getattr(f, f.INPUT)
+    if kp:
+        return _scaled(u, gain / kp), torque
+    if isinstance(torque, Table) and isinstance(u, Table):
+        t = np.union1d(torque.t, u.t)
+        sums = np.interp(t, torque.t, torque.value) + gain * np.interp(t, u.t, u.value)
+        return 0.0, Table(t=t, value=sums)
+    if isinstance(u, Table):
+        u, torque, gain = torque, _scaled(u, gain), 1.0
+    if isinstance(torque, Table):
+        return 0.0, torque.model_copy(update={"value": tuple(x + gain * u for x in torque.value)})
+    return 0.0, torque + gain * u
+
+
+def _scaled(value: float | Table, by: float) -> Any:
+    if by == 1.0:
+        return value
+    if isinstance(value, Table):
+        return value.model_copy(update={"value": tuple(by * x for x in value.value)})
+    return by * value
 
 
 def bends(drives: Drives) -> Array:
@@ -162,7 +239,7 @@ def has_springs(body: Body) -> bool:
     return any(body.stiffness) or any(body.damping) or any(body.friction)
 
 
-def _springs(body: Any, at_vq: list[tuple[int, int]], knots: list[Any]) -> list[tuple[float, ...]]:
+def _springs(body: Any, at_vq: list[tuple[int, int]], knots: list[Knot]) -> list[tuple[float, ...]]:
     """One row a degree of freedom of a joint with a spring, a damper or friction."""
     found: list[tuple[float, ...]] = []
     start = 0
@@ -172,18 +249,41 @@ def _springs(body: Any, at_vq: list[tuple[int, int]], knots: list[Any]) -> list[
         for at_v, at_q in at_vq[start : start + size]:
             none = _table_knots(0.0, knots)
             place = (at_v, at_q if k else -1)
-            found.append((*place, k, d, np.inf, friction, *_table_knots(rest, knots), *none))
+            law = k, d, -np.inf, np.inf, friction
+            found.append((*place, *law, *_table_knots(rest, knots), *none, 0, 0, 0.0))
         start += size
     return found
 
 
-def _table_knots(value: float | Table, knots: list[tuple[float, float, float]]) -> tuple[int, int]:
+Knot = tuple[float, float, float, float]  # time, value, slope after it, what acts with a lag
+
+
+def _lagged(knots: list[Knot], first: int, count: int, f: OnJoint) -> None:
+    """Put what acts at each knot into its last column: y' = (u - y) / lag, exactly."""
+    gain, torque, kp, _ = f.law
+    scale, shift = (gain / kp, 0.0) if kp else (gain, torque)
+    y = knots[first][1] if f.start is None else shift + scale * f.start
+    for n in range(first, first + count):
+        t, u, slope, _ = knots[n]
+        knots[n] = t, u, slope, y
+        if n + 1 < first + count:
+            ahead = knots[n + 1][0] - t
+            y = lagging(u, slope, y, ahead, f.lag)
+
+
+def lagging(u: float, slope: float, y: float, ahead: float, lag: float) -> float:
+    """What acts a time `ahead` after y did, of an input u + slope t with a lag."""
+    behind = slope * lag
+    return u + slope * ahead - behind + (y - u + behind) * float(np.exp(-ahead / lag))
+
+
+def _table_knots(value: float | Table, knots: list[Knot]) -> tuple[int, int]:
     """(first knot, number of knots) of a constant or a table, appended to `knots`."""
     if isinstance(value, float | int):
-        knots.append((0.0, value, 0.0))
+        knots.append((0.0, value, 0.0, value))
         return len(knots) - 1, 1
     t, x = value.t, value.value
     slopes = [(b - a) / (u - s) for (s, u), (a, b) in zip(pairwise(t), pairwise(x))]
     rate = (len(t) - 1) / (t[-1] - t[0]) if len(t) > 1 else 0.0
-    knots += zip(t, x, (*slopes, rate))
+    knots += zip(t, x, (*slopes, rate), x)
     return len(knots) - len(t), len(t)

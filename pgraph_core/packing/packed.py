@@ -14,7 +14,6 @@ from ..engine.packing import pack
 from ..engine.tree import bodies
 from ..errors import Problem
 from ..model import Force, Model
-from ..model.force import Between
 from ..topology import Topology
 from .constraints import Blocks, blocks
 from .forces import NO_LOADS, bends, drives, loads, on_bodies
@@ -155,11 +154,12 @@ class Packed:
 
     @cached_property
     def passive(self) -> Drives:
-        """Springs, dampers and friction of the joints."""
-        return drives(self.model, self.topology, self.system, ())
+        """Springs, dampers and friction of the joints and tendons."""
+        tendons = tuple(f for f in self.model.forces if f.PASSIVE)
+        return drives(self.model, self.topology, self.system, tendons)
 
     def drives(self, forces: tuple[Force, ...]) -> Drives:
-        """Springs and dampers of the joints, and the given motors and servos.
+        """Springs and dampers of the joints, and the given tendons, motors and servos.
 
         The last answer is kept: runs of one scenario ask again and again.
         """
@@ -183,5 +183,5 @@ class Packed:
 
     @cached_property
     def passive_loads(self) -> Loads:
-        """Springs and torsion springs between bodies."""
-        return self.loads(tuple(f for f in self.model.forces if isinstance(f, Between)))
+        """Springs and torsion springs between bodies, and drags."""
+        return self.loads(tuple(f for f in self.model.forces if f.PASSIVE))

@@ -32,7 +32,7 @@ def model_html(model: Any) -> str:
     counts = [
         _counted(len(getattr(model, field)), one)
         for field, one in (("constraints", "constraint"), ("contacts", "contact"),
-                           ("forces", "force"), ("scenarios", "scenario"))
+                           ("forces", "force"), ("scenarios", "scenario"), ("sites", "site"))
         if getattr(model, field)
     ]  # fmt: skip
     dof = sum(body.dof for body in model.bodies)

@@ -241,16 +241,16 @@ def _event(t: float, pair: ContactPair, before: int, after: int) -> Event:
 
 def limits_passed(mech: Mechanism, tables: Tables, active: Ints, t: Array, q: Array) -> list[str]:
     """A notice for each limit that a coordinate has passed at the states q (n, nq)."""
-    ints, floats, terms, signs = tables.limit_blocks
+    ints, floats, terms, factors = tables.limit_blocks
     found = []
     for name, block, values in zip(tables.limits, ints, floats):
-        term = int(block[at.B_TERM])
-        v, place = terms[term].tolist()
-        gap = signs[term] * q[:, place] - values[at.VALUE]
+        own = slice(block[at.B_TERM], block[at.B_TERM] + block[at.B_TERMS])
+        v = int(terms[own.start, 0])
+        gap = q[:, terms[own, 1]] @ factors[own] - values[at.VALUE]
         passed = np.flatnonzero(gap < -BEYOND * values[SIZE])
         if len(passed):
             i, deepest = int(passed[0]), float(-gap.min())
-            way = signs[term] * np.eye(mech.nv)[v]
+            way = factors[own] @ np.eye(mech.nv)[terms[own, 0]]
             by = _by(holding(mech, active, float(t[i]), q[i], way), _of(mech, v), f"limit '{name}'")
             text = (
                 f"at t = {t[i]:.6g} s limit '{name}' is passed, by up to {deepest:.3g} rad or m: "

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from numbers import Integral, Real
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import InputError, Problem, choices
+from ..errors import InputError, Problem, choices, one_of, shown
 from ..integrators import METHODS, Method
 from ..mechanism import Mechanism
-from ..model import Force, Scenario
+from ..model import Force, Scenario, Table
 from ..model.checks import force_problems
+from ..model.fields import listed
+from ..model.force import OnJoint
 from ..packing.system import Array, Ints
 
 LEAST_RTOL = 1e-15  # the error of a step is rounding below it
@@ -39,6 +41,9 @@ class Tolerance(NamedTuple):
     fixed: bool = False  # every step is the widest
 
 
+Inputs = tuple[tuple[str, float | Table], ...]
+
+
 class Options(NamedTuple):
     """The arguments of `simulate` that do not depend on the state; None where left open."""
 
@@ -56,6 +61,7 @@ class Options(NamedTuple):
     forces: Sequence[Force] = ()
     switches: Any = None
     compared: bool = True  # with coarser runs, for an error estimate
+    inputs: Inputs = ()  # of motors and servos, by name
 
     def check(self) -> None:
         """Raise InputError where options exclude each other or are not among their choices."""
@@ -122,6 +128,52 @@ class Options(NamedTuple):
         if found := [problem for f in forces for problem in force_problems((f,), bodies)]:
             raise InputError(found)
         return tuple(forces)
+
+
+def inputs_of(given: Mapping[str, Any] | None, call: str) -> Inputs:
+    """Inputs by name, each a number or a table over time. Raises InputError."""
+    if given is None:
+        return ()
+    if not isinstance(given, Mapping):
+        text = f"must be names with numbers or tables: {{'knee': 0.5}}; given {shown(given)}"
+        raise InputError(Problem(call, "inputs", text))
+    found: list[tuple[str, float | Table]] = []
+    for name, value in given.items():
+        if isinstance(value, Mapping):
+            value = Table(**value)
+        if not isinstance(value, Table) and not np.isfinite(value := _number(listed(value))):
+            text = "must be a number, or a pg.Table over time"
+            raise InputError(Problem(call, f"inputs[{name!r}]", f"{text}; given {given[name]!r}"))
+        found.append((name, value))
+    return tuple(found)
+
+
+def driven(forces: Sequence[Force], inputs: Inputs, call: str, t_start: float) -> tuple[Force, ...]:
+    """The forces with these inputs in place of their own from t_start on. Raises InputError."""
+    new = dict(inputs)
+    known = {f.name: f for f in forces if isinstance(f, OnJoint)}
+    for name, value in inputs:
+        if name not in known:
+            do = one_of(known) if known else "the model has no motor or servo"
+            text = f"no motor, servo or actuator is called {name!r:.60}; {do}"
+            raise InputError(Problem(call, "inputs", text))
+        if text := known[name].input_problem(value):
+            raise InputError(Problem(call, f"inputs[{name!r}]", text))
+    return tuple(
+        _given(f, new[f.name], t_start) if isinstance(f, OnJoint) and f.name in new else f
+        for f in forces
+    )
+
+
+def _given(f: OnJoint, value: float | Table, t_start: float) -> OnJoint:
+    """With this input; where it has a lag, its own one still acts at first."""
+    if not f.lag:
+        return f.model_copy(update={f.INPUT: value})
+    if not isinstance(value, Table):
+        value = Table(t=(t_start,), value=(value,))
+    own = getattr(f, f.INPUT)
+    first = own.value[0] if isinstance(own, Table) else own
+    return f.model_copy(update={f.INPUT: value, "start": first if f.start is None else f.start})
 
 
 def positive(field: str, value: Any, *, unit: str = " [s]", call: str = "simulate") -> float:

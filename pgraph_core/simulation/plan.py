@@ -34,6 +34,7 @@ from .options import (
     FRAMES,
     Options,
     Tolerance,
+    driven,
     fixed_step_times,
     frame_times,
     positive,
@@ -61,7 +62,7 @@ STIFF = "stiff:"  # how the notice of too wide explicit steps begins
 NO_TIMES = np.zeros(0)
 NO_SUBSTEPS = np.zeros(0, dtype=np.int64)
 NO_GAINS = np.zeros(2)
-NO_FORCES = (Drives(table(JOINT_FORCE, 0), np.zeros((0, 3)), 0), NO_LOADS)
+NO_FORCES = (Drives(table(JOINT_FORCE, 0), np.zeros((0, 3)), 0, np.zeros((0, 3))), NO_LOADS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,6 +181,7 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
         not tables
         or near.method.name == name == "moreau_jean"
         or near.tau
+        or tables.tendons
         or near.changes
         or near.conditions
     ):
@@ -223,6 +225,7 @@ def _plan_with(
         "t_end": span[1],
         "stabilise": o.stabilise,
         "forces": [(*span, f.model_dump(mode="json", exclude_none=True)) for f in extra],
+        "inputs": {name: x if isinstance(x, float) else x.model_dump() for name, x in o.inputs},
     }
     notices = (*mech.model.doubts, *_stiff(plan, rate), *_bent(plan), *_hard(plan))
     if usual and plan.step is not None and (count := int(plan.substeps.sum())) > MANY_STEPS:
@@ -242,6 +245,8 @@ def _what_acts(
 ) -> Plan:
     """Forces, constraints and contacts of a plan, without a method and times."""
     forces = (*mech.model.forces, *(given.forces if given else ()), *extra)
+    if o.inputs:
+        forces = driven(forces, o.inputs, "simulate", span[0])
     now = active_constraints(mech, given)
     active, changes = switch_changes(mech, given, o.switches, now, span)
     switches = switches_of(mech, given, o.switches, span)
@@ -437,6 +442,9 @@ def _event_driven(
         raise InputError(Problem("simulate", "method", text))
     from .event_scene import contact_points
 
+    if contacts.tendons:
+        text = "limits of tendons are met in time stepping only; use method 'moreau_jean'"
+        raise InputError(Problem("simulate", "method", text))
     points = contact_points(mech.model, mech.topology, mech.packed.system, contacts)
     soft = tuple(t.contact for t in contacts.touches if t.contact.law == "soft")
     rest = contact_tables(mech.packed, tuple(dict.fromkeys(soft)))
@@ -501,7 +509,8 @@ def _method(
 ) -> tuple[Method, str]:
     """(method, why): the one called `name`, or for "auto" the one that suits. Raises InputError."""
     impulses, touching = plan.impulses, plan.contacts is not None
-    if name != "auto" or (impulses and o.rtol is None):
+    tendons = plan.contacts is not None and plan.contacts.tendons
+    if name != "auto" or (impulses and (o.rtol is None or tendons)):
         known = "moreau_jean" if name == "auto" else name
         method = method_of(known, impulses=impulses, touching=touching)
         impacts = "moreau_jean: the scene has rigid contacts or joint limits"

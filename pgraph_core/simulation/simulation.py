@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy.typing as npt
@@ -14,7 +14,7 @@ from ..model import Force, Model
 from ..result import Result
 from .estimate import error_estimate
 from .monitors import monitors_of
-from .options import MOST_CHOSEN, Options
+from .options import MOST_CHOSEN, Options, inputs_of
 from .plan import by_names, plan_of, with_state
 from .recording import Recording
 
@@ -45,6 +45,7 @@ def simulate(
     t_eval: Any = None,
     scenario: str | None = None,
     forces: Sequence[Force] = (),
+    inputs: Mapping[str, Any] | None = None,
     stabilise: str | None = "project",
     switches: Any = None,
     events: Event | Sequence[Event] = NO_EVENTS,
@@ -58,8 +59,9 @@ def simulate(
 
     Torques and forces: `tau` is an array (nv,) or a function f(t, q, v) that is called at every
     stage; compiled by `numba.njit` it costs a hundredth of a Python function. `forces` act in
-    addition to those of the model. `scenario` names a scenario of the model; other arguments
-    override its fields.
+    addition to those of the model. `inputs`, by name of a motor, servo or actuator, are numbers or
+    a `pg.Table` over time in place of the model's: {"knee": 0.5}. `scenario` names a scenario of
+    the model; other arguments override its fields.
 
     Output: `frames` evenly spaced states, or the states at the times `t_eval`; by default about
     a thousand.
@@ -103,7 +105,7 @@ def simulate(
         raise InputError(Problem("simulate", "estimate", text))
     options = Options(
         scenario, t_start, t_end, method, step, rtol, atol, max_steps, frames, t_eval, stabilise,
-        forces, switches, estimate is not False,
+        forces, switches, estimate is not False, inputs_of(inputs, "simulate"),
     )  # fmt: skip
     q, v = by_names(mech, scenario, q, v, tau)
     plan = plan_of(mech, options, tau, q, v)

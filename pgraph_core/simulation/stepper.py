@@ -19,13 +19,15 @@ from ..engine import layout as at
 from ..errors import InputError, Problem, choices, explained, guarded, one_of
 from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
-from ..model import Force, Model, Motor, Servo
+from ..model import Force, Model, Servo, Table
+from ..model.force import OnJoint
+from ..packing.forces import lagging
 from ..packing.system import Array, Drives
 from ..portable import Portable, installed
 from ..result import Result, Status
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
 from .loop import Outcome
-from .options import SAME, Options, positive
+from .options import SAME, Options, driven, inputs_of, positive
 from .plan import by_names, plan_of, touching_contacts, with_contacts, with_state
 from .recording import Estimate, Recording
 from .switches import Change
@@ -75,6 +77,7 @@ class Stepper(Portable):
         scenario: str | None = None,
         tau: npt.ArrayLike | Callable[[float, Array, Array], Any] | None = None,
         forces: Sequence[Force] = (),
+        inputs: Mapping[str, float] | None = None,
         stabilise: str | None = "project",
         switches: Sequence[Any] | None = None,
         q: Any = None,
@@ -84,9 +87,7 @@ class Stepper(Portable):
         """At (q, v), by default at the initial state of the scenario, or of the model."""
         mech = mechanism_of(mechanism, "Stepper")
         given = mech.model.scenario(scenario) if scenario is not None else None
-        touching = bool(touching_contacts(mech, given)) or any(
-            any(body.limits) for body in mech.model.bodies
-        )
+        touching = bool(touching_contacts(mech, given)) or mech.model.limited
         if method == AUTO:
             method = "moreau_jean" if touching else "rk4"
         if method not in GIVEN_STEPS:
@@ -108,6 +109,7 @@ class Stepper(Portable):
             stabilise=stabilise,
             forces=tuple(forces),
             switches=None if switches is None else tuple(switches),
+            inputs=inputs_of(inputs, "Stepper"),
         )
         self._tau = tau
         self._started = float(t_start)
@@ -193,8 +195,16 @@ class Stepper(Portable):
         q, v = by_names(self.mech, self._options.scenario, q, v, self._tau)
         self._begin(self._started, q, v)
 
-    def step(self, tau: npt.ArrayLike | None = None, n: int = 1) -> Status:
+    def step(
+        self,
+        tau: npt.ArrayLike | None = None,
+        n: int = 1,
+        *,
+        inputs: Mapping[str, float] | None = None,
+    ) -> Status:
         """Take n steps; `tau` (nv,) acts in them, in place of the array given at the start.
+
+        `inputs` by name act from now on, as `input` gives them.
 
         A step that fails is not taken: the state stays, `status` and `message` say why, and
         further steps raise InputError until `reset` or `restore`.
@@ -204,6 +214,8 @@ class Stepper(Portable):
         if not self.status.ok:
             text = f"the last step failed: {self.message}; call reset or restore"
             raise InputError(Problem("Stepper.step", "", text))
+        for name, value in (inputs or {}).items():
+            self.input(name, value)
         self._give(tau)
         if self._recording:
             self._open()
@@ -278,6 +290,34 @@ class Stepper(Portable):
             self.restore(before)
             raise
         self._active, self._looked = now, False
+
+    @property
+    def inputs(self) -> dict[str, float]:
+        """Inputs of motors, servos and actuators by name, those that are constant."""
+        knots = self._record.plan.drives.knots
+        return {
+            name: float((knots[knot, 1] - start) / slope) if slope else getattr(f, f.INPUT)
+            for name, (f, knot, start, slope) in self._inputs.items()
+        }
+
+    def input(self, name: str, value: float) -> None:
+        """Give a motor, servo or actuator another input, constant from now on.
+
+        Raises InputError for a name that is not there and a value that is none of its inputs.
+        """
+        if name not in self._inputs:
+            text = f"no constant input is called {name!r:.60}; {one_of(self._inputs)}"
+            raise InputError(Problem("Stepper.input", "name", text))
+        force, knot, start, slope = self._inputs[name]
+        x = float(finite("value", [value], 1)[0])
+        if text := force.input_problem(x):
+            raise InputError(Problem("Stepper.input", f"'{name}'", text))
+        one = self._record.plan.drives.knots[knot]
+        if force.lag:
+            one[3] = lagging(one[1], 0.0, one[3], max(self.t - one[0], 0.0), force.lag)
+            one[0] = self.t
+        one[1] = start + slope * x
+        self._steps.control["fresh"], self._looked = 0, False
 
     def target(self, servo: str, value: float) -> None:
         """Give a servo another target [rad, m], constant from now on. Raises InputError."""
@@ -366,7 +406,9 @@ class Stepper(Portable):
         self._q, self._v = self._steps.q.view(), self._steps.v.view()
         self._q.flags.writeable = self._v.flags.writeable = False
         forces = (*mech.model.forces, *(given.forces if given else ()), *self._options.forces)
-        self._servos = _servos(forces, drives)
+        if self._options.inputs:
+            forces = driven(forces, self._options.inputs, "Stepper", t)
+        self._servos, self._inputs = _servos(forces, drives), _inputs(forces, drives)
         self._ended(Outcome())
         self._open()
 
@@ -433,13 +475,28 @@ class Stepper(Portable):
 
 def _servos(forces: Sequence[Force], drives: Drives) -> dict[str, int]:
     """{name: knot of its constant target} of the servos."""
-    driving = [f for f in forces if isinstance(f, (Motor, Servo))]
+    driving = [f for f in forces if isinstance(f, OnJoint)]
     rows = drives.table[drives.passive :]
     return {
         f.name: int(row["first_target"])
         for f, row in zip(driving, rows)
-        if isinstance(f, Servo) and row["targets"] == 1
+        if isinstance(f, Servo) and row["targets"] == 1 and not f.lag
     }
+
+
+def _inputs(
+    forces: Sequence[Force], drives: Drives
+) -> dict[str, tuple[OnJoint, int, float, float]]:
+    """{name: (force, knot, start, slope)}: an input u stands in that knot as start + slope u."""
+    found: dict[str, tuple[OnJoint, int, float, float]] = {}
+    rows = drives.table[drives.passive :]
+    for f, row in zip((f for f in forces if isinstance(f, OnJoint)), rows):
+        gain, torque, kp, _ = f.law
+        if kp and row["targets"] == 1:
+            found[f.name] = f, int(row["first_target"]), 0.0, gain / kp
+        elif not kp and row["torques"] == 1 and not isinstance(torque, Table):
+            found[f.name] = f, int(row["first_torque"]), torque, gain
+    return found
 
 
 def _whole(n: Any, name: str = "n", least: int = 1) -> int:

@@ -11,19 +11,20 @@ from ..model import (
     Body,
     Constraint,
     Contact,
+    Drag,
     Force,
     Ground,
     Model,
-    Motor,
-    Servo,
     Spring,
     Table,
+    Tendon,
     Torsion,
     VectorTable,
     Wrench,
 )
 from ..model.constraint import InJoints
 from ..model.fields import fields_of
+from ..model.force import OnJoint
 
 
 def changed(body: Body, **fields: object) -> Body:
@@ -76,6 +77,7 @@ def rescaled(model: Model, *, length: float = 1.0, mass: float = 1.0, time: floa
         gravity=_times(model.gravity, s.of(1, 0, -2)),
         ground=_ground(model.ground, s),
         scenarios=(),
+        sites=tuple(x.model_copy(update={"point": _times(x.point, s.length)}) for x in model.sites),
     )
 
 
@@ -151,16 +153,8 @@ def _force(f: Force, model: Model, s: Scale) -> Force:
     """A motor's torque, a servo's and its gains have the dimension of the coordinate."""
     force, torque = s.of(*FORCE), s.of(*TORQUE)
     match f:
-        case Motor() | Servo():
-            slides = _slides(model.body(f.body), f.coordinate)
-            acts, per = (force, s.length) if slides else (torque, 1.0)
-            found = {
-                "torque": _curve(f.torque, acts, s),
-                "torque_limit": _times(f.torque_limit, acts),
-            }
-            if isinstance(f, Servo):
-                found["target"] = _curve(f.target, per, s)
-                found |= {"kp": f.kp * acts / per, "kd": f.kd * acts / per * s.time}
+        case OnJoint() | Tendon():
+            found = _along_joints(f, model, s)
         case Wrench():
             found = {
                 "torque": _curve(f.torque, torque, s),
@@ -177,9 +171,42 @@ def _force(f: Force, model: Model, s: Scale) -> Force:
             }
         case Torsion():
             found = {"stiffness": f.stiffness * torque, "damping": f.damping * torque * s.time}
+        case Drag():
+            found = {
+                "size": _times(f.size, s.length),
+                "point": _times(f.point, s.length),
+                "density": f.density * s.of(-3, 1, 0),
+                "viscosity": f.viscosity * s.of(-1, 1, -1),
+            }
         case _:
             raise TypeError(f"no units are known for a force of kind '{f.kind}'")
     return f.model_copy(update=found)
+
+
+def _along_joints(f: OnJoint | Tendon, model: Model, s: Scale) -> dict[str, Any]:
+    """A length that is a sum of turns and slides is in radians; slides get another coefficient."""
+    bodies = {name: model.body(name) for name, _, _ in f.terms}
+    slides = {(name, k): _slides(bodies[name], k) for name, k, _ in f.terms}
+    all_slide = all(slides.values())
+    per = s.length if all_slide else 1.0
+    acts = s.of(*FORCE) if all_slide else s.of(*TORQUE)
+    found: dict[str, Any] = {}
+    if f.coefficients and not all_slide:
+        found["coefficients"] = {
+            name: tuple(x / s.length if slides.get((name, k)) else x for k, x in enumerate(row))
+            for name, row in f.coefficients.items()
+        }
+    if isinstance(f, Tendon):
+        spring = {"stiffness": f.stiffness * acts / per, "damping": f.damping * acts / per * s.time}
+        lengths = {x: _times(getattr(f, x), per) for x in ("rest", "low", "high")}
+        return found | spring | lengths | {"friction": f.friction * acts}
+    found |= {"torque": _curve(f.torque, acts, s)}
+    found |= {x: _times(getattr(f, x), acts) for x in ("torque_limit", "torque_low")}
+    gains = {"kp": acts / per, "kd": acts / per * s.time, "gain": acts}
+    found |= {x: getattr(f, x) * by for x, by in gains.items() if x in type(f).model_fields}
+    of_input = {"torque": acts, "target": per, "speed": per / s.time, "input": 1.0}[f.INPUT]
+    found[f.INPUT] = _curve(getattr(f, f.INPUT), of_input, s)
+    return found | {x: _times(getattr(f, x), of_input) for x in ("input_low", "input_high")}
 
 
 def _slides(body: Body, coordinate: int) -> bool:

@@ -159,7 +159,7 @@ def _checked(
         if any(x <= 0 for x in each):
             raise refusal(CALL, field, f"steps must be > 0 [s]; given {min(each):g}")
     end, aim = positive(CALL, "t_end", t_end), positive(CALL, "target", target)
-    limits = any(any(b.limits) for b in model.bodies)
+    limits = model.limited
     touching = any(c.active and c.law != "soft" for c in model.contacts)
     names = methods_of(CALL, methods, impulses=limits or touching, suited=False)
     chosen.applied(model, numbers[0])  # raises if the model lacks what the axis varies

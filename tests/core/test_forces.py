@@ -81,7 +81,8 @@ def test_the_ledger_closes_with_a_servo_at_its_limit():
 @pytest.mark.parametrize("kind", pg.Force.KINDS)
 def test_every_kind_of_force_is_packed_and_has_units(kind):
     """A kind that was left out of a table would not act, or would not scale."""
-    model = chain().replace(forces=(pg.Force(name="f", kind=kind, body="2"),))
+    needed = {"tendon": {"coefficients": {"2": 1.0}}, "drag": {"size": (1, 1, 1)}}.get(kind, {})
+    model = chain().replace(forces=(pg.Force(name="f", kind=kind, body="2", **needed),))
     packed = pg.Mechanism(model).packed
     assert len(packed.drives(model.forces).table) + len(packed.loads(model.forces).table) == 1
     assert rescaled(model, time=2.0).forces[0].kind == kind
@@ -89,7 +90,8 @@ def test_every_kind_of_force_is_packed_and_has_units(kind):
 
 @pytest.mark.parametrize("kind", pg.Constraint.KINDS)
 def test_every_kind_of_constraint_has_blocks_of_as_many_rows_as_it_says(kind):
-    fields = {"coefficients": {"2": 1.0}} if kind == "velocity" else {"body": "2"}
+    sums = kind in ("velocity", "coupling")
+    fields = {"coefficients": {"2": 1.0}} if sums else {"body": "2"}
     own = pg.Constraint.KINDS[kind].model_fields
     needed = {"other": "1", "other_point": (0, 0, 9), "q_of_t": pg.Sine(), "other_axis": (0, 0, 1)}
     needed |= {"radius": 0.1} | ({"axis": (0, 0, 1)} if kind in ("skate", "universal") else {})

@@ -65,13 +65,17 @@ def start_of(mech: pg.Mechanism, m, rng):
     return q, v, qpos, T @ v, T
 
 
-def errors_of(model: pg.Model, m, rng) -> dict[str, float]:
-    """Largest relative errors of M, bias and, with all that acts at rest, smooth acceleration."""
+def errors_of(model: pg.Model, m, rng, ctrl=0.0) -> dict[str, float]:
+    """Largest relative errors of M, bias and, with all that acts, smooth acceleration."""
     still = {b.name: {"friction": (0.0,)} for b in model.bodies if any(b.friction)}
-    mech = pg.Mechanism(model.edit_all(still) if still else model)
+    model = model.edit_all(still) if still else model
+    for f in model.forces:
+        if isinstance(f, pg.Tendon) and f.friction:
+            model = model.edit(f.name, kind="force", friction=0.0)
+    mech = pg.Mechanism(model)
     q, v, qpos, qvel, T = start_of(mech, m, rng)
     data = mujoco.MjData(m)
-    data.qpos[:], data.qvel[:] = qpos, qvel
+    data.qpos[:], data.qvel[:], data.ctrl[:] = qpos, qvel, ctrl
     mujoco.mj_forward(m, data)
     M = np.zeros((m.nv, m.nv))
     mujoco.mj_fullM(m, data, M)

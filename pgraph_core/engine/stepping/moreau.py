@@ -68,7 +68,7 @@ from ..contact.meeting import (
 from ..contact.newton import gather
 from ..contact.passing import keep_poses, note_passages
 from ..contact.shapes import place
-from ..forces import lookup
+from ..forces import at_its_limit
 from ..motion import call_acceleration, call_contact_forces, opened
 from ..records import RIGID
 from ..rows import (
@@ -215,7 +215,7 @@ def stiffen(scene, t, h, q, v):
     data = opened(scene)
     rows, const, drives, space, given = data.rows, data.const, data.drives, data.space, data.given
     vectors = space.vectors
-    table, knots, passive = drives
+    table = drives.table
     damping = vectors[DAMPING]
     stiffness = vectors[STIFFNESS]
     for j in range(v.shape[0]):  # with a hinge: joints of several coordinates stay as they are
@@ -224,7 +224,9 @@ def stiffen(scene, t, h, q, v):
     for n in range(table.shape[0]):
         j = table[n].velocity
         kd = table[n].damping
-        if kd > 0.0 and not saturated(table, knots, n, t, q, v):
+        if table[n].terms > 0:  # along several coordinates: as it is, too
+            continue
+        if kd > 0.0 and not at_its_limit(drives, n, t, q, v):
             damping[j] += kd
             if table[n].coordinate >= 0:
                 stiffness[j] += table[n].stiffness
@@ -262,21 +264,6 @@ def book_drives(rows, drives, tau, before, extra, h, v, ledger):
         ledger[at.WORK_DONE] += more
     else:
         ledger[at.DISSIPATED] -= more
-
-
-@part
-def saturated(table, knots, n, t, q, v):
-    """Whether drive n gives its largest torque."""
-    j = table[n].velocity
-    i = table[n].coordinate
-    torque = -table[n].damping * v[j]
-    if i >= 0:
-        first = table[n].first_target
-        target = lookup(knots, first, table[n].targets, t)
-        torque += table[n].stiffness * (target - q[i])
-    first = table[n].first_torque
-    torque += lookup(knots, first, table[n].torques, t)
-    return abs(torque) > table[n].limit
 
 
 @sweep
@@ -451,8 +438,9 @@ def book(scene, first, t, h, last):
         r = first_of(slots, active[j])
         if n < 0:
             term = blocks.blocks_i[active[j], at.B_TERM]
-            torque = blocks.terms_f[term] * lam[r] / h
-            limit_tau[blocks.terms_i[term, 0]] += torque
+            torque = blocks.terms_f[term] * lam[r] / h  # on the first joint that it bounds
+            for i in range(term, term + blocks.blocks_i[active[j], at.B_TERMS]):
+                limit_tau[blocks.terms_i[i, 0]] += blocks.terms_f[i] * lam[r] / h
             pairs[pairs.shape[0] + n].force[0] += torque
             log_missed(tally, missed[active[j], 0] / h, 0.0, abs(torque), pairs.shape[0] + n, t)
             continue
