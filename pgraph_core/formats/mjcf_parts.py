@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -81,14 +80,8 @@ class Reading(Protocol):
         ...
 
 
-class Sums(Counter[int]):
+class Sums(dict[int, float]):
     """Coefficients of a sum of coordinates, by joint."""
-
-    def __sub__(self, other: Any) -> Sums:
-        return Sums({j: self[j] - other[j] for j in self | other})
-
-    def __rmul__(self, x: float) -> Sums:
-        return Sums({j: x * y for j, y in self.items()})
 
 
 class Law(NamedTuple):
@@ -179,12 +172,14 @@ class Parts:
         """A tendon that keeps its length, or follows another one by a line."""
         m, data = self.m, self.m.eq_data[e]
         one, two = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
-        sums = [self._along_joints(t) for t in (one, two) if t >= 0]
-        if not all(sums) or (two >= 0 and np.any(data[2:5])):
+        total = self._along_joints(one)
+        other = self._along_joints(two) if two >= 0 else Sums()
+        if total is None or other is None or (two >= 0 and np.any(data[2:5])):
             text = "an equality of a tendon that is not along joints, or by a curve"
             self.reader.left_out("equality", name, text, acts=bool(m.eq_active0[e]))
             return None
-        total = sums[0] - float(data[1]) * sums[1] if two >= 0 else sums[0]
+        for j, x in other.items():
+            total[j] = total.get(j, 0.0) - float(data[1]) * x
         return Coupling(
             name=name, coefficients=self._rows(total), value=float(data[0]),
             active=bool(m.eq_active0[e]),
@@ -198,7 +193,8 @@ class Parts:
             return None
         found = Sums()
         for w in parts:
-            found[int(m.wrap_objid[w])] += float(m.wrap_prm[w])
+            j = int(m.wrap_objid[w])
+            found[j] = found.get(j, 0.0) + float(m.wrap_prm[w])
         return found
 
     def _rows(self, sums: Sums) -> dict[str, list[float]]:
@@ -302,7 +298,7 @@ class Parts:
     def _tendon(self, t: int, name: str, sums: Sums) -> Tendon:
         m, start = self.m, self._length(sums)
         low, high = (float(x) - start for x in m.tendon_range[t])
-        limits = {"low": low, "high": high} if m.tendon_limited[t] else {}
+        limits: dict[str, Any] = {"low": low, "high": high} if m.tendon_limited[t] else {}
         return Tendon(
             name=name, coefficients=self._rows(sums), stiffness=float(m.tendon_stiffness[t]),
             damping=float(m.tendon_damping[t]), friction=float(m.tendon_frictionloss[t]),

@@ -686,6 +686,9 @@ class OfSums(OfKinds):
     """A part that acts on a sum of joint coordinates, `coefficients` x q or v."""
 
     if TYPE_CHECKING:
+        name: str
+        name: str
+        body: str
         coefficients: dict[str, PerMotion]
 
     @model_validator(mode="before")

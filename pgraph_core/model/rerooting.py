@@ -126,7 +126,8 @@ def _check(parts: Parts, c: AtPoints, chain: list[Body]) -> None:
     every = (*parts["forces"], *(f for s in parts["scenarios"] for f in s.forces))
     balls = {body.name for body in chain if body.joint == "spherical"} | {last.name}
     for f in every:
-        if isinstance(f, OfSums) and (hit := balls.intersection(f.touches)):
+        hit = balls.intersection(f.touches)
+        if isinstance(f, OfSums) and hit:
             text = f"force '{f.name}' acts on the joint of '{min(hit)}'; cut at another body"
             raise ModelError(Problem(where, "", text))
     for x in parts["constraints"]:

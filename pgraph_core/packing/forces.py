@@ -207,7 +207,7 @@ def input_tables(f: OnJoint) -> tuple[float | Table, float | Table]:
     The input u adds gain u to the torque; it stands in the target where there is a kp.
     """
     gain, torque, kp, _ = f.law
-    u = getattr(f, f.INPUT)
+    u: Any = getattr(f, f.INPUT)
     if kp:
         return _scaled(u, gain / kp), torque
     if isinstance(torque, Table) and isinstance(u, Table):
@@ -215,10 +215,14 @@ def input_tables(f: OnJoint) -> tuple[float | Table, float | Table]:
         sums = np.interp(t, torque.t, torque.value) + gain * np.interp(t, u.t, u.value)
         return 0.0, Table(t=t, value=sums)
     if isinstance(u, Table):
-        u, torque, gain = torque, _scaled(u, gain), 1.0
-    if isinstance(torque, Table):
-        return 0.0, torque.model_copy(update={"value": tuple(x + gain * u for x in torque.value)})
-    return 0.0, torque + gain * u
+        return 0.0, _added(_scaled(u, gain), torque)
+    return 0.0, _added(torque, gain * u)
+
+
+def _added(value: Any, by: Any) -> float | Table:
+    if isinstance(value, Table):
+        return value.model_copy(update={"value": tuple(x + by for x in value.value)})
+    return value + by
 
 
 def _scaled(value: float | Table, by: float) -> Any:
@@ -261,7 +265,7 @@ Knot = tuple[float, float, float, float]  # time, value, slope after it, what ac
 def _lagged(knots: list[Knot], first: int, count: int, f: OnJoint) -> None:
     """Put what acts at each knot into its last column: y' = (u - y) / lag, exactly."""
     gain, torque, kp, _ = f.law
-    scale, shift = (gain / kp, 0.0) if kp else (gain, torque)
+    scale, shift = (gain / kp, 0.0) if kp else (gain, torque if isinstance(torque, float) else 0.0)
     y = knots[first][1] if f.start is None else shift + scale * f.start
     for n in range(first, first + count):
         t, u, slope, _ = knots[n]

@@ -26,7 +26,7 @@ from ..engine.stepping import stiffness
 from ..errors import InputError, Problem, choices, nearest_first
 from ..integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
-from ..model import Contact, Force, Scenario
+from ..model import Contact, Force, Scenario, Table
 from ..packing.forces import NO_LOADS
 from ..packing.system import Array, Drives, Ints, Loads
 from .monitors import ConditionOf, conditions_of
@@ -225,7 +225,7 @@ def _plan_with(
         "t_end": span[1],
         "stabilise": o.stabilise,
         "forces": [(*span, f.model_dump(mode="json", exclude_none=True)) for f in extra],
-        "inputs": {name: x if isinstance(x, float) else x.model_dump() for name, x in o.inputs},
+        "inputs": {name: x.model_dump() if isinstance(x, Table) else x for name, x in o.inputs},
     }
     notices = (*mech.model.doubts, *_stiff(plan, rate), *_bent(plan), *_hard(plan))
     if usual and plan.step is not None and (count := int(plan.substeps.sum())) > MANY_STEPS:
