@@ -379,6 +379,8 @@ class _Reader:
                 shape |= {"kind": "ellipsoid", "radii": (x, y, z)}
             case 6:
                 shape |= {"kind": "box", "size": (2 * x, 2 * y, 2 * z)}
+            case 1:
+                shape |= self._field(int(m.geom_dataid[g]))
             case 7:
                 found = self._mesh(g, acts)
                 if found is None:
@@ -388,11 +390,20 @@ class _Reader:
                 place = place - matrix(turn) @ shift
                 shape |= mesh
             case _:
-                name = {0: "plane", 1: "heightfield"}.get(kind, f"geom of type {kind}")
+                name = {0: "plane"}.get(kind, f"geom of type {kind}")
                 text = f"a {name} on a body that is not flat ground"
                 self.left_out("geom", m.geom(g).name, text, acts=acts)
                 return None
         return shape | {"position": tuple(place.tolist()), "rotation": unit(turn)}
+
+    def _field(self, k: int) -> dict[str, Any]:
+        """A heightfield; its rows go along y in the file, and along x here."""
+        m = self.m
+        x, y, top, below = (float(s) for s in m.hfield_size[k])
+        first, shape = int(m.hfield_adr[k]), (int(m.hfield_nrow[k]), int(m.hfield_ncol[k]))
+        heights = top * m.hfield_data[first : first + shape[0] * shape[1]].reshape(shape).T
+        size = (2 * x, 2 * y, below + float(heights.min()))
+        return {"kind": "heightfield", "size": size, "heights": heights.tolist()}
 
     def _colour(self, g: int) -> dict[str, Any]:
         """The colour of a geom or of its material; none where it has MuJoCo's own grey."""

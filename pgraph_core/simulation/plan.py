@@ -177,6 +177,8 @@ def _planned(mech: Mechanism, o: Options, tau: Any, q: Any, v: Any) -> tuple[Pla
     tables = contact_tables(mech.packed, touching_contacts(mech, given))
     name = o.method_name(given)
     near, rated = _plan_with(mech, o, tau, q, v, tables)
+    if tables and tables.tendons and near.refused is not None:
+        raise near.refused
     if (
         not tables
         or near.method.name == name == "moreau_jean"
