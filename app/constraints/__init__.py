@@ -117,7 +117,8 @@ def own_fields(item: Any) -> tuple[str, ...]:
         first = ("law", "body", "other")
         left = [n for n in names if not (rigid and n in ("stiffness", "damping"))]
         return (*first, *(name for name in left if name not in first))
-    return tuple(n for n in names if n != "body" or not isinstance(item, pg.Velocity))
+    sums = isinstance(item, (pg.Velocity, pg.Coupling, pg.Tendon))
+    return tuple(n for n in names if n != "body" or not sums)
 
 
 def takes_other(part: str, kind: str) -> bool:

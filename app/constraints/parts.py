@@ -100,10 +100,14 @@ def needed(model: pg.Model, part: str, kind: str, body: str, other: str) -> dict
             return {} if round_ else {"radius": 0.1}
         case _, "skate":
             return {"axis": (0.0, 1.0, 0.0)}
-        case _, "velocity":
+        case _, "velocity" | "coupling" | "tendon":
             return {"coefficients": {body: (1.0,) + (0.0,) * (first.dof - 1)}}
         case "forces", "servo":
             return {"kp": 10.0, "kd": 1.0, "target": start}
+        case "forces", "speed_servo":
+            return {"kd": 1.0}
+        case "forces", "drag":
+            return {"size": (0.1, 0.1, 0.1), "density": 1000.0}
         case "forces", "spring":
             return {"stiffness": 100.0}
         case "forces", "torsion":
@@ -242,7 +246,7 @@ def _typed(
             return {**data, field[:-5]: _over(getattr(item, field[:-5]), text)}
         case "torque" | "force" if not index and getattr(item, "kind", "") == "wrench":
             return {**data, field: table_of(text, 3)}
-        case "torque" | "target" if not index:
+        case "torque" | "target" | "speed" | "input" if not index:
             if ";" in text or len(text.split()) > 1:
                 return {**data, field: table_of(text, 1)}
             return {**data, field: content(text, of, display)}
@@ -320,8 +324,10 @@ def _coefficients(
     else:
         name = list(rows)[index[0]]
         rows[name] = replaced(tuple(rows[name]), index[1:], content(text, "number", Display()))
-    if not rows:
+    if not rows and data["kind"] in ("velocity", "coupling", "tendon"):
         raise Refusal("needs at least one body")
+    if not rows:
+        return {**data, "coefficients": {}}
     return {**data, "coefficients": rows, "body": next(iter(rows))}
 
 
@@ -341,7 +347,7 @@ def rekinded(model: pg.Model, part: Part, item: Item, kind: str) -> dict[str, An
     same = {
         key: old[key]
         for key in own_fields(draft)
-        if old.get(key) is not None and key not in (*fresh, "rest", "torque", "stiffness")
+        if old.get(key) not in (None, {}) and key not in (*fresh, "rest", "torque", "stiffness")
     }
     own = needed(model, part, kind, item.body, other)
     if kind in ("line", "plane") and "axis" in same:  # one direction of the two

@@ -97,8 +97,8 @@ def _touches(item: Any, name: str | None, model: pg.Model) -> bool:
 
 def between(item: Any) -> str:
     """'thigh, shin' or 'foot, ground': where it acts."""
-    if isinstance(item, pg.Velocity):
-        return ", ".join(item.coefficients)
+    if coefficients := getattr(item, "coefficients", None):
+        return ", ".join(coefficients)
     names = {parts.EVERY: "all bodies"}
     first, other = (names.get(name) or name for name in item.pair)
     alone = "other" not in type(item).model_fields or isinstance(item, pg.Skate)
@@ -175,7 +175,7 @@ def _field(
             return _coefficients(item, cells)
         case "points":
             return _points(item, cells, display)
-        case "torque" | "target" if kind != "wrench":
+        case "torque" | "target" | "speed" | "input" if kind != "wrench":
             shows = about(item, name)
             return [field(name, shows.label, [cell((), parts.knots(cells[name]))],
                           unit=shows.unit, help=shows.help, kind="text")]  # fmt: skip
@@ -236,7 +236,7 @@ def _curve(item: pg.Motion) -> list[Payload]:
     return [*found, field(kind, shows.label, row, help=shows.help, columns=2, note=shows.help)]
 
 
-def _coefficients(item: pg.Velocity, cells: Any) -> list[Payload]:
+def _coefficients(item: Any, cells: Any) -> list[Payload]:
     found = [
         field("coefficients", name, [cell((i, j), x) for j, x in enumerate(row)],
               help=about(item, "coefficients").help,
