@@ -143,8 +143,10 @@ def refuse_contacts(mech: Mechanism, given: Any) -> None:
 def _actuator(mech: Mechanism, force: Force) -> Actuator:
     if not isinstance(force, (Motor, Servo)):
         raise Refused(f"it has force '{force.name}', a {force.kind}")
-    if force.torque_limit is not None:
+    if np.isfinite(force.torques).any():
         raise Refused(f"it has force '{force.name}', a {force.kind} with a torque limit")
+    if force.gear != 1.0 or force.coefficients or force.lag:
+        raise Refused(f"it has force '{force.name}', a {force.kind} with a gear, a sum or a lag")
     servo = isinstance(force, Servo)
     kp, kd = (force.kp, force.kd) if servo else (0.0, 0.0)
     target, torque = _knots(force.target if servo else 0.0), _knots(force.torque)

@@ -610,6 +610,9 @@ class Parts:
                 text = f"starts beyond the limits of {', '.join(beyond)}"
                 self.reader.left_out("key", name, text, acts=False)
                 continue
+            if np.any(self.m.key_ctrl[k]):
+                text = "its controls; a run takes them as inputs={name: value}"
+                self.reader.left_out("key", name, text, acts=False)
             found.append(Scenario(name=name, q=q, v=v))
         return found
 

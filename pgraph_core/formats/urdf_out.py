@@ -261,6 +261,8 @@ class _Writer:
         if model.gravity != (0.0, 0.0, -9.81):
             text = f"gravity {model.gravity}; readers of URDF take (0, 0, -9.81)"
             out.add("left out", "model", text, acts=True)
+        if model.sites:
+            out.add("left out", "model", f"{len(model.sites)} sites")
         if model.scenarios:
             out.add("left out", "model", f"{len(model.scenarios)} scenarios")
 
@@ -305,7 +307,8 @@ def placed(model: Model, c: Constraint) -> Placed:
 
 def _plain(motor: Motor) -> bool:
     """Whether a motor only says how large its torque may be."""
-    return motor.torque == 0.0 and motor.coordinate == 0
+    odd = motor.gear != 1.0 or motor.coefficients or motor.torque_low is not None or motor.lag
+    return motor.torque == 0.0 and motor.coordinate == 0 and not odd
 
 
 def _at_origin(body: Body) -> bool:

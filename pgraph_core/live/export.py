@@ -149,6 +149,8 @@ def _stays(run: Result) -> str:
     """Why a run cannot travel, "" where it can."""
     if run.header.get("given_torques"):
         return "its torques come from Python, which a browser does not run"
+    if run.header.get("inputs"):
+        return "its inputs were given to the run alone; put them into the model"
     if run.header.get("stabilise") != "project" and len(run.constraint_force):
         return "its constraints are not kept by projection"
     if not run.status.ok:
