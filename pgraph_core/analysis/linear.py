@@ -477,7 +477,7 @@ def drive_slopes(drives: Drives, q: Array, v: Array) -> tuple[Array, Array]:
 
 
 def _first(drives: Drives, knot: int) -> float:
-    return float(drives.knots[knot, 1])
+    return float(drives.knots[knot, 3])
 
 
 STEPS = (1e-2, 1e-3, 1e-4)  # rad, m: a short spring bends within less than a long one
