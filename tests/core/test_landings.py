@@ -71,3 +71,14 @@ def test_a_passage_is_what_comes_in_and_goes_out(is_box):
     assert not cuts(is_box, (-2.0, 2.3, 0.0), (4.0, 0.0, 0.0))
     assert not cuts(is_box, (-2.0, 0.0, 0.0), (1.0, 0.0, 0.0))
     assert not cuts(is_box, (0.0, 0.0, 0.0), (4.0, 0.0, 0.0))
+
+
+def test_a_thin_plate_that_overlaps_by_a_tenth_of_its_thickness_is_told():
+    """However wide it is: what counts is how thin it is."""
+    plate = pg.Body(
+        name="plate", joint="free", q=(0, 0, 0.4e-3, 1, 0, 0, 0),
+        shape={"kind": "box", "size": (1.0, 1.0, 1e-3)}, derived=("inertia",),
+    )  # fmt: skip
+    model = pg.Model(bodies=(plate,), contacts=(pg.Contact(name="lies", body="plate"),))
+    run = pg.simulate(model, t_end=0.01, step=1e-3, frames=3, estimate=False)
+    assert any("lies" in text for text in run.notices)
