@@ -278,9 +278,9 @@ class Dynamics(Portable):
 
     # -- equations of motion ---------------------------------------------------------------------
     # All take `back_end`: "articulated" (default), "composite" or "operators", with the same
-    # numbers; `back_ends.py` says which algorithm each one stands for. Passive forces act here:
-    # springs, dampers and friction of joints, springs and torsion springs between bodies. Forces
-    # that may depend on time (wrenches, motors, servos) act in runs only.
+    # numbers; the table above `dense` says which algorithm each one stands for. Passive forces act
+    # here: springs, dampers and friction of joints, springs and torsion springs between bodies.
+    # Forces that may depend on time (wrenches, motors, servos) act in runs only.
 
     def mass_matrix(self, q: Array, *, back_end: BackEnd = "articulated") -> Array:
         """M (nv, nv) of eq. (25), armature included."""

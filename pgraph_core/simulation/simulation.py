@@ -58,10 +58,12 @@ def simulate(
     array (nq,), (nv,) or a dictionary {body: value or values}, which leaves the others there.
 
     Torques and forces: `tau` is an array (nv,) or a function f(t, q, v) that is called at every
-    stage; compiled by `numba.njit` it costs a hundredth of a Python function. `forces` act in
-    addition to those of the model. `inputs`, by name of a motor, servo or actuator, are numbers or
-    a `pg.Table` over time in place of the model's: {"knee": 0.5}. `scenario` names a scenario of
-    the model; other arguments override its fields.
+    stage; compiled by `numba.njit` it costs a hundredth of a Python function. What it does between
+    two stages, as a pulse shorter than a step, is not seen: give `step`, or a `pg.Motor` with a
+    table, at whose knots steps end. `forces` act in addition to those of the model. `inputs`, by
+    name of a motor, servo or actuator, are numbers or a `pg.Table` over time in place of the
+    model's: {"knee": 0.5}. `scenario` names a scenario of the model; other arguments override its
+    fields.
 
     Output: `frames` evenly spaced states, or the states at the times `t_eval`; by default about
     a thousand.
