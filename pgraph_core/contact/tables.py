@@ -211,6 +211,7 @@ class _Shapes:
         room += sum(8 * min(len(self.boxes), 4) for _ in self.on_ground)
         room += sum(8 for _ in self.members)
         laws = rows_of(PAIR_LAW, [law(t.contact, *self.parts) for t in self.touches])
+        ints, *_ = blocks
         return Tables(
             tuple(self.touches),
             limits,
@@ -228,7 +229,7 @@ class _Shapes:
             any(t.contact.law == "penalty" for t in self.touches),
             bool((laws["rolling"] > 0).any() or (laws["spinning"] > 0).any()),
             max((rate_of(row, _pull(self.model)) for row in laws), default=0.0),
-            bool(len(blocks[0]) and blocks[0][:, at.B_TERMS].max() > 1),
+            bool(ints[:, at.B_TERMS].max(initial=0) > 1),
         )
 
     def _room(self, a: int, b: int) -> int:
