@@ -304,3 +304,32 @@ def test_a_model_shows_as_one_line(model):
         "<Model 'model': 2 bodies, 2 constraints, 2 contacts, 1 force, 1 scenario; up z>"
     )
     assert "<svg" in model._repr_html_()
+
+
+def test_a_site_is_a_frame_of_its_body_and_follows_edits():
+    body = {"axes": (0, 1, 0), "mass": 1.0, "tip": (0, 0, -1), "link": (0, 0, -1)}
+    model = pg.Model(
+        bodies=[pg.Body(name="a", **body), pg.Body(name="b", parent="a", **body)],
+        sites=[pg.Site(name="tool", body="b", point=(0.2, 0, -1), rotation=(0, 0, 0, 1))],
+    )
+    assert pg.Model.from_json(model.to_json()) == model
+    mech, q, v = pg.Mechanism(model), np.array([0.3, -0.8]), np.array([1.0, 2.0])
+    place, turn = mech.pose(q, "tool")
+    origin, own = mech.pose(q, "b")
+    np.testing.assert_allclose(place, origin + own @ (0.2, 0, -1))
+    np.testing.assert_allclose(turn, own @ np.diag((-1, -1, 1)), atol=1e-15)
+    J = mech.jacobian(q, "tool")
+    np.testing.assert_allclose(J, mech.jacobian(q, "b", (0.2, 0, -1)))
+    h = 1e-6
+    ahead, behind = (mech.pose(q + s * h * v, "tool")[0] for s in (1, -1))
+    np.testing.assert_allclose(J[3:] @ v, (ahead - behind) / (2 * h), atol=1e-8)
+    found = mech.inverse_kinematics({"tool": place}, q=[0.1, -0.1])
+    np.testing.assert_allclose(mech.pose(found, "tool")[0], place, atol=1e-9)
+    renamed = model.edit("b", name="hand")
+    assert renamed["tool"].body == "hand"
+    assert renamed.edit("tool", point=(0, 0, 0))["tool"].point == (0, 0, 0)
+    assert renamed.remove("hand").sites == ()
+    with pytest.raises(pg.ModelError, match=r"'a'.*is the name of a body"):
+        model.add(pg.Site(name="a", body="b"))
+    with pytest.raises(pg.InputError, match=r"'tol'.*tool"):
+        mech.pose(q, "tol")

@@ -256,6 +256,8 @@ def test_limits_and_couplings_of_tendons_hold_in_runs(tmp_path):
         pg.simulate(model, inputs={"m": 4.0})
     with pytest.raises(pg.InputError, match=r"no motor.*'n'"):
         pg.Stepper(model, inputs={"n": 0.0})
+    with pytest.raises(pg.InputError, match=r"'t', low.*add the tendon to the model"):
+        pg.simulate(model.replace(forces=[]), forces=[model["t"]])
     with pytest.raises(pg.InputError, match=r"tendons.*moreau_jean"):
         pg.simulate(model, method="dop853", t_end=0.1)
 

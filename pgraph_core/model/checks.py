@@ -229,6 +229,13 @@ def force_problems(items: Sequence[Force], bodies: Bodies, of: str = "") -> list
     return found
 
 
+def late_limits(forces: Iterable[Force], of: str = "") -> list[Problem]:
+    """Tendons with limits that are not the model's: limits act in the model as a whole."""
+    text = "limits of a tendon act in the model's own forces alone; add the tendon to the model"
+    return [Problem(f"{of}force '{f.name}'", "low", text) for f in forces
+            if isinstance(f, Tendon) and (f.low is not None or f.high is not None)]  # fmt: skip
+
+
 def _has_position(body: Body, coordinate: int) -> bool:
     kinds = [m.kind for m in body.sequence for _ in range(joints.SIZE[m.kind][1])]
     return kinds[coordinate] in ("rotate", "translate")
@@ -259,7 +266,9 @@ def scenario_problems(
         found += [
             Problem(where, "switches", text) for text in switch_problems(s.switches, constraints)
         ]
-        found += force_problems(s.forces, bodies, f"{where}, ")
+        found += force_problems(s.forces, bodies, f"{where}, ") + late_limits(
+            s.forces, f"{where}, "
+        )
         feet = [fall.foot for fall in s.gait.feet] if s.gait else []
         unknown = [foot for foot in feet if foot not in contacts]
         found += [

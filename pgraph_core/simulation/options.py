@@ -12,7 +12,7 @@ from ..errors import InputError, Problem, choices, one_of, shown
 from ..integrators import METHODS, Method
 from ..mechanism import Mechanism
 from ..model import Force, Scenario, Table
-from ..model.checks import force_problems
+from ..model.checks import force_problems, late_limits
 from ..model.fields import listed
 from ..model.force import OnJoint
 from ..packing.system import Array, Ints
@@ -125,7 +125,8 @@ class Options(NamedTuple):
             text = f"must be a list of pg.Force; given {forces!r:.60}"
             raise InputError(Problem("simulate", "forces", text))
         bodies = {b.name: b for b in mech.model.bodies} if forces else {}
-        if found := [problem for f in forces for problem in force_problems((f,), bodies)]:
+        found = [problem for f in forces for problem in force_problems((f,), bodies)]
+        if found := found + late_limits(forces):
             raise InputError(found)
         return tuple(forces)
 
