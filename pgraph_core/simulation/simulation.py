@@ -107,7 +107,8 @@ def simulate(
         raise InputError(Problem("simulate", "estimate", text))
     options = Options(
         scenario, t_start, t_end, method, step, rtol, atol, max_steps, frames, t_eval, stabilise,
-        forces, switches, estimate is not False, inputs_of(inputs, "simulate"),
+        forces, switches, estimate is not False,
+        () if inputs is None else inputs_of(inputs, "simulate"),
     )  # fmt: skip
     q, v = by_names(mech, scenario, q, v, tau)
     plan = plan_of(mech, options, tau, q, v)
