@@ -49,7 +49,7 @@
       button("pose", "Use pose", "The pose shown becomes the initial state of the model", () => now("UsePose")),
       button("ghost", "Compare", "Show this run as a ghost next to the next one", () => now("Compare")),
       make("span", { className: "keep" }, text("span", "muted", "Keep as"), ...keep.map(([what, label, title]) =>
-        button(`export ${what === "live" ? "figure" : what}`, label, title, () => send("Export", { what })))));
+        button(`export ${what === "live" ? "living" : what}`, label, title, () => send("Export", { what })))));
   }
 
   function draw(host, data) {
