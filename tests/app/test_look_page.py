@@ -120,3 +120,17 @@ def test_what_floats_stays_within_the_3d_view(seen, width):
         && controls.every((one) => one.left >= bar.left && one.right <= bar.right); }"""
     page.evaluate(FRAMES)
     until(lambda: page.evaluate(inside), "the playback within the 3D view", seconds=LONG)
+
+
+def test_a_zoomed_page_is_in_order(page):
+    """1280x800 at 125 %: nothing is cut off or covered before any run."""
+    before = page.viewport_size
+    page.set_viewport_size({"width": 1024, "height": 640})
+    page.locator('tr[data-name="thorax"] td.number').click()
+    try:
+        for below_table, below_model in TABS[:3]:
+            page.evaluate("(tabs) => tabs.forEach(pgraph.front)", [below_table, below_model])
+            in_order(page, f"{below_table}, {below_model}")
+    finally:
+        page.keyboard.press("Escape")
+        page.set_viewport_size(before)
