@@ -3,6 +3,8 @@
 `python -m benchmarks.ordinary [names]` prints a line a scene and variant: how far it is from what
 is known of it, whether that is right, and processor time. What is not right is told, by a notice or
 the status, or wrong. Times and steps of a variant go with its scale: 1 s becomes √scale seconds.
+`python -m benchmarks.ordinary speed` compares processor time a step with MuJoCo's, of scenes in
+which much slides and hits.
 """
 
 from __future__ import annotations
@@ -17,8 +19,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 import pgraph_core as pg
+
+from .stacks import compared, heap
 
 G = 9.81
 UP = np.array([0.0, 0.0, 1.0])
@@ -211,7 +216,78 @@ def arch(s: Variant) -> Case:
     return Case(bodies, 2.0, moved, 1e-3, friction=0.8)
 
 
-SCENES = {f.__name__: f for f in (stack, heavy, pushed, belt, turntable, dominoes, cards, arch)}
+def sliding(s: Variant) -> Case:
+    """A square box that slides and spins on the floor, beside four points of even pressure.
+
+    Its four corners carry N = a + b x + c y, the forces of least norm that hold it level.
+    """
+    half, high, mu = 0.1, 0.05, 0.3
+    corners = half * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    inertia = (2 * half) ** 2 / 6
+
+    def rates(_t: float, y: Any) -> Any:
+        turn, speed, spin = y[2], y[3:5], y[5]
+        c, d = np.cos(turn), np.sin(turn)
+        r = corners @ np.array([[c, d], [-d, c]])
+        slip = speed + spin * np.stack([-r[:, 1], r[:, 0]], 1)
+        way = -mu * slip / (np.linalg.norm(slip, axis=1)[:, None] + 1e-12)
+        pressures = np.c_[np.ones(4), r]
+        moments = np.array([np.ones(4), r[:, 1] + high * way[:, 1], -r[:, 0] - high * way[:, 0]])
+        normal = pressures @ np.linalg.solve(moments @ pressures, [G, 0, 0])
+        f = normal[:, None] * way
+        torque = (r[:, 0] * f[:, 1] - r[:, 1] * f[:, 0]).sum()
+        return [*speed, spin, *f.sum(axis=0), torque / inertia]
+
+    seconds = 0.3
+    want = solve_ivp(rates, (0, seconds), [0, 0, 0, 1, 0, 8], rtol=1e-9, atol=1e-11).y[:3, -1]
+
+    def off(run: Any, s: Variant) -> float:
+        place = run.body_pose[-1, 0]
+        turn = 2 * np.arctan2(place[6], place[3])
+        here = [(place[0] - s.far) / s.scale, place[1] / s.scale, turn]
+        return float(abs((np.array(here) - want + np.pi) % (2 * np.pi) - np.pi).max())
+
+    b = block("b", (0, 0, high), (2 * half, 2 * half, 2 * high), s)
+    pace = np.sqrt(s.scale)
+    return Case([b], seconds, off, 0.02, mu, start={"b": (0, 0, 8.0 / pace, pace, 0, 0)})
+
+
+def kicked(s: Variant) -> Case:
+    """Eight boxes on one another, the fourth kicked: what the floor can take stays in the boxes."""
+    bodies = [block(f"b{k}", (0, 0, 0.2 * (k + 0.5)), (0.2,) * 3, s) for k in range(8)]
+    speed = np.sqrt(s.scale)
+
+    def off(run: Any, s: Variant) -> float:
+        drift = run.v[-1].reshape(8, 6)[:, 3:5].sum(axis=0) / np.sqrt(s.scale)
+        return float(max(0.0, np.hypot(*drift) - 1.0))  # friction can only take momentum away
+
+    return Case(bodies, 0.8, off, 1e-6, 0.4, start={"b3": (0, 0, 0, speed, 0, 0)})
+
+
+SCENES = {
+    f.__name__: f
+    for f in (
+        stack, heavy, pushed, belt, turntable, dominoes, cards, arch, sliding, kicked,
+    )
+}  # fmt: skip
+
+
+def speed() -> None:
+    """Processor time a step beside MuJoCo: dominoes, a kicked stack, boxes that fall on a heap."""
+    at_one = VARIANTS[0]
+    row = [block(f"d{k}", (0.08 * k, 0, 0.1), (0.02, 0.1, 0.2), at_one, 0.1) for k in range(12)]
+    push = (0, 6.0, 0, 0.6, 0, 0)
+    compared("12 dominoes", heap(row, 0.4), 1.2, start={"d0": push})
+    case = kicked(at_one)
+    compared("8 boxes, one kicked", heap(case.bodies, case.friction), 0.8, start=case.start)
+    dice = np.random.default_rng(0)
+    places = np.indices((3, 3, 3)).reshape(3, -1).T * [0.16, 0.16, 0.2] + [0, 0, 0.12]
+    boxes = []
+    for k, place in enumerate(places):
+        turn = dice.normal(size=4)
+        box = block(f"b{k}", place, (0.1,) * 3, at_one)
+        boxes.append(box.model_copy(update={"rotation": tuple(turn / np.linalg.norm(turn))}))
+    compared("27 boxes", heap(boxes), 1.0)
 
 
 def judged(scene: Callable[[Variant], Case], s: Variant) -> tuple[str, float, float, str]:
@@ -243,6 +319,9 @@ def judged(scene: Callable[[Variant], Case], s: Variant) -> tuple[str, float, fl
 def main() -> None:
     """Print the table, and how many are what."""
     counts: Counter[str] = Counter()
+    if sys.argv[1:] == ["speed"]:
+        speed()
+        return
     for name in sys.argv[1:] or SCENES:
         for s in VARIANTS:
             verdict, off, spent, said = judged(SCENES[name], s)

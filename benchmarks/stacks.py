@@ -19,6 +19,7 @@ STEP = 1e-3
 SIDE = 0.2
 ROUNDS = 3
 G = 9.81
+Start = dict[str, tuple[float, ...]] | None  # velocities of bodies: angular, linear
 
 
 def box(name: str, place: Any, mass: float = 1.0, side: float = SIDE) -> pg.Body:
@@ -61,16 +62,19 @@ def grid(count: int, radius: float = 0.5) -> list[pg.Body]:
     return [ball(f"s{i}", p) for i, p in enumerate(2.02 * radius * places + up)]
 
 
-def ours(model: pg.Model, seconds: float) -> tuple[float, Any]:
+def ours(model: pg.Model, seconds: float, start: Start = None) -> tuple[float, Any]:
     """(processor seconds a step, the run)."""
     mech = pg.Mechanism(model)
+    q, v = mech.home()
+    for name, speeds in (start or {}).items():
+        v[mech.joints[name].v] = speeds
     run = pg.simulate(
-        mech, t_end=seconds, step=STEP, frames=3, method="moreau_jean", estimate=False
+        mech, q, v, t_end=seconds, step=STEP, frames=3, method="moreau_jean", estimate=False
     )
     return run.timing["step_processor"] / round(seconds / STEP), run
 
 
-def mujoco_of(model: pg.Model, friction: float = 0.5) -> tuple[Any, Any]:
+def mujoco_of(model: pg.Model, start: Start = None) -> tuple[Any, Any]:
     """The same free boxes and balls in MuJoCo."""
     import mujoco
 
@@ -80,10 +84,10 @@ def mujoco_of(model: pg.Model, friction: float = 0.5) -> tuple[Any, Any]:
     spec.option.gravity = [0, 0, -G]
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON
-    rub = [friction, 0, 0]
+    rub = [model.contacts[0].friction, 0, 0]
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[100, 100, 1], friction=rub)
     for one in model.bodies:
-        body = spec.worldbody.add_body(name=one.name, pos=list(one.link))
+        body = spec.worldbody.add_body(name=one.name, pos=list(one.link), quat=list(one.rotation))
         body.add_freejoint()
         body.mass, body.explicitinertial = one.mass, True
         body.inertia = np.diag(np.array(one.inertia)).tolist()
@@ -95,28 +99,37 @@ def mujoco_of(model: pg.Model, friction: float = 0.5) -> tuple[Any, Any]:
             size = [shape.radius, 0, 0]
             body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=size, friction=rub, condim=3)
     built = spec.compile()
-    return built, mujoco.MjData(built)
+    data = mujoco.MjData(built)
+    for name, speeds in (start or {}).items():  # linear first, angular in the body's axes there
+        k = 6 * [one.name for one in model.bodies].index(name)
+        turn = np.zeros(9)
+        mujoco.mju_quat2Mat(turn, np.array(model.bodies[k // 6].rotation, dtype=float))
+        data.qvel[k : k + 3] = speeds[3:]
+        data.qvel[k + 3 : k + 6] = turn.reshape(3, 3).T @ np.array(speeds[:3])
+    return built, data
 
 
-def theirs(model: pg.Model, seconds: float) -> tuple[float, Any]:
+def theirs(model: pg.Model, seconds: float, start: Start = None) -> tuple[float, Any]:
     """(processor seconds a step, MuJoCo's data at the end)."""
     import mujoco
 
-    built, data = mujoco_of(model)
+    built, data = mujoco_of(model, start)
     steps = round(seconds / STEP)
     begin = time.process_time()
     mujoco.mj_step(built, data, steps)
     return (time.process_time() - begin) / steps, data
 
 
-def compared(name: str, model: pg.Model, seconds: float, rounds: int = ROUNDS) -> Any:
+def compared(
+    name: str, model: pg.Model, seconds: float, rounds: int = ROUNDS, start: Start = None
+) -> Any:
     """Print both sides' cost a step, the fastest of some rounds; our last run."""
     here, there = np.inf, np.inf
     run: Any = None
     data: Any = None
     for _ in range(rounds):
-        mine, run = ours(model, seconds)
-        other, data = theirs(model, seconds)
+        mine, run = ours(model, seconds, start)
+        other, data = theirs(model, seconds, start)
         here, there = min(here, mine), min(there, other)
     speed = abs(run.v[-1]).max()
     print(

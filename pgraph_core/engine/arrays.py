@@ -68,7 +68,7 @@ FREE, TARGET = 12, 13  # of an island: speeds of joints without impulses, of row
 REPORT = 14  # how impulses were found: see `solve_impulses`
 DAMPING, STIFFNESS = 15, 16  # of drives in a step, as inertia; as torque
 ARMATURE, GIVEN = 17, 18  # as they are without that
-TRIAL, RESIDUAL, BEST = 19, 20, 21  # of Newton's method: speeds, what is left; best λ so far
+TRIAL, OTHER, BEST = 19, 20, 21  # of Newton's method: change of speeds; the best λ so far
 SPEEDS = 22  # of joints without impulses, behind the articulated factors
 VECTORS = 23
 
@@ -229,9 +229,9 @@ class Islands(NamedTuple):
     last: Any  # (nv,) their last columns
     upper: Any  # the matrix, then its factor
     lower: Any
-    pushed: Any  # (nb, 3) impulses of the last balance
-    slope: Any  # (nb, 9) how they change
-    weight: Any  # (nb,) ρ [kg]
+    pushed: Any  # (nb, 3) by how much impulses miss their laws [N s]
+    slope: Any  # what Newton's method and sweeps keep of a block
+    weight: Any  # (nb,) largest mobility of all points of a touch [1/kg]
     mobility: Any  # (nb,) largest own entry of Ω [1/kg]
 
 

@@ -250,6 +250,7 @@ CONTACT = record(  # a contact point, world axes; B is the ground or the second 
     shape_b=INTEGER,  # -1: the ground
     feature=INTEGER,  # vertex, edge or face that touches: the same number as long as it does
     pair=INTEGER,  # contact pair
+    held=(REAL, 3),  # impulse of the last step, as KEPT has it [N s]
 )
 
 CANDIDATE = record(  # scratch of one pair: a vertex, a normal or a candidate point
@@ -293,8 +294,10 @@ PAIR = record(  # what a contact pair does, world axes
 )
 
 KEPT = record(  # what a contact point keeps until the next step
-    value=(REAL, 3),  # impulse [N s]; of penalty friction its anchor [m]
-    turn=(REAL, 3),  # impulse about the normal and two tangents [N m s]
+    # Impulse, as of a whole step [N s], and about normal and two tangents [N m s]; of penalty
+    # friction the points of A and B that stick to each other, in the axes of their shapes [m].
+    value=(REAL, 3),
+    turn=(REAL, 3),
     slides=INTEGER,  # 1: it slid in the last step
     shape_a=INTEGER,
     shape_b=INTEGER,

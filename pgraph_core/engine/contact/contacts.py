@@ -21,7 +21,9 @@ from ..vec import (
     dot,
     load,
     load9,
+    matrix,
     mul,
+    mul_t,
     scale,
     set_xyz,
     store,
@@ -301,13 +303,39 @@ def compliant_force(contacts, n, law, u):
     stretch = (0.0, 0.0, 0.0)
     at_k = kept_place(point, contacts.anchors, contacts.tally[0].anchored, n)
     if at_k >= 0:
-        stretch = sub(middle(point), xyz(contacts.anchors[at_k].value))
-        stretch = add_scaled(stretch, -dot(stretch, normal), normal)
+        stretch = stretched(contacts, point, contacts.anchors[at_k])
     pull = add_scaled(scale(-k, stretch), -c, slide)
     total = math.sqrt(dot(pull, pull))
     if total > mu * size:
         pull = scale(mu * size / total, pull)
     return add_scaled(pull, size, normal), slip
+
+
+@part
+def stretched(contacts, point, anchor):
+    """How far the points of A and B that stick together have parted, across the normal."""
+    normal = xyz(point.normal)
+    on_a = carried_by(contacts, point.shape_a, xyz(anchor.value))
+    apart = sub(on_a, carried_by(contacts, point.shape_b, xyz(anchor.turn)))
+    return add_scaled(apart, -dot(apart, normal), normal)
+
+
+@part
+def carried_by(contacts, shape, x):
+    """Where a point of a shape is in the world; of the ground where it was."""
+    if shape < 0:
+        return x
+    pose = contacts.poses[shape]
+    return add(xyz(pose.position), mul(matrix(pose.rotation), x))
+
+
+@part
+def fixed_to(contacts, shape, x):
+    """A point of the world in a shape's axes."""
+    if shape < 0:
+        return x
+    pose = contacts.poses[shape]
+    return mul_t(matrix(pose.rotation), sub(x, xyz(pose.position)))
 
 
 @kernel(SETTLE, nogil=True)
@@ -362,28 +390,29 @@ def keep_anchors(scene, q, v):
     laws, anchors, found = contacts.laws, contacts.anchors, contacts.found
     tally = contacts.tally[0]
     count = touching(scene, 0.0)
-    for n in range(count):  # new anchors wait in `point_b`
+    for n in range(count):  # the new points of A and B wait in `held` and `point_b`
         a, b, _, _, pair = endpoints(contacts, n)
         law = laws[pair]
-        p = middle(found[n])
+        point = found[n]
+        p = middle(point)
         anchor = p
-        at_k = kept_place(found[n], anchors, tally.anchored, n)
+        at_k = kept_place(point, anchors, tally.anchored, n)
         if at_k >= 0 and law.law == PENALTY:
-            normal = xyz(found[n].normal)
-            stretch = sub(p, xyz(anchors[at_k].value))
-            stretch = add_scaled(stretch, -dot(stretch, normal), normal)
+            stretch = stretched(contacts, point, anchors[at_k])
             u = sub(
                 point_velocity(work, space.linear, a, p), point_velocity(work, space.linear, b, p)
             )
             force, _ = compliant_force(contacts, n, law, u)
-            most = law.friction * max(dot(force, normal), 0.0) / law.stiffness
+            most = law.friction * max(dot(force, xyz(point.normal)), 0.0) / law.stiffness
             size = math.sqrt(dot(stretch, stretch))
             if size > most:
                 stretch = scale(most / size, stretch)
             anchor = sub(p, stretch)
-        set_xyz(found[n].point_b, anchor)
+        set_xyz(point.held, fixed_to(contacts, point.shape_a, p))
+        set_xyz(point.point_b, fixed_to(contacts, point.shape_b, anchor))
     for n in range(count):
-        keep_point(anchors[n], found[n], xyz(found[n].point_b))
+        keep_point(anchors[n], found[n], xyz(found[n].held))
+        set_xyz(anchors[n].turn, xyz(found[n].point_b))
     tally.anchored = count
 
 

@@ -13,10 +13,10 @@ import math
 from .. import layout as at
 from ..arrays import (
     BEFORE,
-    BEST,
     DINV,
     FREE,
     LAMBDA,
+    OTHER,
     REPORT,
     RHS,
     SPEEDS,
@@ -29,20 +29,7 @@ from ..constraints.blocks import first_of, joint_of, joints_of, size_of, type_of
 from ..vec import dot, load
 from .contacts import contacts_at
 from .islands import find_islands, forget_order, order_island, several_points
-from .newton import (
-    EXACT,
-    SETTLED,
-    copy_impulses,
-    gather,
-    missed,
-    newton,
-    respond,
-    rows_of,
-    solve_convex,
-    take,
-    velocity,
-    weigh,
-)
+from .newton import converge, copy_impulses, gather, respond, rows_of, velocity, weigh
 from .sweeps import gauss_seidel, own_block
 
 TOLERANCE = 1e-10  # of the largest velocity among an island's rows
@@ -52,7 +39,13 @@ FEW_SWEEPS = 40  # before Newton's method
 FEW = 30  # contacts: a larger island of single ones is a heap, and swept
 SWEPT = 1e3  # of a factor's work a block: where its steps cost more than sweeps
 WORK = 1e8  # of all factors of an island in one instant
-MOST_STEPS = 100.0  # of Newton in one instant
+MOST_STEPS = 40.0  # of Newton's method from one start
+# Newton's ways: first compliance, its factors after a step that helped and after one that did not,
+# and how many steps that halve nothing are too many.
+FROM_LAST = (1e-6, 0.1, 100.0, 8)
+FROM_NONE = (1e-4, 0.1, 100.0, 20)
+CAREFUL = (1e-2, 0.3, 10.0, 20)
+CLOSE = 1e-8  # of the largest velocity: nearer to the laws no other start is tried
 TOGETHER = 1e3  # times what a contact sees: bodies that move fast, but together
 GAIN = 1e-6  # relative to the energy of the impulses: a larger gain is no rounding
 
@@ -194,9 +187,9 @@ def note_missed(scene, n):
 def solve_island(scene, n):
     """λ of one island, and the speeds w with it in STEP."""
     report = opened(scene).space.vectors[REPORT]
-    size, mobility = largest_velocity(scene, n)
+    size = largest_velocity(scene, n)
     if size == 0.0:
-        rest(scene, n)
+        drop(scene, n)
         return
     islands = contacts_at(opened(scene).links.contacts).islands
     count = islands.first[n + 1] - islands.first[n]
@@ -212,7 +205,7 @@ def solve_island(scene, n):
     work, room = order_island(scene, n)
     if room and not (single and work > SWEPT * count):
         steps = int(min(max(WORK / work, 10.0), MOST_STEPS))
-        left = solve_exact(scene, n, size, size / math.sqrt(mobility), steps)
+        left = solve_exact(scene, n, size, steps)
     else:
         left = gauss_seidel(scene, n, size, SWEEPS, CROWD)
     forget_order(islands)
@@ -220,8 +213,8 @@ def solve_island(scene, n):
 
 
 @sweep
-def rest(scene, n):
-    """No impulses: nothing moves."""
+def drop(scene, n):
+    """No impulses."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
     for j in range(islands.first[n], islands.first[n + 1]):
@@ -233,104 +226,59 @@ def rest(scene, n):
 
 @sweep
 def largest_velocity(scene, n):
-    """(largest velocity of island n's rows, without impulses or before; largest own mobility)."""
+    """The largest velocity of island n's rows, without impulses or before."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
-    vectors, own = data.space.vectors, data.space.own
+    vectors = data.space.vectors
     size = 0.0
-    mobility = 0.0
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         r = first_of(data.space.slots, i)
         for c in range(size_of(data.blocks.blocks_i, i)):
             size = max(size, abs(vectors[RHS, r + c]), abs(vectors[BEFORE, r + c]))
-            mobility = max(mobility, own[i, 4 * c])
-    return size, mobility
-
-
-# -- Newton's method on the laws themselves -------------------------------------------------------
-
-WARM_WEIGHT, WARM_GROWTH = 1e4, 100.0  # ρ where the last impulses are close
-WARM_ROUNDS = 4  # more say that they are not
-START, LIGHTEST, HEAVIEST = 1e3, 10.0, 1e12  # ρ from the convex form on
-HEAVIER, LIGHTER = 3.0, 0.25  # after a round that came closer, and after one that did not
-POLISH = 20  # sweeps where Newton's method leads away
-HELPS, IDLE = 0.5, 6  # rounds that leave more than this of what was missed, and how many in turn
+    return size
 
 
 @sweep
-def solve_exact(scene, n, size, unit, most):
-    """λ of the exact laws; what is missed over `size`.
+def solve_exact(scene, n, size, most):
+    """λ by Newton's method; what is missed over `size`.
 
-    From the last impulses, else from the convex form on; about `most` steps of Newton in all.
+    From the last impulses on, else from none in two ways, each with at most as many steps.
     """
     report = opened(scene).space.vectors[REPORT]
-    respond(scene, n)
-    best = missed(scene, n, EXACT) / size
-    copy_impulses(scene, n, LAMBDA, BEST)
-    weight = WARM_WEIGHT
-    for _ in range(WARM_ROUNDS):
-        weigh(scene, n, weight)
-        steps, balanced = newton(scene, n, EXACT, SETTLED * TOLERANCE * unit)
-        report[1] += steps
-        take(scene, n)
-        respond(scene, n)
-        left = missed(scene, n, EXACT) / size
-        if left < best:
-            best = left
-            copy_impulses(scene, n, LAMBDA, BEST)
-        if left <= TOLERANCE:
+    weigh(scene, n)
+    left = math.inf
+    if pushes(scene, n):
+        left, taken = converge(scene, n, size, FROM_LAST, True, TOLERANCE, most)
+        report[1] += taken
+        if left <= CLOSE:
             return left
-        if not balanced:
+        report[4] += 1.0
+    for way in (FROM_NONE, CAREFUL):
+        copy_impulses(scene, n, LAMBDA, OTHER)
+        drop(scene, n)
+        again, taken = converge(scene, n, size, way, False, TOLERANCE, most)
+        report[1] += taken
+        if again < left:
+            left = again
+        else:
+            copy_impulses(scene, n, OTHER, LAMBDA)
+        if left <= CLOSE:
             break
-        weight *= WARM_GROWTH
-    report[4] += 1.0
-    copy_impulses(scene, n, BEST, LAMBDA)
-    taken = solve_convex(scene, n, size, unit, most)
-    report[1] += taken
-    return from_convex(scene, n, size, unit, max(most - taken, most // 2))
-
-
-@sweep
-def from_convex(scene, n, size, unit, most):
-    """λ of the exact laws from that of the convex form; what is missed over `size`.
-
-    The weight ρ grows as long as that helps. Where Newton's method leads away, sweeps from the best
-    impulses so far find out what sticks and slides.
-    """
-    report = opened(scene).space.vectors[REPORT]
-    best = missed(scene, n, EXACT) / size
-    copy_impulses(scene, n, LAMBDA, BEST)
-    weight = START
-    spent = 0
-    idle = 0
-    while spent < most and idle < IDLE and best > TOLERANCE:
-        before = best
-        weigh(scene, n, weight)
-        steps, balanced = newton(scene, n, EXACT, max(SETTLED * TOLERANCE, 0.01 * best) * unit)
-        spent += steps
-        take(scene, n)
-        respond(scene, n)
-        left = missed(scene, n, EXACT) / size
-        idle = 0 if left < HELPS * before else idle + 1
-        if left < best:
-            best = left
-            copy_impulses(scene, n, LAMBDA, BEST)
-            if balanced:
-                weight = min(HEAVIER * weight, HEAVIEST)
-            continue
-        copy_impulses(scene, n, BEST, LAMBDA)
-        gauss_seidel(scene, n, size, POLISH, TOLERANCE)
-        respond(scene, n)
-        left = missed(scene, n, EXACT) / size
-        if left < best:
-            best = left
-            copy_impulses(scene, n, LAMBDA, BEST)
-        weight = max(LIGHTER * weight, LIGHTEST)
-    report[1] += spent
-    copy_impulses(scene, n, BEST, LAMBDA)
     respond(scene, n)
-    return best
+    return left
+
+
+@part
+def pushes(scene, n):
+    """Whether anything in island n pushed in the last step."""
+    data = opened(scene)
+    islands = contacts_at(data.links.contacts).islands
+    found = False
+    for j in range(islands.first[n], islands.first[n + 1]):
+        r = first_of(data.space.slots, islands.blocks[j])
+        found = found or data.space.vectors[LAMBDA, r] != 0.0
+    return found
 
 
 # -- energy ---------------------------------------------------------------------------------------

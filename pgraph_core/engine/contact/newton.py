@@ -1,39 +1,41 @@
-"""Contact laws of one island by Newton's method: a convex form of them, then the laws themselves.
+"""Contact laws of one island by Newton's method, in the impulses and the speeds together.
 
-Unknown are the speeds w behind the articulated factors, in which inertia is diag(d) and a block's
-velocity is u = Y w + g. Impulses follow from w as λ = P(λ₀ - ρ u), P the nearest that the law
-admits, and w from the balance
+Unknown are the impulses λ and the speeds w behind the articulated factors, in which inertia is
+diag(d) and a block's velocity is u = Y w + g. A block's law is λ = P(λ - k u), the same for every
+k > 0: P projects the normal impulse onto its half line and friction onto the disc μ λ_n
+([Alart & Curnier 1991]). With k the mass that a block meets, P says what is open, sticks or slides.
+Linearised, with a small compliance s that keeps λ near where it is,
 
-    d (w - w₀) = Σ Yᵀ P(λ₀ - ρ (Y w + g)),
+    (1 - (1 - k s) P') Δλ = P - λ - k P' Y Δw,      d Δw = Yᵀ Δλ.
 
-which Newton's method solves with the tangent diag(d) + Σ Yᵀ ρ P' Y. Then λ₀ becomes λ: the method
-of multipliers, whose limit fulfils the law whatever the weight ρ > 0, and which among redundant
-impulses keeps those of least norm if it starts from such ([Rockafellar 1976]).
-
-Two projections serve. That onto Coulomb's cone makes the balance the gradient of a convex function,
-with one minimum that a line search always finds; its sliding contacts part a little, as in
-[Anitescu 2006]. [Alart & Curnier 1991] project the normal impulse onto its half line and friction
-onto the disc μ λ_n: Coulomb's law itself, with a tangent that is not symmetric, and no promise from
-afar. So the first gives the start for the second.
+Without Δλ that is (diag(d) + Σ Yᵀ R Y) Δw = Yᵀ (...), R = k (1 - (1 - k s) P')⁻¹ P', whose factor
+is sparse in the order of the trees. What sticks has R = 1/s: s → 0 is Newton's method, a larger s
+takes shorter steps ([Levenberg 1944]), and among redundant impulses the change of least norm.
 """
 
 import math
 
 from .. import layout as at
-from ..arrays import BEST, CHANGE, DINV, FREE, LAMBDA, RESIDUAL, STEP, TARGET, TRIAL, opened
+from ..arrays import BEST, CHANGE, DINV, FREE, LAMBDA, STEP, TARGET, TRIAL, opened
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, triple
 from ..constraints.blocks import first_of, joint_of, joints_of, size_of, type_of
-from ..vec import add_scaled, dot, load
+from ..vec import add_scaled, dot, load, scale, store, sub
 from .contacts import contacts_at
 
-CONVEX, EXACT = 0, 1
-SHORTEST = 0.02  # part of a step: a shorter one leads nowhere
-ARMIJO = 1e-4
-SETTLED = 0.1  # of the tolerance: how well the balance is met
-ROUNDING = 1e-14  # of the energy
 GRAIN = 4e-15  # of the impulses: what is missed by less is rounding
-STEPS = 30  # of Newton between two updates of λ₀
+HARDEST, SOFTEST = 1e-10, 1.0  # s, relative to what a contact meets
+QUIET = 1e-12  # of the velocities: what a first step that changes nothing else should leave
+SHORTEST = 0.25  # part of a step: a shorter one leads nowhere
+MEMORY = 6  # steps: what is missed may grow for a while ([Grippo et al. 1986])
+SOFTLY = 1e-2
+FITS = 1e-2  # of what is missed: what a step should take off it
+CHORD = 0.1  # what a step with an old factor may leave, or the next one takes a new one
+NEAR = 1e-6  # of the largest velocity
+FINER = 1e-2  # of the tolerance: where it costs no new factor
+FRESH = 1e-3  # of the largest velocity: what may be missed after sliding impulses begin anew
+# Where the scratch of an island keeps them: columns of a block.
+SLOPE, MISS, RATE, MOVE, FROM, STATE = 0, 9, 12, 21, 24, 27
 
 
 @part
@@ -73,45 +75,29 @@ def bounds_of(blocks_f, i):
 
 
 @part
-def admitted(exact, kind, size, z, mu, most):
-    """(the nearest impulse to z that the law admits, its derivative row by row).
+def admitted(kind, size, z, bounds):
+    """(the impulse next to z that the law admits, its derivative row by row).
 
-    `mu` and `most` are a block's FRICTION and VALUE: the bounds of a torque about the normal and
-    across it.
+    The bounds of a torque are about the normal and across it; the first of a contact is friction's.
     """
     if kind == at.T_TURN:
-        return turning(z, mu, most)
+        return turning(z, bounds[0], bounds[1])
     if kind != at.T_CONTACT and kind != at.T_LIMIT:
         return z, diagonal(1.0, 1.0 if size > 1 else 0.0, 1.0 if size > 2 else 0.0)
+    if not z[0] > 0.0:
+        return (0.0, 0.0, 0.0), diagonal(0.0, 0.0, 0.0)
     if size == 1:
-        on = 1.0 if z[0] > 0.0 else 0.0
-        return (on * z[0], 0.0, 0.0), diagonal(on, 0.0, 0.0)
+        return (z[0], 0.0, 0.0), diagonal(1.0, 0.0, 0.0)
     pull = math.sqrt(z[1] * z[1] + z[2] * z[2])
-    if z[0] > 0.0 and mu > 0.0 and pull <= mu * z[0]:
+    mu = bounds[0]
+    rim = mu * z[0]
+    if pull <= rim and mu > 0.0:
         return z, diagonal(1.0, 1.0, 1.0)
     x = z[1] / pull if pull > 0.0 else 0.0
     y = z[2] / pull if pull > 0.0 else 0.0
-    if exact == EXACT:
-        if not z[0] > 0.0:
-            return (0.0, 0.0, 0.0), diagonal(0.0, 0.0, 0.0)
-        rim = mu * z[0]
-        a = rim / pull if pull > 0.0 else 0.0
-        slope = (1.0, 0.0, 0.0, mu * x, a * y * y, -a * x * y, mu * y, -a * x * y, a * x * x)
-        return (z[0], rim * x, rim * y), slope
-    if not z[0] + mu * pull > 0.0:
-        return (0.0, 0.0, 0.0), diagonal(0.0, 0.0, 0.0)
-    b = 1.0 / (1.0 + mu * mu)
-    n = (z[0] + mu * pull) * b
-    rim = mu * n
     a = rim / pull if pull > 0.0 else 0.0
-    c = mu * mu * b
-    across = (c - a) * x * y
-    slope = (
-        b, b * mu * x, b * mu * y,
-        b * mu * x, c * x * x + a * y * y, across,
-        b * mu * y, across, c * y * y + a * x * x,
-    )  # fmt: skip
-    return (n, rim * x, rim * y), slope
+    slope = (1.0, 0.0, 0.0, mu * x, a * y * y, -a * x * y, mu * y, -a * x * y, a * x * x)
+    return (z[0], rim * x, rim * y), slope
 
 
 @part
@@ -132,57 +118,106 @@ def diagonal(a, b, c):
     return (a, 0.0, 0.0, 0.0, b, 0.0, 0.0, 0.0, c)
 
 
-@sweep
-def balance(scene, n, exact, row):
-    """d (w - w₀) - Yᵀ P into RESIDUAL for w in a row of `vectors`; its size, and the energy.
+@part
+def on_rim(slope):
+    """Whether friction follows the normal impulse: the contact slides."""
+    return slope[3] != slope[1] or slope[6] != slope[2]
 
-    The size is in the metric of d, what is rounding taken off; the energy [J] is what the convex
-    form minimises.
+
+@part
+def state_of(slope):
+    """A number for what is open, sticks or slides."""
+    return slope[0] + (2.0 if slope[4] + slope[8] == 2.0 else 0.0)
+
+
+@sweep
+def look(scene, n, soft, fresh, nearness):
+    """P - λ of island n's blocks into MISS, P' into SLOPE.
+
+    (Root of the sum of squares of what is missed [m/s], its largest, how many blocks have changed
+    their state since the last look.) With `fresh`, s acts on all of λ where a contact slides. What
+    parts slower than `nearness` [m/s] counts as closed.
     """
     data = opened(scene)
     blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
     islands = contacts_at(data.links.contacts).islands
-    vectors, slots = space.vectors, space.slots
-    w, free, dinv = vectors[row], vectors[FREE], vectors[DINV]
-    left = vectors[RESIDUAL]
-    count = islands.size[0]
-    energy = 0.0
-    pressed = 0.0
-    for p in range(count):
-        k = islands.freedoms[p]
-        left[k] = (w[k] - free[k]) / dinv[k]
-        energy += 0.5 * left[k] * (w[k] - free[k])
+    slots, vectors, kept = space.slots, space.vectors, islands.slope
+    total = 0.0
+    most = 0.0
+    changed = 0
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         size, kind = size_of(blocks_i, i), type_of(blocks_i, i)
-        rho = islands.weight[i]
-        before = rows_of(vectors[LAMBDA], first_of(slots, i), size)
-        z = add_scaled(before, -rho, velocity(data, i, w))
-        p, slope = admitted(exact, kind, size, z, blocks_f[i, at.FRICTION], blocks_f[i, at.VALUE])
-        for c in range(3):
-            islands.pushed[i, c] = p[c]
+        bounds = bounds_of(blocks_f, i)
+        mobility = islands.mobility[i]
+        k = 1.0 / mobility
+        lam = rows_of(vectors[LAMBDA], first_of(slots, i), size)
+        z = add_scaled(lam, -k, velocity(data, i, vectors[STEP]))
+        if kind == at.T_CONTACT or kind == at.T_LIMIT:
+            z = (z[0] + k * nearness, z[1], z[2])
+        p, slope = admitted(kind, size, z, bounds)
+        if fresh and on_rim(slope):
+            z = add_scaled(z, -k * soft * islands.weight[i], lam)
+            p, slope = admitted(kind, size, z, bounds)
+        miss = sub(p, lam)
+        store(kept, i, MISS, miss)
         for c in range(9):
-            islands.slope[i, c] = slope[c]
-        if p[0] != 0.0 or p[1] != 0.0 or p[2] != 0.0:
-            scatter(space.y, slots, i, (-p[0], -p[1], -p[2]), left)
-            energy += (dot(p, z) - 0.5 * dot(p, p)) / rho
-            pressed += dot(p, p) * islands.mobility[i]
-    norm = 0.0
-    for p in range(count):
-        k = islands.freedoms[p]
-        norm += left[k] * left[k] * dinv[k]
-    return max(math.sqrt(norm) - GRAIN * math.sqrt(pressed), 0.0), energy
+            kept[i, SLOPE + c] = slope[c]
+        changed += 0 if kept[i, STATE] == state_of(slope) else 1
+        kept[i, STATE] = state_of(slope)
+        grain = GRAIN * math.sqrt(dot(lam, lam))
+        total += dot(miss, miss) * mobility * mobility
+        largest = max(abs(miss[0]), max(abs(miss[1]), abs(miss[2])))
+        most = max(most, mobility * (largest - grain))
+    return math.sqrt(total), most, changed
+
+
+@part
+def resisted(slope, ks, x):
+    """(1 - (1 - k s) P')⁻¹ x."""
+    c = 1.0 - ks
+    first = x[0] / (1.0 - slope[0] + ks * slope[0])
+    u = x[1] + c * slope[3] * first
+    v = x[2] + c * slope[6] * first
+    a = 1.0 - slope[4] + ks * slope[4]
+    b = -c * slope[5]
+    d = 1.0 - slope[8] + ks * slope[8]
+    inverse = 1.0 / (a * d - b * b)
+    return (first, inverse * (d * u - b * v), inverse * (a * v - b * u))
 
 
 @sweep
-def tangent(scene, n, symmetric):
-    """diag(d) + Σ Yᵀ ρ P' Y in the envelope: the upper part by rows, the lower one by columns."""
+def prepare(scene, n, soft, anew):
+    """Yᵀ of the blocks' own changes of λ into CHANGE; with `anew`, R and the matrix too.
+
+    Whether the matrix is symmetric.
+    """
     data = opened(scene)
     space = data.space
     islands = contacts_at(data.links.contacts).islands
     y, slots, place, start = space.y, space.slots, islands.place, islands.start
-    upper, lower, slope = islands.upper, islands.lower, islands.slope
+    upper, lower, kept, change = islands.upper, islands.lower, islands.slope, space.vectors[CHANGE]
     count = islands.size[0]
+    for p in range(count):
+        change[p] = 0.0
+    symmetric = True
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        k = 1.0 / islands.mobility[i]
+        ks = k * soft * islands.weight[i]
+        first, second, third = load(kept, i, 0), load(kept, i, 3), load(kept, i, 6)
+        slope = (*first, *second, *third)
+        symmetric = symmetric and not on_rim(slope)
+        move = resisted(slope, ks, load(kept, i, MISS))
+        store(kept, i, MOVE, move)
+        for s in range(joints_of(slots, i)):
+            change[place[joint_of(slots, i, s)]] += dot(load(y, i, 3 * s), move)
+        if anew:
+            store(kept, i, RATE, scale(k, resisted(slope, ks, (slope[0], slope[3], slope[6]))))
+            store(kept, i, RATE + 3, scale(k, resisted(slope, ks, (0.0, slope[4], slope[7]))))
+            store(kept, i, RATE + 6, scale(k, resisted(slope, ks, (0.0, slope[5], slope[8]))))
+    if not anew:
+        return symmetric
     for e in range(start[count]):
         upper[e] = 0.0
     if not symmetric:
@@ -192,15 +227,12 @@ def tangent(scene, n, symmetric):
         upper[start[p]] = 1.0 / space.vectors[DINV, islands.freedoms[p]]
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
-        if slope[i, 0] == 0.0 and slope[i, 4] == 0.0 and slope[i, 8] == 0.0:
+        if kept[i, RATE] == 0.0 and kept[i, RATE + 4] == 0.0 and kept[i, RATE + 8] == 0.0:
             continue
-        rho = islands.weight[i]
-        first, second, third = load(slope, i, 0), load(slope, i, 3), load(slope, i, 6)
+        r0, r1, r2 = load(kept, i, RATE), load(kept, i, RATE + 3), load(kept, i, RATE + 6)
         for s in range(joints_of(slots, i)):
             a = load(y, i, 3 * s)
-            x = rho * (a[0] * first[0] + a[1] * second[0] + a[2] * third[0])
-            v = rho * (a[0] * first[1] + a[1] * second[1] + a[2] * third[1])
-            z = rho * (a[0] * first[2] + a[1] * second[2] + a[2] * third[2])
+            x, v, z = dot(a, r0), dot(a, r1), dot(a, r2)
             p = place[joint_of(slots, i, s)]
             begin = start[p] - p
             for r in range(joints_of(slots, i)):
@@ -210,17 +242,18 @@ def tangent(scene, n, symmetric):
                 elif not symmetric:
                     more = x * y[i, 3 * r] + v * y[i, 3 * r + 1] + z * y[i, 3 * r + 2]
                     lower[start[q] - q + p] += more
+    return symmetric
 
 
 @sweep
 def factor(upper, lower, start, last, count, symmetric):
-    """L U in place, without pivoting; whether all pivots are positive.
+    """L U in place, without pivoting; whether there is one.
 
     Of a symmetric matrix L is U over the pivots, and is not stored.
     """
     for p in range(count):
         s = start[p]
-        if not upper[s] > 0.0:
+        if not abs(upper[s]) > 0.0:
             return False
         inverse = 1.0 / upper[s]
         width = last[p] - p
@@ -257,92 +290,161 @@ def substitute(upper, lower, start, last, count, symmetric, x):
         x[p] = y / upper[s]
 
 
-@part
-def slides(scene, n):
-    """Whether the tangent of the exact laws is not symmetric: some contact is on its rim."""
-    data = opened(scene)
-    islands = contacts_at(data.links.contacts).islands
-    found = False
-    for j in range(islands.first[n], islands.first[n + 1]):
-        i = islands.blocks[j]
-        found = found or islands.slope[i, 3] != islands.slope[i, 1]
-        found = found or islands.slope[i, 6] != islands.slope[i, 2]
-    return found
-
-
 @sweep
-def newton(scene, n, exact, enough):
-    """Speeds in STEP that balance the impulses P(λ₀ - ρ u); (steps taken, whether they do).
-
-    `enough` is the size of what may be left.
-    """
+def direction(scene, n, soft, anew, symmetric):
+    """Newton's changes of λ into MOVE; (whether there are any, whether the factor is symmetric)."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
-    vectors = data.space.vectors
-    w, trial, change = vectors[STEP], vectors[TRIAL], vectors[CHANGE]
+    slots, vectors, kept = data.space.slots, data.space.vectors, islands.slope
     upper, lower, start, last = islands.upper, islands.lower, islands.start, islands.last
+    change, speeds = vectors[CHANGE], vectors[TRIAL]
     count = islands.size[0]
-    left, energy = balance(scene, n, exact, STEP)
-    for taken in range(1, STEPS + 1):
-        symmetric = exact == CONVEX or not slides(scene, n)
-        tangent(scene, n, symmetric)
+    now = prepare(scene, n, soft, anew)
+    if anew:
+        symmetric = now
         if not factor(upper, lower, start, last, count, symmetric):
-            return taken, False
-        descent = 0.0
-        for p in range(count):
-            change[p] = -vectors[RESIDUAL, islands.freedoms[p]]
-        substitute(upper, lower, start, last, count, symmetric, change)
-        for p in range(count):
-            descent -= vectors[RESIDUAL, islands.freedoms[p]] * change[p]
-        part_of_it = 1.0
-        while True:
-            for p in range(count):
-                k = islands.freedoms[p]
-                trial[k] = w[k] + part_of_it * change[p]
-            new_left, new_energy = balance(scene, n, exact, TRIAL)
-            fits = new_left <= (1.0 - ARMIJO * part_of_it) * left
-            if exact == CONVEX:
-                drop = ARMIJO * part_of_it * descent - ROUNDING * abs(energy)
-                fits = new_energy <= energy - drop
-            if fits or new_left <= enough or part_of_it < SHORTEST:
-                break
-            part_of_it *= 0.5
-        if exact == EXACT and not fits and not new_left <= enough:
-            balance(scene, n, exact, STEP)
-            return taken, False
-        for p in range(count):
-            k = islands.freedoms[p]
-            w[k] = trial[k]
-        left = new_left
-        energy = new_energy
-        if left <= enough or (exact == CONVEX and descent <= ROUNDING * abs(energy)):
-            return taken, True
-    return STEPS, False
-
-
-@sweep
-def weigh(scene, n, size):
-    """ρ of island n: `size` times what would stop a contact alone."""
-    data = opened(scene)
-    islands = contacts_at(data.links.contacts).islands
-    own = data.space.own
+            return False, symmetric
+    substitute(upper, lower, start, last, count, symmetric, change)
+    for p in range(count):
+        speeds[islands.freedoms[p]] = change[p]
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
-        islands.mobility[i] = max(own[i, 0], max(own[i, 4], own[i, 8]))
-        islands.weight[i] = size / islands.mobility[i]
+        u = gather(data.space.y, slots, i, speeds)
+        move = load(kept, i, MOVE)
+        for c in range(3):
+            move = add_scaled(move, -u[c], load(kept, i, RATE + 3 * c))
+        store(kept, i, MOVE, move)
+    return True, symmetric
 
 
 @sweep
-def take(scene, n):
-    """λ₀ becomes the impulses of the last balance."""
+def start_from_here(scene, n):
+    """λ of island n into FROM."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
-    lam = data.space.vectors[LAMBDA]
+    slots = data.space.slots
+    for j in range(islands.first[n], islands.first[n + 1]):
+        i = islands.blocks[j]
+        size = size_of(data.blocks.blocks_i, i)
+        lam = rows_of(data.space.vectors[LAMBDA], first_of(slots, i), size)
+        store(islands.slope, i, FROM, lam)
+
+
+@sweep
+def go(scene, n, part_of_it):
+    """λ of island n goes on by a part of MOVE, and w with it."""
+    data = opened(scene)
+    islands = contacts_at(data.links.contacts).islands
+    kept, lam = islands.slope, data.space.vectors[LAMBDA]
     for j in range(islands.first[n], islands.first[n + 1]):
         i = islands.blocks[j]
         r = first_of(data.space.slots, i)
         for c in range(size_of(data.blocks.blocks_i, i)):
-            lam[r + c] = islands.pushed[i, c]
+            lam[r + c] = kept[i, FROM + c] + part_of_it * kept[i, MOVE + c]
+    respond(scene, n)
+
+
+@sweep
+def converge(scene, n, size, way, fresh, tolerance, most):
+    """λ of the laws from λ on, and w with it; (what is missed over `size`, steps taken).
+
+    `way` has the first compliance, its factors after a step that helped and after one that did not,
+    and how many steps that halve nothing are too many. With `fresh`, impulses of what slides begin
+    at zero: so they are those of least norm, and do not depend on where they have been. Without,
+    all are zero, and what touches at rest is taken as closed.
+    """
+    soft, harder, softer, patience = way
+    islands = contacts_at(opened(scene).links.contacts).islands
+    recent = islands.slope[islands.slope.shape[0] - 1]
+    respond(scene, n)
+    norm, left, _ = look(scene, n, soft, False, 0.0)
+    best = left
+    copy_impulses(scene, n, LAMBDA, BEST)
+    if fresh:
+        other, _, _ = look(scene, n, soft, True, 0.0)
+        if other != norm:
+            norm = max(norm, FRESH * size)
+        elif left < QUIET / soft * size:  # less rounding
+            soft = min(QUIET * size / left, SOFTLY) if left > 0.0 else SOFTLY
+    else:
+        look(scene, n, soft, False, NEAR * size)
+    for c in range(MEMORY):
+        recent[c] = norm
+    anew, symmetric = True, False
+    idle = 0
+    taken = 0
+    enough = tolerance * size
+    while taken < most and (taken == 0 or (left > enough and idle < patience)):
+        taken += 1
+        before = left
+        start_from_here(scene, n)
+        found, symmetric = direction(scene, n, soft, anew, symmetric)
+        bound = 0.0
+        for c in range(MEMORY):
+            bound = max(bound, recent[c])
+        part_of_it = 1.0
+        fits = False
+        changed = 0
+        while found:
+            go(scene, n, part_of_it)
+            norm, left, changed = look(scene, n, soft, False, 0.0)
+            fits = norm <= (1.0 - FITS * part_of_it) * bound or left <= enough
+            if fits or part_of_it <= SHORTEST:
+                break
+            part_of_it *= 0.5
+        idle += 1
+        if left < 0.5 * best:
+            idle = 0
+        if found and left < best:
+            best = left
+            copy_impulses(scene, n, LAMBDA, BEST)
+        if fits or (found and soft >= SOFTEST):
+            recent[taken % MEMORY] = norm
+            chord = part_of_it == 1.0 and changed == 0 and (anew or left < CHORD * before)
+            anew = not chord
+            if part_of_it == 1.0 and anew:
+                soft = max(harder * soft, HARDEST)
+        elif anew:
+            soft = min(softer * soft, SOFTEST)
+            go(scene, n, 0.0)
+            _, left, _ = look(scene, n, soft, False, 0.0)
+        else:
+            anew = True
+            go(scene, n, 0.0)
+            _, left, _ = look(scene, n, soft, False, 0.0)
+        enough = (tolerance if anew else FINER * tolerance) * size
+    copy_impulses(scene, n, BEST, LAMBDA)
+    respond(scene, n)
+    return best / size, taken
+
+
+@sweep
+def weigh(scene, n):
+    """What island n's blocks meet: k of each, and of all between the same bodies the largest.
+
+    One compliance for all points of a touch shares its load evenly.
+    """
+    data = opened(scene)
+    blocks_i, own = data.blocks.blocks_i, data.space.own
+    islands = contacts_at(data.links.contacts).islands
+    first, end = islands.first[n], islands.first[n + 1]
+    for j in range(first, end):
+        i = islands.blocks[j]
+        islands.mobility[i] = max(own[i, 0], max(own[i, 4], own[i, 8]))
+        islands.weight[i] = islands.mobility[i]
+    for j in range(first + 1, end):
+        share(blocks_i, islands, islands.blocks[j - 1], islands.blocks[j])
+    for j in range(end - 1, first, -1):
+        share(blocks_i, islands, islands.blocks[j], islands.blocks[j - 1])
+
+
+@part
+def share(blocks_i, islands, source, target):
+    same = blocks_i[source, at.B_A] == blocks_i[target, at.B_A]
+    same = same and blocks_i[source, at.B_B] == blocks_i[target, at.B_B]
+    kinds = type_of(blocks_i, source) == at.T_CONTACT and type_of(blocks_i, target) == at.T_CONTACT
+    if same and kinds:
+        islands.weight[target] = max(islands.weight[target], islands.weight[source])
 
 
 @sweep
@@ -377,60 +479,3 @@ def respond(scene, n):
         for s in range(joints_of(slots, i)):
             k = joint_of(slots, i, s)
             w[k] += dinv[k] * dot(load(space.y, i, 3 * s), lam)
-
-
-@sweep
-def missed(scene, n, exact):
-    """Largest velocity by which λ misses its law, after `respond`; blocks on their own."""
-    data = opened(scene)
-    islands = contacts_at(data.links.contacts).islands
-    blocks_i, blocks_f, space = data.blocks.blocks_i, data.blocks.blocks_f, data.space
-    slots, vectors, own = space.slots, space.vectors, space.own
-    most = 0.0
-    for j in range(islands.first[n], islands.first[n + 1]):
-        i = islands.blocks[j]
-        size, kind = size_of(blocks_i, i), type_of(blocks_i, i)
-        lam = rows_of(vectors[LAMBDA], first_of(slots, i), size)
-        mobility = max(own[i, 0], max(own[i, 4], own[i, 8]))
-        z = add_scaled(lam, -1.0 / mobility, velocity(data, i, vectors[STEP]))
-        p, _ = admitted(exact, kind, size, z, blocks_f[i, at.FRICTION], blocks_f[i, at.VALUE])
-        grain = GRAIN * math.sqrt(dot(lam, lam))
-        for c in range(size):
-            most = max(most, mobility * (abs(lam[c] - p[c]) - grain))
-    return most
-
-
-BEGIN, GROWTH, HEAVIEST = 1e4, 10.0, 1e12  # weights ρ of the convex form
-HELPS = 0.5  # a round of a large weight that leaves more of what was missed is the last
-LARGE = 1e6
-CLOSE = 1e-8  # of the velocities: where the exact laws take over
-
-
-@sweep
-def solve_convex(scene, n, size, unit, most):
-    """λ of the convex form, from λ, to CLOSE of `size`; Newton's steps, about `most`.
-
-    `unit` is the size of the balance that goes with a velocity of `size`.
-    """
-    weight = BEGIN
-    steps = 0
-    respond(scene, n)
-    best = missed(scene, n, CONVEX)
-    copy_impulses(scene, n, LAMBDA, BEST)
-    while steps < most and best > CLOSE * size:
-        weigh(scene, n, weight)
-        taken, _ = newton(scene, n, CONVEX, SETTLED * CLOSE * unit)
-        steps += taken
-        take(scene, n)
-        respond(scene, n)
-        left = missed(scene, n, CONVEX)
-        helped = left <= HELPS * best
-        if left < best:
-            best = left
-            copy_impulses(scene, n, LAMBDA, BEST)
-        if weight >= LARGE and not helped:
-            break
-        weight = min(GROWTH * weight, HEAVIEST)
-    copy_impulses(scene, n, BEST, LAMBDA)
-    respond(scene, n)
-    return steps

@@ -85,7 +85,7 @@ from ..rows import (
 )
 from ..tree.kinematics import base_axes, positions
 from ..tree.moving import advance
-from ..vec import add, add_scaled, finite, load, mul, set_xyz, xyz
+from ..vec import add, add_scaled, finite, load, mul, scale, set_xyz, xyz
 from .state import STEP as STEP_SIGNATURE
 from .state import copied, size_of_state
 
@@ -96,6 +96,7 @@ SAME_BOUND = 1e-9  # relative: a bound that changed by less is the same
 ENOUGH = 1e-3  # of the penetration to remove: a sweep that moves less is the last
 MOST_PARTS = 60  # of a step, by impacts that are located
 DRIFT = 50.0  # times the tolerated depth: what pushed and drifted off no farther closes its gap
+BRIEF = 1e-3  # of a step: impulses of shorter parts do not say what the next step needs
 WEIGHT = 0.1  # of what weight moves in a step: depth that is tolerated, however small things are
 
 
@@ -315,7 +316,7 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
             if resists_turning(law):
                 k = kept_place(point, contacts.kept, tally.kept, n)
                 push = contacts.kept[k].value[0] if k >= 0 else 0.0
-                set_turn(contacts, blocks, n, tally.first_turn + n, push)
+                set_turn(contacts, blocks, n, tally.first_turn + n, push * w / h)
                 active[0] += 1
                 active[active[0]] = tally.first_turn + n
     return False
@@ -349,7 +350,10 @@ def set_velocities(scene, t, h, v, vdot):
 
 @sweep
 def warm_start(scene, first, m):
-    """λ of the last step where a contact point goes on, zero elsewhere."""
+    """λ of the last step where a contact point goes on, zero elsewhere and where things hit.
+
+    A part of a step takes its share of it.
+    """
     data = opened(scene)
     blocks, space = data.blocks, data.space
     contacts = contacts_at(data.links.contacts)
@@ -358,17 +362,22 @@ def warm_start(scene, first, m):
     for r in range(m):
         lam[r] = 0.0
     begin, room = contacts.tally[0].first_contact, contacts.found.shape[0]
+    share = contacts.tally[0].share
     for j in range(first, active[0] + 1):
         n = active[j] - begin
         if n >= 0:
             turns = n >= room
             n -= room if turns else 0
+            if not turns:
+                set_xyz(contacts.found[n].held, (0.0, 0.0, 0.0))
             k = kept_place(contacts.found[n], contacts.kept, contacts.tally[0].kept, n)
             if k >= 0:
                 r = first_of(slots, active[j])
                 kept = xyz(contacts.kept[k].turn) if turns else xyz(contacts.kept[k].value)
+                if not turns:
+                    set_xyz(contacts.found[n].held, kept)
                 for c in range(3):
-                    lam[r + c] = kept[c]
+                    lam[r + c] = share * kept[c]
 
 
 @sweep
@@ -432,6 +441,7 @@ def book(scene, first, t, h, last):
     pairs, limit_tau = contacts.pairs, contacts.limit_tau
     begin = tally.first_contact
     missed = contacts.islands.pushed
+    whole = 1.0 / tally.share if tally.share > BRIEF else 1.0
     count = 0
     for j in range(first, active[0] + 1):
         n = active[j] - begin
@@ -450,7 +460,7 @@ def book(scene, first, t, h, last):
             force = add_scaled(force, lam[r + c] / h, d)
         if n >= found.shape[0]:  # of the contact point before
             if last:
-                set_xyz(kept[count - 1].turn, (lam[r], lam[r + 1], lam[r + 2]))
+                set_xyz(kept[count - 1].turn, scale(whole, (lam[r], lam[r + 1], lam[r + 2])))
             note_turn(opened(scene).links.contacts, n - found.shape[0], force)
             continue
         size = math.sqrt(lam[r] ** 2 + lam[r + 1] ** 2 + lam[r + 2] ** 2) / h
@@ -471,7 +481,10 @@ def book(scene, first, t, h, last):
             new = lam[r] > 0.0 and kept_place(found[n], kept, tally.kept, n) < 0
             place_in = tally.kept if new and tally.kept < kept.shape[0] else -1
         if place_in >= 0:
-            keep_point(kept[place_in], found[n], (lam[r], lam[r + 1], lam[r + 2]))
+            push = scale(whole, (lam[r], lam[r + 1], lam[r + 2]))
+            if tally.share < BRIEF and found[n].held[0] > 0.0:  # it goes on as before an impact
+                push = xyz(found[n].held)
+            keep_point(kept[place_in], found[n], push)
             kept[place_in].slides = 1 if slip > SLIDING else 0
             if last:
                 count += 1
