@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from benchmarks import ordinary
 
 G, SIDE = 9.81, 0.2
 
@@ -123,6 +124,21 @@ def test_a_gripper_holds_with_the_force_that_it_needs(friction, kind):
     lost = pg.simulate(gripper(friction, 0.99, kind), t_end=0.2, step=1e-3, estimate=False)
     slipped = 0.01 * G * 0.2**2 / 2  # one part in a hundred of its weight is not carried
     assert -lost.body_pose[-1, 0, 2] == pytest.approx(slipped, rel=0.02)
+
+
+@pytest.mark.parametrize(("step", "close"), [(1e-2, 0.05), (1e-3, 5e-3), (1e-4, 5e-4)])
+def test_a_box_that_slides_and_spins_is_loaded_evenly(step, close):
+    """Four corners are redundant: those of least norm carry it, at every step, the same way."""
+    verdict, off, _, said = ordinary.judged(ordinary.sliding, ordinary.Variant("", step=step))
+    assert verdict == "right"
+    assert off < close
+    assert not said
+
+
+def test_a_kicked_stack_meets_its_laws():
+    verdict, _, _, said = ordinary.judged(ordinary.kicked, ordinary.VARIANTS[0])
+    assert verdict == "right"
+    assert not said
 
 
 def test_boxes_that_slide_keep_coulombs_law_or_are_told():

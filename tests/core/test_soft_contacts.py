@@ -129,3 +129,37 @@ def test_a_penalty_wall_gives_the_restitution_asked_for(method):
     v = [0, 0, 0, 50.0, 0, 0]
     run = pg.simulate(model, [0, 0, 0, 1, 0, 0, 0], v, t_end=2e-3, method=method, estimate=False)
     assert run.v[-1, 3] == pytest.approx(-25.0, rel=0.01)
+
+
+def test_penalty_friction_does_not_brake_a_ball_that_rolls():
+    ball = pg.Body(
+        name="ball", joint="free", q=(0, 0, 0.1, 1, 0, 0, 0), v=(0, 10.0, 0, 1.0, 0, 0),
+        inertia=np.eye(3) * 4e-3, shape={"kind": "sphere", "radius": 0.1},
+    )  # fmt: skip
+    floor = pg.Contact(name="floor", body="ball", law="penalty", friction=0.5)
+    run = pg.simulate(pg.Model(bodies=(ball,), contacts=(floor,)), t_end=0.2, estimate=False)
+    assert run.v[-1, 3] == pytest.approx(1.0, abs=1e-3)
+    assert run.v[-1, 1] == pytest.approx(10.0, abs=1e-2)
+
+
+def test_penalty_friction_holds_what_fingers_grip():
+    """The points of touch are corners of the fingers: what slides by them stretches the spring."""
+    cube = pg.Body(
+        name="cube", joint="free", inertia=np.eye(3) / 600,
+        shape={"kind": "box", "size": (0.1, 0.1, 0.1)},
+    )  # fmt: skip
+    bodies, contacts, forces = [cube], [], []
+    for name, way in (("left", -1), ("right", 1)):
+        bodies.append(
+            pg.Body(
+                name=name, joint="prismatic", axes=(1, 0, 0), link=(way * 0.06, 0, 0), mass=0.2,
+                shape={"kind": "box", "size": (0.02, 0.06, 0.06)}, inertia=np.eye(3) * 1e-4,
+            )
+        )  # fmt: skip
+        contacts.append(pg.Contact(name=name, body="cube", other=name, friction=0.5, law="penalty"))
+        forces.append(pg.Motor(name=f"push {name}", body=name, torque=-way * 1.2 * 9.81))
+    model = pg.Model(bodies=tuple(bodies), contacts=tuple(contacts), forces=tuple(forces))
+    run = pg.simulate(model, t_end=0.1, frames=3, estimate=False)
+    fallen = -run["cube"][:, 2]
+    assert fallen[-1] < 1e-4
+    assert fallen[-1] - fallen[1] < 1e-5  # it crept at 1 mm/s

@@ -41,10 +41,10 @@ SWEPT = 1e3  # of a factor's work a block: where its steps cost more than sweeps
 WORK = 1e8  # of all factors of an island in one instant
 MOST_STEPS = 40.0  # of Newton's method from one start
 # Newton's ways: first compliance, its factors after a step that helped and after one that did not,
-# and how many steps that halve nothing are too many.
-FROM_LAST = (1e-6, 0.1, 100.0, 8)
-FROM_NONE = (1e-4, 0.1, 100.0, 20)
-CAREFUL = (1e-2, 0.3, 10.0, 20)
+# how many steps that halve nothing are too many, and what counts as closed at first [velocities].
+FROM_LAST = (1e-6, 0.1, 100.0, 8, 0.0)
+FROM_NONE = (1e-4, 0.1, 100.0, 20, 1e-6)
+CAREFUL = (1e-2, 0.3, 10.0, 20, 0.0)
 CLOSE = 1e-8  # of the largest velocity: nearer to the laws no other start is tried
 TOGETHER = 1e3  # times what a contact sees: bodies that move fast, but together
 GAIN = 1e-6  # relative to the energy of the impulses: a larger gain is no rounding

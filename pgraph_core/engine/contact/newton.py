@@ -31,7 +31,6 @@ MEMORY = 6  # steps: what is missed may grow for a while ([Grippo et al. 1986])
 SOFTLY = 1e-2
 FITS = 1e-2  # of what is missed: what a step should take off it
 CHORD = 0.1  # what a step with an old factor may leave, or the next one takes a new one
-NEAR = 1e-6  # of the largest velocity
 FINER = 1e-2  # of the tolerance: where it costs no new factor
 FRESH = 1e-3  # of the largest velocity: what may be missed after sliding impulses begin anew
 # Where the scratch of an island keeps them: columns of a block.
@@ -349,11 +348,11 @@ def converge(scene, n, size, way, fresh, tolerance, most):
     """λ of the laws from λ on, and w with it; (what is missed over `size`, steps taken).
 
     `way` has the first compliance, its factors after a step that helped and after one that did not,
-    and how many steps that halve nothing are too many. With `fresh`, impulses of what slides begin
-    at zero: so they are those of least norm, and do not depend on where they have been. Without,
-    all are zero, and what touches at rest is taken as closed.
+    how many steps that halve nothing are too many, and over `size` how slowly what parts counts as
+    closed at first. With `fresh`, impulses of what slides begin at zero: so they are those of least
+    norm, and do not depend on where they have been.
     """
-    soft, harder, softer, patience = way
+    soft, harder, softer, patience, nearness = way
     islands = contacts_at(opened(scene).links.contacts).islands
     recent = islands.slope[islands.slope.shape[0] - 1]
     respond(scene, n)
@@ -367,7 +366,7 @@ def converge(scene, n, size, way, fresh, tolerance, most):
         elif left < QUIET / soft * size:  # less rounding
             soft = min(QUIET * size / left, SOFTLY) if left > 0.0 else SOFTLY
     else:
-        look(scene, n, soft, False, NEAR * size)
+        look(scene, n, soft, False, nearness * size)
     for c in range(MEMORY):
         recent[c] = norm
     anew, symmetric = True, False
@@ -404,11 +403,8 @@ def converge(scene, n, size, way, fresh, tolerance, most):
             anew = not chord
             if part_of_it == 1.0 and anew:
                 soft = max(harder * soft, HARDEST)
-        elif anew:
-            soft = min(softer * soft, SOFTEST)
-            go(scene, n, 0.0)
-            _, left, _ = look(scene, n, soft, False, 0.0)
         else:
+            soft = min(softer * soft, SOFTEST) if anew else soft
             anew = True
             go(scene, n, 0.0)
             _, left, _ = look(scene, n, soft, False, 0.0)
