@@ -217,7 +217,7 @@ def arch(s: Variant) -> Case:
 
 
 def sliding(s: Variant) -> Case:
-    """A square box that slides and spins on the floor, beside four points of even pressure.
+    """A square box that slides and spins on the floor, against four points of even pressure.
 
     Its four corners carry N = a + b x + c y, the forces of least norm that hold it level.
     """
@@ -273,7 +273,7 @@ SCENES = {
 
 
 def speed() -> None:
-    """Processor time a step beside MuJoCo: dominoes, a kicked stack, boxes that fall on a heap."""
+    """Processor time a step against MuJoCo: dominoes, a kicked stack, boxes that fall on a heap."""
     at_one = VARIANTS[0]
     row = [block(f"d{k}", (0.08 * k, 0, 0.1), (0.02, 0.1, 0.2), at_one, 0.1) for k in range(12)]
     push = (0, 6.0, 0, 0.6, 0, 0)
