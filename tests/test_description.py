@@ -58,6 +58,7 @@ def test_the_number_of_rows_of_each_kind_is_that_of_its_blocks():
         "rolling": {"radius": 1.0},
         "skate": {"axis": (0, 0, 1)},
         "velocity": {"coefficients": {"2": 1.0}},
+        "coupling": {"coefficients": {"2": 1.0}},
     }
     for kind, count in rows.items():
         c = pg.Constraint(name="c", kind=kind, body="2", **own.get(kind, {}))
