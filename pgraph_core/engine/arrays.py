@@ -65,7 +65,9 @@ PLACED, FACTORED = 8, 9  # q of the last factors; their μ, null directions, whe
 LEAST = 10  # the smallest inverse pivots so far
 BEFORE = 11  # velocities of rows before an impulse
 FREE, TARGET = 12, 13  # of an island: speeds of joints without impulses, of rows without these
-REPORT = 14  # how impulses were found: see `solve_impulses`
+REPORT = 14  # how impulses were found, by these:
+# sweeps, Newton's steps, largest miss of a law, energy gained [J], hard islands, bounces left out
+SWEEPS_DONE, STEPS_DONE, MISSED, GAINED, HARD, CALMED = range(6)
 DAMPING, STIFFNESS = 15, 16  # of drives in a step, as inertia; as torque
 ARMATURE, GIVEN = 17, 18  # as they are without that
 TRIAL, OTHER, BEST = 19, 20, 21  # of Newton's method: change of speeds; the best λ so far

@@ -259,7 +259,7 @@ def projected_of(work, k):
 
 
 @part
-def pivot_of(work, k):
+def inverse_pivot_of(work, k):
     """1 / (hᵀ U + armature) of a rotation or translation."""
     return work[k, at.D]
 

@@ -17,12 +17,12 @@ from ..rows import (
     axis_of,
     ball_of,
     inertia_of,
+    inverse_pivot_of,
     kind_of,
     link_of,
     nv_of,
     origin_of,
     parent_of,
-    pivot_of,
     projected_of,
     set_acceleration,
     set_solved,
@@ -56,7 +56,7 @@ def pivots(rows, work, dinv):
         i = v_of(rows, k)
         kind = kind_of(rows, k)
         if kind <= TRANSLATE:
-            dinv[i] = pivot_of(work, k)
+            dinv[i] = inverse_pivot_of(work, k)
         elif kind == BALL:
             for n in range(3):
                 dinv[i + n] = ball_of(work, k)[0][n]
@@ -138,7 +138,7 @@ def past(rows, work, k, moment, force, y, slots, i, slot):
         h = axis_of(work, k)
         share = dot(h, moment) if kind == ROTATE else dot(h, force)
         store_triple(y, i, 3 * slot, share)
-        passed = -pivot_of(work, k) * share
+        passed = -inverse_pivot_of(work, k) * share
         u0, u1 = projected_of(work, k)
         force = add_scaled(force, passed, u1)
         moment = add_cross(add_scaled(moment, passed, u0), link, force)
@@ -253,7 +253,7 @@ def unspread(rows, const, work, speeds):
         if kind <= TRANSLATE:
             u0, u1 = projected_of(work, k)
             x = speeds[i]
-            speeds[i] = x + pivot_of(work, k) * (dot(u0, alpha) + dot(u1, linear))
+            speeds[i] = x + inverse_pivot_of(work, k) * (dot(u0, alpha) + dot(u1, linear))
             if kind == ROTATE:
                 alpha = add_scaled(alpha, x, axis_of(work, k))
             else:
@@ -287,7 +287,7 @@ def spread(rows, const, work, step):
         if kind <= TRANSLATE:
             u0, u1 = projected_of(work, k)
             u = dot(u0, alpha) + dot(u1, linear)
-            x = step[i] - pivot_of(work, k) * u
+            x = step[i] - inverse_pivot_of(work, k) * u
             step[i] = x
             if kind == ROTATE:
                 alpha = add_scaled(alpha, x, axis_of(work, k))

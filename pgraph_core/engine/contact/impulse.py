@@ -13,14 +13,19 @@ import math
 from .. import layout as at
 from ..arrays import (
     BEFORE,
+    CALMED,
     DINV,
     FREE,
+    GAINED,
+    HARD,
     LAMBDA,
+    MISSED,
     OTHER,
     REPORT,
     RHS,
     SPEEDS,
     STEP,
+    STEPS_DONE,
     TARGET,
     opened,
 )
@@ -63,7 +68,7 @@ def solve_impulses(scene, m, first):
     blocks, space = data.blocks, data.space
     islands = contacts_at(data.links.contacts).islands
     active, vectors, report = blocks.active, space.vectors, space.vectors[REPORT]
-    for c in range(6):
+    for c in range(CALMED + 1):
         report[c] = 0.0
     for j in range(1, active[0] + 1):
         i = active[j]
@@ -77,13 +82,13 @@ def solve_impulses(scene, m, first):
         solve_island(scene, n)
         gain, size = gained(scene, n)
         if gain > GAIN * size and bounces(scene, n):
-            report[5] += 1.0
+            report[CALMED] += 1.0
             for j in range(islands.first[n], islands.first[n + 1]):
                 blocks.blocks_f[islands.blocks[j], at.BOUNCE] = 0.0
             aim(scene, n)
             solve_island(scene, n)
             gain, size = gained(scene, n)
-        report[3] += gain
+        report[GAINED] += gain
         note_missed(scene, n)
     effects(scene)
 
@@ -200,7 +205,7 @@ def solve_island(scene, n):
         tolerance = TOLERANCE if few else CROWD
         left = gauss_seidel(scene, n, size, FEW_SWEEPS if few else SWEEPS, tolerance)
         if left <= tolerance or not few:
-            report[2] = max(report[2], left)
+            report[MISSED] = max(report[MISSED], left)
             return
     work, room = order_island(scene, n)
     if room and not (single and work > SWEPT * count):
@@ -209,7 +214,7 @@ def solve_island(scene, n):
     else:
         left = gauss_seidel(scene, n, size, SWEEPS, CROWD)
     forget_order(islands)
-    report[2] = max(report[2], left)
+    report[MISSED] = max(report[MISSED], left)
 
 
 @sweep
@@ -250,15 +255,15 @@ def solve_exact(scene, n, size, most):
     left = math.inf
     if pushes(scene, n):
         left, taken = converge(scene, n, size, FROM_LAST, True, TOLERANCE, most)
-        report[1] += taken
+        report[STEPS_DONE] += taken
         if left <= CLOSE:
             return left
-        report[4] += 1.0
+        report[HARD] += 1.0
     for way in (FROM_NONE, CAREFUL):
         copy_impulses(scene, n, LAMBDA, OTHER)
         drop(scene, n)
         again, taken = converge(scene, n, size, way, False, TOLERANCE, most)
-        report[1] += taken
+        report[STEPS_DONE] += taken
         if again < left:
             left = again
         else:

@@ -46,7 +46,7 @@ def capsule_line(geometry, poses, i):
 @inlined
 def single_pair(geometry, poses, i, only_a, j, only_b, margin, room, out, n):
     """Append where shapes i and j touch; of a list of points only the one numbered `only`."""
-    shapes, shapes = geometry.shapes, geometry.shapes
+    shapes = geometry.shapes
     kind_a = shapes[i].kind
     kind_b = shapes[j].kind
     radius_a = shapes[i].radius

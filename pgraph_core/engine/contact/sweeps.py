@@ -9,7 +9,7 @@ combination of the last few G(λ) whose changes G(λ) - λ, combined alike, are 
 import math
 
 from .. import layout as at
-from ..arrays import DINV, LAMBDA, REPORT, STEP, opened
+from ..arrays import DINV, LAMBDA, REPORT, STEP, SWEEPS_DONE, opened
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, store_triple, triple
 from ..constraints.blocks import first_of, joint_of, joints_of, size_of, type_of
@@ -103,7 +103,7 @@ def sweep_once(scene, n, slot):
         store(past, i, VALUES + 3 * slot, sub(new, load(past, i, VALUE)))
         store(past, i, LAST, step)
         store(past, i, VALUE, new)
-    vectors[REPORT, 0] += 1.0
+    vectors[REPORT, SWEEPS_DONE] += 1.0
     return largest, energy
 
 

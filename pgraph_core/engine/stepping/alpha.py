@@ -45,16 +45,15 @@ def factor_alpha(run, h):
     """(1 - α_m) 1 - (1 - α_f) (h γ B + h² β A), factored; whether it can be."""
     data = opened_run(run)
     real, nv = data.real, data.control[0].nv
-    coefficients = data.tableau.a[0]
-    by_mass = 1.0 - coefficients[0]
-    by_slope = 1.0 - coefficients[1]
-    by_q = by_slope * h * h * coefficients[2]
-    by_v = by_slope * h * coefficients[3]
-    out = real[2 * nv : 3 * nv]
+    alpha_m, alpha_f, beta, gamma = data.tableau.a[0]
+    by_slope = 1.0 - alpha_f
+    by_q = by_slope * h * h * beta
+    by_v = by_slope * h * gamma
+    A, B, out = real[:nv], real[nv : 2 * nv], real[2 * nv : 3 * nv]
     for i in range(nv):
         for j in range(nv):
-            out[i, j] = -by_v * real[nv + i, j] - by_q * real[i, j]
-        out[i, i] += by_mass
+            out[i, j] = -by_v * B[i, j] - by_q * A[i, j]
+        out[i, i] += 1.0 - alpha_m
     data.control[0].factored = h
     data.counters[0].factorisations += 1
     return factor(out, nv, real[3 * nv + PIVOTS])
@@ -81,7 +80,7 @@ def newton(run, h, before, now):
     nq, nv = size_of_state(run)
     base = 3 * nv
     z, slope, right = real[base + Z], real[base + F], real[base + RIGHT]
-    mass, force, beta, gamma = data.tableau.a[0]
+    alpha_m, alpha_f, beta, gamma = data.tableau.a[0]
     t = min(control.time + h, control.clip)
     moved(run, h, before, now, z)
     last = 0.0
@@ -90,8 +89,8 @@ def newton(run, h, before, now):
         if not finite(slope[: 2 * nv]):
             return False
         for j in range(nv):
-            here = (1.0 - mass) * now[j] + mass * stages[before, nq + j]
-            there = (1.0 - force) * slope[nv + j] + force * stages[at.SLOPE, nq + j]
+            here = (1.0 - alpha_m) * now[j] + alpha_m * stages[before, nq + j]
+            there = (1.0 - alpha_f) * slope[nv + j] + alpha_f * stages[at.SLOPE, nq + j]
             right[j] = there - here
         substitute(real[2 * nv : base], nv, real[base + PIVOTS], right)
         for j in range(nv):
@@ -112,7 +111,7 @@ def newton(run, h, before, now):
             if rate / (1.0 - rate) * change < ENOUGH:
                 return True
         if change * control.rtol < ROUNDING:
-            control.jacobian_rate = min(control.jacobian_rate, 0.0)
+            control.jacobian_rate = min(control.jacobian_rate, 0.0)  # nothing outdated it
             return True
         last = change
     return False

@@ -15,16 +15,22 @@ from .. import layout as at
 from ..arrays import (
     ARMATURE,
     BEFORE,
+    CALMED,
     DAMPING,
     DINV,
     FACTORED,
+    GAINED,
     GIVEN,
+    HARD,
     LAMBDA,
+    MISSED,
     REPORT,
     RHS,
     SPEEDS,
     STEP,
+    STEPS_DONE,
     STIFFNESS,
+    SWEEPS_DONE,
     opened_run,
 )
 from ..compiler.jit import kernel, part, sweep
@@ -391,13 +397,13 @@ def solve(scene, m, first, ledger):
             break
         solve_impulses(scene, m, first)
     report = data.space.vectors[REPORT]
-    ledger[at.DISSIPATED] -= report[3]
-    tally.residual = max(tally.residual, report[2])
-    if report[4] > 0.0:
+    ledger[at.DISSIPATED] -= report[GAINED]
+    tally.residual = max(tally.residual, report[MISSED])
+    if report[HARD] > 0.0:
         tally.fallbacks += 1
-    if report[5] > 0.0:
+    if report[CALMED] > 0.0:
         tally.calmed += 1
-    return int(report[0] + report[1])
+    return int(report[SWEEPS_DONE] + report[STEPS_DONE])
 
 
 @sweep

@@ -18,11 +18,11 @@ from ..rows import (
     bias_of,
     coriolis_of,
     inertia_of,
+    inverse_pivot_of,
     kind_of,
     left_of,
     link_of,
     parent_of,
-    pivot_of,
     projected_of,
     set_acceleration,
     set_ball,
@@ -85,9 +85,10 @@ def add_to_parent(work, p, link, inertia, moment, force):
 
 @part
 def reduce_hinge(rows, const, work, k, tau):
-    """A rotation or translation: I - U Uᵀ / (hᵀ U), b + I a + U u' / (hᵀ U), to its parent.
+    """A rotation or translation: I - U Uᵀ / D and p + I a + U u' / D, to its parent.
 
-    [Featherstone 2008, eqs. (7.23), (7.24)], U = I h, u' = τ - hᵀ b - Uᵀ a.
+    [Featherstone 2008, eqs. (7.23), (7.24)]: U = I h, D = hᵀ U + armature, u' = τ - hᵀ p - Uᵀ a,
+    with the bias p = (moment, force) and I of the blocks j, b, bᵀ, m. Kept: U, 1 / D, τ - hᵀ p.
     """
     j, b, m = inertia_of(work, k)
     h = axis_of(work, k)
@@ -187,12 +188,12 @@ def joint_acceleration(rows, const, work, vdot):
         alpha = add(alpha, a0)
         if kind <= TRANSLATE:
             u0, u1 = projected_of(work, k)
-            x = pivot_of(work, k) * (left_of(work, k) - dot(u0, alpha) - dot(u1, linear))
-            vdot[i] = x
+            rate = inverse_pivot_of(work, k) * (left_of(work, k) - dot(u0, alpha) - dot(u1, linear))
+            vdot[i] = rate
             if kind == ROTATE:
-                alpha = add_scaled(alpha, x, axis_of(work, k))
+                alpha = add_scaled(alpha, rate, axis_of(work, k))
             else:
-                linear = add_scaled(linear, x, axis_of(work, k))
+                linear = add_scaled(linear, rate, axis_of(work, k))
         elif kind == BALL:
             alpha = accelerate_ball(rows, const, work, k, alpha, linear, vdot)
         else:
@@ -246,7 +247,7 @@ def singular_row(rows, work):
         kind = kind_of(rows, k)
         angular, linear = traces_of(work, k)
         if kind <= TRANSLATE:
-            if vanishes(angular if kind == ROTATE else linear, pivot_of(work, k)):
+            if vanishes(angular if kind == ROTATE else linear, inverse_pivot_of(work, k)):
                 return k
         elif kind == BALL:
             f, _ = ball_of(work, k)
