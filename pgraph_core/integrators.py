@@ -1,4 +1,4 @@
-"""The integration methods as data, their tableaus with them: adding a method is one entry.
+"""The integration methods as data, their tableaus with them; their steps are kernels.
 
 Numbers of DOPRI5 and DOP853 from [Hairer, Norsett, Wanner 1993, II.5, II.6 and their code].
 """
