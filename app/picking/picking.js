@@ -58,7 +58,7 @@ pgraph.picking = (() => {
   }, true);
   pgraph.on("menuOf", ({ body, at }) => pgraph.bodyMenu(body, ...at));
 
-  // -- what is said and marked -----------------------------------------------------------------------
+  // -- texts and marks -----------------------------------------------------------------------
   function start(wants, of = {}) {
     if (aim?.wants === wants && wants === "measure") { send("EndAim"); return; }
     send("StartAim", { wants, ...of });

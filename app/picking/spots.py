@@ -60,8 +60,8 @@ def spot(state: State, ray: Ray, joints: bool = False) -> Spot | None:
         if hit is not None and (found is None or hit.far < found[0]):
             found = hit.far, k, hit
     if found is None:
-        beside = _snapped_beside(state, drawn, near, ray, positions, R, joints)
-        return beside or _on_ground(state, ray)
+        corner = _snapped_beside(state, drawn, near, ray, positions, R, joints)
+        return corner or _on_ground(state, ray)
     far, k, hit = found
     own = _seen_from(ray, positions[k], R[k])
     direction = _clean(hit.direction)
@@ -121,7 +121,7 @@ def _snapped_beside(
     state: State, drawn: Sequence[Look], near: Sequence[int], ray: Ray, positions: np.ndarray,
     R: np.ndarray, joints: bool,
 ) -> Spot | None:  # fmt: skip
-    """A corner that is pointed at from just beside its body."""
+    """A corner that is pointed at from just outside its body."""
     best: tuple[np.ndarray, str, float, int] | None = None
     for k in near:
         own = _seen_from(ray, positions[k], R[k])

@@ -1,4 +1,4 @@
-"""Forces beside gravity: springs, dampers, friction, motors and servos of joints; loads on bodies.
+"""Forces other than gravity: springs, dampers, friction and drives of joints; loads on bodies.
 
 What a joint's own parts do is in `drives`, what acts on bodies or between two in `loads`.
 """

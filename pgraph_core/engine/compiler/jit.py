@@ -200,7 +200,7 @@ class _Cache(FunctionCache):
 
 
 def _one_a_type(dispatcher: Any) -> Any:
-    """Compile a helper for the types it is called with, not anew for every constant."""
+    """Compile a helper for the types it is called with, not again for every constant."""
     if JIT:
         template = dispatcher.get_call_template
         dispatcher.get_call_template = lambda args, kws: template(

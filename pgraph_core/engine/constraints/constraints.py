@@ -363,7 +363,7 @@ def settle(scene, t, q, v):
 def project(scene, t, q, v, rounds):
     """Move q and v onto the constraints in the mass metric; rounds taken, -1 where it fails.
 
-    Both corrections use one factorisation; it is made anew while positions move notably. Next to
+    Both corrections use one factorisation; it is made again while positions move notably. Next to
     a singular position rounding alone moves them: a gap that is rounding is none.
     """
     if settle(scene, t, q, v):

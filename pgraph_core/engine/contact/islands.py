@@ -1,4 +1,4 @@
-"""Islands: what blocks of one instant couple, found anew at every instant.
+"""Islands: what blocks of one instant couple, found again at every instant.
 
 Two blocks belong together where trees that they act on are the same, or are tied by further
 blocks. Islands share no freedom, so that each is solved alone, at its own size and accuracy.

@@ -32,7 +32,7 @@ SOFTLY = 1e-2
 FITS = 1e-2  # of what is missed: what a step should take off it
 CHORD = 0.1  # what a step with an old factor may leave, or the next one takes a new one
 FINER = 1e-2  # of the tolerance: where it costs no new factor
-FRESH = 1e-3  # of the largest velocity: what may be missed after sliding impulses begin anew
+FRESH = 1e-3  # of the largest velocity: what may be missed after sliding impulses begin again
 # Where the scratch of an island keeps them: columns of a block.
 SLOPE, MISS, RATE, MOVE, FROM, STATE = 0, 9, 12, 21, 24, 27
 
@@ -186,8 +186,8 @@ def resisted(slope, ks, x):
 
 
 @sweep
-def prepare(scene, n, soft, anew):
-    """Yᵀ of the blocks' own changes of λ into CHANGE; with `anew`, R and the matrix too.
+def prepare(scene, n, soft, refactor):
+    """Yᵀ of the blocks' own changes of λ into CHANGE; with `refactor`, R and the matrix too.
 
     Whether the matrix is symmetric.
     """
@@ -211,11 +211,11 @@ def prepare(scene, n, soft, anew):
         store(kept, i, MOVE, move)
         for s in range(joints_of(slots, i)):
             change[place[joint_of(slots, i, s)]] += dot(load(y, i, 3 * s), move)
-        if anew:
+        if refactor:
             store(kept, i, RATE, scale(k, resisted(slope, ks, (slope[0], slope[3], slope[6]))))
             store(kept, i, RATE + 3, scale(k, resisted(slope, ks, (0.0, slope[4], slope[7]))))
             store(kept, i, RATE + 6, scale(k, resisted(slope, ks, (0.0, slope[5], slope[8]))))
-    if not anew:
+    if not refactor:
         return symmetric
     for e in range(start[count]):
         upper[e] = 0.0
@@ -290,7 +290,7 @@ def substitute(upper, lower, start, last, count, symmetric, x):
 
 
 @sweep
-def direction(scene, n, soft, anew, symmetric):
+def direction(scene, n, soft, refactor, symmetric):
     """Newton's changes of λ into MOVE; (whether there are any, whether the factor is symmetric)."""
     data = opened(scene)
     islands = contacts_at(data.links.contacts).islands
@@ -298,8 +298,8 @@ def direction(scene, n, soft, anew, symmetric):
     upper, lower, start, last = islands.upper, islands.lower, islands.start, islands.last
     change, speeds = vectors[CHANGE], vectors[TRIAL]
     count = islands.size[0]
-    now = prepare(scene, n, soft, anew)
-    if anew:
+    now = prepare(scene, n, soft, refactor)
+    if refactor:
         symmetric = now
         if not factor(upper, lower, start, last, count, symmetric):
             return False, symmetric
@@ -369,7 +369,7 @@ def converge(scene, n, size, way, fresh, tolerance, most):
         look(scene, n, soft, False, nearness * size)
     for c in range(MEMORY):
         recent[c] = norm
-    anew, symmetric = True, False
+    refactor, symmetric = True, False
     idle = 0
     taken = 0
     enough = tolerance * size
@@ -377,7 +377,7 @@ def converge(scene, n, size, way, fresh, tolerance, most):
         taken += 1
         before = left
         start_from_here(scene, n)
-        found, symmetric = direction(scene, n, soft, anew, symmetric)
+        found, symmetric = direction(scene, n, soft, refactor, symmetric)
         bound = 0.0
         for c in range(MEMORY):
             bound = max(bound, recent[c])
@@ -399,16 +399,16 @@ def converge(scene, n, size, way, fresh, tolerance, most):
             copy_impulses(scene, n, LAMBDA, BEST)
         if fits or (found and soft >= SOFTEST):
             recent[taken % MEMORY] = norm
-            chord = part_of_it == 1.0 and changed == 0 and (anew or left < CHORD * before)
-            anew = not chord
-            if part_of_it == 1.0 and anew:
+            chord = part_of_it == 1.0 and changed == 0 and (refactor or left < CHORD * before)
+            refactor = not chord
+            if part_of_it == 1.0 and refactor:
                 soft = max(harder * soft, HARDEST)
         else:
-            soft = min(softer * soft, SOFTEST) if anew else soft
-            anew = True
+            soft = min(softer * soft, SOFTEST) if refactor else soft
+            refactor = True
             go(scene, n, 0.0)
             _, left, _ = look(scene, n, soft, False, 0.0)
-        enough = (tolerance if anew else FINER * tolerance) * size
+        enough = (tolerance if refactor else FINER * tolerance) * size
     copy_impulses(scene, n, BEST, LAMBDA)
     respond(scene, n)
     return best / size, taken

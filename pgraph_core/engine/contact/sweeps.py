@@ -26,7 +26,7 @@ SMALL = 16  # blocks: sweeps of smaller islands converge by themselves
 LAST, VALUE, CHANGES, VALUES = 9, 12, 15, 15 + 3 * DEPTH
 WIDTH = 15 + 6 * DEPTH
 NORMAL = 2 * DEPTH + 1  # rows behind those of blocks: products of changes, shares, a factor
-WORSE = 4.0  # squared: changes that have grown by more belong to other contacts; begin anew
+WORSE = 4.0  # squared: changes that have grown by more belong to other contacts; begin again
 SAME = 1e-12  # of the largest: what keeps equal changes apart
 
 

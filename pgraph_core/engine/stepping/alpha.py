@@ -33,7 +33,7 @@ from .state import NOT_SOLVED, STEP, size_of_state
 
 MEMORY, MARK = at.STAGE, at.STAGE + 1  # A at the end of the last step; when that was [s]
 SAME = 1e-9  # of a step
-OUTDATED = 2.0  # Newton's rate that tells of other equations: the run began, or went on, anew
+OUTDATED = 2.0  # Newton's rate that tells of other equations: the run began, or began again
 SLOW = 0.1  # Newton's rate from which the next step takes a new Jacobian
 ITERATIONS = 15
 ENOUGH = 0.03  # of the tolerance
@@ -125,8 +125,8 @@ def generalised_alpha(run, h):
     nq, nv = size_of_state(run)
     now = real[3 * nv + SCRATCH + 3, :nv]
     prepare(run)
-    anew = not control.jacobian_rate < OUTDATED
-    known = not anew and abs(stages[MARK, 0] - control.time) <= SAME * h
+    fresh = not control.jacobian_rate < OUTDATED
+    known = not fresh and abs(stages[MARK, 0] - control.time) <= SAME * h
     before = MEMORY if known else at.SLOPE
     solved = False
     while not solved:
