@@ -344,3 +344,35 @@ def test_convert_goes_both_ways(tmp_path):
     assert model.bodies == pg.Model.load(tmp_path / "arm.xml").bodies
     assert main(["convert", str(tmp_path / "arm.json"), str(tmp_path / "back.xml")]) == 0
     assert pg.Model.load(tmp_path / "back.xml").bodies[0].name == "trunk"
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "value"),
+    [(1.0, 2.0, 1.5), (1.0, 2.0, 1.0), (-1.0, 1.0, 0.5), (-3.0, -1.0, -2.0)],
+)
+def test_a_written_drive_starts_at_its_input(tmp_path, low, high, value):
+    """MuJoCo starts at control 0, or the nearest that its range has."""
+    arm = pg.Body(name="arm", tip=(1, 0, 0))
+    motor = pg.Motor(name="motor", body="arm", torque=value, input_low=low, input_high=high)
+    pg.write_mjcf(pg.Model(bodies=[arm], forces=[motor]), tmp_path / "arm.xml")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert data.actuator_force[0] == pytest.approx(value, rel=1e-12)
+    assert model.actuator_ctrlrange[0, 1] - model.actuator_ctrlrange[0, 0] == pytest.approx(
+        high - low
+    )
+
+
+def test_wrenches_that_cannot_be_written_are_said(tmp_path):
+    """Two that carry half of the weight each are one compensation; another force is left out."""
+    arm = pg.Body(name="arm", mass=2.0, com=(0.5, 0, 0), tip=(1, 0, 0))
+    half = [
+        pg.Wrench(name=name, body="arm", point=(0.5, 0, 0), force=(0, 0, 9.81))
+        for name in ("a", "b")
+    ]
+    push = pg.Wrench(name="push", body="arm", force=(1, 0, 0))
+    report = pg.write_mjcf(pg.Model(bodies=[arm], forces=[*half, push]), tmp_path / "arm.xml")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    assert model.body_gravcomp.max() == pytest.approx(1.0, rel=1e-12)
+    assert "push" in str(report)

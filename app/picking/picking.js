@@ -6,7 +6,7 @@ pgraph.picking = (() => {
   const PACE = 60; // [ms] between places of the pointer that are told
   const canvas = () => document.querySelector("canvas:not(.pgraph *)");
   const inView = (el) => el?.contains?.(canvas()) || (el?.tagName === "CANVAS" && !el.closest(".pgraph")); // viser draws over it
-  let aim = null, layer = null, down = null, told = 0, later = null;
+  let aim = null, layer = null, down = null, told = 0, later = null, frame = 0;
 
   // -- between the page and the world, whose axes differ from three.js's by the root's rotation ----
   const root = () => window.__viserSceneTree?.getState()[""]?.wxyz ?? [1, 0, 0, 0];
@@ -70,7 +70,7 @@ pgraph.picking = (() => {
     document.querySelector(".view-measure")?.setAttribute("aria-pressed", String(aim?.wants === "measure"));
     if (another) banner();
     if (!aim) { layer?.remove(); layer = null; return; }
-    if (!layer) { layer = pgraph.digraph.svg("svg", { class: "pgraph-marks", "aria-hidden": "true" }); document.body.append(layer); follow(); }
+    if (!layer) { layer = pgraph.digraph.svg("svg", { class: "pgraph-marks", "aria-hidden": "true" }); document.body.append(layer); cancelAnimationFrame(frame); follow(); }
   }
   function banner() {
     document.querySelector(".pgraph-aim")?.remove();
@@ -101,7 +101,7 @@ pgraph.picking = (() => {
       made.push(text);
     }
     layer.replaceChildren(...made);
-    requestAnimationFrame(follow);
+    frame = requestAnimationFrame(follow);
   }
   pgraph.on("aim", draw);
   return { start, ray, projected, aiming: () => Boolean(aim) };

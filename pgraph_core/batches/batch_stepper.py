@@ -18,6 +18,7 @@ from ..engine import layout as at
 from ..errors import InputError, PgraphError, Problem, choices, explained, guarded, shown
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
+from ..model.force import OnJoint
 from ..packing.system import Array, Ints
 from ..portable import Portable, installed
 from ..simulation.recording import STATUS
@@ -285,7 +286,13 @@ class BatchStepper(Portable):
             names = choices(tuple(targets))
             text = f"no servo with a constant target is called {servo!r:.60}; choose one of {names}"
             raise _refused("servo", text, "target")
-        targets[servo][:] = _table("value", value, self.size, None)
+        given = _table("value", value, self.size, None)
+        for force in self.mech.model.forces:
+            if force.name == servo and isinstance(force, OnJoint):
+                for one in np.unique(given):
+                    if text := force.input_problem(float(one)):
+                        raise _refused(f"'{servo}'", text, "target")
+        targets[servo][:] = given
 
     # -- snapshots -------------------------------------------------------------------------------
 

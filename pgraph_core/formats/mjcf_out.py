@@ -71,7 +71,10 @@ class _Writer:
         self.equalities, self.tendons = list[Tag](), list[Tag]()
         self.floor = {c.body: c for c in model.contacts if c.active and c.other == GROUND}
         self.touch = [c for c in model.contacts if c.active and c.other != GROUND]
-        self.lifted = dict(self._lifted())
+        self.lifting, self.lifted = set[str](), dict[str, float]()
+        for name, body, part in self._lifted():
+            self.lifting.add(name)
+            self.lifted[body] = self.lifted.get(body, 0.0) + part
         self.of_ground = self._ground_law()
 
     def text(self, bodies: Sequence[Body]) -> str:
@@ -441,7 +444,7 @@ class _Writer:
         for f in self.model.forces:
             where = f"force '{f.name}'"
             if isinstance(f, Wrench):
-                if self.lifted.get(f.body) is None:
+                if f.name not in self.lifting:
                     self.out(where, "a wrench")
             elif isinstance(f, OnJoint):
                 yield from self._actuator(f, where)
@@ -456,7 +459,7 @@ class _Writer:
             self.out(where, f"a {f.kind} over time")
             return
         low, high = f.inputs
-        given = value - min(max(0.0, low), high)
+        given = 0.0 if value == min(max(0.0, low), high) else value
         if given:
             text = f"its input {value:g} is part of its bias: MuJoCo starts at control 0"
             self.report.add("converted", where, text, part=f.name)
@@ -472,6 +475,8 @@ class _Writer:
             return
         if f.lag:
             one.set(dyntype="filterexact", dynprm=(f.lag,))
+            if f.start is not None and f.start != given:
+                self.out(where, "what its lag starts from")
         if f.gear != 1.0:
             one.set(gear=(f.gear, 0.0, 0.0, 0.0, 0.0, 0.0))
         bias = (torque + gain * given, -kp or 0.0, -kd or 0.0)
@@ -483,8 +488,8 @@ class _Writer:
             one.set(forcerange=(max(least, -1e9), min(most, 1e9)))
         yield one
 
-    def _lifted(self) -> Iterator[tuple[str, float]]:
-        """Bodies whose weight a wrench takes, and how much of it."""
+    def _lifted(self) -> Iterator[tuple[str, str, float]]:
+        """Wrenches that take the weight of their body, it, and how much of its weight."""
         g = np.array(self.model.gravity)
         for f in self.model.forces:
             if not isinstance(f, Wrench) or f.frame != "world" or not g.any():
@@ -498,7 +503,7 @@ class _Writer:
             ):
                 part = -float(np.dot(f.force, g)) / float(g @ g) / body.mass
                 if np.allclose(f.force, -part * body.mass * g):
-                    yield f.body, part
+                    yield f.name, f.body, part
 
     # -- initial states --------------------------------------------------------------------------
 

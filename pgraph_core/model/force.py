@@ -125,6 +125,8 @@ class OnJoint(Force, OfSums):
         found = []
         if self.lag and not self.law.kp and isinstance(self.law.torque, Table):
             found.append(("torque", "must be a number where the input has a lag; given a table"))
+        if self.start is not None and not self.lag:
+            found.append(("start", "needs a lag, from which it goes over to the input"))
         if self.gear == 0:
             found.append(("gear", "must not be zero; given 0"))
         if self.coefficients and not any(any(x) for x in self.coefficients.values()):

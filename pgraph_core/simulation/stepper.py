@@ -214,9 +214,13 @@ class Stepper(Portable):
         if not self.status.ok:
             text = f"the last step failed: {self.message}; call reset or restore"
             raise InputError(Problem("Stepper.step", "", text))
-        for name, value in (inputs or {}).items():
-            self.input(name, value)
+        if inputs is not None and not isinstance(inputs, Mapping):
+            text = f"must be a dictionary {{name: value}}; given {inputs!r:.60}"
+            raise InputError(Problem("Stepper.step", "inputs", text))
+        checked = [(name, self._checked(name, x)) for name, x in (inputs or {}).items()]
         self._give(tau)
+        for name, value in checked:
+            self._put(name, value)
         if self._recording:
             self._open()
         self.__dict__["_looked"] = False
@@ -305,13 +309,21 @@ class Stepper(Portable):
 
         Raises InputError for a name that is not there and a value that is none of its inputs.
         """
+        self._put(name, self._checked(name, value))
+
+    def _checked(self, name: str, value: Any) -> float:
+        """A value of an input. Raises InputError."""
         if name not in self._inputs:
             text = f"no constant input is called {name!r:.60}; {one_of(self._inputs)}"
             raise InputError(Problem("Stepper.input", "name", text))
-        force, knot, start, slope = self._inputs[name]
         x = float(finite("value", [value], 1)[0])
-        if text := force.input_problem(x):
+        if text := self._inputs[name][0].input_problem(x):
             raise InputError(Problem("Stepper.input", f"'{name}'", text))
+        return x
+
+    def _put(self, name: str, x: float) -> None:
+        """Let an input be x from now on."""
+        force, knot, start, slope = self._inputs[name]
         one = self._record.plan.drives.knots[knot]
         if force.lag:
             one[3] = lagging(one[1], 0.0, one[3], max(self.t - one[0], 0.0), force.lag)
@@ -326,8 +338,9 @@ class Stepper(Portable):
                 f"no servo with a constant target is called {servo!r:.60}; {one_of(self._servos)}"
             )
             raise InputError(Problem("Stepper.target", "servo", text))
-        knot = self._servos[servo]
-        self._record.plan.drives.knots[knot, 1] = finite("value", [value], 1)[0]
+        if servo in self._inputs:  # all with a gain
+            self._checked(servo, value)
+        self._record.plan.drives.knots[self._servos[servo], 1] = finite("value", [value], 1)[0]
         self._steps.control["fresh"], self._looked = 0, False
 
     # -- snapshots -------------------------------------------------------------------------------

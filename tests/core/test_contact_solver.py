@@ -188,3 +188,19 @@ def test_a_heap_of_balls_meets_its_laws():
     assert not any("stopped before it was exact" in n for n in run.notices)
     force = max(abs(f).max() for f in run.contact_force.values())
     assert run.contact_residual[:, :2].max() < 1e-6 * force
+
+
+def test_a_second_hinge_on_the_same_axis_changes_nothing():
+    """No impulse at it moves the door, so that it has no effective mass of its own."""
+    door = pg.Body(
+        name="door", axes=(0, 0, 1), mass=10.0, com=(0.4, 0.1, 0.0),
+        inertia=np.diag((1.0, 1.5, 2.0)), limits=((-1.0, 1.0),), v=3.0,
+    )  # fmt: skip
+    one = pg.Model(bodies=[door], gravity=(0.0, 0.0, -1.0))
+    two = one.add(pg.Point(name="hinge", body="door", point=(0, 0, 1), other_point=(0, 0, 1)))
+    options = {"method": "moreau_jean", "step": 1e-3, "t_end": 1.0, "estimate": False}
+    alone, held = pg.simulate(one, **options), pg.simulate(two, **options)
+    assert np.abs(held.q - alone.q).max() < 1e-9
+    assert alone.q.max() > 0.99
+    assert held.q.max() < 1.0 + 1e-3
+    assert held.contact_residual.max() < 1e-6

@@ -248,3 +248,24 @@ def test_memory_does_not_grow():
     after = parts(500)
     tracemalloc.stop()
     assert after - before < 50_000
+
+
+def test_inputs_are_taken_together_or_not_at_all_and_keep_their_bounds():
+    arm = pg.Body(name="arm", tip=(1, 0, 0))
+    servo = pg.Servo(name="servo", body="arm", kp=10.0, kd=1.0, input_low=-1, input_high=1)
+    motor = pg.Motor(name="motor", body="arm", torque=1.0, input_low=0, input_high=2)
+    model = pg.Model(bodies=[arm], forces=[servo, motor])
+    stepper = pg.Stepper(model)
+    before = stepper.inputs
+    for inputs in ({"motor": 1.5, "servo": 9.0}, {"motor": 1.5, "serv": 0.0}, [1.0]):
+        with pytest.raises(pg.InputError):
+            stepper.step(inputs=inputs)
+        assert stepper.inputs == before
+    for refuse in (
+        lambda: stepper.target("servo", 3.0),
+        lambda: pg.BatchStepper(model, 2).target("servo", [0.0, 3.0]),
+    ):
+        with pytest.raises(pg.InputError, match=r"from -1 to 1; given 3"):
+            refuse()
+    with pytest.raises(pg.ModelError, match="lag"):
+        pg.Servo(name="slow", body="arm", kp=1.0, start=0.3)

@@ -32,6 +32,7 @@ SOFTLY = 1e-2
 FITS = 1e-2  # of what is missed: what a step should take off it
 CHORD = 0.1  # what a step with an old factor may leave, or the next one takes a new one
 FINER = 1e-2  # of the tolerance: where it costs no new factor
+IMMOBILE = 1e-24  # of the largest mobility: what rounding makes of none
 FRESH = 1e-3  # of the largest velocity: what may be missed after sliding impulses begin again
 # Where the scratch of an island keeps them: columns of a block.
 SLOPE, MISS, RATE, MOVE, FROM, STATE = 0, 9, 12, 21, 24, 27
@@ -418,15 +419,22 @@ def converge(scene, n, size, way, fresh, tolerance, most):
 def weigh(scene, n):
     """What island n's blocks meet: k of each, and of all between the same bodies the largest.
 
-    One compliance for all points of a touch shares its load evenly.
+    One compliance for all points of a touch shares its load evenly. A block that no impulse moves,
+    such as a second hinge on the same axis, has no k of its own.
     """
     data = opened(scene)
     blocks_i, own = data.blocks.blocks_i, data.space.own
     islands = contacts_at(data.links.contacts).islands
     first, end = islands.first[n], islands.first[n + 1]
+    largest = 0.0
     for j in range(first, end):
         i = islands.blocks[j]
         islands.mobility[i] = max(own[i, 0], max(own[i, 4], own[i, 8]))
+        largest = max(largest, islands.mobility[i])
+    for j in range(first, end):
+        i = islands.blocks[j]
+        if islands.mobility[i] <= IMMOBILE * largest:
+            islands.mobility[i] = largest if largest > 0.0 else 1.0
         islands.weight[i] = islands.mobility[i]
     for j in range(first + 1, end):
         share(blocks_i, islands, islands.blocks[j - 1], islands.blocks[j])
