@@ -460,6 +460,12 @@ def test_rows_nodes_and_bodies_have_a_menu_and_f6_goes_from_pane_to_pane(page, s
     page.mouse.click(x, y, button="right")
     page.get_by_role("menu").wait_for()
     page.keyboard.press("Escape")
+    before = set(served.store.state.clients)
+    served.viser._websock_server.disconnect_all_clients()
+    until(lambda: set(served.store.state.clients) - before, "the page to come back")
+    page.wait_for_function("pgraph.latest?.properties")
+    page.wait_for_timeout(500)
+    assert page.get_by_role("menu").count() == 0
     seen = []
     for _ in range(6):
         page.keyboard.press("F6")
