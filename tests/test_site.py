@@ -56,8 +56,10 @@ def test_equations_are_drawn_without_a_script(site):
 @pytest.mark.parametrize(
     "file", [f for f in DOCS if CODE.search(f.read_text())], ids=lambda f: f.stem
 )
-def test_code_of_a_document_runs_as_it_stands(file, tmp_path, monkeypatch, capsys):
+def test_code_of_a_document_runs_as_it_stands(file, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     for piece in CODE.findall(file.read_text()):
         exec(compile(piece, file.name, "exec"), names)
+    runs = [value for value in names.values() if isinstance(value, pg.Result)]
+    assert all(run.status.ok for run in runs), [run.message for run in runs]
