@@ -28,7 +28,8 @@ SHARE = 1e-6  # of the largest: an entry of a null direction that is not roundin
 NULL = 1e-8  # of the mean of Ω's diagonal: an eigenvalue that is zero
 TOUCHES = 1e-6  # of it: a position as good as singular, a thousandth of a radian away
 REACH = 1.5  # times the way between two evaluations: how far the nearest place can be
-LOOKS = 3  # parabolas through the eigenvalue
+LOOKS = 4  # parabolas through the eigenvalue
+ALIKE = 1e-6  # of the width: two places that are one
 AWAY = 0.05  # rad, m: from a singular position to a place that is none
 NEAR_SHARE = 1e-2  # of the largest: an entry of a direction that is null but for a thousandth
 
@@ -160,16 +161,20 @@ class _Look:
         return Passed(self.t + tau, tuple(named(self.scene, rows)))
 
     def lowest(self, width: float, nulls: int) -> float:
-        """When within `width` eigenvalue number `nulls` is smallest."""
-        middle, step = 0.0, width
+        """When within `width` eigenvalue number `nulls` is smallest, by parabolas."""
+        seen = [(x, float(self.eigen(x)[0][nulls])) for x in (-width, 0.0, width)]
         for _ in range(LOOKS):
-            a, b, c = (float(self.eigen(middle + x)[0][nulls]) for x in (-step, 0.0, step))
-            bend = a - 2 * b + c
+            (a, at_a), (b, at_b), (c, at_c) = sorted(seen)
+            rise = (at_b - at_a) / (b - a)
+            bend = ((at_c - at_b) / (c - b) - rise) / (c - a)
             if not bend > 0:
                 break
-            middle = float(np.clip(middle + step * (a - c) / (2 * bend), -width, width))
-            step *= 0.25
-        return middle
+            x = float(np.clip(0.5 * (a + b - rise / bend), -width, width))
+            if min(abs(x - other) for other, _ in seen) <= ALIKE * width:
+                break
+            seen.remove(max(seen, key=lambda pair: pair[1]))
+            seen.append((x, float(self.eigen(x)[0][nulls])))
+        return min(seen, key=lambda pair: pair[1])[0]
 
 
 def passed(scene: Scene) -> list[Passed]:

@@ -121,6 +121,12 @@ class Scene(Unportable):
         """Activate these constraints in a run under way."""
         self.activate(constraints)
 
+    def forget(self, constraints: Ints) -> None:
+        """Be as at first, with these constraints active; for scenes without contacts."""
+        for kept in self.space:
+            kept[:] = 0
+        self.activate(constraints)
+
     @property
     def held(self) -> int:
         """Address of the scene whose active blocks are what is projected."""

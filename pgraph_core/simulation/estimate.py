@@ -41,6 +41,7 @@ FINER = 4.0  # ratio of the tolerances of two runs that can be told apart
 LEAST_DIVISOR = 0.4  # of the difference: runs whose errors do not shrink at all
 NARROWER = 0.7  # of the steps: a run that takes more of them is the same run
 DOUBTED = 0.25  # of the ratio that the order promises
+UNLIKELY = 30.0  # times it: a pair of runs so much closer than a coarser one may be so by chance
 VISIBLE = 1e-3  # rad, or of the motion's length: an error that a person sees
 MORE = 4  # times the steps: a coarser run that takes more blows up
 FEW = 50  # steps of a coarser run: a finer one costs little then, and tells the error itself
@@ -185,9 +186,11 @@ def _by_coarser(record: Recording, few: bool = False) -> Estimate:
     part = max((ratio - 1.0) * shrunk, LEAST_DIVISOR)
     errors = near.largest / part + _rounding(record, near)
     parted = _parted(near, far, promised)
+    chosen = not (plan.step or plan.contact_points)
+    if chosen and held > UNLIKELY:
+        return _by_finer(record, (near, ratio))
     if parted == len(errors):
         # where motion is chaotic, chance decides how much larger the error of a coarser run is
-        chosen = not (plan.step or plan.contact_points)
         far_off = far is None or far.share[-1] >= 1.0
         erratic = chosen and (far_off or _growth(near, parted) > 0.0)
         lawless = held < DOUBTED or (far is not None and far_off)  # chance may make both alike

@@ -108,6 +108,8 @@ class Recording:
         self._free = workplaces(mech, plan) if place is None and self._short() else None
         if self._free:
             place = self._free.pop()
+            if len(plan.ever):
+                place.scene.forget(plan.active)
         self.place = place = Workplace(self._scene()) if place is None else place
         self.scene = place.scene
         if self.user is None:
@@ -125,11 +127,11 @@ class Recording:
             steps.begin_again(q, v)
 
     def _short(self) -> bool:
-        """Whether a run by this plan is short, and leaves nothing behind in scene and loop."""
+        """Whether a run by this plan is short, and its scene and loop can begin again."""
         plan, mech = self.plan, self.mech
         acts = plan.contacts or plan.declared or plan.contact_points
-        acts = acts or len(plan.ever) or plan.changes or plan.conditions
-        size = len(plan.times) * (mech.nq + 2 * mech.nv + 6)
+        acts = acts or plan.changes or plan.conditions
+        size = len(plan.times) * (mech.nq + 2 * mech.nv + 6 * (1 + len(plan.ever)))
         return not acts and self.user is None and self.watch is None and size <= KEPT
 
     def leave(self) -> None:

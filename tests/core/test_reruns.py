@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+import pgraph_models
 
 # Every answer of a mechanism, runs of both methods, and batches, as hashes of their bytes.
 SCRIPT = """
@@ -130,6 +131,25 @@ def test_a_run_after_others_has_the_bits_of_the_first(way):
                 assert np.array_equal(getattr(found, name), getattr(first, name)), name
             assert found.error_estimate == first.error_estimate
             assert found.counters == first.counters
+
+
+@pytest.mark.parametrize("way", WAYS[-4:], ids=lambda way: "-".join(map(str, way.values())))
+@pytest.mark.parametrize("name", ["four_bar", "skate"])
+def test_a_run_with_loops_after_others_has_the_bits_of_the_first(name, way):
+    """What solvers of constraints remember, and singular positions, are forgotten."""
+    model = pg.Model.load(pgraph_models.path(name))
+    used, scenario = pg.Mechanism(model), next((s.name for s in model.scenarios), None)
+    options = {"scenario": scenario, "t_end": 0.8, "frames": 5, **way}
+    first = pg.simulate(pg.Mechanism(model), **options)
+    for share in (1.0, 0.5):
+        pg.simulate(used, first.q[0], -share * first.v[0], **options)
+        found = pg.simulate(used, **options)
+        for at in ("q", "v", "vdot", "constraint_drift"):
+            assert np.array_equal(getattr(found, at), getattr(first, at)), at
+        for at in first.constraint_force:
+            assert np.array_equal(found.constraint_force[at], first.constraint_force[at])
+        assert (found.notices, found.counters) == (first.notices, first.counters)
+        assert found.error_estimate == first.error_estimate
 
 
 def test_runs_that_meet_a_limit_may_be_repeated():
