@@ -246,15 +246,12 @@ def _explained(function: Any) -> Any:
     @functools.wraps(function)
     def call(*args: Any, **named: Any) -> Any:
         try:
-            return function(*args, **named)
+            return function(*args, **named) if named else function(*args)
         except PgraphError:
             raise
         except BARE as error:
             found = _problems_of_call(function, args, named)
             if not found:
-                for value in (*args, *named.values()):
-                    if hasattr(type(value), "validated"):  # a part copied with unchecked fields
-                        value.validated()
                 raise
             raise InputError(found) from (None if found[0].text.startswith("is ") else error)
 

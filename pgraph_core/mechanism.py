@@ -13,11 +13,14 @@ from .errors import explained
 from .model import Model
 from .packing.system import Array
 from .plan import Plan
+from .portable import Elsewhere
 
 if TYPE_CHECKING:
     from .analysis.linear import Linearisation
 
 OF_TOPOLOGY = {"adjacency", "parent", "separation_bodies", "tips"}  # names that it has too
+
+OF_PACKAGE = {"simulate", "sweep", "stability_map", "work_precision", "verify"}  # functions of it
 
 
 @explained
@@ -30,7 +33,7 @@ class Mechanism(Dynamics):
     """
 
     def __dir__(self) -> Iterable[str]:
-        return sorted(set(super().__dir__()) - OF_TOPOLOGY)
+        return sorted(set(super().__dir__()) - OF_TOPOLOGY - OF_PACKAGE)
 
     def plan(self, *, scenario: str | None = None, method: str = "auto") -> Plan:
         """What runs of this scene need, what is left out of them, and what that saves."""
@@ -137,6 +140,10 @@ class Mechanism(Dynamics):
         from .analysis.targets import inverse_kinematics
 
         return inverse_kinematics(self, targets, q, scenario)
+
+
+for _name in OF_PACKAGE:
+    setattr(Mechanism, _name, Elsewhere(_name))
 
 
 def mechanism_of(value: Any, where: str) -> Mechanism:

@@ -27,6 +27,17 @@ class Portable:
     reads that, before it meets classes or fields that it does not have.
     """
 
+    def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
+        kind = type(self)
+        return _empty, (installed(), kind.__module__, kind.__qualname__), self.__getstate__()
+
+
+class Hinting(Portable):
+    """A portable value that says where to find what other programs have as a method.
+
+    Not for what inner loops ask: a class with `__getattr__` gives every attribute more slowly.
+    """
+
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
@@ -41,9 +52,18 @@ class Portable:
                 raise AttributeError(text, name=name, obj=self)
             return inherited(name)
 
-    def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
-        kind = type(self)
-        return _empty, (installed(), kind.__module__, kind.__qualname__), self.__getstate__()
+
+class Elsewhere:
+    """In the place of a method of a class without hints: a function of the package does it."""
+
+    def __init__(self, name: str):
+        self._name = name
+
+    def __get__(self, value: object, kind: type) -> Any:
+        """Raises AttributeError, which says what to write."""
+        name = self._name
+        text = f"a {kind.__name__} has no '{name}'; {_elsewhere(kind.__name__, name)}"
+        raise AttributeError(text, name=name, obj=value)
 
 
 def _elsewhere(kind: str, name: str) -> str:
@@ -55,7 +75,7 @@ def _elsewhere(kind: str, name: str) -> str:
     if name in public and name.islower():
         return f"write pg.{name}({given}, ...)"
     act, _, what = name.partition("_")
-    if what and kind in ("Model", "Mechanism") and act in ("add", "remove", "edit", "set"):
+    if what and kind == "Model" and act in ("add", "remove", "edit", "set"):
         part = what.split("_")[0].capitalize()
         part = f"pg.{part}" if part in public else "pg.Body"
         calls = {"add": f"add({part}(name=..., ...))", "remove": "remove(name)"}

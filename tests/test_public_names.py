@@ -86,7 +86,7 @@ RUN = pg.simulate(MODEL, t_end=0.01, frames=3)
 
 
 def spoilt(**fields):
-    """A model whose first body was copied with fields that nobody checked."""
+    """A model whose first body was copied with other fields."""
     first, *others = MODEL.bodies
     return MODEL.model_copy(update={"bodies": (first.model_copy(update=fields), *others)})
 
@@ -107,9 +107,13 @@ def spoilt(**fields):
         (lambda: SCENARIO.q.update(knee=1), "model.edit(name of the part, field={**old"),
         (lambda: SCENARIO.q.__setitem__("knee", "zz"), "'knee': is not changed in place"),
         (lambda: MODEL["1"].model_copy(update={"masss": 1}), "did you mean mass?"),
-        (lambda: pg.Mechanism(MODEL.model_copy(update={"bodies": "zz"})), "bodies: must be"),
-        (lambda: pg.simulate(spoilt(mass="heavy"), t_end=0.1), "mass: must be"),
-        (lambda: pg.simulate(MODEL.model_copy(update={"gravity": "down"})), "gravity: must be"),
+        (lambda: MODEL.model_copy(update={"bodies": "zz"}), "bodies: must be"),
+        (lambda: spoilt(mass="heavy"), "mass: must be"),
+        (lambda: spoilt(mass=-5.0), "mass: "),
+        (lambda: spoilt(joint="zz"), "joint: "),
+        (lambda: spoilt(q=5.0, v=(1.0, 2.0)), "v: a revolute joint has 1 number"),
+        (lambda: MODEL.model_copy(update={"bodies": MODEL.bodies * 2}), "name: "),
+        (lambda: MODEL.model_copy(update={"gravity": "down"}), "gravity: must be"),
         (lambda: pg.Result(), "pg.simulate(...) returns it"),
         (lambda: pg.Footprint(), "pg.footprints(run) returns it"),
         (lambda: len(RUN), "len(run.t) is the number of frames"),
@@ -127,6 +131,20 @@ def test_what_people_type_from_memory_is_answered_with_what_to_write(typed, told
     with pytest.raises((pg.PgraphError, AttributeError)) as refused:
         typed()
     assert told in str(refused.value)
+
+
+def test_a_validated_copy_of_a_body_moves_as_its_fields_say():
+    arm = pg.Body(name="arm", com=(0.2, 0, 0), axes=(0, 1, 0), q=0.1, stiffness=2.0)
+    turned = arm.model_copy(update={"axes": ((1, 0, 0),)})
+    assert turned == pg.Body(name="arm", com=(0.2, 0, 0), axes=(1, 0, 0), q=0.1, stiffness=2.0)
+    slides = arm.model_copy(update={"joint": "prismatic"})
+    assert slides == pg.Body(name="arm", com=(0.2, 0, 0), joint="prismatic")
+    assert pg.Mechanism(pg.Model(bodies=(slides,))).joints["arm"].kinds == (1,)
+    solid = pg.Body(
+        name="b", shape=pg.Shape(kind="sphere", radius=0.1), derived=("mass",), density=1000.0
+    )
+    assert solid.model_copy(update={"density": 2000.0}).mass == pytest.approx(2 * solid.mass)
+    assert solid.model_copy(update={"shape": None, "derived": (), "density": None}).shapes == ()
 
 
 def test_a_part_by_its_name_in_brackets():

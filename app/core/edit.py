@@ -166,10 +166,8 @@ def _same_motion(old: pg.Model, new: pg.Model) -> bool:
 
 def _bare(body: pg.Body) -> pg.Body:
     """A body without what is only drawn."""
-    touching = tuple(
-        s.model_copy(update={"role": "collision", "colour": None}) for s in body.touching
-    )
-    return body.model_copy(update={"shapes": touching})
+    touching = tuple(s.unchecked_copy({"role": "collision", "colour": None}) for s in body.touching)
+    return body.unchecked_copy({"shapes": touching})
 
 
 def _live_on(live: Live, old: pg.Model, new: pg.Model) -> Live:

@@ -136,4 +136,4 @@ def _part(was: Any, then: Any, is_now: Any) -> Any:
         if current != changed:
             raise Refusal(f"the {key} of '{is_now.name}' was changed since by another person")
         fields[key] = old
-    return is_now.model_copy(update=fields)
+    return is_now.unchecked_copy(fields)

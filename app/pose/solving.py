@@ -170,7 +170,7 @@ def closed(state: State, body: pg.Body, index: int, q: np.ndarray) -> np.ndarray
             coordinate=index,
             q_of_t=goal,  # type: ignore[arg-type]
         )
-        model = model.model_copy(update={"constraints": (*model.constraints, held)})
+        model = model.unchecked_copy({"constraints": (*model.constraints, held)})
     mech = pg.Mechanism(model)
     try:
         found, _, _ = mech.assemble(q, np.zeros(mech.nv))

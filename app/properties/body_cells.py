@@ -186,7 +186,7 @@ def _with_shapes(body: pg.Body, at: int, shape: Any) -> dict[str, Any]:
 
 def _with_kind(body: pg.Body, at: int, kind: str) -> dict[str, Any]:
     """Another kind of a shape, one more, or one less."""
-    one = body.model_copy(update={"shape": body.shapes[at] if at < len(body.shapes) else None})
+    one = body.unchecked_copy({"shape": body.shapes[at] if at < len(body.shapes) else None})
     shape = _shape(one, kind)
     if shape is not None and at < len(body.shapes):
         old = body.shapes[at]

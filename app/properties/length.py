@@ -87,9 +87,9 @@ def _shape(shape: pg.Shape, u: np.ndarray, old: float, new: float) -> pg.Shape:
     if sizes:
         if min(np.atleast_1d(next(iter(sizes.values())))) <= 0:
             raise Refusal(f"is too short for its {shape.kind}; given {new:g} m")
-        return shape.model_copy(update={**sizes, "position": _tuple(place + more / 2 * u)})
+        return shape.unchecked_copy({**sizes, "position": _tuple(place + more / 2 * u)})
     beyond = float(place @ u) > old / 2
-    return shape.model_copy(update={"position": _tuple(place + more * u)}) if beyond else shape
+    return shape.unchecked_copy({"position": _tuple(place + more * u)}) if beyond else shape
 
 
 def _points_moved(model: pg.Model, moved: dict[str, tuple[np.ndarray, np.ndarray]]) -> pg.Model:

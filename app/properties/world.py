@@ -249,7 +249,7 @@ def parameter_renamed(model: pg.Model, old: str, new: str) -> pg.Model:
     renamed = {new if key == old else key: x for key, x in model.parameters.items()}
     word = re.compile(rf"\b{re.escape(old)}\b")
     formulas = tuple(
-        f.model_copy(update={"text": word.sub(new, f.text)}) if old in names_in(f.text) else f
+        f.unchecked_copy({"text": word.sub(new, f.text)}) if old in names_in(f.text) else f
         for f in model.formulas
     )
     return model.replace(parameters=renamed, formulas=formulas)

@@ -41,7 +41,7 @@ def made(model: pg.Model, request: Request) -> tuple[pg.Model, str]:
 def copied(model: pg.Model, name: str) -> tuple[pg.Model, str]:
     """A model with a scenario once more, and the name of the copy. Raises PgraphError."""
     new = free_name(name, [s.name for s in model.scenarios])
-    return model.add(model.scenario(name).model_copy(update={"name": new})), new
+    return model.add(model.scenario(name).unchecked_copy({"name": new})), new
 
 
 def put(model: pg.Model, name: str, /, **fields: Any) -> pg.Model:

@@ -167,8 +167,8 @@ def _with_rods(model: pg.Model, places: Sequence[str], under: str | None, rod: R
     on = under if under in model.row else "ground"
     first = rod(model, places[0], str(on))
     more = rod(pg.Model.serial(1), "more", "1")
-    new = [first, *(more.model_copy(update={"name": name}) for name in places[1:])]
-    new = [body.model_copy(update={"parent": "ground"}) for body in new]
+    new = [first, *(more.unchecked_copy({"name": name}) for name in places[1:])]
+    new = [body.unchecked_copy({"parent": "ground"}) for body in new]
     return model.replace(bodies=(*model.bodies, *new))
 
 
@@ -197,7 +197,7 @@ def _change(
             change = _typed(model, body, field, text, unit)
         except Refusal as refusal:
             raise Refusal(f"line {number}, {field}: {refusal}") from None
-        body = body.model_copy(update={k: x for k, x in change.items() if k not in ("dof", "name")})
+        body = body.unchecked_copy({k: x for k, x in change.items() if k not in ("dof", "name")})
         found |= change
     if "motions" in found:
         found.pop("dof", None)

@@ -202,9 +202,9 @@ def rod(model: pg.Model, name: str, parent: str) -> pg.Body:
     root, new = pg.Model.serial(2).bodies
     if not model.bodies:
         free = pg.Model(bodies=(root,)).edit(root.name, joint="free").bodies[0]
-        return free.model_copy(update={"name": name})
+        return free.unchecked_copy({"name": name})
     link = (0.0, 0.0, 0.0) if parent == GROUND else model.body(parent).tip or new.link
-    return new.model_copy(update={"name": name, "parent": parent, "link": link})
+    return new.unchecked_copy({"name": name, "parent": parent, "link": link})
 
 
 def free_number(taken: Iterable[str]) -> str:
@@ -240,7 +240,7 @@ def sized(model: pg.Model, n: int) -> pg.Model:
         name = free_number(names)
         new = rod(model, name, GROUND)
         if parent is not None:
-            new = new.model_copy(update={"parent": parent.name, "link": parent.tip or new.link})
+            new = new.unchecked_copy({"parent": parent.name, "link": parent.tip or new.link})
         rows.append(new)
         names.add(name)
     return model if n == len(model.bodies) else model.replace(bodies=tuple(rows))

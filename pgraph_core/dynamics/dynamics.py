@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import sys
 import threading
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any, Literal, Self, get_args
+from typing import Any, Literal, Self, cast, get_args
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from ..engine import motion, packing
 from ..engine.compiler.address import address_of
 from ..engine.compiler.jit import JIT, ready
 from ..engine.tree import bodies, dynamics
-from ..errors import InputError, Problem, choices, explained, guarded
+from ..errors import Called, InputError, Problem, choices, explained, guarded
 from ..model import Model
 from ..packing.packed import Joint, Packed
 from ..packing.system import Array, Ints, point_in_row
@@ -31,7 +32,8 @@ from .states import BodyMotion, Carried, bodies_over, carried, mass_points, shif
 FORWARD = dynamics.forward_dynamics
 NO_EXTERNAL = np.zeros((0, 6))
 BackEnd = Literal["articulated", "composite", "operators"]
-NEW = object.__new__
+NEW, SET, EMPTY = object.__new__, object.__setattr__, np.empty
+UNFIT = (TypeError, ValueError, AttributeError)  # of what the fast calls are given
 WITH_GIL = getattr(sys, "_is_gil_enabled", lambda: True)()
 DIRECT = JIT and WITH_GIL  # kernels refuse what does not fit, and one call is atomic
 OVERFLOW = Problem("dynamics", "", "the result is not finite: the given numbers are too large")
@@ -57,10 +59,9 @@ class Dynamics(Portable):
     nb: int
     nq: int
     nv: int
-    _rows: Ints
-    _const: Array
     _springs: int
-    _fast: bool  # whether the kernel takes states as they are
+    _free: tuple[Any, ...]  # what `at_once` needs; empty where more than the kernel is needed
+    _bound: tuple[Any, ...] = ()  # what `constrained_at_once` needs, after a first call
     _rest: Array  # (nv,) v = 0
     _work: Array  # of kernels, empty between calls
     _lock: threading.Lock  # of `_work` and of the scene's workspace
@@ -76,13 +77,13 @@ class Dynamics(Portable):
 
     def _take(self, packed: Packed) -> None:
         """Keep the arrays, and make a workspace."""
-        vars(self).update(  # at once: setting an attribute is guarded
-            packed=packed, nb=packed.nb, nq=packed.nq, nv=packed.nv,
-            _fast=DIRECT and not packed.springs, _springs=packed.springs,
-            _rows=packed.rows, _const=packed.const,
-            _rest=np.zeros(packed.nv), _work=np.zeros((len(packed.rows), at.WORK)),
-            _lock=threading.Lock(),
-        )  # fmt: skip
+        nq, nv, work = packed.nq, packed.nv, np.zeros((len(packed.rows), at.WORK))
+        direct, rest = DIRECT and not packed.springs, np.zeros(nv)
+        SET(self, "__dict__", {  # at once: setting an attribute is guarded
+            "packed": packed, "nb": packed.nb, "nq": nq, "nv": nv, "_springs": packed.springs,
+            "_free": (nq, nv, packed.rows, packed.const, work, rest) if direct else (),
+            "_rest": rest, "_work": work, "_lock": threading.Lock(),  # of these sizes
+        })  # fmt: skip
 
     def __getstate__(self) -> Columns:
         return self.packed.columns
@@ -115,21 +116,7 @@ class Dynamics(Portable):
         checked again. Returns itself where nothing changes. Raises ModelError; this mechanism stays
         as it is.
         """
-        old = self.packed
-        columns = old.columns._edited(name, changes)
-        if columns is old.columns:
-            return self
-        if columns is None:
-            return type(self)(self.model.edit(name, **changes))
-        new = NEW(type(self))
-        packed = Packed(columns, old)
-        vars(new).update(  # at once: this is a design loop's inner step
-            packed=packed, nb=self.nb, nq=self.nq, nv=self.nv,
-            _fast=DIRECT and not packed.springs,
-            _rows=packed.rows, _const=packed.const, _springs=packed.springs,
-            _rest=self._rest, _work=self._work, _lock=self._lock,  # of the same sizes
-        )  # fmt: skip
-        return new
+        return type(self)(self.model.edit(name, **changes))
 
     # -- the digraph -----------------------------------------------------------------------------
 
@@ -289,7 +276,7 @@ class Dynamics(Portable):
         m = np.zeros((self.nv, self.nv))
         q = position(self.packed, q)
         with self._lock:
-            dynamics.mass_matrix(self._rows, self._const, q, self._rest, self._work, m)
+            dynamics.mass_matrix(*self.packed.tree, q, self._rest, self._work, m)
         return m
 
     def bias_force(self, q: Array, v: Array, *, back_end: BackEnd = "articulated") -> Array:
@@ -339,24 +326,10 @@ class Dynamics(Portable):
         Springs and dampers of joints and between bodies act; wrenches, motors and servos act in
         `simulate`.
         """
-        tau = self._rest if tau is None else tau
-        nv = self.nv
-        vdot = np.empty(nv)
-        if external is None and back_end == "articulated" and self._fast:
-            try:  # what the kernel does not take as it is costs as much to check as the dynamics
-                fit = len(q) == self.nq and len(v) == nv and len(tau) == nv
-                if fit and FORWARD(self._rows, self._const, q, v, tau, self._work, vdot) == 0:
-                    return vdot
-            except TypeError:
-                pass
-        return self._forward_checked(q, v, tau, external, back_end, vdot)
-
-    def _forward_checked(
-        self, q: Array, v: Array, tau: Array, external: Any, back_end: str, vdot: Array
-    ) -> Array:
         q, v = self._state(q, v)
-        tau = numbers("tau", tau, self.nv)
+        tau = self._rest if tau is None else numbers("tau", tau, self.nv)
         wrench = None if external is None else self._external(external)
+        vdot = np.empty(self.nv)
         if self._springs:
             tau = self._passive(q, v, tau)
         with self._lock:
@@ -375,21 +348,12 @@ class Dynamics(Portable):
         forces act, as in `forward_dynamics`.
         """
         scene = self._scene
-        tau = self._rest if tau is None else tau
-        nv = self.nv
-        vdot, wrenches = np.empty(nv), np.empty(self._wrenches)
-        asked = (scene.address, self._accelerate, 0.0)
-        try:  # as in `forward_dynamics`
-            if DIRECT and len(q) == self.nq and len(v) == nv and len(tau) == nv:
-                code = self._constrained(*asked, q, v, tau, self._flow, vdot, wrenches)
-                if code == 0:
-                    return vdot, scene.forces(wrenches)
-        except TypeError:
-            pass
         q, v = self._state(q, v)
-        tau = numbers("tau", tau, self.nv)
+        tau = self._rest if tau is None else numbers("tau", tau, self.nv)
+        constrained, *given, flow, shape = self._constrained
+        vdot, wrenches = np.empty(self.nv), np.empty(shape)
         with self._lock:
-            code = self._constrained(*asked, q, v, tau, self._flow, vdot, wrenches)
+            code = constrained(*given, q, v, tau, flow, vdot, wrenches)
         if code:
             self._explain(code, q=q, v=v, tau=tau)
         return vdot, scene.forces(wrenches)
@@ -397,12 +361,13 @@ class Dynamics(Portable):
     @cached_property
     def _scene(self) -> Scene:
         """The mechanism with its passive forces and active constraints, for single states."""
-        self._accelerate = address_of(motion.acceleration)
-        self._constrained = ready(motion.constrained_dynamics)
-        self._flow = np.zeros(3)
-        packed = self.packed
+        packed, kernel = self.packed, ready(motion.constrained_dynamics)
         scene = Scene(packed, packed.passive, packed.passive_loads, packed.active)
-        self._wrenches = (len(scene.active) - 1, 6)
+        asked = scene.address, address_of(motion.acceleration), 0.0
+        shape = len(scene.active) - 1, 6
+        state = self.nq, self.nv, self._rest
+        self._constrained = kernel, *asked, np.zeros(3), shape
+        self._bound = (*state, *self._constrained, scene.forces) if DIRECT else ()
         return scene
 
     # -- wrenches on bodies ----------------------------------------------------------------------
@@ -519,6 +484,87 @@ class Dynamics(Portable):
             finite(name, value, *value.shape)
         position(self.packed, given["q"])
         raise InputError(self.packed.singular(code) if code > 0 else OVERFLOW)
+
+
+# -- the calls of a user's own loops ---------------------------------------------------------------
+# Arrays that the kernel takes as they are cost one frame of Python: to check them, and the frame
+# that explains wrong calls, takes half as long as the dynamics of an animal. Kernels refuse other
+# arrays, and what fails goes through the methods, which say why.
+
+
+def at_once(checked: Called) -> Called:
+    """`forward_dynamics(q, v, tau)`, directly where the kernel takes the state as it is."""
+
+    @functools.wraps(checked)
+    def forward_dynamics(*args: Any, **named: Any) -> Any:
+        try:
+            mech, q, v, tau = args if len(args) == 4 else (*args, None)
+            if mech._free and not named:
+                nq, nv, rows, const, work, rest = mech._free
+                tau = rest if tau is None else tau
+                if len(q) == nq and len(v) == nv and len(tau) == nv:
+                    vdot = EMPTY(nv)
+                    if FORWARD(rows, const, q, v, tau, work, vdot) == 0:
+                        return vdot
+        except UNFIT:
+            pass
+        return checked(*args, **named)
+
+    return cast("Called", forward_dynamics)
+
+
+def constrained_at_once(checked: Called) -> Called:
+    """`constrained_dynamics(q, v, tau)` in the same way, after a first call."""
+
+    @functools.wraps(checked)
+    def constrained_dynamics(*args: Any, **named: Any) -> Any:
+        try:
+            mech, q, v, tau = args if len(args) == 4 else (*args, None)
+            if mech._bound and not named:
+                nq, nv, rest, kernel, scene, accelerate, t, flow, shape, forces = mech._bound
+                tau = rest if tau is None else tau
+                if len(q) == nq and len(v) == nv and len(tau) == nv:
+                    vdot, wrenches = EMPTY(nv), EMPTY(shape)
+                    if kernel(scene, accelerate, t, q, v, tau, flow, vdot, wrenches) == 0:
+                        return vdot, forces(wrenches)
+        except UNFIT:
+            pass
+        return checked(*args, **named)
+
+    return cast("Called", constrained_dynamics)
+
+
+def edited_at_once(checked: Called) -> Called:
+    """`edit` of what `Columns` writes into the table, in the workspace of the mechanism before."""
+
+    @functools.wraps(checked)
+    def edit(*args: Any, **changes: Any) -> Any:
+        try:
+            mech, name = args
+            old = mech.packed
+            columns = old.columns._edited(name, changes)
+        except UNFIT:
+            return checked(*args, **changes)
+        if columns is None:
+            return checked(*args, **changes)
+        if columns is old.columns:
+            return mech
+        packed, free = old.edited(columns), mech._free
+        new = NEW(type(mech))
+        SET(new, "__dict__", {  # at once: this is a design loop's inner step
+            "packed": packed, "nb": mech.nb, "nq": mech.nq, "nv": mech.nv,
+            "_springs": mech._springs, "_rest": mech._rest, "_work": mech._work,
+            "_lock": mech._lock,
+            "_free": free and (*free[:2], packed.rows, packed.const, *free[4:]),
+        })  # fmt: skip
+        return new
+
+    return cast("Called", edit)
+
+
+Dynamics.edit = edited_at_once(Dynamics.edit)
+Dynamics.forward_dynamics = at_once(Dynamics.forward_dynamics)
+Dynamics.constrained_dynamics = constrained_at_once(Dynamics.constrained_dynamics)
 
 
 # -- back ends: three ways to the same answers (checklist C10) -------------------------------------

@@ -77,6 +77,7 @@ class Scene(Unportable):
         links = self.touching.links if self.touching else Links()
         self.space = workspace(packed.rows, packed.nq, packed.nv, self.blocks, active, contacts)
         self._spans: list[tuple[str, int, int]] = []
+        self._one_each: list[str] = []  # their names where each has one block, in order
         if len(self.blocks.blocks_i):
             self.activate(active)
         tables = arrays.Blocks(*self.blocks[2:], self.active)
@@ -107,7 +108,9 @@ class Scene(Unportable):
 
     def activate(self, constraints: Ints) -> None:
         """Switch on the blocks of these constraints, and no others."""
-        self._spans = self.spans_of(constraints)
+        spans = self._spans = self.spans_of(constraints)
+        one_each = all(span[1:] == (i, i + 1) for i, span in enumerate(spans))
+        self._one_each = [name for name, _, _ in spans] if one_each else []
         chosen = [block for _, *span in self._spans for block in range(*span)]
         self.active[0] = len(chosen)
         self.active[1 : len(chosen) + 1] = chosen
@@ -147,6 +150,8 @@ class Scene(Unportable):
 
         Of these constraints, the active ones by default.
         """
+        if constraints is None and self._one_each:
+            return dict(zip(self._one_each, wrenches))
         return {
             name: wrenches[a] if b == a + 1 else wrenches[a:b].sum(axis=0)
             for name, a, b in (self._spans if constraints is None else self.spans_of(constraints))

@@ -50,6 +50,7 @@ from .fields import (
 from .shape import Shape as Shape
 from .shape import mass_properties_of, tip_of
 
+JOINT_FIELDS = ("axes", "motions", "q", "v", "limits", *PER_MOTION)  # whose lengths follow from it
 OneShape = Annotated[Shape, Once]
 Limit = Sequence[float | None] | None
 
@@ -88,8 +89,7 @@ class Body(Described):
     """A rigid body and its joint. SI units; the frames are those of docs/conventions.md."""
 
     FOLLOWERS: ClassVar[Mapping[str, tuple[str, ...]]] = dict.fromkeys(
-        ("joint", "dof", "axes", "motions"),
-        ("axes", "motions", "q", "v", "limits", *PER_MOTION),
+        ("joint", "dof", "axes", "motions"), JOINT_FIELDS
     )
 
     name: str = field("text that is not empty", label="Name")
@@ -323,14 +323,27 @@ class Body(Described):
             struct.pack(f"{len(self.v)}d", *self.v),
         )
 
-    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """A copy with other fields, not validated; one that only names others keeps its numbers."""
-        if update is not None and ("shape" in update) != ("shapes" in update):
+    def unchecked_copy(self, update: Mapping[str, Any]) -> Self:
+        """As of any part; one that only names others keeps its numbers."""
+        if ("shape" in update) != ("shapes" in update):
             update = {**update, **self._shapes_after(update)}
-        copy = super().model_copy(update=update, deep=deep)
-        if update is None or update.keys() <= NAMING:
+        copy = super().unchecked_copy(update)
+        if update.keys() <= NAMING:
             vars(copy)["records"] = self.records
         return copy
+
+    def _kept(self, update: Mapping[str, Any]) -> dict[str, Any]:
+        kept = super()._kept(update)
+        if "shape" in update or "shapes" in update:
+            kept |= {"shape": None, "shapes": ()}
+        gone = {*self.derived, *update.get("derived", ())}
+        if "motions" in update:
+            gone.add("axes")
+        elif "axes" in update or "joint" in update:
+            gone.add("motions")
+        if update.get("joint", self.joint) != self.joint:
+            gone.update(JOINT_FIELDS)
+        return {name: value for name, value in kept.items() if name not in gone}
 
     def _shapes_after(self, update: Mapping[str, Any]) -> dict[str, Any]:
         """`shape` and `shapes` where one of them is given."""

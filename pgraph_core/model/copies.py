@@ -96,7 +96,7 @@ def _bodies(rows: Sequence[Body], names: Names, mirror: Mirror | None) -> tuple[
         if body.name in names:
             copy = body if mirror is None else mirror.body(body)
             parent = names.get(body.parent, body.parent)
-            new.append(copy.model_copy(update={"name": names[body.name], "parent": parent}))
+            new.append(copy.unchecked_copy({"name": names[body.name], "parent": parent}))
     return (*rows[: last + 1], *new, *rows[last + 1 :])
 
 
@@ -119,7 +119,7 @@ class _Copy:
         """The copies of those that touch a copied body, under free names."""
         new = [copy for copy in map(self.part, parts) if copy is not None]
         own = names_of_copies([p.name for p in new], [p.name for p in parts], self.name)
-        return [p.model_copy(update={"name": own[p.name]}) for p in new], own
+        return [p.unchecked_copy({"name": own[p.name]}) for p in new], own
 
     def part(self, part: Any) -> Any:
         """The copy of a constraint, contact or force, its name as it was; None where none is."""
@@ -133,7 +133,7 @@ class _Copy:
                     f"{part.word()} '{part.name}' was not copied: it has no mirror image here"
                 )
                 return None
-            copy = copy.model_copy(update=change)
+            copy = copy.unchecked_copy(change)
         return copy
 
     def formula(self, f: Formula, parts: Sequence[Any], called: Names) -> Formula | None:
@@ -151,7 +151,7 @@ class _Copy:
         text = f.text if signs == {1.0} else negated(f.text)
         if signs not in ({1.0}, {-1.0}) or len(text) > LONGEST:
             return None
-        return f.model_copy(update={"name": called[f.name], "path": path, "text": text})
+        return f.unchecked_copy({"name": called[f.name], "path": path, "text": text})
 
     def scenario(self, s: Scenario, called: Mapping[str, Names]) -> Scenario:
         """Initial values, forces and the list of active parts for the copies too."""
@@ -169,7 +169,7 @@ class _Copy:
             for kind, names in (("constraints", s.constraints), ("contacts", s.contacts))
         }
         forces = (*s.forces, *self.parts(s.forces)[0])
-        return s.model_copy(update={**states, **active, "forces": forces})
+        return s.unchecked_copy({**states, **active, "forces": forces})
 
     def reflected(self, part: Constraint | Contact | Force) -> dict[str, Any] | None:
         """The changed fields of a part; None where its fields cannot say its mirror image."""
@@ -313,7 +313,7 @@ class Mirror:
             tuple(a * b * x + 0.0 for b, x in zip(self.sign, row))
             for a, row in zip(self.sign, body.inertia)
         )
-        return body.model_copy(update={
+        return body.unchecked_copy({
             "motions": motions,
             "axes": tuple(axis for kind, axis in motions if kind in ("rotate", "translate")),
             "link": self.point(body.link),
@@ -333,10 +333,10 @@ class Mirror:
         if shape.end_radius is not None and self.sign[2] < 0:
             w, x, y, z = -x, w, z, -y  # half a turn about its own x
         moved = {"position": self.point(shape.position), "rotation": (w, x, y, z)}
-        return shape.model_copy(update=moved)
+        return shape.unchecked_copy(moved)
 
     def value(self, x: Any, reflect: Callable[[Sequence[float]], Vec3]) -> Any:
         """A vector, or a table of vectors over time."""
         if isinstance(x, VectorTable):
-            return x.model_copy(update={"value": tuple(map(reflect, x.value))})
+            return x.unchecked_copy({"value": tuple(map(reflect, x.value))})
         return x if isinstance(x, (int, float, Table)) or x is None else reflect(x)

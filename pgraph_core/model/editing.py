@@ -7,9 +7,8 @@ from typing import Any, TypeVar
 
 from .. import joints
 from ..errors import ModelError, Problem, nearest
-from ..joints import PER_MOTION
 from ..rotation import multiply, rotate
-from .body import Body
+from .body import JOINT_FIELDS, Body
 from .checks import fits_joint, force_problems, state_problems, sum_problems
 from .constraint import Constraint
 from .contact import Contact
@@ -20,8 +19,6 @@ from .site import Site
 
 NAMING = ("parent", "body", "other")  # fields that name bodies
 T = TypeVar("T", bound=Described)
-
-JOINT_FIELDS = ("axes", "motions", "q", "v", "limits", *PER_MOTION)
 
 
 def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
@@ -101,7 +98,7 @@ def renamed_in_scenarios(
         switches = s.switches
         if key == "constraints":
             switches = tuple(
-                x.model_copy(update={"constraint": names.get(x.constraint, x.constraint)})
+                x.unchecked_copy({"constraint": names.get(x.constraint, x.constraint)})
                 for x in switches
                 if names.get(x.constraint, x.constraint) is not None
             )
@@ -118,9 +115,9 @@ def renamed_in_scenarios(
                 notices.append(f"scenario '{s.name}': its gait went with a foot")
             else:
                 moved = zip(s.gait.feet, feet)
-                feet = tuple(f.model_copy(update={"foot": name}) for f, name in moved)
-                update["gait"] = s.gait.model_copy(update={"feet": feet})
-        found.append(s.model_copy(update=update) if update else s)
+                feet = tuple(f.unchecked_copy({"foot": name}) for f, name in moved)
+                update["gait"] = s.gait.unchecked_copy({"feet": feet})
+        found.append(s.unchecked_copy(update) if update else s)
     return tuple(found), notices
 
 
@@ -183,7 +180,7 @@ def renamed(part: T, names: Mapping[str, str]) -> T:
     update: dict[str, Any] = {field: names[name] for field, name in old.items() if name in names}
     if isinstance(part, OfSums) and not names.keys().isdisjoint(part.coefficients):
         update["coefficients"] = {names.get(k, k): x for k, x in part.coefficients.items()}
-    return part.model_copy(update=update) if update else part
+    return part.unchecked_copy(update) if update else part
 
 
 def renamed_all(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) -> dict[str, Any]:
@@ -196,7 +193,7 @@ def renamed_all(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) ->
         forces = tuple(renamed(f, names) for f in s.forces)
         switches = followed(s.switches, ("coordinate",), of_bodies(names))
         states = {"q": swapped(s.q), "v": swapped(s.v)}
-        return s.model_copy(update={**states, "forces": forces, "switches": switches})
+        return s.unchecked_copy({**states, "forces": forces, "switches": switches})
 
     named = ("bodies", "constraints", "contacts", "forces", "sites")
     found: dict[str, Any] = {key: tuple(renamed(x, names) for x in parts[key]) for key in named}
@@ -231,7 +228,7 @@ def fitted(
         update["switches"] = followed(
             update["switches"], ("coordinate",), lambda at: at if has(at) else None
         )
-        return s.model_copy(update=update)
+        return s.unchecked_copy(update)
 
     kept = {
         "constraints": tuple(c for c in parts["constraints"] if c.name not in gone),
@@ -267,8 +264,8 @@ def attached(body: Body, gone: Mapping[str, Body]) -> Body:
     while body.parent in gone:
         parent = gone[body.parent]
         ahead = rotate(parent.rotation, body.link)
-        body = body.model_copy(
-            update={
+        body = body.unchecked_copy(
+            {
                 "parent": parent.parent,
                 "link": tuple(a + b for a, b in zip(parent.link, ahead)),
                 "rotation": multiply(parent.rotation, body.rotation),
@@ -294,8 +291,8 @@ def without(
         switches = followed(
             switches, ("force", "gap"), lambda x: None if x in gone["contacts"] else x
         )
-        return s.model_copy(
-            update={
+        return s.unchecked_copy(
+            {
                 "q": {k: value for k, value in s.q.items() if k not in names},
                 "v": {k: value for k, value in s.v.items() if k not in names},
                 "forces": tuple(f for f in s.forces if not touched(f)),

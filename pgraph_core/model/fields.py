@@ -43,7 +43,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError, PydanticUndefined, core_schema
 
 from ..errors import ModelError, Problem, nearest, nearest_first, shown
-from ..portable import Portable
+from ..portable import Hinting
 
 Given = TypeVar("Given")
 Held = TypeVar("Held")
@@ -343,7 +343,7 @@ def name_problem(name: str) -> str:
 if TYPE_CHECKING:  # a type checker reads the parameters of a part from its converters
 
     @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(field, Field))
-    class _Base(Portable):
+    class _Base(Hinting):
         model_fields: ClassVar[dict[str, FieldInfo]]
         model_fields_set: set[str]
         model_config: ClassVar[ConfigDict]
@@ -393,7 +393,7 @@ else:
 
     FOREIGN = ("pydantic", "builtins", "abc")
 
-    class _Base(Portable, BaseModel, metaclass=_Sentences):
+    class _Base(Hinting, BaseModel, metaclass=_Sentences):
         pass
 
 
@@ -419,17 +419,22 @@ class Frozen(_Base):
         raise ModelError(Problem(where, name, text))
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """A copy with other fields, whose values are not validated. Raises ModelError."""
+        """A copy with other fields, validated as a new part is. Raises ModelError."""
+        if not update:
+            return super().model_copy(deep=deep)
         known = type(self).model_fields
-        if update is not None and not update.keys() <= known.keys():
-            name = next(name for name in update if name not in known)
+        if name := next((name for name in update if name not in known), None):
             where = f"{type(self).__name__}.model_copy"
             raise ModelError(Problem(where, shown(name), f"no such field; {nearest(name, known)}"))
-        return super().model_copy(update=update, deep=deep)
+        return type(self)(**{**self._kept(update), **update})
 
-    def validated(self) -> Self:
-        """The same part, checked again. Raises ModelError: `model_copy` takes any value."""
-        return type(self)(**{name: _again(getattr(self, name)) for name in type(self).model_fields})
+    def _kept(self, update: Mapping[str, Any]) -> dict[str, Any]:
+        """The fields that a validated copy takes over."""
+        return fields_of(self)
+
+    def unchecked_copy(self, update: Mapping[str, Any]) -> Self:
+        """A copy with other fields, which are known to be valid."""
+        return super().model_copy(update=update)
 
     def __copy__(self) -> Self:
         """The same fields; what is cached next to them may not be true of the copy's."""
@@ -478,13 +483,6 @@ class Frozen(_Base):
         lines = (f"    {name}: {info.description}" for name, info in cls.model_fields.items())
         own = inspect.cleandoc(vars(cls).get("__doc__") or "")
         cls.__doc__ = "\n".join((own, "", "Fields:", *lines))
-
-
-def _again(value: Any) -> Any:
-    """Parts inside, validated."""
-    if isinstance(value, tuple):
-        return tuple(map(_again, value))
-    return value.validated() if isinstance(value, Frozen) else value
 
 
 def _hashed(value: Any) -> Any:

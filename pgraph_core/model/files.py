@@ -98,7 +98,7 @@ def _put_formulas(data: dict[str, Any], formulas: Sequence[Formula]) -> None:
         i = next(i for i, item in enumerate(items) if item["name"] == formula.name)
         if formula.path[0] == "shape" and len(items[i]["shapes"]) > 1:
             path = ("shapes", 0, *formula.path[1:])
-            formula = formula.model_copy(update={"path": path})
+            formula = formula.unchecked_copy({"path": path})
         items[i] = inlined(items[i], [formula])
 
 
@@ -393,13 +393,13 @@ def gathered(bodies: Iterable[Body], folder: Path) -> tuple[Body, ...]:
             return shape
         if shape.file not in known:
             known[shape.file] = _carried(body.name, Path(shape.file), folder)
-        return shape.model_copy(update={"file": known[shape.file]})
+        return shape.unchecked_copy({"file": known[shape.file]})
 
     def saved(body: Body) -> Body:
         if not any(shape.file for shape in body.shapes):
             return body
         shapes = tuple(carried(body, shape) for shape in body.shapes)
-        return body.model_copy(update={"shapes": shapes})
+        return body.unchecked_copy({"shapes": shapes})
 
     return tuple(map(saved, bodies))
 

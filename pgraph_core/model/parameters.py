@@ -316,7 +316,7 @@ def probed(value: Any, path: Sequence[str | int], x: float) -> Any:
     if isinstance(first, int):
         return (*value[:first], probed(value[first], rest, x), *value[first + 1 :])
     new = {str(first): probed(at(value, path[:1]), rest, x)}
-    return {**value, **new} if isinstance(value, Mapping) else value.model_copy(update=new)
+    return {**value, **new} if isinstance(value, Mapping) else value.unchecked_copy(new)
 
 
 def inlined(part: Any, formulas: Iterable[Formula]) -> dict[str, Any]:
@@ -353,7 +353,7 @@ def followed(
     """Formulas after an edit: new ones in place of old ones, under the new names of parts."""
     cells = {(f.part, f.name, f.path): f for f in (*formulas, *new)}
     return ordered(
-        f.model_copy(update={"name": names.get(f.name, f.name)}) if f.part == part else f
+        f.unchecked_copy({"name": names.get(f.name, f.name)}) if f.part == part else f
         for f in cells.values()
     )
 

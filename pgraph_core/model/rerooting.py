@@ -108,7 +108,7 @@ def _swapped(c: AtPoints) -> AtPoints:
     ends |= {"point": c.other_point, "other_point": c.point}
     if isinstance(c, AlongAxes):
         ends |= {"axis": c.other_axis, "other_axis": c.axis}
-    return c.model_copy(update=ends)
+    return c.unchecked_copy(ends)
 
 
 def _check(parts: Parts, c: AtPoints, chain: list[Body]) -> None:
@@ -167,7 +167,7 @@ def _complete(c: AtPoints, bodies: Mapping[str, Body], at_home: Mapping[str, Pos
     if gap > OPEN:
         text = f"does not close in the initial state, by {gap:.3g}; give the bodies the q of an "
         raise ModelError(Problem(f"constraint '{c.name}'", "", f"{text}assembled state first"))
-    return c.model_copy(update=update)
+    return c.unchecked_copy(update)
 
 
 def _tuple(x: Any) -> tuple[float, float, float]:
@@ -224,8 +224,7 @@ class _Turned:
         fields["tip"] = self.moved(old.name, old.tip)
         if old.shapes:
             fields["shapes"] = tuple(
-                s.model_copy(update={"position": self.moved(old.name, s.position)})
-                for s in old.shapes
+                s.unchecked_copy({"position": self.moved(old.name, s.position)}) for s in old.shapes
             )
             fields["shape"] = fields["shapes"][0]
         if old.name == self.c.body:
@@ -234,7 +233,7 @@ class _Turned:
             fields |= self._turned(self.below[old.name])
         else:
             fields["link"] = self.moved(old.parent, old.link)
-            return old.model_copy(update=fields)
+            return old.unchecked_copy(fields)
         kept = {"name": old.name, "mass": old.mass, "inertia": old.inertia}
         return Body(**kept, **fields)
 
@@ -295,15 +294,15 @@ class _Turned:
         if isinstance(c, AtPoints):
             at_middle = isinstance(c, Rolling) and c.other_point is None and c.other in self.shifts
             update["other_point"] = self.moved(c.other, NONE if at_middle else c.other_point)
-        return c.model_copy(update=update)
+        return c.unchecked_copy(update)
 
     def contact(self, c: Any) -> Any:
         """With its points in the new frame."""
-        return c.model_copy(update={"points": tuple(self.moved(c.body, p) for p in c.points)})
+        return c.unchecked_copy({"points": tuple(self.moved(c.body, p) for p in c.points)})
 
     def site(self, s: Site) -> Site:
         """With its origin in the new frame."""
-        return s.model_copy(update={"point": self.moved(s.body, s.point)})
+        return s.unchecked_copy({"point": self.moved(s.body, s.point)})
 
     def force(self, f: Force) -> Force:
         """With points in the new frames, and on the joint that it acted on."""
@@ -318,7 +317,7 @@ class _Turned:
             update["point"] = self.moved(f.body, f.point)
             if f.other in self.shifts:
                 update["other_point"] = self.moved(f.other, f.other_point or NONE)
-        return f.model_copy(update=update)
+        return f.unchecked_copy(update)
 
     def scenario(self, s: Scenario) -> Scenario:
         """Initial states of the joints where they are now; the new constraint's name."""
@@ -337,7 +336,7 @@ class _Turned:
             self.cut.name if name == self.c.name else name for name in s.constraints
         )
         forces = tuple(map(self.force, s.forces))
-        return s.model_copy(update={**states, "constraints": names, "forces": forces})
+        return s.unchecked_copy({**states, "constraints": names, "forces": forces})
 
 
 def _conjugate(q: Sequence[float]) -> tuple[float, float, float, float]:

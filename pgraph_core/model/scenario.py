@@ -437,7 +437,7 @@ def followed(
             if new is None:
                 continue
             if new != name:
-                s = s.model_copy(update={"when": s.when.model_copy(update={what: new})})
+                s = s.unchecked_copy({"when": s.when.unchecked_copy({what: new})})
         found.append(s)
     return tuple(found)
 

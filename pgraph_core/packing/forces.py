@@ -221,7 +221,7 @@ def input_tables(f: OnJoint) -> tuple[float | Table, float | Table]:
 
 def _added(value: Any, by: Any) -> float | Table:
     if isinstance(value, Table):
-        return value.model_copy(update={"value": tuple(x + by for x in value.value)})
+        return value.unchecked_copy({"value": tuple(x + by for x in value.value)})
     return value + by
 
 
@@ -229,7 +229,7 @@ def _scaled(value: float | Table, by: float) -> Any:
     if by == 1.0:
         return value
     if isinstance(value, Table):
-        return value.model_copy(update={"value": tuple(by * x for x in value.value)})
+        return value.unchecked_copy({"value": tuple(by * x for x in value.value)})
     return by * value
 
 

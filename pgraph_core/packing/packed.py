@@ -17,9 +17,9 @@ from ..model import Force, Model
 from ..topology import Topology
 from .constraints import Blocks, blocks
 from .forces import NO_LOADS, bends, drives, loads, on_bodies
-from .system import Array, Drives, Ints, Loads, System, length_in, system
+from .system import Array, Arrays, Drives, Ints, Loads, System, length_in, system
 
-INT, EMPTY = np.dtype(np.int64), np.empty
+INT, EMPTY, NEW = np.dtype(np.int64), np.empty, object.__new__
 NOWHERE = np.zeros((0, 3)), np.zeros((0, 3, 3))
 
 
@@ -37,29 +37,33 @@ class Packed:
     Nothing here belongs to a state or a run, and nothing changes but caches.
     """
 
+    columns: Columns
+    rows: Ints
+    const: Array
+    nb: int
+    nq: int
+    nv: int
+    springs: int  # how many act in joints or between bodies
     # forces last asked for, packed, and when their tables bend
     _driven: tuple[tuple[Force, ...], Drives, Array] | None = None
 
-    def __init__(self, columns: Columns, like: Packed | None = None):
-        """`like` has the same sizes and forces. Raises ModelError where parents close a cycle."""
+    def __init__(self, columns: Columns):
+        """Raises ModelError where parents close a cycle."""
         self.columns = columns
-        parent, body, motion, start = columns.numbers
-        nb, n = len(body), len(motion) + 1
-        self.rows, self.const = rows, const = EMPTY((n, 4), INT), EMPTY((n, at.CONST))
-        bodies_i, bodies_f = EMPTY((nb, at.BODIES_I), INT), EMPTY((nb, at.BODY))
-        home = EMPTY(len(start))
-        self._arrays = rows, const, bodies_i, bodies_f, home
-        springs = pack(parent, body, motion, start, rows, const, bodies_i, bodies_f, home)
-        if springs < 0:
-            columns.model()  # says in words which bodies close a cycle
-        if like is None:
-            self.between = columns.springs_between
-            self.nb, self.nq = nb - 1, columns.nq
-            self.nv = len(home) - self.nq
-        else:
-            self.between = like.between
-            self.nb, self.nq, self.nv = like.nb, like.nq, like.nv
-        self.springs = springs + self.between  # how many act in joints or between bodies
+        self.between = columns.springs_between
+        self._arrays, self.rows, self.const, springs = packed(columns)
+        self.springs = springs + self.between
+        self.nb, self.nq = len(columns.numbers[1]) - 1, columns.nq
+        self.nv = len(self._arrays[-1]) - self.nq
+
+    def edited(self, columns: Columns) -> Packed:
+        """The same for columns of the same sizes and forces. Raises ModelError as above."""
+        new = NEW(Packed)
+        new.columns = columns
+        new._arrays, new.rows, new.const, _ = packed(columns)
+        new.between, new.springs = self.between, self.springs
+        new.nb, new.nq, new.nv = self.nb, self.nq, self.nv
+        return new
 
     @property
     def tree(self) -> tuple[Ints, Array]:
@@ -185,3 +189,15 @@ class Packed:
     def passive_loads(self) -> Loads:
         """Springs and torsion springs between bodies, and drags."""
         return self.loads(tuple(f for f in self.model.forces if f.PASSIVE))
+
+
+def packed(columns: Columns) -> tuple[Arrays, Ints, Array, int]:
+    """(all arrays, rows, const, how many joints have a spring). Raises ModelError for cycles."""
+    parent, body, motion, start = columns.numbers
+    nb, n = len(body), len(motion) + 1
+    rows, const, home = EMPTY((n, 4), INT), EMPTY((n, at.CONST)), EMPTY(len(start))
+    bodies_i, bodies_f = EMPTY((nb, at.BODIES_I), INT), EMPTY((nb, at.BODY))
+    springs = pack(parent, body, motion, start, rows, const, bodies_i, bodies_f, home)
+    if springs < 0:
+        columns.model()  # says in words which bodies close a cycle
+    return (rows, const, bodies_i, bodies_f, home), rows, const, springs

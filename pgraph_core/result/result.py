@@ -25,7 +25,7 @@ from ..model.constraint import InJoints
 from ..model.files import gathered, write_atomic
 from ..packing.system import Array
 from ..plan import Plan
-from ..portable import EqualByFields, Portable
+from ..portable import EqualByFields, Hinting
 from .dense import states_at
 from .records import (
     KINDS,
@@ -66,7 +66,7 @@ class Status(Enum):
 @guarded(other="a run does not change; dataclasses.replace(run, q=...) makes another one")
 @explained
 @dataclass(frozen=True, eq=False)
-class Result(EqualByFields, Portable):
+class Result(EqualByFields, Hinting):
     """A run. Arrays have one row a recorded frame; a run that failed keeps what it computed.
 
     Two runs are equal if their models and all their numbers are; their costs are not compared.
@@ -363,7 +363,7 @@ class Result(EqualByFields, Portable):
             raise FileError(Problem(str(path), "", text))
         model, folder = self.mechanism.model, Path(path).parent
         if folder.is_dir():
-            model = model.model_copy(update={"bodies": gathered(model.bodies, folder)})
+            model = model.unchecked_copy({"bodies": gathered(model.bodies, folder)})
         arrays = {name: getattr(self, name) for name in ARRAYS}
         arrays |= {f"force:{name}": value for name, value in self.constraint_force.items()}
         arrays |= self.contacts.arrays() | event_arrays(self.user_events)

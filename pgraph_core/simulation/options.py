@@ -169,12 +169,12 @@ def driven(forces: Sequence[Force], inputs: Inputs, call: str, t_start: float) -
 def _given(f: OnJoint, value: float | Table, t_start: float) -> OnJoint:
     """With this input; where it has a lag, its own one still acts at first."""
     if not f.lag:
-        return f.model_copy(update={f.INPUT: value})
+        return f.unchecked_copy({f.INPUT: value})
     if not isinstance(value, Table):
         value = Table(t=(t_start,), value=(value,))
     own = getattr(f, f.INPUT)
     first = own.value[0] if isinstance(own, Table) else own
-    return f.model_copy(update={f.INPUT: value, "start": first if f.start is None else f.start})
+    return f.unchecked_copy({f.INPUT: value, "start": first if f.start is None else f.start})
 
 
 def positive(field: str, value: Any, *, unit: str = " [s]", call: str = "simulate") -> float:

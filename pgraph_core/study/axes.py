@@ -79,9 +79,7 @@ def stiffness(model: Model, value: float) -> Model:
         raise lacking("stiffness", "springs of joints and between bodies")
     by = value / stiffest
     forces = tuple(
-        f.model_copy(update={"stiffness": f.stiffness * by})
-        if isinstance(f, (Spring, Torsion))
-        else f
+        f.unchecked_copy({"stiffness": f.stiffness * by}) if isinstance(f, (Spring, Torsion)) else f
         for f in model.forces
     )
     bodies = tuple(_stiffened(b, by) if any(b.stiffness) else b for b in model.bodies)
@@ -135,7 +133,7 @@ def _damped(model: Model, force: Force, value: float) -> Force:
     joined = [model.body(name) for name in force.touches]
     mass = min(max(max(r) for r in b.inertia) if turns else b.mass for b in joined)
     damping = 2 * value * math.sqrt(force.stiffness * mass)
-    return force.model_copy(update={"damping": damping})
+    return force.unchecked_copy({"damping": damping})
 
 
 def contact_stiffness(model: Model, value: float) -> Model:
@@ -144,7 +142,7 @@ def contact_stiffness(model: Model, value: float) -> Model:
         raise lacking("contact_stiffness", "contacts of law 'soft' or 'penalty'")
     return model.replace(
         contacts=tuple(
-            c if c.law == "complementarity" else c.model_copy(update={"stiffness": float(value)})
+            c if c.law == "complementarity" else c.unchecked_copy({"stiffness": float(value)})
             for c in model.contacts
         )
     )
@@ -252,7 +250,7 @@ def friction(model: Model, value: float) -> Model:
     if not model.contacts:
         raise lacking("friction", "contacts")
     return model.replace(
-        contacts=tuple(c.model_copy(update={"friction": float(value)}) for c in model.contacts)
+        contacts=tuple(c.unchecked_copy({"friction": float(value)}) for c in model.contacts)
     )
 
 
@@ -278,7 +276,7 @@ def redundancy(model: Model, value: float) -> Model:
         text = f"of redundancy must be whole numbers >= 0; given {value:g}"
         raise refusal("stability_map", "values", text)
     copies = tuple(
-        c.model_copy(update={"name": f"{c.name} again {i + 1}"})
+        c.unchecked_copy({"name": f"{c.name} again {i + 1}"})
         for i in range(int(value))
         for c in active
     )

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..errors import FileError, Problem, choices, explained
 from ..model.files import write_atomic
-from ..portable import Portable
+from ..portable import Hinting
 from .page import Section, Square, escape, heat_map, page, table
 from .study import plain
 from .verdicts import Cell, Verdict
@@ -32,7 +32,7 @@ HEADER = ("value", "method", "step [s]", "verdict", "error", "order", "evaluatio
 
 @explained
 @dataclass(frozen=True)
-class StabilityMap(Portable):
+class StabilityMap(Hinting):
     """A verdict on each value of the axis, method and step; `print` shows it as text."""
 
     model: str  # name

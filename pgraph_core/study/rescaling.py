@@ -77,7 +77,7 @@ def rescaled(model: Model, *, length: float = 1.0, mass: float = 1.0, time: floa
         gravity=_times(model.gravity, s.of(1, 0, -2)),
         ground=_ground(model.ground, s),
         scenarios=(),
-        sites=tuple(x.model_copy(update={"point": _times(x.point, s.length)}) for x in model.sites),
+        sites=tuple(x.unchecked_copy({"point": _times(x.point, s.length)}) for x in model.sites),
     )
 
 
@@ -117,7 +117,7 @@ def _body(body: Body, s: Scale) -> Body:
         }
         named = lengths & type(shape).model_fields.keys()
         sizes = {x: _times(getattr(shape, x), s.length) for x in named}
-        shapes.append(shape.model_copy(update=sizes))
+        shapes.append(shape.unchecked_copy(sizes))
     found |= {"shape": shapes[0] if shapes else None, "shapes": tuple(shapes)}
     return changed(body, **found)
 
@@ -131,15 +131,15 @@ def _coordinates(
 
 def _constraint(c: Constraint, s: Scale) -> Constraint:
     named = {"point", "other_point", "length", "radius"} & type(c).model_fields.keys()
-    return c.model_copy(update={x: _times(getattr(c, x), s.length) for x in named})
+    return c.unchecked_copy({x: _times(getattr(c, x), s.length) for x in named})
 
 
 def _contact(c: Contact, s: Scale) -> Contact:
     soft = c.law == "soft"
     stiffness = s.of(-0.5, 1, -2) if soft else s.of(*SPRING)
     damping = s.of(-1, 0, 1) if soft else s.of(*DAMPER)
-    return c.model_copy(
-        update={
+    return c.unchecked_copy(
+        {
             "points": _times(c.points, s.length),
             "rolling_friction": _times(c.rolling_friction, s.length),
             "spinning_friction": _times(c.spinning_friction, s.length),
@@ -180,7 +180,7 @@ def _force(f: Force, model: Model, s: Scale) -> Force:
             }
         case _:
             raise TypeError(f"no units are known for a force of kind '{f.kind}'")
-    return f.model_copy(update=found)
+    return f.unchecked_copy(found)
 
 
 def _along_joints(f: OnJoint | Tendon, model: Model, s: Scale) -> dict[str, Any]:
@@ -223,12 +223,12 @@ def _curve(value: Any, by: float, s: Scale) -> Any:
 
 def _ground(ground: Ground, s: Scale) -> Ground:
     steps = tuple(
-        step.model_copy(
-            update={x: _times(getattr(step, x), s.length) for x in ("low", "high", "height")}
+        step.unchecked_copy(
+            {x: _times(getattr(step, x), s.length) for x in ("low", "high", "height")}
         )
         for step in ground.steps
     )
     update: dict[str, Any] = {"steps": steps}
     for name in ("rolling_friction", "spinning_friction"):
         update[name] = _times(getattr(ground, name), s.length)
-    return ground.model_copy(update=update)
+    return ground.unchecked_copy(update)

@@ -192,7 +192,7 @@ def in_scenario(model: Model, name: str | None) -> tuple[Model, float]:
     constraints, contacts = (
         parts
         if names is None
-        else tuple(p.model_copy(update={"active": p.name in names}) for p in parts)
+        else tuple(p.unchecked_copy({"active": p.name in names}) for p in parts)
         for parts, names in ((model.constraints, s.constraints), (model.contacts, s.contacts))
     )
     return model.replace(

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import FileError, InputError, Problem, explained, refusal
 from ..model.files import write_atomic
-from ..portable import Portable
+from ..portable import Hinting
 from .errors import Errors
 from .page import (
     WIDE,
@@ -182,7 +182,7 @@ class Row:
 
 @explained
 @dataclass(frozen=True)
-class Study(Portable):
+class Study(Hinting):
     """Error against run time of many methods on one motion; `print(study)` is a table."""
 
     SUFFIXES: ClassVar[tuple[str, ...]] = (".html", ".json", ".svg", ".txt")  # of files

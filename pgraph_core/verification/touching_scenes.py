@@ -38,7 +38,7 @@ def bounce(rng: Rng) -> Scene:
     floor = Contact(name="c", body="b", law="complementarity", restitution=e, friction=0.0)
     limited = bool(rng.random() < 0.3)
     if limited:
-        body = body.model_copy(update={"limits": ((r, None),), "limit_restitution": (e,)})
+        body = body.unchecked_copy({"limits": ((r, None),), "limit_restitution": (e,)})
     contacts = () if limited else (floor,)
     model = Model(bodies=(body,), contacts=contacts, gravity=(0, 0, -g))
     fall = np.sqrt(2 * h / g)
@@ -80,7 +80,7 @@ def slide(rng: Rng) -> Scene:
             name="b", joint="compound", mass=m, v=(v0, 0.0), inertia=NONE,
             motions=(("translate", (1, 0, 0)), ("translate", (0, 0, 1))),
         )  # fmt: skip
-        floor = floor.model_copy(update={"points": ((0.0, 0.0, 0.0),)})
+        floor = floor.unchecked_copy({"points": ((0.0, 0.0, 0.0),)})
     model = Model(bodies=(body,), contacts=(floor,), gravity=(0, 0, -g))
 
     def known(t: Array) -> Array:
