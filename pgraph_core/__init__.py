@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from .model import Motion as Motion
     from .model import Motor as Motor
     from .model import Orientation as Orientation
+    from .model import Output as Output
     from .model import Plane as Plane
     from .model import Point as Point
     from .model import Polynomial as Polynomial
@@ -115,7 +116,7 @@ _MODULES = {
     "mechanism": "Mechanism",
     "model": (
         "Actuator Body Constraint Contact Coupling Cylindrical Distance Drag Footfall Force "
-        "Gains Gait Gear Ground Line Model Motion Motor Orientation Plane Point Polynomial "
+        "Gains Gait Gear Ground Line Model Motion Motor Orientation Output Plane Point Polynomial "
         "Prismatic Revolute Rolling Scenario Servo Shape Sine Site Skate SpeedServo Spring Step "
         "Switch Table Tendon Torsion Universal VectorTable Velocity Weld Wrench"
     ),

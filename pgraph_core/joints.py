@@ -75,6 +75,17 @@ def nv(motions: tuple[Motion, ...]) -> int:
     return sum(SIZE[m.kind][1] for m in motions)
 
 
+def places(motions: tuple[Motion, ...]) -> list[int | None]:
+    """The entry of q that each degree of freedom changes; None for turns of balls and free ones."""
+    found: list[int | None] = []
+    start = 0
+    for m in motions:
+        own = {"ball": [None] * 3, "free": [None] * 3 + [0, 1, 2]}.get(m.kind, [0])
+        found += [None if k is None else start + k for k in own]
+        start += SIZE[m.kind][0]
+    return found
+
+
 def home(motions: tuple[Motion, ...]) -> tuple[float, ...]:
     """q = 0 of a joint: zeros, and the unit quaternion [1, 0, 0, 0] of a ball or free motion."""
     zero = {"rotate": (0.0,), "translate": (0.0,), "ball": (1.0, 0.0, 0.0, 0.0)}

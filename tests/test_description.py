@@ -15,7 +15,7 @@ TEXT = (Path(__file__).parent.parent / "docs" / "description.md").read_text(enco
 SECTIONS = dict(re.findall(r"^## (\w+)\n(.*?)(?=^## |\Z)", TEXT, flags=re.M | re.S))
 PARTS = (
     *(pg.Model, pg.Ground, pg.Step, pg.Body, pg.Shape, pg.Constraint, pg.Contact, pg.Force),
-    *(pg.Table, pg.Scenario, pg.Switch, pg.Gait, pg.Footfall, pg.Gains),
+    *(pg.Table, pg.Scenario, pg.Switch, pg.Gait, pg.Footfall, pg.Gains, pg.Site, pg.Output),
 )
 
 

@@ -11,7 +11,7 @@ from pgraph_app.cli.main import main
 
 mujoco = pytest.importorskip("mujoco")
 
-from tests.core.test_mjcf_of_others import errors_of  # noqa: E402 (it needs mujoco too)
+from tests.core.test_mjcf_of_others import errors_of, start_of  # noqa: E402 (it needs mujoco too)
 
 ARM = """<mujoco model="arm">
 <compiler angle="degree"/><option gravity="0 0 -1.6"/>
@@ -287,6 +287,132 @@ def test_a_filter_is_a_lag_of_the_input(tmp_path):
     assert stepper.q[0] == pytest.approx(x(0.5), abs=1e-9)
     pg.write_mjcf(model, tmp_path / "again.xml")
     assert pg.read_mjcf(tmp_path / "again.xml")[0].forces == model.forces
+
+
+INTEGRATED = """<mujoco><worldbody><body><joint name="x" type="slide" axis="1 0 0"/>
+<geom size=".1" mass="2"/></body></worldbody><actuator><general name="m" joint="x"
+dyntype="integrator" gainprm="3" ctrlrange="-9 9" actrange="-.5 .6"/></actuator></mujoco>"""
+
+
+def test_an_integrator_is_the_integral_of_the_input(tmp_path):
+    model, report = read(tmp_path, INTEGRATED)
+    assert report.loaded
+    ramp = pg.Table(t=[0, 2], value=[1, -1])  # integral t - t^2 / 2, at most 0.5
+    run = pg.simulate(model, t_end=2.0, inputs={"m": ramp}, frames=21)
+    expected = 1.5 * (run.t - run.t**2 / 2)
+    np.testing.assert_allclose(run.vdot[:, 0], expected, atol=1e-13)
+    run = pg.simulate(model, t_end=1.0, inputs={"m": 1.0}, frames=11)  # 0.6 from t = 0.6 on
+    np.testing.assert_allclose(run.vdot[:, 0], 1.5 * np.minimum(run.t, 0.6), atol=1e-13)
+    stepper = pg.Stepper(model, step=1e-3)
+    stepper.step(inputs={"m": 2.0}, n=400)  # 0.6 from t = 0.3 on
+    stepper.step(inputs={"m": -1.0}, n=200)
+    assert stepper.vdot[0] == pytest.approx(1.5 * 0.4, abs=1e-12)
+    pg.write_mjcf(model, tmp_path / "again.xml")
+    assert pg.read_mjcf(tmp_path / "again.xml")[0].forces == model.forces
+    m = mujoco.MjModel.from_xml_string(INTEGRATED)
+    data = mujoco.MjData(m)
+    m.opt.timestep, data.ctrl[0] = 1e-4, 1.0
+    while data.time < 1.0 - 1e-9:
+        mujoco.mj_step(m, data)
+    assert run.q[-1, 0] == pytest.approx(data.qpos[0], abs=2e-4)  # its steps of first order
+
+
+@pytest.mark.parametrize("t_start", [0.0, 5.0])
+def test_what_acts_first_is_of_the_start_of_the_run(t_start):
+    body = pg.Body(name="a", joint="prismatic", axes=(1, 0, 0), mass=1.0)
+    table = pg.Table(t=[0, 4, 6, 10], value=[3, 3, 3, 3])
+
+    def lagging(**fields):
+        return pg.Motor(**{"name": "m", "body": "a", "torque": 3.0, "lag": 0.5} | fields)
+
+    drives = (
+        (lagging(start=1.0), lambda s: 3 - 2 * np.exp(-2 * s)),
+        (lagging(start=1.0, torque=table), lambda s: 3 - 2 * np.exp(-2 * s)),
+        (lagging(), lambda s: 3 + 0 * s),
+        (pg.Motor(name="m", body="a", torque=3.0, integrates=True, start=1.0), lambda s: 1 + 3 * s),
+    )
+    for drive, expected in drives:
+        model = pg.Model(bodies=[body], gravity=(0, 0, 0), forces=[drive])
+        given = {"m": drive.torque} if drive.start is not None else None
+        for inputs in (None, given):
+            run = pg.simulate(model, t_start=t_start, t_end=t_start + 1, inputs=inputs, frames=5)
+            np.testing.assert_allclose(run.vdot[:, 0], expected(run.t - t_start), atol=1e-12)
+
+
+LIMITED = """<mujoco><worldbody><body><joint name="x" type="slide" actuatorfrcrange="-3 3"/>
+<geom size=".1" mass="2"/><body><joint name="y" type="slide" axis="0 1 0" actuatorfrcrange="-9 9"/>
+<geom size=".1" mass="1"/></body></body></worldbody><tendon>
+<fixed name="one" actuatorfrcrange="-7 5"><joint joint="x" coef="2"/></fixed>
+<fixed name="two"><joint joint="x" coef="1"/><joint joint="y" coef="1"/></fixed></tendon>
+<actuator><motor name="m" {}/></actuator></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("motor", "torques"),
+    [
+        ('tendon="one"', (-1.5, 1.5)),  # the joint's limit over the tendon's coefficient
+        ('tendon="one" gear=".1"', (-7.0, 5.0)),
+        ('tendon="two" forcerange="-2 2"', (-2.0, 2.0)),  # never beyond what the joints take
+        ('tendon="two" forcerange="-4 4"', None),
+        ('tendon="two"', None),
+    ],
+)
+def test_limits_of_joints_and_tendons_bound_what_drives_them(tmp_path, motor, torques):
+    model, report = read(tmp_path, LIMITED.format(motor))
+    assert report.loaded == (torques is not None)
+    if torques is None:
+        assert any("joint 'x'" in e.text and "'m'" in e.where for e in report.of("left out"))
+    else:
+        assert model["m"].torques == pytest.approx(torques)
+
+
+def test_what_a_keyframe_holds_besides_a_state_is_told(tmp_path):
+    text = INTEGRATED.replace("</mujoco>", '<keyframe><key act=".3"/></keyframe></mujoco>')
+    report = read(tmp_path, text)[1]
+    assert any("activations" in e.text for e in report.of("left out"))
+
+
+AXES = ("framepos", "framequat", "framelinvel", "frameangvel")
+OWN = ("gyro", "velocimeter", "accelerometer", "force", "torque")
+SENSED = """<mujoco><option gravity="1 2 -9"/><default><geom contype="0" conaffinity="0"/></default>
+<worldbody><site name="w" pos="1 2 3" euler="9 8 7"/>
+<body name="a" pos="0 0 1"><joint name="x" axis="0 1 0" damping=".1"/>
+<geom type="capsule" fromto="0 0 0 .4 0 0" size=".05"/>
+<site name="imu" pos=".2 .1 0" euler="1 2 3"/>
+<body name="b" pos=".4 0 0"><joint name="y" axis="0 0 1" stiffness="3"/>
+<geom type="box" size=".1 .2 .1"/><site name="hand" pos="0 .1 .2" euler="0 0 70"/></body></body>
+<body name="f" pos="2 0 0"><freejoint/><geom size=".2 .1 .1" type="ellipsoid"/>
+<site name="s" pos=".1 0 0" euler="5 6 7"/></body></worldbody>
+<actuator><motor name="m" joint="y"/></actuator><sensor><jointpos name="jx" joint="x"/>
+<jointvel name="jy" joint="y"/><framepos name="b" objtype="xbody" objname="b"/><clock/>{}
+</sensor></mujoco>"""  # fmt: skip
+
+
+def test_outputs_are_what_sensors_of_mujoco_read(tmp_path):
+    given = [f'objtype="site" objname="{s}"' for s in ("imu", "hand", "s", "w")]
+    sensors = [f'<{kind} name="{kind} {k}" {x}/>' for kind in AXES for k, x in enumerate(given)]
+    sites = ("imu", "hand", "s", "w")
+    sensors += [f'<{kind} name="{kind} {s}" site="{s}"/>' for kind in OWN[:3] for s in sites]
+    sensors += [f'<{kind} name="{kind} {s}" site="{s}"/>' for kind in OWN[3:] for s in sites[:3]]
+    model, report = read(tmp_path, SENSED.format("".join(sensors)))
+    assert [e.text for e in report.of("left out")] == ["1 of kind clock"]
+    mech, rng = pg.Mechanism(model), np.random.default_rng(0)
+    m = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    q, v, qpos, qvel, _ = start_of(mech, m, rng)
+    data = mujoco.MjData(m)
+    data.qpos[:], data.qvel[:], data.ctrl[0] = qpos, qvel, 0.7
+    mujoco.mj_forward(m, data)
+    stepper = pg.Stepper(mech, q=q, v=v, inputs={"m": 0.7}, method="rk4")
+    assert list(stepper.outputs) == [m.sensor(k).name for k in range(m.nsensor) if k != 3]
+    for name, found in stepper.outputs.items():
+        expected = data.sensor(name).data
+        if model.part(name, "output").kind == "rotation" and found @ expected < 0:
+            expected = -expected
+        np.testing.assert_allclose(np.ravel(found), expected, atol=1e-12, err_msg=name)
+    pg.write_mjcf(model, tmp_path / "again.xml")
+    again, _ = pg.read_mjcf(tmp_path / "again.xml")
+    assert again.outputs == model.outputs
+    assert again.sites == model.sites
 
 
 HOSTILE = {

@@ -17,6 +17,7 @@ KINDS = {  # group of parts in a path -> the kind that `Model.edit` takes
     "forces": "force",
     "scenarios": "scenario",
     "sites": "site",
+    "outputs": "output",
 }
 WORLD = ("gravity", "ground")  # fields of the model itself
 

@@ -79,7 +79,9 @@ class Drives(NamedTuple):
     """Springs, dampers and friction of joints, then motors and servos."""
 
     table: Any  # of JOINT_FORCE
-    knots: Any  # (nk, 4) time [s], value, slope after it, what acts of an input with a lag
+    knots: (
+        Any  # (nk, 4) time [s], value, slope after it, what acts of an input with a lag or integral
+    )
     passive: Any  # how many rows of the table are springs and dampers
     terms: Any  # (nt, 3) index into v, into q, coefficient: of forces along several coordinates
 

@@ -41,9 +41,13 @@ def lookup(knots, first, count, t):
 
 
 @part
-def lagged(knots, first, count, t, lag):
-    """y of y' = (u - y) / lag at time t, exactly, of the input u of a table; with lag 0, u."""
-    if lag == 0.0:
+def acting(one, knots, first, count, t):
+    """What acts at time t of the input u of a table: u; y of y' = (u - y) / lag; or y of y' = u.
+
+    Both are exact; y of y' = u stays within its bounds.
+    """
+    lag = one.lag
+    if lag == 0.0 and one.integrates == 0:
         return lookup(knots, first, count, t)
     if t <= knots[first, 0]:
         return knots[first, 3]
@@ -54,8 +58,19 @@ def lagged(knots, first, count, t, lag):
         slope = knots[n, 2]
     ahead = t - knots[n, 0]
     u = knots[n, 1]
+    if one.integrates:  # u keeps its sign between two knots, so the bound is met at once
+        y = knots[n, 3] + (u + 0.5 * slope * ahead) * ahead
+        return min(max(y, one.least), one.most)
     behind = slope * lag
     return u + slope * ahead - behind + (knots[n, 3] - u + behind) * exp(-ahead / lag)
+
+
+@part
+def own_torque(one, knots, t):
+    """The torque that a motor or servo adds; it is the input where there is no target."""
+    if one.coordinate < 0:
+        return acting(one, knots, one.first_torque, one.torques, t)
+    return lookup(knots, one.first_torque, one.torques, t)
 
 
 @part
@@ -90,10 +105,9 @@ def at_its_limit(drives, n, t, q, v):
     table, knots, _, terms = drives
     torque = -table[n].damping * speed_of(table, terms, n, v)
     if table[n].coordinate >= 0:
-        target = lagged(knots, table[n].first_target, table[n].targets, t, table[n].lag)
+        target = acting(table[n], knots, table[n].first_target, table[n].targets, t)
         torque += table[n].stiffness * (target - stretch_of(table, terms, n, q))
-    lag = table[n].lag if table[n].coordinate < 0 else 0.0
-    torque += lagged(knots, table[n].first_torque, table[n].torques, t, lag)
+    torque += own_torque(table[n], knots, t)
     return torque < table[n].low or torque > table[n].high
 
 
@@ -119,15 +133,12 @@ def drive(drives, t, q, v, given, tau):
             drag += friction * speed / math.sqrt(speed * speed + CREEP * CREEP)
         torque = -drag
         if i >= 0:
-            first = table[n].first_target
-            target = lagged(knots, first, table[n].targets, t, table[n].lag)
+            target = acting(table[n], knots, table[n].first_target, table[n].targets, t)
             torque += table[n].stiffness * (target - stretch_of(table, terms, n, q))
         if n < passive:
             dissipated += drag * speed
         else:
-            first = table[n].first_torque
-            lag = table[n].lag if i < 0 else 0.0
-            torque += lagged(knots, first, table[n].torques, t, lag)
+            torque += own_torque(table[n], knots, t)
             torque = min(max(torque, table[n].low), table[n].high)
             put_in += torque * speed
         if table[n].terms == 0:

@@ -66,7 +66,7 @@ B_INERTIA = 16  # 6
 BODY = 22
 
 # knots: float64 (nk, 4): time [s], value, slope after it, or of a table's last one knots a second;
-# what acts there of an input with a lag
+# what acts there of an input with a lag or an integral
 
 # -- constraint blocks ----------------------------------------------------------------------------
 # A constraint is one or two blocks of up to three rows; x is the place of a block's point.

@@ -154,7 +154,11 @@ JOINT_FORCE = record(
     torques=INTEGER,
     first_term=INTEGER,
     terms=INTEGER,  # 0: one coordinate, with the coefficient 1
-    lag=REAL,  # time constant with which the input acts: the target, or without one the torque [s]
+    # of the input, which is the target, or without one the torque
+    lag=REAL,  # time constant with which it acts [s]
+    integrates=INTEGER,  # 1: its integral acts
+    least=REAL,  # bounds of the integral
+    most=REAL,
 )
 CREEP = 1e-3  # rad/s, m/s: friction is regularised as v / √(v² + creep²)
 

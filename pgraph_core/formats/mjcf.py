@@ -163,6 +163,7 @@ class _Reader:
             "forces": list[Force](parts.forces()),
             "scenarios": parts.keyframes(),
             "sites": parts.sites([body["name"] for body in bodies]),
+            "outputs": parts.outputs(),
         }
         self._start(fields)
         parts.rest()
@@ -323,11 +324,17 @@ class _Reader:
 
     def _polynomials(self, j: int, dof: int) -> None:
         m = self.m
-        for table, k in (("jnt_stiffnesspoly", j), ("dof_dampingpoly", dof)):
+        for table, k, text in (
+            ("jnt_stiffnesspoly", j, "stiffness that is not linear"),
+            ("dof_dampingpoly", dof, "damping that is not linear"),
+            ("jnt_springyield", j, "a spring that yields"),
+        ):
             found = getattr(m, table, None)
             if found is not None and np.any(found[k]):
-                text = "stiffness or damping that is not linear"
                 self.left_out("joint", m.joint(j).name, text)
+        if m.jnt_actgravcomp[j] and m.jnt_actfrclimited[j] and np.any(m.body_gravcomp):
+            text = "a limit of its actuators that holds for the compensation of gravity, too"
+            self.left_out("joint", m.joint(j).name, text)
 
     def _mass(self, b: int) -> dict[str, Any]:
         m = self.m

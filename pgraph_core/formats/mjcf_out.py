@@ -27,9 +27,10 @@ from ..model import (
 from ..model.fields import EVERY, GROUND
 from ..model.files import gathered, write_atomic
 from ..model.force import OnJoint
+from ..model.output import OF_JOINT
 from ..rotation import matrix, multiply, quaternion_of, unit
 from .mjcf import INITIAL
-from .mjcf_parts import end_name
+from .mjcf_parts import SENSORS, end_name
 from .report import Report
 from .urdf_out import Placed, Tag
 
@@ -85,6 +86,7 @@ class _Writer:
         root.add(Tag("compiler", **fixed), Tag("option", gravity=m.gravity, **self._fluid()))
         for site in m.sites:
             self._site(site.body, site.name, site.point, unit(site.rotation))
+        sensors = [*self._sensors()]
         for c in m.constraints:
             self._constraint(c)
         for f in m.forces:
@@ -110,6 +112,7 @@ class _Writer:
         contact = Tag("contact").add(*self._excluded(bodies))
         parts = (assets, world, contact, Tag("equality").add(*self.equalities),
                  Tag("tendon").add(*self.tendons), Tag("actuator").add(*drives),
+                 Tag("sensor").add(*sensors),
                  Tag("keyframe").add(*self._keys()))  # fmt: skip
         root.add(*(part for part in parts if part.children))
         self.report.add("read", "", f"{len(bodies)} bodies written")
@@ -460,6 +463,10 @@ class _Writer:
             return
         low, high = f.inputs
         given = 0.0 if value == min(max(0.0, low), high) else value
+        first = f.start or 0.0 if f.integrates else given  # of the state, which MuJoCo starts at 0
+        if given and f.integrates:
+            self.out(where, f"its input {value:g} (MuJoCo starts at control 0)")
+            given = 0.0
         if given:
             text = f"its input {value:g} is part of its bias: MuJoCo starts at control 0"
             self.report.add("converted", where, text, part=f.name)
@@ -477,9 +484,14 @@ class _Writer:
             one.set(dyntype="filterexact", dynprm=(f.lag,))
             if f.start is not None and f.start != given:
                 self.out(where, "what its lag starts from")
+        if f.integrates:
+            one.set(dyntype="integrator")
+            least, most = f.states
+            if np.isfinite(least) or np.isfinite(most):
+                one.set(actrange=(max(least - first, -1e9), min(most - first, 1e9)))
         if f.gear != 1.0:
             one.set(gear=(f.gear, 0.0, 0.0, 0.0, 0.0, 0.0))
-        bias = (torque + gain * given, -kp or 0.0, -kd or 0.0)
+        bias = (torque + gain * first, -kp or 0.0, -kd or 0.0)
         one.set(gainprm=(gain,), biastype="affine", biasprm=bias)
         if f.input_low is not None or f.input_high is not None:
             one.set(ctrlrange=(max(low - given, -1e9), min(high - given, 1e9)))
@@ -504,6 +516,26 @@ class _Writer:
                 part = -float(np.dot(f.force, g)) / float(g @ g) / body.mass
                 if np.allclose(f.force, -part * body.mass * g):
                     yield f.name, f.body, part
+
+    # -- outputs ---------------------------------------------------------------------------------
+
+    def _sensors(self) -> Iterator[Tag]:
+        """Outputs; instruments of bodies stand on sites of their own."""
+        words = {kind: word for word, kind in SENSORS.items()}
+        sites = {s.name for s in self.model.sites}
+        for o in self.model.outputs:
+            tag = Tag(words[o.kind], name=o.name)
+            if o.kind in OF_JOINT:
+                if not (joint := self._joint(o.at, o.coordinate)):
+                    text = f"a {o.kind} of a ball or free joint"
+                    self.out(f"output '{o.name}'", text, acts=False)
+                    continue
+                tag.set(joint=joint)
+            else:
+                name = o.at if o.at in sites else self._site(o.at, end_name(o.name, 1), (0.0,) * 3)
+                in_world = o.kind in ("position", "rotation", "velocity", "angular_velocity")
+                tag.set(**({"objtype": "site", "objname": name} if in_world else {"site": name}))
+            yield tag
 
     # -- initial states --------------------------------------------------------------------------
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ..errors import needed
+from ..errors import needed, shown
 from ..model import (
     Actuator,
     Constraint,
@@ -19,6 +19,7 @@ from ..model import (
     Gear,
     Motion,
     Motor,
+    Output,
     Scenario,
     Servo,
     Site,
@@ -35,7 +36,14 @@ Array = np.ndarray
 CONNECT, WELD, JOINT, TENDON = 0, 1, 2, 3  # mjtEq
 ALONG_JOINT, SITE = 1, 3  # mjtWrap
 ON_JOINT, ON_TENDON = (0, 1), 3  # mjtTrn: joint, joint in parent; tendon
-FILTERS = (2, 3)  # mjtDyn: filter, filterexact
+INTEGRATOR, FILTERS = 1, (2, 3)  # mjtDyn: integrator; filter, filterexact
+BODIES, SITES = 2, 6  # mjtObj: xbody, site
+SENSORS = {  # of MuJoCo: kind of output
+    "jointpos": "joint_position", "jointvel": "joint_velocity", "framepos": "position",
+    "framequat": "rotation", "framelinvel": "velocity", "frameangvel": "angular_velocity",
+    "velocimeter": "velocimeter", "gyro": "gyro", "accelerometer": "accelerometer",
+    "force": "force", "torque": "torque",
+}  # fmt: skip
 LEAST = 1e-15  # kg: mjMINVAL, below which MuJoCo's fluid does not act
 THICK = 1.0  # m: of the box that stands for a plane that is no ground
 WIDE = 50.0  # m: half the edge of one without bounds
@@ -280,11 +288,17 @@ class Parts:
             acts = pulls or m.tendon_frictionloss[t] or m.tendon_limited[t] or m.tendon_armature[t]
             if not acts:
                 continue
-            if m.tendon_armature[t] or any(
-                np.any(getattr(m, f"tendon_{x}poly", np.zeros(t + 1))[t])
-                for x in ("stiffness", "damping")
+            if (
+                m.tendon_armature[t]
+                or m.tendon_springyield[t]
+                or any(
+                    np.any(getattr(m, f"tendon_{x}poly", np.zeros(t + 1))[t])
+                    for x in ("stiffness", "damping")
+                )
             ):
-                self.reader.left_out("tendon", name, "a tendon with armature, or not linear")
+                self.reader.left_out(
+                    "tendon", name, "a tendon with armature, or not linear or elastic"
+                )
                 continue
             shortest, longest = (float(x) for x in m.tendon_lengthspring[t])
             if m.tendon_stiffness[t] and shortest != longest:
@@ -333,7 +347,7 @@ class Parts:
         """gear x (gain u + b0 + b1 length + b2 rate) on a joint or on a tendon's joints."""
         m, kind = self.m, int(self.m.actuator_trntype[a])
         target = int(m.actuator_trnid[a, 0])
-        sums = self._along_joints(target) if kind == ON_TENDON else Sums({target: 1.0})
+        sums = self._moved(a)
         why = self._strange(a) if sums else "an actuator on a tendon that is not along joints"
         if sums is None or why:
             self.reader.left_out("actuator", name, why)
@@ -341,7 +355,7 @@ class Parts:
         gear, gain = float(m.actuator_gear[a, 0]), float(m.actuator_gainprm[a, 0])
         affine = m.actuator_biastype[a] == 1
         b0, b1, b2 = (float(x) if affine else 0.0 for x in m.actuator_biasprm[a, :3])
-        fields: dict[str, Any] = {"name": name, "gear": gear, **self._limits(a, target, name)}
+        fields: dict[str, Any] = {"name": name, "gear": gear, **self._limits(a, sums, name)}
         if kind == ON_TENDON:
             fields["coefficients"] = self._rows(sums)
         else:
@@ -354,6 +368,8 @@ class Parts:
         if m.actuator_dyntype[a] in FILTERS:
             fields["lag"] = float(m.actuator_dynprm[a, 0])
             fields |= {"start": 0.0} if u else {}
+        if m.actuator_dyntype[a] == INTEGRATOR:
+            fields |= {"integrates": True, **self._states(a)}
         torque = b0 + b1 * gear * self._length(sums)  # q here is 0 in the file's initial pose
         kp, kd = 0.0 - b1, 0.0 - b2
         if gain == 1 and torque == kp == kd == 0:
@@ -363,6 +379,19 @@ class Parts:
         if kp == 0 and kd > 0 and gain == kd:
             return SpeedServo(kd=kd, speed=u, torque=torque, **fields)
         return Actuator(gain=gain, input=u, torque=torque, kp=kp, kd=kd, **fields)
+
+    def _moved(self, a: int) -> Sums | None:
+        """The joints that an actuator acts on; None where that is no sum of coordinates."""
+        target, kind = int(self.m.actuator_trnid[a, 0]), int(self.m.actuator_trntype[a])
+        return self._along_joints(target) if kind == ON_TENDON else Sums({target: 1.0})
+
+    def _states(self, a: int) -> dict[str, float]:
+        """Bounds of the integral of an input, and what it is at first."""
+        if not self.m.actuator_actlimited[a]:
+            return {}
+        low, high = (float(x) for x in self.m.actuator_actrange[a])
+        start = min(max(0.0, low), high)
+        return {"state_low": low, "state_high": high, **({"start": start} if start else {})}
 
     def _strange(self, a: int) -> str:
         """Why an actuator has no place here; "" where it has."""
@@ -375,8 +404,13 @@ class Parts:
             return "an actuator with gear 0"
         low, high = m.actuator_ctrlrange[a] if m.actuator_ctrllimited[a] else (-np.inf, np.inf)
         least, most = m.actuator_actrange[a] if m.actuator_actlimited[a] else (-np.inf, np.inf)
-        if m.actuator_dyntype[a] not in (0, *FILTERS) or least > low or most < high:
-            return "an actuator with a state of its own that is no filter (integrator, muscle)"
+        filtered = m.actuator_dyntype[a] in FILTERS
+        if m.actuator_dyntype[a] not in (0, INTEGRATOR, *FILTERS):
+            return "an actuator with a state of its own that is no filter or integral (muscle)"
+        if filtered and (least > low or most < high):
+            return "an actuator with a filter that has bounds of its own"
+        if m.actuator_delay[a]:
+            return "an actuator with a delay"
         if m.actuator_gaintype[a] != 0 or m.actuator_biastype[a] not in (0, 1):
             return "an actuator whose gain depends on the state"
         for key in ("actuator_armature", "actuator_damping", "actuator_dampingpoly"):
@@ -385,21 +419,34 @@ class Parts:
                 return "an actuator with armature or damping of its own"
         return ""
 
-    def _limits(self, a: int, target: int, name: str) -> dict[str, float]:
+    def _limits(self, a: int, sums: Sums, name: str) -> dict[str, float]:
         """Least and greatest torque, before the gear."""
         m, gear = self.m, float(self.m.actuator_gear[a, 0])
         low, high = -np.inf, np.inf
         if m.actuator_forcelimited[a]:
             low, high = (float(x) for x in m.actuator_forcerange[a])
-        if m.actuator_trntype[a] in ON_JOINT and m.jnt_actfrclimited[target]:
-            ends = sorted(float(x) / gear for x in m.jnt_actfrcrange[target])
-            low, high = max(low, ends[0]), min(high, ends[1])
-            others = m.actuator_trnid[:, 0][np.isin(m.actuator_trntype, ON_JOINT)] == target
-            if others.sum() > 1:
-                text = "the limit of the sum of several actuators holds for each of them here"
-                self.report.add(
-                    "approximated", self.reader.where("actuator", name), text, part=name
-                )
+        shared = 0
+        t = int(m.actuator_trnid[a, 0])
+        if m.actuator_trntype[a] == ON_TENDON and m.tendon_actfrclimited[t]:
+            ends = m.tendon_actfrcrange[t]  # of the forces of its actuators, before their gears
+            low, high = max(low, float(ends[0])), min(high, float(ends[1]))
+            same = (m.actuator_trntype == ON_TENDON) & (m.actuator_trnid[:, 0] == t)
+            shared = max(shared, int(same.sum()))
+        for j, x in sums.items():
+            if not m.jnt_actfrclimited[j]:
+                continue
+            of_joint = [s for b in range(m.nu) if j in (s := self._moved(b) or Sums())]
+            if len(sums) == 1:
+                ends = sorted(float(end) / (gear * x) for end in m.jnt_actfrcrange[j])
+                low, high = max(low, ends[0]), min(high, ends[1])
+                shared = max(shared, len(of_joint))
+            elif len(of_joint) > 1 or not self._within(j, gear * x, (low, high)):
+                text = f"the limit of what actuators give in joint {shown(m.joint(j).name)}"
+                text += ", one of several along the actuator's tendon"
+                self.reader.left_out("actuator", name, text)
+        if shared > 1:
+            text = "the limit of the sum of several actuators holds for each of them here"
+            self.report.add("approximated", self.reader.where("actuator", name), text, part=name)
         if np.isinf(low) and np.isinf(high):
             return {}
         if low >= high or high <= 0 or np.isinf(high):
@@ -407,6 +454,11 @@ class Parts:
             self.reader.left_out("actuator", name, text)
             return {}
         return {"torque_limit": high} if low == -high else {"torque_limit": high, "torque_low": low}
+
+    def _within(self, j: int, factor: float, ends: tuple[float, float]) -> bool:
+        """Whether forces within these ends, times a factor, never reach the limit of a joint's."""
+        low, high = self.m.jnt_actfrcrange[j]
+        return all(low <= factor * end <= high for end in ends)
 
     def _drags(self) -> Iterator[Drag]:
         """The fluid around the bodies, by MuJoCo's inertia boxes."""
@@ -580,21 +632,68 @@ class Parts:
         m, found = self.m, dict[str, Site]()
         tied = [m.tendon(t).name for t in range(m.ntendon)]
         tied += [m.equality(e).name for e in range(m.neq)]
+        tied += [m.sensor(k).name for k in range(m.nsensor)]
         ends = {end_name(name, k) for name in tied for k in (1, 2)}
+        self.frames: dict[int, str] = {}  # of sites that outputs may name
         for s in range(m.nsite):
             name = m.site(s).name
             if name in ends:
+                plain = np.allclose(m.site_pos[s], self.reader.pivot[m.site_bodyid[s]])
+                if plain and np.allclose(m.site_quat[s], (1, 0, 0, 0)):
+                    self.frames[s] = self.reader.names[m.site_bodyid[s]]
                 continue
             name = f"site {s + 1}" if name_problem(name) else name
             name = f"{name} site" if name in taken or name == GROUND else name
             while name in found or name in taken:
                 name += "'"
             b = int(m.site_bodyid[s])
+            self.frames[s] = name
             found[name] = Site(
                 name=name, body=self.reader.names[b], rotation=unit(m.site_quat[s].tolist()),
                 point=tuple((m.site_pos[s] - self.reader.pivot[b]).tolist()),
             )  # fmt: skip
         return list(found.values())
+
+    def outputs(self) -> list[Output]:
+        """Sensors of joints and frames."""
+        m, found = self.m, dict[str, Output]()
+        kinds = needed("mujoco", "mjcf").mjtSensor
+        others: dict[str, int] = {}
+        for k in range(m.nsensor):
+            word = kinds(int(m.sensor_type[k])).name.removeprefix("mjSENS_").lower()
+            fields = self._sensed(k, word)
+            if fields is None or m.sensor_delay[k]:
+                others[word] = others.get(word, 0) + 1
+                continue
+            name = m.sensor(k).name
+            name = f"{word} {k + 1}" if name_problem(name) else name
+            while name in found:
+                name += "'"
+            found[name] = Output(name=name, kind=SENSORS[word], **fields)
+            if m.sensor_cutoff[k] > 0:
+                text = "its cutoff: it reads all values"
+                self.reader.left_out("sensor", name, text, acts=False)
+        for word, count in others.items():
+            text = f"{count} of kind {word}" + " (delayed or in other axes)" * (word in SENSORS)
+            self.reader.left_out("sensor", "", text, acts=False)
+        return list(found.values())
+
+    def _sensed(self, k: int, word: str) -> dict[str, Any] | None:
+        """What a sensor reads: a body or site, a coordinate; None where it has no place here."""
+        m, what = self.m, int(self.m.sensor_objid[k])
+        if word not in SENSORS or m.sensor_refid[k] >= 0:
+            return None
+        if word in ("jointpos", "jointvel"):
+            if m.qpos0[m.jnt_qposadr[what]] and word == "jointpos":
+                text = "it counts from the file's initial pose here"
+                self.report.add("converted", self.reader.where("sensor", m.sensor(k).name), text)
+            body, coordinate = self.reader.place_of_joint[what]
+            return {"at": body, "coordinate": coordinate}
+        kind = int(m.sensor_objtype[k])
+        if kind == SITES:
+            return {"at": self.frames[what]} if what in self.frames else None
+        at_origin = kind == BODIES and not np.any(self.reader.pivot[what])
+        return {"at": self.reader.names[what]} if at_origin else None
 
     # -- keyframes and the rest ------------------------------------------------------------------
 
@@ -610,11 +709,26 @@ class Parts:
                 text = f"starts beyond the limits of {', '.join(beyond)}"
                 self.reader.left_out("key", name, text, acts=False)
                 continue
-            if np.any(self.m.key_ctrl[k]):
-                text = "its controls; a run takes them as inputs={name: value}"
-                self.reader.left_out("key", name, text, acts=False)
+            for given, text in (
+                (self.m.key_ctrl[k], "its controls; a run takes them as inputs={name: value}"),
+                (
+                    self.m.key_act[k],
+                    "its activations; `start` of a motor or servo is what acts first",
+                ),
+            ):
+                if np.any(given):
+                    self.reader.left_out("key", name, text, acts=False)
+            if np.any(np.abs(self.m.key_mpos[k] - self._mocap()).max(initial=0.0) > FLAT):
+                text = "where it puts bodies that MuJoCo's user moves"
+                self.reader.left_out("key", name, text)
             found.append(Scenario(name=name, q=q, v=v))
         return found
+
+    def _mocap(self) -> Array:
+        """(3 nmocap,) where the bodies that MuJoCo's user moves stand."""
+        m = self.m
+        moved = sorted(np.flatnonzero(m.body_mocapid >= 0), key=lambda b: m.body_mocapid[b])
+        return m.body_pos[moved].ravel()
 
     def _state(self, qpos: Array, qvel: Array) -> tuple[Any, Any, list[str]]:
         """(q, v) by body of a state of MuJoCo's, and the joints that it puts beyond limits."""
@@ -650,7 +764,6 @@ class Parts:
         for count, what, acts in (
             (m.nflex, "flexible bodies", True),
             (m.nplugin, "plugins", True),
-            (m.nsensor, "sensors", False),
             (m.ncam, "cameras", False),
             (m.nlight, "lights", False),
         ):

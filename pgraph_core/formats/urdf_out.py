@@ -263,6 +263,8 @@ class _Writer:
             out.add("left out", "model", text, acts=True)
         if model.sites:
             out.add("left out", "model", f"{len(model.sites)} sites")
+        if model.outputs:
+            out.add("left out", "model", f"{len(model.outputs)} outputs")
         if model.scenarios:
             out.add("left out", "model", f"{len(model.scenarios)} scenarios")
 
@@ -307,7 +309,7 @@ def placed(model: Model, c: Constraint) -> Placed:
 
 def _plain(motor: Motor) -> bool:
     """Whether a motor only says how large its torque may be."""
-    odd = motor.gear != 1.0 or motor.coefficients or motor.torque_low is not None or motor.lag
+    odd = motor.gear != 1.0 or motor.coefficients or motor.torque_low is not None or motor.has_state
     return motor.torque == 0.0 and motor.coordinate == 0 and not odd
 
 

@@ -35,6 +35,7 @@ from .force import Tendon as Tendon
 from .force import Torsion as Torsion
 from .force import Wrench as Wrench
 from .model import Model as Model
+from .output import Output as Output
 from .scenario import Footfall as Footfall
 from .scenario import Gains as Gains
 from .scenario import Gait as Gait

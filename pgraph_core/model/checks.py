@@ -15,6 +15,7 @@ from .constraint import AlongAxes, Constraint, Coupling, Gear, Motion, Rolling, 
 from .contact import Contact
 from .fields import EVERY, GROUND, Described, OfSums, name_problem, part_problems
 from .force import Force, OnJoint, Tendon
+from .output import OF_JOINT, OF_LOAD, Output
 from .scenario import Scenario, Switch, condition_problems, known_names
 from .site import Site
 from .world import Ground, World, below_kinetic
@@ -327,6 +328,7 @@ def reference_problems(
     forces: Sequence[Force],
     scenarios: Sequence[Scenario],
     sites: Sequence[Site],
+    outputs: Sequence[Output],
     names: tuple[Sequence[str], Sequence[str]],
 ) -> list[Problem]:
     """What is wrong with the names by which parts refer to each other.
@@ -340,6 +342,7 @@ def reference_problems(
         *scenario_problems(scenarios, bodies, *names, soles_among(contacts)),
         *condition_problems(scenarios, bodies, constraints, known_names(bodies, *names)),
         *site_problems(sites, bodies),
+        *output_problems(outputs, bodies, [s.name for s in sites]),
     ]
 
 
@@ -354,6 +357,33 @@ def site_problems(sites: Sequence[Site], bodies: Bodies) -> list[Problem]:
                 f"is the name of a body, or of the ground; choose another, such as '{s.name} site'"
             )
             found.append(Problem(f"site {shown(s.name)}", "name", text))
+    return found
+
+
+def output_problems(
+    outputs: Sequence[Output], bodies: Bodies, sites: Sequence[str]
+) -> list[Problem]:
+    """Unknown bodies and sites, and coordinates that joints do not have."""
+    found = unique("output", [o.name for o in outputs])
+    for o in outputs:
+        where = f"output {shown(o.name)}"
+        if o.kind in OF_JOINT:
+            if text := unknown(o.at, bodies):
+                found.append(Problem(where, "at", text))
+            if (body := bodies.get(o.at)) is None:
+                continue
+            places = joints.places(body.sequence)
+            if o.coordinate >= len(places):
+                text = f"the joint of '{o.at}' has {body.dof} degrees of freedom, counted from 0"
+                found.append(Problem(where, "coordinate", f"{text}; given {o.coordinate}"))
+            elif o.kind == OF_JOINT[0] and places[o.coordinate] is None:
+                text = "a ball's turn is no single number; take kind 'rotation', or joint_velocity"
+                found.append(Problem(where, "coordinate", text))
+        elif o.at not in sites and (text := unknown(o.at, bodies, GROUND)):
+            more = f"; or of the sites {choices(sites)}" if sites else ""
+            found.append(Problem(where, "at", text + more))
+        elif o.kind in OF_LOAD and o.at == GROUND:
+            found.append(Problem(where, "at", "no joint passes a force on to the ground"))
     return found
 
 
@@ -448,6 +478,7 @@ PARTS: dict[str, type[Described]] = {
     "forces": Force,
     "scenarios": Scenario,
     "sites": Site,
+    "outputs": Output,
 }
 
 

@@ -15,6 +15,7 @@ from .curves import Table, VectorTable
 from .editing import renamed
 from .fields import GROUND, OfSums, Quat, Vec3
 from .force import Between, Drag, Force, Torsion, Wrench
+from .output import Output
 from .parameters import LONGEST, Formula, at, negated, ordered, probed
 from .scenario import Scenario
 from .site import Site
@@ -78,9 +79,12 @@ def copied(
     copy = _Copy(names, mirror, root, known)
     found: dict[str, Any] = {"bodies": bodies}
     called: dict[str, Names] = {"bodies": names}  # of each kind: old name -> that of the copy
-    for kind in ("constraints", "contacts", "forces", "sites"):
+    for kind in ("constraints", "contacts", "forces", "sites", "outputs"):
+        if kind == "outputs":
+            copy.names = {**names, **called["sites"]}
         new, called[kind] = copy.parts(parts[kind])
         found[kind] = (*parts[kind], *new)
+    copy.names = names
     found["scenarios"] = tuple(copy.scenario(s, called) for s in parts["scenarios"])
     lost = list(dict.fromkeys(copy.lost))
     new = (copy.formula(f, parts[f.part], called[f.part]) for f in formulas)
@@ -171,9 +175,11 @@ class _Copy:
         forces = (*s.forces, *self.parts(s.forces)[0])
         return s.unchecked_copy({**states, **active, "forces": forces})
 
-    def reflected(self, part: Constraint | Contact | Force) -> dict[str, Any] | None:
+    def reflected(self, part: Constraint | Contact | Force | Output) -> dict[str, Any] | None:
         """The changed fields of a part; None where its fields cannot say its mirror image."""
         assert self.mirror is not None
+        if isinstance(part, Output):
+            return {}
         if not isinstance(part, Site) and not self._in_reach(part):
             return None
         if isinstance(part, Contact):

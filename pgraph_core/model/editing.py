@@ -9,15 +9,16 @@ from .. import joints
 from ..errors import ModelError, Problem, nearest
 from ..rotation import multiply, rotate
 from .body import JOINT_FIELDS, Body
-from .checks import fits_joint, force_problems, state_problems, sum_problems
+from .checks import fits_joint, force_problems, output_problems, state_problems, sum_problems
 from .constraint import Constraint
 from .contact import Contact
 from .fields import Described, OfKinds, OfSums, fields_of, listed
 from .force import Force, OnJoint, Tendon
+from .output import OF_JOINT, Output
 from .scenario import Scenario, coordinates, followed, of_bodies
 from .site import Site
 
-NAMING = ("parent", "body", "other")  # fields that name bodies
+NAMING = ("parent", "body", "other", "at")  # fields that name bodies
 T = TypeVar("T", bound=Described)
 
 
@@ -195,7 +196,7 @@ def renamed_all(parts: Mapping[str, Sequence[Any]], names: Mapping[str, str]) ->
         states = {"q": swapped(s.q), "v": swapped(s.v)}
         return s.unchecked_copy({**states, "forces": forces, "switches": switches})
 
-    named = ("bodies", "constraints", "contacts", "forces", "sites")
+    named = ("bodies", "constraints", "contacts", "forces", "sites", "outputs")
     found: dict[str, Any] = {key: tuple(renamed(x, names) for x in parts[key]) for key in named}
     return found | {"scenarios": tuple(map(scenario, parts["scenarios"]))}
 
@@ -230,15 +231,21 @@ def fitted(
         )
         return s.unchecked_copy(update)
 
+    def read(o: Output) -> bool:
+        return o.at != name or o.kind not in OF_JOINT or not output_problems([o], bodies, [])
+
     kept = {
         "constraints": tuple(c for c in parts["constraints"] if c.name not in gone),
         "forces": tuple(filter(fits, parts["forces"])),
+        "outputs": tuple(filter(read, parts["outputs"])),
         "scenarios": tuple(map(cut, parts["scenarios"])),
     }
     notices = [f"constraint '{c}' went: it does not fit the joint" for c in sorted(gone)]
     notices += [
         f"force '{f.name}' went: it does not fit the joint" for f in parts["forces"] if not fits(f)
     ]
+    lost = [o.name for o in parts["outputs"] if not read(o)]
+    notices += [f"output '{name}' went: it does not fit the joint" for name in lost]
     notices += [
         f"scenario '{s.name}': what does not fit the joint of '{name}' went"
         for s, new in zip(parts["scenarios"], kept["scenarios"])
@@ -279,7 +286,7 @@ def without(
 ) -> tuple[dict[str, Any], list[str]]:
     """What is left of them without the bodies called `names`, and a notice for each that goes."""
 
-    def touched(part: Constraint | Contact | Force | Site) -> bool:
+    def touched(part: Constraint | Contact | Force | Site | Output) -> bool:
         return not names.isdisjoint(part.touches)
 
     def lame(s: Scenario) -> bool:
@@ -305,8 +312,9 @@ def without(
 
     gone = {
         kind: {part.name for part in parts[kind] if touched(part)}
-        for kind in ("constraints", "contacts", "forces", "sites")
+        for kind in ("constraints", "contacts", "forces", "sites", "outputs")
     }
+    gone["outputs"] |= {o.name for o in parts["outputs"] if o.at in gone["sites"]}
     kept = {
         kind: tuple(part for part in parts[kind] if part.name not in dropped)
         for kind, dropped in gone.items()

@@ -58,7 +58,7 @@ def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
     data["constraints"] = [_in_order(c, ORDER) for c in constraints]
     for holder in (data, *data["scenarios"]):
         forces = [_in_order(force, ORDER_OF_FORCES) for force in holder["forces"]]
-        plain = {"gear": 1.0, "coefficients": {}, "lag": 0.0}
+        plain = {"gear": 1.0, "coefficients": {}, "lag": 0.0, "integrates": False}
         holder["forces"] = [{k: x for k, x in f.items() if plain.get(k) != x} for f in forces]
         if any(f.keys() & NEW_IN_3 or f["kind"] in KINDS_OF_3 for f in holder["forces"]):
             data["schema_version"] = 3
@@ -75,9 +75,12 @@ def to_json(fields: Mapping[str, Any], formulas: Sequence[Formula]) -> str:
     plain = Ground().model_dump(mode="json", exclude_none=True, exclude=FRICTIONS)
     if data["ground"] == plain:
         del data["ground"]
-    if data["sites"]:
+    if data["sites"] or data["outputs"]:
         data["schema_version"] = 3
-    for key in ("contacts", "parameters", "sites"):
+    data["outputs"] = [
+        {k: x for k, x in o.items() if (k, x) != ("coordinate", 0)} for o in data["outputs"]
+    ]
+    for key in ("contacts", "parameters", "sites", "outputs"):
         if not data[key]:
             del data[key]
     lines = []
@@ -132,6 +135,7 @@ NEW_IN_3 = {
     "input_high",
     "lag",
     "start",
+    "integrates",
 }  # of a force
 KINDS_OF_3 = {"speed_servo", "actuator", "tendon", "drag"}
 FRICTIONS = {"static_friction", "rolling_friction", "spinning_friction"}  # nor of these a contact
@@ -157,7 +161,8 @@ ORDER_OF_FORCES = (
     "name", "kind", "body", "other", "coordinate", "torque", "force", "frame", "point",
     "other_point", "axis", "stiffness", "damping", "rest", "kp", "kd", "target", "torque_limit",
     "coefficients", "gear", "torque_low", "input", "speed", "gain", "input_low", "input_high",
-    "lag", "start", "friction", "low", "high", "size", "density", "viscosity", "rotation",
+    "lag", "integrates", "start", "state_low", "state_high", "friction", "low", "high", "size",
+    "density", "viscosity", "rotation",
 )  # fmt: skip
 
 

@@ -19,6 +19,7 @@ from .fields import (
     EMPTY,
     GROUND,
     ByName,
+    Flag,
     Number,
     OfKinds,
     OfSums,
@@ -115,18 +116,34 @@ class OnJoint(Force, OfSums):
         "a time >= 0 [s], or nothing: no lag",
         default=0.0, ge=0, unit="s", help="time constant with which the input acts",
     )  # fmt: skip
+    integrates: Flag = field(
+        "true or false: whether the integral of the input acts in its place",
+        default=False, help="the integral of the input over time acts in its place",
+    )  # fmt: skip
     start: Number | None = field(
-        "what acts at the start in place of the input, with a lag; left out: the input",
-        default=None, help="what acts first, with a lag; empty: the input",
+        "what acts when a run begins, with a lag or integral; left out: the input, or 0",
+        default=None, help="what acts first; empty: the input with a lag, 0 with an integral",
+    )  # fmt: skip
+    state_low: Number | None = field(
+        "the least value of the integral, or nothing", default=None,
+        help="least value of the integral of its input",
+    )  # fmt: skip
+    state_high: Number | None = field(
+        "the greatest value of the integral, or nothing", default=None,
+        help="greatest value of the integral of its input",
     )  # fmt: skip
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
         found = []
-        if self.lag and not self.law.kp and isinstance(self.law.torque, Table):
-            found.append(("torque", "must be a number where the input has a lag; given a table"))
-        if self.start is not None and not self.lag:
-            found.append(("start", "needs a lag, from which it goes over to the input"))
+        if self.has_state and not self.law.kp and isinstance(self.law.torque, Table):
+            text = "must be a number where the input has a lag or integral; given a table"
+            found.append(("torque", text))
+        if self.lag and self.integrates:
+            found.append(("lag", "must be 0 where the integral of the input acts"))
+        if self.start is not None and not self.has_state:
+            found.append(("start", "needs a lag, or `integrates`"))
+        found += self._state_problems()
         if self.gear == 0:
             found.append(("gear", "must not be zero; given 0"))
         if self.coefficients and not any(any(x) for x in self.coefficients.values()):
@@ -142,6 +159,32 @@ class OnJoint(Force, OfSums):
             found.append((self.INPUT, text))
         refuse(found)
         return self
+
+    def _state_problems(self) -> list[tuple[str, str]]:
+        """What is wrong with the bounds of the integral."""
+        low, high = self.states
+        if not self.integrates:
+            given = [
+                name for name in ("state_low", "state_high") if getattr(self, name) is not None
+            ]
+            return [(name, "needs `integrates`: it bounds the integral") for name in given]
+        if low > high:
+            text = f"must be at most state_high, {shown(high)}; given {shown(low)}"
+            return [("state_low", text)]
+        if not low <= (start := self.start or 0.0) <= high:
+            return [("start", f"must be from {low:g} to {high:g}; given {shown(start)}")]
+        return []
+
+    @property
+    def has_state(self) -> bool:
+        """Whether what acts follows its input over time."""
+        return bool(self.lag) or self.integrates
+
+    @property
+    def states(self) -> tuple[float, float]:
+        """Least and greatest value of the integral of the input."""
+        low, high = self.state_low, self.state_high
+        return (-math.inf if low is None else low), (math.inf if high is None else high)
 
     def input_problem(self, value: float | Table) -> str:
         """Why a value, or one of a table, is none of its inputs; "" where it is."""

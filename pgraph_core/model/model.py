@@ -33,6 +33,7 @@ from .editing import (
     edited_all,
     edited_part,
     fitted,
+    renamed,
     renamed_all,
     renamed_in_scenarios,
     without,
@@ -40,6 +41,7 @@ from .editing import (
 from .fields import GROUND, Vec3, field, fields_of, listed, whole
 from .files import gathered, located
 from .force import Force, Tendon
+from .output import Output
 from .parameters import (
     Formula,
     cells_of,
@@ -62,7 +64,7 @@ ROD_INERTIA = ((2e-4, 0.0, 0.0), (0.0, 3.4e-3, 0.0), (0.0, 0.0, 3.4e-3))
 OF_ONE_ROW = {"parent", "mass", "com", "inertia", "link", "rotation", "tip", "armature", "damping"}
 
 
-Part = Body | Constraint | Contact | Force | Scenario | Site
+Part = Body | Constraint | Contact | Force | Scenario | Site | Output
 PARTS_OF = {"body": "bodies", **{kind.word(): key for key, kind in PARTS.items() if kind != Body}}
 
 
@@ -83,6 +85,10 @@ def _forces_in(value: Iterable[Force | Mapping[str, Any]]) -> tuple[Force, ...]:
 
 
 def _sites_in(value: Iterable[Site | Mapping[str, Any]]) -> tuple[Site, ...]:
+    return value  # type: ignore[return-value]
+
+
+def _outputs_in(value: Iterable[Output | Mapping[str, Any]]) -> tuple[Output, ...]:
     return value  # type: ignore[return-value]
 
 
@@ -112,6 +118,7 @@ class Model(World):
         "a list of scenarios", converter=_scenarios_in, default=()
     )
     sites: tuple[Site, ...] = field("a list of sites", converter=_sites_in, default=())
+    outputs: tuple[Output, ...] = field("a list of outputs", converter=_outputs_in, default=())
     formulas: tuple[Formula, ...] = field("formulas of cells", converter=_formulas_in, default=())
 
     if not TYPE_CHECKING:
@@ -190,12 +197,14 @@ class Model(World):
     @overload
     def part(self, name: str, /, kind: Literal["site"]) -> Site: ...
     @overload
+    def part(self, name: str, /, kind: Literal["output"]) -> Output: ...
+    @overload
     def part(self, name: str, /, kind: str | None = None) -> Part: ...
     def part(self, name: str, /, kind: str | None = None) -> Part:
         """The part called `name`: the body, or the one other part that has this name.
 
         Where several have it, `kind` says which: "body", "constraint", "contact", "force",
-        "scenario" or "site". Raises ModelError naming the ones there are.
+        "scenario", "site" or "output". Raises ModelError naming the ones there are.
         """
         if kind is not None and kind not in PARTS_OF:
             text = f"must be one of {', '.join(PARTS_OF)}; given {shown(kind)}"
@@ -306,7 +315,7 @@ class Model(World):
         """The edit of a constraint, contact, force or scenario."""
         key, name = PARTS_OF[old.word()], old.name
         formulas: tuple[Formula, ...] = self.formulas
-        if key not in ("scenarios", "sites"):
+        if key not in ("scenarios", "sites", "outputs"):
             numbers, new_ones = cells_of({name: changes}, self.parameters, key)  # type: ignore[arg-type]
             changes, formulas = numbers[name], followed(formulas, new_ones, {}, key)  # type: ignore[arg-type]
         new, notices = edited_part(old, changes)
@@ -319,6 +328,8 @@ class Model(World):
             names = {name: new.name}
             if key in ("constraints", "contacts"):
                 fields["scenarios"], _ = renamed_in_scenarios(self.scenarios, key, names)
+            if key == "sites":
+                fields["outputs"] = tuple(renamed(o, names) for o in self.outputs)
             formulas = followed(formulas, (), names, key)  # type: ignore[arg-type]
         return self._with(notices, formulas=formulas, **fields)
 
@@ -438,13 +449,13 @@ class Model(World):
         return model
 
     def add(self, part: Part, /, *, after: str | None = None) -> Self:
-        """A new model with one more body, constraint, contact, force, scenario or site.
+        """A new model with one more body, constraint, contact, force, scenario, site or output.
 
         It is the last of its kind, or stands next after the one called `after`. Raises ModelError.
         """
         if not isinstance(part, Part):
             given = f"given {shown(part)} ({type(part).__name__})"
-            text = f"must be a Body, Constraint, Contact, Force, Scenario or Site; {given}"
+            text = f"must be a Body, Constraint, Contact, Force, Scenario, Site or Output; {given}"
             raise ModelError(Problem("model", "add", text))
         key = PARTS_OF[part.word()]
         parts = list(getattr(self, key))
@@ -505,6 +516,10 @@ class Model(World):
             scenarios, notices = renamed_in_scenarios(scenarios, key, {part.name: None})
         fields: dict[str, Any] = {"scenarios": scenarios}
         fields[key] = tuple(x for x in fields.get(key, getattr(self, key)) if x is not part)
+        if key == "sites":
+            fields["outputs"] = tuple(o for o in self.outputs if o.at != part.name)
+            gone = (o.name for o in self.outputs if o.at == part.name)
+            notices += [f"output '{name}' went with its site" for name in gone]
         return self._with(notices, **fields)
 
     def _without_bodies(self, gone: Mapping[str, Body], children: str) -> Self:

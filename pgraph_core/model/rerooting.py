@@ -22,6 +22,7 @@ from .constraint import AlongAxes, AtPoints, Constraint, InJoints, Revolute, Rol
 from .editing import CUT, free_name, renamed
 from .fields import GROUND, OfSums
 from .force import Drag, Force, Spring, Wrench
+from .output import OF_JOINT
 from .scenario import Scenario
 from .site import Site
 
@@ -60,6 +61,9 @@ def cut_elsewhere(parts: Parts, name: str, loop: str | None) -> tuple[dict[str, 
         "forces": tuple(new.force(x) for x in parts["forces"]),
         "scenarios": tuple(new.scenario(x) for x in parts["scenarios"]),
         "sites": tuple(map(new.site, parts["sites"])),
+        "outputs": tuple(
+            renamed(o, new.carrier) if o.kind in OF_JOINT else o for o in parts["outputs"]
+        ),
     }
     moved = ", ".join(k for k, s in shifts.items() if np.abs(s).max() > 0)
     text = f"loop '{c.name}' is cut at the joint of '{name}' now, as constraint '{new_cut.name}'"

@@ -162,7 +162,7 @@ def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force
             place = _placed(own, f.stiffness != 0, terms)
             spans = *_table_knots(rest, knots), *_table_knots(0.0, knots)
             law = f.stiffness, f.damping, -np.inf, np.inf, f.friction
-            rows.append((*place[:2], *law, *spans, *place[2:], 0.0))
+            rows.append((*place[:2], *law, *spans, *place[2:], *AT_ONCE))
     passive = len(rows)
     for f in forces:
         if isinstance(f, OnJoint):
@@ -170,9 +170,10 @@ def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force
             target, torque = input_tables(f)
             place = _placed(terms_of(f, topology, packed), kp != 0, terms)
             spans = *_table_knots(target, knots), *_table_knots(torque, knots)
-            if f.lag:
-                _lagged(knots, *(spans[:2] if kp else spans[2:]), f)
-            rows.append((*place[:2], kp, kd, *f.torques, 0.0, *spans, *place[2:], f.lag))
+            follows = AT_ONCE
+            if f.has_state:
+                follows = _following(knots, *(spans[:2] if kp else spans[2:]), f)
+            rows.append((*place[:2], kp, kd, *f.torques, 0.0, *spans, *place[2:], *follows))
         elif not isinstance(f, (OnBody, Tendon)):
             raise TypeError(f"a force of kind '{f.kind}' has no row in any table")
     columns = np.array(knots).reshape(-1, 4), passive, np.array(terms).reshape(-1, 3)
@@ -204,10 +205,14 @@ def _placed(
 def input_tables(f: OnJoint) -> tuple[float | Table, float | Table]:
     """(target, torque) as the kernels take them: torque + kp (target - q) - kd v.
 
-    The input u adds gain u to the torque; it stands in the target where there is a kp.
+    The input u adds gain u to the torque; it stands in the target where there is a kp. Of an
+    input whose integral acts, `torque` is part of what acts at first.
     """
     gain, torque, kp, _ = f.law
     u: Any = getattr(f, f.INPUT)
+    if f.integrates:
+        u = _parted(u) if isinstance(u, Table) else u
+        torque = torque if kp else 0.0
     if kp:
         return _scaled(u, gain / kp), torque
     if isinstance(torque, Table) and isinstance(u, Table):
@@ -254,31 +259,48 @@ def _springs(body: Any, at_vq: list[tuple[int, int]], knots: list[Knot]) -> list
             none = _table_knots(0.0, knots)
             place = (at_v, at_q if k else -1)
             law = k, d, -np.inf, np.inf, friction
-            found.append((*place, *law, *_table_knots(rest, knots), *none, 0, 0, 0.0))
+            found.append((*place, *law, *_table_knots(rest, knots), *none, 0, 0, *AT_ONCE))
         start += size
     return found
 
 
-Knot = tuple[float, float, float, float]  # time, value, slope after it, what acts with a lag
+Knot = tuple[float, float, float, float]  # time, value, slope after it, what acts of the input
+Follows = tuple[float, int, float, float]  # lag, whether the integral acts, its bounds
+AT_ONCE: Follows = (0.0, 0, -np.inf, np.inf)
 
 
-def _lagged(knots: list[Knot], first: int, count: int, f: OnJoint) -> None:
-    """Put what acts at each knot into its last column: y' = (u - y) / lag, exactly."""
+def _following(knots: list[Knot], first: int, count: int, f: OnJoint) -> Follows:
+    """Put what acts at each knot into its last column, exactly; how it follows the input."""
     gain, torque, kp, _ = f.law
     scale, shift = (gain / kp, 0.0) if kp else (gain, torque if isinstance(torque, float) else 0.0)
-    y = knots[first][1] if f.start is None else shift + scale * f.start
+    least, most = sorted(shift + scale * x if scale else 0.0 for x in f.states)
+    follows = f.lag, int(f.integrates), least, most
+    begin = 0.0 if f.integrates else None
+    begin = begin if f.start is None else f.start
+    y = knots[first][1] if begin is None else shift + scale * begin
     for n in range(first, first + count):
         t, u, slope, _ = knots[n]
         knots[n] = t, u, slope, y
         if n + 1 < first + count:
-            ahead = knots[n + 1][0] - t
-            y = lagging(u, slope, y, ahead, f.lag)
+            y = followed(follows, u, slope, y, knots[n + 1][0] - t)
+    return follows
 
 
-def lagging(u: float, slope: float, y: float, ahead: float, lag: float) -> float:
-    """What acts a time `ahead` after y did, of an input u + slope t with a lag."""
+def followed(follows: Follows, u: float, slope: float, y: float, ahead: float) -> float:
+    """What acts a time `ahead` after y did, of an input u + slope t."""
+    lag, integrates, least, most = follows
+    if integrates:
+        return min(max(y + (u + 0.5 * slope * ahead) * ahead, least), most)
     behind = slope * lag
     return u + slope * ahead - behind + (y - u + behind) * float(np.exp(-ahead / lag))
+
+
+def _parted(u: Table) -> Table:
+    """The same input with a knot wherever it is zero: between two knots it keeps its sign."""
+    t, x = np.array(u.t), np.array(u.value)
+    k = np.flatnonzero(x[:-1] * x[1:] < 0)
+    zero = t[k] + (t[k + 1] - t[k]) * x[k] / (x[k] - x[k + 1])
+    return Table(t=np.insert(t, k + 1, zero), value=np.insert(x, k + 1, 0.0)) if len(k) else u
 
 
 def _table_knots(value: float | Table, knots: list[Knot]) -> tuple[int, int]:

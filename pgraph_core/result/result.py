@@ -27,6 +27,7 @@ from ..packing.system import Array
 from ..plan import Plan
 from ..portable import EqualByFields, Hinting
 from .dense import states_at
+from .outputs import outputs
 from .records import (
     KINDS,
     OF_CONSTRAINTS,
@@ -346,6 +347,11 @@ class Result(EqualByFields, Hinting):
         """Poses, velocities, accelerations and joint forces, computed when first asked for."""
         return body_motion(self)
 
+    @cached_property
+    def outputs(self) -> Mapping[str, Array]:
+        """{name: (n,), (n, 3) or (n, 4)}: what the model's outputs read, as `Output` says."""
+        return Named(outputs(self), "outputs", "output")
+
     # -- files -------------------------------------------------------------------------------
 
     def save(self, path: str | Path, /) -> None:
@@ -415,7 +421,7 @@ class Result(EqualByFields, Hinting):
         return cls(mech, status, **loaded, **given)
 
     def to_csv(self) -> str:
-        """Time, q, v, energies and constraint forces as CSV, units in the first line."""
+        """Time, q, v, energies, constraint forces, outputs as CSV, units in the first line."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         columns = self.columns()
@@ -435,6 +441,10 @@ class Result(EqualByFields, Hinting):
             }
         for name, force in self.constraint_force.items():
             columns |= {f"{name} F{axis} [N]": force[:, 3 + i] for i, axis in enumerate("xyz")}
+        for o in self.mechanism.model.outputs:
+            values = self.outputs[o.name].reshape(len(self.t), -1).T
+            names = (" ".join(filter(None, (o.name, part))) for part in o.reading.parts)
+            columns |= {f"{name} [{o.reading.unit}]": x for name, x in zip(names, values)}
         return columns | self.contacts.columns()
 
 

@@ -32,7 +32,8 @@ def model_html(model: Any) -> str:
     counts = [
         _counted(len(getattr(model, field)), one)
         for field, one in (("constraints", "constraint"), ("contacts", "contact"),
-                           ("forces", "force"), ("scenarios", "scenario"), ("sites", "site"))
+                           ("forces", "force"), ("scenarios", "scenario"), ("sites", "site"),
+                           ("outputs", "output"))
         if getattr(model, field)
     ]  # fmt: skip
     dof = sum(body.dof for body in model.bodies)

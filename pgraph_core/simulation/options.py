@@ -168,13 +168,33 @@ def driven(forces: Sequence[Force], inputs: Inputs, call: str, t_start: float) -
 
 def _given(f: OnJoint, value: float | Table, t_start: float) -> OnJoint:
     """With this input; where it has a lag, its own one still acts at first."""
-    if not f.lag:
-        return f.unchecked_copy({f.INPUT: value})
-    if not isinstance(value, Table):
-        value = Table(t=(t_start,), value=(value,))
-    own = getattr(f, f.INPUT)
-    first = own.value[0] if isinstance(own, Table) else own
-    return f.unchecked_copy({f.INPUT: value, "start": first if f.start is None else f.start})
+    update: dict[str, Any] = {f.INPUT: value}
+    if f.lag and f.start is None:
+        update["start"] = _at(getattr(f, f.INPUT), t_start)
+    return f.unchecked_copy(update)
+
+
+def begun(forces: Sequence[Force], t_start: float) -> tuple[Force, ...]:
+    """The forces, those with a lag or integral as they are when a run begins at t_start."""
+
+    def from_start(f: Force) -> Force:
+        if not (isinstance(f, OnJoint) and f.has_state):
+            return f
+        u = getattr(f, f.INPUT)
+        later = (
+            [(t, x) for t, x in zip(u.t, u.value) if t > t_start] if isinstance(u, Table) else []
+        )
+        t, x = zip((t_start, _at(u, t_start)), *later)
+        return f.unchecked_copy({f.INPUT: Table(t=t, value=x)})
+
+    if not any(isinstance(f, OnJoint) and f.has_state for f in forces):
+        return tuple(forces)
+    return tuple(map(from_start, forces))
+
+
+def _at(u: float | Table, t: float) -> float:
+    """An input at a time."""
+    return float(np.interp(t, u.t, u.value)) if isinstance(u, Table) else u
 
 
 def positive(field: str, value: Any, *, unit: str = " [s]", call: str = "simulate") -> float:

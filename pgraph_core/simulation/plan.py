@@ -34,6 +34,7 @@ from .options import (
     FRAMES,
     Options,
     Tolerance,
+    begun,
     driven,
     fixed_step_times,
     frame_times,
@@ -249,6 +250,7 @@ def _what_acts(
     forces = (*mech.model.forces, *(given.forces if given else ()), *extra)
     if o.inputs:
         forces = driven(forces, o.inputs, "simulate", span[0])
+    forces = begun(forces, span[0])
     now = active_constraints(mech, given)
     active, changes = switch_changes(mech, given, o.switches, now, span)
     switches = switches_of(mech, given, o.switches, span)

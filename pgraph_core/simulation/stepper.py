@@ -21,13 +21,13 @@ from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model, Servo, Table
 from ..model.force import OnJoint
-from ..packing.forces import lagging
+from ..packing.forces import AT_ONCE, Follows, followed
 from ..packing.system import Array, Drives
 from ..portable import Portable, installed
 from ..result import Result, Status
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
 from .loop import Outcome
-from .options import SAME, Options, driven, inputs_of, positive
+from .options import SAME, Options, begun, driven, inputs_of, positive
 from .plan import by_names, plan_of, touching_contacts, with_contacts, with_state
 from .recording import Estimate, Recording
 from .switches import Change
@@ -36,6 +36,7 @@ GIVEN_STEPS = tuple(m.name for m in METHODS.values() if not m.adaptive)
 AUTO = "auto"
 CHUNK = 100_000  # steps between two looks at whether the user wants to stop
 SNAPSHOT = b"pgraph snapshot"
+FOLLOWS = ("lag", "integrates", "least", "most")  # how what acts follows an input
 
 
 @guarded(
@@ -171,6 +172,12 @@ class Stepper(Portable):
         return Named(record.scene.forces(record.out.wrenches[0].copy()), *OF_CONSTRAINTS)
 
     @property
+    def outputs(self) -> Mapping[str, Any]:
+        """{output: what it reads}, a number or an array (3,) or (4,), as `Output` says."""
+        found = self._seen().result(Estimate(), {}).outputs
+        return Named({name: x[0].copy() for name, x in found.items()}, "outputs", "output")
+
+    @property
     def tau(self) -> Any:
         """The torques that were given at the start: an array, a function, or None."""
         return self._tau
@@ -301,7 +308,7 @@ class Stepper(Portable):
         knots = self._record.plan.drives.knots
         return {
             name: float((knots[knot, 1] - start) / slope) if slope else getattr(f, f.INPUT)
-            for name, (f, knot, start, slope) in self._inputs.items()
+            for name, (f, knot, start, slope, _) in self._inputs.items()
         }
 
     def input(self, name: str, value: float) -> None:
@@ -323,10 +330,10 @@ class Stepper(Portable):
 
     def _put(self, name: str, x: float) -> None:
         """Let an input be x from now on."""
-        force, knot, start, slope = self._inputs[name]
+        _, knot, start, slope, follows = self._inputs[name]
         one = self._record.plan.drives.knots[knot]
-        if force.lag:
-            one[3] = lagging(one[1], 0.0, one[3], max(self.t - one[0], 0.0), force.lag)
+        if follows != AT_ONCE:
+            one[3] = followed(follows, one[1], 0.0, one[3], max(self.t - one[0], 0.0))
             one[0] = self.t
         one[1] = start + slope * x
         self._steps.control["fresh"], self._looked = 0, False
@@ -421,6 +428,7 @@ class Stepper(Portable):
         forces = (*mech.model.forces, *(given.forces if given else ()), *self._options.forces)
         if self._options.inputs:
             forces = driven(forces, self._options.inputs, "Stepper", t)
+        forces = begun(forces, t)
         self._servos, self._inputs = _servos(forces, drives), _inputs(forces, drives)
         self._ended(Outcome())
         self._open()
@@ -493,22 +501,28 @@ def _servos(forces: Sequence[Force], drives: Drives) -> dict[str, int]:
     return {
         f.name: int(row["first_target"])
         for f, row in zip(driving, rows)
-        if isinstance(f, Servo) and row["targets"] == 1 and not f.lag
+        if isinstance(f, Servo) and row["targets"] == 1 and not f.has_state
     }
 
 
 def _inputs(
     forces: Sequence[Force], drives: Drives
-) -> dict[str, tuple[OnJoint, int, float, float]]:
-    """{name: (force, knot, start, slope)}: an input u stands in that knot as start + slope u."""
-    found: dict[str, tuple[OnJoint, int, float, float]] = {}
+) -> dict[str, tuple[OnJoint, int, float, float, Follows]]:
+    """{name: (force, knot, start, slope, how what acts follows it)}.
+
+    An input u stands in that knot as start + slope u.
+    """
+    found: dict[str, tuple[OnJoint, int, float, float, Follows]] = {}
     rows = drives.table[drives.passive :]
     for f, row in zip((f for f in forces if isinstance(f, OnJoint)), rows):
         gain, torque, kp, _ = f.law
+        lag, integrates, least, most = (row[x].item() for x in FOLLOWS)
+        follows = lag, integrates, least, most
         if kp and row["targets"] == 1:
-            found[f.name] = f, int(row["first_target"]), 0.0, gain / kp
+            found[f.name] = f, int(row["first_target"]), 0.0, gain / kp, follows
         elif not kp and row["torques"] == 1 and not isinstance(torque, Table):
-            found[f.name] = f, int(row["first_torque"]), torque, gain
+            start = 0.0 if f.integrates else torque
+            found[f.name] = f, int(row["first_torque"]), start, gain, follows
     return found
 
 

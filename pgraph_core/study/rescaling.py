@@ -204,8 +204,10 @@ def _along_joints(f: OnJoint | Tendon, model: Model, s: Scale) -> dict[str, Any]
     found |= {x: _times(getattr(f, x), acts) for x in ("torque_limit", "torque_low")}
     gains = {"kp": acts / per, "kd": acts / per * s.time, "gain": acts}
     found |= {x: getattr(f, x) * by for x, by in gains.items() if x in type(f).model_fields}
-    of_input = {"torque": acts, "target": per, "speed": per / s.time, "input": 1.0}[f.INPUT]
-    found[f.INPUT] = _curve(getattr(f, f.INPUT), of_input, s)
+    of_state = {"torque": acts, "target": per, "speed": per / s.time, "input": 1.0}[f.INPUT]
+    of_input = of_state / s.time if f.integrates else of_state
+    found |= {x: _times(getattr(f, x), of_state) for x in ("start", "state_low", "state_high")}
+    found |= {f.INPUT: _curve(getattr(f, f.INPUT), of_input, s), "lag": f.lag * s.time}
     return found | {x: _times(getattr(f, x), of_input) for x in ("input_low", "input_high")}
 
 

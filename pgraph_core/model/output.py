@@ -1,0 +1,74 @@
+"""Outputs: what is read off a motion by name, as sensors do."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple, Self
+
+from pydantic import model_validator
+
+from .fields import GROUND, Described, field, refuse
+
+Kind = Literal[
+    "joint_position", "joint_velocity", "position", "rotation", "velocity", "angular_velocity",
+    "velocimeter", "gyro", "accelerometer", "force", "torque",
+]  # fmt: skip
+OF_JOINT = ("joint_position", "joint_velocity")
+OF_LOAD = ("force", "torque")
+
+
+class Reading(NamedTuple):
+    """What an output gives."""
+
+    parts: tuple[str, ...]  # of its numbers; ("",): one number
+    unit: str
+
+
+AXES = ("x", "y", "z")
+READINGS: dict[str, Reading] = {
+    "joint_position": Reading(("",), "rad, m"),
+    "joint_velocity": Reading(("",), "rad/s, m/s"),
+    "position": Reading(AXES, "m"),
+    "rotation": Reading(("w", *AXES), "1"),
+    "velocity": Reading(AXES, "m/s"),
+    "angular_velocity": Reading(AXES, "rad/s"),
+    "velocimeter": Reading(AXES, "m/s"),
+    "gyro": Reading(AXES, "rad/s"),
+    "accelerometer": Reading(AXES, "m/s^2"),
+    "force": Reading(AXES, "N"),
+    "torque": Reading(AXES, "N m"),
+}
+
+
+class Output(Described):
+    """What a run or stepper gives by `name`: `run.outputs[name]`, `stepper.outputs[name]`.
+
+    `joint_position` and `joint_velocity` are of a coordinate of the joint of body `at`. The others
+    are of a body's or site's frame `at`. In world axes: `position` of its origin, `rotation`
+    (quaternion [w, x, y, z]), `velocity`, `angular_velocity`. In its own axes, as instruments that
+    are fixed there measure: `velocimeter`, `gyro`, `accelerometer` (acceleration less gravity),
+    `force` and `torque` that the joint passes on to the body, about the frame's origin.
+    """
+
+    name: str = field("text that is not empty", label="Name")
+    kind: Kind = field(f"one of {', '.join(READINGS)}", label="Kind")
+    at: str = field("the name of a body or site", label="At", help="a body or a site")
+    coordinate: int = field(
+        "the number of a degree of freedom of the joint, from 0",
+        default=0, ge=0, le=5, help="of a joint: which degree of freedom, from 0",
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        if self.coordinate and self.kind not in OF_JOINT:
+            refuse([("coordinate", f"has no meaning for {self.kind}; leave it out")])
+        return self
+
+    @property
+    def touches(self) -> tuple[str, ...]:
+        """The name of its body or site; the ground is none."""
+        return () if self.at == GROUND else (self.at,)
+
+    @property
+    def reading(self) -> Reading:
+        """Its numbers and their unit."""
+        return READINGS[self.kind]

@@ -1,0 +1,110 @@
+"""Outputs: what they read is the motion's own derivatives and weights; edits keep them in step."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from pgraph_core.rotation import matrix
+
+G = np.array([0.0, 0.0, -9.81])
+FRAMES = ("position", "rotation", "velocity", "angular_velocity", "velocimeter", "gyro")
+INSTRUMENTS = ("accelerometer", "force", "torque")
+
+
+def arm() -> pg.Model:
+    kinds = [k for k in (*FRAMES, *INSTRUMENTS) for _ in (1,)]
+    return pg.Model(
+        up="z",
+        bodies=[
+            pg.Body(name="upper", joint="revolute", axes=(0, 1, 0), mass=2.0, tip=(0.4, 0, 0)),
+            pg.Body(name="lower", parent="upper", joint="spherical", link=(0.4, 0, 0), mass=1.0,
+                    com=(0.1, 0, 0), inertia=np.diag([0.02, 0.03, 0.04]), v=(1.0, 2.0, -1.0)),
+            pg.Body(name="tool", parent="lower", link=(0.2, 0, 0), mass=0.5, joint="weld",
+                    inertia=np.diag([0.01, 0.01, 0.01])),
+        ],
+        sites=[pg.Site(name="imu", body="tool", point=(0.1, 0.2, 0.3), rotation=(1, 2, 3, 4))],
+        outputs=[pg.Output(name=kind, kind=kind, at="imu") for kind in kinds]
+        + [
+            pg.Output(name="angle", kind="joint_position", at="upper"),
+            pg.Output(name="spin", kind="joint_velocity", at="lower", coordinate=2),
+        ],
+    )  # fmt: skip
+
+
+def test_rates_are_derivatives_of_places_in_the_axes_that_they_are_in():
+    run = pg.simulate(arm(), t_end=0.2, frames=20001, rtol=1e-12)
+    out, h = run.outputs, run.t[1]
+
+    def rate(x):  # of fourth order, at the frames 2 to n - 3
+        return (x[:-4] - 8 * x[1:-3] + 8 * x[3:-1] - x[4:]) / (12 * h)
+
+    turn = np.array([matrix(q) for q in out["rotation"].tolist()])
+    inner = slice(2, -2)
+    np.testing.assert_allclose(rate(out["position"]), out["velocity"][inner], atol=1e-7)
+    spin = rate(turn) @ turn[inner].transpose(0, 2, 1)  # R' Rᵀ
+    spin = np.stack((spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]), axis=1)
+    np.testing.assert_allclose(spin, out["angular_velocity"][inner], atol=1e-7)
+    felt = np.einsum("nji,nj->ni", turn[inner], rate(out["velocity"]) - G)  # Rᵀ (a - g)
+    np.testing.assert_allclose(felt, out["accelerometer"][inner], atol=1e-6)
+    for mine, world in (("velocimeter", "velocity"), ("gyro", "angular_velocity")):
+        own = np.einsum("nji,nj->ni", turn, out[world])
+        np.testing.assert_allclose(out[mine], own, atol=1e-12)
+    np.testing.assert_array_equal(out["angle"], run["upper"])
+    np.testing.assert_array_equal(out["spin"], run.v[:, 3])
+
+
+def test_the_force_is_what_carries_the_body():
+    run = pg.simulate(arm(), t_end=0.2, frames=2001, rtol=1e-12)
+    out = run.outputs
+    turn = np.array([matrix(q) for q in out["rotation"].tolist()])
+    force = np.einsum("nij,nj->ni", turn, out["force"])
+    momentum = 0.5 * run.body_acceleration[:, 2, 3:]  # of the tool, whose centre is its origin
+    np.testing.assert_allclose(force, momentum - 0.5 * G, atol=1e-9)
+    columns = run.columns()
+    np.testing.assert_array_equal(columns["gyro x [rad/s]"], out["gyro"][:, 0])
+    with pytest.raises(KeyError, match="no output is called 'gyr'; choose one of gyro"):
+        out["gyr"]
+
+
+def test_a_stepper_reads_them_as_a_run_does():
+    stepper = pg.Stepper(arm(), step=1e-3, method="rk4")
+    stepper.step(n=50)
+    run = pg.simulate(arm(), t_end=0.05, step=1e-3, method="rk4")
+    for name, value in stepper.outputs.items():
+        np.testing.assert_array_equal(value, run.outputs[name][-1])
+
+
+def test_edits_take_outputs_along():
+    model = arm()
+    assert pg.Model.from_json(model.to_json()) == model
+    named = model.edit("imu", name="head").edit("upper", name="arm")
+    assert {o.at for o in named.outputs} == {"head", "arm", "lower"}
+    fewer = model.remove("imu")
+    assert [o.name for o in fewer.outputs] == ["angle", "spin"]
+    assert "output 'gyro' went with its site" in fewer.notices
+    assert [o.name for o in model.remove("tool").outputs] == ["angle", "spin"]
+    welded = model.edit("lower", joint="revolute")
+    assert "spin" not in [o.name for o in welded.outputs]
+    twice = model.duplicate("lower")
+    copies = {o.name: o.at for o in twice.outputs if o not in model.outputs}
+    assert len(copies) == 10
+    assert set(copies.values()) == {"imu_2", "lower_2"}
+
+
+@pytest.mark.parametrize(
+    ("fields", "text"),
+    [
+        ({"kind": "gyro", "at": "elbow"}, "no body is named 'elbow'.*of the sites imu"),
+        ({"kind": "joint_position", "at": "imu"}, "no body is named 'imu'"),
+        ({"kind": "joint_position", "at": "lower"}, "take kind 'rotation'"),
+        ({"kind": "joint_velocity", "at": "upper", "coordinate": 1}, "1 degrees of freedom"),
+        ({"kind": "force", "at": "ground"}, "no joint passes a force"),
+        ({"kind": "gyro", "at": "imu", "coordinate": 1}, "has no meaning for gyro"),
+        ({"kind": "smell", "at": "imu"}, "one of joint_position, joint_velocity"),
+    ],
+)
+def test_what_cannot_be_read_is_refused(fields, text):
+    with pytest.raises(pg.ModelError, match=text):
+        arm().add(pg.Output(name="new", **fields))
