@@ -197,7 +197,8 @@ MODELS: list[tuple[dict[str, Any], list[str]]] = [
         {"gravty": [0, 0, 0]},
         [
             "model, gravty: no such field; did you mean gravity? choose from name, up, gravity, "
-            "ground, parameters, bodies, constraints, contacts, forces, scenarios, sites, formulas"
+            "ground, parameters, bodies, constraints, contacts, forces, scenarios, sites, outputs, "
+            "formulas"
         ],
     ),
     (

@@ -29,6 +29,7 @@ from ..model import (
     Wrench,
 )
 from ..model.fields import EVERY, GROUND, name_problem
+from ..model.output import Kind
 from ..rotation import matrix, multiply, unit
 from .report import Report
 
@@ -38,7 +39,7 @@ ALONG_JOINT, SITE = 1, 3  # mjtWrap
 ON_JOINT, ON_TENDON = (0, 1), 3  # mjtTrn: joint, joint in parent; tendon
 INTEGRATOR, FILTERS = 1, (2, 3)  # mjtDyn: integrator; filter, filterexact
 BODIES, SITES = 2, 6  # mjtObj: xbody, site
-SENSORS = {  # of MuJoCo: kind of output
+SENSORS: dict[str, Kind] = {  # of MuJoCo: kind of output
     "jointpos": "joint_position", "jointvel": "joint_velocity", "framepos": "position",
     "framequat": "rotation", "framelinvel": "velocity", "frameangvel": "angular_velocity",
     "velocimeter": "velocimeter", "gyro": "gyro", "accelerometer": "accelerometer",

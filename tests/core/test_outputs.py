@@ -14,7 +14,6 @@ INSTRUMENTS = ("accelerometer", "force", "torque")
 
 
 def arm() -> pg.Model:
-    kinds = [k for k in (*FRAMES, *INSTRUMENTS) for _ in (1,)]
     return pg.Model(
         up="z",
         bodies=[
@@ -25,8 +24,8 @@ def arm() -> pg.Model:
                     inertia=np.diag([0.01, 0.01, 0.01])),
         ],
         sites=[pg.Site(name="imu", body="tool", point=(0.1, 0.2, 0.3), rotation=(1, 2, 3, 4))],
-        outputs=[pg.Output(name=kind, kind=kind, at="imu") for kind in kinds]
-        + [
+        outputs=[
+            *({"name": kind, "kind": kind, "at": "imu"} for kind in (*FRAMES, *INSTRUMENTS)),
             pg.Output(name="angle", kind="joint_position", at="upper"),
             pg.Output(name="spin", kind="joint_velocity", at="lower", coordinate=2),
         ],
