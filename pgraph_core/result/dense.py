@@ -16,6 +16,7 @@ from ..packing.system import Array, Ints
 
 OUTSIDE = 1e-9  # of the run: a time this far outside is at its end
 SMOOTH = 0.1  # ratio of the errors of quintic and cubic over two frames where motion is smooth
+TURN = 3.0  # rad of an oscillation: wider frames show a slower one
 GAIN = 16.0  # smooth: the error over one frame is 1/64 of that over two; a factor 4 is kept back
 
 
@@ -165,12 +166,17 @@ def _missed(frames: Any, i: Ints, x: Array) -> Array:
     In smooth motion, the error q⁽⁶⁾/720 (t - t_i)³ (t_k - t)³ of a quintic over two intervals is
     seen at the frame in between: it gives q⁽⁶⁾, and so the error over the interval itself. Else,
     as where an impact lies in it, the difference of quintic and cubic. It is inf where that is
-    more than the motion, or where two frames alone do not tell.
+    more than the motion, where two frames alone do not tell, or where frames are so wide that
+    polynomials may agree by chance.
     """
-    t, q, rate, _ = frames
+    t, q, rate, bend = frames
     rounding = 4 * np.finfo(float).eps * np.abs(q).max(initial=0.0)
     most = float(np.ptp(q, axis=0).max(initial=0.0)) + 1e3 * rounding
     rough, bent = _corrections(frames, i)
+    width = t[i + 1] - t[i]
+    steep, curved = (_at_both(np.abs(x).max(axis=1, initial=0.0), i) for x in (rate, bend))
+    turned = np.maximum(width * steep / TURN, (width / TURN) ** 2 * curved)  # of the motion
+    rough = np.where(turned > most, np.inf, rough)
     if len(t) < 3:
         return np.where((rough <= SMOOTH * bent + rounding) & (rough <= most), rough, np.inf)
     middle = np.arange(1, len(t) - 1)
@@ -185,8 +191,14 @@ def _missed(frames: Any, i: Ints, x: Array) -> Array:
     smooth = (seen * np.maximum(wider, 1.0) <= SMOOTH * coarse[near] + rounding).all(axis=0)
     grown = (seen * wider**3).max(axis=0) + (rounding * np.maximum(wider, 1.0) ** 3).min(axis=0)
     jump = np.maximum(rough, (seen * np.sqrt(np.maximum(wider, 1.0))).max(axis=0))
+    smooth &= np.isfinite(rough)
     missed = np.where(smooth, grown / GAIN + rounding, np.maximum(jump, grown / GAIN))
     return np.where(missed <= most, missed, np.inf)
+
+
+def _at_both(x: Array, i: Ints) -> Array:
+    """The larger one of the values at both frames of the intervals from frames i."""
+    return np.maximum(x[i], x[i + 1])
 
 
 def _corrections(frames: Any, i: Ints) -> tuple[Array, Array]:

@@ -47,13 +47,17 @@ MORE = 4  # times the steps: a coarser run that takes more blows up
 FEW = 50  # steps of a coarser run: a finer one costs little then, and tells the error itself
 UNEVEN = 0.1  # of the ratio that the order promises, of errors of energies
 ROUNDED = 1e-13  # of the energies
-ONE_EACH = 1.5  # steps a frame: fewer are those that frames ask for
+VISIBLE_ENERGY = 0.01  # of the range of the kinetic one: an error that counts
+BEYOND_ERROR = 30.0  # times the error, over the motion's size: an error of energies that doubts it
+SHARED = 4.0  # steps a frame: of fewer, many may be those that frames ask for
 CHAOTIC = 4.0  # e-folds in the second half of the time: more than powers of time make
 ONE_JUMP = 0.4  # of these e-folds, between two times: what happens at once is not chaos
 FITTED = 8  # points of a rate
 UNSOLVED = 0.1  # of the tolerance of the equations of implicit steps
 OVERDAMPED = 1.2  # times the rate without dampers, which is known to 10 %: what does not swing
 RESOLVED = 0.015  # of a step: times rounded more coarsely make other steps of it
+STEEP = 1e-3  # of the time: a ramp of a table that is shorter
+MOST_RAMPS = 100
 HALF = 0.5  # of the gap that counts as closed: where an impact is found in it
 EPS = float(np.finfo(float).eps)
 TINY = float(np.finfo(float).tiny)
@@ -125,7 +129,7 @@ def _estimated(record: Recording) -> Estimate:
         record = bent
     few = len(record.plan.times) < COMPARED // 2
     found = _by_coarser(record, few)
-    if np.isinf(found.largest) and few:
+    if few and (np.isinf(found.largest) or found.notices or _contradicted(record, found.largest)):
         shown = record.again(_with_frames(record.plan))
         found = _by_coarser(shown) if shown.ended.ok else found
     if corners:
@@ -140,15 +144,13 @@ def _by_coarser(record: Recording, few: bool = False) -> Estimate:
     """
     record.plan = plan = _effective(record.plan)
     steps = record.steps.counters["steps"]
-    if not (_dense(plan) or plan.step) and steps < ONE_EACH * len(plan.times):
-        return _by_finer(record)
     if plan.tolerance is None and plan.contacts is not None and not plan.impulses:
         found = _by_tolerance(record, DOPRI5)
         if found is not None:
             return found
     if record.steps.divided and (found := _by_tolerance(record, plan.method)) is not None:
         return found  # some steps followed a tolerance: no order promises a ratio
-    if len(plan.knots) and not len(plan.kinks):  # wider steps would not end at them
+    if _cut(plan, int(steps)):
         return _by_finer(record)
     factor = 3 if plan.method.order <= 2 else 2
     wider = _coarser(plan, factor)
@@ -159,6 +161,8 @@ def _by_coarser(record: Recording, few: bool = False) -> Estimate:
             return Estimate(why=FAILS)
         coarse = None
     if wider is None or coarse is None:
+        return _by_finer(record)
+    if _frames_end(coarse):
         return _by_finer(record)
     near, ratio = _apart(record, coarse, wider.times), _ratio(record, coarse)
     if few and near.share[-1] >= 1.0 and not plan.contact_points:
@@ -393,6 +397,13 @@ def _imbalance(record: Recording) -> float:
     return max(float(np.abs(balance - balance[0]).max(initial=0.0)), ROUNDED * size)
 
 
+def _contradicted(record: Recording, error: float) -> bool:
+    """Whether a run's energies are off by far more than this error of q."""
+    swing = float(np.ptp(record.out.energies[: record.done, 0]))
+    off = max(VISIBLE_ENERGY, BEYOND_ERROR * error / (record.plan.length or 1.0))
+    return _imbalance(record) > off * swing > 0.0
+
+
 def _known_until(apart: _Apart, errors: Array, last: int, rate: float) -> Estimate:
     """The estimate of a run whose error is known up to a time, by number."""
     until, before = float(apart.t[last]), float(errors[last])
@@ -410,7 +421,9 @@ def _rounding(record: Recording, apart: _Apart) -> float:
     Errors of these solutions differ between two runs, `apart`, about as much as they are.
     """
     q, v, t = record.out.q, record.out.v, record.plan.times
-    size = np.abs(q).max(initial=0.0) + np.abs(t).max() * np.abs(v).max(initial=0.0)
+    late = float(np.abs(t).max())
+    moved = np.abs(v).max(initial=0.0) + _kicked(record) * np.ptp(t)
+    size = np.abs(q).max(initial=0.0) + late * moved
     least, given = EPS * float(size) + _closed(record), record.plan.tolerance
     if given is None or not (given.fixed and record.plan.method.implicit):
         return least
@@ -418,6 +431,23 @@ def _rounding(record: Recording, apart: _Apart) -> float:
         least += _damped(record, given.widest)
     unsolved = UNSOLVED * given.rtol * float(np.ptp(q, axis=0).max(initial=0.0))
     return least + min(unsolved, float(apart.largest[-1]))
+
+
+def _kicked(record: Recording) -> float:
+    """Sum of the changes of v' in the steep ramps of tables [1/s2, m/s2].
+
+    Times are rounded there as everywhere, in another way at every stage: what a ramp adds to a
+    velocity is wrong by that time and its change of v'.
+    """
+    plan = record.plan
+    if record.user is not None or plan.contacts is not None or plan.contact_points:
+        return 0.0
+    knots = plan.knots if plan.tolerance is None else plan.tolerance.corners
+    steep = np.flatnonzero(np.diff(knots) < STEEP * np.ptp(plan.times))[:MOST_RAMPS]
+    if len(steep) == 0:
+        return 0.0
+    change = record.accelerations(knots[steep + 1]) - record.accelerations(knots[steep])
+    return float(np.linalg.norm(np.abs(change).max(axis=1, initial=0.0)))
 
 
 def _damped(record: Recording, step: float) -> float:
@@ -500,15 +530,45 @@ def _wide(coarse: Recording, fine: Recording) -> bool:
 
 @lru_cache(maxsize=32)
 def _effective(plan: Plan) -> Plan:
-    """The same run, its fixed steps no wider than those between frames that end them."""
+    """The same run, its fixed steps no wider than those between times that end them."""
     given = plan.tolerance
-    if given is None or not given.fixed or _dense(plan):
+    if given is None or not given.fixed:
         return plan
-    apart = np.diff(plan.times)
-    widest = float((apart / np.ceil(apart / given.widest - 1e-9)).max())
+    apart = np.diff(_ends(plan))
+    each = np.minimum(apart, given.widest)
+    if not _dense(plan):
+        each = apart / np.ceil(apart / given.widest - 1e-9)
+    widest = float(each.max())
     return (
         plan if widest >= given.widest else replace(plan, tolerance=given._replace(widest=widest))
     )
+
+
+def _cut(plan: Plan, steps: int) -> bool:
+    """Whether frames or corners end so many steps that a coarser run would share them."""
+    given = plan.tolerance
+    if given is None:
+        return len(plan.knots) > 0 and not len(plan.kinks)
+    if given.fixed:
+        return bool(np.diff(_ends(plan)).min() < NARROWER * given.widest)
+    return not _dense(plan) and steps < SHARED * len(plan.times)
+
+
+def _ends(plan: Plan) -> Array:
+    """Times at which steps of the run must end."""
+    given = plan.tolerance
+    bends = NO_TIMES if given is None else given.corners
+    first, last = plan.times[0], plan.times[-1]
+    kept = bends[(bends > first) & (bends < last)]
+    return np.union1d([first, last] if _dense(plan) else plan.times, kept)
+
+
+def _frames_end(record: Recording) -> bool:
+    """Whether frames end the last steps of a run that would have chosen wider ones."""
+    plan, chosen = record.plan, record.plan.tolerance
+    if chosen is None or chosen.fixed or _dense(plan):
+        return False
+    return bool(record.steps.control["width"] > plan.times[-1] - plan.times[-2])
 
 
 def _can_be_finer(plan: Plan) -> bool:
@@ -564,13 +624,13 @@ def _narrowed(plan: Plan) -> Plan:
     given = plan.tolerance
     if given is None:
         return replace(plan, substeps=2 * plan.substeps, width=0.5 * plan.width)
+    ends = _ends(plan)
+    halves = ends[:-1] + 0.5 * np.diff(ends)  # or steps between these ends would stay the same
+    tighter = given._replace(corners=np.union1d(given.corners, halves))
     if given.fixed:
-        return replace(plan, tolerance=given._replace(widest=0.5 * given.widest))
+        return replace(plan, tolerance=tighter._replace(widest=0.5 * given.widest))
     rtol = max(given.rtol / LOOSER, LEAST_RTOL)
-    tighter = given._replace(rtol=rtol, atol=given.atol * rtol / given.rtol)
-    if not _dense(plan):  # or frames would make the same steps
-        spacing = float(np.diff(plan.times).max())
-        tighter = tighter._replace(widest=min(given.widest, 0.5 * spacing))
+    tighter = tighter._replace(rtol=rtol, atol=given.atol * rtol / given.rtol)
     return replace(plan, tolerance=tighter)
 
 

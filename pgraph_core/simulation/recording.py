@@ -369,11 +369,23 @@ class Recording:
 
     def _first_evaluation(self) -> int:
         """0, or -1 if v' is not finite at the start, or the first row without inertia."""
-        vdot, wrenches = np.empty(self.mech.nv), np.empty_like(self.out.wrenches[0])
+        return self._evaluate(self.scene, self.start, np.empty(self.mech.nv))
+
+    def _evaluate(self, scene: Scene, t: float, vdot: Array) -> int:
+        """v' in the initial state at t; 0, -1 if not finite, or the first row without inertia."""
         return motion.constrained_dynamics(
-            self.scene.address, address_of(motion.acceleration), self.start, self.q, self.v,
-            self.scene.given, np.zeros(3), vdot, wrenches,
+            scene.address, address_of(motion.acceleration), t, *self.began, scene.given,
+            np.zeros(3), vdot, np.empty_like(self.out.wrenches[0]),
         )  # fmt: skip
+
+    def accelerations(self, times: Array) -> Array:
+        """(n, nv) v' in the initial state at these times, as forces change; without contacts."""
+        scene, found = self._scene(), np.zeros((len(times), self.mech.nv))
+        scene.given[:] = self.scene.given
+        scene.activate(self.plan.active)
+        for t, vdot in zip(times.tolist(), found):
+            self._evaluate(scene, t, vdot)
+        return found
 
     def _advance(self, budget: int) -> int:
         """Take at most `budget` steps and frames; the kernel's status code."""

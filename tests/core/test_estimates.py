@@ -10,6 +10,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_core.dynamics.states import differences
 from pgraph_core.verification.hunt import scenes
+from pgraph_core.verification.scene import integrated
 
 from .trees import random_case
 
@@ -413,3 +414,104 @@ def test_a_close_pair_of_runs_of_chaotic_motion_is_not_trusted_beside_a_far_one(
     scene = next(iter(scenes(1, 2, 440)))
     run = pg.simulate(scene.model, t_end=scene.t_end, frames=101)
     assert run.error_estimate > 2e-5
+
+
+# -- runs that must not be compared with themselves ------------------------------------------------
+
+
+def slider(**fields) -> pg.Model:
+    body = pg.Body(name="a", joint="prismatic", mass=1.0, inertia=np.eye(3), **fields)
+    return pg.Model(bodies=[body], gravity=(0, 0, 0))
+
+
+def pushed(knots, values, **fields) -> pg.Model:
+    table = pg.Table(t=list(knots), value=list(values))
+    return slider(**fields).add(pg.Motor(name="m", body="a", torque=table))
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"method": "dop853", "step": 1.0},
+        {"method": "dop853", "step": 0.3},
+        {"method": "dopri5", "step": 10.0},
+        {"method": "dop853", "rtol": 1e-2},
+        {},
+    ],
+)
+def test_steps_that_knots_end_are_compared_with_narrower_ones(options):
+    knots = np.arange(0.5, 10.0, 0.5)
+    values = 20 * np.random.default_rng(1).normal(size=len(knots))
+    model = pushed(knots, values, q=0.2, v=1.0, stiffness=40.0, damping=0.1)
+    run = pg.simulate(model, t_end=10.0, frames=50, **options)
+
+    def rate(t, y):
+        return y[1], np.interp(t, knots, values) - 40 * y[0] - 0.1 * y[1]
+
+    known = integrated(rate, (0.2, 1.0), run.t, knots)[:, 0]
+    assert run.error_estimate > 0.1 * np.abs(run.q[:, 0] - known).max()
+
+
+@pytest.mark.parametrize("method", ["dopri5", "dop853", "radau5"])
+def test_steps_of_a_late_start_add_up_to_its_time(method):
+    """5000 sums of time and step, each rounded, would be off by 1e-8."""
+    rate = 1000.0
+    run = pg.simulate(
+        slider(q=1.0, stiffness=rate**2), t_start=1e4, t_end=1e4 + 0.05, frames=11, method=method,
+        step=1e-5,
+    )  # fmt: skip
+    known = np.cos(rate * (run.t - 1e4))
+    assert np.abs(run.q[:, 0] - known).max() < 1e-10
+
+
+SETTLING = [
+    (30.8, 333.0, {"method": "ros2", "rtol": 3e-5, "frames": 11, "t_end": 1.0}),
+    (30.8, 1110.0, {"method": "ros2", "rtol": 1e-5, "frames": 11, "t_end": 1.0}),
+    (20.0, 100.0, {"step": 0.1, "t_eval": [0.03, 10.0], "t_end": 10.0}),
+    (20.0, 100.0, {"method": "ros2", "step": 0.1, "t_eval": [0.03, 10.0], "t_end": 10.0}),
+]
+
+
+@pytest.mark.parametrize(("stiffness", "damping", "options"), SETTLING)
+def test_steps_that_frames_end_are_compared_with_narrower_ones(stiffness, damping, options):
+    """Overdamped: early frames within the first step, late ones closer than steps would be."""
+    run = pg.simulate(slider(q=0.2, v=-5.0, stiffness=stiffness, damping=damping), **options)
+    fast, slow = np.roots([1.0, damping, stiffness])
+    share = (-5.0 - slow * 0.2) / (fast - slow)
+    known = share * np.exp(fast * run.t) + (0.2 - share) * np.exp(slow * run.t)
+    true = np.abs(run.q[:, 0] - known).max()
+    assert 0.2 * true < run.error_estimate < 10 * true
+
+
+@pytest.mark.parametrize(("late", "width"), [(0.0, 1e-6), (1e3, 1e-3), (1e6, 1e-3)])
+def test_rounding_of_times_in_steep_ramps_is_in_the_estimate(late, width):
+    knots = late + 2.4 + width * np.arange(4)
+    values = np.array([0.0, 0.4, 0.4, 0.0]) / width
+    run = pg.simulate(pushed(knots, values), t_start=late, t_end=late + 10, frames=41)
+    each, mean, moment = np.diff(knots), values[:-1] + values[1:], values[:-1] + 2 * values[1:]
+    after = run.t[-1] - knots[:-1]
+    known = np.sum(each * (mean / 2 * after - each * moment / 6))
+    true = abs(run.q[-1, 0] - known)
+    assert run.error_estimate > 0.2 * true
+    assert run.error_estimate < 1e-3
+
+
+def test_two_frames_that_agree_by_chance_are_contradicted_by_the_energy():
+    """A pendulum from beside its upright position: true error 1.9 rad, energy off by 23 %."""
+    rod = pg.Body(name="a", axes=(0, 1, 0), com=(0, 0, -1), inertia=np.eye(3), q=3.14)
+    run = pg.simulate(
+        pg.Model(bodies=[rod]), t_end=65.70608145515635, method="radau5", step=0.076956786322326,
+        t_eval=[0.9230497792671295, 65.70608145515635],
+    )  # fmt: skip
+    assert run.error_estimate > 0.2
+
+
+@pytest.mark.parametrize(("frames", "t_end"), [(4, 10.0), (3, 33.0), (6, 24.0), (5, 37.0)])
+def test_frames_wider_than_an_oscillation_do_not_tell_what_lies_between(frames, t_end):
+    """A pendulum of 0.5 rad: no place is off by more than the run says."""
+    rod = pg.Body(name="a", axes=(0, 1, 0), com=(0, 0, -1), inertia=np.eye(3), q=0.5)
+    run = pg.simulate(pg.Model(bodies=[rod]), t_end=t_end, frames=frames)
+    t = np.linspace(0.0, t_end, 60)[1:-1]
+    q, _, error = run.at(t)
+    known = pg.simulate(pg.Model(bodies=[rod]), t_end=t_end, t_eval=t, rtol=1e-10).q
+    assert (np.abs(q - known)[:, 0] < 10 * error).all()

@@ -184,7 +184,8 @@ def next_width(run):
         return left, end, corner
     if control.widths == CHOSEN and 2.0 * h > left:
         h = 0.5 * left  # no sliver before the end
-    return h, t + h, False
+    end = t + h
+    return (end - t if end > t else h), end, False  # or rounded times would add up
 
 
 @part
