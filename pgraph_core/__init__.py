@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from .errors import ModelError as ModelError
     from .errors import PgraphError as PgraphError
     from .errors import Problem as Problem
+    from .formats.conversion import Report as Report
     from .formats.mjcf import read_mjcf as read_mjcf
     from .formats.mjcf_out import write_mjcf as write_mjcf
-    from .formats.report import Report as Report
     from .formats.urdf import read_urdf as read_urdf
     from .formats.urdf_out import write_urdf as write_urdf
     from .gait.controller import Controller as Controller
@@ -73,9 +73,9 @@ if TYPE_CHECKING:
     from .model import Velocity as Velocity
     from .model import Weld as Weld
     from .model import Wrench as Wrench
+    from .needs import Plan as Plan
     from .paper import home_poses as home_poses
     from .paper.frame_update import frame_update_trace as frame_update_trace
-    from .plan import Plan as Plan
     from .result import Result as Result
     from .result import Status as Status
     from .result.result import joined as joined
@@ -84,8 +84,8 @@ if TYPE_CHECKING:
     from .simulation.walk import Walk as Walk
     from .study.map import StabilityMap as StabilityMap
     from .study.reference import Reference as Reference
+    from .study.report import Study as Study
     from .study.stability import stability_map as stability_map
-    from .study.study import Study as Study
     from .study.work_precision import work_precision as work_precision
     from .sweeps.sweep import Sweep as Sweep
     from .sweeps.sweep import sweep as sweep
@@ -107,7 +107,7 @@ _MODULES = {
     "errors": "FileError InputError ModelError PgraphError Problem",
     "formats.mjcf": "read_mjcf",
     "formats.mjcf_out": "write_mjcf",
-    "formats.report": "Report",
+    "formats.conversion": "Report",
     "formats.urdf": "read_urdf",
     "formats.urdf_out": "write_urdf",
     "gait.controller": "Controller",
@@ -122,7 +122,7 @@ _MODULES = {
     ),
     "paper": "home_poses",
     "paper.frame_update": "frame_update_trace",
-    "plan": "Plan",
+    "needs": "Plan",
     "result": "Result Status",
     "result.result": "joined",
     "simulation": "simulate",
@@ -131,7 +131,7 @@ _MODULES = {
     "study.map": "StabilityMap",
     "study.reference": "Reference",
     "study.stability": "stability_map",
-    "study.study": "Study",
+    "study.report": "Study",
     "study.work_precision": "work_precision",
     "sweeps.sweep": "Sweep sweep",
     "topology": "Topology jdof_of parent_of pgraph_of",

@@ -7,14 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .engine import stepping
 from .errors import InputError, Problem, choices
-from .packing.system import Array
 
+Array: TypeAlias = NDArray[np.float64]
 STEPPING = stepping.__name__
 
 

@@ -11,8 +11,8 @@ from .dynamics import Dynamics
 from .dynamics.arguments import finite, position, wrong_type
 from .errors import explained
 from .model import Model
+from .needs import Plan
 from .packing.system import Array
-from .plan import Plan
 from .portable import Elsewhere
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import pytest
 
 import pgraph_core as pg
 from pgraph_app.cli.main import main
-from pgraph_core.formats.report import nearest_inertia
+from pgraph_core.formats.conversion import nearest_inertia
 from pgraph_core.rotation import matrix
 
 INERTIAL = (

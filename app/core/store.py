@@ -21,7 +21,6 @@ MOST_AHEAD = 20  # events of pages that may pass one of the server
 AGAIN = 0.1  # [s] between looks whether the pages are ready for a picture that waits
 SLOW = 1.0  # [s] for one event: said in the log, with the view that took longest
 log = logging.getLogger(__name__)
-Together = Callable[[], contextlib.AbstractContextManager[None]]
 
 
 class View(Protocol):

@@ -7,14 +7,16 @@ from pathlib import Path
 
 from ..errors import FileError, Problem
 from ..model import Model
+from ..model.files import FOREIGN
+from .conversion import Report
 from .mjcf import read_mjcf
 from .mjcf_out import write_mjcf
-from .report import Report
 from .urdf import read_urdf
 from .urdf_out import write_urdf
 
-READERS = {".urdf": read_urdf, ".xml": read_mjcf, ".mjcf": read_mjcf}
-WRITERS = {".urdf": write_urdf, ".xml": write_mjcf, ".mjcf": write_mjcf}
+FORMATS = {"urdf": (read_urdf, write_urdf), "mjcf": (read_mjcf, write_mjcf)}
+READERS = {suffix: FORMATS[name][0] for suffix, name in FOREIGN.items()}
+WRITERS = {suffix: FORMATS[name][1] for suffix, name in FOREIGN.items()}
 
 
 def read_model(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model, Report]:

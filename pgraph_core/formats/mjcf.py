@@ -21,8 +21,8 @@ from ..mesh_files import FORMATS
 from ..model import Contact, Force, Model
 from ..model.fields import GROUND, name_problem
 from ..rotation import matrix, multiply, unit
+from .conversion import Folders, Report, reach_of, suspect_units, unphysical
 from .mjcf_parts import Group, Parts
-from .report import Folders, Report, reach_of, suspect_units, unphysical
 
 Array = np.ndarray
 FREE, BALL, SLIDE, HINGE = range(4)

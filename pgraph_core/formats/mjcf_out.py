@@ -29,9 +29,9 @@ from ..model.files import gathered, write_atomic
 from ..model.force import OnJoint
 from ..model.output import OF_JOINT
 from ..rotation import matrix, multiply, quaternion_of, unit
+from .conversion import Report
 from .mjcf import INITIAL
 from .mjcf_parts import SENSORS, end_name
-from .report import Report
 from .urdf_out import Placed, Tag
 
 KINDS = {"rotate": "hinge", "translate": "slide", "ball": "ball", "free": "free"}

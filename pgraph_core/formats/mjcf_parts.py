@@ -31,7 +31,7 @@ from ..model import (
 from ..model.fields import EVERY, GROUND, name_problem
 from ..model.output import Kind
 from ..rotation import matrix, multiply, unit
-from .report import Report
+from .conversion import Report
 
 Array = np.ndarray
 CONNECT, WELD, JOINT, TENDON = 0, 1, 2, 3  # mjtEq

@@ -20,7 +20,7 @@ from ..mesh_files import FORMATS
 from ..model import Body, Constraint, Force, Gear, Model, Motion, Motor
 from ..model.fields import GROUND, name_problem
 from ..rotation import Quaternion, matrix, multiply, normals_of
-from .report import Folders, Report, reach_of, suspect_units, unphysical
+from .conversion import Folders, Report, reach_of, suspect_units, unphysical
 
 ZERO = (0.0, 0.0, 0.0)
 X = (1.0, 0.0, 0.0)

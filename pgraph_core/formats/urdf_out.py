@@ -16,7 +16,7 @@ from ..model import Body, Constraint, Gear, Model, Motor, Shape
 from ..model.fields import GROUND
 from ..model.files import gathered, write_atomic
 from ..rotation import quaternion_of, rotate, unit
-from .report import Report
+from .conversion import Report
 from .urdf import LOOPS, WORLD
 
 TYPES = {"rotate": "revolute", "translate": "prismatic"}

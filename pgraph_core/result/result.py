@@ -23,8 +23,8 @@ from ..errors import FileError, InputError, Problem, choices, explained, guarded
 from ..model import Force, Model
 from ..model.constraint import InJoints
 from ..model.files import gathered, write_atomic
+from ..needs import Plan
 from ..packing.system import Array
-from ..plan import Plan
 from ..portable import EqualByFields, Hinting
 from .dense import states_at
 from .outputs import outputs

@@ -13,7 +13,7 @@ from ..errors import FileError, Problem, choices, explained
 from ..model.files import write_atomic
 from ..portable import Hinting
 from .page import Section, Square, escape, heat_map, page, table
-from .study import plain
+from .report import plain
 from .verdicts import Cell, Verdict
 
 OWN = "◂"  # marks the model's own value

@@ -17,8 +17,8 @@ from ..simulation.plan import active_constraints
 from . import reference as references
 from .errors import QUANTITIES, Errors, Motion, levelled, observed_order, rms, step_counts
 from .reference import Reference
+from .report import USUAL_TARGET, Row, Study
 from .settings import Ladder, Setting, methods_of, positive, whole
-from .study import USUAL_TARGET, Row, Study
 from .task import (
     Outcome,
     Participant,

@@ -17,7 +17,7 @@ import pgraph_models
 from pgraph_core.study import task
 from pgraph_core.study.errors import Errors, angles, observed_order
 from pgraph_core.study.reference import growth_of, horizon
-from pgraph_core.study.study import Row, seconds_at
+from pgraph_core.study.report import Row, seconds_at
 from pgraph_core.study.timing import measured, ratios, spread
 from pgraph_core.study.work_precision import contradicted
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from .errors import InputError, Problem, explained, shown
+from .integrators import METHODS
 from .model import Body, Constraint, Contact, Force, Model
 from .model.force import OnBody, OnJoint, Tendon
 from .model.scenario import AUTO, METHOD_NAMES
 
-IMPLICIT = ("ros2", "generalised_alpha", "radau5")  # methods with a Jacobian
 STEPPED_OVER = "moreau_jean"  # the method that needs no times of impacts
 KEPT_A_BODY = 7 + 6 + 6 + 6  # pose, velocity, acceleration, joint force: made when asked for
 
@@ -235,7 +235,7 @@ def _touching(s: Scene) -> Iterator[Part]:
 
 def _implicit(s: Scene) -> Iterator[Part]:
     cost, unit = 2 * s.nv, "evaluations a Jacobian"
-    if s.method in IMPLICIT:
+    if s.method in METHODS and METHODS[s.method].jacobian:
         text = f"Jacobian of {s.method} by differences, {cost} evaluations, and its factors"
         yield Part("jacobian", True, text)
     elif s.stiff and s.method == AUTO:
