@@ -326,6 +326,7 @@ def _not_taken(
 
 
 WITHOUT = {  # what is often given to a function that takes nothing
+    "model_copy": "; write model_copy(update={'field': value}), or model.edit(name, field=value)",
     "to_csv": "; it returns the text: write a file by save('table.csv')",
     "to_json": "; it returns the text: write a file by save('model.json')",
 }

@@ -32,7 +32,7 @@ from .instances import (
     state_arrays,
     words_of,
 )
-from .paths import Path
+from .paths import Path, counting, distinct, numbers_in
 
 SNAPSHOT = b"pgraph batch"
 MOST = 10_000_000  # instances
@@ -99,7 +99,7 @@ class BatchStepper(Portable):
         }  # fmt: skip
         own = tau is not None and not callable(tau) and np.ndim(tau) == 2
         self._options["tau"] = None if own else _compiled(tau, bool(set))
-        self._set = {} if set is None else _values(mech.model, set, self.size)
+        self._set = {} if set is None else _values(mech.model, set, self.size, self._options)
         self._begin()
         self._tau = _table("tau", tau, self.size, mech.nv) if own else self._many.given.copy()
 
@@ -354,18 +354,20 @@ def _compiled(tau: Any, varied: bool) -> Any:
     return tau
 
 
-def _values(model: Model, given: Any, size: int) -> dict[Any, Array]:
+def _values(model: Model, given: Any, size: int, options: Mapping[str, Any]) -> dict[Any, Array]:
     """{path: (m,) values}, m >= size. Raises InputError."""
     if not isinstance(given, Mapping) or not given:
         text = f"must map paths to values, as {{'bodies.shin.mass': [1, 2]}}; given {shown(given)}"
         raise _refused("set", text)
+    paths = [Path(model, path, "BatchStepper") for path in given]
+    distinct(paths, "BatchStepper")
+    fixed = {"step": options["step"], "tau": options["tau"]}
+    fixed["method"] = None if options["method"] == AUTO else options["method"]
+    counting(paths, model, "BatchStepper", options["scenario"], fixed)
     found = {}
-    for path, values in given.items():
-        name = Path(model, path, "BatchStepper").text
-        try:
-            found[path] = np.array(values, dtype=float)
-        except (TypeError, ValueError):
-            found[path] = np.full((0, 0), np.nan)
+    for name, (path, values) in zip((path.text for path in paths), given.items()):
+        numbers = numbers_in(values)
+        found[path] = np.full((0, 0), np.nan) if numbers is None else numbers
         if found[path].ndim > 1 or not np.isfinite(found[path]).all():
             text = f"must be finite numbers, one for each instance; given {shown(values)}"
             raise _refused(name, text)

@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel
 
+from ..dynamics.arguments import names_in
 from ..errors import InputError, ModelError, Problem, nearest, shown
 from ..model import Model
+from ..model.force import OnJoint
 
 KINDS = {  # group of parts in a path -> the kind that `Model.edit` takes
     "bodies": "body",
@@ -20,6 +24,33 @@ KINDS = {  # group of parts in a path -> the kind that `Model.edit` takes
     "outputs": "output",
 }
 WORLD = ("gravity", "ground")  # fields of the model itself
+
+
+def numbers_in(given: Any) -> NDArray[np.float64] | None:
+    """Numbers, whole or not, as an array; None for text, truth values and other objects."""
+    try:
+        found = np.asarray(given)
+    except (TypeError, ValueError):
+        return None
+    return found.astype(float) if found.dtype.kind in "iuf" else None
+
+
+def distinct(paths: Sequence[Path], call: str) -> None:
+    """Raise InputError where two paths are of the same number."""
+    for i, path in enumerate(paths):
+        if any(path.leads_to(other) for other in paths[:i]):
+            raise InputError(Problem(call, path.text, "is given twice, spelt in two ways"))
+
+
+def counting(
+    paths: Sequence[Path], model: Model, call: str, scenario: str | None, given: Mapping[str, Any]
+) -> None:
+    """Raise InputError for a path whose numbers something else of the call replaces."""
+    for path in paths:
+        if instead := path.replaced_by(model, scenario, given):
+            text = f"its values would do nothing: {instead}"
+            text += "" if "give scenario" in instead else " stands in its place; leave one out"
+            raise InputError(Problem(call, path.text, text))
 
 
 class Path:
@@ -57,6 +88,35 @@ class Path:
         if self.group in WORLD:
             return model.replace(**{str(field): new})
         return model.edit(self.name, kind=KINDS[self.group], **{str(field): new})
+
+    def replaced_by(self, model: Model, scenario: str | None, given: Mapping[str, Any]) -> str:
+        """What of a call stands in place of this number, so that its values would do nothing.
+
+        "" where it counts. `given` are the other arguments of the call, None where left out.
+        """
+        field, *rest = (str(word) for word in self.inside)
+        given = {name: value for name, value in given.items() if value is not None}
+        body = self.name if self.group == "bodies" else ""
+        if self.group == "scenarios":
+            if self.name != scenario:
+                return f"the run is not of that scenario; give scenario={self.name!r}"
+            if field in given and field not in ("q", "v", "forces"):
+                return f"{field}={shown(given[field])} of the call"
+            if field == "gait" and "tau" in given:
+                return "tau of the call"
+            body = rest[0] if field in ("q", "v") and rest else ""
+        if body and field in ("q", "v"):
+            if field in given and (names_in(given[field]) is None or body in given[field]):
+                return f"{field}= of the call"
+            own = model.scenario(scenario) if scenario and self.group == "bodies" else None
+            if own is not None and body in getattr(own, field):
+                return f"{field} of '{body}' in scenario '{scenario}'"
+        inputs = given.get("inputs")
+        if self.group == "forces" and isinstance(inputs, Mapping) and self.name in inputs:
+            force = model.part(self.name, "force")
+            if isinstance(force, OnJoint) and field == force.INPUT:
+                return f"inputs[{self.name!r}] of the call"
+        return ""
 
     def _owner(self, model: Model) -> Any:
         """What the first word inside is a field of."""

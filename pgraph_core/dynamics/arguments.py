@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,12 +14,26 @@ from ..packing.packed import Packed
 from ..packing.system import Array
 
 
+def names_in(value: Any) -> Mapping[str, Any] | None:
+    """What maps names to values, as a dictionary or a row of pandas does; None for others."""
+    if isinstance(value, Mapping):
+        return value
+    keys = getattr(value, "keys", None)
+    if keys is None or not callable(keys):
+        return None
+    named = list(keys())
+    return {x: value[x] for x in named} if any(isinstance(x, str) for x in named) else None
+
+
 def numbers(name: str, value: Any, *shape: int) -> Array:
     """An array of this shape; entries may be nan or inf. Raises InputError."""
     if type(value) is np.ndarray and value.dtype == np.float64 and value.shape == shape:
         flags = value.flags
         if flags.c_contiguous and flags.writeable:
             return value
+    if names_in(value) is not None:
+        text = "must be numbers in a list, in the order of the coordinates (mech.names), not by "
+        raise InputError(Problem(name, "", f"{text}names; given {shown(value)}"))
     try:
         array = np.asarray(value)
         if array.dtype.kind not in "fiu" and array.size:

@@ -49,6 +49,7 @@ Given = TypeVar("Given")
 Held = TypeVar("Held")
 GROUND = "ground"
 EVERY = "*"  # in a contact: every body that has a shape
+UNCHECKED = "unchecked"  # among the attributes of a copy with other fields
 PAIR = ("body", "other")  # the fields of a part that name bodies
 
 
@@ -418,6 +419,7 @@ class Frozen(_Base):
             text += f"model.edit({shown(own)}, {name}={shown(value)})"
         raise ModelError(Problem(where, name, text))
 
+    @explained
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """A copy with other fields, validated as a new part is. Raises ModelError."""
         if not update:
@@ -439,7 +441,7 @@ class Frozen(_Base):
     def __copy__(self) -> Self:
         """The same fields; what is cached next to them may not be true of the copy's."""
         copy = super().__copy__()
-        for name in vars(copy).keys() - type(self).model_fields.keys():
+        for name in vars(copy).keys() - type(self).model_fields.keys() - {UNCHECKED}:
             object.__delattr__(copy, name)
         return copy
 
@@ -728,8 +730,9 @@ def fields_of(part: Frozen) -> dict[str, Any]:
 
 def part_problems(kind: type[Described], data: Any, where: str) -> list[Problem]:
     """What is wrong with `data` as a `kind`, one Problem a field; none where it is valid."""
-    if isinstance(data, kind):
+    if isinstance(data, kind) and UNCHECKED not in vars(data):
         return []
+    data = fields_of(data) if isinstance(data, kind) else data
     if not isinstance(data, Mapping):
         return [Problem(where, "", f"must be an object with fields; given {shown(data)}")]
     try:

@@ -457,7 +457,7 @@ class Model(World):
             given = f"given {shown(part)} ({type(part).__name__})"
             text = f"must be a Body, Constraint, Contact, Force, Scenario, Site or Output; {given}"
             raise ModelError(Problem("model", "add", text))
-        key = PARTS_OF[part.word()]
+        part, key = part.validated(), PARTS_OF[part.word()]
         parts = list(getattr(self, key))
         at = len(parts)
         if after is not None:
@@ -637,7 +637,9 @@ class Model(World):
 
     def to_json(self) -> str:
         """The description as JSON text, one body a line."""
-        return files.to_json(self.model_dump(mode="json", exclude_none=True), self.formulas)
+        return files.to_json(
+            self.validated().model_dump(mode="json", exclude_none=True), self.formulas
+        )
 
     @classmethod
     def from_json(

@@ -124,11 +124,28 @@ class Options(NamedTuple):
         if not isinstance(forces, (tuple, list)) or not all(isinstance(f, Force) for f in forces):
             text = f"must be a list of pg.Force; given {forces!r:.60}"
             raise InputError(Problem("simulate", "forces", text))
+        forces = tuple(f.validated() for f in forces)
         bodies = {b.name: b for b in mech.model.bodies} if forces else {}
         found = [problem for f in forces for problem in force_problems((f,), bodies)]
+        found += self._names_taken(mech)
         if found := found + late_limits(forces):
             raise InputError(found)
-        return tuple(forces)
+        return forces
+
+    def _names_taken(self, mech: Mechanism) -> list[Problem]:
+        """Forces of the call that are called as others: one name, two forces."""
+        taken = {f.name: "the model" for f in mech.model.forces}
+        if self.scenario is not None:
+            own = mech.model.scenario(self.scenario).forces
+            taken |= {f.name: f"scenario '{self.scenario}'" for f in own}
+        found = list[Problem]()
+        for f in self.forces:
+            if f.name in taken:
+                text = f"{taken[f.name]} has a force of this name, and both would act; choose "
+                text += "another name, or edit that one"
+                found.append(Problem(f"force '{f.name}'", "name", text))
+            taken[f.name] = "the call"
+        return found
 
 
 def inputs_of(given: Mapping[str, Any] | None, call: str) -> Inputs:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..dynamics.arguments import finite, numbers, position
+from ..dynamics.arguments import finite, names_in, numbers, position
 from ..dynamics.scene import Scene, contact_tables
 from ..dynamics.states import bodies_over
 from ..engine import layout as at
@@ -382,16 +382,30 @@ def by_names(
 
     Raises InputError for names without a joint that moves, and for other counts of values.
     """
-    if not isinstance(q, Mapping) and not isinstance(v, Mapping):
+    named = [names_in(x) if x is not None else None for x in (q, v)]
+    if named == [None, None]:
         return q, v
     given = mech.model.scenario(scenario) if scenario is not None else None
     start = initial_state(mech, given, None, None, tau)
     found: list[Any] = [q, v]
-    for k, (value, state) in enumerate(zip((q, v), start)):
-        if isinstance(value, Mapping):
-            _fill(mech, state, value, "qv"[k])
+    for k, (entries, state) in enumerate(zip(named, start)):
+        if entries is not None:
+            _fill(mech, state, entries, "qv"[k])
             found[k] = state
     return found[0], found[1]
+
+
+def torques_by_names(mech: Mechanism, tau: Any) -> Any:
+    """`tau`, as an array where it is {body: value or values}; zero for the others.
+
+    Raises InputError.
+    """
+    entries = None if tau is None or callable(tau) else names_in(tau)
+    if entries is None:
+        return tau
+    found = np.zeros(mech.nv)
+    _fill(mech, found, entries, "tau")
+    return found
 
 
 def _fill(mech: Mechanism, state: Array, entries: Mapping[str, Any], kind: str) -> None:
@@ -402,7 +416,7 @@ def _fill(mech: Mechanism, state: Array, entries: Mapping[str, Any], kind: str) 
             near = choices(nearest_first(str(name), joints))
             text = f"{name!r} is no body with a joint that moves; choose from {near}"
             raise InputError(Problem(kind, "", text))
-        place = getattr(joints[name], kind)
+        place = getattr(joints[name], "q" if kind == "q" else "v")
         label = f"{kind}['{name}']"
         state[place] = numbers(
             label, [values] if np.isscalar(values) else values, place.stop - place.start

@@ -15,7 +15,7 @@ from ..result import Result
 from .estimate import error_estimate
 from .monitors import monitors_of
 from .options import MOST_CHOSEN, Options, inputs_of
-from .plan import by_names, plan_of, with_state
+from .plan import by_names, plan_of, torques_by_names, with_state
 from .recording import Recording
 
 if TYPE_CHECKING:
@@ -55,12 +55,14 @@ def simulate(
     """Simulate a mechanism, or a model, from `t_start` to `t_end` [s].
 
     Starts at (q, v), by default at the initial state of the scenario or of the model. Each is an
-    array (nq,), (nv,) or a dictionary {body: value or values}, which leaves the others there.
+    array (nq,), (nv,) or {body: value or values}, a dictionary or a row of pandas, which leaves the
+    others there.
 
-    Torques and forces: `tau` is an array (nv,) or a function f(t, q, v) that is called at every
-    stage; compiled by `numba.njit` it costs a hundredth of a Python function. What it does between
-    two stages, as a pulse shorter than a step, is not seen: give `step`, or a `pg.Motor` with a
-    table, at whose knots steps end. `forces` act in addition to those of the model. `inputs`, by
+    Torques and forces: `tau` is an array (nv,), {body: value or values}, or a function f(t, q, v)
+    that is called at every stage; compiled by `numba.njit` it costs a hundredth of a Python
+    function. What it does between two stages, as a pulse shorter than a step, is not seen: give
+    `step`, or a `pg.Motor` with a table, at whose knots steps end. `forces` act in addition to
+    those of the model, under names of their own. `inputs`, by
     name of a motor, servo or actuator, are numbers or a `pg.Table` over time in place of the
     model's: {"knee": 0.5}. `scenario` names a scenario of the model; other arguments override its
     fields.
@@ -110,6 +112,7 @@ def simulate(
         forces, switches, estimate is not False,
         () if inputs is None else inputs_of(inputs, "simulate"),
     )  # fmt: skip
+    tau = torques_by_names(mech, tau)
     q, v = by_names(mech, scenario, q, v, tau)
     plan = plan_of(mech, options, tau, q, v)
     state = with_state(mech, plan.start, q, v)

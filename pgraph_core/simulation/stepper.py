@@ -112,7 +112,7 @@ class Stepper(Portable):
             switches=None if switches is None else tuple(switches),
             inputs=inputs_of(inputs, "Stepper"),
         )
-        self._tau = tau
+        self._tau = torques_by_names(mech, tau)
         self._started = float(t_start)
         self.reset(q, v)
 

@@ -36,7 +36,12 @@ def metrics_of(given: Any) -> dict[str, Metric | str]:
     elif isinstance(given, str) or callable(given):
         found = {given if isinstance(given, str) else getattr(given, "__name__", "metric"): given}
     elif isinstance(given, (list, tuple)):
-        found = {k: v for one in given for k, v in metrics_of(one).items()}
+        named = [pair for one in given for pair in metrics_of(one).items()]
+        found = dict(named)
+        for name, one in named:
+            if one is not found[name] and one != found[name]:
+                text = f"two are called {name!r}, so that one column would hold both; "
+                raise _refused(text + "give each a name: metric={'a': f, 'b': g}")
     else:
         found = {}
     if not found:
@@ -55,6 +60,8 @@ def measured(run: Result, metric: Metric | str) -> float:
     if not isinstance(metric, str):
         value = metric(run)
         try:
+            if isinstance(value, (str, bytes)):
+                raise TypeError
             return float(value)
         except (TypeError, ValueError):
             text = f"must return one number; {_name(metric)} returned {shown(value)}"

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..batches.paths import Path
+from ..batches.paths import Path, counting, distinct, numbers_in
 from ..dynamics.arguments import wrong_type
 from ..errors import FileError, InputError, Problem, choices, explained, nearest, shown
 from ..mechanism import Mechanism
@@ -191,6 +191,7 @@ def sweep(
     settings = {"scenario": scenario, **options}
     task = Task(base, given, metrics, settings, installed())
     _known(options)
+    counting(paths, base, "sweep", scenario, options)
     _tried(base, paths, points[0], metrics, settings)
     kept = Kept(out, resume, _fingerprint(task, points)) if out is not None else None
     rows: dict[int, Row] = {row.point: row for row in kept.rows} if kept else {}
@@ -221,9 +222,7 @@ def _known(options: Mapping[str, Any]) -> None:
 
 def _fitting(paths: list[Path], samples: str, n: Any, workers: Any, out: Any, resume: bool) -> None:
     """Refuse arguments that contradict each other, or that nothing would read."""
-    for i, path in enumerate(paths):
-        if any(path.leads_to(other) for other in paths[:i]):
-            raise InputError(Problem("sweep", path.text, "is given twice, spelt in two ways"))
+    distinct(paths, "sweep")
     if n is not None and samples == "grid":
         text = "is for samples of ranges: give samples='latin', 'sobol' or 'random' too"
         raise InputError(Problem("sweep", "n", text))
@@ -395,13 +394,10 @@ def _stretched(path: str, given: Any, unit: Array) -> Array:
 
 
 def _listed(path: str, given: Any) -> Array:
-    try:
-        values = np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        values = np.empty((0, 0))
-    if values.ndim == 0:
+    values = numbers_in(given)
+    if values is not None and values.ndim == 0:
         values = values[None]
-    if values.ndim != 1 or not len(values):
+    if values is None or values.ndim != 1 or not len(values):
         raise _refused(path, f"must be a list of numbers, not empty; given {shown(given)}")
     if not np.isfinite(values).all():
         raise _refused(path, f"must be finite numbers; given {shown(given)}")

@@ -39,3 +39,91 @@ def test_an_argument_that_cannot_be_meant_is_a_sentence(given, sentence):
     with pytest.raises(pg.InputError) as refused:
         pg.simulate(MECH, t_end=0.01, **given)
     assert str(refused.value) == sentence
+
+
+ARM = pg.Body(name="arm", axes=(0, 1, 0), com=(0.25, 0, 0))
+FORE = pg.Body(name="fore", parent="arm", axes=(0, 1, 0), com=(0.25, 0, 0), link=(0.5, 0, 0))
+DRIVE = pg.Servo(name="drive", body="arm", kp=10.0, kd=1.0)
+START = pg.Scenario(name="s", q={"arm": 1.0}, t_end=0.1)
+MODEL = pg.Model(bodies=[ARM, FORE], forces=[DRIVE], scenarios=[START])
+
+
+@pytest.mark.parametrize(
+    ("path", "given", "both"),
+    [
+        ("bodies.arm.q.0", {"q": [0.0, 0.0]}, "q= of the call"),
+        ("bodies.arm.q.0", {"q": {"arm": 0.0}}, "q= of the call"),
+        ("bodies.fore.v.0", {"v": [0.0, 0.0]}, "v= of the call"),
+        ("bodies.arm.q.0", {"scenario": "s"}, "q of 'arm' in scenario 's'"),
+        ("scenarios.s.q.arm.0", {"scenario": "s", "q": [0.0, 0.0]}, "q= of the call"),
+        ("forces.drive.target", {"inputs": {"drive": 0.5}}, "inputs['drive'] of the call"),
+        ("scenarios.s.t_end", {"scenario": "s", "t_end": 0.05}, "t_end=0.05 of the call"),
+        ("scenarios.s.t_end", {}, "give scenario='s'"),
+    ],
+)
+def test_a_swept_number_that_something_else_replaces_is_refused(path, given, both):
+    with pytest.raises(pg.InputError) as refused:
+        pg.sweep(MODEL, {path: [0.1, 0.2]}, "final arm", workers=1, **{"t_end": 0.01, **given})
+    assert path in str(refused.value)
+    assert both in str(refused.value)
+
+
+def test_a_swept_number_that_counts_is_swept():
+    given = {"q": {"arm": 0.3}, "inputs": {"other": 1.0}}
+    given["forces"] = [pg.Servo(name="other", body="fore", kp=1.0)]
+    for path in ("bodies.fore.q.0", "forces.drive.target"):
+        found = pg.sweep(MODEL, {path: [0.1, 0.2]}, "max v fore 0", t_end=0.05, workers=1, **given)
+        low, high = found["max v fore 0"]
+        assert low != high
+
+
+@pytest.mark.parametrize(
+    ("call", "fact"),
+    [
+        (lambda m: {"bodies.arm.q.0": [0.1, 0.9], "scenario": "s"}, "scenario 's'"),
+        (
+            lambda m: {"bodies.arm.mass": [1, 2], ("bodies", "arm", "mass"): [3, 4]},
+            "is given twice",
+        ),
+        (lambda m: {"bodies.arm.mass": ["1", "2"]}, "must be finite numbers"),
+        (lambda m: {"bodies.arm.mass": [True, False]}, "must be finite numbers"),
+    ],
+)
+def test_values_of_a_batch_that_would_do_nothing_are_refused(call, fact):
+    given = call(MODEL)
+    scenario = given.pop("scenario", None)
+    with pytest.raises(pg.InputError, match=fact):
+        pg.BatchStepper(MODEL, 2, set=given, scenario=scenario)
+
+
+@pytest.mark.parametrize(
+    ("values", "metric", "fact"),
+    [
+        (["1", "2"], "final arm", "must be a list of numbers"),
+        ([1, 2], [lambda run: 1.0, lambda run: 2.0], "two are called '<lambda>'"),
+    ],
+)
+def test_text_is_no_number_and_a_name_is_of_one_metric(values, metric, fact):
+    with pytest.raises(pg.InputError, match=fact):
+        pg.sweep(MODEL, {"bodies.arm.mass": values}, metric, t_end=0.01, workers=1)
+
+
+def test_a_row_of_names_is_taken_by_name():
+    pandas = pytest.importorskip("pandas")
+    row = pandas.Series({"fore": 0.3, "arm": 0.7})
+    run = pg.simulate(MODEL, q=row, v=row, t_end=0.01, estimate=False)
+    assert run.q[0].tolist() == run.v[0].tolist() == [0.7, 0.3]
+    pushed = pg.simulate(MODEL, tau=row, t_end=0.01, estimate=False)
+    assert (pushed.q == pg.simulate(MODEL, tau=[0.7, 0.3], t_end=0.01, estimate=False).q).all()
+    assert pg.simulate(MODEL, q=pandas.Series([0.7, 0.3]), t_end=0.01).q[0].tolist() == [0.7, 0.3]
+    with pytest.raises(pg.InputError, match="not by names"):
+        MECH.mass_matrix(row)
+
+
+@pytest.mark.parametrize("names", [("drive",), ("new", "new"), ("own",)])
+def test_a_force_of_the_call_has_a_name_of_its_own(names):
+    model = MODEL.edit("s", forces=[pg.Motor(name="own", body="arm", torque=1.0)])
+    forces = [pg.Servo(name=name, body="fore", kp=1.0) for name in names]
+    for call in (pg.simulate, pg.Stepper):
+        with pytest.raises(pg.InputError, match="has a force of this name"):
+            call(model, scenario="s", forces=forces)
