@@ -192,3 +192,51 @@ def test_other_motions_of_a_compound_joint_are_another_joint():
     assert given.notices == ("body 'a': the joint is now compound (5 DoF); reset: v, damping",)
     turned = model.edit("a", motions=(("rotate", (0, 1, 0)), slide))
     assert (turned.body("a").q, turned.notices) == ((0.3, 0.2), ())
+
+
+LINKS = pg.Model(
+    bodies=[
+        pg.Body(name="upper", axes=(0, 1, 0), tip=(0, 0, -1)),
+        pg.Body(name="lower", parent="upper", link=(0, 0, -1), axes=(0, 1, 0)),
+    ]
+)
+
+
+@pytest.mark.parametrize(
+    ("joint", "axes"),
+    [
+        ({"joint": "prismatic"}, ((0, 1, 0),)),
+        ({"joint": "prismatic", "axes": (1, 0, 0)}, ((1, 0, 0),)),
+        ({"joint": "helical"}, None),
+        ({"joint": "spherical"}, ()),
+    ],
+)
+def test_another_joint_keeps_the_axes_that_were_chosen_where_it_takes_as_many(joint, axes):
+    if axes is None:
+        with pytest.raises(pg.ModelError, match="joint: must be"):
+            LINKS.edit("lower", **joint)
+        return
+    new = LINKS.edit("lower", **joint)
+    assert new["lower"].axes == axes
+    assert any("reset: axes" in text for text in new.notices) == (axes == ())
+
+
+def test_a_tip_that_moves_alone_and_a_child_that_is_left_are_told():
+    told = LINKS.edit("upper", tip=(0, 0, -2)).notices
+    assert len(told) == 1
+    assert "'lower'" in told[0]
+    assert LINKS.edit("upper", tip=(0, 0, -1)).notices == ()
+    assert LINKS.edit("lower", tip=(0, 0, -2)).notices == ()
+    (hung,) = LINKS.remove("upper").notices
+    assert "body 'lower' hangs on 'ground'" in hung
+    assert LINKS.remove("upper", children="delete").notices == ()
+    with pytest.raises(pg.ModelError, match="what hangs on it [(]'lower'[)], and its own com"):
+        LINKS.edit("upper", length=2.0)
+
+
+def test_a_run_repeats_what_edits_told():
+    model = LINKS.edit("lower", dof=3).edit("upper", mass=1.5).replace(name="other")
+    assert model.notices == ()
+    run = pg.simulate(model, t_end=0.01, estimate=False)
+    assert sum("an edit of the model: body 'lower': the joint" in x for x in run.notices) == 1
+    assert not pg.simulate(LINKS, t_end=0.01, estimate=False).notices

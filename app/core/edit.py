@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 import pgraph_core as pg
+from pgraph_core.model.model import TOLD
 
 from ..gait import Walking
 from ..model import Step
@@ -71,6 +72,7 @@ def with_model(state: State, model: pg.Model, label: str, client: int | None = N
     """
     if model is state.model:
         return state
+    vars(model).pop(TOLD, None)  # the page shows notices at each edit; no run repeats them
     page = state.clients.get(client) if client is not None else None
     step = Step(state.model, label, by=page.page if page else "")
     undo = (*state.undo, step)[-UNDO_DEPTH:]

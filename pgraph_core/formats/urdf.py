@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -515,9 +516,12 @@ class _Reader:
                 if child.tag not in known:
                     seen[child.tag] += 1
                     first.setdefault(child.tag, child.line)
+        read = sorted(KNOWN | OF_LINK | OF_JOINT)
         for tag, count in seen.items():
             many = f"{count} elements <{tag}>, the first here" if count > 1 else f"<{tag}>"
-            self.report.add("left out", self.source.at(first[tag]), many)
+            close = get_close_matches(tag, read, n=1, cutoff=0.75)  # misspelt, so it may act
+            many += f"; did you mean <{close[0]}>?" if close else ""
+            self.report.add("left out", self.source.at(first[tag]), many, acts=bool(close))
         if count := getattr(self, "hulls", 0):
             text = f"{count} collision meshes touch by their convex hulls"
             self.report.add("approximated", self.source.name, text)

@@ -53,13 +53,29 @@ def edited(old: Body, changes: Mapping[str, Any]) -> tuple[Body, list[str]]:
         changes = {key: value for key, value in changes.items() if key != "dof"}
     if "motions" in changes:
         data.pop("axes", None)
-    new = _refused_as(Body, f"body '{old.name}'", {**data, **changes})
+    where = f"body '{old.name}'"
     if not new_joint:
-        return new, []
+        return _refused_as(Body, where, {**data, **changes}), []
+    kept = _axes_kept(old, changes)
+    new = _refused_as(Body, where, {**data, **kept, **changes})
     given = {*changes, "axes"} if "motions" in changes else changes
     lost = [key for key in JOINT_FIELDS if key not in given and _set(old, key)]
+    lost = [key for key in lost if not kept or key not in ("axes", "motions")]
     text = f"body '{new.name}': the joint is now {new.joint} ({new.dof} DoF)"
     return new, [text + (f"; reset: {', '.join(lost)}" if lost else "")]
+
+
+def _axes_kept(old: Body, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """The axes of a joint for another that takes as many; nothing where they were not chosen."""
+    if not {"axes", "motions"}.isdisjoint(changes) or not _set(old, "axes"):
+        return {}
+    kind = {key: changes[key] for key in ("joint", "dof") if key in changes}
+    try:
+        fresh = Body(name="fresh", **kind)
+        kept = {"axes": old.axes} if fresh.axes and fresh.joint != "compound" else {}
+        return kept if Body(name="fresh", **kind, **kept) else {}
+    except ModelError:
+        return {}  # another number of axes, or a kind that is refused by its own field
 
 
 def edited_part(old: Described, changes: Mapping[str, Any]) -> tuple[Any, list[str]]:
@@ -264,6 +280,17 @@ def _without(s: Scenario, gone: set[str]) -> dict[str, Any]:
 def _left(active: tuple[str, ...] | None, gone: set[str]) -> tuple[str, ...] | None:
     """A scenario's list of active parts without those that are gone."""
     return active and tuple(name for name in active if name not in gone)
+
+
+def left_behind(old: Body, new: Body, bodies: Sequence[Body]) -> list[str]:
+    """A notice for each child whose joint was at a tip that moved without it."""
+    if old.tip is None or new.tip == old.tip or not any(old.tip):
+        return []
+    return [
+        f"body '{new.name}': its tip moved alone: the joint of '{b.name}' stays where the tip was, "
+        f"and com and inertia are as before; for another length edit '{b.name}', link=... too"
+        for b in bodies if b.parent == old.name and b.link == old.tip
+    ]  # fmt: skip
 
 
 def attached(body: Body, gone: Mapping[str, Body]) -> Body:

@@ -165,8 +165,16 @@ class Model(World):
 
     @cached_property
     def notices(self) -> tuple[str, ...]:
-        """What the edit that made this model changed besides what was asked."""
+        """What the last edit, or the reading of a file, changed besides what was asked.
+
+        A run repeats those of all edits since the model was made or read.
+        """
         return ()
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """The notices of all edits since the model was made or read."""
+        return vars(self).get(TOLD, ())
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
@@ -277,8 +285,8 @@ class Model(World):
         A body wins over a part of another kind with its name; `kind="contact"` or the like says
         which of several other parts is meant.
 
-        A body's new `joint`, `dof` or other kinds of `motions` reset that joint's axes, q, v and
-        springs, and forces and initial values that do not fit it go (`notices` says so). Of several
+        A body's new `joint`, `dof` or other kinds of `motions` reset that joint's q, v and springs,
+        and its axes unless the new one takes as many; forces and initial values that do not fit it go (`notices` says so). Of several
         parents, ("a", "b"), the first is the one in the tree; the others close loops, cut at joints
         like the body's own. Raises ModelError; this model stays as it is.
         """
@@ -337,6 +345,12 @@ class Model(World):
         if any(formulas_in(changes)):
             return self._with_formulas(name, changes)
         old = self.body(name)
+        if "length" in changes:
+            hung = " and ".join(f"'{b.name}'" for b in self.bodies if b.parent == name)
+            text = "no such field; the length of a link is `link` of what hangs on it"
+            text += f" ({hung})" if hung else ""
+            text += ", and its own com, inertia, tip and shape"
+            raise ModelError(Problem(f"body '{name}'", "length", text))
         if isinstance(parents := listed(changes.get("parent")), tuple):
             return self._with_parents(name, parents, changes)
         new, notices = edited(old, changes)
@@ -344,8 +358,9 @@ class Model(World):
             return self
         bodies = [new if b is old else b for b in self.bodies]
         parts: dict[str, Any] = {"bodies": tuple(bodies)}
+        behind = left_behind(old, new, self.bodies) if "tip" in changes else []
         if changes.keys() <= OF_ONE_ROW and self._carries(new):
-            return self._made((), **parts)
+            return self._made(behind, **parts)
         if notices:
             fitting, gone = fitted(new, old.name, self._others())
             parts, notices = {**parts, **fitting}, [*notices, *gone]
@@ -355,7 +370,7 @@ class Model(World):
                 raise ModelError(Problem(f"body '{name}'", "name", f"{text}; choose another"))
             parts = renamed_all({**self._others(), **parts}, {old.name: new.name})
             parts["formulas"] = followed(self.formulas, (), {old.name: new.name})
-        return self._with(notices, **parts)
+        return self._with([*notices, *behind], **parts)
 
     def close_loop(
         self,
@@ -528,7 +543,13 @@ class Model(World):
             names = set(branch(self.bodies, names))
         bodies = tuple(attached(b, gone) for b in self.bodies if b.name not in names)
         kept, notices = without(self._others(), names)
-        return self._with(notices, bodies=bodies, **kept)
+        now = {b.name: b.parent for b in bodies}
+        told = [
+            f"body '{b.name}' hangs on '{now[b.name]}' now, at its place at q = 0"
+            for b in self.bodies
+            if b.parent in names and b.name in now
+        ]
+        return self._with([*told, *notices], bodies=bodies, **kept)
 
     def duplicate(self, name: str | Iterable[str], /, *, subtree: bool = True) -> Self:
         """A new model with body `name` once more, and with what acts on it: a second leg.
@@ -589,7 +610,9 @@ class Model(World):
         if self.formulas and not {"formulas", "parameters"} & fields.keys():
             now = {**fields_of(self), **fields}
             fields = {**fields, "formulas": still_true(self.formulas, now, self.parameters)}
-        return type(self)(**{**fields_of(self), **fields})
+        new = type(self)(**{**fields_of(self), **fields})
+        vars(new)[TOLD] = self.told
+        return new
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """As `replace`, by the name that pydantic has for it."""
@@ -669,8 +692,9 @@ class Model(World):
         """
         if Path(path).suffix.lower() in files.FOREIGN:
             model, report = files.formats().read_model(path, roots)
-            doubtful = (str(e) for e in report.entries if e.acts or e.kind == "warning")
-            return model._made(doubtful)
+            worth = (str(e) for e in report.entries if e.kind in ("left out", "warning"))
+            vars(model)["notices"] = tuple(worth)
+            return model
         folder = Path(path).parent
         return cls.from_json(files.read(path), source=str(path), folder=folder, roots=roots)
 

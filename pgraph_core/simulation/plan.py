@@ -230,7 +230,8 @@ def _plan_with(
         "forces": [(*span, f.model_dump(mode="json", exclude_none=True)) for f in extra],
         "inputs": {name: x.model_dump() if isinstance(x, Table) else x for name, x in o.inputs},
     }
-    notices = (*mech.model.doubts, *_stiff(plan, rate), *_bent(plan), *_hard(plan))
+    edits = (f"an edit of the model: {text}" for text in mech.model.told)
+    notices = (*edits, *mech.model.doubts, *_stiff(plan, rate), *_bent(plan), *_hard(plan))
     if usual and plan.step is not None and (count := int(plan.substeps.sum())) > MANY_STEPS:
         text = f"the default step of {plan.step:.3g} s makes {count:.3g} steps of this run; give a "
         notices += (f"{text}larger step=, or rtol= for steps of the method's own choice",)
