@@ -29,7 +29,7 @@ def heavy_top(height: float = 1.2) -> pg.Model:
         ),
     )
     axle = hub((0, 1, 0), 0.025, 1.08, STEEL, at=(0, 0.54, 0))
-    top = top.model_unchecked({"shapes": (*top.shapes, axle, *spots((0, 1, 0), 0.17, 0.104))})
+    top = top.model_copy(update={"shapes": (*top.shapes, axle, *spots((0, 1, 0), 0.17, 0.104))})
     return pg.Model(
         name="heavy top",
         bodies=(top,),
@@ -49,7 +49,7 @@ def tennis_racket() -> pg.Model:
             kind="box", size=_vector(0.2 * max(side, 0.1) for side in sides), role="collision"
         ),
     )
-    body = body.model_unchecked({"shapes": (*body.shapes, *racket())})
+    body = body.model_copy(update={"shapes": (*body.shapes, *racket())})
     return pg.Model(
         name="tennis racket",
         gravity=(0, 0, 0),
@@ -90,7 +90,7 @@ def skate() -> pg.Model:
         shape=pg.Shape(kind="box", size=(0.4, 0.02, 0.1), colour=STEEL),
     )
     boot = chain(DARK, ((-0.1, 0, 0.22), 0.055), ((-0.12, 0, 0.1), 0.05), ((0.12, 0, 0.085), 0.036))
-    body = body.model_unchecked({"shapes": (*body.shapes, *boot)})
+    body = body.model_copy(update={"shapes": (*body.shapes, *boot)})
     blade = pg.Constraint(name="blade", kind="skate", body="skate", point=(0, 0, 0), axis=(0, 1, 0))
     return pg.Model(
         name="skate on a slope",

@@ -176,7 +176,7 @@ def andrews() -> pg.Model:
         name="Andrews' squeezer",
         up=PLANAR,
         gravity=(0, 0, 0),
-        bodies=tuple(body.model_unchecked({"q": (q[body.name],)}) for body in bodies),
+        bodies=tuple(body.model_copy(update={"q": (q[body.name],)}) for body in bodies),
         constraints=loops,
         forces=forces,
         scenarios=(spin,),

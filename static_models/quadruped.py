@@ -119,8 +119,8 @@ def _with_shapes(body: pg.Body, bodies: list[pg.Body], drawn: tuple[pg.Shape, ..
     else:
         end = next((b.link for b in bodies if b.parent == body.name), body.tip_point)
         solid = segment(body, end)
-    solid = solid.model_unchecked({"role": "collision"})
-    return body.model_unchecked({"shapes": (solid, *drawn)})
+    solid = solid.model_copy(update={"role": "collision"})
+    return body.model_copy(update={"shapes": (solid, *drawn)})
 
 
 def _foot(body: pg.Body) -> pg.Constraint:

@@ -230,7 +230,7 @@ def test_a_tip_that_moves_alone_and_a_child_that_is_left_are_told():
     (hung,) = LINKS.remove("upper").notices
     assert "body 'lower' hangs on 'ground'" in hung
     assert LINKS.remove("upper", children="delete").notices == ()
-    with pytest.raises(pg.ModelError, match="what hangs on it [(]'lower'[)], and its own com"):
+    with pytest.raises(pg.ModelError, match="its own com, inertia"):
         LINKS.edit("upper", length=2.0)
 
 

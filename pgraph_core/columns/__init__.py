@@ -353,6 +353,6 @@ def described(names: tuple[str, ...], numbers: Numbers, nq: int) -> Model:
         for column, field in enumerate(PHYSICS, start=packing.ARMATURE):
             fields[field] = tuple([x[column] for x in mine])
         fields["limit_restitution"] = (0.0,) * count
-        bodies.append(Body.model_trusting(**fields))
+        bodies.append(Body.unchecked(**fields))
         m, qi, vi = m + count, q_end, v_end
     return Model(name="columns", gravity=tuple(body[0][:3]), bodies=tuple(bodies))

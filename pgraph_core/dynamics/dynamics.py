@@ -71,7 +71,7 @@ class Dynamics(Portable):
         if not isinstance(model, Columns):  # first: pydantic's answer for its classes takes longer
             if not isinstance(model, Model):
                 raise wrong_type(type(self).__name__, "model", "a pg.Model", model)
-            model = Columns.of(model.validated())
+            model = Columns.of(model)
         self._take(Packed(model))
         ready(FORWARD)
 

@@ -522,7 +522,7 @@ def _mended(kind: type[Described], item: Any, bad: list[Problem]) -> Any:
     A body is not mended: its joint says what forces and states have to fit.
     """
     if isinstance(item, kind):
-        return None if bad else item.validated()
+        return item
     if not isinstance(item, Mapping) or (bad and kind is Body):
         return None
     refused = {p.field for p in bad}

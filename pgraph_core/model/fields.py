@@ -42,14 +42,13 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError, PydanticUndefined, core_schema
 
-from ..errors import ModelError, Problem, nearest, nearest_first, shown
+from ..errors import ModelError, Problem, explained, nearest, nearest_first, shown
 from ..portable import Hinting
 
 Given = TypeVar("Given")
 Held = TypeVar("Held")
 GROUND = "ground"
 EVERY = "*"  # in a contact: every body that has a shape
-UNCHECKED = "unchecked"  # among the attributes of a copy with other fields
 PAIR = ("body", "other")  # the fields of a part that name bodies
 
 
@@ -434,6 +433,16 @@ class Frozen(_Base):
         """The fields that a validated copy takes over."""
         return fields_of(self)
 
+    @classmethod
+    def model_construct(cls, _fields_set: set[str] | None = None, **values: Any) -> Self:
+        """As the class: validated."""
+        return cls(**values)
+
+    @classmethod
+    def unchecked(cls, **values: Any) -> Self:
+        """A part of all its fields, which are known to be valid."""
+        return super().model_construct(None, **values)
+
     def unchecked_copy(self, update: Mapping[str, Any]) -> Self:
         """A copy with other fields, which are known to be valid."""
         return super().model_copy(update=update)
@@ -441,7 +450,7 @@ class Frozen(_Base):
     def __copy__(self) -> Self:
         """The same fields; what is cached next to them may not be true of the copy's."""
         copy = super().__copy__()
-        for name in vars(copy).keys() - type(self).model_fields.keys() - {UNCHECKED}:
+        for name in vars(copy).keys() - type(self).model_fields.keys():
             object.__delattr__(copy, name)
         return copy
 
@@ -730,9 +739,8 @@ def fields_of(part: Frozen) -> dict[str, Any]:
 
 def part_problems(kind: type[Described], data: Any, where: str) -> list[Problem]:
     """What is wrong with `data` as a `kind`, one Problem a field; none where it is valid."""
-    if isinstance(data, kind) and UNCHECKED not in vars(data):
+    if isinstance(data, kind):
         return []
-    data = fields_of(data) if isinstance(data, kind) else data
     if not isinstance(data, Mapping):
         return [Problem(where, "", f"must be an object with fields; given {shown(data)}")]
     try:

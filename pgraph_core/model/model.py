@@ -33,6 +33,7 @@ from .editing import (
     edited_all,
     edited_part,
     fitted,
+    left_behind,
     renamed,
     renamed_all,
     renamed_in_scenarios,
@@ -65,6 +66,7 @@ OF_ONE_ROW = {"parent", "mass", "com", "inertia", "link", "rotation", "tip", "ar
 
 
 Part = Body | Constraint | Contact | Force | Scenario | Site | Output
+TOLD = "edits told"  # among the attributes of a model
 PARTS_OF = {"body": "bodies", **{kind.word(): key for key, kind in PARTS.items() if kind != Body}}
 
 
@@ -286,8 +288,8 @@ class Model(World):
         which of several other parts is meant.
 
         A body's new `joint`, `dof` or other kinds of `motions` reset that joint's q, v and springs,
-        and its axes unless the new one takes as many; forces and initial values that do not fit it go (`notices` says so). Of several
-        parents, ("a", "b"), the first is the one in the tree; the others close loops, cut at joints
+        and its axes unless the new one takes as many; forces and initial
+        values that do not fit it go (`notices` says so). Of several parents, ("a", "b"), the first is the one in the tree; the others close loops, cut at joints
         like the body's own. Raises ModelError; this model stays as it is.
         """
         which = changes.get("kind")
@@ -472,7 +474,7 @@ class Model(World):
             given = f"given {shown(part)} ({type(part).__name__})"
             text = f"must be a Body, Constraint, Contact, Force, Scenario, Site or Output; {given}"
             raise ModelError(Problem("model", "add", text))
-        part, key = part.validated(), PARTS_OF[part.word()]
+        key = PARTS_OF[part.word()]
         parts = list(getattr(self, key))
         at = len(parts)
         if after is not None:
@@ -638,7 +640,9 @@ class Model(World):
             now = {**self._others(), "bodies": self.bodies, **fields}
             fields = {**fields, "formulas": still_true(formulas, now, self.parameters)}
         model = self.unchecked_copy(fields)
-        vars(model)["notices"] = tuple(notices)  # not a field: equality ignores it
+        said = tuple(notices)
+        vars(model)["notices"] = said  # not a field: equality ignores it
+        vars(model)[TOLD] = tuple(dict.fromkeys((*self.told, *said)))
         return model
 
     def _carries(self, new: Body) -> bool:
@@ -660,9 +664,7 @@ class Model(World):
 
     def to_json(self) -> str:
         """The description as JSON text, one body a line."""
-        return files.to_json(
-            self.validated().model_dump(mode="json", exclude_none=True), self.formulas
-        )
+        return files.to_json(self.model_dump(mode="json", exclude_none=True), self.formulas)
 
     @classmethod
     def from_json(

@@ -124,13 +124,12 @@ class Options(NamedTuple):
         if not isinstance(forces, (tuple, list)) or not all(isinstance(f, Force) for f in forces):
             text = f"must be a list of pg.Force; given {forces!r:.60}"
             raise InputError(Problem("simulate", "forces", text))
-        forces = tuple(f.validated() for f in forces)
         bodies = {b.name: b for b in mech.model.bodies} if forces else {}
         found = [problem for f in forces for problem in force_problems((f,), bodies)]
         found += self._names_taken(mech)
         if found := found + late_limits(forces):
             raise InputError(found)
-        return forces
+        return tuple(forces)
 
     def _names_taken(self, mech: Mechanism) -> list[Problem]:
         """Forces of the call that are called as others: one name, two forces."""

@@ -28,7 +28,7 @@ from ..result import Result, Status
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
 from .loop import Outcome
 from .options import SAME, Options, begun, driven, inputs_of, positive
-from .plan import by_names, plan_of, touching_contacts, with_contacts, with_state
+from .plan import by_names, plan_of, torques_by_names, touching_contacts, with_contacts, with_state
 from .recording import Estimate, Recording
 from .switches import Change
 
