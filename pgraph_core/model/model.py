@@ -288,9 +288,10 @@ class Model(World):
         which of several other parts is meant.
 
         A body's new `joint`, `dof` or other kinds of `motions` reset that joint's q, v and springs,
-        and its axes unless the new one takes as many; forces and initial
-        values that do not fit it go (`notices` says so). Of several parents, ("a", "b"), the first is the one in the tree; the others close loops, cut at joints
-        like the body's own. Raises ModelError; this model stays as it is.
+        and its axes unless the new one takes as many; forces and initial values that do not fit it
+        go (`notices` says so). Of several parents, ("a", "b"), the first is the one in the tree;
+        the others close loops, cut at joints like the body's own. Raises ModelError; this model
+        stays as it is.
         """
         which = changes.get("kind")
         if which in PARTS_OF:
