@@ -18,10 +18,9 @@ def names_in(value: Any) -> Mapping[str, Any] | None:
     """What maps names to values, as a dictionary or a row of pandas does; None for others."""
     if isinstance(value, Mapping):
         return value
-    keys = getattr(value, "keys", None)
-    if keys is None or not callable(keys):
+    if not callable(getattr(value, "keys", None)):
         return None
-    named = list(keys())
+    named: list[Any] = list(value.keys())
     return {x: value[x] for x in named} if any(isinstance(x, str) for x in named) else None
 
 

@@ -72,7 +72,9 @@ def _axes_kept(old: Body, changes: Mapping[str, Any]) -> dict[str, Any]:
     kind = {key: changes[key] for key in ("joint", "dof") if key in changes}
     try:
         fresh = Body(name="fresh", **kind)
-        kept = {"axes": old.axes} if fresh.axes and fresh.joint != "compound" else {}
+        kept: dict[str, Any] = (
+            {"axes": old.axes} if fresh.axes and fresh.joint != "compound" else {}
+        )
         return kept if Body(name="fresh", **kind, **kept) else {}
     except ModelError:
         return {}  # another number of axes, or a kind that is refused by its own field
