@@ -58,6 +58,7 @@ CAUSES = {
 }
 LIFTED = "the ground cannot pull"
 NAMES = np.array(PHASES)
+NOTHING_ACTS, SWINGS, IS_FREE = np.array(0.0), np.array(PHASES[SWING]), np.array(FREE)
 
 
 def contacts_of(
@@ -342,6 +343,8 @@ class Clearance(Unportable):
     def __init__(self, mech: Mechanism, tables: Tables):
         """Nothing is known to be free yet."""
         count = len(tables.candidates.on_ground) + len(tables.candidates.pairs)
+        self._mech, self._tables = mech, tables
+        self._blank: dict[int, ContactRecord] = {}
         self._kept = Guard(
             tables.geometry,
             tables.ground,
@@ -358,6 +361,11 @@ class Clearance(Unportable):
         kernels.save_guard(self._buffer, unnamed(self._kept))
         self.address = address_of_array(self._buffer)
 
+    def begin(self) -> None:
+        """Nothing is known to be free yet: for another run."""
+        self._kept.state.view(float)[:] = 0.0  # numpy is slow at records
+        self._kept.reach[:] = 0.0
+
     @property
     def look_back(self) -> int:
         """Address of the kernel that looks back at each step."""
@@ -368,6 +376,13 @@ class Clearance(Unportable):
         found = np.full((len(q), pairs), np.inf)
         kernels.frame_gaps(scene.address, self.address, np.ascontiguousarray(q), found)
         return found
+
+    def untouched(self, q: Array, events: tuple[Event, ...]) -> ContactRecord:
+        """The record of a run over the states q in which nothing touched."""
+        blank = self._blank.get(len(q))
+        if blank is None:
+            self._blank = {len(q): (blank := _blank(self._tables, len(q), self._mech.nb))}
+        return replace(blank, gap=gaps_of(self._mech, self._tables, q, {}), events=events)
 
 
 def _limits(tables: Tables) -> Any:
@@ -431,17 +446,21 @@ def gaps_of(mech: Mechanism, tables: Tables, q: Array, known: Mapping[str, Array
     return Gaps(names, find)
 
 
-def untouched(mech: Mechanism, tables: Tables, q: Array) -> ContactRecord:
-    """The record of a run over the states q in which nothing touched; its zeros take no room."""
-    n, names = len(q), [t.name for t in tables.touches]
-    still = np.broadcast_to(0.0, (n,))
+def _blank(tables: Tables, n: int, nb: int) -> ContactRecord:
+    """A record of n frames without gaps and events, whose zeros take no room."""
+    names = [t.name for t in tables.touches]
+    still = _everywhere(NOTHING_ACTS, n)
     return ContactRecord(
-        force=dict.fromkeys(names, np.broadcast_to(0.0, (n, 6))),
-        gap=gaps_of(mech, tables, q, {}),
+        force=dict.fromkeys(names, _everywhere(NOTHING_ACTS, n, 6)),
         slip=dict.fromkeys(names, still),
         limit=dict.fromkeys(tables.limits, still),
-        wrench=np.broadcast_to(0.0, (n, mech.nb, 6)),
+        wrench=_everywhere(NOTHING_ACTS, n, nb, 6),
         normal={t.name: still for t in tables.touches if t.other == GROUND},
-        phases=dict.fromkeys(names, np.broadcast_to(PHASES[SWING], (n,)))
-        | dict.fromkeys(tables.limits, np.broadcast_to(FREE, (n,))),
+        phases=dict.fromkeys(names, _everywhere(SWINGS, n))
+        | dict.fromkeys(tables.limits, _everywhere(IS_FREE, n)),
     )
+
+
+def _everywhere(value: NDArray[Any], *shape: int) -> NDArray[Any]:
+    """An array of this shape that has the value at every place, read-only and without memory."""
+    return np.ndarray(shape, value.dtype, value.tobytes(), 0, (0,) * len(shape))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from ..result import Status
 from ..result.records import Event
 from .options import FIXED_RTOL
 from .plan import KEPT_PLANS, Plan
+
+if TYPE_CHECKING:
+    from .contact_log import Clearance
 
 NO_MATRICES = (np.zeros((0, 0)), np.zeros((0, 0), dtype=np.complex128))
 NO_CORNERS = np.zeros(0)
@@ -50,6 +53,7 @@ class Steps:
         self._begin(nq, nv)
         self.frames = frames
         self.divided = 0  # steps of fixed width that were taken in parts
+        self.clearance: Clearance | None = None  # what watches things that may touch
         self._buffer = buffer()
         self.address = address_of_array(self._buffer)
 
@@ -118,6 +122,8 @@ class Steps:
         control[:], counters[:] = start, 0
         self.q[:], self.v[:], self.ledger[:], self.times[:] = q, v, 0.0, self.plan.times
         self.divided = 0
+        if self.clearance is not None:
+            self.clearance.begin()
 
     def open_ended(self, width: float) -> None:
         """Go on from here by steps of this width, without frames."""

@@ -129,8 +129,7 @@ class Recording:
     def _short(self) -> bool:
         """Whether a run by this plan is short, and its scene and loop can begin again."""
         plan, mech = self.plan, self.mech
-        acts = plan.contacts or plan.declared or plan.contact_points
-        acts = acts or plan.changes or plan.conditions
+        acts = plan.contacts or plan.contact_points or plan.changes or plan.conditions
         size = len(plan.times) * (mech.nq + 2 * mech.nv + 6 * (1 + len(plan.ever)))
         return not acts and self.user is None and self.watch is None and size <= KEPT
 
@@ -180,9 +179,9 @@ class Recording:
         if plan.declared is not None:
             from .contact_log import Clearance
 
-            self._clearance = Clearance(self.mech, plan.declared)
-            self.steps.control["guard"] = self._clearance.address
-            links = links._replace(look_back=self._clearance.look_back)
+            self.steps.clearance = Clearance(self.mech, plan.declared)
+            self.steps.control["guard"] = self.steps.clearance.address
+            links = links._replace(look_back=self.steps.clearance.look_back)
         if points or (plan.contacts and plan.contacts.compliant):
             from ..engine.contact.approach import bound_step
 
@@ -707,12 +706,8 @@ class Recording:
         )
 
     def _contacts(self, frames: tuple[Array, Array, Array, Array], q: Array) -> ContactRecord:
-        if self.plan.declared is not None:
-            from .contact_log import untouched
-
-            return replace(
-                untouched(self.mech, self.plan.declared, q), events=tuple(self.ended.log)
-            )
+        if self.steps.clearance is not None:
+            return self.steps.clearance.untouched(q, tuple(self.ended.log))
         from .contact_log import contacts_of
 
         return contacts_of(self.mech, self.plan, frames, q, self.changes, self.ended.log)

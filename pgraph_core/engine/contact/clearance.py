@@ -32,6 +32,7 @@ FARTHEST = 1e6  # steps' motion
 PATH = 1.25  # length of a path over what its ends say
 CLOSE = 0.02  # of a step's motion: what is nearer is near
 LOOKS = 24  # along one step
+CLOSED = 4e-9  # of how far shapes reach: how far to look from what is at rest
 
 
 @kernel(types.void(I1, plain(GUARD)), later=True)
@@ -41,7 +42,7 @@ def save_guard(buffer, guard):
 
 
 @part
-def turned(stages, j, count):
+def fastest(stages, j, count):
     """Length of `count` entries of v from j on, the larger one at both ends of the last step."""
     before, now = 0.0, 0.0
     for n in range(j, j + count):
@@ -50,30 +51,32 @@ def turned(stages, j, count):
     return math.sqrt(max(before, now))
 
 
-@sweep
-def path_lengths(run, reach):
+@part
+def path_of(stages, i, j, h):
+    """Bound of how far coordinate i, whose speed is entry j, moved over the last step."""
+    speed = max(abs(stages[at.Y_OLD, j]), abs(stages[at.Y, j]))
+    return max(abs(stages[at.Y, i] - stages[at.Y_OLD, i]), h * speed)
+
+
+@part
+def path_lengths(rows, stages, nq, h, reach):
     """Bounds of how far any shape [m] and any coordinate [rad, m] moved over the last step.
 
     `reach` is of each row.
     """
-    data = opened_run(run)
-    stages, h = data.stages, data.control[0].old_width
-    rows = opened(data.scene).rows
-    nq, _ = size_of_state(run)
     moved = 0.0
     turn = 0.0
     for k in range(1, rows.shape[0]):
         i, j, kind = q_of(rows, k), nq + v_of(rows, k), kind_of(rows, k)
         if kind <= TRANSLATE:
-            change = abs(stages[at.Y, i] - stages[at.Y_OLD, i])
-            path = max(change, h * turned(stages, j, 1))
+            path = path_of(stages, i, j, h)
             turn = max(turn, path)
             arm = reach[k] if kind != TRANSLATE else 1.0 if reach[k] > 0.0 else 0.0
             moved += path * arm
         elif kind >= BALL and reach[k] > 0.0:
-            moved += h * turned(stages, j, 3) * reach[k]
+            moved += h * fastest(stages, j, 3) * reach[k]
             if kind == FREE:
-                moved += h * turned(stages, j + 3, 3)
+                moved += h * fastest(stages, j + 3, 3)
     return PATH * moved, PATH * turn
 
 
@@ -87,7 +90,7 @@ def limits_near(run, guard):
     for n in range(limits.shape[0]):
         i, sign = limits[n].coordinate, limits[n].sign
         before, now = stages[at.Y_OLD, i], stages[at.Y, i]
-        path = PATH * max(abs(now - before), h * turned(stages, nq + limits[n].velocity, 1))
+        path = PATH * path_of(stages, i, nq + limits[n].velocity, h)
         gap = sign * now - limits[n].value
         if gap <= 0.0 or min(gap, sign * before - limits[n].value) <= path - abs(now - before):
             return True
@@ -145,7 +148,10 @@ def may_touch(run, guard, moved):
     """Whether something may have touched over the last step; what is free now, if not."""
     data = opened_run(run)
     state = guard.state[0]
-    ahead = max(AHEAD * moved, min(state.ahead, FARTHEST * moved))
+    widest = 0.0
+    for k in range(guard.reach.shape[0]):
+        widest = max(widest, guard.reach[k])
+    ahead = max(AHEAD * moved, min(state.ahead, FARTHEST * moved), CLOSED * widest)
     free = clearance(run, guard, at.Y, ahead)
     if free > moved or moved == 0.0:
         state.ahead = FARTHER * ahead
@@ -181,7 +187,8 @@ def watch_clearance(run):
     if shaped and state.free == 0.0:  # the first step
         clearance(run, guard, at.Y, 0.0)
         find_reach(run, guard, 0.0)
-    moved, turn = path_lengths(run, guard.reach)
+    rows = opened(data.scene).rows
+    moved, turn = path_lengths(rows, stages, control.nq, control.old_width, guard.reach)
     state.free -= moved
     state.free_turn -= turn
     near = not state.free_turn > 0.0 and limits_near(run, guard)
