@@ -1,6 +1,6 @@
 """Contacts that hold, against MuJoCo: stacks, separate stacks, heavy on light, grippers, piles.
 
-`python -m benchmarks.stacks [stacks] [islands] [heavy] [gripper] [piles]` prints a line a scene:
+`python -m benchmarks.stacks [stacks islands heavy gripper piles exponent]` prints a line a scene:
 processor time a step here and there, in one process and in turns, and what is right or missed.
 MuJoCo runs with its elliptic cone and Newton's method, and its default softness.
 """
@@ -53,13 +53,16 @@ def stack(count: int, x: float = 0.0, name: str = "b", top: float = 1.0) -> list
     return [box(f"{name}{i}", (x, 0, SIDE * (i + 0.5)), m) for i, m in enumerate(masses)]
 
 
-def grid(count: int, radius: float = 0.5) -> list[pg.Body]:
-    """Balls on a cubic grid, shaken by 2 % of their distance."""
+def grid(count: int, radius: float = 0.5, apart: float = 1.01) -> list[pg.Body]:
+    """Balls on a cubic grid, `apart` in diameters, shaken by 2 % of that.
+
+    Closer than 1.04 some of them overlap at the start.
+    """
     side = round(count ** (1 / 3) + 0.5)
     places = np.indices((side,) * 3).reshape(3, -1).T[:count] + 0.0
     places += np.random.default_rng(0).uniform(-0.02, 0.02, (count, 3))
     up = np.array([0, 0, 1.05 * radius])
-    return [ball(f"s{i}", p) for i, p in enumerate(2.02 * radius * places + up)]
+    return [ball(f"s{i}", p) for i, p in enumerate(2 * apart * radius * places + up)]
 
 
 def ours(model: pg.Model, seconds: float, start: Start = None) -> tuple[float, Any]:
@@ -131,10 +134,11 @@ def compared(
         mine, run = ours(model, seconds, start)
         other, data = theirs(model, seconds, start)
         here, there = min(here, mine), min(there, other)
-    speed = abs(run.v[-1]).max()
+    speeds = abs(run.v[-1]).max(), abs(data.qvel).max()
     print(
         f"{name}: {here * 1e6:.1f} us a step, MuJoCo {there * 1e6:.1f} us, ratio "
-        f"{here / there:.2f}; fastest {speed:.1e} and {abs(data.qvel).max():.1e} at the end; "
+        f"{here / there:.2f}; fastest {speeds[0]:.1e} and {speeds[1]:.1e} at the end, "
+        f"{data.ncon} contacts there; "
         f"residual {run.contact_residual.max(axis=0)}; {'; '.join(run.notices) or 'no notice'}",
         flush=True,
     )
@@ -164,23 +168,29 @@ def heavy() -> None:
 
 
 def gripper() -> None:
-    """An object of 0.5 kg between fingers on slides: what it falls in 2 s at both sides of need."""
+    """An object of 0.5 kg between fingers on slides, pressed with 0.99 and 1.01 of what it needs.
+
+    A box has no faces for three.
+    """
     for kind, size in (("box", "size"), ("cylinder", "radius"), ("sphere", "radius")):
         for fingers in (2, 3):
             if fingers == 3 and kind == "box":
                 continue
             for friction in (0.2, 0.5, 1.0):
-                fallen = [held(kind, size, fingers, friction, part) for part in (0.99, 1.01)]
+                slips = held(kind, size, fingers, friction, 0.99, 2.0)
+                holds = held(kind, size, fingers, friction, 1.01, 60.0)
                 print(
-                    f"{fingers} fingers, {kind}, friction {friction}: falls {fallen[0][0]:.2g} m "
-                    f"at 0.99, {fallen[1][0]:.1e} m at 1.01 of the force needed; "
-                    f"loads differ by {fallen[1][1]:.1e}",
+                    f"{fingers} fingers, {kind}, friction {friction}: falls {slips[0]:.2g} m in "
+                    f"2 s at 0.99, {holds[0]:.1e} m in 60 s at 1.01 of the force needed; "
+                    f"loads differ by {holds[1]:.1e}",
                     flush=True,
                 )
 
 
-def held(kind: str, size: str, fingers: int, friction: float, part: float) -> tuple[float, float]:
-    """(how far the object falls in 2 s [m], relative difference of the fingers' loads)."""
+def held(
+    kind: str, size: str, fingers: int, friction: float, part: float, seconds: float
+) -> tuple[float, float]:
+    """(how far the object falls [m], relative difference of the fingers' loads at the end)."""
     length, mass = 0.05, 0.5
     push = part * mass * G / fingers / friction
     shape: Any = {"kind": kind, size: (length,) * 3 if size == "size" else length / 2}
@@ -208,18 +218,45 @@ def held(kind: str, size: str, fingers: int, friction: float, part: float) -> tu
         contacts.append(pg.Contact(name=f"p{k}", body="object", other=f"f{k}", friction=friction))
         forces.append(pg.Force(name=f"w{k}", kind="wrench", body=f"f{k}", force=tuple(-push * out)))
     model = pg.Model(bodies=tuple(bodies), contacts=tuple(contacts), forces=tuple(forces))
-    run = pg.simulate(model, t_end=2.0, step=STEP, frames=3, estimate=False)
+    run = pg.simulate(model, t_end=seconds, step=STEP, frames=3, estimate=False)
     loads = np.array([run.contact_force[c.name][-1, 5] for c in contacts])
     return -run.body_pose[-1, 0, 2], float(np.ptp(loads) / max(abs(loads).max(), 1e-300))
 
 
 def piles() -> None:
-    """Balls that fall from a grid."""
-    for count, seconds in ((27, 1.5), (125, 1.0), (343, 0.6), (1000, 0.4)):
-        compared(f"{count} balls", heap(grid(count)), seconds, 2 if count < 343 else 1)
+    """Balls that fall from a grid, with gaps at the start, and overlapping."""
+    for apart, what in ((1.06, "apart"), (1.01, "overlapping")):
+        for count, seconds in ((27, 1.5), (125, 1.0), (343, 0.6), (1000, 0.4)):
+            name = f"{count} balls, {what} at the start"
+            model = heap(grid(count, apart=apart))
+            run = compared(name, model, seconds, 2 if count < 343 else 1)
+            print(f"    {touching(run)} contacts here")
 
 
-PARTS = {f.__name__: f for f in (stacks, islands, heavy, gripper, piles)}
+def touching(run: Any, near: float = 1e-3) -> int:
+    """How many balls are nearer to each other, or to the ground, than a part of their diameter."""
+    place = run.body_pose[-1, :, :3]
+    size = 2 * run.mechanism.model.bodies[0].touching[0].radius
+    apart = np.linalg.norm(place[:, None] - place[None], axis=2)
+    pairs = apart[np.triu_indices(len(place), 1)] < (1 + near) * size
+    return int(pairs.sum() + (place[:, 2] < (0.5 + near) * size).sum())
+
+
+def exponent() -> None:
+    """How the cost of a step of fallen piles grows with their contacts."""
+    found = []
+    for count in (125, 216, 343, 512, 729, 1000):
+        mech = pg.Mechanism(heap(grid(count, apart=1.06)))
+        options: Any = {"step": STEP, "frames": 2, "method": "moreau_jean", "estimate": False}
+        run = pg.simulate(mech, t_end=0.3, **options)
+        run = pg.simulate(mech, run.q[-1], run.v[-1], t_end=0.05, **options)
+        found.append((touching(run), run.timing["step_processor"] / 50))
+        print(f"{count} balls: {found[-1][0]} contacts, {found[-1][1] * 1e6:.0f} us a step")
+    power = np.polyfit(*np.log(np.array(found)).T, 1)[0]
+    print(f"cost grows as contacts^{power:.2f}", flush=True)
+
+
+PARTS = {f.__name__: f for f in (stacks, islands, heavy, gripper, piles, exponent)}
 
 if __name__ == "__main__":
     compared("warm up", heap(stack(2)), 0.01, 1)

@@ -357,13 +357,17 @@ class Clearance(Unportable):
             np.zeros(len(mech.packed.rows)),
             np.zeros(count),
         )
+        free = 0.0 if len(tables.geometry.shapes) else np.inf
+        self._start = np.array((free, 0.0, 0.0))
+        self._state = self._kept.state.view(float)  # numpy is slow at records
+        self.begin()
         self._buffer = buffer()
         kernels.save_guard(self._buffer, unnamed(self._kept))
         self.address = address_of_array(self._buffer)
 
     def begin(self) -> None:
         """Nothing is known to be free yet: for another run."""
-        self._kept.state.view(float)[:] = 0.0  # numpy is slow at records
+        self._state[:] = self._start
         self._kept.reach[:] = 0.0
 
     @property
@@ -382,7 +386,8 @@ class Clearance(Unportable):
         blank = self._blank.get(len(q))
         if blank is None:
             self._blank = {len(q): (blank := _blank(self._tables, len(q), self._mech.nb))}
-        return replace(blank, gap=gaps_of(self._mech, self._tables, q, {}), events=events)
+        parts = vars(blank) | {"gap": gaps_of(self._mech, self._tables, q, {}), "events": events}
+        return ContactRecord(**parts)
 
 
 def _limits(tables: Tables) -> Any:

@@ -54,6 +54,30 @@ def test_what_never_comes_near_changes_no_bit(way):
             assert np.all((gap > 997) & (gap < 1000))
 
 
+@pytest.mark.parametrize("law", LAWS)
+def test_what_rests_far_from_all_it_may_touch_is_far(law):
+    """Nothing moves at all, and the wall is 1 km away: no contact comes into the run."""
+    mech = chain(law=law)
+    run = pg.simulate(mech, np.zeros(4), t_end=0.1, method="rk4", step=1e-3)
+    assert (run.header["method"], "began" in run.header) == ("rk4", False)
+    assert np.array_equal(run.q[-1], run.q[0])
+
+
+@pytest.mark.parametrize("way", [{}, {"step": 1e-3}, {"rtol": 1e-5}, WAYS[3], WAYS[7]], ids=str)
+def test_runs_far_and_near_leave_nothing_to_the_next_one(way):
+    """One mechanism, starts that meet a limit and others that do not: the bits of first runs."""
+    mech, still = chain(limits=(-1.0, 1.0)), np.zeros(4)
+    for q, v in ((0.1 * np.ones(4), still), (still, 9 * np.ones(4)), (0.2 * np.ones(4), still)):
+        run = pg.simulate(mech, q, v, t_end=0.2, frames=11, **way)
+        first = pg.simulate(chain(limits=(-1.0, 1.0)), q, v, t_end=0.2, frames=11, **way)
+        for name in ("t", "q", "v", "vdot"):
+            assert np.array_equal(getattr(run, name), getattr(first, name)), name
+        assert run.counters == first.counters
+        assert run.error_estimate == first.error_estimate
+        for name, torque in first.contacts.limit.items():
+            assert np.array_equal(run.contacts.limit[name], torque)
+
+
 def test_a_run_goes_on_with_contacts_where_something_comes_near():
     """A ball that falls 1 m: smooth until then, and bounces to e² of the height."""
     ball = pg.Body(

@@ -148,10 +148,8 @@ def may_touch(run, guard, moved):
     """Whether something may have touched over the last step; what is free now, if not."""
     data = opened_run(run)
     state = guard.state[0]
-    widest = 0.0
-    for k in range(guard.reach.shape[0]):
-        widest = max(widest, guard.reach[k])
-    ahead = max(AHEAD * moved, min(state.ahead, FARTHEST * moved), CLOSED * widest)
+    ahead = max(AHEAD * moved, min(state.ahead, FARTHEST * moved))
+    ahead = max(ahead, CLOSED * widest_reach(guard.reach))
     free = clearance(run, guard, at.Y, ahead)
     if free > moved or moved == 0.0:
         state.ahead = FARTHER * ahead
@@ -178,27 +176,50 @@ def may_touch(run, guard, moved):
 
 @kernel(LOOK_BACK, nogil=True, later=True)
 def watch_clearance(run):
-    """Go back to the start of the last step, and stop there, if something may touch in it."""
+    """Go back to the start of the last step, and stop there, if something may touch in it.
+
+    What is not needed at every step is left to `look_again`, which opens the guard itself.
+    """
+    data = opened_run(run)
+    control = data.control[0]
+    guard = guard_at(control.guard)
+    state, rows = guard.state[0], opened(data.scene).rows
+    moved, turn = path_lengths(rows, data.stages, control.nq, control.old_width, guard.reach)
+    state.free -= moved
+    state.free_turn -= turn
+    if not (state.free > 0.0 and state.free_turn > 0.0):
+        look_again(run)
+
+
+@sweep
+def look_again(run):
+    """What is free after a step that may have used it up; go back if something may touch in it."""
     data = opened_run(run)
     control, stages = data.control[0], data.stages
     guard = guard_at(control.guard)
     state = guard.state[0]
     shaped = guard.geometry.shapes.shape[0] > 0
-    if shaped and state.free == 0.0:  # the first step
+    if shaped and widest_reach(guard.reach) == 0.0:  # the first step
         clearance(run, guard, at.Y, 0.0)
         find_reach(run, guard, 0.0)
-    rows = opened(data.scene).rows
-    moved, turn = path_lengths(rows, stages, control.nq, control.old_width, guard.reach)
-    state.free -= moved
-    state.free_turn -= turn
     near = not state.free_turn > 0.0 and limits_near(run, guard)
     if not near and shaped and not state.free > 0.0:
+        rows = opened(data.scene).rows
+        moved, _ = path_lengths(rows, stages, control.nq, control.old_width, guard.reach)
         near = may_touch(run, guard, moved)
     if near:
         copied(stages, at.Y_OLD, at.Y, stages.shape[1])
         control.time = control.old_time
         control.fresh = 0
         control.fired = 1
+
+
+@part
+def widest_reach(reach):
+    widest = 0.0
+    for k in range(reach.shape[0]):
+        widest = max(widest, reach[k])
+    return widest
 
 
 @kernel(types.void(types.int64, types.int64, F2, F2), later=True)
