@@ -397,10 +397,11 @@ def test_an_attribute_that_nothing_reads_is_refused():
 
     class Robot(pg.Mechanism):
         def __init__(self, model):
+            self.early = 2.0
             super().__init__(model)
             self.gain = 3.0
 
-    assert Robot(model).gain == 3.0
+    assert (Robot(model).early, Robot(model).gain) == (2.0, 3.0)
 
 
 TWINS = pg.Model(

@@ -65,6 +65,7 @@ class Dynamics(Portable):
     _rest: Array  # (nv,) v = 0
     _work: Array  # of kernels, empty between calls
     _lock: threading.Lock  # of `_work` and of the scene's workspace
+    _shared: dict[str, Any]  # what depends on sizes alone: an edited mechanism has it too
 
     def __init__(self, model: Model | Columns, /):
         """Number and pack a valid model, or a table in columns. Raises InputError for others."""
@@ -79,11 +80,13 @@ class Dynamics(Portable):
         """Keep the arrays, and make a workspace."""
         nq, nv, work = packed.nq, packed.nv, np.zeros((len(packed.rows), at.WORK))
         direct, rest = DIRECT and not packed.springs, np.zeros(nv)
-        SET(self, "__dict__", {  # at once: setting an attribute is guarded
-            "packed": packed, "nb": packed.nb, "nq": nq, "nv": nv, "_springs": packed.springs,
-            "_free": (nq, nv, packed.rows, packed.const, work, rest) if direct else (),
-            "_rest": rest, "_work": work, "_lock": threading.Lock(),  # of these sizes
-        })  # fmt: skip
+        free = (nq, nv, packed.rows, packed.const, work, rest) if direct else ()
+        shared = {
+            "nb": packed.nb, "nq": nq, "nv": nv, "_springs": packed.springs,
+            "_rest": rest, "_work": work, "_lock": threading.Lock(),
+        }  # fmt: skip
+        # at once: setting an attribute is guarded
+        vars(self).update(shared, _shared=shared, packed=packed, _free=free)
 
     def __getstate__(self) -> Columns:
         return self.packed.columns
@@ -549,14 +552,12 @@ def edited_at_once(checked: Called) -> Called:
             return checked(*args, **changes)
         if columns is old.columns:
             return mech
-        packed, free = old.edited(columns), mech._free
-        new = NEW(type(mech))
-        SET(new, "__dict__", {  # at once: this is a design loop's inner step
-            "packed": packed, "nb": mech.nb, "nq": mech.nq, "nv": mech.nv,
-            "_springs": mech._springs, "_rest": mech._rest, "_work": mech._work,
-            "_lock": mech._lock,
-            "_free": free and (*free[:2], packed.rows, packed.const, *free[4:]),
-        })  # fmt: skip
+        packed, free, new = old.edited(columns), mech._free, NEW(type(mech))
+        if free:
+            nq, nv, _, _, work, rest = free
+            free = nq, nv, packed.rows, packed.const, work, rest
+        shared = mech._shared
+        SET(new, "__dict__", {**shared, "_shared": shared, "packed": packed, "_free": free})
         return new
 
     return cast("Called", edit)
