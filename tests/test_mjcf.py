@@ -415,6 +415,58 @@ def test_outputs_are_what_sensors_of_mujoco_read(tmp_path):
     assert again.sites == model.sites
 
 
+def written(tmp_path, model):
+    """(the model of a written file, what MuJoCo makes of it)"""
+    pg.write_mjcf(model, tmp_path / "out.xml")
+    compiled = mujoco.MjModel.from_xml_path(str(tmp_path / "out.xml"))
+    return pg.read_mjcf(tmp_path / "out.xml")[0], compiled
+
+
+def test_names_that_meet_and_ends_that_are_one_are_written(tmp_path):
+    ball = {"kind": "sphere", "radius": 0.1}
+    model = pg.Model(
+        up="z",
+        bodies=[
+            pg.Body(name="a", joint="universal", mass=1, inertia=np.eye(3), shape=ball),
+            pg.Body(name="a 2", parent="a", link=(1, 0, 0), mass=1, inertia=np.eye(3)),
+            pg.Body(name="a 1", parent="a", joint="weld", mass=0.1),  # a point
+        ],
+        constraints=[pg.Coupling(name="c", coefficients={"a": (1, 1)})],
+        forces=[
+            pg.Tendon(name="c tendon", coefficients={"a": (1, 2)}, low=0.0, high=0.0),
+            pg.Motor(name="m", body="a 2", input_low=0.0, input_high=0.0),
+        ],
+    )
+    again, compiled = written(tmp_path, model)
+    assert len({compiled.joint(k).name for k in range(3)}) == 3
+    assert again.body("a 1").inertia == model.body("a 1").inertia
+    assert again.part("c tendon", "force").low == pytest.approx(0.0, abs=1e-8)
+
+
+def test_each_pair_keeps_its_friction(tmp_path):
+    ball = {"kind": "sphere", "radius": 0.1}
+    names = ("a", "b", "c")
+    bodies = [
+        pg.Body(name=x, joint="free", mass=1, inertia=np.eye(3), shape=ball, link=(k, 0, 1))
+        for k, x in enumerate(names)
+    ]
+    bodies.append(pg.Body(name="d", parent="a", mass=1, inertia=np.eye(3), shape=ball))
+    contacts = [
+        pg.Contact(name="a floor", body="a", friction=0.9),
+        pg.Contact(name="b floor", body="b", friction=0.1, rolling_friction=0.01),
+        pg.Contact(name="a, b", body="a", other="b", friction=0.0),
+        pg.Contact(name="b, c", body="b", other="c", friction=0.5, spinning_friction=0.02),
+        pg.Contact(name="a, d", body="a", other="d", friction=0.3),  # neighbours
+    ]
+    again, _ = written(tmp_path, pg.Model(up="z", bodies=bodies, contacts=contacts))
+
+    def laws(parts):
+        kinds = ("friction", "spinning_friction", "rolling_friction")
+        return {frozenset(c.pair): [getattr(c, k) or 0.0 for k in kinds] for c in parts}
+
+    assert laws(again.contacts) == laws(contacts)
+
+
 HOSTILE = {
     "<robot/>": "read_urdf",
     "<!DOCTYPE a [<!ENTITY b 'c'>]><mujoco/>": "document type",

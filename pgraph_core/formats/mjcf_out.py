@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,7 +36,10 @@ from .urdf_out import Placed, Tag
 
 KINDS = {"rotate": "hinge", "translate": "slide", "ball": "ball", "free": "free"}
 MESHES = (".stl", ".obj", ".msh")
+SOLIDS = ("box", "sphere", "capsule", "cylinder", "ellipsoid")
 THIN = 1e-12  # relative: a moment of inertia that MuJoCo takes for none
+FAR, CLOSE = 1e9, 1e-9  # of a range's open end; relative: ends that are the same
+LEAST = 1e-14  # kg m^2: above mjMINVAL
 NOTHING = (1.0, 0.0, 0.0, 0.0)
 WORLD = "world"
 
@@ -68,6 +71,11 @@ class _Writer:
         self.home = Dynamics(model).packed.home_poses
         self.number = {name: k for k, name in enumerate(Dynamics(model).names)}
         self.sites: dict[str, list[Tag]] = {}
+        self.taken: set[tuple[str, str]] = set()
+        self.joints = {
+            (b.name, k): self._free("joint", b.name if len(b.motions) == 1 else f"{b.name} {k + 1}")
+            for b in model.bodies for k in range(len(b.motions))
+        }  # fmt: skip
         self.assets: dict[str, Tag] = {}
         self.equalities, self.tendons = list[Tag](), list[Tag]()
         self.floor = {c.body: c for c in model.contacts if c.active and c.other == GROUND}
@@ -77,6 +85,11 @@ class _Writer:
             self.lifting.add(name)
             self.lifted[body] = self.lifted.get(body, 0.0) + part
         self.of_ground = self._ground_law()
+        self.pairs = [*self._odd_pairs([b for b in model.bodies if b.touching])]
+        paired = {b.name for ends in self.pairs for b in ends[:2] if b is not None}
+        self.named_geoms = {
+            (b.name, k) for b in model.bodies if b.name in paired for k in _touching(b)
+        }
 
     def text(self, bodies: Sequence[Body]) -> str:
         """The file."""
@@ -87,13 +100,13 @@ class _Writer:
         for site in m.sites:
             self._site(site.body, site.name, site.point, unit(site.rotation))
         sensors = [*self._sensors()]
-        for c in m.constraints:
-            self._constraint(c)
         for f in m.forces:
             if isinstance(f, Spring):
                 self._spring(f)
             elif isinstance(f, Tendon):
                 self._tendon(f)
+        for c in m.constraints:
+            self._constraint(c)
         self.children: dict[str, list[Body]] = {}
         for body in bodies:
             self.children.setdefault(body.parent, []).append(body)
@@ -109,7 +122,7 @@ class _Writer:
         for body in self.children.get(GROUND, ()):
             world.add(*self._body(body))
         assets, drives = Tag("asset").add(*self.assets.values()), [*self._actuators()]
-        contact = Tag("contact").add(*self._excluded(bodies))
+        contact = Tag("contact").add(*self._excluded(bodies), *self._paired())
         parts = (assets, world, contact, Tag("equality").add(*self.equalities),
                  Tag("tendon").add(*self.tendons), Tag("actuator").add(*drives),
                  Tag("sensor").add(*sensors),
@@ -117,6 +130,13 @@ class _Writer:
         root.add(*(part for part in parts if part.children))
         self.report.add("read", "", f"{len(bodies)} bodies written")
         return "\n".join([*root.lines(), ""])
+
+    def _free(self, kind: str, name: str) -> str:
+        """The name, or another that no other element of this kind has."""
+        while (kind, name) in self.taken:
+            name += "'"
+        self.taken.add((kind, name))
+        return name
 
     def out(self, where: str, text: str, *, acts: bool = True) -> None:
         self.report.add("left out", where, f"{text}, which is not written to MJCF", acts=acts)
@@ -147,9 +167,7 @@ class _Writer:
                 shift = shift - np.array(b.link)
             own.add(*self._joints(b, -shift))
         if last.mass or any(map(any, last.inertia)):
-            (xx, xy, xz), (_, yy, yz), (_, _, zz) = self._positive(last).tolist()
-            full = (xx, yy, zz, xy, xz, yz)
-            own.add(Tag("inertial", pos=last.com, mass=last.mass, fullinertia=full))
+            own.add(Tag("inertial", pos=last.com, mass=last.mass, **self._inertia(last)))
         elif last.joint != "weld":
             text = "it moves and has no mass, so MuJoCo may refuse it"
             self.report.add("warning", f"body '{last.name}'", text, part=last.name)
@@ -161,16 +179,20 @@ class _Writer:
             own.add(*self._body(child))
         yield own
 
-    def _positive(self, body: Body) -> np.ndarray:
-        """(3, 3) the inertia; MuJoCo refuses rods without thickness."""
+    def _inertia(self, body: Body) -> dict[str, Any]:
+        """The inertia; MuJoCo refuses bodies that move without one, as rods without thickness."""
         inertia = np.array(body.inertia)
         moments, axes = np.linalg.eigh(inertia)
-        least = THIN * float(np.abs(moments).max(initial=1e-6))
+        least = max(THIN * float(np.abs(moments).max()), LEAST)
         if moments[0] > least or body.any_inertia:
-            return inertia
+            (xx, xy, xz), (_, yy, yz), (_, _, zz) = inertia.tolist()
+            return {"fullinertia": (xx, yy, zz, xy, xz, yz)}
+        turn = quaternion_of(axes if np.linalg.det(axes) > 0 else -axes)
+        if body.joint == "weld":
+            return {"diaginertia": np.maximum(moments, 0.0), "quat": turn}
         text = f"a moment of inertia of zero is {least:.3g} kg m^2, since MuJoCo wants one"
         self.report.add("approximated", f"body '{body.name}'", text, part=body.name)
-        return axes @ np.diag(np.maximum(moments, least)) @ axes.T
+        return {"diaginertia": np.maximum(moments, least), "quat": turn}
 
     def _carried(self, body: Body) -> Body | None:
         """The one child of a body without mass or content: both are one body in MJCF."""
@@ -189,7 +211,7 @@ class _Writer:
 
     def _joints(self, body: Body, pivot: np.ndarray) -> Iterator[Tag]:
         for k, (kind, axis) in enumerate(body.motions):
-            joint = Tag("joint", name=joint_name(body, k), type=KINDS[kind])
+            joint = Tag("joint", name=self.joints[body.name, k], type=KINDS[kind])
             if kind == "rotate" or kind == "ball":
                 joint.set(pos=pivot)
             if kind in ("rotate", "translate"):
@@ -204,19 +226,17 @@ class _Writer:
                 joint.set(springref=body.rest[k])
             pair = body.limits[k] if body.limits else None
             if pair is not None:
-                low, high = (
-                    -1e9 if pair[0] is None else pair[0],
-                    1e9 if pair[1] is None else pair[1],
-                )
-                joint.set(range=(low, high))
+                joint.set(range=_between(*pair))
             yield joint
 
     # -- shapes ----------------------------------------------------------------------------------
 
     def _geoms(self, body: Body) -> Iterator[Tag]:
         law = self._law(body.name)
-        for shape in body.shapes:
+        for k, shape in enumerate(body.shapes):
             geom = Tag("geom", pos=shape.position, quat=unit(shape.rotation))
+            if (body.name, k) in self.named_geoms:
+                geom.set(name=_geom(body, k))
             r, h = shape.radius or 0.0, (shape.length or 0.0) / 2
             match shape.kind:
                 case "box":
@@ -254,7 +274,8 @@ class _Writer:
         name, k = key, 2
         while name in self.assets and self.assets[name].attributes["file"] != shape.file:
             name, k = f"{key} {k}", k + 1
-        self.assets[name] = Tag("mesh", name=name, file=shape.file, scale=scale)
+        mesh = Tag("mesh", name=name, file=shape.file, scale=scale)
+        self.assets[name] = mesh.set(inertia="shell")  # bodies have their own; flat ones have none
         return name
 
     def _law(self, name: str) -> tuple[float, float, float]:
@@ -289,12 +310,6 @@ class _Writer:
     def _excluded(self, bodies: Sequence[Body]) -> Iterator[Tag]:
         """Pairs of bodies that would touch in MuJoCo and do not here."""
         solid = [b.name for b in bodies if b.touching]
-        frictions = {self._friction(c) for c in self.touch}
-        if self.of_ground is None:
-            frictions |= {self._friction(c) for c in self.floor.values()}
-        if len(frictions) > 1:
-            text = "frictions of pairs become those of bodies: the larger one of two holds"
-            self.report.add("approximated", "contacts", text)
         for c in (*self.floor.values(), *self.touch):
             if c.points:
                 self.out(f"contact '{c.name}'", "its points")
@@ -305,26 +320,60 @@ class _Writer:
             if self.floor and not ({name, EVERY} & self.floor.keys()) and name != WORLD:
                 yield Tag("exclude", body1=WORLD, body2=name)
             for other in solid[:k]:
-                parent = {name: self.model.body(name).parent, other: self.model.body(other).parent}
-                tied = (parent[name] == other and not self._still(other)) or (
-                    parent[other] == name and not self._still(name)
-                )
-                if self._still(name) and self._still(other):
-                    continue
-                meets = any(
-                    (c.body in (name, EVERY) and c.other in (other, EVERY))
-                    or (c.body in (other, EVERY) and c.other in (name, EVERY))
-                    for c in self.touch
-                )
-                named = any({c.body, c.other} == {name, other} for c in self.touch)
-                if tied and named:
-                    self.out(f"contact of '{name}' and '{other}'", "of neighbours")
-                elif not tied and not meets:
+                if not self._apart(name, other) and self._between(name, other) is None:
                     yield Tag("exclude", body1=other, body2=name)
+
+    def _odd_pairs(self, solid: Sequence[Body]) -> Iterator[OddPair]:
+        """What touches with another friction than the larger one of two geoms, or is tied."""
+        for k, body in enumerate(solid):
+            mine, floor = self._law(body.name), self.floor.get(body.name) or self.floor.get(EVERY)
+            if floor is not None and not self._still(body.name):
+                law = tuple(map(max, mine, self.of_ground or FRICTIONLESS))
+                if law != (wanted := self._friction(floor)):
+                    yield OddPair(body, None, wanted)
+            for other in solid[:k]:
+                c, apart = self._between(body.name, other.name), self._apart(body.name, other.name)
+                if c is None:
+                    continue
+                law = tuple(map(max, mine, self._law(other.name)))
+                if apart or law != self._friction(c):
+                    yield OddPair(other, body, self._friction(c))
+
+    def _apart(self, one: str, two: str) -> bool:
+        """Whether MuJoCo takes two bodies for neighbours, which touch as a named pair alone."""
+        still = self._still(one), self._still(two)
+        parent = self.model.body(one).parent, self.model.body(two).parent
+        tied = (parent[0] == two and not still[1]) or (parent[1] == one and not still[0])
+        return tied or all(still)
+
+    def _between(self, one: str, two: str) -> Contact | None:
+        """The contact of two bodies; one that names both goes before one of every body."""
+        parent = self.model.body(one).parent, self.model.body(two).parent
+        tied = parent[0] == two or parent[1] == one  # these touch only where both are named
+
+        def meet(c: Contact) -> bool:
+            here = (c.body in (one, EVERY) and c.other in (two, EVERY)) or (
+                c.body in (two, EVERY) and c.other in (one, EVERY)
+            )
+            return here and not (tied and EVERY in (c.body, c.other))
+
+        found = filter(meet, self.touch)
+        return min(found, key=lambda c: (c.body, c.other).count(EVERY), default=None)
+
+    def _paired(self) -> Iterator[Tag]:
+        """Pairs of geoms with a friction of their own."""
+        for body, other, law in self.pairs:
+            others = ["ground"] if other is None else [_geom(other, k) for k in _touching(other)]
+            sliding, spin, roll = law
+            for one in (_geom(body, k) for k in _touching(body)):
+                for two in others:
+                    five = (sliding, sliding, spin, roll, roll)
+                    yield Tag("pair", geom1=one, geom2=two, friction=five, condim=_condim(law))
 
     # -- loops -----------------------------------------------------------------------------------
 
     def _site(self, body: str, name: str, place: Any, turn: Any = NOTHING) -> str:
+        name = self._free("site", name)
         self.sites.setdefault(body, []).append(
             Tag("site", name=name, pos=tuple(place), quat=tuple(turn))
         )
@@ -335,14 +384,20 @@ class _Writer:
         active = {} if c.active else {"active": "false"}
         match c:
             case Gear():
-                mine = joint_name(self.model.body(c.body), c.coordinate)
-                other = joint_name(self.model.body(c.other), c.other_coordinate)
+                mine = self._joint(c.body, c.coordinate)
+                other = self._joint(c.other, c.other_coordinate)
+                if not (mine and other):
+                    self.out(where, "a gear of a ball or free joint", acts=c.active)
+                    return
                 curve = (c.offset, c.ratio, 0.0, 0.0, 0.0)
                 tag = Tag("joint", name=name, joint1=mine, joint2=other, polycoef=curve, **active)
                 self.equalities.append(tag)
                 return
             case Motion(q_of_t=Polynomial(coefficients=held)) if len(held) == 1:
-                mine = joint_name(self.model.body(c.body), c.coordinate)
+                mine = self._joint(c.body, c.coordinate)
+                if not mine:
+                    self.out(where, "a motion of a ball or free joint", acts=c.active)
+                    return
                 curve = (*held, 0.0, 0.0, 0.0, 0.0)
                 self.equalities.append(
                     Tag("joint", name=name, joint1=mine, polycoef=curve, **active)
@@ -367,7 +422,7 @@ class _Writer:
         turn = quaternion_of(ends.turn) if c.kind == "weld" else NOTHING
         tag = "weld" if c.kind == "weld" else "connect"
         for k, (point, other_point) in enumerate(pairs):
-            own = name if k == 0 else f"{name} {k + 1}"
+            own = self._free("equality", name if k == 0 else f"{name} {k + 1}")
             one = self._site(c.body, end_name(own, 1), point)
             two = self._site(c.other, end_name(own, 2), other_point, turn)
             self.equalities.append(Tag(tag, name=own, site1=one, site2=two, **active))
@@ -384,7 +439,11 @@ class _Writer:
             places = [self._world(f.body, point), self._world(f.other, other)]
             rest = float(np.linalg.norm(places[0] - places[1]))
         tendon = Tag(
-            "spatial", name=f.name, stiffness=f.stiffness, damping=f.damping, springlength=rest
+            "spatial",
+            name=self._free("tendon", f.name),
+            stiffness=f.stiffness,
+            damping=f.damping,
+            springlength=rest,
         )
         self.tendons.append(tendon.add(*(Tag("site", site=name) for name in names)))
 
@@ -397,12 +456,12 @@ class _Writer:
         if f.stiffness:
             given["springlength"] = rest
         if f.low is not None or f.high is not None:
-            low, high = (-1e9 if f.low is None else f.low), (1e9 if f.high is None else f.high)
-            given["range"] = (low, high)
+            given["range"] = _between(f.low, f.high)
         self._along(f.name, f, f"force '{f.name}'", **given)
 
     def _along(self, name: str, part: Any, where: str, **fields: Any) -> str:
         """The name of a tendon along the joints of a part; "" where one of them is a ball's."""
+        name = self._free("tendon", name)
         tag = Tag("fixed", name=name, **fields)
         for body, k, factor in part.terms:
             joint = self._joint(body, k)
@@ -418,7 +477,7 @@ class _Writer:
         first = 0
         for k, (kind, _) in enumerate(self.model.body(body).motions):
             if kind in ("rotate", "translate") and coordinate == first:
-                return joint_name(self.model.body(body), k)
+                return self.joints[body, k]
             first += {"ball": 3, "free": 6}.get(kind, 1)
         return ""
 
@@ -488,16 +547,16 @@ class _Writer:
             one.set(dyntype="integrator")
             least, most = f.states
             if np.isfinite(least) or np.isfinite(most):
-                one.set(actrange=(max(least - first, -1e9), min(most - first, 1e9)))
+                one.set(actrange=_between(least - first, most - first))
         if f.gear != 1.0:
             one.set(gear=(f.gear, 0.0, 0.0, 0.0, 0.0, 0.0))
         bias = (torque + gain * first, -kp or 0.0, -kd or 0.0)
         one.set(gainprm=(gain,), biastype="affine", biasprm=bias)
         if f.input_low is not None or f.input_high is not None:
-            one.set(ctrlrange=(max(low - given, -1e9), min(high - given, 1e9)))
+            one.set(ctrlrange=_between(low - given, high - given))
         least, most = f.torques
         if np.isfinite(least) or np.isfinite(most):
-            one.set(forcerange=(max(least, -1e9), min(most, 1e9)))
+            one.set(forcerange=_between(least, most))
         yield one
 
     def _lifted(self) -> Iterator[tuple[str, str, float]]:
@@ -588,6 +647,31 @@ class _Writer:
             i, j = i + 4, j + (6 if kind == "free" else 3)
 
 
+Law = tuple[float, float, float]  # friction of a pair: sliding, spinning, rolling
+FRICTIONLESS: Law = (0.0, 0.0, 0.0)
+
+
+class OddPair(NamedTuple):
+    """Two bodies, or one and the ground, and the friction with which they touch."""
+
+    body: Body
+    other: Body | None
+    friction: Law
+
+
+def _touching(body: Body) -> Iterator[int]:
+    """The numbers of its shapes that may touch and that are written."""
+    for k, shape in enumerate(body.shapes):
+        mesh = shape.kind == "mesh" and Path(shape.file or "").suffix.lower() in MESHES
+        if shape.role != "visual" and (mesh or shape.kind in SOLIDS):
+            yield k
+
+
+def _geom(body: Body, k: int) -> str:
+    """The name of the geom of a shape."""
+    return f"{body.name} shape {k + 1}"
+
+
 class _Ungeared:
     """The sum that a force acts on, without its gear."""
 
@@ -605,9 +689,12 @@ def _own_box(f: Drag, body: Body) -> bool:
     return bool(np.allclose(mine, box, rtol=1e-9, atol=1e-12)) and f.point in (None, body.com)
 
 
-def joint_name(body: Body, k: int) -> str:
-    """The name of motion k of a body's joint."""
-    return body.name if len(body.motions) == 1 else f"{body.name} {k + 1}"
+def _between(low: float | None, high: float | None) -> tuple[float, float]:
+    """A range as MuJoCo takes it: of finite ends that differ."""
+    least = -FAR if low is None else max(low, -FAR)
+    most = FAR if high is None else min(high, FAR)
+    apart = CLOSE * max(1.0, abs(least))
+    return (least, most) if most - least > apart else (least - apart, most + apart)
 
 
 def _away(q: Sequence[float], body: Body) -> Iterator[bool]:

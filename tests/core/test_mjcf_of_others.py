@@ -124,3 +124,58 @@ def test_models_are_loaded_and_equal_mujoco(package):
     print(f"{package}: {count} files, {len(refused)} refused, {whole} whole, {compared} compared")
     assert count
     assert not refused
+
+
+def said_of(model: pg.Model) -> dict[tuple[str, ...], object]:
+    """What a model says but for its shapes, by part and field; a drag's box by its tensor."""
+    found = {}
+    for key in ("bodies", "constraints", "contacts", "forces", "scenarios", "sites", "outputs"):
+        for part in getattr(model, key):
+            fields = part.model_dump(exclude={"shapes", "shape", "any_inertia"})
+            if isinstance(part, pg.Drag):
+                axes = np.array(matrix(unit(fields.pop("rotation"))))
+                fields["size"] = axes @ np.diag(np.square(fields["size"])) @ axes.T
+            found |= {(key, part.name, field): value for field, value in fields.items()}
+    return found
+
+
+def differences(one: pg.Model, two: pg.Model) -> list[tuple[str, ...]]:
+    """What two models say differently, by part and field."""
+    mine, other = said_of(one), said_of(two)
+
+    def same(x: object, y: object) -> bool:
+        try:
+            return x == y or np.allclose(np.array(x, float), np.array(y, float), 1e-9, 1e-9)
+        except (TypeError, ValueError):  # no numbers, or of other shapes
+            return False
+
+    return [at for at in mine.keys() | other if not same(mine.get(at), other.get(at))]
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("package", PACKAGES)
+def test_models_are_the_same_out_and_in_again(package, tmp_path):
+    if folder(package) is None:
+        pytest.skip(f"{package} cannot be downloaded here")
+    count = 0
+    for k, path in enumerate(files(package, ".xml")):
+        m = loaded_by_mujoco(path)
+        if m is None:
+            continue
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            model, report = pg.read_mjcf(path, roots=[folder(package)])
+            (tmp_path / str(k)).mkdir()
+            written = pg.write_mjcf(model, tmp_path / str(k) / "out.xml")
+            again, _ = pg.read_mjcf(tmp_path / str(k) / "out.xml")
+        lost = [e for e in written.of("left out") if e.acts]
+        assert all("heightfield" in e.text for e in lost), (path.name, lost)
+        assert lost or not differences(model, again), (path.name, differences(model, again)[:5])
+        if report.loaded:
+            theirs = mujoco.MjModel.from_xml_path(str(tmp_path / str(k) / "out.xml"))
+            for compiled in (m, theirs):
+                errors = errors_of(again, compiled, np.random.default_rng(0))
+                assert max(errors.values()) < SAME, (path.name, errors)
+        count += 1
+    print(f"{package}: {count} files the same out and in again")
+    assert count
