@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from .analysis.assembly import Assembly, assemble
 from .analysis.mobility import Mobility, mobility
 from .dynamics import Dynamics
-from .dynamics.arguments import finite, position, wrong_type
+from .dynamics.arguments import numbers, wrong_type
 from .errors import explained
 from .model import Model
 from .needs import Plan
@@ -93,10 +93,10 @@ class Mechanism(Dynamics):
         dampers of joints included; springs between bodies add differences good to 1e-11 of theirs.
         Columns of the first are moves along v (a rotation vector in a ball's axes), not along q.
         """
-        from .analysis.linear import forward_derivatives  # compiled for lanes
+        from .analysis.linear import forward_derivatives  # compiled when first used
 
-        q, v = position(self.packed, q), finite("v", v, self.nv)
-        given = self._rest if tau is None else finite("tau", tau, self.nv)
+        q, v = self._state(q, v)  # `forward_dynamics` explains what is not finite
+        given = self._rest if tau is None else numbers("tau", tau, self.nv)
         return forward_derivatives(self, q, v, given)
 
     def linearise(

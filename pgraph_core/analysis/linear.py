@@ -24,7 +24,6 @@ from ..dynamics.arguments import finite, position
 from ..dynamics.scene import NO_CONSTRAINTS, Scene
 from ..engine import arrays, motion
 from ..engine import layout as at
-from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.records import CREEP
 from ..engine.tree import slopes as kernels
 from ..model import Force
@@ -409,18 +408,30 @@ def _symmetric(a: Array) -> Array:
 def forward_derivatives(
     mech: Dynamics, q: Array, v: Array, tau: Array
 ) -> tuple[Array, Array, Array]:
-    """∂v'/∂q, ∂v'/∂v and ∂v'/∂τ = M⁻¹, from at most 6 nv inverse dynamics in lanes."""
-    n = mech.nv
-    right = np.hstack((*force_slopes(mech, q, v, tau), np.eye(n)))
-    found: Array = np.linalg.solve(mech.mass_matrix(q), right).astype(np.float64, copy=False)
-    return found[:, :n], found[:, n : 2 * n], found[:, 2 * n :]
+    """∂v'/∂q, ∂v'/∂v and ∂v'/∂τ = M⁻¹."""
+    vdot = mech.forward_dynamics(q, v, tau)
+    n, packed = mech.nv, mech.packed
+    right = np.empty((n, 3 * n))
+    if n:
+        space = _torque_slopes(mech, q, v, vdot, right)
+        if len(packed.passive.table) or len(packed.passive_loads.table):
+            by_q, by_v = passive_slopes(mech, q, v)
+            right[:, :n] -= by_q
+            right[:, n : 2 * n] -= by_v
+        kernels.accelerations_of(*packed.tree, *space, right)
+    return right[:, :n], right[:, n : 2 * n], right[:, 2 * n :]
 
 
 def force_slopes(mech: Dynamics, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
     """M ∂v'/∂q and M ∂v'/∂v: at rest, minus the stiffness and damping of small motions."""
     by_q, by_v = torque_slopes(mech, q, v, mech.forward_dynamics(q, v, tau))
-    spring, damper = drive_slopes(mech.packed.passive, q, v)
-    by_q, by_v = spring - by_q, damper - by_v
+    spring, damper = passive_slopes(mech, q, v)
+    return spring - by_q, damper - by_v
+
+
+def passive_slopes(mech: Dynamics, q: Array, v: Array) -> tuple[Array, Array]:
+    """Slopes in q and v of the torque of springs and dampers, of joints and between bodies."""
+    by_q, by_v = drive_slopes(mech.packed.passive, q, v)
     if len(mech.packed.passive_loads.table):
         by_v = by_v + slopes_in_v(mech.packed.passive_loads, v, lambda x: mech._load_torque(q, x))
         by_q = by_q + differences(mech, q, lambda x: mech._load_torque(x, v))
@@ -442,13 +453,22 @@ NEAR = 1e-5  # of the largest speed: of the steps where a drag's slope jumps
 
 def torque_slopes(mech: Dynamics, q: Array, v: Array, vdot: Array) -> tuple[Array, Array]:
     """∂τ/∂q and ∂τ/∂v (nv, nv) of τ(q, v, v') of eq. (24), without passive forces."""
-    n, width = mech.nv, LANE_WIDTH
-    slopes = np.zeros((2 * n, n))
-    sizes = ((len(mech.packed.rows), at.WORK), (mech.nq,), (n,), (n,), (n,))
-    space = tuple(np.zeros((*size, width)) for size in sizes)
-    pending = np.zeros(width, np.int64), np.zeros(width)
-    kernels.torque_slopes(*mech.packed.tree, q, v, vdot, space, *pending, slopes)
-    return slopes[:n].T, slopes[n:].T
+    n = mech.nv
+    slopes = np.empty((n, 3 * n))
+    if n:
+        _torque_slopes(mech, q, v, vdot, slopes)
+    return slopes[:, :n], slopes[:, n : 2 * n]
+
+
+def _torque_slopes(
+    mech: Dynamics, q: Array, v: Array, vdot: Array, slopes: Array
+) -> tuple[Array, Ints, Array]:
+    """The slopes into `slopes` (nv, 3 nv); what `accelerations_of` goes on with."""
+    n, rows = mech.nv, len(mech.packed.rows)
+    work = np.empty((rows, at.WORK))
+    own = np.empty((rows, kernels.BODY)), np.empty((n, kernels.FREEDOM))
+    kernels.torque_slopes(*mech.packed.tree, q, v, vdot, work, *own, slopes)
+    return work, np.empty(n, np.int64), np.empty((n, n))
 
 
 def drive_slopes(drives: Drives, q: Array, v: Array) -> tuple[Array, Array]:

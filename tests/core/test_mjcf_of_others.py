@@ -145,9 +145,9 @@ def differences(one: pg.Model, two: pg.Model) -> list[tuple[str, ...]]:
 
     def same(x: object, y: object) -> bool:
         try:
-            return x == y or np.allclose(np.array(x, float), np.array(y, float), 1e-9, 1e-9)
+            return np.allclose(np.array(x, float), np.array(y, float), 1e-9, 1e-9, equal_nan=True)
         except (TypeError, ValueError):  # no numbers, or of other shapes
-            return False
+            return x == y
 
     return [at for at in mine.keys() | other if not same(mine.get(at), other.get(at))]
 
