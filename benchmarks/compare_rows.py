@@ -89,7 +89,7 @@ def loaded(name: str) -> Call:
 def moved() -> Call:
     """One body hung elsewhere."""
     mech = pg.Mechanism(pg.Model(bodies=mechanism("quadruped").model.bodies))
-    return lambda: mech.edit("left_hind_paw", parent="left_tibia")
+    return lambda: mech.edit("left_hind_paw", parent="left_femur")
 
 
 def edited() -> Call:

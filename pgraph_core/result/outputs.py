@@ -2,46 +2,50 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from .. import joints
-from ..dynamics.states import shifted, turned
+from ..dynamics.states import BodyMotion, shifted, turned
+from ..mechanism import Mechanism
 from ..model import Output, Site
 from ..model.fields import GROUND
 from ..model.output import OF_JOINT
 from ..packing.system import Array
 from ..rotation import unit
 
-if TYPE_CHECKING:
-    from .result import Result
-
 BACK = np.array([1.0, -1.0, -1.0, -1.0])  # of a quaternion: the opposite turn
 
 
-def outputs(run: Result) -> dict[str, Array]:
-    """{name: (n,), (n, 3) or (n, 4)} of every output of the model, over the frames."""
-    wanted = run.mechanism.model.outputs
+def outputs(
+    mech: Mechanism, q: Array, v: Array, motion: Callable[[], BodyMotion]
+) -> dict[str, Array]:
+    """{name: (n,), (n, 3) or (n, 4)} of every output of the model, over n frames.
+
+    `motion` gives that of the bodies, and is called where an output reads it.
+    """
+    wanted = mech.model.outputs
     names = list(dict.fromkeys(o.at for o in wanted if o.kind not in OF_JOINT))
-    frames = _frames(run, names) if names else None
+    frames = _frames(mech, motion(), names) if names else None
     found: dict[str, Array] = {}
     for o in wanted:
         if o.kind in OF_JOINT or frames is None:
-            found[o.name] = _coordinate(run, o)
+            found[o.name] = _coordinate(mech, q, v, o)
         else:
-            found[o.name] = _read(frames, names.index(o.at), o.kind, run.mechanism.model.gravity)
+            found[o.name] = _read(frames, names.index(o.at), o.kind, mech.model.gravity)
     return found
 
 
-def _coordinate(run: Result, o: Output) -> Array:
+def _coordinate(mech: Mechanism, q: Array, v: Array, o: Output) -> Array:
     """(n,) of a joint."""
-    joint = run.mechanism.joints[o.at]
+    joint = mech.joints[o.at]
     if o.kind == "joint_velocity":
-        return run.v[:, joint.v.start + o.coordinate]
-    place = joints.places(run.mechanism.model.body(o.at).sequence)[o.coordinate]
+        return v[:, joint.v.start + o.coordinate]
+    place = joints.places(mech.model.body(o.at).sequence)[o.coordinate]
     assert place is not None
-    return run.q[:, joint.q.start + place]
+    return q[:, joint.q.start + place]
 
 
 class _Frames(NamedTuple):
@@ -55,14 +59,14 @@ class _Frames(NamedTuple):
     load: Array  # (n, k, 6)
 
 
-def _frames(run: Result, names: list[str]) -> _Frames:
-    mech, n = run.mechanism, len(run.t)
+def _frames(mech: Mechanism, motion: BodyMotion, names: list[str]) -> _Frames:
+    n = len(motion[0])
     sites = {s.name: s for s in mech.model.sites}
     sites = [sites.get(name) or Site(name=f"{name} frame", body=name) for name in names]
     fixed = [np.zeros((n, 1, width)) for width in (7, 6, 6, 6)]  # the ground
     fixed[0][..., 3] = 1.0
     bodies = [0 if s.body == GROUND else mech.topology.number(s.body) for s in sites]
-    moving = zip(fixed, run.body_motion)
+    moving = zip(fixed, motion)
     parts = (np.concatenate((still, part), axis=1)[:, bodies] for still, part in moving)
     pose, velocity, acceleration, load = parts
     turn, own = pose[..., 3:], np.array([unit(s.rotation) for s in sites])

@@ -350,7 +350,8 @@ class Result(EqualByFields, Hinting):
     @cached_property
     def outputs(self) -> Mapping[str, Array]:
         """{name: (n,), (n, 3) or (n, 4)}: what the model's outputs read, as `Output` says."""
-        return Named(outputs(self), "outputs", "output")
+        read = outputs(self.mechanism, self.q, self.v, lambda: self.body_motion)
+        return Named(read, "outputs", "output")
 
     # -- files -------------------------------------------------------------------------------
 
