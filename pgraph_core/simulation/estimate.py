@@ -41,6 +41,7 @@ FINER = 4.0  # ratio of the tolerances of two runs that can be told apart
 LEAST_DIVISOR = 0.4  # of the difference: runs whose errors do not shrink at all
 NARROWER = 0.7  # of the steps: a run that takes more of them is the same run
 DOUBTED = 0.25  # of the ratio that the order promises
+AS_PROMISED = 1.5  # factor between the ratio that is seen and the one that the order promises
 UNLIKELY = 30.0  # times it: a pair of runs so much closer than a coarser one may be so by chance
 VISIBLE = 1e-3  # rad, or of the motion's length: an error that a person sees
 MORE = 4  # times the steps: a coarser run that takes more blows up
@@ -58,7 +59,8 @@ OVERDAMPED = 1.2  # times the rate without dampers, which is known to 10 %: what
 RESOLVED = 0.015  # of a step: times rounded more coarsely make other steps of it
 STEEP = 1e-3  # of the time: a ramp of a table that is shorter
 MOST_RAMPS = 100
-HALF = 0.5  # of the gap that counts as closed: where an impact is found in it
+TWICE = 2.0  # times the gap: the way back of an impact at full restitution
+HALF = 0.5  # of the gap that counts as closed, or of what jumps make: the usual share of it
 EPS = float(np.finfo(float).eps)
 TINY = float(np.finfo(float).tiny)
 BECAUSE = "its error is not estimated, because"
@@ -191,7 +193,7 @@ def _by_coarser(record: Recording, few: bool = False) -> Estimate:
     errors = near.largest / part + _rounding(record, near)
     parted = _parted(near, far, promised)
     chosen = not (plan.step or plan.contact_points)
-    if chosen and held > UNLIKELY:
+    if (chosen and held > UNLIKELY) or (_may_jump(record) and _off(held)):
         return _by_finer(record, (near, ratio))
     if parted == len(errors):
         # where motion is chaotic, chance decides how much larger the error of a coarser run is
@@ -256,6 +258,8 @@ def _by_finer(record: Recording, coarser: tuple[_Apart, float] | None = None) ->
     if chance and coarser is not None:
         # where forces set in within steps, or motion is chaotic, two runs may agree by chance
         errors *= max(1.0, coarser[0].largest[-1] / coarser[1] / max(errors[-1], TINY))
+    if coarser is not None and _may_jump(record) and _off(seen / promised):
+        errors *= max(1.0, HALF * coarser[0].largest[-1] / max(errors[-1], TINY))
     beyond = coarser is not None and coarser[0].share[-1] >= 1.0  # the finer run may be off too
     parted = int(np.searchsorted(apart.share, CLOSE if beyond else 1.0))
     chosen = not (plan.step or plan.contact_points)
@@ -340,6 +344,16 @@ def _seen(near: _Apart, far: _Apart) -> float:
         return np.nan
     last = usable[-1]
     return float(far.largest[last] / near.largest[among[last]])
+
+
+def _may_jump(record: Recording) -> bool:
+    """Whether a function gives torques, which may jump within given steps."""
+    return record.user is not None and bool(record.plan.step)
+
+
+def _off(share: float) -> bool:
+    """Whether runs differ in another ratio than the order promises."""
+    return not 1.0 / AS_PROMISED < share < AS_PROMISED
 
 
 def _settles(near: _Apart, width: float) -> bool:
@@ -482,8 +496,8 @@ def _undamped(forces: Forces) -> Forces:
 def _closed(record: Recording) -> float:
     """Error of the instants of impacts in time stepping; 0 where none was.
 
-    Those that are located are so to the gap that counts as closed. The others are found in the
-    middle of a step, which steps of three times the width share.
+    Those that are located are so to the gap that counts as closed, which the end may lie within.
+    The others are found in the middle of a step, which steps of three times the width share.
     """
     plan, touching = record.plan, record.scene.touching
     tables = plan.contacts
@@ -497,14 +511,20 @@ def _closed(record: Recording) -> float:
         frame = np.clip(np.searchsorted(plan.times[:n], at) - 1, 0, max(n - 2, 0))
         jumps = np.abs(np.diff(record.out.v[:n], axis=0)[frame]).max(axis=1)
         late = 0.5 * float((jumps * plan.width[frame]).max(initial=0.0))
-    if not cuts:
-        return late
     from ..engine.contact.closing import NEAR
     from ..engine.contact.meeting import CLOSED, SIZE
+    from .contact_log import Clearance
 
     shapes, limits = tables.geometry.shapes, tables.limit_blocks[1][:, SIZE]
-    reach = float(shapes["reach"][shapes["row"] > 0].max(initial=0.0))
-    return late + HALF * max(NEAR * reach, CLOSED * float(limits.max(initial=0.0)))
+    reach = shapes["reach"][shapes["row"] > 0]
+    size = np.where(reach > 0.0, reach, record.mech.packed.length).max(initial=0.0)
+    closed = max(NEAR * float(size), CLOSED * float(limits.max(initial=0.0)))
+    last = record.done - 1
+    swings = record.out.pairs["phase"][last] == SWING
+    gaps = Clearance(record.mech, tables).gaps(record.scene, record.out.q[last:][:1], len(swings))
+    arriving = swings & (gaps[0] <= closed)  # before its impact, or after it
+    overdue = TWICE * float(np.abs(gaps[0][arriving]).max(initial=0.0))
+    return late + max(HALF * closed if cuts else 0.0, overdue)
 
 
 # -- the runs ------------------------------------------------------------------------------------

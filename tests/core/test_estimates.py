@@ -515,3 +515,36 @@ def test_frames_wider_than_an_oscillation_do_not_tell_what_lies_between(frames, 
     q, _, error = run.at(t)
     known = pg.simulate(pg.Model(bodies=[rod]), t_end=t_end, t_eval=t, rtol=1e-10).q
     assert (np.abs(q - known)[:, 0] < 10 * error).all()
+
+
+JUMPS = [(0.28944840527687976, "gauss6"), (0.17530291379231935, "rk4")]
+
+
+@pytest.mark.parametrize(("when", "method"), JUMPS)
+def test_a_jump_of_a_torque_function_within_steps_is_in_the_estimate(when, method):
+    """The law of errors, which smooth functions obey, may hold by chance in two of three runs."""
+
+    @njit
+    def torque(t, q, v):
+        return np.array([10.0 if t >= when else 0.0])
+
+    options = {"t_end": 1.0, "frames": 101, "method": method, "step": 0.01}
+    run = pg.simulate(slider(), tau=torque, **options)
+    true = np.abs(run.q[:, 0] - 5 * np.maximum(run.t - when, 0) ** 2).max()
+    assert run.error_estimate > 0.1 * true
+
+
+@pytest.mark.parametrize("late", [1e-10, 1e-9])
+@pytest.mark.parametrize("step", [1e-3, 0.01])
+def test_an_impact_of_a_point_just_before_the_end_is_in_the_estimate(late, step):
+    """The gap that counts as closed is a part of the mechanism's length, where points touch."""
+    point = pg.Body(name="a", joint="free", inertia=np.eye(3), q=(0, 0, 1.3, 1, 0, 0, 0))
+    touch = pg.Contact(name="c", body="a", points=[(0, 0, 0)], restitution=0.5)
+    hit = np.sqrt(2 * 1.3 / 9.81)
+    run = pg.simulate(
+        pg.Model(bodies=[point], contacts=[touch]), t_end=hit + late, step=step, frames=3
+    )
+    after = run.t[-1] - hit
+    known = 0.5 * 9.81 * (hit * after - after**2)
+    assert run.error_estimate > 0.1 * abs(run.q[-1, 2] - known)
+    assert run.error_estimate < 1e-7
