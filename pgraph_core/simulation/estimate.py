@@ -203,7 +203,7 @@ def _by_coarser(record: Recording, few: bool = False) -> Estimate:
         if not erratic and (not lawless or near.share[-1] * PARTED < VISIBLE):
             return Estimate(float(errors[-1]), before=float(errors[-1]))
         return _by_finer(record, (near, ratio))
-    last, rate = max(parted - 1, 0), _growth(near, parted)
+    last, rate = max(parted - 1, 0), _rate(record, near, parted)
     if not plan.contact_points and _can_be_finer(plan):
         return _by_finer(record, (near, ratio))
     return _known_until(near, errors, last, rate)
@@ -230,7 +230,7 @@ def _by_tolerance(record: Recording, method: Method) -> Estimate | None:
     errors = apart.largest + _rounding(record, apart)
     parted = int(np.searchsorted(apart.share, 1.0))
     if parted < len(errors):
-        return _known_until(apart, errors, max(parted - 1, 0), _growth(apart, parted))
+        return _known_until(apart, errors, max(parted - 1, 0), _rate(record, apart, parted))
     return Estimate(float(errors[-1]), before=float(errors[-1]))
 
 
@@ -271,7 +271,7 @@ def _by_finer(record: Recording, coarser: tuple[_Apart, float] | None = None) ->
         errors = np.maximum(errors, again.largest)
         parted = int(np.searchsorted(again.share, CLOSE))
     if parted < len(errors):
-        return _known_until(apart, errors, max(parted - 1, 0), _growth(apart, parted))
+        return _known_until(apart, errors, max(parted - 1, 0), _rate(record, apart, parted))
     largest, notices = float(errors[-1]), ()
     if held < DOUBTED and apart.share[-1] * PARTED > VISIBLE:
         text = f"the error estimate of {largest:.2g} rad or m is rough: narrower steps made the "
@@ -384,6 +384,16 @@ def _parted(near: _Apart, far: _Apart | None, promised: float) -> int:
     return parted
 
 
+def _rate(record: Recording, apart: _Apart, parted: int) -> float:
+    """The rate at which motion that is chaotic parts [1/s]; 0 where steps are unstable."""
+    rate, plan = _growth(apart, parted), record.plan
+    if rate > 0.0 and plan.step and plan.method.limit:
+        forces = plan.drives, plan.loads
+        fastest = fastest_rate(record.mech, forces, plan.active, record.out.q[0], record.out.v[0])
+        rate = rate if fastest * plan.step <= plan.method.limit else 0.0
+    return rate
+
+
 def _growth(apart: _Apart, parted: int) -> float:
     """The rate at which two runs part [1/s]; 0 where that is no faster than powers of time."""
     last = min(parted, len(apart.t) - 1)
@@ -421,7 +431,9 @@ def _contradicted(record: Recording, error: float) -> bool:
 def _known_until(apart: _Apart, errors: Array, last: int, rate: float) -> Estimate:
     """The estimate of a run whose error is known up to a time, by number."""
     until, before = float(apart.t[last]), float(errors[last])
-    text = f"the error is not known beyond t = {until:.4g} s"
+    late = np.abs(apart.t).max() / np.ptp(apart.t)
+    digits = 4 + max(int(np.log10(late)), 0)  # so that they tell times of this run apart
+    text = f"the error is not known beyond t = {until:.{digits}g} s"
     if rate > 0.0:
         text += f" (chaotic: errors grow e-fold every {1.0 / rate:.3g} s)"
     text += f"; until then it is about {before:.2g} rad or m"

@@ -548,3 +548,18 @@ def test_an_impact_of_a_point_just_before_the_end_is_in_the_estimate(late, step)
     known = 0.5 * 9.81 * (hit * after - after**2)
     assert run.error_estimate > 0.1 * abs(run.q[-1, 2] - known)
     assert run.error_estimate < 1e-7
+
+
+def test_what_wide_steps_make_grow_is_not_called_chaotic():
+    """rk4 at rates times steps of 3.2: the method is unstable, a damped slider is not."""
+    mech = pg.Mechanism(slider(q=1.0, v=1.0, stiffness=1000.0, damping=0.1))
+    run = pg.simulate(mech, t_end=3.0, method="rk4", step=0.1, frames=101)
+    assert np.isinf(run.error_estimate)
+    assert not any("chaotic" in text for text in run.notices)
+
+
+def test_times_of_late_runs_are_told_with_the_digits_that_differ():
+    run = pg.simulate(model("double_pendulum"), t_start=1e6, t_end=1e6 + 30, rtol=1e-6)
+    assert np.isinf(run.error_estimate)
+    until = float(told(run)[0].split("t = ")[1].split(" s")[0])
+    assert 1e6 + 1 < until < 1e6 + 30
