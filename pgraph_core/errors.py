@@ -42,7 +42,6 @@ set: values
 metric: metrics
 mass: weight m
 inertia: I
-tip: length
 rest: length rest_length free_length natural_length l0
 length: rest_length
 link: position pos offset
@@ -58,7 +57,16 @@ body: child body1 body_a bodyA
 other: target parent body2 body_b bodyB
 colour: color
 shape: geometry geom
+forces: springs dampers motors servos actuators
+constraints: loops
+bodies: links
 """
+SYNONYMS = {  # choices by the words of other programs
+    "hinge": "revolute", "pin": "revolute", "continuous": "revolute", "ball": "spherical",
+    "fixed": "weld", "slide": "prismatic", "slider": "prismatic", "floating": "free",
+    "freejoint": "free", "rk45": "dopri5", "ode45": "dopri5", "euler": "semi_implicit_euler",
+    "radau": "radau5",
+}  # fmt: skip
 MEANT: dict[str, list[str]] = {}
 for _line in _MEANT.split("\n")[1:-1]:
     _ours, _theirs = _line.split(": ")
@@ -181,6 +189,25 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"{hint}choose from {choices(names, limit=40)}"
 
 
+def synonym(name: Any, known: Iterable[str]) -> str:
+    """'; did you mean revolute?' for a choice by a word of other programs, or in capitals."""
+    word = name.lower() if isinstance(name, str) else ""
+    ours = SYNONYMS.get(word, word)
+    return f"; did you mean {ours}?" if ours and ours != name and ours in known else ""
+
+
+def to_read(text: Any) -> str:
+    """'; to read a file: ...' for text that is given where a model is wanted."""
+    if not isinstance(text, str):
+        return ""
+    if text.lstrip().startswith("{"):
+        return "; to read it: pg.Model.from_json(text)"
+    do = f"; to read a file: pg.Model.load({shown(text)})"
+    if text.isidentifier():
+        do += f"; a built-in model: pg.Model.load(pgraph_models.path({shown(text)}))"
+    return do
+
+
 def shown(value: Any, limit: int = 60) -> str:
     """A given value as it may stand in a sentence: short, and nan and inf spelled out."""
     if hasattr(value, "tolist"):
@@ -297,6 +324,8 @@ def _not_taken(
             if name not in by_name:
                 text = f"is no argument of it; {nearest(name, by_name)}" if by_name else ""
                 text = "goes first, without its name" if name in only else text
+                if name in ("gravity", "ground", "up") and where in ("simulate", "sweep"):
+                    text = f"is of the model: model.replace({name}=...)"
                 found.append(Problem(where, name, text or "is no argument of it; it takes none"))
     if len(args) > len(placed) and kinds.VAR_POSITIONAL not in kinds_there:
         first = f"the first {numbers(len(placed))}: {choices(placed)}" if placed else "none"
@@ -357,9 +386,9 @@ def _misfits(
         except Exception:
             continue  # a name that only type checkers import
         if not _fits(value, wanted):
-            hint = ""
-            if isinstance(value, str) and "pg.Model" in _words(wanted):
-                hint = f"; to read a file: pg.Model.load({value!r})"
+            hint = to_read(value) if "pg.Model" in _words(wanted) else ""
+            if isinstance(own := getattr(value, "name", None), str) and _words(wanted) == "text":
+                hint = f"; give its name: {own!r}"
             text = f"must be {_words(wanted)}; given {shown(value)}{hint}"
             found.append(Problem(where, name, text))
     return found

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .engine import stepping
-from .errors import InputError, Problem, choices
+from .errors import InputError, Problem, choices, synonym
 
 Array: TypeAlias = NDArray[np.float64]
 STEPPING = stepping.__name__
@@ -511,6 +511,7 @@ def method_of(name: str, *, impulses: bool = False, touching: bool = True) -> Me
     """
     if name not in METHODS:
         text = f"no method is called {name!r}; choose one of {choices(('auto', *METHODS))}"
+        text += synonym(name, METHODS)
         raise InputError(Problem("simulate", "method", text))
     if impulses and name != "moreau_jean" and not METHODS[name].eventful:
         text = f"{name} cannot take impulses: the scene has rigid contacts or joint limits, and it "

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import fields
+from difflib import get_close_matches
 from functools import cache
 from importlib import import_module
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 import numpy as np
 
@@ -41,16 +43,28 @@ class Hinting(Portable):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """Says where to find what others have as a method. Raises AttributeError."""
-            kind = type(self).__name__
-            if hint := _elsewhere(kind, name):
-                text = f"a {kind} has no '{name}'; {hint}"
-                raise AttributeError(text, name=name, obj=self)
+            """Says where to find what others have as an attribute. Raises AttributeError."""
             inherited = getattr(super(), "__getattr__", None)
-            if inherited is None:
-                text = f"'{kind}' object has no attribute '{name}'"
-                raise AttributeError(text, name=name, obj=self)
-            return inherited(name)
+            if inherited is not None:
+                with suppress(AttributeError):
+                    return inherited(name)
+            raise NoAttribute(self, name)
+
+
+class NoAttribute(AttributeError):
+    """An attribute that is not there; its text is made when it is read: `hasattr` needs none."""
+
+    def __init__(self, value: Any, name: str):
+        super().__init__(name=name, obj=value)
+
+    def __str__(self) -> str:
+        kind = type(self.obj).__name__
+        hint = _elsewhere(kind, self.name) or _of_this(self.obj, self.name)
+        text = f"a {kind} has no '{self.name}'; {hint}" if hint else ""
+        return text or f"'{kind}' object has no attribute '{self.name}'"
+
+    def __reduce__(self) -> Any:
+        return AttributeError, (str(self),)
 
 
 class Elsewhere:
@@ -66,10 +80,54 @@ class Elsewhere:
         raise AttributeError(text, name=name, obj=value)
 
 
+_MODEL_HAS = {
+    "names": "write [body.name for body in model.bodies], or list(model.row)",
+    "to_dict": "write model.to_json(), or model.model_dump()",
+    "rename": "write model.edit(name, name='new')",
+    "copy": "models do not change: each edit makes a new one",
+    "step": "write pg.Stepper(model)",
+    "run": "write pg.simulate(model, ...)",
+    "nq": "write pg.Mechanism(model).nq",
+    "nv": "write pg.Mechanism(model).nv",
+    "mass": "write model['arm'].mass for the body 'arm'",
+    "to_csv": "write model.to_json(); runs and sweeps have to_csv",
+}
+_PART_HAS = {
+    "edit": "write model.edit(name, field=value), or part.model_copy(update={'field': value})",
+    "replace": "write model.edit(name, field=value), or part.model_copy(update={'field': value})",
+    "to_dict": "write part.model_dump()",
+}
+_TABLE_HAS = dict.fromkeys(("x", "y", "data", "results", "array"), "columns are table['max knee']")
+_RUN_HAS = {
+    "animate": "write run.show(), or run.to_html('run.html')",
+    "animation": "write run.show(), or run.to_html('run.html')",
+    "y": "the states are run.q and run.v",
+    "x": "the states are run.q and run.v",
+    "qd": "velocities are run.v, accelerations run.vdot",
+    "success": "write run.status.ok",
+    "time": "the times are run.t",
+    "to_json": "write run.save('run.npz'), run.to_csv() or run.to_pandas()",
+    "names": "the names of bodies are run.mechanism.names; run['knee'] is a joint over time",
+    "final_state": "the last state is run.q[-1], run.v[-1]",
+    "to_dict": "write run.columns()",
+    "model": "write run.mechanism.model",
+    "values": "the states are run.q and run.v; run['knee'] is a joint over time",
+}
+_PANDAS = dict.fromkeys(("to_dataframe", "to_df", "df", "dataframe"), "to_pandas()")
+# class -> names that people try: what to write
+MEANT_BY: dict[str, dict[str, str]] = {
+    "Model": _MODEL_HAS,
+    "Result": _RUN_HAS | {name: f"write run.{to}" for name, to in _PANDAS.items()},
+    "Sweep": _TABLE_HAS | {name: f"write table.{to}" for name, to in _PANDAS.items()},
+}
+
+
 def _elsewhere(kind: str, name: str) -> str:
-    """What to write in place of a method that a class of ours does not have; "" for others."""
+    """What to write in place of an attribute that a class of ours does not have; "" for others."""
     if name.startswith("_"):
         return ""
+    if hint := MEANT_BY.get(kind, {}).get(name):
+        return hint
     public = import_module("pgraph_core").__all__
     given = {"Model": "model", "Mechanism": "mech", "Result": "run"}.get(kind, "...")
     if name in public and name.islower():
@@ -81,6 +139,23 @@ def _elsewhere(kind: str, name: str) -> str:
         calls = {"add": f"add({part}(name=..., ...))", "remove": "remove(name)"}
         return f"write {given}.{calls.get(act, 'edit(name, field=value)')}"
     return ""
+
+
+def _of_this(value: Any, name: str) -> str:
+    """What a value has in place of an attribute: a part by that name, or a name like it."""
+    if name.startswith("_"):
+        return ""
+    own = vars(value)
+    if name in getattr(own.get("mechanism"), "joints", ()):
+        return f"write run[{name!r}]"
+    parts = [x for many in own.values() if isinstance(many, tuple) for x in many]
+    if "bodies" in own and name in [getattr(x, "name", None) for x in parts]:
+        return f"write model[{name!r}]"
+    if "name" in own and "bodies" not in own and (hint := _PART_HAS.get(name)):
+        return hint
+    known = [x for x in dir(value) if not x.startswith(("_", "model_"))]
+    close = get_close_matches(name, known, n=1)
+    return f"did you mean {close[0]}?" if close else ""
 
 
 def _empty(written: str, module: str, name: str) -> Any:
@@ -103,6 +178,32 @@ class Unportable:
     def __reduce_ex__(self, protocol: Any) -> Any:
         text = "holds memory addresses and cannot be pickled or copied; send its Mechanism instead"
         raise TypeError(f"a {type(self).__name__} {text}")
+
+
+class ReadOnly(dict[str, Any]):
+    """A dictionary that is not changed in place, which an InputError says, and what to write."""
+
+    def __init__(self, entries: Mapping[str, Any], where: str, instead: str):
+        super().__init__(entries)
+        self._told = where, instead
+
+    def _refused(self, *args: Any, **named: Any) -> NoReturn:
+        where, instead = self._told
+        field = repr(args[0]) if args and isinstance(args[0], str) else ""
+        raise InputError(Problem(where, field, f"is not changed in place; {instead}"))
+
+    __setitem__ = __delitem__ = __ior__ = _refused  # pyright: ignore[reportAssignmentType]
+    clear = pop = popitem = setdefault = update = _refused  # pyright: ignore[reportAssignmentType]
+
+    def __reduce__(self) -> Any:
+        return ReadOnly, (dict(self), *self._told)
+
+
+def keep_unchanged(arrays: Iterable[Any]) -> None:
+    """Let nobody write into these arrays."""
+    for array in arrays:
+        if isinstance(array, np.ndarray):
+            array.flags.writeable = False
 
 
 # -- equality of values that hold arrays ---------------------------------------------------------

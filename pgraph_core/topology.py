@@ -17,7 +17,7 @@ from .errors import InputError, Problem, choices, explained, shown
 from .model import Model
 from .model.constraint import InJoints
 from .model.fields import GROUND
-from .portable import EqualByFields, Portable
+from .portable import EqualByFields, Portable, keep_unchanged
 
 Ints: TypeAlias = "NDArray[np.int64]"
 
@@ -31,6 +31,14 @@ class Topology(EqualByFields, Portable):
     row: Ints  # (nb,) row of the table, from 0, by number
     parent: Ints  # (nb,) numbers of the parents, 0 = ground
     dof: Ints  # (nb,) degrees of freedom of the joint to the parent
+
+    def __post_init__(self) -> None:
+        """The arrays may not be written: mechanisms share them."""
+        keep_unchanged((self.row, self.parent, self.dof))
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self.__post_init__()
 
     @classmethod
     def of(cls, model: Model) -> Topology:

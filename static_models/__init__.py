@@ -37,6 +37,11 @@ def path(name: str) -> Path:
     return FOLDER / f"{name}.json"
 
 
+def __getattr__(name: str) -> object:
+    hint = "; write pg.Model.load(pgraph_models.path('pendulum'))" if name == "load" else ""
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'{hint}")
+
+
 @cache
 def about() -> dict[str, str]:
     """A sentence for each built-in model, by name."""

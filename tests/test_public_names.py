@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import pgraph_core as pg
+import pgraph_models
 
 SOURCE = Path(pg.__file__)
 
@@ -81,6 +82,7 @@ def test_a_pendulum_loads_no_module_of_what_it_does_not_have():
 
 
 MODEL = pg.Model.serial(2)
+SPRING = pg.Spring(name="s", body="1", stiffness=1.0)
 SCENARIO = pg.Scenario(name="s", q={"knee": 0.5})
 RUN = pg.simulate(MODEL, t_end=0.01, frames=3)
 
@@ -115,6 +117,30 @@ def spoilt(**fields):
         (lambda: MODEL.model_copy(update={"bodies": MODEL.bodies * 2}), "name: "),
         (lambda: MODEL.model_copy(update={"gravity": "down"}), "gravity: must be"),
         (lambda: pg.Result(), "pg.simulate(...) returns it"),
+        (lambda: RUN.names, "run.mechanism.names"),
+        (lambda: RUN.to_dataframe(), "run.to_pandas()"),
+        (lambda: RUN.energyy, "did you mean energy"),
+        (lambda: getattr(RUN, "2"), "write run['2']"),
+        (lambda: RUN[5:10], "frames are rows of run.q"),
+        (lambda: MODEL.to_dict(), "model.to_json()"),
+        (lambda: MODEL.rename("1", "2"), "model.edit(name, name='new')"),
+        (lambda: getattr(MODEL, "2"), "write model['2']"),
+        (lambda: MODEL["1"].edit(mass=2), "model.edit(name, field=value)"),
+        (lambda: pgraph_models.load("pendulum"), "pgraph_models.path("),
+        (lambda: pg.simulate("pendulum"), "pgraph_models.path('pendulum')"),
+        (lambda: pg.simulate(MODEL.to_json()), "pg.Model.from_json(text)"),
+        (lambda: pg.simulate(MODEL, gravity=0), "is of the model: model.replace(gravity=...)"),
+        (lambda: pg.simulate(MODEL, method="RK4"), "did you mean rk4?"),
+        (lambda: pg.simulate(MODEL, method="RK45"), "did you mean dopri5?"),
+        (lambda: pg.Body(name="a", joint="hinge"), "did you mean revolute?"),
+        (lambda: pg.Body(name="a", joint="Ball"), "did you mean spherical?"),
+        (lambda: pg.Body(name="a", inertia=(1, 2, 3)), "np.diag("),
+        (lambda: pg.Model(gravity=-9.81), "write (0, 0, -9.81)"),
+        (lambda: pg.Model(springs=[]), "did you mean forces?"),
+        (lambda: pg.Model(constraints=[SPRING]), "a Spring is a force: it goes to forces=[...]"),
+        (lambda: MODEL.edit(MODEL["1"], mass=2), "give its name: '1'"),
+        (lambda: pg.Mechanism(MODEL).mobility(active="loop"), "write ['loop']"),
+        (lambda: pg.simulate(MODEL, tau=lambda t, q, v: None), "the function returned None"),
         (lambda: pg.Footprint(), "pg.footprints(run) returns it"),
         (lambda: len(RUN), "len(run.t) is the number of frames"),
         (lambda: RUN[0], "frames are rows of run.q"),

@@ -84,6 +84,9 @@ def indices(mech: Dynamics, names: Sequence[str] | None) -> Ints:
     if names is None:
         return mech.packed.active
     known = [c.name for c in mech.model.constraints]
+    if isinstance(names, str):
+        text = f"must be a list of names; write [{names!r}]"
+        raise InputError(Problem("assemble", "active", text))
     for name in names:
         if name not in known:
             text = f"no constraint is named '{name}'; {one_of(known)}"

@@ -223,9 +223,11 @@ class BatchStepper(Portable):
         `which` are numbers of instances, or (size,) bool, all by default. q (k, nq) and v (k, nv)
         are for these, or one state (nq,), (nv,) for all of them. `numbers` (k,) are places in the
         lists of `set`: the entries that these instances take from now on. What soft and penalty
-        contacts leave out stays as it fits the initial states.
+        contacts leave out stays as it fits the initial states; targets are the model's again.
         Raises InputError where a state does not fit, or cannot meet the constraints.
         """
+        if numbers is not None and not self._set:
+            raise _refused("numbers", "means nothing without set={path: values}", "reset")
         chosen, many = _chosen(which, self.size), self._many
         entries = self._entries
         kinds = many.kind[chosen] if numbers is None else _places(numbers, entries, len(chosen))
@@ -280,7 +282,7 @@ class BatchStepper(Portable):
         return self._many.torques(_table("vdot", vdot, self.size, self.mech.nv))
 
     def target(self, servo: str, value: Any) -> None:
-        """Give a servo another target [rad, m], (size,) or one for all, constant from now on."""
+        """Give a servo another target [rad, m], (size,) or one for all, constant until `reset`."""
         targets = self._many.targets
         if servo not in targets:
             names = choices(tuple(targets))

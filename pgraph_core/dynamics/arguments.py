@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..engine import layout as at
-from ..errors import InputError, Problem, shown
+from ..errors import InputError, Problem, shown, to_read
 from ..packing.packed import Packed
 from ..packing.system import Array
 
@@ -71,6 +71,18 @@ def position(packed: Packed, q: Any) -> Array:
     return q
 
 
+def stretched(packed: Packed, q: Array) -> list[str]:
+    """A notice for each quaternion of q (nq,) whose length is not 1, as descriptions want it."""
+    found, rows = list[str](), packed.rows
+    for k in packed.quaternion_rows:
+        i = rows[k, at.QI] + (3 if rows[k, at.KIND] == at.FREE else 0)
+        length = math.hypot(*q[i : i + 4].tolist())
+        if abs(length - 1.0) > 1e-3:
+            text = f"the quaternion at q[{i}] has length {length:.6g}, which does not count"
+            found.append(f"at the start '{packed.body_of(k)}': {text}")
+    return found
+
+
 def positions(packed: Packed, q: Array) -> None:
     """Raise InputError where a row of q (n, nq) is not as of `position`."""
     rows = packed.rows
@@ -84,6 +96,5 @@ def positions(packed: Packed, q: Array) -> None:
 def wrong_type(where: str, field: str, wanted: str, value: Any) -> InputError:
     """The error of an argument of another type; where a model is wanted, a text may be a path."""
     text = f"must be {wanted}; given {shown(value)}"
-    if isinstance(value, str) and "pg.Model" in wanted:
-        text += f"; to read a file: pg.Model.load({value!r})"
+    text += to_read(value) if "pg.Model" in wanted else ""
     return InputError(Problem(where, field, text))

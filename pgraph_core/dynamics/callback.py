@@ -13,7 +13,7 @@ from numba.core.errors import NumbaError
 
 from ..engine.compiler.address import address_of_function
 from ..engine.compiler.jit import JIT
-from ..errors import InputError, Problem
+from ..errors import InputError, Problem, shown
 from ..packing.packed import Packed
 from ..packing.system import Array
 from ..portable import Unportable
@@ -94,6 +94,10 @@ class UserTorque(Unportable):
         if found.dtype.kind in "fiu" and found.shape != self._v.shape:
             text = f"the function returned shape {found.shape}; it must return {self._v.shape}"
             raise InputError(Problem("simulate", "tau", f"{text}, a torque for each of v"))
+        if found.dtype.kind not in "fiu":
+            text = f"the function returned {shown(given)} at t = {t:.6g} s; it must return "
+            text += f"{len(self._v)} numbers, a torque for each of v"
+            raise InputError(Problem("simulate", "tau", text))
         return finite("tau", given, len(self._v))
 
 

@@ -7,6 +7,7 @@ import sys
 import threading
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, Literal, Self, cast, get_args
 
 import numpy as np
@@ -22,7 +23,7 @@ from ..model import Model
 from ..packing.packed import Joint, Packed
 from ..packing.system import Array, Ints, point_in_row
 from ..paper import Operators
-from ..portable import Portable
+from ..portable import Portable, keep_unchanged
 from ..rotation import matrix, unit
 from ..topology import Topology
 from .arguments import finite, numbers, position, wrong_type
@@ -136,7 +137,7 @@ class Dynamics(Portable):
     @property
     def joints(self) -> Mapping[str, Joint]:
         """The joints that move: their motions, and where they stand in q and v, by body."""
-        return self.packed.joints
+        return MappingProxyType(self.packed.joints)
 
     @property
     def parent(self) -> Ints:
@@ -157,7 +158,9 @@ class Dynamics(Portable):
     def _walk(self) -> tuple[Ints, Ints]:
         path, jdof = np.empty((2, 2 * self.nb + 1), np.int64)
         n = packing.pgraph(self.packed.system.bodies_i, path, jdof)
-        return path[:n].copy(), jdof[:n].copy()
+        found = path[:n].copy(), jdof[:n].copy()
+        keep_unchanged(found)
+        return found
 
     @property
     def tips(self) -> Ints:

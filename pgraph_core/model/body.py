@@ -460,7 +460,7 @@ def _limits(value: Any, count: int) -> Any:
     if len(value) == 2 and not any(isinstance(x, tuple) for x in value):
         value = (value,)
     value = tuple(map(_bound, value))
-    if value and not any(value):
+    if all(pair is None for pair in value):
         return ()
     return value * count if len(value) == 1 and count else value
 

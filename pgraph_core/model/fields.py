@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from numbers import Integral
@@ -42,7 +43,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticCustomError, PydanticUndefined, core_schema
 
-from ..errors import ModelError, Problem, explained, nearest, nearest_first, shown
+from ..errors import ModelError, Problem, explained, nearest, nearest_first, shown, synonym
 from ..portable import Hinting
 
 Given = TypeVar("Given")
@@ -308,7 +309,19 @@ def _expected(item: Any, field: FieldInfo) -> str:
     if any(isinstance(x, str) and x.startswith("=") for x in _leaves(given)):
         do = "a formula is given to an edit, model.edit(name, ...), or stands in a file"
         return f"must be {field.description}; given {shown(given)}; {do}"
-    return f"must be {field.description}; given {shown(given)}"
+    return f"must be {field.description}; given {shown(given)}{_meant(item, given, field)}"
+
+
+def _meant(item: Any, given: Any, field: FieldInfo) -> str:
+    """What to write in place of a value that other programs take."""
+    name = item["loc"][0] if item["loc"] else ""
+    if name == "gravity" and isinstance(given, (int, float)) and given:
+        return f"; write (0, 0, {-abs(given)}) where z is up"
+    if name == "axes" and given in ("x", "y", "z"):
+        return f"; write {tuple(int(given == x) for x in 'xyz')}"
+    if name == "inertia" and isinstance(given, (list, tuple)) and len(given) == 3:
+        return "; write np.diag([...]) for three principal moments"
+    return synonym(given, re.findall(r"\w+", field.description or ""))
 
 
 def _leaves(value: Any) -> Iterator[Any]:
@@ -741,6 +754,10 @@ def part_problems(kind: type[Described], data: Any, where: str) -> list[Problem]
     """What is wrong with `data` as a `kind`, one Problem a field; none where it is valid."""
     if isinstance(data, kind):
         return []
+    if isinstance(data, Described):
+        own, name = type(data).__name__, data.word()
+        to = "bodies" if name == "body" else f"{name}s"
+        return [Problem(where, "", f"a {own} is a {name}: it goes to {to}=[...]")]
     if not isinstance(data, Mapping):
         return [Problem(where, "", f"must be an object with fields; given {shown(data)}")]
     try:

@@ -18,7 +18,7 @@ from ..model import Model
 from ..model.contact import CROWD
 from ..model.fields import EVERY, GROUND
 from ..packing.system import Array
-from ..portable import EqualByFields
+from ..portable import EqualByFields, keep_unchanged
 
 # -- contacts and limits ---------------------------------------------------------------------------
 
@@ -69,6 +69,12 @@ class ContactRecord(EqualByFields):
     """(n,) swing, weight acceptance, slip or stance by contact point; a limit: free or stop."""
     events: tuple[Event, ...] = ()
     """Changes, in order of time."""
+
+    def keep_unchanged(self) -> None:
+        """Let nobody write into its arrays."""
+        keep_unchanged((self.wrench, self.residual))
+        for what in KINDS:
+            keep_unchanged(getattr(self, what).values())
 
     def arrays(self) -> dict[str, Array]:
         """All arrays by names for a file."""

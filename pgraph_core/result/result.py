@@ -25,7 +25,7 @@ from ..model.constraint import InJoints
 from ..model.files import gathered, write_atomic
 from ..needs import Plan
 from ..packing.system import Array
-from ..portable import EqualByFields, Hinting
+from ..portable import EqualByFields, Hinting, ReadOnly, keep_unchanged
 from .dense import states_at
 from .outputs import outputs
 from .records import (
@@ -106,6 +106,16 @@ class Result(EqualByFields, Hinting):
             view = np.asarray(getattr(self, name)).view()
             view.flags.writeable = False
             object.__setattr__(self, name, view)
+        keep_unchanged(self.constraint_force.values())
+        self.contacts.keep_unchanged()
+        instead = "a run does not change; dict(...) makes a copy"
+        for name in ("counters", "timing", "header"):
+            kept = ReadOnly(getattr(self, name), f"run.{name}", instead)
+            object.__setattr__(self, name, kept)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self.__post_init__()
 
     def __eq__(self, other: object) -> bool:
         """Whether the models and the numbers are equal, nan to nan."""
@@ -138,18 +148,10 @@ class Result(EqualByFields, Hinting):
             return "not estimated"
         return f"known until t = {until:.4g} s only: {before:.2g} rad or m"
 
-    if not TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any:
-            """Says what a run has in place of some names. Raises AttributeError."""
-            if hint := MEANT_BY.get(name):
-                raise AttributeError(f"a Result has no '{name}'; {hint}", name=name, obj=self)
-            return super().__getattr__(name)
-
     def __getitem__(self, name: str) -> Array:
         """Coordinates of a joint over time: (n,), or (n, k) for k > 1; InputError if unknown."""
         joints = self.mechanism.joints
-        if name not in joints:
+        if not isinstance(name, str) or name not in joints:
             raise InputError(Problem("run", "name", self._no_joint(name)))
         place = joints[name].q
         return self.q[:, place.start] if place.stop == place.start + 1 else self.q[:, place]
@@ -449,16 +451,6 @@ class Result(EqualByFields, Hinting):
         return columns | self.contacts.columns()
 
 
-MEANT_BY = {  # names that people try: what a run has
-    "animate": "write run.show(), or run.to_html('run.html')",
-    "animation": "write run.show(), or run.to_html('run.html')",
-    "y": "the states are run.q and run.v",
-    "x": "the states are run.q and run.v",
-    "qd": "velocities are run.v, accelerations run.vdot",
-    "success": "write run.status.ok",
-    "time": "the times are run.t",
-    "to_json": "write run.save('run.npz'), run.to_csv() or run.to_pandas()",
-}
 WRITTEN = "give a file written by Result.save"
 
 

@@ -32,6 +32,7 @@ from ..packing.system import Array, Drives, Ints, Loads
 from .monitors import ConditionOf, conditions_of
 from .options import (
     FRAMES,
+    MOST_CHOSEN,
     Options,
     Tolerance,
     begun,
@@ -281,7 +282,7 @@ def _with_method(
     except InputError as problem:
         if not plan.impulses or name not in ("auto", *METHODS):
             raise
-        refused, o = problem, o._replace(rtol=None, method="moreau_jean")
+        refused, o = problem, o._replace(rtol=None, atol=0.0, method="moreau_jean")
         method, why = _method(rate, plan, "moreau_jean", o, step)
     plan = replace(
         plan, method=method, contacts=contacts, contact_points=points, refused=refused,
@@ -302,6 +303,9 @@ def _with_times(
     if changes:
         times, changes = with_instants(times, changes)
     substeps, widths = steps_between(times, width) if width else (NO_SUBSTEPS, NO_TIMES)
+    if o.max_steps != MOST_CHOSEN and (count := int(substeps.sum())) > o.max_steps:
+        text = f"the run has {count} steps of {width:.3g} s; give {count} or more, or leave it out"
+        raise InputError(Problem("simulate", "max_steps", text))
     whole = ever(plan.active, changes, plan.conditions)
     bends, kinks = corners(mech, plan.drives, plan.loads, whole, *span), NO_TIMES
     if tolerance is not None:

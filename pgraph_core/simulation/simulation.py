@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy.typing as npt
 
+from ..dynamics.arguments import stretched
 from ..errors import InputError, Problem, explained, shown
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
@@ -119,6 +120,7 @@ def simulate(
     tau = plan.tau if tau is None else tau
     monitors = () if events is NO_EVENTS else monitors_of(events)
     record = Recording(mech, plan, *state, tau, monitors)
+    record.ended.notices += stretched(mech.packed, state[0]) if q is not None else []
     built, busy = time.perf_counter(), time.thread_time()
     record.run(progress)
     stepped, busy = time.perf_counter(), time.thread_time() - busy

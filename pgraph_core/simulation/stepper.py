@@ -23,7 +23,7 @@ from ..model import Force, Model, Servo, Table
 from ..model.force import OnJoint
 from ..packing.forces import AT_ONCE, Follows, followed
 from ..packing.system import Array, Drives
-from ..portable import Portable, installed
+from ..portable import Portable, ReadOnly, installed
 from ..result import Result, Status
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
 from .loop import Outcome
@@ -196,7 +196,8 @@ class Stepper(Portable):
     def reset(self, q: Any = None, v: Any = None) -> None:
         """Start again at t_start, from (q, v) or the initial state where they are None.
 
-        Each is an array or a dictionary {body: value or values}, as for `simulate`.
+        Each is an array or a dictionary {body: value or values}, as for `simulate`. Inputs and
+        targets are those of the start again: give theirs after it.
         Raises InputError where the state does not fit, or the constraints cannot be met from it.
         """
         q, v = by_names(self.mech, self._options.scenario, q, v, self._tau)
@@ -306,13 +307,14 @@ class Stepper(Portable):
     def inputs(self) -> dict[str, float]:
         """Inputs of motors, servos and actuators by name, those that are constant."""
         knots = self._record.plan.drives.knots
-        return {
+        now = {
             name: float((knots[knot, 1] - start) / slope) if slope else getattr(f, f.INPUT)
             for name, (f, knot, start, slope, _) in self._inputs.items()
         }
+        return ReadOnly(now, "Stepper.inputs", "write st.step(inputs={name: value})")
 
     def input(self, name: str, value: float) -> None:
-        """Give a motor, servo or actuator another input, constant from now on.
+        """Give a motor, servo or actuator another input, constant until `reset`.
 
         Raises InputError for a name that is not there and a value that is none of its inputs.
         """
@@ -339,7 +341,7 @@ class Stepper(Portable):
         self._steps.control["fresh"], self._looked = 0, False
 
     def target(self, servo: str, value: float) -> None:
-        """Give a servo another target [rad, m], constant from now on. Raises InputError."""
+        """Give a servo another target [rad, m], constant until `reset`. Raises InputError."""
         if servo not in self._servos:
             text = (
                 f"no servo with a constant target is called {servo!r:.60}; {one_of(self._servos)}"

@@ -24,7 +24,7 @@ from ..mechanism import Mechanism
 from ..model import Model
 from ..model.fields import whole
 from ..model.files import write_atomic
-from ..portable import installed
+from ..portable import Hinting, installed
 from ..simulation import simulate
 from .metrics import measured, metrics_of
 from .tasks import Row, Task, rows_of
@@ -35,7 +35,7 @@ FORMATS = (".csv", ".parquet")
 
 @explained
 @dataclass(frozen=True, eq=False)
-class Sweep:
+class Sweep(Hinting):
     """Points and what was measured there, in the order of the design.
 
     `points` (n, k) are the values of `paths`; `values` has one array (n,) a metric, nan where the

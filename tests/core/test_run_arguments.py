@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import pytest
 
 import pgraph_core as pg
@@ -127,3 +129,65 @@ def test_a_force_of_the_call_has_a_name_of_its_own(names):
     for call in (pg.simulate, pg.Stepper):
         with pytest.raises(pg.InputError, match="has a force of this name"):
             call(model, scenario="s", forces=forces)
+
+
+LOOPED = MODEL.close_loop("fore", "ground")
+BALL = pg.Body(name="ball", joint="free", link=(0, 0, 1), shape={"kind": "sphere", "radius": 0.1})
+FALLING = pg.Model(bodies=[BALL], contacts=[pg.Contact(name="floor", body="ball")])
+
+
+def test_a_run_and_a_mechanism_do_not_change_in_place():
+    mech = pg.Mechanism(LOOPED)
+    run = pg.simulate(mech, t_end=0.02, estimate=False)
+    touched = pg.simulate(FALLING, t_end=0.6, estimate=False)
+    for one in (run, pickle.loads(pickle.dumps(run))):
+        (force,) = one.constraint_force.values()
+        for array in (one.q, one.t, one.work, force, one.mechanism.topology.parent):
+            with pytest.raises(ValueError, match="read-only"):
+                array[:] = 0
+        for kept in (one.header, one.counters, one.timing):
+            with pytest.raises(pg.InputError, match="a run does not change"):
+                kept["method"] = "x"
+        assert dict(one.header) == one.header
+    for one in (touched, pickle.loads(pickle.dumps(touched))):
+        for array in (one.contacts.force["floor"], one.contacts.gap["floor"], one.contacts.wrench):
+            assert not array.flags.writeable
+    for one in (mech, pickle.loads(pickle.dumps(mech))):
+        for array in (one.pgraph, one.jdof, one.parent, one.topology.dof, one.topology.row):
+            assert not array.flags.writeable
+        with pytest.raises(TypeError):
+            one.joints["arm"] = None
+
+
+def test_inputs_of_a_stepper_are_given_by_calls():
+    stepper = pg.Stepper(MODEL)
+    with pytest.raises(pg.InputError, match=r"write st\.step"):
+        stepper.inputs["drive"] = 2.0
+    assert stepper.inputs == {"drive": 0.0}
+    with pytest.raises(pg.InputError, match="means nothing without set"):
+        pg.BatchStepper(MODEL, 2).reset(numbers=1)
+
+
+@pytest.mark.parametrize(
+    ("options", "fact"),
+    [
+        ({"atol": 1e-3}, "simulate, atol: rk4 takes a step"),
+        ({"max_steps": 5}, "100 steps of 0.001 s"),
+    ],
+)
+def test_options_of_adaptive_methods_are_not_passed_over(options, fact):
+    with pytest.raises(pg.InputError, match=fact):
+        pg.simulate(MODEL, t_end=0.1, method="rk4", step=1e-3, **options)
+    assert pg.simulate(MODEL, t_end=0.1, method="rk4", step=1e-3, max_steps=100).status.ok
+
+
+def test_a_quaternion_of_another_length_is_told():
+    run = pg.simulate(FALLING, q=[0, 0, 1, 5, 0, 0, 0], t_end=0.01, estimate=False)
+    assert any("has length 5" in text for text in run.notices)
+    assert not pg.simulate(FALLING, q=[0, 0, 1, 1, 0, 0, 0], t_end=0.01, estimate=False).notices
+
+
+@pytest.mark.parametrize("limits", [(0,), 0, False, (5,)])
+def test_one_number_is_no_pair_of_limits(limits):
+    with pytest.raises(pg.ModelError, match="limits"):
+        pg.Body(name="b", limits=limits)
