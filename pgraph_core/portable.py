@@ -58,10 +58,10 @@ class NoAttribute(AttributeError):
         super().__init__(name=name, obj=value)
 
     def __str__(self) -> str:
-        kind = type(self.obj).__name__
-        hint = _elsewhere(kind, self.name) or _of_this(self.obj, self.name)
-        text = f"a {kind} has no '{self.name}'; {hint}" if hint else ""
-        return text or f"'{kind}' object has no attribute '{self.name}'"
+        kind, name = type(self.obj).__name__, str(self.name)
+        hint = _elsewhere(kind, name) or _of_this(self.obj, name)
+        text = f"a {kind} has no '{name}'; {hint}" if hint else ""
+        return text or f"'{kind}' object has no attribute '{name}'"
 
     def __reduce__(self) -> Any:
         return AttributeError, (str(self),)
