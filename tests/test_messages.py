@@ -79,7 +79,8 @@ BODIES: list[tuple[dict[str, Any], str]] = [
     ),
     (
         {"name": "a", "joint": "hinge"},
-        f"body 'a', joint: must be one of {KINDS}, or give dof 0 to 6; given 'hinge'",
+        f"body 'a', joint: must be one of {KINDS}, or give dof 0 to 6; given 'hinge'; "
+        "did you mean revolute?",
     ),
     # mass
     ({"name": "a", "mass": -1}, f"body 'a', mass: {MASS}; given -1"),

@@ -315,7 +315,7 @@ def _expected(item: Any, field: FieldInfo) -> str:
 def _meant(item: Any, given: Any, field: FieldInfo) -> str:
     """What to write in place of a value that other programs take."""
     name = item["loc"][0] if item["loc"] else ""
-    if name == "gravity" and isinstance(given, (int, float)) and given:
+    if name == "gravity" and isinstance(given, float | int) and 0 < abs(given) < math.inf:
         return f"; write (0, 0, {-abs(given)}) where z is up"
     if name == "axes" and given in ("x", "y", "z"):
         return f"; write {tuple(int(given == x) for x in 'xyz')}"

@@ -67,7 +67,15 @@ def cut_elsewhere(parts: Parts, name: str, loop: str | None) -> tuple[dict[str, 
     }
     moved = ", ".join(k for k, s in shifts.items() if np.abs(s).max() > 0)
     text = f"loop '{c.name}' is cut at the joint of '{name}' now, as constraint '{new_cut.name}'"
-    return found, f"{text}; the frames of {moved or 'no body'} moved to their new joints"
+    text += f"; the frames of {moved or 'no body'} moved to their new joints"
+    if JOINT_OF[c.kind] == "spherical":
+        text += (
+            f"; where '{c.name}' held a point is a spherical joint now, which leaves turns free "
+        )
+        text += (
+            "that nothing may drive: give it joint='revolute' where it only turns about one axis"
+        )
+    return found, text
 
 
 def _path(bodies: Mapping[str, Body], name: str) -> list[str]:
