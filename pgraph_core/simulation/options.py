@@ -106,10 +106,10 @@ class Options(NamedTuple):
             if not LEAST_RTOL <= rtol <= 0.1:
                 text = f"must lie within {LEAST_RTOL:g}, rounding, and 0.1; given {rtol:g}"
                 raise InputError(Problem("simulate", "rtol", text))
-        if self.atol and not method.adaptive:
+        atol = self.atol if self.atol == 0.0 else positive("atol", self.atol, unit="")
+        if atol and not method.adaptive:
             text = f"{method.name} takes a step, not a tolerance; for one choose "
             raise InputError(Problem("simulate", "atol", text + choices(ADAPTIVE)))
-        atol = self.atol if self.atol == 0.0 else positive("atol", self.atol, unit="")
         most = self.max_steps
         if not isinstance(most, Integral) or isinstance(most, bool) or most < 1:
             text = f"must be a whole number >= 1; given {most!r}"
