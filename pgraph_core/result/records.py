@@ -148,7 +148,7 @@ class Named(Mapping[str, Any]):
 
     def _missing(self, name: Any) -> str:
         if not self._arrays:
-            return f"this run has no {self._what}; given {shown(name)}"
+            return f"no {self._what} acts in this run; given {shown(name)}"
         known = choices(nearest_first(name, self) if isinstance(name, str) else self)
         return f"no {self._what} is called {shown(name)}; choose one of {known}"
 
