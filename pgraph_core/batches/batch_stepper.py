@@ -226,11 +226,11 @@ class BatchStepper(Portable):
         contacts leave out stays as it fits the initial states; targets are the model's again.
         Raises InputError where a state does not fit, or cannot meet the constraints.
         """
-        if numbers is not None and not self._set:
-            raise _refused("numbers", "means nothing without set={path: values}", "reset")
         chosen, many = _chosen(which, self.size), self._many
         entries = self._entries
         kinds = many.kind[chosen] if numbers is None else _places(numbers, entries, len(chosen))
+        if numbers is not None and not self._set:
+            raise _refused("numbers", "means nothing without set={path: values}", "reset")
         qs = None if q is None else self._configurations(q, len(chosen))
         vs = None if v is None else _table("v", v, len(chosen), self.mech.nv)
         before = many.states[chosen], many.codes[chosen], many.kind[chosen]
