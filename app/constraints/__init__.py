@@ -1,4 +1,4 @@
-"""Constraints, contacts, forces, loops and joint limits, and their tab: kinds, cells, picking.
+"""Constraints, contacts, forces, loops, limits, sites and outputs, and their tab: kinds, cells.
 
 Labels, units and help of fields come from the fields of the classes; here are the few cells of a
 form that stand for a part of a field.
@@ -14,8 +14,9 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import pgraph_core as pg
 from pgraph_core.model import fields
 from pgraph_core.model.fields import About
+from pgraph_core.model.output import OF_JOINT, READINGS
 
-Part = Literal["constraints", "contacts", "forces"]
+Part = Literal["constraints", "contacts", "forces", "sites", "outputs"]
 Slot = Literal["body", "other"]
 
 
@@ -23,7 +24,7 @@ Slot = Literal["body", "other"]
 class Picking:
     """A body is to be clicked: for a part that is there, or the next one of a new part."""
 
-    part: Literal["constraints", "contacts", "forces", "loops", "limits"]
+    part: Part | Literal["loops", "limits"]
     kind: str  # of the part; of a loop the kind of its joint
     slot: Slot = "body"
     name: str | None = None  # of the part; None: a new one
@@ -52,6 +53,8 @@ KINDS: dict[str, dict[str, str]] = {  # one line each, for who chooses
         "weld": "the loop is closed rigidly",
     },
     "limits": {"limits": "least and greatest position of a joint (unilateral)"},
+    "sites": {"site": "a named frame on a body"},
+    "outputs": {kind: each.about for kind, each in READINGS.items()},
 }
 TITLES = {
     "constraints": "Constraint",
@@ -59,8 +62,13 @@ TITLES = {
     "contacts": "Contact (unilateral)",
     "limits": "Joint limit (unilateral)",
     "forces": "Force, motor, spring",
+    "sites": "Site (named frame)",
+    "outputs": "Output (sensor)",
 }
-WORD = {"constraints": "constraint", "contacts": "contact", "forces": "force", "loops": "loop"}
+WORD = {
+    "constraints": "constraint", "contacts": "contact", "forces": "force", "loops": "loop",
+    "sites": "site", "outputs": "output",
+}  # fmt: skip
 
 CELLS = {  # cells of a form that are a part of a field, or choose how it is given
     "curve": About("Follows", "", "how the position depends on time"),
@@ -74,7 +82,7 @@ SOFT = {"stiffness": "N/m^1.5", "damping": "s/m"}  # units of a soft contact
 
 
 def about(item: Any, field: str) -> About:
-    """What a form shows of a field of a constraint, contact or force, or of one of its cells."""
+    """What a form shows of a field of a part, or of one of its cells."""
     known = type(item).model_fields
     found = fields.about(known[field], field) if field in known else CELLS.get(field, About(field))
     if getattr(item, "law", "") == "soft" and field in SOFT:
@@ -83,14 +91,17 @@ def about(item: Any, field: str) -> About:
 
 
 def typed_as(item: Any, field: str) -> tuple[str, tuple[Any, ...]]:
-    """How a field is typed: ("vector", ()), ("whole", (least, greatest)), ("choice", options).
+    """How a field is typed: ("vector", ()), ("whole", (least, greatest)), ("flag", ()),
+    ("choice", options).
 
     Everything else is ("number", ()); so are cells that are no field.
     """
     info = type(item).model_fields.get(field)
     for kind in _types(info.annotation) if info else ():
-        if kind == fields.Row3:
+        if get_origin(kind) is tuple and set(get_args(kind)) == {fields.Finite}:
             return "vector", ()
+        if kind is bool:
+            return "flag", ()
         if kind is int:
             bounds = [getattr(x, side, None) for side in ("ge", "le") for x in info.metadata]
             return "whole", tuple(x for x in bounds if x is not None)
@@ -117,6 +128,8 @@ def own_fields(item: Any) -> tuple[str, ...]:
         first = ("law", "body", "other")
         left = [n for n in names if not (rigid and n in ("stiffness", "damping"))]
         return (*first, *(name for name in left if name not in first))
+    if isinstance(item, pg.Output):
+        return tuple(n for n in names if n != "coordinate" or item.kind in OF_JOINT)
     sums = isinstance(item, (pg.Velocity, pg.Coupling, pg.Tendon))
     return tuple(n for n in names if n != "body" or not sums)
 

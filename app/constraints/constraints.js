@@ -71,7 +71,7 @@
     const el = make("div", { className: "tie" });
     const name = () => el.dataset.name;
     const line = make("div", { className: "line" });
-    if (part !== "forces") {
+    if (part === "constraints" || part === "contacts") {
       line.append(make("input", { type: "checkbox", title: "active",
         onchange: (event) => send("SwitchPart", { part, name: name(), on: event.target.checked }) }));
     }

@@ -1,4 +1,4 @@
-"""Constraints, contacts and forces: made with what they need, changed cell by cell (pure)."""
+"""Constraints, contacts, forces, sites, outputs: made with what they need, changed by cells."""
 
 from __future__ import annotations
 
@@ -27,11 +27,12 @@ from ..core.cells import (
 from . import KINDS, WORD, Part, about, own_fields, takes_other, typed_as
 
 GROUND, EVERY = "ground", "*"
-Item = Any  # pg.Constraint | pg.Contact | pg.Force
+Item = Any  # pg.Constraint | pg.Contact | pg.Force | pg.Site | pg.Output
 Places = Mapping[str, tuple[np.ndarray, np.ndarray]]  # body name -> position, rotation at home
 
+FLAG = ("no", "yes")  # what a form says of false and true
 CURVES = ("polynomial", "sine", "table")
-KIND_FIELD = {"constraints": "kind", "contacts": "law", "forces": "kind"}
+KIND_FIELD = {"constraints": "kind", "contacts": "law", "forces": "kind", "outputs": "kind"}
 
 
 def item_of(model: pg.Model, part: Part, name: str) -> Item:
@@ -43,8 +44,8 @@ def item_of(model: pg.Model, part: Part, name: str) -> Item:
 
 
 def kind_of(part: Part, item: Item) -> str:
-    """The kind of a constraint or force, the law of a contact."""
-    return getattr(item, KIND_FIELD[part])
+    """The kind of a constraint, force or output, the law of a contact."""
+    return "site" if part == "sites" else getattr(item, KIND_FIELD[part])
 
 
 def quantity_of(item: Item, field: str) -> Quantity:
@@ -64,6 +65,10 @@ def added(model: pg.Model, part: str, kind: str, body: str, other: str) -> tuple
         return model.edit(body, limits=_wide(model.body(body))), body
     called = "contact" if part == "contacts" else kind
     name = free_name(called, [x.name for x in getattr(model, part)])
+    if part == "sites":
+        return model.add(pg.Site(name=name, body=body)), name
+    if part == "outputs":
+        return model.add(pg.Output(name=name, kind=kind, at=body)), name  # type: ignore[arg-type]
     make = {"constraints": pg.Constraint, "contacts": pg.Contact, "forces": pg.Force}[part]
     data = {"name": name, KIND_FIELD[part]: kind, "body": body}  # type: ignore[index]
     if takes_other(part, kind):
@@ -160,6 +165,8 @@ def implied(model: pg.Model, item: Item, field: str, at: Places) -> Any:
             return float(np.linalg.norm(here - there))
         case pg.Torsion(), "axis":
             return (0.0, 0.0, 1.0)
+        case _, "rotation":
+            return (1.0, 0.0, 0.0, 0.0)
     return None
 
 
@@ -206,7 +213,7 @@ def changed(
         return renamed(model, part, name, entries[0][1].strip())
     if field in ("kind", "law"):
         return _put(model, part, name, rekinded(model, part, item, entries[0][1]))
-    if field in PAIR or typed_as(item, field)[0] == "choice":
+    if field in (*PAIR, "at") or typed_as(item, field)[0] == "choice":
         data = {**data, field: entries[0][1]}
         if field == "body" and data.get("coefficients"):
             data["coefficients"] = {entries[0][1]: next(iter(data["coefficients"].values()))}
@@ -231,6 +238,8 @@ def _typed(
     match field:
         case _ if form == "whole":
             return {**data, field: whole(text, *bounds)}
+        case _ if form == "flag":
+            return {**data, field: text == FLAG[True]}
         case "curve":
             return {**data, "q_of_t": _curve(item.q_of_t, text)}
         case "table":
@@ -337,6 +346,8 @@ def rekinded(model: pg.Model, part: Part, item: Item, kind: str) -> dict[str, An
         raise Refusal(f"must be one of {', '.join(KINDS[part])}")
     if kind == kind_of(part, item):
         return model.cells(item, part)
+    if part == "outputs":
+        return {"name": item.name, "kind": kind, "at": item.at}
     other = getattr(item, "other", GROUND)
     fresh = {"name": item.name, KIND_FIELD[part]: kind, "body": item.body}
     if takes_other(part, kind):

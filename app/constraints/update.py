@@ -1,4 +1,4 @@
-"""Constraints, contacts, forces, loops and limits: adding, picking, editing, the report (pure)."""
+"""Parts of the constraints tab: adding, picking, editing, the report (pure)."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def duplicate(state: State, event: DuplicatePart) -> State:
 class AddPart(FromPage):
     """A new part of that kind: its bodies are picked next, the first may be given."""
 
-    part: Literal["constraints", "contacts", "forces", "loops", "limits"]
+    part: Part | Literal["loops", "limits"]
     kind: Text
     body: Text | None
 
@@ -170,7 +170,7 @@ def allowed(picking: Picking) -> tuple[str, ...]:
     """What else may be picked."""
     if picking.part == "contacts":
         return (parts.EVERY,) if picking.slot == "body" else (parts.GROUND, parts.EVERY)
-    return (parts.GROUND,) if picking.slot == "other" else ()
+    return (parts.GROUND,) if picking.slot == "other" or picking.part == "sites" else ()
 
 
 def _next(state: State, client: int, body: str) -> State:

@@ -1,4 +1,4 @@
-"""The constraints tab: constraints, contacts and forces on bodies, and the remaining mobility."""
+"""The constraints tab: parts on bodies, and the mobility that they leave."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from . import CELLS, KINDS, TITLES, WORD, Part, Picking, about, own_fields, part
 from .mobility import BY_ITSELF, mobility_report
 from .update import allowed
 
-LISTS: tuple[Part, ...] = ("constraints", "contacts", "forces")
+LISTS: tuple[Part, ...] = ("constraints", "contacts", "forces", "sites", "outputs")
 NAMED = ("body", "other")
 Q_OF_T = {
     "sine": ("mean", "amplitude", "frequency", "phase"),
@@ -67,7 +67,6 @@ def constraints(state: State, page: Client) -> Payload:
 
 def _list(state: State, page: Client, part: Part) -> Payload:
     """One line each: name, kind, between what; the opened one with all its fields."""
-    titles = {"constraints": "Constraints", "contacts": "Contacts", "forces": "Forces"}
     items = [x for x in getattr(state.model, part) if _touches(x, page.listed, state.model)]
     lines = [
         {
@@ -80,7 +79,7 @@ def _list(state: State, page: Client, part: Part) -> Payload:
         }
         for x in items
     ]
-    return {"part": part, "title": titles[part], "items": lines}
+    return {"part": part, "title": part.capitalize(), "items": lines}
 
 
 def _bodies(item: Any) -> tuple[str, ...]:
@@ -99,6 +98,8 @@ def between(item: Any) -> str:
     """'thigh, shin' or 'foot, ground': where it acts."""
     if coefficients := getattr(item, "coefficients", None):
         return ", ".join(coefficients)
+    if isinstance(item, (pg.Site, pg.Output)):
+        return item.body if isinstance(item, pg.Site) else item.at
     names = {parts.EVERY: "all bodies"}
     first, other = (names.get(name) or name for name in item.pair)
     alone = "other" not in type(item).model_fields or isinstance(item, pg.Skate)
@@ -167,8 +168,8 @@ def _field(
             options = list(KINDS[part])
             return [choice(name, about(item, name).label, kind, options, help=KINDS[part][kind],
                            note=KINDS[part][kind])]  # fmt: skip
-        case "body" | "other":
-            return [_name_field(part, item, name)]
+        case "body" | "other" | "at":
+            return [_name_field(model, part, item, name)]
         case "q_of_t":
             return _curve(item)
         case "coefficients":
@@ -184,17 +185,26 @@ def _field(
     form, options = typed_as(item, name)
     if form == "choice":
         return [choice(name, about(item, name).label, getattr(item, name), options)]
+    if form == "flag":
+        shows, value = about(item, name), parts.FLAG[getattr(item, name)]
+        return [choice(name, shows.label, value, parts.FLAG, help=shows.help)]
     return [_plain(model, item, name, cells, display, at)]
 
 
-def _name_field(part: Part, item: Any, name: str) -> Payload:
-    """A body: a drop-down of names, and a button to click it instead."""
+def _name_field(model: pg.Model, part: Part, item: Any, name: str) -> Payload:
+    """A body: a drop-down of names, and a button to click it instead; `at`: sites too."""
+    if name == "at":
+        sites = [site.name for site in model.sites]
+        return field(name, about(item, name).label, [cell((), item.at)], kind="names",
+                     options=[parts.GROUND, *sites])  # fmt: skip
     extra = []
     if name == "other":
         gear = getattr(item, "kind", "") == "gear"
         extra = [] if gear else [parts.GROUND]
     if part == "contacts":
         extra.append(parts.EVERY)
+    if part == "sites":
+        extra = [parts.GROUND]
     pick = button("pick", "Pick", "click the body in the digraph, the table or 3D", slot=name)
     return field(name, about(item, name).label, [cell((), getattr(item, name))], kind="names",
                  options=extra, buttons=[pick])  # fmt: skip
@@ -210,7 +220,7 @@ def _plain(model: pg.Model, item: Any, name: str, cells: Any, display: Display, 
     if typed_as(item, name)[0] == "vector":
         found = value if value is not None else (None, None, None)
         row = [cell((i,), shown(x, of, display), implied=implied) for i, x in enumerate(found)]
-        pick = "axis" if name.endswith("axis") else "point"
+        pick = "" if len(row) == 4 else "axis" if name.endswith("axis") else "point"
         return field(name, shows.label, row, unit=unit, help=shows.help, pick=pick)
     one = cell((), shown(value, of, display), implied=implied)
     return field(name, shows.label, [one], unit=unit, help=shows.help)

@@ -24,9 +24,9 @@ from .state import Client, Notice, Rename, State, replied, told
 UNDO_DEPTH = 200
 MOST_BODIES = 1000
 MOST_RENAMES = 1000  # that are remembered
-NAMED = ("constraints", "contacts", "forces")  # parts that have names, besides bodies
+NAMED = ("constraints", "contacts", "forces", "sites", "outputs")  # named parts besides bodies
 OF_BODIES = ("body", "bodies", "parent", "before", "rows", "under")  # fields of events
-IN_CELLS = ("parent", "body", "other", "frame")  # cells of which the text is the name of a body
+IN_CELLS = ("parent", "body", "other", "frame", "at")  # cells with the name of a body as text
 
 
 def edited(

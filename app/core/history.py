@@ -13,7 +13,7 @@ from .cells import Refusal
 from .edit import renamed, showing
 from .state import Notice, State, told
 
-PARTS = ("bodies", "constraints", "contacts", "forces", "scenarios")
+PARTS = ("bodies", "constraints", "contacts", "forces", "scenarios", "sites", "outputs")
 
 
 def _last(state: State, steps: Sequence[Step], client: int) -> int | None:

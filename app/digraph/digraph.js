@@ -52,7 +52,7 @@ pgraph.digraph = (() => {
   }
   function tools(canvas) {
     const { button } = pgraph;
-    return make("div", { className: "tools" }, button("fit", "Fit", "Show all of it (double click)", () => canvas.fit()),
+    return make("div", { className: "tools" }, button("fit", "Fit", "Show all of it (double click)", () => canvas.fit(true)),
       button("walk", "Step through", "The seven steps that make Pgraph, and a frame update", () => pgraph.steps.toggle()));
   }
 

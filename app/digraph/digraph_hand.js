@@ -1,16 +1,18 @@
 // The pointer on the digraph: pan, zoom, hover, and a node dragged onto another.
 pgraph.digraphHand = (host, canvas, graph) => {
   const PULLED = 5; // [px] from where a press is a drag
+  const LEGIBLE = 0.8, SMALLEST = 0.45; // scales at which its letters have 8 px, and of all of a tree
   const view = { x: 0, y: 0, scale: 1, moved: false };
   let press = null; // {x, y, k, dragging, offered}
 
   // -- the part that is seen ------------------------------------------------------------------
-  canvas.fit = () => {
+  // At first as much as is legible; where all is asked for, all.
+  canvas.fit = (all = false) => {
     const data = host.graph?.data;
     if (!data) return;
     const w = canvas.clientWidth || 400, h = canvas.clientHeight || 300;
     const whole = Math.min(w / data.width, h / data.height, 1.15);
-    view.scale = data.kind === "lanes" ? Math.max(Math.min(w / data.width, 1), 0.8) : Math.max(whole, 0.45);
+    view.scale = data.kind === "lanes" ? Math.max(Math.min(w / data.width, 1), 0.8) : Math.max(whole, all ? SMALLEST : LEGIBLE);
     view.x = data.kind === "tree" ? (data.width - w / view.scale) / 2 : -4;
     if (data.kind === "tree" && data.width * view.scale > w) view.x = Math.min(data.x[0] - w / view.scale / 2, data.width - w / view.scale);
     view.y = Math.min(0, (data.height - h / view.scale) / 2);
@@ -41,7 +43,7 @@ pgraph.digraphHand = (host, canvas, graph) => {
     view.moved = true;
     apply();
   }, { passive: false });
-  canvas.addEventListener("dblclick", canvas.fit);
+  canvas.addEventListener("dblclick", () => canvas.fit(true));
   new ResizeObserver(() => { if (view.moved) apply(); else canvas.fit(); }).observe(canvas);
 
   // -- press, move, release ---------------------------------------------------------------------

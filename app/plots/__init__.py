@@ -93,6 +93,12 @@ def single(array: str) -> Callable[[pg.Result, str], tuple[Sequence[str], np.nda
     return lambda run, name: (("",), np.asarray(getattr(run, array)[name])[:, None])
 
 
+def reading(run: pg.Result, name: str) -> tuple[Sequence[str], np.ndarray]:
+    """What an output reads."""
+    found = run.mechanism.model.part(name, kind="output")
+    return found.reading.parts, run.outputs[name].reshape(len(run.t), -1)
+
+
 def energies(run: pg.Result, _: str) -> tuple[Sequence[str], np.ndarray]:
     """The ledger: what there is, what was put in and what was lost."""
     columns = (run.kinetic_energy, run.potential_energy, run.energy, run.work, run.dissipation)
@@ -123,6 +129,7 @@ KINDS = {
     "contact_force": Kind("contact force of", "N", named("contact_force", 3)),
     "contact_gap": Kind("gap of", "m", single("contact_gap")),
     "contact_slip": Kind("slip of", "m/s", single("contact_slip")),
+    "output": Kind("reading of", "of its kind", reading),
 }  # fmt: skip
 OF_BODIES = (
     "q", "v", "vdot", "position", "velocity", "spin", "acceleration", "angular_acceleration",
@@ -189,7 +196,7 @@ def of_scene(run: pg.Result) -> list[Signal]:
             found.append(Signal("constraint_torque", name))
     for name in run.contact_force:
         found += [Signal(kind, name) for kind in ("contact_force", "contact_gap", "contact_slip")]
-    return found
+    return [*found, *(Signal("output", output.name) for output in run.mechanism.model.outputs)]
 
 
 def title(signal: Signal) -> str:
@@ -205,6 +212,8 @@ def title(signal: Signal) -> str:
 def unit(model: pg.Model, signal: Signal) -> str:
     """Of its numbers; a joint that both turns and slides has two."""
     both = KINDS[signal.quantity].unit
+    if signal.kind == "output":
+        return next((x.reading.unit for x in model.outputs if x.name == signal.of), both)
     if signal.kind not in OF_JOINTS or not any(body.name == signal.of for body in model.bodies):
         return both
     turning, sliding = both.split(", ")

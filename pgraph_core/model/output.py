@@ -21,21 +21,22 @@ class Reading(NamedTuple):
 
     parts: tuple[str, ...]  # of its numbers; ("",): one number
     unit: str
+    about: str
 
 
 AXES = ("x", "y", "z")
 READINGS: dict[str, Reading] = {
-    "joint_position": Reading(("",), "rad, m"),
-    "joint_velocity": Reading(("",), "rad/s, m/s"),
-    "position": Reading(AXES, "m"),
-    "rotation": Reading(("w", *AXES), "1"),
-    "velocity": Reading(AXES, "m/s"),
-    "angular_velocity": Reading(AXES, "rad/s"),
-    "velocimeter": Reading(AXES, "m/s"),
-    "gyro": Reading(AXES, "rad/s"),
-    "accelerometer": Reading(AXES, "m/s^2"),
-    "force": Reading(AXES, "N"),
-    "torque": Reading(AXES, "N m"),
+    "joint_position": Reading(("",), "rad, m", "coordinate of a joint"),
+    "joint_velocity": Reading(("",), "rad/s, m/s", "rate of a coordinate of a joint"),
+    "position": Reading(AXES, "m", "place of a frame, in the world"),
+    "rotation": Reading(("w", *AXES), "1", "quaternion of a frame, in the world"),
+    "velocity": Reading(AXES, "m/s", "velocity of a frame, in world axes"),
+    "angular_velocity": Reading(AXES, "rad/s", "angular velocity, in world axes"),
+    "velocimeter": Reading(AXES, "m/s", "velocity of a frame, in its own axes"),
+    "gyro": Reading(AXES, "rad/s", "angular velocity, in its own axes"),
+    "accelerometer": Reading(AXES, "m/s^2", "acceleration less gravity, in its own axes"),
+    "force": Reading(AXES, "N", "force that the joint passes on, in its own axes"),
+    "torque": Reading(AXES, "N m", "torque that the joint passes on, in its own axes"),
 }
 
 

@@ -30,7 +30,9 @@ from pgraph_app.core.events import Misread, from_page
 from pgraph_app.core.state import initial
 from pgraph_app.digraph.view import digraph
 from pgraph_app.features import update
+from pgraph_app.model.update import Undo
 from pgraph_app.model.worker import answer
+from pgraph_app.plots import Signal, curves, of_scene, unit
 from pgraph_app.session.update import Connected, Select
 
 ME = 1
@@ -72,7 +74,8 @@ def test_a_hinge_is_added_about_the_axis_of_its_joint_and_a_locked_loop_is_calle
         assert any("Nothing can move" in line["text"] for line in lines) == locked
 
 
-CASES = [(part, kind) for part in ("constraints", "forces", "loops") for kind in KINDS[part]]
+LISTS = ("constraints", "forces", "loops", "sites", "outputs")
+CASES = [(part, kind) for part in LISTS for kind in KINDS[part]]
 
 
 @pytest.mark.parametrize(("part", "kind"), CASES)
@@ -180,14 +183,38 @@ def test_d16_d17_active_switch_and_joint_limits(state):
         ("forces", "motor", "torque", (((), "0.5"),), 0.5),
         ("forces", "spring", "rest", (((), "0.3"),), 0.3),
         ("forces", "wrench", "force", (((0,), "10"),), (10.0, 0.0, 0.0)),
+        ("forces", "motor", "integrates", (((), "yes"),), True),
+        ("forces", "drag", "rotation", (((0,), "0"), ((2,), "1")), (0.0, 0.0, 1.0, 0.0)),
+        ("sites", "site", "point", (((1,), "20 mm"),), (0.0, 0.02, 0.0)),
+        ("sites", "site", "body", (((), "ground"),), "ground"),
+        ("outputs", "gyro", "at", (((), "2"),), "2"),
+        ("outputs", "joint_velocity", "kind", (((), "accelerometer"),), "accelerometer"),
     ],
 )
 def test_points_directions_and_numbers_are_set(state, part, kind, field, entries, value):
     after = edit(add(state, part, kind), part, kind, field, *entries)
     assert told(after) == ""
     found = getattr(getattr(after.model, part)[0], field)
-    assert found == (value if isinstance(value, dict) else pytest.approx(value))
+    assert found == (value if isinstance(value, (dict, str)) else pytest.approx(value))
     assert len(after.undo) == 2
+
+
+def test_an_output_follows_its_site_and_its_undo_leaves_what_another_did(state):
+    two = update(state, Connected(2))
+    pages = {me: replace(page, page=f"page {me}") for me, page in two.clients.items()}
+    state = add(replace(two, clients=pages), "sites", "site")
+    state = edit(state, "sites", "site", "name", ((), "imu"))
+    state = edit(add(state, "outputs", "gyro"), "outputs", "gyro", "at", ((), "imu"))
+    state = edit(state, "sites", "imu", "name", ((), "head"))
+    assert state.model.outputs[0].at == "head"
+    after = update(update(state, AddPart(2, "outputs", "accelerometer", "1")), Undo(ME))
+    assert {o.name: o.at for o in after.model.outputs} == {"gyro": "imu", "accelerometer": "1"}
+    assert after.model.sites[0].name == "imu"
+    run = pg.simulate(after.model, t_end=0.1)
+    signal = Signal("output", "gyro")
+    assert signal in of_scene(run)
+    assert unit(after.model, signal) == "rad/s"
+    assert [c.label for c in curves(run, signal)] == ["x", "y", "z"]
 
 
 def test_an_empty_cell_leaves_it_out_again(state):

@@ -123,7 +123,7 @@ def test_what_floats_stays_within_the_3d_view(seen, width):
 
 
 def test_a_zoomed_page_is_in_order(page):
-    """1280x800 at 125 %: nothing is cut off or covered before any run."""
+    """1280x800 at 125 and 150 %: nothing is cut off or covered before any run."""
     before = page.viewport_size
     page.set_viewport_size({"width": 1024, "height": 640})
     page.locator('tr[data-name="thorax"] td.number').click()
@@ -131,6 +131,11 @@ def test_a_zoomed_page_is_in_order(page):
         for below_table, below_model in TABS[:3]:
             page.evaluate("(tabs) => tabs.forEach(pgraph.front)", [below_table, below_model])
             in_order(page, f"{below_table}, {below_model}")
+        page.set_viewport_size({"width": 853, "height": 533})
+        page.evaluate("(tabs) => tabs.forEach(pgraph.front)", TABS[0])
+        in_order(page, f"{TABS[0]} at 150 %")
+        views = page.locator(".pgraph-views").bounding_box()
+        assert views["y"] + views["height"] < 0.1 * 533  # above the model's head
     finally:
         page.keyboard.press("Escape")
         page.set_viewport_size(before)
