@@ -1,7 +1,7 @@
 // The pointer on the digraph: pan, zoom, hover, and a node dragged onto another.
 pgraph.digraphHand = (host, canvas, graph) => {
   const PULLED = 5; // [px] from where a press is a drag
-  const LEGIBLE = 0.8, SMALLEST = 0.45; // scales at which its letters have 8 px, and of all of a tree
+  const LEGIBLE = 0.82, SMALLEST = 0.45; // scales at which its letters have 8 px, and of all of a tree
   const view = { x: 0, y: 0, scale: 1, moved: false };
   let press = null; // {x, y, k, dragging, offered}
 
