@@ -17,6 +17,7 @@ from ..packing.system import Array
 STEPS, HALVINGS = 40, 12  # of Newton's method, and of one step
 ROUNDED = 1e-14  # of the largest velocity: where it ends
 FITS = 1e-11  # of the largest velocity: laws that are kept
+AT_REST = 1e-9  # of the largest velocity: what stays on the ground meets an impact, too
 ROUNDS, SWEEPS = 30, 20  # rounds of contacts in turn before it, sweeps in each
 DIRECTIONS = 48  # of slip among which a root is looked for
 RANK = 1e-10
@@ -87,9 +88,13 @@ def _solve(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) ->
 
 
 def _at_once(omega: Array, free: Array, rows: Sequence[ContactRow]) -> Array:
-    """λ with which all contacts that close stick; on the rim where that is outside of the cone."""
+    """λ with which all contacts that close stick; on the rim where that is outside of the cone.
+
+    A contact at rest counts as closing: else rounding of its velocity chooses between solutions.
+    """
     lam = np.zeros(len(free))
-    closing = [row for row in rows if row.held or free[row.first] + row.restitution_velocity < 0]
+    slow = AT_REST * float(np.abs(free).max(initial=0.0))
+    closing = [row for row in rows if row.held or free[row.first] + row.restitution_velocity < slow]
     picked = [row.first + k for row in closing for k in range(row.size)]
     wanted = free.copy()
     for row in closing:
@@ -162,7 +167,7 @@ def _laws(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> 
             missed[n], slope[n] = own * lam[n], own * eye[n]
         if row.size == 1:
             continue
-        most = max(omega[n + 1, n + 1], omega[n + 2, n + 2])
+        most = _most_mobile(omega[t, t])
         pull = most * lam[t] - after[t]
         size, rim = math.hypot(*pull), most * row.friction * max(lam[n], 0.0)
         if size > rim:  # it slides
@@ -173,6 +178,12 @@ def _laws(omega: Array, free: Array, rows: Sequence[ContactRow], lam: Array) -> 
             if lam[n] > 0:
                 slope[t] -= most * row.friction * np.outer(way, eye[n])
     return missed, slope
+
+
+def _most_mobile(omega: Array) -> float:
+    """The larger eigenvalue of a contact's tangents: the same whichever two they are."""
+    (a, b), (_, c) = omega.tolist()
+    return 0.5 * (a + c + math.hypot(a - c, 2.0 * b))
 
 
 def _one(omega: Array, u: Array, row: ContactRow) -> Array:

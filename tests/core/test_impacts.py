@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
 from pgraph_core.contact import impacts
@@ -91,6 +92,23 @@ def test_several_points_stop_or_bounce_and_friction_opposes_each_slip(
             assert drag @ slip == pytest.approx(-rim * np.hypot(*slip), abs=1e-11 * most * fastest)
 
 
+def test_a_box_that_lands_on_a_face_does_not_feel_how_the_scene_is_turned():
+    """When the face slaps down two corners rest to rounding, whose sign chose a solution before."""
+    tilt = Rotation.from_rotvec(0.3 * np.array([1, 2, 0.5]) / np.linalg.norm([1, 2, 0.5]))
+    inertia = np.diag([0.05, 0.1, 0.13]) / 12
+    ends = []
+    for angle in (0.0, 0.2, 0.3):
+        yaw = Rotation.from_rotvec([0, 0, angle])
+        q = (0, 0, 0.3, *(yaw * tilt).as_quat()[[3, 0, 1, 2]])
+        v = (0, 0, 0, *yaw.apply([1, 0.5, 0]))
+        shape = {"kind": "box", "size": (0.3, 0.2, 0.1)}
+        box = pg.Body(name="box", joint="free", q=q, v=v, mass=1, inertia=inertia, shape=shape)
+        model = pg.Model(bodies=[box], contacts=[pg.Contact(name="c", body="box", friction=0.5)])
+        run = pg.simulate(model, t_end=0.4, rtol=1e-8, method="dop853", frames=2, estimate=False)
+        ends.append(yaw.inv().apply(run.q[-1, :3].copy()))
+    np.testing.assert_allclose(ends, np.tile(ends[0], (3, 1)), atol=1e-7)
+
+
 @pytest.mark.parametrize("bottom", ["corner", "edge"])
 def test_time_stepping_finds_the_same_velocities(bottom):
     """1e-9 of the largest: its solver ends at 1e-10. One impact, before anything has moved."""
@@ -146,3 +164,23 @@ def test_an_impact_of_numbers_that_overflowed_is_a_status(monkeypatch):
     assert run.status is pg.Status.NOT_FINITE
     assert "in the impact at t = 0.142" in run.message
     assert run.t[-1] > 0.14
+
+
+@pytest.mark.parametrize("turn", [1, 3, 4])
+def test_a_rod_that_leaves_a_tilted_plane_at_once_hits_it_once(turn):
+    """Without bounce its end rests for an instant, then rotation lifts it: rounding is no hit."""
+    random = np.random.default_rng(turn)
+    up = np.array([*random.uniform(-0.6, 0.6, 2), 1.0])
+    up /= np.linalg.norm(up)
+    tilt = Rotation.align_vectors([up], [[0, 0, 1]])[0]
+    to_world = tilt * Rotation.from_rotvec([0, 0, random.uniform(0, 6)])
+    lean = to_world * Rotation.from_rotvec([0, -np.pi / 4, 0])
+    q = (*((0.5 * np.sin(np.pi / 4) + 0.05) * up), *lean.as_quat()[[3, 0, 1, 2]])
+    v = (0, 0, 0, *to_world.apply([0.5, 0.0, -1.0]))
+    rod = pg.Body(name="rod", joint="free", q=q, v=v, mass=1, inertia=np.diag([1e-3, 1, 1]) / 12)
+    ends = pg.Contact(name="c", body="rod", points=[(-0.5, 0, 0), (0.5, 0, 0)], friction=0.6)
+    ground = pg.Ground(slope=float(np.arccos(up[2])), uphill=(-up[0], -up[1], 0.0))
+    model = pg.Model(bodies=[rod], contacts=[ends], gravity=(0, 0, 0), ground=ground)
+    run = pg.simulate(model, t_end=0.06, step=1e-3, method="rk4", frames=2, estimate=False)
+    assert run.status.ok
+    assert run.counters["impacts"] == 1
