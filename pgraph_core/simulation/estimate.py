@@ -42,6 +42,7 @@ LEAST_DIVISOR = 0.4  # of the difference: runs whose errors do not shrink at all
 NARROWER = 0.7  # of the steps: a run that takes more of them is the same run
 DOUBTED = 0.25  # of the ratio that the order promises
 AS_PROMISED = 1.5  # factor between the ratio that is seen and the one that the order promises
+AT_REST = 4.0  # of the difference: the divisor, at most, where friction ends motion in given steps
 UNLIKELY = 30.0  # times it: a pair of runs so much closer than a coarser one may be so by chance
 VISIBLE = 1e-3  # rad, or of the motion's length: an error that a person sees
 MORE = 4  # times the steps: a coarser run that takes more blows up
@@ -190,6 +191,8 @@ def _by_coarser(record: Recording, few: bool = False) -> Estimate:
         held = seen / promised if seen == seen else float(near.largest[-1] == 0.0)
     shrunk = min(held, 1.0) if plan.step else min(held, 1.0) / np.sqrt(np.clip(held, 1.0, 10.0))
     part = max((ratio - 1.0) * shrunk, LEAST_DIVISOR)
+    if plan.step and any(np.any(body.friction) for body in record.mech.model.bodies):
+        part = min(part, AT_REST)  # which may set in within a step, as a jump does
     errors = near.largest / part + _rounding(record, near)
     parted = _parted(near, far, promised)
     chosen = not (plan.step or plan.contact_points)
