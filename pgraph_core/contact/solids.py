@@ -330,6 +330,21 @@ def convex_hull(
     return hull(vertices)
 
 
+def hull_excess(file: str | Path, scale: Scale = 1.0) -> float:
+    """Volume of a closed mesh's convex hull over its own. Raises FileError, ModelError.
+
+    Kept as long as the file stays as it is.
+    """
+    changed = Path(file).stat().st_mtime_ns if Path(file).is_file() else 0
+    return _hull_excess(str(file), scale, changed)
+
+
+@lru_cache(maxsize=256)
+def _hull_excess(file: str, scale: Scale, changed: int) -> float:
+    mesh = load_mesh(file, scale)
+    return float(mesh.convex_hull.volume / abs(mesh.volume))
+
+
 MOST_PARTS = 64
 CORNERS = 32  # of a part at most
 

@@ -48,6 +48,7 @@ SINKS = 1e-4  # of the bodies' size: how deep its weight presses what touches, i
 SPEED = 1.0  # m/s: where a soft contact that gives no damping has its restitution, or faster
 LEAST = 0.05  # the least restitution that soft and penalty contacts give: less would take ever more
 DEEPEST = 0.1  # of the thinner shape: how deep the speed at the start leads, if nothing is given
+FILLED = 1.1  # times a mesh's volume: a convex hull that is much larger
 
 
 class ContactPair(NamedTuple):
@@ -74,6 +75,7 @@ class Tables(NamedTuple):
     turns: bool  # a contact resists rolling or spinning
     rate: float  # about the fastest [1/s] that soft and penalty contacts make of a body at rest
     tendons: bool  # some limits bound sums of coordinates
+    hulls: tuple[tuple[float, str], ...]  # (volume over the mesh's, body) of hulls far larger
 
     def __bool__(self) -> bool:
         return bool(self.touches or self.limits)
@@ -112,6 +114,7 @@ class _Shapes:
         self.on_ground: list[tuple[int, int]] = []
         self.pairs: list[tuple[int, int, int]] = []
         self.members: list[tuple[int, int]] = []
+        self.hulls: list[tuple[float, str]] = []
 
     def add(self, c: Contact) -> None:
         """All touches that a contact asks for."""
@@ -202,6 +205,10 @@ class _Shapes:
         position = (offset + home @ np.array(shape.position)).tolist()
         rotation = home @ matrix(shape.rotation)
         parts = _solids(c.name, body.name, shape)
+        if shape.kind == "mesh" and shape.hull is None:
+            excess = solids.hull_excess(shape.file or "", shape.scale)
+            if excess > FILLED:
+                self.hulls.append((excess, body.name))
         return [Placed(solid, row, number, position, rotation) for solid in parts]
 
     def tables(self, limits: tuple[str, ...], blocks: tuple[Ints, Array, Ints, Array]) -> Tables:
@@ -228,8 +235,9 @@ class _Shapes:
             room,
             any(t.contact.law == "penalty" for t in self.touches),
             bool((laws["rolling"] > 0).any() or (laws["spinning"] > 0).any()),
-            max((rate_of(row, _pull(self.model)) for row in laws), default=0.0),
+            max((rate_of(row, pull_of(self.model)) for row in laws), default=0.0),
             bool(ints[:, at.B_TERMS].max(initial=0) > 1),
+            tuple(self.hulls),
         )
 
     def _room(self, a: int, b: int) -> int:
@@ -305,7 +313,7 @@ def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
         elif c.damping is None:
             row["damping"] *= np.sqrt(stiffness / row["stiffness"])
         row["stiffness"] = stiffness
-    pull = _pull(mech.model)
+    pull = pull_of(mech.model)
     return found._replace(laws=laws, rate=max((rate_of(row, pull) for row in laws), default=0.0))
 
 
@@ -331,10 +339,10 @@ def _moved(c: Contact, topology: Topology, packed: System) -> float:
 def _lightest(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[float, float]:
     """(mass [kg], weight [N]) of the lightest tree that a contact names."""
     mass = min(_masses(c, topology, packed), default=1.0)
-    return mass, mass * _pull(model)
+    return mass, mass * pull_of(model)
 
 
-def _pull(model: Model) -> float:
+def pull_of(model: Model) -> float:
     """Of gravity, or of the earth's where there is none [m/s²]."""
     return float(np.linalg.norm(model.gravity)) or 9.81
 
@@ -368,7 +376,7 @@ def loss_at_speed(restitution: float) -> float:
     from scipy.optimize import brentq
 
     e = min(max(restitution, LEAST), 1.0)
-    if e > 1.0 - 1e-6:
+    if e > 1.0 - 1e-4:
         return 1.5 * (1.0 - e)
 
     def excess(x: float) -> float:
@@ -376,6 +384,22 @@ def loss_at_speed(restitution: float) -> float:
 
     low = 0.75 * (1.0 - e)  # its double is right for e near 1
     return float(brentq(excess, low, (1.0 - 1e-15) / e, xtol=1e-14))  # pyright: ignore
+
+
+def restitution_at(loss: float) -> float:
+    """Restitution of Hunt and Crossley's law at the speed where c v is `loss`: the converse."""
+    from scipy.optimize import brentq
+
+    if loss < 1e-3:
+        return 1.0 - loss / 1.5
+    if loss > 25.0:  # to rounding
+        return 1.0 / loss
+
+    def excess(e: float) -> float:
+        return float((1.0 + e) * loss - np.log((1.0 + loss) / (1.0 - e * loss)))
+
+    most = min(1.0, (1.0 - 1e-15) / loss)
+    return float(brentq(excess, 0.0, most, xtol=1e-14))  # pyright: ignore
 
 
 def _masses(c: Contact, topology: Topology, packed: System) -> list[float]:

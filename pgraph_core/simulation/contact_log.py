@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis.singular import holding
-from ..contact.tables import ContactPair, Tables
+from ..contact.tables import ContactPair, Tables, loss_at_speed, pull_of, restitution_at
 from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine.contact.meeting import SIZE
@@ -46,6 +46,7 @@ LOOSE = 1e-6  # of the largest force: a larger violation of a contact law is rep
 DEEP = 1e-2  # of the thickness of what touches: a deeper penetration is reported
 BEYOND = 1e-2  # of a limit's range: a coordinate that has passed it
 SUNK = 0.5  # of the size of what touches: deeper than a soft contact means
+PRESSED = 30.0  # times the depth that weight makes: a start that is thrown apart
 LISTED = 3
 LEAST_ROOM = 8  # contact points for which a search has room
 
@@ -152,6 +153,8 @@ def contact_notices(
             "shape passed through the other within a step; a smaller step would do"
         )
     found += limits_passed(mech, tables, active, t, q)
+    found += pressed(mech, tables, frames[2][0])
+    found += bounced(tables)
     found += sunk(mech, tables, active, *frames)
     if unlogged:
         found.append(f"{unlogged} changes of contacts' phases were too many to log")
@@ -280,6 +283,39 @@ def sunk(
                 f"means; {why or 'give it more stiffness, or start without overlap'}"
             )
     return found
+
+
+def pressed(mech: Mechanism, tables: Tables, gap: Array) -> list[str]:
+    """A notice for each soft or penalty contact that starts far deeper than weight presses it."""
+    pull, found = pull_of(mech.model), []
+    for row, pair, depth in zip(tables.laws, tables.touches, np.maximum(-gap, 0.0).tolist()):
+        if pair.contact.law == "complementarity" or depth == 0.0:
+            continue
+        power = 1.5 if pair.contact.law == "soft" else 1.0
+        usual = float(row["mass"] * pull / row["stiffness"]) ** (1.0 / power)
+        if depth > PRESSED * usual:
+            times = (depth / usual) ** power
+            found.append(
+                f"contact '{pair.name}' starts {depth:.3g} m deep, where weight presses it "
+                f"{usual:.2g} m: it pushes with {times:.2g} times the weight, which throws things "
+                "apart and takes many steps; start without overlap, or give less stiffness"
+            )
+    return found
+
+
+def bounced(tables: Tables) -> list[str]:
+    """A notice of soft contacts' restitution at other speeds than the one that it holds at."""
+    for row, pair in zip(tables.laws, tables.touches):
+        e, c, damping = pair.contact.restitution, pair.contact, float(row["damping"])
+        if c.law == "soft" and c.damping is None and e is not None and 0.0 < e < 1.0:
+            speed = loss_at_speed(e) / damping
+            slow, fast = (restitution_at(damping * x * speed) for x in (0.1, 10.0))
+            return [
+                f"contact '{c.name}': its restitution {e:g} holds for impacts at {speed:.3g} m/s, "
+                f"the run's initial speed or 1 m/s; it is {slow:.2g} at a tenth of it and "
+                f"{fast:.2g} at ten times; give damping, or law 'penalty' for the same at any speed"
+            ]
+    return []
 
 
 def driven_into(

@@ -232,7 +232,8 @@ def _plan_with(
         "inputs": {name: x.model_dump() if isinstance(x, Table) else x for name, x in o.inputs},
     }
     edits = (f"an edit of the model: {text}" for text in mech.model.told)
-    notices = (*edits, *mech.model.doubts, *_stiff(plan, rate), *_bent(plan), *_hard(plan))
+    told = (*_stiff(plan, rate), *_bent(plan), *_hard(plan), *_filled(plan))
+    notices = (*edits, *mech.model.doubts, *told)
     if usual and plan.step is not None and (count := int(plan.substeps.sum())) > MANY_STEPS:
         text = f"the default step of {plan.step:.3g} s makes {count:.3g} steps of this run; give a "
         notices += (f"{text}larger step=, or rtol= for steps of the method's own choice",)
@@ -640,6 +641,20 @@ def _hard(plan: Plan) -> list[str]:
         f"soft or penalty contacts make rates of about {rate:.3g}/s, which steps of "
         f"{plan.step:.3g} s do not resolve: give {RESOLVED / rate:.2g} s or less, or a smaller "
         "stiffness"
+    ]
+
+
+def _filled(plan: Plan) -> list[str]:
+    """A notice where meshes touch by convex hulls that are much larger than they are."""
+    if plan.contacts is None or not plan.contacts.hulls:
+        return []
+    excess, body = max(plan.contacts.hulls)
+    more = len(plan.contacts.hulls) - 1
+    others = f", and {more} more" if more else ""
+    return [
+        f"the mesh of '{body}'{others} touches by its convex hull, whose volume is {excess:.3g} "
+        "times its own: what is hollow is filled; give its shape hull 'parts', or 'convex' if "
+        "that is meant"
     ]
 
 

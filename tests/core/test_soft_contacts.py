@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_core.contact.tables import loss_at_speed, restitution_at
 
 SHAPES = {
     "box": {"kind": "box", "size": (0.2, 0.3, 0.1)},
@@ -163,3 +164,41 @@ def test_penalty_friction_holds_what_fingers_grip():
     fallen = -run["cube"][:, 2]
     assert fallen[-1] < 1e-4
     assert fallen[-1] - fallen[1] < 1e-5  # it crept at 1 mm/s
+
+
+@pytest.mark.parametrize("law", ["soft", "penalty"])
+@pytest.mark.parametrize(("depth", "said"), [(0.002, True), (1e-5, False)])
+def test_a_start_far_deeper_than_weight_presses_is_said(law, depth, said):
+    box = pg.Body(
+        name="b", joint="free", q=(0, 0, 0.1 - depth, 1, 0, 0, 0),
+        shape={"kind": "box", "size": (0.2, 0.2, 0.2)},
+    )  # fmt: skip
+    model = pg.Model(bodies=(box,), contacts=(pg.Contact(name="f", body="b", law=law),))  # pyright: ignore
+    run = pg.simulate(model, t_end=1e-4, frames=2, estimate=False)
+    assert any("'f' starts" in notice for notice in run.notices) == said
+
+
+def test_a_soft_contact_says_at_which_speed_its_restitution_holds():
+    ball = pg.Body(name="b", joint="free", q=(0, 0, 0.1, 1, 0, 0, 0), shape=SHAPES["sphere"])
+    for damping, e, said in ((None, 0.7, True), (None, None, False), (0.1, None, False)):
+        floor = pg.Contact(name="f", body="b", law="soft", restitution=e, damping=damping)
+        model = pg.Model(bodies=(ball,), contacts=(floor,))
+        run = pg.simulate(model, t_end=1e-4, frames=2, estimate=False)
+        assert any("restitution 0.7 holds for impacts at 1 m/s" in n for n in run.notices) == said
+    for e in (0.05, 0.3, 0.7, 0.9, 0.9999, 0.999999):
+        assert restitution_at(loss_at_speed(e)) == pytest.approx(e, abs=1e-6)
+
+
+def test_a_mesh_that_its_hull_fills_is_said(tmp_path):
+    """A cup: its hull is several times as large; hull 'convex' says that this is meant."""
+    trimesh = pytest.importorskip("trimesh")
+    profile = [[0, 0], [0.5, 0], [0.5, 1], [0.45, 1], [0.45, 0.05], [0, 0.05]]
+    cup = trimesh.creation.revolve(np.array(profile), sections=24)
+    cup.export(tmp_path / "cup.stl")
+    assert cup.convex_hull.volume > 3 * cup.volume
+    for hull, said in ((None, True), ("convex", False)):
+        shape: dict[str, object] = {"kind": "mesh", "file": str(tmp_path / "cup.stl"), "hull": hull}
+        body = pg.Body(name="b", joint="free", q=(0, 0, 0, 1, 0, 0, 0), shape=shape)
+        model = pg.Model(bodies=(body,), contacts=(pg.Contact(name="f", body="b"),))
+        run = pg.simulate(model, t_end=1e-3, step=1e-3, frames=2, estimate=False)
+        assert any("the mesh of 'b' touches by its convex hull" in n for n in run.notices) == said
