@@ -11,6 +11,7 @@ from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..engine import layout as at
 from ..errors import ModelError, Problem
@@ -68,11 +69,12 @@ class Endpoints:
         topology: Topology,
         packed: System,
         home: tuple[Array, Array],
-        size: float,
+        trees: Ints,
     ):
-        self.c, self.model, self.packed, self.size = c, model, packed, size
+        self.c, self.model, self.packed = c, model, packed
         self.topology = topology
         self.a, self.b = map(topology.number, c.pair)
+        self.size = radius_of_gyration(packed, np.isin(trees, trees[[self.a, self.b]]))
         self.position_a, self.rotation_a = _pose(home, self.a)
         self.position_b, self.rotation_b = _pose(home, self.b)
         self.turn = self.rotation_b.T @ self.rotation_a  # from the axes of a to those of b
@@ -304,9 +306,9 @@ def blocks(model: Model, topology: Topology, packed: System, home: tuple[Array, 
 
     Raises ModelError where a constraint contradicts that state.
     """
-    size = radius_of_gyration(packed)
+    trees = trees_of(packed)
     found = [
-        blocks_of(Endpoints(c, model, topology, packed, home, size)) for c in model.constraints
+        blocks_of(Endpoints(c, model, topology, packed, home, trees)) for c in model.constraints
     ]
     flat = [block for items in found for block in items]
     ends = [
@@ -334,7 +336,7 @@ def values_of(
     c: Constraint, model: Model, topology: Topology, packed: System, poses: tuple[Array, Array]
 ) -> list[Array]:
     """(28,) of each block of a constraint, what it leaves out being as in these poses."""
-    ends = Endpoints(c, model, topology, packed, poses, radius_of_gyration(packed))
+    ends = Endpoints(c, model, topology, packed, poses, trees_of(packed))
     return [block.values for block in blocks_of(ends)]
 
 
@@ -350,14 +352,24 @@ def _rows(c: Constraint, block: Block, topology: Topology, packed: System) -> tu
     return a, b
 
 
-def radius_of_gyration(packed: System) -> float:
-    """How far a body's mass is from its origin, over all bodies [m]; 1 where none is.
+def trees_of(packed: System) -> Ints:
+    """(nb + 1,) the first row of each body's tree; 0 of what is fixed to the ground."""
+    first = np.arange(len(packed.rows))
+    for k, (parent, kind, _, _) in enumerate(packed.rows[1:].tolist(), start=1):
+        if parent > 0 and kind != at.FREE:
+            first[k] = first[parent]
+    return first[packed.bodies_i[:, at.ROW]]
+
+
+def radius_of_gyration(packed: System, among: NDArray[np.bool_] | None = None) -> float:
+    """How far a body's mass is from its origin, over all that move [m]; 1 where none has mass.
 
     A turn times this length compares with a displacement: what Ω then has on its diagonal is of
-    one size.
+    one size. `among` (nb + 1,): which bodies count.
     """
-    mass = packed.bodies_f[1:, at.B_MASS]
-    com = packed.bodies_f[1:, at.B_COM : at.B_COM + 3]
-    trace = packed.bodies_f[1:, at.B_INERTIA : at.B_INERTIA + 3].sum(axis=1)
+    moving = packed.bodies_i[:, at.ROW] > 0
+    bodies = packed.bodies_f[moving if among is None else moving & among]
+    mass, com = bodies[:, at.B_MASS], bodies[:, at.B_COM : at.B_COM + 3]
+    trace = bodies[:, at.B_INERTIA : at.B_INERTIA + 3].sum(axis=1)
     moment = float(np.sum(trace / 2 + mass * (com**2).sum(axis=1)))
     return float(np.sqrt(moment / mass.sum())) if moment > 0 and mass.sum() > 0 else 1.0

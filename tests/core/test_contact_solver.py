@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
 from benchmarks import ordinary
@@ -190,17 +191,95 @@ def test_a_heap_of_balls_meets_its_laws():
     assert run.contact_residual[:, :2].max() < 1e-6 * force
 
 
-def test_a_second_hinge_on_the_same_axis_changes_nothing():
-    """No impulse at it moves the door, so that it has no effective mass of its own."""
+OBLIQUE = tuple(np.array((1.0, 2.0, -0.5)) / np.linalg.norm((1.0, 2.0, -0.5)))
+
+
+@pytest.mark.parametrize("axis", [(0, 0, 1), OBLIQUE])
+@pytest.mark.parametrize("method", ["moreau_jean", "rk4"])
+@pytest.mark.parametrize("size", [1.0, 1e3])
+def test_a_second_hinge_or_rail_on_the_same_axis_changes_nothing(axis, method, size):
+    """No impulse at it moves anything: rounding of its rows, lengths included, is no constraint."""
+    place = size * np.array((0.3, -0.2, 0.7))
     door = pg.Body(
-        name="door", axes=(0, 0, 1), mass=10.0, com=(0.4, 0.1, 0.0),
-        inertia=np.diag((1.0, 1.5, 2.0)), limits=((-1.0, 1.0),), v=3.0,
+        name="part", axes=axis, link=tuple(place), mass=10.0, com=(0.4 * size, 0.1 * size, 0.0),
+        inertia=size**2 * np.diag((1.0, 1.5, 2.0)), limits=((-1.0, 1.0),), v=3.0,
     )  # fmt: skip
-    one = pg.Model(bodies=[door], gravity=(0.0, 0.0, -1.0))
-    two = one.add(pg.Point(name="hinge", body="door", point=(0, 0, 1), other_point=(0, 0, 1)))
-    options = {"method": "moreau_jean", "step": 1e-3, "t_end": 1.0, "estimate": False}
-    alone, held = pg.simulate(one, **options), pg.simulate(two, **options)
-    assert np.abs(held.q - alone.q).max() < 1e-9
-    assert alone.q.max() > 0.99
-    assert held.q.max() < 1.0 + 1e-3
-    assert held.contact_residual.max() < 1e-6
+    rail = {"joint": "prismatic", "limits": ((-size, size),), "v": 3.0 * size}
+    on = {"body": "part", "axis": axis, "other_axis": axis, "point": tuple(size * np.array(axis))}
+    on["other_point"] = tuple(place + size * np.array(axis))
+    options = {"method": method, "step": 1e-3, "t_end": 0.4, "estimate": False}
+    swings = pg.Model(bodies=[door], gravity=(0.0, 0.0, -size))
+    for one, second in ((swings, pg.Revolute), (swings.edit("part", **rail), pg.Prismatic)):
+        alone = pg.simulate(one, **options)
+        held = pg.simulate(one.add(second(name="second", **on)), **options)
+        assert np.ptp(alone.q) > 0.9
+        np.testing.assert_allclose(held.q, alone.q, atol=1e-9 * np.ptp(alone.q))
+        assert not any("singular" in notice for notice in held.notices)
+
+
+def test_a_four_bar_in_an_oblique_plane_moves_as_in_that_of_two_axes():
+    """Its closing hinge has three rows too many, none of them along an axis of the world."""
+    crank, rocker, base = np.array((0.2, 0.3, 0)), np.array((0.5, -0.6, 0)), np.array((1.0, 0, 0))
+    coupler, runs = base - crank - rocker, []
+    for turn in (Rotation.identity(), Rotation.from_rotvec((0.7, -0.4, 1.1))):
+        axis, inertia = tuple(turn.apply((0, 0, 1))), turn.as_matrix() @ np.diag((2, 3, 4))
+        links, at = [], np.zeros(3)
+        for name, link in (("crank", crank), ("coupler", coupler), ("rocker", rocker)):
+            links.append(
+                pg.Body(
+                    name=name, parent=links[-1].name if links else "ground", axes=axis, mass=1.0,
+                    link=tuple(turn.apply(at)), com=tuple(turn.apply(link / 2)),
+                    inertia=1e-2 * inertia @ turn.as_matrix().T, tip=tuple(turn.apply(link)),
+                )
+            )  # fmt: skip
+            at = link
+        close = pg.Revolute(
+            name="close", body="rocker", point=tuple(turn.apply(rocker)), axis=axis,
+            other_point=tuple(turn.apply(base)), other_axis=axis,
+        )  # fmt: skip
+        gravity = tuple(turn.apply((3.0, -9.0, 4.0)))
+        model = pg.Model(bodies=links, constraints=[close], gravity=gravity)
+        model = model.edit("crank", limits=((-9.0, 0.8),))
+        runs.append(pg.simulate(model, t_end=0.5, step=1e-3, method="moreau_jean", estimate=False))
+    assert np.ptp(runs[0].q[:, 0]) > 1.0
+    np.testing.assert_allclose(runs[1].q, runs[0].q, atol=1e-9)
+
+
+def test_what_is_fixed_to_the_ground_has_no_inertia_that_matters():
+    """A pendulum of 1 mm with a ball welded to it hits a wall: rotation rows are as large as it."""
+    size, inertia, ends = 1e-3, 1e-6 * np.diag((0.03, 0.02, 0.04)), []
+    for of_wall in (1e-8, 1.0):
+        pendulum = pg.Body(
+            name="p", axes=(0, 1, 0), mass=2, com=(0.4 * size, 0, 0), inertia=inertia
+        )
+        ball = pg.Body(
+            name="b", joint="free", link=(0.5 * size, 0.1 * size, 0), mass=1, inertia=inertia,
+            shape={"kind": "sphere", "radius": 0.05 * size},
+        )  # fmt: skip
+        wall = pg.Body(
+            name="wall", joint="weld", link=(0.3 * size, 0, -0.45 * size),
+            inertia=of_wall * np.eye(3), shape={"kind": "box", "size": (2e-3, 2e-3, 2e-4)},
+        )  # fmt: skip
+        weld = pg.Weld(name="w", body="b", other="p", point=(0, 0, 0))
+        hit = pg.Contact(name="c", body="b", other="wall", friction=0.3, restitution=0.4)
+        model = pg.Model(bodies=[pendulum, ball, wall], constraints=[weld], contacts=[hit])
+        step = 1e-3 * size**0.5
+        ends.append(pg.simulate(model, t_end=500 * step, step=step, estimate=False)["p"][-1])
+    assert ends[0] == ends[1] == pytest.approx(0.6296, abs=1e-3)
+
+
+@pytest.mark.parametrize(("heavier", "friction"), [(1e4, 0.5), (1e6, 0.4)])
+def test_a_heavy_box_slides_on_a_light_one(heavier, friction):
+    """It stops after v² / (2 μ g), and what carries it, and has more friction below, stays."""
+    low = cube("low", (0, 0, 0.1))
+    high = cube("high", (0.02, 0.01, 0.3), mass=heavier)
+    high = pg.Model(bodies=[high]).edit("high", v=(0, 0, 0, 0.5, 0.2, 0)).bodies[0]
+    contacts = [
+        pg.Contact(name="floor", body="*", friction=friction),
+        pg.Contact(name="heap", body="*", other="*", friction=0.3),
+    ]
+    model = pg.Model(bodies=[low, high], contacts=contacts)
+    run = pg.simulate(model, t_end=0.3, step=1e-3, method="moreau_jean", estimate=False)
+    assert np.abs(run["low"] - run["low"][0]).max() < 1e-6
+    slid = np.linalg.norm(run["high"][-1, :2] - (0.02, 0.01))
+    assert slid == pytest.approx((0.5**2 + 0.2**2) / (2 * 0.3 * G), rel=1e-3)

@@ -327,6 +327,18 @@ def _store_triple(typingctx: Any, a: Any, i: Any, j: Any, x: Any) -> Any:
     return types.void(a, types.intp, types.intp, TRIPLE), code
 
 
+@intrinsic
+def _beyond(typingctx: Any, x: Any, least: Any) -> Any:
+    """A triple with zero in place of numbers that are at most `least` in size; nan stays nan."""
+
+    def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        bound = splat(builder, args[1], signature.return_type.width)
+        keep = builder.fcmp_unordered(">", llvm(builder, "fabs", args[0]), bound)
+        return builder.select(keep, args[0], ir.Constant(WHOLE, [0.0] * 4))
+
+    return TRIPLE(TRIPLE, types.float64), code
+
+
 def _store_plain(a: Any, i: int, j: int, x: Any) -> None:
     a[i, j : j + 3] = x
 
@@ -336,3 +348,4 @@ triple: Any = _triple if JIT else lambda x, y, z: np.array([x, y, z])
 numbers: Any = _numbers if JIT else lambda x: tuple(x.tolist())
 load_triple: Any = _load_triple if JIT else lambda a, i, j: a[i, j : j + 3].copy()
 store_triple: Any = _store_triple if JIT else _store_plain
+beyond: Any = _beyond if JIT else lambda x, least: np.where(abs(x) <= least, 0.0, x)

@@ -1,12 +1,20 @@
 """What unit multipliers do in the joints: wrenches carried along their paths to the ground.
 
 Carried by the articulated factors, they give Y with Ω = J M⁻¹ Jᵀ = Y diag(1/d) Yᵀ, without a mass
-matrix ([Featherstone 2008, ch. 8], [Wensing et al. 2012]). Only joints on the paths are stored.
+matrix ([Featherstone 2008, ch. 8], [Wensing et al. 2012]). Only joints on the paths that feel a
+wrench are stored.
+
+A wrench that a joint does not feel, such as a force on the axis of a hinge, leaves rounding there
+unless the axis is one of the world's. Points of a mechanism are known to about 1e-16 of their
+distances from the origin, loops are closed to 1e-14 of them: so the moment of a unit force about an
+axis is zero where it is below 1e-13 of the coordinates that its arm is a difference of, and so is
+what is below 1e-13 of a torque, or of a unit force along a slider. Rounding kept as an entry would
+be a constraint wherever a row has no other.
 """
 
 from .. import layout as at
 from ..compiler.jit import part
-from ..compiler.lane import numbers, store_triple, triple
+from ..compiler.lane import beyond, numbers, store_triple, triple
 from ..layout import T_ALIGN, T_TURN
 from ..linear import backward3, backward6, forward3, forward_free, pivots6, solve3, transposed6
 from ..rows import (
@@ -48,6 +56,8 @@ from ..vec import (
 )
 from .blocks import along, ends_of, place_a, place_b, size_of, terms_of, type_of
 
+GRAIN = 1e-13  # of what an entry is a difference of: less is rounding
+
 
 @part
 def pivots(rows, work, dinv):
@@ -76,9 +86,21 @@ def unit_wrenches(blocks_i, i, work, place, k, sign):
     b = scale(sign, along(place, i, 1)) if size > 1 else none
     c = scale(sign, along(place, i, 2)) if size > 2 else none
     d = (triple(a[0], b[0], c[0]), triple(a[1], b[1], c[1]), triple(a[2], b[2], c[2]))
-    if type_of(blocks_i, i) == T_ALIGN or type_of(blocks_i, i) == T_TURN:
+    if torque_block(blocks_i, i):
         return d, no_triples()
     return cross(arm, d), d
+
+
+@part
+def torque_block(blocks_i, i):
+    """Whether a block's multipliers are torques, not forces."""
+    return type_of(blocks_i, i) == T_ALIGN or type_of(blocks_i, i) == T_TURN
+
+
+@part
+def taxicab(x):
+    """|x| + |y| + |z|."""
+    return abs(x[0]) + abs(x[1]) + abs(x[2])
 
 
 @part
@@ -105,6 +127,10 @@ def carry(rows, blocks_i, i, work, space):
     y, slots, place = space.y, space.slots, space.place
     a, b = ends_of(blocks_i, i)
     meet = meeting(rows, a, b)
+    turns = torque_block(blocks_i, i)
+    reach = taxicab(along(place, i, 0))
+    if not turns:
+        reach = taxicab(place_a(place, i)) + taxicab(place_b(place, i))
     moment, force = no_triples(), no_triples()
     moment_b, force_b = moment, force
     slot = 0
@@ -121,34 +147,54 @@ def carry(rows, blocks_i, i, work, space):
             moment_b, force_b = moment, force
             moment, force = unit_wrenches(blocks_i, i, work, place, k, 2.0 * leg - 1.0)
         while k > stop:
-            moment, force, slot = past(rows, work, k, moment, force, y, slots, i, slot)
+            if not turns:
+                reach = max(reach, taxicab(origin_of(work, k)) + taxicab(link_of(work, k)))
+            moment, force, slot = past(rows, work, k, moment, force, reach, y, slots, i, slot)
             k = 0 if kind_of(rows, k) == FREE else parent_of(rows, k)
     slots[i, at.SLOTS] = slot
 
 
 @part
-def past(rows, work, k, moment, force, y, slots, i, slot):
-    """(three wrenches past joint k, the next free slot); the joint keeps its share of each."""
+def past(rows, work, k, moment, force, reach, y, slots, i, slot):
+    """(three wrenches past joint k, the next free slot); the joint keeps its share of each.
+
+    `reach` is what moments are differences of; a joint that feels none of them takes no slot.
+    """
     kind = kind_of(rows, k)
-    width = nv_of(kind)
-    for n in range(width):
-        slots[i, at.SLOT + slot + n] = v_of(rows, k) + n
     link = link_of(work, k)
+    felt = True
     if kind <= TRANSLATE:
         h = axis_of(work, k)
-        share = dot(h, moment) if kind == ROTATE else dot(h, force)
+        if kind == ROTATE:
+            share = beyond(dot(h, moment), GRAIN * reach)
+        else:
+            share = beyond(dot(h, force), GRAIN)
+        felt = any_number(share)
         store_triple(y, i, 3 * slot, share)
         passed = -inverse_pivot_of(work, k) * share
         u0, u1 = projected_of(work, k)
         force = add_scaled(force, passed, u1)
         moment = add_cross(add_scaled(moment, passed, u0), link, force)
     elif kind == BALL:  # it passes a force on, and no moment
+        least = GRAIN * reach
+        moment = (beyond(moment[0], least), beyond(moment[1], least), beyond(moment[2], least))
+        felt = any_number(moment[0]) or any_number(moment[1]) or any_number(moment[2])
         force = past_ball(work, k, moment, force, y, i, slot)
         moment = cross(link, force)
     else:  # the last joint that feels a wrench
         into_free(work, k, moment, force, y, i, slot)
         moment, force = no_triples(), no_triples()
+    width = nv_of(kind) if felt else 0
+    for n in range(width):
+        slots[i, at.SLOT + slot + n] = v_of(rows, k) + n
     return moment, force, slot + width
+
+
+@part
+def any_number(x):
+    """Whether a number of a triple is not zero."""
+    a, b, c = numbers(x)
+    return a != 0.0 or b != 0.0 or c != 0.0
 
 
 @part
@@ -188,7 +234,7 @@ def carry_coordinates(rows, const, blocks, i, work, space):
         moment, force = alone(load(whole, k, 0)), alone(load(whole, k, 3))
         store(whole, k, 0, none)
         store(whole, k, 3, none)
-        moment, force, slot = past(rows, work, k, moment, force, y, slots, i, slot)
+        moment, force, slot = past(rows, work, k, moment, force, 0.0, y, slots, i, slot)
         p = parent_of(rows, k)
         if p > 0 and kind_of(rows, k) != FREE:
             accumulate(whole, p, 0, first_of(moment))

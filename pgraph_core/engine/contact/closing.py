@@ -18,6 +18,7 @@ DEPTH = 1e-5  # of the size of what touches: penetration that is tolerated
 ROUNDING = 2.0**-50  # of the coordinates that a gap is the difference of
 HARD = 4.0  # times what weight adds in a step: slower impacts are taken where the step finds them
 SURE = 1.02  # a bound of a closing speed over its value now
+SIDEWAYS = 1e-6  # of a relative speed: what a normal that turns a little makes of it
 
 
 @part
@@ -98,7 +99,7 @@ def closing_bound(scene, i, j, normal, left):
         arm += other
     size = math.sqrt(dot(u, u))
     bend = min(1.0, turn * left) * size + 2.0 * contacts.tally[0].pull * left
-    return SURE * max(-dot(u, normal), 0.0) + arm + bend + 1e-6 * size
+    return SURE * max(-dot(u, normal), 0.0) + arm + bend + SIDEWAYS * size
 
 
 @part

@@ -39,6 +39,9 @@ NEWTON = 12
 TURN = 0.3  # rad: the largest step of Newton's method
 NEAR_FLAT = 0.8  # cosine: a face this near to n is tried as the normal
 NEAR_EDGE = 0.5  # cosine: an edge this near to a right angle with n is tried
+CONVERGED = 1e-16  # rad: the last turn of Newton's method
+CURVELESS = 1e-14  # of the squared curvature: a determinant that is rounding
+NOTHING = 1e-300  # keeps a direction of no length finite
 GAIN = 1e-15  # of the sizes: a larger separation by less is rounding
 PREFER = 1e-12  # of the sizes: a flat face is taken where anything else is better only by this
 FLAT = 1e-6  # rad: a face this near to n lies in the contact plane
@@ -175,7 +178,7 @@ def nearest_of_triangle(p, q, r):
 def first_corners(room, a, b, row):
     """A tetrahedron of support points; its orientation makes normals point outwards."""
     way = sub(a.centre, b.centre)
-    n = unit(add_scaled(ASKEW, 1.0 / (math.sqrt(dot(way, way)) + 1e-300), way))
+    n = unit(add_scaled(ASKEW, 1.0 / (math.sqrt(dot(way, way)) + NOTHING), way))
     set_xyz(room[row].place, between(room, a, b, n))
     set_xyz(room[row + 1].place, between(room, a, b, scale(-1.0, n)))
     edge = sub(corner_at(room, row, 1), corner_at(room, row, 0))
@@ -334,7 +337,7 @@ def along_edge(room, a, b, n, e):
             break
         turn = min(max(dot(u, w) / stiff, -TURN), TURN)
         n = unit(add_scaled(n, turn, u))
-        if abs(turn) < 1e-16:
+        if abs(turn) < CONVERGED:
             break
     return n
 
@@ -350,14 +353,14 @@ def freely(room, a, b, n):
         xy = bend(a, n, t, u) + bend(b, n, t, u)
         yy = bend(a, n, u, u) + bend(b, n, u, u) + s
         det = xx * yy - xy * xy
-        if not (det > 1e-14 * (xx + yy) ** 2 and xx + yy > 0.0):
+        if not (det > CURVELESS * (xx + yy) ** 2 and xx + yy > 0.0):
             break
         x, y = dot(t, w), dot(u, w)
         p, q = (yy * x - xy * y) / det, (xx * y - xy * x) / det
         turn = math.sqrt(p * p + q * q)
         shorter = TURN / turn if turn > TURN else 1.0
         n = unit(add_scaled(add_scaled(n, shorter * p, t), shorter * q, u))
-        if turn < 1e-16:
+        if turn < CONVERGED:
             break
     return n
 

@@ -45,6 +45,7 @@ FEW = 30  # contacts: a larger island of single ones is a heap, and swept
 SWEPT = 1e3  # of a factor's work a block: where its steps cost more than sweeps
 WORK = 1e8  # of all factors of an island in one instant
 MOST_STEPS = 40.0  # of Newton's method from one start
+HEAVIER = 1e4  # times the mass that a block moves: the most that k becomes under a heavy body
 # Newton's ways: first compliance, its factors after a step that helped and after one that did not,
 # how many steps that halve nothing are too many, and what counts as closed at first [velocities].
 FROM_LAST = (1e-6, 0.1, 100.0, 8, 0.0)
@@ -277,22 +278,28 @@ def largest_velocity(scene, n):
 def solve_exact(scene, n, size, most):
     """λ by Newton's method; what is missed over `size`.
 
-    From the last impulses on, else from none in two ways, each with at most as many steps.
+    From the last impulses on, else from none in two ways, each with at most as many steps. From
+    none, the first way asks with the heaviest mass of the island what is open, sticks or slides.
     """
     report = opened(scene).space.vectors[REPORT]
-    weigh(scene, n)
     left = math.inf
+    weigh(scene, n, 1.0)
     if pushes(scene, n):
         left, taken = converge(scene, n, size, FROM_LAST, True, TOLERANCE, most)
         report[STEPS_DONE] += taken
         if left <= CLOSE:
             return left
         report[HARD] += 1.0
-    for way in (FROM_NONE, CAREFUL):
+    for way, heavier in ((FROM_NONE, HEAVIER), (CAREFUL, 1.0)):
         copy_impulses(scene, n, LAMBDA, OTHER)
         drop(scene, n)
+        weigh(scene, n, heavier)
         again, taken = converge(scene, n, size, way, False, TOLERANCE, most)
         report[STEPS_DONE] += taken
+        if heavier > 1.0:
+            weigh(scene, n, 1.0)
+            again, taken = converge(scene, n, size, FROM_LAST, False, TOLERANCE, most)
+            report[STEPS_DONE] += taken
         if again < left:
             left = again
         else:

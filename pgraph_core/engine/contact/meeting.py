@@ -47,6 +47,7 @@ SAME = 1e-9  # of a part: two instants this near are one
 LEAD = 0.5  # of the thinner shape's half: how far a pair that touches goes between two looks
 SUNK = 0.25  # of the thinner shape's half: what has sunk in this far has landed, however softly
 SAG = 0.2  # of the thinner shape's half: how far the path may bend within a part
+ARRIVED = 1e-12  # of a part: a time this near to its end is its end
 APART, TOUCHING = 0, 1  # kinds of meetings of two shapes, in `vertex`
 
 
@@ -194,7 +195,7 @@ def first_meeting(scene, h, left, q, v, start, vdot, speed):
             else:
                 before = tau
                 tau += step
-                if tau >= left * (1.0 - 1e-12):
+                if tau >= left * (1.0 - ARRIVED):
                     tau = left
             state_at(scene, tau, q, v, start, vdot, speed)
         else:

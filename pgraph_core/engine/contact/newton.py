@@ -32,7 +32,6 @@ SOFTLY = 1e-2
 FITS = 1e-2  # of what is missed: what a step should take off it
 CHORD = 0.1  # what a step with an old factor may leave, or the next one takes a new one
 FINER = 1e-2  # of the tolerance: where it costs no new factor
-IMMOBILE = 1e-24  # of the largest mobility: what rounding makes of none
 FRESH = 1e-3  # of the largest velocity: what may be missed after sliding impulses begin again
 # Where the scratch of an island keeps them: columns of a block.
 SLOPE, MISS, RATE, MOVE, FROM, STATE = 0, 9, 12, 21, 24, 27
@@ -416,30 +415,50 @@ def converge(scene, n, size, way, fresh, tolerance, most):
 
 
 @sweep
-def weigh(scene, n):
+def weigh(scene, n, heavier):
     """What island n's blocks meet: k of each, and of all between the same bodies the largest.
 
-    One compliance for all points of a touch shares its load evenly. A block that no impulse moves,
-    such as a second hinge on the same axis, has no k of its own.
+    One compliance for all points of a touch shares its load evenly. k is the mass that a block
+    moves, up to `heavier` times as much where others of the island move a heavier one: what lies
+    under a heavy body is light by itself, and yet carries it.
     """
     data = opened(scene)
     blocks_i, own = data.blocks.blocks_i, data.space.own
     islands = contacts_at(data.links.contacts).islands
     first, end = islands.first[n], islands.first[n + 1]
-    largest = 0.0
+    least = math.inf
     for j in range(first, end):
         i = islands.blocks[j]
-        islands.mobility[i] = max(own[i, 0], max(own[i, 4], own[i, 8]))
-        largest = max(largest, islands.mobility[i])
+        islands.weight[i] = max(own[i, 0], max(own[i, 4], own[i, 8]))
+        if heavier > 1.0:
+            least = min(least, least_mobility(data, islands.tree, i))
     for j in range(first, end):
         i = islands.blocks[j]
-        if islands.mobility[i] <= IMMOBILE * largest:
-            islands.mobility[i] = largest if largest > 0.0 else 1.0
-        islands.weight[i] = islands.mobility[i]
+        mobility = islands.weight[i]
+        islands.mobility[i] = max(min(mobility, least), mobility / heavier)
     for j in range(first + 1, end):
         share(blocks_i, islands, islands.blocks[j - 1], islands.blocks[j])
     for j in range(end - 1, first, -1):
         share(blocks_i, islands, islands.blocks[j], islands.blocks[j - 1])
+
+
+@part
+def least_mobility(data, tree, i):
+    """The smaller of the mobilities that a block's two trees give it."""
+    slots, dinv = data.space.slots, data.space.vectors[DINV]
+    count = joints_of(slots, i)
+    least = math.inf
+    s = 0
+    while s < count:
+        root = tree[joint_of(slots, i, s)]
+        u = triple(0.0, 0.0, 0.0)
+        while s < count and tree[joint_of(slots, i, s)] == root:
+            y = load_triple(data.space.y, i, 3 * s)
+            u = u + dinv[joint_of(slots, i, s)] * y * y
+            s += 1
+        x, y, z = numbers(u)
+        least = min(least, max(x, max(y, z)))
+    return least
 
 
 @part

@@ -9,7 +9,7 @@ import math
 from ..arrays import opened
 from ..compiler.jit import part, sweep
 from ..records import BOX, HEIGHTFIELD, HULL, POINTS, RIGID
-from ..vec import dot, matrix, mul_t, set_matrix, set_xyz, sub, xyz
+from ..vec import add, dot, matrix, mul, mul_t, set_matrix, set_xyz, sub, xyz
 from .closing import thickness
 from .contacts import contacts_at
 from .search import are_apart
@@ -64,8 +64,8 @@ def passes(contacts, i, j):
     if shapes[i].kind == POINTS or kind == POINTS or kind == HEIGHTFIELD:
         return False
     now, before = contacts.poses, contacts.start_poses
-    p = seen_from(before[j], shapes[j], before[i])
-    way = sub(seen_from(now[j], shapes[j], now[i]), p)
+    p = seen_from(before[j], shapes[j], before[i], shapes[i])
+    way = sub(seen_from(now[j], shapes[j], now[i], shapes[i]), p)
     if dot(way, way) <= thickness(shapes[j]) ** 2:
         return False
     r, turned = matrix(before[j].rotation), matrix(now[j].rotation)
@@ -79,10 +79,10 @@ def passes(contacts, i, j):
 
 
 @part
-def seen_from(pose, shape, other):
-    """The place of another shape from the middle of a shape, in its axes."""
-    p = mul_t(matrix(pose.rotation), sub(xyz(other.position), xyz(pose.position)))
-    return sub(p, xyz(shape.middle))
+def seen_from(pose, shape, other_pose, other):
+    """The middle of another shape from the middle of a shape, in its axes."""
+    p = add(xyz(other_pose.position), mul(matrix(other_pose.rotation), xyz(other.middle)))
+    return sub(mul_t(matrix(pose.rotation), sub(p, xyz(pose.position))), xyz(shape.middle))
 
 
 @part

@@ -35,6 +35,7 @@ _save, opened_events = stored(EVENT_SCENE)
 
 RANK = 1e-11  # singular values of sliding points below this part of the largest are zero
 JACOBI_SWEEPS = 30
+ORTHOGONAL = 1e-15  # cosine of two columns that are at right angles to rounding
 SHARES = 200  # projections on cones and back
 SHARED = 1e-12  # of the largest multiplier: forces this near their cones are in them
 INSIDE = 1e-9  # part of the cone that is left free, so that projections end inside
@@ -301,7 +302,7 @@ def rotate_columns(small, base, p, q, k):
     a = column_dot(small, p, p, k)
     b = column_dot(small, q, q, k)
     c = column_dot(small, p, q, k)
-    if not abs(c) > 1e-15 * math.sqrt(a * b):
+    if not abs(c) > ORTHOGONAL * math.sqrt(a * b):
         return 0
     zeta = (b - a) / (2.0 * c)
     t = 1.0 / (abs(zeta) + math.sqrt(1.0 + zeta * zeta))

@@ -30,6 +30,7 @@ from .pairs import pair_contacts, pair_gap
 from .segments import ball_ball
 from .shapes import bound, far_apart, label, place
 
+NOTHING = 1e-300  # m: a width above zero whose logarithm is finite
 LARGE = 2.0  # times the geometric mean of the widths
 FARTHEST = 1048575.0  # cells along an axis; beyond it, all are one
 
@@ -61,9 +62,9 @@ def sort_into_cells(members, bounds, cells, buckets):
     n = members.shape[0]
     total = 0.0
     for m in range(n):
-        total += log(max(width(bounds, members[m].shape), 1e-300))
+        total += log(max(width(bounds, members[m].shape), NOTHING))
     usual = LARGE * exp(total / n)
-    cell = 1e-300
+    cell = NOTHING
     origin = (math.inf, math.inf, math.inf)
     for m in range(n):
         i = members[m].shape

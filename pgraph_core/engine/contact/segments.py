@@ -10,6 +10,8 @@ from ..vec import add, add_scaled, cross, dot, matrix, mul, mul_t, scale, sub, x
 from .shapes import put
 
 TOUCH = 1e-12  # of the sizes: segments closer than this cross, and have no direction between them
+PARALLEL = 1e-28  # squared sine: lines closer to parallel cross nowhere
+ALIKE = 1e-24  # squared sine: directions that span no plane
 SAME = 1e-9  # of the lengths: ends nearer than this face each other
 
 
@@ -75,7 +77,7 @@ def crossing(p, d, q, e):
     dd, ee, de = dot(d, d), dot(e, e), dot(d, e)
     n = cross(d, e)
     size = dot(n, n)  # = dd ee - de², without its cancellation
-    if size <= 1e-28 * dd * ee:
+    if size <= PARALLEL * dd * ee:
         return -1.0, -1.0
     dr, er = dot(d, r), dot(e, r)
     return (de * er - dr * ee) / size, (dd * er - de * dr) / size
@@ -86,11 +88,11 @@ def apart(d, e, middle):
     """A unit direction from the second of two segments that cross; `middle` decides its sign."""
     n = cross(d, e)
     size = dot(n, n)
-    if size <= 1e-24 * dot(d, d) * dot(e, e) or size == 0.0:
+    if size <= ALIKE * dot(d, d) * dot(e, e) or size == 0.0:
         along_both = d if dot(d, d) >= dot(e, e) else e
         n = cross(along_both, cross(middle, along_both))
         size = dot(n, n)
-        if size <= 1e-24 * dot(along_both, along_both) ** 2 * dot(middle, middle) or size == 0.0:
+        if size <= ALIKE * dot(along_both, along_both) ** 2 * dot(middle, middle) or size == 0.0:
             x, y, z = abs(along_both[0]), abs(along_both[1]), abs(along_both[2])
             helper = (1.0, 0.0, 0.0) if x <= y and x <= z else (0.0, 1.0, 0.0)
             n = cross(along_both, helper) if x + y + z > 0.0 else (0.0, 0.0, 1.0)

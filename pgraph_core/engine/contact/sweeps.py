@@ -20,6 +20,9 @@ from .newton import bounds_of, respond, rows_of, velocity
 INNER = 8  # rounds between normal and friction of one contact
 SOLID = 1e-10  # relative, squared: what moves less across a contact is taken as fixed
 COUPLED = 1e-9  # friction that presses by less than this part does not make a contact slide on
+SETTLED = 1e-15  # relative: a change that is rounding
+TURNED = 1e-14  # rad: a change of the direction of slip that is
+RIGID = 1e-12  # of the mobility: keeps a direction in which nothing can move apart from none
 DEPTH = 4  # sweeps that are combined
 SMALL = 16  # blocks: sweeps of smaller islands converge by themselves
 # Where the scratch of an island keeps them: columns of a block behind the nine of Newton's slope.
@@ -244,7 +247,7 @@ def contact(own, i, u, old, mu):
             own[i, 4], own[i, 5], own[i, 8], free_x + own[i, 3] * n, free_y + own[i, 6] * n, mu * n
         )
         moved = abs(n - last) + abs(t[0] - held[0]) + abs(t[1] - held[1])
-        if moved <= 1e-15 * n:
+        if moved <= SETTLED * n:
             break
     return (n, t[0], t[1])
 
@@ -295,7 +298,7 @@ def sliding(own, i, free_n, free_x, free_y, mu):
             return (0.0, 0.0, 0.0)
         turned = abs(x / size - way_x) + abs(y / size - way_y)
         way_x, way_y = x / size, y / size
-        if turned <= 1e-14:
+        if turned <= TURNED:
             return (n, -drag * way_x, -drag * way_y)
     return (0.0, 0.0, 0.0)
 
@@ -306,7 +309,7 @@ def in_disc(a, b, c, x, y, radius):
     pull = math.sqrt(x * x + y * y)
     if not (radius > 0.0 and pull > 0.0 and a + c > 0.0):
         return (0.0, 0.0)
-    slack = 1e-12 * (a + c)  # a direction in which nothing can move
+    slack = RIGID * (a + c)  # a direction in which nothing can move
     a += slack
     c += slack
     det = a * c - b * b
@@ -324,7 +327,7 @@ def in_disc(a, b, c, x, y, radius):
         slope = (tx * (q * tx - b * ty) + ty * (p * ty - b * tx)) / det
         step = (size / radius - 1.0) * size * size / slope
         s += step
-        if abs(step) <= 1e-15 * (s + a + c):
+        if abs(step) <= SETTLED * (s + a + c):
             break
     p = a + s
     q = c + s
