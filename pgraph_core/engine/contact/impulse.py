@@ -278,8 +278,8 @@ def largest_velocity(scene, n):
 def solve_exact(scene, n, size, most):
     """λ by Newton's method; what is missed over `size`.
 
-    From the last impulses on, else from none in two ways, each with at most as many steps. From
-    none, the first way asks with the heaviest mass of the island what is open, sticks or slides.
+    From the last impulses on, else from none in three ways, each with at most as many steps. The
+    second asks with the heaviest mass of the island what is open, sticks or slides.
     """
     report = opened(scene).space.vectors[REPORT]
     left = math.inf
@@ -290,7 +290,7 @@ def solve_exact(scene, n, size, most):
         if left <= CLOSE:
             return left
         report[HARD] += 1.0
-    for way, heavier in ((FROM_NONE, HEAVIER), (CAREFUL, 1.0)):
+    for way, heavier in ((FROM_NONE, 1.0), (FROM_NONE, HEAVIER), (CAREFUL, 1.0)):
         copy_impulses(scene, n, LAMBDA, OTHER)
         drop(scene, n)
         weigh(scene, n, heavier)

@@ -92,6 +92,7 @@ from ..rows import (
 from ..tree.kinematics import base_axes, positions
 from ..tree.moving import advance
 from ..vec import add, add_scaled, finite, load, mul, scale, set_xyz, xyz
+from .spinning import turn_by_midpoint
 from .state import STEP as STEP_SIGNATURE
 from .state import copied, size_of_state
 
@@ -176,6 +177,8 @@ def part_of_step(run, done, h, w, look):
     call_acceleration(this.links.accelerate, (scene, t + 0.5 * w, q, v, tau, vdot, flow))
     this.counters[0].evaluations += 1
     relax(rows, const, space.vectors, given)
+    if w > 0.0:
+        turn_by_midpoint(scene, w, vdot)
     for j in range(nv):
         damping[j] = space.vectors[DAMPING, j]
     positions(rows, work)
