@@ -11,7 +11,6 @@ from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..engine import layout as at
 from ..errors import ModelError, Problem
@@ -69,12 +68,11 @@ class Endpoints:
         topology: Topology,
         packed: System,
         home: tuple[Array, Array],
-        trees: Ints,
+        size: float,
     ):
-        self.c, self.model, self.packed = c, model, packed
+        self.c, self.model, self.packed, self.size = c, model, packed, size
         self.topology = topology
         self.a, self.b = map(topology.number, c.pair)
-        self.size = radius_of_gyration(packed, np.isin(trees, trees[[self.a, self.b]]))
         self.position_a, self.rotation_a = _pose(home, self.a)
         self.position_b, self.rotation_b = _pose(home, self.b)
         self.turn = self.rotation_b.T @ self.rotation_a  # from the axes of a to those of b
@@ -306,9 +304,9 @@ def blocks(model: Model, topology: Topology, packed: System, home: tuple[Array, 
 
     Raises ModelError where a constraint contradicts that state.
     """
-    trees = trees_of(packed)
+    size = radius_of_gyration(packed)
     found = [
-        blocks_of(Endpoints(c, model, topology, packed, home, trees)) for c in model.constraints
+        blocks_of(Endpoints(c, model, topology, packed, home, size)) for c in model.constraints
     ]
     flat = [block for items in found for block in items]
     ends = [
@@ -336,7 +334,7 @@ def values_of(
     c: Constraint, model: Model, topology: Topology, packed: System, poses: tuple[Array, Array]
 ) -> list[Array]:
     """(28,) of each block of a constraint, what it leaves out being as in these poses."""
-    ends = Endpoints(c, model, topology, packed, poses, trees_of(packed))
+    ends = Endpoints(c, model, topology, packed, poses, radius_of_gyration(packed))
     return [block.values for block in blocks_of(ends)]
 
 
@@ -352,23 +350,13 @@ def _rows(c: Constraint, block: Block, topology: Topology, packed: System) -> tu
     return a, b
 
 
-def trees_of(packed: System) -> Ints:
-    """(nb + 1,) the first row of each body's tree; 0 of what is fixed to the ground."""
-    first = np.arange(len(packed.rows))
-    for k, (parent, kind, _, _) in enumerate(packed.rows[1:].tolist(), start=1):
-        if parent > 0 and kind != at.FREE:
-            first[k] = first[parent]
-    return first[packed.bodies_i[:, at.ROW]]
-
-
-def radius_of_gyration(packed: System, among: NDArray[np.bool_] | None = None) -> float:
+def radius_of_gyration(packed: System) -> float:
     """How far a body's mass is from its origin, over all that move [m]; 1 where none has mass.
 
     A turn times this length compares with a displacement: what Ω then has on its diagonal is of
-    one size. `among` (nb + 1,): which bodies count.
+    one size.
     """
-    moving = packed.bodies_i[:, at.ROW] > 0
-    bodies = packed.bodies_f[moving if among is None else moving & among]
+    bodies = packed.bodies_f[packed.bodies_i[:, at.ROW] > 0]
     mass, com = bodies[:, at.B_MASS], bodies[:, at.B_COM : at.B_COM + 3]
     trace = bodies[:, at.B_INERTIA : at.B_INERTIA + 3].sum(axis=1)
     moment = float(np.sum(trace / 2 + mass * (com**2).sum(axis=1)))

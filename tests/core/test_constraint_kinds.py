@@ -76,7 +76,7 @@ def case(kind, seed):
 
 def rows_at(s, c, q, v, t=0.0):
     op = Operators(s.model, s.topology, q, v)
-    return rows_of(op, c, radius_of_gyration(op.bodies), t)
+    return rows_of(op, c, radius_of_gyration(op), t)
 
 
 def rate(f, s):

@@ -26,7 +26,7 @@ def test_rows_are_those_of_the_operators(kind, seed):
     """Directions normal to an axis may be any two: what they span and measure is compared."""
     s, c = case(kind, seed)
     op = Operators(s.model, s.topology, s.q, s.v)
-    length = radius_of_gyration(op.bodies)
+    length = radius_of_gyration(op)
     found, expected = kernel_rows(s, s.v, 0.2), rows_of(op, c, length, 0.2)
     assert len(found.J) == ROWS[kind]
     assert abs(found.length - length) < ROUNDING * length

@@ -7,7 +7,7 @@ b* the point of `other` at the same place.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
@@ -63,8 +63,13 @@ def rows_of(op: Bodies, c: Constraint, length: float, t: float = 0.0) -> Rows:
     return _KINDS[c.kind](_Pair(op, c, length, t))
 
 
-def radius_of_gyration(bodies: Sequence[Body]) -> float:
-    """How far the mass of bodies is from their origins, over all bodies [m]; 1 where none is."""
+def radius_of_gyration(op: Bodies) -> float:
+    """How far mass that moves is from its bodies' origins, over all bodies [m]; 1 where none is."""
+    parent = op.topology.parent
+    moves = [False]  # the ground, then each body
+    for k, body in enumerate(op.bodies, start=1):
+        moves.append(body.dof > 0 or moves[parent[k - 1]])
+    bodies = [b for k, b in enumerate(op.bodies, start=1) if moves[k]]
     moment = sum(np.trace(b.inertia) / 2 + b.mass * np.dot(b.com, b.com) for b in bodies)
     mass = sum(b.mass for b in bodies)
     return float(np.sqrt(moment / mass)) if mass > 0 and moment > 0 else 1.0
