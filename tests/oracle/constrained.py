@@ -61,5 +61,5 @@ def constraint_rows(
 
 
 def _rows(op: Operators, held: Iterable[Constraint], t: float) -> list[Rows]:
-    length = radius_of_gyration(op.bodies)
+    length = radius_of_gyration(op)
     return [rows_of(op, c, length, t) for c in held]
