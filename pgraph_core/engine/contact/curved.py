@@ -37,7 +37,6 @@ HULL_ROOM = CORNERS + FACES + HORIZON
 ROUNDS = 8
 NEWTON = 12
 TURN = 0.3  # rad: the largest step of Newton's method
-NEAR_FLAT = 0.8  # cosine: a face this near to n is tried as the normal
 NEAR_EDGE = 0.5  # cosine: an edge this near to a right angle with n is tried
 CONVERGED = 1e-16  # rad: the last turn of Newton's method
 CURVELESS = 1e-14  # of the squared curvature: a determinant that is rounding
@@ -391,12 +390,11 @@ def exact_normal(geometry, room, a, b, n, size):
         if cos_a < NEAR_EDGE and cos_b < NEAR_EDGE and square > PARALLEL * PARALLEL:
             both = scale(math.copysign(1.0 / math.sqrt(square), dot(both, start)), both)
             best, n = better(room, a, b, both, best, n, prefer)
-        flat_a, cos_a = flat_near(geometry, room, a, start)
-        if cos_a > NEAR_FLAT:
-            best, n = better(room, a, b, scale(-1.0, flat_a), best, n, prefer)
-        flat_b, cos_b = flat_near(geometry, room, b, scale(-1.0, start))
-        if cos_b > NEAR_FLAT:
-            best, n = better(room, a, b, flat_b, best, n, prefer)
+        # Faces far from n too: where what is flat just touches, the polytope may stop far away.
+        flat_a, _ = flat_near(geometry, room, a, start)
+        best, n = better(room, a, b, scale(-1.0, flat_a), best, n, prefer)
+        flat_b, _ = flat_near(geometry, room, b, scale(-1.0, start))
+        best, n = better(room, a, b, flat_b, best, n, prefer)
         if not best > before - gain:
             break
     return best, n

@@ -3,7 +3,8 @@
 q_m = q + h/2 v; v⁺ = v + h v'(q_m, v) + M⁻¹ Jᵀ λ with all that touches at q_m; q⁺ = q_m + h/2 v⁺
 ([Moreau 1988], [Jean 1999]). Impacts need no events, many at once cost no more than one. Dampers
 and servos of hinges and sliders are taken at the end of the step, which is stable however stiff
-they are: h d + h²/2 k counts as inertia there.
+they are: h d + h²/2 k counts as inertia there. What turns freely keeps its energy, however fast
+it spins (`tree.spinning`).
 
 A step in which things hit each other is taken in parts, which end where they meet: an impact is a
 part without length. What is soft, or slow, is found where the middle of a part finds it.
@@ -91,8 +92,8 @@ from ..rows import (
 )
 from ..tree.kinematics import base_axes, positions
 from ..tree.moving import advance
+from ..tree.spinning import keep_spinning
 from ..vec import add, add_scaled, finite, load, mul, scale, set_xyz, xyz
-from .spinning import turn_by_midpoint
 from .state import STEP as STEP_SIGNATURE
 from .state import copied, size_of_state
 
@@ -178,7 +179,7 @@ def part_of_step(run, done, h, w, look):
     this.counters[0].evaluations += 1
     relax(rows, const, space.vectors, given)
     if w > 0.0:
-        turn_by_midpoint(scene, w, vdot)
+        keep_spinning(rows, const, work, before, w, space.vectors[STEP], vdot)
     for j in range(nv):
         damping[j] = space.vectors[DAMPING, j]
     positions(rows, work)
