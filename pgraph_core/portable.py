@@ -84,7 +84,6 @@ _MODEL_HAS = {
     "names": "write [body.name for body in model.bodies], or list(model.row)",
     "to_dict": "write model.to_json(), or model.model_dump()",
     "rename": "write model.edit(name, name='new')",
-    "copy": "models do not change: each edit makes a new one",
     "step": "write pg.Stepper(model)",
     "run": "write pg.simulate(model, ...)",
     "nq": "write pg.Mechanism(model).nq",

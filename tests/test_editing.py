@@ -226,6 +226,9 @@ def test_a_tip_that_moves_alone_and_a_child_that_is_left_are_told():
     assert len(told) == 1
     assert "'lower'" in told[0]
     assert LINKS.edit("upper", tip=(0, 0, -1)).notices == ()
+    longer = LINKS.edit("upper", tip=(0, 0, -2))
+    assert longer.edit("lower", mass=2.0).told == told
+    assert longer.edit("lower", link=(0, 0, -2)).told == ()  # it hangs at the tip again
     assert LINKS.edit("lower", tip=(0, 0, -2)).notices == ()
     (hung,) = LINKS.remove("upper").notices
     assert "body 'lower' hangs on 'ground'" in hung

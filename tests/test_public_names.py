@@ -112,6 +112,7 @@ def spoilt(**fields):
         (lambda: MODEL.model_copy(update={"bodies": "zz"}), "bodies: must be"),
         (lambda: spoilt(mass="heavy"), "mass: must be"),
         (lambda: spoilt(mass=-5.0), "mass: "),
+        (lambda: MODEL["1"].copy(update={"mass": -5.0}), "mass: "),
         (lambda: spoilt(joint="zz"), "joint: "),
         (lambda: spoilt(q=5.0, v=(1.0, 2.0)), "v: a revolute joint has 1 number"),
         (lambda: MODEL.model_copy(update={"bodies": MODEL.bodies * 2}), "name: "),

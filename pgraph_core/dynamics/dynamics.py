@@ -7,7 +7,6 @@ import sys
 import threading
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from types import MappingProxyType
 from typing import Any, Literal, Self, cast, get_args
 
 import numpy as np
@@ -23,7 +22,7 @@ from ..model import Model
 from ..packing.packed import Joint, Packed
 from ..packing.system import Array, Ints, point_in_row
 from ..paper import Operators
-from ..portable import Portable, keep_unchanged
+from ..portable import Portable, ReadOnly, keep_unchanged
 from ..rotation import matrix, unit
 from ..topology import Topology
 from .arguments import finite, numbers, position, wrong_type
@@ -134,10 +133,12 @@ class Dynamics(Portable):
         """Names and numbers of the bodies."""
         return self.packed.topology
 
-    @property
+    @cached_property
     def joints(self) -> Mapping[str, Joint]:
         """The joints that move: their motions, and where they stand in q and v, by body."""
-        return MappingProxyType(self.packed.joints)
+        return ReadOnly(
+            self.packed.joints, "Mechanism.joints", "model.edit(name, ...) makes another"
+        )
 
     @property
     def parent(self) -> Ints:

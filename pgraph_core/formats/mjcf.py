@@ -22,7 +22,7 @@ from ..model import Contact, Force, Model
 from ..model.fields import GROUND, name_problem
 from ..rotation import matrix, multiply, unit
 from .conversion import Folders, Report, reach_of, suspect_units, unphysical
-from .mjcf_parts import Group, Parts
+from .mjcf_parts import Group, Parts, is_set
 
 Array = np.ndarray
 FREE, BALL, SLIDE, HINGE = range(4)
@@ -329,8 +329,7 @@ class _Reader:
             ("dof_dampingpoly", dof, "damping that is not linear"),
             ("jnt_springyield", j, "a spring that yields"),
         ):
-            found = getattr(m, table, None)
-            if found is not None and np.any(found[k]):
+            if is_set(m, table, k):
                 self.left_out("joint", m.joint(j).name, text)
         if m.jnt_actgravcomp[j] and m.jnt_actfrclimited[j] and np.any(m.body_gravcomp):
             text = "a limit of its actuators that holds for the compensation of gravity, too"

@@ -410,13 +410,12 @@ class Parts:
             return "an actuator with a state of its own that is no filter or integral (muscle)"
         if filtered and (least > low or most < high):
             return "an actuator with a filter that has bounds of its own"
-        if m.actuator_delay[a]:
+        if is_set(m, "actuator_delay", a):
             return "an actuator with a delay"
         if m.actuator_gaintype[a] != 0 or m.actuator_biastype[a] not in (0, 1):
             return "an actuator whose gain depends on the state"
         for key in ("actuator_armature", "actuator_damping", "actuator_dampingpoly"):
-            found = getattr(m, key, None)
-            if found is not None and np.any(found[a]):
+            if is_set(m, key, a):
                 return "an actuator with armature or damping of its own"
         return ""
 
@@ -663,7 +662,7 @@ class Parts:
         for k in range(m.nsensor):
             word = kinds(int(m.sensor_type[k])).name.removeprefix("mjSENS_").lower()
             fields = self._sensed(k, word)
-            if fields is None or m.sensor_delay[k]:
+            if fields is None or is_set(m, "sensor_delay", k):
                 others[word] = others.get(word, 0) + 1
                 continue
             name = m.sensor(k).name
@@ -780,6 +779,12 @@ class Parts:
 def end_name(name: str, k: int) -> str:
     """What `write_mjcf` calls the site at an end of a spring or constraint; no site when read."""
     return f"{name} end {k}"
+
+
+def is_set(m: Any, table: str, k: int) -> bool:
+    """Whether an entry is not zero of a table that not all versions of MuJoCo have."""
+    found = getattr(m, table, None)
+    return found is not None and bool(np.any(found[k]))
 
 
 def _law(dim: int, sliding: float, spinning: float, rolling: float) -> Law:

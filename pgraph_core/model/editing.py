@@ -288,11 +288,23 @@ def left_behind(old: Body, new: Body, bodies: Sequence[Body]) -> list[str]:
     """A notice for each child whose joint was at a tip that moved without it."""
     if old.tip is None or new.tip == old.tip or not any(old.tip):
         return []
-    return [
-        f"body '{new.name}': its tip moved alone: the joint of '{b.name}' stays where the tip was, "
-        f"and com and inertia are as before; for another length edit '{b.name}', link=... too"
-        for b in bodies if b.parent == old.name and b.link == old.tip
-    ]  # fmt: skip
+    return [stays(new.name, b.name) for b in bodies if b.parent == old.name and b.link == old.tip]
+
+
+def stays(name: str, child: str) -> str:
+    """The notice that a tip moved without the child that hung there."""
+    return (
+        f"body '{name}': its tip moved alone: the joint of '{child}' stays where the tip was, "
+        f"and com and inertia are as before; for another length edit '{child}', link=... too"
+    )
+
+
+def followed_tips(bodies: Sequence[Body], row: Mapping[str, int]) -> set[str]:
+    """The notices of moved tips that no longer hold: the child hangs at the tip."""
+    return {
+        stays(b.parent, b.name)
+        for b in bodies if b.parent in row and b.link == bodies[row[b.parent]].tip
+    }  # fmt: skip
 
 
 def attached(body: Body, gone: Mapping[str, Body]) -> Body:

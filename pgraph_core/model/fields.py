@@ -446,6 +446,12 @@ class Frozen(_Base):
         """The fields that a validated copy takes over."""
         return fields_of(self)
 
+    def copy(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self, *, update: Mapping[str, Any] | None = None, deep: bool = False
+    ) -> Self:
+        """As `model_copy`: validated, which pydantic's own is not."""
+        return self.model_copy(update=update, deep=deep)
+
     @classmethod
     def model_construct(cls, _fields_set: set[str] | None = None, **values: Any) -> Self:
         """As the class: validated."""

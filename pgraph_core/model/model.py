@@ -33,6 +33,7 @@ from .editing import (
     edited_all,
     edited_part,
     fitted,
+    followed_tips,
     left_behind,
     renamed,
     renamed_all,
@@ -643,7 +644,9 @@ class Model(World):
         model = self.unchecked_copy(fields)
         said = tuple(notices)
         vars(model)["notices"] = said  # not a field: equality ignores it
-        vars(model)[TOLD] = tuple(dict.fromkeys((*self.told, *said)))
+        if told := dict.fromkeys((*self.told, *said)):
+            moot = followed_tips(model.bodies, model.row)
+            vars(model)[TOLD] = tuple(text for text in told if text not in moot)
         return model
 
     def _carries(self, new: Body) -> bool:

@@ -273,7 +273,7 @@ def _following(knots: list[Knot], first: int, count: int, f: OnJoint) -> Follows
     """Put what acts at each knot into its last column, exactly; how it follows the input."""
     gain, torque, kp, _ = f.law
     scale, shift = (gain / kp, 0.0) if kp else (gain, torque if isinstance(torque, float) else 0.0)
-    least, most = sorted(shift + scale * x if scale else 0.0 for x in f.states)
+    least, most = sorted(shift + scale * x if scale else shift for x in f.states)
     follows = f.lag, int(f.integrates), least, most
     begin = 0.0 if f.integrates else None
     begin = begin if f.start is None else f.start

@@ -71,10 +71,11 @@ class ContactRecord(EqualByFields):
     """Changes, in order of time."""
 
     def keep_unchanged(self) -> None:
-        """Let nobody write into its arrays."""
+        """Let nobody write into its arrays; gaps that are found when asked for see to it then."""
         keep_unchanged((self.wrench, self.residual))
         for what in KINDS:
-            keep_unchanged(getattr(self, what).values())
+            if isinstance(found := getattr(self, what), dict):
+                keep_unchanged(found.values())
 
     def arrays(self) -> dict[str, Array]:
         """All arrays by names for a file."""

@@ -38,7 +38,7 @@ from ..engine.arrays import Guard
 from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
 from ..engine.contact import clearance as kernels
 from ..engine.records import CLEARANCE, CONTACT, LIMIT, POSE, rows_of, table
-from ..portable import Unportable
+from ..portable import Unportable, keep_unchanged
 from ..result.records import FREE
 
 GRAZE = 2.5  # steps: a shorter flight of a contact is none
@@ -286,14 +286,18 @@ def sunk(
 
 
 def pressed(mech: Mechanism, tables: Tables, gap: Array) -> list[str]:
-    """A notice for each soft or penalty contact that starts far deeper than weight presses it."""
-    pull, found = pull_of(mech.model), []
+    """A notice for each soft or penalty contact that starts far deeper than weight presses it.
+
+    The weight is that of all that moves, which may rest on one contact.
+    """
+    moves, found = mech.packed.system.bodies_i[:, at.ROW] > 0, []
+    weight = float(mech.packed.system.bodies_f[moves, at.B_MASS].sum()) * pull_of(mech.model)
     for row, pair, depth in zip(tables.laws, tables.touches, np.maximum(-gap, 0.0).tolist()):
         if pair.contact.law == "complementarity" or depth == 0.0:
             continue
         power = 1.5 if pair.contact.law == "soft" else 1.0
-        usual = float(row["mass"] * pull / row["stiffness"]) ** (1.0 / power)
-        if depth > PRESSED * usual:
+        usual = float(weight / row["stiffness"]) ** (1.0 / power)
+        if depth > PRESSED * usual > 0.0:
             times = (depth / usual) ** power
             found.append(
                 f"contact '{pair.name}' starts {depth:.3g} m deep, where weight presses it "
@@ -444,7 +448,9 @@ class Gaps(Mapping[str, Array]):
 
     def _found(self) -> dict[str, Array]:
         if "_all" not in self.__dict__:
-            self.__dict__["_all"] = dict(zip(self.names, self.find().T))
+            gaps = self.find()
+            keep_unchanged((gaps,))
+            self.__dict__["_all"] = dict(zip(self.names, gaps.T))
         return self.__dict__["_all"]
 
     def __getitem__(self, name: str) -> Array:

@@ -216,6 +216,11 @@ def _at(u: float | Table, t: float) -> float:
     return float(np.interp(t, u.t, u.value)) if isinstance(u, Table) else u
 
 
+def first_of(u: float | Table) -> float:
+    """What an input that is not a table of times is: a lag makes a table of one line of it."""
+    return u.value[0] if isinstance(u, Table) else u
+
+
 def positive(field: str, value: Any, *, unit: str = " [s]", call: str = "simulate") -> float:
     """A finite number > 0. Raises InputError naming the call."""
     number = _number(value)

@@ -27,7 +27,7 @@ from ..portable import Portable, ReadOnly, installed
 from ..result import Result, Status
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
 from .loop import Outcome
-from .options import SAME, Options, begun, driven, inputs_of, positive
+from .options import SAME, Options, begun, driven, first_of, inputs_of, positive
 from .plan import by_names, plan_of, torques_by_names, touching_contacts, with_contacts, with_state
 from .recording import Estimate, Recording
 from .switches import Change
@@ -308,7 +308,9 @@ class Stepper(Portable):
         """Inputs of motors, servos and actuators by name, those that are constant."""
         knots = self._record.plan.drives.knots
         now = {
-            name: float((knots[knot, 1] - start) / slope) if slope else getattr(f, f.INPUT)
+            name: float((knots[knot, 1] - start) / slope)
+            if slope
+            else first_of(getattr(f, f.INPUT))
             for name, (f, knot, start, slope, _) in self._inputs.items()
         }
         return ReadOnly(now, "Stepper.inputs", "write st.step(inputs={name: value})")

@@ -116,18 +116,18 @@ def test_the_order_holds_with_constraints(name, method):
 
 
 def test_moreau_jeans_order_is_one():
-    """On a body that tumbles above a ground that it does not reach."""
+    """On a body that tumbles above a ground that it does not reach, and carries an arm."""
     ball = {"kind": "sphere", "radius": 0.1}
     body = (
         tumbling_body()
         .bodies[0]
         .model_copy(update={"link": (0, 0, 9.0), "shape": pg.Shape(**ball)})
     )
-    mech = pg.Mechanism(pg.Model(bodies=(body,), contacts=(pg.Contact(name="c", body=body.name),)))
+    arm = pg.Body(name="arm", parent=body.name, axes=(1, 0, 0), com=(0, 0.2, 0), mass=1.0)
+    free = pg.Model(bodies=(body, arm))
+    mech = pg.Mechanism(free.add(pg.Contact(name="c", body=body.name)))
     options = {"t_end": 0.25, "frames": 2}
-    fine = pg.simulate(
-        pg.Mechanism(pg.Model(bodies=(body,))), method="dop853", rtol=1e-13, **options
-    )
+    fine = pg.simulate(pg.Mechanism(free), method="dop853", rtol=1e-13, **options)
     steps = np.array([100, 200, 400, 800])
     errors = [
         abs(pg.simulate(mech, method="moreau_jean", step=0.25 / n, **options).q - fine.q).max()

@@ -10,7 +10,7 @@ SPIN = np.array((0.3, 0.8, 0.52))
 
 
 def flown(spin, joint, com, **options):
-    """A body without loads, out of reach of a floor, that starts with the rate of turn `spin` [rad/s]."""
+    """A body without loads, out of reach of a floor, that turns at `spin` [rad/s] at first."""
     speed = (*spin, 0.0, 0.0, 0.0) if joint == "free" else tuple(spin)
     body = pg.Body(
         name="b", joint=joint, link=(0, 0, 1e9), mass=2.0, com=com, inertia=INERTIA, v=speed,
