@@ -285,3 +285,35 @@ def test_a_heavy_box_slides_on_a_light_one(heavier, friction):
     assert np.abs(run["low"] - run["low"][0]).max() < 1e-6
     slid = np.linalg.norm(run["high"][-1, :2] - run["high"][0, :2])
     assert slid == pytest.approx((0.5**2 + 0.2**2) / (2 * 0.3 * G), rel=1e-3)
+
+
+def test_corners_that_land_together_keep_a_mirror_symmetry():
+    """A ball falls on a plank on a roller; the end of the plank hits the floor with two corners."""
+    quarter = (np.sqrt(0.5), np.sqrt(0.5), 0, 0)
+    bodies = [
+        pg.Body(
+            name="roller", joint="free", q=(0, 0, 0.1, *quarter), mass=2.0,
+            inertia=np.diag((0.0317, 0.0317, 0.01)),
+            shape={"kind": "cylinder", "radius": 0.1, "length": 0.4},
+        ),
+        pg.Body(
+            name="plank", joint="free", link=(0.02, 0, 0.215), mass=1.0,
+            inertia=np.diag((0.0034, 0.0834, 0.0867)),
+            shape={"kind": "box", "size": (1.0, 0.2, 0.03)},
+        ),
+        pg.Body(
+            name="ball", joint="free", link=(0.4, 0, 0.55), mass=0.5, inertia=5e-4 * np.eye(3),
+            shape={"kind": "sphere", "radius": 0.05},
+        ),
+    ]  # fmt: skip
+    law = {"friction": 0.8, "restitution": 0.3}
+    contacts = [
+        pg.Contact(name="floor", body="*", **law),
+        pg.Contact(name="heap", body="*", other="*", **law),
+    ]
+    model = pg.Model(bodies=bodies, contacts=contacts)
+    run = pg.simulate(model, t_end=0.45, step=1e-3, method="moreau_jean", estimate=False)
+    turned = run.v[:, 6:9]
+    assert np.abs(turned[:, 1]).max() > 1.0
+    assert np.abs(run["plank"][:, 1]).max() < 1e-6
+    assert np.abs(turned[:, [0, 2]]).max() < 1e-3  # 6 rad/s where one corner is hit first

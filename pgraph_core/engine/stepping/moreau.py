@@ -306,7 +306,8 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
         return True
     first = tally.first_contact
     closed = max(closed, DRIFT * max(DEPTH * tally.length, WEIGHT * tally.pull * h * h))
-    for n in range(touching(scene, max(closed, margin) if look else closed)):
+    count = touching(scene, max(closed, margin) if look else closed)
+    for n in range(count):
         point = contacts.found[n]
         if look and point_meets(scene, n, h, w):
             return True
@@ -315,6 +316,8 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
         if point.gap > near and carried(contacts, n):
             near = DRIFT * tolerated(contacts, n, h)
             slack = point.gap / h
+        if w == 0.0 and point.gap > near and lands_together(contacts, n, count):
+            near = DRIFT * tolerated(contacts, n, h)
         if laws[point.pair].law == RIGID and point.gap <= near:
             law = laws[point.pair]
             slides = law.static_friction == law.friction
@@ -329,6 +332,22 @@ def add_unilateral(scene, h, w, look, q, v, vdot):
                 set_turn(contacts, blocks, n, tally.first_turn + n, push * w / h)
                 active[0] += 1
                 active[active[0]] = tally.first_turn + n
+    return False
+
+
+@part
+def lands_together(contacts, n, count):
+    """Whether another point between the shapes of point n is closed: an impact takes both.
+
+    Corners that arrive together do so to what earlier steps left of a symmetry.
+    """
+    this = contacts.found[n]
+    for m in range(count):
+        other = contacts.found[m]
+        if other.shape_a == this.shape_a and other.shape_b == this.shape_b:
+            near = 4.0 * closed_gap(contacts, other.shape_a, other.shape_b, xyz(other.point_a))
+            if other.gap <= near:
+                return True
     return False
 
 
