@@ -132,6 +132,7 @@ def _estimated(record: Recording) -> Estimate:
         record = bent
     few = len(record.plan.times) < COMPARED // 2
     found = _by_coarser(record, few)
+    few = few and record.steps.counters["steps"] >= COMPARED  # fewer steps have no more frames
     if few and (np.isinf(found.largest) or found.notices or _contradicted(record, found.largest)):
         shown = record.again(_with_frames(record.plan))
         found = _by_coarser(shown) if shown.ended.ok else found
@@ -472,6 +473,8 @@ def _kicked(record: Recording) -> float:
     if record.user is not None or plan.contacts is not None or plan.contact_points:
         return 0.0
     knots = plan.knots if plan.tolerance is None else plan.tolerance.corners
+    if len(knots) < 2:
+        return 0.0
     steep = np.flatnonzero(np.diff(knots) < STEEP * np.ptp(plan.times))[:MOST_RAMPS]
     if len(steep) == 0:
         return 0.0
