@@ -11,4 +11,6 @@ run = pg.simulate(model, t_end=10.0, rtol=1e-10)
 table = run.to_pandas()
 print(table.filter(like="energy").describe())
 print("rows, columns:", table.shape)
-print("the index is the time:", table.index.name == "t [s]" and table.index[-1] == run.t[-1])
+late = table.loc[table["t"] > 8.0, ["lower", "v.lower"]]
+print(late.abs().max())
+print("the index is the time:", table.index.name == "time" and table.index[-1] == run.t[-1])

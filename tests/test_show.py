@@ -19,15 +19,6 @@ from pgraph_core.show.stage import GRID
 
 pytestmark = pytest.mark.fast
 
-COLUMNS = {
-    "t [s]": np.array([0.0, 0.5, 1.0]),
-    "q knee 0 [rad]": np.array([0.0, 1.0, 2.0]),
-    "q hip 0 [rad]": np.array([0.0, 0.1, 0.2]),
-    "v knee 0 [rad/s]": np.array([2.0, 2.0, 2.0]),
-    "paw Fz [N]": np.array([5.0, 6.0, 7.0]),
-    "kinetic energy [J]": np.array([1.0, 1.0, 1.0]),
-}
-
 
 @pytest.fixture(scope="module")
 def quadruped() -> pg.Model:
@@ -106,48 +97,24 @@ def test_a_run_s_page_tells_how_it_ended_and_how_accurate_it_was(run: pg.Result)
     assert run.header["method"] in html
 
 
-@pytest.mark.parametrize(
-    ("names", "columns"),
-    [
-        ((), ["q knee 0 [rad]", "q hip 0 [rad]"]),
-        (("knee",), ["q knee 0 [rad]"]),
-        (("v knee", "knee"), ["v knee 0 [rad/s]", "q knee 0 [rad]"]),
-        (("paw",), ["paw Fz [N]"]),
-        (("kinetic energy [J]", "kinetic energy"), ["kinetic energy [J]"]),
-    ],
-)
-def test_a_name_stands_for_its_columns(names: tuple[str, ...], columns: list[str]):
-    assert notebook.picked_columns(COLUMNS, names) == columns
-
-
-def test_a_name_without_columns_is_answered_with_close_ones():
-    with pytest.raises(pg.InputError, match="'kne'") as caught:
-        notebook.picked_columns(COLUMNS, ["kne"])
-    assert "knee" in str(caught.value)
-
-
-def test_a_figure_has_a_panel_for_each_unit_and_the_columns_numbers():
+def test_a_figure_has_a_panel_for_each_unit_and_the_columns_numbers(run: pg.Result):
     pytest.importorskip("matplotlib").use("Agg")
-    drawn = show.figure(COLUMNS, ["knee", "hip", "paw"], "a title")
-    assert [axis.get_ylabel() for axis in drawn.axes] == ["[rad]", "[N]"]
-    knee, hip = drawn.axes[0].lines
-    np.testing.assert_array_equal(knee.get_ydata(), COLUMNS["q knee 0 [rad]"])
-    np.testing.assert_array_equal(hip.get_ydata(), COLUMNS["q hip 0 [rad]"])
-
-
-def test_a_frame_has_the_time_as_its_index():
-    pytest.importorskip("pandas")
-    frame = show.frame(COLUMNS)
-    assert frame.index.name == "t [s]"
-    assert frame["q knee 0 [rad]"].tolist() == [0.0, 1.0, 2.0]
-    assert "t [s]" not in frame
+    drawn = run.plot("upper", "lower", "kinetic energy")
+    assert [axis.get_ylabel() for axis in drawn.axes] == ["[rad]", "[J]"]
+    upper, lower = drawn.axes[0].lines
+    np.testing.assert_array_equal(upper.get_ydata(), run["upper"])
+    np.testing.assert_array_equal(lower.get_ydata(), run["lower"])
+    (axis,) = run.plot().axes
+    assert [line.get_label() for line in axis.lines] == ["upper", "lower"]
+    with pytest.raises(pg.InputError, match=r"'uper'.*upper"):
+        run.plot("uper")
 
 
 @pytest.mark.parametrize(
     ("package", "extra", "call"),
     [
-        ("pandas", "pandas", "show.frame({'t [s]': []})"),
-        ("matplotlib", "plot", "show.figure({'t [s]': [0], 'q a [rad]': [0]})"),
+        ("pandas", "pandas", "from pgraph_core.result import columns; columns.frame({})"),
+        ("matplotlib", "plot", "show.figure([0], {'a': ('rad', [0])})"),
         ("viser", "page", "show.animation_html(None)"),
     ],
 )

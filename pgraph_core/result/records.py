@@ -109,17 +109,6 @@ class ContactRecord(EqualByFields):
         residual = arrays.get("contact residual", NOTHING.residual)
         return cls(force, gap, slip, limit, wrench, residual, normal, phases, events)
 
-    def columns(self) -> dict[str, NDArray[Any]]:
-        """Columns of a table, units in their names."""
-        found: dict[str, NDArray[Any]] = {}
-        for name, force in self.force.items():
-            found |= {f"{name} F{axis} [N]": force[:, 3 + i] for i, axis in enumerate("xyz")}
-            if name in self.normal:
-                found[f"{name} normal force [N]"] = self.normal[name]
-            found |= {f"{name} gap [m]": self.gap[name], f"{name} slip [m/s]": self.slip[name]}
-        found |= {f"{name} phase": phase for name, phase in self.phases.items()}
-        return found | {f"{name} [N m, N]": torque for name, torque in self.limit.items()}
-
 
 class Named(Mapping[str, Any]):
     """Arrays by name; a name that is not there is answered by a sentence, which is a KeyError."""

@@ -26,6 +26,7 @@ from ..model.files import gathered, write_atomic
 from ..needs import Plan
 from ..packing.system import Array
 from ..portable import EqualByFields, Hinting, ReadOnly, keep_unchanged
+from .columns import Column, columns_of, frame, meant, no_column
 from .dense import states_at
 from .outputs import outputs
 from .records import (
@@ -200,16 +201,26 @@ class Result(EqualByFields, Hinting):
         return states_at(self.mechanism.packed.rows, frames, known, t)
 
     def to_pandas(self) -> Any:
-        """A pandas DataFrame: one row a frame, time [s] as index, the columns of `to_csv`."""
-        return _show().frame(self.columns())
+        """A pandas DataFrame: one row a frame, the columns of `columns`, time [s] also as index.
+
+        `table["trunk"]` gives all columns of the joint, as other beginnings of names do; a name
+        that nothing has raises a KeyError with those there are. `table.attrs["units"]` has units.
+        """
+        return frame(columns_of(self))
 
     def plot(self, *names: str) -> Any:
         """A matplotlib figure of columns over time, by default of all coordinates.
 
-        A name is a body or the beginning of a column of `to_csv`: "knee", "kinetic energy".
+        A name is that of a column or how several begin: "knee", "v", "energy", "contact_force".
         Raises InputError for unknown names.
         """
-        return _show().figure(self.columns(), names, self.mechanism.model.name)
+        columns, picked = columns_of(self), dict[str, Column]()
+        for name in names or ("q",):
+            found = [c for c in meant(columns, name) if c != "t"]
+            if not found and names:
+                raise InputError(Problem("plot", "", no_column(columns, name)))
+            picked |= {c: columns[c] for c in found}
+        return _show().figure(self.t, picked, self.mechanism.model.name)
 
     def to_html(self, path: str | Path, /, *, live: bool = False, open: Sequence[str] = ()) -> None:
         """Write the run as an animation in 3D: one HTML file that needs nothing else.
@@ -424,31 +435,22 @@ class Result(EqualByFields, Hinting):
         return cls(mech, status, **loaded, **given)
 
     def to_csv(self) -> str:
-        """Time, q, v, energies, constraint forces, outputs as CSV, units in the first line."""
+        """The columns of `columns` as CSV; the first line has their units: "knee [rad]"."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
-        columns = self.columns()
-        writer.writerow(columns)
-        writer.writerows(zip(*(c.tolist() for c in columns.values())))
+        columns = columns_of(self)
+        writer.writerow(f"{name} [{c.unit}]" if c.unit else name for name, c in columns.items())
+        writer.writerows(zip(*(c.values.tolist() for c in columns.values())))
         return text.getvalue()
 
     def columns(self) -> dict[str, Any]:
-        """Columns (n,) of a table of the run, by names with units."""
-        columns = {"t [s]": self.t, "kinetic energy [J]": self.kinetic_energy}
-        columns |= {"potential energy [J]": self.potential_energy, "total energy [J]": self.energy}
-        positions, speeds = coordinates(self.mechanism)
-        columns |= {f"q {place} [{unit}]": x for (place, unit), x in zip(positions, self.q.T)}
-        for name, per, array in (("v", "/s", self.v), ("vdot", "/s^2", self.vdot)):
-            columns |= {
-                f"{name} {place} [{unit}{per}]": x for (place, unit), x in zip(speeds, array.T)
-            }
-        for name, force in self.constraint_force.items():
-            columns |= {f"{name} F{axis} [N]": force[:, 3 + i] for i, axis in enumerate("xyz")}
-        for o in self.mechanism.model.outputs:
-            values = self.outputs[o.name].reshape(len(self.t), -1).T
-            names = (" ".join(filter(None, (o.name, part))) for part in o.reading.parts)
-            columns |= {f"{name} [{o.reading.unit}]": x for name, x in zip(names, values)}
-        return columns | self.contacts.columns()
+        """{name: (n,)} of a table of the run: "t", "knee", "v.knee", "energy", ...
+
+        A coordinate is called as its body; everything else as the attribute of the run that holds
+        it, with what it is of after a dot. Of several numbers each has its place or axis:
+        "trunk.3", "contact_force.paw.z". `to_csv` adds the units.
+        """
+        return {name: column.values for name, column in columns_of(self).items()}
 
 
 WRITTEN = "give a file written by Result.save"
@@ -526,20 +528,6 @@ def _loads(run: Result) -> Array:
         acts = (t >= begin) & ((t < end) | (end >= t[-1]))
         loads[acts] += load_wrenches(mech.packed, (force,), t[acts], q[acts], v[acts])
     return loads
-
-
-def coordinates(mech: Mechanism) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-    """(what, unit) of every entry of q and of v, by body and number: ("knee 0", "rad")."""
-    units_q = {"rotate": ["rad"], "translate": ["m"], "ball": ["1"] * 4}
-    units_q["free"] = ["m"] * 3 + ["1"] * 4
-    units_v = {"rotate": ["rad"], "translate": ["m"], "ball": ["rad"] * 3}
-    units_v["free"] = ["rad"] * 3 + ["m"] * 3
-    found: tuple[list[tuple[str, str]], list[tuple[str, str]]] = ([], [])
-    for name in mech.names:
-        for entries, units in zip(found, (units_q, units_v)):
-            each = [unit for m in mech.model.body(name).sequence for unit in units[m.kind]]
-            entries += [(f"{name} {k}", unit) for k, unit in enumerate(each)]
-    return found
 
 
 def _add_constraint_wrenches(run: Result, motion: BodyMotion, out: Array) -> None:

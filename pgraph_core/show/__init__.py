@@ -1,10 +1,10 @@
 """Pictures and tables of models and runs, for notebooks, files and the page.
 
-The lowest layer: it knows no model and no run, but draws whatever has their fields. viser, trimesh,
-matplotlib and pandas are imported when first needed; `MissingPackage` names what to install.
+The lowest layer: it knows no model and no run, but draws whatever has their fields. viser, trimesh
+and matplotlib are imported when first needed; `MissingPackage` names what to install.
 
 * `model_html(model)`, `mechanism_html(mech)`, `run_html(run)`: `_repr_html_` in a notebook
-* `figure(columns, names, title)`: matplotlib; `frame(columns)`: pandas
+* `figure(t, columns, title)`: matplotlib
 * `animation_html(run)`: a standalone HTML page; `opened(page)` shows it in a notebook or browser
 * `digraph_svg(names, parent, loops)`; `shapes`: bodies as simple pieces and meshes
 """
@@ -14,7 +14,6 @@ from .animation import animation_html as animation_html
 from .animation import opened as opened
 from .digraph import digraph_svg as digraph_svg
 from .notebook import figure as figure
-from .notebook import frame as frame
 from .notebook import mechanism_html as mechanism_html
 from .notebook import model_html as model_html
 from .notebook import run_html as run_html

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import InputError, Problem, nearest, shown
+from ..errors import InputError, Problem, choices, nearest, shown
 from ..result import Result
+from ..result.columns import meant, no_column
 
 Array = np.ndarray
 WAYS: dict[str, Callable[[Array], float]] = {
@@ -88,17 +89,14 @@ def _words(metric: str) -> tuple[str, str]:
 
 
 def _column(run: Result, what: str) -> Array:
-    """A column of `Result.columns`, by its name with or without the unit, or a joint."""
+    """The one column of `Result.columns` that is meant."""
     columns = run.columns()
-    named = {name.partition(" [")[0]: column for name, column in columns.items()}
-    joints = run.mechanism.joints
-    if what in joints and len(run[what].shape) == 1:
-        return np.asarray(run[what])
-    found = columns.get(what, named.get(what))
-    if found is None:
-        known = [*(j for j in joints if len(run[j].shape) == 1), *named]
-        raise _refused(f"a run has no column {what!r}; {nearest(what, known)}")
-    return np.asarray(found)
+    found = meant(columns, what)
+    if not found:
+        raise _refused(no_column(columns, what))
+    if len(found) > 1:
+        raise _refused(f"{what!r} has {len(found)} columns; choose one of {choices(found)}")
+    return np.asarray(columns[found[0]])
 
 
 def _refused(text: str) -> InputError:

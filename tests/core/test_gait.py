@@ -89,9 +89,11 @@ def test_csv_has_the_numbers_of_the_run():
     run = short("quadruped_hips", "trot")
     rows = list(csv.DictReader(io.StringIO(run.to_csv())))
     for foot in run.phases:
-        assert [row[f"{foot} phase"] for row in rows] == run.phases[foot].tolist()
+        assert [row[f"phases.{foot}"] for row in rows] == run.phases[foot].tolist()
         for axis, force in zip("xyz", run.contact_force[foot].T[3:]):
-            assert [float(row[f"{foot} F{axis} [N]"]) for row in rows] == force.tolist()
+            assert [
+                float(row[f"contact_force.{foot}.{axis} [N]"]) for row in rows
+            ] == force.tolist()
 
 
 def test_time_stepping_and_events_agree_to_the_order_of_the_step():

@@ -62,7 +62,7 @@ def test_the_force_is_what_carries_the_body():
     momentum = 0.5 * run.body_acceleration[:, 2, 3:]  # of the tool, whose centre is its origin
     np.testing.assert_allclose(force, momentum - 0.5 * G, atol=1e-9)
     columns = run.columns()
-    np.testing.assert_array_equal(columns["gyro x [rad/s]"], out["gyro"][:, 0])
+    np.testing.assert_array_equal(columns["gyro.x"], out["gyro"][:, 0])
     with pytest.raises(KeyError, match="no output is called 'gyr'; choose one of gyro"):
         out["gyr"]
 

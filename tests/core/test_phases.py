@@ -383,7 +383,7 @@ def test_events_and_phases_survive_a_file(tmp_path):
     assert str(done.events[0]) == (
         "t = 0.142784312 s: floor of ball: swing: hit at 1.40071 m/s and bounced at 0.700357 m/s"
     )
-    assert "floor phase" in done.to_csv().splitlines()[0]
+    assert "phases.floor" in done.to_csv().splitlines()[0]
 
 
 @pytest.mark.parametrize("depth", [1e-4, 1e-6, 1e-8, -1e-8, -1e-6])

@@ -186,10 +186,43 @@ def test_a_welded_body_has_no_coordinates():
 
 
 def test_the_table_has_the_columns_of_the_csv(run):
-    frame = run.to_pandas()
-    header = run.to_csv().splitlines()[0].split(",")
-    assert [frame.index.name, *frame.columns] == header
+    frame = pytest.importorskip("pandas") and run.to_pandas()
+    units = frame.attrs["units"]
+    assert run.to_csv().splitlines()[0].split(",") == [f"{c} [{units[c]}]" for c in frame.columns]
     np.testing.assert_array_equal(frame.index, run.t)
+    np.testing.assert_array_equal(frame["t"], run.t)
+
+
+@pytest.mark.parametrize(
+    ("name", "column"),
+    [
+        ("upper", "upper"), ("q.upper", "upper"), ("v upper", "v.upper"), ("time", "t"),
+        ("kinetic energy [J]", "kinetic_energy"), ("total_energy", "energy"),
+    ],
+)  # fmt: skip
+def test_a_name_means_a_column(run, name, column):
+    frame = pytest.importorskip("pandas") and run.to_pandas()
+    np.testing.assert_array_equal(frame[name], frame.loc[:, column])
+
+
+def test_a_joint_s_name_means_all_its_columns_and_a_wrong_one_is_answered(tmp_path):
+    frame = pytest.importorskip("pandas")
+    body = pg.Body(name="energy", joint="free", mass=1.0)  # the name of a column
+    still = pg.Body(name="post", joint="weld")
+    out = pg.Output(name="spin", kind="gyro", at="energy")
+    run = pg.simulate(pg.Model(bodies=[body, still], outputs=[out]), t_end=0.1, v=[1.0] * 6)
+    frame = run.to_pandas()
+    np.testing.assert_array_equal(frame["q.energy"], run.q[:, :])
+    np.testing.assert_array_equal(frame["q"], run.q)
+    np.testing.assert_array_equal(frame["v.energy"], run.v)
+    np.testing.assert_array_equal(frame["energy"], run.energy)
+    np.testing.assert_array_equal(frame["spin"], run.outputs["spin"])
+    for wrong, right in (("post", "t, q.energy.0"), ("spni", "spin"), ("spin.w", "spin.x")):
+        with pytest.raises(KeyError, match=f"no column '{wrong}'.*{right}"):
+            frame[wrong]
+    again = pickle.loads(pickle.dumps(frame))
+    assert again.equals(frame)
+    assert again.attrs == frame.attrs
 
 
 @pytest.mark.parametrize("way", [copy.deepcopy, lambda x: pickle.loads(pickle.dumps(x))])

@@ -1,0 +1,171 @@
+"""The columns of a run as a table: their names, and what is meant by a name.
+
+A coordinate is called as its body, as in `run["knee"]`; everything else as the attribute of the
+run that holds it, with what it is of after a dot: `v.knee`, `energy`, `contact_force.paw.z`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from functools import cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ..errors import NameLookupError, Problem, choices, needed
+from ..packing.system import Array
+
+if TYPE_CHECKING:
+    from ..mechanism import Mechanism
+    from .result import Result
+
+LEDGER = ("energy", "kinetic_energy", "potential_energy", "work", "dissipation")
+OTHER_WORDS = {"time": "t", "total_energy": "energy"}
+UNITS_Q = {"rotate": ["rad"], "translate": ["m"], "ball": ["1"] * 4, "free": ["m"] * 3 + ["1"] * 4}
+UNITS_V = {
+    "rotate": ["rad"],
+    "translate": ["m"],
+    "ball": ["rad"] * 3,
+    "free": ["rad"] * 3 + ["m"] * 3,
+}
+
+
+class Column(NamedTuple):
+    """(n,) values over the frames, and their unit; "" of words."""
+
+    unit: str
+    values: Array
+
+
+def columns_of(run: Result) -> dict[str, Column]:
+    """Every column of a run by its name.
+
+    A coordinate or an output whose name another column has is called `q.NAME`, `outputs.NAME`.
+    """
+    found = {"t": Column("s", run.t)}
+    positions, speeds = coordinates(run.mechanism)
+    for (place, unit), x in zip(positions, run.q.T):
+        taken = {place, place.rpartition(".")[0]} & {"t", *LEDGER}
+        found[f"q.{place}" if taken else place] = Column(unit, x)
+    for kind, per, array in (("v", "/s", run.v), ("vdot", "/s^2", run.vdot)):
+        found |= {f"{kind}.{x}": Column(u + per, a) for (x, u), a in zip(speeds, array.T)}
+    found |= {name: Column("J", getattr(run, name)) for name in LEDGER}
+    for o in run.mechanism.model.outputs:
+        values = run.outputs[o.name].reshape(len(run.t), -1).T
+        for part, x in zip(o.reading.parts, values):
+            name = ".".join(filter(None, (o.name, part)))
+            found[f"outputs.{name}" if name in found else name] = Column(o.reading.unit, x)
+    for name, force in run.constraint_force.items():
+        found |= _along_axes(f"constraint_force.{name}", force)
+    touched = run.contacts
+    for name, force in touched.force.items():
+        found |= _along_axes(f"contact_force.{name}", force)
+        if name in touched.normal:
+            found[f"contact_normal.{name}"] = Column("N", touched.normal[name])
+        found[f"contact_gap.{name}"] = Column("m", touched.gap[name])
+        found[f"contact_slip.{name}"] = Column("m/s", touched.slip[name])
+    found |= {f"limit.{name}": Column("N m, N", x) for name, x in touched.limit.items()}
+    return found | {f"phases.{name}": Column("", x) for name, x in touched.phases.items()}
+
+
+def _along_axes(name: str, wrench: Array) -> dict[str, Column]:
+    """Forces of wrenches (n, 6)."""
+    return {f"{name}.{axis}": Column("N", wrench[:, 3 + i]) for i, axis in enumerate("xyz")}
+
+
+def coordinates(mech: Mechanism) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """(name, unit) of every entry of q and of v: ("knee", "rad"), or ("trunk.0", "m"), ..."""
+    found: tuple[list[tuple[str, str]], list[tuple[str, str]]] = ([], [])
+    for name in mech.names:
+        for entries, units in zip(found, (UNITS_Q, UNITS_V)):
+            each = [unit for m in mech.model.body(name).sequence for unit in units[m.kind]]
+            places = [name] if len(each) == 1 else [f"{name}.{k}" for k in range(len(each))]
+            entries += zip(places, each)
+    return found
+
+
+def meant(columns: Iterable[str], name: str) -> list[str]:
+    """The columns that a name stands for: itself, or all that begin with it or are of it.
+
+    "trunk" is trunk.0 to trunk.6, "v" all velocities, "paw" everything of a contact or constraint
+    of that name; "q.knee" is knee; the words of a name may stand apart, "kinetic energy", and its
+    unit may follow in brackets. Empty where nothing fits.
+    """
+    known = list(columns)
+    word = name.partition(" [")[0]
+    spelt = [word, word.replace(" ", "."), word.replace(" ", "_"), word.replace(" ", ".", 1)]
+    for one in dict.fromkeys(OTHER_WORDS.get(x, x) for x in spelt):
+        for start in (one, one.removeprefix("q."), one.removeprefix("outputs.")):
+            if start in known:
+                return [start]
+            if found := [c for c in known if c.startswith(f"{start}.")]:
+                return found
+        if one == "q":
+            return [c for c in known if _is_coordinate(c, set(known))]
+        parts = [c.partition(".") for c in known]
+        of_it = ["".join(p) for p in parts if p[2] == one or p[2].startswith(f"{one}.")]
+        if of_it:
+            return of_it
+    return []
+
+
+def _is_coordinate(column: str, known: set[str]) -> bool:
+    """Whether a column holds q: its joint has a velocity."""
+    joint = column.removeprefix("q.")
+    own = bool({f"v.{joint}", f"v.{joint.rpartition('.')[0]}.0"} & known)
+    return own and f"q.{column}" not in known
+
+
+def no_column(columns: Iterable[str], name: str) -> str:
+    """What to write in place of a name that is no column's."""
+    known = list(columns)
+    last = name.rpartition(".")[2].rpartition("_")[2]
+    close = get_close_matches(name, known, n=6, cutoff=0.5)
+    close += [c for c in known if name in c.split(".") or last in c.split(".")]
+    hint = f"; did you mean {choices(dict.fromkeys(close), 6)}?" if close else ""
+    return f"there is no column {name!r}{hint or '; choose one of ' + choices(known, 24)}"
+
+
+def frame(columns: Mapping[str, Column]) -> Any:
+    """A pandas.DataFrame with a row a frame, its index the time [s]; `attrs["units"]` of columns.
+
+    Beyond what every DataFrame does, it takes the names that `meant` does, and a KeyError says what
+    there is. Needs pandas.
+    """
+    made = _frame_class()({name: column.values for name, column in columns.items()})
+    made.index = needed("pandas", "pandas").Index(columns["t"].values, name="time")
+    made.attrs["units"] = {name: column.unit for name, column in columns.items()}
+    return made
+
+
+@cache
+def _frame_class() -> Any:
+    pandas = needed("pandas", "pandas")
+
+    class Frame(pandas.DataFrame):
+        @property
+        def _constructor(self) -> Any:  # of what is made from it: a plain one
+            return pandas.DataFrame
+
+        def __getitem__(self, key: Any) -> Any:
+            try:
+                return super().__getitem__(key)
+            except KeyError:
+                if not isinstance(key, str):
+                    raise
+            found = meant(self.columns, key)
+            if not found:
+                raise NameLookupError(Problem("table", "", no_column(self.columns, key)))
+            return super().__getitem__(found[0] if len(found) == 1 else found)
+
+        def __reduce_ex__(self, protocol: Any) -> Any:
+            plain = pandas.DataFrame(self)
+            plain.attrs = dict(self.attrs)
+            return _itself, (plain,)
+
+    Frame.__name__ = Frame.__qualname__ = "DataFrame"
+    return Frame
+
+
+def _itself(value: Any) -> Any:
+    """What a pickle calls: a table is read back as a plain one."""
+    return value
