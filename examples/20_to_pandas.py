@@ -13,4 +13,4 @@ print(table.filter(like="energy").describe())
 print("rows, columns:", table.shape)
 late = table.loc[table["t"] > 8.0, ["lower", "v.lower"]]
 print(late.abs().max())
-print("the index is the time:", table.index.name == "time" and table.index[-1] == run.t[-1])
+print("the index is the time:", table.index.name == "t" and table.index[-1] == run.t[-1])

@@ -33,7 +33,7 @@ class Column(NamedTuple):
     """(n,) values over the frames, and their unit; "" of words."""
 
     unit: str
-    values: Array
+    values: Any
 
 
 def columns_of(run: Result) -> dict[str, Column]:
@@ -126,13 +126,12 @@ def no_column(columns: Iterable[str], name: str) -> str:
 
 
 def frame(columns: Mapping[str, Column]) -> Any:
-    """A pandas.DataFrame with a row a frame, its index the time [s]; `attrs["units"]` of columns.
+    """A pandas.DataFrame with a row a frame, its index t [s]; `attrs["units"]` of columns.
 
-    Beyond what every DataFrame does, it takes the names that `meant` does, and a KeyError says what
-    there is. Needs pandas.
+    Beyond what every DataFrame does, it takes the names that `meant` does and that of the index,
+    and a KeyError says what there is. Needs pandas.
     """
-    made = _frame_class()({name: column.values for name, column in columns.items()})
-    made.index = needed("pandas", "pandas").Index(columns["t"].values, name="time")
+    made = _frame_class()({name: column.values for name, column in columns.items()}).set_index("t")
     made.attrs["units"] = {name: column.unit for name, column in columns.items()}
     return made
 
@@ -143,8 +142,12 @@ def _frame_class() -> Any:
 
     class Frame(pandas.DataFrame):
         @property
-        def _constructor(self) -> Any:  # of what is made from it: a plain one
-            return pandas.DataFrame
+        def _constructor(self) -> Any:  # of what is made from it
+            return Frame
+
+        def _is_time(self, key: Any) -> bool:
+            index = self.index.name is not None and OTHER_WORDS.get(key, key) == self.index.name
+            return isinstance(key, str) and index and key not in self.columns
 
         def __getitem__(self, key: Any) -> Any:
             try:
@@ -152,10 +155,17 @@ def _frame_class() -> Any:
             except KeyError:
                 if not isinstance(key, str):
                     raise
-            found = meant(self.columns, key)
+            if self._is_time(key):
+                return self.index.to_series()
+            found = meant([c for c in self.columns if isinstance(c, str)], key)
             if not found:
                 raise NameLookupError(Problem("table", "", no_column(self.columns, key)))
             return super().__getitem__(found[0] if len(found) == 1 else found)
+
+        def set_index(self, keys: Any, *args: Any, **named: Any) -> Any:
+            if self._is_time(keys):  # as df.plot(x="t") asks
+                return self
+            return super().set_index(keys, *args, **named)
 
         def __reduce_ex__(self, protocol: Any) -> Any:
             plain = pandas.DataFrame(self)
