@@ -3,7 +3,7 @@
 if (window.pgraph) return; // a reconnected page has it already
 window.pgraph = (() => {
   const views = {};     // view name -> {build(host), topic: draw(host, data), ...}
-  const listeners = {}; // topic -> function(data), for what is drawn in no host
+  const listeners = {}; // topic -> functions of its data, for what is drawn in no host
   const kept = {}; // view name -> its host, put back after a lost connection: half-typed cells stay
   const latest = {}; // topic -> data, to draw again when a host is mounted
   const ME = crypto.getRandomValues(new Uint32Array(4)).join("-"); // this page, as long as it is open
@@ -13,6 +13,10 @@ window.pgraph = (() => {
   // A fault in one view is told to the console; it takes nothing from the others.
   function safely(act) {
     try { act(); } catch (fault) { setTimeout(() => { throw fault; }); }
+  }
+
+  function hear(topic) {
+    for (const act of listeners[topic] ?? []) safely(() => act(latest[topic]));
   }
 
   function flush() {
@@ -46,7 +50,7 @@ window.pgraph = (() => {
   const pgraph = {
     latest,
     view(name, topics) { views[name] = topics; },
-    on(topic, act) { listeners[topic] = act; },
+    on(topic, act) { (listeners[topic] ??= []).push(act); },
     // An event for Python, by its class name; the blank makes equal events differ for viser.
     send(event, fields = {}) {
       waiting.push(JSON.stringify({ event, seen: latest.renamed ?? null, ...fields }) + " ".repeat(serial++ % 2));
@@ -79,7 +83,7 @@ window.pgraph = (() => {
       latest[topic] = data;
       remember(topic, data);
       if (resuming !== null && topic !== "reply") { late.add(topic); return; }
-      safely(() => listeners[topic]?.(data));
+      hear(topic);
       for (const view of Object.keys(views)) pgraph.draw(view, topic);
     },
     // The tab of that name to the front; viser's tabs listen to the pointer, not to clicks.
@@ -204,7 +208,7 @@ window.pgraph = (() => {
   }
 
   // What the server tells this page in passing: a title, and three lines of text until it is clicked.
-  listeners.notice = ({ title, text, bad }) => {
+  pgraph.on("notice", ({ title, text, bad }) => {
     const make = pgraph.make, said = make("div", { className: "said", textContent: text.length > 400 ? `${text.slice(0, 400)} …` : text });
     const note = make("div", { className: `pgraph pgraph-notice${bad ? "" : " good"}`, role: bad ? "alert" : "status", title: text },
       make("button", { className: "close", textContent: "×", "aria-label": "close", onclick: () => note.remove() }),
@@ -213,7 +217,7 @@ window.pgraph = (() => {
     toasts().append(note);
     while (toasts().childElementCount > 3) toasts().firstElementChild.remove();
     setTimeout(() => { if (!note.classList.contains("whole")) note.remove(); }, bad ? 12000 : 5000);
-  };
+  });
   function toasts() {
     let notes = document.querySelector(".pgraph-toasts");
     if (!notes) document.body.append(notes = pgraph.make("div", { className: "pgraph-toasts" }));
@@ -246,7 +250,7 @@ window.pgraph = (() => {
   }
   function resumed() {
     resuming = null;
-    for (const topic of late) listeners[topic]?.(latest[topic]);
+    for (const topic of late) hear(topic);
     late.clear();
     for (const view of Object.keys(views)) if (pgraph.hosts(view).length) redraw(view);
     pgraph.cells.again();

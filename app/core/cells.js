@@ -98,6 +98,22 @@ pgraph.cells = (() => {
       if (cell.isConnected && cell.pgraphCommit && dirty(cell)) ask(cell, send);
     }
   }
+  // Another model was opened: what was typed for the one before is not put into this one.
+  let opened = null;
+  function forget(count) {
+    const another = opened !== null && count > opened; // a server that was started again counts from 0
+    opened = count;
+    if (!another) return;
+    pending.clear();
+    for (const cell of document.querySelectorAll(".pgraph .cell")) {
+      cell.pgraphSerial = null;
+      cell.pgraphDoubting = false;
+      if (cell.dataset.full === undefined || !(dirty(cell) || cell.matches(".refused, .waiting"))) continue;
+      if (cell === document.activeElement && dirty(cell)) pgraph.toast(`“${cell.value}” was not taken: another model was opened meanwhile.`);
+      revert(cell);
+    }
+  }
+
   function noteOf(cell) {
     const note = (cell.closest("tr, .field, .ask") ?? cell.parentElement).nextElementSibling;
     return note?.classList.contains("sentence") ? (note.querySelector("td") ?? note) : null;
@@ -189,6 +205,7 @@ pgraph.cells = (() => {
     });
   }
 
-  return { set, reply, again, doubtful, revert, await: ask, input, choice, choose, commit, quietly, keepingFocus, resting: () => !quiet };
+  return { set, reply, again, forget, doubtful, revert, await: ask, input, choice, choose, commit, quietly, keepingFocus, resting: () => !quiet };
 })();
 pgraph.on("reply", pgraph.cells.reply);
+pgraph.on("opened", pgraph.cells.forget);

@@ -108,9 +108,11 @@ def replaced(state: State, model: pg.Model, label: str, client: int | None = Non
 def _afresh(client: Client) -> Client:
     """A page that has chosen nothing of this model yet."""
     none = Client()
-    of_model = ("selection", "selected", "plots", "walk", "gizmo", "grip", "inspected", "picking",
-                "aim", "opened", "listed")  # fmt: skip
-    return replace(client, **{name: getattr(none, name) for name in of_model})
+    of_model = ("selection", "selected", "plots", "walk", "gizmo", "grip", "picking", "aim",
+                "opened", "listed")  # fmt: skip
+    looked = client.inspected  # its tab may be in sight: the same operator, all of it
+    whole = None if looked is None else replace(looked, rows=None, columns=None)
+    return replace(client, inspected=whole, **{name: getattr(none, name) for name in of_model})
 
 
 def showing(state: State, model: pg.Model) -> State:

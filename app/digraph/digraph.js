@@ -259,7 +259,8 @@ pgraph.digraph = (() => {
     const parent = data.parent[k - 1] ? data.names[data.parent[k - 1] - 1] : "ground";
     card.replaceChildren(make("strong", { textContent: `${k} ${data.names[k - 1]}` }),
       make("div", { textContent: `${data.joints[k - 1]} joint to ${parent}, ${data.dof[k - 1]} DoF` }),
-      make("div", { textContent: `mass ${Number(data.masses[k - 1].toPrecision(4))} kg` }));
+      make("div", { textContent: `mass ${Number(data.masses[k - 1].toPrecision(4))} kg` }),
+      ...(data.sites[k - 1].length ? [make("div", { textContent: `sites: ${data.sites[k - 1].join(", ")}` })] : []));
     const circle = host.graph.nodes[k].querySelector("circle:last-of-type").getBoundingClientRect();
     card.classList.toggle("right", data.kind === "lanes");
     card.classList.remove("low");

@@ -52,6 +52,7 @@ def digraph(state: State) -> Payload:
         "parent": d.parent,
         "dof": [body.dof for body in bodies],
         "joints": [body.joint for body in bodies],
+        "sites": [[s.name for s in state.model.sites if s.body == name] for name in d.names],
         "masses": [body.mass for body in bodies],
         "colors": [css(color) for color in d.colors],
         "tips": sorted(d.tips),

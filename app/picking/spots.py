@@ -144,6 +144,9 @@ def candidates(state: State, look: Look, k: int, joints: bool) -> Iterator[Candi
     for link, child in zip(look.links, state.derived.children[k + 1]):
         yield np.asarray(link), f"joint of {state.derived.names[child - 1]}", joint
     yield np.asarray(body.tip_point), "tip", joint
+    for site in state.model.sites:
+        if site.body == body.name:
+            yield np.asarray(site.point), f"site {site.name}", MEANT
     yield np.asarray(body.com), "centre of mass", INSIDE
 
 

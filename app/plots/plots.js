@@ -99,6 +99,7 @@
     const all = [...chart.data.curves, ...chart.data.ghost];
     let [t0, t1, y0, y1] = [Infinity, -Infinity, Infinity, -Infinity];
     for (const { t } of all) if (t.length) { t0 = Math.min(t0, t[0]); t1 = Math.max(t1, t[t.length - 1]); }
+    if (zoom && (zoom[1] <= t0 || zoom[0] >= t1)) zoom = null; // of a run that was elsewhere
     if (zoom) [t0, t1] = zoom;
     for (const { t, y } of all) for (let i = 0; i < t.length; i++) {
       if (t[i] >= t0 && t[i] <= t1) { y0 = Math.min(y0, y[i]); y1 = Math.max(y1, y[i]); }
@@ -204,6 +205,7 @@
     paintAll(host);
   }
 
+  pgraph.on("opened", () => { zoom = null; });
   pgraph.view("plots", {
     build, plots: draw, signals: choices,
     playback: (host, data) => follow(host, data.moment), time: follow, theme: (host) => setTimeout(() => paintAll(host), 300),

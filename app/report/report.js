@@ -61,9 +61,10 @@
     $(".problem").hidden = !data.problem;
     $(".problem").textContent = data.problem;
     $(".outcome").hidden = data.result === null;
-    if (data.result) outcome($, data.result);
+    outcome($, data.result ?? NOTHING);
   }
 
+  const NOTHING = { title: "", advice: "", use: [], stale: "", head: [], rows: [], notes: [] };
   function outcome($, result) {
     const row = (tag) => (entries) => make("tr", {}, ...entries.map((textContent) => make(tag, { textContent })));
     $(".title").textContent = result.title;

@@ -44,7 +44,6 @@
     $(".none").hidden = !data.none;
     $(".some").hidden = data.none;
     $(".copy-scenario").disabled = $(".delete-scenario").disabled = data.none;
-    if (data.none) return;
     const ask = {
       edit: (field, entries, serial) => send("EditScenario", { serial, field, entries }),
       press: (b) => send("EditScenario", { serial: pgraph.nextSerial(), field: b.fields.field, entries: [[b.fields.index, b.fields.text]] }),

@@ -32,6 +32,7 @@ from . import (
 )
 
 MOST_EVENTS = 200  # of the log
+PARTS = ("form", "start", "drives", "kinds", "switches", "switchable", "events")  # of a scenario
 
 
 class ScenarioView:
@@ -59,7 +60,7 @@ def scenario(state: State, display: Display) -> Payload:
     found: Payload = {"scenarios": [*listed, [FREE_RUN, "free run"]], "name": name}
     s = next((s for s in model.scenarios if s.name == name), None)
     if s is None:
-        return {**found, "none": True}
+        return found | {"none": True, "row": -1} | {part: [] for part in PARTS}
     return found | {
         "none": False,
         "row": model.scenarios.index(s),

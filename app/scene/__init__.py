@@ -2,4 +2,4 @@
 
 from __future__ import annotations
 
-SHOWN_AT_FIRST = frozenset({"shapes", "joining"})
+SHOWN_AT_FIRST = frozenset({"shapes", "joining", "sites"})

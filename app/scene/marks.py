@@ -18,6 +18,7 @@ from ..core.state import State
 
 Local = dict[int, np.ndarray]  # number of a body (0: the ground) -> points in its frame [m]
 LONGEST = 0.5  # of the model's size: the arrow of the run's usual largest force
+SITE = 0.09  # of a body's size: a line of a site's frame
 THIN = 1e-3  # of the largest semi-axis: what a flat ellipsoid keeps
 
 
@@ -56,6 +57,7 @@ def showable(state: State) -> tuple[tuple[str, str], ...]:
         ("coms", "centres of mass", True),
         ("inertias", "inertia ellipsoids", any(np.any(b.inertia) for b in model.bodies)),
         ("frames", "body frames", True),
+        ("sites", "sites", bool(model.sites)),
         ("names", "names", True),
         (
             "points",
@@ -132,6 +134,17 @@ def frames(state: State) -> Local:
     """Three lines from each body's origin along its axes."""
     triad = np.stack((np.zeros((3, 3)), 0.11 * state.derived.grain * np.eye(3)), axis=1)
     return dict.fromkeys(range(1, len(state.derived.names) + 1), triad)
+
+
+def sites(state: State) -> Local:
+    """Three lines along the axes of each site."""
+    found: dict[int, list[Any]] = defaultdict(list)
+    for site in state.model.sites:
+        at, R = np.asarray(site.point), shapes.to_matrix(np.asarray(site.rotation))
+        found[state.derived.number.get(site.body, 0)] += [
+            (at, at + SITE * state.derived.grain * axis) for axis in R.T
+        ]
+    return {k: np.array(lines) for k, lines in found.items()}
 
 
 def points(state: State) -> Local:

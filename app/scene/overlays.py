@@ -233,9 +233,9 @@ def _arrows(
 
 LOCAL = {
     "axes": marks.axes, "links": marks.links, "coms": marks.coms, "names": marks.coms,
-    "frames": marks.frames, "points": marks.points, "spine": marks.spine,
+    "frames": marks.frames, "sites": marks.sites, "points": marks.points, "spine": marks.spine,
 }  # fmt: skip
 ADD = {
     "axes": _lines(AXIS, 4.0), "links": _lines(LINK, 2.5), "coms": _points(COM), "names": _name,
-    "frames": _triads, "points": _points(POINT), "spine": _spine,
+    "frames": _triads, "sites": _triads, "points": _points(POINT), "spine": _spine,
 }  # fmt: skip

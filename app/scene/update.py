@@ -11,7 +11,7 @@ from ..core.events import Event, FromPage, on
 from ..core.state import Notice, State, told, with_client
 
 Showable = Literal[
-    "shapes", "axes", "links", "coms", "inertias", "frames", "names", "points", "forces",
+    "shapes", "axes", "links", "coms", "inertias", "frames", "names", "sites", "points", "forces",
     "joining", "branches", "cones", "footprints", "follow",
 ]  # fmt: skip
 

@@ -18,6 +18,8 @@ class TableView:
     def render(self, old: State, new: State) -> None:
         clients = audience(old, new, new.derived is not old.derived)
         payload = table(new) if clients else {}
+        for client in audience(old, new, new.framed != old.framed):
+            self._bridge.send(client, "opened", new.framed)  # first: what is half typed goes
         for client in clients:
             self._bridge.send(client, "table", payload)
         for client, page in new.clients.items():

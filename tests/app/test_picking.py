@@ -17,6 +17,7 @@ from pgraph_app.picking.spots import Ray, met
 from pgraph_app.picking.spots import spot as spot_or_none
 from pgraph_app.picking.update import ClickSpot, StartAim, in_axes_of
 from pgraph_app.picking.view import measured
+from pgraph_app.scene import marks
 from pgraph_core.show import shapes
 
 ME = 7
@@ -55,6 +56,21 @@ def towards(point: tuple[float, ...], way: tuple[float, ...], slack: float = 0.0
 def test_a_ray_meets_a_box_where_its_face_is_and_takes_the_normal(boxes):
     found = spot(boxes, towards((0.15, 0.2, 0.05), (0, 1, 0)))
     assert found == Spot("a", (0.15, 0.2, 0.05), (0.0, 1.0, 0.0), "flat face")
+
+
+def test_a_site_is_drawn_along_its_axes_and_is_picked_inside_its_body(boxes):
+    turned = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))  # its x along the body's y
+    grip = pg.Site(name="grip", body="b", point=(0.1, 0.0, 0.2), rotation=turned)
+    goal = pg.Site(name="goal", body="ground", point=(2, 0, 0))
+    state = state_of(boxes.model.add(grip).add(goal))
+    lines, number = marks.sites(state), state.derived.number["b"]
+    assert set(lines) == {0, number}
+    ways = np.diff(lines[number], axis=1)[:, 0]
+    np.testing.assert_allclose(ways / np.linalg.norm(ways, axis=1)[:, None],
+                               [(0, 1, 0), (-1, 0, 0), (0, 0, 1)], atol=1e-12)  # fmt: skip
+    np.testing.assert_array_equal(lines[0][:, 0], [(2, 0, 0)] * 3)
+    found = spot(state, towards((1.0, 0.1, 0.2), (1, 0, 0), slack=0.01))
+    assert (found.body, found.point, found.what) == ("b", (0.1, 0.0, 0.2), "site grip")
 
 
 @pytest.mark.parametrize(

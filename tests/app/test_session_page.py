@@ -7,7 +7,9 @@ from typing import Any
 
 import pytest
 
-from pgraph_app.model.update import Edit, Undo
+import pgraph_core as pg
+from pgraph_app.model.update import Edit, OpenText, Undo
+from pgraph_app.run.update import SetScenario
 from pgraph_app.session.update import Select
 from pgraph_app.table.view import table
 from tests.test_urdf import TWO, robot
@@ -186,6 +188,39 @@ def test_1_3_a_cell_left_for_another_body_in_the_digraph_is_committed(page, serv
     served.send(Select(max(served.store.state.clients), "pelvis"))
     until(lambda: served.store.state.model.body("left_femur").mass == 1.75, "its own mass")
     assert served.store.state.model.body("pelvis").mass == mass
+
+
+def test_nothing_of_the_model_before_is_left_on_the_page(page, served):
+    """Not in what is hidden either; what was half typed is not put into a body of the same name."""
+    zebra = pg.Force(name="zebra", kind="servo", body="2", kp=1.0)
+    own = pg.Scenario(
+        name="zebra run", t_end=1.0, forces=(zebra.model_copy(update={"name": "zebra drive"}),),
+        switches=(pg.Switch(constraint="zebra tie", t=0.5, active=False),),
+    )  # fmt: skip
+    tie = pg.Constraint(name="zebra tie", kind="point", body="3")
+    model = pg.Model.serial(3).replace(forces=(zebra,), constraints=(tie,), scenarios=(own,))
+    served.send(OpenText(NOBODY, "zebras", model.to_json()))
+    until(lambda: page.locator("tr[data-name='3']").count(), "three bodies")
+    client = max(served.store.state.clients)
+    served.send(SetScenario(client, 1, "zebra run"))
+    page.get_by_role("tab", name="Scenario").click()
+    until(
+        lambda: page.locator(".drives .tie").count() == page.locator(".switch").count() == 1, "it"
+    )
+    page.get_by_role("tab", name="Operators").click()
+    value = page.locator('[data-view="operators"] .value')
+    until(lambda: "3 × 3" in value.inner_text(), "the mass matrix of three bodies")
+    row(page, "2").locator("td.number").click()
+    page.wait_for_function("() => pgraph.latest.properties.bodies[0] === '2'")
+    field(page, "mass").focus()
+    page.keyboard.type("7.5")
+    served.send(OpenText(NOBODY, "plain", pg.Model.serial(4).to_json()))
+    until(lambda: "4 × 4" in value.inner_text(), "the one of four")
+    assert served.store.state.model.body("2").mass == model.body("2").mass
+    assert "7.5" in page.locator(".pgraph-toast").inner_text()
+    left = "() => [...document.querySelectorAll('[data-view]')].filter((host) => host.textContent.includes('zebra')).map((host) => host.dataset.view)"  # noqa: E501
+    assert page.evaluate(left) == []
+    page.get_by_role("tab", name="Digraph").click()
 
 
 def test_the_question_mark_lists_the_keys(page):

@@ -78,6 +78,39 @@ def test_a_constraint_waits_for_another():
     assert [event.contact for event in run.events] == ["latch", "second", "latch"]
 
 
+@pytest.mark.parametrize("options", SETTINGS)
+def test_a_time_and_another_constraint_let_go(options):
+    """Two hold it against 4 N; the latch goes off at 0.3 s, the second with it: then a = 2."""
+    pull = pg.Motor(name="pull", body="b", torque=pg.Table(t=(0.0, 1.0), value=(4.0, 4.0)))
+    model = slider(forces=(pull,), active=True).model.edit("second", active=True)
+    switches = [
+        pg.Switch(constraint="latch", active=False, t=0.3),
+        pg.Switch(constraint="second", active=False, when={"constraint": "latch", "active": False}),
+    ]
+    run = pg.simulate(pg.Mechanism(model), t_end=1.0, switches=switches, **options)
+    np.testing.assert_allclose(run.q[-1, 0], 0.7**2, rtol=0, atol=1e-9)
+    np.testing.assert_allclose([event.t for event in run.events], 0.3, rtol=0, atol=1e-12)
+
+
+def test_the_force_of_a_contact_locks_what_presses_on_it():
+    """1 kg on the ground under 10 N/s: 12 N are passed at (12 - 9.80665) / 10 s."""
+    ball = pg.Body(
+        name="b", joint="prismatic", axes=((0, 0, 1),), mass=1.0, q=(0.1,),
+        shape={"kind": "sphere", "radius": 0.1},
+    )  # fmt: skip
+    press = pg.Motor(name="press", body="b", torque=pg.Table(t=(0.0, 1.0), value=(0.0, -10.0)))
+    model = pg.Model(
+        bodies=(ball,), contacts=(pg.Contact(name="floor", body="b"),), forces=(press,),
+        constraints=(pg.Constraint(name="latch", kind="point", body="b", active=False),),
+    )  # fmt: skip
+    switch = pg.Switch(constraint="latch", active=True, when={"force": "floor", "above": 12.0})
+    run = pg.simulate(pg.Mechanism(model), t_end=1.0, step=1e-3, switches=[switch])
+    (event,) = [event for event in run.events if event.contact == "latch"]
+    weight = -np.asarray(model.gravity) @ (0.0, 0.0, 1.0)
+    np.testing.assert_allclose(event.t, (12.0 - weight) / 10.0, rtol=0, atol=1e-3)
+    np.testing.assert_allclose(run.q[-1, 0], 0.1, rtol=0, atol=1e-9)
+
+
 def test_a_condition_that_is_true_already_is_said():
     switch = pg.Switch(constraint="latch", active=True, when={"coordinate": "b", "above": 0.5})
     run = pg.simulate(slider(q=0.7, v=1.0), t_end=1.0, switches=[switch])
