@@ -133,19 +133,25 @@ class _Look:
     def __init__(self, scene: Scene, t: float, q: Array, v: Array):
         self.scene, self.t, self.q, self.v = scene, t, q, v
         self.rows = int(scene.space.watch[0]["rows"])
+        self.seen: dict[float, tuple[Array, Array]] = {}
 
     def eigen(self, tau: float) -> tuple[Array, Array]:
         """(values over the mean diagonal, vectors) of Ω a time tau on, constraints met.
 
         Where a run blew up and Ω is not finite, no row is null.
         """
+        if tau not in self.seen:
+            self.seen[tau] = self._eigen(tau)
+        return self.seen[tau]
+
+    def _eigen(self, tau: float) -> tuple[Array, Array]:
         q, v = self.q.copy(), self.v.copy()
         motion.move(self.scene.packed.rows, q, v, tau)
         for _ in range(2):  # onto the constraints, and Ω there
             self.scene.space.vectors[FACTORED, 2] = 0.0
             motion.projection(self.scene.held, self.t + tau, q, v, 1)
         omega = self.scene.space.omega[: self.rows, : self.rows]
-        size = float(np.trace(omega)) / max(self.rows, 1) or 1.0
+        size = float(omega.trace()) / max(self.rows, 1) or 1.0
         if not (np.isfinite(size) and np.isfinite(scaled := omega / size).all()):
             return np.ones(self.rows), np.eye(self.rows)
         return np.linalg.eigh(scaled)
@@ -164,6 +170,8 @@ class _Look:
         """When within `width` eigenvalue number `nulls` is smallest, by parabolas."""
         seen = [(x, float(self.eigen(x)[0][nulls])) for x in (-width, 0.0, width)]
         for _ in range(LOOKS):
+            if min(value for _, value in seen) < NULL:
+                break
             (a, at_a), (b, at_b), (c, at_c) = sorted(seen)
             rise = (at_b - at_a) / (b - a)
             bend = ((at_c - at_b) / (c - b) - rise) / (c - a)

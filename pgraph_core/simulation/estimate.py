@@ -60,7 +60,8 @@ OVERDAMPED = 1.2  # times the rate without dampers, which is known to 10 %: what
 RESOLVED = 0.015  # of a step: times rounded more coarsely make other steps of it
 STEEP = 1e-3  # of the time: a ramp of a table that is shorter
 MOST_RAMPS = 100
-TWICE = 2.0  # times the gap: the way back of an impact at full restitution
+TWICE = 2.0  # times the gap, or the speed: the way back of an impact at full restitution
+PARTS = 2  # that locating an impact makes of a step: one until it, one without length
 HALF = 0.5  # of the gap that counts as closed, or of what jumps make: the usual share of it
 EPS = float(np.finfo(float).eps)
 TINY = float(np.finfo(float).tiny)
@@ -155,7 +156,7 @@ def _by_coarser(record: Recording, few: bool = False) -> Estimate:
     if record.steps.divided and (found := _by_tolerance(record, plan.method)) is not None:
         return found  # some steps followed a tolerance: no order promises a ratio
     if _cut(plan, int(steps)):
-        return _by_finer(record)
+        return _by_finer(record, again=plan.step is None and plan.method.order <= 2)
     factor = 3 if plan.method.order <= 2 else 2
     wider = _coarser(plan, factor)
     most = MORE * int(steps) + COMPARED  # what blows up between contacts takes ever narrower ones
@@ -238,10 +239,13 @@ def _by_tolerance(record: Recording, method: Method) -> Estimate | None:
     return Estimate(float(errors[-1]), before=float(errors[-1]))
 
 
-def _by_finer(record: Recording, coarser: tuple[_Apart, float] | None = None) -> Estimate:
+def _by_finer(
+    record: Recording, coarser: tuple[_Apart, float] | None = None, *, again: bool = False
+) -> Estimate:
     """The estimate from a run at narrower steps: dearer, and right where errors are large too.
 
     `coarser` is how far a coarser run is apart, and the ratio of errors that its steps promise.
+    `again`: with one at narrower steps still, since two may agree by chance, hardly three.
     """
     plan = record.plan
     finer = record.again(_narrowed(plan))
@@ -267,13 +271,14 @@ def _by_finer(record: Recording, coarser: tuple[_Apart, float] | None = None) ->
     beyond = coarser is not None and coarser[0].share[-1] >= 1.0  # the finer run may be off too
     parted = int(np.searchsorted(apart.share, CLOSE if beyond else 1.0))
     chosen = not (plan.step or plan.contact_points)
-    if beyond and chosen and parted == len(errors) and _can_be_finer(finer.plan):
-        finest = record.again(_narrowed(finer.plan))  # two runs may agree by chance, hardly three
+    again = again or (beyond and chosen and parted == len(errors))
+    if again and _can_be_finer(finer.plan):
+        finest = record.again(_narrowed(finer.plan))
         if not finest.ended.ok:
             return Estimate(why=FAILS)
-        again = _apart(finest, record, plan.times)
-        errors = np.maximum(errors, again.largest)
-        parted = int(np.searchsorted(again.share, CLOSE))
+        farther = _apart(finest, record, plan.times)
+        errors = np.maximum(errors, farther.largest)
+        parted = int(np.searchsorted(farther.share, CLOSE if beyond else 1.0))
     if parted < len(errors):
         return _known_until(apart, errors, max(parted - 1, 0), _rate(record, apart, parted))
     largest, notices = float(errors[-1]), ()
@@ -515,20 +520,11 @@ def _closed(record: Recording) -> float:
     """Error of the instants of impacts in time stepping; 0 where none was.
 
     Those that are located are so to the gap that counts as closed, which the end may lie within.
-    The others are found in the middle of a step, which steps of three times the width share.
     """
     plan, touching = record.plan, record.scene.touching
     tables = plan.contacts
     if tables is None or touching is None or not plan.impulses or plan.contact_points:
         return 0.0
-    log = record.changes[np.argsort(record.changes["pair"], kind="stable")]
-    landed = (log["pair"][:-1] == log["pair"][1:]) & (log["phase"][:-1] == SWING)
-    at, cuts, late = log["time"][1:][landed], int(touching.tally["cuts"]), 0.0
-    if len(at) > cuts and plan.tolerance is None:
-        n = record.done
-        frame = np.clip(np.searchsorted(plan.times[:n], at) - 1, 0, max(n - 2, 0))
-        jumps = np.abs(np.diff(record.out.v[:n], axis=0)[frame]).max(axis=1)
-        late = 0.5 * float((jumps * plan.width[frame]).max(initial=0.0))
     from ..engine.contact.closing import NEAR
     from ..engine.contact.meeting import CLOSED, SIZE
     from .contact_log import Clearance
@@ -537,12 +533,46 @@ def _closed(record: Recording) -> float:
     reach = shapes["reach"][shapes["row"] > 0]
     size = np.where(reach > 0.0, reach, record.mech.packed.length).max(initial=0.0)
     closed = max(NEAR * float(size), CLOSED * float(limits.max(initial=0.0)))
+    late = _late(record, max(float(size), float(limits.max(initial=0.0))), closed)
+    cuts = int(touching.tally["cuts"])
     last = record.done - 1
     swings = record.out.pairs["phase"][last] == SWING
     gaps = Clearance(record.mech, tables).gaps(record.scene, record.out.q[last:][:1], len(swings))
     arriving = swings & (gaps[0] <= closed)  # before its impact, or after it
     overdue = TWICE * float(np.abs(gaps[0][arriving]).max(initial=0.0))
     return late + max(HALF * closed if cuts else 0.0, overdue)
+
+
+def _late(record: Recording, size: float, closed: float) -> float:
+    """Error of impacts that are not located but found in the middle of a step, or sooner: those
+    that are slow. What stays there keeps it as its gap.
+
+    `size` is that of what touches, `closed` the gap that counts as closed.
+    """
+    from ..engine.contact.closing import DEPTH, HARD
+    from ..engine.contact.meeting import CROWD
+
+    plan, touching = record.plan, record.scene.touching
+    assert plan.contacts is not None
+    assert touching is not None
+    log = record.changes[np.argsort(record.changes["pair"], kind="stable")]
+    landed = (log["pair"][:-1] == log["pair"][1:]) & (log["phase"][:-1] == SWING)
+    at, pair = log["time"][1:][landed], log["pair"][1:][landed]
+    slow = len(np.unique(at)) - -(-int(touching.tally["cuts"]) // PARTS)
+    if slow <= 0 or plan.tolerance is not None:
+        return 0.0
+    n, may = record.done, plan.contacts.candidates
+    frame = np.clip(np.searchsorted(plan.times[:n], at) - 1, 0, max(n - 2, 0))
+    h, after = plan.width[frame], record.out.pairs[frame + 1, pair]
+    jumps = np.abs(np.diff(record.out.v[:n], axis=0)[frame]).max(axis=1)
+    if len(may.on_ground) + len(may.pairs) + len(may.members) <= CROWD:  # faster ones are located
+        pull = float(touching.tally["pull"])
+        jumps = np.minimum(jumps, TWICE * np.maximum(HARD * pull * h, DEPTH * size / h))
+    stays = after["phase"] != SWING
+    sunk = np.abs(after["gap"][stays])
+    slow -= int((sunk > closed).sum())
+    bounces = np.sort((HALF * h * jumps)[~stays])[: max(slow, 0)]
+    return float(max(sunk.max(initial=0.0), bounces.max(initial=0.0)))
 
 
 # -- the runs ------------------------------------------------------------------------------------
