@@ -227,7 +227,7 @@ def packed(shapes: Iterable[Placed]) -> Geometry:
         half, middle = s.box
         rotation = np.asarray(shape.rotation, float).ravel()
         place = (shape.position, rotation, s.radius, s.half, half, middle, s.reach)
-        found[i] = (s.kind, shape.row, shape.body, *ranges, s.columns, *place)
+        found[i] = (s.kind, shape.row, shape.body, *ranges, s.columns, *place, 0, 0.0)
         first += counts
     rings = [ring for s in solids for ring in s.rings]
     lengths = np.array([len(ring) for ring in rings], np.int64)

@@ -45,7 +45,6 @@ LAWS = {"complementarity": RIGID, "soft": SOFT, "penalty": PENALTY}
 ROOM = {SPHERE: 1, CAPSULE: 2}  # contact points of a shape, 8 of others
 ON_FIELD = 64  # of a shape on a heightfield
 SINKS = 1e-4  # of the bodies' size: how deep its weight presses what touches, if nothing is given
-SPEED = 1.0  # m/s: where a soft contact that gives no damping has its restitution, or faster
 LEAST = 0.05  # the least restitution that soft and penalty contacts give: less would take ever more
 DEEPEST = 0.1  # of the thinner shape: how deep the speed at the start leads, if nothing is given
 FILLED = 1.1  # times a mesh's volume: a convex hull that is much larger
@@ -213,6 +212,9 @@ class _Shapes:
 
     def tables(self, limits: tuple[str, ...], blocks: tuple[Ints, Array, Ints, Array]) -> Tables:
         geometry = solids.packed(self.placed)
+        alone, lightness = _rows(self.mech.topology, self.mech.system)
+        geometry.shapes["alone"] = alone[geometry.shapes["row"]]
+        geometry.shapes["lightness"] = lightness[geometry.shapes["row"]]
         room = sum(self._points(i) for i, _ in self.on_ground)
         room += sum(self._room(a, b) for a, b, _ in self.pairs if b not in self.boxes)
         room += sum(8 * min(len(self.boxes), 4) for _ in self.on_ground)
@@ -260,10 +262,10 @@ def joined(topology: Topology, packed: System) -> set[tuple[int, int]]:
 
 
 def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[float, ...]:
-    """(9,) as in PAIR_LAW, with what is left out filled in.
+    """(10,) as in PAIR_LAW, with what is left out filled in.
 
     Without a stiffness, the weight of the lightest tree that touches presses it in by 1e-4 of the
-    bodies' size; a damping gives the restitution, of a soft contact at 1 m/s.
+    bodies' size. Without a damping, the loss of a soft contact gives the restitution.
     """
     friction = c.frictions(model.ground)
     further = friction.static != friction.kinetic or friction.rolling or friction.spinning
@@ -275,21 +277,20 @@ def law(c: Contact, model: Model, topology: Topology, packed: System) -> tuple[f
     depth = SINKS * radius_of_gyration(packed)
     soft = c.law == "soft"
     stiffness = weight / depth ** (1.5 if soft else 1.0) if c.stiffness is None else c.stiffness
-    if c.damping is not None:
-        damping = c.damping
-    elif soft:
-        damping = loss_at_speed(restitution) / SPEED
-    else:
+    damping, loss = c.damping, 0.0
+    if damping is None and soft:
+        damping, loss = 0.0, loss_of_impact(restitution)
+    elif damping is None:
         damping = 2 * damping_ratio(restitution) * np.sqrt(stiffness * _moved(c, topology, packed))
     values = float(LAWS[c.law]), friction.kinetic, restitution, stiffness, damping
-    return (*values, friction.static, friction.rolling, friction.spinning, mass)
+    return (*values, friction.static, friction.rolling, friction.spinning, mass, loss)
 
 
 def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
     """The tables for a run whose bodies (nb,) move at most this fast at the start [m/s].
 
     Of soft and penalty contacts that leave out their stiffness, that speed leads no deeper than a
-    tenth of the thinner shape; of those that leave out their damping, it has the restitution.
+    tenth of the thinner shape. A penalty contact without damping keeps its restitution.
     """
     laws = found.laws.copy()
     shapes = found.geometry.shapes[found.geometry.shapes["kind"] != POINTS]
@@ -308,9 +309,7 @@ def at_speed(found: Tables, mech: Packed, speeds: Array) -> Tables:
             energy = mass * speed**2  # = k d², or 4/5 k d^2.5
             needed = 1.25 * energy / deep**2.5 if soft else energy / deep**2
             stiffness = max(stiffness, needed)
-        if c.damping is None and soft:
-            row["damping"] = loss_at_speed(float(row["restitution"])) / max(speed, SPEED)
-        elif c.damping is None:
+        if c.damping is None and not soft:
             row["damping"] *= np.sqrt(stiffness / row["stiffness"])
         row["stiffness"] = stiffness
     pull = pull_of(mech.model)
@@ -322,7 +321,8 @@ def rate_of(row: Any, pull: float) -> float:
     mass, stiffness = float(row["mass"]), float(row["stiffness"])
     if row["law"] == SOFT:
         depth = (mass * pull / stiffness) ** (2 / 3)
-        return float(np.sqrt(1.5 * pull / depth) + row["friction"] * pull / CREEP)
+        damper = float(row["loss"]) * np.sqrt(1.25 * pull / depth)
+        return float(np.sqrt(1.5 * pull / depth) + damper + row["friction"] * pull / CREEP)
     if row["law"] == PENALTY:
         return float(np.sqrt(stiffness / mass) + row["damping"] / mass)
     return 0.0
@@ -368,44 +368,53 @@ def damping_ratio(restitution: float) -> float:
     return float(brentq(excess, 0.0, 10.0, xtol=1e-14))  # pyright: ignore
 
 
-def loss_at_speed(restitution: float) -> float:
-    """c v of Hunt and Crossley's k d^1.5 (1 + c d') that gives this restitution, LEAST at least.
+def loss_of_impact(restitution: float) -> float:
+    """χ of k d^1.5 (1 + χ d' / V) that gives this restitution, LEAST at least, at any speed.
 
-    From the energy over an impact at v: (1 + e) c v = ln((1 + c v) / (1 - e c v)).
+    V is the speed of an impact with the energy E that is left. With y = |d'| / V it falls by
+    d ln E = -2 χ y² / (1 ± χ y (1 - y²)) dy: + on the way in, from y = 1 to 0; - on the way back,
+    to y = 1, or to 1 / χ, where the force ends.
     """
+    from scipy.integrate import quad
     from scipy.optimize import brentq
 
     e = min(max(restitution, LEAST), 1.0)
-    if e > 1.0 - 1e-4:
-        return 1.5 * (1.0 - e)
+    if e == 1.0:
+        return 0.0
 
     def excess(x: float) -> float:
-        return float((1.0 + e) * x - np.log((1.0 + x) / (1.0 - e * x)))
+        end = min(1.0, 1.0 / x)
+        into = quad(lambda y: y * y / (1.0 + x * y * (1.0 - y * y)), 0.0, 1.0)[0]
+        back = quad(lambda y: y * y / (1.0 - x * y * (1.0 - y * y)), 0.0, end)[0]
+        return float(np.log(end) - x * (into + back) - np.log(e))
 
-    low = 0.75 * (1.0 - e)  # its double is right for e near 1
-    return float(brentq(excess, low, (1.0 - 1e-15) / e, xtol=1e-14))  # pyright: ignore
+    return float(brentq(excess, 0.5 * (1.0 - e), 1.0 / e, xtol=1e-14))  # pyright: ignore
 
 
-def restitution_at(loss: float) -> float:
-    """Restitution of Hunt and Crossley's law at the speed where c v is `loss`: the converse."""
-    from scipy.optimize import brentq
-
-    if loss < 1e-3:
-        return 1.0 - loss / 1.5
-    if loss > 25.0:  # to rounding
-        return 1.0 / loss
-
-    def excess(e: float) -> float:
-        return float((1.0 + e) * loss - np.log((1.0 + loss) / (1.0 - e * loss)))
-
-    most = min(1.0, (1.0 - 1e-15) / loss)
-    return float(brentq(excess, 0.0, most, xtol=1e-14))  # pyright: ignore
+def _rows(topology: Topology, packed: System) -> tuple[Ints, Array]:
+    """Of all rows: 1 where it is a free body that carries no others; 1 over its tree's mass."""
+    parent, kind = packed.rows[:, at.PARENT], packed.rows[:, at.KIND]
+    alone = (kind == at.FREE) & (parent == 0) & ~np.isin(np.arange(len(parent)), parent)
+    lightness = np.zeros(len(parent))
+    root, total = _trees(topology, packed)
+    for k in range(1, topology.nb + 1):
+        if root[k] and total[root[k]] > 0.0:
+            lightness[packed.bodies_i[k, at.ROW]] = 1.0 / total[root[k]]
+    return alone.astype(np.int64), lightness
 
 
 def _masses(c: Contact, topology: Topology, packed: System) -> list[float]:
-    """Masses of the trees of the bodies that a contact names, of all where it names every one.
+    """Masses of the trees of the bodies that a contact names, of all where it names every one."""
+    root, total = _trees(topology, packed)
+    names = {c.body, c.other} - {GROUND, EVERY}
+    numbers = map(topology.number, names) if names else range(1, topology.nb + 1)
+    return [total[root[k]] for k in numbers if root[k] and total[root[k]] > 0]
 
-    What is welded to the ground is part of the ground.
+
+def _trees(topology: Topology, packed: System) -> tuple[list[int], list[float]]:
+    """Of all bodies by number: the first body of its tree, and the mass of the tree it begins.
+
+    What is welded to the ground is part of the ground, 0.
     """
     parent, mass = topology.parent.tolist(), packed.bodies_f[1:, at.B_MASS].tolist()
     joints = packed.bodies_i[1:, at.OWN_ROWS].tolist()
@@ -414,9 +423,7 @@ def _masses(c: Contact, topology: Topology, packed: System) -> list[float]:
     for k, p in enumerate(parent, start=1):
         root[k] = root[p] or (k if joints[k - 1] else 0)
         total[root[k]] += mass[k - 1]
-    names = {c.body, c.other} - {GROUND, EVERY}
-    numbers = map(topology.number, names) if names else range(1, topology.nb + 1)
-    return [total[root[k]] for k in numbers if root[k] and total[root[k]] > 0]
+    return root, total
 
 
 def _solids(contact: str, body: str, shape: Shape) -> tuple[Solid, ...]:

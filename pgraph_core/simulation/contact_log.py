@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis.singular import holding
-from ..contact.tables import ContactPair, Tables, loss_at_speed, pull_of, restitution_at
+from ..contact.tables import ContactPair, Tables, pull_of
 from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine.contact.meeting import SIZE
 from ..engine.records import ACCEPTANCE, SLIP, STANCE, SWING
 from ..mechanism import Mechanism
+from ..model import Contact
 from ..model.fields import EVERY, GROUND
 from ..packing.system import Array, Ints
 from ..result.records import NOTHING, PHASES, ContactRecord, Event
@@ -154,7 +155,6 @@ def contact_notices(
         )
     found += limits_passed(mech, tables, active, t, q)
     found += pressed(mech, tables, frames[2][0])
-    found += bounced(tables)
     found += sunk(mech, tables, active, *frames)
     if unlogged:
         found.append(f"{unlogged} changes of contacts' phases were too many to log")
@@ -307,19 +307,32 @@ def pressed(mech: Mechanism, tables: Tables, gap: Array) -> list[str]:
     return found
 
 
-def bounced(tables: Tables) -> list[str]:
-    """A notice of soft contacts' restitution at other speeds than the one that it holds at."""
-    for row, pair in zip(tables.laws, tables.touches):
-        e, c, damping = pair.contact.restitution, pair.contact, float(row["damping"])
-        if c.law == "soft" and c.damping is None and e is not None and 0.0 < e < 1.0:
-            speed = loss_at_speed(e) / damping
-            slow, fast = (restitution_at(damping * x * speed) for x in (0.1, 10.0))
-            return [
-                f"contact '{c.name}': its restitution {e:g} holds for impacts at {speed:.3g} m/s, "
-                f"the run's initial speed or 1 m/s; it is {slow:.2g} at a tenth of it and "
-                f"{fast:.2g} at ten times; give damping, or law 'penalty' for the same at any speed"
-            ]
-    return []
+def sunk_through(mech: Mechanism, idle: Sequence[Contact], q: Array) -> list[str]:
+    """A notice of bodies that went below the ground, whose contacts with it are not active."""
+    normal = np.array(mech.model.ground_normal)
+    names = [b.name for b in mech.model.bodies if b.touching]
+    below: dict[str, str] = {}  # the contact of each body
+    for c in idle:
+        for body in names if c.body == EVERY else [c.body]:
+            last, first = (float(mech.pose(q[i], body)[0] @ normal) for i in (-1, 0))
+            if last < 0.0 < first:
+                below.setdefault(body, c.name)
+    if not below:
+        return []
+    contacts, bodies = list(dict.fromkeys(below.values())), list(below)
+    more = f" and {len(bodies) - LISTED} more" if len(bodies) > LISTED else ""
+    scenarios = [s.name for s in mech.model.scenarios if set(contacts) & set(s.contacts or ())]
+    by_scenario = f", or choose scenario={scenarios[0]!r}" if scenarios else ""
+    return [
+        f"{_named(bodies[:LISTED])}{more} went through the ground: contact "
+        f"{_named(contacts[:LISTED])} does not act here; make it active{by_scenario}"
+    ]
+
+
+def _named(names: list[str]) -> str:
+    """'a', 'b' and 'c'."""
+    quoted = [f"'{name}'" for name in names]
+    return " and ".join(filter(None, (", ".join(quoted[:-1]), quoted[-1])))
 
 
 def driven_into(

@@ -27,6 +27,7 @@ from ..errors import InputError, Problem, choices, nearest_first
 from ..integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_of
 from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario, Table
+from ..model.fields import EVERY, GROUND
 from ..packing.forces import NO_LOADS
 from ..packing.system import Array, Drives, Ints, Loads
 from .monitors import ConditionOf, conditions_of
@@ -79,6 +80,7 @@ class Plan:
     substeps: Ints = field(default_factory=lambda: NO_SUBSTEPS)  # (n - 1,) fixed steps a frame
     width: Array = field(default_factory=lambda: NO_TIMES)  # (n - 1,) of them [s]
     contacts: Tables | None = None
+    idle: tuple[Contact, ...] = ()  # with the ground, of bodies that no other one keeps above it
     gains: Array = field(default_factory=lambda: NO_GAINS)  # (2,) of Baumgarte
     project: bool = False
     tolerance: Tolerance | None = None  # None: fixed steps
@@ -237,7 +239,7 @@ def _plan_with(
     if usual and plan.step is not None and (count := int(plan.substeps.sum())) > MANY_STEPS:
         text = f"the default step of {plan.step:.3g} s makes {count:.3g} steps of this run; give a "
         notices += (f"{text}larger step=, or rtol= for steps of the method's own choice",)
-    plan = replace(plan, header=header, notices=notices)
+    plan = replace(plan, header=header, notices=notices, idle=_idle(mech, given))
     return plan, rated or (rate.known and rate.found is not None)
 
 
@@ -366,6 +368,14 @@ def touching_contacts(mech: Mechanism, given: Scenario | None) -> tuple[Contact,
     if given is None or given.contacts is None:
         return tuple(c for c in mech.model.contacts if c.active)
     return tuple(c for c in mech.model.contacts if c.name in given.contacts)
+
+
+def _idle(mech: Mechanism, given: Scenario | None) -> tuple[Contact, ...]:
+    """Contacts with the ground that do not act, of bodies of which none does."""
+    act = touching_contacts(mech, given)
+    rest = [c for c in mech.model.contacts if c not in act and c.other == GROUND]
+    held = {c.body for c in act if c.other == GROUND}
+    return () if EVERY in held else tuple(c for c in rest if c.body not in held)
 
 
 def initial_state(

@@ -728,6 +728,10 @@ class Recording:
             frames = self.steps.times[:n], out.q[:n], out.pairs["gap"][:n]
             given = self.plan.contacts, self._active, frames
             contacts = contact_notices(self.mech, self.scene, self._unlogged, *given)
+        if self.plan.idle and self.done:
+            from .contact_log import sunk_through
+
+            contacts += sunk_through(self.mech, self.plan.idle, self.out.q[: self.done])
         steps = self.steps.notices()
         return (*self.plan.notices, *self.ended.notices, *steps, *contacts, *user)
 

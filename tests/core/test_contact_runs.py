@@ -355,3 +355,14 @@ def test_a_point_mass_penetrates_by_a_part_of_how_far_it_moved():
     assert not pg.simulate(model, t_end=1.0, method="moreau_jean").notices
     buried = pg.simulate(model, [-0.1], t_end=1.0, method="moreau_jean", estimate=False)
     assert "of how far it moved" in buried.notices[0]
+
+
+def test_bodies_that_fall_through_the_ground_with_inactive_contacts_are_said():
+    """Contacts of the quadruped act in its scenarios alone."""
+    quadruped = pg.Model.load(pgraph_models.path("quadruped"))
+    run = pg.simulate(quadruped, t_end=1.0, frames=3, estimate=False)
+    (said,) = [text for text in run.notices if "went through the ground" in text]
+    assert "'left_front_foot'" in said
+    assert "choose scenario=" in said
+    short = pg.simulate(quadruped, t_end=0.01, frames=3, estimate=False)
+    assert not any("went through" in text for text in short.notices)

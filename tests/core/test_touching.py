@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 import pgraph_core as pg
 from pgraph_core.contact.solids import search_space, terrain_of
-from pgraph_core.contact.tables import damping_ratio, loss_at_speed
+from pgraph_core.contact.tables import damping_ratio, loss_of_impact
 from pgraph_core.contact.tables import tables as tables_of
 from pgraph_core.engine import layout as at
 from pgraph_core.engine.contact import search as kernels
@@ -144,9 +144,15 @@ def test_what_a_law_leaves_out_follows_from_masses_and_restitution():
     zeta = damping_ratio(0.4)
     assert rebound(lambda x, u: max(x + 2 * zeta * u, 0.0)) == pytest.approx(0.4, abs=1e-6)
     assert t.laws[0].item()[:5] == pytest.approx((PENALTY, 0.9, 0.4, k, 2 * zeta * np.sqrt(2 * k)))
-    c = loss_at_speed(0.2)
-    assert rebound(lambda x, u: max(x, 0.0) ** 1.5 * (1 + c * u)) == pytest.approx(0.2, abs=1e-6)
-    assert t.laws[1].item()[:5] == pytest.approx((SOFT, 0.1, 0.2, 7.0, c))
+    loss = loss_of_impact(0.2)
+
+    def soft(x, u):
+        x = max(x, 0.0)
+        return x**1.5 * (1 + loss * u / np.sqrt(u**2 + 0.8 * x**2.5))
+
+    assert rebound(soft) == pytest.approx(0.2, abs=1e-6)
+    assert t.laws[1].item()[:5] == pytest.approx((SOFT, 0.1, 0.2, 7.0, 0.0))
+    assert t.laws[1]["loss"] == pytest.approx(loss)
     assert t.laws[2].item()[:3] == pytest.approx((RIGID, 0.9, 0.2))
 
 
@@ -160,7 +166,7 @@ def test_what_is_welded_to_the_ground_moves_no_more_than_the_ground(law, mass):
     hit = pg.Contact(name="hit", body="b0", other="wall", law=law, restitution=0.4)
     bodies = (*heap(1).bodies, base, wall)
     _, t = tables(pg.Model(bodies=bodies, contacts=(floor, hit)))
-    for name in ("stiffness", "damping", "mass"):
+    for name in ("stiffness", "damping", "mass", "loss"):
         assert t.laws[1][name] == pytest.approx(t.laws[0][name], rel=1e-12)
 
 

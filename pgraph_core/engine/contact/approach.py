@@ -180,6 +180,8 @@ def one_bound(contacts, pair, gap, rates, thin, width, given):
             push *= math.sqrt(depth)
             slope *= 1.5 * math.sqrt(depth)
             loss *= push
+            if law.loss > 0.0:
+                loss = law.loss * math.sqrt(1.25 * law.mass * push / depth)
         if push > HARD * law.mass * contacts.tally[0].pull or rate * width > PART * depth:
             own = math.sqrt(slope / law.mass) + loss / law.mass
             bound = min(bound, WITHIN / own)

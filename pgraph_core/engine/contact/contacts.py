@@ -30,6 +30,7 @@ from ..vec import (
     sub,
     xyz,
 )
+from .restitution import lost_share, stored_speed
 from .search import find_contacts
 from .shapes import place
 
@@ -266,14 +267,18 @@ def contact_forces(scene, v, tau, flow):
     if contacts.tally[0].frozen != ADDING:
         clear(opened(scene).links.contacts)
         share = 1.0
-    for n in range(touching(scene, 0.0)):
+    count = touching(scene, 0.0)
+    end, stored = 0, 0.0
+    for n in range(count):
         a, b, _, _, pair = endpoints(contacts, n)
         if laws[pair].law != RIGID:
+            if n >= end and laws[pair].loss > 0.0:
+                stored, end = stored_speed(contacts, rows, const, work, n, count)
             p = middle(contacts.found[n])
             u = sub(
                 point_velocity(work, space.linear, a, p), point_velocity(work, space.linear, b, p)
             )
-            force, slip = compliant_force(contacts, n, laws[pair], u)
+            force, slip = compliant_force(contacts, n, laws[pair], u, stored)
             apply(work, a, p, (0.0, 0.0, 0.0), force)
             apply(work, b, p, (0.0, 0.0, 0.0), scale(-1.0, force))
             note(opened(scene).links.contacts, work, n, scale(share, force), slip)
@@ -282,8 +287,11 @@ def contact_forces(scene, v, tau, flow):
 
 
 @part
-def compliant_force(contacts, n, law, u):
-    """(force on A, slip speed) of a soft or penalty contact that closes with velocity u."""
+def compliant_force(contacts, n, law, u, stored):
+    """(force on A, slip speed) of a soft or penalty contact that closes with velocity u.
+
+    `stored` is 2 E w of `restitution`, for soft contacts without damping [m²/s²].
+    """
     point = contacts.found[n]
     normal = xyz(point.normal)
     depth = max(-point.gap, 0.0)
@@ -295,7 +303,8 @@ def compliant_force(contacts, n, law, u):
     c = law.damping
     mu = law.friction
     if law.law == SOFT:
-        size = max(k * depth * math.sqrt(depth) * (1.0 + c * speed), 0.0)
+        more = lost_share(law, speed, stored) if law.loss > 0.0 else c * speed
+        size = max(k * depth * math.sqrt(depth) * (1.0 + more), 0.0)
         creep = max(CREEP, ROUNDED * abs(speed))
         drag = mu * size / math.sqrt(slip * slip + creep * creep)
         return add_scaled(scale(size, normal), -drag, slide), slip
@@ -402,7 +411,7 @@ def keep_anchors(scene, q, v):
             u = sub(
                 point_velocity(work, space.linear, a, p), point_velocity(work, space.linear, b, p)
             )
-            force, _ = compliant_force(contacts, n, law, u)
+            force, _ = compliant_force(contacts, n, law, u, 0.0)
             most = law.friction * max(dot(force, xyz(point.normal)), 0.0) / law.stiffness
             size = math.sqrt(dot(stretch, stretch))
             if size > most:
