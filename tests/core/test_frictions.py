@@ -125,3 +125,28 @@ def test_event_driven_runs_say_that_they_lack_them():
     )
     with pytest.raises(pg.InputError, match="one coefficient of friction, without rolling"):
         pg.simulate(model, t_end=0.1, method="dopri5")
+
+
+@pytest.mark.parametrize("rate", [0.01, 0.1, 10.0])  # N/s
+def test_a_slowly_growing_pull_breaks_away_where_static_friction_ends(rate):
+    """Force decides, not speed: after the break, kinetic friction is less at once."""
+    mass, kinetic, static = 2.0, 0.3, 0.6
+    limit, drag = static * mass * 9.81, kinetic * mass * 9.81
+    body = pg.Body(
+        name="b", joint="compound", motions=(("translate", (1, 0, 0)), ("translate", (0, 0, 1))),
+        mass=mass, inertia=0.02 * np.eye(3),
+    )  # fmt: skip
+    floor = pg.Contact(
+        name="c", body="b", points=((0, 0, 0),), friction=kinetic, static_friction=static
+    )
+    pull = pg.VectorTable(
+        t=(0, 1.0), value=((limit - 0.5 * rate, 0, 0), (limit + 0.5 * rate, 0, 0))
+    )
+    load = pg.Wrench(name="w", body="b", force=pull)
+    model = pg.Model(bodies=(body,), contacts=(floor,), forces=(load,))
+    for step in (1e-3, 1e-4):
+        run = pg.simulate(model, t_end=1.0, step=step, estimate=False)
+        slides = 0.5  # s, and so long it slides
+        exact = ((limit - drag) * slides**2 / 2 + rate * slides**3 / 6) / mass
+        late = 3 * step * (limit - drag) / mass * slides
+        assert abs(run.q[-1, 0] - exact) < late

@@ -104,6 +104,8 @@ SAME_BOUND = 1e-9  # relative: a bound that changed by less is the same
 ENOUGH = 1e-3  # of the penetration to remove: a sweep that moves less is the last
 MOST_PARTS = 60  # of a step, by impacts that are located
 DRIFT = 50.0  # times the tolerated depth: what pushed and drifted off no farther closes its gap
+RIM = 1e-9  # relative: friction that is nearer to the rim of its cone is all that there is
+CREEPS = 1e-8  # of the velocity without impulses: less slip is the solver's rounding
 BRIEF = 1e-3  # of a step: impulses of shorter parts do not say what the next step needs
 WEIGHT = 0.1  # of what weight moves in a step: depth that is tolerated, however small things are
 
@@ -514,7 +516,11 @@ def book(scene, first, t, h, last):
             if tally.share < BRIEF and found[n].held[0] > 0.0:  # it goes on as before an impact
                 push = xyz(found[n].held)
             keep_point(kept[place_in], found[n], push)
-            kept[place_in].slides = 1 if slip > SLIDING else 0
+            pull = math.sqrt(lam[r + 1] ** 2 + lam[r + 2] ** 2)
+            rim = blocks.blocks_f[active[j], at.FRICTION] * lam[r]
+            moves = slip > CREEPS * abs(space.vectors[RHS, r])  # some points of a patch may be full
+            gives_way = moves and lam[r] > 0.0 and pull >= (1.0 - RIM) * rim
+            kept[place_in].slides = 1 if slip > SLIDING or gives_way else 0
             if last:
                 count += 1
             else:
