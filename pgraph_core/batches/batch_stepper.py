@@ -23,6 +23,7 @@ from ..packing.system import Array, Ints
 from ..portable import Portable, installed
 from ..simulation.recording import STATUS
 from ..simulation.stepper import AUTO, Stepper
+from .feet import FeetLanes, on_feet
 from .instances import (
     Instances,
     TreeLanes,
@@ -115,6 +116,9 @@ class BatchStepper(Portable):
         if fits_lanes(first, varying):
             self._many: Instances = TreeLanes(*tables)
             self._many.prepare(varying)
+        elif on_feet(first):
+            self._many = FeetLanes(*tables)
+            self._many.prepare()
         else:
             self._many = Instances(*tables)
         vars(self)["method"] = first.method

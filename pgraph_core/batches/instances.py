@@ -169,11 +169,14 @@ class Instances:
 
     def _part(self, n: int, number: int, *span: int) -> None:
         worker = self.workers[number]
-        tables = np.array([(a.ctypes.data, a.strides[0]) for a in (self.states, self.numbers)])
         kernels.step_instances(
-            worker.run, address_of(run.advance_run), COPY, worker.own, worker.numbers, tables,
-            self.kind, self.codes, n, *span,
+            worker.run, address_of(run.advance_run), COPY, worker.own, worker.numbers,
+            self._tables(), self.kind, self.codes, n, *span,
         )  # fmt: skip
+
+    def _tables(self) -> Ints:
+        """Addresses of the two tables and lengths of their rows [bytes]."""
+        return np.array([(a.ctypes.data, a.strides[0]) for a in (self.states, self.numbers)])
 
     def relink(self) -> None:
         """Addresses of another process are none of this one."""

@@ -218,6 +218,11 @@ class ContactSpace(Unportable):
         )
 
     @property
+    def contacts(self) -> Contacts:
+        """What the kernels take."""
+        return self._kept
+
+    @property
     def numbers(self) -> list[Array]:
         """What the description gives, as the kernels take it."""
         kept = self._kept

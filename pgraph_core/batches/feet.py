@@ -1,0 +1,142 @@
+"""Instances that stand or walk on a plane: their steps are taken side by side in lanes."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from ..engine import layout as at
+from ..engine.compiler.address import address_of
+from ..engine.compiler.jit import JIT, ready
+from ..engine.compiler.lane import LANE_WIDTH
+from ..engine.lockstep import block as columns
+from ..engine.lockstep import step as kernels
+from ..engine.records import BOX, CAPSULE, POINTS, RIGID, SPHERE
+from ..engine.stepping import run
+from ..packing.system import Array, Ints
+from ..simulation.stepper import Stepper
+from .instances import COPY, Instances, pool
+
+OF_VERTICES = (POINTS, SPHERE, CAPSULE, BOX)  # what touches a plane with balls about its vertices
+CROWD = 64  # shapes: impacts of more are not located one by one
+
+
+def on_feet(stepper: Stepper) -> bool:
+    """Whether this is one tree of hinges and sliders whose shapes touch a plane, and nothing else.
+
+    Its drives are springs, dampers, motors and servos of one coordinate with constant inputs.
+    """
+    scene = stepper.recording.scene
+    if not JIT or stepper.method != "moreau_jean" or scene.touching is None or scene.active[0]:
+        return False
+    contacts, rows = scene.touching.contacts, scene.packed.rows
+    may, shapes, tally = contacts.candidates, contacts.geometry.shapes, scene.touching.tally
+    among = (
+        len(may.pairs) + len(may.members) + len(contacts.ground.patches) + len(scene.loads.table)
+    )
+    if (
+        among
+        or tally["limits"]
+        or tally["first_turn"] >= 0
+        or (contacts.laws["law"] != RIGID).any()
+    ):
+        return False
+    each = len(np.unique(may.on_ground["shape"])) == len(may.on_ground) == len(shapes) <= CROWD
+    one = len(rows) > 2 and (rows[1:, at.PARENT] == 0).sum() == 1 and rows[1, at.KIND] != at.BALL
+    return bool(
+        each
+        and one
+        and (rows[2:, at.KIND] <= at.TRANSLATE).all()
+        and np.isin(shapes["kind"], OF_VERTICES).all()
+        and all(_is_plain(row) for row in scene.drives.table)
+    )
+
+
+def _is_plain(row: Any) -> bool:
+    """Whether a drive is of one coordinate, and its inputs are constant and act at once."""
+    follows = row["terms"] or row["lag"] or row["integrates"]
+    return not follows and row["torques"] <= 1 and (row["coordinate"] < 0 or row["targets"] <= 1)
+
+
+class FeetLanes(Instances):
+    """Instances side by side in lanes, with the bits of their own runs."""
+
+    def prepare(self) -> None:
+        """Name points and drives; make room for a block a worker."""
+        stepper = self.workers[0].stepper
+        user = stepper.recording.user
+        self._memory = 0 if user is None else len([a for a in user.memory if a.size])
+        self._ways, self._drives = _ways(stepper), _drives(stepper)
+        self._room = [_room(worker.stepper, self._ways) for worker in self.workers]
+        ready(kernels.step_lanes)
+
+    def spread(self, work: Any, count: int) -> None:
+        """As of `Instances`, cut between blocks of lanes."""
+        blocks = -(-count // LANE_WIDTH)
+        parts = min(len(self.workers), blocks)
+        edges = np.linspace(0, blocks, parts + 1).astype(int) * LANE_WIDTH
+        spans = [(i, *span) for i, span in enumerate(pairwise(np.minimum(edges, count).tolist()))]
+        if parts == 1:
+            work(*spans[0])
+            return
+        for done in [pool(parts).submit(work, *span) for span in spans]:
+            done.result()
+
+    def _part(self, n: int, number: int, *span: int) -> None:
+        if n == 0:
+            super()._part(n, number, *span)
+            return
+        worker = self.workers[number]
+        near, block, frames, lanes = self._room[number]
+        kernels.step_lanes(
+            worker.run, address_of(run.advance_run), COPY, worker.own, worker.numbers,
+            self._memory, self._ways, near, self._drives, block, frames, lanes, self._tables(),
+            self.kind, self.codes, n, *span,
+        )  # fmt: skip
+
+
+def _ways(stepper: Stepper) -> Ints:
+    """What each vertex belongs to, and the joints between it and the ground."""
+    scene = stepper.recording.scene
+    contacts, rows = scene.touching.contacts, scene.packed.rows
+    found: list[list[int]] = []
+    for shape, pair in contacts.candidates.on_ground[["shape", "pair"]].tolist():
+        one = contacts.geometry.shapes[shape]
+        k, joints = int(one["row"]), []
+        while k > 0:
+            wide = 6 if rows[k, at.KIND] == at.FREE else 1
+            joints += range(rows[k, at.VI], rows[k, at.VI] + wide)
+            k = int(rows[k, at.PARENT])
+        for vertex in range(int(one["vertices"])):
+            place = int(one["first_vertex"]) + vertex
+            known = shape, int(one["row"]), int(one["body"]), pair, place, vertex, int(one["kind"])
+            found.append([*known, len(joints), *joints])
+    width = max(map(len, found))
+    return np.array([way + [0] * (width - len(way)) for way in found], dtype=np.int64)
+
+
+def _drives(stepper: Stepper) -> Ints:
+    """(n, 3) index into v, into q or -1, 1: a spring or damper."""
+    drives = stepper.recording.scene.drives
+    passive = np.arange(len(drives.table)) < drives.passive
+    rows = drives.table["velocity"], drives.table["coordinate"], passive
+    return np.stack(rows, axis=1).astype(np.int64)
+
+
+def _room(stepper: Stepper, ways: Ints) -> tuple[Ints, tuple[Array, ...], Array, Ints]:
+    """(what is near, the block, frames lane after lane, how lanes go on) for one worker."""
+    scene, steps = stepper.recording.scene, stepper.recording.steps
+    contacts, n = scene.touching.contacts, len(scene.packed.rows)
+    points, pairs, wide = len(ways), len(contacts.laws), max(len(steps.q), len(steps.v), 2)
+    shapes = (
+        (n, at.CONST), (n, at.WORK), (n, 3), (columns.VECTORS, wide),
+        (len(scene.drives.table), columns.DRIVE), (len(contacts.geometry.shapes), columns.SHAPE),
+        contacts.geometry.vertices.shape, (pairs, 2), (len(contacts.bodies_f), 3),
+        (points, columns.POINT), (points, 3 * (ways.shape[1] - columns.W_JOINT)), (points, 9),
+        (pairs, columns.PAIR), (len(contacts.wrenches), 6), (1, columns.LANE),
+    )  # fmt: skip
+    block = tuple(np.zeros((*shape, LANE_WIDTH)) for shape in shapes)
+    frames = np.zeros((LANE_WIDTH, n, at.WORK))
+    return np.zeros(points + 1, dtype=np.int64), block, frames, np.zeros((3, LANE_WIDTH), np.int64)

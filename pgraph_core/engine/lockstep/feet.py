@@ -1,0 +1,567 @@
+"""Contact of feet with a plane, in lanes: points, unit impulses, sweeps until all lanes are done."""
+
+import math
+
+from .. import layout as at
+from ..compiler.jit import part, sweep
+from ..compiler.masks import any_of, both, chosen, either, larger, more, most, smaller, without
+from ..constraints.blocks import point_velocity
+from ..constraints.paths import GRAIN, taxicab
+from ..contact.closing import DEPTH, HARD
+from ..contact.impulse import FEW_SWEEPS, GAIN, TOGETHER, TOLERANCE
+from ..contact.sweeps import COUPLED, INNER, RIGID, SETTLED, SMALL, SOLID, TURNED
+from ..linear import forward_free
+from ..records import POINTS, SPHERE
+from ..rows import (
+    FREE,
+    TRANSLATE,
+    axis_of,
+    inverse_pivot_of,
+    kind_of,
+    link_of,
+    origin_of,
+    parent_of,
+    projected_of,
+    rotation_of,
+)
+from ..stepping.moreau import DRIFT, WEIGHT
+from ..vec import (
+    add,
+    add_cross,
+    add_scaled,
+    cross,
+    dot,
+    load,
+    load9,
+    mat_mul,
+    mul,
+    scale,
+    store,
+    store9,
+    sub,
+)
+from .block import (
+    ACTIVE,
+    ALONE,
+    BEFORE,
+    COUNT,
+    DINV,
+    DONE,
+    FOUND,
+    FREED,
+    GAINED,
+    GAP,
+    HELD,
+    KEPT,
+    LAM,
+    LENGTH,
+    LIVES,
+    MIDDLE,
+    MISSED,
+    NORMAL,
+    ON_A,
+    ON_B,
+    OPEN,
+    PULL,
+    RATE,
+    S_PLACE,
+    S_POSE,
+    S_POSED,
+    S_RADIUS,
+    S_REACH,
+    S_SIZE,
+    S_THIN,
+    S_TURN,
+    SIZE,
+    SLACK,
+    SLIP,
+    SPEEDS,
+    STEP,
+    SWEPT,
+    TARGET,
+    VALUE,
+    W_JOINT,
+    W_JOINTS,
+    W_KIND,
+    W_PAIR,
+    W_ROW,
+    W_SHAPE,
+    W_VERTEX,
+    closed_gap,
+    tolerated,
+)
+
+
+@sweep
+def find(ways, near, b, h):
+    """Contact points and which of them are active, as `moreau.add_unilateral`.
+
+    Points that are near in any lane go into `near`: how many, then which.
+    """
+    lane, work, linear, shapes, points = b.lane[0], b.work, b.linear, b.shapes, b.points
+    normal = load(b.lane, 0, NORMAL)
+    zero = 0.0 * lane[COUNT]
+    closed, margin = zero, zero
+    for n in range(ways.shape[0]):
+        i, k = ways[n, W_SHAPE], ways[n, W_ROW]
+        points[n, FOUND] = zero
+        points[n, ACTIVE] = zero
+        if n > 0 and ways[n - 1, W_SHAPE] == i:
+            continue
+        r = rotation_of(work, k)
+        pose = add(origin_of(work, k), mul(r, load(shapes, i, S_PLACE)))
+        store(shapes, i, S_POSE, pose)
+        closed = larger(closed, closed_gap(b, i, pose))
+        u = point_velocity(work, linear, k, pose)
+        turn = load(work, k, at.W)
+        arm = shapes[i, S_REACH] if ways[n, W_KIND] != SPHERE else zero
+        moved = h * (math.sqrt(dot(u, u)) + arm * math.sqrt(dot(turn, turn)))
+        if ways[n, W_KIND] != POINTS:
+            lane[ALONE] = either(lane[ALONE], more(moved, shapes[i, S_THIN]))
+            moved = smaller(moved, shapes[i, S_THIN])
+        margin = larger(margin, moved)
+    drift = larger(DEPTH * lane[LENGTH], WEIGHT * lane[PULL] * h * h)
+    within = larger(larger(8.0 * closed, DRIFT * drift), margin)
+    count = 0
+    shape = -1
+    close = False
+    for n in range(ways.shape[0]):
+        i, k = ways[n, W_SHAPE], ways[n, W_ROW]
+        pose = load(shapes, i, S_POSE)
+        above = most(dot(pose, normal) - shapes[i, S_REACH], 0.0 + within)
+        if i != shape:
+            shape = i
+            close = any_of(above)
+            if close:
+                turn = mat_mul(rotation_of(work, k), load9(shapes, i, S_TURN))
+                store9(shapes, i, S_POSED, turn)
+        if not close:
+            continue
+        p = add(pose, mul(load9(shapes, i, S_POSED), load(b.vertices, ways[n, W_VERTEX], 0)))
+        gap = dot(p, normal) - shapes[i, S_RADIUS]
+        found = without(above, more(gap, within))
+        if any_of(found):
+            count += 1
+            near[count] = n
+            points[n, FOUND] = found
+            points[n, GAP] = gap
+            store(points, n, ON_A, p)
+    near[0] = count
+    if count > SMALL:
+        lane[ALONE] = lane[LIVES]
+        near[0] = 0
+    last = zero - 1.0
+    for m in range(near[0]):
+        n = near[1 + m]
+        k = ways[n, W_ROW]
+        activate(ways, b, n, h)
+        here = points[n, ACTIVE]
+        same = both(most(last, k + zero), most(k + zero, last))
+        lane[ALONE] = either(lane[ALONE], both(here, same))  # several of a body: Newton's method
+        last = chosen(here, k + zero, last)
+
+
+@part
+def activate(ways, b, n, h):
+    """Whether point n, found with its place in ON_A, is active, and whether it hits."""
+    lane, shapes, points = b.lane[0], b.shapes, b.points
+    i, k, gap = ways[n, W_SHAPE], ways[n, W_ROW], points[n, GAP]
+    normal = load(b.lane, 0, NORMAL)
+    on_b = add_scaled(load(points, n, ON_A), -gap - shapes[i, S_RADIUS], normal)
+    on_a = add_scaled(on_b, gap, normal)
+    middle = scale(0.5, add(on_a, on_b))
+    store(points, n, ON_A, on_a)
+    store(points, n, ON_B, on_b)
+    store(points, n, MIDDLE, middle)
+    closing = -dot(point_velocity(b.work, b.linear, k, middle), normal)
+    shut = closed_gap(b, i, on_a)
+    hits = both(more(closing * h, DEPTH * shapes[i, S_SIZE]), more(closing, HARD * lane[PULL] * h))
+    hits = both(hits, most(gap - 0.5 * h * closing, shut))
+    near = 4.0 * shut
+    held = both(points[n, KEPT], more(points[n, VALUE], 0.0))
+    drifts = both(more(gap, near), held)
+    near = chosen(drifts, DRIFT * tolerated(b, i, h), near)
+    points[n, SLACK] = chosen(drifts, gap / h, 0.0)
+    active = both(points[n, FOUND], most(gap, near))
+    points[n, ACTIVE] = active
+    deep = both(active, more(-gap, tolerated(b, i, h)))
+    lane[ALONE] = either(lane[ALONE], either(both(points[n, FOUND], hits), deep))
+
+
+@part
+def directions(ways, near, b, column):
+    """Velocities of the points along normal and tangents."""
+    for m in range(near[0]):
+        n = near[1 + m]
+        u = point_velocity(b.work, b.linear, ways[n, W_ROW], load(b.points, n, MIDDLE))
+        for r in range(3):
+            b.points[n, column + r] = dot(load(b.lane, 0, NORMAL + 3 * r), u)
+
+
+@part
+def past_hinge(work, k, share, moment, force):
+    """A wrench past joint k, which keeps `share` of it."""
+    passed = -inverse_pivot_of(work, k) * share
+    u0, u1 = projected_of(work, k)
+    force = add_scaled(force, passed, u1)
+    return add_cross(add_scaled(moment, passed, u0), link_of(work, k), force), force
+
+
+@sweep
+def carry(rows, ways, b, n):
+    """Y of point n, as `paths.carry`; the joints are those of its path."""
+    work, y = b.work, b.y[n]
+    p = load(b.points, n, MIDDLE)
+    for r in range(3):
+        k = ways[n, W_ROW]
+        reach = taxicab(p) + taxicab(p)
+        force = load(b.lane, 0, NORMAL + 3 * r)
+        moment = cross(sub(p, origin_of(work, k)), force)
+        s = 0
+        while k > 0:
+            reach = larger(reach, taxicab(origin_of(work, k)) + taxicab(link_of(work, k)))
+            kind = kind_of(rows, k)
+            if kind == FREE:
+                share = forward_free(work, k, moment, force)
+                for c in range(6):
+                    y[3 * (s + c) + r] = share[c]
+                break
+            least = GRAIN * reach
+            one = dot(axis_of(work, k), moment)
+            if kind == TRANSLATE:
+                least = GRAIN + 0.0 * reach
+                one = dot(axis_of(work, k), force)
+            one = chosen(most(abs(one), least), 0.0 * one, one)
+            y[3 * s + r] = one
+            moment, force = past_hinge(work, k, one, moment, force)
+            s += 1
+            k = parent_of(rows, k)
+
+
+@part
+def joint(ways, n, s):
+    return ways[n, W_JOINT + s]
+
+
+@sweep
+def own_block(ways, b, n):
+    """As `sweeps.own_block`."""
+    y, own, dinv = b.y[n], b.own[n], b.vectors[DINV]
+    for c in range(9):
+        own[c] = 0.0
+    for s in range(ways[n, W_JOINTS]):
+        d = dinv[joint(ways, n, s)]
+        z = scale(d, (y[3 * s], y[3 * s + 1], y[3 * s + 2]))
+        for r in range(3):
+            for c in range(3):
+                own[3 * r + c] = own[3 * r + c] + y[3 * s + r] * z[c]
+
+
+@part
+def warm(b, n):
+    """λ of the last step, of an active point."""
+    goes_on = both(b.points[n, ACTIVE], b.points[n, KEPT])
+    for c in range(3):
+        b.points[n, LAM + c] = chosen(goes_on, b.points[n, VALUE + c], 0.0)
+        b.points[n, HELD + c] = b.points[n, LAM + c]
+
+
+@part
+def gather(ways, b, n, row):
+    """Y z of point n, of a row of `vectors`."""
+    y, z = b.y[n], b.vectors[row]
+    zero = 0.0 * z[0]
+    u = (zero, zero, zero)
+    for s in range(ways[n, W_JOINTS]):
+        u = add_scaled(u, z[joint(ways, n, s)], (y[3 * s], y[3 * s + 1], y[3 * s + 2]))
+    return u
+
+
+@part
+def velocity(ways, b, n):
+    return add_scaled(gather(ways, b, n, STEP), 1.0, load(b.points, n, TARGET))
+
+
+@part
+def scatter(ways, b, n, change):
+    """diag(1/d) Yᵀ of a change of λ onto STEP."""
+    y, w, dinv = b.y[n], b.vectors[STEP], b.vectors[DINV]
+    for s in range(ways[n, W_JOINTS]):
+        k = joint(ways, n, s)
+        w[k] += dinv[k] * dot((y[3 * s], y[3 * s + 1], y[3 * s + 2]), change)
+
+
+@sweep
+def aim(ways, near, b):
+    """As `impulse.aim`; the largest velocity into SIZE."""
+    x, points, lane = b.vectors, b.points, b.lane[0]
+    size, carried = lane[COUNT] * 0.0, lane[COUNT] * 0.0
+    for m in range(near[0]):
+        n = near[1 + m]
+        here = points[n, ACTIVE]
+        for c in range(3):
+            most_ = larger(abs(points[n, RATE + c]), abs(points[n, BEFORE + c]))
+            size = larger(size, chosen(here, most_, 0.0))
+        y = b.y[n]
+        for s in range(ways[n, W_JOINTS]):
+            column = (y[3 * s], y[3 * s + 1], y[3 * s + 2])
+            one = abs(x[SPEEDS, joint(ways, n, s)]) * math.sqrt(dot(column, column))
+            carried = larger(carried, chosen(here, one, 0.0))
+    together = more(carried, TOGETHER * size)
+    for j in range(x.shape[1]):
+        x[FREED, j] = chosen(together, 0.0 * size, x[SPEEDS, j])
+    for m in range(near[0]):
+        n = near[1 + m]
+        pair = ways[n, W_PAIR]
+        for c in range(3):
+            points[n, TARGET + c] = chosen(together, points[n, RATE + c], 0.0)
+        points[n, TARGET] += b.laws[pair, 1] * smaller(points[n, BEFORE], 0.0)
+        points[n, TARGET] += points[n, SLACK]
+    lane[SIZE] = size
+
+
+@sweep
+def gauss_seidel(ways, near, b):
+    """As `sweeps.gauss_seidel`; lanes that are done wait for the others."""
+    x, points, lane = b.vectors, b.points, b.lane[0]
+    for j in range(x.shape[1]):
+        x[STEP, j] = x[FREED, j]
+    for m in range(near[0]):
+        n = near[1 + m]
+        scatter(ways, b, n, load(points, n, LAM))
+    size = lane[SIZE]
+    touches = 0.0 * size
+    for m in range(near[0]):
+        n = near[1 + m]
+        touches = either(touches, points[n, ACTIVE])
+    open_ = both(touches, without(lane[LIVES], lane[ALONE]))
+    lane[ALONE] = either(lane[ALONE], both(open_, most(size, 0.0)))
+    lane[SWEPT] = 0.0
+    lane[OPEN] = 0.0
+    swept, left = lane[SWEPT], lane[OPEN]
+    for _ in range(FEW_SWEEPS):
+        if not any_of(open_):
+            break
+        change = 0.0 * size
+        for m in range(near[0]):
+            n = near[1 + m]
+            here = both(open_, points[n, ACTIVE])
+            if not any_of(here):
+                continue
+            old = load(points, n, LAM)
+            new = contact(b, n, velocity(ways, b, n), old, b.laws[ways[n, W_PAIR], 0], here)
+            new = (
+                chosen(here, new[0], old[0]),
+                chosen(here, new[1], old[1]),
+                chosen(here, new[2], old[2]),
+            )
+            step = sub(new, old)
+            scatter(ways, b, n, step)
+            store(points, n, LAM, new)
+            for c in range(3):
+                change = larger(change, abs(step[c]) * b.own[n, 4 * c])
+        swept += chosen(open_, 1.0 + 0.0 * size, 0.0)
+        left = chosen(open_, change / size, left)
+        open_ = both(open_, more(change, TOLERANCE * size))
+    lane[SWEPT] = swept
+    lane[OPEN] = left
+    lane[ALONE] = either(lane[ALONE], both(touches, more(left, TOLERANCE)))
+
+
+@sweep
+def contact(b, n, u, old, mu, here):
+    """As `sweeps.contact`: what holds it, or normal and friction in turn."""
+    own = b.own[n]
+    t = (old[1], old[2])
+    free_n = u[0] - own[0] * old[0] - own[1] * t[0] - own[2] * t[1]
+    free_x = u[1] - own[3] * old[0] - own[4] * t[0] - own[5] * t[1]
+    free_y = u[2] - own[6] * old[0] - own[7] * t[0] - own[8] * t[1]
+    moves = both(here, more(own[0], 0.0))
+    hold = stuck(own, free_n, free_x, free_y)
+    holds = most(math.sqrt(hold[1] * hold[1] + hold[2] * hold[2]), mu * hold[0])
+    holds = both(moves, both(more(hold[0], 0.0), holds))
+    sure = both(holds, most(mu * (abs(own[1]) + abs(own[2])), COUPLED * own[0]))
+    new = only(holds, hold)
+    unsure = without(moves, sure)
+    if not any_of(unsure):
+        return new
+    slide = sliding(own, free_n, free_x, free_y, mu, unsure)
+    slides = both(unsure, more(slide[0], 0.0))
+    smallest = either(without(slides, holds), more(hold[0], slide[0]))
+    new = other(both(slides, smallest), slide, new)
+    rest = without(without(unsure, holds), slides)
+    if any_of(rest):
+        new = other(rest, in_turn(own, free_n, free_x, free_y, mu, old, rest), new)
+    return new
+
+
+@part
+def only(mask, x):
+    return chosen(mask, x[0], 0.0), chosen(mask, x[1], 0.0), chosen(mask, x[2], 0.0)
+
+
+@part
+def other(mask, x, y):
+    return chosen(mask, x[0], y[0]), chosen(mask, x[1], y[1]), chosen(mask, x[2], y[2])
+
+
+@part
+def stuck(own, free_n, free_x, free_y):
+    """As `sweeps.stuck`."""
+    w = 1.0 / own[0]
+    p = w * own[3]
+    q = w * own[6]
+    a = own[4] - p * own[1]
+    b = own[5] - p * own[2]
+    c = own[8] - q * own[2]
+    det = a * c - b * b
+    sum_ = own[4] + own[8]
+    fits = more(det, SOLID * (sum_ * sum_))
+    x = free_x - p * free_n
+    y = free_y - q * free_n
+    d = 1.0 / det
+    t = (d * (b * y - c * x), d * (b * x - a * y))
+    return only(fits, (-w * (free_n + own[1] * t[0] + own[2] * t[1]), t[0], t[1]))
+
+
+@sweep
+def sliding(own, free_n, free_x, free_y, mu, asked):
+    """As `sweeps.sliding`."""
+    x, y = free_x, free_y
+    size = math.sqrt(x * x + y * y)
+    open_ = both(asked, both(more(size, 0.0), more(0.0, free_n)))
+    start_x, start_y = x / size, y / size
+    way_x, way_y = start_x, start_y
+    zero = 0.0 * mu
+    found = (zero, zero, zero)
+    for _ in range(INNER):
+        if not any_of(open_):
+            break
+        pull = own[0] - mu * (own[1] * way_x + own[2] * way_y)
+        open_ = both(open_, more(pull, 0.0))
+        n = -free_n / pull
+        drag = mu * n
+        x = free_x + own[3] * n - drag * (own[4] * way_x + own[5] * way_y)
+        y = free_y + own[6] * n - drag * (own[7] * way_x + own[8] * way_y)
+        size = math.sqrt(x * x + y * y)
+        open_ = both(open_, more(x * start_x + y * start_y, 0.0))
+        turned = abs(x / size - way_x) + abs(y / size - way_y)
+        way_x, way_y = chosen(open_, x / size, way_x), chosen(open_, y / size, way_y)
+        done = both(open_, most(turned, TURNED))
+        found = other(done, (n, -drag * way_x, -drag * way_y), found)
+        open_ = without(open_, done)
+    return found
+
+
+@sweep
+def in_turn(own, free_n, free_x, free_y, mu, old, open_):
+    """Normal and friction in turn, the last part of `sweeps.contact`."""
+    n, x, y = old
+    for _ in range(INNER):
+        if not any_of(open_):
+            break
+        next_n = larger(-(free_n + own[1] * x + own[2] * y) / own[0], 0.0)
+        goes_x, goes_y = free_x + own[3] * next_n, free_y + own[6] * next_n
+        tx, ty = in_disc(own[4], own[5], own[8], goes_x, goes_y, mu * next_n, open_)
+        moved = abs(next_n - n) + abs(tx - x) + abs(ty - y)
+        n, x, y = other(open_, (next_n, tx, ty), (n, x, y))
+        open_ = without(open_, most(moved, SETTLED * n))
+    return n, x, y
+
+
+@part
+def in_disc(a, b, c, x, y, radius, asked):
+    """As `sweeps.in_disc`."""
+    pull = math.sqrt(x * x + y * y)
+    zero = 0.0 * x
+    some = both(asked, both(more(radius, 0.0), both(more(pull, 0.0), more(a + c, 0.0))))
+    slack = RIGID * (a + c)
+    a = a + slack
+    c = c + slack
+    det = a * c - b * b
+    t = ((b * y - c * x) / det, (b * x - a * y) / det)
+    inside = both(some, most(t[0] * t[0] + t[1] * t[1], radius * radius))
+    new = (chosen(inside, t[0], zero), chosen(inside, t[1], zero))
+    rim = without(some, inside)
+    if not any_of(rim):
+        return new
+    s = larger(pull / radius - larger(a, c) - abs(b), 0.0)
+    open_ = rim
+    for _ in range(30):
+        if not any_of(open_):
+            break
+        p = a + s
+        q = c + s
+        det = p * q - b * b
+        tx = (b * y - q * x) / det
+        ty = (b * x - p * y) / det
+        size = math.sqrt(tx * tx + ty * ty)
+        bend = (tx * (q * tx - b * ty) + ty * (p * ty - b * tx)) / det
+        step = (size / radius - 1.0) * size * size / bend
+        s = chosen(open_, s + step, s)
+        open_ = without(open_, most(abs(step), SETTLED * (s + a + c)))
+    p = a + s
+    q = c + s
+    det = p * q - b * b
+    tx = (b * y - q * x) / det
+    ty = (b * x - p * y) / det
+    fit = radius / math.sqrt(tx * tx + ty * ty)
+    return chosen(rim, tx * fit, new[0]), chosen(rim, ty * fit, new[1])
+
+
+@sweep
+def gain_and_miss(ways, near, b):
+    """As `impulse.gained` and `note_missed`; lanes whose bounce gains energy go on alone."""
+    points, lane, own = b.points, b.lane[0], b.own
+    gain, size, bouncing = 0.0 * lane[SIZE], 0.0 * lane[SIZE], 0.0 * lane[SIZE]
+    for m in range(near[0]):
+        n = near[1 + m]
+        here = points[n, ACTIVE]
+        law = b.laws[ways[n, W_PAIR]]
+        u = velocity(ways, b, n)
+        lam = load(points, n, LAM)
+        before = load(points, n, BEFORE)
+        rate = load(points, n, RATE)
+        back = law[1] * smaller(before[0], 0.0)
+        back = back + points[n, SLACK]
+        for c in range(3):
+            mean = before[c] + u[c]
+            if c == 0:
+                mean = before[c] + u[c] - back
+            gain += chosen(here, lam[c] * (0.5 * mean), 0.0)
+            size += chosen(here, abs(lam[c]) * larger(abs(rate[c]), abs(before[c])), 0.0)
+        pressed = abs(rate[0] - before[0])
+        bouncing = either(
+            bouncing, both(here, both(more(law[1], 0.0), more(-before[0], 4.0 * pressed)))
+        )
+        moves = more(own[n, 0], 0.0)
+        points[n, MISSED] = chosen(moves, abs(lam[0] - larger(lam[0] - u[0] / own[n, 0], 0.0)), 0.0)
+        mobility = larger(own[n, 4], own[n, 8])
+        x, y = lam[1] - u[1] / mobility, lam[2] - u[2] / mobility
+        rim = law[0] * larger(lam[0], 0.0)
+        pull = math.sqrt(x * x + y * y)
+        fit = chosen(more(pull, rim), rim / pull, 1.0)
+        x, y = lam[1] - fit * x, lam[2] - fit * y
+        points[n, MISSED + 1] = chosen(more(mobility, 0.0), math.sqrt(x * x + y * y), 0.0)
+    lane[GAINED] = gain
+    lane[ALONE] = either(lane[ALONE], both(bouncing, more(gain, GAIN * size)))
+
+
+@sweep
+def effects(ways, near, b, touches):
+    """diag(1/d) Yᵀ λ into STEP, and how fast points slip."""
+    x, points = b.vectors, b.points
+    for j in range(x.shape[1]):
+        x[STEP, j] = 0.0
+    for m in range(near[0]):
+        n = near[1 + m]
+        here = points[n, ACTIVE]
+        for c in range(3):
+            points[n, LAM + c] = chosen(here, points[n, LAM + c], 0.0)
+        scatter(ways, b, n, load(points, n, LAM))
+    for m in range(near[0]):
+        n = near[1 + m]
+        u = gather(ways, b, n, STEP)
+        along, across = points[n, RATE + 1] + u[1], points[n, RATE + 2] + u[2]
+        points[n, SLIP] = math.sqrt(along * along + across * across)
+    x[DONE, 1] -= chosen(touches, b.lane[0, GAINED], 0.0)
