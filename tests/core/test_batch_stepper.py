@@ -14,6 +14,7 @@ from numba import njit
 
 import pgraph_core as pg
 import pgraph_models
+from pgraph_core.batches.feet import FeetLanes
 from pgraph_core.batches.paths import Path
 from pgraph_core.engine.compiler.lane import LANE_WIDTH
 
@@ -92,6 +93,65 @@ def test_the_steps_of_each_instance_are_its_own_bit_for_bit(case: str):
             for touch, force in stepper.contact_force.items():
                 np.testing.assert_allclose(batch.contact_force[touch][k], force, atol=1e-9)
     assert len({x.tobytes() for x in batches[0].q}) == SIZE  # the numbers do differ
+
+
+def tripod() -> pg.Model:
+    """A box on three legs with limited motors; feet are points and a ball."""
+    trunk = pg.Body(
+        name="trunk", joint="free", mass=3.0, inertia=np.diag([0.02, 0.03, 0.04]),
+        shape={"kind": "box", "size": (0.3, 0.2, 0.1)}, q=(0, 0, 0.35, 1, 0, 0, 0),
+    )  # fmt: skip
+    bodies, forces = [trunk], []
+    contacts = [pg.Contact(name="belly", body="trunk")]
+    for i, at in enumerate([(0.15, 0.1, 0.0), (0.15, -0.1, 0.0), (-0.15, 0.0, 0.0)]):
+        leg = pg.Body(
+            name=f"leg{i}", parent="trunk", link=at, axes=(0, 1, 0), mass=0.3,
+            com=(0, 0, -0.1), inertia=np.diag([2e-3, 2e-3, 1e-4]),
+            shape={"kind": "sphere", "radius": 0.03, "position": (0, 0, -0.25)},
+        )  # fmt: skip
+        bodies.append(leg)
+        points = {} if i == 2 else {"points": [(0, 0, -0.28)]}
+        contacts.append(pg.Contact(name=f"foot{i}", body=f"leg{i}", restitution=0.3 * i, **points))
+        forces.append(
+            pg.Servo(name=f"leg{i}", body=f"leg{i}", kp=30.0, kd=0.5, target=0.4, torque_limit=3.0)
+        )
+    return pg.Model(bodies=bodies, contacts=contacts, forces=forces, ground={"friction": 0.6})
+
+
+def test_feet_in_lanes_hit_slide_and_tumble_with_the_bits_of_single_runs():
+    """What falls, bounces and slides is chaotic: another rounding would soon be another motion."""
+    size = LANE_WIDTH + 3
+    given = {
+        "bodies.trunk.mass": np.linspace(2, 4, size),
+        "ground.friction": np.linspace(0.2, 0.9, size),
+        "forces.leg1.kp": np.linspace(10, 50, size),
+    }
+    rng = np.random.default_rng(3)
+    v, targets = rng.normal(0, 1.5, (size, 9)), rng.uniform(-0.8, 0.8, (size, 3))
+    batches = [pg.BatchStepper(tripod(), size, set=given, threads=n) for n in (1, 2)]
+    for batch in batches:
+        assert isinstance(batch._many, FeetLanes)
+        batch.reset(v=v)
+        batch.step(n=250)
+        for i in range(3):
+            batch.target(f"leg{i}", targets[:, i])
+        assert batch.step(n=150).all()
+    assert np.array_equal(batches[0].v, batches[1].v)
+    hit = 0
+    for i in range(size):
+        stepper = alone(tripod(), given, i)
+        stepper.reset(v=v[i])
+        stepper.step(n=250)
+        for k in range(3):
+            stepper.target(f"leg{k}", targets[i, k])
+        stepper.step(n=150)
+        assert np.array_equal(batches[0].q[i], stepper.q)
+        assert np.array_equal(batches[0].v[i], stepper.v)
+        assert batches[0].work[i] == stepper.work
+        for touch, force in stepper.contact_force.items():
+            assert np.array_equal(batches[0].contact_force[touch][i], force)
+        hit += len(stepper.contact_force)
+    assert hit == 4 * size
 
 
 @pytest.mark.parametrize("law", ["complementarity", "soft", "penalty"])

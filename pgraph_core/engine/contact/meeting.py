@@ -16,7 +16,7 @@ from ..arrays import opened
 from ..compiler.jit import part, sweep
 from ..constraints.blocks import point_velocity, total, velocities
 from ..records import POINTS, RIGID
-from ..tree.kinematics import outboard, positions
+from ..tree.kinematics import frames, positions
 from ..tree.moving import advance
 from ..vec import dot, sub, xyz
 from .closing import (
@@ -144,7 +144,7 @@ def state_at(scene, tau, q, v, start, vdot, speed):
     advance(data.rows, q, speed, tau)
     for j in range(v.shape[0]):
         speed[j] = start[q.shape[0] + j] + tau * vdot[j]
-    outboard(data.rows, data.const, data.work, q, speed)
+    frames(data.rows, data.const, data.work, q, speed)
     positions(data.rows, data.work)
     velocities(data.rows, data.const, data.work, speed, data.space.linear)
     place(contacts.geometry.shapes, data.work, contacts.poses)
