@@ -50,11 +50,11 @@ def on_feet(stepper: Stepper) -> bool:
         and one
         and (rows[2:, at.KIND] <= at.TRANSLATE).all()
         and np.isin(shapes["kind"], OF_VERTICES).all()
-        and all(_is_plain(row) for row in scene.drives.table)
+        and all(is_plain(row) for row in scene.drives.table)
     )
 
 
-def _is_plain(row: Any) -> bool:
+def is_plain(row: Any) -> bool:
     """Whether a drive is of one coordinate, and its inputs are constant and act at once."""
     follows = row["terms"] or row["lag"] or row["integrates"]
     return not follows and row["torques"] <= 1 and (row["coordinate"] < 0 or row["targets"] <= 1)
@@ -68,7 +68,7 @@ class FeetLanes(Instances):
         stepper = self.workers[0].stepper
         user = stepper.recording.user
         self._memory = 0 if user is None else len([a for a in user.memory if a.size])
-        self._ways, self._drives = _ways(stepper), _drives(stepper)
+        self._ways, self._drives = _ways(stepper), drives_of(stepper)
         self._room = [_room(worker.stepper, self._ways) for worker in self.workers]
         ready(kernels.step_lanes)
 
@@ -104,11 +104,7 @@ def _ways(stepper: Stepper) -> Ints:
     found: list[list[int]] = []
     for shape, pair in contacts.candidates.on_ground[["shape", "pair"]].tolist():
         one = contacts.geometry.shapes[shape]
-        k, joints = int(one["row"]), []
-        while k > 0:
-            wide = 6 if rows[k, at.KIND] == at.FREE else 1
-            joints += range(rows[k, at.VI], rows[k, at.VI] + wide)
-            k = int(rows[k, at.PARENT])
+        joints = joints_to_ground(rows, int(one["row"]))
         for vertex in range(int(one["vertices"])):
             place = int(one["first_vertex"]) + vertex
             known = shape, int(one["row"]), int(one["body"]), pair, place, vertex, int(one["kind"])
@@ -117,7 +113,17 @@ def _ways(stepper: Stepper) -> Ints:
     return np.array([way + [0] * (width - len(way)) for way in found], dtype=np.int64)
 
 
-def _drives(stepper: Stepper) -> Ints:
+def joints_to_ground(rows: Ints, k: int) -> list[int]:
+    """Indices into v of the joints between row k and the ground, as a free body has it."""
+    joints: list[int] = []
+    while k > 0:
+        free = rows[k, at.KIND] == at.FREE
+        joints += range(rows[k, at.VI], rows[k, at.VI] + (6 if free else 1))
+        k = 0 if free else int(rows[k, at.PARENT])
+    return joints
+
+
+def drives_of(stepper: Stepper) -> Ints:
     """(n, 3) index into v, into q or -1, 1: a spring or damper."""
     drives = stepper.recording.scene.drives
     passive = np.arange(len(drives.table)) < drives.passive
