@@ -100,6 +100,7 @@ class FeetLanes(Instances):
 def _ways(stepper: Stepper) -> Ints:
     """What each vertex belongs to, and the joints between it and the ground."""
     scene = stepper.recording.scene
+    assert scene.touching is not None
     contacts, rows = scene.touching.contacts, scene.packed.rows
     found: list[list[int]] = []
     for shape, pair in contacts.candidates.on_ground[["shape", "pair"]].tolist():
@@ -134,6 +135,7 @@ def drives_of(stepper: Stepper) -> Ints:
 def _room(stepper: Stepper, ways: Ints) -> tuple[Ints, tuple[Array, ...], Array, Ints]:
     """(what is near, the block, frames lane after lane, how lanes go on) for one worker."""
     scene, steps = stepper.recording.scene, stepper.recording.steps
+    assert scene.touching is not None
     contacts, n = scene.touching.contacts, len(scene.packed.rows)
     points, pairs, wide = len(ways), len(contacts.laws), max(len(steps.q), len(steps.v), 2)
     shapes = (
