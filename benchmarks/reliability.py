@@ -1,26 +1,30 @@
-"""What kill -9, junk and floods cost: `python -m benchmarks.reliability`, printed as a table.
+"""What kill -9, floods, many pages and long use cost: `python -m benchmarks.reliability`.
 
-A client speaks the page's own protocol over a websocket: it edits masses, waits for the answers,
-and the server is killed at a random instant. The next server with the same model must have the
-last edit that was acknowledged, or a later one that was sent.
+A client speaks the page's own protocol over a websocket: it edits masses, saves, runs, waits for
+the answers, and the server is killed at a random instant. Its files must have the last edit that
+was acknowledged, or a later one that was sent. Counts of several nights add up with `--add FILE`.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
+import gc
 import json
 import os
 import random
 import re
 import signal
+import socket
 import statistics
 import subprocess
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +45,9 @@ CAMERA = {
 }  # fmt: skip
 TOPIC = re.compile(r"\.push\((\[.*?\])\); window\.pgraph", re.DOTALL)
 BODIES = 16
+PORT = 18765
+FIRST = 1001  # no mass of the model: each edit changes it
+MARK = "PGRAPH_MEASURED"  # in the environment of a server and its children
 
 
 class Client:
@@ -51,6 +58,7 @@ class Client:
         self.socket = connect(f"ws://{at}", subprotocols=[SUBPROTOCOL], max_size=None)
         self.answered: dict[int, str] = {}  # serial -> "" where it was taken
         self._uplink, self._closed = "", False
+        self._wanted, self._heard_at = b"", 0.0
         self._changed = threading.Condition()
         threading.Thread(target=self._read, daemon=True).start()
         self.socket.send(msgspec.msgpack.encode(CAMERA))
@@ -71,6 +79,18 @@ class Client:
                 raise TimeoutError(f"no answer to {serial} within {seconds} s")
             return self.answered[serial]
 
+    def listen_for(self, text: str) -> None:
+        """Note when this text next comes from the server."""
+        with self._changed:
+            self._wanted, self._heard_at = text.encode(), 0.0
+
+    def heard_at(self, seconds: float) -> float:
+        """When it came. Raises TimeoutError."""
+        with self._changed:
+            if not self._changed.wait_for(lambda: self._heard_at, seconds):
+                raise TimeoutError(f"{self._wanted!r} did not come within {seconds} s")
+            return self._heard_at
+
     def _read(self) -> None:
         unpack = zstandard.ZstdDecompressor()
         with contextlib.suppress(ConnectionClosed, OSError):
@@ -78,6 +98,11 @@ class Client:
                 size = int.from_bytes(raw[:8], "little")  # type: ignore[arg-type]
                 packed = int.from_bytes(raw[8:16], "little")  # type: ignore[arg-type]
                 inner = unpack.decompress(raw[16 : 16 + packed], max_output_size=size)  # type: ignore[arg-type]
+                now = time.perf_counter()
+                if self._wanted and self._wanted in inner:
+                    with self._changed:
+                        self._heard_at = self._heard_at or now
+                        self._changed.notify_all()
                 for message in msgspec.msgpack.decode(inner)["messages"]:
                     if message["type"] == "RunJavascriptMessage":
                         self._heard(message["source"])
@@ -97,104 +122,240 @@ class Client:
 
 
 @contextlib.contextmanager
-def server(state: Path, model: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+def server(state: Path, model: Path, port: int = PORT) -> Iterator[tuple[Process, str]]:
     """A server in a process of its own, and its address."""
-    command = [sys.executable, "-m", "app", str(model), "--port", "18765", "--no-browser"]
-    environment = {**os.environ, "XDG_STATE_HOME": str(state)}
-    process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment
-    )
-    assert process.stdout is not None
+    command = [str(model), "--port", str(port), "--no-browser"]
+    said = state.with_suffix(".said")
+    said.write_text("")
+    process = nursery().born(command, {"XDG_STATE_HOME": str(state), MARK: str(state)}, said)
     try:
-        for line in process.stdout:
-            if "Pgraph is at" in line:
-                assert ":18765/" in line, f"the port was not free: {line}"
-                yield process, line.split()[-1]
+        for _ in range(1200):
+            if found := re.search(r"Pgraph is at (\S+)", said.read_text()):
+                assert f":{port}/" in found[1], f"the port was not free: {found[1]}"
+                yield process, found[1]
                 return
-        raise RuntimeError("the server ended before it served")
+            time.sleep(0.05)
+        raise RuntimeError(f"the server does not serve: {said.read_text()}")
     finally:
         process.kill()
-        process.wait()
-        process.stdout.close()
 
 
-def recovered(state: Path) -> list[float]:
-    """The masses in the one file that a session left; raises if it is damaged."""
-    (file,) = (state / "pgraph").glob("*.json")
-    model = pg.Model.from_json(json.loads(file.read_text("utf-8"))["text"])
-    return [body.mass for body in model.bodies]
+class Process:
+    """A server that a nursery started."""
+
+    def __init__(self, pid: int):
+        self.pid = pid
+
+    def kill(self) -> None:
+        """Kill it, if it still lives, and wait for its end."""
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self.pid, signal.SIGKILL)
+        self.wait()
+
+    def wait(self) -> None:
+        """Until the process has ended."""
+        while Path(f"/proc/{self.pid}").exists():
+            time.sleep(0.005)
 
 
-def kill_once(rng: random.Random, folder: Path) -> tuple[int, int]:
-    """(edits acknowledged, edits lost) of a server that is killed among edits."""
-    state, file = folder / "state", folder / "model.json"
+class Nursery:
+    """A process that has imported what a server needs, and forks one when told to."""
+
+    def __init__(self) -> None:
+        command = [sys.executable, "-c", "from benchmarks.reliability import fork; fork()"]
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+
+    def born(self, words: list[str], environment: dict[str, str], said: Path) -> Process:
+        """A server with these words of the command line, which writes to the file `said`."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        print(json.dumps([words, environment, str(said)]), file=self._process.stdin, flush=True)
+        return Process(int(self._process.stdout.readline()))
+
+
+nursery = functools.cache(Nursery)
+
+
+def fork() -> None:
+    """Start servers as the lines of the standard input say, until it ends."""
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `pgraph` sets it
+    import pgraph_app.server  # noqa: F401 - nothing is left to import when a server is born
+    from pgraph_app.cli import main as serve
+
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for them: they leave no zombies
+    for line in sys.stdin:
+        words, environment, said = json.loads(line)
+        if pid := os.fork():
+            print(pid, flush=True)
+            continue
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+        out = os.open(said, os.O_WRONLY | os.O_APPEND)
+        for stream in (1, 2):
+            os.dup2(out, stream)
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        os.environ.update(environment)
+        os._exit(serve(words))
+
+
+# -- kill -9 ---------------------------------------------------------------------------------------
+
+
+def masses(text: str) -> list[float]:
+    """The masses in a model file. Raises PgraphError if it is damaged."""
+    return [body.mass for body in pg.Model.from_json(text).bodies]
+
+
+def kill_once(rng: random.Random, folder: Path, port: int) -> Counter[str]:
+    """Counts of a server that is killed among edits, saves and runs."""
+    state, file, copy = folder / "state", folder / "model.json", folder / "copy.json"
     pg.Model.serial(BODIES).save(file)
-    sent: dict[int, tuple[int, float]] = {}  # serial -> (body, mass)
-    with server(state, file) as (process, url):
+    sent: dict[int, tuple[int, float]] = {}  # serial of an edit -> (body, mass)
+    saves: dict[int, int] = {}  # serial of a save -> of the edit before it
+    with server(state, file, port) as (process, url):
         client = Client(url)
-        doomed = threading.Timer(rng.uniform(0.1, 2.0), process.send_signal, [signal.SIGKILL])
-        doomed.start()
+        doomed = threading.Timer(rng.uniform(0.0, 0.1), process.kill)
+        runs, last = 0, FIRST + rng.randint(0, 60)
         with contextlib.suppress(ConnectionClosed, OSError, TimeoutError):
-            for serial in range(1, 10_000):
-                body = rng.randrange(BODIES)
-                sent[serial] = body, float(serial)
-                client.send(
-                    "Edit", serial=serial, body=str(body + 1), field="mass", index=[],
-                    text=str(serial),
-                )  # fmt: skip
-                if rng.random() < 0.7:
-                    client.answer(serial, 3.0)
+            for serial in range(FIRST, FIRST + 10_000):
+                if serial == last + 1:
+                    doomed.start()
+                chance = rng.random()
+                if chance < 0.1:
+                    client.send("Simulate")
+                    runs += 1
+                elif chance < 0.2:
+                    saves[serial] = max(sent, default=0)
+                    client.send("Save", serial=serial, path=str(copy), replace=True)
+                    client.answer(serial, 10.0)
+                else:
+                    body = rng.randrange(BODIES)
+                    sent[serial] = body, float(serial)
+                    client.send(
+                        "Edit", serial=serial, body=str(body + 1), field="mass", index=[],
+                        text=str(serial),
+                    )  # fmt: skip
+                    if rng.random() < 0.7:
+                        client.answer(serial, 10.0)
+        if doomed.ident is None:  # an answer did not come in time
+            doomed.start()
         doomed.join()
         process.wait()
+        found = Counter(kills=1, runs=runs, port_taken=not _free(port))
+    found["children_left"] = _left(str(state))
     taken = [serial for serial, text in client.answered.items() if not text]
-    if not taken:
-        return 0, 0
-    masses, last = recovered(state), {}
-    for serial in taken:
-        last[sent[serial][0]] = serial
-    lost = sum(masses[body] < serial for body, serial in last.items())
-    return len(taken), lost
+    edits, saved = [s for s in taken if s in sent], [s for s in taken if s in saves]
+    found.update(edits=len(edits), saves=len(saved))
+    kept = [*(state / "pgraph").glob("*.json")]
+    texts = [json.loads(path.read_text("utf-8"))["text"] for path in kept[:1]]
+    checks = [(text, edits) for text in texts]
+    if copy.exists():
+        checks.append((copy.read_text("utf-8"), [s for s in edits if s <= saves[max(saved)]]
+                       if saved else []))  # fmt: skip
+    if edits and not kept:
+        found["edits_lost"] += len(edits)
+        print(f"no file is kept: taken {taken}, sent {max(sent)}, saves {saves}", flush=True)
+    for text, wanted in checks:
+        try:
+            there = masses(text)
+        except pg.PgraphError:
+            found["damaged"] += 1
+            continue
+        newest: dict[int, int] = {}
+        for serial in sorted(wanted):
+            newest[sent[serial][0]] = serial
+        lost = [(body, serial) for body, serial in newest.items() if there[body] < serial]
+        found["edits_lost"] += len(lost)
+        if lost:
+            print(f"lost in {'saved' if wanted is not edits else 'kept'} file: {lost} of {there};"
+                  f" taken {taken[-9:]}, sent {max(sent)}, saves {saves}", flush=True)  # fmt: skip
+    return found
 
 
-def kills(count: int) -> str:
-    """A row: servers killed among edits, edits acknowledged and lost."""
-    rng, acknowledged, lost = random.Random(1), 0, 0
+def _free(port: int) -> bool:
+    """Whether a server can listen on a port now."""
+    with socket.socket() as one:
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            one.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+        return True
+
+
+def _left(mark: str) -> int:
+    """Processes with this mark in their environment that live on for more than 30 s."""
+    for _ in range(300):
+        found = 0
+        for environment in Path("/proc").glob("[0-9]*/environ"):
+            with contextlib.suppress(OSError):
+                found += f"{MARK}={mark}".encode() in environment.read_bytes()
+        if not found:
+            return 0
+        time.sleep(0.1)
+    return found
+
+
+def kills(count: int, seed: int, port: int) -> Counter[str]:
+    """Servers killed one after the other."""
+    rng, found = random.Random(seed), Counter[str]()
     for _ in range(count):
-        with tempfile.TemporaryDirectory() as folder:
-            a, b = kill_once(rng, Path(folder))
-            acknowledged, lost = acknowledged + a, lost + b
-    return (
-        f"| kill -9 among edits | {count} kills, {acknowledged} edits acknowledged | "
-        f"{lost} lost, 0 damaged files, port free each time |"
-    )
+        with tempfile.TemporaryDirectory(prefix="pgraph ü ") as folder:
+            found.update(kill_once(rng, Path(folder), port))
+    return found
 
 
-def flood(seconds: float) -> str:
-    """A row: the delay of one page's edits, alone and while another floods."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder, "model.json")
-        pg.Model.serial(BODIES).save(file)
-        with server(Path(folder, "state"), file) as (_, url):
-            time.sleep(5.0)  # the kernels load meanwhile
-            honest, hostile = Client(url), Client(url)
-            alone = delays(honest, 1, seconds)
-            stop = threading.Event()
+# -- many clients, and one that floods -------------------------------------------------------------
 
-            def shout() -> None:
-                while not stop.is_set():
+
+def flood(seconds: float, port: int) -> dict[str, float]:
+    """Median delays of one page's edits [ms], alone and while another page floods."""
+    with _serving(port) as url:
+        time.sleep(5.0)  # the kernels load meanwhile
+        honest, hostile = Client(url), Client(url)
+        found: dict[str, list[float]] = {"alone": [], "flooded": []}
+        stop, shouting = threading.Event(), threading.Event()
+
+        def shout() -> None:
+            while not stop.is_set():
+                if shouting.wait(0.05):
                     hostile.send("Select", body="1")
 
-            thread = threading.Thread(target=shout, daemon=True)
-            thread.start()
-            meanwhile = delays(honest, 10**6, seconds)
-            stop.set()
-            hostile.socket.close()
-    return (
-        f"| one page floods | edits of another page: {len(alone)} alone, "
-        f"{len(meanwhile)} meanwhile | "
-        f"median {1e3 * statistics.median(alone):.0f} ms alone, "
-        f"{1e3 * statistics.median(meanwhile):.0f} ms meanwhile |"
-    )
+        threading.Thread(target=shout, daemon=True).start()
+        serial = 0
+        for k in range(8):  # by turns, so that what else the machine does falls on both
+            (shouting.set if k % 2 else shouting.clear)()
+            serial += 10**5
+            found["flooded" if k % 2 else "alone"] += delays(honest, serial, seconds / 4)
+        stop.set()
+        hostile.socket.close()
+    return {name: round(1e3 * statistics.median(some), 1) for name, some in found.items()}
+
+
+def together(pages: int, edits: int, port: int) -> dict[str, float]:
+    """[ms] from an edit of one page until all `pages` have heard of it: median and 95 %."""
+    with _serving(port) as url:
+        time.sleep(5.0)
+        clients = [Client(url) for _ in range(pages)]
+        found = []
+        for k in range(edits):
+            text = f"{1.5 + k / 1024:.9f}".rstrip("0")
+            for client in clients:
+                client.listen_for(text)
+            sent = time.perf_counter()
+            clients[k % pages].send(
+                "Edit", serial=k + 1, body="2", field="mass", index=[], text=text
+            )
+            found.append(max(client.heard_at(10.0) for client in clients) - sent)
+            time.sleep(0.05)
+        for client in clients:
+            client.socket.close()
+    found = [1e3 * x for x in sorted(found)]
+    return {
+        "median": round(statistics.median(found), 1),
+        "most": round(found[int(0.95 * len(found))], 1),
+    }
 
 
 def delays(client: Client, first: int, seconds: float) -> list[float]:
@@ -210,14 +371,113 @@ def delays(client: Client, first: int, seconds: float) -> list[float]:
     return found
 
 
+@contextlib.contextmanager
+def _serving(port: int) -> Iterator[str]:
+    """The address of a server of a model of 16 bodies."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "model.json")
+        pg.Model.serial(BODIES).save(file)
+        with server(Path(folder, "state"), file, port) as (_, url):
+            yield url
+
+
+# -- long use --------------------------------------------------------------------------------------
+
+
+def worn(act: Callable[[int], object], times: int, pid: int) -> dict[str, float]:
+    """How a process has grown from a fifth of `times` calls to their end."""
+    for k in range(times // 5):
+        act(k)
+    before = _size(pid)
+    for k in range(times // 5, times):
+        act(k)
+    after = _size(pid)
+    return {
+        "times": times,
+        "memory_percent": round(100 * (after[0] / before[0] - 1), 2),
+        "threads": after[1] - before[1],
+        "files": after[2] - before[2],
+    }
+
+
+def _size(pid: int) -> tuple[int, int, int]:
+    """(resident bytes, threads, open files)"""
+    gc.collect()
+    at = Path(f"/proc/{pid}")
+    status = dict(line.split(":", 1) for line in (at / "status").read_text().splitlines())
+    return int(status["VmRSS"].split()[0]), int(status["Threads"]), len([*(at / "fd").iterdir()])
+
+
+def wear(share: float, port: int) -> Iterator[tuple[str, dict[str, float]]]:
+    """(what, growth) of 10^4 runs, CSV files, opened models, pages, and 200 HTML exports."""
+    arm, me = pg.Mechanism(pg.Model.serial(3)), os.getpid()
+    run = pg.simulate(arm, t_end=0.1)
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place)
+        pg.Model.serial(BODIES).save(folder / "model.json")
+        yield "runs", worn(lambda k: pg.simulate(arm, t_end=0.05), int(1e4 * share), me)
+        yield "CSV exports", worn(lambda k: run.to_csv(folder / "a.csv"), int(1e4 * share), me)
+        opened = lambda k: pg.Mechanism(pg.Model.load(folder / "model.json"))  # noqa: E731
+        yield "opened models", worn(opened, int(1e3 * share), me)
+        live = lambda k: run.to_html(folder / "a.html", live=True)  # noqa: E731
+        yield "HTML exports", worn(live, int(200 * share), me)
+        with server(folder / "state", folder / "model.json", port) as (process, url):
+            keeper = Client(url)
+
+            def reload(k: int) -> None:
+                page = Client(url)
+                page.send("Edit", serial=1, body="2", field="mass", index=[], text=str(1 + k % 50))
+                page.answer(1)
+                page.socket.close()
+
+            yield "pages opened and closed", worn(reload, int(1e3 * share), process.pid)
+
+            def gallery(k: int) -> None:
+                name = ("pendulum", "double_pendulum")[k % 2]
+                keeper.send("OpenBuiltIn", name=name)
+                keeper.send(
+                    "Edit", serial=k + 2, body="1", field="mass", index=[], text=str(1 + k % 50)
+                )
+                keeper.answer(k + 2)
+
+            yield "models opened on a page", worn(gallery, int(1e3 * share), process.pid)
+
+
+# -- all of it -------------------------------------------------------------------------------------
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kills", type=int, default=100)
+    parser.add_argument("--kills", type=int, default=0, help="servers to kill")
+    parser.add_argument("--pages", type=int, nargs="*", default=[], help="such as 20 50")
+    parser.add_argument("--flood", type=float, default=0.0, metavar="S", help="seconds")
+    parser.add_argument("--wear", type=float, default=0.0, metavar="SHARE", help="1: all of it")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--port", type=int, default=PORT)
+    parser.add_argument("--add", type=Path, help="a JSON file of counts that are added up")
     args = parser.parse_args()
-    print(f"Measured on {machine()}.\n")
-    print("| What happens | How often | What was lost |\n|---|---|---|")
-    print(kills(args.kills), flush=True)
-    print(flood(5.0), flush=True)
+    known: dict[str, Any] = {}
+    if args.add and args.add.exists():
+        known = json.loads(args.add.read_text("utf-8"))
+
+    def tell(what: str, found: dict[str, Any]) -> None:
+        print(what, found, flush=True)
+        known[what] = found
+        if args.add:
+            args.add.write_text(json.dumps(known, indent=1) + "\n", "utf-8")
+
+    print(f"Measured on {machine()}.", flush=True)
+    for k in range(0, args.kills, 5):
+        before = Counter(known.get("kill -9", {}))
+        before.update(kills(min(5, args.kills - k), args.seed + k, args.port))
+        tell("kill -9", dict(before))
+    for count in args.pages:
+        tell(f"{count} pages [ms]", together(count, 40, args.port))
+    if args.flood:
+        tell("flood [ms]", flood(args.flood, args.port))
+    if args.wear:
+        for what, found in wear(args.wear, args.port):
+            tell(what, found)
 
 
 if __name__ == "__main__":

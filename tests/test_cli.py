@@ -478,6 +478,34 @@ def test_export_writes_a_figure(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("name", "words", "begins"),
+    [
+        ("a.png", ["--size", "64x48"], b"\x89PNG"),
+        ("a.svg", ["--at", "0.2", "--t-end", "0.3", "--dark"], b"<svg"),
+        ("d.svg", ["--what", "digraph"], b"<svg"),
+    ],
+)
+def test_export_draws_pictures(capsys, tmp_path, name, words, begins):
+    file = tmp_path / name
+    given = told(capsys, "export", "pendulum", *words, "-o", str(file))
+    assert given["bytes"] == file.stat().st_size
+    assert file.read_bytes().startswith(begins)
+
+
+@pytest.mark.parametrize(
+    ("words", "fact"),
+    [
+        (["-o", "a.png", "--live"], "is no page"),
+        (["-o", "a.mp4", "--what", "digraph"], "shows no digraph"),
+        (["-o", "a.png", "--at", "99", "--t-end", "0.1"], "0 to 0.1 s"),
+    ],
+)
+def test_a_picture_that_cannot_be_drawn_is_a_sentence(capsys, words, fact):
+    _, err = said(capsys, "export", "pendulum", *words, code=1)
+    assert fact in err
+
+
+@pytest.mark.parametrize(
     ("words", "facts"),
     [
         (["runn", "quadruped"], ["did you mean run", "sweep"]),

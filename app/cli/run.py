@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
@@ -22,6 +23,7 @@ from .terminal import (
     count,
     first_scenario,
     model_argument,
+    names,
     open_model,
     positive,
     progress_bar,
@@ -247,11 +249,76 @@ def export_arguments(parser: ArgumentParser) -> None:
         "--open", action="append", default=[], metavar="PATH[=LOW:HIGH]",
         help="what the reader may change, as bodies.lower.mass=0.2:5; may be repeated",
     )  # fmt: skip
-    parser.add_argument("-o", "--output", required=True, metavar="FILE", help="the page (.html)")
+    parser.add_argument(
+        "--what", choices=("view", "digraph", "plot"), default="view", help="in a picture"
+    )
+    parser.add_argument(
+        "--columns", type=names, default=(), metavar="A,B", help="of a plot; default: all joints"
+    )
+    parser.add_argument("--at", type=float, metavar="S", help="time of a picture [s]")
+    parser.add_argument("--size", type=size, metavar="WxH", help="in pixels, as 1280x720")
+    parser.add_argument(
+        "--view", choices=("start", "front", "side", "top", "isometric"), default="start"
+    )
+    parser.add_argument("--dark", action="store_true", help="a picture or film on a dark ground")
+    parser.add_argument("--fps", type=positive, default=30.0, help="frames a second of a film")
+    parser.add_argument("--speed", type=positive, default=1.0, help="of a film: 0.5 is slow motion")
+    parser.add_argument(
+        "-o", "--output", required=True, metavar="FILE",
+        help="a page (.html), a picture (.png, .svg) or a film (.mp4, .gif)",
+    )  # fmt: skip
+
+
+def size(text: str) -> tuple[int, int]:
+    """Width and height in pixels."""
+    found = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
+    if not found:
+        raise ArgumentTypeError(f"must be WIDTHxHEIGHT in pixels, as 1280x720; given {text!r}")
+    return int(found[1]), int(found[2])
 
 
 def export(args: Namespace) -> Answer:
     """Raises PgraphError."""
+    suffix = Path(args.output).suffix.lower()
+    if suffix in (".png", ".svg", ".mp4", ".gif"):
+        return _drawn(args, suffix)
+    return _page(args)
+
+
+def _drawn(args: Namespace, suffix: str) -> Answer:
+    """A picture or a film."""
+    model, bar = open_model(args.model), progress_bar()
+    scenario = first_scenario(model, args.scenario)
+    look = {"view": args.view, "dark": args.dark}
+    sized = {} if args.size is None else {"size": args.size}
+    film = suffix in (".mp4", ".gif")
+    if args.live or args.open or (film and args.what != "view"):
+        text = "is no page" if args.live or args.open else f"shows no {args.what}: name a picture"
+        raise FileError(Problem(args.output, "", text))
+    shown = f"the {args.what}" if args.what != "view" else "the mechanism"
+    if args.what == "digraph":
+        model.to_image(args.output, what="digraph", **sized)
+    elif not film and args.what == "view" and args.at is None:
+        model.to_image(args.output, **sized, **look)
+    else:
+        compile_kernels(bar)
+        run = pg.simulate(model, scenario=scenario, **_options(args))
+        if args.what == "plot":
+            run.to_plot(args.output, *args.columns, **sized)
+        elif film:
+            told = lambda fraction: bar("drawing", fraction)  # noqa: E731
+            run.to_film(args.output, fps=args.fps, speed=args.speed, progress=told, **sized, **look)
+            shown = f"{run.t[-1] - run.t[0]:g} s of motion"
+        else:
+            run.to_image(args.output, t=args.at, **sized, **look)
+            shown += f" at {args.at:g} s"
+    bar("", 1.0)
+    count = Path(args.output).stat().st_size
+    data = {"model": model.name, "scenario": scenario, "output": args.output, "bytes": count}
+    return Answer(data, f"{args.output}: {count / 1e6:.2f} MB, {shown} of {model.name}")
+
+
+def _page(args: Namespace) -> Answer:
     from pgraph_core.live.export import exported  # other commands need none of it
 
     model, bar = open_model(args.model), progress_bar()
@@ -277,7 +344,7 @@ COMMANDS = (
     ),
     Command(
         "export",
-        "write one HTML file: an animation, or with --live a figure that the reader can change",
+        "write an animation, with --live a figure that the reader can change; a picture or a film",
         export_arguments,
         export,
     ),

@@ -95,6 +95,7 @@ class Exporting:
     what: str
     run: Run
     shown: frozenset[str] = SHOWN_AT_FIRST  # on the page that asks
+    time: float = 0.0  # that the page shows [s]
 
 
 @dataclass(frozen=True)

@@ -43,7 +43,9 @@
   function after() {
     const keep = [["csv", "CSV", "Everything over time as a table"], ["npz", "NPZ", "The run with its model, for Python"],
       ["html", "HTML", "The animation as one file that any browser plays"],
-      ["live", "Living figure", "One file in which the reader runs the mechanism, pulls on it and changes its masses"]];
+      ["live", "Living figure", "One file in which the reader runs the mechanism, pulls on it and changes its masses"],
+      ["png", "Picture", "The mechanism as it is shown, as PNG"], ["svg", "SVG", "The same for print, which scales without loss"],
+      ["mp4", "Film", "The run as MP4, which any player shows"], ["gif", "GIF", "The run as GIF, for slides and mails"]];
     return make("div", { className: "after", hidden: true },
       button("continue", "Continue", "Go on from the end for as long again", () => now("Continue")),
       button("pose", "Use pose", "The pose shown becomes the initial state of the model", () => now("UsePose")),

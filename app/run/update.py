@@ -177,14 +177,14 @@ def compare(state: State, event: Compare) -> State:
 class Export(FromPage):
     """The run as a file."""
 
-    what: Literal["csv", "npz", "html", "live"]
+    what: Literal["csv", "npz", "html", "live", "png", "svg", "mp4", "gif"]
 
 
 @on(Export)
 def export(state: State, event: Export) -> State:
     if state.plotted is None or state.live is not None:
         return state
-    asked = Exporting(event.client, event.what, state.plotted, state.shown)
+    asked = Exporting(event.client, event.what, state.plotted, state.shown, state.playback.time)
     return replace(state, exporting=asked)
 
 

@@ -181,6 +181,8 @@ def made(asked: Exporting) -> tuple[str, bytes]:
             return arrays(asked.run)
         case "live":
             return "live.html", living(asked.run)
+        case "png" | "svg" | "mp4" | "gif":
+            return asked.what, drawn(asked)
     return "html", animation(asked.run, asked.shown)
 
 
@@ -222,6 +224,18 @@ def living(run: Run) -> bytes:
         return page(run.result, [f"bodies.{name}.mass" for name in heavy[:OPEN]]).encode()
     except InputError:
         return page(run.result).encode()
+
+
+def drawn(asked: Exporting) -> bytes:
+    """A picture of what is shown, or a film of the run, as they are drawn without a page."""
+    run = asked.run.result
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, f"run.{asked.what}")
+        if asked.what in ("mp4", "gif"):
+            run.to_film(path)
+        else:
+            run.to_image(path, t=float(np.clip(asked.time, run.t[0], run.t[-1])))
+        return path.read_bytes()
 
 
 def overlays(server: viser.ViserServer, run: Run, shown: frozenset[str]) -> Extra:

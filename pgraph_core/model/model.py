@@ -6,6 +6,7 @@ import hashlib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self, overload
 
@@ -13,6 +14,7 @@ from pydantic import ValidationError
 
 from ..errors import (
     FileError,
+    InputError,
     ModelError,
     Problem,
     choices,
@@ -151,6 +153,24 @@ class Model(World):
         from ..show import model_html
 
         return model_html(self)
+
+    def to_image(
+        self, path: str | Path, /, *, what: Literal["view", "digraph"] = "view",
+        size: tuple[int, int] | None = None, view: str = "start", dark: bool = False,
+    ) -> None:  # fmt: skip
+        """Write a picture of the mechanism before it moves, or of its digraph: .png or .svg.
+
+        `size` is (width, height) in pixels; `view` is "start", "front", "side", "top" or
+        "isometric". No screen is needed. Raises InputError, FileError.
+        """
+        files = import_module("pgraph_core.pictures.files")  # stands above models
+        if what not in ("view", "digraph"):
+            text = f"must be 'view' or 'digraph'; given {what!r}"
+            raise InputError(Problem("to_image", "what", text))
+        if what == "digraph":
+            files.write_digraph(self, path, size=size)
+        else:
+            files.write_view(self, path, size=size or (1280, 720), view=view, dark=dark)
 
     # -- reading -----------------------------------------------------------------------------
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from enum import Enum
@@ -237,12 +237,48 @@ class Result(EqualByFields, Hinting):
             return
         write_atomic(path, _show().animation_html(self).encode())
 
+    def to_image(
+        self, path: str | Path, /, *, t: float | None = None, size: tuple[int, int] = (1280, 720),
+        view: str = "start", dark: bool = False,
+    ) -> None:  # fmt: skip
+        """Write a picture in 3D at the time `t` [s], by default at the start: .png or .svg.
+
+        `size` is (width, height) in pixels; `view` is "start", "front", "side", "top" or
+        "isometric". No screen is needed. Raises InputError, FileError.
+        """
+        _pictures().write_moment(self, path, t, size=size, view=view, dark=dark)
+
+    def to_plot(self, path: str | Path, /, *names: str, size: tuple[int, int] = (900, 600)) -> None:
+        """Write `plot(*names)` as a picture of this size in pixels: .png or .svg.
+
+        Raises InputError, FileError; MissingPackage without Matplotlib.
+        """
+        _pictures().write_plot(self, path, names, size=size)
+
+    def to_film(
+        self, path: str | Path, /, *, size: tuple[int, int] = (960, 540), fps: float = 30,
+        speed: float = 1.0, view: str = "start", dark: bool = False,
+        progress: Callable[[float], Any] | None = None,
+    ) -> None:  # fmt: skip
+        """Write a film of the run: .mp4 (H.264) or .gif; at `speed` 0.5 it is slow motion.
+
+        `size` is (width, height) in pixels, `view` as in `to_image`. `progress(fraction)` is
+        called after each frame; nothing is written if it returns False. Raises InputError,
+        FileError; MissingPackage names what to install.
+        """
+        options = {"size": size, "fps": fps, "speed": speed, "view": view, "dark": dark}
+        _pictures().write_film(self, path, **options, progress=progress)
+
     def show(self) -> Any:
         """Show the animation: in a notebook an object to display, else in the browser."""
         return _show().opened(_show().animation_html(self))
 
     def _repr_html_(self) -> str:
-        return _show().run_html(self)
+        """How it ended, and the run as a figure: it computes if it can travel, else it plays."""
+        facts = _show().run_html(self)
+        if not len(self.t) or not self.mechanism.names:
+            return facts
+        return facts + _show().Embedded(_figures().page(self), FIGURE)._repr_html_()
 
     @cached_property
     def plan(self) -> Plan:
@@ -488,6 +524,13 @@ def _figures() -> Any:
     """By name, as a backend: figures stand above results, for they run mechanisms again."""
     return import_module("pgraph_core.live.export")
 
+
+def _pictures() -> Any:
+    """By name too: they are drawn by kernels, and of models as well."""
+    return import_module("pgraph_core.pictures.files")
+
+
+FIGURE = 560  # [pixels] height of the figure of a run in a notebook
 
 ARRAYS = (
     "t",

@@ -10,6 +10,7 @@ and matplotlib are imported when first needed; `MissingPackage` names what to in
 """
 
 from ..errors import MissingPackage as MissingPackage
+from .animation import Embedded as Embedded
 from .animation import animation_html as animation_html
 from .animation import opened as opened
 from .digraph import digraph_svg as digraph_svg

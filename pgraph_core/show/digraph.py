@@ -205,22 +205,25 @@ LOOP = "#d9730d"
 
 
 def digraph_svg(
-    names: Sequence[str], parent: Sequence[int], loops: Sequence[tuple[int, int]] = ()
-) -> str:
+    names: Sequence[str], parent: Sequence[int], loops: Sequence[tuple[int, int]] = (),
+    size: tuple[int, int] | None = None,
+) -> str:  # fmt: skip
     """The digraph as SVG: bodies by number with their names, loops as dashed lines.
 
-    `parent` holds the number of each body's parent, 0 for the ground; `loops` pairs of bodies.
-    It takes the colour of the text around it, so it suits light and dark pages.
+    `parent` holds the number of each body's parent, 0 for the ground; `loops` pairs of bodies;
+    `size` is (width, height) in pixels. It takes the colour of the text around it, so it suits
+    light and dark pages.
     """
     place = layout(tuple(parent), tuple(map(len, names)), loops)
     at = list(zip(place.x, place.y))
     edges = "".join(_edge(place.kind, at[p], at[k]) for k, p in enumerate(parent, 1))
     lines = "".join(_loop(route) for route in place.routes if route)
     nodes = "".join(_node(k, name, *at[k]) for k, name in enumerate(names, 1))
-    size = f'width="{place.width:.0f}" height="{place.height:.0f}"'
+    width, height = size or (round(place.width), round(place.height))
+    edge = f'width="{width}" height="{height}"'
     box = f'viewBox="0 0 {place.width:.0f} {place.height:.0f}"'
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" {size} {box} role="img" '
+        f'<svg xmlns="http://www.w3.org/2000/svg" {edge} {box} role="img" '
         'aria-label="digraph of the bodies" style="max-width:100%;height:auto" '
         'font-family="sans-serif" font-size="11" fill="currentColor" stroke="none">'
         f"{edges}{lines}{_ground(*at[0])}{nodes}</svg>"
@@ -249,11 +252,15 @@ def _ground(x: float, y: float) -> str:
     return f'<path d="M{x - 12} {y}H{x + 12}{hatch}" stroke="currentColor" fill="none"/>'
 
 
+def shown_name(name: str) -> str:
+    """A name as it fits."""
+    return name if len(name) <= LONGEST else name[: LONGEST - 1] + "…"
+
+
 def _node(number: int, name: str, x: float, y: float) -> str:
-    shown = name if len(name) <= LONGEST else name[: LONGEST - 1] + "…"
     return (
         f"<g><title>{escape(name)}</title>"
         f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{RADIUS}" fill="none" stroke="currentColor"/>'
         f'<text x="{x:.1f}" y="{y + 4:.1f}" text-anchor="middle" font-weight="600">{number}</text>'
-        f'<text x="{x + RADIUS + 5:.1f}" y="{y + 4:.1f}">{escape(shown)}</text></g>'
+        f'<text x="{x + RADIUS + 5:.1f}" y="{y + 4:.1f}">{escape(shown_name(name))}</text></g>'
     )

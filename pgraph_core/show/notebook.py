@@ -156,7 +156,7 @@ def _parts(
     drawn: list[tuple[float, np.ndarray, shapes.Color]] = []
     for look, at, turn in zip(looks, positions, R):
         for piece in look.pieces[:MOST]:
-            corners = at + _outline(piece) @ turn.T
+            corners = at + outline(piece) @ turn.T
             flat = corners @ view.T
             drawn.append((float(flat[:, 2].mean()), flat[:, :2], piece.color or look.color))
     return drawn
@@ -171,7 +171,7 @@ def _shape(flat: np.ndarray, color: shapes.Color, middle: np.ndarray, scale: flo
     """The convex outline of points, lit from above."""
     at = (flat - middle) * scale
     at = np.column_stack((WIDTH / 2 + at[:, 0], HEIGHT / 2 - at[:, 1]))
-    corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in _hull(at))
+    corners = " ".join(f"{x:.1f},{y:.1f}" for x, y in hull(at))
     edge = tuple(int(0.72 * c) for c in color)
     return (
         f'<polygon points="{corners}" fill="rgb{color}" stroke="rgb{edge}" stroke-width="0.7"'
@@ -179,7 +179,7 @@ def _shape(flat: np.ndarray, color: shapes.Color, middle: np.ndarray, scale: flo
     )
 
 
-def _outline(piece: shapes.Piece) -> np.ndarray:
+def outline(piece: shapes.Piece) -> np.ndarray:
     """(n, 3) points in body axes whose convex hull is the piece, or its box."""
     x, y, z = piece.size
     angles = np.linspace(0, 2 * np.pi, ROUND, endpoint=False)
@@ -197,7 +197,7 @@ def _outline(piece: shapes.Piece) -> np.ndarray:
     return piece.position + np.concatenate(local) @ piece.rotation.T
 
 
-def _hull(points: np.ndarray) -> list[tuple[float, float]]:
+def hull(points: np.ndarray) -> list[tuple[float, float]]:
     """The convex hull of points (n, 2), by Andrew's monotone chain."""
     ordered = sorted({(round(x, 2), round(y, 2)) for x, y in points.tolist()})
     halves = []

@@ -50,7 +50,7 @@ def simulate(
     stabilise: str | None = "project",
     switches: Any = None,
     events: Event | Sequence[Event] = NO_EVENTS,
-    progress: Callable[[float], Any] | None = None,
+    progress: Callable[[float], Any] | bool | None = None,
     estimate: bool | None = None,
 ) -> Result:
     """Simulate a mechanism, or a model, from `t_start` to `t_end` [s].
@@ -88,7 +88,8 @@ def simulate(
     "auto" without `rtol`, or from event to event by "dop853" and "dopri5", its choices with
     `rtol`, and by "rk4" and "semi_implicit_euler". Event-driven runs always project.
 
-    `progress(fraction)` is called now and then; the run stops if it returns False.
+    `progress(fraction)` is called now and then; the run stops if it returns False. True shows a
+    bar, in a terminal or a notebook (tqdm).
 
     The error is estimated from coarser runs of the same motion; `estimate=False` leaves them out.
     A Python function `tau` is called again for them with `estimate=True` only, since it may
@@ -102,9 +103,6 @@ def simulate(
     if isinstance(q, (int, float)):
         text = f"must be {mech.nq} numbers in a list; given {q}; a duration is t_end={q}"
         raise InputError(Problem("simulate", "q", text))
-    if progress is not None and not callable(progress):
-        text = f"must be a function of the fraction that is done; given {progress!r}"
-        raise InputError(Problem("simulate", "progress", text))
     if estimate not in (None, True, False):
         text = f"must be True, False or None; given {shown(estimate)}"
         raise InputError(Problem("simulate", "estimate", text))
@@ -122,7 +120,13 @@ def simulate(
     record = Recording(mech, plan, *state, tau, monitors)
     record.ended.notices += stretched(mech.packed, state[0]) if q is not None else []
     built, busy = time.perf_counter(), time.thread_time()
-    record.run(progress)
+    if progress is None:
+        record.run()
+    else:
+        from ..show.bars import shown_progress  # other runs load nothing that shows
+
+        with shown_progress(progress, "simulate") as told:
+            record.run(told)
     stepped, busy = time.perf_counter(), time.thread_time() - busy
     error = error_estimate(record, estimate)
     timing = {

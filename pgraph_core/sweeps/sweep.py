@@ -150,7 +150,7 @@ def sweep(
     scheduler: Any = None,
     out: str | FilePath | None = None,
     resume: bool = False,
-    progress: Callable[[float], Any] | None = None,
+    progress: Callable[[float], Any] | bool | None = None,
     **options: Any,
 ) -> Sweep:
     """Run a model at many values of its fields, and measure each run.
@@ -172,7 +172,8 @@ def sweep(
     metric that cannot be pickled, as a lambda, is computed there too.
     `out` (.csv, .parquet) is written at the end; until then `out` with ".part" after it has the
     points so far, and `resume=True` goes on from there. A point that fails keeps its reason. If
-    `progress(fraction)` returns False, the sweep stops with the points so far.
+    `progress(fraction)` returns False, the sweep stops with the points so far; True shows a bar,
+    in a terminal or a notebook (tqdm).
 
     Raises InputError, FileError.
     """
@@ -196,12 +197,15 @@ def sweep(
     kept = Kept(out, resume, _fingerprint(task, points)) if out is not None else None
     rows: dict[int, Row] = {row.point: row for row in kept.rows} if kept else {}
     todo = [(i, tuple(map(float, p))) for i, p in enumerate(points) if i not in rows]
-    for found in rows_of(task, todo, workers, scheduler):
-        rows.update({row.point: row for row in found})
-        if kept:
-            kept.append(found)
-        if progress is not None and progress(len(rows) / len(points)) is False:
-            break
+    from ..show.bars import shown_progress  # a run loads nothing that shows
+
+    with shown_progress(progress, "sweep") as told:
+        for found in rows_of(task, todo, workers, scheduler):
+            rows.update({row.point: row for row in found})
+            if kept:
+                kept.append(found)
+            if told is not None and told(len(rows) / len(points)) is False:
+                break
     table = _table(names, points, tuple(metrics), rows)
     if kept and len(rows) == len(points):
         table.save(kept.path)

@@ -16,7 +16,7 @@ import viser
 
 import pgraph_core as pg
 import pgraph_models
-from pgraph_app.core.state import Request, Run, State, initial
+from pgraph_app.core.state import Exporting, Request, Run, State, initial
 from pgraph_app.features import update
 from pgraph_app.model.derived import derive
 from pgraph_app.run import view
@@ -148,3 +148,15 @@ def test_only_a_finished_run_is_exported(run):
     assert update(state, Export(1, "csv")) is state
     state = update(update(state, Simulate(1)), Simulated(1, run.result))
     assert update(state, Export(1, "csv")).exporting.what == "csv"
+
+
+@pytest.mark.parametrize(
+    ("what", "begins"), [("png", b"\x89PNG"), ("svg", b"<svg"), ("gif", b"GIF89a")]
+)
+def test_a_picture_is_of_the_time_that_is_shown(run, what, begins):
+    asked = Exporting(1, what, run, time=0.1)
+    suffix, content = view.made(asked)
+    assert suffix == what
+    assert content.startswith(begins)
+    if what == "png":
+        assert content != view.made(Exporting(1, what, run, time=0.0))[1]

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
+from pgraph_core import show
 
 ROD = pg.Model(bodies=[pg.Body(name="rod", mass=1.0, tip=(1, 0, 0))])
 
@@ -164,7 +165,7 @@ def test_a_run_whose_torques_come_from_a_function_says_that_its_error_is_not_est
     assert "its error is not estimated, because a function gives its torques" in done.message
     assert "half the step, or at a tighter rtol" in done.message
     assert "error not estimated" in repr(done)
-    assert "nan" not in done._repr_html_()
+    assert "nan" not in show.run_html(done)
     assert done.notices == ()
     assert run.message == run.status.value
     assert pg.simulate(ROD, estimate=False, **torque).message == run.message

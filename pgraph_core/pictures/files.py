@@ -1,0 +1,240 @@
+"""Pictures as PNG and SVG, films as MP4 and GIF.
+
+PNG needs no package. GIF and the digraph as PNG need Pillow, MP4 needs PyAV, plots Matplotlib.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import FileError, InputError, Problem, needed
+from ..mechanism import Mechanism
+from ..model import Model
+from ..model.files import write_atomic
+from ..show import shapes
+from ..show.animation import between
+from ..show.digraph import RADIUS, digraph_svg, layout, shown_name
+from ..show.notebook import figure, numbered
+from .drawing import Drawing, checked_size
+from .vector import view_svg
+
+DPI = 100  # of plots: their size is in pixels
+MOST_FRAMES = 20_000  # of a film
+GIF_RATES = (50, 33, 25, 20, 10, 5, 2, 1)  # frames a second that viewers of GIF keep
+QUALITY = "20"  # constant rate factor of x264: 18 looks like the original, 28 is coarse
+Progress = Callable[[float], Any] | None
+
+
+# -- pictures --------------------------------------------------------------------------------------
+
+
+def write_view(
+    model: Model, path: str | Path, pose: np.ndarray | None = None, *,
+    size: tuple[int, int] = (1280, 720), view: Any = "start", dark: bool = False,
+) -> None:  # fmt: skip
+    """A picture of a model at its home pose, or at `pose` (nb, 7). Raises InputError, FileError."""
+    suffix = _suffix(path, (".png", ".svg"), "picture")
+    mech = Mechanism(model)
+    poses = np.asarray(_home(mech) if pose is None else pose)[None]
+    drawing = Drawing(mech, poses, size, view=view, dark=dark)
+    if suffix == ".svg":
+        write_atomic(path, view_svg(drawing, poses[0]))
+    else:
+        write_atomic(path, png(drawing.draw(poses[0])))
+
+
+def write_digraph(model: Model, path: str | Path, *, size: tuple[int, int] | None = None) -> None:
+    """The digraph of a model; `size` in pixels, by default as large as it is drawn.
+
+    Raises InputError, FileError, MissingPackage.
+    """
+    suffix = _suffix(path, (".png", ".svg"), "picture")
+    bodies, parent = numbered(model)
+    names = [body.name for body in bodies]
+    number = {name: k for k, name in enumerate(names, 1)}
+    ends = [(number.get(c.body, 0), number.get(c.other, 0)) for c in model.constraints]
+    loops = [(a, b) for a, b in ends if a and b and a != b and a != parent[b - 1] != b]
+    size = None if size is None else checked_size(size)
+    if suffix == ".svg":
+        write_atomic(path, digraph_svg(names, parent, loops, size=size))
+        return
+    write_atomic(path, png(_digraph_pixels(names, parent, loops, size)))
+
+
+def write_plot(
+    run: Any, path: str | Path, names: Sequence[str] = (), *, size: tuple[int, int] = (900, 600)
+) -> None:
+    """Columns of a run over time. Raises InputError, FileError, MissingPackage."""
+    suffix = _suffix(path, (".png", ".svg"), "picture")
+    width, height = checked_size(size)
+    drawn = figure(run.columns(), names, run.mechanism.model.name)
+    drawn.set_size_inches(width / DPI, height / DPI)
+    content = io.BytesIO()
+    drawn.savefig(content, format=suffix[1:], dpi=DPI)
+    write_atomic(path, content.getvalue())
+
+
+def write_moment(run: Any, path: str | Path, t: float | None = None, **look: Any) -> None:
+    """A picture of a run at the time t [s], by default at its start. Raises InputError."""
+    times, pose = np.asarray(run.t), np.asarray(run.body_pose)
+    t = float(times[0]) if t is None else t
+    if not (isinstance(t, (int, float)) and times[0] <= t <= times[-1]):
+        text = f"must be a time of the run, {times[0]:g} to {times[-1]:g} s; given {t!r}"
+        raise InputError(Problem("to_image", "t", text))
+    write_view(run.mechanism.model, path, np.column_stack(between(times, pose, t)), **look)
+
+
+def png(pixels: np.ndarray) -> bytes:
+    """(height, width, 3) bytes as a PNG file (ISO/IEC 15948)."""
+    height, width, _ = pixels.shape
+    rows = np.concatenate((np.zeros((height, 1), np.uint8), pixels.reshape(height, -1)), axis=1)
+    parts = (
+        (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)),
+        (b"IDAT", zlib.compress(rows.tobytes(), 6)),
+        (b"IEND", b""),
+    )
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in parts
+    )
+
+
+# -- films -----------------------------------------------------------------------------------------
+
+
+def write_film(
+    run: Any, path: str | Path, *, size: tuple[int, int] = (960, 540), fps: float = 30,
+    speed: float = 1.0, view: Any = "start", dark: bool = False, progress: Progress = None,
+) -> None:  # fmt: skip
+    """A film of a run; `speed` 0.5 is slow motion. Raises InputError, FileError, MissingPackage.
+
+    `progress(fraction)` is called after each frame; the film is not written if it returns False.
+    """
+    suffix = _suffix(path, (".mp4", ".gif"), "film")
+    for name, value, most in (("fps", fps, 240), ("speed", speed, 1000)):
+        if not (isinstance(value, (int, float)) and 0 < value <= most):
+            text = f"must be a number > 0, {most} at most; given {value!r}"
+            raise InputError(Problem("to_film", name, text))
+    times, poses = np.asarray(run.t), np.asarray(run.body_pose)
+    if suffix == ".gif":
+        fps = min(GIF_RATES, key=lambda rate: abs(rate - fps))
+    count = max(round((times[-1] - times[0]) / speed * fps) + 1, 1)
+    if count > MOST_FRAMES:
+        text = f"would have {count} frames, {MOST_FRAMES} at most: lower fps or raise speed"
+        raise InputError(Problem("to_film", "fps", text))
+    film = (_Gif if suffix == ".gif" else _Mp4)(checked_size(size), fps)
+    drawing = Drawing(run.mechanism, poses, size, view=view, dark=dark)
+    for k in range(count):
+        time = min(times[0] + k / fps * speed, times[-1])
+        film.add(drawing.draw(np.column_stack(between(times, poses, float(time)))))
+        if progress is not None and progress((k + 1) / count) is False:
+            return
+    write_atomic(path, film.end())
+
+
+class _Mp4:
+    """H.264 in an MP4 file, which every browser and player shows."""
+
+    def __init__(self, size: tuple[int, int], fps: float):
+        self._av = needed("av", "film")
+        if size[0] % 2 or size[1] % 2:
+            text = f"of a film must be even numbers; given {size!r}"
+            raise InputError(Problem("to_film", "size", text))
+        self._content = io.BytesIO()
+        self._file = self._av.open(self._content, "w", format="mp4")
+        rate = Fraction(fps).limit_denominator(1000)
+        options = {"crf": QUALITY, "preset": "medium", "threads": "1"}
+        self._stream = self._file.add_stream("libx264", rate=rate, options=options)
+        self._stream.width, self._stream.height = size
+        self._stream.pix_fmt = "yuv420p"
+
+    def add(self, pixels: np.ndarray) -> None:
+        frame = self._av.VideoFrame.from_ndarray(pixels, format="rgb24")
+        self._file.mux(self._stream.encode(frame))
+
+    def end(self) -> bytes:
+        self._file.mux(self._stream.encode())
+        self._file.close()
+        return self._content.getvalue()
+
+
+class _Gif:
+    """Frames of 256 colours, those of the first, without dots that would flicker."""
+
+    def __init__(self, size: tuple[int, int], fps: float):
+        self._images, self._fps, self._frames = needed("PIL.Image", "film"), fps, []
+        self._palette: Any = None
+
+    def add(self, pixels: np.ndarray) -> None:
+        image = self._images.fromarray(pixels)
+        if self._palette is None:
+            self._palette = image.quantize(255, method=self._images.Quantize.MEDIANCUT)
+        plain = self._images.Dither.NONE
+        self._frames.append(image.quantize(palette=self._palette, dither=plain))
+
+    def end(self) -> bytes:
+        content = io.BytesIO()
+        self._frames[0].save(
+            content, format="GIF", save_all=True, append_images=self._frames[1:],
+            duration=round(100 / self._fps) * 10, loop=0, optimize=False, disposal=1,
+        )  # fmt: skip
+        return content.getvalue()
+
+
+# -- helpers ---------------------------------------------------------------------------------------
+
+
+def _suffix(path: str | Path, known: Sequence[str], what: str) -> str:
+    suffix = Path(path).suffix.lower()
+    if suffix not in known:
+        text = f"is no {what}: give a name that ends in {' or '.join(known)}"
+        raise FileError(Problem(str(path), "", text))
+    return suffix
+
+
+def _home(mech: Mechanism) -> np.ndarray:
+    """(nb, 7) poses of the bodies of a model before it moves."""
+    place, turns = mech.poses(mech.home()[0])
+    return np.column_stack((place, shapes.to_wxyz(turns)))
+
+
+INK, PALE, LOOPS = (27, 31, 36), (141, 147, 155), (217, 115, 13)
+SMOOTH = 2  # pixels that are drawn for each that is shown
+
+
+def _digraph_pixels(
+    names: Sequence[str], parent: Sequence[int], loops: Sequence[tuple[int, int]], size: Any
+) -> np.ndarray:
+    """(height, width, 3) the digraph, dark on white, with the layout of the SVG."""
+    image, pen, font = (
+        needed(f"PIL.{name}", "film") for name in ("Image", "ImageDraw", "ImageFont")
+    )
+    place = layout(tuple(parent), tuple(map(len, names)), loops)
+    width, height = size or (round(place.width), round(place.height))
+    scale = SMOOTH * min(width / place.width, height / place.height)
+    left = (SMOOTH * width - scale * place.width) / 2
+    top = (SMOOTH * height - scale * place.height) / 2
+    at = [(left + scale * x, top + scale * y) for x, y in zip(place.x, place.y)]
+    sheet = image.new("RGB", (SMOOTH * width, SMOOTH * height), "white")
+    draw, line = pen.Draw(sheet), max(round(scale), 1)
+    for k, p in enumerate(parent, 1):
+        draw.line([at[p], at[k]], fill=PALE, width=line)
+    for route in place.routes:
+        draw.line([(left + scale * x, top + scale * y) for x, y in route], fill=LOOPS, width=line)
+    (x, y), r = at[0], RADIUS * scale
+    draw.rectangle([x - r, y - scale, x + r, y + scale], fill=INK)
+    text = font.load_default(11 * scale)
+    for k, name in enumerate(names, 1):
+        x, y = at[k]
+        draw.ellipse([x - r, y - r, x + r, y + r], fill="white", outline=INK, width=line)
+        draw.text((x, y), str(k), fill=INK, font=text, anchor="mm")
+        draw.text((x + r + 5 * scale, y), shown_name(name), fill=INK, font=text, anchor="lm")
+    return np.asarray(sheet.resize((width, height), image.Resampling.BOX))

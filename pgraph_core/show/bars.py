@@ -1,0 +1,31 @@
+"""Progress bars of tqdm, for `progress=True`."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from ..errors import InputError, Problem, needed, shown
+
+Progress = Callable[[float], Any] | None
+
+
+@contextlib.contextmanager
+def shown_progress(given: Any, where: str) -> Iterator[Progress]:
+    """The function that is called with the fraction done; a bar for True, None for False.
+
+    `where` is the function that was given it. Raises InputError for what is neither.
+    """
+    if given is None or given is False:
+        yield None
+    elif given is True:
+        form = "{l_bar}{bar}| {elapsed}<{remaining}"
+        bar = needed("tqdm.auto", "notebook").tqdm(total=1.0, desc=where, bar_format=form)
+        with bar:
+            yield lambda fraction: bar.update(max(fraction - bar.n, 0.0)) and None
+    elif callable(given):
+        yield given
+    else:
+        text = f"must be a function of the fraction that is done; given {shown(given)}"
+        raise InputError(Problem(where, "progress", text))

@@ -1,0 +1,199 @@
+"""Pictures and films: they show the mechanism where it is, with its colours, at the asked size."""
+
+from __future__ import annotations
+
+import re
+import struct
+import zlib
+
+import numpy as np
+import pytest
+
+import pgraph_core as pg
+from pgraph_core.pictures.drawing import Drawing
+from pgraph_core.pictures.files import png
+from pgraph_core.pictures.raster import NOTHING, cover
+
+RED = pg.Shape(kind="sphere", radius=0.1, colour=(0.9, 0.05, 0.05))
+
+
+def ball(at, kind: pg.Shape = RED) -> pg.Model:
+    body = pg.Body(name="ball", mass=1.0, link=at, axes=(0, 1, 0), shapes=[kind])
+    return pg.Model(bodies=[body])
+
+
+def pixels(path) -> np.ndarray:
+    """(height, width, 3) of a PNG without filters, read by its chunks."""
+    data, found = path.read_bytes()[8:], {}
+    while data:
+        size, kind = struct.unpack(">I4s", data[:8])
+        assert struct.unpack(">I", data[8 + size : 12 + size])[0] == zlib.crc32(data[4 : 8 + size])
+        found[kind], data = data[8 : 8 + size], data[12 + size :]
+    width, height = struct.unpack(">II", found[b"IHDR"][:8])
+    rows = np.frombuffer(zlib.decompress(found[b"IDAT"]), np.uint8).reshape(height, 1 + 3 * width)
+    assert not rows[:, 0].any()
+    return rows[:, 1:].reshape(height, width, 3)
+
+
+def red(picture: np.ndarray) -> np.ndarray:
+    r, g, b = np.moveaxis(picture.astype(int), -1, 0)
+    return (r > 60) & (r > 2 * g) & (r > 2 * b)
+
+
+def drawing_of(model: pg.Model, size=(320, 200), **look) -> tuple[Drawing, np.ndarray]:
+    mech = pg.Mechanism(model)
+    place, _ = mech.poses(mech.home()[0])
+    pose = np.column_stack((place, np.tile((1.0, 0, 0, 0), (len(place), 1))))
+    return Drawing(mech, pose[None], size, **look), pose
+
+
+def test_a_triangle_covers_the_pixels_whose_centres_it_holds():
+    points = np.array([[0.0, 0, 1], [8, 0, 1], [0, 8, 1], [0, 0, 2], [4, 0, 2], [0, 4, 2]])
+    depth, seen = np.zeros((8, 8)), np.full((8, 8), NOTHING, np.int32)
+    cover(points, np.array([[0, 1, 2], [3, 4, 5]], np.int32), depth, seen)
+    y, x = np.mgrid[:8, :8] + 0.5
+    near, far = x + y <= 4, x + y <= 8
+    assert np.array_equal(seen == 1, near)  # the nearer one hides the other
+    assert np.array_equal(seen == 0, far & ~near)
+
+
+@pytest.mark.parametrize("view", ["start", "front", "side", "top", "isometric"])
+def test_a_ball_is_where_the_camera_projects_its_centre_and_as_large(view):
+    """Its outline is an ellipse about its middle but for perspective: sin of the half angle."""
+    drawing, pose = drawing_of(ball((0.3, 0.2, 1.0)), view=view)
+    seen = red(drawing.draw(pose))
+    x, y, deep = drawing.on_screen(pose[:, :3], pose)[0]
+    rows, columns = np.nonzero(seen)
+    assert abs(columns.mean() + 0.5 - x) < 1.5
+    assert abs(rows.mean() + 0.5 - y) < 1.5
+    pixel = 2 * float(np.linalg.norm(drawing.camera(pose).right))
+    angle = np.arcsin(0.1 * deep)
+    expected = np.pi * (np.tan(angle) / pixel) ** 2
+    assert seen.sum() == pytest.approx(expected, rel=0.06)  # the facets of the ball, its rim
+
+
+def test_the_ball_throws_a_shadow_where_the_sun_is_behind_it():
+    model = ball((0, 0, 0.3))
+    drawing, pose = drawing_of(model, (320, 240))
+    picture = drawing.draw(pose).astype(float).mean(axis=-1)
+    ground, sun = drawing.ground, drawing.towards_sun
+    normal = np.array(ground.normal)
+    high = (pose[0, :3] - np.array(ground.point)) @ normal
+    under = pose[0, :3] - high / (sun @ normal) * sun
+    x, y, _ = drawing.on_screen(under[None], pose)[0]
+    beside, y_beside, _ = drawing.on_screen((under + 0.35 * np.cross(sun, normal))[None], pose)[0]
+    assert picture[int(y), int(x)] < 0.85 * picture[int(y_beside), int(beside)]
+
+
+def test_a_picture_has_its_size_and_is_the_same_every_time(tmp_path):
+    model, path = ball((0, 0, 1.0)), tmp_path / "a.png"
+    model.to_image(path, size=(200, 120))
+    first = path.read_bytes()
+    assert pixels(path).shape == (120, 200, 3)
+    assert red(pixels(path)).any()
+    model.to_image(path, size=(200, 120))
+    assert path.read_bytes() == first
+    model.to_image(path, size=(200, 120), dark=True)
+    assert pixels(path).mean() < 0.6 * np.frombuffer(first, np.uint8).mean() + 60
+
+
+def test_a_moment_of_a_run_shows_the_body_there(tmp_path):
+    tip = RED.model_copy(update={"position": (0, 0, -1.0)})
+    arm = pg.Body(name="arm", mass=1.0, com=(0, 0, -0.5), axes=(0, 1, 0), shapes=[tip])
+    run = pg.simulate(pg.Model(bodies=[arm]), q=[1.2], t_end=0.8, step=0.01, method="rk4")
+    pictures = []
+    for t in (0.0, 0.8):
+        run.to_image(tmp_path / "a.png", t=t, size=(160, 100), view="side")
+        pictures.append(pixels(tmp_path / "a.png"))
+    assert all(red(picture).any() for picture in pictures)
+    assert not np.array_equal(*pictures)
+    with pytest.raises(pg.InputError, match=r"0 to 0\.8 s"):
+        run.to_image(tmp_path / "a.png", t=2.0)
+
+
+def test_svg_holds_an_outline_around_the_projected_centre(tmp_path):
+    model = ball((0.3, 0.2, 1.0))
+    model.to_image(tmp_path / "a.svg", size=(320, 200))
+    text = (tmp_path / "a.svg").read_text()
+    drawing, pose = drawing_of(model)
+    x, y, _ = drawing.on_screen(pose[:, :3], pose)[0]
+    (outline,) = re.findall(r'<path d="M([^"]*)Z" fill="url', text)
+    corners = np.array([[float(n) for n in pair.split()] for pair in outline.split("L")])
+    assert np.allclose((corners.min(axis=0) + corners.max(axis=0)) / 2, (x, y), atol=3)
+    assert 'width="320" height="200"' in text
+
+
+def test_the_digraph_as_svg_and_png(tmp_path):
+    model = pg.Model.serial(3)
+    model.to_image(tmp_path / "d.svg", what="digraph", size=(300, 200))
+    text = (tmp_path / "d.svg").read_text()
+    assert all(f"<title>{body.name}</title>" in text for body in model.bodies)
+    assert 'width="300" height="200"' in text
+    pytest.importorskip("PIL")
+    model.to_image(tmp_path / "d.png", what="digraph", size=(300, 200))
+    dark = pixels(tmp_path / "d.png").mean(axis=-1) < 128
+    assert dark.shape == (200, 300)
+    assert 0.002 < dark.mean() < 0.2
+
+
+def test_a_plot_has_its_size(tmp_path):
+    pytest.importorskip("matplotlib")
+    run = pg.simulate(pg.Model.serial(1), t_end=0.1)
+    run.to_plot(tmp_path / "p.png", size=(400, 300))
+    data = (tmp_path / "p.png").read_bytes()
+    assert struct.unpack(">II", data[16:24]) == (400, 300)
+    run.to_plot(tmp_path / "p.svg")
+    assert "<svg" in (tmp_path / "p.svg").read_text()
+
+
+@pytest.mark.parametrize("kind", ["mp4", "gif"])
+def test_a_film_has_its_frames_and_shows_the_motion(kind, tmp_path):
+    av = pytest.importorskip("av")
+    falling = pg.Body(name="ball", mass=1.0, joint="free", shapes=[RED], link=(0, 0, 2.0))
+    run = pg.simulate(pg.Model(bodies=[falling]), t_end=0.5, step=0.01, method="rk4")
+    path = tmp_path / f"run.{kind}"
+    run.to_film(path, size=(128, 96), fps=20, view="side")
+    with av.open(str(path)) as file:
+        frames = [frame.to_ndarray(format="rgb24") for frame in file.decode(video=0)]
+    assert len(frames) == 11
+    assert frames[0].shape == (96, 128, 3)
+    rows = [np.nonzero(red(frame))[0].mean() for frame in frames]
+    assert (np.diff(rows) > 0).all()  # it falls
+    fallen = np.array(rows) - rows[0]
+    assert fallen[-1] / fallen[5] == pytest.approx(4.0, rel=0.25)  # by g t^2 / 2
+
+
+def test_slow_motion_and_a_stop(tmp_path):
+    av = pytest.importorskip("av")
+    run = pg.simulate(pg.Model.serial(1), t_end=0.2)
+    run.to_film(tmp_path / "a.mp4", size=(64, 48), fps=10, speed=0.5)
+    with av.open(str(tmp_path / "a.mp4")) as file:
+        assert sum(1 for _ in file.decode(video=0)) == 5
+    run.to_film(tmp_path / "b.mp4", size=(64, 48), progress=lambda fraction: False)
+    assert not (tmp_path / "b.mp4").exists()
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda run: run.to_image("a.jpg"), "ends in .png or .svg"),
+        (lambda run: run.to_film("a.avi"), "ends in .mp4 or .gif"),
+        (lambda run: run.to_image("a.png", size=(0, 10)), "given (0, 10)"),
+        (lambda run: run.to_image("a.png", size=100), "given 100"),
+        (lambda run: run.to_image("a.png", view="back"), "given 'back'"),
+        (lambda run: run.to_film("a.mp4", fps=0), "fps"),
+        (lambda run: run.to_film("a.gif", fps=240, speed=1e-6), "speed"),
+        (lambda run: run.mechanism.model.to_image("a.png", what="run"), "given 'run'"),
+    ],
+)
+def test_what_is_no_picture_is_a_sentence(call, said, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(pg.PgraphError, match=re.escape(said)):
+        call(pg.simulate(pg.Model.serial(1), t_end=0.1))
+    assert not any(tmp_path.iterdir())
+
+
+def test_pixels_come_back_from_a_png(tmp_path):
+    given = np.random.default_rng(1).integers(0, 256, (7, 5, 3)).astype(np.uint8)
+    (tmp_path / "a.png").write_bytes(png(given))
+    assert np.array_equal(pixels(tmp_path / "a.png"), given)
