@@ -286,6 +286,7 @@ def _free(port: int) -> bool:
 
 def _left(mark: str) -> int:
     """Processes with this mark in their environment that live on for more than 30 s."""
+    found = 0
     for _ in range(300):
         found = 0
         for environment in Path("/proc").glob("[0-9]*/environ"):
@@ -416,7 +417,8 @@ def wear(share: float, port: int) -> Iterator[tuple[str, dict[str, float]]]:
         folder = Path(place)
         pg.Model.serial(BODIES).save(folder / "model.json")
         yield "runs", worn(lambda k: pg.simulate(arm, t_end=0.05), int(1e4 * share), me)
-        yield "CSV exports", worn(lambda k: run.to_csv(folder / "a.csv"), int(1e4 * share), me)
+        csv = lambda k: (folder / "a.csv").write_text(run.to_csv())  # noqa: E731
+        yield "CSV exports", worn(csv, int(1e4 * share), me)
         opened = lambda k: pg.Mechanism(pg.Model.load(folder / "model.json"))  # noqa: E731
         yield "opened models", worn(opened, int(1e3 * share), me)
         live = lambda k: run.to_html(folder / "a.html", live=True)  # noqa: E731

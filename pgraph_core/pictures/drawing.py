@@ -147,7 +147,7 @@ class Drawing:
         step = 2 * np.tan(stage.FIELD_OF_VIEW / 2) / height
         corner = -self._way - self._right * step * width / 2 + self._above * step * height / 2
         eye = self._view.position + self._gone(pose)
-        return Camera(*map(_three, (eye, corner, self._right * step, -self._above * step)))
+        return Camera._make(map(_three, (eye, corner, self._right * step, -self._above * step)))
 
     def _projected(self, places: np.ndarray, camera: Camera) -> np.ndarray:
         off = places - np.array(camera.eye)
@@ -168,7 +168,7 @@ class Drawing:
         origin = middle - edge / 2 * right + edge / 2 * above
         finer = SHADOWS / edge
         axes = (towards, origin, right * finer, -above * finer, towards)
-        return Sun(*map(_three, axes), edge / SHADOWS)
+        return Sun._make((*map(_three, axes), edge / SHADOWS))
 
     def _plane(self, model: Any, low: float) -> Ground:
         normal = np.asarray(model.ground_normal, float)
@@ -176,7 +176,7 @@ class Drawing:
         along = [axis for axis in np.eye(3) if axis @ self.up == 0]
         u, v = ((axis - (axis @ normal) * normal) / cell for axis in along)
         point = -low * self.up
-        return Ground(*map(_three, (point, normal, u, v)), 9 * self._reach)
+        return Ground._make((*map(_three, (point, normal, u, v)), 9 * self._reach))
 
 
 def checked_size(size: Any) -> tuple[int, int]:
@@ -199,11 +199,9 @@ def tones(of: stage.Tones, up: str) -> Tones:
     sky, soil = np.array(linear(of.sky)), np.array(linear(of.soil))
     fill = np.array(stage.ABOVE[up]) / np.linalg.norm(stage.ABOVE[up])
     around = AROUND * of.ambient
-    return Tones(
-        *map(linear, (of.zenith, of.horizon, of.floor, of.section)),
-        *map(_three, (around * sky, around * soil * 0.8, 0.95 * np.ones(3), 0.35 * of.fill * sky)),
-        _three(fill),
-    )
+    lights = (around * sky, 0.8 * around * soil, 0.95 * np.ones(3), 0.35 * of.fill * sky, fill)
+    colors = (of.zenith, of.horizon, of.floor, of.section)
+    return Tones._make((*map(linear, colors), *map(_three, lights)))
 
 
 def _coded(light: np.ndarray) -> np.ndarray:

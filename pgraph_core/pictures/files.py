@@ -22,7 +22,7 @@ from ..model.files import write_atomic
 from ..show import shapes
 from ..show.animation import between
 from ..show.digraph import RADIUS, digraph_svg, layout, shown_name
-from ..show.notebook import figure, numbered
+from ..show.notebook import digraph_of, figure
 from .drawing import Drawing, checked_size
 from .vector import view_svg
 
@@ -57,11 +57,7 @@ def write_digraph(model: Model, path: str | Path, *, size: tuple[int, int] | Non
     Raises InputError, FileError, MissingPackage.
     """
     suffix = _suffix(path, (".png", ".svg"), "picture")
-    bodies, parent = numbered(model)
-    names = [body.name for body in bodies]
-    number = {name: k for k, name in enumerate(names, 1)}
-    ends = [(number.get(c.body, 0), number.get(c.other, 0)) for c in model.constraints]
-    loops = [(a, b) for a, b in ends if a and b and a != b and a != parent[b - 1] != b]
+    names, parent, loops = digraph_of(model)
     size = None if size is None else checked_size(size)
     if suffix == ".svg":
         write_atomic(path, digraph_svg(names, parent, loops, size=size))

@@ -77,14 +77,19 @@ def numbered(model: Any) -> tuple[list[Any], list[int]]:
     return ordered, [number.get(body.parent, 0) for body in ordered]
 
 
-def _drawn(model: Any) -> str:
+def digraph_of(model: Any) -> tuple[list[str], list[int], list[tuple[int, int]]]:
+    """(names, numbers of the parents, pairs of bodies that close loops) of a model's digraph."""
     bodies, parent = numbered(model)
-    if not bodies or len(bodies) > DRAWN:
-        return ""
     number = {body.name: k for k, body in enumerate(bodies, 1)}
     ends = [(number.get(c.body, 0), number.get(c.other, 0)) for c in model.constraints]
     loops = [(a, b) for a, b in ends if a and b and a != b and a != parent[b - 1] != b]
-    return f"<div>{digraph_svg([body.name for body in bodies], parent, loops)}</div>"
+    return [body.name for body in bodies], parent, loops
+
+
+def _drawn(model: Any) -> str:
+    if not 0 < len(model.bodies) <= DRAWN:
+        return ""
+    return f"<div>{digraph_svg(*digraph_of(model))}</div>"
 
 
 def _bodies(model: Any) -> str:
