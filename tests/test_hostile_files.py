@@ -4,8 +4,10 @@ import os
 
 import pytest
 
+import pgraph_core as pg
 from benchmarks import hostile_files
 from benchmarks.hostile_files import NAMES, attack
+from pgraph_core.formats import read_model
 
 EXPLORES = bool(os.environ.get("PGRAPH_EXPLORE"))
 
@@ -32,3 +34,30 @@ def test_a_fault_in_a_reader_is_counted(monkeypatch):
     tally = attack("stl", range(4))
     assert tally.inputs == 4
     assert sum(tally.raw.values()) >= 3
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "fact"),
+    [
+        (
+            "a.urdf",
+            '<robot name="r"><link name="a"/><link name="b"><inertial><mass value="1"/>'
+            '<origin rpy="1 1 1"/><inertia ixx="1e308" iyy="1e308" izz="1e308" ixy="1e308"'
+            ' ixz="1e308" iyz="1e308"/></inertial></link><joint name="j" type="revolute">'
+            '<parent link="a"/><child link="b"/><axis xyz="0 0 1"/></joint></robot>',
+            "its numbers overflow",
+        ),
+        (
+            "a.xml",
+            '<mujoco><worldbody><body name="b" quat="1e308 1e308 0 0"><freejoint/>'
+            '<geom size="0.1"/></body></worldbody></mujoco>',
+            "body 'b'",
+        ),
+    ],
+)
+def test_numbers_that_overflow_are_a_sentence(name, text, fact, tmp_path):
+    if name.endswith(".xml"):
+        pytest.importorskip("mujoco")
+    (tmp_path / name).write_text(text)
+    with pytest.raises(pg.PgraphError, match=fact):
+        read_model(tmp_path / name)

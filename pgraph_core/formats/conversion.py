@@ -11,7 +11,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from ..errors import InputError, Problem, choices, explained, shown
+from ..errors import FileError, InputError, Problem, choices, explained, shown
 from ..model import Model
 from ..model.body import inertia_problems
 
@@ -105,6 +105,9 @@ class Report:
         return f"<p>{html.escape(repr(self))}</p><table>{head}{rows}</table>"
 
 
+MOST_INERTIA = 1e150  # [kg m^2] its square is still a number
+
+
 # -- inertias --------------------------------------------------------------------------------------
 
 
@@ -144,7 +147,13 @@ def _nearest_moments(moments: np.ndarray) -> np.ndarray:
 def unphysical(
     report: Report, where: str, name: str, mass: float, inertia: np.ndarray
 ) -> dict[str, Any]:
-    """Fields of a body that keep an inertia which no rigid body has; it is told, with a repair."""
+    """Fields of a body that keep an inertia which no rigid body has; it is told, with a repair.
+
+    Raises FileError for one that overflows.
+    """
+    if not (np.abs(inertia) < MOST_INERTIA).all():
+        text = f"its numbers overflow; moments below {MOST_INERTIA:g} kg m^2 are read"
+        raise FileError(Problem(where, "inertia", text))
     why = why_unphysical(inertia)
     if not why:
         return {}

@@ -49,7 +49,26 @@ def read_mjcf(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Model
     except Exception as error:  # whatever MuJoCo raises of a file that it refuses
         text = " ".join(str(error).split())
         raise FileError(Problem(path.name, "", f"MuJoCo refuses it: {text}")) from None
+    _usable(compiled, path)
     return _Reader(compiled, path, files).result()
+
+
+def _usable(compiled: Any, path: Path) -> None:
+    """Refuse numbers that overflowed or vanished in MuJoCo's compiler. Raises FileError."""
+    m = compiled
+    of_bodies = (m.body_mass[:, None], m.body_pos, m.body_quat, m.body_ipos, m.body_iquat)
+    of_geoms = (m.geom_pos, m.geom_quat, m.geom_size)
+    for kind, numbers, turns, name in (
+        ("body", (*of_bodies, m.body_inertia), (m.body_quat, m.body_iquat), m.body),
+        ("geom", of_geoms, (m.geom_quat,), m.geom),
+    ):
+        good = np.isfinite(np.concatenate(numbers, axis=1)).all(axis=1)
+        for turn in turns:
+            good &= np.linalg.norm(turn, axis=1) > 0.5
+        for k in np.flatnonzero(~good)[:1]:
+            text = "its mass, place, rotation or size is too large or too small for MuJoCo"
+            where = f"{kind} {shown(name(k).name)}"
+            raise FileError(Problem(f"{path.name}, {where}", "", text))
 
 
 class _Files:

@@ -22,7 +22,7 @@ from ..model.files import write_atomic
 from ..show import shapes
 from ..show.animation import between
 from ..show.digraph import RADIUS, digraph_svg, layout, shown_name
-from ..show.notebook import digraph_of, figure
+from ..show.notebook import digraph_of
 from .drawing import Drawing, checked_size
 from .vector import view_svg
 
@@ -71,7 +71,7 @@ def write_plot(
     """Columns of a run over time. Raises InputError, FileError, MissingPackage."""
     suffix = _suffix(path, (".png", ".svg"), "picture")
     width, height = checked_size(size)
-    drawn = figure(run.columns(), names, run.mechanism.model.name)
+    drawn = run.plot(*names)
     drawn.set_size_inches(width / DPI, height / DPI)
     content = io.BytesIO()
     drawn.savefig(content, format=suffix[1:], dpi=DPI)
