@@ -1,10 +1,11 @@
 """How Sphinx makes the site of the documents: `make site`.
 
-Living figures are made by the commands that stand in the gallery.
+Living figures are made by the commands that stand in the gallery; the notebooks are run.
 """
 
 import re
 import shlex
+from html import escape
 from importlib.metadata import version as version_of
 from pathlib import Path
 
@@ -47,6 +48,53 @@ def make_figures(app):
             raise SystemExit(f"the gallery's command failed: pgraph {line}")
 
 
+SHEET = """<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{}</title>
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<style>:root {{ color-scheme: light dark }}
+body {{ font: 16px/1.5 system-ui, sans-serif; max-width: 900px; margin: 0 auto; padding: 16px }}
+pre {{ overflow-x: auto; padding: 10px; border-radius: 6px; background: #8882 }}
+pre.out {{ background: none }} img {{ max-width: 100%; background: #fff }}
+th, td {{ text-align: left; padding: 2px 12px 2px 0 }}</style></head><body>{}</body></html>"""
+
+
+def make_notebooks(app):
+    """Run the notebooks, and write each as a page that needs nothing else."""
+    if app.builder.format != "html":
+        return
+    import nbformat
+    from markdown_it import MarkdownIt
+    from nbclient import NotebookClient
+
+    folder = Path(app.outdir, "notebooks")
+    folder.mkdir(parents=True, exist_ok=True)
+    for file in sorted((HERE.parent / "examples" / "notebooks").glob("*.ipynb")):
+        if (folder / f"{file.stem}.html").exists():
+            continue
+        notebook = nbformat.read(file, 4)
+        NotebookClient(notebook, timeout=600, kernel_name="python3").execute()
+        parts = []
+        for cell in notebook.cells:
+            if cell.cell_type == "markdown":
+                parts.append(MarkdownIt().render(cell.source))
+                continue
+            parts.append(f"<pre>{escape(cell.source)}</pre>")
+            parts += map(shown_output, cell.outputs)
+        page = SHEET.format(escape(file.stem), "\n".join(parts))
+        (folder / f"{file.stem}.html").write_text(page, encoding="utf-8")
+
+
+def shown_output(output):
+    """What a cell printed or gave, as HTML; without progress bars."""
+    if output.output_type == "stream":
+        return f'<pre class="out">{escape(output.text)}</pre>' if output.name == "stdout" else ""
+    data = output.get("data", {})
+    if "text/html" in data:
+        return f"<div>{data['text/html']}</div>"
+    if "image/png" in data:
+        return f'<img alt="plot" src="data:image/png;base64,{data["image/png"].strip()}">'
+    return f'<pre class="out">{escape(data.get("text/plain", ""))}</pre>'
+
+
 def as_text(app, what, name, obj, options, lines):
     """Docstrings are plain text: indented pieces are code, and only backticks are markup."""
     text, code = [], False
@@ -68,5 +116,6 @@ def write_math(writer, node):
 def setup(app):
     """Called by Sphinx."""
     app.connect("builder-inited", make_figures)
+    app.connect("builder-inited", make_notebooks)
     app.add_html_math_renderer("mathml", (write_math, None), (write_math, None))
     app.connect("autodoc-process-docstring", as_text)

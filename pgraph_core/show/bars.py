@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -20,10 +21,16 @@ def shown_progress(given: Any, where: str) -> Iterator[Progress]:
     if given is None or given is False:
         yield None
     elif given is True:
+        with warnings.catch_warnings(action="ignore"):  # a notebook without widgets has text bars
+            tqdm = needed("tqdm.auto", "notebook").tqdm
         form = "{l_bar}{bar}| {elapsed}<{remaining}"
-        bar = needed("tqdm.auto", "notebook").tqdm(total=1.0, desc=where, bar_format=form)
-        with bar:
-            yield lambda fraction: bar.update(max(fraction - bar.n, 0.0)) and None
+        with tqdm(total=1.0, desc=where, bar_format=form) as bar:
+
+            def tell(fraction: float) -> None:
+                bar.update(max(fraction - bar.n, 0.0))
+
+            yield tell
+            tell(1.0)
     elif callable(given):
         yield given
     else:

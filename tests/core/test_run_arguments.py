@@ -74,8 +74,8 @@ def test_a_swept_number_that_counts_is_swept():
     given = {"q": {"arm": 0.3}, "inputs": {"other": 1.0}}
     given["forces"] = [pg.Servo(name="other", body="fore", kp=1.0)]
     for path in ("bodies.fore.q.0", "forces.drive.target"):
-        found = pg.sweep(MODEL, {path: [0.1, 0.2]}, "max v fore 0", t_end=0.05, workers=1, **given)
-        low, high = found["max v fore 0"]
+        found = pg.sweep(MODEL, {path: [0.1, 0.2]}, "max v.fore", t_end=0.05, workers=1, **given)
+        low, high = found["max v.fore"]
         assert low != high
 
 
