@@ -82,6 +82,23 @@ def test_paths_name_one_number(pendulum, path, value, read):
     assert read(Path(pendulum, path).set(pendulum, value)) == value
 
 
+@pytest.mark.parametrize("path", ["bodies.ball.shape.radius", "bodies.ball.shapes.0.radius"])
+def test_a_path_into_a_shape_moves_what_follows_from_it(path):
+    """The mass of a ball of given density, as the cube of its radius; in sweeps and batches."""
+    ball = pg.Body(
+        name="ball", joint="prismatic", axes=(0, 0, 1), density=1000.0,
+        derived=("mass", "com", "inertia"), shape=pg.Shape(kind="sphere", radius=0.1),
+    )  # fmt: skip
+    model = pg.Model(bodies=[ball])
+    radii = np.array([0.1, 0.2, 0.3])
+    mass = 4000 / 3 * np.pi * radii**3
+    found = pg.sweep(model, {path: radii}, "final v.ball", tau=[1.0], t_end=0.1)
+    np.testing.assert_allclose(found.values["final v.ball"], 0.1 * (1 / mass - 9.81))
+    batch = pg.BatchStepper(model, 3, set={path: radii})
+    batch.step(np.ones((3, 1)))
+    np.testing.assert_allclose(batch.v[:, 0], 1e-3 * (1 / mass - 9.81))
+
+
 @pytest.mark.parametrize(
     ("path", "facts"),
     [

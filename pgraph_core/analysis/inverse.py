@@ -44,7 +44,7 @@ def constrained_inverse_dynamics(
     contacts: Sequence[str] | None,
 ) -> Array:
     """τ (nv,) of least weighted norm for v'; see `Mechanism.constrained_inverse_dynamics`."""
-    force = mech.inverse_dynamics(q, v, vdot)  # checks q, v, v'
+    force = mech._tree_torque(q, v, vdot)  # checks q, v, v'
     q, v, vdot = (np.array(x, dtype=float) for x in (q, v, vdot))
     rows = Rows.of(mech, mech.packed.active, q, v)
     _refuse_wrong_state(rows)

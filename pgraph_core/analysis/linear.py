@@ -392,9 +392,9 @@ def squares(mass: Array, stiffness: Array, flexibility: Array) -> tuple[Array, A
 def flexibility(mech: Dynamics, q: Array) -> Array:
     """M⁻¹ (nv, nv), column by column."""
     rest = np.zeros(mech.nv)
-    still = mech.forward_dynamics(q, rest)
+    still = mech._tree_acceleration(q, rest)
     return _symmetric(
-        np.array([mech.forward_dynamics(q, rest, axis) - still for axis in np.eye(mech.nv)])
+        np.array([mech._tree_acceleration(q, rest, axis) - still for axis in np.eye(mech.nv)])
     )
 
 
@@ -424,7 +424,7 @@ def forward_derivatives(
 
 def force_slopes(mech: Dynamics, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
     """M ∂v'/∂q and M ∂v'/∂v: at rest, minus the stiffness and damping of small motions."""
-    by_q, by_v = torque_slopes(mech, q, v, mech.forward_dynamics(q, v, tau))
+    by_q, by_v = torque_slopes(mech, q, v, mech._tree_acceleration(q, v, tau))
     spring, damper = passive_slopes(mech, q, v)
     return spring - by_q, damper - by_v
 

@@ -187,7 +187,7 @@ def _replaced(old: Any, inside: Sequence[str | int], value: float) -> Any:
     word, *rest = inside
     if isinstance(old, BaseModel):
         new = _replaced(getattr(old, str(word)), rest, value)
-        return type(old)(**{**dict(old), str(word): new})
+        return old.model_copy(update={str(word): new})
     if isinstance(old, Mapping):
         return {**old, word: _replaced(old[word], rest, value)}
     at = int(word)

@@ -182,6 +182,12 @@ class Columns(Portable):
         model = self._root._model
         return 0 if model is None else sum([f.PASSIVE for f in model.forces])
 
+    @property
+    def bound(self) -> bool:
+        """Whether a constraint is active; no edit here changes it."""
+        model = self._root._model
+        return model is not None and any(c.active for c in model.constraints)
+
     @cached_property
     def _derived(self) -> frozenset[int]:
         """Rows of bodies with numbers that follow from their shapes."""

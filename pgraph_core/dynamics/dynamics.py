@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import sys
 import threading
+import warnings
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, Literal, Self, cast, get_args
@@ -61,6 +62,7 @@ class Dynamics(Portable):
     nv: int
     _springs: int
     _free: tuple[Any, ...]  # what `at_once` needs; empty where more than the kernel is needed
+    _untold: bool  # constraints are active, and no call has said yet that it leaves them out
     _bound: tuple[Any, ...] = ()  # what `constrained_at_once` needs, after a first call
     _rest: Array  # (nv,) v = 0
     _work: Array  # of kernels, empty between calls
@@ -79,14 +81,15 @@ class Dynamics(Portable):
     def _take(self, packed: Packed) -> None:
         """Keep the arrays, and make a workspace."""
         nq, nv, work = packed.nq, packed.nv, np.zeros((len(packed.rows), at.WORK))
-        direct, rest = DIRECT and not packed.springs, np.zeros(nv)
-        free = (nq, nv, packed.rows, packed.const, work, rest) if direct else ()
+        untold, rest = packed.columns.bound, np.zeros(nv)
+        direct = DIRECT and not packed.springs
+        free = (nq, nv, packed.rows, packed.const, work, rest) if direct and not untold else ()
         shared = {
             "nb": packed.nb, "nq": nq, "nv": nv, "_springs": packed.springs,
             "_rest": rest, "_work": work, "_lock": threading.Lock(),
         }  # fmt: skip
         # at once: setting an attribute is guarded
-        vars(self).update(shared, _shared=shared, packed=packed, _free=free)
+        vars(self).update(shared, _shared=shared, packed=packed, _free=free, _untold=untold)
 
     def __getstate__(self) -> Columns:
         return self.packed.columns
@@ -304,11 +307,25 @@ class Dynamics(Portable):
     ) -> Array:
         """τ (nv,) that gives v' of the tree, eq. (24), in addition to the passive forces.
 
-        Active constraints are left out; `constrained_inverse_dynamics` has them.
+        Active constraints are left out, with a warning at the first call;
+        `constrained_inverse_dynamics` has them.
 
         `external` (nb, 6): [torque, force] on each body at its origin, world axes; `external_at`
         makes it from wrenches elsewhere.
         """
+        if self._untold:
+            self._tell("inverse_dynamics", "constrained_inverse_dynamics(q, v, vdot)", 4)
+        return self._tree_torque(q, v, vdot, external, back_end)
+
+    def _tree_torque(
+        self,
+        q: Array,
+        v: Array,
+        vdot: Array,
+        external: Array | None = None,
+        back_end: BackEnd = "articulated",
+    ) -> Array:
+        """`inverse_dynamics`, for callers that add the constraints themselves."""
         q, v = self._state(q, v)
         vdot, wrench = numbers("vdot", vdot, self.nv), self._external(external)
         if dense(back_end):
@@ -330,9 +347,23 @@ class Dynamics(Portable):
     ) -> Array:
         """v' (nv,) of the tree without its constraints, eq. (26); O(n).
 
-        Springs and dampers of joints and between bodies act; wrenches, motors and servos act in
-        `simulate`.
+        Active constraints are left out, with a warning at the first call; `constrained_dynamics`
+        imposes them. Springs and dampers of joints and between bodies act; wrenches, motors and
+        servos act in `simulate`.
         """
+        if self._untold:
+            self._tell("forward_dynamics", "constrained_dynamics(q, v, tau)", 5)
+        return self._tree_acceleration(q, v, tau, external, back_end)
+
+    def _tree_acceleration(
+        self,
+        q: Array,
+        v: Array,
+        tau: Array | None = None,
+        external: Array | None = None,
+        back_end: BackEnd = "articulated",
+    ) -> Array:
+        """`forward_dynamics`, for callers that add the constraints themselves."""
         q, v = self._state(q, v)
         tau = self._rest if tau is None else numbers("tau", tau, self.nv)
         wrench = None if external is None else self._external(external)
@@ -345,6 +376,19 @@ class Dynamics(Portable):
             given = {} if external is None else {"external": np.asarray(external, float)}
             self._explain(code, q=q, v=v, tau=tau, **given)
         return vdot
+
+    def _tell(self, call: str, instead: str, level: int) -> None:
+        """Warn, once a mechanism, that constraints are left out.
+
+        Until then `forward_dynamics` does not call its kernel at once: it costs nothing later.
+        """
+        model, packed, own = self.model, self.packed, vars(self)
+        names = choices([f"'{c.name}'" for c in model.constraints if c.active], 3)
+        own["_untold"] = False
+        if DIRECT and not packed.springs:
+            own["_free"] = self.nq, self.nv, *packed.tree, self._work, self._rest
+        text = f"{call} is of the tree alone: the active constraints {names} are left out; "
+        warnings.warn(f"{text}Mechanism.{instead} imposes them", stacklevel=level)
 
     def constrained_dynamics(
         self, q: Array, v: Array, tau: Array | None = None
@@ -561,7 +605,8 @@ def edited_at_once(checked: Called) -> Called:
             nq, nv, _, _, work, rest = free
             free = nq, nv, packed.rows, packed.const, work, rest
         shared = mech._shared
-        SET(new, "__dict__", {**shared, "_shared": shared, "packed": packed, "_free": free})
+        own = {"_shared": shared, "packed": packed, "_free": free, "_untold": mech._untold}
+        SET(new, "__dict__", {**shared, **own})
         return new
 
     return cast("Called", edit)

@@ -21,7 +21,7 @@ from ..engine.records import SWING
 from ..integrators import DOPRI5, Method
 from ..packing.system import Array, Drives, Loads
 from .options import LEAST_RTOL, Tolerance
-from .plan import NO_SUBSTEPS, NO_TIMES, STIFF, Plan, corners, fastest_rate
+from .plan import FAST, NO_SUBSTEPS, NO_TIMES, STIFF, Plan, corners, fastest_rate
 from .recording import Estimate, Recording
 
 Forces = TypeVar("Forces", Drives, Loads)
@@ -162,7 +162,7 @@ def _by_coarser(record: Recording, few: bool = False) -> Estimate:
     most = MORE * int(steps) + COMPARED  # what blows up between contacts takes ever narrower ones
     coarse = record.again(wider, most) if wider is not None else None
     if coarse is not None and not coarse.ended.ok:
-        if STIFF in "".join(plan.notices):
+        if any(text.startswith((FAST, STIFF)) for text in plan.notices):
             return Estimate(why=FAILS)
         coarse = None
     if wider is None or coarse is None:

@@ -61,7 +61,10 @@ MANY = 1e5  # radians of the fastest oscillation in a run: more are not worth re
 MANY_STEPS = 1_000_000  # of the default width: a notice gives their number
 SHORT = 20  # steps: looking for the fastest rate would cost more than a shorter run
 AT_END = 1e-6  # of a step: a corner this near its end is there
-STIFF = "stiff:"  # how the notice of too wide explicit steps begins
+STIFF = "stiff:"  # how the notice of too wide steps begins where what is fastest dies out
+FAST = "too wide:"  # and where it swings
+FINE = 0.3  # rad: of an oscillation, in a step of a method of order 4 that shows it well
+MOST_FREEDOMS = 200  # for which a notice computes all eigenvalues of the motion
 NO_TIMES = np.zeros(0)
 NO_SUBSTEPS = np.zeros(0, dtype=np.int64)
 NO_GAINS = np.zeros(2)
@@ -504,6 +507,13 @@ class _Rate:
             self.found = self._of((self.plan.drives, self.plan.loads)) if self.known else 0.0
         return self.found
 
+    def swings(self) -> bool:
+        """Whether what is fastest swings more than it dies out; False where that is not known."""
+        if not self.known or self.mech.nv > MOST_FREEDOMS:
+            return False
+        forces = self.plan.drives, self.plan.loads
+        return _fastest_swings(self.mech, forces, self.plan.active, *self.plan.start)
+
     def without_forces(self) -> float:
         """[1/s] of the same motion without springs, dampers and other forces."""
         return self._of(NO_FORCES) if self.known else 0.0
@@ -527,6 +537,34 @@ def fastest_rate(
     size = (mech.nq, mech.nv)
     rate = stiffness.fastest_rate(scene.address, accelerate, size, stages, np.zeros(3))
     return float(rate) if np.isfinite(rate) else 0.0
+
+
+def _fastest_swings(
+    mech: Mechanism, forces: tuple[Drives, Loads], active: Ints, q: Array, v: Array
+) -> bool:
+    """Whether the largest eigenvalue of the linearised motion has a larger imaginary part."""
+    scene, n = Scene(mech.packed, *forces, active), mech.nv
+    tau, flow = np.zeros(n), np.zeros(3)
+
+    def acceleration(at: Array, speed: Array) -> Array:
+        vdot = np.zeros(n)
+        motion.acceleration(scene.address, 0.0, at, speed, tau, vdot, flow)
+        return vdot
+
+    def moved(e: Array) -> Array:
+        at = q.copy()
+        motion.move(mech.packed.rows, at, e, stiffness.MOVE)
+        return at
+
+    axes, h = np.eye(n), stiffness.MOVE
+    by_q = np.array([acceleration(moved(e), v) - acceleration(moved(-e), v) for e in axes]).T
+    by_v = np.array([acceleration(q, v + h * e) - acceleration(q, v - h * e) for e in axes]).T
+    slope = np.block([[np.zeros((n, n)), axes], [by_q / (2 * h), by_v / (2 * h)]])
+    if not np.isfinite(slope).all():
+        return False
+    values = np.linalg.eigvals(slope)
+    largest = values[np.argmax(np.abs(values))]
+    return bool(abs(largest.imag) > abs(largest.real))
 
 
 def _given_step(plan: Plan, given: Scenario | None, o: Options) -> Any:
@@ -638,8 +676,15 @@ def _stiff(plan: Plan, rate: _Rate) -> list[str]:
         return []
     if rate() * step <= limit:
         return []
-    x = rate() * step
-    return [f"{STIFF} lambda*dt = {x:.3g}, explicit limit dt < {limit / rate():.3g} s, try radau5"]
+    x, widest = rate() * step, limit / rate()
+    if rate.swings():
+        return [
+            f"{FAST} steps of {step:.3g} s do not show the fastest oscillation, of {rate():.3g} "
+            f"rad/s: {plan.method.name} needs less than {widest:.3g} s, and {FINE / rate():.2g} s "
+            "or less shows it well; give that step, or rtol= for steps of the method's own "
+            "choice. Where that oscillation does not matter, method='radau5' passes over it"
+        ]
+    return [f"{STIFF} lambda*dt = {x:.3g}, stable for dt < {widest:.3g} s; try radau5"]
 
 
 def _hard(plan: Plan) -> list[str]:

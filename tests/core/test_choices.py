@@ -59,6 +59,24 @@ def test_auto_chooses_what_suits_and_says_why(make, options, why):
     assert run.error_estimate < (1e-2 if run.header["method"] == "moreau_jean" else 1e-3)
 
 
+@pytest.mark.parametrize("method", ["rk4", "gauss6"])
+@pytest.mark.parametrize(
+    ("drive", "begins", "says"),
+    [
+        ({"stiffness": 3948.0, "damping": 2.0}, "too wide:", ["62.8 rad/s", "0.0048 s"]),
+        ({"stiffness": 3948.0, "damping": 5000.0}, "stiff:", ["radau5"]),
+    ],
+)
+def test_too_wide_a_step_is_told_by_what_is_too_fast_for_it(method, drive, begins, says):
+    """A spring of 10 Hz needs a smaller step; a damper that settles at once a stiff method."""
+    slider = pg.Body(name="x", joint="prismatic", axes=(1, 0, 0), mass=1.0, q=0.1, **drive)
+    model = pg.Model(bodies=[slider], gravity=(0, 0, 0))
+    options = {"t_end": 2.0, "step": 0.05, "method": method, "estimate": False}
+    notice = next(n for n in pg.simulate(model, **options).notices if n.startswith(begins))
+    for fact in says:
+        assert fact in notice
+
+
 # -- bad input -------------------------------------------------------------------------------------
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
@@ -222,3 +224,30 @@ def test_inactive_constraints_do_nothing():
     vdot, force = mech.constrained_dynamics(q, v)
     assert force == {}
     np.testing.assert_allclose(vdot, mech.forward_dynamics(q, v), rtol=1e-14)
+
+
+def test_dynamics_of_the_tree_warn_once_that_constraints_are_left_out():
+    """The first call of a mechanism, at the line that made it; none of our own calls."""
+    mech = pg.Mechanism(pg.Model.load(pgraph_models.path("four_bar")))
+    q, v = mech.home()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mech.linearise()
+        vdot, _ = mech.constrained_dynamics(q, v)
+        mech.constrained_inverse_dynamics(q, v, vdot)
+        pg.simulate(mech, t_end=0.01)
+    with pytest.warns(UserWarning, match=r"'loop'.*constrained_dynamics\(") as told:
+        tree = mech.forward_dynamics(q, v)
+    assert [w.filename for w in told] == [__file__]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        mech.forward_dynamics(q, v)
+        mech.inverse_dynamics(q, v, vdot)
+    assert np.abs(tree - vdot).max() > 1.0  # what the warning is for
+    with pytest.warns(UserWarning, match=r"constrained_inverse_dynamics\(") as told:
+        pg.Mechanism(mech.model).inverse_dynamics(q, v, vdot)
+    assert [w.filename for w in told] == [__file__]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        free = pg.Mechanism(mech.model.edit("loop", active=False))
+        np.testing.assert_array_equal(free.forward_dynamics(q, v), tree)
