@@ -102,13 +102,15 @@ class Mechanism(Dynamics):
     def linearise(
         self, q: Array | None = None, v: Array | None = None, scenario: str | None = None
     ) -> Linearisation:
-        """x' = A x + B δτ about (q, v) in independent coordinates, with eigenvalues and modes.
+        """x' = drift + A x + B δτ about (q, v) in independent coordinates, with eigenvalues, modes.
 
         About the initial state (of the scenario) unless q is given, at rest unless v is given;
-        with all forces and active constraints of a run at t = 0. Rows that bind velocities alone
-        reduce the velocities only. Conservative mechanisms at rest have eigenvalues ±iω from two
-        symmetric problems, good to 1e-12 on a chain of 1000. Raises InputError where the
-        constraints cannot be met.
+        with all forces and active constraints of a run at t = 0. Soft and penalty contacts are
+        springs and dampers here; rigid contacts and limits that are shut have no slope: `notices`
+        names them, and says where (q, v) is no equilibrium (`drift` is x' there). Rows that bind
+        velocities alone reduce the velocities only. Conservative mechanisms at rest have
+        eigenvalues ±iω from two symmetric problems, good to 1e-12 on a chain of 1000. Raises
+        InputError where the constraints cannot be met.
         """
         from .analysis.linear import linearise  # compiled for lanes
 

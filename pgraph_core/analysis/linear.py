@@ -26,19 +26,22 @@ from ..engine import arrays, motion
 from ..engine import layout as at
 from ..engine.records import CREEP
 from ..engine.tree import slopes as kernels
-from ..model import Force
+from ..errors import choices
+from ..model import Contact, Force
 from ..packing.system import Array, Drives, Ints, Loads
 from ..rotation import skew
 from .assembly import assemble
 from .mobility import judged
 from .rows import Rows
+from .touching import Touching
 
+STILL = 1e-6  # of the forces at hand: what is left where a state is called an equilibrium
 SYMMETRIC = 1e-8  # relative: a stiffness that comes from an energy
 
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """x' = A x + B δτ of small changes x = (δy, δu) about a state.
+    """x' = drift + A x + B δτ of small changes x = (δy, δu) about a state.
 
     y are independent coordinates of positions (moves along velocities, a rotation vector in a
     ball's axes), u independent velocities. δτ (nv,) are torques in all coordinates.
@@ -54,6 +57,8 @@ class Linearisation:
     q: Array  # (nq,) the state
     v: Array  # (nv,)
     conservative: bool  # whether the eigenvalues come from two symmetric problems
+    drift: Array  # (n,) x' at the state: x' = drift + A x + B δτ; 0 at rest in an equilibrium
+    notices: tuple[str, ...] = ()  # what the user should know about it
 
     @property
     def frequencies(self) -> Array:
@@ -73,6 +78,8 @@ class Linearisation:
 
 class Balance:
     """The equations of motion of a scene at one state, and their slopes."""
+
+    touching: Touching | None = None  # contacts, where they act
 
     def __init__(self, mech: Dynamics, q: Array, v: Array, scenario: str | None = None):
         """At rest in a scene of its own, so that forces that act in runs act here, at t = 0."""
@@ -117,7 +124,8 @@ class Balance:
         """τ (nv,) of all drives and loads at t = 0."""
         tau = np.zeros(self.mech.nv)
         motion.drive_torque(self.scene.address, q, v, tau)
-        return tau + self.load_torque(q, v)
+        tau += self.load_torque(q, v)
+        return tau if self.touching is None else tau + self.touching.torque(q, v)
 
     def load_torque(self, q: Array, v: Array) -> Array:
         """τ (nv,) of springs between bodies and wrenches at t = 0."""
@@ -168,6 +176,9 @@ class Balance:
         if len(self.loads.table):
             by_q = by_q - differences(mech, q, lambda x: self.load_torque(x, v))
             by_v = by_v - slopes_in_v(self.loads, v, lambda x: self.load_torque(q, x))
+        if (pushed := self.touching) is not None and pushed.depth:
+            by_q = by_q - differences(mech, q, lambda x: pushed.torque(x, v), pushed.steps)
+            by_v = by_v - pushed.slopes_in_v(q, v)
         return by_q, by_v
 
     @cached_property
@@ -213,6 +224,13 @@ def acting(mech: Dynamics, scenario: str | None) -> tuple[tuple[Force, ...], Int
     return (*forces, *chosen.forces), active
 
 
+def touching(mech: Dynamics, scenario: str | None) -> tuple[Contact, ...]:
+    """The contacts that act in a run of the scenario."""
+    chosen = mech.model.scenario(scenario).contacts if scenario is not None else None
+    contacts = mech.model.contacts
+    return tuple(c for c in contacts if (c.active if chosen is None else c.name in chosen))
+
+
 def state_of(
     mech: Dynamics, q: Array | None, v: Array | None, scenario: str | None
 ) -> tuple[Array, Array]:
@@ -236,6 +254,7 @@ def linearise(
     """The linearised dynamics at (q, v); see `Mechanism.linearise`."""
     q, v = state_of(mech, q, v, scenario)
     here = Balance(mech, q, v, scenario)
+    here.touching = Touching(mech, touching(mech, scenario), (here.drives, here.loads), (q, v))
     n = mech.nv
     chosen_v = _independent(here.free)
     chosen_q = chosen_v
@@ -273,10 +292,29 @@ def linearise(
         )
     )
     names = _names(mech)
+    drift = np.concatenate((v[chosen_q], here.vdot[chosen_v]))
     return Linearisation(
         A, B, tuple(names[i] for i in chosen_q), tuple(names[i] for i in chosen_v),
-        values[order], shapes[:, order], by_place, q, v, conservative,
+        values[order], shapes[:, order], by_place, q, v, conservative, drift,
+        _notices(here, names),
     )  # fmt: skip
+
+
+def _notices(here: Balance, names: list[str]) -> tuple[str, ...]:
+    """What is left out, and whether the state stays as it is."""
+    found: list[str] = []
+    if here.touching is not None and here.touching.shut:
+        shut = choices(here.touching.shut, 6)
+        text = f"{shut}: shut here and left out, since what is rigid has no slope; law 'soft' or "
+        found.append(f"{text}'penalty' gives a contact one, a constraint of kind 'motion' a limit")
+    vdot = here.vdot
+    forces = np.abs(here.M) @ np.abs(vdot)
+    size = np.abs(here.mech.bias_force(here.q, here.v)) + np.abs(here.torque(here.q, here.v))
+    if not np.any(here.v) and forces.max(initial=0.0) > STILL * size.max(initial=1e-300):
+        k = int(np.argmax(np.abs(vdot)))
+        text = f"no equilibrium: v' of '{names[k]}' is {vdot[k]:.3g}, and `drift` is x' there; "
+        found.append(f"{text}the eigenvalues are of motion near a state that does not stay")
+    return tuple(found)
 
 
 def _eigenvectors(A: Any) -> tuple[Any, Any]:
@@ -504,15 +542,19 @@ STEPS = (1e-2, 1e-3, 1e-4)  # rad, m: a short spring bends within less than a lo
 FOURTH, SIXTH = np.array([8.0, -1.0, 0.0]) / 12, np.array([45.0, -9.0, 1.0]) / 60
 
 
-def differences(mech: Dynamics, q: Array, of: Callable[[Array], Array]) -> Array:
+def differences(
+    mech: Dynamics, q: Array, of: Callable[[Array], Array], steps: tuple[float, ...] = STEPS
+) -> Array:
     """(k, nv) slopes in q of a function (k,) of it, within about 1e-11 of the largest."""
-    return np.array([_slope(mech, q, of, e) for e in np.eye(mech.nv)]).T
+    return np.array([_slope(mech, q, of, e, steps) for e in np.eye(mech.nv)]).T
 
 
-def _slope(mech: Dynamics, q: Array, of: Callable[[Array], Array], e: Array) -> Array:
+def _slope(
+    mech: Dynamics, q: Array, of: Callable[[Array], Array], e: Array, steps: tuple[float, ...]
+) -> Array:
     """Slope along one freedom, by the step whose orders four and six agree best."""
     found: list[tuple[float, Array]] = []
-    for h in STEPS:
+    for h in steps:
         odd = [of(_moved(mech, q, e, n * h)) - of(_moved(mech, q, e, -n * h)) for n in (1, 2, 3)]
         fourth, sixth = FOURTH @ odd / h, SIXTH @ odd / h
         found.append((float(np.max(np.abs(sixth - fourth), initial=0.0)), sixth))

@@ -682,7 +682,7 @@ def _stiff(plan: Plan, rate: _Rate) -> list[str]:
             f"{FAST} steps of {step:.3g} s do not show the fastest oscillation, of {rate():.3g} "
             f"rad/s: {plan.method.name} needs less than {widest:.3g} s, and {FINE / rate():.2g} s "
             "or less shows it well; give that step, or rtol= for steps of the method's own "
-            "choice. Where that oscillation does not matter, method='radau5' passes over it"
+            "choice. Where that oscillation does not matter, try radau5, which passes over it"
         ]
     return [f"{STIFF} lambda*dt = {x:.3g}, stable for dt < {widest:.3g} s; try radau5"]
 

@@ -127,6 +127,46 @@ def test_a_four_bar_swings_with_the_frequency_of_its_energy():
     np.testing.assert_allclose(found.frequencies[0] ** 2, curvature / mass, rtol=1e-6)
 
 
+@pytest.mark.parametrize("law", ["penalty", "soft"])
+def test_a_slider_on_a_contact_is_a_spring_with_a_damper(law):
+    """Slopes of k d + c d', and of k d^1.5 (1 + c d'), at the depth that carries the weight."""
+    m, k, c, g = 2.0, 3000.0, 4.0, 9.81
+    deep = m * g / k if law == "penalty" else (m * g / k) ** (2 / 3)
+    stiffness = k if law == "penalty" else 1.5 * k * deep**0.5
+    damping = c if law == "penalty" else c * m * g
+    body = pg.Body(name="b", joint="prismatic", axes=(0, 0, 1), mass=m, q=-deep)
+    contact = pg.Contact(name="c", body="b", points=[(0, 0, 0)], law=law, stiffness=k, damping=c)
+    mech = pg.Mechanism(pg.Model(bodies=[body], contacts=[contact]))
+    found = mech.linearise()
+    np.testing.assert_allclose(found.A, [[0, 1], [-stiffness / m, -damping / m]], rtol=1e-7)
+    np.testing.assert_allclose(found.drift, 0.0, atol=1e-12)
+    assert not found.notices
+    np.testing.assert_allclose(
+        mech.linearise(q=[0.1]).A, [[0, 1], [0, 0]], atol=1e-12
+    )  # in the air
+    off = pg.Mechanism(mech.model.edit("c", active=False)).linearise()
+    np.testing.assert_allclose(off.A, [[0, 1], [0, 0]], atol=1e-12)
+
+
+def test_what_is_shut_and_what_does_not_stay_is_told():
+    point = pg.Contact(name="foot", body="b", points=[(0, 0, 0)])
+    body = pg.Body(name="b", joint="prismatic", axes=(0, 0, 1), mass=1.0)
+    for model, name in (
+        (pg.Model(bodies=[body], contacts=[point]), "contact 'foot'"),
+        (pg.Model(bodies=[body.copy(update={"limits": (0.0, 1.0)})]), "joint 'b'"),
+    ):
+        mech = pg.Mechanism(model)
+        shut, falls = mech.linearise().notices
+        assert name in shut
+        assert "'b' is -9.81" in falls
+        (falls,) = mech.linearise(q=[0.5]).notices
+        assert "no equilibrium" in falls
+    arm = pg.Body(name="arm", axes=(0, 1, 0), com=(0, 0, -1), mass=1.0, inertia=np.zeros((3, 3)))
+    arm = pg.Mechanism(pg.Model(bodies=[arm]))
+    assert not arm.linearise().notices
+    np.testing.assert_allclose(arm.linearise([0.5]).drift, [0, -9.81 * np.sin(0.5)])
+
+
 def test_rolling_reduces_velocities_only():
     mech = load("rolling_disc")
     found = mech.linearise()

@@ -1,0 +1,97 @@
+"""Contacts and joint limits about one state: forces of soft and penalty contacts, and what is shut.
+
+A force of a soft or penalty contact is a function of (q, v), whose slopes are differences with
+steps below its depth. What is rigid and shut has no slope: it is named.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..dynamics import Dynamics
+from ..dynamics.scene import NO_CONSTRAINTS, Scene, contact_tables
+from ..engine import motion
+from ..engine.records import CREEP
+from ..model import Contact
+from ..packing.system import Array, Drives, Loads
+
+NEAR = 1e-9  # m, rad, of the mechanism's size: a gap that is shut
+DEPTHS = (0.1, 1e-2, 1e-3)  # of the least depth: steps of differences
+SLIPS = 1e-2  # of the slip at which regularised friction bends: a step of differences in v
+
+
+class Touching:
+    """What touches at (q, v), where a run starts."""
+
+    def __init__(
+        self,
+        mech: Dynamics,
+        contacts: tuple[Contact, ...],
+        forces: tuple[Drives, Loads],
+        state: tuple[Array, Array],
+    ):
+        """`contacts` and `forces` are those that act; limits of joints always do."""
+        self.mech, (q, v) = mech, state
+        self.shut: list[str] = []  # rigid contacts and limits, as a sentence names them
+        self.depth = 0.0  # of the soft or penalty contact that is least deep [m]; 0: none pushes
+        self._limits(q)
+        tables = contact_tables(mech.packed, contacts) if contacts else None
+        if tables is None or not tables.touches:
+            return
+        from ..engine.contact import contacts as kernels  # compiled only where something touches
+
+        self.scenes = [
+            Scene(mech.packed, *forces, NO_CONSTRAINTS, contacts=with_contacts)
+            for with_contacts in (None, tables)
+        ]
+        address, none = self.scenes[1].address, np.zeros(0)
+        touching = self.scenes[1].touching
+        assert touching is not None
+        motion.residuals(address, 0.0, q, v, none, none)  # places the bodies
+        reach = NEAR * max(1.0, mech.packed.length)
+        depths = []
+        for one in touching.found[: kernels.find(address, reach)]:
+            contact = tables.touches[int(one["pair"])].contact
+            if contact.law == "complementarity":
+                if one["gap"] <= reach and (name := f"contact '{contact.name}'") not in self.shut:
+                    self.shut.append(name)
+            elif one["gap"] < 0:
+                depths.append(-float(one["gap"]))
+        self.depth = min(depths, default=0.0)
+        kernels.settle_contacts(address, 0.0, q, v)  # penalty friction holds where it is
+
+    def _limits(self, q: Array) -> None:
+        for name, joint in self.mech.joints.items():
+            at, body = joint.q.start, self.mech.model.body(name)
+            for (kind, _), pair in zip(body.motions, body.limits):
+                low, high = pair or (None, None)
+                below = low is not None and q[at] <= low + NEAR
+                if below or (high is not None and q[at] >= high - NEAR):
+                    self.shut.append(f"the limit of joint '{name}'")
+                at += {"ball": 4, "free": 7}.get(kind, 1)
+
+    def torque(self, q: Array, v: Array) -> Array:
+        """τ (nv,) of soft and penalty contacts: what they add to v', times M."""
+        if not self.depth:
+            return np.zeros(self.mech.nv)
+        found = []
+        for scene in self.scenes:
+            vdot, tau, flow = np.zeros(self.mech.nv), np.zeros(self.mech.nv), np.zeros(3)
+            motion.acceleration(scene.address, 0.0, q, v, tau, vdot, flow)
+            found.append(vdot)
+        return self.mech.mass_matrix(q) @ (found[1] - found[0])
+
+    @property
+    def steps(self) -> tuple[float, ...]:
+        """Of differences in q [rad, m]: none leaves the contact."""
+        return tuple(share * self.depth / max(1.0, self.mech.packed.length) for share in DEPTHS)
+
+    def slopes_in_v(self, q: Array, v: Array) -> Array:
+        """(nv, nv) slopes of `torque` in v, by differences of order four."""
+        h = SLIPS * CREEP / max(1.0, self.mech.packed.length)
+
+        def odd(step: Array) -> Array:
+            return self.torque(q, v + step) - self.torque(q, v - step)
+
+        found = [8 * odd(h * e) - odd(2 * h * e) for e in np.eye(self.mech.nv)]
+        return np.array(found).T / (12 * h)
