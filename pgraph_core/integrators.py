@@ -520,6 +520,6 @@ def method_of(name: str, *, impulses: bool = False, touching: bool = True) -> Me
         raise InputError(Problem("simulate", "method", text))
     if name == "moreau_jean" and not touching:
         text = "moreau_jean is for impulses, and no contact and no limit acts here; use 'auto', or "
-        text += "'semi_implicit_euler', which makes the same steps without them"
+        text += "'semi_implicit_euler', which also takes fixed steps of order 1"
         raise InputError(Problem("simulate", "method", text))
     return METHODS[name]

@@ -61,6 +61,10 @@ RESOLVED = 0.015  # of a step: times rounded more coarsely make other steps of i
 STEEP = 1e-3  # of the time: a ramp of a table that is shorter
 MOST_RAMPS = 100
 TWICE = 2.0  # times the gap, or the speed: the way back of an impact at full restitution
+SHIFTS = (0.25, 0.6)  # of a step: runs so much apart do not all share an instant in a step
+SHOWN = 9  # times at which they are compared
+SLOWER = 0.1  # of the fastest slip before and after: what turns, or stops for a while
+SLIPS = 1e-6  # of the largest velocity: what slides
 PARTS = 2  # that locating an impact makes of a step: one until it, one without length
 HALF = 0.5  # of the gap that counts as closed, or of what jumps make: the usual share of it
 EPS = float(np.finfo(float).eps)
@@ -137,9 +141,49 @@ def _estimated(record: Recording) -> Estimate:
     if few and (np.isinf(found.largest) or found.notices or _contradicted(record, found.largest)):
         shown = record.again(_with_frames(record.plan))
         found = _by_coarser(shown) if shown.ended.ok else found
+    if np.isfinite(found.largest) and _turns(record):
+        off = max(_shifted_apart(record, share) for share in SHIFTS)
+        found = found._replace(largest=max(found.largest, off), before=max(found.before, off))
     if corners:
         return found._replace(largest=found.largest + corners, before=found.before + corners)
     return found
+
+
+def _turns(record: Recording) -> bool:
+    """Whether something that slides under time stepping slows down and slides on, as it turns.
+
+    Friction turns within a step, but acts through all of it: the error is this step's share, the
+    same in coarser runs whose steps end alike.
+    """
+    plan, pairs = record.plan, record.out.pairs[: record.done]
+    still = plan.contacts is None or not plan.impulses or plan.tolerance is not None
+    if still or plan.contact_points or plan.changes or plan.conditions or not pairs.size:
+        return False
+    slip = np.where(pairs["phase"] == SWING, np.inf, pairs["slip"])
+    closed = np.where(np.isfinite(slip), slip, 0.0)
+    before = np.maximum.accumulate(closed, axis=0)
+    after = np.maximum.accumulate(closed[::-1], axis=0)[::-1]
+    slid = before[-1] > SLIPS * np.abs(record.out.v[: record.done]).max(initial=0.0)
+    if len(pairs) < COMPARED:  # which may not show it
+        return bool(slid.any())
+    return bool((slid & (slip < SLOWER * np.minimum(before, after)).any(axis=0)).any())
+
+
+def _shifted_apart(record: Recording, share: float) -> float:
+    """How far a run is apart, at some of the times, whose steps begin this share of one later."""
+    plan = record.plan
+    h, count = float(plan.width.max()), len(plan.times)
+    first = plan.times[0] + share * h
+    chosen = plan.times[np.unique(np.linspace(0, count - 1, SHOWN).astype(int))][1:]
+    begin = first + h * np.floor((chosen - first) / h - ALIKE)
+    ends = np.concatenate((plan.times[:1], [first], begin, begin + h))
+    ends = ends[(ends < plan.times[-1]) & (ends >= plan.times[0])]
+    near = np.abs(ends[:, None] - chosen).min(axis=1) < ALIKE * h
+    times = np.union1d(ends[~near], chosen)
+    apart = np.diff(times)
+    substeps = np.maximum(np.ceil(apart / h - ALIKE), 1).astype(np.int64)
+    other = record.again(replace(plan, times=times, substeps=substeps, width=apart / substeps))
+    return float(_apart(record, other, chosen).largest[-1]) if other.ended.ok else 0.0
 
 
 def _by_coarser(record: Recording, few: bool = False) -> Estimate:

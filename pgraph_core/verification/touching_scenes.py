@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..model import Body, Contact, Model
+from ..model import Body, Contact, Ground, Model
 from ..packing.system import Array
 from .scene import (
     INTEGRATED,
@@ -62,7 +62,11 @@ def bounce(rng: Rng) -> Scene:
 
 
 def slide(rng: Rng) -> Scene:
-    """A block pushed over the ground until friction stops it, or a ball until it rolls."""
+    """A block pushed over the ground until friction stops it, a ball until it rolls, or a block up
+    an incline, where it stays or turns.
+    """
+    if rng.random() < 1 / 3:
+        return turning(rng)
     m, g, mu = scale(rng, 1e-6, 1e6), scale(rng, 1e-1, 1e2), scale(rng, 1e-2, 2.0)
     r = scale(rng, 1e-6, 1e6)
     g, v0 = r * g, r * scale(rng, 1.0, 1e2)
@@ -99,6 +103,31 @@ def slide(rng: Rng) -> Scene:
         "ball" if ball else "slide", numbers(m=m, g=g, mu=mu, r=r, v=v0), model, span, known,
         TOUCHING, SOLVED,
     )  # fmt: skip
+
+
+def turning(rng: Rng) -> Scene:
+    """A block thrown up an incline: it stops, and stays or slides down."""
+    m, size = scale(rng, 1e-6, 1e6), scale(rng, 1e-6, 1e6)
+    g, v0 = size * scale(rng, 1e-1, 1e2), size * scale(rng, 1.0, 1e2)
+    slope, mu = float(rng.uniform(0.1, 1.2)), scale(rng, 1e-2, 1.0)
+    way = np.array([np.cos(slope), np.sin(slope)])
+    up, down = g * (way[1] + mu * way[0]), max(g * (way[1] - mu * way[0]), 0.0)
+    body = Body(
+        name="b", joint="compound", mass=m, v=tuple((v0 * way).tolist()), inertia=NONE,
+        motions=(("translate", (1, 0, 0)), ("translate", (0, 0, 1))),
+    )  # fmt: skip
+    floor = Contact(name="c", body="b", points=((0.0, 0.0, 0.0),), friction=mu)
+    model = Model(bodies=(body,), contacts=(floor,), ground=Ground(slope=slope), gravity=(0, 0, -g))
+
+    def known(t: Array) -> Array:
+        rising = np.minimum(t, v0 / up)
+        x = v0 * rising - 0.5 * up * rising**2 - 0.5 * down * (t - rising) ** 2
+        return np.outer(x, way)
+
+    span = v0 / up * float(rng.uniform(0.5, 3.0))
+    return Scene(
+        "incline", numbers(m=m, g=g, mu=mu, v=v0, slope=slope), model, span, known, TOUCHING, SOLVED
+    )
 
 
 def limits(rng: Rng) -> Scene:

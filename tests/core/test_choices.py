@@ -87,8 +87,8 @@ def test_too_wide_a_step_is_told_by_what_is_too_fast_for_it(method, drive, begin
          "semi_implicit_euler, rk4, dopri5, dop853, gauss6, ros2, generalised_alpha, radau5, "
          "moreau_jean"),
         ({"method": "moreau_jean"}, "method: moreau_jean is for impulses, and no contact and no "
-         "limit acts here; use 'auto', or 'semi_implicit_euler', which makes the same steps "
-         "without them"),
+         "limit acts here; use 'auto', or 'semi_implicit_euler', which also takes fixed steps of "
+         "order 1"),
         ({"step": 0.0}, "step: must be a finite number > 0 [s]; given 0.0"),
         ({"step": -1e-3, "method": "rk4"}, "step: must be a finite number > 0 [s]; given -0.001"),
         ({"step": float("nan")}, "step: must be a finite number > 0 [s]; given nan"),

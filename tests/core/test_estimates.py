@@ -230,6 +230,25 @@ def test_last_bounces_that_are_not_located_are_in_the_estimate(radius, g, height
     assert 0.2 * true < run.error_estimate < 10 * true
 
 
+@pytest.mark.parametrize("v0", [2.1, 2.5, 2.9, 3.1, 3.8])
+def test_the_step_in_which_sliding_turns_is_in_the_estimate(v0):
+    """A block thrown up an incline: steps of three times the width may share the whole error."""
+    g, slope, mu, t_end = 9.81, 0.5, 0.3, 1.5
+    way = np.array([np.cos(slope), np.sin(slope)])
+    up, down = g * (way[1] + mu * way[0]), g * (way[1] - mu * way[0])
+    block = pg.Body(
+        name="b", joint="compound", motions=(("translate", (1, 0, 0)), ("translate", (0, 0, 1))),
+        mass=2, inertia=np.eye(3), v=tuple(v0 * way),
+    )  # fmt: skip
+    floor = pg.Contact(name="c", body="b", points=((0, 0, 0),), friction=mu)
+    model = pg.Model(bodies=(block,), ground=pg.Ground(slope=slope), contacts=(floor,))
+    run = pg.simulate(model, t_end=t_end)
+    rising = np.minimum(run.t, v0 / up)
+    known = v0 * rising - 0.5 * up * rising**2 - 0.5 * down * (run.t - rising) ** 2
+    true = np.abs(run.q - np.outer(known, way)).max()
+    assert 0.2 * true < run.error_estimate < 10 * true
+
+
 def test_a_pulse_of_a_torque_function_that_steps_pass_over_is_said():
     """1 ms of a second, within a step of the adaptive default; not a jump that steps have met."""
 
