@@ -1,5 +1,5 @@
 """Many instances of one mechanism that are stepped together, each with numbers of its own.
 
-`paths` says which numbers differ, `instances` keeps them as rows of a table, `lanes` steps free
-trees side by side, `batch_stepper` is what users hold.
+`paths` says which numbers differ, `instances` keeps them as rows of a table and steps free trees
+side by side, `feet` those that touch a plane; `batch_stepper` is what users hold.
 """
