@@ -333,3 +333,62 @@ def test_a_site_is_a_frame_of_its_body_and_follows_edits():
         model.add(pg.Site(name="a", body="b"))
     with pytest.raises(pg.InputError, match=r"'tol'.*tool"):
         mech.pose(q, "tol")
+
+
+ARM = {"name": "arm", "axes": (0, 1, 0), "tip": (1, 0, 0)}
+SPRING = {"name": "s", "body": "arm", "stiffness": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("fields", "idle", "mended"),
+    [
+        ({"forces": [pg.Spring(name="s", body="arm")]}, "stiffness and damping are 0",
+         {**SPRING, "other_point": (0, 0, 1)}),
+        ({"forces": [pg.Spring(**SPRING)]}, "length is constant",
+         {**SPRING, "other_point": (0, 0, 1)}),
+        ({"forces": [pg.Spring(**SPRING, point=(0, 2, 0), other_point=(1, 1, 1))]},
+         "length is constant", {**SPRING, "point": (1, 2, 0), "other_point": (1, 1, 1)}),
+        ({"forces": [pg.Torsion(**SPRING)]}, "does not turn about its axis",
+         {**SPRING, "kind": "torsion", "axis": (0, 1, 0)}),
+        ({"forces": [pg.Servo(name="s", body="arm")]}, "kp and kd are 0",
+         pg.Servo(name="s", body="arm", kp=1.0)),
+        ({"forces": [pg.Servo(name="s", body="arm", kp=1.0, coefficients={"fore": 1})]},
+         "not among them", pg.Servo(name="s", body="fore", kp=1.0, coefficients={"fore": 1})),
+    ],
+)  # fmt: skip
+def test_a_force_that_does_nothing_is_told(fields, idle, mended):
+    bodies = [pg.Body(**ARM), pg.Body(name="fore", parent="arm", link=(1, 0, 0))]
+    (doubt,) = pg.Model(bodies=bodies, **fields).doubts
+    assert idle in doubt
+    assert "'s'" in doubt
+    if isinstance(mended, dict):
+        mended = pg.Force(**{"kind": "spring", **mended})
+    assert pg.Model(bodies=bodies, forces=[mended]).doubts == ()
+
+
+@pytest.mark.parametrize(
+    ("body", "fields", "fact"),
+    [
+        ({"rest": 0.5}, {}, "without stiffness"),
+        ({"limit_restitution": 0.5}, {}, "without limits"),
+        ({"q": 90}, {}, "np.radians(90)"),
+        ({}, {"up": "z", "gravity": (0, -9.81, 0)}, "does not pull along -z"),
+        ({}, {"parameters": {"k": 1.0}}, "no formula uses it"),
+        ({}, {"contacts": [pg.Contact(name=n, body="arm") for n in "ab"]}, "both push"),
+    ],
+)
+def test_fields_without_effect_are_told(body, fields, fact):
+    shape = pg.Shape(kind="sphere", radius=0.1)
+    (doubt,) = pg.Model(bodies=[pg.Body(**ARM, **body, shape=shape)], **fields).doubts
+    assert fact in doubt
+
+
+@pytest.mark.parametrize("point", [(1, 0, 0), (0, 2, 0), (0.5, 0, 0.5)])
+@pytest.mark.parametrize("other", [(0, 0, 0), (0, 3, 0), (1, 0, 1)])
+def test_a_spring_is_doubted_where_it_has_no_torque(point, other):
+    """The doubt against the kernel: what the spring gives the joint at four angles."""
+    spring = pg.Spring(**SPRING, point=point, other_point=other, rest=0.2)
+    model = pg.Model(bodies=[pg.Body(**ARM)], forces=[spring], gravity=(0, 0, 0))
+    mech = pg.Mechanism(model)
+    pulls = [mech.forward_dynamics([q], [0.0], [0.0])[0] for q in (0.1, 1.0, 2.5, 4.0)]
+    assert bool(model.doubts) == bool(np.abs(pulls).max() < 1e-12)

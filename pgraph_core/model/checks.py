@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -11,7 +9,7 @@ from .. import joints
 from ..errors import ModelError, Problem, choices, nearest, numbers, shown
 from ..joints import outside, quaternion_problems
 from .body import Body
-from .constraint import AlongAxes, Constraint, Coupling, Gear, Motion, Rolling, Sum
+from .constraint import Constraint, Coupling, Gear, Motion, Rolling, Sum
 from .contact import Contact
 from .fields import EVERY, GROUND, Described, OfSums, name_problem, part_problems
 from .force import Force, OnJoint, Tendon
@@ -409,67 +407,6 @@ def model_problems(parts: Mapping[str, Sequence[Any]], ground: Ground) -> list[P
         *friction_problems(parts["contacts"], ground),
     ]
 
-
-def doubts(
-    bodies: Sequence[Body], constraints: Sequence[Constraint], gravity: Sequence[float]
-) -> list[str]:
-    """Values that hardly fit the rest of a valid model, or its units, a sentence each."""
-    found, by_name = _doubtful_units(bodies, gravity), {body.name: body for body in bodies}
-    hung = Counter(body.parent for body in bodies)
-    for body in bodies:
-        turns = any(m.kind != "translate" for m in body.sequence)
-        arm = body.mass * sum(x * x for x in body.com)
-        counts = DEFAULT_INERTIA[0][0] > LITTLE * arm  # next to the mass at its distance
-        if turns and counts and body.mass != DEFAULT_MASS and body.inertia == DEFAULT_INERTIA:
-            shape = "" if body.shape else "a shape and "
-            found.append(
-                f"body '{body.name}': with {body.mass:g} kg it has the default inertia, 0.01 kg m² "
-                f"about each axis; give its inertia, or {shape}derived=('inertia',)"
-            )
-        parent = by_name.get(body.parent)
-        tip = None if parent is None or hung[parent.name] > 1 else parent.tip
-        if body.sequence and not any(body.link) and tip is not None and any(tip):
-            found.append(
-                f"body '{body.name}': its link is (0, 0, 0), so its joint is at the origin of "
-                f"'{body.parent}', not at its tip; give link={shown(tip)} if that is meant"
-            )
-    for c in constraints:
-        body = by_name.get(c.body)
-        if not isinstance(c, AlongAxes) or body is None or c.axis or c.other_axis:
-            continue
-        own = {m.axis for m in body.sequence if m.kind in ("rotate", "translate")}
-        if c.kind != "universal" and len(own) == 1 and not {Z, (0.0, 0.0, -1.0)} & own:
-            found.append(
-                f"constraint '{c.name}': without axis it is along z of '{c.body}', whose own joint "
-                f"is along {shown(next(iter(own)))}; give axis (in '{c.body}') or other_axis"
-            )
-    return found
-
-
-def _doubtful_units(bodies: Sequence[Body], gravity: Sequence[float]) -> list[str]:
-    """Angles in degrees, gravity in mm/s²: one sentence each."""
-    found = list[str]()
-    if math.hypot(*gravity) > MOST_GRAVITY:
-        text = "as in mm/s²; lengths are in m, and gravity in m/s²: 9.81"
-        found.append(f"model: gravity is {math.hypot(*gravity):g} m/s², {text}")
-    for body in bodies:
-        spans = zip(body.sequence, body.limits)
-        turned = [
-            x for m, pair in spans if m.kind == "rotate" and pair for x in pair if x is not None
-        ]
-        if any(abs(x) >= MOST_ANGLE for x in turned):
-            text = f"{shown(body.limits[0])} would be several turns; angles are in rad"
-            found.append(f"body '{body.name}': limits of {text}")
-            break
-    return found
-
-
-MOST_GRAVITY = 1000.0  # m/s²: no planet has more than 25, the sun 274
-MOST_ANGLE = 30.0  # rad: of a limit; as degrees, it is one that joints have
-Z = (0.0, 0.0, 1.0)
-LITTLE = 0.01  # of a joint's inertia: less changes no result much
-DEFAULT_MASS = Body.model_fields["mass"].default
-DEFAULT_INERTIA = Body.model_fields["inertia"].default
 
 PARTS: dict[str, type[Described]] = {
     "bodies": Body,

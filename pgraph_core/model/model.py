@@ -24,10 +24,11 @@ from ..errors import (
 )
 from . import files
 from .body import Body
-from .checks import PARTS, doubts, model_problems, problems
+from .checks import PARTS, model_problems, problems
 from .constraint import AtPoints, Constraint, Rolling, Skate
 from .contact import Contact
 from .copies import Mirror, branch, copied, names_of_copies, other_side
+from .doubts import doubts
 from .editing import (
     attached,
     cut_joint,
@@ -201,8 +202,8 @@ class Model(World):
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
-        """Defaults that hardly fit the rest of the model, a sentence each; a run repeats them."""
-        return tuple(doubts(self.bodies, self.constraints, self.gravity))
+        """What hardly fits or changes nothing, a sentence each; a run repeats them."""
+        return tuple(doubts(self))
 
     def body(self, name: str) -> Body:
         """The body called `name`. Raises ModelError naming the ones there are."""

@@ -43,8 +43,9 @@ def columns_of(run: Result) -> dict[str, Column]:
     """
     found = {"t": Column("s", run.t)}
     positions, speeds = coordinates(run.mechanism)
+    reserved = {"t", *LEDGER, *(f"{kind}.{place}" for kind in ("v", "vdot") for place, _ in speeds)}
     for (place, unit), x in zip(positions, run.q.T):
-        taken = {place, place.rpartition(".")[0]} & {"t", *LEDGER}
+        taken = {place, place.rpartition(".")[0]} & reserved
         found[f"q.{place}" if taken else place] = Column(unit, x)
     for kind, per, array in (("v", "/s", run.v), ("vdot", "/s^2", run.vdot)):
         found |= {f"{kind}.{x}": Column(u + per, a) for (x, u), a in zip(speeds, array.T)}
@@ -79,6 +80,8 @@ def coordinates(mech: Mechanism) -> tuple[list[tuple[str, str]], list[tuple[str,
         for entries, units in zip(found, (UNITS_Q, UNITS_V)):
             each = [unit for m in mech.model.body(name).sequence for unit in units[m.kind]]
             places = [name] if len(each) == 1 else [f"{name}.{k}" for k in range(len(each))]
+            if len(each) > 1 and set(places) & set(mech.names):
+                places = [f"{name}[{k}]" for k in range(len(each))]
             entries += zip(places, each)
     return found
 

@@ -150,9 +150,17 @@ class Result(EqualByFields, Hinting):
         return f"known until t = {until:.4g} s only: {before:.2g} rad or m"
 
     def __getitem__(self, name: str) -> Array:
-        """Coordinates of a joint over time: (n,), or (n, k) for k > 1; InputError if unknown."""
+        """Coordinates of a joint over time: (n,), or (n, k) for k > 1; or another column.
+
+        Raises InputError if unknown.
+        """
         joints = self.mechanism.joints
         if not isinstance(name, str) or name not in joints:
+            if isinstance(name, str) and name not in ARRAYS and name not in self.mechanism.names:
+                columns = columns_of(self)
+                if found := meant(columns, name):
+                    picked = [columns[c].values for c in found]
+                    return picked[0] if len(found) == 1 else np.stack(picked, axis=1)
             raise InputError(Problem("run", "name", self._no_joint(name)))
         place = joints[name].q
         return self.q[:, place.start] if place.stop == place.start + 1 else self.q[:, place]
@@ -555,7 +563,7 @@ def body_motion(run: Result) -> BodyMotion:
         external += run.contacts.wrench
     motion = bodies_over(mech.packed.system, *states, external)
     if run.constraint_force:
-        _add_constraint_wrenches(run, motion, external)
+        add_constraint_wrenches(mech, run.constraint_force, motion, external)
         motion = bodies_over(mech.packed.system, *states, external)
     return motion
 
@@ -573,13 +581,15 @@ def _loads(run: Result) -> Array:
     return loads
 
 
-def _add_constraint_wrenches(run: Result, motion: BodyMotion, out: Array) -> None:
+def add_constraint_wrenches(
+    mech: Mechanism, forces: Mapping[str, Array], motion: BodyMotion, out: Array
+) -> None:
     """Constraint forces as wrenches on the bodies, world axes at their origins (eq. (22))."""
-    mech, position = run.mechanism, motion.pose[..., :3]
+    position = motion.pose[..., :3]
     for c in mech.model.constraints:
-        if c.name not in run.constraint_force or isinstance(c, InJoints):
+        if c.name not in forces or isinstance(c, InJoints):
             continue
-        wrench = run.constraint_force[c.name]
+        wrench = forces[c.name]
         point = mech.model.point_of(c)
         b = mech.topology.number(c.body) - 1
         place = position[:, b] + turned(motion.pose[:, b, 3:], np.asarray(point))

@@ -55,12 +55,12 @@ class FunctionMonitor:
         self.name = str(getattr(function, "__name__", where))
         direction = getattr(function, "direction", 0)
         terminal = getattr(function, "terminal", False)
-        if isinstance(direction, (str, bytes)) or np.ndim(direction) or direction != direction:
+        if np.ndim(direction) or direction not in (-1, 0, 1):
             text = "direction must be 1 (rising), -1 (falling) or 0 (both); "
             raise _refused(where, f"{text}given {direction!r:.40}")
         if terminal not in (True, False):
             raise _refused(where, f"terminal must be True or False; given {terminal!r:.40}")
-        self.direction, self.terminal = int(np.sign(direction)), bool(terminal)
+        self.direction, self.terminal = int(direction), bool(terminal)
 
     def __call__(self, t: float, q: Array, v: Array) -> float:
         """Raises InputError where the function raises, or returns no finite number."""

@@ -251,3 +251,23 @@ def test_a_pendulum_loads_no_contact_kernel_and_no_gait():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_columns_of_bodies_whose_names_look_like_columns_stay_apart():
+    bodies = [
+        pg.Body(name="b", joint="universal", v=(1, 2)), pg.Body(name="b.0", v=(3,)),
+        pg.Body(name="v.b.0", v=(4,)),
+    ]  # fmt: skip
+    run = pg.simulate(pg.Model(bodies=bodies, gravity=(0, 0, 0)), t_end=0.1)
+    columns = run.columns()
+    assert len(columns) == 1 + 3 * 4 + 5
+    for name, column in (("b.0", "v.b.0"), ("v.b.0", "v.v.b.0")):
+        np.testing.assert_array_equal(columns[column], run.v[:, run.mechanism.joints[name].v][:, 0])
+    np.testing.assert_array_equal(columns["q.v.b.0"], run["v.b.0"])
+
+
+def test_a_run_gives_its_columns_by_name(run):
+    np.testing.assert_array_equal(run["v.lower"], run.v[:, 1])
+    np.testing.assert_array_equal(run["total energy"], run.energy)
+    with pytest.raises(pg.InputError, match=r"run\.v"):
+        run["v"]

@@ -132,6 +132,7 @@ def broken(t, q, v):
         ([crossing(1.0, terminal=True)], "zero at the start already"),
         ([crossing(0.5, terminal="yes")], "terminal must be True or False"),
         ([crossing(0.5, direction="up")], "direction must be 1"),
+        ([crossing(0.5, direction=5)], "direction must be 1"),
     ],
 )
 def test_events_that_do_not_fit_are_refused_in_a_sentence(events, says):

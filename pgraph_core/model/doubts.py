@@ -1,0 +1,217 @@
+"""Doubts: what is valid and hardly meant, a sentence each. Runs and `pgraph check` repeat them."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+from ..errors import shown
+from .body import Body
+from .constraint import AlongAxes, Constraint
+from .fields import EVERY, GROUND, Vec3
+from .force import Drag, OnJoint, Servo, SpeedServo, Spring, Torsion
+from .parameters import names_in
+from .world import DOWN
+
+if TYPE_CHECKING:
+    from .model import Model
+
+
+def doubts(model: Model) -> list[str]:
+    """Values that hardly fit the rest of a valid model, its units, or that change nothing."""
+    bodies = model.bodies
+    by_name = {body.name: body for body in bodies}
+    return [
+        *_units(model), *_gravity(model), *_defaults(bodies, by_name),
+        *_axes(model.constraints, by_name), *_idle_joints(bodies), *_idle_forces(model, by_name),
+        *_twice(model), *_idle_parameters(model),
+    ]  # fmt: skip
+
+
+def _defaults(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[str]:
+    """Inertias and links that were left at their defaults."""
+    hung = Counter(body.parent for body in bodies)
+    for body in bodies:
+        turns = any(m.kind != "translate" for m in body.sequence)
+        arm = body.mass * sum(x * x for x in body.com)
+        counts = DEFAULT_INERTIA[0][0] > LITTLE * arm  # next to the mass at its distance
+        if turns and counts and body.mass != DEFAULT_MASS and body.inertia == DEFAULT_INERTIA:
+            shape = "" if body.shape else "a shape and "
+            yield (
+                f"body '{body.name}': with {body.mass:g} kg it has the default inertia, 0.01 kg m² "
+                f"about each axis; give its inertia, or {shape}derived=('inertia',)"
+            )
+        parent = by_name.get(body.parent)
+        tip = None if parent is None or hung[parent.name] > 1 else parent.tip
+        if body.sequence and not any(body.link) and tip is not None and any(tip):
+            yield (
+                f"body '{body.name}': its link is (0, 0, 0), so its joint is at the origin of "
+                f"'{body.parent}', not at its tip; give link={shown(tip)} if that is meant"
+            )
+
+
+def _axes(constraints: Sequence[Constraint], by_name: Mapping[str, Body]) -> Iterator[str]:
+    """Axes of constraints that were left at their default."""
+    for c in constraints:
+        body = by_name.get(c.body)
+        if not isinstance(c, AlongAxes) or body is None or c.axis or c.other_axis:
+            continue
+        own = {m.axis for m in body.sequence if m.kind in ("rotate", "translate")}
+        if c.kind != "universal" and len(own) == 1 and not {Z, (0.0, 0.0, -1.0)} & own:
+            yield (
+                f"constraint '{c.name}': without axis it is along z of '{c.body}', whose own joint "
+                f"is along {shown(next(iter(own)))}; give axis (in '{c.body}') or other_axis"
+            )
+
+
+def _units(model: Model) -> Iterator[str]:
+    """Angles in degrees, gravity in mm/s²: one sentence each."""
+    pull = math.hypot(*model.gravity)
+    if pull > MOST_GRAVITY:
+        text = "as in mm/s²; lengths are in m, and gravity in m/s²: 9.81"
+        yield f"model: gravity is {pull:g} m/s², {text}"
+    for body in model.bodies:
+        spans = zip(body.sequence, body.limits)
+        turned = [
+            x for m, pair in spans if m.kind == "rotate" and pair for x in pair if x is not None
+        ]
+        if any(abs(x) >= MOST_ANGLE for x in turned):
+            text = f"{shown(body.limits[0])} would be several turns; angles are in rad"
+            yield f"body '{body.name}': limits of {text}"
+            return
+        if body.dof == 1 and body.sequence[0].kind == "rotate" and in_degrees(body.q[0]):
+            yield f"body '{body.name}': {several_turns(body.q[0])}"
+            return
+
+
+def in_degrees(angle: float) -> bool:
+    """Whether an angle that should be in rad looks like one in degrees."""
+    return abs(angle) >= MOST_ANGLE and angle == round(angle)
+
+
+def several_turns(angle: float, word: str = "q") -> str:
+    """What to say of it."""
+    turns = abs(angle) / (2 * math.pi)
+    return f"{word} = {angle:g} is {turns:.3g} turns; angles are in rad: np.radians({angle:g})"
+
+
+def _gravity(model: Model) -> Iterator[str]:
+    """Gravity that does not pull down."""
+    down, gravity = DOWN[model.up], model.gravity
+    if any(gravity) and sum(a * b for a, b in zip(down, gravity)) <= 0.0:
+        text = f"gravity {shown(gravity)} does not pull along -{model.up}"
+        yield f"model: up is {model.up}, but {text}"
+
+
+def _idle_joints(bodies: Sequence[Body]) -> Iterator[str]:
+    """Numbers of joints that need another one."""
+    for body in bodies:
+        if any(x and not k for x, k in zip(body.rest, body.stiffness)):
+            yield f"body '{body.name}': rest changes nothing without stiffness of its joint"
+        if any(body.limit_restitution) and not any(body.limits):
+            yield f"body '{body.name}': limit_restitution changes nothing without limits"
+
+
+def _idle_forces(model: Model, by_name: Mapping[str, Body]) -> Iterator[str]:
+    """Forces that are zero in every motion."""
+    for f in model.forces:
+        where, gains = f"force '{f.name}'", ""
+        if isinstance(f, (Spring, Torsion)) and not (f.stiffness or f.damping):
+            gains = "stiffness and damping are 0"
+        elif isinstance(f, Drag) and not (f.density or f.viscosity):
+            gains = "density and viscosity are 0"
+        elif isinstance(f, Servo) and not (f.kp or f.kd or f.torque):
+            gains = "kp and kd are 0"
+        elif isinstance(f, SpeedServo) and not (f.kd or f.torque):
+            gains = "kd is 0"
+        if isinstance(f, Servo) and isinstance(f.target, float) and in_degrees(f.target):
+            motions = by_name[f.body].sequence
+            if len(motions) == 1 and motions[0].kind == "rotate" and f.gear == 1.0:
+                yield f"{where}: {several_turns(f.target, 'target')}"
+        if gains:
+            yield f"{where}: it does nothing, since its {gains}"
+        elif isinstance(f, OnJoint) and f.coefficients and f.body not in f.coefficients:
+            yield (
+                f"{where}: it acts on the sum over {', '.join(f.coefficients)}, and its body "
+                f"'{f.body}' is not among them"
+            )
+        elif isinstance(f, (Spring, Torsion)) and (text := _cannot_change(f, by_name)):
+            yield f"{where}: it does nothing: {text}"
+
+
+def _cannot_change(f: Spring | Torsion, by_name: Mapping[str, Body]) -> str:
+    """Why the one joint between the ends of a spring changes neither its length nor its angle."""
+    body, flipped = by_name[f.body], False
+    if body.parent != f.other:
+        if f.other == GROUND or by_name[f.other].parent != f.body:
+            return ""
+        body, flipped = by_name[f.other], True
+    if len(body.sequence) != 1:
+        return ""
+    motion = body.sequence[0]
+    if isinstance(f, Torsion):
+        axis = f.axis or (0.0, 0.0, 1.0)
+        across = abs(_dot(axis, motion.axis)) < TINY * math.hypot(*axis) * math.hypot(*motion.axis)
+        if motion.kind == "translate" or (motion.kind == "rotate" and not flipped and across):
+            return f"the joint of '{body.name}' does not turn about its axis {shown(axis)}"
+        return ""
+    own, other = f.point, f.other_point or (0.0, 0.0, 0.0)
+    own = by_name[f.body].tip_point if own is None else own
+    if flipped:
+        own, other = other, own
+    arm = tuple(a - b for a, b in zip(other, body.link))  # from the joint, in the parent's axes
+    turned = body.rotation[0] ** 2 < (1 - TINY) * sum(x * x for x in body.rotation)
+    on_axis = _along(own, motion.axis) or (not turned and _along(arm, motion.axis))
+    fixed = motion.kind == "rotate" and on_axis
+    fixed |= motion.kind in ("rotate", "ball") and (not any(own) or math.hypot(*arm) < TINY)
+    if not fixed:
+        return ""
+    text = f"the joint of '{body.name}' turns about one of its ends, so that its length is constant"
+    return f"{text}; give point and other_point, or use pg.Torsion"
+
+
+def _along(x: Sequence[float], axis: Vec3) -> bool:
+    """Whether a point lies on the axis."""
+    square, length = _dot(axis, axis), math.hypot(*x)
+    off = [a - _dot(x, axis) / square * b for a, b in zip(x, axis)]
+    return math.hypot(*off) <= TINY * length
+
+
+def _dot(x: Sequence[float], y: Sequence[float]) -> float:
+    return sum(a * b for a, b in zip(x, y))
+
+
+def _twice(model: Model) -> Iterator[str]:
+    """Contacts that push the same two bodies apart with the same points."""
+    acting = [c for c in model.contacts if c.active]
+    for one, other in combinations(acting[:MANY], 2):
+        same = one.points == other.points or set(one.points) & set(other.points)
+        if same and all(_overlap(a, b) for a, b in zip(one.pair, other.pair)):
+            yield (
+                f"contacts '{one.name}' and '{other.name}' are of the same bodies, "
+                f"{' and '.join(one.pair)}, and both push; remove one"
+            )
+
+
+def _overlap(a: str, b: str) -> bool:
+    return a == b or (EVERY in (a, b) and GROUND not in (a, b))
+
+
+def _idle_parameters(model: Model) -> Iterator[str]:
+    """Parameters that no formula names."""
+    for name in model.parameters:
+        if not any(name in names_in(f.text) for f in model.formulas):
+            yield f"parameter '{name}': no formula uses it"
+
+
+MOST_GRAVITY = 1000.0  # m/s²: no planet has more than 25, the sun 274
+MOST_ANGLE = 30.0  # rad: of a limit; as degrees, it is one that joints have
+Z = (0.0, 0.0, 1.0)
+LITTLE = 0.01  # of a joint's inertia: less changes no result much
+DEFAULT_MASS = Body.model_fields["mass"].default
+DEFAULT_INERTIA = Body.model_fields["inertia"].default
+TINY = 1e-9  # of a length
+MANY = 300  # contacts that are compared with each other
