@@ -445,6 +445,31 @@ def wear(share: float, port: int) -> Iterator[tuple[str, dict[str, float]]]:
             yield "models opened on a page", worn(gallery, int(1e3 * share), process.pid)
 
 
+def table(known: dict[str, Any]) -> Iterator[str]:
+    """The rows of docs/reliability.md."""
+    yield "| what happens | how often | what came of it |"
+    yield "|---|---|---|"
+    for what, found in known.items():
+        if what == "kill -9":
+            often = f"{found['kills']} kills, {found['edits']} edits and {found['saves']} saves "
+            often += f"acknowledged, {found['runs']} runs begun"
+            came = f"{found['edits_lost']} edits lost, {found.get('damaged', 0)} damaged files, "
+            came += (
+                f"{found['children_left']} children left, port taken {found['port_taken']} times"
+            )
+            yield f"| kill -9 among edits, saves and runs | {often} | {came} |"
+        elif "median" in found:
+            came = f"median {found['median']:.0f} ms, 95 % within {found['most']:.0f} ms"
+            pages = what.replace(" [ms]", "")
+            yield f"| an edit, until all of {pages} have it | 40 edits | {came} |"
+        elif "flooded" in found:
+            came = f"median {found['alone']:.0f} ms alone, {found['flooded']:.0f} ms meanwhile"
+            yield f"| one page floods, another edits | by turns | {came} |"
+        else:
+            came = f"memory {found['memory_percent']:+.1f} %, threads {found['threads']:+d}, "
+            yield f"| {what} | {found['times']} | {came}files {found['files']:+d} |"
+
+
 # -- all of it -------------------------------------------------------------------------------------
 
 
@@ -468,6 +493,9 @@ def main() -> None:
         if args.add:
             args.add.write_text(json.dumps(known, indent=1) + "\n", "utf-8")
 
+    if not (args.kills or args.pages or args.flood or args.wear):
+        print("\n".join(table(known)))
+        return
     print(f"Measured on {machine()}.", flush=True)
     for k in range(0, args.kills, 5):
         before = Counter(known.get("kill -9", {}))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
+from benchmarks.firefox import firefox, firefox_path
 from pgraph_core.batches.paths import Path as Field
 from pgraph_core.live import module
 from pgraph_core.live.export import page, recorded
@@ -108,6 +110,34 @@ def test_the_page_ends_in_the_same_bits_as_python(case: str, figure: Any) -> Non
         assert got["t"] == run.t[-1]
         for here, there in ((run.q[-1], got["q"]), (run.v[-1], got["v"])):
             np.testing.assert_array_equal(here.view(np.int64), np.array(there).view(np.int64))
+
+
+@of_these_sources
+@pytest.mark.nightly
+@pytest.mark.skipif(firefox_path() is None, reason="no Firefox is installed")
+def test_firefox_ends_in_the_same_bits(tmp_path: Path) -> None:
+    """Each case at 10 s with changed fields, in Firefox without a window."""
+    with firefox(str(firefox_path())) as shown:
+        for case, (name, scenario, fields) in CASES.items():
+            model = model_of(name)
+            file = tmp_path / f"{case}.html"
+            file.write_text(page(recorded(model, scenario), fields), encoding="utf-8")
+            shown.goto(file.as_uri())
+            for _ in range(100):
+                if state := shown.evaluate("document.body.dataset.ready || ''"):
+                    break
+                time.sleep(0.1)
+            assert state == "live", case
+            one = shown.evaluate("pgraph_live.open")[0]
+            value = max(one["values"] or [one["value"] + 0.37 * (one["high"] - one["value"])])
+            method = "moreau_jean" if case in WALKS else "rk4"
+            asked = {"t_end": 10.0, "step": 1e-3, "method": method, "set": {one["path"]: value}}
+            got = shown.evaluate(f"({SIMULATE})({json.dumps(asked)})")
+            other = Field(model, one["path"]).set(model, value)
+            run = pg.simulate(
+                other, scenario=scenario, t_end=10.0, step=1e-3, method=method, estimate=False
+            )
+            assert (got["q"], got["v"]) == (run.q[-1].tolist(), run.v[-1].tolist()), case
 
 
 @of_these_sources
