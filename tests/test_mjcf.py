@@ -197,6 +197,10 @@ DRIVEN = """<mujoco><compiler angle="radian"/><worldbody>
 def test_tendons_drives_and_fluid_give_the_forces_of_mujoco(tmp_path):
     model, report = read(tmp_path, DRIVEN)
     assert report.loaded, report
+    shifted = {e.where: e.text for e in report.of("converted") if "qpos" in e.text}
+    assert ["0.3" in text for where, text in shifted.items() if "'a'" in where] == [True]
+    assert ["-0.2" in text for where, text in shifted.items() if "'c'" in where] == [True]
+    assert len(shifted) == 2
     m = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
     inputs = {"m": 1.2, "p": 0.4, "v": -2.0, "t": 0.7, "g": 0.3}
     assert [type(f).__name__ for f in model.forces[:6]] == [

@@ -295,6 +295,9 @@ class _Reader:
             at, dof = int(m.jnt_qposadr[j]), int(m.jnt_dofadr[j])
             single = m.jnt_type[j] != BALL
             start = float(m.qpos0[at]) if single else 0.0
+            if start:
+                text = f"its ref of {start:.6g} is 0 here: MuJoCo's qpos is q + {start:.6g}"
+                self.report.add("converted", self.where("joint", m.joint(j).name), text)
             numbers["damping"].append(float(m.dof_damping[dof]))
             numbers["stiffness"].append(float(m.jnt_stiffness[j]) if single else 0.0)
             rest = float(m.qpos_spring[at]) - start if single and m.jnt_stiffness[j] else 0.0
