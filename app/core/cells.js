@@ -104,11 +104,9 @@ pgraph.cells = (() => {
     const another = opened !== null && count > opened; // a server that was started again counts from 0
     opened = count;
     if (!another) return;
-    pending.clear();
     for (const cell of document.querySelectorAll(".pgraph .cell")) {
-      cell.pgraphSerial = null;
-      cell.pgraphDoubting = false;
-      if (cell.dataset.full === undefined || !(dirty(cell) || cell.matches(".refused, .waiting"))) continue;
+      if (cell.pgraphAsks || cell.dataset.full === undefined || !(dirty(cell) || cell.matches(".refused, .waiting"))) continue;
+      cell.pgraphSerial = null; // a question, as New asks one, still has its answer
       if (cell === document.activeElement && dirty(cell)) pgraph.toast(`“${cell.value}” was not taken: another model was opened meanwhile.`);
       revert(cell);
     }
