@@ -558,3 +558,71 @@ def test_wrenches_that_cannot_be_written_are_said(tmp_path):
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
     assert model.body_gravcomp.max() == pytest.approx(1.0, rel=1e-12)
     assert "push" in str(report)
+
+
+SWINGS = """<mujoco><option actuatorgroupdisable="1"{option}/><worldbody>
+<body name="a"><joint name="j" type="slide" axis="1 0 0" range="-1 1" margin="{margin}"/>
+  <geom size=".1" mass="2" contype="0" conaffinity="0"/></body>
+<body name="b" gravcomp=".5"><joint name="k" axis="0 1 0"/>
+  <geom size=".1" pos=".3 0 0" mass="1" contype="0" conaffinity="0"/></body></worldbody>
+<actuator><motor name="off" joint="k" group="1"/><motor name="on" joint="k" group="2"/></actuator>
+</mujoco>"""
+
+
+def test_an_actuator_of_a_group_that_is_switched_off_does_not_act(tmp_path):
+    model, report = read(tmp_path, SWINGS.format(option="", margin=0))
+    assert [f.name for f in model.forces if isinstance(f, pg.Motor)] == ["on"]
+    assert any("'off'" in e.where and "group 1" in e.text for e in report.of("left out"))
+    assert report.loaded  # it does not act in MuJoCo either
+
+
+def test_the_margin_of_a_limit_moves_its_ends(tmp_path):
+    """MuJoCo: at 1 m/s towards the limit at 1 m with a margin of 0.3 m it turns at 0.7 m."""
+    model, report = read(tmp_path, SWINGS.format(option=' gravity="0 0 0"', margin=0.3))
+    assert model.body("a").limits == ((-0.7, 0.7),)
+    assert report.loaded
+    m = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    data = mujoco.MjData(m)
+    data.qvel[0] = 1.0
+    reached = 0.0
+    for _ in range(600):
+        mujoco.mj_step(m, data)
+        reached = max(reached, data.qpos[0])
+    assert reached == pytest.approx(0.7, abs=0.01)  # its limit is soft
+    model, report = read(tmp_path, SWINGS.format(option="", margin=1.5))
+    assert model.body("a").limits == ((-1, 1),)
+    assert not report.loaded
+
+
+def test_the_report_says_where_gravcomp_acts(tmp_path):
+    """Half of the weight: in a run, and as `external` in a query, v' is half of the free one."""
+    model, report = read(tmp_path, SWINGS.format(option="", margin=0))
+    (text,) = (e.text for e in report.of("converted") if "gravcomp" in e.text)
+    assert "'b'" in text
+    assert "`forward_dynamics`" in text
+    mech = pg.Mechanism(model)
+    (lift,) = (f for f in model.forces if isinstance(f, pg.Wrench))
+    q = v = np.zeros(2)
+    free = mech.forward_dynamics(q, v)
+    external = mech.external_at(q, "b", (0, 0, 0, *lift.force), point=lift.point)
+    np.testing.assert_allclose(
+        mech.forward_dynamics(q, v, external=external)[1], free[1] / 2, rtol=1e-12
+    )
+
+
+def test_a_written_file_that_mujoco_refuses_says_so_first_and_how_to_repair_it(tmp_path, capsys):
+    flat = ((1.0, 0, 0), (0, 0.1, 0), (0, 0, 0.1))
+    arm = pg.Body(name="arm", mass=1.0, inertia=flat, any_inertia=True, tip=(1, 0, 0))
+    model, path = pg.Model(bodies=[arm]), tmp_path / "arm.xml"
+    report = pg.write_mjcf(model, path)
+    first = str(report).splitlines()[0]
+    for part in ("MuJoCo will refuse it", "'arm'", "report.repaired(model)", "--repair"):
+        assert part in first
+    with pytest.raises(ValueError, match="inertia"):
+        mujoco.MjModel.from_xml_path(str(path))
+    assert not pg.write_mjcf(report.repaired(model), path).refused
+    mujoco.MjModel.from_xml_path(str(path))
+    model.save(tmp_path / "arm.json")
+    assert main(["convert", str(tmp_path / "arm.json"), str(path), "--repair"]) == 0
+    mujoco.MjModel.from_xml_path(str(path))
+    assert "refuse" not in capsys.readouterr().out

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+import numpy as np
+
 from ..errors import FileError, Problem
 from ..model import Model
 from ..model.files import FOREIGN
-from .conversion import Report
+from .conversion import Report, nearest_inertia, why_unphysical
 from .mjcf import read_mjcf
 from .mjcf_out import write_mjcf
 from .urdf import read_urdf
@@ -24,7 +26,12 @@ def read_model(path: str | Path, roots: Iterable[str | Path] = ()) -> tuple[Mode
     suffix = Path(path).suffix.lower()
     if reader := READERS.get(suffix):
         return reader(path, roots)
-    return Model.load(path, roots=roots), Report(Path(path).name)
+    model, report = Model.load(path, roots=roots), Report(Path(path).name)
+    for body in model.bodies:
+        inertia = np.array(body.inertia)
+        if body.any_inertia and why_unphysical(inertia):
+            report.repairs[body.name] = nearest_inertia(inertia)
+    return model, report
 
 
 def write_model(model: Model, path: str | Path) -> Report:

@@ -43,6 +43,7 @@ class Report:
     repairs: dict[str, tuple[tuple[float, ...], ...]] = field(
         default_factory=dict[str, tuple[tuple[float, ...], ...]]
     )  # body -> the nearest inertia (3, 3) that a rigid body can have [kg m^2]
+    refused: str = ""  # of a file that was written: why its program will refuse it, and what to do
 
     def add(self, kind: Kind, where: str, text: str, *, acts: bool = False, part: str = "") -> None:
         """One more line."""
@@ -80,6 +81,7 @@ class Report:
         return {
             "file": self.file,
             "loaded": self.loaded,
+            "refused": self.refused,
             "entries": entries,
             "repairs": {name: [list(row) for row in x] for name, x in self.repairs.items()},
         }
@@ -87,13 +89,16 @@ class Report:
     def __repr__(self) -> str:
         counts = ", ".join(f"{n} {kind}" for kind in KINDS if (n := len([*self.of(kind)])))
         word = "loaded" if self.loaded else "not all that acts is loaded"
+        word = "will be refused" if self.refused else word
         return f"<Report {shown(self.file)}: {word}; {counts}>"
 
     def __str__(self) -> str:
-        first = f"{self.file}: " + (
+        first = self.refused or (
             "nothing that acts is left out" if self.loaded else "some of what acts is left out"
         )
-        return "\n".join([first, *(f"  {e}" for kind in KINDS for e in self.of(kind))])
+        return "\n".join(
+            [f"{self.file}: {first}", *(f"  {e}" for kind in KINDS for e in self.of(kind))]
+        )
 
     def _repr_html_(self) -> str:
         rows = "".join(
@@ -102,7 +107,8 @@ class Report:
             for e in self.of(kind)
         )
         head = "<tr><th>what</th><th>where</th><th></th></tr>"
-        return f"<p>{html.escape(repr(self))}</p><table>{head}{rows}</table>"
+        why = f"<p>{html.escape(self.refused)}</p>" if self.refused else ""
+        return f"<p>{html.escape(repr(self))}</p>{why}<table>{head}{rows}</table>"
 
 
 MOST_INERTIA = 1e150  # [kg m^2] its square is still a number

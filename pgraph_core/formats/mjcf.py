@@ -22,7 +22,7 @@ from ..model import Contact, Force, Model
 from ..model.fields import GROUND, name_problem
 from ..rotation import matrix, multiply, unit
 from .conversion import Folders, Report, reach_of, suspect_units, unphysical
-from .mjcf_parts import Group, Parts, is_set
+from .mjcf_parts import Group, Parts, is_set, within_margin
 
 Array = np.ndarray
 FREE, BALL, SLIDE, HINGE = range(4)
@@ -326,6 +326,7 @@ class _Reader:
         if not m.jnt_limited[j]:
             return None
         low, high = (float(x) - start for x in m.jnt_range[j])
+        low, high = within_margin(self, "joint", m.joint(j).name, low, high, float(m.jnt_margin[j]))
         return (low, high) if low < high else None
 
     def _cone(self, j: int) -> None:

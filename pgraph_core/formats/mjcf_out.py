@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..dynamics import Dynamics
-from ..errors import FileError, ModelError, Problem, explained
+from ..errors import FileError, ModelError, Problem, choices, explained, shown
 from ..model import (
     Body,
     Contact,
@@ -29,7 +29,7 @@ from ..model.files import gathered, write_atomic
 from ..model.force import OnJoint
 from ..model.output import OF_JOINT
 from ..rotation import matrix, multiply, quaternion_of, unit
-from .conversion import Report
+from .conversion import Report, nearest_inertia, why_unphysical
 from .mjcf import INITIAL
 from .mjcf_parts import SENSORS, end_name
 from .urdf_out import Placed, Tag
@@ -129,6 +129,12 @@ class _Writer:
                  Tag("keyframe").add(*self._keys()))  # fmt: skip
         root.add(*(part for part in parts if part.children))
         self.report.add("read", "", f"{len(bodies)} bodies written")
+        if repairs := self.report.repairs:
+            self.report.refused = (
+                f"MuJoCo will refuse it: no rigid body has the inertia of "
+                f"{choices(map(shown, repairs))}; write `report.repaired(model)` instead, "
+                "or give `pgraph convert` the option --repair"
+            )
         return "\n".join([*root.lines(), ""])
 
     def _free(self, kind: str, name: str) -> str:
@@ -171,8 +177,10 @@ class _Writer:
         elif last.joint != "weld":
             text = "it moves and has no mass, so MuJoCo may refuse it"
             self.report.add("warning", f"body '{last.name}'", text, part=last.name)
-        if last.any_inertia:
-            text = "MuJoCo refuses inertias that no rigid body has"
+        inertia = np.array(last.inertia)
+        if last.any_inertia and (why := why_unphysical(inertia)):
+            self.report.repairs[last.name] = nearest_inertia(inertia)
+            text = f"MuJoCo refuses its inertia: {why}"
             self.report.add("warning", f"body '{last.name}'", text, part=last.name)
         own.add(*self._geoms(last), *self.sites.get(last.name, ()))
         for child in self.children.get(last.name, ()):

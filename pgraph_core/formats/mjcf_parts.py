@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from ..errors import needed, shown
+from ..errors import choices, needed, shown
 from ..model import (
     Actuator,
     Constraint,
@@ -49,6 +49,7 @@ LEAST = 1e-15  # kg: mjMINVAL, below which MuJoCo's fluid does not act
 THICK = 1.0  # m: of the box that stands for a plane that is no ground
 WIDE = 50.0  # m: half the edge of one without bounds
 FLAT = 1e-9
+GROUPS = 31  # of actuators that MuJoCo can switch off, 0 to 30
 
 
 class Group(NamedTuple):
@@ -132,6 +133,9 @@ class Parts:
                 self.report.add("converted", self.reader.path.name, text)
         self.filters = not m.opt.disableflags & int(bits.mjDSBL_FILTERPARENT)
         self.driven = not m.opt.disableflags & int(bits.mjDSBL_ACTUATION)
+        if m.nu and not self.driven:
+            text = f"the file switches off: actuation, so its {m.nu} actuators are left out"
+            self.report.add("left out", self.reader.path.name, text)
 
     # -- equalities ------------------------------------------------------------------------------
 
@@ -265,20 +269,44 @@ class Parts:
             while name in taken:
                 name += "'"
             taken.add(name)
+            if self._switched_off(a, name):
+                continue
             if (one := self._actuator(a, name)) is not None:
                 yield one
         yield from self._tendons()
         yield from self._drags()
-        for b in np.flatnonzero(self.m.body_gravcomp):
-            m, name = self.m, self.reader.names[b]
+        yield from self._lifts()
+
+    def _lifts(self) -> Iterator[Wrench]:
+        """Compensation of gravity as a wrench at the centre of mass of each body that has it."""
+        m, lifted = self.m, list[str]()
+        for b in np.flatnonzero(m.body_gravcomp):
+            name = self.reader.names[b]
             lift = -m.opt.gravity * m.body_mass[b] * m.body_gravcomp[b]
             if not np.any(lift):
                 continue
+            lifted.append(name)
             point = m.body_ipos[b] - self.reader.pivot[b]
             yield Wrench(
                 name=f"gravcomp of {name}", body=name, force=tuple(lift.tolist()),
                 point=tuple(point.tolist()),
             )  # fmt: skip
+        if lifted:
+            text = (
+                f"gravcomp of {choices(map(shown, lifted))}: wrenches, which act in runs, in "
+                "`linearise` and in `equilibrium`; not in `forward_dynamics`, `inverse_dynamics` "
+                "and `constrained_dynamics`, which take them as `external`"
+            )
+            self.report.add("converted", self.reader.path.name, text)
+
+    def _switched_off(self, a: int, name: str) -> bool:
+        """Whether the file switches off the group of an actuator; then it is named."""
+        m, group = self.m, int(self.m.actuator_group[a])
+        if not (0 <= group < GROUPS and int(m.opt.disableactuator) >> group & 1):
+            return False
+        text = f"an actuator of group {group}, which the file switches off (actuatorgroupdisable)"
+        self.reader.left_out("actuator", name, text, acts=False)
+        return True
 
     def _tendons(self) -> Iterator[Force]:
         """Tendons along joints, and those straight from one site to another, where they act."""
@@ -313,7 +341,11 @@ class Parts:
     def _tendon(self, t: int, name: str, sums: Sums) -> Tendon:
         m, start = self.m, self._length(sums)
         low, high = (float(x) - start for x in m.tendon_range[t])
-        limits: dict[str, Any] = {"low": low, "high": high} if m.tendon_limited[t] else {}
+        limits: dict[str, Any] = {}
+        if m.tendon_limited[t]:
+            margin = float(m.tendon_margin[t])
+            low, high = within_margin(self.reader, "tendon", name, low, high, margin)
+            limits = {"low": low, "high": high}
         return Tendon(
             name=name, coefficients=self._rows(sums), stiffness=float(m.tendon_stiffness[t]),
             damping=float(m.tendon_damping[t]), friction=float(m.tendon_frictionloss[t]),
@@ -774,6 +806,24 @@ class Parts:
             text = "a body that MuJoCo's user moves stays where it is"
             where = reader.where("body", m.body(int(b)).name)
             reader.report.add("converted", where, text, part=name)
+
+
+def within_margin(
+    reader: Reading, tag: str, name: str, low: float, high: float, margin: float
+) -> tuple[float, float]:
+    """The ends at which MuJoCo stops a joint or tendon: `margin` before those of its range.
+
+    The reference of MuJoCo's limits is the distance less the margin, so this is where they rest.
+    """
+    if not margin or low >= high:
+        return low, high
+    if low + margin < high - margin:
+        text = f"its limits stand {margin:.6g} inside of its range, by its margin"
+        reader.report.add("converted", reader.where(tag, name), text)
+        return low + margin, high - margin
+    text = f"a margin of {margin:.6g} that leaves nothing of its range; the range is kept without"
+    reader.left_out(tag, name, text)
+    return low, high
 
 
 def end_name(name: str, k: int) -> str:
