@@ -366,3 +366,17 @@ def test_bodies_that_fall_through_the_ground_with_inactive_contacts_are_said():
     assert "choose scenario=" in said
     short = pg.simulate(quadruped, t_end=0.01, frames=3, estimate=False)
     assert not any("went through" in text for text in short.notices)
+
+
+@pytest.mark.parametrize("pull", [10.5, 11.5, 13.0])
+def test_a_box_under_a_constant_pull_is_not_stiff(pull):
+    """No force of it depends on its state: every rate is zero, and rounding is none."""
+    box = pg.Body(
+        name="b", joint="free", link=(0, 0, 0.1), mass=2.0, inertia=np.eye(3) * 0.013,
+        shape=pg.Shape(kind="box", size=(0.2, 0.2, 0.2)), v=(0, 0, 0, 2, 0, 0),
+    )  # fmt: skip
+    floor = pg.Contact(name="c", body="b", friction=0.3)
+    back = pg.Wrench(name="w", body="b", force=(-pull, 0, 0), point=(0, 0, -0.1))
+    run = pg.simulate(pg.Model(bodies=[box], contacts=[floor]).add(back), t_end=1.0)
+    assert run.status.ok
+    assert not [notice for notice in run.notices if "stiff" in notice]

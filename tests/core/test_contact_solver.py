@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
 from benchmarks import ordinary
+from pgraph_core.engine.contact.contacts import kept_place
+from pgraph_core.engine.records import KEPT, table
 
 G, SIDE = 9.81, 0.2
 
@@ -317,3 +320,16 @@ def test_corners_that_land_together_keep_a_mirror_symmetry():
     assert np.abs(turned[:, 1]).max() > 1.0
     assert np.abs(run["plank"][:, 1]).max() < 1e-6
     assert np.abs(turned[:, [0, 2]]).max() < 1e-3  # 6 rad/s where one corner is hit first
+
+
+def test_what_a_point_kept_is_found_from_any_place():
+    """A scene with fewer points than the step before asks from beyond the end of what was kept."""
+    kept = table(KEPT, 3)
+    kept["shape_a"], kept["shape_b"], kept["feature"] = [4, 4, 5], [9, 9, 9], [0, 1, 0]
+    look = numba.njit(lambda point, kept, start: kept_place(point, kept, 3, start))
+    for start in range(8):
+        for k in range(3):
+            assert look(kept[k], kept, start) == k
+        other = kept[0].copy()
+        other["feature"] = 7
+        assert look(other, kept, start) == -1

@@ -160,9 +160,7 @@ def kept_place(point, kept, count, start):
     Points come in the same order step after step, so that the search is short.
     """
     for m in range(min(count, 64)):
-        k = start + m
-        if k >= count:
-            k -= count
+        k = (start + m) % count
         if (
             kept[k].shape_a == point.shape_a
             and kept[k].shape_b == point.shape_b

@@ -10,6 +10,7 @@ from ..tree.moving import advance
 
 MOVE = 1e-6  # rad, m: small against curvature, large against rounding
 ROUNDS = 20
+NONE = 1e-6  # of the largest growth so far: what is left is rounding
 SURE = 1e-3  # relative change of the rate between two rounds that ends the search
 
 # rows of `stages`: the state, along which it is moved, the moved state, τ, v' of both
@@ -57,6 +58,7 @@ def fastest_rate(scene, accelerate, size, stages, flow):
         stages[ALONG, j] = 1.0 + 0.1 * ((7 * j) % 11) * (1 - 2 * (j % 2))
         stages[ALONG, nv + j] = stages[ALONG, j]  # or dampers alone would not be seen
     rate = 0.0
+    most = 0.0
     for n in range(ROUNDS):
         if n > 0:
             apply_slope(scene, accelerate, size, stages, flow)
@@ -68,6 +70,9 @@ def fastest_rate(scene, accelerate, size, stages, flow):
         if not (length > 0.0 and length < math.inf):
             return rate
         found = math.sqrt(length) if n > 0 else 0.0  # of a vector of length one
+        most = max(most, found)
+        if found < NONE * most:
+            return found
         for j in range(2 * nv):
             stages[ALONG, j] /= length
         if n > 3 and abs(found - rate) < SURE * rate:
