@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import Any
 
 from ..errors import shown
 from .body import Body
@@ -16,11 +16,8 @@ from .force import Drag, OnJoint, Servo, SpeedServo, Spring, Torsion
 from .parameters import names_in
 from .world import DOWN
 
-if TYPE_CHECKING:
-    from .model import Model
 
-
-def doubts(model: Model) -> list[str]:
+def doubts(model: Any) -> list[str]:
     """Values that hardly fit the rest of a valid model, its units, or that change nothing."""
     bodies = model.bodies
     by_name = {body.name: body for body in bodies}
@@ -67,7 +64,7 @@ def _axes(constraints: Sequence[Constraint], by_name: Mapping[str, Body]) -> Ite
             )
 
 
-def _units(model: Model) -> Iterator[str]:
+def _units(model: Any) -> Iterator[str]:
     """Angles in degrees, gravity in mm/s²: one sentence each."""
     pull = math.hypot(*model.gravity)
     if pull > MOST_GRAVITY:
@@ -98,7 +95,7 @@ def several_turns(angle: float, word: str = "q") -> str:
     return f"{word} = {angle:g} is {turns:.3g} turns; angles are in rad: np.radians({angle:g})"
 
 
-def _gravity(model: Model) -> Iterator[str]:
+def _gravity(model: Any) -> Iterator[str]:
     """Gravity that does not pull down."""
     down, gravity = DOWN[model.up], model.gravity
     if any(gravity) and sum(a * b for a, b in zip(down, gravity)) <= 0.0:
@@ -115,7 +112,7 @@ def _idle_joints(bodies: Sequence[Body]) -> Iterator[str]:
             yield f"body '{body.name}': limit_restitution changes nothing without limits"
 
 
-def _idle_forces(model: Model, by_name: Mapping[str, Body]) -> Iterator[str]:
+def _idle_forces(model: Any, by_name: Mapping[str, Body]) -> Iterator[str]:
     """Forces that are zero in every motion."""
     for f in model.forces:
         where, gains = f"force '{f.name}'", ""
@@ -184,7 +181,7 @@ def _dot(x: Sequence[float], y: Sequence[float]) -> float:
     return sum(a * b for a, b in zip(x, y))
 
 
-def _twice(model: Model) -> Iterator[str]:
+def _twice(model: Any) -> Iterator[str]:
     """Contacts that push the same two bodies apart with the same points."""
     acting = [c for c in model.contacts if c.active]
     for one, other in combinations(acting[:MANY], 2):
@@ -200,7 +197,7 @@ def _overlap(a: str, b: str) -> bool:
     return a == b or (EVERY in (a, b) and GROUND not in (a, b))
 
 
-def _idle_parameters(model: Model) -> Iterator[str]:
+def _idle_parameters(model: Any) -> Iterator[str]:
     """Parameters that no formula names."""
     for name in model.parameters:
         if not any(name in names_in(f.text) for f in model.formulas):

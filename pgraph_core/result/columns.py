@@ -16,7 +16,6 @@ from ..packing.system import Array
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
-    from .result import Result
 
 LEDGER = ("energy", "kinetic_energy", "potential_energy", "work", "dissipation")
 OTHER_WORDS = {"time": "t", "total_energy": "energy"}
@@ -36,7 +35,7 @@ class Column(NamedTuple):
     values: Any
 
 
-def columns_of(run: Result) -> dict[str, Column]:
+def columns_of(run: Any) -> dict[str, Column]:
     """Every column of a run by its name.
 
     A coordinate or an output whose name another column has is called `q.NAME`, `outputs.NAME`.
