@@ -14,6 +14,10 @@
     if (box.left < -1 || box.top < -1 || box.right > innerWidth + 1 || box.bottom > innerHeight + 1) found.push(`panel ${name} leaves the window`);
     for (const [other, its] of boxes.slice(i + 1)) if (overlap(box, its)) found.push(`panels ${name} and ${other} overlap`);
   });
+  for (const el of document.querySelectorAll(".mantine-ScrollArea-viewport:has(.pgraph)")) {
+    const wider = el.scrollWidth - el.clientWidth;
+    if (wider > 1) found.push(`what is in ${short(el.innerText)} is ${wider} px wider than its panel`);
+  }
   if (document.documentElement.scrollWidth > innerWidth) found.push("the page is wider than its window");
 
   // -- text that is cut off: what is elided says it in a title ---------------------------------

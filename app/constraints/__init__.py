@@ -29,6 +29,7 @@ class Picking:
     slot: Slot = "body"
     name: str | None = None  # of the part; None: a new one
     body: str | None = None  # of a new part, once that is picked
+    more: tuple[str, ...] = ()  # bodies that get such a part too: what else was selected
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from ..core.cells import (
 from . import KINDS, WORD, Part, about, own_fields, takes_other, typed_as
 
 GROUND, EVERY = "ground", "*"
+ALL_ON_GROUND = "* on ground"  # picked: a contact of every body with the ground
 Item = Any  # pg.Constraint | pg.Contact | pg.Force | pg.Site | pg.Output
 Places = Mapping[str, tuple[np.ndarray, np.ndarray]]  # body name -> position, rotation at home
 

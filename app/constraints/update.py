@@ -101,9 +101,11 @@ class AddPart(FromPage):
 def add(state: State, event: AddPart) -> State:
     if event.kind not in KINDS[event.part]:
         return state
-    picking = Picking(event.part, event.kind)
+    picking, page = Picking(event.part, event.kind), state.clients.get(event.client)
     if event.body is None or event.body not in state.derived.number:
         return with_client(state, event.client, picking=picking)
+    chosen = page.selected if page is not None and event.body in page.selected else ()
+    picking = replace(picking, more=tuple(name for name in chosen if name != event.body))
     return _next(with_client(state, event.client, picking=picking), event.client, event.body)
 
 
@@ -160,7 +162,10 @@ def picked(state: State, client: int, body: str | None) -> State:
     picking = picking_of(state, client)
     if picking is None or body is None:
         return with_client(state, client, picking=None)
-    if body == picking.body:  # clicked again, or selected before: the other is still asked for
+    if body in (
+        picking.body,
+        *picking.more,
+    ):  # clicked again, or selected before: the other is still asked for
         return state
     known = body in state.derived.number or body in allowed(picking)
     return _next(state, client, body) if known else state
@@ -169,7 +174,8 @@ def picked(state: State, client: int, body: str | None) -> State:
 def allowed(picking: Picking) -> tuple[str, ...]:
     """What else may be picked."""
     if picking.part == "contacts":
-        return (parts.EVERY,) if picking.slot == "body" else (parts.GROUND, parts.EVERY)
+        named = (parts.EVERY,) if picking.slot == "body" else (parts.GROUND, parts.EVERY)
+        return named if picking.name is not None else (*named, parts.ALL_ON_GROUND)
     return (parts.GROUND,) if picking.slot == "other" or picking.part == "sites" else ()
 
 
@@ -183,6 +189,10 @@ def _next(state: State, client: int, body: str) -> State:
             f"{picking.slot} of {name}",
         )  # fmt: skip
         return _to_tab(with_client(after, client, picking=None), client, part, name)
+    if body == parts.ALL_ON_GROUND:
+        one = replace(picking, more=())
+        freed = with_client(state, client, picking=None)
+        return _made(freed, client, one, parts.EVERY, parts.GROUND)
     if picking.slot == "body" and takes_other(picking.part, picking.kind):
         return with_client(state, client, picking=replace(picking, slot="other", body=body))
     first = picking.body if picking.slot == "other" else body
@@ -200,12 +210,14 @@ def _with_body(state: State, part: Part, name: str, slot: str, body: str):
 
 
 def _made(state: State, client: int, picking: Picking, body: str, other: str) -> State:
-    """The new part between the bodies picked, shown whole in the tab."""
+    """The new part between the bodies picked, shown whole in the tab; one each for `more`."""
     made = ""
 
     def make():
         nonlocal made
-        model, made = parts.added(state.model, picking.part, picking.kind, body, other)
+        model = state.model
+        for one in (*picking.more, body):
+            model, made = parts.added(model, picking.part, picking.kind, one, other)
         return model
 
     after = attempted(state, client, make, f"add {WORD.get(picking.part, 'limits')}")

@@ -139,9 +139,16 @@ def _picking(picking: Picking | None) -> Payload | None:
     of = f"'{picking.name}'" if picking.name else f"A new {what}"
     if picking.part == "limits":
         of = "A joint limit"
-    about = f"{of} on '{picking.body}'" if picking.body else of.rstrip(",")
+    bodies = f"'{picking.body}'"
+    if picking.more:
+        of, bodies = f"{of} each", f"{len(picking.more) + 1} bodies"
+    about = f"{of} on {bodies}" if picking.body else of.rstrip(",")
     text = f"{about}: click {slots[picking.slot]} in the digraph, the table or the 3D view."
-    labels = {parts.GROUND: "ground", parts.EVERY: "every body with a shape"}
+    labels = {
+        parts.GROUND: "ground",
+        parts.EVERY: "every body with a shape",
+        parts.ALL_ON_GROUND: "all bodies with the ground",
+    }
     names = [[name, labels[name]] for name in allowed(picking)]
     return {"text": text, "names": names, "first": picking.body}
 

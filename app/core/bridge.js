@@ -266,7 +266,12 @@ window.pgraph = (() => {
     if (!canvas) { setTimeout(watchView, 100); return; }
     watched?.disconnect();
     let settling = null;
-    const tell = () => pgraph.send("Viewport", { aspect: canvas.clientWidth / Math.max(canvas.clientHeight, 1), window: innerWidth, covered: covered(canvas), turned: pgraph.camera.turned() });
+    const tell = () => {
+      if (!canvas.isConnected) { watchView(); return; } // viser made another one for a smaller window
+      const aspect = canvas.clientWidth / canvas.clientHeight;
+      if (!(aspect > 0)) return; // nothing of it is seen
+      pgraph.send("Viewport", { aspect: Math.min(Math.max(aspect, 0.06), 19), window: innerWidth, covered: covered(canvas), turned: pgraph.camera.turned() });
+    };
     watched = new ResizeObserver(() => { place(canvas); clearTimeout(settling); settling = setTimeout(tell, 250); });
     watched.observe(canvas);
   }

@@ -11,7 +11,8 @@ pgraph.cells = (() => {
   const digits = (x, cell) => {
     if (typeof x !== "number") return x;
     const text = String(Number(x.toPrecision(cell.dataset.digits ?? 7)));
-    return text.includes("e") ? String(Number(x.toPrecision(3))) : text;
+    const small = x !== 0 && Math.abs(x) < 1e-3 && text.length > 7;
+    return text.includes("e") ? String(Number(x.toPrecision(3))) : small ? x.toExponential(2).replace(/\.?0+e/, "e") : text;
   };
 
   // The current value of the model; typed text that is not yet taken stays.

@@ -116,6 +116,7 @@ pgraph.forms = (() => {
     cell.dataset.shown = "";
     const send = (serial, text) => box.pgraphAsk.density(serial, text);
     cell.onaccept = () => { cell.dataset.full = cell.value; };
+    cell.onrefuse = () => { list.value = ""; }; // not taken: it does not say so
     cell.addEventListener("keydown", (event) => { // taken by Enter; it is no cell of the model
       if (event.key !== "Enter") return;
       event.stopImmediatePropagation();

@@ -14,10 +14,7 @@ pgraph.digraph = (() => {
 
   // With Ctrl a body joins those that are selected, or leaves them.
   function picked(name, more) {
-    const known = pgraph.latest.selected ?? [];
-    if (!more || !known.length) { select(name); return; }
-    const bodies = known.includes(name) ? known.filter((other) => other !== name) : [...known, name];
-    pgraph.send("SelectBodies", { body: bodies.at(-1) ?? null, bodies });
+    pgraph.send(more ? "ToggleBody" : "Select", { body: name });
   }
 
   function build(host) {

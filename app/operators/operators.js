@@ -21,6 +21,7 @@
     const kind = host.querySelector(".kind");
     if (!kind.options.length) kind.append(...Object.entries(data.titles).map(([value, textContent]) => make("option", { value, textContent })));
     kind.value = what = data.what;
+    kind.title = data.titles[what];
     host.operator = data;
     host.querySelector(".facts").textContent = data.facts;
     host.querySelector(".problem").textContent = data.problem;

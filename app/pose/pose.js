@@ -2,6 +2,7 @@
 (() => {
   const { make, cells, send } = pgraph;
   const LATE = 400; // [ms] after which a slider sends again, answered or not
+  const ROUNDING = 1e-9; // what a closed loop leaves of a zero
   let waiting = null, next = null; // one event under way; the last value wins
 
   function build(host) {
@@ -44,6 +45,7 @@
     const label = `${row.body} ${row.label}`;
     const slider = make("input", { type: "range", step: "any", "aria-label": label });
     const cell = cells.input(pose, { label: `${label} in ${row.unit}`, numeric: true });
+    cell.dataset.digits = 4;
     slider.addEventListener("input", () => later(() => pose(0, slider.value)));
     slider.addEventListener("pointerdown", () => { slider.dataset.held = "1"; });
     slider.addEventListener("pointerup", () => { delete slider.dataset.held; });
@@ -60,7 +62,7 @@
     slider.min = row.low;
     slider.max = row.high;
     if (!slider.dataset.held) slider.value = row.value;
-    cells.set(line.querySelector(".cell"), row.value);
+    cells.set(line.querySelector(".cell"), Math.abs(row.value) < ROUNDING ? 0 : row.value);
   }
 
   function later(act) {

@@ -31,6 +31,7 @@ from .overlays import Overlays
 
 INSIDE = {"links", "coms", "inertias", "frames", "points"}  # is seen only through the bodies
 OUTLINE = (20, 105, 255)
+MOST_OUTLINED = 30  # bodies of a page
 
 
 class SceneView:
@@ -40,7 +41,7 @@ class SceneView:
         self._bodies: Bodies | None = None
         self._looks: list[Look] = []  # by number
         self._overlays = Overlays(server)
-        self._selected: dict[int, viser.FrameHandle] = {}  # by client
+        self._selected: dict[int, list[viser.FrameHandle]] = {}  # by client: `_outlined`
         self._outlined: dict[int, Any] = {}  # what these were made from
         self._gizmos = Gizmos(server, send)
         self._ground_view = GroundView(server)
@@ -121,51 +122,56 @@ class SceneView:
         positions, wxyz = poses(state)
         assert self._bodies is not None
         self._bodies.place(positions, wxyz)
-        for client, frame in self._selected.items():
-            name = state.clients[client].selection
-            if name is not None:
+        for client, frames in self._selected.items():
+            for name, frame in zip(_outlined(state.clients[client]), frames):
                 k = state.derived.number[name] - 1
                 frame.position, frame.wxyz = positions[k], wxyz[k]
 
     def _select(self, old: State, new: State, rebuilt: bool) -> None:
-        """An outline and the axes of the selected body, on that page only."""
+        """An outline of what is selected, and the axes of the last of it, on that page only."""
         for client in self._selected.keys() - new.clients.keys():
             del self._selected[client]
             self._outlined.pop(client, None)
         for client, now in new.clients.items():
             before = old.clients.get(client)
-            if not rebuilt and before is not None and before.selection == now.selection:
+            chosen = _outlined(now)
+            if not rebuilt and before is not None and _outlined(before) == chosen:
                 continue
-            made_from = self._outline_of(new, now.selection)
+            made_from = [self._outline_of(new, name) for name in chosen]
             if client in self._selected and made_from == self._outlined.get(client):
                 continue  # it is moved with its body
             self._outlined[client] = made_from
-            if (frame := self._selected.pop(client, None)) is not None:
+            for frame in self._selected.pop(client, []):
                 frame.remove()
             handle = self._server.get_clients().get(client)
-            if now.selection is not None and handle is not None:
-                self._selected[client] = self._outline(handle, new, now.selection)
+            if chosen and handle is not None:
+                self._selected[client] = [
+                    self._outline(handle, new, name, k) for k, name in enumerate(chosen)
+                ]
 
-    def _outline_of(self, state: State, name: str | None) -> Any:
+    def _outline_of(self, state: State, name: str) -> Any:
         """All that an outline is made from."""
-        if name is None:
-            return None
         d, body = state.derived, state.model.body(name)
         links = self._looks[d.number[name] - 1].links
         return body.shapes, links, body.tip, body.com, body.mass, d.grain
 
-    def _outline(self, client: viser.ClientHandle, state: State, name: str) -> viser.FrameHandle:
+    def _outline(
+        self, client: viser.ClientHandle, state: State, name: str, at: int
+    ) -> viser.FrameHandle:
+        """Around one body; the first of a page has axes too."""
+        node = f"/selected_{at}" if at else "/selected"
         size = state.derived.grain
         solid = shapes.mesh(self._looks[state.derived.number[name] - 1].pieces)
         frame = client.scene.add_frame(
-            "/selected",
+            node,
+            show_axes=at == 0,
             axes_length=0.16 * size,
             axes_radius=0.006 * size,
             origin_radius=0.01 * size,
         )
         for part, grown, opacity in (("outline", 0.02, None), ("tint", 0.002, 0.2)):
             client.scene.add_mesh_simple(
-                f"/selected/{part}",
+                f"{node}/{part}",
                 solid.vertices + grown * size * solid.vertex_normals,
                 solid.faces,
                 color=OUTLINE,
@@ -175,6 +181,14 @@ class SceneView:
                 receive_shadow=False,
             )
         return at_rest(frame)
+
+
+def _outlined(page: Client) -> tuple[str, ...]:
+    """The bodies that a page has selected, the last one first."""
+    last = page.selection
+    if last is None:
+        return ()
+    return (last, *(name for name in page.selected if name != last))[:MOST_OUTLINED]
 
 
 COLOR, OPACITY = (120, 128, 140), 0.28

@@ -124,6 +124,26 @@ def select_bodies(state: State, event: SelectBodies) -> State:
     return selected(state, event.client, event.body, event.bodies)
 
 
+@dataclass(frozen=True)
+class ToggleBody(FromPage):
+    """A body joins those that are selected, or leaves them.
+
+    Clicks may be quicker than answers: what is selected by then is known here alone.
+    """
+
+    body: Text
+
+
+@on(ToggleBody)
+def toggle_body(state: State, event: ToggleBody) -> State:
+    page = state.clients.get(event.client)
+    if page is None or constraints.picking_of(state, event.client) is not None:
+        return select(state, Select(event.client, event.body))
+    others = tuple(name for name in page.selected if name != event.body)
+    bodies = others if event.body in page.selected else (*others, event.body)
+    return selected(state, event.client, bodies[-1] if bodies else None, bodies)
+
+
 # -- what a page shows -------------------------------------------------------------------------
 
 

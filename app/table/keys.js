@@ -155,8 +155,9 @@ pgraph.keys = (() => {
     const target = document.activeElement, text = event.clipboardData.getData("text/plain");
     const cell = here(target) && target.matches(".cell, .constraint button") && target.closest("tr[data-name]");
     const row = here(target) && target.matches("tr");
-    if ((!cell && !row) || target.dataset.editing === "1" || !text.trim()) return;
     const table_ = /[\t\n\r]/.test(text.trimEnd());
+    const beside = table_ && (target === document.body || here(target)) && !target.matches("input, select"); // rows on the ground
+    if ((!cell && !row && !beside) || target.dataset.editing === "1" || !text.trim()) return;
     if (cell && target.matches("input") && !table_) return; // typed into the cell
     event.preventDefault();
     const names = table().shown(), serial = pgraph.nextSerial();

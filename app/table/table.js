@@ -71,9 +71,9 @@ pgraph.table = (() => {
   function toggle(name) {
     const rest = selected().filter((other) => other !== name);
     anchor = name;
-    if (rest.length === selected().length) choose([...rest, name], name);
-    else if (rest.length) choose(rest, rest.at(-1));
-    else pgraph.send("Select", { body: null });
+    pgraph.latest.selected = rest.length === selected().length ? [...rest, name] : rest;
+    pgraph.latest.selection = pgraph.latest.selected.at(-1) ?? null;
+    pgraph.send("ToggleBody", { body: name });
   }
   function extend(to) {
     const names = shown(), from = names.indexOf(anchor ?? pgraph.latest.selection), at = names.indexOf(to);

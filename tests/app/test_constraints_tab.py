@@ -33,7 +33,7 @@ from pgraph_app.features import update
 from pgraph_app.model.update import Undo
 from pgraph_app.model.worker import answer
 from pgraph_app.plots import Signal, curves, of_scene, unit
-from pgraph_app.session.update import Connected, Select
+from pgraph_app.session.update import Connected, Select, SelectBodies
 
 ME = 1
 
@@ -47,6 +47,30 @@ def state():
 def add(state, part, kind, body="3", other="1"):
     state = update(state, AddPart(ME, part, kind, body))
     return update(state, Select(ME, other)) if state.clients[ME].picking else state
+
+
+def test_all_that_is_selected_gets_the_new_part_in_one_step(state):
+    chosen = update(state, SelectBodies(ME, "3", ("1", "2", "3")))
+    asked = update(chosen, AddPart(ME, "contacts", "soft", "3"))
+    assert "on 3 bodies" in constraints(asked, asked.clients[ME])["picking"]["text"]
+    touching = update(asked, PickName(ME, "ground"))
+    found = [(c.body, c.other, c.law) for c in touching.model.contacts]
+    assert found == [(name, "ground", "soft") for name in "123"]
+    assert update(touching, Undo(ME)).model.contacts == ()
+    driven = update(chosen, AddPart(ME, "forces", "motor", "3"))
+    assert [force.body for force in driven.model.forces] == ["1", "2", "3"]
+    assert driven.clients[ME].opened == ("forces", driven.model.forces[-1].name)
+
+
+def test_every_body_with_the_ground_is_one_click(state):
+    asked = update(state, AddPart(ME, "contacts", "complementarity", "3"))
+    names = [name for name, _ in constraints(asked, asked.clients[ME])["picking"]["names"]]
+    (contact,) = update(asked, PickName(ME, names[-1])).model.contacts
+    assert (contact.body, contact.other) == ("*", "ground")
+    drawn = update(asked, PickName(ME, names[-1]))
+    changing = update(drawn, Pick(ME, "contacts", contact.name, "other"))
+    kept = [name for name, _ in constraints(changing, changing.clients[ME])["picking"]["names"]]
+    assert names[-1] not in kept
 
 
 def edit(state, part, name, field, *entries):

@@ -9,7 +9,7 @@ from pgraph_app.core.events import Event
 from pgraph_app.core.state import State, initial
 from pgraph_app.features import update
 from pgraph_app.model.update import Edit, NewModel, OpenText, Undo
-from pgraph_app.session.update import Connected, Select, SelectBodies
+from pgraph_app.session.update import Connected, Select, SelectBodies, ToggleBody
 from pgraph_app.table.paste import copied
 from pgraph_app.table.update import (
     AddBody,
@@ -49,6 +49,13 @@ def test_several_rows_are_selected_in_the_table_s_order(state):
     assert state.clients[OTHER].selected == ()
     assert after(state, Select(ME, "3")).clients[ME].selected == ("3",)
     assert after(state, Select(ME, None)).clients[ME].selected == ()
+
+
+def test_clicks_with_ctrl_join_and_leave_in_their_order_however_late_the_answers(state):
+    state = after(state, Select(ME, "1"), *(ToggleBody(ME, name) for name in "34524"))
+    assert (state.clients[ME].selection, state.clients[ME].selected) == ("5", ("1", "2", "3", "5"))
+    none = after(state, *(ToggleBody(ME, name) for name in "1235"))
+    assert (none.clients[ME].selection, none.clients[ME].selected) == (None, ())
 
 
 def test_what_is_selected_follows_names_and_goes_with_its_body(state):

@@ -197,6 +197,9 @@ def test_1_4_copy_gives_what_paste_takes(chain, served):
     paste(page, "a\tnowhere")
     page.get_by_text("Nothing was pasted: body 'a', parent: no body is named 'nowhere'").wait_for()
     assert served.store.state.model is before
+    page.evaluate("document.activeElement.blur()")
+    paste(page, "wing\tground\t1\n")  # with no row in focus, as in an empty table
+    until(lambda: names(served)[-1] == "wing", "a row on the ground")
 
 
 def test_1_4_search_shows_the_rows_with_the_words(page):
