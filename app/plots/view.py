@@ -29,6 +29,8 @@ from . import (
 
 LIVE_EVERY = 0.3  # [s] between two pictures of a live run
 LIVE_SPAN = 15.0  # [s] of a live run that are plotted at least
+CARRIED = ("constraint_force", "constraint_torque", "contact_force")
+IDLE = "0 throughout this run: it is off, or carries nothing"
 
 
 class PlotsView:
@@ -89,15 +91,18 @@ def chart(state: State, signal: Signal) -> Payload:
     """One signal: its curves, and those of the ghost."""
     ghost: Run | None = state.ghost
     run = state.plotted.result if state.plotted is not None else None
+    found, why = of_state(state, signal), missing(state, signal)
+    if signal.quantity in CARRIED and found and not any(np.any(curve.y) for curve in found):
+        found, why = [], IDLE  # an axis of 1e-12 would look like a force
     return {
         "components": components(run, signal) if run is not None else [],
         "poses": strip(run) if run is not None and signal.kind == POSES and not state.live else [],
         "kind": signal.kind,
         "of": signal.of,
         "title": title(signal),
-        "none": missing(state, signal),
+        "none": why,
         "unit": unit(state.plotted.model if state.plotted else state.model, signal),
-        "curves": [curve._asdict() for curve in of_state(state, signal)],
+        "curves": [curve._asdict() for curve in found],
         "ghost": [c._asdict() for c in curves(ghost.result, signal)] if ghost else [],
     }
 

@@ -52,7 +52,7 @@ class CameraView:
                 self._look(handle, new, page, *self._views.get(client, ("start", ())))
             else:
                 turned = page.follow and not before.follow
-                left_it = (grown or turned) and not seen(handle, new, page).all()
+                left_it = (grown or turned) and not seen(handle, new, page, tips=True).all()
                 gone = rests and not seen(handle, new, page, COVERED).any()
                 if left_it or gone or (over and went(handle, new, page)):
                     self._look(handle, new, page, "fit")
@@ -127,10 +127,16 @@ def went(handle: viser.ClientHandle, state: State, page: Client) -> bool:
 
 
 def seen(
-    handle: viser.ClientHandle, state: State, page: Client, covered: float = 0.0
-) -> np.ndarray:
-    """(nb,) which bodies a page has in its picture; none where it looks along the vertical."""
-    positions = poses(state)[0]
+    handle: viser.ClientHandle, state: State, page: Client, covered: float = 0.0,
+    tips: bool = False,
+) -> np.ndarray:  # fmt: skip
+    """(nb,) which bodies a page has in its picture, then which `tips`; none of them where it looks
+    along the vertical."""
+    positions, wxyz = poses(state)
+    if tips:
+        ends = np.array([state.model.body(name).tip_point for name in state.derived.names])
+        arms = np.einsum("nij,nj->ni", shapes.to_matrix(wxyz), ends.reshape(-1, 3))
+        positions = np.concatenate([positions, positions + arms])
     at = Viewpoint(np.asarray(handle.camera.position), np.asarray(handle.camera.look_at))
     up = np.array(GRID[state.model.up][1])
     way = (at.position - at.target) / np.linalg.norm(at.position - at.target)

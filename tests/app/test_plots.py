@@ -161,3 +161,25 @@ def test_a_ghost_is_drawn_beside(run, quadruped):
         state = update(state, event)
     sent = plots(state, state.clients[ME])["charts"][0]
     assert sent["ghost"] == sent["curves"]
+
+
+def test_the_force_of_what_is_off_is_said_and_no_curve():
+    """An axis of 1e-12 looked like a paw that carries nothing."""
+    ties = [
+        pg.Constraint(name=name, kind="point", body="1", active=name == "on")
+        for name in ("on", "off")
+    ]
+    model = pg.Model.serial(1).replace(constraints=ties)
+    state = update(initial(model), Connected(ME))
+    state = update(state, Simulate(ME))
+    never = {"coordinate": "1", "above": 3.0}
+    later = pg.Switch(constraint="off", active=True, when=never)
+    result = pg.simulate(pg.Mechanism(model), t_end=0.01, frames=3, step=2e-3, switches=[later])
+    state = update(state, Simulated(state.job.id, result))
+    for name in ("on", "off"):
+        state = update(state, Plot(ME, "constraint_force", name, True))
+    on, off = plots(state, state.clients[ME])["charts"]
+    assert on["curves"]
+    assert on["none"] == ""
+    assert off["curves"] == []
+    assert "0 throughout" in off["none"]
