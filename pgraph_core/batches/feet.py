@@ -44,11 +44,12 @@ def on_feet(stepper: Stepper) -> bool:
     ):
         return False
     each = len(np.unique(may.on_ground["shape"])) == len(may.on_ground) == len(shapes) <= CROWD
-    one = len(rows) > 2 and (rows[1:, at.PARENT] == 0).sum() == 1 and rows[1, at.KIND] != at.BALL
+    kinds, roots = rows[:, at.KIND], rows[1:, at.PARENT] == 0
+    one = len(rows) > 2 and roots.sum() == 1 and kinds[1] != at.BALL
     return bool(
         each
         and one
-        and (rows[2:, at.KIND] <= at.TRANSLATE).all()
+        and (kinds[2:] <= at.TRANSLATE).all()
         and np.isin(shapes["kind"], OF_VERTICES).all()
         and all(is_plain(row) for row in scene.drives.table)
     )
@@ -119,7 +120,8 @@ def joints_to_ground(rows: Ints, k: int) -> list[int]:
     joints: list[int] = []
     while k > 0:
         free = rows[k, at.KIND] == at.FREE
-        joints += range(rows[k, at.VI], rows[k, at.VI] + (6 if free else 1))
+        first = int(rows[k, at.VI])
+        joints += range(first, first + (6 if free else 1))
         k = 0 if free else int(rows[k, at.PARENT])
     return joints
 

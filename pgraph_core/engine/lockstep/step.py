@@ -386,7 +386,8 @@ def ask_user(run, b, w, h):
     this = opened_run(run)
     data, stages = opened(this.scene), this.stages
     nq, nv = size_of_state(run)
-    q, v, tau = stages[at.TRIAL, :nq], stages[at.TRIAL, nq : nq + nv], stages[at.TORQUE, :nv]
+    trial, tau = stages[at.TRIAL], stages[at.TORQUE, :nv]
+    q, v = trial[:nq], trial[nq : nq + nv]
     x, lane = b.vectors, b.lane[0]
     for i in range(nq):
         q[i] = x[NEW_Q, i, w]
@@ -432,6 +433,11 @@ def step_lanes(
         first += W
 
 
+@part
+def is_running(codes, i):
+    return codes[i] == at.RUNNING
+
+
 @sweep
 def step_block(
     run, advance, copy, own, numbers, memory, ways, near, drives, block, frames, state, tables,
@@ -446,20 +452,20 @@ def step_block(
     since, ways_on, swept, lane = state[0], state[1], state[2], s.lane[0]
     running = 0
     for i in range(first, end):
-        running += 1 if codes[i] == at.RUNNING else 0
+        running += 1 if is_running(codes, i) else 0
     for w in range(W):
         i = min(first + w, end - 1)
         since[w] = 0
         swept[w] = 0
         ways_on[w] = OUT
-        if first + w < end and codes[i] == at.RUNNING and running < LEAST:
+        if first + w < end and is_running(codes, i) and running < LEAST:
             load_run(copy, own, numbers, tables, kind, i)
             codes[i] = call_advance(advance, (run, n))
             exchange(copy, own, tables[0, 0] + i * tables[0, 1], True)
         elif running >= LEAST:
             load_run(copy, own, numbers, tables, kind, i)
             good = take_in(run, ways, drives, s, w, True)
-            if first + w < end and codes[i] == at.RUNNING:
+            if first + w < end and is_running(codes, i):
                 ways_on[w] = IN_LANES if good else BY_ITSELF
         lane[LIVES, w] = 1.0 if ways_on[w] == IN_LANES else 0.0
     if running < LEAST:
@@ -502,7 +508,7 @@ def step_block(
                 swept[w] = 0
                 good = take_in(run, ways, drives, s, w, False)
                 ways_on[w] = OUT
-                if codes[i] == at.RUNNING:
+                if is_running(codes, i):
                     ways_on[w] = IN_LANES if good else BY_ITSELF
                 lane[LIVES, w] = 1.0 if ways_on[w] == IN_LANES else 0.0
     for w in range(W):
