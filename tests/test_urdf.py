@@ -334,3 +334,48 @@ def test_load_says_what_is_left_out_and_convert_reports(tmp_path, capsys):
     assert pg.Model.load(tmp_path / "arm.json").bodies == model.bodies
     assert main(["convert", str(path), str(tmp_path / "arm.step")]) == 1
     assert ".urdf" in capsys.readouterr().err
+
+
+def test_check_names_what_an_import_loses_and_doubts(capsys, tmp_path):
+    """All that the report of the reader warns of or leaves out."""
+    origin = '<origin xyz="0 0 500" rpy="90 0 0"/>'
+    mesh = '<collision><geometry><mesh filename="/etc/passwd"/></geometry></collision>'
+    path = tmp_path / "far.urdf"
+    path.write_text(
+        robot(
+            link("a"),
+            link("b", INERTIAL + mesh),
+            joint("j", "a", "b", origin + '<mimic joint="zz"/>', kind="continuous"),
+        )
+    )
+    assert main(["check", str(path)]) == 0
+    said = capsys.readouterr().out
+    _, report = pg.read_urdf(path)
+    for part in ("'zz'", "/etc/passwd", "degrees", "500 m apart", "some of what acts is left out"):
+        assert part in said
+    for kind in ("warning", "left out"):
+        assert all(str(entry) in said for entry in report.of(kind))
+
+
+def test_every_fault_of_a_file_is_named(tmp_path):
+    """Names, ends, types, axes, numbers, sizes: ten faults, each with its line, at once."""
+    box = '<visual><geometry><box size="1 0 1"/></geometry></visual>'
+    path = tmp_path / "faults.urdf"
+    path.write_text(
+        robot(
+            link("a", INERTIAL.replace('"2"', '"heavy"') + box),
+            link("b", INERTIAL.replace('"2"', '"-2"')),
+            link("b"),
+            joint("j", "a", "zz", '<origin xyz="1 2"/>', kind="revolut"),
+            joint("j", "a", "b", '<axis xyz="0 0 0"/><dynamics damping="-1" friction="x"/>'),
+        )
+    )
+    with pytest.raises(pg.FileError) as refused:
+        pg.read_urdf(path)
+    faults = sorted((p.where.split(", ")[1], p.field) for p in refused.value.problems)
+    fields = [field for _, field in faults]
+    assert sorted(fields) == sorted(
+        ["value", "size", "mass", "name", "child", "type", "xyz", "name", "axis", "damping",
+         "friction"]
+    )  # fmt: skip
+    assert all(line.startswith("line ") for line, _ in faults)

@@ -12,6 +12,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_core import joints
 from pgraph_core.errors import FileError, ModelError, Problem
+from pgraph_core.model.files import FOREIGN
 
 from .terminal import Answer, Command, aligned, count, model_argument, model_path, open_model
 
@@ -136,13 +137,24 @@ def _listed(numbers: Any) -> str:
 
 
 def check(args: Namespace) -> Answer:
-    """Raises ModelError with all problems of the model and its meshes."""
-    model = open_model(args.model)
-    if found := mesh_problems(model):
-        raise ModelError(found)
-    lines = [f"{model.name}: no problem found", *(f"note: {text}" for text in model.doubts)]
-    notes = {"notes": model.doubts} if model.doubts else {}
-    return Answer({"problems": [], **notes}, "\n".join(lines))
+    """Raises PgraphError with all problems of the model and its meshes."""
+    path = model_path(args.model)
+    data: dict[str, Any] = {"problems": []}
+    if path.suffix.lower() in FOREIGN:
+        from pgraph_core.formats import read_model  # other formats need kernels
+
+        model, report = read_model(path)
+        notes = [str(e) for kind in ("warning", "left out") for e in report.of(kind)]
+        data |= {} if report.loaded else {"loaded": False}
+    else:
+        model, notes = pg.Model.load(path), list[str]()
+    if problems := mesh_problems(model):
+        raise ModelError(problems)
+    notes += model.doubts
+    data |= {"notes": notes} if notes else {}
+    found = "no problem found" if "loaded" not in data else "some of what acts is left out"
+    lines = [f"{model.name}: {found}", *(f"note: {text}" for text in notes)]
+    return Answer(data, "\n".join(lines))
 
 
 def mesh_problems(model: pg.Model) -> list[Problem]:

@@ -8,14 +8,23 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import numpy as np
 
-from ..errors import InputError, ModelError, Problem, choices, explained, shown
+from ..errors import (
+    FileError,
+    InputError,
+    ModelError,
+    PgraphError,
+    Problem,
+    choices,
+    explained,
+    shown,
+)
 from ..markup import Element, Source, read_markup
 from ..mesh_files import FORMATS
 from ..model import Body, Constraint, Force, Gear, Model, Motion, Motor
@@ -23,6 +32,7 @@ from ..model.fields import GROUND, name_problem
 from ..rotation import Quaternion, matrix, multiply, normals_of
 from .conversion import Folders, Report, reach_of, suspect_units, unphysical
 
+Value = TypeVar("Value")
 ZERO = (0.0, 0.0, 0.0)
 X = (1.0, 0.0, 0.0)
 JOINTS = {
@@ -80,12 +90,15 @@ class _Reader:
     def __init__(self, path: Path, robot: Element, folders: Folders, base: str):
         self.source, self.robot, self.folders, self.base = Source(path.name), robot, folders, base
         self.report = Report(path.name)
+        self.faults: list[PgraphError] = []
         if robot.tag != "robot":
             text = f"holds <{robot.tag}>, not the <robot> of a URDF file"
             do = "; give it to read_mjcf" if robot.tag == "mujoco" else ""
             raise self.source.wrong(robot, "", text + do)
-        self.links = self._named("link")
-        if not self.links:
+        self.links: dict[str, Element] = {}
+        for name, element in self._named("link"):
+            self.links.setdefault(name, element)
+        if not (self.links or self.faults):
             raise self.source.wrong(robot, "", "has no link; a robot needs at least one")
         self.joints = self._joints()
         self.colours = {
@@ -94,16 +107,24 @@ class _Reader:
 
     def result(self) -> tuple[Model, Report]:
         """The model and the report."""
-        order = self._order()
+        self.joint_of = {joint.child: joint for joint in self.joints}
+        order = [*self.links]
+        if not self.faults:  # the names that make the tree are sound
+            order = self._noted(order, self._order)
         place = {link: k for k, link in enumerate(order)}
         self.joints.sort(key=lambda joint: place[joint.child])
-        bodies = [self._body(link) for link in order if not self._is_ground(link)]
+        links = (link for link in order if not self._is_ground(link))
+        bodies = [body for link in links if (body := self._noted(None, self._body, link))]
         fields: dict[str, Any] = {
             "name": self.robot.get("name") or Path(self.source.name).stem,
             "bodies": bodies,
-            "constraints": [*self._mimics(), *self._loops()],
-            "forces": self._motors(),
+            "constraints": [*self._noted([], self._mimics), *self._noted([], self._loops)],
+            "forces": self._noted([], self._motors),
         }
+        if self.faults:
+            of_model = all(isinstance(fault, ModelError) for fault in self.faults)
+            found = [problem for fault in self.faults for problem in fault.problems]
+            raise (ModelError if of_model else FileError)(found)
         self._left_out()
         try:
             model = Model(**fields)
@@ -117,50 +138,78 @@ class _Reader:
         self.report.add("read", self.source.name, text)
         return model, self.report
 
+    # -- faults: all are found before the file is refused ----------------------------------------
+
+    def _noted(self, otherwise: Value, read: Callable[..., Value], *given: Any) -> Value:
+        """read(*given); `otherwise` where it refuses, which is kept for the end."""
+        try:
+            return read(*given)
+        except PgraphError as fault:
+            self.faults.append(fault)
+            return otherwise
+
+    def _wrong(self, element: Element, field: str, text: str, what: str) -> None:
+        self.faults.append(self.source.wrong(element, field, text, what))
+
+    def _numbers(
+        self, element: Element | None, name: str, default: tuple[float, ...], what: str
+    ) -> tuple[float, ...]:
+        return self._noted(default, self.source.numbers, element, name, default, what)
+
+    def _number(self, element: Element | None, name: str, default: float, what: str) -> float:
+        return self._numbers(element, name, (default,), what)[0]
+
     # -- the tree --------------------------------------------------------------------------------
 
-    def _named(self, tag: str) -> dict[str, Element]:
-        found: dict[str, Element] = {}
+    def _named(self, tag: str) -> list[tuple[str, Element]]:
+        """The elements of a tag with their names, also where a name is there twice: a fault."""
+        first: dict[str, Element] = {}
+        found: list[tuple[str, Element]] = []
         for element in self.robot.all(tag):
             name = element.get("name")
+            found.append((name, element))
             if problem := name_problem(name):
-                raise self.source.wrong(element, "name", problem, tag)
-            if name in found:
-                text = f"a {tag} of this name stands in line {found[name].line} already"
-                raise self.source.wrong(element, "name", text, f"{tag} {shown(name)}")
-            found[name] = element
+                self._wrong(element, "name", problem, tag)
+            elif (other := first.setdefault(name, element)) is not element:
+                text = f"a {tag} of this name stands in line {other.line} already"
+                self._wrong(element, "name", text, f"{tag} {shown(name)}")
         return found
 
     def _joints(self) -> list[_Joint]:
         joints: list[_Joint] = []
         parent_of: dict[str, _Joint] = {}
-        for name, element in self._named("joint").items():
-            what = f"joint {shown(name)}"
+        for name, element in self._named("joint"):
+            what, sound = f"joint {shown(name)}", True
             ends: list[str] = []
             for side in ("parent", "child"):
                 end = element.first(side)
                 link = end.get("link") if end is not None else ""
                 if link not in self.links:
                     text = f"must name a link; given {shown(link)}"
-                    raise self.source.wrong(end or element, side, text, what)
+                    self._wrong(end or element, side, text, what)
+                    sound = False
                 ends.append(link)
             if element.get("type") not in JOINTS:
                 text = f"must be one of {', '.join(JOINTS)}; given {shown(element.get('type'))}"
-                raise self.source.wrong(element, "type", text, what)
+                self._wrong(element, "type", text, what)
+                sound = False
+            if not sound:
+                self._pose(element, what)
+                self._axis(element, what)
+                continue
             joint = _Joint(element, name, *ends)
             if (other := parent_of.get(joint.child)) is not None:
                 text = (
                     f"link {shown(joint.child)} is the child of joint {shown(other.name)} in line "
                     f"{other.element.line} too; close the loop by a <loop_joint> instead"
                 )
-                raise self.source.wrong(element, "child", text, what)
+                self._wrong(element, "child", text, what)
             parent_of[joint.child] = joint
             joints.append(joint)
         return joints
 
     def _order(self) -> list[str]:
         """Links from the root on, depth-first. Raises FileError for two roots and for cycles."""
-        self.joint_of = {joint.child: joint for joint in self.joints}
         roots = [name for name in self.links if name not in self.joint_of]
         if len(roots) > 1:
             named = choices(f"{name!r} (line {self.links[name].line})" for name in roots)
@@ -201,7 +250,9 @@ class _Reader:
 
     # -- one link with its joint -----------------------------------------------------------------
 
-    def _body(self, link: str) -> Body:
+    def _body(self, link: str) -> Body | None:
+        """The body of a link; None where what is wrong with it is noted."""
+        faults = len(self.faults)
         element, joint = self.links[link], self.joint_of.get(link)
         what = f"link {shown(link)}"
         name = self._body_name(link)
@@ -221,6 +272,8 @@ class _Reader:
             self.report.add("converted", where, text, part=name)
         fields |= self._inertial(element, what, name, fields["joint"] == "weld")
         fields["shapes"] = self._shapes(element, what, name)
+        if len(self.faults) > faults:
+            return None
         try:
             return Body(**fields)
         except ModelError as error:
@@ -229,11 +282,11 @@ class _Reader:
     def _pose(self, element: Element, what: str) -> tuple[tuple[float, ...], Quaternion]:
         """(xyz, quaternion) of <origin>."""
         origin = element.first("origin")
-        xyz = self.source.numbers(origin, "xyz", ZERO, what)
+        xyz = self._numbers(origin, "xyz", ZERO, what)
         if origin is not None and "quat_xyzw" in origin.attributes:  # URDF 1.2
-            x, y, z, w = self.source.numbers(origin, "quat_xyzw", (0.0, 0.0, 0.0, 1.0), what)
+            x, y, z, w = self._numbers(origin, "quat_xyzw", (0.0, 0.0, 0.0, 1.0), what)
             return xyz, upright((w, x, y, z))
-        rpy = self.source.numbers(origin, "rpy", ZERO, what)
+        rpy = self._numbers(origin, "rpy", ZERO, what)
         if origin is not None and max(map(abs, rpy)) > 4 * math.pi:
             text = f"rpy {shown(rpy)} is many turns: is it in degrees? URDF has radians"
             self.report.add("warning", self.source.at(origin, what), text)
@@ -251,10 +304,7 @@ class _Reader:
         }
         if kind in ("fixed", "floating"):
             return fields
-        axis = self.source.numbers(element.first("axis"), "xyz", X, what)
-        if not 1e-9 < math.hypot(*axis) < 1e9:
-            text = f"must not be zero; given {shown(axis)}"
-            raise self.source.wrong(element.first("axis") or element, "axis", text, what)
+        axis = self._axis(element, what)
         if abs(math.hypot(*axis) - 1.0) > 1e-6:
             text = f"the axis {shown(axis)} is taken at length one"
             self.report.add("converted", self.source.at(element, what), text)
@@ -266,12 +316,20 @@ class _Reader:
         fields["axes"] = [axis]
         dynamics = element.first("dynamics")
         for name in ("damping", "friction"):
-            value = self.source.number(dynamics, name, 0.0, what)
+            value = self._number(dynamics, name, 0.0, what)
             if value < 0:
                 text = f"must be >= 0; given {shown(value)}"
-                raise self.source.wrong(dynamics or element, name, text, what)
+                self._wrong(dynamics or element, name, text, what)
             fields[name] = value
         return fields | self._limits(joint, kind, what)
+
+    def _axis(self, element: Element, what: str) -> tuple[float, ...]:
+        axis = self._numbers(element.first("axis"), "xyz", X, what)
+        if 1e-9 < math.hypot(*axis) < 1e9:
+            return axis
+        text = f"must not be zero; given {shown(axis)}"
+        self._wrong(element.first("axis") or element, "axis", text, what)
+        return X
 
     def _limits(self, joint: _Joint, kind: str, what: str) -> dict[str, Any]:
         limit = joint.element.first("limit")
@@ -282,8 +340,8 @@ class _Reader:
             text = f"a {kind} joint should have limits; it has none and moves freely here"
             self.report.add("warning", where, text, part=joint.child)
             return {}
-        low = self.source.number(limit, "lower", 0.0, what)
-        high = self.source.number(limit, "upper", 0.0, what)
+        low = self._number(limit, "lower", 0.0, what)
+        high = self._number(limit, "upper", 0.0, what)
         if low == high == 0.0:
             text = "the limits 0 and 0 would hold the joint; it is taken to have none"
             self.report.add("converted", where, text, part=joint.child)
@@ -308,13 +366,13 @@ class _Reader:
                 self.report.add("warning", self.source.at(element, what), text, part=name)
             return none
         com, turn = self._pose(inertial, what)
-        mass = self.source.number(inertial.first("mass"), "value", 0.0, what)
+        mass = self._number(inertial.first("mass"), "value", 0.0, what)
         if mass < 0:
             text = f"must be >= 0 [kg]; given {shown(mass)}"
-            raise self.source.wrong(inertial.first("mass") or inertial, "mass", text, what)
+            self._wrong(inertial.first("mass") or inertial, "mass", text, what)
         given = inertial.first("inertia")
         names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        xx, xy, xz, yy, yz, zz = (self.source.number(given, n, 0.0, what) for n in names)
+        xx, xy, xz, yy, yz, zz = (self._number(given, n, 0.0, what) for n in names)
         R = matrix(turn)
         inertia = R @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ R.T
         inertia = (inertia + inertia.T) / 2
@@ -329,7 +387,7 @@ class _Reader:
         shapes: list[dict[str, Any]] = []
         for role in ("visual", "collision"):
             for element in link.all(role):
-                shape = self._shape(element, what, name, role)
+                shape = self._noted(None, self._shape, element, what, name, role)
                 if shape is None:
                     continue
                 twin = next((s for s in shapes if self._same(s, shape)), None)
@@ -398,7 +456,7 @@ class _Reader:
             text = f"mesh {shown(given)}: {path.suffix} files are not read; give {choices(FORMATS)}"
             self.report.add("left out", where, text, acts=acts, part=name)
             return None
-        scale = self.source.numbers(solid, "scale", (1.0, 1.0, 1.0), what)
+        scale = self._numbers(solid, "scale", (1.0, 1.0, 1.0), what)
         if not all(1e-9 < abs(x) < 1e9 for x in scale):
             text = f"must be three numbers that are not zero; given {shown(scale)}"
             raise self.source.wrong(solid, "scale", text, what)
@@ -414,7 +472,7 @@ class _Reader:
         colour = material.first("color")
         if colour is None:
             return None
-        rgba = self.source.numbers(colour, "rgba", (1.0, 1.0, 1.0, 1.0), "material")
+        rgba = self._numbers(colour, "rgba", (1.0, 1.0, 1.0, 1.0), "material")
         return tuple(min(max(x, 0.0), 1.0) for x in rgba)
 
     def _colour(self, visual: Element) -> tuple[float, ...] | None:
@@ -438,8 +496,8 @@ class _Reader:
                 text = f"<mimic> names {shown(mimic.get('joint'))}, which is no other joint"
                 self.report.add("left out", where, text, acts=True, part=joint.child)
                 continue
-            ratio = self.source.number(mimic, "multiplier", 1.0, what)
-            offset = self.source.number(mimic, "offset", 0.0, what)
+            ratio = self._number(mimic, "multiplier", 1.0, what)
+            offset = self._number(mimic, "offset", 0.0, what)
             single = ("revolute", "continuous", "prismatic")
             kinds = [each.element.get("type") for each in (joint, leader)]
             if kinds[0] not in single or (kinds[1] not in single and ratio):
@@ -460,21 +518,25 @@ class _Reader:
     def _loops(self) -> list[Constraint]:
         """<loop_joint>s: a joint of the type holds the poses on <link1> and <link2> together."""
         found: list[Constraint] = []
-        for name, element in self._named("loop_joint").items():
+        for name, element in self._named("loop_joint"):
             what, kind = f"loop_joint {shown(name)}", LOOPS.get(element.get("type"))
             if kind is None:
                 text = f"must be one of {', '.join(LOOPS)}; given {shown(element.get('type'))}"
-                raise self.source.wrong(element, "type", text, what)
+                self._wrong(element, "type", text, what)
+                continue
             ends: list[tuple[str, tuple[float, ...], Quaternion]] = []
             for side in ("link1", "link2"):
                 end = element.first(side)
                 link = end.get("link") if end is not None else ""
                 if end is None or link not in self.links:
-                    raise self.source.wrong(element, side, "must name a link", what)
-                xyz = self.source.numbers(end, "xyz", ZERO, what)
-                rpy = quaternion_of_rpy(self.source.numbers(end, "rpy", ZERO, what))
+                    self._wrong(element, side, "must name a link", what)
+                    continue
+                xyz = self._numbers(end, "xyz", ZERO, what)
+                rpy = quaternion_of_rpy(self._numbers(end, "rpy", ZERO, what))
                 ends.append((self._body_name(link), xyz, rpy))
-            axis = self.source.numbers(element.first("axis"), "xyz", X, what)
+            axis = self._numbers(element.first("axis"), "xyz", X, what)
+            if len(ends) < 2:
+                continue
             (body, point, turn), (other, other_point, other_turn) = ends
             fields = {"name": name, "kind": kind, "body": body, "other": other}
             fields |= {"point": point, "other_point": other_point}
@@ -494,8 +556,8 @@ class _Reader:
             if limit is None or kind not in ("revolute", "continuous", "prismatic"):
                 continue
             what = f"joint {shown(joint.name)}"
-            effort = self.source.number(limit, "effort", 0.0, what)
-            speeds += self.source.number(limit, "velocity", 0.0, what) > 0
+            effort = self._number(limit, "effort", 0.0, what)
+            speeds += self._number(limit, "velocity", 0.0, what) > 0
             if effort > 0 and joint.element.first("mimic") is None:
                 body = self._body_name(joint.child)
                 found.append(Motor(name=joint.name, body=body, torque=0.0, torque_limit=effort))
