@@ -294,8 +294,8 @@ class Parts:
         if lifted:
             text = (
                 f"gravcomp of {choices(map(shown, lifted))}: wrenches, which act in runs, in "
-                "`linearise` and in `equilibrium`; not in `forward_dynamics`, `inverse_dynamics` "
-                "and `constrained_dynamics`, which take them as `external`"
+                "`linearise` and in `equilibrium`; not in `constrained_dynamics`, nor in "
+                "`forward_dynamics` and `inverse_dynamics`, which take them as `external`"
             )
             self.report.add("converted", self.reader.path.name, text)
 
