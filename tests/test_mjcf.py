@@ -626,3 +626,12 @@ def test_a_written_file_that_mujoco_refuses_says_so_first_and_how_to_repair_it(t
     assert main(["convert", str(tmp_path / "arm.json"), str(path), "--repair"]) == 0
     mujoco.MjModel.from_xml_path(str(path))
     assert "refuse" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("margin", "gap", "named"), [(0.02, 0.0, True), (0.02, 0.02, False)])
+def test_contacts_that_push_before_they_touch_are_named(tmp_path, margin, gap, named):
+    text = f"""<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
+<body pos="0 0 1"><freejoint/><geom size="0.1" margin="{margin}" gap="{gap}"/></body>
+</worldbody></mujoco>"""
+    _, report = read(tmp_path, text)
+    assert ("margin" in str(report)) == named

@@ -628,6 +628,14 @@ class Parts:
         if found:
             text = "contacts are rigid: MuJoCo's solref and solimp make them soft"
             self.report.add("approximated", self.reader.path.name, text)
+        touching = (m.geom_contype | m.geom_conaffinity) > 0
+        wide = int((touching & (m.geom_margin > m.geom_gap)).sum())
+        wide += int((m.pair_margin > m.pair_gap).sum())
+        if found and wide:
+            text = (
+                f"{wide} geoms or pairs push before they touch, by their margin: here they do not"
+            )
+            self.report.add("approximated", self.reader.path.name, text)
         return {pair: max(laws) for pair, laws in found.items()}
 
     def _pair(self, names: list[str], g: int, h: int, a: int, b: int) -> tuple[str, str] | None:

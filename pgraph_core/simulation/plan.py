@@ -399,8 +399,10 @@ def by_names(
 ) -> tuple[Any, Any]:
     """(q, v), where one is {body: value or values} as an array, the rest at the initial state.
 
-    Raises InputError for names without a joint that moves, and for other counts of values.
+    Raises InputError for names without a joint that moves, for other counts of values, and for
+    lists where the order of the numbers is not the order of the bodies.
     """
+    _in_order(mech, q=q, v=v)
     named = [names_in(x) if x is not None else None for x in (q, v)]
     if named == [None, None]:
         return q, v
@@ -419,12 +421,28 @@ def torques_by_names(mech: Mechanism, tau: Any) -> Any:
 
     Raises InputError.
     """
+    _in_order(mech, tau=tau)
     entries = None if tau is None or callable(tau) else names_in(tau)
     if entries is None:
         return tau
     found = np.zeros(mech.nv)
     _fill(mech, found, entries, "tau")
     return found
+
+
+def _in_order(mech: Mechanism, **given: Any) -> None:
+    """Refuse lists typed in a model whose numbers count other than its bodies are listed."""
+    typed = [name for name, value in given.items() if isinstance(value, (list, tuple)) and value]
+    if not typed:
+        return
+    listed = [body.name for body in mech.model.bodies if body.name in mech.joints]
+    numbered = list(mech.joints)
+    if listed != numbered:
+        what = f"a list counts joints as they are numbered, {', '.join(numbered[:6])}"
+        more = ", ..." if len(numbered) > 6 else ""
+        reason = f"{what}{more}, and this model lists its bodies otherwise"
+        cure = "give {body: value}, or a numpy array if that order is meant"
+        raise InputError(Problem("state", typed[0], f"{reason}; {cure}"))
 
 
 def _fill(mech: Mechanism, state: Array, entries: Mapping[str, Any], kind: str) -> None:

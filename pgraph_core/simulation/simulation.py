@@ -56,8 +56,9 @@ def simulate(
     """Simulate a mechanism, or a model, from `t_start` to `t_end` [s].
 
     Starts at (q, v), by default at the initial state of the scenario or of the model. Each is an
-    array (nq,), (nv,) or {body: value or values}, a dictionary or a row of pandas, which leaves the
-    others there.
+    array (nq,), (nv,) in the order of `mech.names`, or {body: value or values}, a dictionary or a
+    row of pandas, which leaves the others there. A list is refused where the model lists its bodies
+    in another order.
 
     Torques and forces: `tau` is an array (nv,), {body: value or values}, or a function f(t, q, v)
     that is called at every stage; compiled by `numba.njit` it costs a hundredth of a Python

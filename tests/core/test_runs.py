@@ -301,3 +301,21 @@ def test_csv_names_every_column_with_its_unit():
     assert len(names) == 6 + 8 + 7 + 7
     assert len(rows) == len(run.t)
     assert float(rows[-1].split(",")[names.index("slide [m]")]) == run.q[-1, 7]
+
+
+# -- lists that count otherwise than the table ---------------------------------------------------
+
+
+@pytest.mark.parametrize("given", ["q", "v", "tau"])
+def test_a_typed_list_is_refused_where_the_table_has_another_order(given):
+    """Rows a, b, c where c is a child of a: numbers count a, c, b."""
+    at_origin = {"tip": (1, 0, 0), "mass": 1.0}
+    bodies = [pg.Body(name="a", **at_origin), pg.Body(name="b", **at_origin)]
+    model = pg.Model(bodies=[*bodies, pg.Body(name="c", parent="a", **at_origin)])
+    with pytest.raises(pg.InputError, match="a, c, b"):
+        pg.simulate(model, t_end=0.01, **{given: [0.1, 0.2, 0.3]})
+    by_name = pg.simulate(model, t_end=0.01, **{given: {"a": 0.1, "b": 0.2, "c": 0.3}})
+    array = pg.simulate(model, t_end=0.01, **{given: np.array([0.1, 0.3, 0.2])})
+    assert np.array_equal(by_name.q, array.q)
+    serial = pg.Model(bodies=bodies)
+    assert pg.simulate(serial, t_end=0.01, **{given: [0.1, 0.2]}).status.ok
