@@ -171,7 +171,9 @@ class Model(World):
         if what == "digraph":
             files.write_digraph(self, path, size=size)
         else:
-            files.write_view(self, path, size=size or (1280, 720), view=view, dark=dark)
+            files.write_view(
+                self, path, size=(1280, 720) if size is None else size, view=view, dark=dark
+            )
 
     # -- reading -----------------------------------------------------------------------------
 

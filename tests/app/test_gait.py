@@ -129,7 +129,7 @@ def test_what_the_page_shows_is_what_the_csv_says():
         own = [(t, code) for k, t, code in shown["changes"] if k == number]
         counted = sum(e.contact == foot for e in state.last_run.result.events)
         assert len(own) == counted + 1
-        for t, phase in zip(map(float, table["t [s]"]), table[f"{foot} phase"]):
+        for t, phase in zip(map(float, table["t [s]"]), table[f"phases.{foot}"]):
             now = [code for at, code in own if at <= t + 1e-9]
             assert shown["phases"][now[-1]] == phase
 
@@ -143,7 +143,7 @@ def test_the_arrows_are_the_forces_of_the_csv():
     arrows = marks.pushes(state, positions, to_matrix(wxyz))
     names = list(state.last_run.result.contact_force)
     for name, push in zip(names, arrows):
-        said = [float(rows[k][head.index(f"{name} F{axis} [N]")]) for axis in "xyz"]
+        said = [float(rows[k][head.index(f"contact_force.{name}.{axis} [N]")]) for axis in "xyz"]
         assert push.force.tolist() == pytest.approx(said)
 
 
