@@ -5,6 +5,7 @@ With time stepping, phases come from a log of changes, good to one step.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -155,6 +156,7 @@ def contact_notices(
         )
     found += limits_passed(mech, tables, active, t, q)
     found += pressed(mech, tables, frames[2][0])
+    found += bounced(mech, tables)
     found += sunk(mech, tables, active, *frames)
     if unlogged:
         found.append(f"{unlogged} changes of contacts' phases were too many to log")
@@ -305,6 +307,35 @@ def pressed(mech: Mechanism, tables: Tables, gap: Array) -> list[str]:
                 "apart and takes many steps; start without overlap, or give less stiffness"
             )
     return found
+
+
+def bounced(mech: Mechanism, tables: Tables) -> list[str]:
+    """A notice where a soft contact gives about the restitution asked for, not exactly.
+
+    A body of a tree counts as a point with the mass of the tree, and each pair by itself.
+    """
+    soft = [
+        pair for pair in tables.touches
+        if pair.contact.law == "soft" and pair.contact.damping is None and pair.contact.restitution
+    ]  # fmt: skip
+    shapes, names = tables.geometry.shapes, mech.names
+    tied = {names[n - 1] for n in shapes["body"][shapes["alone"] == 0] if n > 0}
+    slides = {
+        b.name for b in mech.model.bodies
+        if b.parent == GROUND and {m.kind for m in b.sequence} == {"translate"}
+    }  # fmt: skip
+    carried = tied - (slides - {b.parent for b in mech.model.bodies})
+    held = Counter(name for pair in soft for name in pair[1:3] if name != GROUND)
+    for pair in soft:
+        ours = [name for name in pair[1:3] if name in held and name != EVERY]
+        why = next((f"'{n}' is a body of a tree" for n in ours if n in carried), "")
+        why = why or next((f"'{n}' has {held[n]} soft contacts" for n in ours if held[n] > 1), "")
+        if why:
+            return [
+                f"contact '{pair.contact.name}': {why}, so that its restitution is about "
+                f"{pair.contact.restitution:g}, at any speed; by law 'complementarity' it is exact"
+            ]
+    return []
 
 
 def sunk_through(mech: Mechanism, idle: Sequence[Contact], q: Array) -> list[str]:

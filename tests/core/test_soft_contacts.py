@@ -239,3 +239,21 @@ def test_a_mesh_that_its_hull_fills_is_said(tmp_path):
         model = pg.Model(bodies=(body,), contacts=(pg.Contact(name="f", body="b"),))
         run = pg.simulate(model, t_end=1e-3, step=1e-3, frames=2, estimate=False)
         assert any("the mesh of 'b' touches by its convex hull" in n for n in run.notices) == said
+
+
+@pytest.mark.parametrize(
+    ("tied", "feet", "told"), [(False, 1, False), (True, 1, True), (False, 2, True)]
+)
+def test_a_restitution_that_is_only_near_is_told(tied, feet, told):
+    """Exact for a free body on one contact; about it in a tree and on several contacts."""
+    box = {"mass": 1.0, "inertia": np.eye(3) * 2e-3, "shape": {"kind": "box", "size": (0.1,) * 3}}
+    bodies = [pg.Body(name="box", joint="free", link=(0, 0, 0.06), **box)]
+    if tied:
+        bodies.append(pg.Body(name="arm", parent="box", tip=(0.1, 0, 0), mass=0.5))
+    soft = {"body": "box", "law": "soft", "restitution": 0.5}
+    sets = [{"name": "all"}] if feet == 1 else [
+        {"name": f"foot {x}", "points": [(x, 0, -0.05)]} for x in (-0.05, 0.05)
+    ]  # fmt: skip
+    model = pg.Model(bodies=bodies, contacts=[pg.Contact(**soft, **one) for one in sets])
+    run = pg.simulate(model, t_end=0.1, estimate=False)
+    assert any("restitution is about" in notice for notice in run.notices) == told
