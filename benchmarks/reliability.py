@@ -253,6 +253,9 @@ def kill_once(rng: random.Random, folder: Path, port: int) -> Counter[str]:
     if copy.exists():
         checks.append((copy.read_text("utf-8"), [s for s in edits if s <= saves[max(saved)]]
                        if saved else []))  # fmt: skip
+    elif saved:
+        found["edits_lost"] += len([s for s in edits if s <= saves[max(saved)]]) or 1
+        print(f"a save was acknowledged and no copy is there: {saved}", flush=True)
     if edits and not kept:
         found["edits_lost"] += len(edits)
         print(f"no file is kept: taken {taken}, sent {max(sent)}, saves {saves}", flush=True)

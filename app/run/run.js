@@ -44,7 +44,7 @@
     const keep = [["csv", "CSV", "Everything over time as a table"], ["npz", "NPZ", "The run with its model, for Python"],
       ["html", "HTML", "The animation as one file that any browser plays"],
       ["live", "Living figure", "One file in which the reader runs the mechanism, pulls on it and changes its masses"],
-      ["png", "Picture", "The mechanism as it is shown, as PNG"], ["svg", "SVG", "The same for print, which scales without loss"],
+      ["png", "Picture", "The mechanism at the time shown, from the standard view, as PNG"], ["svg", "SVG", "The same for print, which scales without loss"],
       ["mp4", "Film", "The run as MP4, which any player shows"], ["gif", "GIF", "The run as GIF, for slides and mails"]];
     return make("div", { className: "after", hidden: true },
       button("continue", "Continue", "Go on from the end for as long again", () => now("Continue")),

@@ -145,10 +145,11 @@ def cost(result: Any) -> str:
 
 
 class ExportView:
-    """Makes the file in a thread and sends it to the page that asked."""
+    """Makes the file in a thread and sends it to the page that asked; one at a time for a page."""
 
     def __init__(self, bridge: Bridge):
         self._bridge = bridge
+        self._busy: set[int] = set()  # pages whose file is being made
 
     def render(self, old: State, new: State) -> None:
         asked = new.exporting
@@ -161,7 +162,12 @@ class ExportView:
         handle = self._bridge.server.get_clients().get(asked.client)
         if handle is None:
             return
+        if asked.client in self._busy:
+            text = "The file asked for before is still being made; ask again when it has come."
+            handle.add_notification("Not exported", text, color=(200, 60, 50))
+            return
         name = re.sub(r"[^\w-]+", "_", asked.run.model.name) or "run"
+        self._busy.add(asked.client)
         try:
             suffix, content = made(asked)
         except Exception as error:  # shown on the page: the session goes on
@@ -169,6 +175,8 @@ class ExportView:
                 "Not exported", f"{type(error).__name__}: {error}", color=(200, 60, 50)
             )
             return
+        finally:
+            self._busy.discard(asked.client)
         handle.send_file_download(f"{name}.{suffix}", content, save_immediately=True)
 
 

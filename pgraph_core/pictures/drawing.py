@@ -19,6 +19,7 @@ CREASE = 0.6  # [rad] between faces whose edge is seen
 TILT = (-0.45, 0.25, 1.0)  # of the sun, as parts along right, towards the viewer, and up
 AROUND = 0.55  # of the sun's light: what comes from all around
 MOST_PIXELS = 8192  # each way
+MOST_IN_ALL = 4096 * 4096  # pixels of a picture: about 2 GB while it is drawn
 LEAST_PIXELS = 16
 
 
@@ -190,6 +191,9 @@ def checked_size(size: Any) -> tuple[int, int]:
         text = (
             f"must be (width, height), {LEAST_PIXELS} to {MOST_PIXELS} pixels each; given {size!r}"
         )
+        raise InputError(Problem("picture", "size", text))
+    if width * height > MOST_IN_ALL:
+        text = f"has {width * height:.3g} pixels, {MOST_IN_ALL:.3g} at most; given {size!r}"
         raise InputError(Problem("picture", "size", text))
     return width, height
 

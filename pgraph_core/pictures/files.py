@@ -28,6 +28,7 @@ from .vector import view_svg
 
 DPI = 100  # of plots: their size is in pixels
 MOST_FRAMES = 20_000  # of a film
+MOST_OF_A_GIF = 1e9  # pixels of all its frames, a byte each, which are kept until it is written
 GIF_RATES = (50, 33, 25, 20, 10, 5, 2, 1)  # frames a second that viewers of GIF keep
 QUALITY = "20"  # constant rate factor of x264: 18 looks like the original, 28 is coarse
 Progress = Callable[[float], Any] | None
@@ -126,7 +127,11 @@ def write_film(
     if count > MOST_FRAMES:
         text = f"would have {count} frames, {MOST_FRAMES} at most: lower fps or raise speed"
         raise InputError(Problem("to_film", "fps", text))
-    film = (_Gif if suffix == ".gif" else _Mp4)(checked_size(size), fps)
+    width, height = checked_size(size)
+    if suffix == ".gif" and count * width * height > MOST_OF_A_GIF:
+        text = f"would have {count} frames of {width} x {height} pixels, too much for a GIF"
+        raise InputError(Problem("to_film", "size", f"{text}: give a smaller size, or .mp4"))
+    film = (_Gif if suffix == ".gif" else _Mp4)((width, height), fps)
     drawing = Drawing(run.mechanism, poses, size, view=view, dark=dark)
     for k in range(count):
         time = min(times[0] + k / fps * speed, times[-1])

@@ -40,20 +40,30 @@ def columns_of(run: Any) -> dict[str, Column]:
 
     A coordinate or an output whose name another column has is called `q.NAME`, `outputs.NAME`.
     """
-    found = {"t": Column("s", run.t)}
     positions, speeds = coordinates(run.mechanism)
-    reserved = {"t", *LEDGER, *(f"{kind}.{place}" for kind in ("v", "vdot") for place, _ in speeds)}
+    rates: dict[str, Column] = {}
+    for kind, per, array in (("v", "/s", run.v), ("vdot", "/s^2", run.vdot)):
+        rates |= {f"{kind}.{x}": Column(u + per, a) for (x, u), a in zip(speeds, array.T)}
+    rates |= {name: Column("J", getattr(run, name)) for name in LEDGER}
+    forces = _forces(run)
+    reserved = {"t", *rates, *forces}
+    found = {"t": Column("s", run.t)}
     for (place, unit), x in zip(positions, run.q.T):
         taken = {place, place.rpartition(".")[0]} & reserved
         found[f"q.{place}" if taken else place] = Column(unit, x)
-    for kind, per, array in (("v", "/s", run.v), ("vdot", "/s^2", run.vdot)):
-        found |= {f"{kind}.{x}": Column(u + per, a) for (x, u), a in zip(speeds, array.T)}
-    found |= {name: Column("J", getattr(run, name)) for name in LEDGER}
+    found |= rates
     for o in run.mechanism.model.outputs:
         values = run.outputs[o.name].reshape(len(run.t), -1).T
         for part, x in zip(o.reading.parts, values):
             name = ".".join(filter(None, (o.name, part)))
-            found[f"outputs.{name}" if name in found else name] = Column(o.reading.unit, x)
+            taken = name in found or name in forces
+            found[f"outputs.{name}" if taken else name] = Column(o.reading.unit, x)
+    return found | forces
+
+
+def _forces(run: Any) -> dict[str, Column]:
+    """Those of constraints, contacts and limits, and the contacts' phases."""
+    found: dict[str, Column] = {}
     for name, force in run.constraint_force.items():
         found |= _along_axes(f"constraint_force.{name}", force)
     touched = run.contacts

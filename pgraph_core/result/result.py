@@ -65,6 +65,9 @@ class Status(Enum):
         return self in (Status.DONE, Status.STOPPED)
 
 
+FORMULA = ("=", "+", "-", "@", "\t", "\r")  # a cell that begins so is calculated
+
+
 @guarded(other="a run does not change; dataclasses.replace(run, q=...) makes another one")
 @explained
 @dataclass(frozen=True, eq=False)
@@ -479,11 +482,15 @@ class Result(EqualByFields, Hinting):
         return cls(mech, status, **loaded, **given)
 
     def to_csv(self) -> str:
-        """The columns of `columns` as CSV; the first line has their units: "knee [rad]"."""
+        """The columns of `columns` as CSV; the first line has their units: "knee [rad]".
+
+        A name that a spreadsheet would take for a formula begins with a quote.
+        """
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         columns = columns_of(self)
-        writer.writerow(f"{name} [{c.unit}]" if c.unit else name for name, c in columns.items())
+        heads = (f"{name} [{c.unit}]" if c.unit else name for name, c in columns.items())
+        writer.writerow(f"'{head}" if head[:1] in FORMULA else head for head in heads)
         writer.writerows(zip(*(c.values.tolist() for c in columns.values())))
         return text.getvalue()
 

@@ -237,15 +237,19 @@ def figure(t: np.ndarray, columns: Mapping[str, tuple[str, np.ndarray]], title: 
         figsize=(7.0, 1.2 + 2.0 * len(panels)),
     )  # fmt: skip
     for axis, (unit, members) in zip(axes[:, 0], panels.items()):
-        for name, values in members.items():
-            axis.plot(t, values, label=name)
+        lines = [axis.plot(t, x, label=name)[0] for name, x in members.items()]
         axis.set_ylabel(f"[{unit}]" if unit else "")
         axis.grid(alpha=0.3)
         if len(members) <= 12:
-            axis.legend(fontsize="small")
+            axis.legend(lines, [_plain(name) for name in members], fontsize="small")
     axes[-1, 0].set_xlabel("t [s]")
     if title:
-        drawn.suptitle(title)
+        drawn.suptitle(_plain(title))
     if pyplot.get_backend().lower() == "agg" or "inline" in pyplot.get_backend():
         pyplot.close(drawn)  # a notebook shows what is returned, and once is enough
     return drawn
+
+
+def _plain(text: str) -> str:
+    """Text as matplotlib shows it, none of it taken for mathematics."""
+    return text.replace("$", r"\$")

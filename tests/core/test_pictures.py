@@ -197,3 +197,12 @@ def test_pixels_come_back_from_a_png(tmp_path):
     given = np.random.default_rng(1).integers(0, 256, (7, 5, 3)).astype(np.uint8)
     (tmp_path / "a.png").write_bytes(png(given))
     assert np.array_equal(pixels(tmp_path / "a.png"), given)
+
+
+@pytest.mark.parametrize(("name", "size"), [("a.gif", (1920, 1080)), ("a.mp4", (8192, 8192))])
+def test_films_that_no_memory_holds_are_refused(tmp_path, name, size):
+    pytest.importorskip("av")
+    run = pg.simulate(pg.Model(bodies=[pg.Body(name="a", tip=(1, 0, 0))]), t_end=60.0)
+    with pytest.raises(pg.InputError, match="pixels"):
+        run.to_film(tmp_path / name, size=size, fps=50)
+    assert not (tmp_path / name).exists()

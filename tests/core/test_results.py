@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import csv
+import io
 import pickle
 import subprocess
 import sys
@@ -271,3 +273,34 @@ def test_a_run_gives_its_columns_by_name(run):
     np.testing.assert_array_equal(run["total energy"], run.energy)
     with pytest.raises(pg.InputError, match=r"run\.v"):
         run["v"]
+
+
+# -- names that meet ---------------------------------------------------------------------------
+
+
+def test_a_body_called_like_a_column_keeps_its_own():
+    """No column is lost, whatever bodies are called."""
+    paw = pg.Body(name="contact_gap.paw", tip=(1, 0, 0), q=0.25)
+    floor = pg.Contact(name="paw", body="contact_gap.paw", points=[(1, 0, 0)])
+    model = pg.Model(bodies=[paw, pg.Body(name="phases.paw", q=0.5)], contacts=[floor])
+    columns = pg.simulate(model, t_end=0.01, estimate=False).columns()
+    assert columns["q.contact_gap.paw"][0] == 0.25
+    assert columns["q.phases.paw"][0] == 0.5
+    assert columns["contact_gap.paw"].shape == columns["t"].shape
+
+
+def test_no_head_of_a_csv_is_a_formula():
+    name = "=cmd('calc')"
+    run = pg.simulate(pg.Model(bodies=[pg.Body(name=name, tip=(1, 0, 0))]), t_end=0.01)
+    heads = next(csv.reader(io.StringIO(run.to_csv())))
+    assert f"'{name} [rad]" in heads
+    assert not [head for head in heads if head[0] in "=+-@"]
+
+
+def test_a_plot_takes_no_name_for_mathematics():
+    pytest.importorskip("matplotlib")
+    name = r"a $\frac{ $ b"
+    run = pg.simulate(pg.Model(name=name, bodies=[pg.Body(name="_a", tip=(1, 0, 0))]), t_end=0.01)
+    shown = run.plot("_a")
+    shown.canvas.draw()
+    assert [text.get_text() for text in shown.axes[0].get_legend().get_texts()] == ["_a"]
