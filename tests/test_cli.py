@@ -496,7 +496,11 @@ def test_export_draws_pictures(capsys, tmp_path, name, words, begins):
     ("words", "fact"),
     [
         (["-o", "a.png", "--live"], "is no page"),
-        (["-o", "a.mp4", "--what", "digraph"], "shows no digraph"),
+        (["-o", "a.mp4", "--what", "digraph"], "--what does nothing to a film"),
+        (["-o", "a.mp4", "--at", "1"], "--at does nothing to a film"),
+        (["-o", "a.html", "--size", "64x64"], "--size does nothing to a page"),
+        (["-o", "a.png", "--columns", "arm"], "--columns does nothing"),
+        (["-o", "a.png", "--scenario", "nothing"], "nothing"),
         (["-o", "a.png", "--at", "99", "--t-end", "0.1"], "0 to 0.1 s"),
     ],
 )

@@ -277,28 +277,47 @@ def size(text: str) -> tuple[int, int]:
     return int(found[1]), int(found[2])
 
 
+USUAL = {
+    "what": "view", "columns": (), "at": None, "size": None, "view": "start", "dark": False,
+    "fps": 30.0, "speed": 1.0,
+}  # fmt: skip
+TAKES = {  # which of these act on each kind of file
+    "page": (),
+    "film": ("size", "view", "dark", "fps", "speed"),
+    "picture of the view": ("what", "at", "size", "view", "dark"),
+    "picture of the digraph": ("what", "size"),
+    "picture of the plot": ("what", "columns", "size"),
+}
+
+
 def export(args: Namespace) -> Answer:
     """Raises PgraphError."""
     suffix = Path(args.output).suffix.lower()
-    if suffix in (".png", ".svg", ".mp4", ".gif"):
-        return _drawn(args, suffix)
-    return _page(args)
+    if suffix in (".mp4", ".gif"):
+        kind = "film"
+    else:
+        kind = f"picture of the {args.what}" if suffix in (".png", ".svg") else "page"
+    for option, usual in USUAL.items():
+        if getattr(args, option) != usual and option not in TAKES[kind]:
+            text = (
+                f"--{option} does nothing to a {kind}; leave it out, or name another kind of file"
+            )
+            raise FileError(Problem(args.output, "", text))
+    return _page(args) if kind == "page" else _drawn(args, kind == "film")
 
 
-def _drawn(args: Namespace, suffix: str) -> Answer:
+def _drawn(args: Namespace, film: bool) -> Answer:
     """A picture or a film."""
     model, bar = open_model(args.model), progress_bar()
     scenario = first_scenario(model, args.scenario)
     look = {"view": args.view, "dark": args.dark}
     sized = {} if args.size is None else {"size": args.size}
-    film = suffix in (".mp4", ".gif")
-    if args.live or args.open or (film and args.what != "view"):
-        text = "is no page" if args.live or args.open else f"shows no {args.what}: name a picture"
-        raise FileError(Problem(args.output, "", text))
+    if args.live or args.open:
+        raise FileError(Problem(args.output, "", "is no page"))
     shown = f"the {args.what}" if args.what != "view" else "the mechanism"
     if args.what == "digraph":
         model.to_image(args.output, what="digraph", **sized)
-    elif not film and args.what == "view" and args.at is None:
+    elif not film and args.what == "view" and args.at is None and args.scenario is None:
         model.to_image(args.output, **sized, **look)
     else:
         compile_kernels(bar)
@@ -310,8 +329,9 @@ def _drawn(args: Namespace, suffix: str) -> Answer:
             run.to_film(args.output, fps=args.fps, speed=args.speed, progress=told, **sized, **look)
             shown = f"{run.t[-1] - run.t[0]:g} s of motion"
         else:
-            run.to_image(args.output, t=args.at, **sized, **look)
-            shown += f" at {args.at:g} s"
+            time = float(run.t[0]) if args.at is None else args.at
+            run.to_image(args.output, t=time, **sized, **look)
+            shown += f" at {time:g} s"
     bar("", 1.0)
     count = Path(args.output).stat().st_size
     data = {"model": model.name, "scenario": scenario, "output": args.output, "bytes": count}

@@ -326,10 +326,12 @@ def bounced(mech: Mechanism, tables: Tables) -> list[str]:
     }  # fmt: skip
     carried = tied - (slides - {b.parent for b in mech.model.bodies})
     held = Counter(name for pair in soft for name in pair[1:3] if name != GROUND)
+    parts = Counter(names[n - 1] for n in shapes["body"] if n > 0)
     for pair in soft:
         ours = [name for name in pair[1:3] if name in held and name != EVERY]
         why = next((f"'{n}' is a body of a tree" for n in ours if n in carried), "")
         why = why or next((f"'{n}' has {held[n]} soft contacts" for n in ours if held[n] > 1), "")
+        why = why or next((f"'{n}' has {parts[n]} shapes" for n in ours if parts[n] > 1), "")
         if why:
             return [
                 f"contact '{pair.contact.name}': {why}, so that its restitution is about "

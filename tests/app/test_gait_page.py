@@ -136,7 +136,7 @@ def agree(shown: dict[str, Any], head: list[str], rows: list[list[str]]) -> None
     assert shown["feet"]
     for number, foot in enumerate(shown["feet"]):
         own = [(t, code) for k, t, code in shown["changes"] if k == number]
-        column = head.index(f"{foot} phase")
+        column = head.index(f"phases.{foot}")
         for row in rows:
             now = [code for t, code in own if t <= float(row[0]) + 1e-9]
             assert shown["phases"][now[-1]] == row[column]
