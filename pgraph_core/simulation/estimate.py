@@ -17,7 +17,7 @@ from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 from ..dynamics.states import differences
-from ..engine.records import SWING
+from ..engine.records import ACCEPTANCE, SLIP, SWING
 from ..integrators import DOPRI5, Method
 from ..packing.system import Array, Drives, Loads
 from .options import LEAST_RTOL, Tolerance
@@ -61,9 +61,11 @@ RESOLVED = 0.015  # of a step: times rounded more coarsely make other steps of i
 STEEP = 1e-3  # of the time: a ramp of a table that is shorter
 MOST_RAMPS = 100
 TWICE = 2.0  # times the gap, or the speed: the way back of an impact at full restitution
-SHIFTS = (0.25, 0.6)  # of a step: runs so much apart do not all share an instant in a step
-SHOWN = 9  # times at which they are compared
-SLOWER = 0.1  # of the fastest slip before and after: what turns, or stops for a while
+# Of a step, and times of comparison: runs so much apart do not all share an instant in a step.
+SHIFTS = ((0.25, 9), (0.6, 8))
+NARROW = 0.5 ** np.arange(1, 21)  # of their first step: ends of its parts
+AFTER = 0.5 ** np.arange(1, 11)  # of the rest of a step after a time of comparison
+ROUNDINGS = 1e3  # of times: what is nearer than so many of them is one time
 SLIPS = 1e-6  # of the largest velocity: what slides
 PARTS = 2  # that locating an impact makes of a step: one until it, one without length
 HALF = 0.5  # of the gap that counts as closed, or of what jumps make: the usual share of it
@@ -142,7 +144,7 @@ def _estimated(record: Recording) -> Estimate:
         shown = record.again(_with_frames(record.plan))
         found = _by_coarser(shown) if shown.ended.ok else found
     if np.isfinite(found.largest) and _turns(record):
-        off = max(_shifted_apart(record, share) for share in SHIFTS)
+        off = max(_shifted_apart(record, *each) for each in SHIFTS)
         found = found._replace(largest=max(found.largest, off), before=max(found.before, off))
     if corners:
         return found._replace(largest=found.largest + corners, before=found.before + corners)
@@ -150,40 +152,60 @@ def _estimated(record: Recording) -> Estimate:
 
 
 def _turns(record: Recording) -> bool:
-    """Whether something that slides under time stepping slows down and slides on, as it turns.
+    """Whether something that slides under time stepping may turn or stop, at or between frames.
 
     Friction turns within a step, but acts through all of it: the error is this step's share, the
-    same in coarser runs whose steps end alike.
+    same in coarser runs whose steps end alike. A slip that passes zero between two frames is at
+    both of them no faster than it changes in the time between frames.
     """
     plan, pairs = record.plan, record.out.pairs[: record.done]
     still = plan.contacts is None or not plan.impulses or plan.tolerance is not None
     if still or plan.contact_points or plan.changes or plan.conditions or not pairs.size:
         return False
-    slip = np.where(pairs["phase"] == SWING, np.inf, pairs["slip"])
-    closed = np.where(np.isfinite(slip), slip, 0.0)
-    before = np.maximum.accumulate(closed, axis=0)
-    after = np.maximum.accumulate(closed[::-1], axis=0)[::-1]
-    slid = before[-1] > SLIPS * np.abs(record.out.v[: record.done]).max(initial=0.0)
+    touches = pairs["phase"] != SWING
+    slip = np.where(touches, pairs["slip"], 0.0)
+    slides = slip > SLIPS * np.abs(record.out.v[: record.done]).max(initial=0.0)
+    log = record.changes
+    logged = log["pair"][np.isin(log["phase"], (ACCEPTANCE, SLIP))]  # what slides between frames
+    if not slides.any(axis=0)[logged].all():
+        return True
     if len(pairs) < COMPARED:  # which may not show it
-        return bool(slid.any())
-    return bool((slid & (slip < SLOWER * np.minimum(before, after)).any(axis=0)).any())
+        return bool(slides.any())
+    both = touches[1:] & touches[:-1]
+    change = np.where(both, np.abs(np.diff(slip, axis=0)), 0.0).max(axis=0)
+    slower = np.where(touches, slip, np.inf)
+    slower = np.minimum(slower[1:], slower[:-1])
+    return bool(((slides[1:] | slides[:-1]) & (slower <= change)).any())
 
 
-def _shifted_apart(record: Recording, share: float) -> float:
-    """How far a run is apart, at some of the times, whose steps begin this share of one later."""
-    plan = record.plan
+def _shifted_apart(record: Recording, share: float, shown: int) -> float:
+    """How far a run is apart, at so many times, whose steps begin this share of one later."""
+    shifted, chosen = _shifted(record.plan, share, shown)
+    other = record.again(shifted)
+    return float(_apart(record, other, chosen).largest[-1]) if other.ended.ok else 0.0
+
+
+def _shifted(plan: Plan, share: float, shown: int) -> tuple[Plan, Array]:
+    """The same run, its steps a share of one later, and so many times that both record.
+
+    Steps after its start, and after each of these times, begin narrow and double: steps of both
+    runs begin there, and would otherwise share the error of a turn soon after.
+    """
     h, count = float(plan.width.max()), len(plan.times)
     first = plan.times[0] + share * h
-    chosen = plan.times[np.unique(np.linspace(0, count - 1, SHOWN).astype(int))][1:]
+    chosen = plan.times[np.unique(np.linspace(0, count - 1, shown).astype(int))][1:]
     begin = first + h * np.floor((chosen - first) / h - ALIKE)
-    ends = np.concatenate((plan.times[:1], [first], begin, begin + h))
+    narrow = [plan.times[0] + share * h * NARROW]
+    narrow += [each + (start + h - each) * AFTER for each, start in zip(chosen, begin, strict=True)]
+    ends = np.unique(np.concatenate((plan.times[:1], [first], begin, begin + h, *narrow)))
     ends = ends[(ends < plan.times[-1]) & (ends >= plan.times[0])]
-    near = np.abs(ends[:, None] - chosen).min(axis=1) < ALIKE * h
+    least = max(ALIKE * h, ROUNDINGS * EPS * float(np.abs(plan.times).max()))
+    near = np.abs(ends[:, None] - chosen).min(axis=1) < least
+    near[1:] |= np.diff(ends) < least
     times = np.union1d(ends[~near], chosen)
     apart = np.diff(times)
     substeps = np.maximum(np.ceil(apart / h - ALIKE), 1).astype(np.int64)
-    other = record.again(replace(plan, times=times, substeps=substeps, width=apart / substeps))
-    return float(_apart(record, other, chosen).largest[-1]) if other.ended.ok else 0.0
+    return replace(plan, times=times, substeps=substeps, width=apart / substeps), chosen
 
 
 def _by_coarser(record: Recording, few: bool = False) -> Estimate:

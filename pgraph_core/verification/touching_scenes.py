@@ -124,7 +124,7 @@ def turning(rng: Rng) -> Scene:
         x = v0 * rising - 0.5 * up * rising**2 - 0.5 * down * (t - rising) ** 2
         return np.outer(x, way)
 
-    span = v0 / up * float(rng.uniform(0.5, 3.0))
+    span = v0 / up * scale(rng, 0.5, 200.0)  # it may turn in the first step
     return Scene(
         "incline", numbers(m=m, g=g, mu=mu, v=v0, slope=slope), model, span, known, TOUCHING, SOLVED
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
 import pytest
 from numba import njit
@@ -9,6 +11,9 @@ from numba import njit
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core.dynamics.states import differences
+from pgraph_core.integrators import METHODS
+from pgraph_core.simulation.estimate import SHIFTS, _shifted
+from pgraph_core.simulation.plan import Plan
 from pgraph_core.verification.hunt import scenes
 from pgraph_core.verification.scene import integrated
 
@@ -230,10 +235,20 @@ def test_last_bounces_that_are_not_located_are_in_the_estimate(radius, g, height
     assert 0.2 * true < run.error_estimate < 10 * true
 
 
-@pytest.mark.parametrize("v0", [2.1, 2.5, 2.9, 3.1, 3.8])
-def test_the_step_in_which_sliding_turns_is_in_the_estimate(v0):
-    """A block thrown up an incline: steps of three times the width may share the whole error."""
-    g, slope, mu, t_end = 9.81, 0.5, 0.3, 1.5
+TURNS: list[tuple[float, dict[str, Any]]] = [
+    *((v0, {"t_end": 1.5}) for v0 in (1e-6, 2e-3, 0.02, 2.1, 2.5, 2.9, 3.1, 3.8)),
+    *((0.7, {"t_end": 15.0, "frames": frames}) for frames in (2, 101)),
+    *((v0, {"t_end": 0.4, "step": 0.05}) for v0 in (2e-3, 0.02, 0.37, 0.5)),
+]
+
+
+@pytest.mark.parametrize(("v0", "options"), TURNS)
+def test_the_step_in_which_sliding_turns_is_in_the_estimate(v0, options):
+    """A block thrown up an incline: steps of three times the width may share the whole error.
+
+    It turns late, between two frames, in the first step, or at once after a frame.
+    """
+    g, slope, mu = 9.81, 0.5, 0.3
     way = np.array([np.cos(slope), np.sin(slope)])
     up, down = g * (way[1] + mu * way[0]), g * (way[1] - mu * way[0])
     block = pg.Body(
@@ -242,11 +257,27 @@ def test_the_step_in_which_sliding_turns_is_in_the_estimate(v0):
     )  # fmt: skip
     floor = pg.Contact(name="c", body="b", points=((0, 0, 0),), friction=mu)
     model = pg.Model(bodies=(block,), ground=pg.Ground(slope=slope), contacts=(floor,))
-    run = pg.simulate(model, t_end=t_end)
+    run = pg.simulate(model, **options)
     rising = np.minimum(run.t, v0 / up)
     known = v0 * rising - 0.5 * up * rising**2 - 0.5 * down * (run.t - rising) ** 2
     true = np.abs(run.q - np.outer(known, way)).max()
     assert 0.2 * true < run.error_estimate < 10 * true
+
+
+@pytest.mark.parametrize("rate", [240, 300])
+@pytest.mark.parametrize("frames", [3, 5, 10, 16, 31])
+def test_runs_whose_steps_are_shifted_have_no_step_of_rounding(rate, frames):
+    """The end of one step and the start of the next one may differ by rounding: they are one."""
+    times, nothing = np.arange(frames) / rate, cast(Any, None)
+    plan = Plan(
+        METHODS["semi_implicit_euler"], times, nothing, nothing, nothing,
+        substeps=np.ones(frames - 1, int), width=np.diff(times),
+    )  # fmt: skip
+    for each in SHIFTS:
+        shifted, chosen = _shifted(plan, *each)
+        assert shifted.width.min() > 1e-8 / rate
+        assert shifted.width.max() < (1 + 1e-9) / rate
+        assert np.isin(chosen, shifted.times).all()
 
 
 def test_a_pulse_of_a_torque_function_that_steps_pass_over_is_said():
@@ -264,7 +295,9 @@ def test_a_pulse_of_a_torque_function_that_steps_pass_over_is_said():
     assert missed.v[-1, 0] == 0.0
     assert any("that no step felt" in text for text in missed.notices)
     assert pg.simulate(model, t_end=1.0, tau=pulse, step=5e-4).v[-1, 0] == pytest.approx(1, abs=0.1)
-    for torque, options in ((pulse, {"step": 2e-4}), (jump, {}), (jump, {"rtol": 1e-4})):
+    others: list[tuple[Any, dict[str, Any]]]
+    others = [(pulse, {"step": 2e-4}), (jump, {}), (jump, {"rtol": 1e-4})]
+    for torque, options in others:
         assert pg.simulate(model, t_end=1.0, tau=torque, **options).notices == ()
 
 
