@@ -112,8 +112,10 @@ def simulate(
         forces, switches, estimate is not False,
         () if inputs is None else inputs_of(inputs, "simulate"),
     )  # fmt: skip
-    tau = torques_by_names(mech, tau)
-    q, v = by_names(mech, scenario, q, v, tau)
+    if tau is not None:
+        tau = torques_by_names(mech, tau)
+    if q is not None or v is not None:
+        q, v = by_names(mech, scenario, q, v, tau)
     plan = plan_of(mech, options, tau, q, v)
     state = with_state(mech, plan.start, q, v)
     tau = plan.tau if tau is None else tau
