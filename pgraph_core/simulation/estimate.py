@@ -624,7 +624,10 @@ def _late(record: Recording, size: float, closed: float) -> float:
     log = record.changes[np.argsort(record.changes["pair"], kind="stable")]
     landed = (log["pair"][:-1] == log["pair"][1:]) & (log["phase"][:-1] == SWING)
     at, pair = log["time"][1:][landed], log["pair"][1:][landed]
-    slow = len(np.unique(at)) - -(-int(touching.tally["cuts"]) // PARTS)
+    cuts = (
+        0 if plan.contacts.limits else int(touching.tally["cuts"])
+    )  # a limit's may be all of them
+    slow = len(np.unique(at)) - -(-cuts // PARTS)
     if slow <= 0 or plan.tolerance is not None:
         return 0.0
     n, may = record.done, plan.contacts.candidates

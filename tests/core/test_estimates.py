@@ -220,14 +220,20 @@ def test_the_gap_that_counts_as_closed_is_in_the_estimate(radius, e):
     ("radius", "g", "height", "e", "t_end"),
     [(1.405, 2.42, 0.9135, 0.3, 1.741), (83.62, 422.6, 855.4, 0.5, 11.8)],
 )
-def test_last_bounces_that_are_not_located_are_in_the_estimate(radius, g, height, e, t_end):
+@pytest.mark.parametrize("lively", [False, True], ids=["alone", "other impacts"])
+def test_last_bounces_that_are_not_located_are_in_the_estimate(radius, g, height, e, t_end, lively):
     """The last ones are too slow: the ball settles where a step found it, below the ground."""
     ball = pg.Body(
         name="b", joint="prismatic", axes=((0, 0, 1),), q=(radius + height,),
         inertia=np.zeros((3, 3)), shape={"kind": "sphere", "radius": radius},
     )  # fmt: skip
     floor = pg.Contact(name="floor", body="b", restitution=e, friction=0.0)
-    model = pg.Model(bodies=(ball,), contacts=(floor,), gravity=(0, 0, -g))
+    between = pg.Body(
+        name="s", joint="prismatic", axes=((1, 0, 0),), limits=((-0.1, 0.1),), v=(20.0,),
+        limit_restitution=1.0,
+    )  # fmt: skip
+    bodies = (ball, between) if lively else (ball,)
+    model = pg.Model(bodies=bodies, contacts=(floor,), gravity=(0, 0, -g))
     run = pg.simulate(model, t_end=t_end, frames=101)
     true = abs(run.q[-1, 0] - radius)  # at rest since the sum of all flights
     assert np.sqrt(2 * height / g) * (1 + e) / (1 - e) < t_end
