@@ -68,7 +68,8 @@ def make_notebooks(app):
     folder = Path(app.outdir, "notebooks")
     folder.mkdir(parents=True, exist_ok=True)
     for file in sorted((HERE.parent / "examples" / "notebooks").glob("*.ipynb")):
-        if (folder / f"{file.stem}.html").exists():
+        made = folder / f"{file.stem}.html"
+        if made.exists() and made.stat().st_mtime > file.stat().st_mtime:
             continue
         notebook = nbformat.read(file, 4)
         NotebookClient(notebook, timeout=600, kernel_name="python3").execute()
@@ -80,7 +81,7 @@ def make_notebooks(app):
             parts.append(f"<pre>{escape(cell.source)}</pre>")
             parts += map(shown_output, cell.outputs)
         page = SHEET.format(escape(file.stem), "\n".join(parts))
-        (folder / f"{file.stem}.html").write_text(page, encoding="utf-8")
+        made.write_text(page, encoding="utf-8")
 
 
 def shown_output(output):

@@ -185,7 +185,7 @@ def checked_size(size: Any) -> tuple[int, int]:
     try:
         width, height = (int(n) for n in size)
         whole = (width, height) == tuple(size)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         width, height, whole = 0, 0, False
     if not whole or not all(LEAST_PIXELS <= n <= MOST_PIXELS for n in (width, height)):
         text = (

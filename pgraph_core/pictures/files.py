@@ -83,7 +83,7 @@ def write_moment(run: Any, path: str | Path, t: float | None = None, **look: Any
     """A picture of a run at the time t [s], by default at its start. Raises InputError."""
     times, pose = np.asarray(run.t), np.asarray(run.body_pose)
     t = float(times[0]) if t is None else t
-    if not (isinstance(t, (int, float)) and times[0] <= t <= times[-1]):
+    if not (isinstance(t, (int, float, np.integer, np.floating)) and times[0] <= t <= times[-1]):
         text = f"must be a time of the run, {times[0]:g} to {times[-1]:g} s; given {t!r}"
         raise InputError(Problem("to_image", "t", text))
     write_view(run.mechanism.model, path, np.column_stack(between(times, pose, t)), **look)
@@ -117,7 +117,7 @@ def write_film(
     """
     suffix = _suffix(path, (".mp4", ".gif"), "film")
     for name, value, most in (("fps", fps, 240), ("speed", speed, 1000)):
-        if not (isinstance(value, (int, float)) and 0 < value <= most):
+        if not (isinstance(value, (int, float, np.integer, np.floating)) and 0 < value <= most):
             text = f"must be a number > 0, {most} at most; given {value!r}"
             raise InputError(Problem("to_film", name, text))
     times, poses = np.asarray(run.t), np.asarray(run.body_pose)

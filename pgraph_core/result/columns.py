@@ -176,7 +176,7 @@ def _frame_class() -> Any:
 
         def set_index(self, keys: Any, *args: Any, **named: Any) -> Any:
             if self._is_time(keys):  # as df.plot(x="t") asks
-                return self
+                return None if named.get("inplace") else self.copy()
             return super().set_index(keys, *args, **named)
 
         def __reduce_ex__(self, protocol: Any) -> Any:

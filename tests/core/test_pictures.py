@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import struct
 import zlib
+from typing import Any
 
 import numpy as np
 import pytest
@@ -85,16 +86,22 @@ def test_the_ball_throws_a_shadow_where_the_sun_is_behind_it():
     assert picture[int(y), int(x)] < 0.85 * picture[int(y_beside), int(beside)]
 
 
+ENDLESS: Any = (float("inf"), 100)
+
+
 def test_a_picture_has_its_size_and_is_the_same_every_time(tmp_path):
     model, path = ball((0, 0, 1.0)), tmp_path / "a.png"
     model.to_image(path, size=(200, 120))
     first = path.read_bytes()
     assert pixels(path).shape == (120, 200, 3)
-    assert red(pixels(path)).any()
+    light = pixels(path)
+    assert red(light).any()
     model.to_image(path, size=(200, 120))
     assert path.read_bytes() == first
     model.to_image(path, size=(200, 120), dark=True)
-    assert pixels(path).mean() < 0.6 * np.frombuffer(first, np.uint8).mean() + 60
+    assert pixels(path).mean() < 0.5 * light.mean()
+    with pytest.raises(pg.InputError, match="pixels each"):
+        model.to_image(path, size=ENDLESS)
 
 
 def test_a_moment_of_a_run_shows_the_body_there(tmp_path):

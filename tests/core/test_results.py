@@ -304,3 +304,13 @@ def test_a_plot_takes_no_name_for_mathematics():
     shown = run.plot("_a")
     shown.canvas.draw()
     assert [text.get_text() for text in shown.axes[0].get_legend().get_texts()] == ["_a"]
+
+
+def test_a_table_with_its_time_as_index_again_is_a_copy():
+    pytest.importorskip("pandas")
+    run = pg.simulate(double_pendulum(), t_end=0.01, estimate=False)
+    table = run.to_pandas()
+    other = table.set_index("t")
+    other["x"] = 0.0
+    assert "x" not in table
+    assert table.set_index("t", inplace=True) is None
