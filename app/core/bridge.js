@@ -28,6 +28,16 @@ window.pgraph = (() => {
     waiting = [];
   }
 
+  // Our table and playback stand: what covered viser's own panel until then goes.
+  function unveil() {
+    const loading = document.getElementById("pgraph-loading");
+    if (!loading) return;
+    const there = ["table", "playback"].every((view) => document.querySelector(`.pgraph[data-view="${view}"][data-ready]`)?.offsetWidth);
+    if (!there) { setTimeout(unveil, 50); return; }
+    loading.classList.add("over");
+    setTimeout(() => loading.remove(), 300);
+  }
+
   // A picture has been seen, or nobody looks: the next may come.
   function shown() {
     if (document.hidden) pgraph.send("Shown");
@@ -85,6 +95,7 @@ window.pgraph = (() => {
       if (resuming !== null && topic !== "reply") { late.add(topic); return; }
       hear(topic);
       for (const view of Object.keys(views)) pgraph.draw(view, topic);
+      if (topic === "table") unveil();
     },
     // The tab of that name to the front; viser's tabs listen to the pointer, not to clicks.
     front(name) {
@@ -270,12 +281,20 @@ window.pgraph = (() => {
       if (!canvas.isConnected) { watchView(); return; } // viser made another one for a smaller window
       const aspect = canvas.clientWidth / canvas.clientHeight;
       if (!(aspect > 0)) return; // nothing of it is seen
+      nudge();
       pgraph.send("Viewport", { aspect: Math.min(Math.max(aspect, 0.06), 19), window: innerWidth, covered: covered(canvas), turned: pgraph.camera.turned() });
     };
     watched = new ResizeObserver(() => { place(canvas); clearTimeout(settling); settling = setTimeout(tell, 250); });
     watched.observe(canvas);
   }
   watchView();
+
+  // viser puts the playback to its corner of the 3D view when one of the two changes its size, and
+  // may lose that where both do: another pixel of height makes it look again.
+  function nudge() {
+    const style = document.documentElement.style;
+    style.setProperty("--nudge", style.getPropertyValue("--nudge") === "1px" ? "0px" : "1px");
+  }
 
   // The share of the 3D view's height that panels take from its bottom: the middle one of three places.
   function covered(canvas) {

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gzip
 import http
 import logging
 import math
@@ -48,6 +49,24 @@ HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
 }
+# over viser's own panel until ours are there (bridge.js); where they never come, it goes by itself
+LOADING = b"""<title>Pgraph</title>
+<style>
+#pgraph-loading { position: fixed; inset: 0; z-index: 9999; display: grid; place-items: center;
+  background: #f4f6f9; color: #606872; font: 15px system-ui, sans-serif; letter-spacing: .02em;
+  transition: opacity .2s; animation: pgraph-gone 0s 30s forwards; }
+#pgraph-loading.dark { background: #1a1b1e; color: #a3acb6; }
+#pgraph-loading.over { opacity: 0; pointer-events: none; }
+#pgraph-loading span { animation: pgraph-wait 1.6s ease-in-out infinite alternate; }
+@keyframes pgraph-wait { from { opacity: .45; } }
+@keyframes pgraph-gone { to { visibility: hidden; } }
+</style>"""
+LOADING_BODY = b"""<body><div id="pgraph-loading" role="status"><span>Pgraph is loading</span></div>
+<script>{
+  let dark = matchMedia("(prefers-color-scheme: dark)").matches;
+  try { dark = JSON.parse(localStorage.getItem("pgraph choices"))?.dark ?? dark; } catch { }
+  document.getElementById("pgraph-loading").classList.toggle("dark", dark);
+}</script>"""
 log = logging.getLogger(__name__)
 
 
@@ -62,6 +81,7 @@ def guarded(host: str, token: str | None) -> Iterator[None]:
     """While a viser server is made: the `serve` it calls checks requests and messages."""
     module = websockets.asyncio.server
     plain = module.serve
+    pages: dict[bytes, bytes] = {}  # as viser sends it: as we do
 
     def serve(handler: Callable[[Any], Any], at: str, port: int, **options: Any) -> Any:
         page = options.pop("process_request")
@@ -72,6 +92,7 @@ def guarded(host: str, token: str | None) -> Iterator[None]:
                 return connection.respond(http.HTTPStatus.FORBIDDEN, refused + "\n")
             response = page(connection, request)
             if response is not None:
+                ours(response, pages)
                 for name, value in HEADERS.items():
                     response.headers[name] = value
                 if token is not None:
@@ -87,6 +108,22 @@ def guarded(host: str, token: str | None) -> Iterator[None]:
         yield
     finally:
         module.serve = plain
+
+
+def ours(response: Response, known: dict[bytes, bytes]) -> None:
+    """Viser's page says that ours is loading; what was made of it is kept in `known`."""
+    if not response.headers.get("Content-Type", "").startswith("text/html"):
+        return
+    body = bytes(response.body)
+    if body not in known:
+        packed = response.headers["Content-Encoding"] == "gzip"
+        page = gzip.decompress(body) if packed else body
+        page = page.replace(b"<title>Viser</title>", LOADING, 1)
+        page = page.replace(b"<body>", LOADING_BODY, 1)
+        known[body] = gzip.compress(page) if packed else page
+    response.body = known[body]
+    del response.headers["Content-Length"]
+    response.headers["Content-Length"] = str(len(response.body))
 
 
 def refusal(headers: Any, path: str, host: str, token: str | None) -> str | None:

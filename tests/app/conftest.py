@@ -21,6 +21,10 @@ from pgraph_app.scene.update import Show
 from pgraph_app.server import Server, serve
 from pgraph_app.session.update import Select
 
+UNCOVERED = """setInterval(() => { // viser's own panel seen before ours
+  if (document.body && !document.querySelector("#pgraph-loading, table.bodies tr[data-name]"))
+    window.uncovered = true;
+}, 10)"""
 MARKER = "pelvis"  # selected to see that a page has caught up
 ON_PURPOSE = "thrown by a test"
 NOBODY = -1  # a page that is not there: events of the tests themselves
@@ -86,6 +90,7 @@ def open_page(browser: Any, served: Server) -> Iterator[Callable[[], Any]]:
         page = browser.new_page(viewport={"width": 1150, "height": 720})
         page.set_default_timeout(60_000)
         page.on("pageerror", lambda error: faults.append(str(error)))
+        page.add_init_script(UNCOVERED)
         page.goto(served.url)
         page.wait_for_selector("table.bodies tr[data-name]")
         return page

@@ -61,11 +61,7 @@ def seen(page: Any, served: Server, walked: pg.Model) -> Iterator[Callable[..., 
     served.send(OpenText(NOBODY, "walked", walked.to_json()))
 
     def show(size: tuple[int, int], dark: bool) -> Any:
-        for height in (
-            size[1] - 1,
-            size[1],
-        ):  # as a drag: viser may miss one change on a busy machine
-            page.set_viewport_size({"width": size[0], "height": height})
+        page.set_viewport_size({"width": size[0], "height": size[1]})
         page.evaluate("(dark) => pgraph.send('Theme', { dark })", dark)
         scheme = "dark" if dark else "light"
         until(lambda: page.locator(f"html[data-mantine-color-scheme={scheme}]").count(), scheme)

@@ -113,6 +113,8 @@ def test_click_a_body_in_3d(page, served):
 
 def test_a_second_page_has_its_own_selection_and_sees_the_edit(page, open_page):
     other = open_page()
+    other.wait_for_selector("#pgraph-loading", state="detached")
+    assert not other.evaluate("window.uncovered")
     row(page, "thorax").locator("td.number").click()
     row(other, "lumbar").locator("td.number").click()
     until(lambda: selected_everywhere(page, "thorax"), "thorax on the first page")
