@@ -6,7 +6,6 @@ import hashlib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self, overload
 
@@ -56,7 +55,7 @@ from .parameters import (
     resolved,
     still_true,
 )
-from .rerooting import cut_elsewhere, poses
+from .rerooting import cut_elsewhere, home_poses, poses
 from .scenario import Scenario
 from .site import Site
 from .world import DOWN, World
@@ -164,16 +163,18 @@ class Model(World):
         `size` is (width, height) in pixels; `view` is "start", "front", "side", "top" or
         "isometric". No screen is needed. Raises InputError, FileError.
         """
-        files = import_module("pgraph_core.pictures.files")  # stands above models
+        from ..show import pictures  # with its kernels, which a description has no need of
+        from ..show.notebook import numbered
+
         if what not in ("view", "digraph"):
             text = f"must be 'view' or 'digraph'; given {what!r}"
             raise InputError(Problem("to_image", "what", text))
         if what == "digraph":
-            files.write_digraph(self, path, size=size)
+            drawn = pictures.digraph(self, path, size=size)
         else:
-            files.write_view(
-                self, path, size=(1280, 720) if size is None else size, view=view, dark=dark
-            )
+            pose, size = home_poses(numbered(self)[0]), (1280, 720) if size is None else size
+            drawn = pictures.view(self, pose, path, size=size, view=view, dark=dark)
+        files.write_atomic(path, drawn)
 
     # -- reading -----------------------------------------------------------------------------
 

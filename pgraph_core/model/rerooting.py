@@ -16,7 +16,7 @@ import numpy as np
 from .. import joints
 from ..errors import ModelError, Problem, choices
 from ..joints import PER_MOTION, JointKind
-from ..rotation import Array, matrix, multiply, rodrigues, rotate, unit_vector
+from ..rotation import Array, matrix, multiply, quaternion_of, rodrigues, rotate, unit_vector
 from .body import Body
 from .constraint import AlongAxes, AtPoints, Constraint, InJoints, Revolute, Rolling, Skate
 from .editing import CUT, free_name, renamed
@@ -404,6 +404,13 @@ def poses(
     for name in bodies:
         pose(name)
     return found
+
+
+def home_poses(bodies: Sequence[Body]) -> Array:
+    """(nb, 7) position and quaternion of each body in the initial state; parents come first."""
+    found = poses({body.name: body for body in bodies}, {}, {})
+    rows = [(*found[b.name].position, *quaternion_of(found[b.name].rotation)) for b in bodies]
+    return np.array(rows).reshape(-1, 7)
 
 
 def _carried(parent: Pose, body: Body, q: Any, v: Any) -> Pose:

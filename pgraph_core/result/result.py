@@ -257,14 +257,18 @@ class Result(EqualByFields, Hinting):
         `size` is (width, height) in pixels; `view` is "start", "front", "side", "top" or
         "isometric". No screen is needed. Raises InputError, FileError.
         """
-        _pictures().write_moment(self, path, t, size=size, view=view, dark=dark)
+        from ..show import pictures  # with its kernels
+
+        write_atomic(path, pictures.moment(self, path, t, size=size, view=view, dark=dark))
 
     def to_plot(self, path: str | Path, /, *names: str, size: tuple[int, int] = (900, 600)) -> None:
         """Write `plot(*names)` as a picture of this size in pixels: .png or .svg.
 
         Raises InputError, FileError; MissingPackage without Matplotlib.
         """
-        _pictures().write_plot(self, path, names, size=size)
+        from ..show import pictures
+
+        write_atomic(path, pictures.plot(self, path, names, size=size))
 
     def to_film(
         self, path: str | Path, /, *, size: tuple[int, int] = (960, 540), fps: float = 30,
@@ -278,7 +282,11 @@ class Result(EqualByFields, Hinting):
         FileError; MissingPackage names what to install.
         """
         options = {"size": size, "fps": fps, "speed": speed, "view": view, "dark": dark}
-        _pictures().write_film(self, path, **options, progress=progress)
+        from ..show import pictures
+
+        made = pictures.film(self, path, **options, progress=progress)
+        if made is not None:
+            write_atomic(path, made)
 
     def show(self) -> Any:
         """Show the animation: in a notebook an object to display, else in the browser."""
@@ -538,11 +546,6 @@ def _show() -> Any:
 def _figures() -> Any:
     """By name, as a backend: figures stand above results, for they run mechanisms again."""
     return import_module("pgraph_core.live.export")
-
-
-def _pictures() -> Any:
-    """By name too: they are drawn by kernels, and of models as well."""
-    return import_module("pgraph_core.pictures.files")
 
 
 FIGURE = 560  # [pixels] height of the figure of a run in a notebook

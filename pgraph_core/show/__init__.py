@@ -1,12 +1,14 @@
 """Pictures and tables of models and runs, for notebooks, files and the page.
 
-The lowest layer: it knows no model and no run, but draws whatever has their fields. viser, trimesh
-and matplotlib are imported when first needed; `MissingPackage` names what to install.
+It lies below models and runs and draws whatever has their fields. viser, trimesh, matplotlib and
+the kernels of pictures are imported when first needed; `MissingPackage` names what to install.
 
 * `model_html(model)`, `mechanism_html(mech)`, `run_html(run)`: `_repr_html_` in a notebook
 * `figure(t, columns, title)`: matplotlib
 * `animation_html(run)`: a standalone HTML page; `opened(page)` shows it in a notebook or browser
 * `digraph_svg(names, parent, loops)`; `shapes`: bodies as simple pieces and meshes
+* `pictures`: PNG, SVG, MP4, GIF without a screen; `drawing`: camera, light and ground; `raster`:
+  triangles as pixels; `vector`: SVG
 """
 
 from ..errors import MissingPackage as MissingPackage

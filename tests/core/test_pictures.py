@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import pgraph_core as pg
-from pgraph_core.pictures.drawing import Drawing
-from pgraph_core.pictures.files import png
-from pgraph_core.pictures.raster import NOTHING, cover
+from pgraph_core.show.drawing import Drawing
+from pgraph_core.show.pictures import png
+from pgraph_core.show.raster import NOTHING, cover
 
 RED = pg.Shape(kind="sphere", radius=0.1, colour=(0.9, 0.05, 0.05))
 
@@ -45,7 +45,7 @@ def drawing_of(model: pg.Model, size=(320, 200), **look) -> tuple[Drawing, np.nd
     mech = pg.Mechanism(model)
     place, _ = mech.poses(mech.home()[0])
     pose = np.column_stack((place, np.tile((1.0, 0, 0, 0), (len(place), 1))))
-    return Drawing(mech, pose[None], size, **look), pose
+    return Drawing(model, pose[None], size, **look), pose
 
 
 def test_a_triangle_covers_the_pixels_whose_centres_it_holds():

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ..show import shapes
-from ..show.notebook import hull, outline
+from . import shapes
 from .drawing import CODES, FINER
+from .notebook import hull, outline
 
 LINES = 14  # of the ground, each way from its middle
 SHADOW = 0.22  # how dark it is

@@ -1,4 +1,4 @@
-"""Pictures as PNG and SVG, films as MP4 and GIF.
+"""Pictures as PNG and SVG, films as MP4 and GIF: the bytes of a file whose name is `path`.
 
 PNG needs no package. GIF and the digraph as PNG need Pillow, MP4 needs PyAV, plots Matplotlib.
 """
@@ -16,14 +16,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import FileError, InputError, Problem, needed
-from ..mechanism import Mechanism
-from ..model import Model
-from ..model.files import write_atomic
-from ..show import shapes
-from ..show.animation import between
-from ..show.digraph import RADIUS, digraph_svg, layout, shown_name
-from ..show.notebook import digraph_of
+from .animation import between
+from .digraph import RADIUS, digraph_svg, layout, shown_name
 from .drawing import Drawing, checked_size
+from .notebook import digraph_of
 from .vector import view_svg
 
 DPI = 100  # of plots: their size is in pixels
@@ -37,38 +33,33 @@ Progress = Callable[[float], Any] | None
 # -- pictures --------------------------------------------------------------------------------------
 
 
-def write_view(
-    model: Model, path: str | Path, pose: np.ndarray | None = None, *,
+def view(
+    model: Any, pose: np.ndarray, path: str | Path, *,
     size: tuple[int, int] = (1280, 720), view: Any = "start", dark: bool = False,
-) -> None:  # fmt: skip
-    """A picture of a model at its home pose, or at `pose` (nb, 7). Raises InputError, FileError."""
+) -> str | bytes:  # fmt: skip
+    """A picture of a model whose bodies, by number, are at `pose` (nb, 7).
+
+    Raises InputError, FileError.
+    """
     suffix = _suffix(path, (".png", ".svg"), "picture")
-    mech = Mechanism(model)
-    poses = np.asarray(_home(mech) if pose is None else pose)[None]
-    drawing = Drawing(mech, poses, size, view=view, dark=dark)
-    if suffix == ".svg":
-        write_atomic(path, view_svg(drawing, poses[0]))
-    else:
-        write_atomic(path, png(drawing.draw(poses[0])))
+    drawing = Drawing(model, pose[None], size, view=view, dark=dark)
+    return view_svg(drawing, pose) if suffix == ".svg" else png(drawing.draw(pose))
 
 
-def write_digraph(model: Model, path: str | Path, *, size: tuple[int, int] | None = None) -> None:
+def digraph(model: Any, path: str | Path, *, size: tuple[int, int] | None = None) -> str | bytes:
     """The digraph of a model; `size` in pixels, by default as large as it is drawn.
 
     Raises InputError, FileError, MissingPackage.
     """
     suffix = _suffix(path, (".png", ".svg"), "picture")
-    names, parent, loops = digraph_of(model)
+    found = digraph_of(model)
     size = None if size is None else checked_size(size)
-    if suffix == ".svg":
-        write_atomic(path, digraph_svg(names, parent, loops, size=size))
-        return
-    write_atomic(path, png(_digraph_pixels(names, parent, loops, size)))
+    return digraph_svg(*found, size=size) if suffix == ".svg" else png(_pixels(*found, size))
 
 
-def write_plot(
+def plot(
     run: Any, path: str | Path, names: Sequence[str] = (), *, size: tuple[int, int] = (900, 600)
-) -> None:
+) -> bytes:
     """Columns of a run over time. Raises InputError, FileError, MissingPackage."""
     suffix = _suffix(path, (".png", ".svg"), "picture")
     width, height = checked_size(size)
@@ -76,17 +67,17 @@ def write_plot(
     drawn.set_size_inches(width / DPI, height / DPI)
     content = io.BytesIO()
     drawn.savefig(content, format=suffix[1:], dpi=DPI)
-    write_atomic(path, content.getvalue())
+    return content.getvalue()
 
 
-def write_moment(run: Any, path: str | Path, t: float | None = None, **look: Any) -> None:
+def moment(run: Any, path: str | Path, t: float | None = None, **look: Any) -> str | bytes:
     """A picture of a run at the time t [s], by default at its start. Raises InputError."""
-    times, pose = np.asarray(run.t), np.asarray(run.body_pose)
+    times, poses = np.asarray(run.t), np.asarray(run.body_pose)
     t = float(times[0]) if t is None else t
     if not (isinstance(t, (int, float, np.integer, np.floating)) and times[0] <= t <= times[-1]):
         text = f"must be a time of the run, {times[0]:g} to {times[-1]:g} s; given {t!r}"
         raise InputError(Problem("to_image", "t", text))
-    write_view(run.mechanism.model, path, np.column_stack(between(times, pose, t)), **look)
+    return view(run.mechanism.model, np.column_stack(between(times, poses, t)), path, **look)
 
 
 def png(pixels: np.ndarray) -> bytes:
@@ -107,13 +98,13 @@ def png(pixels: np.ndarray) -> bytes:
 # -- films -----------------------------------------------------------------------------------------
 
 
-def write_film(
+def film(
     run: Any, path: str | Path, *, size: tuple[int, int] = (960, 540), fps: float = 30,
     speed: float = 1.0, view: Any = "start", dark: bool = False, progress: Progress = None,
-) -> None:  # fmt: skip
+) -> bytes | None:  # fmt: skip
     """A film of a run; `speed` 0.5 is slow motion. Raises InputError, FileError, MissingPackage.
 
-    `progress(fraction)` is called after each frame; the film is not written if it returns False.
+    `progress(fraction)` is called after each frame; there is no film if it returns False.
     """
     suffix = _suffix(path, (".mp4", ".gif"), "film")
     for name, value, most in (("fps", fps, 240), ("speed", speed, 1000)):
@@ -131,14 +122,14 @@ def write_film(
     if suffix == ".gif" and count * width * height > MOST_OF_A_GIF:
         text = f"would have {count} frames of {width} x {height} pixels, too much for a GIF"
         raise InputError(Problem("to_film", "size", f"{text}: give a smaller size, or .mp4"))
-    film = (_Gif if suffix == ".gif" else _Mp4)((width, height), fps)
-    drawing = Drawing(run.mechanism, poses, size, view=view, dark=dark)
+    made = (_Gif if suffix == ".gif" else _Mp4)((width, height), fps)
+    drawing = Drawing(run.mechanism.model, poses, size, view=view, dark=dark)
     for k in range(count):
         time = min(times[0] + k / fps * speed, times[-1])
-        film.add(drawing.draw(np.column_stack(between(times, poses, float(time)))))
+        made.add(drawing.draw(np.column_stack(between(times, poses, float(time)))))
         if progress is not None and progress((k + 1) / count) is False:
-            return
-    write_atomic(path, film.end())
+            return None
+    return made.end()
 
 
 class _Mp4:
@@ -201,17 +192,11 @@ def _suffix(path: str | Path, known: Sequence[str], what: str) -> str:
     return suffix
 
 
-def _home(mech: Mechanism) -> np.ndarray:
-    """(nb, 7) poses of the bodies of a model before it moves."""
-    place, turns = mech.poses(mech.home()[0])
-    return np.column_stack((place, shapes.to_wxyz(turns)))
-
-
 INK, PALE, LOOPS = (27, 31, 36), (141, 147, 155), (217, 115, 13)
 SMOOTH = 2  # pixels that are drawn for each that is shown
 
 
-def _digraph_pixels(
+def _pixels(
     names: Sequence[str], parent: Sequence[int], loops: Sequence[tuple[int, int]], size: Any
 ) -> np.ndarray:
     """(height, width, 3) the digraph, dark on white, with the layout of the SVG."""

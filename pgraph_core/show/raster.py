@@ -1,4 +1,4 @@
-"""Triangles as pixels, without a graphics card: a depth buffer, shadows, and light on each pixel.
+"""Triangles as pixels, without a graphics card: a depth buffer, shadows, light on each pixel.
 
 Corners on a screen are (x, y, w): x to the right and y down in pixels, and w, the greater the
 nearer, which is linear in x and y on a plane: the inverse of the depth for a camera, the distance

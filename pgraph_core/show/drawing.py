@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, Problem, choices
-from ..show import shapes, stage
-from ..show.animation import level
-from ..show.bodies import extent, looks
+from . import shapes, stage
+from .animation import level
+from .bodies import extent, looks
+from .notebook import numbered
 from .raster import NOTHING, Camera, Ground, Sun, Tones, cover, developed, light
 
 FINER = 2  # pixels that are drawn for each that is shown, each way
@@ -26,19 +27,17 @@ LEAST_PIXELS = 16
 class Drawing:
     """A mechanism that can be drawn at any pose."""
 
-    def __init__(self, mech: Any, poses: np.ndarray, size: tuple[int, int], *,
+    def __init__(self, model: Any, poses: np.ndarray, size: tuple[int, int], *,
                  view: stage.Which = "start", dark: bool = False):  # fmt: skip
-        """`poses` (n, nb, 7), of which the picture holds all; `size` (width, height) in pixels.
+        """`poses` (n, nb, 7), by number: all stay in view; `size` (width, height) in pixels.
 
         Raises InputError for sizes and views that are none.
         """
         self.size = checked_size(size)
-        model = mech.model
         if view not in stage.TOWARDS[model.up]:
             text = f"choose one of {choices(stage.TOWARDS[model.up])}; given {view!r}"
             raise InputError(Problem("picture", "view", text))
-        bodies = [model.body(name) for name in mech.names]
-        parent = mech.topology.parent.tolist()
+        bodies, parent = numbered(model)
         self.up = np.array(stage.GRID[model.up][1])
         children, colors = shapes.children_of(parent), shapes.branch_colors(parent)
         self.looks = looks(bodies, children, colors)
