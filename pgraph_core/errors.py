@@ -222,8 +222,9 @@ def _lists(value: Any) -> Any:
     return [_lists(x) for x in value] if isinstance(value, (list, tuple)) else value
 
 
-def numbers(n: int) -> str:
-    return f"{n} number" if n == 1 else f"{n} numbers"
+def counted(n: int, one: str, many: str = "") -> str:
+    """'1 body', '2 bodies'."""
+    return f"{n} {one if n == 1 else many or one + 's'}"
 
 
 def refusal(call: str, field: str, text: str) -> InputError:
@@ -328,8 +329,10 @@ def _not_taken(
                     text = f"is of the model: model.replace({name}=...)"
                 found.append(Problem(where, name, text or "is no argument of it; it takes none"))
     if len(args) > len(placed) and kinds.VAR_POSITIONAL not in kinds_there:
-        first = f"the first {numbers(len(placed))}: {choices(placed)}" if placed else "none"
-        text = f"takes {first.replace('number', 'argument')} without a name; given {len(args)}"
+        first = (
+            f"the first {counted(len(placed), 'argument')}: {choices(placed)}" if placed else "none"
+        )
+        text = f"takes {first} without a name; given {len(args)}"
         if kinds.VAR_KEYWORD in kinds_there:
             call = ", ".join((*map(repr, placed), "mass=1.5"))
             text += f"; the others are field=value, as in {where}({call})"

@@ -404,104 +404,55 @@ DOP853_E = (
 # -- methods ---------------------------------------------------------------------------------------
 
 
-RK4 = Method(
-    "rk4",
-    4,
-    rk4(),
-    "smooth motion at a fixed step",
-    "explicit.runge_kutta",
-    limit=2.83,
-)
-SEMI_IMPLICIT_EULER = Method(
-    "semi_implicit_euler",
-    1,
-    euler(),
-    "playback and long runs without drift of energy, at low accuracy",
-    "explicit.semi_implicit",
-    limit=2.0,
-)
-DOPRI5 = Method(
-    "dopri5",
-    5,
-    dopri5(),
-    "smooth motion to three to six digits, tables with many corners",
-    "explicit.runge_kutta",
-    adaptive=True,
-    controller=_pi(5, 0.04, 10.0),
-    limit=1.0,
-)
-DOP853 = Method(
-    "dop853",
-    8,
-    dop853(),
-    "smooth motion to six digits and more",
-    "explicit.runge_kutta",
-    adaptive=True,
-    controller=_pi(8, 0.04, 6.0),
-    limit=4.5,
-)
-RADAU5 = Method(
-    "radau5",
-    5,
-    radau5(),
-    "stiff springs, dampers and friction, at steps that do not resolve them",
-    "implicit.radau",
-    adaptive=True,
-    controller=_pi(4, 0.04, 8.0),
-    implicit=True,
-    jacobian=True,
-)
-ROS2 = Method(
-    "ros2",
-    2,
-    ros2(),
-    "stiff motion for playback: one factorisation a step",
-    "implicit.ros2",
-    adaptive=True,
-    controller=_pi(2, 0.0, 6.0),
-    implicit=True,
-    jacobian=True,
-)
-GENERALISED_ALPHA = Method(
-    "generalised_alpha",
-    2,
-    generalised_alpha(0.8),
-    "stiff and constrained motion at a fixed step: one implicit evaluation a step",
-    "alpha.generalised_alpha",
-    implicit=True,
-    jacobian=True,
-)
-GAUSS6 = Method(
-    "gauss6",
-    6,
-    gauss6(),
-    "conservative trees for very long: symplectic, the energy stays within a bound",
-    "gauss.gauss",
-    limit=3.0,
-    implicit=True,
-)
-MOREAU_JEAN = Method(
-    "moreau_jean",
-    1,
-    euler(),
-    "rigid contacts, joint limits and impacts, many at once",
-    "moreau.moreau_jean",
-    limit=2.0,
-)
 METHODS = {
     method.name: method
     for method in (
-        SEMI_IMPLICIT_EULER,
-        RK4,
-        DOPRI5,
-        DOP853,
-        GAUSS6,
-        ROS2,
-        GENERALISED_ALPHA,
-        RADAU5,
-        MOREAU_JEAN,
+        Method(
+            "semi_implicit_euler", 1, euler(),
+            "playback and long runs without drift of energy, at low accuracy",
+            "explicit.semi_implicit", limit=2.0,
+        ),
+        Method(
+            "rk4", 4, rk4(), "smooth motion at a fixed step",
+            "explicit.runge_kutta", limit=2.83,
+        ),
+        Method(
+            "dopri5", 5, dopri5(),
+            "smooth motion to three to six digits, tables with many corners",
+            "explicit.runge_kutta", adaptive=True, controller=_pi(5, 0.04, 10.0), limit=1.0,
+        ),
+        Method(
+            "dop853", 8, dop853(), "smooth motion to six digits and more",
+            "explicit.runge_kutta", adaptive=True, controller=_pi(8, 0.04, 6.0), limit=4.5,
+        ),
+        Method(
+            "gauss6", 6, gauss6(),
+            "conservative trees for very long: symplectic, the energy stays within a bound",
+            "gauss.gauss", limit=3.0, implicit=True,
+        ),
+        Method(
+            "ros2", 2, ros2(), "stiff motion for playback: one factorisation a step",
+            "implicit.ros2", adaptive=True, controller=_pi(2, 0.0, 6.0), implicit=True,
+            jacobian=True,
+        ),
+        Method(
+            "generalised_alpha", 2, generalised_alpha(0.8),
+            "stiff and constrained motion at a fixed step: one implicit evaluation a step",
+            "alpha.generalised_alpha", implicit=True, jacobian=True,
+        ),
+        Method(
+            "radau5", 5, radau5(),
+            "stiff springs, dampers and friction, at steps that do not resolve them",
+            "implicit.radau", adaptive=True, controller=_pi(4, 0.04, 8.0), implicit=True,
+            jacobian=True,
+        ),
+        Method(
+            "moreau_jean", 1, euler(), "rigid contacts, joint limits and impacts, many at once",
+            "moreau.moreau_jean", limit=2.0,
+        ),
     )
-}
+}  # fmt: skip
+RK4, DOPRI5, DOP853, RADAU5 = (METHODS[name] for name in ("rk4", "dopri5", "dop853", "radau5"))
 
 
 def method_of(name: str, *, impulses: bool = False, touching: bool = True) -> Method:

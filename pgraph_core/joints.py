@@ -6,7 +6,7 @@ import itertools
 import math
 from typing import Any, Literal, NamedTuple
 
-from .errors import numbers, shown
+from .errors import counted, shown
 
 Vector = tuple[float, float, float]
 JointKind = Literal[
@@ -121,7 +121,9 @@ def joint_problems(
     found += _parallel_problems(motions)
     for name, value, length in (("q", q, nq(motions)), ("v", v, nv(motions))):
         if len(value) != length:
-            found.append((name, f"a {joint} joint has {numbers(length)}; given {len(value)}"))
+            found.append(
+                (name, f"a {joint} joint has {counted(length, 'number')}; given {len(value)}")
+            )
         elif name == "q":
             found += quaternion_problems(value, motions)
     return found + (_limit_problems(limits, motions) or outside(q, motions, limits))

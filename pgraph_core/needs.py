@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from .errors import InputError, Problem, explained, shown
+from .errors import InputError, Problem, counted, explained, shown
 from .integrators import METHODS
 from .model import Body, Constraint, Contact, Force, Model
 from .model.force import OnBody, OnJoint, Tendon
@@ -151,10 +151,6 @@ class Scene(NamedTuple):
         return joints or between or any(c.law != "complementarity" for c in self.contacts)
 
 
-def _counted(n: int, one: str, many: str = "") -> str:
-    return f"{n} {one if n == 1 else many or one + 's'}"
-
-
 def _named(parts: Sequence[Any]) -> str:
     names = [part.name for part in parts]
     return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
@@ -163,10 +159,10 @@ def _named(parts: Sequence[Any]) -> str:
 def _tree(s: Scene) -> Iterator[Part]:
     motions = sum(len(b.sequence) for b in s.bodies)
     merged = sum(not b.sequence for b in s.bodies)
-    text = f"{_counted(motions, 'motion')} with {s.nv} degrees of freedom, swept at each evaluation"
+    text = f"{counted(motions, 'motion')} with {s.nv} degrees of freedom, swept at each evaluation"
     yield Part("tree", True, text)
     if merged:
-        text = f"{_counted(merged, 'welded body', 'welded bodies')} merged into what carries them: "
+        text = f"{counted(merged, 'welded body', 'welded bodies')} merged into what carries them: "
         yield Part("welds", False, f"{text}fewer rows to sweep", merged, "rows an evaluation")
     turning = [b for b in s.bodies if any(m.kind in ("ball", "free") for m in b.sequence)]
     if turning:
@@ -179,7 +175,7 @@ def _tree(s: Scene) -> Iterator[Part]:
 def _loops(s: Scene) -> Iterator[Part]:
     rows = sum(c.ROWS for c in s.constraints)
     if s.constraints:
-        text = f"{_counted(len(s.constraints), 'constraint')} of {_counted(rows, 'row')}: their "
+        text = f"{counted(len(s.constraints), 'constraint')} of {counted(rows, 'row')}: their "
         text += f"Delassus matrix at each evaluation, a projection a step ({_named(s.constraints)})"
         yield Part("constraints", True, text)
     else:
@@ -196,9 +192,9 @@ def _forces(s: Scene) -> Iterator[Part]:
     tendons = [f for f in s.forces if isinstance(f, Tendon)]
     sprung = sum(any(map(any, (b.stiffness, b.damping, b.friction))) for b in s.bodies)
     if drives or sprung or tendons:
-        own = [f"springs, dampers or friction of {_counted(sprung, 'joint')}"] * bool(sprung)
-        own += [f"{_counted(len(drives), 'motor or servo', 'motors and servos')}"] * bool(drives)
-        own += [f"{_counted(len(tendons), 'tendon')}"] * bool(tendons)
+        own = [f"springs, dampers or friction of {counted(sprung, 'joint')}"] * bool(sprung)
+        own += [f"{counted(len(drives), 'motor or servo', 'motors and servos')}"] * bool(drives)
+        own += [f"{counted(len(tendons), 'tendon')}"] * bool(tendons)
         yield Part("drives", True, f"drive forces: {', '.join(own)}")
     else:
         text = "no spring, damper, friction, motor or servo in a joint: no drive forces"
@@ -217,7 +213,7 @@ def _touching(s: Scene) -> Iterator[Part]:
         text = "no contact: no search, no gap functions"
         yield Part("contacts", False, text, 6 * len(s.bodies), "numbers a recorded frame")
     if s.limits:
-        yield Part("limits", True, f"{_counted(s.limits, 'end')} of joints watched")
+        yield Part("limits", True, f"{counted(s.limits, 'end')} of joints watched")
     else:
         yield Part("limits", False, "no joint limit: no stops to watch", 2 * s.nv, "gaps a step")
     if not s.impulses:

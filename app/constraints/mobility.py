@@ -9,10 +9,11 @@ from queue import SimpleQueue
 from typing import Any
 
 import pgraph_core as pg
+from pgraph_core.errors import counted
 
 from ..core.events import Event
 from ..core.state import State
-from ..core.views import Payload, plural
+from ..core.views import Payload
 from .update import MobilityFound
 
 # translations and rotations that a kind holds: the kind to choose where others are redundant
@@ -27,12 +28,12 @@ def mobility_report(state: State, by_itself: int) -> Payload:
     """Headline, lines that name a constraint each, and whether it is of the model as it stands."""
     active = [c for c in state.model.constraints if c.active]
     if not active:
-        text = f"{plural(state.derived.dof, 'degree')} of freedom; no active constraint takes any."
+        text = f"{counted(state.derived.dof, 'degree')} of freedom; no active constraint takes any."
         return {"state": "done", "text": text, "lines": []}
     report = state.mobility
     if report is None or report.model is not state.model:
         if state.derived.dof > by_itself and state.mobility_asked is not state.model:
-            text = f"{plural(state.derived.dof, 'degree')} of freedom of the tree."
+            text = f"{counted(state.derived.dof, 'degree')} of freedom of the tree."
             return {"state": "large", "text": text, "lines": []}
         return {"state": "waiting", "text": "Counting degrees of freedom ...", "lines": []}
     if report.found is None:
@@ -48,11 +49,11 @@ def sentence(text: str) -> str:
 
 def headline(found: Any) -> str:
     """'1 degree of freedom left: 3 of the tree less 2 that constraints take.'"""
-    left = plural(found.dof, "degree") + " of freedom left"
+    left = counted(found.dof, "degree") + " of freedom left"
     if found.extra and found.finite:
         left += f", {found.extra} of them only in this position"
     left += found.locked
-    return f"{left}: {found.tree} of the tree, less {found.rank} of {plural(found.rows, 'row')}."
+    return f"{left}: {found.tree} of the tree, less {found.rank} of {counted(found.rows, 'row')}."
 
 
 def lines_of(state: State, found: Any) -> list[Payload]:

@@ -11,6 +11,7 @@ from typing import Literal
 
 import viser
 
+from pgraph_core.errors import counted
 from pgraph_core.show.shapes import Color
 
 from .bridge import Bridge
@@ -30,14 +31,9 @@ def css(color: Color) -> str:
     return "#{:02x}{:02x}{:02x}".format(*color)
 
 
-def plural(n: int, one: str, many: str = "") -> str:
-    """'1 body', '2 bodies'."""
-    return f"{n} {one if n == 1 else many or one + 's'}"
-
-
 def count(state: State) -> str:
     """'16 bodies, 21 DoF'."""
-    return f"{plural(len(state.derived.names), 'body', 'bodies')}, {state.derived.dof} DoF"
+    return f"{counted(len(state.derived.names), 'body', 'bodies')}, {state.derived.dof} DoF"
 
 
 # -- places ----------------------------------------------------------------------------------------

@@ -12,11 +12,12 @@ from scipy import io as files
 from scipy import sparse
 
 import pgraph_core as pg
+from pgraph_core.errors import counted
 from pgraph_core.paper import Operators
 
 from ..core.bridge import Bridge
 from ..core.state import Client, Inspected, State
-from ..core.views import Payload, Place, count, plural
+from ..core.views import Payload, Place, count
 from ..pose.solving import shown_q
 
 PACE = 0.2  # [s] between pictures while a run plays
@@ -70,8 +71,8 @@ def operator(state: State, part: Inspected) -> Payload:
 def facts(state: State) -> str:
     """'16 bodies, 21 DoF, 2 separation bodies, 4 tip bodies'."""
     d = state.derived
-    separation = plural(len(d.separation), "separation body", "separation bodies")
-    return f"{count(state)}, {separation}, {plural(len(d.tips), 'tip body', 'tip bodies')}"
+    separation = counted(len(d.separation), "separation body", "separation bodies")
+    return f"{count(state)}, {separation}, {counted(len(d.tips), 'tip body', 'tip bodies')}"
 
 
 # -- matrices --------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..dynamics import Dynamics
 from ..dynamics.arguments import finite, position
-from ..errors import InputError, explained
+from ..errors import InputError, counted, explained
 from ..packing.system import Array
 from .assembly import closed, contradiction, descended, indices
 from .rows import COORDINATE, Group, Rows, apart, axis_name
@@ -287,15 +287,15 @@ def _moving(state: Rows, basis: Array) -> tuple[str, ...]:
 
 def _counts(m: Mobility) -> list[str]:
     if not m.rows:
-        return [f"{_many(m.tree, 'degree')} of freedom, no active constraint"]
+        return [f"{counted(m.tree, 'degree')} of freedom, no active constraint"]
     lines = [
-        f"{_many(m.tree, 'degree')} of freedom of the tree; {_many(m.rows, 'row')} of "
-        f"{_many(m.constraints, 'active constraint')}, rank {m.rank}: "
-        f"{_many(m.dof, 'degree')} of freedom left{m.locked}"
+        f"{counted(m.tree, 'degree')} of freedom of the tree; {counted(m.rows, 'row')} of "
+        f"{counted(m.constraints, 'active constraint')}, rank {m.rank}: "
+        f"{counted(m.dof, 'degree')} of freedom left{m.locked}"
     ]
     if m.positions != m.dof:
         lines.append(
-            f"velocities have {_many(m.dof, 'degree')} of freedom, positions {m.positions}: "
+            f"velocities have {counted(m.dof, 'degree')} of freedom, positions {m.positions}: "
             "rolling and blades forbid velocities, not places"
         )
     if m.moved > 1e-6:
@@ -310,7 +310,7 @@ def _redundant(m: Mobility) -> list[str]:
     if not always:
         return []
     lines = [
-        f"{len(always)} of {_many(m.rows, 'row')} {_is(always)} redundant: the motion does not "
+        f"{len(always)} of {counted(m.rows, 'row')} {_is(always)} redundant: the motion does not "
         "depend on it, the forces are those of least norm"
     ]
     lines += [f"  {row}, between {_listed(row.bodies)}" for row in always[:LISTED]]
@@ -325,7 +325,7 @@ def _singular(m: Mobility) -> list[str]:
         return []
     here = [str(row) for row in m.redundant if row.only_here]
     lines = [
-        f"singular position: {_many(m.extra, 'more way')} to move than around it, as "
+        f"singular position: {counted(m.extra, 'more way')} to move than around it, as "
         f"{_listed(here) or 'rows'} {'says' if len(here) < 2 else 'say'} nothing new here",
         f"  joints that can move: {_listed(m.joints)}",
     ]
@@ -347,10 +347,6 @@ def _motion(m: Mobility, direction: tuple[float, ...]) -> str:
 
 def _listed(names: Sequence[str]) -> str:
     return ", ".join(names[:LISTED]) + (" ..." if len(names) > LISTED else "")
-
-
-def _many(count: int, word: str) -> str:
-    return f"{count} {word}{'' if count == 1 else 's'}"
 
 
 def _is(items: Sequence[Any]) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from .. import joints
-from ..errors import ModelError, Problem, choices, nearest, numbers, shown
+from ..errors import ModelError, Problem, choices, counted, nearest, shown
 from ..joints import outside, quaternion_problems
 from .body import Body
 from .constraint import Constraint, Coupling, Gear, Motion, Rolling, Sum
@@ -171,7 +171,7 @@ def sum_problems(
             continue
         text, body = unknown(name, bodies), bodies.get(name)
         if body is not None and len(values) != body.dof:
-            text = f"the joint of '{name}' takes {numbers(body.dof)}; given {len(values)}"
+            text = f"the joint of '{name}' takes {counted(body.dof, 'number')}; given {len(values)}"
         elif body is not None and of_positions:
             bad = (_coordinate_problem(body, k) for k, x in enumerate(values) if x)
             text = next(filter(None, bad), "")
@@ -312,7 +312,7 @@ def state_problems(field: str, name: str, values: tuple[float, ...], bodies: Bod
         return []
     length = (joints.nq if field == "q" else joints.nv)(body.sequence)
     if len(values) != length:
-        return [f"'{name}' has {numbers(length)}; given {len(values)}"]
+        return [f"'{name}' has {counted(length, 'number')}; given {len(values)}"]
     if field == "v":
         return []
     found = quaternion_problems(values, body.sequence) + outside(values, body.sequence, body.limits)

@@ -13,18 +13,17 @@ from pydantic import model_validator
 from .curves import Curve
 from .fields import (
     GROUND,
-    ByName,
+    AtPoint,
     Flag,
     Number,
     OfKinds,
-    OfSums,
+    OnSum,
     Vec3,
-    by_name,
+    WithOther,
     field,
     maybe_vector,
     refuse,
     refuse_no_direction,
-    refuse_no_terms,
     vector,
 )
 
@@ -64,20 +63,13 @@ class Constraint(OfKinds):
 # -- between places of bodies ----------------------------------------------------------------------
 
 
-class ToOther(Constraint):
+class ToOther(WithOther, Constraint):
     """Between `body` and `other`."""
 
-    other: str = field("the name of a body, or 'ground'", default=GROUND, label="Other")
 
-
-class AtPoints(ToOther):
+class AtPoints(AtPoint, ToOther):
     """Between a point of `body` and one of `other`."""
 
-    point: Vec3 | None = field(
-        "three finite numbers in the axes of `body` [m]; left out: its tip",
-        converter=maybe_vector, default=None, unit="length",
-        help="in the axes of the body; empty: its tip",
-    )  # fmt: skip
     other_point: Vec3 | None = field(
         "three finite numbers in the axes of `other` [m]; left out: where `point` is in the "
         "initial state",
@@ -223,7 +215,16 @@ class InJoints(Constraint):
     """Acts on coordinates of joints, not between places of bodies."""
 
 
-class Gear(InJoints):
+class OfOne(InJoints):
+    """Acts on one coordinate of the joint of `body`."""
+
+    coordinate: int = field(
+        "the number of a degree of freedom of the joint of `body`, from 0",
+        default=0, ge=0, le=5, help="which degree of freedom of the body's joint, from 0",
+    )  # fmt: skip
+
+
+class Gear(OfOne):
     """q of the joint of `body` = ratio x q of the joint of `other` + offset."""
 
     ROWS: ClassVar[int] = 1
@@ -236,10 +237,6 @@ class Gear(InJoints):
         default=1.0, help="q of the body = ratio × q of the other + offset",
     )  # fmt: skip
     offset: Number = field("a finite number [rad, m]", default=0.0, unit="rad, m")
-    coordinate: int = field(
-        "the number of a degree of freedom of the joint of `body`, from 0",
-        default=0, ge=0, le=5, help="which degree of freedom of the body's joint, from 0",
-    )  # fmt: skip
     other_coordinate: int = field(
         "the number of a degree of freedom of the joint of `other`, from 0",
         default=0, ge=0, le=5, label="Other's",
@@ -257,7 +254,7 @@ class Gear(InJoints):
         return self
 
 
-class Motion(InJoints):
+class Motion(OfOne):
     """The joint of `body` follows a function of time, with whatever force that takes."""
 
     ROWS: ClassVar[int] = 1
@@ -267,10 +264,6 @@ class Motion(InJoints):
     q_of_t: Curve = field(
         "a table over time, or {'kind': 'sine' or 'polynomial', ...} [rad, m]",
         converter=_followed, label="Follows", help="how the position depends on time",
-    )  # fmt: skip
-    coordinate: int = field(
-        "the number of a degree of freedom of the joint of `body`, from 0",
-        default=0, ge=0, le=5, help="which degree of freedom of the body's joint, from 0",
     )  # fmt: skip
 
 
@@ -289,18 +282,13 @@ class Rolling(AlongAxes):
     )  # fmt: skip
 
 
-class Skate(ToOther):
+class Skate(AtPoint, ToOther):
     """The velocity of `point` along `axis`, which is across a blade of `body`, is zero."""
 
     ROWS: ClassVar[int] = 1
     ABOUT: ClassVar[str] = "no velocity across a blade (nonholonomic)"
 
     kind: Literal["skate"] = field(KIND, default="skate")
-    point: Vec3 | None = field(
-        "three finite numbers in the axes of `body` [m]; left out: its tip",
-        converter=maybe_vector, default=None, unit="length",
-        help="in the axes of the body; empty: its tip",
-    )  # fmt: skip
     axis: Vec3 = field(
         "a direction [x, y, z] that is not zero, in the axes of `body`",
         converter=vector, help="direction in the axes of the body, across the blade",
@@ -312,19 +300,8 @@ class Skate(ToOther):
         return self
 
 
-class Sum(InJoints, OfSums):
+class Sum(OnSum, InJoints):
     """Acts on the sum of `coefficients` x coordinates of joints."""
-
-    body: str = field("the name of a body", default="", label="Body")
-    coefficients: ByName = field(
-        "body name -> numbers, one a degree of freedom of its joint",
-        converter=by_name, label="Coefficient", help="one a degree of freedom",
-    )  # fmt: skip
-
-    @model_validator(mode="after")
-    def _not_all_zero(self) -> Self:
-        refuse_no_terms(self.coefficients)
-        return self
 
 
 class Velocity(Sum):

@@ -710,6 +710,22 @@ def _fields_of(kinds: tuple[type[OfKinds], ...]) -> set[str]:
     return {name for each in kinds for name in each.model_fields}
 
 
+class WithOther(Described):
+    """A part between `body` and another one."""
+
+    other: str = field("the name of a body, or 'ground'", default=GROUND, label="Other")
+
+
+class AtPoint(Described):
+    """A part that acts at a point of `body`."""
+
+    point: Vec3 | None = field(
+        "three finite numbers in the axes of `body` [m]; left out: its tip",
+        converter=maybe_vector, default=None, unit="length",
+        help="in the axes of the body; empty: its tip",
+    )  # fmt: skip
+
+
 class OfSums(OfKinds):
     """A part that acts on a sum of joint coordinates, `coefficients` x q or v."""
 
@@ -740,10 +756,20 @@ class OfSums(OfKinds):
         return tuple(name for name in dict.fromkeys((self.body, *self.coefficients)) if name)
 
 
-def refuse_no_terms(coefficients: Mapping[str, Sequence[float]]) -> None:
-    """Refuse a sum of nothing."""
-    if not any(any(x) for x in coefficients.values()):
-        refuse([("coefficients", "at least one must differ from zero")])
+class OnSum(OfSums):
+    """Acts on the sum of `coefficients` x coordinates of joints, and on nothing else."""
+
+    body: str = field("the name of a body", default="", label="Body")
+    coefficients: ByName = field(
+        "body name -> numbers, one a degree of freedom of its joint",
+        converter=by_name, label="Coefficient", help="one a degree of freedom",
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _not_all_zero(self) -> Self:
+        if not any(any(x) for x in self.coefficients.values()):
+            refuse([("coefficients", "at least one must differ from zero")])
+        return self
 
 
 def whole(value: Any) -> int | None:

@@ -18,20 +18,22 @@ from .curves import Table, VectorTable
 from .fields import (
     EMPTY,
     GROUND,
+    AtPoint,
     ByName,
     Flag,
     Number,
     OfKinds,
     OfSums,
+    OnSum,
     Quat,
     Vec3,
+    WithOther,
     by_name,
     field,
     maybe_vector,
     quaternion,
     refuse,
     refuse_no_direction,
-    refuse_no_terms,
     vector,
 )
 
@@ -327,7 +329,7 @@ class Actuator(OnJoint):
         return Law(self.gain, self.torque, self.kp, self.kd)
 
 
-class Tendon(Force, OfSums):
+class Tendon(OnSum, Force):
     """A tendon along joints: its length is the sum of `coefficients` x q.
 
     Spring, damper and friction pull it to the length `rest`; it gets no shorter than `low` and no
@@ -338,11 +340,6 @@ class Tendon(Force, OfSums):
     PASSIVE: ClassVar[bool] = True
 
     kind: Literal["tendon"] = field(KIND, default="tendon")
-    body: str = field("the name of a body", default="", label="Body")
-    coefficients: ByName = field(
-        "body name -> numbers, one a degree of freedom of its joint",
-        converter=by_name, label="Coefficient", help="length per coordinate, one a degree",
-    )  # fmt: skip
     stiffness: Number = field("a number >= 0 [N/m, N m/rad]", default=0.0, ge=0, unit="N/m")
     damping: Number = field("a number >= 0 [N s/m, N m s/rad]", default=0.0, ge=0, unit="N s/m")
     friction: Number = field("a number >= 0 [N, N m]", default=0.0, ge=0, unit="N")
@@ -360,7 +357,6 @@ class Tendon(Force, OfSums):
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
-        refuse_no_terms(self.coefficients)
         if self.low is not None and self.high is not None and self.low > self.high:
             text = f"must be at most high, {shown(self.high)}; given {shown(self.low)}"
             refuse([("low", text)])
@@ -371,12 +367,10 @@ class OnBody(Force):
     """Acts on `body` itself."""
 
 
-class Between(OnBody):
+class Between(WithOther, OnBody):
     """Acts between `body` and `other`."""
 
     PASSIVE: ClassVar[bool] = True
-
-    other: str = field("the name of a body, or 'ground'", default=GROUND, label="Other")
 
 
 class Wrench(OnBody):
@@ -404,17 +398,12 @@ class Wrench(OnBody):
     )  # fmt: skip
 
 
-class Spring(Between):
+class Spring(AtPoint, Between):
     """stiffness (length - rest) + damping x its rate pull `point` and `other_point` together."""
 
     ABOUT: ClassVar[str] = "pulls two points together, with damper"
 
     kind: Literal["spring"] = field(KIND, default="spring")
-    point: Vec3 | None = field(
-        "three finite numbers in the axes of `body` [m]; left out: its tip",
-        converter=maybe_vector, default=None, unit="length",
-        help="in the axes of the body; empty: its tip",
-    )  # fmt: skip
     other_point: Vec3 | None = field(
         "three finite numbers in the axes of `other` [m]; left out: its origin",
         converter=maybe_vector, default=None, unit="length",

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import explained, numbers, refusal, shown
+from ..errors import counted, explained, refusal, shown
 from ..joints import SIZE, Motion
 from ..model import Body, Model
 from ..rotation import Array, matrix, multiply, rodrigues, unit
@@ -274,7 +274,7 @@ def _position(model: Model, name: str, given: Sequence[float] | Array) -> Array:
     except (TypeError, ValueError):
         q = np.full(count, np.nan)
     if q.shape != (count,) or not np.isfinite(q).all():
-        text = f"must be {numbers(count)}, all finite; given {shown(given)}"
+        text = f"must be {counted(count, 'number')}, all finite; given {shown(given)}"
         raise refusal("frame_update_trace", name, text)
     return q
 

@@ -196,7 +196,7 @@ class ByTouch(Named):
 
 KINDS = ("force", "gap", "slip", "limit", "normal", "phases")
 OF_CONSTRAINTS = ("constraint_force", "constraint")  # what Named is told of them
-NOTHING = ContactRecord()
+NOTHING, NO_FORCES = ContactRecord(), Named({}, *OF_CONSTRAINTS)
 
 
 # -- user event ------------------------------------------------------------------------------------

@@ -31,6 +31,8 @@ from .dense import states_at
 from .outputs import outputs
 from .records import (
     KINDS,
+    NO_FORCES,
+    NOTHING,
     OF_CONSTRAINTS,
     ByTouch,
     ContactRecord,
@@ -110,8 +112,10 @@ class Result(EqualByFields, Hinting):
             view = np.asarray(getattr(self, name)).view()
             view.flags.writeable = False
             object.__setattr__(self, name, view)
-        keep_unchanged(self.constraint_force.values())
-        self.contacts.keep_unchanged()
+        if self.constraint_force is not NO_FORCES:
+            keep_unchanged(self.constraint_force.values())
+        if self.contacts is not NOTHING:
+            self.contacts.keep_unchanged()
         instead = "a run does not change; dict(...) makes a copy"
         for name in ("counters", "timing", "header"):
             kept = ReadOnly(getattr(self, name), f"run.{name}", instead)

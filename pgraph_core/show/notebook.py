@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import needed
+from ..errors import counted, needed
 from . import bodies, shapes, stage
 from .digraph import digraph_svg
 from .stage import GRID
@@ -24,21 +24,21 @@ DRAWN = 120  # bodies up to which the digraph is drawn
 def model_html(model: Any) -> str:
     """The title, the digraph and the table of bodies of a `pg.Model`."""
     counts = [
-        _counted(len(getattr(model, field)), one)
+        counted(len(getattr(model, field)), one)
         for field, one in (("constraints", "constraint"), ("contacts", "contact"),
                            ("forces", "force"), ("scenarios", "scenario"), ("sites", "site"),
                            ("outputs", "output"))
         if getattr(model, field)
     ]  # fmt: skip
     dof = sum(body.dof for body in model.bodies)
-    counts = [_counted(len(model.bodies), "body", "bodies"), f"{dof} DoF", *counts]
+    counts = [counted(len(model.bodies), "body", "bodies"), f"{dof} DoF", *counts]
     return _framed(model.name or "model", ", ".join(counts), _drawn(model) + _bodies(model))
 
 
 def mechanism_html(mech: Any) -> str:
     """The title, Pgraph and jdof, the digraph and the table of bodies of a `pg.Mechanism`."""
     model = mech.model
-    counts = f"{_counted(len(mech.names), 'body', 'bodies')}, nq = {mech.nq}, nv = {mech.nv}"
+    counts = f"{counted(len(mech.names), 'body', 'bodies')}, nq = {mech.nq}, nv = {mech.nv}"
     vectors = _table(
         [("Pgraph", *mech.topology.pgraph.tolist()), ("jdof", *mech.topology.jdof.tolist())]
     )
@@ -111,10 +111,6 @@ def _table(rows: Iterable[Sequence[object]], head: Sequence[str] = ()) -> str:
 
 def _framed(title: str, line: str, body: str) -> str:
     return f"<div><strong>{escape(title)}</strong><br>{escape(line)}{body}</div>"
-
-
-def _counted(n: int, one: str, many: str = "") -> str:
-    return f"{n} {one if n == 1 else many or one + 's'}"
 
 
 # -- a small picture -------------------------------------------------------------------------------

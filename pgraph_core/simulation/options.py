@@ -60,7 +60,7 @@ class Options(NamedTuple):
     stabilise: Any = "project"
     forces: Sequence[Force] = ()
     switches: Any = None
-    compared: bool = True  # with coarser runs, for an error estimate
+    estimate: Any = None  # of the error, from coarser runs; False: none
     inputs: Inputs = ()  # of motors and servos, by name
 
     def check(self) -> None:
@@ -70,6 +70,9 @@ class Options(NamedTuple):
         if self.stabilise not in STABILISE:
             text = f"must be 'project', 'baumgarte' or None; given {self.stabilise!r}"
             raise InputError(Problem("simulate", "stabilise", text))
+        if self.estimate not in (None, True, False):
+            text = f"must be True, False or None; given {shown(self.estimate)}"
+            raise InputError(Problem("simulate", "estimate", text))
         if self.rtol is not None:
             positive("rtol", self.rtol, unit="")
         if self.step is not None:

@@ -304,7 +304,9 @@ def _with_times(
     usual, changes = given.step if given else 1e-3, plan.changes
     tolerance = o.tolerance(plan.method, span[1] - span[0])
     width, asked = _times(o, tolerance, span, usual)
-    marked = o.compared and tolerance is None and not (plan.contacts or plan.contact_points)
+    marked = (
+        o.estimate is not False and tolerance is None and not (plan.contacts or plan.contact_points)
+    )
     times = with_marks(asked, width) if marked else asked
     if changes:
         times, changes = with_instants(times, changes)
@@ -402,6 +404,9 @@ def by_names(
     Raises InputError for names without a joint that moves, for other counts of values, and for
     lists where the order of the numbers is not the order of the bodies.
     """
+    if isinstance(q, (int, float)):
+        text = f"must be {mech.nq} numbers in a list; given {q}; a duration is t_end={q}"
+        raise InputError(Problem("simulate", "q", text))
     _in_order(mech, q=q, v=v)
     named = [names_in(x) if x is not None else None for x in (q, v)]
     if named == [None, None]:

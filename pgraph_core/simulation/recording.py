@@ -19,12 +19,12 @@ from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import Frames
 from ..engine.compiler.address import address_of
-from ..engine.records import PAIR, PHASE_CHANGE, SWING, by_name, table
+from ..engine.records import PAIR, PHASE_CHANGE, SWING, table
 from ..errors import InputError
 from ..mechanism import Mechanism
 from ..packing.system import Array, Ints
 from ..result import Result, Status
-from ..result.records import NOTHING, OF_CONSTRAINTS, ContactRecord, Named
+from ..result.records import NO_FORCES, NOTHING, OF_CONSTRAINTS, ContactRecord, Named
 from .loop import Outcome, Steps, Workplace, links_of, workplaces
 from .monitors import Condition
 from .options import MOST_STEPS
@@ -40,7 +40,6 @@ PULSE = 0.2  # of the largest acceleration: what a pulse that counts makes
 UNFELT = 0.02  # of that: what the motion shows of it
 KEPT = 2**14  # numbers in the frames of a run, for which a mechanism keeps room
 FIRST = 16384  # freedoms in the first chunk, times steps: a few milliseconds
-NO_FORCES = Named({}, *OF_CONSTRAINTS)
 NO_CHANGES = table(PHASE_CHANGE, 0)
 NO_MONITORS = np.zeros((4, 0))
 Progress = Callable[[float], Any] | None
@@ -664,7 +663,8 @@ class Recording:
         if len(self.plan.ever):
             found = self.scene.forces(wrenches.swapaxes(0, 1).copy(), self.plan.ever)
             forces = Named(found, *OF_CONSTRAINTS)
-        counters, contacts = by_name(steps.counters), NOTHING
+        counted, contacts = steps.counters, NOTHING
+        counters: dict[str, int] = dict(zip(counted.dtype.names or (), counted.item()))
         if self.plan.declared is not None or self.plan.contacts or self.ended.log:
             contacts = self._contacts((t, pushes, touches, missed), q)
         if self.scene.touching is not None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy.typing as npt
 
 from ..dynamics.arguments import stretched
-from ..errors import InputError, Problem, explained, shown
+from ..errors import explained
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..result import Result
@@ -101,15 +101,9 @@ def simulate(
     """
     began = time.perf_counter()
     mech = mechanism_of(mechanism, "simulate")
-    if isinstance(q, (int, float)):
-        text = f"must be {mech.nq} numbers in a list; given {q}; a duration is t_end={q}"
-        raise InputError(Problem("simulate", "q", text))
-    if estimate not in (None, True, False):
-        text = f"must be True, False or None; given {shown(estimate)}"
-        raise InputError(Problem("simulate", "estimate", text))
     options = Options(
         scenario, t_start, t_end, method, step, rtol, atol, max_steps, frames, t_eval, stabilise,
-        forces, switches, estimate is not False,
+        forces, switches, estimate,
         () if inputs is None else inputs_of(inputs, "simulate"),
     )  # fmt: skip
     if tau is not None:
