@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 from typing import Any, Literal, NamedTuple
 
 from .errors import counted, shown
@@ -126,7 +127,7 @@ def joint_problems(
             )
         elif name == "q":
             found += quaternion_problems(value, motions)
-    return found + (_limit_problems(limits, motions) or outside(q, motions, limits))
+    return found + _limit_problems(limits, motions)
 
 
 def _limit_problems(limits: tuple[Any, ...], motions: tuple[Motion, ...]) -> list[Finding]:
@@ -149,20 +150,17 @@ def _limit_problems(limits: tuple[Any, ...], motions: tuple[Motion, ...]) -> lis
     ]
 
 
-def outside(q: Numbers, motions: Motions, limits: Limits) -> list[Finding]:
-    """Positions beyond the limits of their motions, where both are well-formed."""
-    found: list[Finding] = []
+def beyond(q: Numbers, motions: Motions, limits: Limits) -> Iterator[tuple[int, float]]:
+    """(motion, by how much) of positions beyond their limits [rad, m]."""
     start = 0
-    if len(limits) != len(motions) or len(q) != nq(motions):
-        return []
-    for m, pair in zip(motions, limits):
+    for k, (m, pair) in enumerate(zip(motions, limits)):
         if pair is not None and m.kind in ("rotate", "translate"):
             low, high = pair
-            if (low is not None and q[start] < low) or (high is not None and q[start] > high):
-                text = f"must start within its limits {shown(pair)}; given {shown(q[start])}"
-                found.append(("q", text))
+            if low is not None and q[start] < low:
+                yield k, low - q[start]
+            if high is not None and q[start] > high:
+                yield k, q[start] - high
         start += SIZE[m.kind][0]
-    return found
 
 
 def _parallel_problems(motions: tuple[Motion, ...]) -> list[Finding]:

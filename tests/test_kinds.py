@@ -371,13 +371,14 @@ def test_a_force_that_does_nothing_is_told(fields, idle, mended):
     [
         ({"rest": 0.5}, {}, "without stiffness"),
         ({"limit_restitution": 0.5}, {}, "without limits"),
+        ({"q": 1.5, "limits": (-1, 1)}, {}, "starts 0.5 beyond its limits [-1.0, 1.0]"),
         ({"q": 90}, {}, "np.radians(90)"),
         ({}, {"up": "z", "gravity": (0, -9.81, 0)}, "does not pull along -z"),
         ({}, {"parameters": {"k": 1.0}}, "no formula uses it"),
         ({}, {"contacts": [pg.Contact(name=n, body="arm") for n in "ab"]}, "both push"),
     ],
 )
-def test_fields_without_effect_are_told(body, fields, fact):
+def test_fields_without_effect_or_sense_are_told(body, fields, fact):
     shape = pg.Shape(kind="sphere", radius=0.1)
     (doubt,) = pg.Model(bodies=[pg.Body(**ARM, **body, shape=shape)], **fields).doubts
     assert fact in doubt

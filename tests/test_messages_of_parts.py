@@ -415,13 +415,6 @@ MODELS: list[tuple[dict[str, Any], list[str]]] = [
         ["scenario 's', contacts: no contact is named 'u'; choose one of t"],
     ),
     (
-        {
-            "bodies": [{"name": "arm", "limits": [0, 1]}],
-            "scenarios": [{"name": "s", "q": {"arm": 2}}],
-        },
-        ["scenario 's', q: 'arm' must start within its limits [0.0, 1.0]; given 2.0"],
-    ),
-    (
         {"bodies": [{"name": "*"}]},
         ["body '*', name: '*' stands for every body in contacts; choose another"],
     ),

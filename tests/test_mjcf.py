@@ -384,7 +384,8 @@ SENSED = """<mujoco><option gravity="1 2 -9"/><default><geom contype="0" conaffi
 <geom type="capsule" fromto="0 0 0 .4 0 0" size=".05"/>
 <site name="imu" pos=".2 .1 0" euler="1 2 3"/>
 <body name="b" pos=".4 0 0"><joint name="y" axis="0 0 1" stiffness="3"/>
-<geom type="box" size=".1 .2 .1"/><site name="hand" pos="0 .1 .2" euler="0 0 70"/></body></body>
+<geom name="box" type="box" size=".1 .2 .1" pos=".1 0 0" euler="0 4 5"/>
+<site name="hand" pos="0 .1 .2" euler="0 0 70"/></body></body>
 <body name="f" pos="2 0 0"><freejoint/><geom size=".2 .1 .1" type="ellipsoid"/>
 <site name="s" pos=".1 0 0" euler="5 6 7"/></body></worldbody>
 <actuator><motor name="m" joint="y"/></actuator><sensor><jointpos name="jx" joint="x"/>
@@ -394,12 +395,14 @@ SENSED = """<mujoco><option gravity="1 2 -9"/><default><geom contype="0" conaffi
 
 def test_outputs_are_what_sensors_of_mujoco_read(tmp_path):
     given = [f'objtype="site" objname="{s}"' for s in ("imu", "hand", "s", "w")]
+    given += ['objtype="body" objname="a"', 'objtype="xbody" objname="f"']  # a's inertial frame
+    given += ['objtype="geom" objname="box"']
     sensors = [f'<{kind} name="{kind} {k}" {x}/>' for kind in AXES for k, x in enumerate(given)]
     sites = ("imu", "hand", "s", "w")
     sensors += [f'<{kind} name="{kind} {s}" site="{s}"/>' for kind in OWN[:3] for s in sites]
     sensors += [f'<{kind} name="{kind} {s}" site="{s}"/>' for kind in OWN[3:] for s in sites[:3]]
     model, report = read(tmp_path, SENSED.format("".join(sensors)))
-    assert [e.text for e in report.of("left out")] == ["1 of kind clock"]
+    assert [e.text for e in report.of("left out")] == ["of kind clock: 'clock 4'"]
     mech, rng = pg.Mechanism(model), np.random.default_rng(0)
     m = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
     q, v, qpos, qvel, _ = start_of(mech, m, rng)
@@ -416,7 +419,11 @@ def test_outputs_are_what_sensors_of_mujoco_read(tmp_path):
     pg.write_mjcf(model, tmp_path / "again.xml")
     again, _ = pg.read_mjcf(tmp_path / "again.xml")
     assert again.outputs == model.outputs
-    assert again.sites == model.sites
+    for site in model.sites:
+        twin = again.part(site.name, "site")
+        assert twin.body == site.body
+        np.testing.assert_allclose(twin.point, site.point, atol=1e-15)
+        np.testing.assert_allclose(twin.rotation, site.rotation, atol=1e-15)
 
 
 def written(tmp_path, model):
@@ -608,6 +615,53 @@ def test_the_report_says_where_gravcomp_acts(tmp_path):
     np.testing.assert_allclose(
         mech.forward_dynamics(q, v, external=external)[1], free[1] / 2, rtol=1e-12
     )
+
+
+DRIFTING = """<mujoco><compiler angle="radian"/>
+<option density="9" viscosity=".1" gravity="0 0 -9"/>
+<worldbody><geom name="far" type="plane" size="1 1 1" contype="0" conaffinity="0"/>
+<body name="still" mocap="true"><geom size=".1"/></body>
+<body name="a" gravcomp="1"><joint name="x" axis="0 1 0" range="-1 1" {}/>
+<geom type="capsule" fromto="0 0 0 .4 0 0" size=".05"/></body>
+<body name="b" pos="0 1 0"><joint name="y" axis="0 1 0"/><geom size=".1" pos=".1 0 0"/></body>
+<body name="c" pos="0 3 0"><joint type="ball"/><geom size=".1" pos=".1 0 0"/></body></worldbody>
+<tendon><fixed name="idle"><joint joint="x" coef="1"/></fixed></tendon>
+<keyframe><key name="far" qpos="1.25 0 1 0 0 0"/></keyframe></mujoco>"""
+
+
+def test_fluid_and_keyframes_beyond_limits_stay_through_a_file_and_idle_parts_are_named(tmp_path):
+    model, report = read(tmp_path, DRIFTING.format(""))
+    for kind, where, words in (
+        ("left out", "tendon 'idle'", "without spring"),
+        ("left out", "geom 'far'", "touches nothing"),
+        ("warning", "key 'far'", "beyond the limits of x"),
+        ("converted", "arm.xml", "ball or free joints"),
+    ):
+        assert any(words in e.text and where in e.where for e in report.of(kind)), words
+    assert report.loaded
+    assert model.scenario("far").q["a"] == (1.25,)
+    again, m = written(tmp_path, model)
+    assert again.scenario("far").q["a"] == (1.25,)
+    assert (m.opt.density, m.opt.viscosity) == (9.0, 0.1)
+    assert m.key("far").qpos[0] == 1.25
+    run = pg.simulate(model, scenario="far", t_end=0.01)
+    assert any("limit" in text and "0.25" in text for text in run.notices)
+
+
+@pytest.mark.parametrize("lifted", [False, True])
+def test_gravcomp_by_actuators_acts_only_where_there_are_some(tmp_path, lifted):
+    """MuJoCo adds it to what actuators give, and leaves that out where there are none."""
+    text = DRIFTING.format('actuatorgravcomp="true"')
+    if lifted:
+        text = text.replace("</mujoco>", '<actuator><motor joint="y"/></actuator></mujoco>')
+    model, report = read(tmp_path, text)
+    assert report.loaded
+    assert any("actuatorgravcomp" in e.text for e in report.of("left out")) != lifted
+    m = mujoco.MjModel.from_xml_path(str(tmp_path / "arm.xml"))
+    data = mujoco.MjData(m)
+    mujoco.mj_forward(m, data)
+    run = pg.simulate(model, t_end=1e-3)
+    np.testing.assert_allclose(run.vdot[0, 0], data.qacc[0], atol=1e-12)
 
 
 def test_a_written_file_that_mujoco_refuses_says_so_first_and_how_to_repair_it(tmp_path, capsys):

@@ -178,7 +178,7 @@ SPRING = pg.Spring(name="s", body="arm", stiffness=5.0)
         (ARM, {"mass": -5}),
         (ARM, {"mass": "5"}),
         (ARM, {"com": (1, 2)}),
-        (ARM, {"q": 5.0, "limits": (0, 1)}),
+        (ARM, {"limits": (1, 0)}),
         (ARM, {"rotation": (3.0, 0, 0, 0)}),
         (SPRING, {"stiffness": -5.0}),
         (SPRING, {"kind": "sprig"}),

@@ -172,6 +172,8 @@ class _Reader:
         gravity = tuple(float(x) for x in m.opt.gravity)
         if m.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY):
             gravity = (0.0, 0.0, 0.0)
+        sites = parts.sites([body["name"] for body in bodies])
+        outputs = parts.outputs(sites)
         fields: dict[str, Any] = {
             "name": self._name_of_model(),
             "up": "z",
@@ -181,8 +183,8 @@ class _Reader:
             "contacts": list[Contact](parts.contacts(bodies)),
             "forces": list[Force](parts.forces()),
             "scenarios": parts.keyframes(),
-            "sites": parts.sites([body["name"] for body in bodies]),
-            "outputs": parts.outputs(),
+            "sites": sites,
+            "outputs": outputs,
         }
         self._start(fields)
         parts.rest()

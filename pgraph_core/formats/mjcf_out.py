@@ -491,7 +491,8 @@ class _Writer:
 
     def _fluid(self) -> dict[str, float]:
         """MuJoCo's fluid where every body with mass has its drag; others are left out."""
-        drags = [f for f in self.model.forces if isinstance(f, Drag)]
+        forces = self.model.forces
+        drags = [f for f in forces if isinstance(f, Drag) and not self._still(f.body)]
         kinds = {(f.density, f.viscosity) for f in drags}
         bodies = {b.name: b for b in self.model.bodies if b.mass and not self._still(b.name)}
         everywhere = sorted(f.body for f in drags) == sorted(bodies) and len(kinds) == 1

@@ -38,7 +38,7 @@ CONNECT, WELD, JOINT, TENDON = 0, 1, 2, 3  # mjtEq
 ALONG_JOINT, SITE = 1, 3  # mjtWrap
 ON_JOINT, ON_TENDON = (0, 1), 3  # mjtTrn: joint, joint in parent; tendon
 INTEGRATOR, FILTERS = 1, (2, 3)  # mjtDyn: integrator; filter, filterexact
-BODIES, SITES = 2, 6  # mjtObj: xbody, site
+INERTIAL, BODIES, GEOMS, SITES, CAMERAS = 1, 2, 5, 6, 7  # mjtObj: body, xbody, geom, site, camera
 SENSORS: dict[str, Kind] = {  # of MuJoCo: kind of output
     "jointpos": "joint_position", "jointvel": "joint_velocity", "framepos": "position",
     "framequat": "rotation", "framelinvel": "velocity", "frameangvel": "angular_velocity",
@@ -285,6 +285,16 @@ class Parts:
             lift = -m.opt.gravity * m.body_mass[b] * m.body_gravcomp[b]
             if not np.any(lift):
                 continue
+            if not m.nu or not self.driven:
+                idle = [bool(m.jnt_actgravcomp[j]) for j in self._joints_above(int(b))]
+                if any(idle):
+                    text = "actuatorgravcomp, which does nothing where no actuator acts"
+                    if not all(idle):
+                        text = "gravcomp of joints of which some have actuatorgravcomp, with no "
+                        text += "actuator that acts"
+                    where = m.body(int(b)).name
+                    self.reader.left_out("body", where, text, acts=not all(idle))
+                    continue
             lifted.append(name)
             point = m.body_ipos[b] - self.reader.pivot[b]
             yield Wrench(
@@ -298,6 +308,13 @@ class Parts:
                 "`forward_dynamics` and `inverse_dynamics`, which take them as `external`"
             )
             self.report.add("converted", self.reader.path.name, text)
+
+    def _joints_above(self, b: int) -> Iterator[int]:
+        """The joints that move a body."""
+        m = self.m
+        while b:
+            yield from range(m.body_jntadr[b], m.body_jntadr[b] + m.body_jntnum[b])
+            b = int(m.body_parentid[b])
 
     def _switched_off(self, a: int, name: str) -> bool:
         """Whether the file switches off the group of an actuator; then it is named."""
@@ -316,6 +333,9 @@ class Parts:
             pulls = bool(m.tendon_stiffness[t]) or bool(m.tendon_damping[t])
             acts = pulls or m.tendon_frictionloss[t] or m.tendon_limited[t] or m.tendon_armature[t]
             if not acts:
+                if t not in self._used_tendons():
+                    text = "a tendon without spring, damper, friction, limits or actuator"
+                    self.reader.left_out("tendon", name, text, acts=False)
                 continue
             if (
                 m.tendon_armature[t]
@@ -337,6 +357,13 @@ class Parts:
             made = self._straight(t, name) if sums is None else self._tendon(t, name, sums)
             if made is not None:
                 yield made
+
+    def _used_tendons(self) -> set[int]:
+        """Those that actuators pull or equalities hold."""
+        m = self.m
+        pulled = m.actuator_trnid[m.actuator_trntype == ON_TENDON, 0]
+        held = m.eq_type == TENDON
+        return {*pulled.tolist(), *m.eq_obj1id[held].tolist(), *m.eq_obj2id[held].tolist()}
 
     def _tendon(self, t: int, name: str, sums: Sums) -> Tendon:
         m, start = self.m, self._length(sums)
@@ -502,7 +529,7 @@ class Parts:
             self.reader.left_out("option", "", text)
             return
         for b in range(1, m.nbody):
-            if m.body_mass[b] < LEAST or m.body_weldid[b] == 0:
+            if m.body_mass[b] < LEAST or not m.body_dofnum[m.body_weldid[b]]:
                 continue
             moments = m.body_inertia[b]
             squares = np.maximum(moments.sum() - 2 * moments, LEAST) / m.body_mass[b] * 6
@@ -525,7 +552,11 @@ class Parts:
                 continue
             normal = matrix(m.geom_quat[g].tolist())[:, 2]
             flat = normal[2] > 1 - FLAT and abs(m.geom_pos[g, 2]) < FLAT
-            if flat or not self.reader.touches(g):
+            touches = self.reader.touches(g)
+            if not touches:
+                text = "a plane that touches nothing"
+                self.reader.left_out("geom", m.geom(g).name, text, acts=False)
+            if flat or not touches:
                 floors.append(g)
             else:
                 walls.append(g)
@@ -694,35 +725,35 @@ class Parts:
             )  # fmt: skip
         return list(found.values())
 
-    def outputs(self) -> list[Output]:
-        """Sensors of joints and frames."""
+    def outputs(self, sites: list[Site]) -> list[Output]:
+        """Sensors of joints and frames; those of frames of bodies have sites of their own."""
         m, found = self.m, dict[str, Output]()
         kinds = needed("mujoco", "mjcf").mjtSensor
-        others: dict[str, int] = {}
+        others: dict[tuple[str, str], list[str]] = {}
         for k in range(m.nsensor):
             word = kinds(int(m.sensor_type[k])).name.removeprefix("mjSENS_").lower()
-            fields = self._sensed(k, word)
-            if fields is None or is_set(m, "sensor_delay", k):
-                others[word] = others.get(word, 0) + 1
-                continue
             name = m.sensor(k).name
             name = f"{word} {k + 1}" if name_problem(name) else name
             while name in found:
                 name += "'"
+            why = "delayed" if is_set(m, "sensor_delay", k) else ""
+            why = why or "seen from another frame" * bool(m.sensor_refid[k] >= 0)
+            if word not in SENSORS or why:
+                others.setdefault((word, why), []).append(shown(name))
+                continue
+            fields = self._sensed(k, word, name, sites)
             found[name] = Output(name=name, kind=SENSORS[word], **fields)
             if m.sensor_cutoff[k] > 0:
                 text = "its cutoff: it reads all values"
                 self.reader.left_out("sensor", name, text, acts=False)
-        for word, count in others.items():
-            text = f"{count} of kind {word}" + " (delayed or in other axes)" * (word in SENSORS)
+        for (word, why), names in others.items():
+            text = f"of kind {word}{', ' * bool(why)}{why}: {choices(names, 6)}"
             self.reader.left_out("sensor", "", text, acts=False)
         return list(found.values())
 
-    def _sensed(self, k: int, word: str) -> dict[str, Any] | None:
-        """What a sensor reads: a body or site, a coordinate; None where it has no place here."""
+    def _sensed(self, k: int, word: str, name: str, sites: list[Site]) -> dict[str, Any]:
+        """What a sensor reads: a coordinate, or a body or site; it may get a site of its own."""
         m, what = self.m, int(self.m.sensor_objid[k])
-        if word not in SENSORS or m.sensor_refid[k] >= 0:
-            return None
         if word in ("jointpos", "jointvel"):
             if m.qpos0[m.jnt_qposadr[what]] and word == "jointpos":
                 text = "it counts from the file's initial pose here"
@@ -730,10 +761,29 @@ class Parts:
             body, coordinate = self.reader.place_of_joint[what]
             return {"at": body, "coordinate": coordinate}
         kind = int(m.sensor_objtype[k])
-        if kind == SITES:
-            return {"at": self.frames[what]} if what in self.frames else None
-        at_origin = kind == BODIES and not np.any(self.reader.pivot[what])
-        return {"at": self.reader.names[what]} if at_origin else None
+        if kind == SITES and what in self.frames:
+            return {"at": self.frames[what]}
+        tables = {
+            SITES: (m.site_bodyid, m.site_pos, m.site_quat),
+            GEOMS: (m.geom_bodyid, m.geom_pos, m.geom_quat),
+            CAMERAS: (m.cam_bodyid, m.cam_pos, m.cam_quat),
+            INERTIAL: (range(m.nbody), m.body_ipos, m.body_iquat),
+        }
+        b, point, turn = what, np.zeros(3), (1.0, 0.0, 0.0, 0.0)
+        if kind in tables:
+            owner, places, turns = tables[kind]
+            b, point, turn = int(owner[what]), places[what], unit(turns[what].tolist())
+        point = point - self.reader.pivot[b]
+        if kind == BODIES and not np.any(point):
+            return {"at": self.reader.names[b]}
+        taken = {s.name for s in sites} | {*self.reader.names}
+        own = f"{name} frame"
+        while own in taken:
+            own += "'"
+        sites.append(
+            Site(name=own, body=self.reader.names[b], point=tuple(point.tolist()), rotation=turn)
+        )
+        return {"at": own}
 
     # -- keyframes and the rest ------------------------------------------------------------------
 
@@ -746,9 +796,8 @@ class Parts:
                 name += "'"
             q, v, beyond = self._state(self.m.key_qpos[k], self.m.key_qvel[k])
             if beyond:
-                text = f"starts beyond the limits of {', '.join(beyond)}"
-                self.reader.left_out("key", name, text, acts=False)
-                continue
+                text = f"it starts beyond the limits of {', '.join(beyond)}, which hold it there"
+                self.report.add("warning", self.reader.where("key", name), text)
             for given, text in (
                 (self.m.key_ctrl[k], "its controls; a run takes them as inputs={name: value}"),
                 (
@@ -809,6 +858,13 @@ class Parts:
         ):
             if count:
                 reader.report.add("left out", reader.path.name, f"{count} {what}", acts=acts)
+        if turning := int((m.jnt_type < 2).sum()):
+            text = (
+                f"{turning} ball or free joints, whose q and v are other numbers than qpos and "
+                "qvel: those of a ball are in its parent's axes, v of a free joint is "
+                "[angular; linear] in the world's axes"
+            )
+            reader.report.add("converted", reader.path.name, text)
         for b in np.flatnonzero(m.body_mocapid >= 0):
             name = reader.names[b]
             text = "a body that MuJoCo's user moves stays where it is"

@@ -7,7 +7,7 @@ from typing import Any
 
 from .. import joints
 from ..errors import ModelError, Problem, choices, counted, nearest, shown
-from ..joints import outside, quaternion_problems
+from ..joints import quaternion_problems
 from .body import Body
 from .constraint import Constraint, Coupling, Gear, Motion, Rolling, Sum
 from .contact import Contact
@@ -315,8 +315,7 @@ def state_problems(field: str, name: str, values: tuple[float, ...], bodies: Bod
         return [f"'{name}' has {counted(length, 'number')}; given {len(values)}"]
     if field == "v":
         return []
-    found = quaternion_problems(values, body.sequence) + outside(values, body.sequence, body.limits)
-    return [f"'{name}' {text}" for _, text in found]
+    return [f"'{name}' {text}" for _, text in quaternion_problems(values, body.sequence)]
 
 
 def reference_problems(

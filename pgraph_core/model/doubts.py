@@ -9,6 +9,7 @@ from itertools import combinations
 from typing import Any
 
 from ..errors import shown
+from ..joints import beyond
 from .body import Body
 from .constraint import AlongAxes, Constraint
 from .fields import EVERY, GROUND, Vec3
@@ -23,8 +24,8 @@ def doubts(model: Any) -> list[str]:
     by_name = {body.name: body for body in bodies}
     return [
         *_units(model), *_gravity(model), *_defaults(bodies, by_name),
-        *_axes(model.constraints, by_name), *_idle_joints(bodies), *_idle_forces(model, by_name),
-        *_twice(model), *_idle_parameters(model),
+        *_starts(bodies), *_axes(model.constraints, by_name), *_idle_joints(bodies),
+        *_idle_forces(model, by_name), *_twice(model), *_idle_parameters(model),
     ]  # fmt: skip
 
 
@@ -82,6 +83,16 @@ def _units(model: Any) -> Iterator[str]:
         if body.dof == 1 and body.sequence[0].kind == "rotate" and in_degrees(body.q[0]):
             yield f"body '{body.name}': {several_turns(body.q[0])}"
             return
+
+
+def _starts(bodies: Sequence[Body]) -> Iterator[str]:
+    """Joints that start beyond their limits."""
+    for body in bodies:
+        for k, by in beyond(body.q, body.sequence, body.limits):
+            yield (
+                f"body '{body.name}': it starts {by:.3g} beyond its limits "
+                f"{shown(body.limits[k])}, which hold it there until it moves back"
+            )
 
 
 def in_degrees(angle: float) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -144,6 +145,8 @@ def differences(one: pg.Model, two: pg.Model) -> list[tuple[str, ...]]:
     mine, other = said_of(one), said_of(two)
 
     def same(x: object, y: object) -> bool:
+        if isinstance(x, Mapping) and isinstance(y, Mapping):
+            return x.keys() == y.keys() and all(same(x[key], y[key]) for key in x)
         try:
             return np.allclose(np.array(x, float), np.array(y, float), 1e-9, 1e-9, equal_nan=True)
         except (TypeError, ValueError):  # no numbers, or of other shapes
