@@ -33,7 +33,7 @@ from .instances import (
     state_arrays,
     words_of,
 )
-from .paths import Path, counting, distinct, numbers_in
+from .paths import Path, counting, distinct, numbers_in, with_numbers
 
 SNAPSHOT = b"pgraph batch"
 MOST = 10_000_000  # instances
@@ -127,10 +127,8 @@ class BatchStepper(Portable):
         """A stepper for each row of values (kinds, paths)."""
         paths = [Path(self.mech.model, path, "BatchStepper") for path in self._set]
         for i, row in enumerate(kinds.tolist()):
-            model = self.mech.model
             try:
-                for path, value in zip(paths, row):
-                    model = path.set(model, value)
+                model = with_numbers(self.mech.model, paths, row)
                 yield Stepper(Mechanism(model), **self._options)
             except PgraphError as error:
                 if not paths:

@@ -53,6 +53,31 @@ def counting(
             raise InputError(Problem(call, path.text, text))
 
 
+def with_numbers(model: Model, paths: Sequence[Path], values: Sequence[float]) -> Model:
+    """The model with other numbers at the paths: one `Model.edit` a part, so nothing else follows.
+
+    All numbers of a part change together, as an inertia or a pair of limits must. Raises
+    ModelError.
+    """
+    parts = dict[tuple[str, str], dict[str, Any]]()
+    for path, value in zip(paths, values, strict=True):
+        fields = parts.setdefault((path.group, "" if path.group in WORLD else path.name), {})
+        if not path.group:
+            fields[path.name] = value
+            continue
+        field, *rest = map(str, path.inside)
+        present = fields[field] if field in fields else getattr(path.owner(model), field)
+        fields[field] = _replaced(present, rest, value)
+    for (group, name), fields in parts.items():
+        if not group:
+            model = model.replace(parameters={**model.parameters, **fields})
+        elif group in WORLD:
+            model = model.replace(**fields)
+        else:
+            model = model.edit(name, kind=KINDS[group], **fields)
+    return model
+
+
 class Path:
     """A number in a model's description: `bodies.shin.mass`, `bodies.shin.link.0`, `gravity.1`,
     `ground.friction`, `scenarios.trot.gait.gains.height.0`, a parameter.
@@ -65,7 +90,7 @@ class Path:
         words = given if isinstance(given, (tuple, list)) else [given]
         self.text, self._call = ".".join(map(str, words)), call
         self.group, self.name, self.inside = self._split(model, given)
-        value = self._owner(model)
+        value = self.owner(model)
         for word in self.inside:
             value = self._entry(value, word)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -78,16 +103,6 @@ class Path:
         """Whether another path is of the same number."""
         mine = (self.group, self.name, self.inside)
         return mine == (other.group, other.name, other.inside)
-
-    def set(self, model: Model, value: float) -> Model:
-        """The model with another number there: `Model.edit`, so nothing else follows."""
-        if not self.group:
-            return model.replace(parameters={**model.parameters, self.name: value})
-        field, *rest = self.inside
-        new = _replaced(getattr(self._owner(model), str(field)), rest, value)
-        if self.group in WORLD:
-            return model.replace(**{str(field): new})
-        return model.edit(self.name, kind=KINDS[self.group], **{str(field): new})
 
     def replaced_by(self, model: Model, scenario: str | None, given: Mapping[str, Any]) -> str:
         """What of a call stands in place of this number, so that its values would do nothing.
@@ -118,7 +133,7 @@ class Path:
                 return f"inputs[{self.name!r}] of the call"
         return ""
 
-    def _owner(self, model: Model) -> Any:
+    def owner(self, model: Model) -> Any:
         """What the first word inside is a field of."""
         if not self.group:
             return model.parameters
@@ -127,7 +142,9 @@ class Path:
     def _entry(self, value: Any, word: str | int) -> Any:
         """A field of a part, or an entry of a list."""
         if isinstance(value, Mapping):
-            return value[word]
+            if str(word) not in value:
+                raise self._refused(f"has no {str(word)!r}; {nearest(str(word), [*value])}")
+            return value[str(word)]
         if isinstance(value, BaseModel):
             fields = [x for x in type(value).model_fields if x != "name"]
             if word not in fields:

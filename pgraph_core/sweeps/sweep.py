@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ..batches.paths import Path, counting, distinct, numbers_in
+from ..batches.paths import Path, counting, distinct, numbers_in, with_numbers
 from ..dynamics.arguments import wrong_type
 from ..errors import FileError, InputError, Problem, choices, explained, nearest, shown
 from ..mechanism import Mechanism
@@ -244,8 +244,7 @@ def _tried(
     model: Model, paths: list[Path], point: Array, metrics: Mapping[str, Any], settings: Any
 ) -> None:
     """Refuse at once what no point could do: a run of the first one is started, and stopped."""
-    for path, value in zip(paths, point):
-        model = path.set(model, float(value))
+    model = with_numbers(model, paths, point.tolist())
     try:
         run = simulate(model, **{**settings, "estimate": False}, progress=lambda _: False)
     except InputError as error:

@@ -13,7 +13,7 @@ from functools import lru_cache
 from pathlib import Path as FilePath
 from typing import Any
 
-from ..batches.paths import Path
+from ..batches.paths import Path, with_numbers
 from ..errors import InputError, PgraphError, Problem
 from ..mechanism import Mechanism
 from ..model import Model
@@ -62,10 +62,8 @@ def run_points(task: Task, points: Sequence[tuple[int, tuple[float, ...]]]) -> l
 
 
 def _row(task: Task, paths: Sequence[Path], number: int, values: Sequence[float]) -> Row:
-    model = task.model
     try:
-        for path, value in zip(paths, values):
-            model = path.set(model, value)
+        model = with_numbers(task.model, paths, values)
         run = simulate(Mechanism(model), **{"estimate": False, **task.options})
         if not run.status.ok:
             return Row(number, (), run.status.name, run.message)

@@ -204,6 +204,24 @@ def test_free_trees_equal_single_ones_to_rounding(method: str, varied: bool):
         np.testing.assert_allclose(batches[0].q[0], stepper.q, rtol=0, atol=1e-12)
 
 
+def test_numbers_of_a_part_change_together():
+    """A thin rod of another length: either moment alone would be of no rigid body."""
+    length = np.array([1.0, 0.3, 2.0])
+    moment = length**2 / 12
+    rod = pg.Body(
+        name="rod", axes=(0, 1, 0), com=(0, 0, -0.5), inertia=np.diag([1 / 12, 1 / 12, 1e-4]), q=0.3
+    )
+    model = pg.Model(bodies=[rod])
+    numbers = {
+        "bodies.rod.inertia.0.0": moment,
+        "bodies.rod.inertia.1.1": moment,
+        "bodies.rod.com.2": -length / 2,
+    }
+    batch = pg.BatchStepper(model, 3, set=numbers)
+    swing = -9.81 * length / 2 * np.sin(0.3) / (length**2 / 3)
+    assert batch.acceleration()[:, 0] == pytest.approx(swing, rel=1e-12)
+
+
 def test_torques_by_a_compiled_function():
     @njit
     def push(t, q, v):
