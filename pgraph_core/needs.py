@@ -176,10 +176,10 @@ def _loops(s: Scene) -> Iterator[Part]:
     rows = sum(c.ROWS for c in s.constraints)
     if s.constraints:
         text = f"{counted(len(s.constraints), 'constraint')} of {counted(rows, 'row')}: their "
-        text += f"Delassus matrix at each evaluation, a projection a step ({_named(s.constraints)})"
+        text += f"forces at each evaluation, drift removed each step ({_named(s.constraints)})"
         yield Part("constraints", True, text)
     else:
-        text = "no active constraint: no Delassus matrix, no projection"
+        text = "no active constraint: no forces of constraints, no drift to remove"
         yield Part("constraints", False, text)
     if s.idle:
         count = sum(c.ROWS for c in s.idle)
@@ -210,14 +210,14 @@ def _touching(s: Scene) -> Iterator[Part]:
     if s.contacts:
         yield Part("contacts", True, f"search, gaps and forces of contacts: {_named(s.contacts)}")
     else:
-        text = "no contact: no search, no gap functions"
+        text = "no contact: nothing is looked for that may touch"
         yield Part("contacts", False, text, 6 * len(s.bodies), "numbers a recorded frame")
     if s.limits:
         yield Part("limits", True, f"{counted(s.limits, 'end')} of joints watched")
     else:
         yield Part("limits", False, "no joint limit: no stops to watch", 2 * s.nv, "gaps a step")
     if not s.impulses:
-        yield Part("impulses", False, "no rigid contact, no limit: no impulses, no cones")
+        yield Part("impulses", False, "no rigid contact, no joint limit: no impacts")
     elif s.method in (AUTO, STEPPED_OVER):
         yield Part("impulses", True, "impulses by sweeps over contacts and limits, each step")
         yield Part("events", False, "impacts are located inside steps, not on dense output")
@@ -238,10 +238,10 @@ def _implicit(s: Scene) -> Iterator[Part]:
         text = "springs, dampers or friction: the fastest rate is looked at, radau5 if it rules"
         yield Part("jacobian", True, text)
     elif s.stiff:
-        text = f"{s.method} is explicit: no Jacobian, no factorisation"
+        text = f"{s.method} is explicit: no derivatives of forces, no equations to solve"
         yield Part("jacobian", False, text, cost, unit)
     else:
-        text = "nothing stiff: no Jacobian, no factorisation"
+        text = "nothing stiff: no derivatives of forces, no equations to solve"
         yield Part("jacobian", False, text, cost, unit)
 
 

@@ -121,6 +121,7 @@ def test_several_shapes_have_the_mass_of_those_that_touch():
         ({"derived": ["mass"]}, ["body 'arm', derived", "the body has none", "give a shape"]),
         ({"shape": BOX, "derived": ["mass"]}, ["body 'arm', density", "needed"]),
         ({"shape": BOX, "derived": ["weight"]}, ["body 'arm', derived", "'mass', 'com'", "weight"]),
+        ({"shape": {"kind": "sphere", "size": [0.04]}}, ["body 'arm', shape", "give radius"]),
         ({"shapes": [BOX, {"kind": "sphere"}]}, ["body 'arm', shapes", "a sphere needs radius"]),
         (
             {"shape": {**BOX, "role": "seen"}},

@@ -53,9 +53,9 @@
   function draw(host, data) {
     const $ = (selector) => host.querySelector(selector), c = host.pgraphGait;
     $(".no-gait").hidden = !data.why;
-    $(".gait").hidden = Boolean(data.why);
+    $(".gait").hidden = !data.walks;
     $(".why").textContent = data.why;
-    if (data.why) return;
+    if (!data.walks) return;
     cells.choose(c.gait, data.gait);
     cells.choose(c.law, data.law);
     for (const name of ["speed", "turn", "strength", "friction", "slope", "steps"]) cells.set(c[name], data[name]);

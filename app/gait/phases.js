@@ -39,8 +39,10 @@
       feet.dataset.key = key;
       host.querySelector(".names").replaceChildren(...data.feet.map((foot) => make("div", { textContent: spoken(foot), title: foot })));
       const order = [3, 0, 1, 2].filter((k) => data.phases[k]);
-      legend.replaceChildren(...order.map((k) => make("span", {}, swatch(k), data.phases[k])));
+      legend.replaceChildren(...order.map((k) => make("span", {}, swatch(k), data.phases[k])), make("span", { className: "all" }));
     }
+    const hidden = feet.scrollHeight > feet.clientHeight + GAP;
+    legend.lastChild.textContent = hidden ? `${data.feet.length} contacts: scroll` : "";
     paint(host);
   }
   function swatch(k) {

@@ -65,10 +65,12 @@ def gait(state: State) -> Payload:
     model, found = state.model, offers(state.model)
     offer = offered(model, state.walking)
     if offer is None:
-        return {"why": why_not(model)}
+        return {"why": why_not(model), "walks": False}
     now = offer.gait
+    untried = f"'{now.name}' is untried on '{model.name}', which may fall."
     return {
-        "why": "",
+        "why": "" if offer.tried else untried,
+        "walks": True,
         "gaits": [
             [name, name if one.tried else f"{name} (untried on this model)"]
             for name, one in found.items()

@@ -1,6 +1,7 @@
 // The run: what to simulate, its progress, its outcome, and what to do with it.
 (() => {
   const { make, button, text, cells, send } = pgraph;
+  const COMPARE = "Keep this run: the next one is shown next to it, in numbers and with this one as a ghost";
   const now = (event, fields) => { document.activeElement?.blur(); send(event, fields); };
 
   function build(host) {
@@ -17,6 +18,7 @@
           pgraph.pressButton("stop", "Stop", "End the live run and keep it", () => send("StopLive"))),
         make("div", { className: "problem sentence", role: "alert", hidden: true }),
         after(),
+        make("table", { className: "compared", hidden: true }),
         make("dl", { className: "summary", hidden: true })));
   }
 
@@ -49,7 +51,7 @@
     return make("div", { className: "after", hidden: true },
       button("continue", "Continue", "Go on from the end for as long again", () => now("Continue")),
       button("pose", "Use pose", "The pose shown becomes the initial state of the model", () => now("UsePose")),
-      button("ghost", "Compare", "Show this run as a ghost next to the next one", () => now("Compare")),
+      button("ghost", "Compare", COMPARE, () => now("Compare")),
       make("span", { className: "keep" }, text("span", "muted", "Keep as"), ...keep.map(([what, label, title]) =>
         button(`export ${what === "live" ? "living" : what}`, label, title, () => send("Export", { what })))));
   }
@@ -96,14 +98,17 @@
       const more = make("details", { open: summary.querySelector(".more")?.open ?? false, className: "more" }, make("summary", { textContent: "more" }), make("dl", {}, ...rest.flatMap(line)));
       summary.replaceChildren(...lines.filter(first).flatMap(line), ...(rest.length ? [more] : []));
     }
+    const row = (tag) => (cells) => make("tr", {}, ...cells.map((textContent) => make(tag, { textContent })));
+    $(".compared").hidden = !data.compared.length;
+    $(".compared").replaceChildren(row("th")(["", "before", "this run"]), ...data.compared.map(row("td")));
     $(".ghost").textContent = data.ghost ? "No ghost" : "Compare";
-    $(".ghost").title = data.ghost ? "Remove the ghost" : "Show this run as a ghost next to the next one";
+    $(".ghost").title = data.ghost ? "Remove the ghost" : COMPARE;
     $(".ghost").setAttribute("aria-pressed", data.ghost);
     $(".ghost").classList.toggle("on", data.ghost);
   }
 
   // What is read first; the rest, unless it is bad, is unfolded.
-  const FIRST = new Set(["This run is", "Status", "Error estimate", "Energy drift", "Cost"]);
+  const FIRST = new Set(["This run is", "Status", "Method", "Error estimate", "Energy drift", "Cost"]);
 
   // A long list is one line until it is asked for.
   function folded(text) {

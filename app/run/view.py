@@ -16,6 +16,7 @@ import viser
 from pgraph_core import InputError, show
 from pgraph_core.model.scenario import METHOD_NAMES
 from pgraph_core.show.animation import Extra
+from pgraph_core.show.stage import GRID
 
 from ..core.bridge import Bridge
 from ..core.state import SHOWN_AT_FIRST, Exporting, Playback, Run, State
@@ -64,6 +65,7 @@ def run(state: State) -> Payload:
         "summary": outcome(state),
         "earlier": state.earlier is not None,
         "ghost": state.ghost is not None,
+        "compared": compared(state.ghost, state.plotted),
     }
 
 
@@ -117,6 +119,7 @@ def summary(run: Run) -> list[tuple[str, str, bool]]:
     estimated = not math.isnan(estimate)
     lines = [
         ("Status", result.message or result.status.value, result.status.ok),
+        ("Method", str(result.header.get("why", "")), True),
         ("Error estimate", result.accuracy if estimated else "", estimate < POOR),
         ("Energy drift", f"{drift:.2g} of its range{why(drift)}", drift < POOR),
     ]
@@ -125,10 +128,38 @@ def summary(run: Run) -> list[tuple[str, str, bool]]:
         value = f"{position:.2g} m, {velocity:.2g} m/s"
         lines.append(("Constraint drift", value, bool(position < POOR)))
     lines.append(("Cost", cost(result), True))
-    lines.append(("Method", str(result.header.get("why", "")), True))
-    lines.append(("Left out", "; ".join(result.left_out), True))
+    lines.append(("Not needed", "; ".join(result.left_out), True))
     lines += [("Note", text, True) for text in result.notices]
     return [line for line in lines if line[1] and not line[1].startswith("nan")]
+
+
+def compared(first: Run | None, now: Run | None) -> list[tuple[str, str, str]]:
+    """Numbers (what, of the run kept by Compare, of the one shown), where they are two."""
+    if first is None or now is None or first is now:
+        return []
+    one, other = measures(first), measures(now)
+    return [(what, one.get(what, ""), other.get(what, "")) for what in one | other]
+
+
+def measures(run: Run) -> dict[str, str]:
+    """Speed, steps, work and forces of a run, in words."""
+    result, model = run.result, run.model
+    span = float(result.t[-1] - result.t[0])
+    found = {"duration": f"{span:.4g} s"}
+    free = [k for k, name in enumerate(result.mechanism.names) if model.body(name).joint == "free"]
+    if free and span > 0:
+        way = np.diff(np.asarray(result.body_pose)[:, free[0], :3], axis=0)
+        way -= np.outer(way @ (up := np.asarray(GRID[model.up][1])), up)
+        far = float(np.linalg.norm(way.sum(axis=0)))
+        found |= {"distance": f"{far:.4g} m", "mean speed": f"{far / span:.3g} m/s"}
+    if steps := len(prints(run.falls, math.inf, len(run.falls))):
+        found["steps"] = f"{steps}, {steps / span:.3g} a second" if span > 0 else f"{steps}"
+    if work := float(np.ptp(result.work)):
+        found["work put in"] = f"{result.work[-1]:.4g} J, range {work:.3g} J"
+    if run.usual_force:
+        found["usual largest force"] = f"{run.usual_force:.4g} N"
+    found["energy drift"] = f"{float(result.energy_drift):.2g} of its range"
+    return found
 
 
 def why(drift: float) -> str:

@@ -13,12 +13,15 @@ import pgraph_core as pg
 from pgraph_core.model.fields import GROUND
 from pgraph_core.show import bodies, shapes
 from pgraph_core.show.bodies import Look
+from pgraph_core.show.stage import GRID
 
 from ..core.state import State
 
 Local = dict[int, np.ndarray]  # number of a body (0: the ground) -> points in its frame [m]
 LONGEST = 0.5  # of the model's size: the arrow of the run's usual largest force
 SITE = 0.09  # of a body's size: a line of a site's frame
+TURNING = ("revolute", "universal", "spherical", "ball", "point")  # joints and constraints
+BRACKET = 0.15  # of a body's size: what stands on the ground and carries a pivot
 THIN = 1e-3  # of the largest semi-axis: what a flat ellipsoid keeps
 
 
@@ -46,7 +49,7 @@ def showable(state: State) -> tuple[tuple[str, str], ...]:
     held = bool(model.constraints) or touching or any(s.forces for s in model.scenarios)
     found = [
         ("shapes", "shapes", True),
-        ("joining", "springs, rods, loads", _joined(model)),
+        ("joining", "springs, rods, loads, pivots", _joined(model) or bool(_pivots(model))),
         (
             "branches",
             "colours of the branches",
@@ -212,8 +215,10 @@ def forces_of(state: State) -> tuple[pg.Force, ...]:
     return (*state.model.forces, *(force for some in chosen for force in some))
 
 
-def joinings(state: State, positions: np.ndarray, R: np.ndarray) -> tuple[Joining, Joining]:
-    """Springs, and rods: constraints that keep a distance."""
+def joinings(
+    state: State, positions: np.ndarray, R: np.ndarray
+) -> tuple[Joining, Joining, Joining]:
+    """Springs, rods (constraints that keep a distance), and brackets of pivots on the ground."""
     model = state.model
     pairs = [
         (f, f.point or model.body(f.body).tip_point)
@@ -225,7 +230,45 @@ def joinings(state: State, positions: np.ndarray, R: np.ndarray) -> tuple[Joinin
     return (
         _between(state, pairs, positions, R, 0.07 * grain),
         _between(state, rods, positions, R, 0.025 * grain),
+        pivots(state),
     )
+
+
+def _pivots(model: pg.Model) -> list[pg.Body | pg.Constraint]:
+    """Joints and constraints that hold a point of a body on the ground and let it turn.
+
+    Not the feet of what is free: they stand on the ground, which carries no bearing for them.
+    """
+    joints = [b for b in model.bodies if b.parent == GROUND and b.joint in TURNING]
+    if any(b.joint == "free" for b in model.bodies):
+        return [*joints]
+    held = [c for c in model.constraints if c.kind in TURNING and c.pair[1] == GROUND]
+    return [*joints, *(c for c in held if c.active)]
+
+
+def pivots(state: State) -> Joining:
+    """A bracket at each pivot on the ground, on the side where the body is not, along its axis."""
+    d, model = state.derived, state.model
+    up, R = np.array(GRID[model.up][1]), shapes.to_matrix(d.wxyz)
+    ends, turns = [], []
+    for pivot in _pivots(model):
+        body = pivot if isinstance(pivot, pg.Body) else model.body(pivot.pair[0])
+        k = d.number[body.name] - 1
+        at, axes = d.positions[k], body.axes
+        if not isinstance(pivot, pg.Body):
+            fixed, axis = getattr(pivot, "other_point", None), getattr(pivot, "axis", None)
+            point = at + R[k] @ np.asarray(model.point_of(pivot))
+            at, axes = point if fixed is None else np.asarray(fixed), axis and (axis,)
+        z = up if (d.positions[k] + R[k] @ np.asarray(body.com) - at) @ up >= 0.0 else -up
+        y = np.cross(z, np.cross(R[k] @ axes[-1], z)) if axes else np.zeros(3)
+        if np.linalg.norm(y) < 1e-6:  # it turns about the vertical, or about any axis
+            y = np.roll(up, 1)
+        y = y / np.linalg.norm(y)
+        ends.append((at - BRACKET * d.grain * z, at))
+        turns.append(np.column_stack((np.cross(y, z), y, z)))
+    between, size = np.reshape(ends, (-1, 2, 3)), BRACKET * d.grain
+    wxyz = shapes.to_wxyz(np.reshape(turns, (-1, 3, 3)))
+    return Joining(between, between.mean(axis=1), wxyz, np.full((len(ends), 3), size))
 
 
 def _between(

@@ -16,11 +16,11 @@ from . import marks
 STAY = {"axes", "links"}  # lines of one look, whatever the model
 AXIS, LINK, COM, FORCE = (224, 120, 20), (96, 106, 120), (200, 40, 150), (30, 160, 90)
 INERTIA, POINT, CONE, PULL = (110, 80, 200), (220, 50, 40), (30, 160, 90), (230, 90, 20)
-METAL, LOAD = (150, 158, 168), (214, 92, 40)
+METAL, LOAD, STEEL = (150, 158, 168), (214, 92, 40), (92, 100, 110)
 NOWHERE = np.zeros(3)
 NOTHING = (
     marks.Joining(np.zeros((0, 2, 3)), np.zeros((0, 3)), np.zeros((0, 4)), np.zeros((0, 3))),
-) * 2
+) * 3
 TRIAD = ((205, 45, 45), (45, 155, 60), (50, 90, 220))  # x, y, z
 
 
@@ -96,14 +96,15 @@ class Overlays:
     def _joining(
         self, state: State, positions: np.ndarray, wxyz: np.ndarray, gone: np.ndarray
     ) -> None:
-        """Springs and rods, and arrows of what loads the bodies."""
+        """Springs, rods, brackets of pivots, and arrows of what loads the bodies."""
         on, R = "joining" in state.shown, shapes.to_matrix(wxyz)
-        springs, rods = marks.joinings(state, positions, R) if on else NOTHING
-        for kind, solid, found in (
-            ("springs", shapes.coil, springs), ("rods", lambda: shapes.unit("cylinder"), rods),
+        springs, rods, pivots = marks.joinings(state, positions, R) if on else NOTHING
+        for kind, solid, found, color in (
+            ("springs", shapes.coil, springs, METAL), ("pivots", shapes.bracket, pivots, STEEL),
+            ("rods", lambda: shapes.unit("cylinder"), rods, METAL),
         ):  # fmt: skip
             self._batch(
-                kind, solid, found.at - gone, found.wxyz, found.size, METAL, None, shadow=True
+                kind, solid, found.at - gone, found.wxyz, found.size, color, None, shadow=True
             )
         arrows = marks.loads(state, positions, R) if on else np.zeros((0, 2, 3))
         self._arrows("loads", (arrows - gone).astype(np.float32), state.derived.size, LOAD)

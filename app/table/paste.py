@@ -63,9 +63,17 @@ def rows_of(
             change["name"] = names[k - len(rows)][1]
             parent = change.get("parent", above)
             change["parent"] = renamed.get(parent, parent)
+            if not change.keys().isdisjoint(("shape", "shapes")):
+                change.setdefault("tip", None)  # that of the rod is not of this shape
         above = change.get("name", body.name)
         changes[body.name] = change
-    after = model.edit_all({name: change for name, change in changes.items() if change})
+    try:
+        after = model.edit_all({name: change for name, change in changes.items() if change})
+    except pg.PgraphError as error:
+        text = str(error)
+        for place, (_, name) in zip(places, names):
+            text = text.replace(f"'{place}'", f"'{name}'")
+        raise Refusal(text) from None
     filled = [changes[name].get("name", name) for name in (*rows[: len(lines)], *places)]
     return after, tuple(filled), _left_out(columns, lines)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -119,19 +119,27 @@ class Shape(Frozen):
         converter=_colour_in, default=None, help="#rrggbb; empty: the colour of its branch",
     )  # fmt: skip
 
+    @model_validator(mode="before")
+    @classmethod
+    def _of_its_kind(cls, data: Any) -> Any:
+        """A size that is of other kinds is told before what is wrong with its value."""
+        kind = data.get("kind", "box") if isinstance(data, Mapping) else None
+        if isinstance(kind, str) and kind in DIMENSIONS:
+            one, own = _one(kind), " and ".join(DIMENSIONS[kind])
+            refuse([
+                ("shape", f"{one} has no {name}: give {own}; given {name} {shown(data[name])}")
+                for name in FOREIGN[kind]
+                if data.get(name) is not None
+            ])  # fmt: skip
+        return data
+
     @model_validator(mode="after")
     def _complete(self) -> Self:
-        own = DIMENSIONS[self.kind]
-        one = f"an {self.kind}" if self.kind == "ellipsoid" else f"a {self.kind}"
-        problems: list[tuple[str, str]] = []
-        fields = vars(self)
-        for name in own:
-            if fields[name] is None:
-                problems.append(("shape", f"{one} needs {name}"))
-        for name in FOREIGN[self.kind]:
-            if fields[name] is not None:
-                text = f"{one} has no {name}: its size is given by {' and '.join(own)}"
-                problems.append(("shape", f"{text}; given {shown(fields[name])}"))
+        problems = [
+            ("shape", f"{_one(self.kind)} needs {name}")
+            for name in DIMENSIONS[self.kind]
+            if vars(self)[name] is None
+        ]
         if self.size is not None and min(self.size) <= 0:
             text = f"a {self.kind}'s edges must be > 0 [m]; given {shown(self.size)}"
             problems.append(("shape", text))
@@ -217,6 +225,10 @@ DIMENSIONS: dict[str, tuple[str, ...]] = {  # kind -> the fields that say how la
 FOREIGN = {  # kind -> the fields that say how large others are
     kind: sorted(set().union(*DIMENSIONS.values()) - set(own)) for kind, own in DIMENSIONS.items()
 }
+
+
+def _one(kind: str) -> str:
+    return f"an {kind}" if kind == "ellipsoid" else f"a {kind}"
 
 
 class MassProperties(NamedTuple):

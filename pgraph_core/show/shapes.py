@@ -178,6 +178,23 @@ def coil(turns: int = 9, wire: float = 0.07) -> Any:
     return needed("trimesh", "page").Trimesh(vertices, faces, process=False)
 
 
+def bracket() -> Any:
+    """A trimesh of the hatched foot of a pivot within the unit cube: its tip is at z = 1/2."""
+    trimesh = needed("trimesh", "page")
+    profile = [(-0.1, 0.5), (0.1, 0.5), (0.36, -0.22), (-0.36, -0.22)]  # x, z
+    wedge = np.array([(x, y, z) for y in (-0.2, 0.2) for x, z in profile])
+    parts = [trimesh.convex.convex_hull(wedge), trimesh.creation.box(extents=(1.0, 0.6, 0.08))]
+    parts[1].apply_translation((0.0, 0.0, -0.22))
+    for x in np.linspace(-0.34, 0.42, 4):  # the hatching of drawings, below the plate
+        bar = trimesh.creation.box(extents=(0.045, 0.6, 0.3))
+        bar.apply_transform(trimesh.transformations.rotation_matrix(0.62, (0.0, 1.0, 0.0)))
+        bar.apply_translation((x, 0.0, -0.36))
+        parts.append(bar)
+    solid = trimesh.util.concatenate(parts)
+    solid.vertices = np.clip(solid.vertices, -0.5, 0.5)
+    return solid
+
+
 def cone() -> Any:
     """A trimesh that opens from the origin upwards to the unit square at height 1."""
     solid = needed("trimesh", "page").creation.cone(radius=0.5, height=1.0, sections=32)

@@ -200,6 +200,12 @@ def test_only_models_with_feet_have_a_gait_tab_and_without_a_gait_it_says_what_t
     )
 
 
+def test_a_gait_that_is_untried_on_the_model_is_said_so():
+    state = after(ready("quadruped"), SetGait(ME, 1, "trot"))
+    assert (gait(state)["walks"], "untried on 'quadruped'" in gait(state)["why"]) == (True, True)
+    assert gait(after(ready(), SetGait(ME, 1, "trot")))["why"] == ""
+
+
 def test_hinges_all_about_z_do_not_turn():
     assert gait(ready("quadruped"))["gait"] == "bound"
     assert not gait(ready("quadruped"))["turns"]

@@ -50,6 +50,34 @@ def pose(state, body, index, value, serial=0):
     return update(state, MoveJoint(ME, serial, body, index, str(value)))
 
 
+# -- pivots ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "points"),
+    [
+        ("four_bar", [(0, 0, 0), (1, 0, 0)]),
+        ("double_pendulum", [(0, 0, 2.2)]),
+        ("quadruped", []),
+    ],
+)
+def test_each_pivot_on_the_ground_has_a_bracket_along_its_axis(name, points):
+    found = marks.pivots(built_in(name))
+    assert found.ends[:, 1] == pytest.approx(np.reshape(points, (-1, 3)), abs=1e-9)
+    R = shapes.to_matrix(found.wxyz)
+    assert np.linalg.det(R) == pytest.approx(1.0)
+    model = pg.Model.load(pgraph_models.path(name))
+    axes = [b.axes[-1] for b in model.bodies if b.parent == "ground" and b.joint == "revolute"]
+    assert np.abs(R[:, :, 1]) == pytest.approx(np.abs(np.reshape(axes, (-1, 3))), abs=1e-9)
+
+
+def test_a_loop_closed_on_the_ground_has_a_bracket_too():
+    arm = pg.Body(name="arm", tip=(1, 0, 0), com=(0.5, 0, 0), axes=((0, 0, 1),))
+    pin = pg.Constraint(kind="point", name="pin", body="arm", point=(1, 0, 0))
+    both = marks.pivots(opened(pg.Model(bodies=(arm,), constraints=(pin,), up="y")))
+    assert both.ends[:, 1] == pytest.approx(np.array([(0, 0, 0), (1, 0, 0)]), abs=1e-12)
+
+
 # -- joint sliders -----------------------------------------------------------------------------
 
 

@@ -163,6 +163,14 @@ def test_lines_become_new_rows_and_speak_of_each_other(state):
     assert after(state, paste("toe", under="5")).model.body("toe").parent == "5"
 
 
+def test_a_pasted_shape_has_its_own_tip_and_is_refused_by_its_own_name(state):
+    shape = '{"kind":"sphere","radius":0.04}'
+    hub = after(state, paste(f"name\tmass\tshape\nhub\t2\t{shape}")).model.body("hub")
+    assert (hub.tip, hub.shape.radius) == (None, 0.04)
+    refused = after(state, paste('name\tshape\nhub\t{"kind":"sphere","size":[0.04]}'))
+    assert "body 'hub', shape: a sphere has no size: give radius" in refused.clients[ME].reply.text
+
+
 def test_what_was_copied_is_pasted_as_a_second_branch(state):
     copied = "3\t2\t1 revolute\tholonomic\n5\t3\t1 revolute\tholonomic"
     new = after(state, paste(copied))

@@ -15,8 +15,8 @@ from pgraph_app.features import update
 from pgraph_app.model.view import toolbar
 from pgraph_app.playback.view import playback
 from pgraph_app.properties.view import properties
-from pgraph_app.run.update import Simulate, Simulated
-from pgraph_app.run.view import run
+from pgraph_app.run.update import Compare, Simulate, Simulated
+from pgraph_app.run.view import compared, run
 from pgraph_app.session.update import Connected
 from pgraph_app.table.view import table
 
@@ -48,10 +48,27 @@ def test_payloads_of_a_run_are_json(ran, view):
 
 def test_the_summary_says_how_a_run_ended_how_well_and_at_what_cost(ran):
     lines = {what: value for what, value, _ in run(ran)["summary"]}
-    assert {"Status", "Energy drift", "Constraint drift", "Cost", "Method", "Left out"} <= set(
+    assert {"Status", "Energy drift", "Constraint drift", "Cost", "Method", "Not needed"} <= set(
         lines
     )
-    assert "contact" in lines["Left out"]
+    assert "contact" in lines["Not needed"]
+
+
+def test_two_runs_are_compared_in_numbers():
+    ball = pg.Body(name="ball", mass=2.0, joint="free", v=(0, 0, 0, 3.0, 0, 4.0))
+    model = pg.Model(bodies=(ball,), gravity=(0, 0, 0), up="z")
+    state = update(initial(model), Connected(1))
+    for t_end in (2.0, 1.0):  # 4 m/s along the vertical are no distance
+        state = update(state, Simulate(1))
+        state = update(state, Simulated(state.jobs, pg.simulate(model, t_end=t_end, step=0.1)))
+        assert bool(run(state)["compared"]) == (t_end == 1.0)
+        state = update(state, Compare(1)) if state.ghost is None else state
+    ghost, state = state.ghost, update(state, Compare(1))
+    assert state.ghost is None
+    said = {what: (one, other) for what, one, other in compared(ghost, state.run)}
+    assert said["distance"] == ("6 m", "3 m")
+    assert said["mean speed"] == ("3 m/s", "3 m/s")
+    assert said["duration"] == ("2 s", "1 s")
 
 
 @pytest.mark.parametrize("joint", pg.Body.model_fields["joint"].annotation.__args__)

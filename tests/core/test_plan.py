@@ -60,7 +60,7 @@ def test_the_plan_of_the_stance():
     assert "4 constraints of 12 rows" in found.needed["constraints"]
     assert "15 motors and servos" in found.needed["drives"]
     assert "pelvis" in found.needed["quaternions"]
-    assert "no contact: no search, no gap functions" in found.left_out
+    assert "no contact: nothing is looked for that may touch" in found.left_out
     assert found.saved["recording"] == "400 numbers a recorded frame"
     assert set(found.needed).isdisjoint(found.saved)
     assert str(found).startswith("needs              16 motions with 21 degrees of freedom")
