@@ -404,7 +404,8 @@ def _tables(steppers: Iterator[Stepper]) -> tuple[Stepper, Ints, Ints, Ints]:
     for stepper in steppers:
         if _shapes(stepper) != shapes:
             text = "some values add or remove a spring, a damper, a shape or a part; instances "
-            text += "share what there is: start with values that are not zero"
+            text += "share what there is: start with values that are not zero (nor a gear of 1, "
+            text += "which is none)"
             raise _refused("set", text)
         numbers = words_of(number_arrays(stepper))
         places = np.flatnonzero(numbers != base)

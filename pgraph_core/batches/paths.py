@@ -104,6 +104,10 @@ class Path:
         mine = (self.group, self.name, self.inside)
         return mine == (other.group, other.name, other.inside)
 
+    def set(self, model: Model, value: float) -> Model:
+        """The model with another number there."""
+        return with_numbers(model, [self], [value])
+
     def replaced_by(self, model: Model, scenario: str | None, given: Mapping[str, Any]) -> str:
         """What of a call stands in place of this number, so that its values would do nothing.
 

@@ -100,7 +100,7 @@ class Scene(Unportable):
         """What the description gives, as the kernels take it; blocks_f also holds states."""
         kept, packed = self._kept, self.packed
         found: list[Any] = [kept.rows, kept.const, packed.const, kept.gains, *packed.system[2:4]]
-        found += [kept.drives.table, kept.drives.knots, *kept.loads]
+        found += [kept.drives.table, kept.drives.knots, kept.drives.terms, *kept.loads]
         found += [kept.blocks.blocks_i, *kept.blocks[2:5]]
         if self.touching is not None:
             found += self.touching.numbers

@@ -222,6 +222,27 @@ def test_numbers_of_a_part_change_together():
     assert batch.acceleration()[:, 0] == pytest.approx(swing, rel=1e-12)
 
 
+@pytest.mark.parametrize("threads", [1, 2])
+def test_gears_and_coefficients_of_each_instance(threads: int):
+    slider = pg.Body(name="x", joint="prismatic", axes=(1, 0, 0), mass=1.0)
+    gears, given = [2.0, 4.0, 8.0], {"threads": threads}
+    motor = pg.Motor(name="m", body="x", torque=0.5, gear=3.0)
+    model = pg.Model(bodies=[slider], gravity=(0, 0, 0), forces=[motor])
+    batch = pg.BatchStepper(model, 3, set={"forces.m.gear": gears}, **given)
+    assert batch.acceleration()[:, 0] == pytest.approx([1.0, 2.0, 4.0], rel=1e-15)
+    batch.step(n=100)
+    for i, gear in enumerate(gears):
+        alone = pg.Stepper(model.edit("m", gear=gear))
+        alone.step(n=100)
+        assert batch.v[i, 0] == alone.v[0]
+    with pytest.raises(pg.InputError, match="gear of 1"):
+        pg.BatchStepper(model, 2, set={"forces.m.gear": [1.0, 3.0]}, **given)
+    tendon = pg.Tendon(name="t", body="x", coefficients={"x": [2.0]}, stiffness=10.0, rest=1.0)
+    model = pg.Model(bodies=[slider], gravity=(0, 0, 0), forces=[tendon])
+    batch = pg.BatchStepper(model, 2, set={"forces.t.coefficients.x.0": [2.0, 4.0]}, **given)
+    assert batch.acceleration()[:, 0] == pytest.approx([20.0, 40.0], rel=1e-15)
+
+
 def test_torques_by_a_compiled_function():
     @njit
     def push(t, q, v):
