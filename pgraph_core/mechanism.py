@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from .analysis.assembly import Assembly, assemble
 from .analysis.mobility import Mobility, mobility
 from .dynamics import Dynamics
-from .dynamics.arguments import numbers, wrong_type
+from .dynamics.arguments import wrong_type
 from .errors import explained
 from .model import Model
 from .needs import Plan
@@ -21,6 +22,13 @@ if TYPE_CHECKING:
 OF_TOPOLOGY = {"adjacency", "parent", "separation_bodies", "tips"}  # names that it has too
 
 OF_PACKAGE = {"simulate", "sweep", "stability_map", "work_precision", "verify"}  # functions of it
+
+
+@cache
+def _derivatives() -> Any:
+    from .analysis.linear import forward_derivatives  # compiled when first used
+
+    return forward_derivatives
 
 
 @explained
@@ -93,11 +101,7 @@ class Mechanism(Dynamics):
         dampers of joints included; springs between bodies add differences good to 1e-11 of theirs.
         Columns of the first are moves along v (a rotation vector in a ball's axes), not along q.
         """
-        from .analysis.linear import forward_derivatives  # compiled when first used
-
-        q, v = self._state(q, v)  # `forward_dynamics` explains what is not finite
-        given = self._rest if tau is None else numbers("tau", tau, self.nv)
-        return forward_derivatives(self, q, v, given)
+        return _derivatives()(self, q, v, tau)
 
     def linearise(
         self, q: Array | None = None, v: Array | None = None, scenario: str | None = None

@@ -13,17 +13,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property, lru_cache
 from typing import Any, Self
 
 import numpy as np
 from scipy.linalg import eigh, solve_triangular
 
 from ..dynamics import Dynamics
-from ..dynamics.arguments import finite, position
+from ..dynamics.arguments import finite, numbers, position
 from ..dynamics.scene import NO_CONSTRAINTS, Scene
 from ..engine import arrays, motion
 from ..engine import layout as at
+from ..engine.compiler.jit import ready
 from ..engine.records import CREEP
 from ..engine.tree import slopes as kernels
 from ..errors import choices
@@ -444,20 +445,50 @@ def _symmetric(a: Array) -> Array:
 
 
 def forward_derivatives(
-    mech: Dynamics, q: Array, v: Array, tau: Array
+    mech: Dynamics, q: Array, v: Array, tau: Array | None
 ) -> tuple[Array, Array, Array]:
-    """∂v'/∂q, ∂v'/∂v and ∂v'/∂τ = M⁻¹."""
-    vdot = mech.forward_dynamics(q, v, tau)
-    n, packed = mech.nv, mech.packed
-    right = np.empty((n, 3 * n))
-    if n:
-        space = _torque_slopes(mech, q, v, vdot, right)
-        if len(packed.passive.table) or len(packed.passive_loads.table):
-            by_q, by_v = passive_slopes(mech, q, v)
-            right[:, :n] -= by_q
-            right[:, n : 2 * n] -= by_v
-        kernels.accelerations_of(*packed.tree, *space, right)
-    return right[:, :n], right[:, n : 2 * n], right[:, 2 * n :]
+    """∂v'/∂q, ∂v'/∂v and ∂v'/∂τ = M⁻¹; at once where the kernel takes the state as it is."""
+    n = mech.nv
+    found = np.empty((n, 3 * n))
+    try:
+        nq, _, rows, const, work, rest = mech._free
+        given = rest if tau is None else tau
+        fits = len(q) == nq and len(v) == n and len(given) == n
+        state = (rows, const, q, v, given, NOTHING, work, *_space(len(rows), n), found)
+        fits = fits and _kernel()(*state) == 0
+    except (TypeError, ValueError, AttributeError):  # no such arrays, or more acts than the tree
+        fits = False
+    if not fits and n:
+        _derivatives(mech, q, v, tau, found)
+    return found[:, :n], found[:, n : 2 * n], found[:, 2 * n :]
+
+
+def _derivatives(mech: Dynamics, q: Array, v: Array, tau: Array | None, found: Array) -> None:
+    """The derivatives into `found`, with springs and dampers. Raises InputError."""
+    mech.forward_dynamics(q, v, tau)  # says what is wrong, and what is left out
+    q, v = mech._state(q, v)
+    given = mech._rest if tau is None else numbers("tau", tau, mech.nv)
+    passive = NOTHING
+    if len(mech.packed.passive.table) or len(mech.packed.passive_loads.table):
+        given, passive = mech._passive(q, v, given), np.hstack(passive_slopes(mech, q, v))
+    space = _space(len(mech.packed.rows), mech.nv)
+    with mech._lock:
+        _kernel()(*mech.packed.tree, q, v, given, passive, mech._work, *space, found)
+
+
+@cache
+def _kernel() -> Any:
+    return ready(kernels.forward_derivatives)
+
+
+@lru_cache(maxsize=16)
+def _space(rows: int, n: int) -> tuple[Array, Array, Ints, Array]:
+    """Workspace of `forward_derivatives`, which keeps the GIL: one call has it at a time."""
+    own = np.empty((rows, kernels.BODY)), np.empty((n, kernels.FREEDOM))
+    return *own, np.empty((2, n), np.int64), np.empty((n + 1, n))
+
+
+NOTHING = np.empty((0, 0))
 
 
 def force_slopes(mech: Dynamics, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
@@ -491,22 +522,12 @@ NEAR = 1e-5  # of the largest speed: of the steps where a drag's slope jumps
 
 def torque_slopes(mech: Dynamics, q: Array, v: Array, vdot: Array) -> tuple[Array, Array]:
     """∂τ/∂q and ∂τ/∂v (nv, nv) of τ(q, v, v') of eq. (24), without passive forces."""
-    n = mech.nv
-    slopes = np.empty((n, 3 * n))
-    if n:
-        _torque_slopes(mech, q, v, vdot, slopes)
-    return slopes[:, :n], slopes[:, n : 2 * n]
-
-
-def _torque_slopes(
-    mech: Dynamics, q: Array, v: Array, vdot: Array, slopes: Array
-) -> tuple[Array, Ints, Array]:
-    """The slopes into `slopes` (nv, 3 nv); what `accelerations_of` goes on with."""
     n, rows = mech.nv, len(mech.packed.rows)
-    work = np.empty((rows, at.WORK))
-    own = np.empty((rows, kernels.BODY)), np.empty((n, kernels.FREEDOM))
-    kernels.torque_slopes(*mech.packed.tree, q, v, vdot, work, *own, slopes)
-    return work, np.empty(n, np.int64), np.empty((n, n))
+    slopes = np.empty((n, 2 * n))
+    if n:
+        work, (bodies, freedoms, *_) = np.empty((rows, at.WORK)), _space(rows, n)
+        kernels.torque_slopes(*mech.packed.tree, q, v, vdot, work, bodies, freedoms, slopes)
+    return slopes[:, :n], slopes[:, n:]
 
 
 def drive_slopes(drives: Drives, q: Array, v: Array) -> tuple[Array, Array]:

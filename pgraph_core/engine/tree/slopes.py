@@ -27,6 +27,7 @@ from ..vec import (
     add_scaled,
     cross,
     dot,
+    finite,
     load,
     load6,
     load9,
@@ -39,6 +40,7 @@ from ..vec import (
     sub,
     sym_mul,
 )
+from .articulated import articulated, singular_row
 from .dynamics import factor, joint_inertia, motion, outer_freedoms
 from .kinematics import outboard, positions
 
@@ -197,12 +199,9 @@ def set_sums(rows, const, work, bodies):
                 bodies[p, n] += bodies[k, n]
 
 
-@kernel(None)
-def torque_slopes(rows, const, q, v, vdot, work, bodies, freedoms, slopes):
-    """∂τ/∂q into columns 0 to nv - 1 of `slopes` (nv, 3 nv), ∂τ/∂v into the next nv.
-
-    `bodies` (rows, 40) and `freedoms` (nv, 24) are workspace.
-    """
+@sweep
+def set_slopes(rows, const, q, v, vdot, work, bodies, freedoms, slopes):
+    """∂τ/∂q and ∂τ/∂v into columns 0 to 2 nv - 1 of `slopes`."""
     n = v.shape[0]
     for i in range(n):
         for c in range(2 * n):
@@ -242,34 +241,140 @@ def torque_slopes(rows, const, q, v, vdot, work, bodies, freedoms, slopes):
 
 
 @kernel(None)
-def accelerations_of(rows, const, work, outer, m, right):
-    """M⁻¹ [-a, -b, 1] in place of `right` = [a, b, anything] (nv, 3 nv), after `torque_slopes`.
+def torque_slopes(rows, const, q, v, vdot, work, bodies, freedoms, slopes):
+    """∂τ/∂q into columns 0 to nv - 1 of `slopes` (nv, 2 nv), ∂τ/∂v into the others.
 
-    `outer` (nv,) and `m` (nv, nv) are workspace.
+    `bodies` (rows, 40) and `freedoms` (nv, 24) are workspace.
     """
-    size = right.shape[0]
-    for i in range(size):
-        for c in range(2 * size):
-            right[i, c] = -right[i, c]
-        for c in range(size):
-            right[i, 2 * size + c] = 1.0 if c == i else 0.0
-            m[i, c] = 0.0
-    joint_inertia(rows, const, work, m)
-    outer_freedoms(rows, outer)
-    factor(outer, m)
-    n, columns = right.shape
-    for i in range(n - 1, -1, -1):
-        j = outer[i]
-        while j >= 0:
-            for c in range(columns):
-                right[j, c] -= m[i, j] * right[i, c]
-            j = outer[j]
-    for i in range(n):
+    set_slopes(rows, const, q, v, vdot, work, bodies, freedoms, slopes)
+
+
+# -- M⁻¹ by the factor of M ------------------------------------------------------------------------
+# Depth-first numbers put the freedoms that freedom j carries, where column j of L is not zero, at
+# j + 1 to last[j] - 1.
+
+
+@sweep
+def last_freedoms(outer, last):
+    """The number after the last freedom that each one carries."""
+    for i in range(outer.shape[0]):
+        last[i] = i + 1
+    for i in range(outer.shape[0] - 1, -1, -1):
+        if outer[i] >= 0:
+            last[outer[i]] = max(last[outer[i]], last[i])
+
+
+@sweep
+def take_four(x, i, a, rows, begin, end):
+    """x_i -= a · (four rows of x) in columns `begin` to `end` - 1: one pass over row i."""
+    to, one, two = x[i, begin:end], x[rows[0], begin:end], x[rows[1], begin:end]
+    three, four = x[rows[2], begin:end], x[rows[3], begin:end]
+    for c in range(end - begin):  # slices from 0: columns of no known sign take no SIMD lanes
+        to[c] -= (a[0] * one[c] + a[1] * two[c]) + (a[2] * three[c] + a[3] * four[c])
+
+
+@sweep
+def take_one(x, i, a, row, begin, end):
+    """x_i -= a times a row of x in these columns."""
+    to, one = x[i, begin:end], x[row, begin:end]
+    for c in range(end - begin):
+        to[c] -= a * one[c]
+
+
+@sweep
+def carried_in(last, m, x):
+    """L⁻ᵀ x in place, of slopes: row j is zero beyond what j carries, in both halves of x."""
+    n, half = m.shape[0], x.shape[1] // 3
+    for j in range(n - 1, -1, -1):
+        i, end = j + 1, last[j]
+        while i + 3 < end:
+            a = m[i, j], m[i + 1, j], m[i + 2, j], m[i + 3, j]
+            take_four(x, j, a, (i, i + 1, i + 2, i + 3), 0, half + end)
+            i += 4
+        while i < end:
+            take_one(x, j, m[i, j], i, 0, half + end)
+            i += 1
+
+
+@sweep
+def carried_out(outer, m, x, width):
+    """L⁻¹ D⁻¹ x in place, of the first `width` columns."""
+    for i in range(m.shape[0]):
         pivot = 1.0 / m[i, i]
-        for c in range(columns):
-            right[i, c] *= pivot
+        for c in range(width):
+            x[i, c] *= pivot
+        take_outer(outer, m, x, i, 0, width)
+
+
+@sweep
+def take_outer(outer, m, x, i, begin, end):
+    """x_i -= Σ L_ij x_j over the freedoms j that carry i."""
+    j = outer[i]
+    while j >= 0:
+        j2 = outer[j]
+        j3 = outer[j2] if j2 >= 0 else -1
+        j4 = outer[j3] if j3 >= 0 else -1
+        if j4 < 0:
+            break
+        a = m[i, j], m[i, j2], m[i, j3], m[i, j4]
+        take_four(x, i, a, (j, j2, j3, j4), begin, end)
+        j = outer[j4]
+    while j >= 0:
+        take_one(x, i, m[i, j], j, begin, end)
+        j = outer[j]
+
+
+@sweep
+def set_inverse(outer, m, x, first):
+    """M⁻¹ into the columns of x from `first` on, row by row: M⁻¹ = L⁻¹ D⁻¹ L⁻ᵀ is symmetric.
+
+    Row i is -Σ L_ij (row j) left of its diagonal, and 1/D_i - Σ L_ij (M⁻¹)_ij on it.
+    """
+    for i in range(m.shape[0]):
+        for c in range(first, first + i):
+            x[i, c] = 0.0
+        take_outer(outer, m, x, i, first, first + i)
+        diagonal = 1.0 / m[i, i]
         j = outer[i]
         while j >= 0:
-            for c in range(columns):
-                right[i, c] -= m[i, j] * right[j, c]
+            diagonal -= m[i, j] * x[i, first + j]
             j = outer[j]
+        x[i, first + i] = diagonal
+        for c in range(i):
+            x[c, first + i] = x[i, first + c]
+
+
+@kernel(
+    "i8(i8[:,::1],f8[:,::1],f8[::1],f8[::1],f8[::1],f8[:,::1],f8[:,::1],f8[:,::1],f8[:,::1],"
+    "i8[:,::1],f8[:,::1],f8[:,::1])",
+    later=True,
+)
+def forward_derivatives(rows, const, q, v, tau, passive, work, bodies, freedoms, outer, m, slopes):
+    """∂v'/∂q, ∂v'/∂v and M⁻¹ into `slopes` (nv, 3 nv); 0, or what `forward_dynamics` answers.
+
+    `passive` (nv, 2 nv) are slopes of what is in `tau` of q and v, or empty. `bodies` (rows, 40),
+    `freedoms` (nv, 24), `outer` (2, nv) and `m` (nv + 1, nv) are workspace.
+    """
+    n = v.shape[0]
+    vdot = m[n]
+    articulated(rows, const, q, v, tau, work, vdot)
+    singular = singular_row(rows, work)
+    if singular > 0:
+        return singular
+    if not finite(vdot):
+        return -1
+    set_slopes(rows, const, q, v, vdot, work, bodies, freedoms, slopes)
+    for i in range(n):
+        for c in range(2 * n):
+            slopes[i, c] = -slopes[i, c]
+    for i in range(passive.shape[0]):
+        for c in range(2 * n):
+            slopes[i, c] += passive[i, c]
+    joint_inertia(rows, const, work, m)
+    outer_freedoms(rows, outer[0])
+    last_freedoms(outer[0], outer[1])
+    factor(outer[0], m[:n])
+    carried_in(outer[1], m[:n], slopes)
+    carried_out(outer[0], m[:n], slopes, 2 * n)
+    set_inverse(outer[0], m[:n], slopes, 2 * n)
+    return 0
