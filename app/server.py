@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 import webbrowser
 from collections.abc import Callable
@@ -120,6 +121,7 @@ def built_in() -> dict[str, str]:
 
 LEFT, RIGHT = 450, 330  # widths of the docks [px]
 PLAYBACK = 470  # width [px] of the playback; its style widens it where there is room
+GONE = 20  # pages that leave between two collections of garbage
 
 
 class Page:
@@ -149,6 +151,10 @@ class Page:
         @server.on_client_disconnect
         async def _(client: viser.ClientHandle) -> None:
             send(Disconnected(client.client_id))
+            # A closed connection is a cycle of few but large objects: Python, which counts objects,
+            # would let hundreds of them lie.
+            if client.client_id % GONE == GONE - 1:
+                gc.collect()
 
 
 class Docks:

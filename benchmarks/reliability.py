@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import dataclasses
 import functools
 import gc
 import json
@@ -25,17 +26,20 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import msgspec
-import viser
+import viser._messages
 import zstandard
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
+import pgraph_app.features  # noqa: F401 - it registers the events
 import pgraph_core as pg
 from benchmarks.machine import machine
+from pgraph_app.core.events import page_events
 
 SUBPROTOCOL: Any = f"viser-v{viser.__version__}"
 CAMERA = {
@@ -57,18 +61,18 @@ class Client:
         at = url.split("//")[1].split("/")[0]
         self.socket = connect(f"ws://{at}", subprotocols=[SUBPROTOCOL], max_size=None)
         self.answered: dict[int, str] = {}  # serial -> "" where it was taken
-        self._uplink, self._closed = "", False
+        self.uplink, self._closed = "", False
         self._wanted, self._heard_at = b"", 0.0
         self._changed = threading.Condition()
         threading.Thread(target=self._read, daemon=True).start()
         self.socket.send(msgspec.msgpack.encode(CAMERA))
         with self._changed:
-            assert self._changed.wait_for(lambda: self._uplink, 30), "the server said nothing"
+            assert self._changed.wait_for(lambda: self.uplink, 30), "the server said nothing"
 
     def send(self, event: str, **fields: Any) -> None:
         """An event of the page, by its class name."""
         value = json.dumps({"event": event, **fields})
-        update = {"type": "GuiUpdateMessage", "uuid": self._uplink, "updates": {"value": value}}
+        update = {"type": "GuiUpdateMessage", "uuid": self.uplink, "updates": {"value": value}}
         self.socket.send(msgspec.msgpack.encode(update))
 
     def answer(self, serial: int, seconds: float = 30.0) -> str:
@@ -115,7 +119,7 @@ class Client:
             topic, data = json.loads(text)
             with self._changed:
                 if topic == "uplink":
-                    self._uplink = data
+                    self.uplink = data
                 elif topic == "reply":
                     self.answered[data["serial"]] = data["text"]
                 self._changed.notify_all()
@@ -313,9 +317,126 @@ def kills(count: int, seed: int, port: int) -> Counter[str]:
 # -- many clients, and one that floods -------------------------------------------------------------
 
 
+def junk(count: int, seed: int, port: int) -> dict[str, int]:
+    """What a server did with `count` messages of which hardly one is what a page sends.
+
+    Twenty pages send them; they are replaced now and then. One honest page must get its answers.
+    """
+    rng, each, slowest = random.Random(seed), 2000, 0.0
+    found = Counter(messages=0, edits_answered=0)
+    with _serving(port) as (process, url, said):
+        honest = Client(url)
+        honest.send("Edit", serial=1, body="2", field="mass", index=[], text="2")
+        honest.answer(1)
+        before = _size(process.pid)[0]
+
+        def send(seed: int) -> int:
+            rng, sent = random.Random(seed), 0
+            with contextlib.suppress(ConnectionClosed, OSError):
+                page = Client(url)
+                for sent in range(1, each + 1):  # noqa: B007
+                    page.socket.send(_junk(rng, page.uplink))
+                page.socket.close()
+            return sent
+
+        with ThreadPoolExecutor(20) as pool:
+            waiting = [pool.submit(send, rng.getrandbits(32)) for _ in range(-(-count // each))]
+            for serial, one in enumerate(waiting, 2):
+                found["messages"] += one.result()
+                honest.send("Edit", serial=serial, body="2", field="mass", index=[], text="2")
+                asked = time.perf_counter()
+                try:
+                    honest.answer(serial, 120.0)
+                    found["edits_answered"] += 1
+                except TimeoutError:
+                    print(f"no answer to {serial}", flush=True)
+                slowest = max(slowest, time.perf_counter() - asked)
+        print(f"slowest answer {slowest:.1f} s")
+        if text := said.read_text():
+            print(text[-3000:])
+        found["raw_errors"] = said.read_text().count("Traceback")
+        found["deaths"] = int(not Path(f"/proc/{process.pid}").exists())
+        found["grown_mb"] = (_size(process.pid)[0] - before) // 1024
+    return dict(found)
+
+
+KINDS: list[Any] = [k for k in vars(viser._messages).values() if dataclasses.is_dataclass(k)]
+EVENTS = {
+    name: list(adapter.json_schema().get("properties", {}))
+    for name, adapter in page_events().items()
+    if name != "Save"  # it would write
+}
+VALUES: tuple[Any, ...] = (
+    None, True, 0, 1, -1, 2.5, 1e308, float("nan"), float("inf"), 2**63, "", "1", "2", "nan",
+    "9" * 400, "\0", "<script>", "__proto__", "value", "visible", [], [0] * 100, ["1"], [[[[[]]]]],
+    {}, {"a": 1}, "x" * 5000, b"\xff" * 20,
+)  # fmt: skip
+
+
+def _junk(rng: random.Random, uplink: str) -> bytes:
+    """A message of a page or of viser with random fields, perhaps with changed bytes."""
+    event, kind = rng.choice(list(EVENTS)), rng.choice(KINDS)
+    fields = {name: rng.choice(VALUES) for name in EVENTS[event]}
+    text = json.dumps({"event": event, **fields}, default=str)
+    message: dict[str, Any] = {"type": kind.__name__}
+    if rng.random() < 0.4:
+        update = (
+            {"value": text}
+            if rng.random() < 0.9
+            else {rng.choice(("visible", "order", "update_cb")): text}
+        )
+        message = {"type": "GuiUpdateMessage", "uuid": uplink, "updates": update}
+    else:
+        message |= {field.name: rng.choice(VALUES) for field in dataclasses.fields(kind)}
+    raw = bytearray(msgspec.msgpack.encode(message))
+    for _ in range(rng.choice((0, 0, 0, 1, 3))):
+        raw[rng.randrange(len(raw))] = rng.randrange(256)
+    return bytes(raw)
+
+
+def unread(port: int) -> float:
+    """Seconds from the first message of a flood until the server lets its messages lie."""
+    with _serving(port) as (_, url, _):
+        time.sleep(5.0)
+        hostile = Client(url)
+        mine = hostile.socket.socket.getsockname()[1]
+        stop = threading.Event()
+
+        def shout() -> None:
+            while not stop.is_set():
+                hostile.send("Select", body="1")
+
+        began = time.perf_counter()
+        threading.Thread(target=shout, daemon=True).start()
+        since = None  # when bytes began to lie there
+        try:
+            while time.perf_counter() < began + 20:
+                now = time.perf_counter()
+                if _lying(port, mine) == 0:
+                    since = None
+                elif since is None:
+                    since = now
+                elif now > since + 0.1:
+                    return since - began
+                time.sleep(0.002)
+        finally:
+            stop.set()
+            hostile.socket.close()
+    raise RuntimeError("the server read all that a flood sent in 20 s")
+
+
+def _lying(port: int, remote: int) -> int:
+    """Bytes that have come to this port from another and were not read (Linux)."""
+    for line in Path("/proc/net/tcp").read_text().splitlines()[1:]:
+        words = line.split()
+        if [int(word.split(":")[1], 16) for word in words[1:3]] == [port, remote]:
+            return int(words[4].split(":")[1], 16)
+    return 0
+
+
 def flood(seconds: float, port: int) -> dict[str, float]:
     """Median delays of one page's edits [ms], alone and while another page floods."""
-    with _serving(port) as url:
+    with _serving(port) as (_, url, _):
         time.sleep(5.0)  # the kernels load meanwhile
         honest, hostile = Client(url), Client(url)
         found: dict[str, list[float]] = {"alone": [], "flooded": []}
@@ -334,12 +455,13 @@ def flood(seconds: float, port: int) -> dict[str, float]:
             found["flooded" if k % 2 else "alone"] += delays(honest, serial, seconds / 4)
         stop.set()
         hostile.socket.close()
-    return {name: round(1e3 * statistics.median(some), 1) for name, some in found.items()}
+    medians = {name: round(1e3 * statistics.median(some), 1) for name, some in found.items()}
+    return {**medians, "unread_after": round(1e3 * unread(port), 1)}
 
 
 def together(pages: int, edits: int, port: int) -> dict[str, float]:
     """[ms] from an edit of one page until all `pages` have heard of it: median and 95 %."""
-    with _serving(port) as url:
+    with _serving(port) as (_, url, _):
         time.sleep(5.0)
         clients = [Client(url) for _ in range(pages)]
         found = []
@@ -376,13 +498,14 @@ def delays(client: Client, first: int, seconds: float) -> list[float]:
 
 
 @contextlib.contextmanager
-def _serving(port: int) -> Iterator[str]:
-    """The address of a server of a model of 16 bodies."""
+def _serving(port: int) -> Iterator[tuple[Process, str, Path]]:
+    """A server of a model of 16 bodies, its address, and a file of what it says."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "model.json")
         pg.Model.serial(BODIES).save(file)
-        with server(Path(folder, "state"), file, port) as (_, url):
-            yield url
+        state = Path(folder, "state")
+        with server(state, file, port) as (process, url):
+            yield process, url, state.with_suffix(".said")
 
 
 # -- long use --------------------------------------------------------------------------------------
@@ -461,12 +584,17 @@ def table(known: dict[str, Any]) -> Iterator[str]:
                 f"{found['children_left']} children left, port taken {found['port_taken']} times"
             )
             yield f"| kill -9 among edits, saves and runs | {often} | {came} |"
+        elif what == "junk":
+            came = f"{found['raw_errors']} raw errors, {found['deaths']} deaths, "
+            came += f"{found['edits_answered']} edits of an honest page answered meanwhile"
+            yield f"| messages that no page sends | {found['messages']} | {came} |"
         elif "median" in found:
             came = f"median {found['median']:.0f} ms, 95 % within {found['most']:.0f} ms"
             pages = what.replace(" [ms]", "")
             yield f"| an edit, until all of {pages} have it | 40 edits | {came} |"
         elif "flooded" in found:
-            came = f"median {found['alone']:.0f} ms alone, {found['flooded']:.0f} ms meanwhile"
+            came = f"median {found['alone']:.0f} ms alone, {found['flooded']:.0f} ms meanwhile; "
+            came += f"the flood is not read after {found['unread_after']:.0f} ms"
             yield f"| one page floods, another edits | by turns | {came} |"
         else:
             came = f"memory {found['memory_percent']:+.1f} %, threads {found['threads']:+d}, "
@@ -481,6 +609,7 @@ def main() -> None:
     parser.add_argument("--kills", type=int, default=0, help="servers to kill")
     parser.add_argument("--pages", type=int, nargs="*", default=[], help="such as 20 50")
     parser.add_argument("--flood", type=float, default=0.0, metavar="S", help="seconds")
+    parser.add_argument("--junk", type=int, default=0, help="messages that no page sends")
     parser.add_argument("--wear", type=float, default=0.0, metavar="SHARE", help="1: all of it")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--port", type=int, default=PORT)
@@ -496,7 +625,7 @@ def main() -> None:
         if args.add:
             args.add.write_text(json.dumps(known, indent=1) + "\n", "utf-8")
 
-    if not (args.kills or args.pages or args.flood or args.wear):
+    if not (args.kills or args.pages or args.flood or args.junk or args.wear):
         print("\n".join(table(known)))
         return
     print(f"Measured on {machine()}.", flush=True)
@@ -508,6 +637,10 @@ def main() -> None:
         tell(f"{count} pages [ms]", together(count, 40, args.port))
     if args.flood:
         tell("flood [ms]", flood(args.flood, args.port))
+    if args.junk:
+        sums = Counter(known.get("junk", {}))
+        sums.update(junk(args.junk, args.seed, args.port))
+        tell("junk", dict(sums))
     if args.wear:
         for what, found in wear(args.wear, args.port):
             tell(what, found)

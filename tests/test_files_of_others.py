@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import os
 import time
-import zipfile
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -164,27 +162,6 @@ def test_a_saved_copy_holds_the_geometry_and_nothing_else(tmp_path, suffix):
     again, first = load_mesh(saved.file or ""), load_mesh(file)
     np.testing.assert_array_equal(again.vertices[again.faces], first.vertices[first.faces])
     assert b"secret" not in Path(saved.file or "").read_bytes()
-
-
-def test_a_page_opens_no_mesh_by_a_path_of_its_own(folders):
-    folder, mine = folders
-    state = update(initial(pg.Model.serial(2)), Connected(ME))
-    for file in escapes(folder, mine):
-        if file in ("link.stl", "linked/box.stl"):
-            continue  # of a folder that a page does not know
-        after = update(state, OpenText(ME, "m.json", text_of(file)))
-        assert after.model is state.model
-        assert "body 'cup', shape" in after.clients[ME].notice.text
-
-
-def test_an_archive_opens_no_mesh_outside_of_itself(folders):
-    _, mine = folders
-    for file in (str(mine / "box.stl"), "../../../../private/box.stl"):
-        content = BytesIO()
-        with zipfile.ZipFile(content, "w") as made:
-            made.writestr("m.json", text_of(file))
-        with pytest.raises(pg.ModelError, match="outside of the model's folder"):
-            archive.unpacked(content.getvalue(), archive.mesh_folder())
 
 
 def test_a_pipe_is_no_mesh(tmp_path):

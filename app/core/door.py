@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import dataclasses
+import functools
 import gzip
 import http
 import logging
@@ -19,6 +21,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import msgspec
+import viser._messages
 import websockets.asyncio.server
 from websockets.http11 import Response
 
@@ -198,13 +201,28 @@ def faults(raw: bytes | str) -> str | None:
     if not isinstance(message, dict) or message.get("type") not in PASS:
         kind = message.get("type") if isinstance(message, dict) else type(message)
         return f"a {str(kind)[:60]}"
-    if message["type"] == "GuiUpdateMessage":
+    kind, fields = _kinds()[message.pop("type")]
+    try:
+        if not message.keys() <= fields:
+            return f"a {kind.__name__} with fields that it does not have"
+        msgspec.convert(message, kind)
+    except msgspec.ValidationError as error:
+        return f"a {kind.__name__} of other types: {str(error)[:100]}"
+    if kind.__name__ == "GuiUpdateMessage":
         updates = message.get("updates")
         if not isinstance(updates, dict) or list(updates) != ["value"]:
             return "a change of what is no value"
         message["updates"] = None if isinstance(updates["value"], str) else updates["value"]
     plain = all(_plain(value, 3) for value in message.values())
-    return None if plain else f"a {message['type']} with values that are not plain"
+    return None if plain else f"a {kind.__name__} with values that are not plain"
+
+
+@functools.cache
+def _kinds() -> dict[str, tuple[Any, set[str]]]:
+    """viser's classes of the messages that pass, and the fields that a page may set."""
+    classes = [getattr(viser._messages, name) for name in PASS]
+    ours = {"excluded_self_client"}  # the server says whom a message does not go to
+    return {c.__name__: (c, {f.name for f in dataclasses.fields(c)} - ours) for c in classes}
 
 
 def _plain(value: Any, depth: int) -> bool:

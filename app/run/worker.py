@@ -127,9 +127,10 @@ class Files:
         saving = new.saving
         if saving is None or saving is old.saving:
             return
-        given = Path(saving.path).expanduser().absolute()
-        path, problem, offer = given, "", ""
+        path = given = Path(saving.path)
+        problem = offer = ""
         try:
+            path = given = given.expanduser().absolute()
             path = given.resolve()
             problem, offer = self._refused(path, saving.replace)
             if not problem:
@@ -137,7 +138,7 @@ class Files:
                 self._written[path] = path.read_bytes()
         except pg.PgraphError as error:
             problem = str(error)
-        except (OSError, RuntimeError) as error:  # RuntimeError: links in a circle
+        except (OSError, RuntimeError, ValueError) as error:  # a circle of links, '~nobody', a NUL
             problem = f"{path} could not be written: {getattr(error, 'strerror', None) or error}."
         shown = str(path) if path == given else f"{path}, where {given} points to"
         self._send(Saved(saving.client, saving.serial, shown, problem, offer))

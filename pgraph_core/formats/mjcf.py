@@ -8,6 +8,7 @@ without mass in between. Coordinates count from the file's own initial pose.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable, Iterator
 from itertools import groupby
 from pathlib import Path
@@ -129,7 +130,7 @@ class _Files:
             if not key.startswith("file") or element.tag == "include" or not given:
                 continue
             paths = [folder / given for folder in self.directories]
-            there = [path for path in paths if path.exists() or path.is_symlink()]
+            there = [path for path in paths if os.path.lexists(path)]  # False for a name too long
             if any(not self.folders.holds(path) for path in there or paths[:1]):
                 where = f"{file.name}, line {element.line}, {element.tag}"
                 text = f"{shown(given)} lies outside of the model's folder; allow it: roots=[...]"

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from ..batches.paths import with_numbers
 from ..engine import layout as at
 from ..errors import InputError, Problem
 from ..mechanism import Mechanism
@@ -237,10 +238,8 @@ class _Drawing:
 
     def _follow(self, field: Opened, drawn: Sequence[dict[str, Any]]) -> None:
         """How the pieces change with a field, from its two ends."""
-        low, high = (
-            [p for look in self.looks(field.path.set(self.mech.model, x)) for p in look.pieces]
-            for x in (field.low, field.high)
-        )
+        ends = (with_numbers(self.mech.model, [field.path], [x]) for x in (field.low, field.high))
+        low, high = ([p for look in self.looks(model) for p in look.pieces] for model in ends)
         if not len(low) == len(high) == len(drawn):
             return
         span = field.high - field.low

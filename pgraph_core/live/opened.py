@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..batches.paths import KINDS, Path
+from ..batches.paths import KINDS, Path, with_numbers
 from ..engine.packing import pack
 from ..errors import InputError, PgraphError, Problem, choices
 from ..mechanism import Mechanism
@@ -147,9 +147,8 @@ def _made(
     """{method: the image} of the model with these values."""
     one, x = values[-1]
     try:
-        for field, value in values:
-            model = field.path.set(model, float(value))
-        mech = Mechanism(model)
+        fields, numbers = zip(*values)
+        mech = Mechanism(with_numbers(model, [field.path for field in fields], numbers))
         return {method: make(mech, method).memory() for method in runs}
     except PgraphError as error:
         text = f"cannot be {x:g}: {error.problems[0].text}; open a smaller range"

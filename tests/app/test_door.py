@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 import http.client
 import time
 from typing import Any
 
 import msgspec
 import pytest
-import viser
+import viser._messages
 import websockets.asyncio.server
 import websockets.exceptions
 from websockets.sync.client import connect
@@ -18,7 +19,7 @@ from pgraph_app.core.events import FromPage
 from pgraph_app.core.store import MOST_AHEAD, MOST_WAITING, Closed, Queue
 from pgraph_app.model.update import Edit
 from pgraph_app.playback.update import Tick
-from pgraph_app.server import Server, serve
+from pgraph_app.server import GONE, Server, serve
 
 from .conftest import NOBODY, until
 
@@ -125,7 +126,10 @@ def message(kind: str, **fields: Any) -> bytes:
     return msgspec.msgpack.encode({"type": kind, **fields})
 
 
-CAMERA = {"wxyz": (1, 0, 0, 0), "position": (0, 0, 0), "fov": 1, "look_at": (0, 0, 0)}
+CAMERA = {
+    "wxyz": (1, 0, 0, 0), "position": (0, 0, 0), "fov": 1, "near": 0.01, "far": 1000,
+    "look_at": (0, 0, 0), "up_direction": (0, 0, 1), "image_height": 400, "image_width": 600,
+}  # fmt: skip
 DROPPED = {
     "a public tunnel": message("ShareUrlRequest"),
     "a form's state": message("GuiFormDirtyMessage", uuid="x" * 10_000),
@@ -136,6 +140,11 @@ DROPPED = {
     "a long identifier": message("GuiUpdateMessage", uuid="a" * 10_000, updates={"value": "1"}),
     "no number": message("ViewerCameraMessage", **{**CAMERA, "fov": float("nan")}),
     "a long list": message("ViewerCameraMessage", **{**CAMERA, "position": [0] * 100_000}),
+    "a number for a list": message("ViewerCameraMessage", **{**CAMERA, "wxyz": 1.0}),
+    "three numbers for four": message("ViewerCameraMessage", **{**CAMERA, "wxyz": (1, 0, 0)}),
+    "a field too few": message("TransformControlsDragEndMessage", owner="a"),
+    "a field of the server": message("ViewerCameraMessage", **CAMERA, excluded_self_client=1),
+    "a list for a name": message("GuiUpdateMessage", uuid=[], updates={"value": "1"}),
     "a message of the server": message("RunJavascriptMessage", source="alert(1)"),
     "no kind": message(""),
     "no map": msgspec.msgpack.encode([1, 2]),
@@ -221,3 +230,20 @@ def test_what_one_sender_leaves_waiting_is_bounded():
         taken.append(event)
     assert len(taken) == MOST_WAITING + 1
     assert [getattr(event, "client", 0) for event in taken[:2]] == [1, 2]
+
+
+def test_what_pages_that_left_held_is_given_back(served):
+    """Their connections are cycles of a few large objects, which Python alone would let lie."""
+    gc.disable()
+    try:
+        for _ in range(GONE + 1):
+            with connect(f"ws://127.0.0.1:{served.port}", subprotocols=[VISER]) as socket:
+                socket.send(message("ViewerCameraMessage", **CAMERA))
+                socket.recv()
+        until(lambda: _connections() < GONE // 2, "the end of connections that are gone")
+    finally:
+        gc.enable()
+
+
+def _connections() -> int:
+    return sum(type(one) is websockets.asyncio.server.ServerConnection for one in gc.get_objects())

@@ -1,0 +1,267 @@
+"""No file outside of the allowed folders is opened, copied or overwritten: every spelling of a path
+by every way into the program. What is opened is heard from Python itself, by an audit hook."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import zipfile
+from collections.abc import Callable, Iterator
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import pgraph_core as pg
+from pgraph_app.core.cells import Refusal
+from pgraph_app.core.state import initial
+from pgraph_app.features import update
+from pgraph_app.model import archive
+from pgraph_app.model.update import OpenText
+from pgraph_app.run.worker import Files
+from pgraph_app.session.update import Connected, Save, Saved
+from pgraph_core.mesh_files import load_mesh
+
+SPELLINGS = {
+    "absolute": "{mine}/box.stl",
+    "absolute, no mesh": "{mine}/key.stl",
+    "absolute, no suffix": "{mine}/id_rsa",
+    "absolute, of nothing": "{mine}/none.stl",
+    "absolute, two slashes": "//{mine}/box.stl",
+    "absolute, with a detour": "{folder}/../private/box.stl",
+    "a system file": "/etc/passwd",
+    "up": "../private/box.stl",
+    "up, two slashes": "..//private//box.stl",
+    "up, by a dot": "./../private/./box.stl",
+    "up, from no folder": "x/../../private/box.stl",
+    "up, and back": "../model/../private/box.stl",
+    "up to the root": "../" * 40 + "etc/passwd",
+    "up, backslashes": "..\\private\\box.stl",
+    "up, encoded": "%2e%2e/private/box.stl",
+    "up, encoded twice": "%252e%252e%252fprivate%252fbox.stl",
+    "up, encoded slash": "..%2fprivate%2fbox.stl",
+    "up, wide dots": "\uff0e\uff0e/private/box.stl",
+    "up, one character of two dots": "\u2025/private/box.stl",
+    "up, another slash": "..\u2215private\u2215box.stl",
+    "up, wide slash": "..\uff0fprivate\uff0fbox.stl",
+    "up, invisible character": "..\u200b/private/box.stl",
+    "up, right to left": "\u202e../private/box.stl",
+    "other case": "../PRIVATE/BOX.STL",
+    "other case of the suffix": "../private/box.STL",
+    "accent in two characters": "../prive\u0301/box.stl",
+    "accent in one": "../priv\u00e9/box.stl",
+    "home": "~/box.stl",
+    "variable": "$HOME/box.stl",
+    "link": "link.stl",
+    "link to a link": "chain.stl",
+    "linked folder": "linked/box.stl",
+    "link upwards": "up/private/box.stl",
+    "circle of links": "circle.stl",
+    "link to a device": "zero.stl",
+    "link to no mesh": "stolen.stl",
+    "link that is relative": "relative.stl",
+    "device": "/dev/zero",
+    "standard input": "/dev/stdin",
+    "environment": "/proc/self/environ",
+    "root by /proc": "/proc/self/root{mine}/box.stl",
+    "here by /proc": "/proc/self/cwd/../private/box.stl",
+    "pipe": "{mine}/pipe.stl",
+    "NUL": "../private/box.stl\0.stl",
+    "line break": "../private/box.stl\n",
+    "space at the end": "../private/box.stl ",
+    "address": "file://{mine}/box.stl",
+    "address, one slash": "file:{mine}/box.stl",
+    "address of this machine": "file://localhost{mine}/box.stl",
+    "address of another": "http://127.0.0.1:9/box.stl",
+    "share": "\\\\server\\share\\box.stl",
+    "package": "package://model/../../private/box.stl",
+    "other package": "package://private/box.stl",
+    "very long": "a/" * 3000 + "../" * 3000 + "../private/box.stl",
+}
+
+
+@pytest.fixture
+def folders(tmp_path, monkeypatch) -> tuple[Path, Path]:
+    """(the folder of a model that has links out of it, a folder of private files beside it)"""
+    folder, mine, accent = tmp_path / "model", tmp_path / "private", tmp_path / "priv\u00e9"
+    for made in (folder, mine, accent):
+        made.mkdir()
+    for place in (mine, accent):
+        trimesh.creation.box((1, 1, 1)).export(place / "box.stl")
+    for name in ("id_rsa", "key.stl"):
+        (mine / name).write_bytes(b"-----BEGIN OPENSSH PRIVATE KEY-----\nsecret\n")
+    os.mkfifo(mine / "pipe.stl")
+    links = {
+        "link.stl": mine / "box.stl", "chain.stl": "link.stl", "linked": mine, "up": "..",
+        "circle.stl": "circle.stl", "zero.stl": "/dev/zero", "stolen.stl": mine / "id_rsa",
+        "relative.stl": "../private/box.stl",
+    }  # fmt: skip
+    for name, to in links.items():
+        (folder / name).symlink_to(to)
+    monkeypatch.setenv("HOME", str(mine))
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "home"))
+    monkeypatch.chdir(folder)
+    return folder, mine
+
+
+OPENED: list[str] | None = None
+
+
+def _hear(event: str, given: tuple) -> None:
+    if event == "open" and OPENED is not None and isinstance(given[0], (str, bytes, os.PathLike)):
+        OPENED.append(os.fsdecode(given[0]))
+
+
+sys.addaudithook(_hear)
+
+
+@pytest.fixture
+def opened() -> Iterator[list[str]]:
+    """The paths of all files that are opened from now on."""
+    global OPENED
+    OPENED = []
+    yield OPENED
+    OPENED = None
+
+
+def shape(name: str) -> dict:
+    return {"kind": "mesh", "file": name}
+
+
+def text(name: str) -> str:
+    return json.dumps({"bodies": [{"name": "a"}, {"name": "cup", "shape": shape(name)}]})
+
+
+def of_a_file(name: str, folder: Path) -> pg.Model:
+    (folder / "model.json").write_text(text(name))
+    return pg.Model.load(folder / "model.json")
+
+
+def of_text(name: str, folder: Path) -> pg.Model:
+    return pg.Model.from_json(text(name))
+
+
+def of_a_run(name: str, folder: Path) -> pg.Model:
+    header = {"model": json.loads(text(name))}
+    run = pg.simulate(pg.Mechanism(pg.Model.serial(1)), t_end=0.01)
+    run.save(folder / "run.npz")
+    with np.load(folder / "run.npz") as data:
+        arrays = dict(data)
+    header = json.loads(str(arrays["header"]))
+    header["model"]["bodies"][0]["shape"] = shape(name)
+    arrays["header"] = np.array(json.dumps(header))
+    np.savez(folder / "other.npz", **arrays)
+    return pg.Result.load(folder / "other.npz").mechanism.model
+
+
+def of_a_page(name: str, folder: Path) -> pg.Model:
+    state = update(initial(pg.Model.serial(2)), Connected(1))
+    after = update(state, OpenText(1, "m.json", text(name)))
+    if after.model is state.model:
+        raise Refusal(str(after.clients[1].notice))
+    return after.model
+
+
+def of_an_archive(name: str, folder: Path) -> pg.Model:
+    content = BytesIO()
+    with zipfile.ZipFile(content, "w") as made:
+        made.writestr("m.json", text(name))
+    return archive.unpacked(content.getvalue(), archive.mesh_folder())[0]
+
+
+def of_urdf(name: str, folder: Path) -> pg.Model:
+    return of_markup(
+        folder / "a.urdf",
+        '<robot name="r"><link name="a"/><link name="b"><collision><geometry><mesh filename="{}"/>'
+        '</geometry></collision></link><joint name="j" type="fixed"><parent link="a"/>'
+        '<child link="b"/></joint></robot>',
+        name,
+    )
+
+
+def of_mjcf(name: str, folder: Path) -> pg.Model:
+    return of_markup(
+        folder / "a.xml",
+        '<mujoco><asset><mesh name="m" file="{}"/></asset><worldbody><body name="b"><freejoint/>'
+        '<geom type="mesh" mesh="m" mass="1"/></body></worldbody></mujoco>',
+        name,
+    )
+
+
+def of_an_included_file(name: str, folder: Path) -> pg.Model:
+    return of_markup(folder / "a.xml", '<mujoco><include file="{}"/></mujoco>', name)
+
+
+def of_markup(file: Path, content: str, name: str) -> pg.Model:
+    if "\0" in name:
+        raise Refusal("no character of XML")
+    file.write_text(content.format(name.replace("\n", "&#10;")), "utf-8")
+    return pg.read_urdf(file)[0] if file.suffix == ".urdf" else pg.read_mjcf(file)[0]
+
+
+WAYS: tuple[Callable[[str, Path], pg.Model], ...] = (
+    of_a_file, of_text, of_a_run, of_a_page, of_an_archive, of_urdf, of_mjcf, of_an_included_file,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_nothing_outside_is_opened_by_any_name_of_a_mesh(folders, opened, way):
+    folder, mine = folders
+    for what, spelling in SPELLINGS.items():
+        name = spelling.format(mine=mine, folder=folder)
+        opened.clear()
+        try:
+            model = way(name, folder)
+        except (pg.PgraphError, Refusal):
+            continue
+        finally:
+            seen = {Path(os.path.realpath(path)) for path in opened if path.isprintable()}
+            stolen = [path for path in seen if is_outside(path, mine)]
+            assert not stolen, (what, stolen)
+        for file in (part.file for body in model.bodies for part in body.shapes if part.file):
+            if os.path.realpath(file).startswith(str(folder.parent / "home")):
+                continue  # of an archive: its own folder
+            assert Path(os.path.realpath(file)).is_relative_to(folder), (what, file)
+            with pytest.raises(pg.FileError):  # a strange name of nothing
+                load_mesh(file)
+
+
+def is_outside(path: Path, mine: Path) -> bool:
+    """Whether it is one of the private files, a device, or one of the system's secrets."""
+    private = (mine, mine.with_name("priv\u00e9"), Path("/dev"), Path("/proc"), Path("/etc"))
+    return any(path.is_relative_to(place) for place in private)
+
+
+def test_nothing_is_written_over_by_a_page(folders):
+    folder, mine = folders
+    precious = mine / "precious.json"
+    precious.write_text("{}")
+    (folder / "linked.json").symlink_to(precious)
+    os.mkfifo(folder / "pipe.json")
+    sent: list = []
+    files, state = Files(sent.append), update(initial(pg.Model.serial(2)), Connected(1))
+    tries = [precious, folder / "linked.json", folder / "../private/precious.json",
+             folder / "linked" / "precious.json", folder / "up/private/precious.json"]  # fmt: skip
+    never = [folder / "pipe.json", Path("/dev/null"), Path("/dev/full"), mine, folder / "linked"]
+    for path in (
+        *tries,
+        *never,
+        "a\0.json",
+        "~nobody-here/a.json",
+        "",
+        "/proc/self/mem",
+        "/",
+        "/none/a.json",
+    ):
+        for replace in (False,) if path in tries else (False, True):
+            files.render(state, update(state, Save(1, 1, str(path), replace)))
+            assert isinstance(sent[-1], Saved)
+            assert sent[-1].problem, path
+    assert precious.read_text() == "{}"
+
+
+def test_there_are_enough_of_them():
+    assert len(SPELLINGS) * len(WAYS) >= 60
