@@ -147,8 +147,8 @@ def _made(
     """{method: the image} of the model with these values."""
     one, x = values[-1]
     try:
-        fields, numbers = zip(*values)
-        mech = Mechanism(with_numbers(model, [field.path for field in fields], numbers))
+        paths, numbers = [field.path for field, _ in values], [float(x) for _, x in values]
+        mech = Mechanism(with_numbers(model, paths, numbers))
         return {method: make(mech, method).memory() for method in runs}
     except PgraphError as error:
         text = f"cannot be {x:g}: {error.problems[0].text}; open a smaller range"

@@ -16,6 +16,7 @@ import pgraph_core as pg
 import pgraph_models
 from benchmarks.firefox import firefox, firefox_path
 from pgraph_core.batches.paths import Path as Field
+from pgraph_core.batches.paths import with_numbers
 from pgraph_core.live import module
 from pgraph_core.live.export import page, recorded
 
@@ -257,7 +258,9 @@ def test_fields_that_follow_no_rule_take_some_values(figure: Any) -> None:
     ready(shown)
     assert shown.evaluate("pgraph_live.open[0].values") == [0.5, 1.0, 1.25, 2.0]
     asked = {"t_end": 1.0, "set": {path: 1.25}}
-    run = pg.simulate(Field(model, path).set(model, 1.25), t_end=1.0, step=1e-3, method="rk4")
+    run = pg.simulate(
+        with_numbers(model, [Field(model, path)], [1.25]), t_end=1.0, step=1e-3, method="rk4"
+    )
     np.testing.assert_array_equal(shown.evaluate(SIMULATE, asked)["q"], run.q[-1])
     assert "1.25" in shown.evaluate(SIMULATE, {"set": {path: 0.7}})["refused"]
 
