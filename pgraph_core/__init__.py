@@ -143,6 +143,9 @@ _CALLED = {  # what other programs call it
     "run": "simulate", "solve": "simulate", "Simulation": "simulate", "Simulator": "Stepper",
     "System": "Model", "World": "Model", "MultibodySystem": "Model", "Link": "Body",
     "RigidBody": "Body", "Joint": "Body", "Damper": "Spring", "Torque": "Motor",
+    "Hinge": "Body Revolute", "Slider": "Body Prismatic", "Ball": "Body", "Limit": "Body Tendon",
+    "Friction": "Contact Ground Body", "Gravity": "Model", "plot": "Result.plot",
+    "Loop": "Constraint", "Sensor": "Output", "Environment": "Ground",
 }  # fmt: skip
 __all__ = sorted(_HOME)  # pyright: ignore[reportUnsupportedDunderAll]
 

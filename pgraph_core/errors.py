@@ -65,7 +65,7 @@ SYNONYMS = {  # choices by the words of other programs
     "hinge": "revolute", "pin": "revolute", "continuous": "revolute", "ball": "spherical",
     "fixed": "weld", "slide": "prismatic", "slider": "prismatic", "floating": "free",
     "freejoint": "free", "rk45": "dopri5", "ode45": "dopri5", "euler": "semi_implicit_euler",
-    "radau": "radau5",
+    "radau": "radau5", "world": "ground", "base": "ground", "earth": "ground", "inertial": "ground",
 }  # fmt: skip
 MEANT: dict[str, list[str]] = {}
 for _line in _MEANT.split("\n")[1:-1]:
@@ -180,9 +180,17 @@ def nearest_first(name: str, known: Iterable[str]) -> list[str]:
     return [*close, *(x for x in names if x not in close)]
 
 
+MOTIONS = dict.fromkeys(  # what other programs call a field of a joint: what to write
+    ("slide", "slider", "prismatic", "translation", "translations"),
+    "write joint='prismatic', axes=(x, y, z)",
+) | dict.fromkeys(("hinge", "revolute", "rotations"), "write joint='revolute', axes=(x, y, z)")
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """'did you mean mass? Choose from ...' for a mistyped name."""
     names = list(known)
+    if name in MOTIONS and "axes" in names:
+        return MOTIONS[name]
     close = [each for each in MEANT.get(name, ()) if each in names]
     close = close or difflib.get_close_matches(name, names, n=1)
     hint = f"did you mean {close[0]}? " if close else ""

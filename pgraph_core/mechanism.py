@@ -14,7 +14,7 @@ from .errors import explained
 from .model import Model
 from .needs import Plan
 from .packing.system import Array
-from .portable import Elsewhere
+from .portable import MEANT_BY, Elsewhere
 
 if TYPE_CHECKING:
     from .analysis.linear import Linearisation
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 OF_TOPOLOGY = {"adjacency", "parent", "separation_bodies", "tips"}  # names that it has too
 
 OF_PACKAGE = {"simulate", "sweep", "stability_map", "work_precision", "verify"}  # functions of it
+HINTED = MEANT_BY["Mechanism"].keys()  # what other programs have as a method
 
 
 @cache
@@ -41,7 +42,18 @@ class Mechanism(Dynamics):
     """
 
     def __dir__(self) -> Iterable[str]:
-        return sorted(set(super().__dir__()) - OF_TOPOLOGY - OF_PACKAGE)
+        return sorted(set(super().__dir__()) - OF_TOPOLOGY - OF_PACKAGE - HINTED)
+
+    def __contains__(self, name: Any) -> bool:
+        """Whether a part of its model is called `name`."""
+        return name in self.model
+
+    def __eq__(self, other: object) -> bool:
+        """Whether the models are equal."""
+        return self is other or (isinstance(other, Mechanism) and self.model == other.model)
+
+    def __hash__(self) -> int:
+        return hash(self.model)
 
     def plan(self, *, scenario: str | None = None, method: str = "auto") -> Plan:
         """What runs of this scene need, what is left out of them, and what that saves."""
@@ -148,7 +160,7 @@ class Mechanism(Dynamics):
         return inverse_kinematics(self, targets, q, scenario)
 
 
-for _name in OF_PACKAGE:
+for _name in OF_PACKAGE | HINTED:
     setattr(Mechanism, _name, Elsewhere(_name))
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 import numpy as np
 
-from .errors import InputError, Problem
+from .errors import MEANT, InputError, Problem
 
 
 @cache
@@ -90,13 +90,36 @@ _MODEL_HAS = {
     "nv": "write pg.Mechanism(model).nv",
     "mass": "write model['arm'].mass for the body 'arm'",
     "to_csv": "write model.to_json(); runs and sweeps have to_csv",
+    "joints": "a joint is fields of its body: model['arm'].joint",
+    "plot": "write model.to_image('model.png'), or pg.simulate(model).plot()",
+    "show": "write model.to_image('model.png'), or pg.simulate(model).show()",
+}
+_MECH_HAS = {
+    **dict.fromkeys(("M", "crba", "mass"), "write mech.mass_matrix(q)"),
+    **dict.fromkeys(("coriolis", "bias", "nle"), "write mech.bias_force(q, v)"),
+    **dict.fromkeys(("rnea", "id"), "write mech.inverse_dynamics(q, v, vdot)"),
+    **dict.fromkeys(("aba", "fd", "acceleration"), "write mech.forward_dynamics(q, v, tau)"),
+    **dict.fromkeys(("fk", "kinematics", "forward_kinematics"), "write mech.pose(q, 'arm')"),
+    **dict.fromkeys(("q", "v", "q0", "state"), "it keeps no state: q, v = mech.home()"),
+    "ik": "write mech.inverse_kinematics({'arm': place})",
+    "com": "write mech.centre_of_mass(q)",
+    "gravity": "write mech.model.gravity, or mech.bias_force(q, 0 * v) for its torques",
+    "bodies": "write mech.model.bodies, or mech.names",
+    "dof": "write mech.nv",
+    "step": "write pg.Stepper(mech)",
+    "run": "write pg.simulate(mech, ...)",
+    "kinetic_energy": "write mech.energy(q, v)[0]",
+    "potential_energy": "write mech.energy(q, v)[1]",
 }
 _PART_HAS = {
     "edit": "write model.edit(name, field=value), or part.model_copy(update={'field': value})",
     "replace": "write model.edit(name, field=value), or part.model_copy(update={'field': value})",
     "to_dict": "write part.model_dump()",
 }
-_TABLE_HAS = dict.fromkeys(("x", "y", "data", "results", "array"), "columns are table['max knee']")
+_TABLE_HAS = dict.fromkeys(
+    ("x", "y", "data", "results", "array", "metric", "metrics", "columns"),
+    "columns are table['max knee'], all of them table.values",
+)
 _RUN_HAS = {
     "animate": "write run.show(), or run.to_html('run.html')",
     "animation": "write run.show(), or run.to_html('run.html')",
@@ -111,10 +134,15 @@ _RUN_HAS = {
     "to_dict": "write run.columns()",
     "model": "write run.mechanism.model",
     "values": "the states are run.q and run.v; run['knee'] is a joint over time",
+    **dict.fromkeys(("position", "positions", "pose"), "write run.body_pose[:, k], or run['knee']"),
+    **dict.fromkeys(("angle", "angles", "keys"), "write run['knee']; run.columns() has all names"),
+    **dict.fromkeys(("compare", "diff"), "write run['knee'] - other['knee'], or run == other"),
+    "metric": "write run['knee'].max(), or pg.sweep(model, {...}, 'max knee')",
 }
 _PANDAS = dict.fromkeys(("to_dataframe", "to_df", "df", "dataframe"), "to_pandas()")
 # class -> names that people try: what to write
 MEANT_BY: dict[str, dict[str, str]] = {
+    "Mechanism": _MECH_HAS,
     "Model": _MODEL_HAS,
     "Result": _RUN_HAS | {name: f"write run.{to}" for name, to in _PANDAS.items()},
     "Sweep": _TABLE_HAS | {name: f"write table.{to}" for name, to in _PANDAS.items()},
@@ -153,6 +181,8 @@ def _of_this(value: Any, name: str) -> str:
     if "name" in own and "bodies" not in own and (hint := _PART_HAS.get(name)):
         return hint
     known = [x for x in dir(value) if not x.startswith(("_", "model_"))]
+    if meant := [x for x in MEANT.get(name, ()) if x in known]:
+        return f"did you mean {meant[0]}?"
     close = get_close_matches(name, known, n=1)
     return f"did you mean {close[0]}?" if close else ""
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -57,7 +58,7 @@ BODIES: list[tuple[dict[str, Any], str]] = [
     # parents
     (
         {"name": "a", "parent": "tigh"},
-        "body 'a', parent: no body is named 'tigh'; choose one of ground, a",
+        "body 'a', parent: no body is named 'tigh'; choose one of ground",
     ),
     (
         {"name": "a", "parent": "a"},
@@ -255,7 +256,7 @@ MODELS: list[tuple[dict[str, Any], list[str]]] = [
             "body 'a', axes: a direction must not be zero; given [0.0, 0.0, 0.0]",
             f"constraint 'k', kind: must be one of {CONSTRAINTS}; given 'glue'",
             "row 3, name: 'a' is already the name of row 1; choose another",
-            "body 'a', parent: no body is named 'z'; choose one of ground, a, b",
+            "body 'a', parent: no body is named 'z'; choose one of ground, b",
             "body 'b', parent: a body cannot be its own parent; given 'b'; "
             "choose another, or ground",
             "constraint 'k', body: no body is named 'y'; choose one of a, b",
@@ -289,7 +290,7 @@ def test_sentence_through_a_file(fields: dict[str, Any], sentences: list[str], t
         ({"name": "2"}, "body '1', name: '2' is already the name of row 2; choose another"),
         ({"name": ""}, "body '1', name: must be text that is not empty; given ''"),
         ({"mass": -2}, f"body '1', mass: {MASS}; given -2"),
-        ({"parent": "9"}, "body '1', parent: no body is named '9'; choose one of ground, 1, 2, 3"),
+        ({"parent": "9"}, "body '1', parent: no body is named '9'; choose one of ground, 2, 3"),
         (
             {"parent": "3"},
             "body '1', parent: closes a cycle: 1 -> 3 -> 2 -> 1; tie one of them to the ground",
@@ -443,6 +444,19 @@ def test_an_edit_of_one_of_two_with_a_name_says_which_it_was():
         (lambda: pg.simulate(ROD, t_end=0.1, events=lambda t, q, v: q[0] > 1), ["crosses zero"]),
         (lambda: ROD.save("model.yaml"), [".json"]),
         (lambda: pg.underfoot(ROD, friction=-1), ["friction"]),
+        (lambda: pg.Spring(body="rod"), ["pg.Spring(body='rod'", "name"]),
+        (lambda: pg.Body(name="a", slide=(0, 0, 1)), ["joint='prismatic', axes="]),
+        (lambda: pg.Body(name="a", axes="-y"), ["write (0, -1, 0)"]),
+        (lambda: pg.Body(name="a", mass=None), ["mass", "given None"]),
+        (lambda: pg.Body(name="a", com=[[0.25, 0, 0]]), ["given [[0.25, 0, 0]]"]),
+        (lambda: pg.Body(name="a", rotation=np.eye(3)), ["as_quat(scalar_first=True)"]),
+        (lambda: pg.Model(bodies=[pg.Body(name="a", parent="world")]), ["did you mean ground"]),
+        (lambda: ROD.add(pg.Spring), ["pg.Spring(name="]),
+        (lambda: ROD.add(pg.Velocity(name="c", body="a", coefficients={"b": [1]})), ["'c'", "'b'"]),
+        (lambda: pg.Switch(constraint="c", active=True, when={"above": 1}), ["switch, when"]),
+        (lambda: pg.write_urdf(ROD, "u.txt"), [".urdf"]),
+        (lambda: pg.simulate(ROD, t_end=0.1, progress=lambda: None), ["progress", "fraction"]),
+        (lambda: list(ROD), ["model.bodies"]),
     ],
 )  # fmt: skip
 def test_what_a_stranger_tried_says_what_to_write(wrong, facts):
@@ -450,6 +464,32 @@ def test_what_a_stranger_tried_says_what_to_write(wrong, facts):
         wrong()
     for fact in facts:
         assert fact in str(refused.value)
+
+
+def test_a_refused_joint_hides_what_follows_from_it():
+    with pytest.raises(pg.ModelError) as refused:
+        pg.Body(name="a", joint="hinge", axes=(0, 1, 0))
+    assert [(p.field, "revolute" in p.text) for p in refused.value.problems] == [("joint", True)]
+
+
+def test_a_model_and_its_mechanism_have_the_names_of_their_parts():
+    name, mech = ROD.bodies[0].name, pg.Mechanism(ROD)
+    for whole in (ROD, mech):
+        assert name in whole
+        assert "nobody" not in whole
+    assert mech == pg.Mechanism(ROD)
+    assert mech != pg.Mechanism(ROD.edit(name, mass=17.0))
+    assert len({mech, pg.Mechanism(ROD)}) == 1
+    for tried, cure in (("M", "mass_matrix"), ("rnea", "inverse_dynamics"), ("q", "home()")):
+        assert not hasattr(mech, tried)
+        assert tried not in dir(mech)
+        with pytest.raises(AttributeError, match=re.escape(cure)):
+            getattr(mech, tried)
+
+
+def test_a_mesh_that_is_not_there_is_doubted():
+    shape = pg.Shape(kind="mesh", file="nowhere.stl")
+    assert "nowhere.stl" in " ".join(pg.Model(bodies=[pg.Body(name="a", shape=shape)]).doubts)
 
 
 def test_a_run_is_saved_as_its_suffix_says_and_does_not_change(tmp_path):

@@ -19,6 +19,14 @@ Kind = Literal["read", "converted", "approximated", "left out", "warning"]
 KINDS: tuple[Kind, ...] = ("warning", "left out", "approximated", "converted", "read")
 
 
+def named(path: str | Path, *suffixes: str) -> Path:
+    """A path to write to, which has one of the suffixes. Raises FileError."""
+    if Path(path).suffix.lower() not in suffixes:
+        text = f"give a name that ends in {' or '.join(suffixes)}"
+        raise FileError(Problem(str(path), "", text))
+    return Path(path)
+
+
 @dataclass(frozen=True)
 class Entry:
     """One line of a report."""

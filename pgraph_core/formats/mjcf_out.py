@@ -29,7 +29,7 @@ from ..model.files import gathered, write_atomic
 from ..model.force import OnJoint
 from ..model.output import OF_JOINT
 from ..rotation import matrix, multiply, quaternion_of, unit
-from .conversion import Report, nearest_inertia, why_unphysical
+from .conversion import Report, named, nearest_inertia, why_unphysical
 from .mjcf import INITIAL
 from .mjcf_parts import SENSORS, end_name
 from .urdf_out import Placed, Tag
@@ -52,7 +52,7 @@ def write_mjcf(model: Model, path: str | Path) -> Report:
     springs. Meshes from elsewhere are written to `meshes` next to it. Raises ModelError for free
     joints within the tree, which MJCF does not have, and FileError; then nothing is written.
     """
-    path = Path(path)
+    path = named(path, ".xml", ".mjcf")
     if not path.parent.is_dir():
         raise FileError(Problem(str(path), "", f"there is no folder {path.parent}"))
     inside = [b for b in model.bodies if b.joint == "free" and b.parent != GROUND]

@@ -16,7 +16,7 @@ from ..model import Body, Constraint, Gear, Model, Motor, Shape
 from ..model.fields import GROUND
 from ..model.files import gathered, write_atomic
 from ..rotation import quaternion_of, rotate, unit
-from .conversion import Report
+from .conversion import Report, named
 from .urdf import LOOPS, WORLD
 
 TYPES = {"rotate": "revolute", "translate": "prismatic"}
@@ -31,7 +31,7 @@ def write_urdf(model: Model, path: str | Path) -> Report:
     Meshes from elsewhere are written to `meshes` next to it. Raises ModelError for ball joints,
     which URDF does not have, and FileError; then nothing is written.
     """
-    path = Path(path)
+    path = named(path, ".urdf")
     if not path.parent.is_dir():
         raise FileError(Problem(str(path), "", f"there is no folder {path.parent}"))
     writer = _Writer(model, path)

@@ -35,6 +35,7 @@ from .fields import (
     Quat,
     Vec3,
     Vec3s,
+    along,
     field,
     listed,
     matrix3,
@@ -214,7 +215,11 @@ class Body(Described):
         """`dof` picks the joint; the short forms of axes, motions, q, v, ... are filled in."""
         if not isinstance(data, dict):
             return data
-        data = {key: value for key, value in data.items() if value is not None or key == "name"}
+        data = {
+            key: value
+            for key, value in data.items()
+            if value is not None or key in ("name", "mass", "com", "inertia")  # which None is not
+        }
         dof = data.pop("dof", None)
         if dof is not None:
             _pick_joint(data, dof)
@@ -401,7 +406,8 @@ def _fill_motions(data: dict[str, Any], kind: JointKind) -> None:
     if axes != () and kind != "weld":
         if axes is None or len(axes) != len(moving):
             given = shown(data["axes"])
-            refuse([("axes", f"a {kind} joint takes {_count(len(moving))}; given {given}")])
+            text = f"a {kind} joint takes {_count(len(moving))}; given {given}"
+            refuse([("axes", text + along(data["axes"]))])
             return
         left = iter(axes)
         motions = tuple(

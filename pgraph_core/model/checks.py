@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from .. import joints
-from ..errors import ModelError, Problem, choices, counted, nearest, shown
+from ..errors import ModelError, Problem, choices, counted, nearest, shown, synonym
 from ..joints import quaternion_problems
 from .body import Body
 from .constraint import Constraint, Coupling, Gear, Motion, Rolling, Sum
@@ -32,7 +32,9 @@ def tree_problems(names: Sequence[str], parents: Sequence[str]) -> list[Problem]
         row.setdefault(name, i)
     for name, parent in zip(names, parents):
         if parent != GROUND and parent not in row:
-            text = f"no body is named {shown(parent)}; choose one of {choices((GROUND, *row))}"
+            known = [GROUND, *(each for each in row if each != name)]
+            text = f"no body is named {shown(parent)}; choose one of {choices(known)}"
+            text += synonym(parent, known)
             found.append(Problem(f"body {shown(name)}", "parent", text))
     return found + [_cycle_problem(cycle) for cycle in _cycles(names, parents, row)]
 
@@ -112,7 +114,8 @@ def constraint_problems(items: Sequence[Constraint], bodies: Bodies) -> list[Pro
     found = unique("constraint", [c.name for c in items])
     for c in items:
         where = f"constraint '{c.name}'"
-        if isinstance(c, Sum) and c.body in c.coefficients:
+        if isinstance(c, Sum):
+            found += [] if c.body in c.coefficients else pair_problems(c, where, bodies)
             found += sum_problems(c, where, bodies, isinstance(c, Coupling))
         else:
             found += pair_problems(c, where, bodies) or _joint_problems(c, where, bodies)

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 from ..errors import shown
@@ -24,8 +25,9 @@ def doubts(model: Any) -> list[str]:
     by_name = {body.name: body for body in bodies}
     return [
         *_units(model), *_gravity(model), *_defaults(bodies, by_name),
-        *_starts(bodies), *_axes(model.constraints, by_name), *_idle_joints(bodies),
-        *_idle_forces(model, by_name), *_twice(model), *_idle_parameters(model),
+        *_starts(bodies), *_meshes(bodies), *_axes(model.constraints, by_name),
+        *_idle_joints(bodies), *_idle_forces(model, by_name), *_twice(model),
+        *_idle_parameters(model),
     ]  # fmt: skip
 
 
@@ -49,6 +51,14 @@ def _defaults(bodies: Sequence[Body], by_name: Mapping[str, Body]) -> Iterator[s
                 f"body '{body.name}': its link is (0, 0, 0), so its joint is at the origin of "
                 f"'{body.parent}', not at its tip; give link={shown(tip)} if that is meant"
             )
+
+
+def _meshes(bodies: Sequence[Body]) -> Iterator[str]:
+    """Files that are not there."""
+    for body in bodies:
+        for shape in body.shapes:
+            if shape.file is not None and not Path(shape.file).is_file():
+                yield f"body '{body.name}': there is no mesh {shape.file}; it is not drawn"
 
 
 def _axes(constraints: Sequence[Constraint], by_name: Mapping[str, Body]) -> Iterator[str]:

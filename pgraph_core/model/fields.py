@@ -238,7 +238,9 @@ def all_problems(
     found: list[Problem] = []
     refused: set[str] = set()
     while True:
-        found += [p for p in _problems(kind, data, error, where) if p.field not in refused]
+        now = [p for p in _problems(kind, data, error, where) if p.field not in refused]
+        moot = {name for p in now for name in followers.get(p.field, ()) if name != p.field}
+        found += [p for p in now if p.field not in moot]
         if {p.field for p in found} <= refused:
             return found
         refused |= {p.field for p in found}
@@ -274,9 +276,10 @@ def _problems(
 
 
 def _of_whole(item: Any, value: Any) -> Any:
-    """A number that is given where a row of numbers belongs, as said of all rows."""
+    """A number where a row of numbers belongs, or a row where a number does, as said of all."""
     inside = item["loc"][1:]
-    rows = inside and all(isinstance(part, int) for part in inside) and "tuple" in item["type"]
+    row = "tuple" in item["type"] or isinstance(item.get("input"), (tuple, list))
+    rows = inside and all(isinstance(part, int) for part in inside) and row
     return {**item, "input": value} if rows else item
 
 
@@ -317,11 +320,22 @@ def _meant(item: Any, given: Any, field: FieldInfo) -> str:
     name = item["loc"][0] if item["loc"] else ""
     if name == "gravity" and isinstance(given, float | int) and 0 < abs(given) < math.inf:
         return f"; write (0, 0, {-abs(given)}) where z is up"
-    if name == "axes" and given in ("x", "y", "z"):
-        return f"; write {tuple(int(given == x) for x in 'xyz')}"
+    if name in ("axis", "other_axis", "axes"):
+        return along(given)
+    if name == "rotation" and getattr(given, "shape", ()) == (3, 3):
+        return "; write scipy's Rotation.from_matrix(R).as_quat(scalar_first=True)"
     if name == "inertia" and isinstance(given, (list, tuple)) and len(given) == 3:
         return "; write np.diag([...]) for three principal moments"
     return synonym(given, re.findall(r"\w+", field.description or ""))
+
+
+def along(given: Any) -> str:
+    """'; write (0, 1, 0)' for an axis that is given as "y"."""
+    letter = given.removeprefix("-") if isinstance(given, str) else ""
+    if letter not in ("x", "y", "z"):
+        return ""
+    sign = 1 if given == letter else -1
+    return f"; write {tuple(sign * (letter == x) for x in 'xyz')}"
 
 
 def _leaves(value: Any) -> Iterator[Any]:
@@ -396,7 +410,8 @@ else:
                 return super().__call__(**data)
             except ValidationError as error:
                 where = cls.__name__.lower()
-                raise ModelError(all_problems(cls, data, error, where, {})) from None
+                moot = getattr(cls, "FOLLOWERS", {})
+                raise ModelError(all_problems(cls, data, error, where, moot)) from None
 
         def __dir__(cls):
             """Fields and what our own classes define: without the inside of pydantic."""
@@ -570,7 +585,9 @@ class Described(Frozen):
                 super().__init__(**data)
             except ValidationError as error:
                 kind = type(self)
-                where = f"{kind.word()} {shown(data.get('name', ''))}"
+                where = f"{kind.word()} {shown(data['name'])}" if "name" in data else kind.word()
+                if where == kind.word() and isinstance(data.get("body"), str):
+                    where = f"pg.{kind.__name__}(body={shown(data['body'])}, ...)"
                 raise ModelError(all_problems(kind, data, error, where, kind.followers())) from None
 
     @classmethod

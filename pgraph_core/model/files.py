@@ -28,7 +28,10 @@ from .world import Ground
 SCHEMA_VERSION = 3
 SCHEMA = "pgraph-model"
 
-NOT_JSON = {".yaml", ".yml", ".toml", ".csv", ".npz", ".html", ".txt", ".gif", ".png"}
+NOT_JSON = {
+    ".yaml", ".yml", ".toml", ".csv", ".npz", ".html", ".txt", ".gif", ".png", ".svg", ".mp4",
+    ".stl", ".obj", ".dae", ".ply", ".md", ".py", ".zip", ".pkl",
+}  # fmt: skip
 FOREIGN = {".urdf": "urdf", ".xml": "mjcf", ".mjcf": "mjcf"}  # suffixes of other formats
 
 LARGEST = 64_000_000  # characters of a file

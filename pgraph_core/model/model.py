@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self, overload
+from typing import TYPE_CHECKING, Any, Literal, NoReturn, Self, overload
 
 from pydantic import ValidationError
 
@@ -214,6 +214,15 @@ class Model(World):
             text = f"no body has this name; choose one of {choices(self.row)}"
             raise ModelError(Problem(f"body {shown(name)}", "", text))
         return self.bodies[self.row[name]]
+
+    def __contains__(self, name: Any) -> bool:
+        """Whether a part is called `name`."""
+        return any(part.name == name for key in PARTS for part in getattr(self, key))
+
+    def __iter__(self) -> NoReturn:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """Refuses. Raises InputError: names, bodies or fields may be meant."""
+        text = "is not gone through: model.bodies are its bodies, list(model.row) their names"
+        raise InputError(Problem("Model", "", text))
 
     def __getitem__(self, name: str, /) -> Part:
         """The part called `name`, as `part(name)` gives it."""
@@ -498,6 +507,8 @@ class Model(World):
         """
         if not isinstance(part, Part):
             given = f"given {shown(part)} ({type(part).__name__})"
+            if isinstance(part, type) and issubclass(part, Part):
+                given = f"given its class; write pg.{part.__name__}(name=..., ...)"
             text = f"must be a Body, Constraint, Contact, Force, Scenario, Site or Output; {given}"
             raise ModelError(Problem("model", "add", text))
         key = PARTS_OF[part.word()]

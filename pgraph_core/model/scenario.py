@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
@@ -154,7 +154,7 @@ class Gait(Described):
 SUBJECTS = ("coordinate", "gap", "force", "constraint")
 
 
-class When(Described):
+class When(Frozen):
     """A condition of the state: one of coordinate, gap, force, constraint, and its bound."""
 
     coordinate: str | None = field(
@@ -186,8 +186,8 @@ class When(Described):
         given = [what for what in SUBJECTS if getattr(self, what) is not None]
         bounds = [b for b in ("above", "below", "active") if getattr(self, b) is not None]
         if len(given) != 1:
-            text = f"name one of {choices(SUBJECTS)}; given {' and '.join(given) or 'none'}"
-            refuse([("when", text)])
+            named = " and ".join(given) or "none"
+            refuse([("when", f"name one of {choices(SUBJECTS)}; given {named}")])
         wanted = ("active",) if given == ["constraint"] else ("above", "below")
         if len(bounds) != 1 or bounds[0] not in wanted:
             text = f"a {given[0]} needs {' or '.join(wanted)}; given "
@@ -200,8 +200,10 @@ def _when_in(value: When | Mapping[str, Any] | None) -> When | None:
     return value  # type: ignore[return-value]
 
 
-class Switch(Described):
+class Switch(Frozen):
     """A constraint that is switched on or off during a run, at a time or by a condition."""
+
+    FOLLOWERS: ClassVar[Mapping[str, tuple[str, ...]]] = {"when": ("t",)}
 
     t: Annotated[Number, Field(ge=0)] | None = Field(default=None, description="a time >= 0 [s]")
     constraint: str = Field(description="the name of a constraint")

@@ -138,13 +138,14 @@ def no_column(columns: Iterable[str], name: str) -> str:
 
 
 def frame(columns: Mapping[str, Column]) -> Any:
-    """A pandas.DataFrame with a row a frame, its index t [s]; `attrs["units"]` of columns.
+    """A pandas.DataFrame of its numbers, a row a frame, its index t [s]; `attrs["units"]`.
 
     Beyond what every DataFrame does, it takes the names that `meant` does and that of the index,
     and a KeyError says what there is. Needs pandas.
     """
-    made = _frame_class()({name: column.values for name, column in columns.items()}).set_index("t")
-    made.attrs["units"] = {name: column.unit for name, column in columns.items()}
+    numbers = {name: column for name, column in columns.items() if column.unit}
+    made = _frame_class()({name: column.values for name, column in numbers.items()}).set_index("t")
+    made.attrs["units"] = {name: column.unit for name, column in numbers.items()}
     return made
 
 
@@ -158,21 +159,34 @@ def _frame_class() -> Any:
             return Frame
 
         def _is_time(self, key: Any) -> bool:
-            index = self.index.name is not None and OTHER_WORDS.get(key, key) == self.index.name
-            return isinstance(key, str) and index and key not in self.columns
+            if not isinstance(key, str) or self.index.name is None or key in self.columns:
+                return False
+            return OTHER_WORDS.get(key, key) == self.index.name
 
         def __getitem__(self, key: Any) -> Any:
             try:
                 return super().__getitem__(key)
             except KeyError:
-                if not isinstance(key, str):
+                names = key if isinstance(key, list) else [key]
+                if not all(isinstance(name, str) for name in names):
                     raise
             if self._is_time(key):
                 return self.index.to_series()
-            found = meant([c for c in self.columns if isinstance(c, str)], key)
+            found = [column for name in names for column in self._meant(name)]
+            return super().__getitem__(found[0] if len(found) == 1 and key is not names else found)
+
+        def _meant(self, name: str) -> list[str]:
+            """The columns that a name stands for. Raises NameLookupError."""
+            found = [name] * (name in self.columns)
+            found = found or meant([c for c in self.columns if isinstance(c, str)], name)
             if not found:
-                raise NameLookupError(Problem("table", "", no_column(self.columns, key)))
-            return super().__getitem__(found[0] if len(found) == 1 else found)
+                raise NameLookupError(Problem("table", "", no_column(self.columns, name)))
+            return found
+
+        def __contains__(self, key: Any) -> bool:
+            known = [c for c in self.columns if isinstance(c, str)]
+            named = isinstance(key, str) and (self._is_time(key) or bool(meant(known, key)))
+            return named or super().__contains__(key)
 
         def set_index(self, keys: Any, *args: Any, **named: Any) -> Any:
             if self._is_time(keys):  # as df.plot(x="t") asks

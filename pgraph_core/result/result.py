@@ -216,8 +216,9 @@ class Result(EqualByFields, Hinting):
         return states_at(self.mechanism.packed.rows, frames, known, t)
 
     def to_pandas(self) -> Any:
-        """A pandas DataFrame: one row a frame, the columns of `columns`, its index the time t [s].
+        """A pandas DataFrame: one row a frame, its index the time t [s], the columns of `columns`.
 
+        Words are left out, so that tables add and average: `phases` has those of contacts.
         `table["trunk"]` gives all columns of the joint, as other beginnings of names do; a name
         that nothing has raises a KeyError with those there are. `table.attrs["units"]` has units.
         """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import inspect
 import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -32,6 +33,13 @@ def shown_progress(given: Any, where: str) -> Iterator[Progress]:
             yield tell
             tell(1.0)
     elif callable(given):
+        with contextlib.suppress(ValueError):  # a function of C may have no signature
+            try:
+                inspect.signature(given).bind(0.5)
+            except TypeError:
+                text = "must take one argument, the fraction that is done; given a function that"
+                text = f"{text} takes {inspect.signature(given)}"
+                raise InputError(Problem(where, "progress", text)) from None
         yield given
     else:
         text = f"must be a function of the fraction that is done; given {shown(given)}"

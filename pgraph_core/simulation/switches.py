@@ -166,7 +166,7 @@ def closed(scene: Scene, change: Change, q: Array, v: Array) -> float:
     moved = float(np.max(np.abs(q - old), initial=0.0))
     if rounds < 0 or not moved <= FAR:
         text = f"is not met where it goes on, at t = {change.t:g} s: a joint would have to jump by "
-        text += f"{moved:.3g}; leave out its other_point, or switch it where it is met"
+        text += f"{moved:.3g}; switch it where it is met, or leave out an other_point that it has"
         raise InputError(Problem(where, "", text))
     from ..engine.contact.points import impulse_rows
 

@@ -140,7 +140,7 @@ def test_scenarios_hold_conditions_and_files_do(tmp_path):
         ({"when": {"constraint": "latch", "above": 1}}, "a constraint needs active"),
         (
             {"when": {"coordinate": "b", "above": float("nan")}},
-            "above: must be a number; given nan",
+            "above must be a number; given nan",
         ),
     ],
 )
