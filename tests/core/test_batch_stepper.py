@@ -222,6 +222,27 @@ def test_numbers_of_a_part_change_together():
     assert batch.acceleration()[:, 0] == pytest.approx(swing, rel=1e-12)
 
 
+@pytest.mark.parametrize("law", ["soft", "penalty"])
+def test_steps_near_stiff_contacts_are_taken_in_parts_and_end_together(law: str):
+    ball = pg.Body(
+        name="b",
+        joint="free",
+        mass=1.0,
+        shape=pg.Shape(kind="sphere", radius=0.05),
+        q=(0, 0, 0.2, 1, 0, 0, 0),
+    )
+    touch = pg.Contact(name="c", body="b", law=law)
+    model = pg.Model(bodies=[ball], contacts=[touch])
+    batch = pg.BatchStepper(model, 2, set={"bodies.b.q.2": [0.08, 5.0]}, step=1e-3)
+    alone = pg.Stepper(model.edit("b", q=(0, 0, 0.08, 1, 0, 0, 0)), step=1e-3)
+    for _ in range(4):
+        batch.step(n=50)
+        alone.step(n=50)
+    assert alone.t == pytest.approx(0.2, abs=1e-15)
+    assert batch.t == pytest.approx([0.2, 0.2], abs=1e-15)
+    assert (batch.q[0] == alone.q).all()
+
+
 @pytest.mark.parametrize("threads", [1, 2])
 def test_gears_and_coefficients_of_each_instance(threads: int):
     slider = pg.Body(name="x", joint="prismatic", axes=(1, 0, 0), mass=1.0)

@@ -9,7 +9,7 @@ import math
 from numba import types
 
 from .. import layout as at
-from ..arrays import I1, I2, Loads, i8
+from ..arrays import I1, I2, Loads, i8, opened_run
 from ..compiler.address import caller
 from ..compiler.jit import kernel, part, sweep
 from ..compiler.lane import constants, lanes
@@ -124,7 +124,10 @@ def step_instances(run, advance, copy, own, numbers, tables, kind, codes, n, beg
         row = tables[0, 0] + i * tables[0, 1]
         copy_in(copy, numbers, tables[1, 0] + kind[i] * tables[1, 1])
         copy_in(copy, own, row)
-        codes[i] = call_advance(advance, (run, n))
+        control = opened_run(run).control[0]
+        end = control.taken + n  # near stiff contacts a step is taken in parts
+        while codes[i] == at.RUNNING and control.taken < end:
+            codes[i] = call_advance(advance, (run, end - control.taken))
         for k in range(own.shape[0]):
             call_copy(copy, (row + own[k, 1], own[k, 0], own[k, 2]))
 
