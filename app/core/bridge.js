@@ -28,14 +28,17 @@ window.pgraph = (() => {
     waiting = [];
   }
 
+  const PHONE = 576; // [px] of viser's one sheet
   // Our table and playback stand: what covered viser's own panel until then goes.
   function unveil() {
     const loading = document.getElementById("pgraph-loading");
     if (!loading) return;
-    const there = ["table", "playback"].every((view) => document.querySelector(`.pgraph[data-view="${view}"][data-ready]`)?.offsetWidth);
+    const needed = innerWidth <= PHONE ? ["toolbar"] : ["table", "playback"]; // there viser folds all panels into a sheet
+    const there = needed.every((view) => document.querySelector(`.pgraph[data-view="${view}"][data-ready]`)?.offsetWidth);
     if (!there) { setTimeout(unveil, 50); return; }
     loading.classList.add("over");
     setTimeout(() => loading.remove(), 300);
+    watchView(); // what stands now covers more of the 3D view
   }
 
   // A picture has been seen, or nobody looks: the next may come.
@@ -286,6 +289,8 @@ window.pgraph = (() => {
     };
     watched = new ResizeObserver(() => { place(canvas); clearTimeout(settling); settling = setTimeout(tell, 250); });
     watched.observe(canvas);
+    const sheet = document.querySelector(".mantine-Paper-root:has(.pgraph)");
+    if (sheet) watched.observe(sheet);
   }
   watchView();
 
@@ -302,7 +307,7 @@ window.pgraph = (() => {
     const share = (x) => {
       let y = bottom - 2;
       while (y > bottom - height && !document.elementFromPoint(x, y)?.matches("canvas, :has(canvas)")) y -= 4;
-      return (bottom - 2 - y) / height;
+      return Math.round(50 * (bottom - 2 - y) / height) / 50;
     };
     return [0.2, 0.5, 0.8].map((at) => share(left + at * width)).sort((a, b) => a - b)[1];
   }

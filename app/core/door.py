@@ -57,9 +57,10 @@ LOADING = b"""<title>Pgraph</title>
 <style>
 #pgraph-loading { position: fixed; inset: 0; z-index: 9999; display: grid; place-items: center;
   background: #f4f6f9; color: #606872; font: 15px system-ui, sans-serif; letter-spacing: .02em;
-  transition: opacity .2s; animation: pgraph-gone 0s 30s forwards; }
+  transition: opacity .2s; animation: pgraph-gone 0s 30s forwards;
+  pointer-events: none; /* bridge.js asks what covers the 3D view */ }
 #pgraph-loading.dark { background: #1a1b1e; color: #a3acb6; }
-#pgraph-loading.over { opacity: 0; pointer-events: none; }
+#pgraph-loading.over { opacity: 0; }
 #pgraph-loading span { animation: pgraph-wait 1.6s ease-in-out infinite alternate; }
 @keyframes pgraph-wait { from { opacity: .45; } }
 @keyframes pgraph-gone { to { visibility: hidden; } }

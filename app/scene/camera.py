@@ -48,7 +48,7 @@ class CameraView:
                 self._look(handle, new, page, "start")
             elif page.view != before.view:
                 self._look(handle, new, page, page.view[1], page.selected)
-            elif page.aspect != before.aspect and not page.turned:
+            elif _view(page) != _view(before) and not page.turned:
                 self._look(handle, new, page, *self._views.get(client, ("start", ())))
             else:
                 turned = page.follow and not before.follow
@@ -87,6 +87,11 @@ class CameraView:
         known = (page.aspect for page in state.clients.values() if page.aspect is not None)
         start.position, start.look_at = viewpoint(state, min(known, default=TYPICAL_ASPECT))
         start.up, start.fov, start.near, start.far = up, FIELD_OF_VIEW, size / 100, 1000 * size
+
+
+def _view(page: Client) -> tuple[float | None, float]:
+    """The shape of its 3D view, and how much of it panels cover."""
+    return page.aspect, page.covered
 
 
 def look(
