@@ -9,7 +9,7 @@ import pgraph_core as pg
 
 from ..core.cells import Refusal
 from ..core.edit import attempted
-from ..core.events import Entries, Event, FromPage, Text, on, on_edit
+from ..core.events import Entries, Event, FromPage, Text, on, on_edit, on_page
 from ..core.state import Notice, State, display_of, told, with_client
 from ..model import Found
 from ..model.update import sent
@@ -268,16 +268,12 @@ def open_constraints(state: State, event: OpenConstraints) -> State:
     return with_client(_called(state, event.client), event.client, listed=known)
 
 
+@on_page(watching="on")
 @dataclass(frozen=True)
 class WatchConstraints(FromPage):
     """The tab came in sight of a page, or went out of it."""
 
     on: bool
-
-
-@on(WatchConstraints)
-def watch(state: State, event: WatchConstraints) -> State:
-    return with_client(state, event.client, watching=event.on)
 
 
 # -- the report and assembling -----------------------------------------------------------------

@@ -28,7 +28,7 @@ from pgraph_core.errors import PgraphError
 
 from .cells import Refusal
 from .edit import as_now, edited
-from .state import Notice, State, replied, told
+from .state import Notice, State, replied, told, with_client
 
 Text = Annotated[str, Field(max_length=20_000)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -66,6 +66,18 @@ def on(*kinds: type[Event]) -> Callable[[Handler], Handler]:
             assert kind not in HANDLERS, f"{kind.__name__} has two handlers"
             HANDLERS[kind] = handler
         return handler
+
+    return keep
+
+
+def on_page(**fields: str) -> Callable[[type[FromPage]], type[FromPage]]:
+    """Makes a kind of event set fields of its page, {field of the page: that of the event}."""
+
+    def keep(kind: type[FromPage]) -> type[FromPage]:
+        on(kind)(lambda state, event: with_client(
+            state, event.client, **{mine: getattr(event, its) for mine, its in fields.items()}
+        ))  # fmt: skip
+        return kind
 
     return keep
 

@@ -7,8 +7,8 @@ from typing import Literal
 
 import pgraph_core as pg
 
-from ..core.events import FromPage, Text, on, on_edit
-from ..core.state import State, with_client
+from ..core.events import FromPage, Text, on_edit, on_page
+from ..core.state import State
 
 
 @dataclass(frozen=True)
@@ -32,13 +32,9 @@ def drop(state: State, event: Drop) -> tuple[pg.Model, str]:
     return state.model.close_loop(body, parent), f"loop {body}-{parent}"
 
 
+@on_page(walk="what")
 @dataclass(frozen=True)
 class StepThrough(FromPage):
     """Show how Pgraph is made (Fig. 4), or how frames are updated along it (Fig. 8)."""
 
     what: Literal["", "pgraph", "frames"]
-
-
-@on(StepThrough)
-def step_through(state: State, event: StepThrough) -> State:
-    return with_client(state, event.client, walk=event.what)

@@ -17,7 +17,7 @@ from pgraph_core.rotation import matrix, unit
 from ..core import cells
 from ..core.cells import Refusal
 from ..core.edit import attempted
-from ..core.events import Finite, FromPage, Text, on, on_edit
+from ..core.events import Finite, FromPage, Text, on, on_edit, on_page
 from ..core.state import State, replied, with_client
 from . import Grip, solving
 
@@ -66,16 +66,12 @@ def measured(state: State, event: MoveJoint) -> cells.Quantity:
     return "length" if units[event.index : event.index + 1] == ["m"] else "angle"
 
 
+@on_page(posing="on")
 @dataclass(frozen=True)
 class Posing(FromPage):
     """The sliders of the joints came into view, or went out of it."""
 
     on: bool
-
-
-@on(Posing)
-def posing(state: State, event: Posing) -> State:
-    return with_client(state, event.client, posing=event.on)
 
 
 @dataclass(frozen=True)
@@ -99,16 +95,12 @@ def use_pose(state: State, event: UsePose) -> tuple[pg.Model, str]:
     return solving.with_initial(state.model, q, v), "initial pose"
 
 
+@on_page(gizmo="what")
 @dataclass(frozen=True)
 class SetGizmo(FromPage):
     """Which vector of the selected body this page moves in 3D, or that it turns it."""
 
     what: Literal["", "link", "com", "rotation"]
-
-
-@on(SetGizmo)
-def gizmo_set(state: State, event: SetGizmo) -> State:
-    return with_client(state, event.client, gizmo=event.what)
 
 
 @dataclass(frozen=True)

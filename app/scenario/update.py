@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -48,21 +48,31 @@ def chosen(state: State, name: str) -> State:
     return replace(state, request=Request(name, s.t_end, s.step, s.method, state.request.rtol))
 
 
-def _typed(
-    state: State, client: int, serial: int, make: Callable[[], pg.Model], label: str
-) -> State:
-    """The edit of the scenario with its cell answered; the run follows its settings."""
-    name = state.request.scenario
-    row = next((i for i, s in enumerate(state.model.scenarios) if s.name == name), -1)
-    after = edited(state, client, lambda: (make(), label), serial)
-    if after.model is state.model or row < 0:
-        return after
-    return chosen(after, after.model.scenarios[row].name)
+Edit = Callable[[State, Any, str], pg.Model]
 
 
-def _done(state: State, client: int, make: Callable[[], pg.Model], label: str) -> State:
-    """The edit of the scenario, or a notice why not."""
-    return attempted(state, client, make, label)
+def on_scenario(kind: type[FromPage], label: str) -> Callable[[Edit], Edit]:
+    """Makes (state, event, name of the scenario) -> model the edit of these events, an undo step.
+
+    `label` says what was done, with fields of the event and `scenario`. The run follows the
+    settings that were typed.
+    """
+
+    def keep(edit: Edit) -> Edit:
+        def done(state: State, event: Any) -> State:
+            name, serial = state.request.scenario, getattr(event, "serial", None)
+            row = next((i for i, s in enumerate(state.model.scenarios) if s.name == name), -1)
+            said = label.format(scenario=name, **vars(event))
+            make = lambda: (edit(state, event, named(state)), said)  # noqa: E731
+            after = edited(state, event.client, make, serial)
+            if serial is None or after.model is state.model or row < 0:
+                return after
+            return chosen(after, after.model.scenarios[row].name)
+
+        on(kind)(done)
+        return edit
+
+    return keep
 
 
 @dataclass(frozen=True)
@@ -77,7 +87,7 @@ def new_scenario(state: State, event: NewScenario) -> State:
 
 def _added(state: State, client: int) -> State:
     model, name = made(state.model, state.request)
-    return chosen(_done(state, client, lambda: model, f"add {name}"), name)
+    return chosen(attempted(state, client, lambda: model, f"add {name}"), name)
 
 
 @dataclass(frozen=True)
@@ -91,7 +101,7 @@ def copy_scenario(state: State, event: CopyScenario) -> State:
         model, name = copied(state.model, named(state))
     except (Refusal, pg.PgraphError) as problem:
         return told(state, event.client, Notice("Not done", str(problem), bad=True))
-    return chosen(_done(state, event.client, lambda: model, f"duplicate {name}"), name)
+    return chosen(attempted(state, event.client, lambda: model, f"duplicate {name}"), name)
 
 
 @dataclass(frozen=True)
@@ -104,7 +114,7 @@ def delete_scenario(state: State, event: DeleteScenario) -> State:
     def make() -> pg.Model:
         return state.model.remove(named(state), kind="scenario")
 
-    after = _done(state, event.client, make, f"delete {state.request.scenario}")
+    after = attempted(state, event.client, make, f"delete {state.request.scenario}")
     if after.model is state.model:
         return after
     left = after.model.scenarios
@@ -120,22 +130,15 @@ class EditScenario(FromPage):
     entries: Entries
 
 
-@on(EditScenario)
-def scenario_edited(state: State, event: EditScenario) -> State:
-    display = display_of(state, event.client)
-
-    def make() -> pg.Model:
-        model = state.model
-        for index, text in event.entries:
-            name = named(state)
-            try:
-                model = changed(model, name, event.field, index, text, display)
-            except Refusal as refusal:
-                raise Refusal(f"The {event.field.replace('t_end', 'duration')} {refusal}") from None
-        return model
-
-    label = f"{event.field} of {state.request.scenario}"
-    return _typed(state, event.client, event.serial, make, label)
+@on_scenario(EditScenario, "{field} of {scenario}")
+def scenario_edited(state: State, event: EditScenario, name: str) -> pg.Model:
+    model, display = state.model, display_of(state, event.client)
+    for index, text in event.entries:
+        try:
+            model = changed(model, name, event.field, index, text, display)
+        except Refusal as refusal:
+            raise Refusal(f"The {event.field.replace('t_end', 'duration')} {refusal}") from None
+    return model
 
 
 @dataclass(frozen=True)
@@ -145,20 +148,14 @@ class TakePose(FromPage):
     shown: bool
 
 
-@on(TakePose)
-def take_pose(state: State, event: TakePose) -> State:
-    def make() -> pg.Model:
-        name = named(state)
-        if not event.shown:
-            return put(state.model, name, q={}, v={})
-        q, v = solving.shown_q(state), solving.shown_v(state)
-        posed = solving.with_initial(state.model, q, v)
-        moves = [body for body in posed.bodies if body.q]
-        return put(
-            state.model, name, q={b.name: b.q for b in moves}, v={b.name: b.v for b in moves}
-        )
-
-    return _done(state, event.client, make, f"initial state of {state.request.scenario}")
+@on_scenario(TakePose, "initial state of {scenario}")
+def take_pose(state: State, event: TakePose, name: str) -> pg.Model:
+    if not event.shown:
+        return put(state.model, name, q={}, v={})
+    q, v = solving.shown_q(state), solving.shown_v(state)
+    posed = solving.with_initial(state.model, q, v)
+    moves = [body for body in posed.bodies if body.q]
+    return put(state.model, name, q={b.name: b.q for b in moves}, v={b.name: b.v for b in moves})
 
 
 # -- forces --------------------------------------------------------------------------------------
@@ -172,17 +169,13 @@ class AddDrive(FromPage):
     body: Text
 
 
-@on(AddDrive)
-def add_drive(state: State, event: AddDrive) -> State:
-    def make() -> pg.Model:
-        name = named(state)
-        draft = as_forces(state.model, state.model.scenario(name))
-        added, _ = parts.added(draft, "forces", event.kind, event.body, parts.GROUND)
-        return with_forces(state.model, name, added)
-
+@on_scenario(AddDrive, "add {kind}")
+def add_drive(state: State, event: AddDrive, name: str) -> pg.Model:
     if event.kind not in KINDS["forces"] or event.body not in state.model.row:
-        return state
-    return _done(state, event.client, make, f"add {event.kind}")
+        return state.model
+    draft = as_forces(state.model, state.model.scenario(name))
+    added, _ = parts.added(draft, "forces", event.kind, event.body, parts.GROUND)
+    return with_forces(state.model, name, added)
 
 
 @dataclass(frozen=True)
@@ -195,19 +188,13 @@ class EditDrive(FromPage):
     entries: Entries
 
 
-@on(EditDrive)
-def drive_edited(state: State, event: EditDrive) -> State:
-    display = display_of(state, event.client)
-    d = state.derived
+@on_scenario(EditDrive, "{field} of {name}")
+def drive_edited(state: State, event: EditDrive, name: str) -> pg.Model:
+    display, d = display_of(state, event.client), state.derived
     at = parts.places(d.names, d.positions, d.wxyz)
-
-    def make() -> pg.Model:
-        name = named(state)
-        draft = as_forces(state.model, state.model.scenario(name))
-        new = parts.changed(draft, "forces", event.name, event.field, event.entries, display, at)
-        return with_forces(state.model, name, new)
-
-    return _typed(state, event.client, event.serial, make, f"{event.field} of {event.name}")
+    draft = as_forces(state.model, state.model.scenario(name))
+    new = parts.changed(draft, "forces", event.name, event.field, event.entries, display, at)
+    return with_forces(state.model, name, new)
 
 
 @dataclass(frozen=True)
@@ -215,14 +202,10 @@ class DeleteDrive(FromPage):
     name: Text
 
 
-@on(DeleteDrive)
-def delete_drive(state: State, event: DeleteDrive) -> State:
-    def make() -> pg.Model:
-        name = named(state)
-        draft = as_forces(state.model, state.model.scenario(name))
-        return with_forces(state.model, name, parts.removed(draft, "forces", event.name))
-
-    return _done(state, event.client, make, f"delete {event.name}")
+@on_scenario(DeleteDrive, "delete {name}")
+def delete_drive(state: State, event: DeleteDrive, name: str) -> pg.Model:
+    draft = as_forces(state.model, state.model.scenario(name))
+    return with_forces(state.model, name, parts.removed(draft, "forces", event.name))
 
 
 # -- switches ------------------------------------------------------------------------------------
@@ -244,7 +227,7 @@ def add_switch(state: State, event: AddSwitch) -> State:
             return told(state, event.client, Notice("Not done", text, bad=True))
         state = chosen(state, known[0].name) if known else _added(state, event.client)
     make = lambda: with_switch(state.model, named(state), event.constraint)  # noqa: E731
-    return _done(state, event.client, make, "add a switch")
+    return attempted(state, event.client, make, "add a switch")
 
 
 @dataclass(frozen=True)
@@ -257,16 +240,10 @@ class EditSwitch(FromPage):
     text: Text
 
 
-@on(EditSwitch)
-def switch_set(state: State, event: EditSwitch) -> State:
+@on_scenario(EditSwitch, "a switch")
+def switch_set(state: State, event: EditSwitch, name: str) -> pg.Model:
     display = display_of(state, event.client)
-
-    def make() -> pg.Model:
-        return switch_edited(
-            state.model, named(state), event.number, event.field, event.text, display
-        )
-
-    return _typed(state, event.client, event.serial, make, "a switch")
+    return switch_edited(state.model, name, event.number, event.field, event.text, display)
 
 
 @dataclass(frozen=True)
@@ -274,7 +251,6 @@ class DeleteSwitch(FromPage):
     number: Number
 
 
-@on(DeleteSwitch)
-def delete_switch(state: State, event: DeleteSwitch) -> State:
-    make = lambda: without_switch(state.model, named(state), event.number)  # noqa: E731
-    return _done(state, event.client, make, "delete a switch")
+@on_scenario(DeleteSwitch, "delete a switch")
+def delete_switch(state: State, event: DeleteSwitch, name: str) -> pg.Model:
+    return without_switch(state.model, name, event.number)

@@ -10,7 +10,7 @@ from pydantic import Field
 from ..constraints import update as constraints
 from ..core.cells import Display
 from ..core.edit import selected
-from ..core.events import Event, FromPage, OfServer, Text, on
+from ..core.events import Event, FromPage, OfServer, Text, on, on_page
 from ..core.state import Client, Notice, State, replied, told, with_client
 from ..plots import KINDS, Signal
 from . import Saving
@@ -147,14 +147,10 @@ def toggle_body(state: State, event: ToggleBody) -> State:
 # -- what a page shows -------------------------------------------------------------------------
 
 
+@on_page(dark="dark")
 @dataclass(frozen=True)
 class Theme(FromPage):
     dark: bool
-
-
-@on(Theme)
-def themed(state: State, event: Theme) -> State:
-    return with_client(state, event.client, dark=event.dark)
 
 
 @dataclass(frozen=True)

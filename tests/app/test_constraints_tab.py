@@ -62,6 +62,28 @@ def test_all_that_is_selected_gets_the_new_part_in_one_step(state):
     assert driven.clients[ME].opened == ("forces", driven.model.forces[-1].name)
 
 
+def test_the_six_legs_of_a_platform_are_closed_in_one_step():
+    bodies = [pg.Body(name="plate", joint="free", link=(0, 0, 1), mass=10)]
+    for k in range(6):
+        angle = k * np.pi / 3
+        foot, head = (r * np.array([np.cos(a), np.sin(a), 0]) for r, a in (
+            (1.0, angle), (0.5, angle + (0.3 if k % 2 else -0.3)),
+        ))  # fmt: skip
+        half = tuple((head - foot + np.array([0, 0, 1])) / 2)
+        bodies += [
+            pg.Body(name=f"foot {k}", joint="universal", link=tuple(foot), tip=half),
+            pg.Body(name=f"leg {k}", parent=f"foot {k}", joint="prismatic", axes=(half,), link=half,
+                    tip=half),
+        ]  # fmt: skip
+    legs = tuple(f"leg {k}" for k in range(6))
+    state = update(initial(pg.Model(bodies=tuple(bodies), up="z")), Connected(ME))
+    state = update(state, SelectBodies(ME, legs[-1], legs))
+    closed = add(state, "loops", "spherical", legs[-1], "plate")
+    assert [c.body for c in closed.model.constraints] == [*legs]
+    assert len(closed.undo) == 1
+    assert pg.Mechanism(closed.model).mobility().dof == 6
+
+
 def test_every_body_with_the_ground_is_one_click(state):
     asked = update(state, AddPart(ME, "contacts", "complementarity", "3"))
     names = [name for name, _ in constraints(asked, asked.clients[ME])["picking"]["names"]]
