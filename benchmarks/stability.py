@@ -114,6 +114,10 @@ right most often come first. The advice is right for the model as it is, if any 
 * **Every verdict needs a reference.** Each value has one: two far finer runs, by different methods
   where possible. Their difference is the accuracy of the reference; if it is worse than the target,
   no cell is called OK.
+* **A budget ends every map**: evaluations of a run times elementary motions, of which a row of a
+  constraint counts three.
+  A reference may take five times as many; where none reaches the end in it, cells of that value
+  say so. Implicit steps that cannot be solved are divided, and count.
 * **The predicted largest step** of an explicit method is its stability limit (2.83 for RK4) over
   the fastest rate of the linearised motion, at several times of the run. Contacts have no
   prediction.

@@ -17,6 +17,8 @@ from ..packing.system import Array, Ints
 OUTSIDE = 1e-9  # of the run: a time this far outside is at its end
 SMOOTH = 0.1  # ratio of the errors of quintic and cubic over two frames where motion is smooth
 TURN = 3.0  # rad of an oscillation: wider frames show a slower one
+OFTEN = 0.1  # of the frames: what fewer of them show may be transients, or impacts
+STILL = 1e-9  # rad, or of the length: smaller motion may be rounding
 GAIN = 16.0  # smooth: the error over one frame is 1/64 of that over two; a factor 4 is kept back
 
 
@@ -54,6 +56,40 @@ def states_at(
     if np.ndim(times) == 0:
         return found[0], speeds[0], float(error[0])
     return found, speeds, error
+
+
+def unseen(rows: Ints, frames: tuple[Array, Array, Array, Array], length: float) -> list[int]:
+    """Rows that oscillate faster than frames (t, q, v, v') show, so that these miss their range.
+
+    If a coordinate kept its rate, or its acceleration, for a third of the way to the next frame, it
+    would move by more than half of what all frames together show; or v would: an oscillation has
+    fewer than three frames a period. `length` is the mechanism's [m].
+    """
+    t, q, v, vdot = frames
+    spans = _spans(rows)
+    least, least_v = np.full(q.shape[1], STILL), np.full(v.shape[1], STILL)
+    for kind, of_q, of_v in spans:
+        if kind in (at.TRANSLATE, at.FREE):
+            least[of_q][:3] = least_v[of_v][-3:] = STILL * (length or 1.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        h = np.diff(t)[:, None] / TURN
+        rate, bend = (np.abs(x[:-1]) for x in _derivatives(rows, q, v, vdot))
+        sped = h * np.abs(vdot[:-1])
+        far = np.maximum(h * rate, h * h * bend) > 0.5 * np.ptp(q, axis=0) + least
+        fast = (sped > 0.5 * np.ptp(v, axis=0)) & (h * sped > least_v)
+    often = max(2.0, OFTEN * len(h))
+    missed, missed_v = far.sum(axis=0) >= often, fast.sum(axis=0) >= often
+    return [k for k, (_, i, j) in enumerate(spans, 1) if missed[i].any() or missed_v[j].any()]
+
+
+def _spans(rows: Ints) -> list[tuple[int, slice, slice]]:
+    """(kind, entries in q, entries in v) of each row."""
+    size = {at.BALL: (4, 3), at.FREE: (7, 6)}
+    found = []
+    for kind, i, j in rows[1:, [at.KIND, at.QI, at.VI]].tolist():
+        n, m = size.get(kind, (1, 1))
+        found.append((kind, slice(i, i + n), slice(j, j + m)))
+    return found
 
 
 def _inside(asked: Any, t: Array) -> Array:

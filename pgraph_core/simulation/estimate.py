@@ -20,6 +20,7 @@ from ..dynamics.states import differences
 from ..engine.records import ACCEPTANCE, SLIP, SWING
 from ..integrators import DOPRI5, Method
 from ..packing.system import Array, Drives, Loads
+from ..result import Status
 from .options import LEAST_RTOL, Tolerance
 from .plan import FAST, NO_SUBSTEPS, NO_TIMES, STIFF, Plan, corners, fastest_rate
 from .recording import Estimate, Recording
@@ -36,6 +37,7 @@ CLOSER = 1.25  # factor between the ratio that is seen there and the one that th
 CLOSE = 0.3  # of that: where a coarser run has parted already
 TIGHT = 1e-10  # tolerance of a run that tells the error of given steps through contacts
 DEAREST = 4  # times the steps of the run: what it may take
+LONGEST = 8  # times the steps of the run: what one at a tighter tolerance may take
 ALIKE = 1e-9  # of a step: times this near are one
 FINER = 4.0  # ratio of the tolerances of two runs that can be told apart
 LEAST_DIVISOR = 0.4  # of the difference: runs whose errors do not shrink at all
@@ -314,7 +316,10 @@ def _by_finer(
     `again`: with one at narrower steps still, since two may agree by chance, hardly three.
     """
     plan = record.plan
-    finer = record.again(_narrowed(plan))
+    steps = int(record.steps.counters["steps"])
+    finer = record.again(_narrowed(plan), LONGEST * steps + 1000)
+    if finer.ended.status is Status.TOO_MANY_STEPS:
+        return _by_looser(record)
     if not finer.ended.ok:
         return Estimate(why=FAILS)
     apart = _apart(finer, record, plan.times)
@@ -339,7 +344,7 @@ def _by_finer(
     chosen = not (plan.step or plan.contact_points)
     again = again or (beyond and chosen and parted == len(errors))
     if again and _can_be_finer(finer.plan):
-        finest = record.again(_narrowed(finer.plan))
+        finest = record.again(_narrowed(finer.plan), LONGEST * LONGEST * steps + 1000)
         if not finest.ended.ok:
             return Estimate(why=FAILS)
         farther = _apart(finest, record, plan.times)
@@ -354,6 +359,22 @@ def _by_finer(
         text += f"error {made}, where {plan.method.name} promises {promised:.3g} times"
         notices = (text,)
     return Estimate(largest, before=largest, notices=notices)
+
+
+def _by_looser(record: Recording) -> Estimate:
+    """All of the difference to a run at a looser tolerance: near rounding, a tighter one takes
+    very many steps, and no order holds.
+    """
+    wider = _coarser(record.plan, 2)
+    coarse = record.again(wider) if wider is not None else None
+    if wider is None or coarse is None or not coarse.ended.ok:
+        return Estimate(why=FAILS)
+    apart = _apart(record, coarse, wider.times)
+    errors = apart.largest + _rounding(record, apart)
+    parted = int(np.searchsorted(apart.share, 1.0))
+    if parted < len(errors):
+        return _known_until(apart, errors, max(parted - 1, 0), 0.0)
+    return Estimate(float(errors[-1]), before=float(errors[-1]))
 
 
 # -- comparing runs ------------------------------------------------------------------------------

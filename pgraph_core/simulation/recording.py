@@ -20,7 +20,7 @@ from ..engine import motion
 from ..engine.arrays import Frames
 from ..engine.compiler.address import address_of
 from ..engine.records import PAIR, PHASE_CHANGE, SWING, table
-from ..errors import InputError
+from ..errors import InputError, choices
 from ..mechanism import Mechanism
 from ..packing.system import Array, Ints
 from ..result import Result, Status
@@ -40,6 +40,7 @@ PULSE = 0.2  # of the largest acceleration: what a pulse that counts makes
 UNFELT = 0.02  # of that: what the motion shows of it
 KEPT = 2**14  # numbers in the frames of a run, for which a mechanism keeps room
 FIRST = 16384  # freedoms in the first chunk, times steps: a few milliseconds
+FEW_FRAMES = 10  # fewer are no curve
 NO_CHANGES = table(PHASE_CHANGE, 0)
 NO_MONITORS = np.zeros((4, 0))
 Progress = Callable[[float], Any] | None
@@ -644,6 +645,23 @@ class Recording:
             self.ended.notices.append(notice)
         self._redundant = False
 
+    def _note_unseen(self, frames: tuple[Array, Array, Array, Array]) -> None:
+        """Append a notice of bodies that turn round between frames."""
+        from ..result.dense import unseen
+
+        packed = self.mech.packed
+        rows = unseen(packed.system.rows, frames, packed.length)
+        if not rows:
+            return
+        names = list(dict.fromkeys(f"'{packed.body_of(row)}'" for row in rows))
+        text = (
+            f"frames are too wide for the motion of {choices(names, 3)}, which turns round between "
+        )
+        text += "two of them: curves, ranges and peaks miss it; give "
+        self.ended.notices.append(
+            f"{text}frames={int(self.steps.counters['steps']) + 1}, one a step"
+        )
+
     # -- the result ------------------------------------------------------------------------------
 
     def result(self, estimate: Estimate, timing: dict[str, float]) -> Result:
@@ -659,6 +677,8 @@ class Recording:
             q, v, vdot, energy, drift, pushes, touches, missed, t = (
                 a.copy() for a in (q, v, vdot, energy, drift, pushes, touches, missed, t)
             )
+        if len(t) >= FEW_FRAMES and steps.counters["steps"] > 2 * len(t):
+            self._note_unseen((t, q, v, vdot))
         forces = NO_FORCES
         if len(self.plan.ever):
             found = self.scene.forces(wrenches.swapaxes(0, 1).copy(), self.plan.ever)

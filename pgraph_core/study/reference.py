@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..engine import layout as at
 from ..errors import InputError, PgraphError, explained, refusal
 from ..integrators import METHODS
 from ..mechanism import Mechanism
@@ -29,7 +30,9 @@ SAME = 1e-12  # of the duration: times closer than this are one
 LARGE = 20  # degrees of freedom from which implicit methods cost too much for a second opinion
 FINER = 1e-7  # tolerance of the reference, relative to the largest error that is OK
 RESOLVED = 3e5  # radians of the fastest oscillation that explicit methods may follow
-PATIENCE = 10  # times the budget of a cell
+CALM = 1e4  # radians of the fastest oscillation up to which implicit methods cost far more
+ROW_COST = 3  # a row of a constraint costs as much as so many elementary motions
+PATIENCE = 5  # times the budget of a cell
 TRUST = 10.0  # times its own estimate: how far another run may be off
 STATES = 5  # at which the fastest rate is evaluated
 NEWTON = 12  # evaluations of an implicit step in addition to its Jacobian, about
@@ -132,7 +135,10 @@ def _completed(
     """
     refused: PgraphError | None = None
     ran = False
+    exhausted: set[bool] = set()  # explicit or implicit methods, where one took too many steps
     for method, setting in candidates:
+        if METHODS[method].implicit in exhausted:
+            continue
         try:
             run = task.run(method, setting, watch(), estimate=estimate)
         except PgraphError as error:
@@ -146,6 +152,8 @@ def _completed(
             return
         else:
             failures.append(f"{method}: {run.message}")
+            if run.status is Status.TOO_MANY_STEPS:
+                exhausted.add(METHODS[method].implicit)
     if refused is not None and not ran:
         raise refused
 
@@ -271,7 +279,7 @@ def known_motion(
     mech = task.mech
     rate = task.rate_at([mech.home()])
     rtol = min(1e-9, max(FINER * target, 1e-12))
-    allowed = PATIENCE * budget // len(mech.packed.system.rows)
+    allowed = PATIENCE * budget // weight_of(mech)
     tries = _opinions(mech.nv, rate * task.t_end, task.impulses, step, rtol, allowed)
     done: list[tuple[Result, float]] = []
     for run in _completed(task, tries, lambda: progress, True, []):
@@ -303,10 +311,18 @@ def _opinions(
         yield "moreau_jean", Setting(step=step / 4)
         return
     choice = [("dop853", rtol), ("dopri5", 10 * rtol)] if radians < RESOLVED else []
-    if nv <= LARGE:
+    if nv <= LARGE and radians > CALM:
         choice = [("radau5", rtol), *choice]
     for name, tolerance in (*choice, ("radau5", 10 * rtol)):
         yield name, Setting(rtol=tolerance, max_steps=max(budget // per_step(name, nv), 1))
+
+
+def weight_of(mech: Mechanism) -> int:
+    """The cost of an evaluation of the dynamics, in elementary motions."""
+    blocks = mech.packed.blocks
+    spans = zip(mech.model.constraints, blocks.first, blocks.first[1:])
+    rows = sum(blocks.blocks_i[a:b, at.B_SIZE].sum() for c, a, b in spans if c.active)
+    return len(mech.packed.system.rows) + ROW_COST * int(rows)
 
 
 def per_step(method: str, nv: int) -> int:

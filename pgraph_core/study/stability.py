@@ -22,14 +22,14 @@ from ..result import Result, Status
 from ..simulation import simulate
 from .axes import AXES, Axis, changed, first_axis
 from .map import StabilityMap
-from .reference import KnownMotion, known_motion, merged, per_step
+from .reference import KnownMotion, known_motion, merged, per_step, weight_of
 from .settings import Setting, finite_numbers, methods_of, positive
 from .task import Task
 from .verdicts import Cell, Verdict, judged, step_limit
 
 STEPS = (1e-1, 1e-2, 1e-3, 1e-4)  # [s]
 TARGET = 1e-3  # rad, or of the mechanism's length
-BUDGET = 20_000_000  # evaluations times elementary motions of a run: a second or two
+BUDGET = 20_000_000  # evaluations of a run, times `weight_of`: a second or two
 SAME_VALUE = 1e-6  # relative
 FRAMES = 41  # evenly over a run
 EARLY = 10  # first steps, all recorded: an unstable run grows there
@@ -306,14 +306,20 @@ def _cell(
         return index, cell
     mech = Mechanism(line.model)  # one a thread: they share nothing
     count = steps_of(line.t_end, step)
-    most, allowed = count * per_step(method, mech.nv), sweep.budget // len(mech.packed.system.rows)
+    each, allowed = per_step(method, mech.nv), sweep.budget // weight_of(mech)
+    most = count * each
     if most > allowed:
         text = f"about {most:.1e} evaluations, of which the budget allows {allowed:.1e}"
         return index, Cell(line.value, method, step, Verdict.SLOW, text, evaluations=most)
     task = Task(mech, None, None, times_of(line.t_end, step), stabilise=sweep.stabilise)
     try:
-        whole, half = (
-            task.run(method, Setting(step=line.t_end / n), work.goes_on) for n in (count, 2 * count)
+        whole, half = (  # implicit steps that cannot be solved are divided, and may become many
+            task.run(
+                method,
+                Setting(step=line.t_end / n, max_steps=max(allowed // each, n)),
+                work.goes_on,
+            )
+            for n in (count, 2 * count)
         )
     except PgraphError as refused:
         return index, replace(cell, text=str(refused))

@@ -104,7 +104,8 @@ def _run(
     truth = known(run.t)
     error, size = off(mech, run, truth)
     estimate = run.error_estimate / size
-    says = run.notices[-1] if run.notices else run.message if np.isnan(estimate) else ""
+    told = [text for text in run.notices if not text.startswith("frames are")]  # not of the error
+    says = told[-1] if told else run.message if np.isnan(estimate) else ""
     if np.isnan(error):
         return Find(scene, setting, "unjudged", error, estimate, says)
     if error <= HONEST * np.nan_to_num(estimate, nan=0.0, posinf=np.inf) + scene.floor:

@@ -14,6 +14,7 @@ from pgraph_core.dynamics.states import differences
 from pgraph_core.integrators import METHODS
 from pgraph_core.simulation.estimate import SHIFTS, _shifted
 from pgraph_core.simulation.plan import Plan
+from pgraph_core.simulation.recording import Recording
 from pgraph_core.verification.hunt import scenes
 from pgraph_core.verification.scene import integrated
 
@@ -652,3 +653,20 @@ def test_friction_that_ends_motion_within_steps_is_in_the_estimate(number):
     )
     assert scene.known is not None
     assert run.error_estimate > 0.1 * np.abs(run.q - scene.known(run.t)).max()
+
+
+def test_a_tolerance_near_rounding_is_not_compared_with_a_run_without_end(monkeypatch):
+    """Through its singular position the four-bar takes 100 000 steps at a tolerance of 3e-14."""
+    taken, again = [], Recording.again
+
+    def counted(self, plan, most=None):
+        other = again(self, plan, most)
+        taken.append(int(other.steps.counters["steps"]))
+        return other
+
+    monkeypatch.setattr(Recording, "again", counted)
+    options: dict[str, Any] = {"scenario": "turn", "t_end": 2.0, "frames": 21}
+    run = pg.simulate(model("four_bar"), method="radau5", rtol=1e-11, **options)
+    assert sum(taken) < 20 * run.counters["steps"]
+    finer = pg.simulate(model("four_bar"), method="rk4", step=2e-4, estimate=False, **options)
+    assert run.error_estimate > 0.2 * np.abs(run.q - finer.q).max()

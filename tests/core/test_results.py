@@ -314,3 +314,41 @@ def test_a_table_with_its_time_as_index_again_is_a_copy():
     other["x"] = 0.0
     assert "x" not in table
     assert table.set_index("t", inplace=True) is None
+
+
+def oscillator(hertz: float, damping: float = 0.0) -> pg.Model:
+    """1 kg on a spring along x, released 0.1 m from its rest."""
+    body = pg.Body(
+        name="x", joint="prismatic", axes=(1, 0, 0), mass=1.0, q=0.1,
+        stiffness=(2 * np.pi * hertz) ** 2, damping=damping,
+    )  # fmt: skip
+    return pg.Model(bodies=(body,), gravity=(0, 0, 0))
+
+
+def told_of_frames(run: pg.Result) -> str:
+    return next((text for text in run.notices if text.startswith("frames are too wide")), "")
+
+
+def test_an_oscillation_faster_than_frames_is_told():
+    """One frame a period: all frames show the same state, though the body moves by 0.2 m."""
+    run = pg.simulate(oscillator(10.0), t_end=10.0, frames=101)
+    assert np.ptp(run["x"]) < 1e-6
+    text = told_of_frames(run)
+    assert "'x'" in text
+    frames = int(text.split("frames=")[1].split(",")[0])
+    finer = pg.simulate(oscillator(10.0), t_end=10.0, frames=frames)
+    assert np.ptp(finer["x"]) == pytest.approx(0.2, rel=0.01)
+    assert not told_of_frames(finer)
+
+
+@pytest.mark.parametrize(
+    ("model", "options"),
+    [
+        (oscillator(2.0), {"t_end": 10.0, "frames": 101}),  # five frames a period
+        (oscillator(200.0, 800.0), {"t_end": 1.0, "frames": 101}),  # settles before a frame
+        (oscillator(10.0), {"t_end": 10.0, "frames": 2}),  # no curve
+        (oscillator(0.0), {"t_end": 10.0, "step": 1e-3, "frames": 101}),  # at rest
+    ],
+)
+def test_frames_that_show_the_motion_are_not_told(model: pg.Model, options: dict):
+    assert not told_of_frames(pg.simulate(model, **options))

@@ -376,3 +376,15 @@ def test_a_map_of_speeds_ends():
         model, axis="speed", values=[1e4], methods=["dopri5", "radau5"], steps=[1e-2], t_end=0.1
     )
     assert found.complete
+
+
+def test_implicit_steps_that_are_divided_without_end_are_slow():
+    """At 0.1 s Radau divides every step of Andrews' squeezer, which turns 60 times a second."""
+    model = pg.Model.load(pgraph_models.path("andrews"))
+    budget = 2_000_000
+    found = pg.stability_map(
+        model, values=(1e3,), methods="radau5", steps=(0.1,), t_end=0.5, budget=budget
+    )
+    (cell,) = found.cells
+    assert cell.status is Verdict.SLOW
+    assert cell.evaluations < budget / len(model.bodies)
