@@ -17,7 +17,12 @@ from ..dynamics import Dynamics
 from ..dynamics.arguments import finite
 from ..dynamics.scene import NO_CONSTRAINTS, Scene, contact_tables
 from ..engine import motion
+from ..engine.compiler.address import address_of
+from ..engine.compiler.jit import ready
+from ..engine.inverse import VECTORS
+from ..engine.inverse import least_torques as LEAST
 from ..errors import InputError, Problem, choices, shown
+from ..packing.constraints import radius_of_gyration
 from ..packing.forces import NO_LOADS
 from ..packing.system import Array, Ints
 from ..rotation import normals_of
@@ -44,6 +49,9 @@ def constrained_inverse_dynamics(
     contacts: Sequence[str] | None,
 ) -> Array:
     """τ (nv,) of least weighted norm for v'; see `Mechanism.constrained_inverse_dynamics`."""
+    at_once = None if contacts else _at_once(mech, (q, v, vdot), actuated, weights)
+    if at_once is not None:
+        return at_once
     force = mech._tree_torque(q, v, vdot)  # checks q, v, v'
     q, v, vdot = (np.array(x, dtype=float) for x in (q, v, vdot))
     rows = Rows.of(mech, mech.packed.active, q, v)
@@ -66,6 +74,58 @@ def constrained_inverse_dynamics(
     tau = np.zeros(mech.nv)
     tau[chosen] = scale * given
     return tau
+
+
+class Prepared(NamedTuple):
+    """What the kernel of a mechanism takes besides the state."""
+
+    addresses: tuple[int, int, float]
+    cost: Array  # (nv,) of every joint
+    space: tuple[Array, Array, Array]
+
+
+def _at_once(
+    mech: Dynamics,
+    state: tuple[Array, Array, Array],
+    actuated: Sequence[str] | None,
+    weights: Array | Mapping[str, float] | None,
+) -> Array | None:
+    """τ where the kernel takes the state as it is and no row is in doubt; None for a closer look.
+
+    The steps below then say what is wrong, or decide which rows are redundant.
+    """
+    own = vars(mech).get("_inverse_prepared") or _prepared(mech)
+    if own is None:
+        return None
+    (q, v, vdot), tau = state, np.empty(mech.nv)
+    cost = own.cost
+    try:
+        if len(q) != mech.nq or len(v) != mech.nv or len(vdot) != mech.nv:
+            return None
+        if weights is not None or actuated is not None:
+            chosen = _coordinates(mech, actuated)
+            cost = np.zeros(mech.nv)
+            cost[chosen] = _weights(mech, weights)[chosen]
+        passive = mech._passive(q, v, mech._rest) if mech._springs else mech._rest
+        with mech._lock:
+            code = LEAST(*own.addresses, q, v, vdot, passive, cost, *own.space, tau)
+    except (TypeError, ValueError, AttributeError):  # arrays that the kernel does not take
+        return None
+    return None if code else tau
+
+
+def _prepared(mech: Dynamics) -> Prepared | None:
+    """Made once a mechanism; None without constraints."""
+    scene = mech._scene
+    if not scene.active[0]:
+        return None
+    n, m = mech.nv, len(scene.space.omega)
+    accelerate = address_of(motion.acceleration)
+    addresses = scene.address, accelerate, radius_of_gyration(mech.packed.system)
+    space = np.empty((m, n)), np.empty((m, m)), np.empty((VECTORS, max(n, m, 3)))
+    vars(mech)["_inverse_prepared"] = own = Prepared(addresses, np.ones(n), space)
+    ready(LEAST)
+    return own
 
 
 def _complement(basis: Array, n: int) -> Array:

@@ -8,6 +8,8 @@ from scipy.optimize import minimize
 
 import pgraph_core as pg
 import pgraph_models
+from benchmarks import closed_loops
+from pgraph_core.analysis import inverse
 from pgraph_core.analysis.rows import Rows
 
 WITH_LOOPS = ["four_bar", "slider_crank", "andrews", "bricard", "four_bar_windows", "quadruped"]
@@ -34,12 +36,45 @@ def test_torques_come_back_without_the_part_that_the_constraints_take(name):
     np.testing.assert_allclose(again, vdot, atol=1e-12 * np.abs(vdot).max())
 
 
+@pytest.mark.parametrize("name", [*WITH_LOOPS, *NONHOLONOMIC])
+def test_the_kernel_and_the_null_space_give_the_same_torques(name, monkeypatch):
+    """Proximal steps in the joints' torques, and least squares in the mass metric."""
+    mech, q, v = moving(name)
+    rng = np.random.default_rng(1)
+    basis = mech.nv - np.linalg.matrix_rank(Rows.of(mech, mech.packed.active, q).J, tol=1e-8)
+    motors = [*mech.joints][:basis]
+    weights = rng.uniform(0.5, 2.0, mech.nv)
+    found = {}
+    for way in (inverse._at_once, lambda *_: None):
+        monkeypatch.setattr(inverse, "_at_once", way)
+        given = np.zeros(mech.nv)
+        for joint in motors:
+            given[mech.joints[joint].v] = 1.0
+        vdot, _ = mech.constrained_dynamics(q, v, given)
+        both = [
+            mech.constrained_inverse_dynamics(q, v, vdot),
+            mech.constrained_inverse_dynamics(q, v, vdot, weights=weights),
+            mech.constrained_inverse_dynamics(q, v, vdot, actuated=motors),
+        ]
+        found[way] = np.array(both)
+    one, other = found.values()
+    np.testing.assert_allclose(one, other, atol=1e-9 * np.abs(other).max())
+
+
 @pytest.mark.parametrize("name", WITH_LOOPS + NONHOLONOMIC)
 def test_free_motion_asks_for_no_torque(name):
     mech, q, v = moving(name)
     vdot, _ = mech.constrained_dynamics(q, v)
     tau = mech.constrained_inverse_dynamics(q, v, vdot)
     assert np.abs(tau).max() < 1e-10 * max(1.0, np.abs(mech.bias_force(q, v)).max())
+
+
+@pytest.mark.parametrize("robot", closed_loops.ROBOTS, ids=lambda f: f.__name__)
+def test_robots_go_forward_and_back_and_linearise_as_differences(robot):
+    drawing = robot()
+    mech = pg.Mechanism(drawing.model())
+    assert max(closed_loops.torques_back(mech, drawing.motors)) < 1e-10
+    assert closed_loops.eigenvalues_off(mech) < 1e-7
 
 
 def test_one_motor_holds_a_four_bar_by_the_slope_of_its_potential_energy():
