@@ -25,6 +25,7 @@ from ..mechanism import Mechanism
 from ..model import Force, Model
 from ..model.files import write_atomic
 from ..result import Result
+from ..result.columns import coordinates
 from ..show import model_html, shapes
 from ..show.animation import level
 from ..show.bodies import extent, looks
@@ -203,7 +204,13 @@ class _Drawing:
         ground = depth(model, self.bodies, self.parent, self.pose[0, :, :3], size)
         pieces, meshes = self._pieces(found)
         numbers = system.bodies_f
+        columns = [
+            {"name": prefix + name, "unit": unit + per, "of": kind, "index": i}
+            for kind, prefix, per, each in zip("qv", ("", "v."), ("", "/s"), coordinates(self.mech))
+            for i, (name, unit) in enumerate(each)
+        ]
         return {
+            "columns": columns,
             "pieces": pieces, "meshes": meshes, "up": model.up, "size": size,
             "center": (low + high) / 2, "low": -ground, "cell": shapes.spaced(size) / 5,
             "mass": sum(body.mass for body in self.bodies), "travels": travels, "start": start,

@@ -53,9 +53,36 @@
       view?.follow(frame.places);
       view?.draw(pieces, frame.places, frame.turns, hold);
       view && (view.pieces = pieces);
+      plot(frame);
       slider.value = frame.t;
       find("#clock").textContent = `${frame.t.toFixed(2)} s`;
       slider.setAttribute("aria-valuetext", `${frame.t.toFixed(2)} seconds`);
+    }
+
+    // One number over time: the recorded run, and what was computed since.
+    const picked = find("#plotted"), { columns } = given.scene;
+    columns.forEach(({ name, unit }, i) => picked.append(new Option(unit ? `${name} [${unit}]` : name, i)));
+    picked.addEventListener("change", () => draw());
+    find("#plot").hidden = columns.length === 0;
+
+    function plot(frame) {
+      if (!columns.length || !find("#plot").open) return;
+      const { of, index, unit } = columns[picked.value];
+      const points = (list) => {
+        const every = Math.ceil(list.length / 800);
+        return list.filter((_, i) => i % every === 0 || i === list.length - 1).map(({ t, [of]: x }) => [t, x[index]]);
+      };
+      const before = points(frames), since = live ? points(shown) : [], all = [...before, ...since].map(([, x]) => x);
+      const low = Math.min(...all), high = Math.max(...all), span = high - low || 1;
+      const x = (t) => (600 * (t - first) / (slider.max - first || 1)).toFixed(1);
+      const path = (list) => list.map(([t, y], i) => `${i ? "L" : "M"}${x(t)} ${(95 - 90 * (y - low) / span).toFixed(2)}`).join("");
+      find("#recorded").setAttribute("d", path(before));
+      find("#computed").setAttribute("d", path(since));
+      find("#cursor").setAttribute("d", `M${x(frame.t)} 0V100`);
+      const text = (y) => `${Number(y.toPrecision(4))} ${unit}`;
+      find("#low").textContent = text(low);
+      find("#high").textContent = text(high);
+      find("#now").textContent = text(frame[of][index]);
     }
 
     function picture() {
@@ -233,6 +260,7 @@
       const again = () => draw();
       new ResizeObserver(again).observe(find("canvas"));
       dark.addEventListener("change", again);
+      window.addEventListener("beforeprint", again);
       for (const name of ["pointermove", "wheel", "pointerup"]) find("canvas").addEventListener(name, () => { if (!playing) draw(); });
     }
 

@@ -100,7 +100,7 @@ def test_the_page_ends_in_the_same_bits_as_python(case: str, figure: Any) -> Non
     ):
         other = model
         for path, value in values.items():
-            other = Field(other, path).set(other, value)
+            other = with_numbers(other, [Field(other, path)], [value])
         run = pg.simulate(
             other, scenario=scenario, t_end=t_end, step=step, method=method, estimate=False
         )
@@ -134,7 +134,7 @@ def test_firefox_ends_in_the_same_bits(tmp_path: Path) -> None:
             method = "moreau_jean" if case in WALKS else "rk4"
             asked = {"t_end": 10.0, "step": 1e-3, "method": method, "set": {one["path"]: value}}
             got = shown.evaluate(f"({SIMULATE})({json.dumps(asked)})")
-            other = Field(model, one["path"]).set(model, value)
+            other = with_numbers(model, [Field(model, one["path"])], [value])
             run = pg.simulate(
                 other, scenario=scenario, t_end=10.0, step=1e-3, method=method, estimate=False
             )
@@ -173,6 +173,14 @@ def test_the_reader_plays_changes_and_pulls(figure: Any) -> None:
     slider.press("End")
     shown.wait_for_function("document.querySelector('#clock').textContent > '0.10 s'")
     assert "changed values" in shown.locator("#said").inner_text()
+    shown.locator("#plotted").select_option("v.lower [rad/s]")
+    drawn = [shown.locator(f"#{path}").get_attribute("d") for path in ("recorded", "computed")]
+    assert all(path.startswith("M0.0 ") for path in drawn)
+    assert drawn[1] not in drawn[0]
+    shown.emulate_media(media="print")
+    assert not shown.locator("#controls").is_visible()
+    assert shown.locator("#plot svg").is_visible()
+    shown.emulate_media(media="screen")
     shown.get_by_role("button", name="Reset").click()
     assert "-1 m" in shown.locator("#open").inner_text()
     box = shown.locator("canvas").bounding_box()
