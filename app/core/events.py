@@ -55,6 +55,7 @@ class FromPage(Event):
 
 Handler = TypeVar("Handler", bound=Callable[[State, Any], State])
 Edit = TypeVar("Edit", bound=Callable[[State, Any], tuple[pg.Model, str]])
+News = TypeVar("News", bound=Callable[[State, Any, Any], State])
 HANDLERS: dict[type[Event], Callable[[State, Any], State]] = {}
 
 
@@ -65,6 +66,24 @@ def on(*kinds: type[Event]) -> Callable[[Handler], Handler]:
         for kind in kinds:
             assert kind not in HANDLERS, f"{kind.__name__} has two handlers"
             HANDLERS[kind] = handler
+        return handler
+
+    return keep
+
+
+def on_news(of: str, *kinds: type[Event]) -> Callable[[News], News]:
+    """As `on`, for what work in the background tells: (state, event, work) -> state.
+
+    The work is the field `of` of the state; news of other work than that, by `event.id`, is left.
+    """
+
+    def keep(handler: News) -> News:
+        def heard(state: State, event: Any) -> State:
+            work = getattr(state, of)
+            late = work is None or work.id != event.id
+            return state if late else handler(state, event, work)
+
+        on(*kinds)(heard)
         return handler
 
     return keep

@@ -9,7 +9,7 @@ from pgraph_core.study.axes import AXES
 
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.events import Event, FromPage, Text, on, on_typed
+from ..core.events import Event, FromPage, Text, on, on_news, on_typed
 from ..core.state import State, with_client
 from . import Analysis, Report, ReportRequest
 
@@ -91,12 +91,9 @@ class NotMeasured(Event):
     text: str
 
 
-@on(Measuring, Measured, NotMeasured)
-def heard(state: State, event: Measuring | Measured | NotMeasured) -> State:
+@on_news("analysis", Measuring, Measured, NotMeasured)
+def heard(state: State, event: Measuring | Measured | NotMeasured, now: Analysis) -> State:
     """News of the report under way."""
-    now = state.analysis
-    if now is None or now.id != event.id:
-        return state
     match event:
         case Measuring(_, fraction):
             return replace(state, analysis=replace(now, fraction=fraction))

@@ -10,7 +10,7 @@ from pgraph_core.model.scenario import METHOD_NAMES
 
 from ..core import cells
 from ..core.cells import Refusal
-from ..core.events import Event, FromPage, Text, on, on_typed
+from ..core.events import Event, FromPage, Text, on, on_news, on_typed
 from ..core.state import State
 from ..gait import changes
 from . import FREE_RUN, Exporting, Job, Kernels, Live, Request, Run
@@ -118,28 +118,25 @@ def cancel(state: State, event: Cancel) -> State:
 @dataclass(frozen=True)
 class Progress(Event):
     collapses = True
-    job: int
+    id: int  # of the job
     fraction: float
 
 
 @dataclass(frozen=True)
 class Simulated(Event):
-    job: int
+    id: int
     result: Any
 
 
 @dataclass(frozen=True)
 class Failed(Event):
-    job: int
+    id: int
     text: str
 
 
-@on(Progress, Simulated, Failed)
-def heard(state: State, event: Progress | Simulated | Failed) -> State:
-    """News of the current job; news of a cancelled one is ignored."""
-    job = state.job
-    if job is None or job.id != event.job:
-        return state
+@on_news("job", Progress, Simulated, Failed)
+def heard(state: State, event: Progress | Simulated | Failed, job: Job) -> State:
+    """News of the current job."""
     match event:
         case Progress(_, fraction):
             return replace(state, job=replace(job, fraction=fraction))
@@ -232,17 +229,15 @@ class Advanced(Event):
     """The live run advanced by a part; `pace` is its speed over the speed asked for."""
 
     collapses = True
-    live: int
+    id: int  # of the live run
     part: Any
     pace: float
 
 
-@on(Advanced)
-def advanced(state: State, event: Advanced) -> State:
+@on_news("live", Advanced)
+def advanced(state: State, event: Advanced, live: Live) -> State:
     """The live run with one more part, unless the part is empty or of other bodies."""
-    live, part = state.live, event.part
-    if live is None or live.id != event.live:
-        return state
+    part = event.part
     if tuple(part.mechanism.names) != state.derived.names or not len(part.t):
         return state
     parts, joined = grown(live, part)
@@ -280,14 +275,12 @@ def at_its_end(state: State, live: Live) -> State:
 class Stuck(Event):
     """The live run cannot go on."""
 
-    live: int
+    id: int  # of the live run
     text: str
 
 
-@on(Stuck)
-def stuck(state: State, event: Stuck) -> State:
-    if state.live is None or state.live.id != event.live:
-        return state
+@on_news("live", Stuck)
+def stuck(state: State, event: Stuck, live: Live) -> State:
     return replace(stopped(state), run_problem=event.text)
 
 
