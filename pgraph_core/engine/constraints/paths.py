@@ -288,6 +288,14 @@ def push(rows, const, work, k, column, size, whole):
 
 
 @part
+def with_own(work, k, kind, x, alpha, linear):
+    """An acceleration (angular, linear) with what a hinge or slider adds that accelerates by x."""
+    if kind == ROTATE:
+        return add_scaled(alpha, x, axis_of(work, k)), linear
+    return alpha, add_scaled(linear, x, axis_of(work, k))
+
+
+@part
 def unspread(rows, const, work, speeds):
     """The way back of `spread`, in place: diag(1/d) Yᵀ λ whose response is `speeds`."""
     set_acceleration(work, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -300,10 +308,7 @@ def unspread(rows, const, work, speeds):
             u0, u1 = projected_of(work, k)
             x = speeds[i]
             speeds[i] = x + inverse_pivot_of(work, k) * (dot(u0, alpha) + dot(u1, linear))
-            if kind == ROTATE:
-                alpha = add_scaled(alpha, x, axis_of(work, k))
-            else:
-                linear = add_scaled(linear, x, axis_of(work, k))
+            alpha, linear = with_own(work, k, kind, x, alpha, linear)
         elif kind == BALL:
             _, b, _ = inertia_of(work, k)
             f, _ = ball_of(work, k)
@@ -335,10 +340,7 @@ def spread(rows, const, work, step):
             u = dot(u0, alpha) + dot(u1, linear)
             x = step[i] - inverse_pivot_of(work, k) * u
             step[i] = x
-            if kind == ROTATE:
-                alpha = add_scaled(alpha, x, axis_of(work, k))
-            else:
-                linear = add_scaled(linear, x, axis_of(work, k))
+            alpha, linear = with_own(work, k, kind, x, alpha, linear)
         elif kind == BALL:
             _, b, _ = inertia_of(work, k)
             f, _ = ball_of(work, k)

@@ -38,6 +38,7 @@ _save, contacts_at = stored(CONTACTS)
 
 SLIDING = 1e-7  # m/s: slip from which on friction is kinetic; slower is the solver's rounding
 STILL = 1e-5  # m/s: slip of a rigid contact that is the solver's rounding
+NEARBY = 128  # entries that are looked at for what a contact point kept
 FROZEN, ADDING = 1, 2  # states of a tally
 CREEPING = 2.0 * CREEP  # m/s: slip that a regularised contact needs to hold
 ROUNDED = 1e-9  # of the closing speed: slip that rounding would make of it is held
@@ -155,12 +156,13 @@ def slides_now(contacts, work, linear, n):
 
 @part
 def kept_place(point, kept, count, start):
-    """Where the last step's entry of a contact point is, looked for from `start` on; -1: nowhere.
+    """Where the last step's entry of a contact point is, looked for around `start`; -1: nowhere.
 
-    Points come in the same order step after step, so that the search is short.
+    Points come in almost the same order step after step, so that the search is short: those before
+    it may have come or gone.
     """
-    for m in range(min(count, 64)):
-        k = (start + m) % count
+    for m in range(min(count, NEARBY)):
+        k = (start + (m + 1) // 2 * (1 - 2 * (m % 2))) % count
         if (
             kept[k].shape_a == point.shape_a
             and kept[k].shape_b == point.shape_b

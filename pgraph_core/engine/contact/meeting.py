@@ -97,6 +97,26 @@ def look_ahead(scene, h):
     return 8.0 * closed, 0.0 if is_crowd(contacts) else margin, fast
 
 
+@part
+def approach(scene, i, j, left):
+    """Bound of how far two shapes come together within `left` [m]; j is -1 for the ground."""
+    data = opened(scene)
+    contacts = contacts_at(data.links.contacts)
+    shapes, poses = contacts.geometry.shapes, contacts.poses
+    speed = shape_speed(data.work, data.space.linear, shapes[i], poses[i])
+    if j >= 0:
+        speed += shape_speed(data.work, data.space.linear, shapes[j], poses[j])
+    return left * (speed + 2.0 * contacts.tally[0].pull * left)
+
+
+@part
+def outruns(scene, i, j, left):
+    """Whether two shapes may move by their own thickness within `left`; j is -1 for the ground."""
+    shapes = contacts_at(opened(scene).links.contacts).geometry.shapes
+    thick = thickness(shapes[i]) + (thickness(shapes[j]) if j >= 0 else 0.0)
+    return approach(scene, i, j, left) > thick
+
+
 @sweep
 def point_meets(scene, n, h, left):
     """Whether contact point n, in the middle of a part of a step, hits within that part.
@@ -111,6 +131,8 @@ def point_meets(scene, n, h, left):
     closing = point_closing(data.work, data.space.linear, contacts, n)
     size = smaller_size(contacts, point.shape_a, point.shape_b)
     if not hits(closing, h, size, contacts.tally[0].pull):
+        return False
+    if is_crowd(contacts) and not outruns(scene, point.shape_a, point.shape_b, left):
         return False
     return point.gap - 0.5 * left * closing <= closed_gap(
         contacts, point.shape_a, point.shape_b, xyz(point.point_a)
@@ -340,7 +362,7 @@ def put_meeting(meetings, n, a, b, vertex, pair):
 def list_meetings(scene, h, left, q, v, vdot):
     """List what is apart and may touch within `left`; how many, or -1 where something hits now."""
     data = opened(scene)
-    blocks, work, linear = data.blocks, data.work, data.space.linear
+    blocks = data.blocks
     contacts = contacts_at(data.links.contacts)
     tally, meetings = contacts.tally[0], contacts.meetings
     shapes, poses, may = contacts.geometry.shapes, contacts.poses, contacts.candidates
@@ -355,12 +377,12 @@ def list_meetings(scene, h, left, q, v, vdot):
             return -1
     for k in range(may.on_ground.shape[0]):
         i, pair = may.on_ground[k].shape, may.on_ground[k].pair
-        moved = left * (shape_speed(work, linear, shapes[i], poses[i]) + 2.0 * tally.pull * left)
+        moved = approach(scene, i, -1, left)
         altitude = dot(xyz(poses[i].position), normal_of(contacts.ground)) - shapes[i].reach
         if (
             contacts.laws[pair].law != RIGID
             or altitude > top(contacts.ground) + moved
-            or (crowd and moved <= thickness(shapes[i]))
+            or (crowd and not outruns(scene, i, -1, left))
         ):
             continue
         for c in range(candidates(shapes, i)):
@@ -376,10 +398,16 @@ def list_meetings(scene, h, left, q, v, vdot):
             n = list_pair(scene, i, j, pair, h, left, crowd, n)
     members = may.members
     for m in range(members.shape[0]):
-        for k in range(m):
-            i, j = members[m].shape, members[k].shape
+        i = members[m].shape
+        if crowd and not outruns(scene, i, -1, left):
+            continue
+        for k in range(members.shape[0]):
+            j = members[k].shape
             same = members[m].pair != members[k].pair or shapes[i].row == shapes[j].row
-            if n >= 0 and not same and not are_apart(may.apart, shapes[i].body, shapes[j].body):
+            twice = k > m and (not crowd or outruns(scene, j, -1, left))
+            if n >= 0 and not (
+                same or twice or are_apart(may.apart, shapes[i].body, shapes[j].body)
+            ):
                 n = list_pair(scene, min(i, j), max(i, j), members[m].pair, h, left, crowd, n)
     if n > meetings.shape[0]:
         tally.overflows += 1
@@ -395,14 +423,12 @@ def list_pair(scene, i, j, pair, h, left, crowd, n):
     shapes, poses, meetings = contacts.geometry.shapes, contacts.poses, contacts.meetings
     if contacts.laws[pair].law != RIGID:
         return n
-    moved = left * shape_speed(data.work, data.space.linear, shapes[i], poses[i])
-    moved += left * shape_speed(data.work, data.space.linear, shapes[j], poses[j])
-    moved += 2.0 * contacts.tally[0].pull * left * left
+    moved = approach(scene, i, j, left)
     apart = sub(xyz(poses[i].position), xyz(poses[j].position))
     reach = shapes[i].reach + shapes[j].reach + moved
     if not dot(apart, apart) <= reach * reach:
         return n
-    if crowd and moved <= thickness(shapes[i]) + thickness(shapes[j]):
+    if crowd and not outruns(scene, i, j, left):
         return n
     gap, p, _ = nearest(contacts, i, j, pair)
     closed = closed_gap(contacts, i, j, p)

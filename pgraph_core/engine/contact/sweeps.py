@@ -318,21 +318,23 @@ def in_disc(a, b, c, x, y, radius):
         return t
     s = max(0.0, pull / radius - max(a, c) - abs(b))  # below the root: Newton goes up to it
     for _ in range(30):
-        p = a + s
-        q = c + s
-        det = p * q - b * b
-        tx = (b * y - q * x) / det
-        ty = (b * x - p * y) / det
-        size = math.sqrt(tx * tx + ty * ty)
-        slope = (tx * (q * tx - b * ty) + ty * (p * ty - b * tx)) / det
-        step = (size / radius - 1.0) * size * size / slope
+        _, _, step = rim_step(a, b, c, s, x, y, radius)
         s += step
         if abs(step) <= SETTLED * (s + a + c):
             break
+    tx, ty, _ = rim_step(a, b, c, s, x, y, radius)
+    fit = radius / math.sqrt(tx * tx + ty * ty)
+    return (tx * fit, ty * fit)
+
+
+@part
+def rim_step(a, b, c, s, x, y, radius):
+    """t = -[a+s b; b c+s]⁻¹ (x, y), and Newton's step of s to |t| = radius; lanes or numbers."""
     p = a + s
     q = c + s
     det = p * q - b * b
     tx = (b * y - q * x) / det
     ty = (b * x - p * y) / det
-    fit = radius / math.sqrt(tx * tx + ty * ty)
-    return (tx * fit, ty * fit)
+    size = math.sqrt(tx * tx + ty * ty)
+    slope = (tx * (q * tx - b * ty) + ty * (p * ty - b * tx)) / det
+    return tx, ty, (size / radius - 1.0) * size * size / slope

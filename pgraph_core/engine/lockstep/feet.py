@@ -9,7 +9,7 @@ from ..constraints.blocks import point_velocity
 from ..constraints.paths import GRAIN, taxicab
 from ..contact.closing import DEPTH, HARD
 from ..contact.impulse import FEW_SWEEPS, GAIN, TOGETHER, TOLERANCE
-from ..contact.sweeps import COUPLED, INNER, RIGID, SETTLED, SMALL, SOLID, TURNED
+from ..contact.sweeps import COUPLED, INNER, RIGID, SETTLED, SMALL, SOLID, TURNED, rim_step
 from ..linear import forward_free
 from ..records import POINTS, SPHERE
 from ..rows import (
@@ -510,21 +510,10 @@ def in_disc(a, b, c, x, y, radius, asked):
     for _ in range(30):
         if not any_of(open_):
             break
-        p = a + s
-        q = c + s
-        det = p * q - b * b
-        tx = (b * y - q * x) / det
-        ty = (b * x - p * y) / det
-        size = math.sqrt(tx * tx + ty * ty)
-        bend = (tx * (q * tx - b * ty) + ty * (p * ty - b * tx)) / det
-        step = (size / radius - 1.0) * size * size / bend
+        _, _, step = rim_step(a, b, c, s, x, y, radius)
         s = chosen(open_, s + step, s)
         open_ = without(open_, most(abs(step), SETTLED * (s + a + c)))
-    p = a + s
-    q = c + s
-    det = p * q - b * b
-    tx = (b * y - q * x) / det
-    ty = (b * x - p * y) / det
+    tx, ty, _ = rim_step(a, b, c, s, x, y, radius)
     fit = radius / math.sqrt(tx * tx + ty * ty)
     return chosen(rim, tx * fit, new[0]), chosen(rim, ty * fit, new[1])
 
