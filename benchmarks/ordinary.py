@@ -183,34 +183,96 @@ def cards(s: Variant) -> Case:
     return Case(bodies, 2.0, moved, 1e-3)
 
 
+def house(s: Variant) -> Case:
+    """Two storeys of cards: a card lies on two pairs that lean on each other, a third on it."""
+    length, thick, lean, apart = 0.1, 0.002, 0.3, 0.07
+    half = 0.5 * (length * np.sin(lean) + thick * np.cos(lean))
+    high = 0.5 * (length * np.cos(lean) + thick * np.sin(lean))
+    size, bodies = (thick, 0.06, length), []
+    for name, x, z in (("a", -apart / 2, 0.0), ("b", apart / 2, 0.0), ("c", 0.0, 2 * high + thick)):
+        for side in (-1, 1):
+            place = (x + side * half, 0, z + high)
+            bodies.append(block(f"{name}{side}", place, size, s, 0.002, -side * lean))
+    bodies.append(block("flat", (0, 0, 2 * high + thick / 2), (0.12, 0.06, thick), s, 0.002))
+    return Case(bodies, 2.0, moved, 1e-3)
+
+
+def hull(name: str, place: Any, corners: Any, faces: Any, s: Variant, **fields: Any) -> pg.Body:
+    """A free body whose shape is the convex hull of corners, given about its centre at scale 1."""
+    path = Path(tempfile.mkdtemp()) / f"{name}.obj"
+    lines = ["v " + " ".join(map(repr, (s.scale * np.array(c)).tolist())) for c in corners]
+    lines += [f"f {f[0]} {f[i]} {f[i + 1]}" for f in faces for i in range(1, len(f) - 1)]
+    path.write_text("\n".join(lines))
+    return pg.Body(
+        name=name, joint="free", link=tuple(s.scale * np.array(place) + [s.far, 0, 0]),
+        shape={"kind": "mesh", "file": str(path), "hull": "convex"}, **fields,
+    )  # fmt: skip
+
+
+def prism(s: Variant) -> Case:
+    """A cylinder of 64 sides that rolls from side to side: each side that lands takes speed.
+
+    About an edge it is a pendulum upside down; where the next edge lands, its moment of momentum
+    about that stays.
+    """
+    sides, radius, length, rate, seconds = 64, 0.1, 0.2, 5.0, 1.0
+    inertia, turn = 0.5 * radius**2, 2 * np.pi / sides
+    angles = turn * (np.arange(sides) + 0.5) - np.pi / 2
+    rim = radius * np.array([np.cos(angles), np.sin(angles)]).T
+    corners = [(x, y, z) for y in (-length / 2, length / 2) for x, z in rim]
+    around = range(1, sides + 1)
+    faces = [tuple(around), tuple(sides + k for k in reversed(around))]
+    faces += [(k, sides + k, sides + k % sides + 1, k % sides + 1) for k in around]
+    height = radius * np.cos(turn / 2)
+    pull = radius * G / (inertia + radius**2)
+    left, want, spin = seconds, 0.0, rate
+    while left > 0.0:  # side by side: the angle of the edge's arm from the vertical, and its rate
+
+        def lands(_t: float, y: Any) -> float:
+            return float(y[0] - turn / 2)
+
+        lands.terminal = True  # type: ignore[attr-defined]
+        arc = solve_ivp(
+            lambda _t, y: (y[1], pull * np.sin(y[0])), (0, left), (-turn / 2, spin), events=lands,
+            rtol=1e-10, atol=1e-12,
+        )  # fmt: skip
+        left -= arc.t[-1] if arc.status == 1 else left
+        want += radius * (np.sin(arc.y[0, -1]) + np.sin(turn / 2))
+        spin = arc.y[1, -1] * (inertia + radius**2 * np.cos(turn)) / (inertia + radius**2)
+    body = hull(
+        "prism", (0, 0, height), corners, faces, s, mass=1.0,
+        inertia=np.diag([inertia, inertia, inertia]) * s.scale**2,
+    )  # fmt: skip
+
+    def off(run: Any, s: Variant) -> float:
+        x = (run.body_pose[-1, 0, 0] - s.far) / s.scale
+        return float(abs(x / want - 1.0))
+
+    speed = rate / np.sqrt(s.scale)
+    edge = 0.5 * turn * radius  # the centre goes round the leading edge
+    v = (speed * height * s.scale, 0.0, speed * edge * s.scale)
+    return Case([body], seconds, off, 0.01, 1.0, start={"prism": (0, speed, 0, *v)})
+
+
 def arch(s: Variant) -> Case:
     """Nine stones in a half circle, thicker than Milankovitch's 0.1075 of the radius."""
     count, inner, outer, depth = 9, 0.9, 1.15, 0.3
-    bodies, folder = [], Path(tempfile.mkdtemp())
+    bodies = []
     half = np.pi / count / 2
     corners = np.array(
         [[r * np.sin(a), y, r * np.cos(a)] for r in (inner, outer) for a in (-half, half)
          for y in (-depth / 2, depth / 2)]
     )  # fmt: skip
     middle = np.array([0, 0, 0.5 * (inner + outer) * np.sin(half) / half])
-    path = folder / "stone.obj"
     faces = ((1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4))
-    lines = ["v " + " ".join(map(repr, (s.scale * (c - middle)).tolist())) for c in corners]
-    lines += [
-        "f " + " ".join(map(str, part))
-        for f in faces
-        for part in ((f[0], f[1], f[2]), (f[0], f[2], f[3]))
-    ]
-    path.write_text("\n".join(lines))
     for k in range(count):
         angle = np.pi * (k + 0.5) / count - np.pi / 2
         place = middle[2] * np.array([np.sin(angle), 0, np.cos(angle)])
-        shape: Any = {"kind": "mesh", "file": str(path), "hull": "convex"}
         bodies.append(
-            pg.Body(
-                name=f"s{k}", joint="free", mass=50.0, inertia=np.eye(3) * 1.0 * s.scale**2,
-                link=tuple(s.scale * place + [s.far, 0, 0]),
-                rotation=(np.cos(angle / 2), 0.0, np.sin(angle / 2), 0.0), shape=shape,
+            hull(
+                f"s{k}", place, corners - middle, faces, s, mass=50.0,
+                inertia=np.eye(3) * 1.0 * s.scale**2,
+                rotation=(np.cos(angle / 2), 0.0, np.sin(angle / 2), 0.0),
             )
         )  # fmt: skip
     return Case(bodies, 2.0, moved, 1e-3, friction=0.8)
@@ -267,7 +329,7 @@ def kicked(s: Variant) -> Case:
 SCENES = {
     f.__name__: f
     for f in (
-        stack, heavy, pushed, belt, turntable, dominoes, cards, arch, sliding, kicked,
+        stack, heavy, pushed, belt, turntable, dominoes, cards, house, arch, prism, sliding, kicked,
     )
 }  # fmt: skip
 

@@ -120,6 +120,8 @@ STEP_CONTROL = record(
     fastest=INTEGER,  # row that moved fastest there
     bound=REAL,  # the next step may not be wider, or things could pass through each other [s]
     guard=INTEGER,  # address of a GUARD; 0: none
+    clock=REAL,  # until then nothing is looked back for, while nothing is faster than `slow` [s]
+    slow=REAL,  # [rad/s, m/s]
     approach=INTEGER,  # address of the kernel that finds `bound`; 0: none
 )
 
@@ -322,6 +324,8 @@ CLEARANCE = record(
     free=REAL,  # how far things may move yet before anything can touch [m]
     free_turn=REAL,  # how far coordinates may move yet before one can reach a limit [rad, m]
     ahead=REAL,  # how far the next search looks [m]
+    since=REAL,  # the time for which these hold [s]
+    rate=REAL,  # speed of things when no coordinate is faster than the clock allows [m/s]
 )
 
 LIMIT = record(  # sign q - value >= 0

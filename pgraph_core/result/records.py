@@ -71,10 +71,10 @@ class ContactRecord(EqualByFields):
     """Changes, in order of time."""
 
     def keep_unchanged(self) -> None:
-        """Let nobody write into its arrays; gaps that are found when asked for see to it then."""
+        """Let nobody write into its arrays; mappings of other kinds see to it themselves."""
         keep_unchanged((self.wrench, self.residual))
         for what in KINDS:
-            if isinstance(found := getattr(self, what), dict):
+            if type(found := getattr(self, what)) is dict:
                 keep_unchanged(found.values())
 
     def arrays(self) -> dict[str, Array]:

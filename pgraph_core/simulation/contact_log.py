@@ -430,7 +430,7 @@ class Clearance(Unportable):
         """Nothing is known to be free yet."""
         count = len(tables.candidates.on_ground) + len(tables.candidates.pairs)
         self._mech, self._tables = mech, tables
-        self._blank: dict[int, ContactRecord] = {}
+        self._blank: dict[int, dict[str, Any]] = {}
         self._kept = Guard(
             tables.geometry,
             tables.ground,
@@ -444,7 +444,7 @@ class Clearance(Unportable):
             np.zeros(count),
         )
         free = 0.0 if len(tables.geometry.shapes) else np.inf
-        self._start = np.array((free, 0.0, 0.0))
+        self._start = np.array((free, 0.0, 0.0, 0.0, 0.0))
         self._state = self._kept.state.view(float)  # numpy is slow at records
         self.begin()
         self._buffer = buffer()
@@ -471,9 +471,11 @@ class Clearance(Unportable):
         """The record of a run over the states q in which nothing touched."""
         blank = self._blank.get(len(q))
         if blank is None:
-            self._blank = {len(q): (blank := _blank(self._tables, len(q), self._mech.nb))}
-        parts = vars(blank) | {"gap": gaps_of(self._mech, self._tables, q, {}), "events": events}
-        return ContactRecord(**parts)
+            self._blank = {len(q): (blank := vars(_blank(self._tables, len(q), self._mech.nb)))}
+        found = object.__new__(ContactRecord)  # its fields one by one take as long as ten steps
+        vars(found).update(blank, events=events)
+        vars(found)["gap"] = gaps_of(self._mech, self._tables, q, {})
+        return found
 
 
 def _limits(tables: Tables) -> Any:
@@ -543,15 +545,22 @@ def _blank(tables: Tables, n: int, nb: int) -> ContactRecord:
     """A record of n frames without gaps and events, whose zeros take no room."""
     names = [t.name for t in tables.touches]
     still = _everywhere(NOTHING_ACTS, n)
+    swings, is_free = _everywhere(SWINGS, n), _everywhere(IS_FREE, n)
     return ContactRecord(
-        force=dict.fromkeys(names, _everywhere(NOTHING_ACTS, n, 6)),
-        slip=dict.fromkeys(names, still),
-        limit=dict.fromkeys(tables.limits, still),
+        force=Still.fromkeys(names, _everywhere(NOTHING_ACTS, n, 6)),
+        slip=Still.fromkeys(names, still),
+        limit=Still.fromkeys(tables.limits, still),
         wrench=_everywhere(NOTHING_ACTS, n, nb, 6),
-        normal={t.name: still for t in tables.touches if t.other == GROUND},
-        phases=dict.fromkeys(names, _everywhere(SWINGS, n))
-        | dict.fromkeys(tables.limits, _everywhere(IS_FREE, n)),
+        normal=Still.fromkeys((t.name for t in tables.touches if t.other == GROUND), still),
+        phases=Still(dict.fromkeys(names, swings) | dict.fromkeys(tables.limits, is_free)),
     )
+
+
+class Still(dict[str, NDArray[Any]]):
+    """Arrays that are read-only already, of what does nothing; a plain dictionary elsewhere."""
+
+    def __reduce__(self) -> Any:
+        return dict, (dict(self),)
 
 
 def _everywhere(value: NDArray[Any], *shape: int) -> NDArray[Any]:

@@ -63,7 +63,7 @@ class Steps:
         control["time"] = control["origin"] = self.times[0]
         control["last"], control["project"] = len(self.times), plan.project
         control["length"], control["last_error"] = plan.length, 1e-4
-        control["bound"] = np.inf
+        control["bound"], control["clock"] = np.inf, -np.inf
         control["jacobian_rate"], control["jacobian_time"] = np.inf, np.nan
         control["span"] = self.times[-1] - self.times[0]
         if given is None:

@@ -1,8 +1,9 @@
 """How much is free between what may touch, and whether a step can have used it up.
 
-Runs leave contacts and limits out until something comes near: `watch_clearance` looks back at every
-step. A step that moves everything by less than what is free cannot have touched anything, and costs
-a sum over the joints. Else what is free is found again: at the end of the step, then along it, by
+Runs leave contacts and limits out until something comes near. While nothing is faster than twice
+its last speed, nothing can touch before a known time: until then steps are not looked at. From then
+on `watch_clearance` looks back. A step that moves everything by less than what is free cannot have
+touched anything. Else what is free is found again: at the end of the step, then along it, by
 conservative advancement on dense output ([Mirtich 1996]).
 """
 
@@ -32,6 +33,7 @@ FARTHEST = 1e6  # steps' motion
 PATH = 1.25  # length of a path over what its ends say
 CLOSE = 0.02  # of a step's motion: what is nearer is near
 LOOKS = 24  # along one step
+FASTER = 2.0  # times the speeds of now: what is not faster need not be looked at
 CLOSED = 4e-9  # of how far shapes reach: how far to look from what is at rest
 
 
@@ -100,15 +102,20 @@ def limits_near(run, guard):
 
 
 @sweep
-def clearance(run, guard, row, ahead):
-    """How far everything may move from the state in `row` without a touch, `ahead` at most [m]."""
+def pose(run, guard, row):
+    """Put the shapes where they are in the state in `row`."""
     data = opened_run(run)
     scene = opened(data.scene)
-    rows, const, work, stages = scene.rows, scene.const, scene.work, data.stages
+    rows, work, stages = scene.rows, scene.work, data.stages
     nq, nv = size_of_state(run)
-    outboard(rows, const, work, stages[row, :nq], stages[row, nq : nq + nv])
+    outboard(rows, scene.const, work, stages[row, :nq], stages[row, nq : nq + nv])
     positions(rows, work)
     place(guard.geometry.shapes, work, guard.poses)
+
+
+@sweep
+def clearance(guard, ahead):
+    """How far everything may move without a touch, `ahead` at most [m]; after `pose`."""
     may, found = guard.candidates, guard.found
     n = find_contacts(guard.geometry, guard.ground, may, guard.poses, guard.search, ahead, found)
     between = may.pairs.shape[0] + may.members.shape[0] > 0
@@ -120,7 +127,7 @@ def clearance(run, guard, row, ahead):
 
 @sweep
 def find_reach(run, guard, free):
-    """How far from each row's origin shapes that it carries reach, after `clearance` [m].
+    """How far from each row's origin shapes that it carries reach, after `pose` [m].
 
     Along the chain of origins: rotations change none of its lengths, slides by at most `free`.
     """
@@ -145,12 +152,16 @@ def find_reach(run, guard, free):
 
 @sweep
 def may_touch(run, guard, moved):
-    """Whether something may have touched over the last step; what is free now, if not."""
+    """Whether something may have touched over the last step; what is free now, if not.
+
+    After `pose` at its end.
+    """
     data = opened_run(run)
     state = guard.state[0]
-    ahead = max(AHEAD * moved, min(state.ahead, FARTHEST * moved))
-    ahead = max(ahead, CLOSED * widest_reach(guard.reach))
-    free = clearance(run, guard, at.Y, ahead)
+    widest = widest_reach(guard.reach)
+    ahead = max(AHEAD * moved, min(max(state.ahead, widest), FARTHEST * moved))
+    ahead = max(ahead, CLOSED * widest)
+    free = clearance(guard, ahead)
     if free > moved or moved == 0.0:
         state.ahead = FARTHER * ahead
         find_reach(run, guard, free)
@@ -159,18 +170,21 @@ def may_touch(run, guard, moved):
     if data.tableau.dense.shape[0] == 0:
         return True
     share = 0.0
-    free = clearance(run, guard, at.Y_OLD, AHEAD * moved)
+    pose(run, guard, at.Y_OLD)
+    free = clearance(guard, AHEAD * moved)
     for _ in range(LOOKS):
         if not free > CLOSE * moved:
             return True
         share += 0.9 * free / moved
         if share >= 1.0:
-            free = clearance(run, guard, at.Y, AHEAD * moved)
+            pose(run, guard, at.Y)
+            free = clearance(guard, AHEAD * moved)
             find_reach(run, guard, free)
             state.free = free
             return not free > CLOSE * moved
         dense_output(run, share)
-        free = clearance(run, guard, at.TRIAL, AHEAD * moved)
+        pose(run, guard, at.TRIAL)
+        free = clearance(guard, AHEAD * moved)
     return True
 
 
@@ -178,17 +192,43 @@ def may_touch(run, guard, moved):
 def watch_clearance(run):
     """Go back to the start of the last step, and stop there, if something may touch in it.
 
-    What is not needed at every step is left to `look_again`, which opens the guard itself.
+    What is not needed often is left to `look_again`, which opens the guard itself.
     """
     data = opened_run(run)
-    control = data.control[0]
+    control, stages = data.control[0], data.stages
     guard = guard_at(control.guard)
     state, rows = guard.state[0], opened(data.scene).rows
-    moved, turn = path_lengths(rows, data.stages, control.nq, control.old_width, guard.reach)
-    state.free -= moved
-    state.free_turn -= turn
+    moved, turn = path_lengths(rows, stages, control.nq, control.old_width, guard.reach)
+    quiet = max(control.old_time - state.since, 0.0)
+    state.free -= quiet * state.rate + moved
+    state.free_turn -= quiet * PATH * control.slow + turn
+    state.since = control.time
     if not (state.free > 0.0 and state.free_turn > 0.0):
         look_again(run)
+    if control.fired == 0:
+        set_clock(control, state, rows, stages, guard.reach)
+
+
+@part
+def set_clock(control, state, rows, stages, reach):
+    """Until when nothing can touch if no coordinate becomes faster than twice the fastest now."""
+    slow = 0.0
+    for j in range(control.nq, control.nq + control.nv):
+        slow = max(slow, FASTER * abs(stages[at.Y, j]))
+    rate = 0.0
+    for k in range(1, rows.shape[0]):
+        kind = kind_of(rows, k)
+        if reach[k] > 0.0:
+            rate += 1.0 if kind == TRANSLATE else math.sqrt(3.0) * reach[k]
+            rate += math.sqrt(3.0) if kind == FREE else 0.0
+    control.slow = slow
+    state.rate = PATH * slow * rate
+    least = math.inf
+    if state.rate > 0.0:
+        least = state.free / state.rate
+    if slow > 0.0:
+        least = min(least, state.free_turn / (PATH * slow))
+    control.clock = control.time + least
 
 
 @sweep
@@ -198,12 +238,11 @@ def look_again(run):
     control, stages = data.control[0], data.stages
     guard = guard_at(control.guard)
     state = guard.state[0]
-    shaped = guard.geometry.shapes.shape[0] > 0
-    if shaped and widest_reach(guard.reach) == 0.0:  # the first step
-        clearance(run, guard, at.Y, 0.0)
-        find_reach(run, guard, 0.0)
     near = not state.free_turn > 0.0 and limits_near(run, guard)
-    if not near and shaped and not state.free > 0.0:
+    if not near and guard.geometry.shapes.shape[0] > 0 and not state.free > 0.0:
+        pose(run, guard, at.Y)
+        if widest_reach(guard.reach) == 0.0:  # the first step
+            find_reach(run, guard, 0.0)
         rows = opened(data.scene).rows
         moved, _ = path_lengths(rows, stages, control.nq, control.old_width, guard.reach)
         near = may_touch(run, guard, moved)

@@ -101,7 +101,7 @@ def step_once(run):
         if data.tableau.dense.shape[0] == 0 and h < control.width < KEPT * h:
             control.width = h
     code = accept(run, h, end, corner)
-    if code == at.DONE and links.look_back != 0:
+    if code == at.DONE and links.look_back != 0 and is_due(run):
         call_look_back(links.look_back, (run,))
         if control.fired == 1:
             onto_constraints(run, control.time, at.Y)
@@ -110,6 +110,22 @@ def step_once(run):
     if control.approach != 0 and code == at.DONE:
         call_look_back(control.approach, (run,))
     return code
+
+
+@sweep
+def is_due(run):
+    """Whether the last step is to be looked back at: it is late, or something is fast."""
+    data = opened_run(run)
+    control, stages = data.control[0], data.stages
+    due = not control.time <= control.clock
+    if not due:
+        nq, nv = control.nq, control.nv
+        slow, way = control.slow, control.slow * control.old_width
+        for i in range(nq):
+            due = due or not abs(stages[at.Y, i] - stages[at.Y_OLD, i]) <= way
+        for j in range(nq, nq + nv):
+            due = due or not abs(stages[at.Y, j]) <= slow
+    return due
 
 
 @sweep
