@@ -4,7 +4,7 @@
 is known of it, whether that is right, and processor time. What is not right is told, by a notice or
 the status, or wrong. Times and steps of a variant go with its scale: 1 s becomes √scale seconds.
 `python -m benchmarks.ordinary speed` compares processor time a step with MuJoCo's, of scenes in
-which much slides and hits.
+which much slides and hits; `beside` what cards and a prism of 64 sides do there.
 """
 
 from __future__ import annotations
@@ -15,7 +15,9 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -23,7 +25,7 @@ from scipy.integrate import solve_ivp
 
 import pgraph_core as pg
 
-from .stacks import compared, heap
+from .stacks import compared, heap, ours, theirs
 
 G = 9.81
 UP = np.array([0.0, 0.0, 1.0])
@@ -209,12 +211,35 @@ def hull(name: str, place: Any, corners: Any, faces: Any, s: Variant, **fields: 
     )  # fmt: skip
 
 
-def prism(s: Variant) -> Case:
-    """A cylinder of 64 sides that rolls from side to side: each side that lands takes speed.
+@cache
+def rolled(sides: int, radius: float, inertia: float, rate: float, seconds: float) -> float:
+    """How far a prism of 1 kg rolls from side to side [m], on an edge at the start.
 
     About an edge it is a pendulum upside down; where the next edge lands, its moment of momentum
     about that stays.
     """
+    turn, about_edge = 2 * np.pi / sides, inertia + radius**2
+    pull = radius * G / about_edge
+
+    def fall(_t: float, y: Any) -> Any:
+        return y[1], pull * np.sin(y[0])
+
+    def lands(_t: float, y: Any) -> float:
+        return float(y[0] - turn / 2)
+
+    lands.terminal = True  # type: ignore[attr-defined]
+    left, way, spin = seconds, 0.0, rate
+    while left > 0.0:
+        start = (-turn / 2, spin)  # the angle of the edge's arm from the vertical, and its rate
+        arc = solve_ivp(fall, (0, left), start, events=lands, rtol=1e-10, atol=1e-12)
+        left -= arc.t[-1] if arc.status == 1 else left
+        way += radius * (np.sin(arc.y[0, -1]) + np.sin(turn / 2))
+        spin = arc.y[1, -1] * (inertia + radius**2 * np.cos(turn)) / about_edge
+    return float(way)
+
+
+def prism(s: Variant) -> Case:
+    """A cylinder of 64 sides that rolls from side to side: each side that lands takes speed."""
     sides, radius, length, rate, seconds = 64, 0.1, 0.2, 5.0, 1.0
     inertia, turn = 0.5 * radius**2, 2 * np.pi / sides
     angles = turn * (np.arange(sides) + 0.5) - np.pi / 2
@@ -223,33 +248,17 @@ def prism(s: Variant) -> Case:
     around = range(1, sides + 1)
     faces = [tuple(around), tuple(sides + k for k in reversed(around))]
     faces += [(k, sides + k, sides + k % sides + 1, k % sides + 1) for k in around]
-    height = radius * np.cos(turn / 2)
-    pull = radius * G / (inertia + radius**2)
-    left, want, spin = seconds, 0.0, rate
-    while left > 0.0:  # side by side: the angle of the edge's arm from the vertical, and its rate
-
-        def lands(_t: float, y: Any) -> float:
-            return float(y[0] - turn / 2)
-
-        lands.terminal = True  # type: ignore[attr-defined]
-        arc = solve_ivp(
-            lambda _t, y: (y[1], pull * np.sin(y[0])), (0, left), (-turn / 2, spin), events=lands,
-            rtol=1e-10, atol=1e-12,
-        )  # fmt: skip
-        left -= arc.t[-1] if arc.status == 1 else left
-        want += radius * (np.sin(arc.y[0, -1]) + np.sin(turn / 2))
-        spin = arc.y[1, -1] * (inertia + radius**2 * np.cos(turn)) / (inertia + radius**2)
+    height, edge = radius * np.cos(turn / 2), radius * np.sin(turn / 2)
     body = hull(
         "prism", (0, 0, height), corners, faces, s, mass=1.0,
-        inertia=np.diag([inertia, inertia, inertia]) * s.scale**2,
+        inertia=np.eye(3) * inertia * s.scale**2,
     )  # fmt: skip
 
     def off(run: Any, s: Variant) -> float:
         x = (run.body_pose[-1, 0, 0] - s.far) / s.scale
-        return float(abs(x / want - 1.0))
+        return float(abs(x / rolled(sides, radius, inertia, rate, seconds) - 1.0))
 
-    speed = rate / np.sqrt(s.scale)
-    edge = 0.5 * turn * radius  # the centre goes round the leading edge
+    speed = rate / np.sqrt(s.scale)  # about the leading edge
     v = (speed * height * s.scale, 0.0, speed * edge * s.scale)
     return Case([body], seconds, off, 0.01, 1.0, start={"prism": (0, speed, 0, *v)})
 
@@ -352,6 +361,25 @@ def speed() -> None:
     compared("27 boxes", heap(boxes), 1.0)
 
 
+def beside() -> None:
+    """Cards and the prism in MuJoCo: how far off each is at the end, and processor time a step."""
+    at_one = VARIANTS[0]
+    for scene in (cards, house, prism):
+        case = scene(at_one)
+        model = heap(case.bodies, case.friction)
+        cost, run = ours(model, case.seconds, case.start)
+        other, data = theirs(model, case.seconds, case.start)
+        there = SimpleNamespace(
+            body_pose=np.stack([run.body_pose[0], data.qpos.reshape(-1, 7)[: len(case.bodies)]])
+        )
+        off = case.off(run, at_one), case.off(there, at_one)
+        print(
+            f"{scene.__name__}: off by {off[0]:.1e}, MuJoCo {off[1]:.1e}; {cost * 1e6:.1f} us a "
+            f"step, MuJoCo {other * 1e6:.1f} us; {'; '.join(run.notices) or 'no notice'}",
+            flush=True,
+        )
+
+
 def judged(scene: Callable[[Variant], Case], s: Variant) -> tuple[str, float, float, str]:
     """(right, told or wrong; how far off; processor seconds; the first notice)."""
     case = scene(s)
@@ -381,8 +409,8 @@ def judged(scene: Callable[[Variant], Case], s: Variant) -> tuple[str, float, fl
 def main() -> None:
     """Print the table, and how many are what."""
     counts: Counter[str] = Counter()
-    if sys.argv[1:] == ["speed"]:
-        speed()
+    if sys.argv[1:] in (["speed"], ["beside"]):
+        {"speed": speed, "beside": beside}[sys.argv[1]]()
         return
     for name in sys.argv[1:] or SCENES:
         for s in VARIANTS:

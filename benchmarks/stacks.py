@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -78,7 +79,7 @@ def ours(model: pg.Model, seconds: float, start: Start = None) -> tuple[float, A
 
 
 def mujoco_of(model: pg.Model, start: Start = None) -> tuple[Any, Any]:
-    """The same free boxes and balls in MuJoCo."""
+    """The same free boxes, balls and hulls in MuJoCo."""
     import mujoco
 
     spec = mujoco.MjSpec()
@@ -98,6 +99,14 @@ def mujoco_of(model: pg.Model, start: Start = None) -> tuple[Any, Any]:
         if shape.kind == "box":
             half = [x / 2 for x in shape.size]
             body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half, friction=rub, condim=3)
+        elif shape.kind == "mesh":
+            lines = Path(shape.file).read_text(encoding="utf-8").splitlines()
+            corners = [
+                float(x) for line in lines if line.startswith("v ") for x in line.split()[1:]
+            ]
+            spec.add_mesh(name=one.name, uservert=corners)
+            kind = mujoco.mjtGeom.mjGEOM_MESH
+            body.add_geom(type=kind, meshname=one.name, friction=rub, condim=3)
         else:
             size = [shape.radius, 0, 0]
             body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=size, friction=rub, condim=3)
@@ -245,7 +254,7 @@ def touching(run: Any, near: float = 1e-3) -> int:
 def exponent() -> None:
     """How the cost of a step of fallen piles grows with their contacts."""
     found = []
-    for count in (125, 216, 343, 512, 729, 1000):
+    for count in (125, 216, 343, 512, 729, 1000, 1728, 2744):
         mech = pg.Mechanism(heap(grid(count, apart=1.06)))
         options: Any = {"step": STEP, "frames": 2, "method": "moreau_jean", "estimate": False}
         run = pg.simulate(mech, t_end=0.3, **options)

@@ -128,3 +128,21 @@ def test_soft_balls_hit_and_give_the_restitution_asked_for(law, speed):
     mech = pg.Mechanism(pg.Model(bodies=balls, gravity=(0, 0, 0), contacts=(hit,)))
     run = pg.simulate(mech, [0.0, 0.0], [speed, 0.0], t_end=12 / speed, estimate=False)
     np.testing.assert_allclose(run.v[-1], [0.25 * speed, 0.75 * speed], rtol=0.01)
+
+
+@pytest.mark.parametrize("method", ["rk4", "dopri5"])
+def test_what_rests_and_then_is_pushed_is_looked_at_again(method):
+    """Nothing moves for 0.5 s, then 8 m/s² towards a limit 1 m away: hit at t = 1 s with 4 m/s."""
+    cart = pg.Body(
+        name="cart", joint="prismatic", axes=((1, 0, 0),), mass=1.0, limits=(-1.0, 1.0),
+        restitution=1.0,
+    )  # fmt: skip
+    still, full = (0.0, 0.0, 0.0), (8.0, 0.0, 0.0)
+    table = pg.VectorTable(t=(0.0, 0.5, 0.5 + 1e-6, 3.0), value=(still, still, full, full))
+    push = pg.Force(name="push", kind="wrench", body="cart", point=still, force=table)
+    mech = pg.Mechanism(pg.Model(bodies=(cart,), forces=(push,), gravity=(0, 0, 0)))
+    run = pg.simulate(mech, [0.0], [0.0], t_end=1.2, method=method, step=1e-3, estimate=False)
+    assert "began" in run.header
+    assert run.q.max() <= 1.0 + 1e-6
+    back = 1.2 - 1.0
+    np.testing.assert_allclose(run.q[-1], 1.0 - 4 * back + 4 * back**2, atol=1e-4)

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import pgraph_core as pg
-from benchmarks import ordinary
+from benchmarks import ordinary, stacks
 from pgraph_core.engine.contact.contacts import kept_place
 from pgraph_core.engine.records import KEPT, table
 
@@ -333,3 +333,31 @@ def test_what_a_point_kept_is_found_from_any_place():
         other = kept[0].copy()
         other["feature"] = 7
         assert look(other, kept, start) == -1
+
+
+def test_what_a_point_kept_is_found_where_others_came_or_went():
+    """In a heap of 200 entries, points are 40 places before or behind their entry."""
+    kept = table(KEPT, 200)
+    kept["shape_a"] = np.arange(200)
+    look = numba.njit(lambda point, kept, start: kept_place(point, kept, 200, start))
+    for k in (0, 70, 130, 199):
+        for away in (-40, -1, 0, 1, 40):
+            assert look(kept[k], kept, max(k + away, 0)) == k
+
+
+def test_slow_things_of_a_crowd_take_a_step_once():
+    """100 balls that fall onto each other: forces are evaluated once a step; a fast one is seen."""
+    balls = stacks.grid(100, apart=1.06)
+    falling = pg.Mechanism(stacks.heap(balls))
+    run = pg.simulate(falling, t_end=0.1, step=1e-3, frames=2, method="moreau_jean", estimate=False)
+    assert run.counters["evaluations"] <= run.counters["steps"] + run.counters["steps"] // 50 + 2
+    plate = stacks.box("plate", (0, 0, 40.0), 1e3).edit(
+        shape={"kind": "box", "size": (20.0, 20.0, 0.01)}
+    )
+    shot = stacks.ball("shot", (0, 0, 50.0), radius=0.05)
+    mech = pg.Mechanism(stacks.heap([*balls, plate, shot]))
+    q, v = mech.home()
+    v[mech.joints["shot"].v] = (0, 0, 0, 0, 0, -1000.0)
+    run = pg.simulate(mech, q, v, t_end=0.02, step=1e-3, frames=3, method="moreau_jean")
+    place = run.body_pose[-1, -2:, 2]
+    assert place[1] > place[0]
