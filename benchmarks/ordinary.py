@@ -4,7 +4,7 @@
 is known of it, whether that is right, and processor time. What is not right is told, by a notice or
 the status, or wrong. Times and steps of a variant go with its scale: 1 s becomes √scale seconds.
 `python -m benchmarks.ordinary speed` compares processor time a step with MuJoCo's, of scenes in
-which much slides and hits; `beside` what cards and a prism of 64 sides do there.
+which much slides and hits; `peer` what cards and a prism of 64 sides do there.
 """
 
 from __future__ import annotations
@@ -361,7 +361,7 @@ def speed() -> None:
     compared("27 boxes", heap(boxes), 1.0)
 
 
-def beside() -> None:
+def peer() -> None:
     """Cards and the prism in MuJoCo: how far off each is at the end, and processor time a step."""
     at_one = VARIANTS[0]
     for scene in (cards, house, prism):
@@ -409,8 +409,8 @@ def judged(scene: Callable[[Variant], Case], s: Variant) -> tuple[str, float, fl
 def main() -> None:
     """Print the table, and how many are what."""
     counts: Counter[str] = Counter()
-    if sys.argv[1:] in (["speed"], ["beside"]):
-        {"speed": speed, "beside": beside}[sys.argv[1]]()
+    if sys.argv[1:] in (["speed"], ["peer"]):
+        {"speed": speed, "peer": peer}[sys.argv[1]]()
         return
     for name in sys.argv[1:] or SCENES:
         for s in VARIANTS:
