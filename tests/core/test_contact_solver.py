@@ -351,8 +351,8 @@ def test_slow_things_of_a_crowd_take_a_step_once():
     falling = pg.Mechanism(stacks.heap(balls))
     run = pg.simulate(falling, t_end=0.1, step=1e-3, frames=2, method="moreau_jean", estimate=False)
     assert run.counters["evaluations"] <= run.counters["steps"] + run.counters["steps"] // 50 + 2
-    plate = stacks.box("plate", (0, 0, 40.0), 1e3).edit(
-        shape={"kind": "box", "size": (20.0, 20.0, 0.01)}
+    plate = stacks.box("plate", (0, 0, 40.0), 1e3).model_copy(
+        update={"shape": pg.Shape(kind="box", size=(20.0, 20.0, 0.01))}
     )
     shot = stacks.ball("shot", (0, 0, 50.0), radius=0.05)
     mech = pg.Mechanism(stacks.heap([*balls, plate, shot]))
