@@ -6,7 +6,8 @@ from one instance to the next is named by its path there.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from numbers import Integral
 from typing import Any
 
 import gymnasium as gym  # pyright: ignore[reportMissingImports]
@@ -90,7 +91,8 @@ class Walkers:
     the last action (12,). The reward is near 1 an action at the wanted speed along x, less what
     the motors do and how much actions change. It ends where the trunk is low or tilted.
 
-    `numbers` {path: (low, high)} are drawn for each of `variants` robots; each start takes one.
+    `numbers` {path: (low, high)} are drawn for each of `variants` robots, the same in all
+    environments of these numbers; each start takes one of them.
     """
 
     def __init__(
@@ -98,7 +100,7 @@ class Walkers:
         numbers: Mapping[str, tuple[float, float]] | None = None, variants: int = 16,
         threads: int | None = None,
     ):  # fmt: skip
-        """Raises InputError for an unknown terrain, or a path that is not in the robot."""
+        """Raises InputError for an unknown terrain, bounds that are none, or an unknown path."""
         if terrain not in ("flat", "rough"):
             text = f"must be 'flat' or 'rough'; given {terrain!r}"
             raise pg.InputError(pg.Problem("Quadruped", "terrain", text))
@@ -106,36 +108,35 @@ class Walkers:
         drawn = dict(NUMBERS if numbers is None else numbers)
         if terrain == "rough":
             drawn |= {f"ground.steps.{i}.height": (0.002, 0.03) for i in range(BARS)}
-        many = max(size, variants) if drawn else size
+        self.variants = _whole(variants) if drawn else 0
         rng = np.random.default_rng(0)
-        few = {path: rng.uniform(*span, variants) for path, span in drawn.items()}
-        values = {path: np.resize(x, many) for path, x in few.items()}
+        few = {path: rng.uniform(*_span(path, x), self.variants) for path, x in drawn.items()}
+        values = {path: np.resize(x, max(size, self.variants)) for path, x in few.items()}
         self.batch = pg.BatchStepper(
             robot(terrain), size, step=STEP, set=values or None, threads=threads
         )
-        self.variants = many
         self.action = np.zeros((size, 12))
         self.count = np.zeros(size, dtype=np.int64)  # of actions since the start
         self._force = np.zeros((size, self.batch.v.shape[1]))
         self._start = self.batch.q[0].copy()
 
-    def start(self, which: Array, rng: np.random.Generator) -> None:
-        """Start again: another variant, joints near rest."""
-        k = len(which)
+    def start(self, which: Array, rngs: Sequence[np.random.Generator]) -> None:
+        """Start again: another variant, joints near rest, drawn by each robot's own generator."""
+        k, own = len(which), [rngs[i] for i in which]
         q = np.repeat(self._start[None], k, axis=0)
-        q[:, 7:] += rng.uniform(-0.1, 0.1, (k, 12))
-        numbers = rng.integers(0, self.variants, k) if self.variants > self.size else None
+        q[:, 7:] += np.array([rng.uniform(-0.1, 0.1, 12) for rng in own])
+        numbers = [rng.integers(self.variants) for rng in own] if self.variants else None
         self.batch.reset(q, np.zeros((k, self._force.shape[1])), which=which, numbers=numbers)
         self.action[which], self.count[which], self._force[which] = 0.0, 0, 0.0
 
-    def step(self, action: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    def step(self, action: Array, rngs: Sequence[np.random.Generator]) -> tuple[Array, Array]:
         """(rewards (size,), whether each fell (size,))."""
         before, self.action = self.action, np.clip(self._numbers(action), -1.0, 1.0)
         targets = REST + REACH * self.action
         for name, column in zip(MOTORS, targets.T):
             self.batch.target(name, column)
         if self.push:
-            self._pushes(rng)
+            self._pushes(rngs)
         ok = self.batch.step(self._force, SUBSTEPS)
         self.count += 1
         q, v = self.batch.q, self.batch.v
@@ -159,17 +160,37 @@ class Walkers:
             raise pg.InputError(pg.Problem("step", "action", f"must be {wanted}; given {said}"))
         return given
 
-    def _pushes(self, rng: np.random.Generator) -> None:
+    def _pushes(self, rngs: Sequence[np.random.Generator]) -> None:
         """Now and then a force to the side and along on the trunk, for some actions."""
         begins, ends = self.count % OFTEN == OFTEN // 2, self.count % OFTEN == OFTEN // 2 + PUSHED
         self._force[ends, 3:5] = 0.0
-        self._force[begins, 3:5] = rng.uniform(-PUSH, PUSH, (int(begins.sum()), 2))
+        for i in np.flatnonzero(begins):
+            self._force[i, 3:5] = rngs[i].uniform(-PUSH, PUSH, 2)
 
     def observed(self) -> Array:
         """(size, 46) float32."""
         q, v = self.batch.q, self.batch.v
         parts = (q[:, 2:3] + HEIGHT, _up(q[:, 3:7]), v[:, 3:6], v[:, :3], q[:, 7:] - REST, v[:, 6:])
         return np.concatenate((*parts, self.action), axis=1).astype(np.float32)
+
+
+def _whole(variants: Any) -> int:
+    if isinstance(variants, bool) or not isinstance(variants, Integral) or variants < 1:
+        text = f"must be a whole number >= 1; given {variants!r:.60}"
+        raise pg.InputError(pg.Problem("Quadruped", "variants", text))
+    return int(variants)
+
+
+def _span(path: str, span: Any) -> tuple[float, float]:
+    """The bounds within which a number is drawn. Raises InputError."""
+    try:
+        low, high = map(float, span)
+    except (TypeError, ValueError):
+        low = high = np.nan
+    if not np.isfinite([low, high]).all() or low > high:
+        text = f"must be (low, high), two finite numbers; given {span!r:.60}"
+        raise pg.InputError(pg.Problem("Quadruped", f"numbers[{path!r}]", text))
+    return low, high
 
 
 def _up(quaternion: Array) -> Array:
@@ -198,12 +219,12 @@ class QuadrupedEnv(gym.Env[Array, Array]):
     ) -> tuple[Array, dict[str, Any]]:
         """At rest, joints within 0.1 rad of their home."""
         super().reset(seed=seed)
-        self.walkers.start(np.arange(1), self.np_random)
+        self.walkers.start(np.arange(1), [self.np_random])
         return self.walkers.observed()[0], {}
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Twenty steps of 1 ms."""
-        reward, fell = self.walkers.step(np.asarray(action)[None], self.np_random)
+        reward, fell = self.walkers.step(np.asarray(action)[None], [self.np_random])
         return self.walkers.observed()[0], float(reward[0]), bool(fell[0]), False, {}
 
 
@@ -223,22 +244,29 @@ class QuadrupedVectorEnv(gym.vector.VectorEnv[Array, Array, Array]):
         self.action_space = batch_space(ACTION, num_envs)
         self.walkers = Walkers(num_envs, **options)
         self._over = np.zeros(num_envs, dtype=bool)
+        self._rngs: list[np.random.Generator] = []
 
     def reset(
         self, *, seed: int | list[int] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """All at rest."""
-        super().reset(seed=seed if isinstance(seed, int) or seed is None else seed[0])
-        self.walkers.start(np.arange(self.num_envs), self.np_random)
+        """All at rest. Robot i is the single one of seed + i, or of the i-th of a list of seeds."""
+        if seed is not None or not self._rngs:
+            seeds = seed if not isinstance(seed, Integral) else range(seed, seed + self.num_envs)
+            seeds = [None] * self.num_envs if seeds is None else list(seeds)
+            if len(seeds) != self.num_envs:
+                text = f"must be one, or one for each of {self.num_envs}; given {len(seeds)}"
+                raise pg.InputError(pg.Problem("reset", "seed", text))
+            self._rngs = [gym.utils.seeding.np_random(x)[0] for x in seeds]
+        self.walkers.start(np.arange(self.num_envs), self._rngs)
         self._over[:] = False
         return self.walkers.observed(), {}
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
         """Twenty steps of 1 ms of all robots."""
         begun = np.flatnonzero(self._over)
-        reward, fell = self.walkers.step(actions, self.np_random)
+        reward, fell = self.walkers.step(actions, self._rngs)
         if len(begun):
-            self.walkers.start(begun, self.np_random)
+            self.walkers.start(begun, self._rngs)
             reward[begun], fell[begun] = 0.0, False
         late = self.walkers.count >= self._most
         self._over = fell | late

@@ -76,7 +76,7 @@ def test_pushes_move_the_trunk():
     fast = []
     for name in ("pgraph/Quadruped-v0", "pgraph/QuadrupedPush-v0"):
         env = many(name)
-        env.reset(seed=1)
+        env.reset(seed=2)
         for _ in range(54):
             seen, *_ = env.step(np.zeros((3, 12)))
         fast.append(np.abs(seen[:, 4:6]).max())
@@ -94,6 +94,38 @@ def test_numbers_of_the_description_differ_from_start_to_start():
         env.step(np.zeros((3, 12)))
         starts.add(batch.q[0].tobytes())
     assert len(starts) > 1
+
+
+def test_each_robot_of_many_is_the_single_one_of_its_seed():
+    """And no other: a list of seeds is one for each."""
+    action = np.random.default_rng(1).uniform(-1, 1, (30, 3, 12)).astype(np.float32)
+    seeds = [7, 3, 5]
+    runs = {}
+    for seed in seeds:
+        one = gymnasium.make("pgraph/QuadrupedPush-v0", variants=4).unwrapped
+        runs[seed] = [one.reset(seed=seed)[0]]
+        runs[seed] += [one.step(a[seeds.index(seed)])[0] for a in action]
+    many = gymnasium.make_vec("pgraph/QuadrupedPush-v0", num_envs=3, variants=4)
+    found = [many.reset(seed=seeds)[0], *(many.step(a)[0] for a in action)]
+    for i, seed in enumerate(seeds):
+        assert np.array_equal([x[i] for x in found], runs[seed])
+    following = many.reset(seed=3)[0]
+    assert np.array_equal(following[0], runs[3][0])
+    assert not np.array_equal(following[0], following[1])
+
+
+@pytest.mark.parametrize(
+    ("options", "field"),
+    [
+        ({"variants": 0}, "variants"),
+        ({"variants": -3}, "variants"),
+        ({"numbers": {"bodies.trunk.mass": (7, 5)}}, "trunk.mass"),
+        ({"numbers": {"bodies.trunk.mass": (np.nan, 5)}}, "trunk.mass"),
+    ],
+)
+def test_bounds_that_are_none_are_refused_in_words(options: dict, field: str):
+    with pytest.raises(pg.InputError, match=field):
+        gymnasium.make_vec("pgraph/Quadruped-v0", num_envs=2, **options)
 
 
 def test_what_is_unknown_is_refused_in_words():

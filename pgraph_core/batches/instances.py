@@ -225,14 +225,17 @@ def _servo_rows(stepper: Stepper) -> dict[str, Any]:
 
 
 def _const_places(stepper: Stepper) -> tuple[int, Ints]:
-    """(first word of the kernels' constants in a row of numbers, all words of constants)."""
-    scene, first, found = stepper.recording.scene, 0, []
-    const = scene.packed.const
+    """(first word of the kernels' constants in a row of numbers, all words of bodies' numbers)."""
+    scene, first, starts, found = stepper.recording.scene, 0, [], []
+    const, bodies = scene.packed.const, scene.packed.system.bodies_f
     for a in number_arrays(stepper):
+        words = a.nbytes // WORD
         if a.shape == const.shape and np.shares_memory(a, const):
-            found.append(first)
-        first += a.nbytes // 8
-    return found[0], np.concatenate([np.arange(n, n + const.size) for n in found])
+            starts.append(first)
+        if a is bodies or starts[-1:] == [first]:
+            found.append(np.arange(first, first + words))
+        first += words
+    return starts[0], np.concatenate(found)
 
 
 class TreeLanes(Instances):

@@ -66,6 +66,8 @@ def with_numbers(model: Model, paths: Sequence[Path], values: Sequence[float]) -
             fields[path.name] = value
             continue
         field, *rest = map(str, path.inside)
+        if path.group == "bodies" and field == "shape":  # `Model.edit` leaves a body this one alone
+            field, rest = "shapes", ["0", *rest]
         present = fields[field] if field in fields else getattr(path.owner(model), field)
         fields[field] = _replaced(present, rest, value)
     for (group, name), fields in parts.items():

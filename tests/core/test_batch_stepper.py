@@ -185,6 +185,7 @@ def test_free_trees_equal_single_ones_to_rounding(method: str, varied: bool):
     batches = [pg.BatchStepper(model, size, method=method, set=given, threads=n) for n in (1, 2)]
     for batch in batches:
         batch.reset(q)
+        batch.inverse_dynamics(np.zeros((size, 3)))  # of lanes alone
         batch.step(tau, n=400)
         batch.step(tau, n=600)
     assert np.array_equal(batches[0].q, batches[1].q)
@@ -262,6 +263,19 @@ def test_gears_and_coefficients_of_each_instance(threads: int):
     model = pg.Model(bodies=[slider], gravity=(0, 0, 0), forces=[tendon])
     batch = pg.BatchStepper(model, 2, set={"forces.t.coefficients.x.0": [2.0, 4.0]}, **given)
     assert batch.acceleration()[:, 0] == pytest.approx([20.0, 40.0], rel=1e-15)
+
+
+def test_a_path_into_the_first_shape_leaves_the_others():
+    """The mass of two boxes of 500 kg/m^3, one of which has another length."""
+    boxes = [{"kind": "box", "size": (0.2, 0.2, 0.2), "position": (0, 0, z)} for z in (0, 1)]
+    body = pg.Body(name="b", joint="prismatic", axes=(1, 0, 0), shapes=boxes, density=500,
+                   derived=("mass", "com", "inertia"))  # fmt: skip
+    model = pg.Model(bodies=[body], gravity=(1, 0, 0), forces=[
+        pg.Motor(name="m", body="b", torque=3.0),
+    ])  # fmt: skip
+    batch = pg.BatchStepper(model, 2, set={"bodies.b.shape.size.0": [0.2, 0.4]})
+    masses = np.array([8.0, 12.0])
+    assert batch.acceleration()[:, 0] == pytest.approx(1.0 + 3.0 / masses, rel=1e-12)
 
 
 def test_torques_by_a_compiled_function():
