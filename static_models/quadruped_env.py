@@ -12,6 +12,7 @@ from typing import Any
 
 import gymnasium as gym  # pyright: ignore[reportMissingImports]
 import numpy as np
+from gymnasium.utils.seeding import np_random  # pyright: ignore[reportMissingImports]
 from gymnasium.vector.utils import batch_space  # pyright: ignore[reportMissingImports]
 
 import pgraph_core as pg
@@ -247,16 +248,23 @@ class QuadrupedVectorEnv(gym.vector.VectorEnv[Array, Array, Array]):
         self._rngs: list[np.random.Generator] = []
 
     def reset(
-        self, *, seed: int | list[int] | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[Array, dict[str, Any]]:
         """All at rest. Robot i is the single one of seed + i, or of the i-th of a list of seeds."""
         if seed is not None or not self._rngs:
-            seeds = seed if not isinstance(seed, Integral) else range(seed, seed + self.num_envs)
-            seeds = [None] * self.num_envs if seeds is None else list(seeds)
+            if seed is None:
+                seeds: list[int | None] = [None] * self.num_envs
+            elif isinstance(seed, Sequence):
+                seeds = list(seed)
+            else:
+                seeds = [seed + i for i in range(self.num_envs)]
             if len(seeds) != self.num_envs:
                 text = f"must be one, or one for each of {self.num_envs}; given {len(seeds)}"
                 raise pg.InputError(pg.Problem("reset", "seed", text))
-            self._rngs = [gym.utils.seeding.np_random(x)[0] for x in seeds]
+            self._rngs = [np_random(x)[0] for x in seeds]
         self.walkers.start(np.arange(self.num_envs), self._rngs)
         self._over[:] = False
         return self.walkers.observed(), {}

@@ -8,6 +8,7 @@ that a result depends on nothing but its two rows. Of the numbers, tables keep t
 from __future__ import annotations
 
 import ctypes
+import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
@@ -198,6 +199,9 @@ def pool(threads: int) -> ThreadPoolExecutor:
     """Threads kept between batches: starting them costs as much as a small one."""
     return ThreadPoolExecutor(threads)
 
+
+if hasattr(os, "register_at_fork"):  # threads do not live on in a forked child
+    os.register_at_fork(after_in_child=pool.cache_clear)
 
 COPY = address_of_function(ctypes.memmove)
 

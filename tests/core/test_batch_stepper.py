@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import multiprocessing
+import os
 import pickle
 import subprocess
 import sys
@@ -477,3 +479,21 @@ def test_a_snapshot_goes_on_in_another_process(kind, tmp_path):
     one.step(n=100)
     subprocess.run([sys.executable, "-c", AGAIN, str(case)], check=True, timeout=300)
     assert np.array_equal(np.load(to), one.q)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+def test_a_forked_process_steps_with_threads_of_its_own():
+    batch = pg.BatchStepper(pg.Model.serial(2), 4 * LANE_WIDTH, threads=2)
+    batch.step(n=10)
+    with multiprocessing.get_context("fork").Pool(1) as pool:  # ended if it hangs
+        there = pool.apply_async(_stepped, (batch.save(),)).get(timeout=60)
+    batch.step(n=10)
+    assert np.array_equal(there, batch.q)
+
+
+def _stepped(snapshot: bytes) -> np.ndarray:
+    batch = pg.BatchStepper(pg.Model.serial(2), 4 * LANE_WIDTH, threads=2)
+    batch.restore(snapshot)
+    batch.step(n=10)
+    return batch.q.copy()
