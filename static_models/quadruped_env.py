@@ -123,7 +123,7 @@ class Walkers:
 
     def start(self, which: Array, rngs: Sequence[np.random.Generator]) -> None:
         """Start again: another variant, joints near rest, drawn by each robot's own generator."""
-        k, own = len(which), [rngs[i] for i in which]
+        k, own = len(which), [rngs[i] for i in which.tolist()]
         q = np.repeat(self._start[None], k, axis=0)
         q[:, 7:] += np.array([rng.uniform(-0.1, 0.1, 12) for rng in own])
         numbers = [rng.integers(self.variants) for rng in own] if self.variants else None
@@ -165,7 +165,7 @@ class Walkers:
         """Now and then a force to the side and along on the trunk, for some actions."""
         begins, ends = self.count % OFTEN == OFTEN // 2, self.count % OFTEN == OFTEN // 2 + PUSHED
         self._force[ends, 3:5] = 0.0
-        for i in np.flatnonzero(begins):
+        for i in np.flatnonzero(begins).tolist():
             self._force[i, 3:5] = rngs[i].uniform(-PUSH, PUSH, 2)
 
     def observed(self) -> Array:

@@ -37,6 +37,7 @@ NEW, SET, EMPTY = object.__new__, object.__setattr__, np.empty
 UNFIT = (TypeError, ValueError, AttributeError)  # of what the fast calls are given
 WITH_GIL = getattr(sys, "_is_gil_enabled", lambda: True)()
 DIRECT = JIT and WITH_GIL  # kernels refuse what does not fit, and one call is atomic
+AT_ONCE = 500  # numbers: NumPy lets other threads run while it copies more into `given`
 OVERFLOW = Problem("dynamics", "", "the result is not finite: the given numbers are too large")
 
 
@@ -418,7 +419,8 @@ class Dynamics(Portable):
         shape = len(scene.active) - 1, 6
         state = self.nq, self.nv, self._rest
         self._constrained = kernel, *asked, np.zeros(3), shape
-        self._bound = (*state, *self._constrained, scene.forces) if DIRECT else ()
+        direct = DIRECT and self.nv <= AT_ONCE
+        self._bound = (*state, *self._constrained, scene.forces) if direct else ()
         return scene
 
     # -- wrenches on bodies ----------------------------------------------------------------------

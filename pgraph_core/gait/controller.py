@@ -210,7 +210,8 @@ def _store(exchange: Array, kept: Walk) -> None:
     compile_kernel("save_walk")
     buffer = np.zeros(WORDS, dtype=np.int64)
     ready(walking.save_walk)(buffer, unnamed(kept))
-    assert not buffer[len(place) :].any()
+    if buffer[len(place) :].any():
+        raise RuntimeError(f"a walk takes more than the {len(place)} words of its exchange")
     place[:] = buffer[: len(place)]
 
 

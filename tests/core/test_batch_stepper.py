@@ -487,7 +487,7 @@ def test_a_forked_process_steps_with_threads_of_its_own():
     batch = pg.BatchStepper(pg.Model.serial(2), 4 * LANE_WIDTH, threads=2)
     batch.step(n=10)
     with multiprocessing.get_context("fork").Pool(1) as pool:  # ended if it hangs
-        there = pool.apply_async(_stepped, (batch.save(),)).get(timeout=60)
+        there = pool.apply_async(_stepped, (batch.save(),)).get(timeout=300)
     batch.step(n=10)
     assert np.array_equal(there, batch.q)
 
