@@ -440,3 +440,19 @@ def test_points_that_fail_are_an_exit_code(capsys):
     words[3] = f"bodies.{name}.mass=1,-1"
     assert main(words) == 1
     assert "1 of 2" in capsys.readouterr().err
+
+
+def test_metrics_see_an_oscillation_of_one_frame_a_period():
+    """A mass that swings by 0.1 m at 10 Hz for 100 s: 1001 frames show it at rest."""
+    spring = (2 * np.pi * 10.0) ** 2
+    body = pg.Body(name="x", joint="prismatic", axes=(1, 0, 0), mass=1.0, q=0.1, stiffness=spring)
+    model = pg.Model(bodies=(body,), gravity=(0, 0, 0))
+    given = model, {"bodies.x.stiffness.0": [spring]}, ["peak v.x", "range x"]
+    table = pg.sweep(*given, t_end=100.0)
+    assert table["peak v.x"][0] == pytest.approx(2 * np.pi, rel=0.02)
+    assert table["range x"][0] == pytest.approx(0.2, rel=0.01)
+    assert table.status == ("DONE",)
+    assert table.reason == ("",)
+    table = pg.sweep(*given, t_end=100.0, frames=1001)
+    assert table.status == ("DONE",)
+    assert "frames=" in table.reason[0]

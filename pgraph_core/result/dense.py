@@ -17,6 +17,7 @@ from ..packing.system import Array, Ints
 OUTSIDE = 1e-9  # of the run: a time this far outside is at its end
 SMOOTH = 0.1  # ratio of the errors of quintic and cubic over two frames where motion is smooth
 TURN = 3.0  # rad of an oscillation: wider frames show a slower one
+TOO_WIDE = "frames are too wide"  # how the notice of such an oscillation begins
 OFTEN = 0.1  # of the frames: what fewer of them show may be transients, or impacts
 STILL = 1e-9  # rad, or of the length: smaller motion may be rounding
 GAIN = 16.0  # smooth: the error over one frame is 1/64 of that over two; a factor 4 is kept back

@@ -647,20 +647,18 @@ class Recording:
 
     def _note_unseen(self, frames: tuple[Array, Array, Array, Array]) -> None:
         """Append a notice of bodies that turn round between frames."""
-        from ..result.dense import unseen
+        from ..result.dense import TOO_WIDE, unseen
 
-        packed = self.mech.packed
+        packed, steps = self.mech.packed, int(self.steps.counters["steps"])
         rows = unseen(packed.system.rows, frames, packed.length)
         if not rows:
             return
         names = list(dict.fromkeys(f"'{packed.body_of(row)}'" for row in rows))
         text = (
-            f"frames are too wide for the motion of {choices(names, 3)}, which turns round between "
+            f"{TOO_WIDE} for the motion of {choices(names, 3)}, which turns round between two of "
         )
-        text += "two of them: curves, ranges and peaks miss it; give "
-        self.ended.notices.append(
-            f"{text}frames={int(self.steps.counters['steps']) + 1}, one a step"
-        )
+        text += f"them: curves, ranges and peaks miss it; give frames={steps + 1}, one a step"
+        self.ended.notices.append(text)
 
     # -- the result ------------------------------------------------------------------------------
 

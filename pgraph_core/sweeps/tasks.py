@@ -19,10 +19,12 @@ from ..mechanism import Mechanism
 from ..model import Model
 from ..portable import installed
 from ..result import Result
+from ..result.dense import TOO_WIDE
 from ..simulation import simulate
 from .metrics import Metric, measured
 
 CHUNK = 0.25  # [s] of work handed out at once
+MOST_FRAMES = 1_000_000  # of a run whose frames missed an oscillation at first
 PATIENCE = 1.5  # [s]: a sweep that takes no longer starts no processes
 
 
@@ -64,7 +66,11 @@ def run_points(task: Task, points: Sequence[tuple[int, tuple[float, ...]]]) -> l
 def _row(task: Task, paths: Sequence[Path], number: int, values: Sequence[float]) -> Row:
     try:
         model = with_numbers(task.model, paths, values)
-        run = simulate(Mechanism(model), **{"estimate": False, **task.options})
+        options = {"estimate": False, **task.options}
+        run = simulate(Mechanism(model), **options)
+        steps = run.counters["steps"]
+        if _unseen(run) and steps < MOST_FRAMES and not {"frames", "t_eval"} & options.keys():
+            run = simulate(Mechanism(model), **options, frames=steps + 1)
         if not run.status.ok:
             return Row(number, (), run.status.name, run.message)
     except PgraphError as error:
@@ -74,7 +80,13 @@ def _row(task: Task, paths: Sequence[Path], number: int, values: Sequence[float]
         value, reason = _measured(run, name, metric)
         found.append(value)
         reasons += [reason] if reason else []
-    return Row(number, tuple(found), "FAILED" if reasons else run.status.name, "; ".join(reasons))
+    status = "FAILED" if reasons else run.status.name
+    return Row(number, tuple(found), status, "; ".join(reasons) or _unseen(run))
+
+
+def _unseen(run: Result) -> str:
+    """The notice that frames miss an oscillation, or ""."""
+    return next((text for text in run.notices if text.startswith(TOO_WIDE)), "")
 
 
 def _measured(run: Result, name: str, metric: Metric | str) -> tuple[float, str]:

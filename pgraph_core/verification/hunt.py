@@ -17,6 +17,7 @@ from ..errors import PgraphError
 from ..mechanism import Mechanism
 from ..packing.system import Array
 from ..result import Result
+from ..result.dense import TOO_WIDE
 from ..simulation import simulate
 from . import bound_scenes, smooth_scenes, touching_scenes
 from .scene import Rng
@@ -104,7 +105,7 @@ def _run(
     truth = known(run.t)
     error, size = off(mech, run, truth)
     estimate = run.error_estimate / size
-    told = [text for text in run.notices if not text.startswith("frames are")]  # not of the error
+    told = [text for text in run.notices if not text.startswith(TOO_WIDE)]  # not of the error
     says = told[-1] if told else run.message if np.isnan(estimate) else ""
     if np.isnan(error):
         return Find(scene, setting, "unjudged", error, estimate, says)
