@@ -56,7 +56,7 @@ pgraph.forms = (() => {
     const grid = make("div", { className: `grid columns-${field.columns}` });
     grid.append(...field.cells.map((cell) => input(box, grid, field, cell)));
     if (field.kind === "density") density(box, grid, field);
-    const unit = make("span", { className: "unit" }), what = make("div", { className: "what", title: field.help }, make("span", { textContent: field.label }), unit);
+    const unit = make("span", { className: "unit" }), what = make("div", { className: "what", title: field.help || field.label }, make("span", { textContent: field.label }), unit);
     if (field.pick) what.append(picker(box, field));
     const buttons = field.buttons.map((b) => make("button", {
       className: "action small", textContent: b.text, title: b.title, onclick: () => box.pgraphAsk.press(b, field),

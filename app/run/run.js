@@ -17,8 +17,8 @@
         make("div", { className: "job lively", hidden: true }, text("span", "dot"), text("span", "said"),
           pgraph.pressButton("stop", "Stop", "End the live run and keep it", () => send("StopLive"))),
         make("div", { className: "problem sentence", role: "alert", hidden: true }),
-        after(),
         make("table", { className: "compared", hidden: true }),
+        after(),
         make("dl", { className: "summary", hidden: true })));
   }
 

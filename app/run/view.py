@@ -152,8 +152,8 @@ def measures(run: Run) -> dict[str, str]:
         way -= np.outer(way @ (up := np.asarray(GRID[model.up][1])), up)
         far = float(np.linalg.norm(way.sum(axis=0)))
         found |= {"distance": f"{far:.4g} m", "mean speed": f"{far / span:.3g} m/s"}
-    if steps := len(prints(run.falls, math.inf, len(run.falls))):
-        found["steps"] = f"{steps}, {steps / span:.3g} a second" if span > 0 else f"{steps}"
+        if steps := len(prints(run.falls, math.inf, len(run.falls))):
+            found |= {"steps": f"{steps}", "steps a second": f"{steps / span:.3g}"}
     if work := float(np.ptp(result.work)):
         found["work put in"] = f"{result.work[-1]:.4g} J, range {work:.3g} J"
     if run.usual_force:

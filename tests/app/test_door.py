@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import gzip
 import http.client
 import time
 from typing import Any
@@ -38,6 +39,19 @@ def test_our_own_pages_may_connect(served):
     assert answer(served, Host=own)[0] == 200
     assert answer(served, Host=f"localhost:{served.port}")[0] == 200
     assert answer(served, Host=own, Origin=f"http://{own}")[0] == 200
+
+
+@pytest.mark.parametrize("coding", ["identity", "gzip"])
+def test_the_page_says_that_it_is_loading_however_it_is_sent(served, coding):
+    for _ in range(2):  # made, and as it was kept
+        connection = http.client.HTTPConnection("127.0.0.1", served.port, timeout=10)
+        connection.request("GET", "/", headers={"Accept-Encoding": coding})
+        response = connection.getresponse()
+        body = response.read()
+        assert int(response.headers["Content-Length"]) == len(body)
+        page = (gzip.decompress(body) if coding == "gzip" else body).decode()
+        assert page.count('id="pgraph-loading"') == 1
+        assert "<title>Viser" not in page
 
 
 @pytest.mark.parametrize(
