@@ -392,6 +392,10 @@ def inverse_in_pinocchio(
 
     points = [(*end(c.body, c.point), end(c.other, c.other_point)) for c in model.constraints]
     made, kept = in_pinocchio.pinned(tree, data, points)
+    # its Jacobian takes the constraints' places from here: once, since they stay
+    settings = pin.ProximalSettings(*in_pinocchio.QUICK)
+    zero = np.zeros(tree.nv)
+    pin.constraintDynamics(tree, data, position, velocity, zero, made, kept, settings)
 
     def torques() -> np.ndarray:
         force = pin.rnea(tree, data, position, velocity, acceleration)

@@ -122,7 +122,7 @@ def _prepared(mech: Dynamics) -> Prepared | None:
     n, m = mech.nv, len(scene.space.omega)
     accelerate = address_of(motion.acceleration)
     addresses = scene.address, accelerate, radius_of_gyration(mech.packed.system)
-    space = np.empty((m, n)), np.empty((m, m)), np.empty((VECTORS, max(n, m, 3)))
+    space = np.empty((n, m)), np.empty((m, m)), np.empty((VECTORS, max(n, m, 3)))
     vars(mech)["_inverse_prepared"] = own = Prepared(addresses, np.ones(n), space)
     ready(LEAST)
     return own

@@ -9,12 +9,27 @@ zero by the method of multipliers: a large weight, and a shift by what is left.
 from numba import types
 
 from .arrays import F1, F2, opened
-from .compiler.jit import kernel, sweep
-from .constraints.blocks import residual, residual_velocity, velocities
+from .compiler.jit import kernel, part, sweep
+from .constraints.blocks import (
+    along,
+    along_coordinates,
+    ends_of,
+    first_of,
+    place_a,
+    place_b,
+    residual,
+    residual_velocity,
+    size_of,
+    terms_of,
+    type_of,
+)
 from .constraints.constraints import located
+from .layout import T_ALIGN, T_TURN
 from .motion import call_acceleration
-from .tree.dynamics import newton_euler
+from .rows import kind_of, nv_of, origin_of, parent_of, v_of
+from .tree.dynamics import motion, newton_euler
 from .tree.kinematics import outboard
+from .vec import add, cross, dot, sub
 
 CLOSED = 1e-9  # of the length of the rows, of their speeds: a state that meets its constraints
 PROXIMAL = 1e-10  # of the mean diagonal of J W Jᵀ
@@ -23,44 +38,63 @@ SETTLED = 1e-14  # of the largest force: steps that change nothing more
 IDLE = 1e4  # weight of a joint without a motor, of the largest weight
 UNMOVED = 1e-11  # of the largest force: what such a joint may keep
 SAME = 1e-10  # of the largest force: M times what v' differs that the torques give
-WANTED, UNIT, SHIFT, WEIGHT, ROW, BASE, AGAIN, FLOW = 0, 1, 2, 3, 4, 5, 6, 7
-VECTORS = 8  # rows of the workspace
+WANTED, TORQUE, SHIFT, WEIGHT, ROW, AGAIN, FLOW = 0, 1, 2, 3, 4, 5, 6
+VECTORS = 7  # rows of the workspace
+
+
+@part
+def add_path(data, i, k, p, sign, turned):
+    """What the freedoms from row k to the ground do to the rows of block i at p, into Jᵀ."""
+    rows, const, work, place = data.rows, data.const, data.work, data.space.place
+    first, kind = first_of(data.space.slots, i), type_of(data.blocks.blocks_i, i)
+    turns = kind == T_ALIGN or kind == T_TURN
+    while k > 0:
+        arm = sub(p, origin_of(work, k))
+        for c in range(nv_of(kind_of(rows, k))):
+            spin, speed = motion(rows, const, work, k, c)
+            if not turns:
+                spin = add(speed, cross(spin, arm))
+            for r in range(size_of(data.blocks.blocks_i, i)):
+                turned[v_of(rows, k) + c, first + r] += sign * dot(along(place, i, r), spin)
+        k = parent_of(rows, k)
 
 
 @sweep
-def set_jacobian(scene, q, vectors, m, jac):
-    """J (m, nv) of the active rows, column by column: g' of unit speeds, after `located`."""
+def set_jacobian(scene, m, turned):
+    """Jᵀ (nv, m) of the active rows, after `located`."""
     data = opened(scene)
-    rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
-    n = jac.shape[1]
-    unit, row, base = vectors[UNIT, :n], vectors[ROW], vectors[BASE]
-    for j in range(n):
-        unit[j] = 0.0
-    for j in range(-1, n):
-        if j >= 0:
-            unit[j] = 1.0
-        outboard(rows, const, work, q, unit)
-        velocities(rows, const, work, unit, space.linear)
-        residual_velocity(blocks, work, space, 0.0, unit, row)
+    blocks_i, _, terms_i, terms_f, _, active = data.blocks
+    place = data.space.place
+    for j in range(turned.shape[0]):
         for r in range(m):
-            if j < 0:
-                base[r] = row[r]  # what prescribed motions ask for
-            else:
-                jac[r, j] = row[r] - base[r]
-        if j >= 0:
-            unit[j] = 0.0
+            turned[j, r] = 0.0
+    for n in range(1, active[0] + 1):
+        i = active[n]
+        kind = type_of(blocks_i, i)
+        if along_coordinates(kind):
+            begin, end = terms_of(blocks_i, i)
+            for x in range(begin, end):
+                turned[terms_i[x, 0], first_of(data.space.slots, i)] += terms_f[x]
+            continue
+        a, b = ends_of(blocks_i, i)
+        add_path(data, i, a, place_a(place, i), 1.0, turned)
+        add_path(data, i, b, place_b(place, i), -1.0, turned)
 
 
 @sweep
-def set_factor(jac, weight, m, gram):
+def set_factor(turned, weight, m, gram):
     """Cholesky's factor of J W Jᵀ + ρ in the lower triangle of `gram`; False where it has none."""
-    n, trace = jac.shape[1], 0.0
+    trace = 0.0
     for r in range(m):
-        for s in range(r + 1):
-            x = 0.0
-            for j in range(n):
-                x += jac[r, j] * weight[j] * jac[s, j]
-            gram[r, s] = x
+        for s in range(m):
+            gram[r, s] = 0.0
+    for j in range(turned.shape[0]):
+        for r in range(m):
+            x = weight[j] * turned[j, r]
+            if x != 0.0:
+                for s in range(r + 1):
+                    gram[r, s] += x * turned[j, s]
+    for r in range(m):
         trace += gram[r, r]
     for r in range(m):
         gram[r, r] += PROXIMAL * trace / m
@@ -97,11 +131,11 @@ def solve_factor(gram, m, x):
     ),
     later=True,
 )  # fmt: skip
-def least_torques(scene, accelerate, length, q, v, vdot, passive, cost, jac, gram, vectors, tau):
+def least_torques(scene, accelerate, length, q, v, vdot, passive, cost, turned, gram, vectors, tau):
     """τ (nv,) into `tau`; 0, or 1 where a closer look must say what is wrong or undecided.
 
     `length` [m] is that of rows of angles, `passive` (nv,) what acts besides τ, `cost` (nv,) the
-    weights, 0 where a joint has no motor. `jac`, `gram` and `vectors` are workspace.
+    weights, 0 where a joint has no motor. `turned`, `gram` and `vectors` are workspace.
     """
     data = opened(scene)
     rows, const, blocks, work, space = data.rows, data.const, data.blocks, data.work, data.space
@@ -120,36 +154,38 @@ def least_torques(scene, accelerate, length, q, v, vdot, passive, cost, jac, gra
     for r in range(m):
         if not abs(row[r]) <= CLOSED * length:
             return 1
-    set_jacobian(scene, q, vectors, m, jac)
-    base, fast, slip = vectors[BASE], 0.0, 0.0
+    set_jacobian(scene, m, turned)
+    residual_velocity(blocks, work, space, 0.0, v, row)
+    fast = 0.0
     for r in range(m):
-        x, size = base[r], abs(base[r])
+        size = 0.0
         for j in range(n):
-            x += jac[r, j] * v[j]
-            size += abs(jac[r, j] * v[j])
-        slip, fast = max(slip, abs(x)), max(fast, size)
-    if not slip <= CLOSED * fast:
-        return 1
+            size += abs(turned[j, r] * v[j])
+        fast = max(fast, size)
+    for r in range(m):
+        if not abs(row[r]) <= CLOSED * fast:
+            return 1
     dearest = 0.0
     for j in range(n):
         shift[j] = 0.0
         dearest = max(dearest, cost[j])
     for j in range(n):
         weight[j] = cost[j] if cost[j] > 0.0 else IDLE * dearest
-    if not set_factor(jac, weight, m, gram):
+    if not set_factor(turned, weight, m, gram):
         return 1
     for _ in range(ROUNDS):
         for r in range(m):
-            x = 0.0
-            for j in range(n):
-                x += jac[r, j] * (weight[j] * (tau[j] + shift[j]))
-            row[r] = x
+            row[r] = 0.0
+        for j in range(n):
+            x = weight[j] * (tau[j] + shift[j])
+            for r in range(m):
+                row[r] += turned[j, r] * x
         solve_factor(gram, m, row)
         changed, idle = 0.0, 0.0
         for j in range(n):
             x = 0.0
             for r in range(m):
-                x += jac[r, j] * row[r]
+                x += turned[j, r] * row[r]
             tau[j] -= x
             changed = max(changed, abs(x))
             if not cost[j] > 0.0:
@@ -164,10 +200,10 @@ def least_torques(scene, accelerate, length, q, v, vdot, passive, cost, jac, gra
             tau[j] = 0.0
         data.given[j] = tau[j]
     again = vectors[AGAIN, :n]
-    call_acceleration(accelerate, (scene, 0.0, q, v, vectors[UNIT, :n], again, vectors[FLOW, :3]))
+    call_acceleration(accelerate, (scene, 0.0, q, v, vectors[TORQUE, :n], again, vectors[FLOW, :3]))
     outboard(rows, const, work, q, v)
-    newton_euler(rows, const, v, again, work, vectors[UNIT, :n])
+    newton_euler(rows, const, v, again, work, vectors[TORQUE, :n])
     apart = 0.0
     for j in range(n):
-        apart = max(apart, abs(vectors[UNIT, j] - passive[j] - wanted[j]))
+        apart = max(apart, abs(vectors[TORQUE, j] - passive[j] - wanted[j]))
     return 0 if apart <= SAME * largest else 1
