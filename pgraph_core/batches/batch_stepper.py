@@ -14,13 +14,16 @@ from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 from ..dynamics.arguments import positions
+from ..dynamics.states import bodies_over
 from ..engine import layout as at
 from ..errors import InputError, PgraphError, Problem, choices, explained, guarded, shown
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..model.force import OnJoint
-from ..packing.system import Array, Ints
+from ..packing.system import Array, Ints, System
 from ..portable import Portable, installed
+from ..result.outputs import Sensors, no_motion
+from ..result.records import Named
 from ..simulation.recording import STATUS
 from ..simulation.stepper import AUTO, Stepper
 from .feet import FeetLanes, on_feet
@@ -107,7 +110,10 @@ class BatchStepper(Portable):
     def _begin(self) -> None:
         """The tables, the state of every instance at its start."""
         kinds, self._entries = _kinds(self._set, self.size)
-        first, starts, numbers, varying = _tables(self._steppers(kinds))
+        first, starts, numbers, varying = _tables(self._noted(kinds))
+        record = first.recording
+        self._pushed = len(record.scene.active) > 1 or record.scene.touching is not None
+        self._pushed |= len(record.plan.loads.table) > 0
         made = [first]
         for _ in range(min(self.threads, self.size) - 1):
             made.append(Stepper(Mechanism(first.mech.model), **self._options))
@@ -122,6 +128,16 @@ class BatchStepper(Portable):
         else:
             self._many = Instances(*tables)
         vars(self)["method"] = first.method
+
+    def _noted(self, kinds: Array) -> Iterator[Stepper]:
+        """The same steppers; what outputs need of each is kept, before steps share its arrays."""
+        self._sensed: list[tuple[Sensors, System]] = []
+        for stepper in self._steppers(kinds):
+            if self.mech.model.outputs or not self._sensed:
+                packed = stepper.mech.packed
+                system: Any = System._make(a.copy() for a in packed.system)
+                self._sensed.append((Sensors(packed, stepper.mech.model), system))
+            yield stepper
 
     def _steppers(self, kinds: Array) -> Iterator[Stepper]:
         """A stepper for each row of values (kinds, paths)."""
@@ -187,6 +203,28 @@ class BatchStepper(Portable):
     def contact_gap(self) -> Mapping[str, Array]:
         """{contact pair: (size,) smallest gap} [m] in the last step, negative: penetration."""
         return self._touches(lambda pair: pair["gap"].copy())
+
+    @property
+    def outputs(self) -> Mapping[str, Array]:
+        """{output: (size,), (size, 3) or (size, 4)}: what it reads at the states, as `Output` says.
+
+        The torques of the last step act.
+        """
+        many, shared = self._many, self._sensed[0][0]
+        read = np.empty((self.size, shared.width))
+        vdot = many.accelerations() if shared.moves else self.v
+        external = np.zeros((self.size, self.mech.nb, 6))
+        if shared.loads:
+            for i in range(self.size) if self._pushed else ():
+                external[i] = many.into_worker(i).stepper._on_bodies(again=True)[0]
+        for kind, (sensors, system) in enumerate(self._sensed):
+            which = np.flatnonzero(many.kind == kind)
+            q, v, rates = (np.ascontiguousarray(x[which]) for x in (many.q, many.v, vdot))
+            motion = no_motion(len(which))
+            if shared.moves:
+                motion = bodies_over(system, q, v, rates, external[which])
+            read[which] = sensors.read(q, v, motion)
+        return Named(shared.by_name(read), "outputs", "output")
 
     def _touches(self, value: Any) -> dict[str, Array]:
         contacts = self._first.recording.plan.contacts

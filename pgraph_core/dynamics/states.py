@@ -9,6 +9,7 @@ import numpy as np
 
 from ..engine import layout as at
 from ..engine.tree import bodies as kernels
+from ..engine.tree import sensors
 from ..model import Body
 from ..packing.packed import Packed
 from ..packing.system import Array, Ints, System
@@ -90,8 +91,8 @@ def bodies_over(system: System, q: Array, v: Array, vdot: Array, external: Array
     states = map(np.ascontiguousarray, (q, v, vdot))
     out = (position, rotation, velocity, acceleration, force)
     kernels.motion_and_forces(*system[:4], *states, external, work, *out)
-    turn = quaternions(rotation.reshape(n, nb, 3, 3))
-    pose = np.concatenate((position, turn), axis=-1)
+    pose = np.empty((n, nb, 7))
+    sensors.poses(position, rotation, pose)
     return BodyMotion(pose, velocity, acceleration, force)
 
 
@@ -119,27 +120,3 @@ def turned(q: Array, x: Array) -> Array:
     w, u = q[..., :1], q[..., 1:]
     cross = np.cross(u, x)
     return x + 2 * (w * cross + np.cross(u, cross))
-
-
-def quaternions(rotation: Array) -> Array:
-    """(..., 4) quaternions [w, x, y, z] of (..., 3, 3) rotations, the largest entry positive.
-
-    Of the four ways to read a quaternion off a matrix the best conditioned is taken.
-    """
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = np.moveaxis(rotation, (-2, -1), (0, 1))
-    ways = np.stack(
-        [
-            _stack(1 + xx + yy + zz, zy - yz, xz - zx, yx - xy),
-            _stack(zy - yz, 1 + xx - yy - zz, xy + yx, xz + zx),
-            _stack(xz - zx, xy + yx, 1 - xx + yy - zz, yz + zy),
-            _stack(yx - xy, xz + zx, yz + zy, 1 - xx - yy + zz),
-        ],
-        axis=-2,
-    )
-    best = np.argmax(np.stack([ways[..., i, i] for i in range(4)], axis=-1), axis=-1)
-    q = np.take_along_axis(ways, best[..., None, None], axis=-2)[..., 0, :]
-    return q / np.linalg.norm(q, axis=-1, keepdims=True)
-
-
-def _stack(*parts: Array) -> Array:
-    return np.stack(parts, axis=-1)

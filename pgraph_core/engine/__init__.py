@@ -7,6 +7,7 @@ MODULES = (
     "packing",
     "tree.dynamics",
     "tree.bodies",
+    "tree.sensors",
     "motion",
     "stepping.run",
     "stepping.stiffness",

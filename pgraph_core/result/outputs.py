@@ -1,102 +1,69 @@
-"""Outputs over the frames of a run: what its sensors would read."""
+"""Outputs: what sensors of a model read off motions of its bodies."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from .. import joints
-from ..dynamics.states import BodyMotion, shifted, turned
-from ..mechanism import Mechanism
-from ..model import Output, Site
+from ..dynamics.states import BodyMotion
+from ..engine.records import table
+from ..engine.tree import sensors as kernels
+from ..model import Model
 from ..model.fields import GROUND
-from ..model.output import OF_JOINT
+from ..model.output import OF_JOINT, OF_LOAD, READINGS, Output
+from ..packing.packed import Packed
 from ..packing.system import Array
 from ..rotation import unit
 
-BACK = np.array([1.0, -1.0, -1.0, -1.0])  # of a quaternion: the opposite turn
+KINDS = list(READINGS)
 
 
-def outputs(
-    mech: Mechanism, q: Array, v: Array, motion: Callable[[], BodyMotion]
-) -> dict[str, Array]:
-    """{name: (n,), (n, 3) or (n, 4)} of every output of the model, over n frames.
+class Sensors:
+    """The outputs of a model as a table for the kernel."""
 
-    `motion` gives that of the bodies, and is called where an output reads it.
-    """
-    wanted = mech.model.outputs
-    names = list(dict.fromkeys(o.at for o in wanted if o.kind not in OF_JOINT))
-    frames = _frames(mech, motion(), names) if names else None
-    found: dict[str, Array] = {}
-    for o in wanted:
-        if o.kind in OF_JOINT or frames is None:
-            found[o.name] = _coordinate(mech, q, v, o)
-        else:
-            found[o.name] = _read(frames, names.index(o.at), o.kind, mech.model.gravity)
-    return found
+    def __init__(self, packed: Packed, model: Model):
+        """`loads`: whether any reads what a joint passes on; `moves`: what bodies do."""
+        wanted, sites = model.outputs, {s.name: s for s in model.sites}
+        self.gravity = np.array(model.gravity)
+        self.table, self._spans, self.width = table(kernels.SENSOR, len(wanted)), [], 0
+        for o, one in zip(wanted, self.table):
+            one["kind"], one["first"] = KINDS.index(o.kind), self.width
+            if o.kind in OF_JOINT:
+                one["entry"] = _entry(packed, model, o)
+            else:
+                site = sites.get(o.at)
+                body = o.at if site is None else site.body
+                one["body"] = 0 if body == GROUND else packed.topology.number(body)
+                one["point"] = (0.0, 0.0, 0.0) if site is None else site.point
+                one["turn"] = (1.0, 0.0, 0.0, 0.0) if site is None else unit(site.rotation)
+            self._spans.append((o.name, self.width, self.width + len(o.reading.parts)))
+            self.width += len(o.reading.parts)
+        self.moves = any(o.kind not in OF_JOINT for o in wanted)
+        self.loads = any(o.kind in OF_LOAD for o in wanted)
+
+    def read(self, q: Array, v: Array, motion: BodyMotion) -> Array:
+        """(n, width) in n states (n, nq), (n, nv)."""
+        out = np.empty((len(q), self.width))
+        kernels.read(self.table, self.gravity, q, v, *motion, out)
+        return out
+
+    def by_name(self, read: Array) -> dict[str, Any]:
+        """{name: (...,), (..., 3) or (..., 4)} of what was read, (..., width)."""
+        return {name: read[..., a] if b == a + 1 else read[..., a:b] for name, a, b in self._spans}
 
 
-def _coordinate(mech: Mechanism, q: Array, v: Array, o: Output) -> Array:
-    """(n,) of a joint."""
-    joint = mech.joints[o.at]
+def _entry(packed: Packed, model: Model, o: Output) -> int:
+    """Where in q or v a coordinate of a joint stands."""
+    joint = packed.joints[o.at]
     if o.kind == "joint_velocity":
-        return v[:, joint.v.start + o.coordinate]
-    place = joints.places(mech.model.body(o.at).sequence)[o.coordinate]
+        return joint.v.start + o.coordinate
+    place = joints.places(model.body(o.at).sequence)[o.coordinate]
     assert place is not None
-    return q[:, joint.q.start + place]
+    return joint.q.start + place
 
 
-class _Frames(NamedTuple):
-    """k frames of bodies and sites over the frames of a run, world axes, at their origins."""
-
-    place: Array  # (n, k, 3)
-    turn: Array  # (n, k, 4)
-    spin: Array  # (n, k, 3)
-    velocity: Array
-    acceleration: Array
-    load: Array  # (n, k, 6)
-
-
-def _frames(mech: Mechanism, motion: BodyMotion, names: list[str]) -> _Frames:
-    n = len(motion[0])
-    sites = {s.name: s for s in mech.model.sites}
-    sites = [sites.get(name) or Site(name=f"{name} frame", body=name) for name in names]
-    fixed = [np.zeros((n, 1, width)) for width in (7, 6, 6, 6)]  # the ground
-    fixed[0][..., 3] = 1.0
-    bodies = [0 if s.body == GROUND else mech.topology.number(s.body) for s in sites]
-    moving = zip(fixed, motion)
-    parts = (np.concatenate((still, part), axis=1)[:, bodies] for still, part in moving)
-    pose, velocity, acceleration, load = parts
-    turn, own = pose[..., 3:], np.array([unit(s.rotation) for s in sites])
-    arm = turned(turn, np.array([s.point for s in sites]))
-    spin = velocity[..., :3]
-    across = np.cross(spin, arm)
-    more = np.cross(acceleration[..., :3], arm) + np.cross(spin, across)
-    return _Frames(
-        pose[..., :3] + arm, _product(turn, own), spin, velocity[..., 3:] + across,
-        acceleration[..., 3:] + more, shifted(load, -arm),
-    )  # fmt: skip
-
-
-def _product(p: Array, q: Array) -> Array:
-    """(..., 4) quaternions: the turn q, then p."""
-    real = p[..., :1] * q[..., :1] - (p[..., 1:] * q[..., 1:]).sum(axis=-1, keepdims=True)
-    rest = p[..., :1] * q[..., 1:] + q[..., :1] * p[..., 1:] + np.cross(p[..., 1:], q[..., 1:])
-    return np.concatenate((real, rest), axis=-1)
-
-
-def _read(frames: _Frames, k: int, kind: str, gravity: tuple[float, ...]) -> Array:
-    """(n, 3) or (n, 4): what an output of frame k reads."""
-    place, turn, spin, velocity, acceleration, load = (part[:, k] for part in frames)
-    in_world = {
-        "position": place, "rotation": turn, "velocity": velocity, "angular_velocity": spin
-    }  # fmt: skip
-    if kind in in_world:
-        return in_world[kind]
-    in_own = {
-        "velocimeter": velocity, "gyro": spin, "accelerometer": acceleration - np.array(gravity),
-        "force": load[:, 3:], "torque": load[:, :3],
-    }  # fmt: skip
-    return turned(turn * BACK, in_own[kind])
+def no_motion(n: int) -> BodyMotion:
+    """Of no bodies, for outputs of joints alone."""
+    return BodyMotion(np.empty((n, 0, 7)), *(np.empty((n, 0, 6)) for _ in range(3)))

@@ -28,7 +28,7 @@ from ..packing.system import Array
 from ..portable import EqualByFields, Hinting, ReadOnly, keep_unchanged
 from .columns import Column, columns_of, frame, meant, no_column
 from .dense import states_at
-from .outputs import outputs
+from .outputs import Sensors, no_motion
 from .records import (
     KINDS,
     NO_FORCES,
@@ -423,8 +423,10 @@ class Result(EqualByFields, Hinting):
     @cached_property
     def outputs(self) -> Mapping[str, Array]:
         """{name: (n,), (n, 3) or (n, 4)}: what the model's outputs read, as `Output` says."""
-        read = outputs(self.mechanism, self.q, self.v, lambda: self.body_motion)
-        return Named(read, "outputs", "output")
+        sensors = Sensors(self.mechanism.packed, self.mechanism.model)
+        motion = self.body_motion if sensors.moves else no_motion(len(self.t))
+        read = sensors.read(self.q.copy(), self.v.copy(), motion)
+        return Named(sensors.by_name(read), "outputs", "output")
 
     # -- files -------------------------------------------------------------------------------
 

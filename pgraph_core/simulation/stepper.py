@@ -15,17 +15,21 @@ import numpy as np
 import numpy.typing as npt
 
 from ..dynamics.arguments import finite
+from ..dynamics.states import bodies_over
 from ..engine import layout as at
+from ..engine import motion as kernels
 from ..errors import InputError, Problem, choices, explained, guarded, one_of
 from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model, Servo, Table
 from ..model.force import OnJoint
-from ..packing.forces import AT_ONCE, Follows, followed
+from ..packing.forces import AT_ONCE, Follows, followed, on_bodies
 from ..packing.system import Array, Drives
 from ..portable import Portable, ReadOnly, installed
 from ..result import Result, Status
+from ..result.outputs import Sensors, no_motion
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
+from ..result.result import add_constraint_wrenches
 from .loop import Outcome
 from .options import SAME, Options, begun, driven, first_of, inputs_of, positive
 from .plan import by_names, plan_of, torques_by_names, touching_contacts, with_contacts, with_state
@@ -174,8 +178,44 @@ class Stepper(Portable):
     @property
     def outputs(self) -> Mapping[str, Any]:
         """{output: what it reads}, a number or an array (3,) or (4,), as `Output` says."""
-        found = self._seen().result(Estimate(), {}).outputs
-        return Named({name: x[0].copy() for name, x in found.items()}, "outputs", "output")
+        out, sensors = self._seen().out, self._sensors
+        states = out.q[:1], out.v[:1], out.vdot[:1]
+        motion = no_motion(1)
+        if sensors.moves:
+            external = self._on_bodies() if sensors.loads else self._no_loads
+            motion = bodies_over(self.mech.packed.system, *states, external)
+        read = sensors.read(*states[:2], motion)[0]
+        return Named(sensors.by_name(read), "outputs", "output")
+
+    @cached_property
+    def _sensors(self) -> Sensors:
+        return Sensors(self.mech.packed, self.mech.model)
+
+    @cached_property
+    def _no_loads(self) -> Array:
+        return np.zeros((1, self.mech.nb, 6))
+
+    def _on_bodies(self, *, again: bool = False) -> Array:
+        """(1, nb, 6) wrenches of forces, contacts and constraints on the bodies at the state.
+
+        `again`: where another has put its state into the run.
+        """
+        if again:
+            self._looked = False
+        record, packed = self._seen(), self.mech.packed
+        external, out = np.zeros((1, self.mech.nb, 6)), record.out
+        if len(self._carriers):
+            state = self.t, out.q[0], out.v[0], external[0]
+            kernels.load_wrenches(record.scene.address, self._carriers, *packed.system[2:4], *state)
+        if out.pushes.size:
+            external += out.pushes[:1]
+        if record.scene.active[0]:
+            states = out.q[:1], out.v[:1], out.vdot[:1]
+            forces = record.scene.forces(out.wrenches[0])
+            moved = bodies_over(packed.system, *states, external)
+            each = {name: wrench[None] for name, wrench in forces.items()}
+            add_constraint_wrenches(self.mech, each, moved, external)
+        return external
 
     @property
     def tau(self) -> Any:
@@ -436,6 +476,8 @@ class Stepper(Portable):
         if self._options.inputs:
             forces = driven(forces, self._options.inputs, "Stepper", t)
         forces = begun(forces, t)
+        carriers = [[mech.topology.number(x) for x in f.pair] for f in on_bodies(forces)]
+        self._carriers = np.array(carriers, dtype=np.int64).reshape(-1, 2)
         self._servos, self._inputs = _servos(forces, drives), _inputs(forces, drives)
         self._ended(Outcome())
         self._open()

@@ -32,6 +32,20 @@ def arm() -> pg.Model:
     )  # fmt: skip
 
 
+def loaded() -> pg.Model:
+    """The arm with a spring, a wrench, a loop and a contact."""
+    forces = [
+        pg.Spring(name="spring", body="tool", other_point=(0, 1, 1), stiffness=40.0, damping=1.0),
+        pg.Wrench(name="push", body="lower", point=(0.1, 0, 0), force=(1, 2, 3)),
+        pg.Spring(name="inside", body="tool", other="upper", stiffness=10.0, rest=0.0),
+    ]
+    rail = pg.Distance(name="rail", body="tool", other_point=(0.3, 0.5, 1.0))
+    touch = pg.Contact(
+        name="floor", body="tool", points=[(0, 0, -0.01)], law="soft", stiffness=500.0, damping=0.1
+    )
+    return arm().replace(forces=forces, constraints=[rail], contacts=[touch])
+
+
 def test_rates_are_derivatives_of_places_in_the_axes_that_they_are_in():
     run = pg.simulate(arm(), t_end=0.2, frames=20001, rtol=1e-12)
     out, h = run.outputs, run.t[1]
@@ -67,12 +81,28 @@ def test_the_force_is_what_carries_the_body():
         out["gyr"]
 
 
-def test_a_stepper_reads_them_as_a_run_does():
-    stepper = pg.Stepper(arm(), step=1e-3, method="rk4")
+@pytest.mark.parametrize("of", [0, 1])
+def test_steppers_read_them_as_a_run_does(of):
+    model = (arm, loaded)[of]()
+    stepper = pg.Stepper(model, step=1e-3, method="rk4")
     stepper.step(n=50)
-    run = pg.simulate(arm(), t_end=0.05, step=1e-3, method="rk4")
+    run = pg.simulate(model, t_end=0.05, step=1e-3, method="rk4")
+    batch = pg.BatchStepper(model, 3, step=1e-3, method="rk4", threads=1)
+    batch.step(n=50)
     for name, value in stepper.outputs.items():
-        np.testing.assert_array_equal(value, run.outputs[name][-1])
+        np.testing.assert_allclose(value, run.outputs[name][-1], rtol=1e-13, atol=1e-13)
+        np.testing.assert_allclose(batch.outputs[name], [value] * 3, rtol=1e-9, atol=1e-10)
+
+
+def test_instances_of_a_batch_read_their_own_numbers():
+    masses = np.array([0.5, 1.0, 0.5])
+    batch = pg.BatchStepper(arm(), 3, step=1e-3, set={"bodies.tool.mass": masses}, threads=2)
+    batch.step(n=20)
+    for i, mass in enumerate(masses):
+        stepper = pg.Stepper(arm().edit("tool", mass=mass), step=1e-3)
+        stepper.step(n=20)
+        for name, value in stepper.outputs.items():
+            np.testing.assert_allclose(batch.outputs[name][i], value, rtol=1e-9, atol=1e-10)
 
 
 def test_edits_take_outputs_along():
