@@ -112,6 +112,7 @@
       return el;
     }, (el, item) => {
       for (const [part, value] of [["strong", item.name], [".between", item.between], [".kind", item.kind]]) el.querySelector(part).textContent = value;
+      el.querySelector(".title").title = [item.name, item.between].filter(Boolean).join(", ");
       const edit = (field, entries, serial) => send("EditDrive", { serial, name: el.dataset.name, field, entries });
       forms.draw(el.querySelector(".form"), item.form, { edit, press: (b) => edit(b.fields.field, [[b.fields.index, b.fields.text]], pgraph.nextSerial()) }, "drive");
     });
