@@ -26,7 +26,7 @@ from ..packing.constraints import radius_of_gyration
 from ..packing.forces import NO_LOADS
 from ..packing.system import Array, Ints
 from ..rotation import normals_of
-from .mobility import judged
+from .mobility import complement, judged
 from .rows import Rows
 
 REACHED = 1e-9  # relative: what is left of the equations of motion, or of the constraints
@@ -58,7 +58,7 @@ def constrained_inverse_dynamics(
     _refuse_wrong_state(rows)
     basis = judged(rows)[0]
     _refuse_forbidden(rows, basis, vdot)
-    free = rows.step(_complement(basis, mech.nv))  # (nv, n), orthonormal in the mass metric
+    free = rows.step(complement(basis, mech.nv))  # (nv, n), orthonormal in the mass metric
     chosen = _coordinates(mech, actuated)
     scale = 1.0 / np.sqrt(_weights(mech, weights)[chosen])
     leverage = free[chosen].T * scale  # (n, actuated)
@@ -126,13 +126,6 @@ def _prepared(mech: Dynamics) -> Prepared | None:
     vars(mech)["_inverse_prepared"] = own = Prepared(addresses, np.ones(n), space)
     ready(LEAST)
     return own
-
-
-def _complement(basis: Array, n: int) -> Array:
-    """(n, n - rank) orthonormal columns normal to the orthonormal rows of `basis`."""
-    if not len(basis):
-        return np.eye(n)
-    return np.linalg.qr(basis.T, mode="complete")[0][:, len(basis) :]
 
 
 def _size(rows: Rows, force: Array, vdot: Array) -> float:

@@ -32,7 +32,7 @@ from ..model import Contact, Force
 from ..packing.system import Array, Drives, Ints, Loads
 from ..rotation import skew
 from .assembly import assemble
-from .mobility import judged
+from .mobility import complement, judged
 from .rows import Rows
 from .touching import Touching
 
@@ -112,14 +112,14 @@ class Balance:
     @cached_property
     def free(self) -> Array:
         """(nv, n) moves that all rows allow, orthonormal in the mass metric."""
-        return self.rows.step(_complement(judged(self.rows)[0], self.mech.nv))
+        return self.rows.step(complement(judged(self.rows)[0], self.mech.nv))
 
     @cached_property
     def free_places(self) -> Array:
         """As `free`, for the rows that positions obey."""
         if all(group.holonomic for group in self.rows.groups):
             return self.free
-        return self.rows.step(_complement(judged(self.rows, holonomic=True)[0], self.mech.nv))
+        return self.rows.step(complement(judged(self.rows, holonomic=True)[0], self.mech.nv))
 
     def torque(self, q: Array, v: Array) -> Array:
         """τ (nv,) of all drives and loads at t = 0."""
@@ -345,12 +345,6 @@ def _swinging(here: Balance, by_place: Array, force_q: Array) -> tuple[Any, Any]
     root = np.sqrt(found.astype(complex))
     values = np.concatenate((1j * root, -1j * root))
     return values, by_place @ np.hstack((shapes, shapes))
-
-
-def _complement(basis: Array, n: int) -> Array:
-    if not len(basis):
-        return np.eye(n)
-    return np.linalg.qr(basis.T, mode="complete")[0][:, len(basis) :]
 
 
 def _independent(free: Array, first: Ints | None = None) -> Ints:

@@ -154,6 +154,13 @@ def judged(state: Rows, holonomic: bool = False, cut: float = CUT) -> tuple[Arra
     return basis[:rank], found
 
 
+def complement(basis: Array, n: int) -> Array:
+    """(n, n - rank) orthonormal columns normal to the orthonormal rows of `basis`."""
+    if not len(basis):
+        return np.eye(n)
+    return np.linalg.qr(basis.T, mode="complete")[0][:, len(basis) :]
+
+
 def _freed(basis: Array, y: Array) -> Array:
     """(..., nv) vectors without their parts along an orthonormal basis, in the mass metric."""
     for _ in range(2):
