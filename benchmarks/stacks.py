@@ -254,7 +254,7 @@ def touching(run: Any, near: float = 1e-3) -> int:
 def exponent() -> None:
     """How the cost of a step of fallen piles grows with their contacts."""
     found = []
-    for count in (125, 216, 343, 512, 729, 1000, 1728, 2744):
+    for count in (125, 216, 343, 512, 729, 1000, 1728, 2744, 4096):
         mech = pg.Mechanism(heap(grid(count, apart=1.06)))
         options: Any = {"step": STEP, "frames": 2, "method": "moreau_jean", "estimate": False}
         run = pg.simulate(mech, t_end=0.3, **options)
