@@ -297,7 +297,7 @@ def test_a_scene_without_contacts_runs_none_of_their_code():
     mech = pg.Mechanism(pg.Model.serial(3))
     run = pg.simulate(mech, t_end=0.1)
     assert "contact_fallbacks" not in run.counters
-    assert "no contact: no search, no gap functions" in run.left_out
+    assert "no contact: nothing is looked for that may touch" in run.left_out
     assert "no rigid contact, no limit: no impulses, no cones" in run.left_out
 
 
