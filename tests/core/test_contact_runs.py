@@ -298,7 +298,7 @@ def test_a_scene_without_contacts_runs_none_of_their_code():
     run = pg.simulate(mech, t_end=0.1)
     assert "contact_fallbacks" not in run.counters
     assert "no contact: nothing is looked for that may touch" in run.left_out
-    assert "no rigid contact, no limit: no impulses, no cones" in run.left_out
+    assert "no rigid contact, no joint limit: no impacts" in run.left_out
 
 
 def heap(count: int) -> pg.Model:
