@@ -36,6 +36,7 @@ from .instances import (
     state_arrays,
     words_of,
 )
+from .loops import LoopLanes, on_constraints
 from .paths import Path, counting, distinct, numbers_in, with_numbers
 
 SNAPSHOT = b"pgraph batch"
@@ -76,6 +77,7 @@ class BatchStepper(Portable):
     size: int
     threads: int
     method: str
+    _same_bits = False  # also of free trees
 
     def __init__(
         self,
@@ -119,11 +121,11 @@ class BatchStepper(Portable):
             made.append(Stepper(Mechanism(first.mech.model), **self._options))
         workers = [Worker(stepper, varying) for stepper in made]
         tables = starts, numbers, self._entries[: self.size].copy(), workers
-        if fits_lanes(first, varying):
+        if fits_lanes(first, varying) and not self._same_bits:
             self._many: Instances = TreeLanes(*tables)
             self._many.prepare(varying)
-        elif on_feet(first):
-            self._many = FeetLanes(*tables)
+        elif on_feet(first) or on_constraints(first, varying):
+            self._many = (FeetLanes if on_feet(first) else LoopLanes)(*tables)
             self._many.prepare()
         else:
             self._many = Instances(*tables)
@@ -252,6 +254,11 @@ class BatchStepper(Portable):
         self._give(tau)
         self._many.step(_whole("n", n, 1))
         return self.ok
+
+    def trace(self, tau: npt.ArrayLike | None = None, n: int = 1) -> Array:
+        """Take n steps as `step` does; (n, size, nq + nv): q and v after each of them."""
+        self._give(tau)
+        return self._many.trace(_whole("n", n, 1))
 
     def _give(self, tau: Any) -> None:
         given = self._tau if tau is None else _table("tau", tau, self.size, self.mech.nv)

@@ -153,6 +153,14 @@ class Instances:
             self.spread(partial(self._part, min(n, most)), len(self.codes))
             n -= most
 
+    def trace(self, n: int) -> Array:
+        """(n, instances, nq + nv): the states after each of n steps."""
+        states = np.empty((n, len(self.codes), self.q.shape[1] + self.v.shape[1]))
+        for state in states:
+            self.step(1)
+            np.concatenate((self.q, self.v), axis=1, out=state)
+        return states
+
     def accelerations(self) -> Array:
         """v' (m, nv) at the states."""
         return np.array([self.into_worker(i).vdot() for i in range(len(self.kind))])

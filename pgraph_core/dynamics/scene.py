@@ -65,7 +65,7 @@ class Scene(Unportable):
         self.blocks: Blocks = _extended(own, contacts) if contacts else own
         self.active = np.zeros(len(self.blocks.blocks_i) + 1, dtype=np.int64)
         self.given = np.zeros(packed.nv)
-        self.user = user
+        self.user, self.gains = user, gains
         self.work = np.zeros((len(packed.rows), at.WORK))
         before = len(own.blocks_i)
         self.touching = (

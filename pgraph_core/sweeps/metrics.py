@@ -50,7 +50,7 @@ def metrics_of(given: Any) -> dict[str, Metric | str]:
         raise _refused(text)
     for name, one in found.items():
         if isinstance(one, str):
-            _words(one)
+            words(one)
         elif not callable(one):
             raise _refused(f"{name!r} must be a function of a run; given {shown(one)}")
     return found
@@ -69,15 +69,15 @@ def measured(run: Result, metric: Metric | str) -> float:
             raise _refused(text) from None
     if metric in OF_RUN:
         return float(OF_RUN[metric](run))
-    way, what = _words(metric)
-    return float(WAYS[way](_column(run, what)))
+    way, what = words(metric)
+    return float(WAYS[way](column_of(run, what)))
 
 
 def _name(metric: Any) -> str:
     return getattr(metric, "__name__", "the metric")
 
 
-def _words(metric: str) -> tuple[str, str]:
+def words(metric: str) -> tuple[str, str]:
     """How, and of what; nothing of what for a metric of the whole run."""
     if metric in OF_RUN:
         return "", metric
@@ -88,7 +88,7 @@ def _words(metric: str) -> tuple[str, str]:
     return way, what
 
 
-def _column(run: Result, what: str) -> Array:
+def column_of(run: Result, what: str) -> Array:
     """The one column of `Result.columns` that is meant."""
     columns = run.columns()
     found = meant(columns, what)

@@ -10,7 +10,7 @@ import json
 import math
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from inspect import signature
 from pathlib import Path as FilePath
 from typing import Any
@@ -28,6 +28,7 @@ from ..portable import Hinting, installed
 from ..simulation import simulate
 from .metrics import measured, metrics_of
 from .tasks import Row, Task, rows_of
+from .together import Together, together
 
 Array = np.ndarray
 FORMATS = (".csv", ".parquet")
@@ -193,7 +194,7 @@ def sweep(
     task = Task(base, given, metrics, settings, installed())
     _known(options)
     counting(paths, base, "sweep", scenario, options)
-    _tried(base, paths, points[0], metrics, settings)
+    task = replace(task, together=_tried(base, paths, points[0], metrics, settings))
     kept = Kept(out, resume, _fingerprint(task, points)) if out is not None else None
     rows: dict[int, Row] = {row.point: row for row in kept.rows} if kept else {}
     todo = [(i, tuple(map(float, p))) for i, p in enumerate(points) if i not in rows]
@@ -242,8 +243,11 @@ def _fitting(paths: list[Path], samples: str, n: Any, workers: Any, out: Any, re
 
 def _tried(
     model: Model, paths: list[Path], point: Array, metrics: Mapping[str, Any], settings: Any
-) -> None:
-    """Refuse at once what no point could do: a run of the first one is started, and stopped."""
+) -> Together | None:
+    """Refuse at once what no point could do: a run of the first one is started, and stopped.
+
+    What says how all points can be stepped together, if they can.
+    """
     model = with_numbers(model, paths, point.tolist())
     try:
         run = simulate(model, **{**settings, "estimate": False}, progress=lambda _: False)
@@ -251,10 +255,11 @@ def _tried(
         ours = [problem for problem in error.problems if problem.where == "simulate"]
         if ours:
             raise InputError(ours) from None
-        return  # of this point alone: its row says so
+        return None  # of this point alone: its row says so
     for metric in metrics.values():
         if isinstance(metric, str):
             measured(run, metric)
+    return together(model, [path.group for path in paths], metrics, settings, run)
 
 
 def _table(

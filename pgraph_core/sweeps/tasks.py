@@ -13,17 +13,21 @@ from functools import lru_cache
 from pathlib import Path as FilePath
 from typing import Any
 
+import numpy as np
+
 from ..batches.paths import Path, with_numbers
 from ..errors import InputError, PgraphError, Problem
 from ..mechanism import Mechanism
 from ..model import Model
 from ..portable import installed
-from ..result import Result
+from ..result import Result, Status
 from ..result.dense import TOO_WIDE
 from ..simulation import simulate
 from .metrics import Metric, measured
+from .together import Together
 
-CHUNK = 0.25  # [s] of work handed out at once
+CHUNK = 1.0  # [s] of work handed out at once
+STRETCH = 0.25  # [s] of work between two looks at the clock
 MOST_FRAMES = 1_000_000  # of a run whose frames missed an oscillation at first
 PATIENCE = 1.5  # [s]: a sweep that takes no longer starts no processes
 
@@ -47,6 +51,7 @@ class Task:
     metrics: Mapping[str, Metric | str]
     options: Mapping[str, Any]
     version: str
+    together: Together | None = None  # how points are stepped together
 
 
 @lru_cache(maxsize=4)
@@ -60,7 +65,25 @@ def run_points(task: Task, points: Sequence[tuple[int, tuple[float, ...]]]) -> l
         text = f"runs version {installed()}; the sweep is of {task.version}: install the same"
         raise InputError(Problem("sweep", "worker", text))
     paths = _located(task.model, task.paths)
+    if task.together is not None and len(points) > 1:
+        try:
+            return _rows_together(task, task.together, paths, points)
+        except PgraphError:  # of some point, which says so when it runs alone
+            pass
     return [_row(task, paths, number, values) for number, values in points]
+
+
+def _rows_together(
+    task: Task, together: Together, paths: Sequence[Path], points: Sequence[Any]
+) -> list[Row]:
+    """As `_row` of each, which runs alone where it does not come to its end."""
+    design = np.array([values for _, values in points])
+    metrics = [str(metric) for metric in task.metrics.values()]
+    values, ended = together.measured(task.model, task.paths, design, metrics)
+    return [
+        Row(number, tuple(row), Status.DONE.name) if ok else _row(task, paths, number, point)
+        for (number, point), row, ok in zip(points, values.tolist(), ended.tolist())
+    ]
 
 
 def _row(task: Task, paths: Sequence[Path], number: int, values: Sequence[float]) -> Row:
@@ -109,10 +132,13 @@ def rows_of(
         return
     began = time.perf_counter()
     done = 0
+    size, spent = 1, 0.0
     while done < len(points):  # alone, until it is known to take longer
-        yield run_points(task, points[done : done + 1])
-        done += 1
+        yield run_points(task, points[done : done + size])
+        done = min(done + size, len(points))
         spent = time.perf_counter() - began
+        if task.together is not None and done > 1:
+            size = max(1, int(STRETCH * done / spent))
         left = spent / done * (len(points) - done)
         if workers != 1 and done >= 2 and spent > 0.1 and left > PATIENCE:
             if workers is None and not _guarded():
@@ -155,8 +181,9 @@ def _by_processes(
             yield run_points(task, part)
         return
     context = multiprocessing.get_context("spawn")  # forks of a process with threads may hang
-    with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=context) as pool:
-        futures = [pool.submit(run_points, task, part) for part in _chunks(points, each)]
+    given: Any = {"mp_context": context, "initializer": _keep, "initargs": (task,)}
+    with ProcessPoolExecutor(workers or os.cpu_count(), **given) as pool:
+        futures = [pool.submit(_run_kept, part) for part in _chunks(points, each)]
         try:
             for future in as_completed(futures):
                 yield future.result()
@@ -165,6 +192,17 @@ def _by_processes(
             raise InputError(Problem("sweep", "workers", text)) from None
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+_KEPT: list[Task] = []  # of this process, which computes points of one sweep
+
+
+def _keep(task: Task) -> None:
+    _KEPT[:] = [task]
+
+
+def _run_kept(points: Sequence[Any]) -> list[Row]:
+    return run_points(_KEPT[0], points)
 
 
 def _by_dask(task: Task, points: Sequence[Any], scheduler: Any) -> Iterator[list[Row]]:

@@ -136,13 +136,14 @@ _unary(math.floor, lambda builder, x, width: llvm(builder, "floor", x))
 
 
 def _clamp(function: Any, relation: str) -> None:
-    """min and max of a lane and a number: the lane where it stands in `relation` to it."""
+    """min and max of a lane and a lane or number: the first where it stands in `relation` to it."""
 
     @infer_global(function)
     class Template(AbstractTemplate):
         def generic(self, args: Any, kws: Any) -> Any:
-            fits = len(args) == 2 and isinstance(args[0], Lane)
-            return signature(args[0], *args) if fits and isinstance(args[1], types.Float) else None
+            lane = next((a for a in args if isinstance(a, Lane)), None)
+            fits = all(isinstance(a, (Lane, types.Float)) for a in args)
+            return signature(lane, lane, args[1]) if lane and len(args) == 2 and fits else None
 
     def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
         bound = as_vector(context, builder, args[1], sig.args[1], sig.return_type)
@@ -150,6 +151,7 @@ def _clamp(function: Any, relation: str) -> None:
         return builder.select(keep, args[0], bound)
 
     lower_builtin(function, Lane, types.Float)(lower)
+    lower_builtin(function, Lane, Lane)(lower)
 
 
 _clamp(min, "<")
@@ -224,14 +226,103 @@ def _width() -> int:
 LANE_WIDTH = _width()
 
 
-# -- triples: three numbers in one register -------------------------------------------------------
+# -- triples: three numbers in one register, or three lanes ---------------------------------------
 # A wrench whose components are triples is three wrenches, and goes through the same lines as one:
 # the three rows of a block at the cost of one. Three rows of a 3x3 block are three triples.
 
-TRIPLE = FOUR = Lane(4)  # of a triple, the fourth place is idle
+
+class Triple(Lane):
+    """Three numbers; the fourth place is idle."""
+
+    def __init__(self) -> None:
+        super().__init__(4)
+        self.name = "Triple"
+
+
+register_model(Triple)(LaneModel)
+
+
+class Three(types.Type):
+    """Three numbers of every instance: a triple of lanes."""
+
+    def __init__(self, lane: Lane):
+        self.lane = lane
+        super().__init__(name=f"Three({lane.width})")
+
+    def can_convert_from(self, typingctx: Any, other: Any) -> Any:
+        """Numbers become lanes, so that a triple of constants may be stored."""
+        return Conversion.safe if isinstance(other, Triple) else None
+
+
+@register_model(Three)
+class ThreeModel(models.StructModel):
+    """Three vectors."""
+
+    def __init__(self, dmm: Any, fe_type: Three):
+        super().__init__(dmm, fe_type, [(name, fe_type.lane) for name in "xyz"])
+
+
+TRIPLE, FOUR, LANE = Triple(), Lane(4), Lane(LANE_WIDTH)
+THREE = Three(LANE)
 PAIR = ir.VectorType(DOUBLE, 2)
 WHOLE = ir.VectorType(DOUBLE, 4)
 PLACE = ir.IntType(32)
+
+
+def _parts(builder: Any, three: Any) -> list[Any]:
+    return [builder.extract_value(three, n) for n in range(3)]
+
+
+def _three(context: Any, builder: Any, parts: Any) -> Any:
+    value = ir.Constant(context.get_value_type(THREE), ir.Undefined)
+    for n, part in enumerate(parts):
+        value = builder.insert_value(value, part, n)
+    return value
+
+
+@lower_cast(Triple, Three)
+def _cast_triple(context: Any, builder: Any, fromty: Any, toty: Any, value: Any) -> Any:
+    numbers = [builder.extract_element(value, PLACE(n)) for n in range(3)]
+    return _three(context, builder, [splat(builder, x, LANE_WIDTH) for x in numbers])
+
+
+def _binary_of_threes(name: str, *operators: Any) -> None:
+    """Typing and lowering of one operation between triples of lanes, or one and a lane."""
+
+    class Template(AbstractTemplate):
+        def generic(self, args: Any, kws: Any) -> Any:
+            if len(args) != 2 or not any(isinstance(a, Three) for a in args):
+                return None
+            kinds = [THREE if isinstance(a, (Three, Triple)) else LANE for a in args]
+            return signature(THREE, *kinds)
+
+    def lower(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        x, y = (
+            _parts(builder, a) if isinstance(given, Three) else [a] * 3
+            for a, given in zip(args, sig.args)
+        )
+        return _three(context, builder, [getattr(builder, name)(a, b) for a, b in zip(x, y)])
+
+    for op in operators:
+        infer_global(op)(Template)
+        for pair in ((Three, Three), (Three, Lane), (Lane, Three)):
+            lower_builtin(op, *pair)(lower)
+
+
+_binary_of_threes("fadd", operator.add, operator.iadd)
+_binary_of_threes("fsub", operator.sub, operator.isub)
+_binary_of_threes("fmul", operator.mul, operator.imul)
+
+
+@infer_global(operator.neg)
+class _NegThree(AbstractTemplate):
+    def generic(self, args: Any, kws: Any) -> Any:
+        return signature(THREE, THREE) if isinstance(args[0], Three) else None
+
+
+@lower_builtin(operator.neg, Three)
+def _neg_three(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    return _three(context, builder, [builder.fneg(x) for x in _parts(builder, args[0])])
 
 
 def _mask(*places: int) -> Any:
@@ -249,7 +340,10 @@ def _pointer(context: Any, builder: Any, kind: Any, values: Any) -> Any:
 
 @intrinsic
 def _triple(typingctx: Any, x: Any, y: Any, z: Any) -> Any:
-    """Three numbers side by side."""
+    """Three numbers side by side, or three lanes."""
+
+    def of_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return _three(context, builder, args)
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         value = ir.Constant(WHOLE, [0.0] * 4)
@@ -257,19 +351,22 @@ def _triple(typingctx: Any, x: Any, y: Any, z: Any) -> Any:
             value = builder.insert_element(value, arg, PLACE(n))
         return value
 
+    if any(isinstance(a, Lane) for a in (x, y, z)):
+        return THREE(LANE, LANE, LANE), of_lanes
     return TRIPLE(types.float64, types.float64, types.float64), code
 
 
 @intrinsic
 def _numbers(typingctx: Any, x: Any) -> Any:
-    """The three numbers of a triple, as a tuple."""
-    kind = types.UniTuple(types.float64, 3)
+    """The three numbers, or lanes, of a triple, as a tuple."""
+    three = isinstance(x, Three)
+    kind = types.UniTuple(LANE if three else types.float64, 3)
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        found = [builder.extract_element(args[0], PLACE(n)) for n in range(3)]
-        return context.make_tuple(builder, kind, found)
+        found = [builder.extract_element(args[0], PLACE(n)) for n in range(3)] if not three else []
+        return context.make_tuple(builder, kind, found or _parts(builder, args[0]))
 
-    return kind(TRIPLE), code
+    return kind(THREE if three else TRIPLE), code
 
 
 @intrinsic
@@ -301,6 +398,11 @@ def numbers_of_four(typingctx: Any, x: Any) -> Any:
 def _load_triple(typingctx: Any, a: Any, i: Any, j: Any) -> Any:
     """a[i, j], a[i, j + 1], a[i, j + 2] as a triple."""
 
+    def of_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        place = _pointer(context, builder, signature.args[0], args)
+        found = [builder.load(builder.gep(place, [PLACE(n)]), align=8) for n in range(3)]
+        return _three(context, builder, found)
+
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         place = _pointer(context, builder, signature.args[0], args)
         two = builder.load(builder.bitcast(place, PAIR.as_pointer()), align=8)
@@ -308,12 +410,19 @@ def _load_triple(typingctx: Any, a: Any, i: Any, j: Any) -> Any:
         last = builder.insert_element(ir.Constant(PAIR, [0.0] * 2), one, PLACE(0))
         return builder.shuffle_vector(two, last, _mask(0, 1, 2, 3))
 
-    return TRIPLE(a, types.intp, types.intp), code
+    of = isinstance(a.dtype, Lane)
+    return (THREE if of else TRIPLE)(a, types.intp, types.intp), of_lanes if of else code
 
 
 @intrinsic
 def _store_triple(typingctx: Any, a: Any, i: Any, j: Any, x: Any) -> Any:
     """a[i, j], a[i, j + 1], a[i, j + 2] from a triple."""
+
+    def of_lanes(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        place = _pointer(context, builder, signature.args[0], args)
+        for n, part in enumerate(_parts(builder, args[3])):
+            builder.store(part, builder.gep(place, [PLACE(n)]), align=8)
+        return context.get_dummy_value()
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         place = _pointer(context, builder, signature.args[0], args)
@@ -324,7 +433,9 @@ def _store_triple(typingctx: Any, a: Any, i: Any, j: Any, x: Any) -> Any:
         )
         return context.get_dummy_value()
 
-    return types.void(a, types.intp, types.intp, TRIPLE), code
+    of = isinstance(a.dtype, Lane)
+    kinds = (a, types.intp, types.intp, THREE if of else TRIPLE)
+    return types.void(*kinds), of_lanes if of else code
 
 
 @intrinsic
@@ -332,10 +443,16 @@ def _beyond(typingctx: Any, x: Any, least: Any) -> Any:
     """A triple with zero in place of numbers that are at most `least` in size; nan stays nan."""
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        bound = splat(builder, args[1], signature.return_type.width)
-        keep = builder.fcmp_unordered(">", llvm(builder, "fabs", args[0]), bound)
-        return builder.select(keep, args[0], ir.Constant(WHOLE, [0.0] * 4))
+        three = isinstance(signature.return_type, Three)
+        bound = args[1] if three else splat(builder, args[1], 4)
+        found = []
+        for y in _parts(builder, args[0]) if three else [args[0]]:
+            keep = builder.fcmp_unordered(">", llvm(builder, "fabs", y), bound)
+            found.append(builder.select(keep, y, ir.Constant(y.type, [0.0] * y.type.count)))
+        return _three(context, builder, found) if three else found[0]
 
+    if isinstance(x, Three):
+        return THREE(THREE, LANE), code
     return TRIPLE(TRIPLE, types.float64), code
 
 

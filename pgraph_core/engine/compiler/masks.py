@@ -1,7 +1,8 @@
 """Decisions in lanes: a mask is a lane of ones and zeros, chosen by, and never branched on.
 
 Lanes that are done wait for the others: loops go on while `any_of` a mask is set. Each lane takes
-the operations of a single instance, in their order, and so has its bits.
+the operations of a single instance, in their order, and so has its bits. Of numbers they are the
+same, so that kernels may be written once for both.
 """
 
 from __future__ import annotations
@@ -14,75 +15,103 @@ from numba.core.typing import templates
 from numba.core.typing.templates import AbstractTemplate, signature
 from numba.extending import lower_builtin
 
+from .jit import JIT
 from .lane import Lane, as_vector, intrinsic, llvm
 
 infer_global: Any = templates.infer_global  # untyped in numba
 
 
-def _number(builder: Any, found: Any, width: int) -> Any:
+def _constant(kind: Any, x: float) -> Any:
+    """A number, or as many as there are in a vector."""
+    return ir.Constant(kind, [x] * kind.count if isinstance(kind, ir.VectorType) else x)
+
+
+def _number(builder: Any, found: Any, kind: Any) -> Any:
     """Ones where `found`."""
-    kind = ir.VectorType(ir.DoubleType(), width)
-    return builder.select(found, ir.Constant(kind, [1.0] * width), ir.Constant(kind, [0.0] * width))
+    return builder.select(found, _constant(kind, 1.0), _constant(kind, 0.0))
 
 
 def _set(builder: Any, mask: Any) -> Any:
-    return builder.fcmp_unordered("!=", mask, ir.Constant(mask.type, [0.0] * mask.type.count))
+    return builder.fcmp_unordered("!=", mask, _constant(mask.type, 0.0))
 
 
-def _lane_of(*kinds: Any) -> Any:
-    return next(kind for kind in kinds if isinstance(kind, Lane))
+def _common(*kinds: Any) -> Any:
+    """The lane among these, or a number's type."""
+    return next((kind for kind in kinds if isinstance(kind, Lane)), types.float64)
 
 
-def _of_two(emit: Any) -> Any:
-    """An intrinsic of two lanes, or of a lane and a number."""
+def _taken(context: Any, builder: Any, values: Any, given: Any, kind: Any) -> list[Any]:
+    """Values as lanes, or all as numbers."""
+    if isinstance(kind, Lane):
+        return [as_vector(context, builder, v, k, kind) for v, k in zip(values, given)]
+    return [context.cast(builder, v, k, kind) for v, k in zip(values, given)]
+
+
+def _of_two(emit: Any, plain: Any) -> Any:
+    """An intrinsic of two lanes, of a lane and a number, or of two numbers."""
 
     @intrinsic
     def two(typingctx: Any, a: Any, b: Any) -> Any:
-        lane = _lane_of(a, b)
+        kind = _common(a, b)
 
         def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-            x, y = (as_vector(context, builder, v, k, lane) for v, k in zip(args, sig.args))
-            return emit(builder, x, y, lane.width)
+            x, y = _taken(context, builder, args, sig.args, kind)
+            return emit(builder, x, y)
 
-        return lane(a, b), code
+        return kind(a, b), code
 
-    return two
-
-
-def _comparison(relation: str) -> Any:
-    return _of_two(lambda b, x, y, n: _number(b, b.fcmp_ordered(relation, x, y), n))
+    return two if JIT else plain
 
 
-more = _comparison(">")
-most = _comparison("<=")  # the first is at most the second
-larger = _of_two(lambda b, x, y, n: b.select(b.fcmp_ordered(">", x, y), x, y))
-smaller = _of_two(lambda b, x, y, n: b.select(b.fcmp_ordered("<", x, y), x, y))
-both = _of_two(lambda b, x, y, n: _number(b, b.and_(_set(b, x), _set(b, y)), n))
-either = _of_two(lambda b, x, y, n: _number(b, b.or_(_set(b, x), _set(b, y)), n))
-without = _of_two(lambda b, x, y, n: _number(b, b.and_(_set(b, x), b.not_(_set(b, y))), n))
+def _comparison(relation: str, plain: Any) -> Any:
+    return _of_two(lambda b, x, y: _number(b, b.fcmp_ordered(relation, x, y), x.type), plain)
+
+
+more = _comparison(">", lambda x, y: float(x > y))
+most = _comparison("<=", lambda x, y: float(x <= y))  # the first is at most the second
+larger = _of_two(lambda b, x, y: b.select(b.fcmp_ordered(">", x, y), x, y), max)
+smaller = _of_two(lambda b, x, y: b.select(b.fcmp_ordered("<", x, y), x, y), min)
+both = _of_two(
+    lambda b, x, y: _number(b, b.and_(_set(b, x), _set(b, y)), x.type),
+    lambda x, y: float(x != 0.0 and y != 0.0),
+)
+either = _of_two(
+    lambda b, x, y: _number(b, b.or_(_set(b, x), _set(b, y)), x.type),
+    lambda x, y: float(x != 0.0 or y != 0.0),
+)
+without = _of_two(
+    lambda b, x, y: _number(b, b.and_(_set(b, x), b.not_(_set(b, y))), x.type),
+    lambda x, y: float(x != 0.0 and y == 0.0),
+)
 
 
 @intrinsic
-def chosen(typingctx: Any, mask: Any, a: Any, b: Any) -> Any:
+def _chosen(typingctx: Any, mask: Any, a: Any, b: Any) -> Any:
     """a where the mask is set, else b."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        x, y = (as_vector(context, builder, v, k, mask) for v, k in zip(args[1:], sig.args[1:]))
+        x, y = _taken(context, builder, args[1:], sig.args[1:], mask)
         return builder.select(_set(builder, args[0]), x, y)
 
     return mask(mask, a, b), code
 
 
 @intrinsic
-def any_of(typingctx: Any, mask: Any) -> Any:
-    """Whether the mask is set anywhere."""
+def _any_of(typingctx: Any, mask: Any) -> Any:
+    """Whether the mask is set anywhere; of a number, whether it is not zero."""
 
     def code(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+        found = _set(builder, args[0])
+        if not isinstance(mask, Lane):
+            return found
         whole = ir.IntType(mask.width)
-        bits = builder.bitcast(_set(builder, args[0]), whole)
-        return builder.icmp_unsigned("!=", bits, ir.Constant(whole, 0))
+        return builder.icmp_unsigned("!=", builder.bitcast(found, whole), ir.Constant(whole, 0))
 
     return types.boolean(mask), code
+
+
+chosen: Any = _chosen if JIT else lambda mask, a, b: a if mask else b
+any_of: Any = _any_of if JIT else lambda x: x != 0.0
 
 
 @infer_global(abs)

@@ -15,6 +15,7 @@ be a constraint wherever a row has no other.
 from .. import layout as at
 from ..compiler.jit import part
 from ..compiler.lane import beyond, numbers, store_triple, triple
+from ..compiler.masks import any_of
 from ..layout import T_ALIGN, T_TURN
 from ..linear import backward3, backward6, forward3, forward_free, pivots6, solve3, transposed6
 from ..rows import (
@@ -192,9 +193,9 @@ def past(rows, work, k, moment, force, reach, y, slots, i, slot):
 
 @part
 def any_number(x):
-    """Whether a number of a triple is not zero."""
+    """Whether a number of a triple is not zero, in any lane."""
     a, b, c = numbers(x)
-    return a != 0.0 or b != 0.0 or c != 0.0
+    return any_of(a) or any_of(b) or any_of(c)
 
 
 @part
@@ -229,7 +230,7 @@ def carry_coordinates(rows, const, blocks, i, work, space):
             column = terms_i[n, 0] - v_of(rows, k)
             if 0 <= column < nv_of(kind_of(rows, k)):
                 push(rows, const, work, k, column, terms_f[n], whole)
-        if not any_of(whole, k):
+        if not reaches(whole, k):
             continue
         moment, force = alone(load(whole, k, 0)), alone(load(whole, k, 3))
         store(whole, k, 0, none)
@@ -255,11 +256,11 @@ def first_of(x):
 
 
 @part
-def any_of(whole, k):
-    """Whether a wrench reaches row k."""
+def reaches(whole, k):
+    """Whether a wrench reaches row k, in any lane."""
     found = False
     for n in range(6):
-        found = found or whole[k, n] != 0.0
+        found = found or any_of(whole[k, n])
     return found
 
 

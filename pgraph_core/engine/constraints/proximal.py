@@ -12,6 +12,7 @@ import math
 from ..arrays import CHANGE, LAMBDA, RHS
 from ..compiler.jit import part, sweep
 from ..compiler.lane import load_triple, numbers, store_triple, triple
+from ..compiler.masks import chosen, more
 from ..linear import backward3, factor3, solve3
 from ..vec import load, load3, store, store3
 
@@ -156,7 +157,7 @@ def inner(x, y, end):
 def normalise(x, end):
     """x at length one; its length before."""
     size = math.sqrt(inner(x, x, end))
-    share = 1.0 / size if size > 0.0 else 0.0
+    share = chosen(more(size, 0.0), 1.0 / size, 0.0)
     for r in range(end):
         x[r] *= share
     return size

@@ -162,20 +162,7 @@ def take_in(run, ways, drives, b, w, all_):
 @sweep
 def take_numbers(data, contacts, ways, drives, b, w):
     """What the description gives of the instance in the run, into lane w."""
-    const, table, knots = data.const, data.drives.table, data.drives.knots
-    for k in range(const.shape[0]):
-        for c in range(const.shape[1]):
-            b.const[k, c, w] = const[k, c]
-    for n in range(table.shape[0]):
-        b.drives[n, D_STIFFNESS, w] = table[n].stiffness
-        b.drives[n, D_DAMPING, w] = table[n].damping
-        b.drives[n, D_LOW, w] = table[n].low
-        b.drives[n, D_HIGH, w] = table[n].high
-        b.drives[n, D_FRICTION, w] = table[n].friction
-        b.drives[n, D_TARGET, w] = knots[table[n].first_target, 1] if drives[n, 1] >= 0 else 0.0
-        b.drives[n, D_TORQUE, w] = 0.0
-        if drives[n, 2] == 0:
-            b.drives[n, D_TORQUE, w] = knots[table[n].first_torque, 1]
+    take_drives(data, drives, b, w)
     shapes, vertices = contacts.geometry.shapes, contacts.geometry.vertices
     tally, plane = contacts.tally[0], contacts.ground.plane[0]
     for i in range(shapes.shape[0]):
@@ -208,6 +195,25 @@ def take_numbers(data, contacts, ways, drives, b, w):
         b.lane[0, NORMAL + 6 + c, w] = s[c]
     b.lane[0, LENGTH, w] = tally.length
     b.lane[0, PULL, w] = tally.pull
+
+
+@sweep
+def take_drives(data, drives, b, w):
+    """Constants of bodies and drives of the instance in the run, into lane w."""
+    const, table, knots = data.const, data.drives.table, data.drives.knots
+    for k in range(const.shape[0]):
+        for c in range(const.shape[1]):
+            b.const[k, c, w] = const[k, c]
+    for n in range(table.shape[0]):
+        b.drives[n, D_STIFFNESS, w] = table[n].stiffness
+        b.drives[n, D_DAMPING, w] = table[n].damping
+        b.drives[n, D_LOW, w] = table[n].low
+        b.drives[n, D_HIGH, w] = table[n].high
+        b.drives[n, D_FRICTION, w] = table[n].friction
+        b.drives[n, D_TARGET, w] = knots[table[n].first_target, 1] if drives[n, 1] >= 0 else 0.0
+        b.drives[n, D_TORQUE, w] = 0.0
+        if drives[n, 2] == 0:
+            b.drives[n, D_TORQUE, w] = knots[table[n].first_torque, 1]
 
 
 @sweep

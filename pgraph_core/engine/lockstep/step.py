@@ -15,17 +15,17 @@ from ..compiler.jit import kernel, part, sweep
 from ..compiler.masks import any_of, both, chosen, either, larger, more, most, smaller, without
 from ..constraints.blocks import velocities
 from ..constraints.paths import pivots, spread, unspread
-from ..contact.contacts import SLIDING, STILL
+from ..contact.contacts import STILL
 from ..motion import opened, user_torque
 from ..records import ACCEPTANCE, CREEP, STANCE, SWING
 from ..rows import TRANSLATE, armature_of, kind_of, origin_of, rotation_of, v_of
 from ..stepping.batch import call_advance, call_copy
-from ..stepping.moreau import turn_rates
+from ..stepping.moreau import goes_on_sliding, turn_rates
 from ..stepping.state import size_of_state
 from ..tree.articulated import inboard, joint_acceleration
 from ..tree.kinematics import outboard, positions
 from ..tree.moving import advance, normalise_all
-from ..vec import add, add_scaled, cross, dot, load, mul, store, sub
+from ..vec import accumulate, add_scaled, cross, dot, load, mul, sub
 from .block import (
     ACTIVE,
     ALONE,
@@ -274,7 +274,7 @@ def finish(rows, drives, ways, near, b, h, passive):
 @sweep
 def commit(rows, ways, near, b, h):
     """State and memory after the step, as `moreau.book`, in lanes that do not go on alone."""
-    x, lane, points, pairs, work = b.vectors, b.lane[0], b.points, b.pairs, b.work
+    x, lane, points, pairs = b.vectors, b.lane[0], b.points, b.pairs
     good = without(lane[LIVES], lane[ALONE])
     zero = 0.0 * lane[COUNT]
     normalise_all(rows, x[NEW_Q])
@@ -292,70 +292,87 @@ def commit(rows, ways, near, b, h):
     for k in range(b.wrenches.shape[0]):
         for c in range(6):
             b.wrenches[k, c] = zero
-    t = lane[TIME] + h
     for m in range(near[0]):
         n = near[1 + m]
-        found = found + chosen(points[n, FOUND], 1.0 + zero, zero)
         here = both(good, points[n, ACTIVE])
-        number = number + chosen(here, 1.0 + zero, zero)
+        found = found + points[n, FOUND]
+        number = number + here
         touches = either(touches, here)
-        lam = load(points, n, LAM)
-        force = (zero, zero, zero)
-        for c in range(3):
-            force = add_scaled(force, lam[c] / h, load(b.lane, 0, NORMAL + 3 * c))
-        i, pair = ways[n, W_SHAPE], ways[n, W_PAIR]
-        size = math.sqrt(lam[0] * lam[0] + lam[1] * lam[1] + lam[2] * lam[2]) / h
-        broken, cone = points[n, MISSED] / h, points[n, MISSED + 1] / h
-        worst = larger(broken, cone)
-        note_largest(lane, COMPLEMENTARITY, here, broken)
-        note_largest(lane, CONE, here, cone)
-        note_largest(lane, LARGEST, here, size)
-        new = both(here, more(worst, lane[WORST]))
-        lane[WORST] = chosen(new, worst, lane[WORST])
-        lane[WORST_PAIR] = chosen(new, pair + zero, lane[WORST_PAIR])
-        lane[WORST_TIME] = chosen(new, t, lane[WORST_TIME])
-        gap = points[n, GAP]
-        note_largest(lane, PENETRATION, here, -gap)
-        note_largest(lane, LARGEST_DEPTH, here, -gap)
-        share = -gap / b.shapes[i, S_THICK]
-        new = both(here, more(share, lane[DEEPEST]))
-        lane[DEEPEST] = chosen(new, share, lane[DEEPEST])
-        lane[DEEPEST_DEPTH] = chosen(new, -gap, lane[DEEPEST_DEPTH])
-        lane[DEEPEST_PAIR] = chosen(new, pair + zero, lane[DEEPEST_PAIR])
-        lane[DEEPEST_TIME] = chosen(new, t, lane[DEEPEST_TIME])
-        for c in range(3):
-            points[n, VALUE + c] = chosen(here, lam[c], points[n, VALUE + c])
-        sliding_ = chosen(more(points[n, SLIP], SLIDING), 1.0 + zero, zero)
-        points[n, SLIDES] = chosen(here, sliding_, points[n, SLIDES])
-        force = only(here, force)
-        for c in range(3):
-            pairs[pair, FORCE + c] = pairs[pair, FORCE + c] + force[c]
-        pairs[pair, P_GAP] = smaller(pairs[pair, P_GAP], chosen(here, gap, math.inf))
-        pairs[pair, P_SLIP] = larger(pairs[pair, P_SLIP], chosen(here, points[n, SLIP], 0.0))
-        k, body = ways[n, W_ROW], ways[n, W_BODY]
-        arm = sub(load(points, n, MIDDLE), origin_of(work, k))
-        store(b.wrenches, body, 0, add(load(b.wrenches, body, 0), cross(arm, force)))
-        store(b.wrenches, body, 3, add(load(b.wrenches, body, 3), force))
-        offset = mul(rotation_of(work, k), load(b.bodies, body, 0))
-        torque = cross(sub(arm, offset), force)
-        store(pairs, pair, TORQUE, add(load(pairs, pair, TORQUE), torque))
+        note_point(ways, b, n, here, h)
+        push_body(ways, b, n, here, h)
     for n in range(ways.shape[0]):
         points[n, KEPT] = chosen(good, points[n, ACTIVE], points[n, KEPT])
-    swept = chosen(touches, lane[SWEPT], 0.0)
-    lane[SWEPT] = chosen(good, swept, 0.0)
+    lane[SWEPT] = chosen(both(good, touches), lane[SWEPT], 0.0)
     note_largest(lane, RESIDUAL, touches, lane[OPEN])
     lane[NUMBER] = chosen(good, number, lane[NUMBER])
     lane[COUNT] = chosen(good, found, lane[COUNT])
     for k in range(pairs.shape[0]):
-        force = load(pairs, k, FORCE)
-        before = pairs[k, PHASE]
-        starts = both(more(before, SWING - 0.5), most(before, ACCEPTANCE + 0.5))
-        slips = chosen(starts, ACCEPTANCE + zero, 2.0)
-        now = chosen(most(pairs[k, P_SLIP], STILL), STANCE + zero, slips)
-        now = chosen(more(dot(force, force), 0.0), now, SWING + zero)
-        changed = without(good, both(most(now, before), most(before, now)))
-        pairs[k, PHASE] = chosen(changed, now, before)
-        lane[LOGGED] = lane[LOGGED] + chosen(changed, 1.0 + zero, 0.0)
+        change_phase(b, k, good)
+
+
+@part
+def note_point(ways, b, n, here, h):
+    """What point n misses, how deep it is, and what the next step starts from."""
+    lane, points = b.lane[0], b.points
+    zero, t = 0.0 * lane[COUNT], lane[TIME] + h
+    lam, gap = load(points, n, LAM), points[n, GAP]
+    i, pair = ways[n, W_SHAPE], ways[n, W_PAIR] + zero
+    broken, cone = points[n, MISSED] / h, points[n, MISSED + 1] / h
+    note_largest(lane, COMPLEMENTARITY, here, broken)
+    note_largest(lane, CONE, here, cone)
+    note_largest(lane, LARGEST, here, math.sqrt(dot(lam, lam)) / h)
+    new = both(here, more(larger(broken, cone), lane[WORST]))
+    lane[WORST] = chosen(new, larger(broken, cone), lane[WORST])
+    lane[WORST_PAIR] = chosen(new, pair, lane[WORST_PAIR])
+    lane[WORST_TIME] = chosen(new, t, lane[WORST_TIME])
+    note_largest(lane, PENETRATION, here, -gap)
+    note_largest(lane, LARGEST_DEPTH, here, -gap)
+    share = -gap / b.shapes[i, S_THICK]
+    new = both(here, more(share, lane[DEEPEST]))
+    lane[DEEPEST] = chosen(new, share, lane[DEEPEST])
+    lane[DEEPEST_DEPTH] = chosen(new, -gap, lane[DEEPEST_DEPTH])
+    lane[DEEPEST_PAIR] = chosen(new, pair, lane[DEEPEST_PAIR])
+    lane[DEEPEST_TIME] = chosen(new, t, lane[DEEPEST_TIME])
+    for c in range(3):
+        points[n, VALUE + c] = chosen(here, lam[c], points[n, VALUE + c])
+    mu = b.laws[ways[n, W_PAIR], 0]
+    slides = goes_on_sliding(lam, mu, points[n, RATE], points[n, SLIP])
+    points[n, SLIDES] = chosen(here, slides, points[n, SLIDES])
+
+
+@part
+def push_body(ways, b, n, here, h):
+    """The force of point n onto its contact pair and its body."""
+    points, pairs, wrenches, work = b.points, b.pairs, b.wrenches, b.work
+    pair, k, body = ways[n, W_PAIR], ways[n, W_ROW], ways[n, W_BODY]
+    zero, lam = 0.0 * b.lane[0, COUNT], load(points, n, LAM)
+    force = (zero, zero, zero)
+    for c in range(3):
+        force = add_scaled(force, lam[c] / h, load(b.lane, 0, NORMAL + 3 * c))
+    force = only(here, force)
+    pairs[pair, P_GAP] = smaller(pairs[pair, P_GAP], chosen(here, points[n, GAP], math.inf))
+    pairs[pair, P_SLIP] = larger(pairs[pair, P_SLIP], chosen(here, points[n, SLIP], 0.0))
+    arm = sub(load(points, n, MIDDLE), origin_of(work, k))
+    offset = mul(rotation_of(work, k), load(b.bodies, body, 0))
+    accumulate(pairs, pair, FORCE, force)
+    accumulate(pairs, pair, TORQUE, cross(sub(arm, offset), force))
+    accumulate(wrenches, body, 0, cross(arm, force))
+    accumulate(wrenches, body, 3, force)
+
+
+@part
+def change_phase(b, k, good):
+    """The phase of contact pair k after the step; a change is counted."""
+    lane, pairs = b.lane[0], b.pairs
+    zero = 0.0 * lane[COUNT]
+    force, before = load(pairs, k, FORCE), pairs[k, PHASE]
+    starts = both(more(before, SWING - 0.5), most(before, ACCEPTANCE + 0.5))
+    slips = chosen(starts, ACCEPTANCE + zero, 2.0)
+    now = chosen(most(pairs[k, P_SLIP], STILL), STANCE + zero, slips)
+    now = chosen(more(dot(force, force), 0.0), now, SWING + zero)
+    changed = without(good, both(most(now, before), most(before, now)))
+    pairs[k, PHASE] = chosen(changed, now, before)
+    lane[LOGGED] = lane[LOGGED] + changed
 
 
 @part

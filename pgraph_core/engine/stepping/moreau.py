@@ -35,6 +35,7 @@ from ..arrays import (
     opened_run,
 )
 from ..compiler.jit import kernel, part, sweep
+from ..compiler.masks import both, either, more, most
 from ..constraints.blocks import (
     first_of,
     joint_of,
@@ -93,7 +94,7 @@ from ..rows import (
 from ..tree.kinematics import base_axes, positions
 from ..tree.moving import advance
 from ..tree.spinning import keep_spinning
-from ..vec import add, add_scaled, finite, load, mul, scale, set_xyz, xyz
+from ..vec import add, add_scaled, finite, load, load3, mul, scale, set_xyz, xyz
 from .state import STEP as STEP_SIGNATURE
 from .state import copied, size_of_state
 
@@ -516,11 +517,8 @@ def book(scene, first, t, h, last):
             if tally.share < BRIEF and found[n].held[0] > 0.0:  # it goes on as before an impact
                 push = xyz(found[n].held)
             keep_point(kept[place_in], found[n], push)
-            pull = math.sqrt(lam[r + 1] ** 2 + lam[r + 2] ** 2)
-            rim = blocks.blocks_f[active[j], at.FRICTION] * lam[r]
-            moves = slip > CREEPS * abs(space.vectors[RHS, r])  # some points of a patch may be full
-            gives_way = moves and lam[r] > 0.0 and pull >= (1.0 - RIM) * rim
-            kept[place_in].slides = 1 if slip > SLIDING or gives_way else 0
+            push, mu = load3(lam, r), blocks.blocks_f[active[j], at.FRICTION]
+            kept[place_in].slides = int(goes_on_sliding(push, mu, space.vectors[RHS, r], slip))
             if last:
                 count += 1
             else:
@@ -528,6 +526,18 @@ def book(scene, first, t, h, last):
         note(opened(scene).links.contacts, work, n, force, slip)
     if last:
         tally.kept = count
+
+
+@part
+def goes_on_sliding(lam, mu, closing, slip):
+    """1 where a point slides fast, or slips with all the friction that its cone has; else 0.
+
+    `closing` is its normal velocity without impulses.
+    """
+    pull = math.sqrt(lam[1] * lam[1] + lam[2] * lam[2])
+    moves = more(slip, CREEPS * abs(closing))  # some points of a patch may be full
+    full = both(more(lam[0], 0.0), most((1.0 - RIM) * (mu * lam[0]), pull))
+    return either(more(slip, SLIDING), both(moves, full))
 
 
 @part

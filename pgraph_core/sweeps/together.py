@@ -1,0 +1,136 @@
+"""Points of a sweep stepped together: a batch takes the steps of many runs at once.
+
+Each instance of a batch has the bits of its own run, so that the table does not depend on it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..batches.batch_stepper import BatchStepper
+from ..errors import PgraphError
+from ..mechanism import Mechanism
+from ..model import Model
+from ..result import Result
+from ..simulation.options import Options
+from ..simulation.plan import plan_of
+from .metrics import OF_RUN, WAYS, Metric, column_of, words
+
+Array = np.ndarray
+OPTIONS = ("scenario", "method", "step", "stabilise", "forces")  # of a run, and of a batch
+ALSO = ("t_end", "frames", "t_eval", "estimate")  # of a run: when it is recorded
+SAME_RUN = ("bodies", "constraints", "contacts", "forces", "gravity", "ground")  # no times or steps
+PIECE = 1000  # steps of all instances that are kept at once
+
+
+class Exact(BatchStepper):
+    """A batch whose instances all have the bits of their own runs."""
+
+    _same_bits = True
+
+
+@dataclass(frozen=True)
+class Together:
+    """What all runs of a sweep share, where a batch can take their steps."""
+
+    options: Mapping[str, Any]  # of the batch
+    frames: Array  # (n,) steps from the start to each recorded state
+    columns: Mapping[str, int]  # of the metrics, in (q, v); -1: of the run
+    constants: Mapping[str, float]  # metrics that are the same for all
+
+    @classmethod
+    def of(
+        cls, model: Model, groups: Sequence[str], metrics: Mapping[str, Metric | str],
+        options: Mapping[str, Any], run: Result,
+    ) -> Together | None:  # fmt: skip
+        """For metrics of coordinates, of runs at given steps; None for others.
+
+        `model` is that of the first point and `run` its run, or the start of it.
+        """
+        named = all(isinstance(metric, str) for metric in metrics.values())
+        known = {*OPTIONS, *ALSO}.issuperset(options) and not options.get("estimate")
+        if not named or not known or not set(SAME_RUN).issuperset(groups):
+            return None
+        given = {name: x for name, x in options.items() if name in OPTIONS or x is not None}
+        given.pop("estimate", None)
+        asked = Options(**{**given, "compared": False})
+        plan = plan_of(Mechanism(model), asked, None, None, None)
+        chosen = plan.tolerance is not None or len(set(plan.width.tolist())) != 1
+        later = plan.changes or plan.conditions or plan.contact_points or plan.near is not None
+        asked_for = plan.header["why"].endswith("as asked") or plan.impulses
+        if chosen or later or plan.tau is not None or not asked_for:
+            return None
+        frames = np.concatenate(([0], np.cumsum(plan.substeps)))
+        constants = {"t_end": float(plan.times[-1]), "steps": float(frames[-1])}
+        if plan.shown is not None:
+            frames = frames[plan.shown]
+        columns = dict[str, int]()
+        for metric in map(str, metrics.values()):
+            if metric in OF_RUN and metric not in constants:
+                return None
+            place = -1 if metric in constants else _place(run, column_of(run, words(metric)[1]))
+            if place is None:
+                return None
+            columns[metric] = place
+        batch = {name: given[name] for name in OPTIONS if name in given}
+        batch |= {"method": plan.method.name, "step": float(plan.width[0])}
+        return cls(batch, frames, columns, constants)
+
+    def measured(
+        self, model: Model, paths: Sequence[Any], points: Array, metrics: Sequence[str]
+    ) -> tuple[Array, Array]:
+        """((points, metrics) values, (points,) whether each run came to its end).
+
+        Raises PgraphError where a point is refused, or points do not have one structure.
+        """
+        batch = Exact(model, len(points), set=dict(zip(paths, points.T)), threads=1, **self.options)
+        wanted = [self.columns[metric] for metric in metrics]
+        places = sorted({place for place in wanted if place >= 0})
+        final = all(place < 0 or words(m)[0] == "final" for m, place in zip(metrics, wanted))
+        found = self._last(batch, places) if final else self._all(batch, places)
+        values = np.empty((len(points), len(metrics)))
+        for m, (metric, place) in enumerate(zip(metrics, wanted)):
+            if place < 0:
+                values[:, m] = self.constants[metric]
+                continue
+            way, k = WAYS[words(metric)[0]], places.index(place)
+            values[:, m] = [way(found[:, i, k]) for i in range(len(points))]
+        return values, batch.ok
+
+    def _last(self, batch: BatchStepper, places: list[int]) -> Array:
+        batch.step(n=int(self.frames[-1]))
+        return np.concatenate((batch.q, batch.v), axis=1)[None, :, places]
+
+    def _all(self, batch: BatchStepper, places: list[int]) -> Array:
+        """(frames, instances, places)."""
+        found = np.empty((len(self.frames), batch.size, len(places)))
+        found[self.frames == 0] = np.concatenate((batch.q, batch.v), axis=1)[:, places]
+        for begin in range(0, int(self.frames[-1]), PIECE):
+            n = min(PIECE, int(self.frames[-1]) - begin)
+            states = batch.trace(n=n)[:, :, places]
+            inside = (self.frames > begin) & (self.frames <= begin + n)
+            found[inside] = states[self.frames[inside] - begin - 1]
+        return found
+
+
+def _place(run: Result, column: Array) -> int | None:
+    """Where a column stands in (q, v); None for what is none of both."""
+    for states, first in ((run.q, 0), (run.v, run.q.shape[1])):
+        if np.shares_memory(states, column):
+            return first + (column.ctypes.data - states.ctypes.data) // states.itemsize
+    return None
+
+
+def together(
+    model: Model, groups: Sequence[str], metrics: Mapping[str, Metric | str],
+    options: Mapping[str, Any], run: Result,
+) -> Together | None:  # fmt: skip
+    """As `Together.of`; None too where the first point says why it cannot run."""
+    try:
+        return Together.of(model, groups, metrics, options, run)
+    except PgraphError:
+        return None
