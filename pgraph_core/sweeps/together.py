@@ -56,8 +56,7 @@ class Together:
         if not named or not known or not set(SAME_RUN).issuperset(groups):
             return None
         given = {name: x for name, x in options.items() if name in OPTIONS or x is not None}
-        given.pop("estimate", None)
-        asked = Options(**{**given, "compared": False})
+        asked = Options(**{**given, "estimate": False})
         plan = plan_of(Mechanism(model), asked, None, None, None)
         chosen = plan.tolerance is not None or len(set(plan.width.tolist())) != 1
         later = plan.changes or plan.conditions or plan.contact_points or plan.near is not None
