@@ -34,6 +34,31 @@ def pendulum() -> pg.Model:
     return pg.Model(bodies=[bob], parameters={"heavy": 2.0}, ground={"steps": steps})
 
 
+@pytest.mark.parametrize("name", ["stance", "tree"])
+def test_points_that_are_stepped_together_have_the_bits_of_single_runs(name):
+    """Also in metrics over all frames; a point that cannot run says why, others are not affected."""
+    if name == "stance":
+        model, path = pg.Model.load(pgraph_models.path("quadruped")), "bodies.pelvis.mass"
+        joint, options = "lumbar", {"scenario": "stance", "t_end": 0.05, "frames": 6}
+    else:
+        model, path, joint = pg.Model.serial(3), "bodies.3.mass", "2"
+        options = {"t_end": 0.2, "step": 1e-3, "method": "rk4"}
+    values = [7.0, -1.0, 8.0, 9.0]
+    metrics = [f"final {joint}", f"max v.{joint}", f"mean {joint}", "steps", "t_end"]
+    table = pg.sweep(model, {path: values}, metrics, workers=1, **options)
+    wide = pg.sweep(model, {path: [7.0, 8.0, 9.0]}, metrics, workers=1, **options)
+    part, field = path.split(".")[1:]
+    for i, value in enumerate(values):
+        if value < 0:
+            assert table.status[i] == "REFUSED"
+            continue
+        run = pg.simulate(model.edit(part, **{field: value}), **options)
+        speed = run.columns()[f"v.{joint}"]
+        found = [run[joint][-1], speed.max(), np.mean(run[joint]), run.counters["steps"], run.t[-1]]
+        assert [x[i] for x in table.values.values()] == found
+        assert [x[max(i - 1, 0)] for x in wide.values.values()] == found
+
+
 # -- paths -----------------------------------------------------------------------------------------
 
 

@@ -7,7 +7,7 @@ and between two: wrenches, springs, torsion springs, drags.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -149,7 +149,7 @@ def _over(t: Array, value: Any) -> Array:
 def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force, ...]) -> Drives:
     """The rows of joint springs and dampers, and of the tendons, motors and servos in `forces`."""
     rows: list[tuple[float, ...]] = []
-    knots: list[Knot] = []
+    knots = Knots()
     terms: list[tuple[float, float, float]] = []
     for number, row in enumerate(topology.row.tolist(), start=1):
         body = model.bodies[row]
@@ -160,7 +160,7 @@ def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force
             own = terms_of(f, topology, packed)
             rest = length_at(own, packed.q) if f.rest is None and f.stiffness else f.rest or 0.0
             place = _placed(own, f.stiffness != 0, terms)
-            spans = *_table_knots(rest, knots), *_table_knots(0.0, knots)
+            spans = *knots.put(rest), *knots.put(0.0)
             law = f.stiffness, f.damping, -np.inf, np.inf, f.friction
             rows.append((*place[:2], *law, *spans, *place[2:], *AT_ONCE))
     passive = len(rows)
@@ -169,14 +169,14 @@ def drives(model: Model, topology: Topology, packed: System, forces: tuple[Force
             gain, torque, kp, kd = f.law
             target, torque = input_tables(f)
             place = _placed(terms_of(f, topology, packed), kp != 0, terms)
-            spans = *_table_knots(target, knots), *_table_knots(torque, knots)
+            spans = *knots.put(target), *knots.put(torque)
             follows = AT_ONCE
             if f.has_state:
-                follows = _following(knots, *(spans[:2] if kp else spans[2:]), f)
+                follows = _following(knots.own(spans[0] if kp else spans[2]), f)
             rows.append((*place[:2], kp, kd, *f.torques, 0.0, *spans, *place[2:], *follows))
         elif not isinstance(f, (OnBody, Tendon)):
             raise TypeError(f"a force of kind '{f.kind}' has no row in any table")
-    columns = np.array(knots).reshape(-1, 4), passive, np.array(terms).reshape(-1, 3)
+    columns = knots.table(), passive, np.array(terms).reshape(-1, 3)
     return Drives(rows_of(JOINT_FORCE, rows), *columns)
 
 
@@ -248,7 +248,7 @@ def has_springs(body: Body) -> bool:
     return any(body.stiffness) or any(body.damping) or any(body.friction)
 
 
-def _springs(body: Any, at_vq: list[tuple[int, int]], knots: list[Knot]) -> list[tuple[float, ...]]:
+def _springs(body: Any, at_vq: list[tuple[int, int]], knots: Knots) -> list[tuple[float, ...]]:
     """One row a degree of freedom of a joint with a spring, a damper or friction."""
     found: list[tuple[float, ...]] = []
     start = 0
@@ -256,20 +256,55 @@ def _springs(body: Any, at_vq: list[tuple[int, int]], knots: list[Knot]) -> list
     for m, k, d, rest, friction in zip(body.sequence, *columns):
         size = joints.SIZE[m.kind][1]
         for at_v, at_q in at_vq[start : start + size]:
-            none = _table_knots(0.0, knots)
+            none = knots.put(0.0)
             place = (at_v, at_q if k else -1)
             law = k, d, -np.inf, np.inf, friction
-            found.append((*place, *law, *_table_knots(rest, knots), *none, 0, 0, *AT_ONCE))
+            found.append((*place, *law, *knots.put(rest), *none, 0, 0, *AT_ONCE))
         start += size
     return found
 
 
-Knot = tuple[float, float, float, float]  # time, value, slope after it, what acts of the input
+class Knots:
+    """Tables of drives one after the other: time, value, slope after it, what acts of an input."""
+
+    def __init__(self) -> None:
+        self._parts: dict[int, Array] = {}  # by their first row
+        self._count = 0
+
+    def put(self, value: float | Table) -> tuple[int, int]:
+        """(first knot, number of knots) of a constant or a table, which now stands at the end."""
+        first = self._count
+        constant = isinstance(value, float | int)
+        part = np.array([[0.0, value, 0.0, value]]) if constant else _knots_of(value)
+        self._parts[first] = part
+        self._count += len(part)
+        return first, len(part)
+
+    def own(self, first: int) -> Array:
+        """(n, 4) the table that begins at this row, to be written."""
+        self._parts[first] = self._parts[first].copy()
+        return self._parts[first]
+
+    def table(self) -> Array:
+        """(all knots, 4)."""
+        return np.concatenate([np.zeros((0, 4)), *self._parts.values()])
+
+
+@lru_cache(maxsize=1024)
+def _knots_of(table: Table) -> Array:
+    """(n, 4) of a table; models that differ elsewhere share it."""
+    t, x = np.array(table.t), np.array(table.value)
+    slopes = np.zeros(len(t))
+    slopes[:-1] = np.diff(x) / np.diff(t)
+    slopes[-1] = (len(t) - 1) / (t[-1] - t[0]) if len(t) > 1 else 0.0
+    return np.stack((t, x, slopes, x), axis=1)
+
+
 Follows = tuple[float, int, float, float]  # lag, whether the integral acts, its bounds
 AT_ONCE: Follows = (0.0, 0, -np.inf, np.inf)
 
 
-def _following(knots: list[Knot], first: int, count: int, f: OnJoint) -> Follows:
+def _following(knots: Array, f: OnJoint) -> Follows:
     """Put what acts at each knot into its last column, exactly; how it follows the input."""
     gain, torque, kp, _ = f.law
     scale, shift = (gain / kp, 0.0) if kp else (gain, torque if isinstance(torque, float) else 0.0)
@@ -277,12 +312,11 @@ def _following(knots: list[Knot], first: int, count: int, f: OnJoint) -> Follows
     follows = f.lag, int(f.integrates), least, most
     begin = 0.0 if f.integrates else None
     begin = begin if f.start is None else f.start
-    y = knots[first][1] if begin is None else shift + scale * begin
-    for n in range(first, first + count):
-        t, u, slope, _ = knots[n]
-        knots[n] = t, u, slope, y
-        if n + 1 < first + count:
-            y = followed(follows, u, slope, y, knots[n + 1][0] - t)
+    y = float(knots[0, 1]) if begin is None else shift + scale * begin
+    for n, (t, u, slope, _) in enumerate(knots.tolist()):
+        knots[n, 3] = y
+        if n + 1 < len(knots):
+            y = followed(follows, u, slope, y, float(knots[n + 1, 0]) - t)
     return follows
 
 
@@ -301,15 +335,3 @@ def _parted(u: Table) -> Table:
     k = np.flatnonzero(x[:-1] * x[1:] < 0)
     zero = t[k] + (t[k + 1] - t[k]) * x[k] / (x[k] - x[k + 1])
     return Table(t=np.insert(t, k + 1, zero), value=np.insert(x, k + 1, 0.0)) if len(k) else u
-
-
-def _table_knots(value: float | Table, knots: list[Knot]) -> tuple[int, int]:
-    """(first knot, number of knots) of a constant or a table, appended to `knots`."""
-    if isinstance(value, float | int):
-        knots.append((0.0, value, 0.0, value))
-        return len(knots) - 1, 1
-    t, x = value.t, value.value
-    slopes = [(b - a) / (u - s) for (s, u), (a, b) in zip(pairwise(t), pairwise(x))]
-    rate = (len(t) - 1) / (t[-1] - t[0]) if len(t) > 1 else 0.0
-    knots += zip(t, x, (*slopes, rate), x)
-    return len(knots) - len(t), len(t)

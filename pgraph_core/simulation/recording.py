@@ -693,7 +693,8 @@ class Recording:
             contacts = self.events.record(contacts, (q, v, vdot), rows)
             counters |= self.events.tally
             timing["events"] = self.events.seconds
-        header = {**self.plan.header, "error_known": (estimate.until, estimate.before)}
+        header = {**self.plan.header, "model_hash": self.mech.model.hash}
+        header = {**header, "error_known": (estimate.until, estimate.before)}
         if self.met:
             header["began"] = self.met
         if self.user is not None and self.tau is not self.plan.tau:

@@ -17,6 +17,7 @@ from numba import njit
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core.batches.feet import FeetLanes
+from pgraph_core.batches.loops import LoopLanes
 from pgraph_core.batches.paths import Path
 from pgraph_core.engine.compiler.lane import LANE_WIDTH
 
@@ -153,6 +154,42 @@ def test_feet_in_lanes_hit_slide_and_tumble_with_the_bits_of_single_runs():
             assert np.array_equal(batches[0].contact_force[touch][i], force)
         hit += len(stepper.contact_force)
     assert hit == 4 * size
+
+
+@pytest.mark.parametrize(
+    ("name", "scenario", "given", "speed"),
+    [
+        ("quadruped", "stance", {"bodies.pelvis.mass": (7, 9), "gravity.1": (-9, -10)}, 0.0),
+        ("slider_crank", None, {}, 0.5),
+        ("rolling_disc", None, {}, 0.5),
+        ("bricard", None, {}, 0.3),  # whose constraints are redundant: lanes give up
+    ],
+)
+@pytest.mark.parametrize("method", ["rk4", "semi_implicit_euler"])
+def test_constraints_in_lanes_have_the_bits_of_single_runs(name, scenario, given, speed, method):
+    """Instances of other numbers, at other speeds, one of them started again at another time."""
+    size = LANE_WIDTH + 3
+    given = {path: np.linspace(*span, size) for path, span in given.items()}
+    options = {"scenario": scenario, "method": method}
+    batch = pg.BatchStepper(built_in(name), size, set=given or None, threads=2, **options)
+    assert isinstance(batch._many, LoopLanes)
+    v = batch.v + np.random.default_rng(1).normal(0, speed, batch.v.shape)
+    batch.reset(v=v if speed else None)
+    started = batch.v.copy()
+    batch.step(n=40)
+    states = batch.trace(n=10)
+    assert np.array_equal(states[-1], np.concatenate((batch.q, batch.v), axis=1))
+    batch.reset(v=v[2] if speed else None, which=[2])
+    again = batch.v[2].copy()
+    batch.step(n=20)
+    for i in range(size):
+        stepper = alone(built_in(name), given, i, **options)
+        for steps in (20,) if i == 2 else (40, 10, 20):
+            if stepper.t == 0.0 and speed:
+                stepper.reset(v=again if i == 2 else started[i])
+            stepper.step(n=steps)
+        assert np.array_equal(batch.q[i], stepper.q)
+        assert np.array_equal(batch.v[i], stepper.v)
 
 
 @pytest.mark.parametrize("law", ["complementarity", "soft", "penalty"])
