@@ -36,7 +36,7 @@ def pendulum() -> pg.Model:
 
 @pytest.mark.parametrize("name", ["stance", "tree"])
 def test_points_that_are_stepped_together_have_the_bits_of_single_runs(name):
-    """Also in metrics over all frames; a point that cannot run says why, others are not affected."""
+    """Also metrics over all frames; a point that cannot run says why and affects no other."""
     if name == "stance":
         model, path = pg.Model.load(pgraph_models.path("quadruped")), "bodies.pelvis.mass"
         joint, options = "lumbar", {"scenario": "stance", "t_end": 0.05, "frames": 6}

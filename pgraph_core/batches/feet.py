@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from ..engine.records import BOX, CAPSULE, POINTS, RIGID, SPHERE
 from ..engine.stepping import run
 from ..packing.system import Array, Ints
 from ..simulation.stepper import Stepper
-from .instances import COPY, Instances, pool
+from .instances import COPY, Instances
 
 OF_VERTICES = (POINTS, SPHERE, CAPSULE, BOX)  # what touches a plane with balls about its vertices
 CROWD = 64  # shapes: impacts of more are not located one by one
@@ -64,6 +63,8 @@ def is_plain(row: Any) -> bool:
 class FeetLanes(Instances):
     """Instances side by side in lanes, with the bits of their own runs."""
 
+    together = LANE_WIDTH
+
     def prepare(self) -> None:
         """Name points and drives; make room for a block a worker."""
         stepper = self.workers[0].stepper
@@ -72,18 +73,6 @@ class FeetLanes(Instances):
         self._ways, self._drives = _ways(stepper), drives_of(stepper)
         self._room = [_room(worker.stepper, self._ways) for worker in self.workers]
         ready(kernels.step_lanes)
-
-    def spread(self, work: Any, count: int) -> None:
-        """As of `Instances`, cut between blocks of lanes."""
-        blocks = -(-count // LANE_WIDTH)
-        parts = min(len(self.workers), blocks)
-        edges = np.linspace(0, blocks, parts + 1).astype(int) * LANE_WIDTH
-        spans = [(i, *span) for i, span in enumerate(pairwise(np.minimum(edges, count).tolist()))]
-        if parts == 1:
-            work(*spans[0])
-            return
-        for done in [pool(parts).submit(work, *span) for span in spans]:
-            done.result()
 
     def _part(self, n: int, number: int, *span: int) -> None:
         if n == 0:

@@ -121,6 +121,8 @@ def _spans(arrays: Sequence[Array], varying: Ints) -> Ints:
 class Instances:
     """The tables of all instances, and the workers that step them."""
 
+    together = 1  # instances that one worker steps in any case
+
     def __init__(self, starts: Ints, numbers: Ints, kind: Ints, workers: Sequence[Worker]):
         """`starts` (kinds, words) are initial states, `numbers` (kinds, words) what varies."""
         self.starts, self.numbers, self.kind, self.workers = starts, numbers, kind, workers
@@ -167,9 +169,10 @@ class Instances:
 
     def spread(self, work: Callable[[int, int, int], object], count: int) -> None:
         """`work(part, begin, end)` of `count` things in as many parts as there are workers."""
-        parts = min(len(self.workers), count)
-        edges = np.linspace(0, count, parts + 1).astype(int).tolist()
-        spans = [(i, *span) for i, span in enumerate(pairwise(edges))]
+        blocks = -(-count // self.together)
+        parts = min(len(self.workers), blocks)
+        edges = np.linspace(0, blocks, parts + 1).astype(int) * self.together
+        spans = [(i, *span) for i, span in enumerate(pairwise(np.minimum(edges, count).tolist()))]
         if parts == 1:
             work(*spans[0])
             return
