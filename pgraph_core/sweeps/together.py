@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..batches.batch_stepper import BatchStepper
+from ..batches.instances import IN_LANES
 from ..errors import PgraphError
 from ..mechanism import Mechanism
 from ..model import Model
@@ -59,8 +60,11 @@ class Together:
         asked = Options(**{**given, "estimate": False})
         plan = plan_of(Mechanism(model), asked, None, None, None)
         chosen = plan.tolerance is not None or len(set(plan.width.tolist())) != 1
+        chosen = chosen or plan.method.name not in IN_LANES
+        if (plan.substeps > 1).any():  # frames may miss oscillations, of which a single run tells
+            return None
         later = plan.changes or plan.conditions or plan.contact_points or plan.near is not None
-        asked_for = plan.header["why"].endswith("as asked") or plan.impulses
+        asked_for = plan.header["why"].endswith("as asked")
         if chosen or later or plan.tau is not None or not asked_for:
             return None
         frames = np.concatenate(([0], np.cumsum(plan.substeps)))
