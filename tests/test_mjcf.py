@@ -419,6 +419,7 @@ def test_outputs_are_what_sensors_of_mujoco_read(tmp_path):
     pg.write_mjcf(model, tmp_path / "again.xml")
     again, _ = pg.read_mjcf(tmp_path / "again.xml")
     assert again.outputs == model.outputs
+    assert {site.name for site in again.sites} == {site.name for site in model.sites}
     for site in model.sites:
         twin = again.part(site.name, "site")
         assert twin.body == site.body

@@ -141,6 +141,7 @@ def start(args: Namespace) -> None:
     )  # fmt: skip
     if model.scenarios and not server.store.state.undo:
         server.send(Simulate(0))  # ready to play when the page is seen
+    gc.collect()
     gc.freeze()  # what is there by now stays: later collections of garbage pass over it
     server.wait(stopped)
 

@@ -66,8 +66,6 @@ def with_numbers(model: Model, paths: Sequence[Path], values: Sequence[float]) -
             fields[path.name] = value
             continue
         field, *rest = map(str, path.inside)
-        if path.group == "bodies" and field == "shape":  # `Model.edit` leaves a body this one alone
-            field, rest = "shapes", ["0", *rest]
         present = fields[field] if field in fields else getattr(path.owner(model), field)
         fields[field] = _replaced(present, rest, value)
     for (group, name), fields in parts.items():
@@ -92,6 +90,8 @@ class Path:
         words = given if isinstance(given, (tuple, list)) else [given]
         self.text, self._call = ".".join(map(str, words)), call
         self.group, self.name, self.inside = self._split(model, given)
+        if self.group == "bodies" and self.inside[0] == "shape" and len(self.inside) > 1:
+            self.inside = "shapes", 0, *self.inside[1:]  # the first: others of the body stay
         value = self.owner(model)
         for word in self.inside:
             value = self._entry(value, word)

@@ -92,7 +92,7 @@ def bodies_over(system: System, q: Array, v: Array, vdot: Array, external: Array
     out = (position, rotation, velocity, acceleration, force)
     kernels.motion_and_forces(*system[:4], *states, external, work, *out)
     pose = np.empty((n, nb, 7))
-    sensors.poses(position, rotation, pose)
+    sensors.as_quaternions(position, rotation, pose)
     return BodyMotion(pose, velocity, acceleration, force)
 
 

@@ -19,7 +19,8 @@ SMOOTH = 0.1  # ratio of the errors of quintic and cubic over two frames where m
 TURN = 3.0  # rad of an oscillation: wider frames show a slower one
 TOO_WIDE = "frames are too wide"  # how the notice of such an oscillation begins
 OFTEN = 0.1  # of the frames: what fewer of them show may be transients, or impacts
-STILL = 1e-9  # rad, or of the length: smaller motion may be rounding
+STILL = 1e-7  # rad, or of the length: what moves by less is at rest
+SETTLED = 1e-5  # of the range of a coordinate: what swings by less has died away
 GAIN = 16.0  # smooth: the error over one frame is 1/64 of that over two; a factor 4 is kept back
 
 
@@ -63,20 +64,23 @@ def unseen(rows: Ints, frames: tuple[Array, Array, Array, Array], length: float)
     """Rows that oscillate faster than frames (t, q, v, v') show, so that these miss their range.
 
     If a coordinate kept its rate, or its acceleration, for a third of the way to the next frame, it
-    would move by more than half of what all frames together show; or v would: an oscillation has
-    fewer than three frames a period. `length` is the mechanism's [m].
+    would move by more than half of what all frames together show; or v would, and not by what is
+    left of a motion that died away: an oscillation has about two frames a period, or fewer.
+    `length` is the mechanism's [m].
     """
     t, q, v, vdot = frames
     spans = _spans(rows)
     least, least_v = np.full(q.shape[1], STILL), np.full(v.shape[1], STILL)
+    shown = np.ptp(q, axis=0)
     for kind, of_q, of_v in spans:
         if kind in (at.TRANSLATE, at.FREE):
             least[of_q][:3] = least_v[of_v][-3:] = STILL * (length or 1.0)
+        least_v[of_v] += SETTLED * shown[of_q].max()
     with np.errstate(over="ignore", invalid="ignore"):
         h = np.diff(t)[:, None] / TURN
         rate, bend = (np.abs(x[:-1]) for x in _derivatives(rows, q, v, vdot))
         sped = h * np.abs(vdot[:-1])
-        far = np.maximum(h * rate, h * h * bend) > 0.5 * np.ptp(q, axis=0) + least
+        far = np.maximum(h * rate, h * h * bend) > 0.5 * shown + least
         fast = (sped > 0.5 * np.ptp(v, axis=0)) & (h * sped > least_v)
     often = max(2.0, OFTEN * len(h))
     missed, missed_v = far.sum(axis=0) >= often, fast.sum(axis=0) >= often

@@ -46,7 +46,7 @@ class Sensors:
     def read(self, q: Array, v: Array, motion: BodyMotion) -> Array:
         """(n, width) in n states (n, nq), (n, nv)."""
         out = np.empty((len(q), self.width))
-        kernels.read(self.table, self.gravity, q, v, *motion, out)
+        kernels.read_sensors(self.table, self.gravity, q, v, *motion, out)
         return out
 
     def by_name(self, read: Array) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from ..packing.system import Array, Ints
 from ..result import Status
 from ..result.records import Event
 from .options import FIXED_RTOL
-from .plan import KEPT_PLANS, Plan
+from .plan import Plan, keep
 
 if TYPE_CHECKING:
     from .contact_log import Clearance
@@ -240,11 +240,8 @@ class Workplace:
 def workplaces(mech: Mechanism, plan: Plan) -> list[Workplace]:
     """The free workplaces that a mechanism keeps for runs by this plan."""
     kept: dict[Plan, list[Workplace]] = mech.__dict__.setdefault("_workplaces", {})
-    if plan not in kept:
-        while len(kept) >= KEPT_PLANS:
-            kept.pop(next(iter(kept)), None)
-        kept[plan] = []
-    return kept[plan]
+    found = kept.get(plan)
+    return keep(kept, plan, []) if found is None else found
 
 
 class Outcome:

@@ -6,11 +6,12 @@ alone, so that a mechanism keeps its last plans: a short run costs little more t
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,9 +52,11 @@ if TYPE_CHECKING:
     from ..gait.controller import Controller
     from .event_scene import ContactPoint
 
+T = TypeVar("T")
 VERSION = version("pgraph-dynamics")
 LARGEST = 1e75  # kg, m, kg m²: energies are products of four such numbers
 KEPT_PLANS = 8  # by a mechanism
+KEEPING = threading.Lock()
 RESOLVED = 0.25  # steps times the rate of penalty contacts where no step is given
 KINKED = 2  # order that is left where tables bend inside steps
 PULSE = 3  # corners within one step: what lies between them may be passed over
@@ -149,10 +152,17 @@ def plan_of(mech: Mechanism, options: Options, tau: Any, q: Any, v: Any) -> Plan
         return plan
     plan, rated = _planned(mech, options, tau, q, v)
     if key is not None:
-        while len(kept) >= KEPT_PLANS:
-            kept.pop(next(iter(kept)), None)
-        kept[key] = plan, _bytes(q, v) if rated else None
+        keep(kept, key, (plan, _bytes(q, v) if rated else None))
     return plan
+
+
+def keep(kept: dict[Any, T], key: Any, value: T) -> T:
+    """Keep a value for a plan, and no more than KEPT_PLANS; threads share what is kept."""
+    with KEEPING:
+        while len(kept) >= KEPT_PLANS:
+            kept.pop(next(iter(kept)))
+        kept[key] = value
+    return value
 
 
 def with_contacts(plan: Plan) -> Plan:

@@ -657,7 +657,7 @@ class Recording:
         text = (
             f"{TOO_WIDE} for the motion of {choices(names, 3)}, which turns round between two of "
         )
-        text += f"them: curves, ranges and peaks miss it; give frames={steps + 1}, one a step"
+        text += f"them: curves, ranges and peaks may miss it; give frames={steps + 1}, one a step"
         self.ended.notices.append(text)
 
     # -- the result ------------------------------------------------------------------------------

@@ -28,7 +28,7 @@ from .together import Together
 
 CHUNK = 1.0  # [s] of work handed out at once
 STRETCH = 0.25  # [s] of work between two looks at the clock
-MOST_FRAMES = 1_000_000  # of a run whose frames missed an oscillation at first
+MOST_NUMBERS = 10_000_000  # in frames of a run again, whose frames missed an oscillation at first
 PATIENCE = 1.5  # [s]: a sweep that takes no longer starts no processes
 
 
@@ -92,7 +92,8 @@ def _row(task: Task, paths: Sequence[Path], number: int, values: Sequence[float]
         options = {"estimate": False, **task.options}
         run = simulate(Mechanism(model), **options)
         steps = run.counters["steps"]
-        if _unseen(run) and steps < MOST_FRAMES and not {"frames", "t_eval"} & options.keys():
+        few = steps * (run.q.shape[1] + 2 * run.v.shape[1]) < MOST_NUMBERS
+        if few and _unseen(run) and not {"frames", "t_eval"} & options.keys():
             run = simulate(Mechanism(model), **options, frames=steps + 1)
         if not run.status.ok:
             return Row(number, (), run.status.name, run.message)

@@ -469,6 +469,14 @@ BAD = [
         "a damper",
     ),
     (lambda m: pg.BatchStepper(m, 2, set={}), "set"),
+    (
+        lambda m: pg.BatchStepper(
+            m.edit("rod", shape={"kind": "sphere", "radius": 0.1}),
+            2,
+            set={"bodies.rod.shape.radius": [1, 2], "bodies.rod.shapes.0.radius": [2, 3]},
+        ),
+        "twice",
+    ),
     (lambda m: pg.BatchStepper(m, 2, tau=lambda t, q, v: -q), "njit"),
     (lambda m: pg.BatchStepper(m, 2, tau=[[1], [2], [3]]), r"tau.*\(2, 1\)"),
     (lambda m: pg.BatchStepper(m, 2).step(np.zeros((2, 3))), r"tau.*\(2, 1\)"),

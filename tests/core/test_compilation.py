@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -80,11 +81,28 @@ def test_the_compiling_process_ends_when_its_parent_is_gone(tmp_path):
     child.stdout.close()
 
 
-def test_every_kernel_states_its_signature():
+def test_no_two_modules_have_a_kernel_of_one_name():
+    """They are kept by name, and compiled for the signature that stands with it."""
     import pgraph_core.engine.stepping.run  # noqa: F401 (registers its kernels)
 
     assert JIT
     assert {"advance_run", "constrained_dynamics"} <= set(KERNELS)
+    dispatcher, signature = KERNELS["advance_run"]
+    jit.register(KERNELS, dispatcher, signature)  # again, as a module that is loaded again does
+
+    other = SimpleNamespace(__name__="advance_run", __module__="another")
+    with pytest.raises(RuntimeError, match=r"another and .*stepping\.run both"):
+        jit.register(jit.LATER, other, signature)
+    assert KERNELS["advance_run"][0] is dispatcher
+
+
+def test_a_module_that_moves_has_kernels_of_its_own(tmp_path):
+    """What is saved of a kernel names its module: another version may not load it."""
+    for folder in ("here", "there"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "tree.py").write_text("def advance(): ...")
+    here, there = (jit.source_hash(tmp_path / x / "tree.py") for x in ("here", "there"))
+    assert here != there
 
 
 def test_an_edit_compiles_the_kernels_that_import_it_and_no_others(tmp_path):

@@ -13,6 +13,7 @@ import pytest
 
 import pgraph_core as pg
 import pgraph_models
+from pgraph_core.simulation.plan import KEPT_PLANS
 
 # Every answer of a mechanism, runs of both methods, and batches, as hashes of their bytes.
 SCRIPT = """
@@ -182,3 +183,20 @@ def test_threads_that_share_a_mechanism_do_not_share_workplaces():
     with ThreadPoolExecutor(8) as pool:
         together = list(pool.map(last, starts))
     assert np.array_equal(alone, together)
+
+
+def test_threads_may_evict_plans_of_one_another():
+    """Switched as often as Python can: more kinds of runs than a mechanism keeps plans."""
+    mech, interval = pg.Mechanism(pg.Model.serial(1)), sys.getswitchinterval()
+
+    def run(number):
+        options = {"t_end": 0.001 * (1 + number % (2 * KEPT_PLANS)), "frames": 2}
+        return pg.simulate(mech, method="rk4", step=1e-3, estimate=False, **options).status.ok
+
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(8) as pool:
+            assert all(pool.map(run, range(2000)))
+    finally:
+        sys.setswitchinterval(interval)
+    assert len(mech._plans) <= KEPT_PLANS

@@ -346,6 +346,8 @@ def test_an_oscillation_faster_than_frames_is_told():
     [
         (oscillator(2.0), {"t_end": 10.0, "frames": 101}),  # five frames a period
         (oscillator(200.0, 800.0), {"t_end": 1.0, "frames": 101}),  # settles before a frame
+        (oscillator(500.0, 4400.0), {"t_end": 1.0, "frames": 101}),  # what is left of it swings
+        (oscillator(1000.0, 250.0), {"t_end": 10.0}),
         (oscillator(10.0), {"t_end": 10.0, "frames": 2}),  # no curve
         (oscillator(0.0), {"t_end": 10.0, "step": 1e-3, "frames": 101}),  # at rest
     ],

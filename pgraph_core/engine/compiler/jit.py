@@ -67,9 +67,10 @@ def _hash(path: Path) -> str:
 
 @cache
 def source_hash(module: Path) -> str:
-    """Hash of a module and of all that it imports, directly or not."""
+    """Hash of a module, of all that it imports, directly or not, and of where they are."""
     parts = [(os.path.relpath(path, module.parent), _hash(path)) for path in sources(module)]
-    return hashlib.sha256(repr(sorted(parts)).encode()).hexdigest()[:16]
+    text = repr((os.path.relpath(module, ENGINE), *sorted(parts)))
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 @cache
@@ -172,7 +173,7 @@ class _Files:
 
     def load(self, key: object) -> Any:
         """What was saved under this key; None without it."""
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError, ImportError, AttributeError):
             content = self._path(key).read_bytes()
             digest, compiled = content[:DIGEST], content[DIGEST:]
             if hashlib.sha256(compiled).digest() == digest:
@@ -252,10 +253,19 @@ def kernel(
         if JIT:
             dispatcher._cache = _Cache(function)
         if signature is not None:
-            (LATER if later else KERNELS)[function.__name__] = (dispatcher, signature)
+            register(LATER if later else KERNELS, dispatcher, signature)
         return dispatcher
 
     return compiled
+
+
+def register(kernels: dict[str, tuple[Any, str]], dispatcher: Any, signature: Any) -> None:
+    """Keep a kernel under its name. Raises RuntimeError where another module has that name."""
+    name, home = dispatcher.__name__, dispatcher.__module__
+    for known in (KERNELS, LATER):
+        if name in known and known[name][0].__module__ != home:
+            raise RuntimeError(f"{home} and {known[name][0].__module__} both have a kernel {name}")
+    kernels[name] = dispatcher, signature
 
 
 def compile_kernel(name: str) -> None:

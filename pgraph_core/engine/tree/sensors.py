@@ -56,7 +56,7 @@ def quaternion_of(r):
 
 
 @kernel(types.void(F3, F3, F3), nogil=True)
-def poses(position, rotation, pose):
+def as_quaternions(position, rotation, pose):
     """Places (n, nb, 3) and rotations (n, nb, 9) as x y z, w x y z (n, nb, 7)."""
     for i in range(pose.shape[0]):
         for b in range(pose.shape[1]):
@@ -66,7 +66,7 @@ def poses(position, rotation, pose):
 
 
 @kernel(types.void(array_of(SENSOR), F1, F2, F2, F3, F3, F3, F3, F2), nogil=True)
-def read(sensors, gravity, q, v, pose, velocity, acceleration, force, out):
+def read_sensors(sensors, gravity, q, v, pose, velocity, acceleration, force, out):
     """What sensors read in every frame, (n, columns).
 
     `pose` (n, nb, 7), `velocity`, `acceleration` and `force` (n, nb, 6) are those of the bodies, at
