@@ -188,6 +188,7 @@ def test_a_latin_hypercube_has_one_point_in_each_stratum():
         ((1.0, 2.0), {"samples": "latin"}, "number of points"),
         ((1.0, 2.0), {"samples": "latin", "n": 0}, "number of points"),
         ((2.0, 1.0), {"samples": "random", "n": 3}, "low, high"),
+        ((1.0, 2.0), {"samples": "random", "n": 3, "seed": -1}, "seed"),
         (np.ones(20_000_000), {}, "points"),
     ],
 )
@@ -245,6 +246,42 @@ def test_what_no_run_could_do_is_refused_before_the_first(pendulum, given, fact)
     given = {"set": {"heavy": [1.0]}, "metric": never, **SHORT, **given}
     with pytest.raises(pg.PgraphError, match=fact):
         pg.sweep(pendulum, **given)
+
+
+@pytest.mark.parametrize("first", [-1.0, 1.0])
+def test_a_point_that_is_no_model_is_a_row_wherever_it_stands(pendulum, first):
+    masses = [first, -first, 2.0]
+    table = pg.sweep(pendulum, {"bodies.my.bob.mass": masses}, "t_end", **SHORT)
+    assert [status == "REFUSED" for status in table.status] == [mass < 0 for mass in masses]
+
+
+@pytest.mark.parametrize("name", ["heavy", "status", "reason"])
+def test_a_metric_is_not_called_as_another_column(pendulum, name):
+    with pytest.raises(pg.InputError, match=name):
+        pg.sweep(pendulum, {"heavy": [1.0]}, {name: "t_end"}, **SHORT)
+
+
+def test_a_metric_of_the_error_asks_for_its_estimate(pendulum):
+    table = pg.sweep(pendulum, {"heavy": [1.0]}, "error_estimate", **SHORT)
+    assert table.values["error_estimate"][0] == pg.simulate(pendulum, **SHORT).error_estimate
+
+
+def test_an_edited_metric_is_another_sweep(pendulum, tmp_path):
+    """Also where only a number that it holds was edited; the same function goes on."""
+
+    def metric(scale):
+        return lambda run: scale * run["my.bob"][-1]
+
+    out, values = tmp_path / "table.csv", {"bodies.my.bob.mass": [1.0, 2.0, 3.0]}
+
+    def go(function, **options):
+        return pg.sweep(pendulum, values, function, out=out, workers=1, **options, **SHORT)
+
+    go(metric(1.0), progress=lambda fraction: fraction < 0.5)
+    for other in (metric(2.0), lambda run: run["my.bob"][-1]):
+        with pytest.raises(pg.PgraphError, match="another sweep"):
+            go(other, resume=True)
+    assert go(metric(1.0), resume=True).status == ("DONE",) * 3
 
 
 def test_a_metric_that_fails_leaves_the_others(pendulum):

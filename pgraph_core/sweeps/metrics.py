@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
+from functools import partial
+from types import CodeType
 from typing import Any
 
 import numpy as np
@@ -54,6 +57,37 @@ def metrics_of(given: Any) -> dict[str, Metric | str]:
         elif not callable(one):
             raise _refused(f"{name!r} must be a function of a run; given {shown(one)}")
     return found
+
+
+def said_of(metric: Any) -> str:
+    """What a metric computes, in words that change with its code and with what it holds."""
+    if isinstance(metric, str):
+        return metric
+    if isinstance(metric, partial):
+        return repr((said_of(metric.func), metric.args, sorted(metric.keywords.items())))
+    code = getattr(metric, "__code__", None)
+    if code is None:
+        return f"{type(metric).__module__}.{type(metric).__qualname__} {_name(metric)}"
+    held = [_constant(cell.cell_contents) for cell in metric.__closure__ or ()]
+    values = (metric.__defaults__, metric.__kwdefaults__, held)
+    return repr((_said_of_code(code), *map(_plain, values)))
+
+
+def _said_of_code(code: CodeType) -> tuple[Any, ...]:
+    """Without its place in a file, and without addresses of the functions inside."""
+    inside = [_said_of_code(x) if isinstance(x, CodeType) else repr(x) for x in code.co_consts]
+    return code.co_code.hex(), inside, code.co_names, code.co_varnames
+
+
+def _constant(value: Any) -> Any:
+    """The value where it cannot change while metrics are computed, as a list of theirs could."""
+    fixed = isinstance(value, (int, float, complex, str, bytes, tuple, frozenset, type(None)))
+    return value if fixed else type(value).__qualname__
+
+
+def _plain(values: Any) -> str:
+    """As text, without addresses in memory."""
+    return re.sub(r" at 0x[0-9a-f]+", "", repr(values))
 
 
 def measured(run: Result, metric: Metric | str) -> float:

@@ -10,6 +10,7 @@ import json
 import math
 import os
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from inspect import signature
 from pathlib import Path as FilePath
@@ -19,19 +20,20 @@ import numpy as np
 
 from ..batches.paths import Path, counting, distinct, numbers_in, with_numbers
 from ..dynamics.arguments import wrong_type
-from ..errors import FileError, InputError, Problem, choices, explained, nearest, shown
+from ..errors import FileError, InputError, ModelError, Problem, choices, explained, nearest, shown
 from ..mechanism import Mechanism
 from ..model import Model
 from ..model.fields import whole
 from ..model.files import write_atomic
 from ..portable import Hinting, installed
 from ..simulation import simulate
-from .metrics import measured, metrics_of
+from .metrics import measured, metrics_of, said_of
 from .tasks import Row, Task, rows_of
 from .together import Together, together
 
 Array = np.ndarray
 FORMATS = (".csv", ".parquet")
+TRIED = 100  # points of which one must be a model for a look before the first run
 
 
 @explained
@@ -165,7 +167,7 @@ def sweep(
     `metric` is a name such as "max knee" (final, max, min, mean, rms, peak or range of a column of
     `Result.columns`, or energy_drift, error_estimate, t_end, steps), a function of a run that
     returns a number, or several in a list or dict. `options` go to `simulate`; the error is not
-    estimated unless `estimate=True`.
+    estimated unless `estimate=True` or a metric asks for it.
 
     A sweep that takes longer than a moment runs in `workers` processes, all cores by default, or on
     a Dask cluster at the address `scheduler`. The table does not depend on where it is computed. In
@@ -190,11 +192,17 @@ def sweep(
     metrics = metrics_of(metric)
     points = points_of(dict(zip(names, set.values())), samples, n, seed)
     given = tuple(x if isinstance(x, str) else tuple(x) for x in set)
+    for name in metrics:
+        if name in (*names, "status", "reason"):
+            text = f"{name!r} is a column of the table already; give the metric another name"
+            raise InputError(Problem("sweep", "metric", text))
     settings = {"scenario": scenario, **options}
+    if "error_estimate" in metrics.values():
+        settings.setdefault("estimate", True)
     task = Task(base, given, metrics, settings, installed())
     _known(options)
     counting(paths, base, "sweep", scenario, options)
-    task = replace(task, together=_tried(base, paths, points[0], metrics, settings))
+    task = replace(task, together=_tried(base, paths, points, metrics, settings))
     kept = Kept(out, resume, _fingerprint(task, points)) if out is not None else None
     rows: dict[int, Row] = {row.point: row for row in kept.rows} if kept else {}
     todo = [(i, tuple(map(float, p))) for i, p in enumerate(points) if i not in rows]
@@ -242,13 +250,18 @@ def _fitting(paths: list[Path], samples: str, n: Any, workers: Any, out: Any, re
 
 
 def _tried(
-    model: Model, paths: list[Path], point: Array, metrics: Mapping[str, Any], settings: Any
+    model: Model, paths: list[Path], points: Array, metrics: Mapping[str, Any], settings: Any
 ) -> Together | None:
-    """Refuse at once what no point could do: a run of the first one is started, and stopped.
+    """Refuse at once what no point could do: the run of one is started, and stopped.
 
     What says how all points can be stepped together, if they can.
     """
-    model = with_numbers(model, paths, point.tolist())
+    for point in points[:TRIED].tolist():
+        with suppress(ModelError):  # of this point alone: its row says so
+            model = with_numbers(model, paths, point)
+            break
+    else:
+        return None
     try:
         run = simulate(model, **{**settings, "estimate": False}, progress=lambda _: False)
     except InputError as error:
@@ -333,7 +346,7 @@ class Kept:
 
 def _fingerprint(task: Task, points: Array) -> str:
     """Names a sweep: its model, paths, points, metrics, options and version."""
-    metrics = {name: x if isinstance(x, str) else name for name, x in task.metrics.items()}
+    metrics = {name: said_of(x) for name, x in task.metrics.items()}
     options = {name: repr(value) for name, value in task.options.items()}
     said = json.dumps(
         [task.model.to_json(), task.paths, metrics, options, task.version], sort_keys=True
@@ -373,7 +386,9 @@ def points_of(values: Mapping[str, Any], samples: str, n: int | None, seed: int)
         return np.array(list(itertools.product(*lists)), dtype=float)
     if isinstance(n, bool) or not isinstance(n, int) or not 1 <= n <= MOST_POINTS:
         raise _refused("n", f"must be the number of points, 1 to {MOST_POINTS}; given {shown(n)}")
-    units = _unit_points(samples, len(values), n, seed)
+    if (start := whole(seed)) is None or start < 0:
+        raise _refused("seed", f"must be a whole number >= 0; given {shown(seed)}")
+    units = _unit_points(samples, len(values), n, start)
     columns = [_stretched(path, given, u) for (path, given), u in zip(values.items(), units.T)]
     return np.stack(columns, axis=1)
 

@@ -207,18 +207,18 @@ def _run_kept(points: Sequence[Any]) -> list[Row]:
 
 
 def _by_dask(task: Task, points: Sequence[Any], scheduler: Any) -> Iterator[list[Row]]:
-    """By the workers of a Dask cluster: an address, or a `distributed.Client`."""
+    """By the workers of a Dask cluster: an address, a cluster, or a `distributed.Client`."""
     try:
         from distributed import Client, as_completed
     except ImportError:
         text = "needs the package distributed: pip install pgraph-dynamics[cluster]"
         raise InputError(Problem("sweep", "scheduler", text)) from None
     client = scheduler
-    if isinstance(scheduler, str):
+    if not isinstance(scheduler, Client):
         try:
             client = Client(scheduler, timeout=10)
-        except (OSError, ValueError, TimeoutError) as error:
-            text = f"{scheduler!r} does not answer: {error}; start one with `dask scheduler`"
+        except (OSError, ValueError, TypeError, TimeoutError) as error:
+            text = f"{scheduler!r:.60} does not answer: {error}; start one with `dask scheduler`"
             raise InputError(Problem("sweep", "scheduler", text)) from None
     try:
         shared = client.scatter(task, broadcast=True)
