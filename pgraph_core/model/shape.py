@@ -173,9 +173,6 @@ class Shape(Frozen):
 
     def _tapered(self) -> list[tuple[str, str]]:
         """What is wrong with a shape that tapers."""
-        if self.kind not in ("capsule", "cylinder"):
-            text = "only a capsule or a cylinder has an end_radius"
-            return [("shape", f"{text}; given end_radius {self.end_radius:g}")]
         if self.role != "visual":
             text = "a shape that tapers is only drawn; give role 'visual'"
             return [("shape", f"{text}; given end_radius {self.end_radius:g}")]
@@ -223,7 +220,9 @@ DIMENSIONS: dict[str, tuple[str, ...]] = {  # kind -> the fields that say how la
     "heightfield": ("size", "heights"),
 }
 FOREIGN = {  # kind -> the fields that say how large others are
-    kind: sorted(set().union(*DIMENSIONS.values()) - set(own)) for kind, own in DIMENSIONS.items()
+    kind: sorted(set().union(*DIMENSIONS.values()) - set(own))
+    + ([] if kind in ("capsule", "cylinder") else ["end_radius"])
+    for kind, own in DIMENSIONS.items()
 }
 
 

@@ -282,17 +282,18 @@ def take_one(x, i, a, row, begin, end):
 
 
 @sweep
-def carried_in(last, m, x):
-    """L⁻ᵀ x in place, of slopes: row j is zero beyond what j carries, in both halves of x."""
+def carried_in(last, m, x, full):
+    """L⁻ᵀ x in place, of slopes: unless `full`, row j is zero beyond what j carries."""
     n, half = m.shape[0], x.shape[1] // 3
     for j in range(n - 1, -1, -1):
         i, end = j + 1, last[j]
+        width = 2 * half if full else half + end
         while i + 3 < end:
             a = m[i, j], m[i + 1, j], m[i + 2, j], m[i + 3, j]
-            take_four(x, j, a, (i, i + 1, i + 2, i + 3), 0, half + end)
+            take_four(x, j, a, (i, i + 1, i + 2, i + 3), 0, width)
             i += 4
         while i < end:
-            take_one(x, j, m[i, j], i, 0, half + end)
+            take_one(x, j, m[i, j], i, 0, width)
             i += 1
 
 
@@ -374,7 +375,7 @@ def forward_derivatives(rows, const, q, v, tau, passive, work, bodies, freedoms,
     outer_freedoms(rows, outer[0])
     last_freedoms(outer[0], outer[1])
     factor(outer[0], m[:n])
-    carried_in(outer[1], m[:n], slopes)
+    carried_in(outer[1], m[:n], slopes, passive.shape[0] > 0)  # springs join any two branches
     carried_out(outer[0], m[:n], slopes, 2 * n)
     set_inverse(outer[0], m[:n], slopes, 2 * n)
     return 0
