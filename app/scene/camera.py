@@ -16,6 +16,10 @@ from . import marks
 from .marks import looks
 
 COVERED = 0.25  # of the view at most, by the playback at its bottom
+IN_PLACE = (
+    8.0  # of a model's size (a half of its length): a run that goes farther is not seen whole
+)
+MOMENTS, FEW = 16, 100  # of a run, and bodies at most, of which a view is made that holds them all
 TYPICAL_ASPECT = 0.6  # of the view between the docks at 1280 x 800
 
 
@@ -35,6 +39,7 @@ class CameraView:
             new.derived is not old.derived and new.derived.size > 1.05 * old.derived.size
         )
         over = old.playback.moves and not new.playback.moves
+        ran = passed(new) if new.last_run is not old.last_run else np.zeros((0, 3))
         rests = over or (new.derived is not old.derived and not new.playback.moves)
         handles = self._server.get_clients()
         if another and (self._framed < 0 or any(page.aspect for page in new.clients.values())):
@@ -48,7 +53,9 @@ class CameraView:
                 self._look(handle, new, page, "start")
             elif page.view != before.view:
                 self._look(handle, new, page, page.view[1], page.selected)
-            elif _view(page) != _view(before) and not page.turned:
+            elif (_view(page) != _view(before) and not page.turned) or self._leaves(
+                handle, new, page, ran
+            ):
                 self._look(handle, new, page, *self._views.get(client, ("start", ())))
             else:
                 turned = page.follow and not before.follow
@@ -60,6 +67,14 @@ class CameraView:
         for known in (self._followed, self._views):
             for gone in known.keys() - new.clients.keys():
                 del known[gone]
+
+    def _leaves(
+        self, handle: viser.ClientHandle, state: State, page: Client, ran: np.ndarray
+    ) -> bool:
+        """Whether a new run leaves a picture of the whole model that nobody has turned."""
+        _, selected = self._views.get(handle.client_id, ("start", ()))
+        here = len(ran) and not page.turned and not selected
+        return bool(here) and not holds(handle, state, page, ran).all()
 
     def _look(
         self, handle: viser.ClientHandle, state: State, page: Client, which: str,
@@ -142,6 +157,14 @@ def seen(
         ends = np.array([state.model.body(name).tip_point for name in state.derived.names])
         arms = np.einsum("nij,nj->ni", shapes.to_matrix(wxyz), ends.reshape(-1, 3))
         positions = np.concatenate([positions, positions + arms])
+    return holds(handle, state, page, positions, covered)
+
+
+def holds(
+    handle: viser.ClientHandle, state: State, page: Client, positions: np.ndarray,
+    covered: float = 0.0,
+) -> np.ndarray:  # fmt: skip
+    """(n,) which positions (n, 3) a page has in its picture; none where it looks vertically."""
     at = Viewpoint(np.asarray(handle.camera.position), np.asarray(handle.camera.look_at))
     up = np.array(GRID[state.model.up][1])
     way = (at.position - at.target) / np.linalg.norm(at.position - at.target)
@@ -167,7 +190,22 @@ def extent(state: State, names: tuple[str, ...] = ()) -> np.ndarray:
     if names:
         return corners
     joining = [found.ends.reshape(-1, 3) for found in marks.joinings(state, positions, R)]
-    return np.concatenate([corners, *joining])
+    return np.concatenate([corners, *joining, passed(state)])
+
+
+def passed(state: State) -> np.ndarray:
+    """(n, 3) corners of the bodies at moments of a run that stays in place; none of others."""
+    none, d = np.zeros((0, 3)), state.derived
+    walks = any(body.joint == "free" for body in state.model.bodies)
+    if state.run is None or state.pose is not None or walks or len(d.names) > FEW:
+        return none
+    frames = np.asarray(state.run.result.body_pose)
+    chosen = frames[np.linspace(0, len(frames) - 1, MOMENTS).astype(int)] if len(frames) else none
+    found = list(looks(state))
+    moments = [bodies.extent(found, x[:, :3], shapes.to_matrix(x[:, 3:])) for x in chosen]
+    corners = np.concatenate([none, *moments])
+    span = np.ptp(corners, axis=0).max(initial=0.0)
+    return corners if np.isfinite(corners).all() and span <= IN_PLACE * d.size else none
 
 
 def level(state: State) -> np.ndarray:

@@ -270,6 +270,20 @@ def test_a_run_that_leaves_the_picture_is_told_from_one_that_stays():
         assert camera.went(handle, state, page) == left
 
 
+@pytest.mark.parametrize(("speed", "whole"), [(2.0, True), (1e3, False)])
+def test_a_view_holds_what_a_mechanism_does_in_its_run_unless_it_leaves_its_place(speed, whole):
+    """A slider along x for 1 s: 2 m of way fit a view of a model of 1 m, 1 km does not."""
+    rail = pg.Body(name="rail", mass=1.0, tip=(1, 0, 0), joint="weld")
+    slider = pg.Body(name="a", joint="prismatic", axes=(1, 0, 0), mass=1.0, v=speed)
+    state = opened(pg.Model(bodies=(rail, slider), gravity=(0, 0, 0)))
+    before = np.ptp(camera.extent(state)[:, 0])
+    result = pg.simulate(pg.Mechanism(state.model), t_end=1.0, step=1e-2)
+    state = update(update(state, Simulate(ME)), Simulated(1, result))
+    after = np.ptp(camera.extent(state)[:, 0])
+    assert (after > max(before, 0.99 * speed)) == whole
+    assert len(camera.passed(state)) > 0 or not whole
+
+
 def test_an_impact_leaves_the_arrows_of_what_stands_to_be_seen():
     fallen = BALL.model_copy(update={"q": (0, 0, 0.6, 1, 0, 0, 0)})
     state = opened(pg.Model(bodies=(fallen,), contacts=(pg.Contact(name="c", body="ball"),)))
