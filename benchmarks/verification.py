@@ -7,7 +7,7 @@ import sys
 import pgraph_core as pg
 import pgraph_models
 from pgraph_app.cli.verify import facts
-from pgraph_core.verification.observables import KINDS
+from pgraph_core.verification.cases import KINDS
 
 from . import between
 from .machine import machine

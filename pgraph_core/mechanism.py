@@ -13,7 +13,7 @@ from .dynamics.arguments import wrong_type
 from .errors import explained
 from .model import Model
 from .needs import Plan
-from .packing.system import Array
+from .packing import Array
 from .portable import MEANT_BY, Elsewhere
 
 if TYPE_CHECKING:

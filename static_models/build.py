@@ -11,15 +11,19 @@ import pgraph_core as pg
 
 from . import FOLDER
 from .classics import (
+    andrews,
+    bricard,
     falling_rod,
+    four_bar,
     four_bar_windows,
     heavy_top,
+    rolling_disc,
     skate,
+    slider_crank,
     spherical_pendulum,
     tennis_racket,
 )
 from .looks import STEEL, Vector, bar, hub, machine
-from .loops import andrews, bricard, four_bar, rolling_disc, slider_crank
 from .quadruped import quadruped, quadruped_hips
 
 BUILDERS: dict[str, Callable[[], pg.Model]] = {}

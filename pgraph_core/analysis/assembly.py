@@ -13,8 +13,8 @@ from ..dynamics.arguments import finite, position
 from ..dynamics.scene import Scene
 from ..engine import motion
 from ..errors import InputError, Problem, explained, one_of
+from ..packing import Array, Ints
 from ..packing.forces import NO_LOADS
-from ..packing.system import Array, Ints
 from .rows import ANGLE, Rows, apart
 
 ASSEMBLY_ROUNDS = 50  # of the projection, which is enough from nearby

@@ -19,8 +19,8 @@ from ..dynamics.scene import NO_CONSTRAINTS, Scene
 from ..engine import motion
 from ..errors import InputError, Problem
 from ..model import Wrench
+from ..packing import Array, Drives
 from ..packing.forces import NO_LOADS
-from ..packing.system import Array, Drives
 from .assembly import assemble
 from .linear import Balance, state_of
 from .rows import apart

@@ -22,9 +22,9 @@ from ..engine.compiler.jit import ready
 from ..engine.inverse import VECTORS
 from ..engine.inverse import least_torques as LEAST
 from ..errors import InputError, Problem, choices, shown
+from ..packing import Array, Ints
 from ..packing.constraints import radius_of_gyration
 from ..packing.forces import NO_LOADS
-from ..packing.system import Array, Ints
 from ..rotation import normals_of
 from .mobility import complement, judged
 from .rows import Rows

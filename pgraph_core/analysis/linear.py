@@ -29,7 +29,7 @@ from ..engine.records import CREEP
 from ..engine.tree import slopes as kernels
 from ..errors import choices
 from ..model import Contact, Force
-from ..packing.system import Array, Drives, Ints, Loads
+from ..packing import Array, Drives, Ints, Loads
 from ..rotation import skew
 from .assembly import assemble
 from .mobility import complement, judged

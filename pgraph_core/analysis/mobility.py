@@ -17,7 +17,7 @@ import numpy as np
 from ..dynamics import Dynamics
 from ..dynamics.arguments import finite, position
 from ..errors import InputError, counted, explained
-from ..packing.system import Array
+from ..packing import Array
 from .assembly import closed, contradiction, descended, indices
 from .rows import COORDINATE, Group, Rows, apart, axis_name
 

@@ -17,9 +17,9 @@ from ..engine import motion
 from ..engine.tree import dynamics
 from ..model import Constraint
 from ..model.constraint import AtPoints
+from ..packing import Array, Ints
 from ..packing.constraints import radius_of_gyration
 from ..packing.forces import NO_LOADS
-from ..packing.system import Array, Ints
 from ..rotation import multiply, unit
 
 LENGTH, ANGLE, SLIP, COORDINATE = "translation", "rotation", "slip", "coordinate"

@@ -18,7 +18,7 @@ from ..dynamics.scene import Scene
 from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import FACTORED
-from ..packing.system import Array, Ints
+from ..packing import Array, Ints
 from .rows import Rows
 
 UPRIGHT = 1 - 1e-6  # cosine between a direction and an axis that it is named after

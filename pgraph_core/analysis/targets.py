@@ -15,7 +15,7 @@ from ..dynamics import Dynamics
 from ..dynamics.arguments import finite
 from ..engine import layout as at
 from ..errors import InputError, Problem, choices, shown
-from ..packing.system import Array
+from ..packing import Array
 from ..rotation import matrix
 from .linear import acting, state_of
 from .rows import Rows

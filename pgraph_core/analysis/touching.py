@@ -13,7 +13,7 @@ from ..dynamics.scene import NO_CONSTRAINTS, Scene, contact_tables
 from ..engine import motion
 from ..engine.records import CREEP
 from ..model import Contact
-from ..packing.system import Array, Drives, Loads
+from ..packing import Array, Drives, Loads
 
 NEAR = 1e-9  # m, rad, of the mechanism's size: a gap that is shut
 DEPTHS = (0.1, 1e-2, 1e-3)  # of the least depth: steps of differences

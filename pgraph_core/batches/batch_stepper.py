@@ -14,15 +14,14 @@ from numba.core.dispatcher import Dispatcher
 from numpy.typing import NDArray
 
 from ..dynamics.arguments import positions
-from ..dynamics.states import bodies_over
+from ..dynamics.states import Sensors, bodies_over, no_motion
 from ..engine import layout as at
 from ..errors import InputError, PgraphError, Problem, choices, explained, guarded, shown
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..model.force import OnJoint
-from ..packing.system import Array, Ints, System
+from ..packing import Array, Ints, System
 from ..portable import Portable, installed
-from ..result.outputs import Sensors, no_motion
 from ..result.records import Named
 from ..simulation.recording import STATUS
 from ..simulation.stepper import AUTO, Stepper

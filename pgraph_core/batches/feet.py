@@ -14,7 +14,7 @@ from ..engine.lockstep import block as columns
 from ..engine.lockstep import step as kernels
 from ..engine.records import BOX, CAPSULE, POINTS, RIGID, SPHERE
 from ..engine.stepping import run
-from ..packing.system import Array, Ints
+from ..packing import Array, Ints
 from ..simulation.stepper import Stepper
 from .instances import COPY, Instances
 

@@ -22,7 +22,7 @@ from ..engine.compiler.address import address_of, address_of_function, unnamed
 from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.stepping import batch as kernels
 from ..engine.stepping import run
-from ..packing.system import Array, Ints, Loads
+from ..packing import Array, Ints, Loads
 from ..simulation.loop import Outcome
 from ..simulation.stepper import Stepper
 

@@ -13,7 +13,7 @@ from ..engine.compiler.lane import LANE_WIDTH
 from ..engine.lockstep import block as columns
 from ..engine.lockstep import loops as kernels
 from ..engine.stepping import run
-from ..packing.system import Array, Ints
+from ..packing import Array, Ints
 from ..simulation.stepper import Stepper
 from .feet import FeetLanes, drives_of
 from .instances import COPY, IN_LANES, WORD, Instances, number_arrays

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..packing.system import Array
+from ..packing import Array
 
 STEPS, HALVINGS = 40, 12  # of Newton's method, and of one step
 ROUNDED = 1e-14  # of the largest velocity: where it ends

@@ -30,9 +30,9 @@ from ..errors import ModelError, PgraphError, Problem
 from ..model import Body, Contact, Model, Shape, Tendon
 from ..model.contact import CROWD
 from ..model.fields import EVERY, GROUND
+from ..packing import Array, Ints, System
 from ..packing.constraints import Blocks, radius_of_gyration
 from ..packing.forces import terms_of
-from ..packing.system import Array, Ints, System
 from ..rotation import matrix
 from ..topology import Topology
 from . import solids

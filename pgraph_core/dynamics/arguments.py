@@ -10,8 +10,8 @@ import numpy as np
 
 from ..engine import layout as at
 from ..errors import InputError, Problem, shown, to_read
+from ..packing import Array
 from ..packing.packed import Packed
-from ..packing.system import Array
 
 
 def names_in(value: Any) -> Mapping[str, Any] | None:

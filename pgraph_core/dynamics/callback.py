@@ -14,8 +14,8 @@ from numba.core.errors import NumbaError
 from ..engine.compiler.address import address_of_function
 from ..engine.compiler.jit import JIT
 from ..errors import InputError, Problem, shown
+from ..packing import Array
 from ..packing.packed import Packed
-from ..packing.system import Array
 from ..portable import Unportable
 from .arguments import finite
 

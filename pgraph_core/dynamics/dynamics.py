@@ -20,8 +20,8 @@ from ..engine.compiler.jit import JIT, ready
 from ..engine.tree import bodies, dynamics
 from ..errors import Called, InputError, Problem, choices, explained, guarded
 from ..model import Model
+from ..packing import Array, Ints, point_in_row
 from ..packing.packed import Joint, Packed
-from ..packing.system import Array, Ints, point_in_row
 from ..paper import Operators
 from ..portable import Portable, ReadOnly, keep_unchanged
 from ..rotation import matrix, unit

@@ -24,10 +24,10 @@ from ..engine.records import (
     table,
 )
 from ..model import Contact, Force
+from ..packing import Array, Drives, Ints, Loads
 from ..packing.constraints import Blocks
 from ..packing.forces import on_bodies
 from ..packing.packed import Packed
-from ..packing.system import Array, Drives, Ints, Loads
 from ..portable import Unportable
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from ..errors import InputError, Problem, choices
 from ..mechanism import Mechanism
 from ..model import Contact, Footfall, Gait, Model
 from ..model.checks import soles_among
-from ..packing.system import Array, Ints
+from ..packing import Array, Ints
 from .footing import height_under
 
 Z, X = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)

@@ -27,8 +27,8 @@ from ..engine.records import table
 from ..errors import InputError, Problem, explained
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Gait, Model
+from ..packing import Array
 from ..packing.packed import Packed
-from ..packing.system import Array
 from ..portable import Portable
 from .anatomy import Anatomy, anatomy, standing
 from .footing import terrain_of

@@ -15,7 +15,7 @@ from ..engine.gait.tables import Terrain
 from ..errors import explained
 from ..model import Contact, Ground, Model, Step
 from ..model.fields import fields_of
-from ..packing.system import Array
+from ..packing import Array
 from ..result import Result
 from ..result.records import SWING
 

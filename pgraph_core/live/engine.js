@@ -89,7 +89,7 @@ const pgraphEngine = (() => {
       for (const [from, to, size] of header.copies) this.bytes.copyWithin(to, from, from + size);
     }
 
-    // Largest of the mechanism's own lengths [m], as `length_in` in pgraph_core/packing/system.py.
+    // Largest of the mechanism's own lengths [m], as `length_in` in pgraph_core/packing.
     length() {
       const [, rows, columns] = this.header.arrays.const, c = this.floats("const");
       const { mass, link, com, inertia } = this.header.columns;

@@ -19,7 +19,7 @@ from ..errors import InputError, PgraphError, Problem, choices
 from ..mechanism import Mechanism
 from ..model import Model
 from ..model.fields import about
-from ..packing.system import length_in
+from ..packing import length_in
 from .run import BASE, LiveRun
 
 TRIED = 3  # values within the range, besides its ends

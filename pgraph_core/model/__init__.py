@@ -36,12 +36,12 @@ from .force import Torsion as Torsion
 from .force import Wrench as Wrench
 from .model import Model as Model
 from .output import Output as Output
+from .output import Site as Site
 from .scenario import Footfall as Footfall
 from .scenario import Gains as Gains
 from .scenario import Gait as Gait
 from .scenario import Scenario as Scenario
 from .scenario import Switch as Switch
 from .scenario import When as When
-from .site import Site as Site
 from .world import Ground as Ground
 from .world import Step as Step

@@ -13,9 +13,8 @@ from .constraint import Constraint, Coupling, Gear, Motion, Rolling, Sum
 from .contact import Contact
 from .fields import EVERY, GROUND, Described, OfSums, name_problem, part_problems
 from .force import Force, OnJoint, Tendon
-from .output import OF_JOINT, OF_LOAD, Output
+from .output import OF_JOINT, OF_LOAD, Output, Site
 from .scenario import Scenario, Switch, condition_problems, known_names
-from .site import Site
 from .world import Ground, World, below_kinetic
 
 Bodies = Mapping[str, Body | None]  # by name; None for one that is not valid itself

@@ -15,10 +15,9 @@ from .curves import Table, VectorTable
 from .editing import renamed
 from .fields import GROUND, OfSums, Quat, Vec3
 from .force import Between, Drag, Force, Torsion, Wrench
-from .output import Output
+from .output import Output, Site
 from .parameters import LONGEST, Formula, at, negated, ordered, probed
 from .scenario import Scenario
-from .site import Site
 
 Names = Mapping[str, str]  # of the copied bodies: old name -> that of the copy
 

@@ -14,9 +14,8 @@ from .constraint import Constraint
 from .contact import Contact
 from .fields import Described, OfKinds, OfSums, fields_of, listed
 from .force import Force, OnJoint, Tendon
-from .output import OF_JOINT, Output
+from .output import OF_JOINT, Output, Site
 from .scenario import Scenario, coordinates, followed, of_bodies
-from .site import Site
 
 NAMING = ("parent", "body", "other", "at")  # fields that name bodies
 T = TypeVar("T", bound=Described)

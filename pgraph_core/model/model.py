@@ -45,7 +45,7 @@ from .editing import (
 from .fields import GROUND, Vec3, field, fields_of, listed, whole
 from .files import gathered, located
 from .force import Force, Tendon
-from .output import Output
+from .output import Output, Site
 from .parameters import (
     Formula,
     cells_of,
@@ -57,7 +57,6 @@ from .parameters import (
 )
 from .rerooting import cut_elsewhere, home_poses, poses
 from .scenario import Scenario
-from .site import Site
 from .world import DOWN, World
 
 # serial(n): slender rods of 0.2 m along x, hinged about y, so that they swing under gravity.

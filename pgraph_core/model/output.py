@@ -1,4 +1,4 @@
-"""Outputs: what is read off a motion by name, as sensors do."""
+"""Sites and outputs: named frames on bodies, and what is read off a motion by name."""
 
 from __future__ import annotations
 
@@ -6,7 +6,38 @@ from typing import Literal, NamedTuple, Self
 
 from pydantic import model_validator
 
-from .fields import GROUND, Described, field, refuse
+from .fields import GROUND, Described, Quat, Vec3, field, quaternion, refuse, vector
+
+
+class Site(Described):
+    """A named frame that is fixed in a body, or in the world where `body` is "ground".
+
+    It has no mass. `mech.pose`, `mech.jacobian` and `mech.inverse_kinematics` take its name as
+    they take a body's.
+    """
+
+    name: str = field("text that is not empty", label="Name")
+    body: str = field("the name of a body, or 'ground'", label="Body")
+    point: Vec3 = field(
+        "three finite numbers in the axes of `body` [m]",
+        converter=vector, default=(0.0, 0.0, 0.0), unit="length",
+        help="its origin in the axes of the body",
+    )  # fmt: skip
+    rotation: Quat = field(
+        "a quaternion [w, x, y, z] that is not zero, of its axes in those of `body`",
+        converter=quaternion, default=(1.0, 0.0, 0.0, 0.0),
+    )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _turned(self) -> Self:
+        refuse([("rotation", "a quaternion must not be zero")] if not any(self.rotation) else [])
+        return self
+
+    @property
+    def touches(self) -> tuple[str, ...]:
+        """The name of its body; the ground is none."""
+        return () if self.body == GROUND else (self.body,)
+
 
 Kind = Literal[
     "joint_position", "joint_velocity", "position", "rotation", "velocity", "angular_velocity",

@@ -22,9 +22,8 @@ from .constraint import AlongAxes, AtPoints, Constraint, InJoints, Revolute, Rol
 from .editing import CUT, free_name, renamed
 from .fields import GROUND, OfSums
 from .force import Drag, Force, Spring, Wrench
-from .output import OF_JOINT
+from .output import OF_JOINT, Site
 from .scenario import Scenario
-from .site import Site
 
 TURNED: tuple[JointKind, ...] = ("weld", "revolute", "prismatic", "cylindrical", "spherical")
 JOINT_OF: dict[str, JointKind] = {

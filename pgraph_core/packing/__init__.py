@@ -1,1 +1,70 @@
-"""Packing: a model as the arrays that the kernels take. `Packed` holds them all."""
+"""Packing: a model as arrays that kernels take. `System` names its constants, in Pgraph order."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..engine import layout as at
+from ..engine.arrays import Drives as Drives
+from ..engine.arrays import Loads as Loads
+
+Array: TypeAlias = NDArray[np.float64]
+Ints: TypeAlias = NDArray[np.int64]
+
+
+class System(NamedTuple):
+    """Constants of a mechanism; columns in `engine/layout.py`."""
+
+    rows: Ints  # (n + 1, 4)
+    const: Array  # (n + 1, 28)
+    bodies_i: Ints  # (nb + 1, 11)
+    bodies_f: Array  # (nb + 1, 22)
+    q: Array  # (nq,) the model's initial state
+    v: Array  # (nv,)
+    body_of_row: Ints  # (n + 1,) number of the body whose joint a row belongs to
+
+
+# rows, const, bodies_i, bodies_f of a System, and its q and v in one array
+Arrays: TypeAlias = tuple[Ints, Array, Ints, Array, Array]
+
+
+def system(arrays: Arrays, nq: int) -> System:
+    """The packed arrays by name, and which body each row belongs to."""
+    rows, const, bodies_i, bodies_f, home = arrays
+    body_of_row = np.repeat(np.arange(len(bodies_i)), bodies_i[:, at.OWN_ROWS])
+    return System(rows, const, bodies_i, bodies_f, home[:nq], home[nq:], body_of_row)
+
+
+def length_in(const: Array) -> float:
+    """Largest of a mechanism's own lengths [m], from the constants of its rows.
+
+    Of links, centres of mass and radii of gyration.
+    """
+    const = const[1:]
+    mass = np.where(const[:, at.MASS] > 0, const[:, at.MASS], np.inf)
+    gyration = const[:, at.INERTIA : at.INERTIA + 3].sum(axis=1) / mass
+    found = [np.sqrt(gyration.max(initial=0.0))]
+    for column in (at.LINK, at.COM):
+        found.append(np.linalg.norm(const[:, column : column + 3], axis=1).max(initial=0.0))
+    return float(max(found))
+
+
+def joint_coordinates(packed: System, number: int) -> list[tuple[int, int]]:
+    """(index into v, index into q or -1) of each degree of freedom of a body's joint."""
+    found: list[tuple[int, int]] = []
+    for k in range(*np.searchsorted(packed.body_of_row, (number, number + 1))):
+        _, kind, qi, vi = packed.rows[k].tolist()
+        if kind <= at.TRANSLATE:
+            found.append((vi, qi))
+        else:
+            found += [(vi + n, -1) for n in range(3 if kind == at.BALL else 6)]
+    return found
+
+
+def point_in_row(packed: System, number: int, point: Any) -> Array:
+    """A point in a body's axes as one in the home axes of its row, from the row's origin."""
+    home = packed.bodies_f[number, at.HOME : at.HOME + 9].reshape(3, 3)
+    return packed.bodies_f[number, at.OFFSET : at.OFFSET + 3] + home @ np.asarray(point, float)

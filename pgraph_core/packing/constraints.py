@@ -41,8 +41,8 @@ from ..model.constraint import AlongAxes, AtPoints
 from ..model.fields import OfKinds
 from ..rotation import normals_of, unit_vector
 from ..topology import Topology
+from . import Array, Ints, System, joint_coordinates, point_in_row
 from .forces import terms_of
-from .system import Array, Ints, System, joint_coordinates, point_in_row
 
 APART = 1e-6  # rad: axes of a prismatic constraint that differ by more contradict each other
 

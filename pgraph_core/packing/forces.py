@@ -29,7 +29,7 @@ from ..model.fields import OfSums
 from ..model.force import OnBody, OnJoint
 from ..rotation import matrix, normals_of, unit, unit_vector
 from ..topology import Topology
-from .system import Array, Drives, Loads, System, joint_coordinates, point_in_row
+from . import Array, Drives, Loads, System, joint_coordinates, point_in_row
 
 NO_LOADS = Loads(table(APPLIED_FORCE, 0), np.zeros((0, 7)))
 ORIGIN = (0.0, 0.0, 0.0)

@@ -15,9 +15,9 @@ from ..engine.tree import bodies
 from ..errors import Problem
 from ..model import Force, Model
 from ..topology import Topology
+from . import Array, Arrays, Drives, Ints, Loads, System, length_in, system
 from .constraints import Blocks, blocks
 from .forces import NO_LOADS, bends, drives, loads, on_bodies
-from .system import Array, Arrays, Drives, Ints, Loads, System, length_in, system
 
 INT, EMPTY, NEW = np.dtype(np.int64), np.empty, object.__new__
 NOWHERE = np.zeros((0, 3)), np.zeros((0, 3, 3))

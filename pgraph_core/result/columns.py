@@ -12,7 +12,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..errors import NameLookupError, Problem, choices, needed
-from ..packing.system import Array
+from ..packing import Array
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism

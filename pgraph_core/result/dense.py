@@ -12,7 +12,7 @@ import numpy as np
 
 from ..engine import layout as at
 from ..errors import InputError, Problem
-from ..packing.system import Array, Ints
+from ..packing import Array, Ints
 
 OUTSIDE = 1e-9  # of the run: a time this far outside is at its end
 SMOOTH = 0.1  # ratio of the errors of quintic and cubic over two frames where motion is smooth

@@ -17,7 +17,7 @@ from ..errors import NameLookupError, Problem, choices, nearest_first, shown
 from ..model import Model
 from ..model.contact import CROWD
 from ..model.fields import EVERY, GROUND
-from ..packing.system import Array
+from ..packing import Array
 from ..portable import EqualByFields, keep_unchanged
 
 # -- contacts and limits ---------------------------------------------------------------------------

@@ -18,17 +18,16 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from ..dynamics.scene import load_wrenches
-from ..dynamics.states import BodyMotion, bodies_over, turned
+from ..dynamics.states import BodyMotion, Sensors, bodies_over, no_motion, turned
 from ..errors import FileError, InputError, Problem, choices, explained, guarded
 from ..model import Force, Model
 from ..model.constraint import InJoints
 from ..model.files import gathered, write_atomic
 from ..needs import Plan
-from ..packing.system import Array
+from ..packing import Array
 from ..portable import EqualByFields, Hinting, ReadOnly, keep_unchanged
 from .columns import Column, columns_of, frame, meant, no_column
 from .dense import states_at
-from .outputs import Sensors, no_motion
 from .records import (
     KINDS,
     NO_FORCES,

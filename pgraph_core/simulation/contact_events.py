@@ -22,7 +22,7 @@ from ..engine.arrays import FACTORED
 from ..engine.contact import points as point_kernels
 from ..engine.records import ACCEPTANCE, SLIP, STANCE, SWING
 from ..mechanism import Mechanism
-from ..packing.system import Array, Ints
+from ..packing import Array, Ints
 from ..result import Status
 from ..result.records import FREE, PHASES, STOP, ContactRecord, Event
 from .event_scene import EventScene

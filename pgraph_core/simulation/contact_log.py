@@ -22,7 +22,7 @@ from ..engine.records import ACCEPTANCE, SLIP, STANCE, SWING
 from ..mechanism import Mechanism
 from ..model import Contact
 from ..model.fields import EVERY, GROUND
-from ..packing.system import Array, Ints
+from ..packing import Array, Ints
 from ..result.records import NOTHING, PHASES, ContactRecord, Event
 from .plan import Plan
 from .switches import Change

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..dynamics.states import differences
 from ..engine.records import ACCEPTANCE, SLIP, SWING
 from ..integrators import DOPRI5, Method
-from ..packing.system import Array, Drives, Loads
+from ..packing import Array, Drives, Loads
 from ..result import Status
 from .options import LEAST_RTOL, Tolerance
 from .plan import FAST, NO_SUBSTEPS, NO_TIMES, STIFF, Plan, corners, fastest_rate

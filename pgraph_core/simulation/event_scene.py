@@ -23,8 +23,8 @@ from ..errors import InputError, Problem
 from ..mechanism import Mechanism
 from ..model import Body, Contact, Model
 from ..model.fields import GROUND
+from ..packing import Array, Drives, Ints, Loads, System, point_in_row
 from ..packing.constraints import Blocks
-from ..packing.system import Array, Drives, Ints, Loads, System, point_in_row
 from ..rotation import matrix, normals_of
 from ..topology import Topology
 

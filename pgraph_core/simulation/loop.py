@@ -17,7 +17,7 @@ from ..engine.records import CHOSEN, COUNTERS, GIVEN, METHOD, STEP_CONTROL, WIDE
 from ..engine.stepping import run
 from ..integrators import METHODS
 from ..mechanism import Mechanism
-from ..packing.system import Array, Ints
+from ..packing import Array, Ints
 from ..result import Status
 from ..result.records import Event
 from .options import FIXED_RTOL

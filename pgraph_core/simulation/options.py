@@ -15,7 +15,7 @@ from ..model import Force, Scenario, Table
 from ..model.checks import force_problems, late_limits
 from ..model.fields import listed
 from ..model.force import OnJoint
-from ..packing.system import Array, Ints
+from ..packing import Array, Ints
 
 LEAST_RTOL = 1e-15  # the error of a step is rounding below it
 MOST_CHOSEN = 10_000_000  # default limit on the steps of an adaptive run

@@ -29,9 +29,8 @@ from ..integrators import DOP853, DOPRI5, METHODS, RADAU5, RK4, Method, method_o
 from ..mechanism import Mechanism
 from ..model import Contact, Force, Scenario, Table
 from ..model.fields import EVERY, GROUND
+from ..packing import Array, Drives, Ints, Loads
 from ..packing.forces import NO_LOADS
-from ..packing.system import Array, Drives, Ints, Loads
-from .monitors import ConditionOf, conditions_of
 from .options import (
     FRAMES,
     MOST_CHOSEN,
@@ -45,7 +44,15 @@ from .options import (
     steps_between,
     with_marks,
 )
-from .switches import Change, ever, switch_changes, switches_of, with_instants
+from .switches import (
+    Change,
+    ConditionOf,
+    conditions_of,
+    ever,
+    switch_changes,
+    switches_of,
+    with_instants,
+)
 
 if TYPE_CHECKING:
     from ..contact.tables import Tables

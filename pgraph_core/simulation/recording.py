@@ -22,18 +22,17 @@ from ..engine.compiler.address import address_of
 from ..engine.records import PAIR, PHASE_CHANGE, SWING, table
 from ..errors import InputError, choices
 from ..mechanism import Mechanism
-from ..packing.system import Array, Ints
+from ..packing import Array, Ints
 from ..result import Result, Status
 from ..result.records import NO_FORCES, NOTHING, OF_CONSTRAINTS, ContactRecord, Named
 from .loop import Outcome, Steps, Workplace, links_of, workplaces
-from .monitors import Condition
 from .options import MOST_STEPS
 from .plan import Plan, with_contacts
-from .switches import Change, closed, hold_here, switched_by
+from .switches import Change, Condition, closed, hold_here, switched_by
 
 if TYPE_CHECKING:
     from .contact_events import ContactEvents
-    from .monitors import Monitor, Watch
+    from .switches import Monitor, Watch
 
 CHUNK = 0.02  # s of computation between two calls of `progress`
 PULSE = 0.2  # of the largest acceleration: what a pulse that counts makes
@@ -203,7 +202,7 @@ class Recording:
 
     def _watching(self, monitors: Sequence[Monitor]) -> Watch:
         """What watches conditions of switches, then a user's events."""
-        from .monitors import Watch
+        from .switches import Watch
 
         waiting = [Condition(given, self) for given in self.plan.conditions]
         return Watch((*waiting, *monitors), len(waiting), self.mech.nq, self.mech.nv)

@@ -14,13 +14,13 @@ from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..result import Result
 from .estimate import error_estimate
-from .monitors import monitors_of
 from .options import MOST_CHOSEN, Options, inputs_of
 from .plan import by_names, plan_of, torques_by_names, with_state
 from .recording import Recording
+from .switches import monitors_of
 
 if TYPE_CHECKING:
-    from ..packing.system import Array
+    from ..packing import Array
 
     Event = Callable[[float, Array, Array], Any]
     Torque = npt.ArrayLike | Event

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..dynamics.arguments import finite
-from ..dynamics.states import bodies_over
+from ..dynamics.states import Sensors, bodies_over, no_motion
 from ..engine import layout as at
 from ..engine import motion as kernels
 from ..errors import InputError, Problem, choices, explained, guarded, one_of
@@ -23,11 +23,10 @@ from ..integrators import METHODS
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model, Servo, Table
 from ..model.force import OnJoint
+from ..packing import Array, Drives
 from ..packing.forces import AT_ONCE, Follows, followed, on_bodies
-from ..packing.system import Array, Drives
 from ..portable import Portable, ReadOnly, installed
 from ..result import Result, Status
-from ..result.outputs import Sensors, no_motion
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
 from ..result.result import add_constraint_wrenches
 from .loop import Outcome

@@ -11,7 +11,7 @@ from ..errors import InputError, Problem, explained
 from ..gait.controller import Controller
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Gait, Model, VectorTable
-from ..packing.system import Array
+from ..packing import Array
 from ..portable import Portable
 from ..result import Result
 from .options import Options, positive

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..dynamics.states import angles, bodies_over, turned
 from ..engine import layout as at
 from ..mechanism import Mechanism
-from ..packing.system import Array
+from ..packing import Array
 from ..result import Result
 
 COARSE = 0.1  # errors above show no order

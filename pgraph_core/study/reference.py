@@ -12,12 +12,11 @@ from ..engine import layout as at
 from ..errors import InputError, PgraphError, explained, refusal
 from ..integrators import METHODS
 from ..mechanism import Mechanism
-from ..packing.system import Array
+from ..packing import Array
 from ..result import Result, Status
 from ..verification import Case, States
 from .errors import Measure, Motion, joint_errors, measure_of, rms
-from .settings import Setting
-from .task import Progress, Task
+from .task import Progress, Setting, Task
 
 GIVEN, MADE = 3.0, 10.0  # errors below so many times the reference's own are not resolved
 GOOD = 1e-10  # accuracy at which the search for a better reference ends

@@ -28,8 +28,7 @@ from .page import (
     page,
     table,
 )
-from .settings import Setting
-from .task import Outcome, Participant
+from .task import Outcome, Participant, Setting
 from .timing import Spread
 
 LEVELS = tuple(10.0**-k for k in range(3, 10))  # errors at which engines are compared

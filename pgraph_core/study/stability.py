@@ -17,15 +17,13 @@ from ..errors import PgraphError, choices, explained, refusal
 from ..joints import nq, nv
 from ..mechanism import Mechanism, mechanism_of
 from ..model import Model
-from ..packing.system import Array
+from ..packing import Array
 from ..result import Result, Status
 from ..simulation import simulate
 from .axes import AXES, Axis, changed, first_axis
-from .map import StabilityMap
+from .map import Cell, StabilityMap, Verdict, judged, step_limit
 from .reference import KnownMotion, known_motion, merged, per_step, weight_of
-from .settings import Setting, finite_numbers, methods_of, positive
-from .task import Task
-from .verdicts import Cell, Verdict, judged, step_limit
+from .task import Setting, Task, finite_numbers, methods_of, positive
 
 STEPS = (1e-1, 1e-2, 1e-3, 1e-4)  # [s]
 TARGET = 1e-3  # rad, or of the mechanism's length

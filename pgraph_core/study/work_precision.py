@@ -18,17 +18,21 @@ from . import reference as references
 from .errors import QUANTITIES, Errors, Motion, levelled, observed_order, rms, step_counts
 from .reference import Reference
 from .report import USUAL_TARGET, Row, Study
-from .settings import Ladder, Setting, methods_of, positive, whole
 from .task import (
+    Ladder,
     Outcome,
     Participant,
     Progress,
+    Setting,
     Stopped,
     Task,
     engine_participants,
     engines_of,
+    methods_of,
     own_participant,
+    positive,
     start,
+    whole,
 )
 from .timing import least, machine, measured, ratios, spread
 

@@ -24,7 +24,7 @@ from ..model import (
     Velocity,
     When,
 )
-from ..packing.system import Array
+from ..packing import Array
 from .scene import INTEGRATED, NONE, Rng, Scene, integrated, numbers, scale, without_gravity
 
 FIXED: tuple[dict[str, Any], ...] = (

@@ -15,7 +15,7 @@ import numpy as np
 from ..dynamics.states import differences
 from ..errors import PgraphError
 from ..mechanism import Mechanism
-from ..packing.system import Array
+from ..packing import Array
 from ..result import Result
 from ..result.dense import TOO_WIDE
 from ..simulation import simulate

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..model import Body, Model
-from ..packing.system import Array
+from ..packing import Array
 
 Rng = np.random.Generator
 Known = Callable[[Array], Array]  # q (n, nq) at times (n,)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..model import Body, Force, Model, Motor, Servo, Spring, Table, Torsion, VectorTable, Wrench
-from ..packing.system import Array
+from ..packing import Array
 from .scene import NONE, Rng, Scene, numbers, scale, without_gravity
 
 # -- one degree of freedom -----------------------------------------------------------------------

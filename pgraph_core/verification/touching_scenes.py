@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..model import Body, Contact, Ground, Model
-from ..packing.system import Array
+from ..packing import Array
 from .scene import (
     INTEGRATED,
     NONE,

@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 import pgraph_core as pg
 import pgraph_models
 from pgraph_core.study.axes import AXES
-from pgraph_core.study.verdicts import Verdict
+from pgraph_core.study.map import Verdict
 
 from .test_cases import DOWN, case, mass, worst
 from .test_methods import slider_crank, stiff_pendulum, swing

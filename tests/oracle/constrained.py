@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from pgraph_core.model import Constraint
-from pgraph_core.paper.paper import Operators
+from pgraph_core.paper import Operators
 from pgraph_core.rotation import Array
 
 from .constraint_rows import Rows, radius_of_gyration, rows_of
