@@ -332,7 +332,7 @@ def test_a_map_without_an_axis_takes_one_that_the_model_has_and_says_what_to_tak
     model = pg.Model.load(pgraph_models.path("double_pendulum"))
     found = pg.stability_map(model, methods=["rk4", "dopri5"], steps=[1e-2, 1e-3], t_end=0.2)
     assert found.axis == "mass_ratio"
-    method, step = re.match(r"Take (\w+) at a step of (\S+) s", found.advice).groups()
+    ((method, step),) = re.findall(r"^Take (\w+) at a step of (\S+) s", found.advice)
     right = [c for c in found.cells if c.status == "OK"]
     count = sum((c.method, c.step) == (method, float(step)) for c in right)
     others = {(c.method, c.step) for c in right}
@@ -352,7 +352,7 @@ def test_the_own_value_of_a_model_is_marked_and_what_is_right_most_often_comes_f
     right = [sum(c.status == "OK" for c in found.cells if c.method == m) for m in found.methods]
     assert right == sorted(right, reverse=True)
     assert METHODS.index(found.methods[0]) >= METHODS.index("ros2")  # an implicit one: it is stiff
-    method, step = re.match(r"Take (\w+) at a step of (\S+) s", found.advice).groups()
+    ((method, step),) = re.findall(r"^Take (\w+) at a step of (\S+) s", found.advice)
     assert any(
         (c.method, c.step, c.value, c.status) == (method, float(step), 2.5e5, "OK")
         for c in found.cells
@@ -363,7 +363,7 @@ def test_a_narrow_map_is_as_wide_as_a_column(small):
     many = replace(small, methods=(*small.methods, "ros2", "dopri5", "dop853", "gauss6"))
 
     def width(svg):
-        return float(re.search(r'width="([\d.]+)"', svg).group(1))
+        return float(re.findall(r'width="([\d.]+)"', svg)[0])
 
     assert width(many.figure(narrow=True)) <= 480
     assert width(many.figure()) >= 640
