@@ -1,14 +1,16 @@
 // The engine in the browser: the kernels as WebAssembly, over a memory image that Python laid out.
 // Every number is made by the same instructions as in Python; here they are only called in turn.
 const pgraphEngine = (() => {
-  const RUNNING = 3; // status code of a run that is not over
+  const DONE = 0, RUNNING = 3; // status codes of a run that has not failed
   const WHY = {
     1: "the numbers are no longer finite: try a smaller step",
     2: "the constraints can no longer be met: the mechanism may be torn or at a singular position",
+    4: "the error allows no step: something changes too fast",
+    5: "it took too many steps",
     6: "the equations of a step could not be solved: try a smaller step",
   };
   const ROUNDS = 50n, NOTABLE = 1e-6; // as in pgraph_core/analysis/assembly.py
-  const SAME = 1e-9, FRAMES = 1000; // as in pgraph_core/simulation/options.py
+  const SAME = 1e-9, FRAMES = 1000, FIXED_RTOL = 1e-9; // as in pgraph_core/simulation/options.py
   const MOST_STEPS = 1e8;
   const ENTRIES = 8, SHAPE = 32; // in the struct of an array, as in image.py
   const SLICE = 30; // [ms] of computing between two looks at the page
@@ -50,6 +52,8 @@ const pgraphEngine = (() => {
       for (const [name, [at, ...shape]] of Object.entries(header.arrays)) this.args[name] = flat(at, shape);
       this.q = this.floats("q");
       this.v = this.floats("v");
+      // what a picture shows: the state, or where steps are chosen, one within the last of them
+      this.shown = { t: 0, q: this.floats("q_shown"), v: this.floats("v_shown") };
     }
 
     floats(name) {
@@ -59,6 +63,12 @@ const pgraphEngine = (() => {
 
     control(field) { return this.header.control + this.header.fields[field]; }
     get t() { return this.data.getFloat64(this.control("time"), true); }
+
+    show() {
+      this.shown.t = this.t;
+      this.shown.q.set(this.q);
+      this.shown.v.set(this.v);
+    }
 
     // Start again with `set` = [[field, value]]; the constraints are met, as `simulate` does first.
     reset(set = []) {
@@ -123,6 +133,8 @@ const pgraphEngine = (() => {
       if (code > 0n) throw new Problem("A joint has no inertia with these values.");
       if (code < 0n) throw new Problem("The acceleration at the start is not finite with these values.");
       if (header.bounded) k.k_bound_step(BigInt(header.run));
+      this.fresh = true;
+      this.show();
     }
 
     // The next `n` steps of this width end at `end` [s].
@@ -145,14 +157,77 @@ const pgraphEngine = (() => {
     advance(n) {
       const { header, data } = this;
       if (header.logged) data.setBigInt64(header.logged, 0n, true);
-      const code = Number(this.k.k_advance_run(BigInt(header.run), BigInt(n)));
-      if (code !== RUNNING) throw new Problem(`The run stopped at t = ${this.t.toPrecision(6)} s: ${WHY[code] || "a step failed"}.`);
+      this.checked(this.k.k_advance_run(BigInt(header.run), BigInt(n)));
+    }
+
+    // The steps of a method with an error estimate, for a run of `span` [s]: of width `step` where
+    // there is no `rtol`, else chosen, `step` at most. Corners of tables from `end` on are no part.
+    choose(span, { step, rtol }, end) {
+      const { header, data } = this, [, count] = header.arrays.corners;
+      const before = BigInt(this.floats("corners").findIndex((t) => t >= end) + 1 || count + 1) - 1n;
+      data.setBigInt64(header.corners + ENTRIES, before, true);
+      data.setBigInt64(header.corners + SHAPE, before, true);
+      data.setBigInt64(this.control("widths"), BigInt(rtol ? header.widths.chosen : header.widths.widest), true);
+      data.setFloat64(this.control("rtol"), rtol || FIXED_RTOL, true);
+      data.setFloat64(this.control("widest"), step || span, true);
+      data.setFloat64(this.control("span"), span, true);
+      this.fresh = false;
+    }
+
+    // On by steps of the method's choice until one reaches `until`, the last ends at `end`; at most
+    // `limit` [ms] of computing. Whether the state of that time is shown.
+    reach(until, end, limit) {
+      const { data, header, k } = this, times = header.arrays.times[0], run = BigInt(header.run);
+      const due = performance.now() + limit, frame = this.control("frame");
+      data.setFloat64(times, this.shown.t, true);
+      data.setFloat64(times + 8, until, true);
+      data.setFloat64(times + 16, end, true);
+      data.setBigInt64(this.control("last"), until < end ? 3n : 2n, true);
+      data.setBigInt64(frame, 1n, true);
+      do this.checked(k.k_advance_run(run, 1n));
+      while (data.getBigInt64(frame, true) === 1n && performance.now() < due);
+      if (data.getBigInt64(frame, true) === 1n) return false;
+      this.shown.t = until;
+      return true;
+    }
+
+    checked(code) {
+      if (Number(code) === RUNNING || Number(code) === DONE) return;
+      throw new Problem(`The run stopped at t = ${this.t.toPrecision(6)} s: ${WHY[Number(code)] || "a step failed"}.`);
+    }
+
+    // On by about `seconds` of motion, to be shown; what is left of them, as whole steps are taken,
+    // and no more than SLICE is computed. `pulled`: what pulls moves then, so a step ends there.
+    go(seconds, usual, span, pulled) {
+      if (!this.header.widths) {
+        const n = Math.floor(seconds / usual.step);
+        if (n < 1) return seconds;
+        this.interval(Number.MAX_SAFE_INTEGER, usual.step, Infinity);
+        this.advance(n);
+        this.show();
+        return seconds - n * usual.step;
+      }
+      if (this.fresh) this.choose(span, usual, Infinity);
+      const until = this.shown.t + seconds;
+      return this.reach(until, pulled ? until : Infinity, SLICE) ? 0 : seconds;
     }
 
     // From the start to `end`, with the steps and the recorded times of `simulate`.
-    async run(end, step) {
+    async run(end, { step, rtol }) {
       this.fresh = true;
       let due = performance.now() + SLICE, rate = 64;
+      if (this.header.widths) {
+        this.choose(end - this.began, { step, rtol }, end);
+        const recorded = rtol ? evenly(this.began, end) : intervals(this.began, end, step).map(([, , until]) => until);
+        for (const until of recorded) {
+          while (!this.reach(until, end, SLICE)) await pause();
+          if (performance.now() > due) {
+            await pause();
+            due = performance.now() + SLICE;
+          }
+        }
+        return;
+      }
       for (const [n, width, until] of intervals(this.began, end, step)) {
         this.interval(n, width, until);
         for (let left = n; left > 0; ) {
@@ -172,7 +247,7 @@ const pgraphEngine = (() => {
     // Places (3 each) and rotations (9 each) of all bodies, world axes.
     poses() {
       const { k, args } = this;
-      const names = ["rows", "const", "bodies_i", "bodies_f", "q", "still", "view_work", "position", "rotation"];
+      const names = ["rows", "const", "bodies_i", "bodies_f", "q_shown", "still", "view_work", "position", "rotation"];
       k.k_poses(...names.flatMap((name) => args[name]));
       return [this.floats("position"), this.floats("rotation")];
     }
@@ -207,6 +282,12 @@ const pgraphEngine = (() => {
       step *= shape[i];
     }
     return [0, 0, BigInt(count), 8n, at, ...shape.map(BigInt), ...strides];
+  }
+
+  // The recorded times of `simulate` after the first, where steps are chosen.
+  function evenly(start, end) {
+    const apart = (end - start) / FRAMES;
+    return Array.from({ length: FRAMES }, (_, i) => (i + 1 < FRAMES ? (i + 1) * apart + start : end));
   }
 
   // [[steps, width, end]] between the recorded times of `simulate`, as options.py has them.
@@ -265,20 +346,34 @@ const pgraphEngine = (() => {
       });
     }
 
-    async simulate({ t_end, step, method, set, ...rest } = {}) {
+    // The method for these steps where none is named, as `simulate` in Python chooses.
+    method({ step, rtol }) {
+      const { methods } = this.given, [usual] = methods, others = ["moreau_jean", "radau5"];
+      if (others.includes(usual) || (step === undefined && rtol === undefined)) return usual;
+      return rtol === undefined ? "rk4" : rtol > 1e-5 ? "dopri5" : "dop853";
+    }
+
+    async simulate({ t_end, step, rtol, method, set, ...rest } = {}) {
       const { given } = this;
       const [unknown] = Object.keys(rest);
-      if (unknown !== undefined) throw new Problem(`simulate takes t_end, step, method and set; given ${unknown}`);
-      method ??= given.methods[0];
-      step ??= given.step;
+      if (unknown !== undefined) throw new Problem(`simulate takes t_end, step, rtol, method and set; given ${unknown}`);
+      method ??= this.method({ step, rtol });
       t_end ??= given.t_end;
       const world = await this.world(method);
-      if (typeof step !== "number" || !(step > 0) || !isFinite(step)) throw new Problem(`step: must be a number > 0 [s]; given ${String(step)}`);
+      for (const [name, value] of Object.entries({ step, rtol }))
+        if (value !== undefined && (typeof value !== "number" || !(value > 0) || !isFinite(value)))
+          throw new Problem(`${name}: must be a number > 0${name === "step" ? " [s]" : ""}; given ${String(value)}`);
+      if (rtol !== undefined && !world.header.widths)
+        throw new Problem(`rtol: ${method} takes a step, not a tolerance; given ${rtol}`);
+      if (rtol !== undefined && !(rtol >= 1e-15 && rtol <= 0.1)) throw new Problem(`rtol: must lie within 1e-15 and 0.1; given ${rtol}`);
       if (typeof t_end !== "number" || !(t_end > given.t_start) || !isFinite(t_end))
         throw new Problem(`t_end: must be a number > ${given.t_start} [s]; given ${String(t_end)}`);
-      if ((t_end - given.t_start) / step > MOST_STEPS) throw new Problem(`step: ${step} s makes more than ${MOST_STEPS} steps; give a larger one`);
+      const steps = step === undefined && rtol === undefined ? given.runs[method].usual : { step, rtol };
+      const least = (t_end - given.t_start) / MOST_STEPS; // what is later than as many usual steps is not known here
+      if (steps.step < least) throw new Problem(`step: ${steps.step} s makes more than ${MOST_STEPS} steps; give a larger one`);
+      if (given.step < least) throw new Problem(`t_end: must be less than ${MOST_STEPS * given.step} s after the start; given ${t_end}`);
       world.reset(this.fields(method, set));
-      await world.run(t_end, step);
+      await world.run(t_end, steps);
       return { t: world.t, q: world.q.slice(), v: world.v.slice() };
     }
   }

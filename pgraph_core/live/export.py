@@ -21,6 +21,7 @@ import numpy as np
 from ..batches.paths import with_numbers
 from ..engine import layout as at
 from ..errors import InputError, Problem
+from ..integrators import METHODS
 from ..mechanism import Mechanism
 from ..model import Force, Model
 from ..model.files import write_atomic
@@ -33,12 +34,13 @@ from ..show.stage import GRID, depth
 from ..simulation import simulate
 from . import module
 from .opened import Opened, follows, opened
-from .run import LiveRun, Setup, methods_of
+from .run import TOUCHING, LiveRun, Setup, methods_of
 
 HERE = Path(__file__).parent
 MOST = 600  # recorded pictures
 STEP = 1e-3  # [s] where nothing says it
 USUAL = 10.0  # [s] of motion where nothing says it
+RTOL = 1e-8  # where nothing says it
 ROW, OFFSET, HOME = at.ROW, slice(at.OFFSET, at.OFFSET + 3), slice(at.HOME, at.HOME + 9)
 KEPT = 6  # digits of the numbers of the drawing
 
@@ -49,8 +51,10 @@ def recorded(model: Model, scenario: str | None = None, t_end: float | None = No
     given = model.scenario(scenario) if scenario is not None else None
     end = t_end or (given.t_end if given else USUAL)
     step = given.step if given else STEP
-    method = methods_of(mech, Setup(scenario, step))[0]
-    run = simulate(mech, t_end=end, scenario=scenario, method=method, step=step, estimate=False)
+    asked: dict[str, Any] = {"estimate": False}
+    if methods_of(mech, Setup(scenario, step)) == TOUCHING:
+        asked |= {"method": TOUCHING[0], "step": step}
+    run = simulate(mech, t_end=end, scenario=scenario, **asked)
     if not run.status.ok:
         raise InputError(Problem("export", "", f"the run fails: {run.message}"))
     return run
@@ -103,14 +107,14 @@ def _engine(run: Result, wanted: Sequence[Opened]) -> dict[str, Any]:
     found: dict[str, Any] = {
         "t_start": float(run.t[0]), "t_end": float(run.t[-1]), "step": header["step"] or STEP,
         "methods": [], "runs": {}, "open": [], "kernels": module.NAMES, "wasm": "", "refused": "",
+        "how": "",
     }  # fmt: skip
     try:
         if refused := _stays(run):
             raise InputError(Problem("export", "", refused))
         setup = _setup(run, found["step"])
         methods = methods_of(mech, setup)
-        if header["method"] in methods:
-            methods = tuple(sorted(methods, key=lambda name: name != header["method"]))
+        methods = tuple(sorted(methods, key=lambda name: name != header["method"]))
         make = partial(_made, setup=setup)
         runs = {method: make(mech, method) for method in methods}
     except InputError as problem:
@@ -127,10 +131,33 @@ def _engine(run: Result, wanted: Sequence[Opened]) -> dict[str, Any]:
         )  # fmt: skip
     found["methods"], found["wasm"] = methods, packed(module.wasm())
     found["runs"] = {
-        method: {"header": one.header(), "image": packed(bytes(one.memory()))}
+        method: {
+            "header": one.header(),
+            "image": packed(bytes(one.memory())),
+            "usual": usual(run, method),
+        }
         for method, one in runs.items()
     }
+    found["how"] = _how(run, methods[0])
     return found
+
+
+def usual(run: Result, method: str) -> dict[str, float]:
+    """{"step" or "rtol": value} of a method where nothing is asked for: as the run has it."""
+    step, rtol = run.header["step"], run.header["rtol"]
+    if method == run.header["method"]:
+        return {"step": step} if rtol is None else {"rtol": rtol}
+    return {"rtol": rtol or RTOL} if METHODS[method].adaptive else {"step": step or STEP}
+
+
+def _how(run: Result, method: str) -> str:
+    """How motion is computed here, and why so."""
+    header = run.header
+    ((name, value),) = usual(run, method).items()
+    text = f"{method}, {name} {value:g}{' s' if name == 'step' else ''}"
+    if method == header["method"]:
+        return f"{text}, as recorded"
+    return f"{text}, since {header['method']} is not in figures of this scene"
 
 
 def _made(mech: Mechanism, method: str, setup: Setup) -> LiveRun:
@@ -155,6 +182,8 @@ def _stays(run: Result) -> str:
         return "its inputs were given to the run alone; put them into the model"
     if run.header.get("stabilise") != "project" and len(run.constraint_force):
         return "its constraints are not kept by projection"
+    if any({event.before, event.after} == {"on", "off"} for event in run.events):
+        return "its constraints are switched on the way, which a figure cannot do"
     if not run.status.ok:
         return f"the run fails: {run.message}"
     return module.stale()
@@ -272,9 +301,10 @@ class _Drawing:
 def _facts(run: Result, engine: dict[str, Any]) -> str:
     """How the recorded run was made."""
     header = run.header
-    step = f", step {engine['step']:g} s" if header["step"] else ""
-    text = f"{header['method']}{step}, {run.t[0]:g} to {run.t[-1]:g} s, Pgraph {header['version']}"
-    return escape(f"Recorded: {text}")
+    step = f"step {header['step']:g} s" if header["step"] else f"rtol {header['rtol']:g}"
+    text = f"{run.t[0]:g} to {run.t[-1]:g} s, Pgraph {header['version']}"
+    text = f"Recorded by {header['why']}; {step}, {text}."
+    return escape(f"{text} Computed here by {engine['how']}." if engine["how"] else text)
 
 
 def _plain(value: Any) -> Any:

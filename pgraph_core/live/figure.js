@@ -42,6 +42,7 @@
     // -- what is shown: recorded or computed pictures, at a time ----------------------------------
 
     const first = given.engine.t_start, last = given.engine.t_end, slider = find("#time");
+    const usual = given.engine.runs[given.engine.methods[0]]?.usual; // steps
     let shown = frames, at = 0, playing = false, live = false, speed = 1, clock = 0, head = 0, grip = null, owed = 0;
     const values = Object.fromEntries(given.engine.open.map((one) => [one.path, one.value]));
     const changed = () => Object.fromEntries(Object.entries(values).filter(([path, x]) => x !== given.engine.open.find((one) => one.path === path).value));
@@ -86,8 +87,8 @@
     }
 
     function picture() {
-      const [places, turns] = world.poses();
-      return { t: world.t, q: world.q.slice(), v: world.v.slice(), places: places.slice(), turns: turns.slice() };
+      const [places, turns] = world.poses(), { t, q, v } = world.shown;
+      return { t, q: q.slice(), v: v.slice(), places: places.slice(), turns: turns.slice() };
     }
 
     // Compute from here on, or from the start: `again`.
@@ -101,7 +102,6 @@
         world.data.setFloat64(world.control("time"), from.t, true);
         world.begin();
       }
-      world.fresh = true;
       live = true;
       shown = [picture()];
       at = 0;
@@ -110,19 +110,16 @@
     }
 
     function advance(seconds) {
-      const step = given.engine.step;
+      const before = world.shown.t;
       owed = Math.min(owed + seconds, MOST_BEHIND);
-      const n = Math.floor(owed / step);
-      if (n < 1) return;
-      owed -= n * step;
       world.pull(grip && grip.spring);
-      world.interval(Number.MAX_SAFE_INTEGER, step, Infinity);
-      world.advance(n);
+      owed = world.go(owed, usual, last - first, !!grip);
+      if (world.shown.t === before) return;
       shown.push(picture());
       if (shown.length > KEPT) shown.splice(1, KEPT / 2);
       at = shown.length - 1;
       if (grip) grip.from = pointOf(grip, shown[at]);
-      if (world.t > slider.max) slider.max = world.t;
+      if (world.shown.t > slider.max) slider.max = world.shown.t;
     }
 
     function tick(now) {
@@ -133,7 +130,7 @@
         if (at < shown.length - 1) {
           head = Math.max(head, shown[at].t) + gone;
           while (at < shown.length - 1 && shown[at + 1].t <= head) at++;
-        } else if (live && (grip || world.t < last)) advance(gone);
+        } else if (live && (grip || world.shown.t < last)) advance(gone);
         else play(false);
         draw();
       });
@@ -151,7 +148,7 @@
 
     function play(on) {
       if (on && !playing && at === shown.length - 1 && !grip) {
-        if (live && world.t >= last) guarded(() => goLive(true));
+        if (live && world.shown.t >= last) guarded(() => goLive(true));
         else if (!live) at = 0;
       }
       if (on && !playing) {
@@ -185,7 +182,7 @@
         show();
         guarded(() => {
           if (!goLive(true)) return;
-          say("Computed here, with the changed values.");
+          say(`Computed here, with the changed values, by ${given.engine.how}.`);
           play(true);
           draw();
         });
@@ -234,7 +231,7 @@
         const hit = view.hit(view.pieces, view.ray(event));
         if (!hit) return false;
         guarded(() => {
-          if (!live || at < shown.length - 1) goLive(false);
+          if (!live || at < shown.length - 1 || world.t !== world.shown.t) goLive(false);
           const frame = shown[at], b = 3 * hit.piece.body, r = frame.turns.subarray(3 * b, 3 * b + 9);
           const away = [0, 1, 2].map((i) => hit.point[i] - frame.places[b + i]);
           const local = [0, 1, 2].map((j) => r[j] * away[0] + r[3 + j] * away[1] + r[6 + j] * away[2]);
@@ -255,7 +252,7 @@
       view.letGo = () => {
         grip = null;
         if (live) guarded(() => world.pull(null));
-        say("Computed here.");
+        say(`Computed here by ${given.engine.how}.`);
       };
       const again = () => draw();
       new ResizeObserver(again).observe(find("canvas"));

@@ -1,4 +1,4 @@
-"""A run by one fixed-step method as a memory image that the WebAssembly kernels step.
+"""A run by one method as a memory image that the WebAssembly kernels step.
 
 Pointers take 4 bytes there. Numbers and records have the same form there as here; only the structs
 that describe arrays differ, and all that is an address. Arrays that share memory here share it
@@ -19,7 +19,7 @@ from ..engine import layout as at
 from ..engine import motion
 from ..engine.arrays import CONTACTS, RUN, SCENE, Links, RunLinks
 from ..engine.compiler.address import address_of
-from ..engine.records import APPLIED_FORCE, SPRING, STEP_CONTROL, table
+from ..engine.records import APPLIED_FORCE, CHOSEN, SPRING, STEP_CONTROL, WIDEST, table
 from ..errors import InputError, Problem, choices
 from ..integrators import METHODS
 from ..mechanism import Mechanism
@@ -185,8 +185,10 @@ def _aligned(address: int) -> int:
 # -- runs ------------------------------------------------------------------------------------------
 
 BASE = 1 << 21  # [bytes] where images begin: over the stack and the constants of the kernels
-SMOOTH, TOUCHING = ("rk4", "semi_implicit_euler"), ("moreau_jean",)  # methods of a figure
-LOADS = offset_of(SCENE, "loads", "table")
+# methods of a figure
+SMOOTH, TOUCHING = ("rk4", "semi_implicit_euler", "dopri5", "dop853"), ("moreau_jean",)
+LOADS, CORNERS = offset_of(SCENE, "loads", "table"), offset_of(RUN, "corners")
+LONGEST = 1e8  # steps that a reader may ask for: what happens later is left out
 
 
 def offsets(kind: Any) -> dict[str, int]:
@@ -208,15 +210,17 @@ class Setup(NamedTuple):
     forces: tuple[Force, ...] = ()  # besides the model's and the scenario's
 
     def options(self, method: str | None) -> Options:
-        """For the plan of a run."""
+        """For the plan of a run, of two frames besides the start: the next, and the end."""
+        adaptive = method in METHODS and METHODS[method].adaptive
         return Options(
-            scenario=self.scenario, method=method, step=self.step, t_start=self.t_start,
-            t_end=self.t_start + self.step, frames=2, forces=self.forces,
+            scenario=self.scenario, method=method, step=None if adaptive else self.step,
+            t_start=self.t_start, t_end=self.t_start + LONGEST * self.step, frames=3,
+            forces=self.forces, estimate=False,
         )  # fmt: skip
 
 
 def methods_of(mech: Mechanism, setup: Setup) -> tuple[str, ...]:
-    """The methods that a figure of this scene offers, the usual one first."""
+    """The methods that a figure of this scene offers."""
     plan = plan_of(mech, setup.options("auto"), None, *(setup.state or (None, None)))
     plan = plan.near or plan
     return TOUCHING if plan.contacts is not None or plan.contact_points else SMOOTH
@@ -233,7 +237,8 @@ class LiveRun:
         drives = plan.drives._replace(knots=plan.drives.knots.copy())
         self.mech, self.plan = mech, replace(plan, drives=drives)
         self.record = Recording(mech, self.plan, *with_state(mech, plan.start, q, v), plan.tau)
-        self.record.steps.open_ended(setup.step)
+        if plan.tolerance is None:
+            self.record.steps.open_ended(setup.step)
         self._lay_out()
 
     def _lay_out(self) -> None:
@@ -323,10 +328,11 @@ class LiveRun:
             "still": self.still, "trial": self.trial, "q": steps.q, "v": steps.v,
             "given": self._scene.given, "flow": kept.flow, "vdot": record.out.vdot[0],
             "wrenches": record.out.wrenches[0], "times": kept.times, "substeps": kept.substeps,
-            "width": kept.width, "pull": self._pull[-1:],
+            "width": kept.width, "pull": self._pull[-1:], "corners": kept.corners,
+            "q_shown": record.out.q[1], "v_shown": record.out.v[1],
         }  # fmt: skip
         described = {name: (place(a), *a.shape) for name, a in arrays.items()}
-        touching = record.scene.touching
+        touching, chosen = record.scene.touching, self.plan.tolerance is not None
         user: Any = record.scene.user
         return {
             "base": BASE,
@@ -334,6 +340,8 @@ class LiveRun:
             "scene": self.image.at["scene"],
             "run": self.image.at["run"],
             "loads": self.image.at["scene"] + LOADS,
+            "corners": self.image.at["run"] + CORNERS,
+            "widths": {"chosen": CHOSEN, "widest": WIDEST} if chosen else None,
             "control": self._control,
             "fields": CONTROL,
             "spring": offsets(APPLIED_FORCE),

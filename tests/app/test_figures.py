@@ -92,21 +92,26 @@ def test_the_page_ends_in_the_same_bits_as_python(case: str, figure: Any) -> Non
         for one in given
     }
     changed.pop("scenarios.turn.v.coupler.0", None)  # the loop lets it move with the others only
-    methods = ["moreau_jean"] if case in WALKS else ["rk4", "semi_implicit_euler"]
-    for method, t_end, step, values in (
-        (methods[0], 10.0, 1e-3, {}),
-        (methods[0], 10.0, 1e-3, changed),
-        (methods[-1], 2.3456, 0.0013, changed),
-    ):
+    of_walks = [{"method": "moreau_jean", "step": 1e-3}, {"method": "moreau_jean", "step": 0.0013}]
+    asked = [
+        {"method": "rk4", "step": 1e-3},
+        {"method": "semi_implicit_euler", "step": 0.0013},
+        {"method": "dop853"},
+        {"method": "dopri5", "rtol": 1e-4},
+        {"method": "dopri5", "step": 0.0013},
+        {"method": "dop853", "rtol": 1e-6, "step": 0.01},
+        {"rtol": 1e-9},
+        {"step": 0.002},
+    ]
+    for i, steps in enumerate(of_walks if case in WALKS else asked):
+        options: dict[str, Any] = {"t_end": 2.3456 if i % 2 else 10.0, **steps}
+        values = {} if i == 0 else changed
         other = model
         for path, value in values.items():
             other = with_numbers(other, [Field(other, path)], [value])
-        run = pg.simulate(
-            other, scenario=scenario, t_end=t_end, step=step, method=method, estimate=False
-        )
+        run = pg.simulate(other, scenario=scenario, estimate=False, **options)
         assert run.status.ok
-        asked = {"t_end": t_end, "step": step, "method": method, "set": values}
-        got = shown.evaluate(SIMULATE, asked)
+        got = shown.evaluate(SIMULATE, {**options, "set": values})
         assert got.get("arrays"), got
         assert got["t"] == run.t[-1]
         for here, there in ((run.q[-1], got["q"]), (run.v[-1], got["v"])):
@@ -124,6 +129,7 @@ def test_firefox_ends_in_the_same_bits(tmp_path: Path) -> None:
             file = tmp_path / f"{case}.html"
             file.write_text(page(recorded(model, scenario), fields), encoding="utf-8")
             shown.goto(file.as_uri())
+            state = ""
             for _ in range(100):
                 if state := shown.evaluate("document.body.dataset.ready || ''"):
                     break
@@ -131,14 +137,14 @@ def test_firefox_ends_in_the_same_bits(tmp_path: Path) -> None:
             assert state == "live", case
             one = shown.evaluate("pgraph_live.open")[0]
             value = max(one["values"] or [one["value"] + 0.37 * (one["high"] - one["value"])])
-            method = "moreau_jean" if case in WALKS else "rk4"
-            asked = {"t_end": 10.0, "step": 1e-3, "method": method, "set": {one["path"]: value}}
-            got = shown.evaluate(f"({SIMULATE})({json.dumps(asked)})")
             other = with_numbers(model, [Field(model, one["path"])], [value])
-            run = pg.simulate(
-                other, scenario=scenario, t_end=10.0, step=1e-3, method=method, estimate=False
-            )
-            assert (got["q"], got["v"]) == (run.q[-1].tolist(), run.v[-1].tolist()), case
+            smooth = ({"method": "rk4", "step": 1e-3}, {"method": "dop853"})
+            for steps in ({"method": "moreau_jean", "step": 1e-3},) if case in WALKS else smooth:
+                asked: dict[str, Any] = {"t_end": 10.0, **steps}
+                changed = {**asked, "set": {one["path"]: value}}
+                got = shown.evaluate(f"({SIMULATE})({json.dumps(changed)})")
+                run = pg.simulate(other, scenario=scenario, estimate=False, **asked)
+                assert (got["q"], got["v"]) == (run.q[-1].tolist(), run.v[-1].tolist()), case
 
 
 @of_these_sources
@@ -149,8 +155,11 @@ def test_a_wrong_call_is_answered_by_a_sentence(figure: Any) -> None:
         ({"set": {"bodies.rod.mass": -1}}, "0.5 to 2"),
         ({"set": {"bodies.rod.mass": "heavy"}}, "heavy"),
         ({"set": {"bodies.arm.mass": 1}}, "bodies.rod.mass"),
-        ({"method": "radau5"}, "rk4"),
+        ({"method": "gauss6"}, "rk4"),
         ({"step": 0}, "step"),
+        ({"method": "rk4", "rtol": 1e-6}, "not a tolerance"),
+        ({"rtol": 1e-20}, "1e-15"),
+        ({"rtol": "fine"}, "fine"),
         ({"t_end": -1}, "t_end"),
         ({"t_end": 1e9, "step": 1e-9}, "steps"),
         ({"duration": 1}, "duration"),
@@ -240,6 +249,35 @@ def test_torques_from_python_stay_behind(figure: Any) -> None:
 
 
 @of_these_sources
+def test_a_tolerance_ends_steps_at_the_corners_of_tables(figure: Any) -> None:
+    """Corners after the figure's own end count too, and one at the end of a run does not."""
+    push = pg.Table(t=(0.0, 0.5, 1.0, 2.5), value=(0.0, 3.0, 0.0, 2.0))
+    model = model_of("pendulum").add(pg.Motor(name="push", body="rod", torque=push))
+    shown = figure(page(pg.simulate(model, t_end=1.0)))
+    assert ready(shown) == "live"
+    for t_end in (0.7, 1.0, 4.0):
+        got = shown.evaluate(SIMULATE, {"t_end": t_end})
+        run = pg.simulate(model, t_end=t_end)
+        assert run.header["method"] == "dop853"
+        assert (got["q"], got["v"]) == (run.q[-1].tolist(), run.v[-1].tolist())
+
+
+@of_these_sources
+def test_constraints_that_are_switched_stay_behind(figure: Any) -> None:
+    """By the scenario, later than its first step; or by the call, which no scenario holds."""
+    model = model_of("four_bar")
+    name = model.constraints[0].name
+    switch = pg.Switch(constraint=name, t=0.5, active=False)
+    run = pg.simulate(model, t_end=1.0, switches=[switch])
+    scenario = pg.Scenario(name="opens", t_end=1.0, switches=[switch])
+    opens = pg.simulate(model.add(scenario), scenario="opens")
+    for each in (run, opens):
+        shown = figure(page(each))
+        assert ready(shown) == "recorded"
+        assert "switch" in shown.locator("#said").inner_text()
+
+
+@of_these_sources
 def test_what_cannot_be_left_open_is_refused() -> None:
     run = recorded(model_of("double_pendulum"))
     for field, word in (
@@ -266,9 +304,7 @@ def test_fields_that_follow_no_rule_take_some_values(figure: Any) -> None:
     ready(shown)
     assert shown.evaluate("pgraph_live.open[0].values") == [0.5, 1.0, 1.25, 2.0]
     asked = {"t_end": 1.0, "set": {path: 1.25}}
-    run = pg.simulate(
-        with_numbers(model, [Field(model, path)], [1.25]), t_end=1.0, step=1e-3, method="rk4"
-    )
+    run = pg.simulate(with_numbers(model, [Field(model, path)], [1.25]), t_end=1.0)
     np.testing.assert_array_equal(shown.evaluate(SIMULATE, asked)["q"], run.q[-1])
     assert "1.25" in shown.evaluate(SIMULATE, {"set": {path: 0.7}})["refused"]
 
@@ -279,9 +315,8 @@ def test_a_run_writes_its_figure(tmp_path: Path) -> None:
     html = (tmp_path / "a.html").read_text(encoding="utf-8")
     start = html.index('id="figure">') + len('id="figure">')
     given = json.loads(html[start : html.index("</script>", start)])
-    assert given["engine"]["methods"] == (
-        ["rk4", "semi_implicit_euler"] if not module.stale() else []
-    )
+    methods = ["dop853", "rk4", "semi_implicit_euler", "dopri5"]
+    assert given["engine"]["methods"] == ([] if module.stale() else methods)
     assert given["recording"]["count"] > 10
 
 
