@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields
 from difflib import get_close_matches
 from functools import cache
+from hashlib import sha256
 from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any, NoReturn, cast
 
 import numpy as np
 
-from .errors import MEANT, InputError, Problem
+from .errors import MEANT, InputError, Problem, shown
 
 
 @cache
@@ -32,6 +33,58 @@ class Portable:
     def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
         kind = type(self)
         return _empty, (installed(), kind.__module__, kind.__qualname__), self.__getstate__()
+
+
+# -- snapshots: bytes of one object, read by another of the same kind and options -----------------
+
+SUM = 16  # bytes: of the digest that follows the name of the kind
+
+
+def sealed(kind: str, words: Iterable[str], body: bytes) -> bytes:
+    """A snapshot of a `kind`: its digest, the version that runs, words, and the state in bytes."""
+    head = "\n".join((installed(), *words)).encode()
+    rest = b"".join((len(head).to_bytes(4, "little"), head, body))
+    return b"".join((_magic(kind), sha256(rest).digest()[:SUM], rest))
+
+
+def unsealed(
+    kind: str, snapshot: Any, key: str, arrays: Sequence[Any]
+) -> tuple[list[str], memoryview]:
+    """(words after the key, the state of these arrays) of what `sealed` gave.
+
+    Raises InputError for bytes that it did not give, or gave for another key.
+    """
+    magic, start = _magic(kind), len(_magic(kind)) + SUM
+    data = bytes(snapshot) if isinstance(snapshot, (bytes, bytearray)) else b""
+    end = start + 4 + int.from_bytes(data[start : start + 4], "little")
+    text, words = "", list[str]()
+    if not data.startswith(magic):
+        text = f"must be bytes of {kind}.save; given {shown(snapshot)}"
+    elif data[len(magic) : start] != sha256(memoryview(data)[start:]).digest()[:SUM]:
+        text = "is damaged: its bytes are not those that were saved"
+    else:
+        written, *words = data[start + 4 : end].decode().split("\n")
+        size = sum(array.nbytes for array in arrays)
+        if written != installed():
+            text = f"was saved by Pgraph {written}, and Pgraph {installed()} is running"
+        elif words[0] != key or len(data) - end != size:
+            text = "is of another mechanism, method, step or scenario, or of other options"
+    if text:
+        raise InputError(Problem(f"{kind}.restore", "snapshot", text))
+    return words[1:], memoryview(data)[end:]
+
+
+def put_back(state: memoryview, arrays: Iterable[Any]) -> None:
+    """The bytes of arrays, one after the other, into these arrays."""
+    place = 0
+    for array in arrays:
+        view = array.reshape(-1).view(np.uint8)
+        view[:] = np.frombuffer(state, np.uint8, array.nbytes, place)
+        place += array.nbytes
+
+
+def _magic(kind: str) -> bytes:
+    return f"pgraph {kind} ".encode()
 
 
 class Hinting(Portable):

@@ -13,6 +13,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 
 import pgraph_core.gym  # noqa: E402
 from pgraph_core.gym import ENVIRONMENTS  # noqa: E402
+from pgraph_models.quadruped_env import robot  # noqa: E402
 
 
 def many(name: str = "pgraph/Quadruped-v0", n: int = 3, **options):
@@ -62,6 +63,20 @@ def test_one_that_falls_ends_and_starts_again_while_the_others_go_on():
     assert not fell.any()
     assert seen[1, 0] == pytest.approx(0.306, abs=0.01)
     assert env.unwrapped.walkers.batch.t.tolist() == pytest.approx([0.04, 0.0, 0.04])
+
+
+def test_a_robot_that_is_torn_apart_fails_with_a_sentence_alone_and_among_others():
+    """Hinges turn by 10 rad a step; the last state has no orientation that notices could use."""
+    model = robot()
+    one, batch = pg.Stepper(model), pg.BatchStepper(model, 4)
+    v = np.zeros((4, 18))
+    v[2, 6:] = 1e4
+    one.reset(v=v[2])
+    batch.reset(v=v)
+    assert one.step(n=20) is pg.Status.NOT_FINITE
+    assert batch.step(n=20).tolist() == [True, True, False, True]
+    assert one.notices == ()
+    assert one.message.startswith(batch.failures[2])
 
 
 def test_an_episode_ends_after_its_most_actions():

@@ -21,7 +21,7 @@ from ..mechanism import Mechanism, mechanism_of
 from ..model import Force, Model
 from ..model.force import OnJoint
 from ..packing import Array, Ints, System
-from ..portable import Portable, installed
+from ..portable import Portable, put_back, sealed, unsealed
 from ..result.records import Named
 from ..simulation.recording import STATUS
 from ..simulation.stepper import AUTO, Stepper
@@ -38,7 +38,6 @@ from .instances import (
 from .loops import LoopLanes, on_constraints
 from .paths import Path, counting, distinct, numbers_in, with_numbers
 
-SNAPSHOT = b"pgraph batch"
 MOST = 10_000_000  # instances
 
 
@@ -337,7 +336,7 @@ class BatchStepper(Portable):
         given = _table("value", value, self.size, None)
         for force in self.mech.model.forces:
             if force.name == servo and isinstance(force, OnJoint):
-                for one in np.unique(given):
+                for one in (given.min(), given.max()):
                     if text := force.input_problem(float(one)):
                         raise _refused(f"'{servo}'", text, "target")
         targets[servo][:] = given
@@ -346,37 +345,24 @@ class BatchStepper(Portable):
 
     def save(self) -> bytes:
         """All that the next steps depend on: `restore` continues with the same bits."""
-        many = self._many
-        head = f"{installed()}\n{self._key()}\n{self.size}\n{len(many.starts)}\n".encode()
-        parts = (many.codes, many.kind, many.states)
-        return b"".join([SNAPSHOT, len(head).to_bytes(4, "little"), head, *map(bytes, parts)])
+        state = b"".join(map(bytes, self._memory()))
+        return sealed("BatchStepper", (self._key(),), state)
 
     def restore(self, snapshot: bytes) -> None:
         """Go back to a snapshot of this batch. Raises InputError."""
-        many, start = self._many, len(SNAPSHOT)
-        data = bytes(snapshot) if isinstance(snapshot, (bytes, bytearray)) else b""
-        if data[:start] != SNAPSHOT:
-            text = f"must be bytes of BatchStepper.save; given {shown(snapshot)}"
-            raise _refused("snapshot", text, "restore")
-        end = start + 4 + int.from_bytes(data[start : start + 4], "little")
-        words = data[start + 4 : end].decode(errors="replace").split("\n")
-        if words[0] != installed():
-            text = f"was saved by Pgraph {words[0]:.20}, and Pgraph {installed()} is running"
-            raise _refused("snapshot", text, "restore")
-        if words[1:4] != [self._key(), str(self.size), str(len(many.starts))]:
-            raise _refused("snapshot", "is of another mechanism, or of other options", "restore")
-        parts = (many.codes, many.kind, many.states)
-        if len(data) - end != sum(a.nbytes for a in parts):
-            raise _refused("snapshot", "is damaged: its length differs", "restore")
-        for array in parts:
-            array.reshape(-1).view(np.uint8)[:] = np.frombuffer(data, np.uint8, array.nbytes, end)
-            end += array.nbytes
-        many.relink()
+        _, state = unsealed("BatchStepper", snapshot, self._key(), self._memory())
+        put_back(state, self._memory())
+        self._many.relink()
+
+    def _memory(self) -> list[Any]:
+        """The arrays that steps read before they write them."""
+        return [self._many.codes, self._many.kind, self._many.states]
 
     def _key(self) -> str:
         given = {**self._options, "tau": None}
         values = [np.ascontiguousarray(x).tobytes() for x in self._set.values()]
-        said = "\n".join([self.mech.model.hash, repr(given), repr(list(self._set))])
+        many = self.size, len(self._many.starts)
+        said = "\n".join([self.mech.model.hash, repr(given), repr(list(self._set)), repr(many)])
         return sha256(said.encode() + b"".join(values)).hexdigest()[:16]
 
     def __getstate__(self) -> dict[str, Any]:

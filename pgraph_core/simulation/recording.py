@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from ..analysis.assembly import NOTABLE, assembled
 from ..analysis.singular import Instant, blocked, redundancy, singular_notice
-from ..dynamics.arguments import finite
+from ..dynamics.arguments import finite, positions
 from ..dynamics.callback import UserTorque, acting
 from ..dynamics.scene import Scene
 from ..engine import layout as at
@@ -742,16 +743,25 @@ class Recording:
         if self.scene.touching is not None and self.plan.contacts is not None:
             from .contact_log import contact_notices
 
-            out, n = self.out, self.done
+            out, n = self.out, self._oriented()
             frames = self.steps.times[:n], out.q[:n], out.pairs["gap"][:n]
             given = self.plan.contacts, self._active, frames
-            contacts = contact_notices(self.mech, self.scene, self._unlogged, *given)
+            if n:
+                contacts = contact_notices(self.mech, self.scene, self._unlogged, *given)
         if self.plan.idle and self.done:
             from .contact_log import sunk_through
 
             contacts += sunk_through(self.mech, self.plan.idle, self.out.q[: self.done])
         steps = self.steps.notices()
         return (*self.plan.notices, *self.ended.notices, *steps, *contacts, *user)
+
+    def _oriented(self) -> int:
+        """How many frames have orientations: what blows up may end in a state without any."""
+        for n in range(self.done, 0, -1):
+            with suppress(InputError):
+                positions(self.mech.packed, self.out.q[n - 1 : n])
+                return n
+        return 0
 
     def _rows(self) -> slice | Ints:
         """The frames that were asked for of those recorded; of a failed run also its last one."""

@@ -25,7 +25,7 @@ from ..model import Force, Model, Servo, Table
 from ..model.force import OnJoint
 from ..packing import Array, Drives
 from ..packing.forces import AT_ONCE, Follows, followed, on_bodies
-from ..portable import Portable, ReadOnly, installed
+from ..portable import Portable, ReadOnly, put_back, sealed, unsealed
 from ..result import Result, Status
 from ..result.records import OF_CONSTRAINTS, ByTouch, Named
 from ..result.result import add_constraint_wrenches
@@ -38,7 +38,6 @@ from .switches import Change
 GIVEN_STEPS = tuple(m.name for m in METHODS.values() if not m.adaptive)
 AUTO = "auto"
 CHUNK = 100_000  # steps between two looks at whether the user wants to stop
-SNAPSHOT = b"pgraph snapshot"
 FOLLOWS = ("lag", "integrates", "least", "most")  # how what acts follows an input
 
 
@@ -401,32 +400,18 @@ class Stepper(Portable):
     def save(self) -> bytes:
         """All that the next steps depend on: `restore` continues with the same bits."""
         self._open()
-        head = f"{installed()}\n{self._key}\n{','.join(map(str, sorted(self._active)))}\n"
-        start = SNAPSHOT + len(head).to_bytes(4, "little") + head.encode()
-        return start + b"".join(array.tobytes() for array in self._memory())
+        active = ",".join(map(str, sorted(self._active)))
+        state = b"".join(array.tobytes() for array in self._memory())
+        return sealed("Stepper", (self._key, active), state)
 
     def restore(self, snapshot: bytes) -> None:
         """Go back to a snapshot of this mechanism, method and step. Raises InputError."""
-        head, body = _read(snapshot)
-        if head[0] != installed():
-            text = f"was saved by Pgraph {head[0]}, and Pgraph {installed()} is running"
-            raise InputError(Problem("Stepper.restore", "snapshot", text))
-        if head[1] != self._key:
-            text = "is of another mechanism, method, step or scenario than this stepper's"
-            raise InputError(Problem("Stepper.restore", "snapshot", text))
-        self._active = {int(i) for i in head[2].split(",") if i}
+        (active,), state = unsealed("Stepper", snapshot, self._key, self._memory())
+        self._active = {int(i) for i in active.split(",") if i}
         self._record.scene.activate(np.array(sorted(self._active), dtype=np.int64))
-        memory = self._memory()
-        if len(body) != sum(array.nbytes for array in memory):
-            raise InputError(
-                Problem("Stepper.restore", "snapshot", "is damaged: its length differs")
-            )
-        place, control = 0, self._steps.control
+        control = self._steps.control
         here = {name: control[name] for name in ("guard", "approach")}  # addresses of this process
-        for array in memory:
-            view = array.reshape(-1).view(np.uint8)
-            view[:] = np.frombuffer(body, np.uint8, array.nbytes, place)
-            place += array.nbytes
+        put_back(state, self._memory())
         for name, address in here.items():
             control[name] = address
         self._record.ended = Outcome()
@@ -484,7 +469,8 @@ class Stepper(Portable):
     @cached_property
     def _key(self) -> str:
         """Names what a snapshot belongs to."""
-        own = (self.method, self._width, self._options.scenario)
+        given = self._options
+        own = (self.method, self._width, given.scenario, given.forces, given.stabilise)
         words = (self.mech.model.hash, *map(repr, own))
         return sha256("\n".join(words).encode()).hexdigest()[:16]
 
@@ -580,16 +566,3 @@ def _whole(n: Any, name: str = "n", least: int = 1) -> int:
         text = f"must be a whole number >= {least}; given {n!r:.60}"
         raise InputError(Problem("Stepper", name, text))
     return int(n)
-
-
-def _read(snapshot: Any) -> tuple[list[str], bytes]:
-    """(version, key and active constraints; the rest) of a snapshot. Raises InputError."""
-    start = len(SNAPSHOT)
-    if not isinstance(snapshot, (bytes, bytearray)) or bytes(snapshot[:start]) != SNAPSHOT:
-        text = f"must be bytes of Stepper.save; given {snapshot!r:.60}"
-        raise InputError(Problem("Stepper.restore", "snapshot", text))
-    size = int.from_bytes(snapshot[start : start + 4], "little")
-    head = bytes(snapshot[start + 4 : start + 4 + size]).decode(errors="replace").split("\n")
-    if len(head) != 4:
-        raise InputError(Problem("Stepper.restore", "snapshot", "is damaged: its start is cut"))
-    return head, bytes(snapshot[start + 4 + size :])

@@ -212,6 +212,8 @@ def test_what_does_not_fit_is_refused_in_a_sentence():
         (lambda: stepper.switch("loop", True), "loop"),
         (lambda: stepper.restore(b"something"), "Stepper.save"),
         (lambda: stepper.restore(stepper.save()[:-8]), "damaged"),
+        (lambda: stepper.restore(stepper.save()[:40]), "damaged"),
+        (lambda: stepper.restore(pg.Stepper(mech, stabilise=None).save()), "other options"),
         (lambda: stepper.restore(pg.Stepper(chain("spherical")).save()), "another mechanism"),
         (lambda: stepper.restore(pg.Stepper(mech, step=2e-3).save()), "another mechanism"),
     ]:
@@ -223,10 +225,21 @@ def test_what_does_not_fit_is_refused_in_a_sentence():
     assert stepper.step().ok
 
 
+def test_a_snapshot_with_any_bit_turned_is_refused():
+    stepper = pg.Stepper(chain())
+    saved, rng = stepper.save(), np.random.default_rng(0)
+    for i in rng.integers(len(saved), size=200).tolist():
+        damaged = bytearray(saved)
+        damaged[i] ^= 1 << int(rng.integers(8))
+        with pytest.raises(pg.InputError, match=r"damaged|Stepper\.save"):
+            stepper.restore(bytes(damaged))
+    assert stepper.save() == saved
+
+
 def test_a_snapshot_of_another_version_says_so(monkeypatch):
     stepper = pg.Stepper(chain())
     snapshot = stepper.save()
-    monkeypatch.setattr("pgraph_core.simulation.stepper.installed", lambda: "9.9")
+    monkeypatch.setattr("pgraph_core.portable.installed", lambda: "9.9")
     with pytest.raises(pg.InputError, match=r"was saved by Pgraph .* 9.9 is running"):
         stepper.restore(snapshot)
 
