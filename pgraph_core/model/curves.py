@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import operator
+from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from .fields import Frozen, Number, Numbers, Vec3s, field, refuse, several, vectors
@@ -23,6 +26,18 @@ class Table(Frozen):
     def _knots(self) -> Self:
         refuse(_knot_problems(self.t, self.value))
         return self
+
+    @cached_property
+    def lines(self) -> NDArray[np.float64]:
+        """(n, 4) of each knot: time, value, slope after it, value again; not to be written.
+
+        The last slope is how many knots there are a second, from which kernels guess a place.
+        """
+        t, x = np.array(self.t), np.array(self.value)
+        slopes = np.zeros(len(t))
+        slopes[:-1] = np.diff(x) / np.diff(t)
+        slopes[-1] = (len(t) - 1) / (t[-1] - t[0]) if len(t) > 1 else 0.0
+        return np.stack((t, x, slopes, x), axis=1)
 
 
 class VectorTable(Frozen):

@@ -7,7 +7,6 @@ and between two: wrenches, springs, torsion springs, drags.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -275,7 +274,7 @@ class Knots:
         """(first knot, number of knots) of a constant or a table, which now stands at the end."""
         first = self._count
         constant = isinstance(value, float | int)
-        part = np.array([[0.0, value, 0.0, value]]) if constant else _knots_of(value)
+        part = np.array([[0.0, value, 0.0, value]]) if constant else value.lines
         self._parts[first] = part
         self._count += len(part)
         return first, len(part)
@@ -288,16 +287,6 @@ class Knots:
     def table(self) -> Array:
         """(all knots, 4)."""
         return np.concatenate([np.zeros((0, 4)), *self._parts.values()])
-
-
-@lru_cache(maxsize=1024)
-def _knots_of(table: Table) -> Array:
-    """(n, 4) of a table; models that differ elsewhere share it."""
-    t, x = np.array(table.t), np.array(table.value)
-    slopes = np.zeros(len(t))
-    slopes[:-1] = np.diff(x) / np.diff(t)
-    slopes[-1] = (len(t) - 1) / (t[-1] - t[0]) if len(t) > 1 else 0.0
-    return np.stack((t, x, slopes, x), axis=1)
 
 
 Follows = tuple[float, int, float, float]  # lag, whether the integral acts, its bounds

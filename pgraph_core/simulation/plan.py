@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.metadata import version
+from itertools import chain
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -349,11 +350,10 @@ def _check_sizes(mech: Mechanism) -> None:
     """Raise InputError for a body whose products of mass and length would overflow."""
     for name in mech.names:
         body = mech.model.body(name)
-        numbers = np.concatenate(
-            [np.ravel(x) for x in (body.mass, body.com, body.link, body.tip_point, body.inertia)]
-        )
-        if np.abs(numbers).max(initial=0.0) > LARGEST:
-            text = f"has a mass, length or inertia of {np.abs(numbers).max():.3g}, whose products "
+        inertia = chain.from_iterable(body.inertia)
+        sizes = (body.mass, *body.com, *body.link, *body.tip_point, *inertia)
+        if (largest := max(map(abs, sizes))) > LARGEST:
+            text = f"has a mass, length or inertia of {largest:.3g}, whose products "
             text += f"overflow; keep them below {LARGEST:g}, in other units"
             raise InputError(Problem(f"body '{name}'", "", text))
 
