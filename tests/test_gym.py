@@ -39,7 +39,7 @@ def test_the_same_seed_gives_the_same_bits(name: str):
 
 def test_it_stands_where_its_motors_hold_it():
     env = many()
-    env.reset(seed=0)
+    seen, _ = env.reset(seed=0)
     for _ in range(50):
         seen, _, fell, late, _ = env.step(np.zeros((3, 12)))
         assert not fell.any()
@@ -91,7 +91,7 @@ def test_pushes_move_the_trunk():
     fast = []
     for name in ("pgraph/Quadruped-v0", "pgraph/QuadrupedPush-v0"):
         env = many(name)
-        env.reset(seed=2)
+        seen, _ = env.reset(seed=2)
         for _ in range(54):
             seen, *_ = env.step(np.zeros((3, 12)))
         fast.append(np.abs(seen[:, 4:6]).max())

@@ -7,6 +7,7 @@ import gc
 import pickle
 import tracemalloc
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,9 +21,9 @@ def built_in(name: str) -> pg.Mechanism:
     return pg.Mechanism(pg.Model.load(pgraph_models.path(name)))
 
 
-def chain(joint: str = "revolute", **fields: object) -> pg.Mechanism:
+def chain(joint: Any = "revolute", **fields: Any) -> pg.Mechanism:
     """Two bodies; the first hangs on the given joint."""
-    part = {
+    part: dict[str, Any] = {
         "mass": 1.0,
         "tip": (0, -1, 0),
         "com": (0, -0.5, 0),
@@ -47,7 +48,7 @@ CASES = [
 ]  # fmt: skip
 
 
-def case(name: str) -> tuple[pg.Mechanism, dict[str, object]]:
+def case(name: str) -> tuple[pg.Mechanism, dict[str, Any]]:
     if name in ("revolute", "spherical", "free"):
         mech = chain(name)
         return mech, dict(zip("qv", pushed(mech)))
@@ -195,18 +196,21 @@ def test_a_step_that_fails_is_not_taken():
     assert stepper.step().ok
 
 
+WRONG: tuple[Any, Any] = ("model", 2.5)  # of other types than a call takes
+
+
 def test_what_does_not_fit_is_refused_in_a_sentence():
     mech = chain()
-    stepper = pg.Stepper(mech)
+    stepper, text, part = pg.Stepper(mech), *WRONG
     for wrong, words in [
         (lambda: pg.Stepper(mech, step=0.0), "step"),
         (lambda: pg.Stepper(mech, method="dop853"), "rk4"),
         (lambda: pg.Stepper(built_in("falling_rod"), method="rk4"), "moreau_jean"),
-        (lambda: pg.Stepper("model"), "Mechanism"),
+        (lambda: pg.Stepper(text), "Mechanism"),
         (lambda: stepper.step(tau=np.zeros(3)), "tau"),
         (lambda: stepper.step(tau=[np.nan, 0.0]), "tau"),
         (lambda: stepper.step(n=0), "whole number"),
-        (lambda: stepper.step(n=2.5), "whole number"),
+        (lambda: stepper.step(n=part), "whole number"),
         (lambda: stepper.reset(q=np.zeros(5)), "q"),
         (lambda: stepper.record(10, frames=1), "frames"),
         (lambda: stepper.switch("loop", True), "loop"),
@@ -225,13 +229,14 @@ def test_what_does_not_fit_is_refused_in_a_sentence():
     assert stepper.step().ok
 
 
-def test_a_snapshot_with_any_bit_turned_is_refused():
-    stepper = pg.Stepper(chain())
+@pytest.mark.parametrize("kind", [pg.Stepper, pg.BatchStepper])
+def test_a_snapshot_with_any_bit_turned_is_refused(kind: Any):
+    stepper = kind(chain(), **({"size": 3} if kind is pg.BatchStepper else {}))
     saved, rng = stepper.save(), np.random.default_rng(0)
     for i in rng.integers(len(saved), size=200).tolist():
         damaged = bytearray(saved)
         damaged[i] ^= 1 << int(rng.integers(8))
-        with pytest.raises(pg.InputError, match=r"damaged|Stepper\.save"):
+        with pytest.raises(pg.InputError, match=rf"damaged|{kind.__name__}\.save"):
             stepper.restore(bytes(damaged))
     assert stepper.save() == saved
 
@@ -270,7 +275,8 @@ def test_inputs_are_taken_together_or_not_at_all_and_keep_their_bounds():
     model = pg.Model(bodies=[arm], forces=[servo, motor])
     stepper = pg.Stepper(model)
     before = stepper.inputs
-    for inputs in ({"motor": 1.5, "servo": 9.0}, {"motor": 1.5, "serv": 0.0}, [1.0]):
+    wrong: tuple[Any, ...] = ({"motor": 1.5, "servo": 9.0}, {"motor": 1.5, "serv": 0.0}, [1.0])
+    for inputs in wrong:
         with pytest.raises(pg.InputError):
             stepper.step(inputs=inputs)
         assert stepper.inputs == before
