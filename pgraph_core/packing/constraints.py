@@ -294,6 +294,17 @@ class Blocks(NamedTuple):
     curves: Array  # (nk, 5)
 
 
+NO_BLOCKS = Blocks(
+    (),
+    np.zeros(1, np.int64),
+    np.zeros((0, at.BLOCK_I), np.int64),
+    np.zeros((0, at.BLOCK_F)),
+    np.zeros((0, 2), np.int64),
+    np.zeros(0),
+    np.zeros((0, 5)),
+)
+
+
 def blocks_of(ends: Endpoints) -> list[Block]:
     """The blocks of the constraint's kind. Raises ModelError."""
     return BLOCKS[type(ends.c)](ends, ends.c)

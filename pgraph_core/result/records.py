@@ -72,6 +72,8 @@ class ContactRecord(EqualByFields):
 
     def keep_unchanged(self) -> None:
         """Let nobody write into its arrays; mappings of other kinds see to it themselves."""
+        if not self.wrench.flags.writeable:
+            return  # done before
         keep_unchanged((self.wrench, self.residual))
         for what in KINDS:
             if type(found := getattr(self, what)) is dict:

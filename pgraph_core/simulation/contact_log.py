@@ -6,42 +6,46 @@ With time stepping, phases come from a log of changes, good to one step.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..analysis.singular import holding
+from ..contact import solids
 from ..contact.tables import ContactPair, Tables, pull_of
-from ..dynamics.scene import Scene
+from ..dynamics.scene import NO_CONSTRAINTS, Scene
 from ..engine import layout as at
+from ..engine.arrays import Guard
+from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
+from ..engine.contact import clearance as kernels
 from ..engine.contact.meeting import SIZE
-from ..engine.records import ACCEPTANCE, SLIP, STANCE, SWING
+from ..engine.records import (
+    ACCEPTANCE,
+    CLEARANCE,
+    CONTACT,
+    LIMIT,
+    POSE,
+    SLIP,
+    STANCE,
+    SWING,
+    rows_of,
+    table,
+)
 from ..mechanism import Mechanism
 from ..model import Contact
 from ..model.fields import EVERY, GROUND
 from ..packing import Array, Ints
-from ..result.records import NOTHING, PHASES, ContactRecord, Event
+from ..portable import Unportable, keep_unchanged
+from ..result.records import FREE, NOTHING, PHASES, ContactRecord, Event
 from .plan import Plan
 from .switches import Change
 
 if TYPE_CHECKING:
     from .event_scene import ContactPoint
-
-
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-
-from ..contact import solids
-from ..dynamics.scene import NO_CONSTRAINTS
-from ..engine.arrays import Guard
-from ..engine.compiler.address import address_of, address_of_array, buffer, unnamed
-from ..engine.contact import clearance as kernels
-from ..engine.records import CLEARANCE, CONTACT, LIMIT, POSE, rows_of, table
-from ..portable import Unportable, keep_unchanged
-from ..result.records import FREE
 
 GRAZE = 2.5  # steps: a shorter flight of a contact is none
 LOOSE = 1e-6  # of the largest force: a larger violation of a contact law is reported
@@ -83,7 +87,7 @@ def contacts_of(
     graze = GRAZE * float(np.max(plan.width, initial=0.0)) if impulses else 0.0
     found = stepped_record(plan.contacts, up, *frames, changes, graze)
     events = sorted((*found.events, *log), key=lambda event: event.t)
-    gaps = gaps_of(mech, plan.contacts, q, found.gap)
+    gaps = Gaps(mech, plan.contacts, q, found.gap)
     return replace(found, gap=gaps, events=tuple(events))
 
 
@@ -430,31 +434,22 @@ class Clearance(Unportable):
         """Nothing is known to be free yet."""
         count = len(tables.candidates.on_ground) + len(tables.candidates.pairs)
         self._mech, self._tables = mech, tables
-        self._blank: dict[int, dict[str, Any]] = {}
+        self._blank: dict[int, ContactRecord] = {}
         self._kept = Guard(
             tables.geometry,
             tables.ground,
             tables.candidates,
             table(POSE, len(tables.geometry.shapes)),
             solids.search_space(tables.geometry, len(tables.candidates.members)),
-            table(CONTACT, max(tables.room, LEAST_ROOM)),
+            table(CONTACT, max(tables.room, LEAST_ROOM) if tables.touches else 0),
             _limits(tables),
             table(CLEARANCE, 1),
             np.zeros(len(mech.packed.rows)),
             np.zeros(count),
         )
-        free = 0.0 if len(tables.geometry.shapes) else np.inf
-        self._start = np.array((free, 0.0, 0.0, 0.0, 0.0))
-        self._state = self._kept.state.view(float)  # numpy is slow at records
-        self.begin()
         self._buffer = buffer()
         kernels.save_guard(self._buffer, unnamed(self._kept))
         self.address = address_of_array(self._buffer)
-
-    def begin(self) -> None:
-        """Nothing is known to be free yet: for another run."""
-        self._state[:] = self._start
-        self._kept.reach[:] = 0.0
 
     @property
     def look_back(self) -> int:
@@ -471,10 +466,13 @@ class Clearance(Unportable):
         """The record of a run over the states q in which nothing touched."""
         blank = self._blank.get(len(q))
         if blank is None:
-            self._blank = {len(q): (blank := vars(_blank(self._tables, len(q), self._mech.nb)))}
+            self._blank = {len(q): (blank := _blank(self._tables, len(q), self._mech.nb))}
+        if not (events or self._tables.touches):
+            return blank
         found = object.__new__(ContactRecord)  # its fields one by one take as long as ten steps
-        vars(found).update(blank, events=events)
-        vars(found)["gap"] = gaps_of(self._mech, self._tables, q, {})
+        fields = found.__dict__
+        fields.update(blank.__dict__)
+        fields["events"], fields["gap"] = events, Gaps(self._mech, self._tables, q, {})
         return found
 
 
@@ -487,58 +485,48 @@ def _limits(tables: Tables) -> Any:
     return rows_of(LIMIT, rows)
 
 
-@dataclass(frozen=True)
 class Gaps(Mapping[str, Array]):
     """Gaps of contact pairs by name, found when they are first asked for."""
 
-    names: tuple[str, ...]
-    find: Callable[[], Array]  # (n, pairs)
+    def __init__(self, mech: Mechanism, tables: Tables, q: Array, known: Mapping[str, Array]):
+        """At the states q (n, nq); of members of one contact those `known`."""
+        self._given = mech, tables, q, known
 
+    @cached_property
     def _found(self) -> dict[str, Array]:
-        if "_all" not in self.__dict__:
-            gaps = self.find()
-            keep_unchanged((gaps,))
-            self.__dict__["_all"] = dict(zip(self.names, gaps.T))
-        return self.__dict__["_all"]
+        mech, tables, q, known = self._given
+        scene = Scene(mech.packed, mech.packed.passive, mech.packed.loads(()), NO_CONSTRAINTS)
+        found = Clearance(mech, tables).gaps(scene, q, len(tables.touches))
+        gaps = {touch.name: gap for touch, gap in zip(tables.touches, found.T)}
+        gaps |= {
+            t.name: known[t.name] for t in tables.touches if t.body == EVERY and t.name in known
+        }
+        keep_unchanged(gaps.values())
+        return gaps
 
     def __getitem__(self, name: str) -> Array:
         """(n,) of one pair."""
-        return self._found()[name]
+        return self._found[name]
 
     def __iter__(self) -> Iterator[str]:
         """Over the names."""
-        return iter(self.names)
+        return (touch.name for touch in self._given[1].touches)
 
     def __len__(self) -> int:
         """How many pairs."""
-        return len(self.names)
+        return len(self._given[1].touches)
 
     def __repr__(self) -> str:
         """As of a dictionary."""
-        return repr(self._found())
+        return repr(self._found)
 
     def __reduce__(self) -> Any:
         """A plain dictionary."""
-        return dict, (self._found(),)
+        return dict, (self._found,)
 
     def __deepcopy__(self, memo: Any) -> dict[str, Array]:
         """A plain dictionary."""
-        return {name: gap.copy() for name, gap in self._found().items()}
-
-
-def gaps_of(mech: Mechanism, tables: Tables, q: Array, known: Mapping[str, Array]) -> Gaps:
-    """Gaps of contact pairs at the states q (n, nq); of members of one contact those `known`."""
-    names = tuple(t.name for t in tables.touches)
-
-    def find() -> Array:
-        scene = Scene(mech.packed, mech.packed.passive, mech.packed.loads(()), NO_CONSTRAINTS)
-        found = Clearance(mech, tables).gaps(scene, q, len(names))
-        for k, pair in enumerate(tables.touches):
-            if pair.body == EVERY and pair.name in known:
-                found[:, k] = known[pair.name]
-        return found
-
-    return Gaps(names, find)
+        return {name: gap.copy() for name, gap in self._found.items()}
 
 
 def _blank(tables: Tables, n: int, nb: int) -> ContactRecord:

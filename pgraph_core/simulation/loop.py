@@ -122,8 +122,6 @@ class Steps:
         control[:], counters[:] = start, 0
         self.q[:], self.v[:], self.ledger[:], self.times[:] = q, v, 0.0, self.plan.times
         self.divided = 0
-        if self.clearance is not None:
-            self.clearance.begin()
 
     def open_ended(self, width: float) -> None:
         """Go on from here by steps of this width, without frames."""
@@ -237,11 +235,19 @@ class Workplace:
         self.loops, self.used = {loop[0].plan: loop for loop in self.used}, []
 
 
-def workplaces(mech: Mechanism, plan: Plan) -> list[Workplace]:
-    """The free workplaces that a mechanism keeps for runs by this plan."""
-    kept: dict[Plan, list[Workplace]] = mech.__dict__.setdefault("_workplaces", {})
-    found = kept.get(plan)
-    return keep(kept, plan, []) if found is None else found
+def free(mech: Mechanism, what: Any) -> list[Any]:
+    """What runs left to the next ones like them, which a mechanism keeps."""
+    kept: dict[Any, list[Any]] = mech.__dict__.setdefault("_left_by_runs", {})
+    found = kept.get(what)
+    return keep(kept, what, []) if found is None else found
+
+
+def taken(left: list[Any]) -> Any:
+    """The last of what is left, or None; threads take from one list."""
+    try:
+        return left.pop()
+    except IndexError:
+        return None
 
 
 class Outcome:

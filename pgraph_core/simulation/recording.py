@@ -24,9 +24,10 @@ from ..engine.records import PAIR, PHASE_CHANGE, SWING, table
 from ..errors import InputError, choices
 from ..mechanism import Mechanism
 from ..packing import Array, Ints
+from ..packing.constraints import NO_BLOCKS
 from ..result import Result, Status
 from ..result.records import NO_FORCES, NOTHING, OF_CONSTRAINTS, ContactRecord, Named
-from .loop import Outcome, Steps, Workplace, links_of, workplaces
+from .loop import Outcome, Steps, Workplace, free, links_of, taken
 from .options import MOST_STEPS
 from .plan import Plan, with_contacts
 from .switches import Change, Condition, closed, hold_here, switched_by
@@ -42,6 +43,7 @@ KEPT = 2**14  # numbers in the frames of a run, for which a mechanism keeps room
 FIRST = 16384  # freedoms in the first chunk, times steps: a few milliseconds
 FEW_FRAMES = 10  # fewer are no curve
 NO_CHANGES = table(PHASE_CHANGE, 0)
+WATCHING = "what watches things that may touch"
 NO_MONITORS = np.zeros((4, 0))
 Progress = Callable[[float], Any] | None
 
@@ -105,11 +107,9 @@ class Recording:
     def _prepare(self, q: Array, v: Array, place: Workplace | None = None) -> None:
         """Scene, frames and stepping loop of the plan, at (q, v)."""
         mech, plan = self.mech, self.plan
-        self._free = workplaces(mech, plan) if place is None and self._short() else None
-        if self._free:
-            place = self._free.pop()
-            if len(plan.ever):
-                place.scene.forget(plan.active)
+        self._free = free(mech, plan) if place is None and self._short() else None
+        if self._free and (place := taken(self._free)) and len(plan.ever):
+            place.scene.forget(plan.active)
         self.place = place = Workplace(self._scene()) if place is None else place
         self.scene = place.scene
         if self.user is None:
@@ -138,6 +138,8 @@ class Recording:
         if self._free is not None:
             self.place.left()
             self._free.append(self.place)
+        elif self.steps.clearance is not None:
+            free(self.mech, (self.plan, WATCHING)).append(self.steps.clearance)
 
     def _empty_frames(self, n: int) -> Frames:
         mech, plan = self.mech, self.plan
@@ -166,7 +168,9 @@ class Recording:
                 mech, plan.drives, plan.loads, plan.ever, plan.contact_points, frames, **acts
             )
         own = mech.packed.blocks
-        if len(own.blocks_f):  # which may hold places that are known where they are switched on
+        if not (len(plan.ever) or plan.contacts):
+            own = NO_BLOCKS
+        elif len(own.blocks_f):  # which may hold places that are known where they are switched on
             own = own._replace(blocks_f=own.blocks_f.copy())
         acts |= {"gains": plan.gains, "blocks": own}
         return Scene(mech.packed, plan.drives, plan.loads, plan.ever, **acts)
@@ -179,9 +183,10 @@ class Recording:
         if plan.declared is not None:
             from .contact_log import Clearance
 
-            self.steps.clearance = Clearance(self.mech, plan.declared)
-            self.steps.control["guard"] = self.steps.clearance.address
-            links = links._replace(look_back=self.steps.clearance.look_back)
+            left = taken(free(self.mech, (plan, WATCHING)))
+            watching = left or Clearance(self.mech, plan.declared)
+            self.steps.clearance, self.steps.control["guard"] = watching, watching.address
+            links = links._replace(look_back=watching.look_back)
         if points or (plan.contacts and plan.contacts.compliant):
             from ..engine.contact.approach import bound_step
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -12,7 +14,7 @@ def chain(limits=None, law=None):
     """Four links, perhaps with limits, or with contacts with a wall 1 km away."""
     bodies = [
         pg.Body(
-            name=f"a{k}", parent=f"a{k - 1}" if k else None, axes=((k % 2, 1 - k % 2, 0),),
+            name=f"a{k}", parent=f"a{k - 1}" if k else "ground", axes=((k % 2, 1 - k % 2, 0),),
             link=(0, 0, -0.5 if k else 0), com=(0, 0, -0.25), tip=(0, 0, -0.5), q=0.3,
             shape={"kind": "capsule", "radius": 0.05, "length": 0.3}, limits=limits,
         )
@@ -52,6 +54,41 @@ def test_what_never_comes_near_changes_no_bit(way):
         assert all(not force.any() for force in run.contact_force.values())
         for gap in run.contact_gap.values():
             assert np.all((gap > 997) & (gap < 1000))
+
+
+WELD = pg.Constraint(name="weld", kind="weld", body="a3", active=False)
+FAR = {
+    "limits": (chain(), chain(limits=(-1000, 1000))),
+    "contacts": (pg.Mechanism(pg.Model(bodies=chain(law="soft").model.bodies)), chain(law="soft")),
+    "an inactive weld": (chain(), pg.Mechanism(chain().model.add(WELD))),
+}
+
+
+@pytest.mark.parametrize("what", FAR)
+def test_what_never_comes_near_takes_no_memory(what):
+    """Within 5 % of what runs without it hold at once, where they are too long to be kept."""
+
+    def held(mech):
+        tracemalloc.start()
+        run = pg.simulate(mech, t_end=0.2, frames=2001, step=1e-4, method="rk4", estimate=False)
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert len(run.t) == 2001
+        return most
+
+    bare, laden = (min(held(mech) for _ in range(3)) for mech in FAR[what])
+    assert laden <= 1.05 * bare
+
+
+def test_long_runs_leave_nothing_to_the_next_one():
+    """One that meets a limit, one that does not, one again: too long to go on in one workplace."""
+    mech, way = chain(limits=(-1.0, 1.0)), {"t_end": 0.3, "frames": 3001, "step": 1e-4}
+    for q, v in ((0.1, 0.0), (0.0, 9.0), (0.1, 0.0)):
+        start = np.full(4, q), np.full(4, v)
+        run = pg.simulate(mech, *start, method="rk4", **way)
+        first = pg.simulate(chain(limits=(-1.0, 1.0)), *start, method="rk4", **way)
+        assert ("began" in run.header) == (v > 0)
+        assert np.array_equal(run.q, first.q)
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -33,6 +33,7 @@ FARTHEST = 1e6  # steps' motion
 PATH = 1.25  # length of a path over what its ends say
 CLOSE = 0.02  # of a step's motion: what is nearer is near
 LOOKS = 24  # along one step
+LASTING = 0.9  # of what is free, for the rest of a run
 FASTER = 2.0  # times the speeds of now: what is not faster need not be looked at
 CLOSED = 4e-9  # of how far shapes reach: how far to look from what is at rest
 
@@ -198,6 +199,8 @@ def watch_clearance(run):
     control, stages = data.control[0], data.stages
     guard = guard_at(control.guard)
     state, rows = guard.state[0], opened(data.scene).rows
+    if control.clock == -math.inf:  # another run
+        forget(guard)
     moved, turn = path_lengths(rows, stages, control.nq, control.old_width, guard.reach)
     quiet = max(control.old_time - state.since, 0.0)
     state.free -= quiet * state.rate + moved
@@ -206,12 +209,26 @@ def watch_clearance(run):
     if not (state.free > 0.0 and state.free_turn > 0.0):
         look_again(run)
     if control.fired == 0:
-        set_clock(control, state, rows, stages, guard.reach)
+        left = data.times[control.last - 1] - control.time
+        set_clock(control, state, rows, stages, guard.reach, left)
 
 
 @part
-def set_clock(control, state, rows, stages, reach):
-    """Until when nothing can touch if no coordinate becomes faster than twice the fastest now."""
+def forget(guard):
+    """Nothing is known to be free."""
+    state = guard.state[0]
+    state.free = 0.0 if guard.geometry.shapes.shape[0] > 0 else math.inf
+    state.free_turn, state.ahead, state.since, state.rate = 0.0, 0.0, 0.0, 0.0
+    for k in range(guard.reach.shape[0]):
+        guard.reach[k] = 0.0
+
+
+@part
+def set_clock(control, state, rows, stages, reach, left):
+    """Until when nothing can touch if no coordinate becomes faster than twice the fastest now.
+
+    Or faster than what would touch within the time that is left of the run, if that is more.
+    """
     slow = 0.0
     for j in range(control.nq, control.nq + control.nv):
         slow = max(slow, FASTER * abs(stages[at.Y, j]))
@@ -221,6 +238,11 @@ def set_clock(control, state, rows, stages, reach):
         if reach[k] > 0.0:
             rate += 1.0 if kind == TRANSLATE else math.sqrt(3.0) * reach[k]
             rate += math.sqrt(3.0) if kind == FREE else 0.0
+    way = state.free_turn
+    if rate > 0.0:
+        way = min(way, state.free / rate)
+    if left > 0.0 and way < math.inf:
+        slow = max(slow, LASTING * way / (PATH * left))
     control.slow = slow
     state.rate = PATH * slow * rate
     least = math.inf
