@@ -1,8 +1,8 @@
 """The cost of one edit on the page: `python -m benchmarks.editing`.
 
-Server: from the event to the messages for two pages, without the 3D view and with it. With --page
-also in a real browser: from Enter to the value in the table, digraph, properties and the 3D view of
-two pages (`visible.py`).
+Server: from the event to the messages for two pages; then processor time with all views of two
+pages, the 3D view's included. With --page also in a real browser: from Enter to the value in the
+table, digraph, properties and the 3D view of two pages (`visible.py`).
 """
 
 from __future__ import annotations
@@ -22,8 +22,10 @@ from pgraph_app.core.state import State, initial
 from pgraph_app.digraph.view import digraph
 from pgraph_app.features import update
 from pgraph_app.model.derived import derive
-from pgraph_app.model.update import Edit
+from pgraph_app.model.update import Edit, Undo
 from pgraph_app.properties.view import properties
+from pgraph_app.scene.update import Viewport
+from pgraph_app.server import serve
 from pgraph_app.session.update import Connected
 from pgraph_app.table.update import Duplicate
 from pgraph_app.table.view import table
@@ -48,7 +50,7 @@ def median(act: Callable[[int], object], repeats: int = 15) -> float:
 
 def payloads(state: State) -> int:
     """All that an edit sends to one page, as JSON; its length."""
-    shown = (table(state), digraph(state), properties(state, state.model.bodies[0].name))
+    shown = (table(state), digraph(state), properties(state, (state.model.bodies[0].name,)))
     return sum(len(json.dumps(part)) for part in shown)
 
 
@@ -81,6 +83,26 @@ def server(n: int) -> dict[str, float]:
     return {"derive": median(lambda k: derive(state.model)), **found}
 
 
+def drawn(n: int, repeats: int = 15) -> dict[str, float]:
+    """Processor milliseconds for each kind of edit with all views of two pages; the least."""
+    served = serve(model_of(n), port=0, open_browser=False)
+    store, found = served.store, {}
+    store.stop()  # events are applied here, not in its thread
+    for client in PAGES:
+        store._apply(Connected(client))
+        store._apply(Viewport(client, 0.6, 1280.0, 0.0, False))
+    for name, make in edits(n).items():
+        times = []
+        for k in range(repeats):
+            start = time.thread_time()
+            store._apply(make(k))
+            times.append(time.thread_time() - start)
+            store._apply(Undo(PAGES[0]))
+        found[name] = 1e3 * min(times)
+    served.stop()
+    return found
+
+
 def main() -> None:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--page", action="store_true", help="in a browser too")
@@ -90,6 +112,10 @@ def main() -> None:
     for n in SIZES:
         said = "  ".join(f"{name} {ms:.2f}" for name, ms in server(n).items())
         print(f"{n:5} bodies: {said}")
+    print("\nprocessor milliseconds with all views of two pages, the least of 15\n")
+    for n in SIZES:
+        said = "  ".join(f"{name} {ms:.1f}" for name, ms in drawn(n).items())
+        print(f"{n:5} bodies: {said}", flush=True)
     if given.page:
         from .visible import VIEWPORT, measured
 

@@ -12,7 +12,7 @@
       make("div", { className: "report" }),
       make("div", { className: "lists" }));
     host.replaceChildren(box);
-    new IntersectionObserver((seen) => send("WatchConstraints", { on: seen.at(-1).isIntersecting })).observe(host);
+    pgraph.inSight(host, "constraints");
   }
 
   // One line each: what it is good for; a click asks for its bodies.

@@ -145,7 +145,9 @@ class Reports:
 
 def wanted(state: State) -> bool:
     """Whether somebody looks at constraints whose report is not there yet."""
-    if not state.model.constraints or not any(c.watching for c in state.clients.values()):
+    if not state.model.constraints or not any(
+        "constraints" in c.sees for c in state.clients.values()
+    ):
         return False
     if state.mobility is not None and state.mobility.model is state.model:
         return False

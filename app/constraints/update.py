@@ -9,7 +9,7 @@ import pgraph_core as pg
 
 from ..core.cells import Refusal
 from ..core.edit import attempted
-from ..core.events import Entries, Event, FromPage, Text, on, on_edit, on_page
+from ..core.events import Entries, Event, FromPage, Text, on, on_edit
 from ..core.state import Notice, State, display_of, told, with_client
 from ..model import Found
 from ..model.update import sent
@@ -266,14 +266,6 @@ class OpenConstraints(FromPage):
 def open_constraints(state: State, event: OpenConstraints) -> State:
     known = event.body if event.body in state.derived.number else None
     return with_client(_called(state, event.client), event.client, listed=known)
-
-
-@on_page(watching="on")
-@dataclass(frozen=True)
-class WatchConstraints(FromPage):
-    """The tab came in sight of a page, or went out of it."""
-
-    on: bool
 
 
 # -- the report and assembling -----------------------------------------------------------------

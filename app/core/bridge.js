@@ -185,6 +185,9 @@ window.pgraph = (() => {
 
   pgraph.inView = (host) => inView.has(host);
 
+  // The server knows whether this page has a view in sight: what others show costs an edit nothing.
+  pgraph.inSight = (host, view, act = () => {}) => pgraph.whileVisible(host, (on) => { act(on); pgraph.send("Sees", { view, on }); });
+
   // A sentence in passing, for what has no cell any more.
   pgraph.toast = (text, good = false) => {
     const note = pgraph.make("div", { className: `pgraph pgraph-toast${good ? " good" : ""}`, role: good ? "status" : "alert", textContent: text });

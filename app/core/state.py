@@ -75,7 +75,7 @@ class Client:
     reports: int = 0  # how often the report was asked for as a file
     plots: tuple[tuple[str, str], ...] = ()  # (quantity, of what), in their order
     walk: str = ""  # what it steps through: "pgraph" (Fig. 4), "frames" (Fig. 8) or nothing
-    posing: bool = False  # whether it has the sliders of the joints in view
+    sees: frozenset[str] = frozenset()  # the views of hidden tabs that it has in sight
     gallery: int = 0  # how often it asked for the pictures of the models
     follow: bool = False  # whether its camera goes along
     view: tuple[int, str] = (0, "")  # how often a view was asked for, and which
@@ -90,7 +90,6 @@ class Client:
     opened: tuple[str, str] | None = None  # (part, name) of what the constraints tab shows whole
     listed: str | None = None  # body whose constraints alone are listed
     called: int = 0  # how often the constraints tab was asked to come forward
-    watching: bool = False  # whether the constraints tab is in sight
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,15 @@ def audience(old: State, new: State, changed: bool) -> list[int]:
     return [client for client in new.clients if changed or client not in old.clients]
 
 
+def watching(old: State, new: State, view: str, changed: bool) -> list[int]:
+    """The same of a view that works only in sight: pages that have it there."""
+    return [
+        client for client, page in new.clients.items()
+        if view in page.sees
+        and (changed or client not in old.clients or view not in old.clients[client].sees)
+    ]  # fmt: skip
+
+
 def css(color: Color) -> str:
     """A colour as the page writes it."""
     return "#{:02x}{:02x}{:02x}".format(*color)

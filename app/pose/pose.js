@@ -11,9 +11,8 @@
       make("div", { className: "bar" }, button("use", "Use as initial state", "What is shown becomes the model's initial state: one undo step", () => send("UsePose")),
         button("home", "Reset", "Show the initial state, or the run, again", () => send("HomePose"))),
       make("div", { className: "sentence problem", role: "alert", hidden: true }), make("p", { className: "muted hint" }), make("div", { className: "joints" }));
-    pgraph.whileVisible(host, (on) => {
+    pgraph.inSight(host, "joints", (on) => {
       if (!on) clear(host.querySelector(".joints")); // unseen it is told nothing: soon of another model
-      send("Posing", { on });
     });
   }
 

@@ -66,14 +66,6 @@ def measured(state: State, event: MoveJoint) -> cells.Quantity:
     return "length" if units[event.index : event.index + 1] == ["m"] else "angle"
 
 
-@on_page(posing="on")
-@dataclass(frozen=True)
-class Posing(FromPage):
-    """The sliders of the joints came into view, or went out of it."""
-
-    on: bool
-
-
 @dataclass(frozen=True)
 class HomePose(FromPage):
     """Show the model's initial state, or the run, again."""

@@ -14,7 +14,7 @@ from pgraph_core.show.bodies import at_rest
 from ..core.bridge import Bridge
 from ..core.events import Event
 from ..core.state import Client, State
-from ..core.views import Payload, Place, css
+from ..core.views import Payload, Place, css, watching
 from ..properties.body_cells import euler_of
 from .solving import coordinates
 from .update import Gripped
@@ -37,8 +37,8 @@ class JointsView:
         ))  # fmt: skip
         for client, page in new.clients.items():
             before = old.clients.get(client, Client())
-            another = before.selection != page.selection or not before.posing
-            if page.posing and (changed or another):
+            another = before.selection != page.selection
+            if client in watching(old, new, "joints", changed or another):
                 self._bridge.send(client, "joints", joints(new, page.selection))
 
 

@@ -33,6 +33,7 @@
           onkeydown: (event) => { if (event.key === "Enter") enlarge(event.currentTarget); } }),
         make("div", { className: "scroll" }, make("table", { className: "rows" }, make("thead"), make("tbody"))),
         make("ul", { className: "notes muted" })));
+    pgraph.inSight(host, "reports");
   }
 
   // Over all panels, until a click or Escape.

@@ -12,9 +12,9 @@ from pgraph_core.study.axes import AXES, first_axis
 
 from ..core.bridge import Bridge
 from ..core.state import Report, State
-from ..core.views import Payload, Place, audience
+from ..core.views import Payload, Place, audience, watching
 
-PARTS = ("analysis", "report", "reporting", "analysis_problem", "derived")
+PARTS = ("analysis", "report", "reporting", "analysis_problem")
 
 
 class ReportsView:
@@ -24,7 +24,8 @@ class ReportsView:
 
     def render(self, old: State, new: State) -> None:
         changed = any(getattr(old, part) is not getattr(new, part) for part in PARTS)
-        clients = audience(old, new, changed)
+        edited = new.derived is not old.derived
+        clients = {*audience(old, new, changed), *watching(old, new, "reports", edited)}
         payload = reports(new) if clients else {}
         figures = set(audience(old, new, new.report is not old.report))
         figure = {"svg": drawn(new)} if figures else {}

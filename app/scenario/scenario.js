@@ -21,6 +21,7 @@
           button("small no-pose", "As the model", "The scenario starts as the model says", () => send("TakePose", { shown: false }))),
         make("section", { className: "drives" }, make("h4", { textContent: "Forces and motors of this scenario" }), text("div", "empty"), text("div", "rows"), drive()),
         make("section", { className: "log", hidden: true }, make("h4", { textContent: "Events of the run" }), make("ol", { className: "falls" })))));
+    pgraph.inSight(host, "scenario");
   }
 
   // Which force, on which body: added to the scenario alone.

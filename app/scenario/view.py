@@ -14,7 +14,7 @@ from ..constraints.view import between, form
 from ..core.bridge import Bridge
 from ..core.cells import Display, button, cell, choice, field, group, shown
 from ..core.state import Client, State
-from ..core.views import Payload, Place, audience
+from ..core.views import Payload, Place, watching
 from ..run import FREE_RUN
 from . import (
     OFF,
@@ -49,7 +49,7 @@ class ScenarioView:
         )
         for client, page in new.clients.items():
             before = old.clients.get(client, Client())
-            if client in audience(old, new, changed or before.display != page.display):
+            if client in watching(old, new, "scenario", changed or before.display != page.display):
                 self._bridge.send(client, "scenario", scenario(new, page.display))
 
 

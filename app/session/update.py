@@ -88,6 +88,23 @@ def disconnected(state: State, event: Disconnected) -> State:
     return replace(state, clients=here, left=dict([*others, (page.page, page)][-MOST_LEFT:]))
 
 
+@dataclass(frozen=True)
+class Sees(FromPage):
+    """A view that works only in sight came in sight of a page, or went out of it."""
+
+    view: Literal["joints", "constraints", "reports", "scenario"]
+    on: bool
+
+
+@on(Sees)
+def sees(state: State, event: Sees) -> State:
+    page = state.clients.get(event.client)
+    if page is None:
+        return state
+    now = page.sees | {event.view} if event.on else page.sees - {event.view}
+    return with_client(state, event.client, sees=now)
+
+
 # -- selecting ---------------------------------------------------------------------------------
 
 

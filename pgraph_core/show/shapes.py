@@ -106,30 +106,32 @@ def mesh(parts: Sequence[Piece]) -> Any:
 def unit(kind: str, file: str = "", taper: float = 1.0) -> Any:
     """A trimesh whose bounding box is the unit cube, from which batched bodies are scaled.
 
-    A mesh keeps its own size: one scale makes it a body's.
+    A mesh keeps its own size: one scale makes it a body's. Round solids have a quarter of the faces
+    of a body that is drawn alone: there are many of them, and each is small in the view.
     """
     tall = (1.0, 1.0, 2.0) if kind == "capsule" else (1.0, 1.0, 1.0)
     piece = Piece(kind, tall, (0.0,) * 3, np.eye(3), file, None, taper)  # type: ignore[arg-type]
-    solid = _solid(piece)
+    solid = _solid(piece, many=True)
     solid.apply_scale([1.0, 1.0, 1.0 / tall[2]])
     return solid
 
 
-def _solid(part: Piece) -> Any:
+def _solid(part: Piece, *, many: bool = False) -> Any:
     trimesh = needed("trimesh", "page")
     x, y, z = part.size
     match part.kind:
         case "box":
             solid = trimesh.creation.box(extents=part.size)
         case "sphere":
-            solid = trimesh.creation.icosphere(subdivisions=3, radius=0.5)
+            solid = trimesh.creation.icosphere(subdivisions=2 if many else 3, radius=0.5)
             solid.apply_scale(part.size)
         case "cylinder" | "capsule" if part.taper != 1.0:
             solid = _tapered(x / 2, x / 2 * part.taper, z, part.kind == "capsule")
         case "cylinder":
-            solid = trimesh.creation.cylinder(radius=x / 2, height=z, sections=48)
+            solid = trimesh.creation.cylinder(radius=x / 2, height=z, sections=24 if many else 48)
         case "capsule":
-            solid = trimesh.creation.capsule(radius=x / 2, height=max(z - x, 0.0), count=(16, 24))
+            count = (10, 16) if many else (16, 24)
+            solid = trimesh.creation.capsule(radius=x / 2, height=max(z - x, 0.0), count=count)
             solid.apply_translation(-solid.bounds.mean(axis=0))
         case "heightfield":
             vertices, faces = part.file.surface()

@@ -11,8 +11,11 @@ import numpy as np
 import viser
 
 from pgraph_app.core import bridge
+from pgraph_app.core.state import State, initial
+from pgraph_app.features import update
 from pgraph_app.model.update import Edit
-from pgraph_app.session.update import Select
+from pgraph_app.scenario.view import ScenarioView
+from pgraph_app.session.update import Connected, Sees, Select
 
 from .conftest import NOBODY, ON_PURPOSE, until
 
@@ -154,3 +157,37 @@ def test_buffers_of_all_pages_and_of_one_are_woken_in_their_loop(page, served):
     for connection in (served.viser._websock_server, client._websock_connection):
         event = connection.get_message_buffer().message_event
         assert isinstance(event, bridge.WokenInItsLoop)
+
+
+class Sent:
+    """A bridge that keeps to whom what was sent."""
+
+    def __init__(self) -> None:
+        self.pages: list[int] = []
+
+    def host(self, view: str) -> None:
+        pass
+
+    def send(self, client: int, topic: str, data: object) -> None:
+        self.pages.append(client)
+
+
+def test_a_hidden_tab_costs_an_edit_nothing(quadruped):
+    sent, one, other = Sent(), 1, 2
+    view = ScenarioView(sent)  # type: ignore[arg-type]
+
+    def told(before: State, now: State) -> list[int]:
+        sent.pages.clear()
+        view.render(before, now)
+        return sent.pages
+
+    alone = update(initial(quadruped), Connected(one))
+    both = update(alone, Connected(other))
+    assert told(alone, both) == []
+    seen = update(both, Sees(one, "scenario", True))
+    assert told(both, seen) == [one]
+    edited = update(seen, Edit(other, 1, "pelvis", "mass", (), "7.25"))
+    assert told(seen, edited) == [one]
+    gone = update(edited, Sees(one, "scenario", False))
+    assert told(edited, update(gone, Edit(other, 2, "pelvis", "mass", (), "8.5"))) == []
+    assert update(both, Sees(3, "scenario", True)) is both  # a page that went

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import pgraph_core as pg
 import pgraph_models
+from pgraph_app import features
 from pgraph_app.constraints import KINDS
 from pgraph_app.constraints.mobility import mobility_report, report, wanted
 from pgraph_app.constraints.parts import knots, table_of
@@ -23,19 +25,18 @@ from pgraph_app.constraints.update import (
     PickName,
     SwitchPart,
     Unpick,
-    WatchConstraints,
 )
 from pgraph_app.constraints.view import constraints
 from pgraph_app.core.events import Misread, from_page
 from pgraph_app.core.state import initial
 from pgraph_app.digraph.view import digraph
-from pgraph_app.features import update
 from pgraph_app.model.update import Undo
 from pgraph_app.model.worker import answer
 from pgraph_app.plots import Signal, curves, of_scene, unit
-from pgraph_app.session.update import Connected, Select, SelectBodies
+from pgraph_app.session.update import Connected, Sees, Select, SelectBodies
 
 ME = 1
+update: Any = features.update  # what each kind of part has, these tests know and no type
 
 
 @pytest.fixture
@@ -362,7 +363,7 @@ def test_the_list_of_one_body(state):
 
 def reported(state):
     """The state with a page that watches, and the report on its model."""
-    state = update(state, WatchConstraints(ME, True))
+    state = update(state, Sees(ME, "constraints", True))
     assert wanted(state)
     return update(state, report(state.model))
 
@@ -383,7 +384,7 @@ def test_redundant_rows_are_named_with_what_would_do():
 
 def test_the_advice_is_right():
     """As a line the pin has no redundant row and leaves the same freedom."""
-    model = pg.Model.load(pgraph_models.path("slider_crank"))
+    model: Any = pg.Model.load(pgraph_models.path("slider_crank"))
     state = update(initial(model), Connected(ME))
     line = {"name": "pin", "kind": "line", "body": model.constraints[0].body,
             "other": model.constraints[0].other, "other_axis": (0, 0, 1)}  # fmt: skip
