@@ -49,15 +49,76 @@ window.pgraph = (() => {
 
   // viser moves bodies in the frame that reads the messages, but redraws arrows and solids after
   // it, so that they would be one picture late. Read before the frame, all are drawn together.
+  // What is for our script alone asks for no frame.
   function drawTogether() {
     const viser = window.__viserMutable;
     if (!viser) { setTimeout(drawTogether, 50); return; }
     let render = viser.requestRender; // viser sets it again when the 3D view is mounted again
     const read = () => {
-      if (viser.messageQueue.length && viser.getRenderRequestState === "ready") viser.drainMessageQueue?.();
+      const came = viser.messageQueue, ours = came.length > 0 && came.every(({ type }) => type === "RunJavascriptMessage");
+      if (came.length && viser.getRenderRequestState === "ready") viser.drainMessageQueue?.();
+      if (ours && !came.length) return;
+      asked = true;
+      drawChanges(viser.scene);
       render();
     };
     Object.defineProperty(viser, "requestRender", { get: () => read, set: (own) => { render = own; } });
+  }
+
+  // viser draws for a while after each message, and once a second at rest: with software GL every
+  // frame takes a core for a fifth of a second or more. A frame that shows what the one before it
+  // showed is drawn ever more rarely.
+  const RARELY = 16e3; // [ms]
+  let asked = true, watchedScene = null;
+  function drawChanges(scene) {
+    if (!scene || scene === watchedScene) return;
+    watchedScene = scene;
+    scene.onBeforeRender = (gl) => {
+      delete scene.onBeforeRender;
+      const draw = gl.render;
+      let last = null, drawn = 0, pause = 500;
+      gl.render = (what, camera) => {
+        if (what !== scene || gl.getRenderTarget()) { draw.call(gl, what, camera); return; }
+        const now = performance.now(), changed = asked || looks(scene, camera, gl.domElement) !== last;
+        if (!changed && now - drawn < pause) return;
+        pause = changed ? 500 : Math.min(2 * pause, RARELY);
+        [drawn, asked] = [now, false];
+        draw.call(gl, what, camera);
+        last = looks(scene, camera, gl.domElement); // drawing uploads what was pending
+      };
+    };
+  }
+
+  // A number that differs where the picture may.
+  const double = new Float64Array(1), halves = new Int32Array(double.buffer);
+  function looks(scene, camera, canvas) {
+    let sum = 1;
+    const add = (x) => {
+      double[0] = Number(x ?? 0);
+      for (const half of halves) sum = (Math.imul(sum ^ (sum >>> 15), 0x2c1b3c6d) + half) | 0;
+    };
+    const value = (x) => {
+      if (x?.isTexture) { add(x.id); add(x.version); } else if (x?.isColor) add(x.getHex());
+      else if (x?.elements ?? x?.toArray) (x.elements ?? x.toArray()).forEach(add);
+      else if (typeof x === "number" || typeof x === "boolean") add(x);
+    };
+    scene.updateMatrixWorld();
+    camera.updateMatrixWorld();
+    for (const x of [canvas.width, canvas.height, scene.background, camera.matrixWorld, camera.projectionMatrix]) value(x);
+    scene.traverseVisible((one) => {
+      for (const x of [one.id, one.matrixWorld, one.renderOrder, one.count, one.instanceMatrix?.version, one.instanceColor?.version, one.matricesTexture, one.matricesTexture?._needsUpdate, one.colorsTexture, one.colorsTexture?._needsUpdate, one.intensity, one.color, one.groundColor]) value(x);
+      const { geometry } = one;
+      if (geometry) {
+        for (const x of [geometry.id, geometry.index?.version, geometry.instanceCount, geometry.drawRange?.count]) value(x);
+        for (const name in geometry.attributes) value(geometry.attributes[name].version ?? geometry.attributes[name].data?.version);
+      }
+      for (const material of [one.material ?? []].flat()) {
+        for (const x of [material.id, material.version, material.opacity, material.visible, material.color, material.emissive, material.map]) value(x);
+        // the texture of the labels is sent anew with every frame: they follow nodes that are here too
+        for (const name in material.uniforms ?? {}) if (name !== "uLabelData") value(material.uniforms[name].value);
+      }
+    });
+    return sum;
   }
 
   const pgraph = {

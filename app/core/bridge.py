@@ -2,10 +2,9 @@
 
 This file and `door.py` alone know names that viser 1.1.1 does not document: `RunJavascriptMessage`,
 a client's own connection, the event of a buffer of messages, a handle's uuid and a panel's, the
-count of layouts,
-`window.__viserMutable` and `__viserSceneTree` (in bridge.js), the
-`websockets.asyncio.server.serve` it calls and the kinds of its messages. `tests/app/test_bridge.py`
-and `test_door.py` have a test for each.
+count of layouts, `window.__viserMutable`, whose scene's `onBeforeRender` gets three.js's renderer,
+and `__viserSceneTree` (in bridge.js), the `websockets.asyncio.server.serve` it calls and the kinds
+of its messages. `tests/app/test_bridge.py` and `test_door.py` have a test for each.
 """
 
 from __future__ import annotations

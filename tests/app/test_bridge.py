@@ -17,7 +17,7 @@ from pgraph_app.model.update import Edit
 from pgraph_app.scenario.view import ScenarioView
 from pgraph_app.session.update import Connected, Sees, Select
 
-from .conftest import NOBODY, ON_PURPOSE, until
+from .conftest import NOBODY, ON_PURPOSE, caught_up, until
 
 
 def test_viser_is_the_version_whose_names_these_are():
@@ -157,6 +157,33 @@ def test_buffers_of_all_pages_and_of_one_are_woken_in_their_loop(page, served):
     for connection in (served.viser._websock_server, client._websock_connection):
         event = connection.get_message_buffer().message_event
         assert isinstance(event, bridge.WokenInItsLoop)
+
+
+def test_a_view_at_rest_is_drawn_ever_more_rarely_and_at_once_where_it_changes(page, served):
+    frames = "__viserTestpoints.rendererInfo.render.frame"
+    until(lambda: caught_up(page, served), "a page with nothing left to draw")
+
+    def rests() -> bool:
+        before = page.evaluate(frames)
+        page.wait_for_timeout(1700)  # viser draws once a second
+        return page.evaluate(frames) == before
+
+    def rests_when_told() -> bool:
+        source = "window.ranAtRest = pgraph.camera.turned()"  # for our script alone
+        for client in served.viser.get_clients().values():
+            client._websock_connection.queue_message(bridge.RunJavascriptMessage(source=source))
+        return rests() and page.evaluate("window.ranAtRest") is not None
+
+    until(rests_when_told, "a view at rest", seconds=120)
+    first = "__viserMutable.scene.children.find((one) => one.visible)"
+    for change in (
+        f"{first}.visible = false",
+        f"{first}.visible = true",
+        "__viserMutable.requestRender()",
+    ):
+        before = page.evaluate(frames)
+        page.evaluate(f"() => {{ {change}; }}")
+        until(lambda n=before: page.evaluate(frames) > n, f"a picture after {change}")
 
 
 class Sent:
