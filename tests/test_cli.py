@@ -18,6 +18,7 @@ import pgraph_core as pg
 import pgraph_models
 from pgraph_app.cli import main
 from pgraph_app.cli.terminal import aligned, to_json
+from pgraph_core.live import module
 
 from .app.conftest import until
 
@@ -475,6 +476,8 @@ def test_export_writes_a_figure(capsys, tmp_path):
     assert "pgraph_live" in file.read_text(encoding="utf-8")
     _, err = said(capsys, "export", "pendulum", "--open", "bodies.arm.mass", "-o", "x.html", code=1)
     assert "bodies.arm.mass" in err
+    out, _ = said(capsys, "export", "pendulum", "--live", "--t-end", "1", "-o", str(file))
+    assert module.stale() or "--open bodies.rod.mass" in out
 
 
 @pytest.mark.parametrize(

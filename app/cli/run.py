@@ -342,8 +342,8 @@ def _page(args: Namespace) -> Answer:
     from pgraph_core.live.export import exported  # other commands need none of it
 
     model, bar = open_model(args.model), progress_bar()
-    compile_kernels(bar)
     scenario, why = first_scenario(model, args.scenario), ""
+    bar("compiling", 0.0)  # at a first start: what this model needs, and nothing else
     if args.live or args.open:
         result, why = exported(model, scenario, args.open, args.t_end, Path(args.output))
     else:
@@ -354,6 +354,9 @@ def _page(args: Namespace) -> Answer:
     data = {"model": model.name, "scenario": scenario, "output": args.output, "bytes": size}
     lines = [f"{args.output}: {size / 1e6:.2f} MB, {result.t[-1]:g} s of {model.name}"]
     lines += [f"note: recorded only: {why}"] if why else []
+    if args.live and model.bodies and not (args.open or why):
+        field = f"bodies.{model.bodies[0].name}.mass"
+        lines += [f"note: readers play and pull; let them change numbers by --open {field}"]
     return Answer(data | {"live": args.live and not why, "note": why}, "\n".join(lines))
 
 

@@ -270,17 +270,22 @@ class Outcome:
 
 
 @cache
-def links_of(name: str, event_driven: bool, watched: bool = False) -> RunLinks:
-    """Addresses of the kernels that a run by this method calls."""
+def links_of(name: str, event_driven: bool, watched: bool = False, held: bool = True) -> RunLinks:
+    """Addresses of the kernels that a run by this method calls.
+
+    Where nothing is `held` by constraints, nothing is projected: that kernel takes a quarter of the
+    time in which those of a first run compile.
+    """
     method = METHODS[name]
     if watched:
         from ..engine.stepping.events import look_back, user_events
 
         events = {"look_back": address_of(look_back), "events": address_of(user_events)}
-        return links_of(name, event_driven)._replace(**events)
+        return links_of(name, event_driven, held=held)._replace(**events)
     if not event_driven:
-        kernels = (motion.acceleration, motion.projection, motion.record, method.kernel)
-        return RunLinks(*map(address_of, kernels))
+        project = address_of(motion.projection) if held else 0
+        accelerate, record = address_of(motion.acceleration), address_of(motion.record)
+        return RunLinks(accelerate, project, record, address_of(method.kernel))
     from ..engine.contact.phases import event_acceleration
     from ..engine.contact.points import event_record
     from ..engine.stepping.events import event_projection, look_back

@@ -178,7 +178,8 @@ class Recording:
     def _contact_events(self) -> ContactEvents | None:
         """What decides at events of contact points; the steps begin to step the scene."""
         plan, points, watch = self.plan, bool(self.plan.contact_points), self.watch
-        links = links_of(plan.method.name, points, watch is not None)
+        held = bool(len(plan.ever)) or plan.contacts is not None
+        links = links_of(plan.method.name, points, watch is not None, held)
         wanted: Any = () if watch is None else (watch.wanted, watch.address)
         if plan.declared is not None:
             from .contact_log import Clearance
